@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: BSD-3-Clause
+# tetlod: everything is built, tested, measured and installed from here. `make help` lists the targets.
+
+config ?= release
+CC ?= cc
+PKG_CONFIG ?= pkg-config
+PREFIX ?= /usr/local
+bindir ?= $(PREFIX)/bin
+libdir ?= $(PREFIX)/lib
+includedir ?= $(PREFIX)/include
+mandir ?= $(PREFIX)/share/man
+INSTALL ?= install
+-include config.mk
+
+VERSION := $(shell sed -n 's/^.define TETLOD_VERSION_STRING "\(.*\)"/\1/p' format/tetlod.h)
+SOVERSION := $(firstword $(subst ., ,$(VERSION)))
+B := build/$(config)
+
+# ---- what must be installed, as Debian packages; `make deps` installs what is missing
+DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev \
+    libjansson-dev libmicrohttpd-dev
+DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9
+DEPS_BENCH := zstd wrk nginx-light
+
+# ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
+PACKAGES := libzstd expat zlib liblz4 jansson libmicrohttpd
+WARNINGS := -Wall -Wextra -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wvla -Wundef -Wcast-qual -Wpointer-arith \
+    -Wwrite-strings
+ifeq ($(werror),1)
+WARNINGS += -Werror
+endif
+# -ffp-contract=off: a fused multiply-add would make levels and streams differ between machines
+TETLOD_CFLAGS := -std=c11 -I. -D_POSIX_C_SOURCE=200809L -pthread -fPIC -fvisibility=hidden -ffp-contract=off -g $(WARNINGS)
+TETLOD_LDFLAGS := -pthread
+FUZZER :=
+ifeq ($(config),release)
+TETLOD_CFLAGS += -O2
+else ifeq ($(config),debug)
+TETLOD_CFLAGS += -O0 -DTETLOD_DEBUG
+else ifeq ($(config),asan)
+TETLOD_CFLAGS += -O1 -fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=all
+TETLOD_LDFLAGS += -fsanitize=address,undefined
+else ifeq ($(config),tsan)
+TETLOD_CFLAGS += -O1 -fsanitize=thread
+TETLOD_LDFLAGS += -fsanitize=thread
+else ifeq ($(config),coverage)
+TETLOD_CFLAGS += -O0 --coverage
+TETLOD_LDFLAGS += --coverage
+else ifeq ($(config),fuzz)
+CC := clang
+TETLOD_CFLAGS += -O1 -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all
+TETLOD_LDFLAGS += -fsanitize=address,undefined
+FUZZER := -fsanitize=fuzzer
+else
+$(error config is one of release, debug, asan, tsan, coverage, fuzz, not '$(config)')
+endif
+PACKAGE_CFLAGS = $(shell $(PKG_CONFIG) --cflags $(PACKAGES))
+PACKAGE_LIBS = $(shell $(PKG_CONFIG) --libs $(PACKAGES)) -lm
+
+# ---- sources and what is made of them
+FORMAT_SRC := $(sort $(wildcard format/*.c))
+LIBRARY_SRC := $(sort $(filter-out src/cli/%,$(wildcard src/*/*.c)))
+CLI_SRC := $(sort $(wildcard src/cli/*.c))
+SERVER_SRC := $(sort $(wildcard server/*.c))
+SUPPORT_SRC := $(sort $(wildcard tests/*.c))
+UNIT_SRC := $(sort $(wildcard tests/unit/test_*.c))
+FUZZ_SRC := $(sort $(wildcard tests/fuzz/fuzz_*.c))
+objects = $(patsubst %.c,$(B)/%.o,$(1))
+OBJECTS := $(call objects,$(FORMAT_SRC) $(LIBRARY_SRC) $(CLI_SRC) $(SERVER_SRC) $(SUPPORT_SRC) $(UNIT_SRC) $(FUZZ_SRC) \
+    tests/fuzz/replay.c)
+LIBTETLOD := $(B)/libtetlod.a
+SHARED := $(B)/libtetlod.so.$(VERSION)
+INTERNAL := $(call objects,$(LIBRARY_SRC) $(SERVER_SRC))
+BINARY := $(B)/tetlod
+UNIT_TESTS := $(patsubst tests/unit/%.c,$(B)/tests/unit/%,$(UNIT_SRC))
+FUZZ_TARGETS := $(patsubst tests/fuzz/%.c,$(B)/tests/fuzz/%,$(FUZZ_SRC))
+
+.DEFAULT_GOAL := all
+.DELETE_ON_ERROR:
+.SECONDARY:
+Q := $(if $(V),,@)
+
+## all: the program, the library and nothing else (config=release|debug|asan|tsan|coverage|fuzz)
+.PHONY: all
+all: $(BINARY) $(LIBTETLOD) $(SHARED)
+
+# A change of flags rebuilds: the stamp holds the line that compiles.
+FLAGS_LINE = $(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) $(TETLOD_LDFLAGS) $(LDFLAGS)
+$(B)/flags: FORCE
+	@mkdir -p $(@D); echo '$(FLAGS_LINE)' | cmp -s - $@ || echo '$(FLAGS_LINE)' > $@
+.PHONY: FORCE
+FORCE:
+
+$(B)/%.o: %.c $(B)/flags
+	@mkdir -p $(@D); $(if $(V),,echo "  CC  $<")
+	$(Q)$(CC) $(TETLOD_CFLAGS) $(PACKAGE_CFLAGS) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
+
+$(LIBTETLOD): $(call objects,$(FORMAT_SRC))
+	@rm -f $@
+	$(Q)$(AR) rcs $@ $^
+
+$(SHARED): $(call objects,$(FORMAT_SRC))
+	$(Q)$(CC) -shared $(if $(filter fuzz,$(config)),,-Wl$(comma)-z$(comma)defs) -Wl,-soname,libtetlod.so.$(SOVERSION) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(shell $(PKG_CONFIG) --libs libzstd)
+comma := ,
+
+$(BINARY): $(call objects,$(CLI_SRC)) $(INTERNAL) $(LIBTETLOD)
+	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
+
+$(B)/tests/unit/%: $(B)/tests/unit/%.o $(call objects,$(SUPPORT_SRC)) $(INTERNAL) $(LIBTETLOD)
+	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
+
+# A fuzz target runs under libFuzzer in config=fuzz, elsewhere it replays its corpus.
+$(B)/tests/fuzz/fuzz_%: $(B)/tests/fuzz/fuzz_%.o $(if $(FUZZER),,$(B)/tests/fuzz/replay.o) $(call objects,$(SUPPORT_SRC)) $(INTERNAL) $(LIBTETLOD)
+	$(Q)$(CC) $(TETLOD_LDFLAGS) $(FUZZER) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
+
+$(B)/tests/oom/failmalloc.so: tests/oom/failmalloc.c
+	@mkdir -p $(@D)
+	$(Q)$(CC) -std=c11 -O1 -fPIC -shared -o $@ $< -ldl
+
+## deps: install what is missing (Debian packages, as root); deps-build is the part that the program needs
+.PHONY: deps deps-build deps-check deps-bench
+deps: deps-build deps-check deps-bench
+define install_missing
+	@missing=; for p in $(1); do dpkg -s $$p 2>/dev/null | grep -q '^Status: install ok installed' || missing="$$missing $$p"; done; \
+	if [ -z "$$missing" ]; then exit 0; fi; \
+	if [ "$$(id -u)" != 0 ]; then echo "make: these packages are missing:$$missing (run: sudo apt-get install$$missing)" >&2; exit 1; fi; \
+	echo "  APT$$missing"; apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $$missing >/dev/null
+endef
+deps-build:
+	$(call install_missing,$(DEPS_BUILD))
+deps-check: deps-build
+	$(call install_missing,$(DEPS_CHECK))
+deps-bench: deps-build
+	$(call install_missing,$(DEPS_BENCH))
+
+## demo: install, build, make a sample and its stream, serve it and print the viewer's URL
+.PHONY: demo
+demo: deps-build
+	$(Q)$(MAKE) --no-print-directory all
+	@mkdir -p build/demo
+	$(BINARY) sample fin -o build/demo/fin.vtu
+	$(BINARY) build build/demo/fin.vtu -o build/demo/fin.tetlod
+	$(BINARY) info build/demo/fin.tetlod
+	@echo "Try: curl -L 'http://127.0.0.1:8080/v1/meshes/fin/mesh?error=0.01&measure=sampled' -o coarse.vtu"
+	$(BINARY) serve build/demo
+
+## check: install, build and run all tests; ends with 'N passed, N failed' (ONLY=pattern runs some)
+.PHONY: check
+check: deps-check
+	$(Q)$(MAKE) --no-print-directory all tests
+	$(Q)$(MAKE) --no-print-directory config=asan all tests
+	@/usr/bin/python3 tests/run.py $(if $(ONLY),--only '$(ONLY)') release asan
+
+## tests: the test programs of this config
+.PHONY: tests
+tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(B)/tests/oom/failmalloc.so)
+
+## fuzz: run each fuzz target for TIME seconds (TARGET=name for one)
+.PHONY: fuzz
+TIME ?= 60
+fuzz: deps-check
+	$(Q)$(MAKE) --no-print-directory config=fuzz tests
+	@for t in $(if $(TARGET),fuzz_$(TARGET),$(notdir $(FUZZ_SRC:.c=))); do echo "== $$t"; mkdir -p build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_}; \
+	build/fuzz/tests/fuzz/$$t -max_total_time=$(TIME) -rss_limit_mb=4096 -timeout=20 -artifact_prefix=build/fuzz/found/$$t/ build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
+
+## bench: measure; bench-* are its parts
+.PHONY: bench
+bench: deps-bench $(BENCHES)
+
+## install: into $(DESTDIR)$(PREFIX); uninstall removes it again
+.PHONY: install uninstall
+install: all
+	$(INSTALL) -d $(DESTDIR)$(bindir) $(DESTDIR)$(libdir)/pkgconfig $(DESTDIR)$(includedir) $(DESTDIR)$(mandir)/man1
+	$(INSTALL) -m 755 $(BINARY) $(DESTDIR)$(bindir)/tetlod
+	$(INSTALL) -m 644 $(LIBTETLOD) $(DESTDIR)$(libdir)/libtetlod.a
+	$(INSTALL) -m 755 $(SHARED) $(DESTDIR)$(libdir)/libtetlod.so.$(VERSION)
+	ln -sf libtetlod.so.$(VERSION) $(DESTDIR)$(libdir)/libtetlod.so.$(SOVERSION)
+	ln -sf libtetlod.so.$(SOVERSION) $(DESTDIR)$(libdir)/libtetlod.so
+	$(INSTALL) -m 644 format/tetlod.h $(DESTDIR)$(includedir)/tetlod.h
+	$(INSTALL) -m 644 src/cli/tetlod.1 $(DESTDIR)$(mandir)/man1/tetlod.1
+	printf 'prefix=%s\nlibdir=%s\nincludedir=%s\n\nName: tetlod\nDescription: levels of detail for tetrahedral volumes\nVersion: %s\nRequires.private: libzstd\nLibs: -L$${libdir} -ltetlod\nCflags: -I$${includedir}\n' \
+	    '$(PREFIX)' '$(libdir)' '$(includedir)' '$(VERSION)' > $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc
+uninstall:
+	rm -f $(DESTDIR)$(bindir)/tetlod $(DESTDIR)$(libdir)/libtetlod.* $(DESTDIR)$(includedir)/tetlod.h \
+	    $(DESTDIR)$(mandir)/man1/tetlod.1 $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc
+
+## clean: remove build/
+.PHONY: clean
+clean:
+	rm -rf build
+
+## help: this list
+.PHONY: help
+help:
+	@sed -n 's/^## //p' $(firstword $(MAKEFILE_LIST))
+
+-include $(OBJECTS:.o=.d)

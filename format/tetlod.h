@@ -1,0 +1,196 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * tetlod: levels of detail for tetrahedral volumes. The public interface of libtetlod.
+ *
+ * A stream holds levels 0 (the coarsest, the base mesh) to level_count - 1 (the original mesh). Every level is a byte
+ * prefix of the stream. A reader (struct tetlod_file) gives the index; a cursor (struct tetlod_cursor) holds the mesh
+ * of one level and moves to another by replaying or undoing refinement records, exactly both ways.
+ *
+ * Conventions. Handles are opaque; every free accepts NULL. Fallible functions return enum tetlod_status and describe
+ * a failure in the optional last argument. Nothing prints, exits or keeps global state; different handles may be used
+ * by different threads at the same time, one handle by one thread at a time. Ids and counts are 0-based.
+ */
+#ifndef TETLOD_H
+#define TETLOD_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define TETLOD_VERSION_MAJOR 0
+#define TETLOD_VERSION_MINOR 1
+#define TETLOD_VERSION_PATCH 0
+#define TETLOD_VERSION_STRING "0.1.0"
+
+#define TETLOD_NONE UINT32_MAX
+
+#if defined(__GNUC__)
+#define TETLOD_API __attribute__((visibility("default")))
+#define TETLOD_CHECKED __attribute__((warn_unused_result))
+#else
+#define TETLOD_API
+#define TETLOD_CHECKED
+#endif
+
+/* name, number (pinned, never reused), what it says. 1-9 flow, 10-19 resources, 20-39 stream, 40-59 mesh, 60- misuse */
+#define TETLOD_STATUS_LIST(X)                                                                                          \
+    X(OK, 0, "done")                                                                                                   \
+    X(MORE, 1, "more bytes are needed")                                                                                \
+    X(END, 2, "there is no further record in that direction")                                                          \
+    X(ERR_NOMEM, 10, "out of memory")                                                                                  \
+    X(ERR_LIMIT, 11, "a limit was reached")                                                                            \
+    X(ERR_IO, 12, "reading or writing failed")                                                                         \
+    X(ERR_CANCELLED, 13, "cancelled")                                                                                  \
+    X(ERR_NOT_TETLOD, 20, "not a tetlod stream")                                                                       \
+    X(ERR_VERSION, 21, "the stream needs a newer reader")                                                              \
+    X(ERR_STREAM, 22, "the stream is damaged")                                                                         \
+    X(ERR_CHECKSUM, 23, "a checksum does not match")                                                                   \
+    X(ERR_TRUNCATED, 24, "the stream ends too early")                                                                  \
+    X(ERR_MESH, 40, "the mesh is not valid")                                                                           \
+    X(ERR_FIELD, 41, "no such field")                                                                                  \
+    X(ERR_MISMATCH, 42, "the meshes differ")                                                                           \
+    X(ERR_ARGUMENT, 60, "an argument is not valid")
+
+enum tetlod_status {
+#define TETLOD_STATUS_ENUM(name, number, text) TETLOD_##name = number,
+    TETLOD_STATUS_LIST(TETLOD_STATUS_ENUM)
+#undef TETLOD_STATUS_ENUM
+};
+
+/* A static text for a status, never NULL. */
+TETLOD_API const char *tetlod_status_text(enum tetlod_status status);
+
+/* The library's version, as TETLOD_VERSION_STRING. */
+TETLOD_API const char *tetlod_version(void);
+
+/* What went wrong and where. `offset` is a byte offset in the stream or file where one is known, else UINT64_MAX. */
+struct tetlod_error {
+    enum tetlod_status status;
+    uint64_t offset;
+    char message[256];
+};
+
+/* Where a stream's bytes come from. `read` fills exactly `size` bytes from `offset` or fails; offset + size <= size of
+ * the source is guaranteed by the caller. Both must outlive the file that is opened on them. */
+struct tetlod_source {
+    enum tetlod_status (*read)(void *opaque, uint64_t offset, void *buffer, size_t size);
+    void *opaque;
+    uint64_t size; /* bytes that are there; a prefix of a stream is a valid source for the levels that it holds */
+};
+
+enum tetlod_type { TETLOD_FLOAT32 = 0, TETLOD_FLOAT64 = 1 };
+
+enum tetlod_measure { TETLOD_MAX = 0, TETLOD_SAMPLED = 1, TETLOD_RMS = 2, TETLOD_PREDICTED = 3, TETLOD_MEASURES = 4 };
+
+/* "max", "sampled", "rms", "predicted". */
+TETLOD_API const char *tetlod_measure_name(enum tetlod_measure measure);
+
+struct tetlod_field {
+    const char *name; /* UTF-8 */
+    uint32_t components;
+    enum tetlod_type type; /* of the original; a lossless stream restores it bit for bit */
+    double range[2];       /* least and greatest value over all components of the original */
+    int controlled;        /* its error drove the contraction */
+};
+
+struct tetlod_level {
+    uint32_t vertices, tets;
+    uint64_t offset; /* of the level's first byte: the base mesh's for level 0, its records' for the others */
+    uint64_t end;    /* length of the prefix that decodes to this level */
+    double domain_error;  /* fraction of the bounding box diagonal */
+    const double *errors; /* [field_count * TETLOD_MEASURES], fractions of the field's range; NaN: not known */
+};
+
+/* The index. Borrowed from the file, valid as long as it. */
+struct tetlod_info {
+    char cid[33]; /* content id: 32 lower case hexadecimal digits */
+    uint32_t vertices, tets; /* of the original */
+    uint64_t bytes;          /* of the whole stream */
+    double bounds[2][3];
+    enum tetlod_type position_type;
+    int lossless;
+    uint64_t degenerate_tets, inverted_tets, unused_points;
+    uint32_t field_count, level_count;
+    const struct tetlod_field *fields;
+    const struct tetlod_level *levels;
+    const char *metadata; /* a JSON object: units, provenance; NUL-terminated */
+    size_t metadata_size;
+};
+
+/* Grows only at its end; set struct_size = sizeof it and leave the rest 0 for defaults. */
+struct tetlod_options {
+    size_t struct_size;
+    uint64_t max_bytes; /* memory that a file and its cursor may take together; 0: 16 GiB */
+};
+
+struct tetlod_file;
+struct tetlod_cursor;
+
+/* Opens a stream: reads and checks header and index, nothing of the levels. Costs O(index). The source is copied, what
+ * it points at is borrowed. On failure *out is NULL. ERR_NOT_TETLOD, ERR_VERSION, ERR_STREAM, ERR_CHECKSUM, ERR_TRUNCATED,
+ * ERR_LIMIT, ERR_NOMEM, or what the source returned. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open(struct tetlod_file **out, const struct tetlod_source *source,
+                                                         const struct tetlod_options *options, struct tetlod_error *error);
+
+/* The same over bytes that the caller keeps. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_memory(struct tetlod_file **out, const void *bytes, size_t size,
+                                                                const struct tetlod_options *options,
+                                                                struct tetlod_error *error);
+
+/* The same over a regular file's descriptor, which stays the caller's and must stay open. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_fd(struct tetlod_file **out, int fd,
+                                                            const struct tetlod_options *options,
+                                                            struct tetlod_error *error);
+
+TETLOD_API void tetlod_close(struct tetlod_file *file);
+
+TETLOD_API const struct tetlod_info *tetlod_info(const struct tetlod_file *file);
+
+/* Index of a field by name, or TETLOD_NONE. */
+TETLOD_API uint32_t tetlod_field_index(const struct tetlod_info *info, const char *name);
+
+/* The coarsest level whose error is at most `error` (a fraction of the range) in `measure`, for `field`, or for every
+ * controlled field if `field` is TETLOD_NONE. TETLOD_NONE if no level does (lossy streams), or if the measure is not in
+ * the index. Where the finest level is exact, every error >= 0 has a level. */
+TETLOD_API uint32_t tetlod_level_for_error(const struct tetlod_info *info, double error, uint32_t field,
+                                           enum tetlod_measure measure);
+
+/* The finest level of at most `tets` tetrahedra, or of at most `bytes` bytes; level 0 if even that has more. */
+TETLOD_API uint32_t tetlod_level_for_tets(const struct tetlod_info *info, uint64_t tets);
+TETLOD_API uint32_t tetlod_level_for_bytes(const struct tetlod_info *info, uint64_t bytes);
+
+/* The mesh that a cursor holds, as flat arrays that stay valid until the cursor moves or is freed. Vertices and tetrahedra
+ * are numbered in order of arrival: refining changes corners of present tetrahedra and appends, it never renumbers. */
+struct tetlod_mesh {
+    uint32_t vertices, tets, level;
+    const double *positions;     /* [3 * vertices] */
+    const double *const *fields; /* [field_count], each [components * vertices], or NULL if not selected */
+    const uint32_t *corners;     /* [4 * tets] */
+    const uint32_t *parents;     /* [vertices] the vertex that it was split from, itself in the base mesh */
+};
+
+/* A cursor at level 0. `fields` selects the fields to decode by index (NULL: all of them). The file is borrowed. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_new(struct tetlod_cursor **out, struct tetlod_file *file,
+                                                               const uint32_t *fields, uint32_t field_count,
+                                                               struct tetlod_error *error);
+TETLOD_API void tetlod_cursor_free(struct tetlod_cursor *cursor);
+
+/* Moves to a level by replaying or undoing. Costs O(records between). On failure the cursor is at the last level
+ * that could be decoded and stays usable. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_seek(struct tetlod_cursor *cursor, uint32_t level,
+                                                                struct tetlod_error *error);
+
+/* One record up or down. TETLOD_END at the finest level or at the base mesh. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_refine(struct tetlod_cursor *cursor, struct tetlod_error *error);
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_coarsen(struct tetlod_cursor *cursor, struct tetlod_error *error);
+
+/* The current mesh; between two levels `level` is the coarser one. */
+TETLOD_API void tetlod_cursor_mesh(const struct tetlod_cursor *cursor, struct tetlod_mesh *out);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

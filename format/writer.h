@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * From a contraction sequence to a stream (SPEC.md). Not installed: only the builder writes streams.
+ *
+ * The sequence is a forest. Nodes 0 .. vertices-1 are the original vertices; contraction c makes node vertices + c out of
+ * two to four nodes that were alive. A level is the moment after its first `contractions` contractions. Which tetrahedra a
+ * contraction removes follows from the forest: a tetrahedron is there while its four corners have four different living
+ * ancestors. Any sequence over any list of tetrahedra round-trips, manifold or not.
+ */
+#ifndef TETLOD_WRITER_H
+#define TETLOD_WRITER_H
+
+#include "format/tetlod.h"
+
+struct tetlodi_write_field {
+    const char *name;
+    uint32_t components;
+    enum tetlod_type type; /* values below are exactly representable in it */
+    int controlled;
+    double range[2];
+    const double *values;      /* [components * vertices], the original's */
+    const double *node_values; /* [components * contractions], of the nodes that contractions made */
+};
+
+struct tetlodi_write_level {
+    uint32_t contractions; /* done at this level; falls strictly with the level's number, 0 at the finest */
+    double domain_error;
+    const double *errors; /* [field_count * TETLOD_MEASURES]; NaN: not known */
+};
+
+/* Everything is borrowed for the call. Positions and values are exactly representable in their type. */
+struct tetlodi_write_input {
+    uint32_t vertices, tets, contractions;
+    enum tetlod_type position_type;
+    const double *positions;      /* [3 * vertices] */
+    const uint32_t *corners;      /* [4 * tets] */
+    const uint32_t *children;     /* [4 * contractions] node ids, unused ones TETLOD_NONE, last */
+    const double *node_positions; /* [3 * contractions] */
+    uint32_t field_count, level_count;
+    const struct tetlodi_write_field *fields;
+    const struct tetlodi_write_level *levels; /* coarse to fine: levels[0] is the base mesh */
+    uint64_t degenerate_tets, inverted_tets, unused_points;
+    const char *metadata; /* a JSON object, NUL-terminated */
+    int compression;      /* zstd level 1..22 */
+};
+
+/* Takes the next `size` bytes of the stream, in order. */
+struct tetlodi_sink {
+    enum tetlod_status (*write)(void *opaque, const void *bytes, size_t size);
+    void *opaque;
+};
+
+/* Encodes the whole stream into the sink. The same input gives the same bytes. ERR_ARGUMENT names a sequence that is
+ * not one; ERR_NOMEM; ERR_LIMIT; or what the sink returned. */
+TETLOD_CHECKED enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const struct tetlodi_sink *sink,
+                                                struct tetlod_error *error);
+
+#endif

@@ -1,0 +1,160 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/cli/cli.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "format/fail.h"
+
+/* The one place that maps a status to an exit status. */
+static int exit_status(enum tetlod_status status)
+{
+    if (status == TETLOD_OK)
+        return EXIT_DONE;
+    if (status >= 60)
+        return EXIT_USAGE;
+    return status >= 20 ? EXIT_INVALID : EXIT_FAILED;
+}
+
+int cli_fail(const struct tetlod_error *error)
+{
+    const char *message = error->message[0] ? error->message : tetlod_status_text(error->status);
+    fprintf(stderr, "tetlod: %s\n", message);
+    return exit_status(error->status);
+}
+
+int cli_usage(const char *command, const char *format, ...)
+{
+    va_list arguments;
+    fprintf(stderr, "tetlod %s: ", command);
+    va_start(arguments, format);
+    vfprintf(stderr, format, arguments);
+    va_end(arguments);
+    fprintf(stderr, "; 'tetlod help %s' lists what there is\n", command);
+    return EXIT_USAGE;
+}
+
+int cli_option(const struct command *command, int argc, char **argv, const char *short_options,
+               const struct option *long_options)
+{
+    static const struct option help = {"help", no_argument, NULL, 'h'};
+    struct option options[64];
+    char letters[64];
+    size_t count = 0;
+    while (long_options[count].name && count + 2 < sizeof options / sizeof *options) {
+        options[count] = long_options[count];
+        count++;
+    }
+    options[count] = help;
+    options[count + 1] = (struct option){0};
+    snprintf(letters, sizeof letters, ":h%s", short_options);
+    opterr = 0;
+    int option = getopt_long(argc, argv, letters, options, NULL);
+    if (option == 'h') {
+        printf("%s", command->help);
+        exit(fflush(stdout) == 0 ? EXIT_DONE : EXIT_FAILED);
+    }
+    if (option == ':') {
+        cli_usage(command->name, "option '%s' needs a value", argv[optind - 1]);
+        return '?';
+    }
+    if (option == '?')
+        cli_usage(command->name, "there is no option '%s'", argv[optind - 1]);
+    return option;
+}
+
+bool cli_parse_number(const struct command *command, const char *option, const char *text, double least, double *out)
+{
+    char *end;
+    errno = 0;
+    double value = strtod(text, &end);
+    if (end == text || *end || !isfinite(value) || !(value >= least)) {
+        cli_usage(command->name, "--%s takes a number of at least %g, not '%s'", option, least, text);
+        return false;
+    }
+    *out = value;
+    return true;
+}
+
+bool cli_parse_fraction(const struct command *command, const char *option, const char *text, double *out)
+{
+    char *end;
+    double value = strtod(text, &end);
+    double scale = end != text && strcmp(end, "%") == 0 ? 0.01 : 1;
+    if (end == text || (*end && scale == 1) || !isfinite(value) || value < 0) {
+        cli_usage(command->name, "--%s takes a fraction of the range such as 0.01 or 1%%, not '%s'", option, text);
+        return false;
+    }
+    *out = value * scale;
+    return true;
+}
+
+bool cli_parse_count(const struct command *command, const char *option, const char *text, uint64_t least, uint64_t most,
+                     uint64_t *out)
+{
+    char *end;
+    errno = 0;
+    unsigned long long value = strtoull(text, &end, 10);
+    unsigned shift = 0;
+    if (most > UINT32_MAX && end != text && *end) {
+        const char *suffix = strchr("KMGT", *end);
+        shift = suffix && !end[1] ? 10 * (unsigned)(suffix - "KMGT" + 1) : 0;
+        end += shift ? 1 : 0;
+    }
+    bool whole = end != text && !*end && !errno && text[0] >= '0' && text[0] <= '9' && value <= (UINT64_MAX >> shift);
+    value <<= whole ? shift : 0;
+    if (!whole || value < least || value > most) {
+        cli_usage(command->name, "--%s takes a whole number from %llu to %llu, not '%s'", option,
+                  (unsigned long long)least, (unsigned long long)most, text);
+        return false;
+    }
+    *out = value;
+    return true;
+}
+
+bool cli_parse_measure(const struct command *command, const char *text, enum tetlod_measure *out)
+{
+    for (int m = 0; m < TETLOD_MEASURES; m++)
+        if (strcmp(text, tetlod_measure_name((enum tetlod_measure)m)) == 0) {
+            *out = (enum tetlod_measure)m;
+            return true;
+        }
+    cli_usage(command->name, "--measure is one of max, sampled, rms, predicted, not '%s'", text);
+    return false;
+}
+
+bool cli_operands(const struct command *command, int argc, int count, const char *what)
+{
+    if (argc - optind == count)
+        return true;
+    cli_usage(command->name, "%s %s", argc - optind < count ? "missing operand: it takes" : "too many operands: it takes",
+              what);
+    return false;
+}
+
+enum tetlod_status cli_open_stream(const char *path, struct tetlod_file **out, int *out_fd, struct tetlod_error *error)
+{
+    struct stat about;
+    struct tetlod_error inner = {0};
+    *out = NULL;
+    *out_fd = open(path, O_RDONLY | O_CLOEXEC);
+    if (*out_fd < 0)
+        return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot open: %s", path, strerror(errno));
+    enum tetlod_status status;
+    if (fstat(*out_fd, &about) == 0 && !S_ISREG(about.st_mode))
+        status = tetlodi_fail(&inner, TETLOD_ERR_IO, "is not a regular file");
+    else
+        status = tetlod_open_fd(out, *out_fd, NULL, &inner);
+    if (status == TETLOD_OK)
+        return TETLOD_OK;
+    close(*out_fd);
+    *out_fd = -1;
+    return tetlodi_fail(error, status, "%s: %.200s", path, inner.message);
+}

@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The command line. A command is a function in cmd_<name>.c and a line in main.c's table; its help is the text that it
+ * declares beside it. Results go to standard output, messages and progress to standard error.
+ */
+#ifndef TETLOD_CLI_H
+#define TETLOD_CLI_H
+
+#include <getopt.h>
+#include <stdbool.h>
+
+#include "format/tetlod.h"
+
+enum exit_status { EXIT_DONE = 0, EXIT_FAILED = 1, EXIT_USAGE = 2, EXIT_INVALID = 3 };
+
+struct command {
+    const char *name, *summary, *help;
+    int (*run)(int argc, char **argv); /* argv[0] is the command's name */
+};
+
+extern const struct command command_build, command_info, command_extract, command_verify, command_compare,
+    command_convert, command_sample, command_serve;
+
+/* Prints the error as one line and gives the exit status for it. */
+int cli_fail(const struct tetlod_error *error);
+
+/* Prints "tetlod COMMAND: message; try tetlod help COMMAND" and gives EXIT_USAGE. */
+int cli_usage(const char *command, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+/* getopt_long over a command's options, with our messages: the next option's `val`, -1 at the end, '?' after a message.
+ * Every command also knows --help, which prints the help and exits. */
+int cli_option(const struct command *command, int argc, char **argv, const char *short_options,
+               const struct option *long_options);
+
+/* Option values. False after a usage message that names the option, the value and what would do. */
+bool cli_parse_fraction(const struct command *command, const char *option, const char *text, double *out); /* 0.01, 1% */
+bool cli_parse_number(const struct command *command, const char *option, const char *text, double least, double *out);
+bool cli_parse_count(const struct command *command, const char *option, const char *text, uint64_t least, uint64_t most,
+                     uint64_t *out); /* K, M, G suffixes (powers of 1024) where most exceeds 2^32 */
+bool cli_parse_measure(const struct command *command, const char *text, enum tetlod_measure *out);
+
+/* Exactly `count` operands after the options, or a usage message that names `what` is wanted. */
+bool cli_operands(const struct command *command, int argc, int count, const char *what);
+
+/* Opens a stream file; messages start with the path. *out_fd is to be closed after the file. */
+TETLOD_CHECKED enum tetlod_status cli_open_stream(const char *path, struct tetlod_file **out, int *out_fd,
+                                                  struct tetlod_error *error);
+
+#endif

@@ -1,0 +1,74 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include <stdio.h>
+#include <string.h>
+
+#include "src/cli/cli.h"
+
+static const struct command *const commands[] = {
+    &command_build,   &command_info,    &command_extract, &command_verify,
+    &command_compare, &command_convert, &command_sample,  &command_serve,
+};
+
+enum { COMMANDS = sizeof commands / sizeof *commands };
+
+static const struct command *find_command(const char *name)
+{
+    for (int i = 0; i < COMMANDS; i++)
+        if (strcmp(commands[i]->name, name) == 0)
+            return commands[i];
+    return NULL;
+}
+
+static void print_commands(FILE *out)
+{
+    fprintf(out, "tetlod " TETLOD_VERSION_STRING ": levels of detail for tetrahedral volumes\n\n"
+                 "usage: tetlod COMMAND [OPTIONS] ...\n\n");
+    for (int i = 0; i < COMMANDS; i++)
+        fprintf(out, "  %-9s %s\n", commands[i]->name, commands[i]->summary);
+    fprintf(out, "\n'tetlod help COMMAND' explains one. Exit status: 0 done, 1 failed, 2 usage, 3 invalid input.\n");
+}
+
+static int unknown_command(const char *name)
+{
+    fprintf(stderr, "tetlod: there is no command '%s'; 'tetlod help' lists them\n", name);
+    return EXIT_USAGE;
+}
+
+static int help(int argc, char **argv)
+{
+    if (argc < 2) {
+        print_commands(stdout);
+        return EXIT_DONE;
+    }
+    const struct command *command = find_command(argv[1]);
+    if (!command)
+        return unknown_command(argv[1]);
+    printf("%s", command->help);
+    return EXIT_DONE;
+}
+
+static int run(int argc, char **argv)
+{
+    if (argc < 2) {
+        print_commands(stderr);
+        return EXIT_USAGE;
+    }
+    if (strcmp(argv[1], "help") == 0 || strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0)
+        return help(argc - 1, argv + 1);
+    if (strcmp(argv[1], "--version") == 0) {
+        printf("tetlod " TETLOD_VERSION_STRING "\n");
+        return EXIT_DONE;
+    }
+    const struct command *command = find_command(argv[1]);
+    return command ? command->run(argc - 1, argv + 1) : unknown_command(argv[1]);
+}
+
+int main(int argc, char **argv)
+{
+    int result = run(argc, argv);
+    if (fflush(stdout) != 0 && result == EXIT_DONE) {
+        perror("tetlod: cannot write to standard output");
+        return EXIT_FAILED;
+    }
+    return result;
+}

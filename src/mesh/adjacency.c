@@ -1,0 +1,115 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Faces are bucketed by their least vertex and matched inside the bucket: no hashing, linear for bounded stars. */
+#include "src/mesh/adjacency.h"
+
+#include <stdlib.h>
+
+#include "format/fail.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+struct face {
+    uint32_t mid, high, slot; /* the least vertex is the bucket; slot = 4*tet + face */
+};
+
+static void sort3(uint32_t v[3])
+{
+    for (int i = 0; i < 2; i++)
+        for (int j = 0; j < 2 - i; j++)
+            if (v[j] > v[j + 1]) {
+                uint32_t swap = v[j];
+                v[j] = v[j + 1];
+                v[j + 1] = swap;
+            }
+}
+
+static void face_vertices(const uint32_t *corners, size_t slot, uint32_t v[3])
+{
+    const uint32_t *tet = corners + (slot & ~(size_t)3);
+    for (int i = 0; i < 3; i++)
+        v[i] = tet[tet_faces[slot & 3][i]];
+    sort3(v);
+}
+
+static int compare_faces(const void *left, const void *right)
+{
+    const struct face *a = left, *b = right;
+    if (a->mid != b->mid)
+        return a->mid < b->mid ? -1 : 1;
+    if (a->high != b->high)
+        return a->high < b->high ? -1 : 1;
+    return a->slot < b->slot ? -1 : a->slot > b->slot;
+}
+
+static uint32_t match_bucket(struct face *faces, size_t count, uint32_t *neighbours)
+{
+    uint32_t overfull = 0;
+    qsort(faces, count, sizeof *faces, compare_faces);
+    for (size_t i = 0, end; i < count; i = end) {
+        for (end = i + 1; end < count && faces[end].mid == faces[i].mid && faces[end].high == faces[i].high; end++)
+            ;
+        if (end - i == 2) {
+            neighbours[faces[i].slot] = faces[i + 1].slot;
+            neighbours[faces[i + 1].slot] = faces[i].slot;
+        } else if (end - i > 2)
+            overfull++;
+    }
+    return overfull;
+}
+
+enum tetlod_status adjacency_build(const uint32_t *corners, uint32_t tet_count, uint32_t vertex_count,
+                                   uint32_t *neighbours, uint32_t *out_overfull, struct tetlod_error *error)
+{
+    if (tet_count > ADJACENCY_MOST_TETS)
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%u tetrahedra are more than the %d that fit", tet_count,
+                            ADJACENCY_MOST_TETS);
+    size_t slots = 4 * (size_t)tet_count;
+    size_t *bucket = array_zero((size_t)vertex_count + 1, sizeof *bucket);
+    struct face *faces = array_new(slots, sizeof *faces);
+    if (!bucket || !faces) {
+        free(bucket);
+        free(faces);
+        return tetlodi_fail_nomem(error, "the adjacency", slots * sizeof *faces);
+    }
+    uint32_t v[3], overfull = 0;
+    for (size_t slot = 0; slot < slots; slot++) {
+        face_vertices(corners, slot, v);
+        bucket[v[0]]++;
+        neighbours[slot] = TETLOD_NONE;
+    }
+    size_t sum = 0;
+    for (uint32_t i = 0; i <= vertex_count; i++) {
+        size_t size = bucket[i];
+        bucket[i] = sum;
+        sum += size;
+    }
+    for (size_t slot = 0; slot < slots; slot++) {
+        face_vertices(corners, slot, v);
+        faces[bucket[v[0]]++] = (struct face){v[1], v[2], (uint32_t)slot};
+    }
+    for (uint32_t i = 0; i < vertex_count; i++) { // after the fill bucket[i] is the end of bucket i
+        size_t begin = i ? bucket[i - 1] : 0;
+        overfull += match_bucket(faces + begin, bucket[i] - begin, neighbours);
+    }
+    free(bucket);
+    free(faces);
+    if (out_overfull)
+        *out_overfull = overfull;
+    return TETLOD_OK;
+}
+
+void stars_build(const uint32_t *corners, uint32_t tet_count, uint32_t vertex_count, size_t *offsets, uint32_t *tets)
+{
+    size_t slots = 4 * (size_t)tet_count;
+    for (size_t v = 0; v <= vertex_count; v++)
+        offsets[v] = 0;
+    for (size_t slot = 0; slot < slots; slot++)
+        offsets[corners[slot] + 1]++;
+    for (size_t v = 0; v < vertex_count; v++)
+        offsets[v + 1] += offsets[v];
+    for (size_t slot = 0; slot < slots; slot++)
+        tets[offsets[corners[slot]]++] = (uint32_t)(slot / 4);
+    for (size_t v = vertex_count; v > 0; v--) // the fill moved every start to the next one's
+        offsets[v] = offsets[v - 1];
+    offsets[0] = 0;
+}

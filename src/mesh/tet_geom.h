@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Geometry of one tetrahedron. Corners 0..3; face f is opposite corner f; edge e joins the corners tet_edges[e].
+ *
+ *        3
+ *       /|\        6V = (p1 - p0) . ((p2 - p0) x (p3 - p0)) > 0 as drawn,
+ *      / | \       3 above the plane of 0, 1, 2 seen counter-clockwise.
+ *     0--|--2
+ *      \ | /
+ *        1
+ */
+#ifndef TETLOD_TET_GEOM_H
+#define TETLOD_TET_GEOM_H
+
+#include <math.h>
+#include <stdint.h>
+
+/* A tetrahedron is degenerate if |6V| is at most this times the cube of its longest edge: its interpolant is noise. */
+#define TET_DEGENERATE 1e-9
+
+static const uint8_t tet_edges[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}};
+
+/* Corners of face f, counter-clockwise seen from outside a positive tetrahedron. */
+static const uint8_t tet_faces[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
+
+static inline double tet_volume6(const double *p0, const double *p1, const double *p2, const double *p3)
+{
+    double ax = p1[0] - p0[0], ay = p1[1] - p0[1], az = p1[2] - p0[2];
+    double bx = p2[0] - p0[0], by = p2[1] - p0[1], bz = p2[2] - p0[2];
+    double cx = p3[0] - p0[0], cy = p3[1] - p0[1], cz = p3[2] - p0[2];
+    return ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx);
+}
+
+static inline double distance_squared(const double *p, const double *q)
+{
+    double x = q[0] - p[0], y = q[1] - p[1], z = q[2] - p[2];
+    return x * x + y * y + z * z;
+}
+
+/* Square of the longest edge. */
+static inline double tet_size_squared(const double *p0, const double *p1, const double *p2, const double *p3)
+{
+    return fmax(fmax(fmax(distance_squared(p0, p1), distance_squared(p0, p2)),
+                     fmax(distance_squared(p0, p3), distance_squared(p1, p2))),
+                fmax(distance_squared(p1, p3), distance_squared(p2, p3)));
+}
+
+/* +1, -1, or 0 for a degenerate tetrahedron. */
+static inline int tet_orientation(const double *p0, const double *p1, const double *p2, const double *p3)
+{
+    double volume6 = tet_volume6(p0, p1, p2, p3), size2 = tet_size_squared(p0, p1, p2, p3);
+    if (!(fabs(volume6) > TET_DEGENERATE * size2 * sqrt(size2)))
+        return 0;
+    return volume6 > 0 ? 1 : -1;
+}
+
+#endif

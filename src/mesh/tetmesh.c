@@ -1,0 +1,111 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/mesh/tetmesh.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/util/array.h"
+
+void tetmesh_fini(struct tetmesh *mesh)
+{
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        free(mesh->fields[f].name);
+        free(mesh->fields[f].values);
+    }
+    free(mesh->fields);
+    free(mesh->positions);
+    free(mesh->corners);
+    *mesh = (struct tetmesh){0};
+}
+
+enum tetlod_status tetmesh_add_field(struct tetmesh *mesh, const char *name, uint32_t components, enum tetlod_type type,
+                                     struct tetlod_error *error)
+{
+    struct point_field *fields = array_resize(mesh->fields, (size_t)mesh->field_count + 1, sizeof *fields);
+    if (!fields)
+        return tetlodi_fail_nomem(error, "a field", sizeof *fields);
+    mesh->fields = fields;
+    struct point_field field = {strdup(name), components, type, array_zero((size_t)mesh->vertex_count * components, 8)};
+    if (!field.name || !field.values) {
+        free(field.name);
+        free(field.values);
+        return tetlodi_fail_nomem(error, name, (uint64_t)mesh->vertex_count * components * 8);
+    }
+    fields[mesh->field_count++] = field;
+    return TETLOD_OK;
+}
+
+uint32_t tetmesh_find_field(const struct tetmesh *mesh, const char *name)
+{
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        if (strcmp(mesh->fields[f].name, name) == 0)
+            return f;
+    return TETLOD_NONE;
+}
+
+static void keep_rows(double *values, uint32_t width, const uint32_t *target, uint32_t count)
+{
+    for (uint32_t v = 0; v < count; v++)
+        if (target[v] != TETLOD_NONE)
+            memmove(values + (size_t)target[v] * width, values + (size_t)v * width, width * sizeof *values);
+}
+
+enum tetlod_status tetmesh_drop_unused(struct tetmesh *mesh, struct tetlod_error *error)
+{
+    uint32_t *target = array_new(mesh->vertex_count, sizeof *target);
+    if (!target)
+        return tetlodi_fail_nomem(error, "the used points", (uint64_t)mesh->vertex_count * sizeof *target);
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        target[v] = TETLOD_NONE;
+    for (size_t c = 0; c < 4 * (size_t)mesh->tet_count; c++)
+        target[mesh->corners[c]] = 0;
+    uint32_t kept = 0;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        if (target[v] != TETLOD_NONE)
+            target[v] = kept++;
+    keep_rows(mesh->positions, 3, target, mesh->vertex_count);
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        keep_rows(mesh->fields[f].values, mesh->fields[f].components, target, mesh->vertex_count);
+    for (size_t c = 0; c < 4 * (size_t)mesh->tet_count; c++)
+        mesh->corners[c] = target[mesh->corners[c]];
+    mesh->unused_points += mesh->vertex_count - kept;
+    mesh->vertex_count = kept;
+    free(target);
+    return TETLOD_OK;
+}
+
+enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, struct tetlod_error *error)
+{
+    if (mesh->tet_count == 0)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "there is no tetrahedron in it");
+    for (size_t c = 0; c < 4 * (size_t)mesh->tet_count; c++)
+        if (mesh->corners[c] >= mesh->vertex_count)
+            return tetlodi_fail(error, TETLOD_ERR_MESH, "tetrahedron %zu refers to point %u, but there are only %u points",
+                                c / 4, mesh->corners[c], mesh->vertex_count);
+    for (size_t i = 0; i < 3 * (size_t)mesh->vertex_count; i++)
+        if (!isfinite(mesh->positions[i]))
+            return tetlodi_fail(error, TETLOD_ERR_MESH, "point %zu: its %c coordinate is not a finite number", i / 3,
+                                "xyz"[i % 3]);
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        const struct point_field *field = &mesh->fields[f];
+        for (size_t i = 0; i < (size_t)mesh->vertex_count * field->components; i++)
+            if (!isfinite(field->values[i]))
+                return tetlodi_fail(error, TETLOD_ERR_MESH, "field %s: its value at point %zu is not a finite number",
+                                    field->name, i / field->components);
+    }
+    return TETLOD_OK;
+}
+
+void point_field_range(const struct point_field *field, uint32_t vertex_count, double range[2])
+{
+    size_t count = (size_t)vertex_count * field->components;
+    range[0] = range[1] = count ? field->values[0] : 0;
+    for (size_t i = 1; i < count; i++) {
+        if (field->values[i] < range[0])
+            range[0] = field->values[i];
+        if (field->values[i] > range[1])
+            range[1] = field->values[i];
+    }
+}

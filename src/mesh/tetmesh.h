@@ -1,0 +1,48 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * A tetrahedral mesh with point fields, as flat arrays. Values are held as double whatever their type: a float32 is
+ * exactly a double, and rounds back to the same bits.
+ */
+#ifndef TETLOD_TETMESH_H
+#define TETLOD_TETMESH_H
+
+#include <stdbool.h>
+
+#include "format/tetlod.h"
+
+struct point_field {
+    char *name; /* owned */
+    uint32_t components;
+    enum tetlod_type type;
+    double *values; /* owned, [components * vertex_count] */
+};
+
+struct tetmesh {
+    uint32_t vertex_count, tet_count, field_count;
+    enum tetlod_type position_type;
+    double *positions;         /* owned, [3 * vertex_count] */
+    uint32_t *corners;         /* owned, [4 * tet_count]; 6V = (b-a).((c-a)x(d-a)) > 0 is the usual orientation */
+    struct point_field *fields; /* owned */
+    uint64_t unused_points;    /* points of the input that no tetrahedron used: dropped */
+};
+
+void tetmesh_fini(struct tetmesh *mesh);
+
+/* Appends a field with room for its values, which are zero; its index is field_count - 1. */
+TETLOD_CHECKED enum tetlod_status tetmesh_add_field(struct tetmesh *mesh, const char *name, uint32_t components,
+                                                    enum tetlod_type type, struct tetlod_error *error);
+
+/* Index of a field, or TETLOD_NONE. */
+uint32_t tetmesh_find_field(const struct tetmesh *mesh, const char *name);
+
+/* Drops points that no tetrahedron uses, keeping the order of the others, and adds their number to unused_points. */
+TETLOD_CHECKED enum tetlod_status tetmesh_drop_unused(struct tetmesh *mesh, struct tetlod_error *error);
+
+/* What every mesh must be before anything else looks at it: at least one tetrahedron, corners in range, coordinates and
+ * values finite. The message names the first offender. */
+TETLOD_CHECKED enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, struct tetlod_error *error);
+
+/* Least and greatest over all components. */
+void point_field_range(const struct point_field *field, uint32_t vertex_count, double range[2]);
+
+#endif

@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/util/array.h"
+
+#include <stdint.h>
+#include <stdlib.h>
+
+void *array_resize(void *array, size_t count, size_t element_size)
+{
+    if (element_size && count > SIZE_MAX / element_size)
+        return NULL;
+    size_t size = count * element_size;
+    return realloc(array, size ? size : 1);
+}
+
+void *array_new(size_t count, size_t element_size)
+{
+    return array_resize(NULL, count, element_size);
+}
+
+void *array_zero(size_t count, size_t element_size)
+{
+    return calloc(count ? count : 1, element_size);
+}
+
+int array_reserve(void **array, size_t *capacity, size_t needed, size_t element_size)
+{
+    if (needed <= *capacity)
+        return 1;
+    size_t grown = *capacity + *capacity / 2 + 16;
+    if (grown < needed)
+        grown = needed;
+    void *moved = array_resize(*array, grown, element_size);
+    if (!moved)
+        return 0;
+    *array = moved;
+    *capacity = grown;
+    return 1;
+}

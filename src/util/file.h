@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Files as a whole: bytes in, and an output that appears complete or not at all. */
+#ifndef TETLOD_FILE_H
+#define TETLOD_FILE_H
+
+#include "format/writer.h"
+
+/* Reads a regular file into an exact-size heap block that the caller frees. ERR_IO names path and reason. */
+TETLOD_CHECKED enum tetlod_status file_read(const char *path, unsigned char **out_bytes, size_t *out_size,
+                                            struct tetlod_error *error);
+
+/* An output under a temporary name beside its place; commit renames it there, abort removes it. */
+struct file_output;
+TETLOD_CHECKED enum tetlod_status file_output_open(struct file_output **out, const char *path, struct tetlod_error *error);
+struct tetlodi_sink file_output_sink(struct file_output *output);
+TETLOD_CHECKED enum tetlod_status file_output_commit(struct file_output *output, struct tetlod_error *error); /* frees it */
+void file_output_abort(struct file_output *output);
+
+#endif

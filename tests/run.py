@@ -1,0 +1,96 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Runs all tests of the given build configurations, two at a time, and ends with `N passed, N failed`.
+
+A test is a program that speaks TAP: unit tests and fuzz replays built into build/CONFIG/tests, and tests/{cli,http}/
+*.sh and *.py, which find what they test in the environment (TETLOD the program, CONFIG, ROOT the tree, SCRATCH an empty
+folder that is removed after success). A program without TAP output counts as one test by its exit status.
+"""
+import argparse
+import concurrent.futures
+import glob
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+LINE = re.compile(r'^(not ok|ok)\b(?: \d+)?(?: - )?(.*?)(?:\s+# (SKIP)\s*(.*))?$')
+
+
+def tests_of(config):
+    built = os.path.join(ROOT, 'build', config, 'tests')
+    for kind in ('unit/test_', 'fuzz/fuzz_'):
+        for path in sorted(glob.glob(os.path.join(built, kind + '*'))):
+            if not path.endswith(('.o', '.d')):
+                yield path
+    for folder in ('cli', 'http', 'golden', 'oom', 'lint', 'install', 'web'):
+        if config != 'release' and folder in ('oom', 'lint', 'install', 'golden', 'web'):
+            continue
+        for path in sorted(glob.glob(os.path.join(ROOT, 'tests', folder, 'test_*'))):
+            if path.endswith(('.sh', '.py')):
+                yield path
+
+
+def run(config, path, timeout):
+    name = '%s:%s' % (config, os.path.relpath(path, ROOT).replace('build/%s/' % config, ''))
+    scratch = os.path.join(ROOT, 'build', 'scratch', name.replace('/', '_').replace(':', '_'))
+    shutil.rmtree(scratch, ignore_errors=True)
+    os.makedirs(scratch)
+    environment = dict(os.environ, TETLOD=os.path.join(ROOT, 'build', config, 'tetlod'), CONFIG=config, ROOT=ROOT,
+                       SCRATCH=scratch, LC_ALL='C.UTF-8', ASAN_OPTIONS='allocator_may_return_null=1:detect_leaks=1',
+                       UBSAN_OPTIONS='print_stacktrace=1')
+    command = [path]
+    if path.endswith('.py'):
+        command = ['/usr/bin/python3', path]
+    elif path.endswith('.sh'):
+        command = ['bash', path]
+    elif 'fuzz/fuzz_' in path:
+        command.append(os.path.join(ROOT, 'tests/fuzz/corpus', os.path.basename(path)[len('fuzz_'):]))
+    start = time.time()
+    try:
+        done = subprocess.run(command, cwd=scratch, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT, timeout=timeout)
+        output, code = done.stdout.decode(errors='replace'), done.returncode
+    except subprocess.TimeoutExpired as stopped:
+        output, code = (stopped.stdout or b'').decode(errors='replace') + '\nnot ok - finished in %d s' % timeout, 0
+    found = [m.groups() for m in map(LINE.match, output.splitlines()) if m]
+    if not found:
+        found = [('ok' if code == 0 else 'not ok', os.path.basename(path), None, None)]
+    elif code != 0 and all(f[0] == 'ok' for f in found):
+        found.append(('not ok', 'exit status %d after its tests' % code, None, None))
+    failed = sum(f[0] != 'ok' for f in found)
+    if not failed:
+        shutil.rmtree(scratch, ignore_errors=True)
+    return name, found, failed, output, time.time() - start
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('configs', nargs='+')
+    parser.add_argument('--only', help='run tests whose name has this in it')
+    parser.add_argument('--timeout', type=int, default=600)
+    parser.add_argument('--jobs', type=int, default=2)
+    options = parser.parse_args()
+    todo = [(c, p) for c in options.configs for p in tests_of(c) if not options.only or options.only in c + ':' + p]
+    passed = failures = skipped = 0
+    with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
+        for name, found, failed, output, seconds in pool.map(lambda t: run(*t, options.timeout), todo):
+            skips = [f for f in found if f[2]]
+            print('%-4s %-50s %4d tests %7.1f s' % ('FAIL' if failed else 'ok', name, len(found), seconds))
+            for f in skips:
+                print('     skipped: %s (%s)' % (f[1], f[3]))
+            if failed:
+                print(''.join('     | %s\n' % line for line in output.splitlines()[-60:]), end='')
+            sys.stdout.flush()
+            failures += failed
+            skipped += len(skips)
+            passed += len(found) - failed - len(skips)
+    print('%d passed, %d failed%s' % (passed, failures, ', %d skipped' % skipped if skipped else ''))
+    return 1 if failures or not passed else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
