@@ -1,11 +1,67 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#include <inttypes.h>
+#include <stdio.h>
+
 #include "src/cli/cli.h"
+#include "src/io/io.h"
+
+static const char help[] =
+    "usage: tetlod convert INPUT [--q SOLUTION] -o OUT\n"
+    "\n"
+    "Reads a mesh and writes it in the format that OUT's extension names. Cells that are not tetrahedra are split so\n"
+    "that neighbours match, cells of higher order are taken by their corners, points that no tetrahedron uses are\n"
+    "dropped, cell data is left out.\n"
+    "\n"
+    "  -o, --output OUT   the file to write: .vtu, .vtk\n"
+    "      --q SOLUTION   the solution file of a PLOT3D grid\n"
+    "\n"
+    "reads: VTU, legacy VTK (unstructured, structured, rectilinear, structured points), PLOT3D; told by content first,\n"
+    "by extension second\n"
+    "example: tetlod convert bluntfinxyz.bin --q bluntfinq.bin -o blunt.vtu\n";
+
+static void note(uint64_t count, const char *what)
+{
+    if (count)
+        fprintf(stderr, "tetlod convert: %" PRIu64 " %s\n", count, what);
+}
+
+static int convert(const char *input, const char *solution, const char *output)
+{
+    struct tetmesh mesh;
+    struct tetlod_error error = {0};
+    struct io_report report;
+    enum tetlod_status status = io_read(&mesh, input, &(struct io_read_options){.solution = solution}, &report, &error);
+    if (status != TETLOD_OK)
+        return cli_fail(&error);
+    status = io_write(&mesh, output, &error);
+    if (status == TETLOD_OK) {
+        note(report.split_cells, "cells split into tetrahedra");
+        note(report.skipped_cells, "cells without volume left out");
+        note(report.skipped_arrays, "arrays left out: cell data, or not numbers");
+        note(mesh.unused_points, "points that no tetrahedron uses left out");
+    }
+    tetmesh_fini(&mesh);
+    return status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
+}
 
 static int run(int argc, char **argv)
 {
-    while (cli_option(&command_convert, argc, argv, "", (struct option[]){{0}}) != -1)
+    static const struct option options[] = {
+        {"output", required_argument, NULL, 'o'}, {"q", required_argument, NULL, 'q'}, {0}};
+    const char *output = NULL, *solution = NULL;
+    for (int option; (option = cli_option(&command_convert, argc, argv, "o:", options)) != -1;) {
+        if (option == 'o')
+            output = optarg;
+        else if (option == 'q')
+            solution = optarg;
+        else
+            return EXIT_USAGE;
+    }
+    if (!cli_operands(&command_convert, argc, 1, "the INPUT mesh"))
         return EXIT_USAGE;
-    return EXIT_FAILED;
+    if (!output)
+        return cli_usage("convert", "-o OUT is missing: the file to write");
+    return convert(argv[optind], solution, output);
 }
 
-const struct command command_convert = {"convert", "", "usage: tetlod convert\n", run};
+const struct command command_convert = {"convert", "from any readable mesh to any writable one", help, run};

@@ -1,11 +1,67 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
 #include "src/cli/cli.h"
+#include "src/io/io.h"
+#include "src/sample/sample.h"
+
+static const char help[] =
+    "usage: tetlod sample NAME [--size N] -o OUT\n"
+    "       tetlod sample --list\n"
+    "\n"
+    "Makes a mesh by formula, the same on every machine, and writes it by OUT's extension (.vtu, .vtk).\n"
+    "\n"
+    "  -o, --output OUT   the file to write\n"
+    "      --size N       how fine it is; what N counts, and the default, differ between samples\n"
+    "      --list         what there is\n"
+    "\n"
+    "example: tetlod sample fin -o fin.vtu\n";
+
+static int list(void)
+{
+    for (const struct sample *s = samples; s->name; s++)
+        printf("%-6s %s; default %" PRIu32 "\n", s->name, s->text, s->default_size);
+    return EXIT_DONE;
+}
+
+static int make(const struct sample *sample, uint32_t size, const char *output)
+{
+    struct tetmesh mesh;
+    struct tetlod_error error = {0};
+    enum tetlod_status status = sample->make(&mesh, size, &error);
+    if (status == TETLOD_OK)
+        status = io_write(&mesh, output, &error);
+    tetmesh_fini(&mesh);
+    return status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
+}
 
 static int run(int argc, char **argv)
 {
-    while (cli_option(&command_sample, argc, argv, "", (struct option[]){{0}}) != -1)
+    static const struct option options[] = {
+        {"output", required_argument, NULL, 'o'}, {"size", required_argument, NULL, 's'}, {"list", no_argument, NULL, 'l'}, {0}};
+    const char *output = NULL, *size_text = NULL;
+    uint64_t size = 0;
+    for (int option; (option = cli_option(&command_sample, argc, argv, "o:", options)) != -1;) {
+        if (option == 'o')
+            output = optarg;
+        else if (option == 's')
+            size_text = optarg;
+        else
+            return option == 'l' ? list() : EXIT_USAGE;
+    }
+    if (!cli_operands(&command_sample, argc, 1, "the sample's NAME ('tetlod sample --list' shows them)"))
         return EXIT_USAGE;
-    return EXIT_FAILED;
+    const struct sample *sample = sample_find(argv[optind]);
+    if (!sample)
+        return cli_usage("sample", "there is no sample '%s'; 'tetlod sample --list' shows them", argv[optind]);
+    size = sample->default_size;
+    if (size_text && !cli_parse_count(&command_sample, "size", size_text, sample->least_size, sample->most_size, &size))
+        return EXIT_USAGE;
+    if (!output)
+        return cli_usage("sample", "-o OUT is missing: the file to write");
+    return make(sample, (uint32_t)size, output);
 }
 
-const struct command command_sample = {"sample", "", "usage: tetlod sample\n", run};
+const struct command command_sample = {"sample", "make a sample mesh", help, run};

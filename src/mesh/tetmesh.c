@@ -76,6 +76,11 @@ enum tetlod_status tetmesh_drop_unused(struct tetmesh *mesh, struct tetlod_error
     return TETLOD_OK;
 }
 
+static bool has_repeated_corner(const uint32_t *c)
+{
+    return c[0] == c[1] || c[0] == c[2] || c[0] == c[3] || c[1] == c[2] || c[1] == c[3] || c[2] == c[3];
+}
+
 enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, struct tetlod_error *error)
 {
     if (mesh->tet_count == 0)
@@ -84,6 +89,9 @@ enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, struct tetlod_er
         if (mesh->corners[c] >= mesh->vertex_count)
             return tetlodi_fail(error, TETLOD_ERR_MESH, "tetrahedron %zu refers to point %u, but there are only %u points",
                                 c / 4, mesh->corners[c], mesh->vertex_count);
+    for (size_t t = 0; t < mesh->tet_count; t++)
+        if (has_repeated_corner(mesh->corners + 4 * t))
+            return tetlodi_fail(error, TETLOD_ERR_MESH, "tetrahedron %zu names the same point twice", t);
     for (size_t i = 0; i < 3 * (size_t)mesh->vertex_count; i++)
         if (!isfinite(mesh->positions[i]))
             return tetlodi_fail(error, TETLOD_ERR_MESH, "point %zu: its %c coordinate is not a finite number", i / 3,

@@ -38,8 +38,8 @@ uint32_t tetmesh_find_field(const struct tetmesh *mesh, const char *name);
 /* Drops points that no tetrahedron uses, keeping the order of the others, and adds their number to unused_points. */
 TETLOD_CHECKED enum tetlod_status tetmesh_drop_unused(struct tetmesh *mesh, struct tetlod_error *error);
 
-/* What every mesh must be before anything else looks at it: at least one tetrahedron, corners in range, coordinates and
- * values finite. The message names the first offender. */
+/* What every mesh must be before anything else looks at it: at least one tetrahedron, corners in range and different,
+ * coordinates and values finite. The message names the first offender. */
 TETLOD_CHECKED enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, struct tetlod_error *error);
 
 /* Least and greatest over all components. */

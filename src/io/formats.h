@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The formats behind io.h. Each reader turns bytes into a mesh that io_read then validates; whatever it has filled in
+ * before a failure, io_read frees. */
+#ifndef TETLOD_FORMATS_H
+#define TETLOD_FORMATS_H
+
+#include <stdbool.h>
+
+#include "src/io/assemble.h"
+
+bool vtu_sniff(const unsigned char *bytes, size_t size);
+TETLOD_CHECKED enum tetlod_status vtu_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
+                                           struct tetlod_error *error);
+
+bool plot3d_sniff(const unsigned char *bytes, size_t size);
+TETLOD_CHECKED enum tetlod_status plot3d_read(struct tetmesh *mesh, const struct io_input *input,
+                                              struct io_report *report, struct tetlod_error *error);
+
+#endif

@@ -1,0 +1,144 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Splitting by smallest id: Dompierre, Labbé, Vallet, Camarero, "How to subdivide pyramids, prisms and hexahedra into
+ * tetrahedra" (1999); here as one cone for every shape, which a table of faces describes. */
+#include "src/mesh/cell_split.h"
+
+#include <stddef.h>
+
+#include "src/mesh/tet_geom.h"
+
+enum { MOST_FACES = 8, MOST_SIDES = 6 };
+
+struct shape {
+    uint8_t corners, faces;
+    uint8_t sides[MOST_FACES];
+    uint8_t face[MOST_FACES][MOST_SIDES]; /* counter-clockwise seen from outside */
+};
+
+static const struct shape shapes[CELL_SHAPES] = {
+    [CELL_TET] = {4, 4, {3, 3, 3, 3}, {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}}},
+    [CELL_PYRAMID] = {5, 5, {4, 3, 3, 3, 3}, {{0, 3, 2, 1}, {0, 1, 4}, {1, 2, 4}, {2, 3, 4}, {3, 0, 4}}},
+    [CELL_WEDGE] = {6, 5, {3, 3, 4, 4, 4}, {{0, 2, 1}, {3, 4, 5}, {0, 1, 4, 3}, {1, 2, 5, 4}, {2, 0, 3, 5}}},
+    [CELL_HEXAHEDRON] = {8,
+                         6,
+                         {4, 4, 4, 4, 4, 4},
+                         {{0, 3, 2, 1}, {4, 5, 6, 7}, {0, 1, 5, 4}, {1, 2, 6, 5}, {2, 3, 7, 6}, {3, 0, 4, 7}}},
+    [CELL_PENTAGONAL_PRISM] = {10,
+                               7,
+                               {5, 5, 4, 4, 4, 4, 4},
+                               {{0, 4, 3, 2, 1},
+                                {5, 6, 7, 8, 9},
+                                {0, 1, 6, 5},
+                                {1, 2, 7, 6},
+                                {2, 3, 8, 7},
+                                {3, 4, 9, 8},
+                                {4, 0, 5, 9}}},
+    [CELL_HEXAGONAL_PRISM] = {12,
+                              8,
+                              {6, 6, 4, 4, 4, 4, 4, 4},
+                              {{0, 5, 4, 3, 2, 1},
+                               {6, 7, 8, 9, 10, 11},
+                               {0, 1, 7, 6},
+                               {1, 2, 8, 7},
+                               {2, 3, 9, 8},
+                               {3, 4, 10, 9},
+                               {4, 5, 11, 10},
+                               {5, 0, 6, 11}}},
+};
+
+unsigned cell_corners(enum cell_shape shape)
+{
+    return shapes[shape].corners;
+}
+
+static double volume_of(const uint32_t tet[4], const double *positions)
+{
+    return tet_volume6(positions + 3 * (size_t)tet[0], positions + 3 * (size_t)tet[1], positions + 3 * (size_t)tet[2],
+                       positions + 3 * (size_t)tet[3]);
+}
+
+static void turn(uint32_t tet[4])
+{
+    uint32_t swap = tet[2];
+    tet[2] = tet[3];
+    tet[3] = swap;
+}
+
+/* The cone from `apex` over a face, fanned from its smallest vertex; nothing if the apex is on it. */
+static unsigned cone(uint32_t apex, const uint32_t *face, unsigned sides, uint32_t tets[][4])
+{
+    unsigned least = 0, count = 0;
+    for (unsigned s = 0; s < sides; s++) {
+        if (face[s] == apex)
+            return 0;
+        if (face[s] < face[least])
+            least = s;
+    }
+    for (unsigned s = 1; s + 1 < sides; s++) {
+        uint32_t a = face[least], b = face[(least + s) % sides], c = face[(least + s + 1) % sides];
+        if (a == b || b == c || c == a)
+            continue;
+        tets[count][0] = apex;
+        tets[count][1] = a;
+        tets[count][2] = b;
+        tets[count++][3] = c;
+    }
+    return count;
+}
+
+unsigned cell_split(enum cell_shape shape, const uint32_t *corners, const double *positions,
+                    uint32_t tets[CELL_MOST_TETS][4])
+{
+    const struct shape *s = &shapes[shape];
+    uint32_t apex = corners[0], face[MOST_SIDES];
+    unsigned count = 0;
+    for (unsigned c = 1; c < s->corners; c++)
+        apex = corners[c] < apex ? corners[c] : apex;
+    for (unsigned f = 0; f < s->faces; f++) {
+        for (unsigned i = 0; i < s->sides[f]; i++)
+            face[i] = corners[s->face[f][i]];
+        count += cone(apex, face, s->sides[f], tets + count);
+    }
+    double volume = 0;
+    for (unsigned t = 0; t < count; t++)
+        volume += volume_of(tets[t], positions);
+    for (unsigned t = 0; volume < 0 && t < count; t++)
+        turn(tets[t]);
+    return count;
+}
+
+uint64_t grid_tet_count(const uint32_t dims[3])
+{
+    for (int d = 0; d < 3; d++)
+        if (dims[d] < 2)
+            return 0;
+    return 5 * (uint64_t)(dims[0] - 1) * (dims[1] - 1) * (dims[2] - 1);
+}
+
+/* Of a hexahedron's corners, for cells with i + j + k even and odd; the first is the one in the centre. */
+static const uint8_t five_tets[2][5][4] = {
+    {{1, 3, 4, 6}, {0, 1, 3, 4}, {2, 3, 1, 6}, {5, 4, 6, 1}, {7, 6, 4, 3}},
+    {{0, 5, 2, 7}, {1, 2, 0, 5}, {3, 0, 2, 7}, {4, 7, 5, 0}, {6, 5, 7, 2}},
+};
+
+void grid_split(const uint32_t dims[3], const double *positions, uint32_t *corners)
+{
+    uint32_t row = dims[0], slab = dims[0] * dims[1];
+    size_t count = 0;
+    double volume = 0;
+    for (uint32_t k = 0; k + 1 < dims[2]; k++)
+        for (uint32_t j = 0; j + 1 < dims[1]; j++)
+            for (uint32_t i = 0; i + 1 < dims[0]; i++) {
+                uint32_t o = i + row * j + slab * k;
+                const uint32_t cell[8] = {o,        o + 1,        o + row + 1,        o + row,
+                                          o + slab, o + slab + 1, o + slab + row + 1, o + slab + row};
+                for (int t = 0; t < 5; t++, count++) {
+                    uint32_t *tet = corners + 4 * count;
+                    for (int c = 0; c < 4; c++)
+                        tet[c] = cell[five_tets[(i + j + k) & 1][t][c]];
+                    volume += volume_of(tet, positions);
+                }
+            }
+    for (size_t t = 0; volume < 0 && t < count; t++)
+        turn(corners + 4 * t);
+}
