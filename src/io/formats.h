@@ -12,6 +12,10 @@ bool vtu_sniff(const unsigned char *bytes, size_t size);
 TETLOD_CHECKED enum tetlod_status vtu_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
                                            struct tetlod_error *error);
 
+bool vtk_sniff(const unsigned char *bytes, size_t size);
+TETLOD_CHECKED enum tetlod_status vtk_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
+                                           struct tetlod_error *error);
+
 bool plot3d_sniff(const unsigned char *bytes, size_t size);
 TETLOD_CHECKED enum tetlod_status plot3d_read(struct tetmesh *mesh, const struct io_input *input,
                                               struct io_report *report, struct tetlod_error *error);

@@ -22,6 +22,7 @@ struct format {
 /* In the order in which contents are tried: PLOT3D, which has no magic, last. */
 static const struct format formats[] = {
     {"vtu", {"vtu"}, vtu_sniff, vtu_read, io_write_vtu},
+    {"vtk", {"vtk"}, vtk_sniff, vtk_read, io_write_vtk},
     {"plot3d", {"xyz", "p3d", "x"}, plot3d_sniff, plot3d_read, NULL},
 };
 

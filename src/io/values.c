@@ -93,6 +93,11 @@ bool text_is(struct text word, const char *name)
     return (size_t)(word.end - word.at) == length && strncasecmp(word.at, name, length) == 0;
 }
 
+int text_length(struct text word)
+{
+    return word.end - word.at < 40 ? (int)(word.end - word.at) : 40;
+}
+
 struct text text_line(struct text *text)
 {
     struct text line = *text;

@@ -40,6 +40,9 @@ struct text text_word(struct text *text);
 /* Whether `word` is `name`, whatever its case. */
 bool text_is(struct text word, const char *name);
 
+/* Its length, at most 40, for "%.*s" in a message. */
+int text_length(struct text word);
+
 /* The rest of the line, without its end; `text` goes on at the next line. */
 struct text text_line(struct text *text);
 

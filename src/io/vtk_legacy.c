@@ -1,0 +1,561 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Reading legacy VTK, versions 1.0 to 5.1: a line of keyword and counts, then its data, and so on. In versions from 5.0
+ * cells are two arrays, OFFSETS and CONNECTIVITY; before, each cell is its number of corners and these.
+ */
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/io/formats.h"
+#include "src/io/vtk_data.h"
+#include "src/util/array.h"
+
+enum dataset { NO_DATASET, UNSTRUCTURED_GRID, STRUCTURED_GRID, RECTILINEAR_GRID, STRUCTURED_POINTS };
+enum attributes { FIELD_DATA, POINT_DATA, CELL_DATA };
+
+struct legacy {
+    struct vtk_stream stream;
+    struct tetmesh *mesh;
+    struct io_report *report;
+    struct tetlod_error *error;
+    enum dataset dataset;
+    enum attributes attributes;
+    uint64_t tuples;
+    int major_version;
+    int64_t dims[3];
+    double origin[3], spacing[3];
+    double *coordinates[3]; /* owned: of a rectilinear grid */
+    enum tetlod_type coordinate_type;
+    int64_t coordinate_count[3];
+    uint64_t cell_count, connectivity_count;
+    int64_t *offsets, *connectivity; /* owned */
+    unsigned char *cell_types;       /* owned */
+};
+
+static enum tetlod_status fail(const struct legacy *l, const char *why)
+{
+    return vtk_fail(&l->stream, l->error, "%s", why);
+}
+
+static enum tetlod_status take_count(const struct legacy *l, struct text *line, int64_t *out)
+{
+    return text_int(line, out) && *out >= 0 ? TETLOD_OK : fail(l, "there should be a count on this line");
+}
+
+static enum tetlod_status take_type(const struct legacy *l, struct text *line, enum value_type *out)
+{
+    struct vtk_array_type type;
+    TETLOD_TRY(vtk_array_type(&l->stream, text_word(line), &type, l->error));
+    *out = type.type;
+    return type.kind == VTK_NUMBERS ? TETLOD_OK : fail(l, "this array should be of numbers");
+}
+
+static enum tetlod_type float_type(enum value_type type)
+{
+    return type == VALUE_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
+}
+
+/* ---- geometry */
+
+static enum tetlod_status on_dataset(struct legacy *l, struct text line)
+{
+    static const char *const names[] = {"", "UNSTRUCTURED_GRID", "STRUCTURED_GRID", "RECTILINEAR_GRID",
+                                        "STRUCTURED_POINTS"};
+    struct text word = text_word(&line);
+    for (int d = UNSTRUCTURED_GRID; d <= STRUCTURED_POINTS; d++)
+        if (text_is(word, names[d])) {
+            l->dataset = (enum dataset)d;
+            return TETLOD_OK;
+        }
+    return fail(l, "this kind of DATASET has no tetrahedra and no cells to split into them");
+}
+
+static enum tetlod_status on_dimensions(struct legacy *l, struct text line)
+{
+    for (int d = 0; d < 3; d++)
+        TETLOD_TRY(take_count(l, &line, &l->dims[d]));
+    return TETLOD_OK;
+}
+
+static enum tetlod_status take_vector(const struct legacy *l, struct text *line, double out[3])
+{
+    for (int d = 0; d < 3; d++)
+        if (!text_double(line, false, &out[d]))
+            return fail(l, "there should be three numbers on this line");
+    return TETLOD_OK;
+}
+
+static enum tetlod_status on_origin(struct legacy *l, struct text line)
+{
+    return take_vector(l, &line, l->origin);
+}
+
+static enum tetlod_status on_spacing(struct legacy *l, struct text line)
+{
+    return take_vector(l, &line, l->spacing);
+}
+
+static enum tetlod_status on_points(struct legacy *l, struct text line)
+{
+    int64_t count;
+    enum value_type type;
+    TETLOD_TRY(take_count(l, &line, &count));
+    TETLOD_TRY(take_type(l, &line, &type));
+    if (l->mesh->positions)
+        return fail(l, "there are POINTS a second time");
+    if (count > INT64_MAX / 3)
+        return fail(l, "there are more points than a file can hold");
+    TETLOD_TRY(vtk_check_count(&l->stream, type, 3 * (uint64_t)count, l->error));
+    TETLOD_TRY(assemble_points(l->mesh, (uint64_t)count, float_type(type), l->error));
+    return vtk_doubles(&l->stream, type, 3 * (size_t)count, l->mesh->positions, l->error);
+}
+
+static enum tetlod_status take_coordinates(struct legacy *l, struct text line, int axis)
+{
+    int64_t count;
+    enum value_type type;
+    TETLOD_TRY(take_count(l, &line, &count));
+    TETLOD_TRY(take_type(l, &line, &type));
+    TETLOD_TRY(vtk_check_count(&l->stream, type, (uint64_t)count, l->error));
+    if (l->coordinates[axis])
+        return fail(l, "these coordinates are there a second time");
+    if (type != VALUE_FLOAT32)
+        l->coordinate_type = TETLOD_FLOAT64;
+    l->coordinate_count[axis] = count;
+    l->coordinates[axis] = array_new((size_t)count, sizeof **l->coordinates);
+    if (!l->coordinates[axis])
+        return tetlodi_fail_nomem(l->error, "the coordinates", (uint64_t)count * 8);
+    return vtk_doubles(&l->stream, type, (size_t)count, l->coordinates[axis], l->error);
+}
+
+static enum tetlod_status on_x(struct legacy *l, struct text line)
+{
+    return take_coordinates(l, line, 0);
+}
+
+static enum tetlod_status on_y(struct legacy *l, struct text line)
+{
+    return take_coordinates(l, line, 1);
+}
+
+static enum tetlod_status on_z(struct legacy *l, struct text line)
+{
+    return take_coordinates(l, line, 2);
+}
+
+/* ---- cells */
+
+static enum tetlod_status new_ints(const struct legacy *l, enum value_type type, uint64_t count, int64_t **out)
+{
+    TETLOD_TRY(vtk_check_count(&l->stream, type, count, l->error));
+    if (*out)
+        return fail(l, "there are CELLS a second time");
+    *out = array_new((size_t)count + 1, sizeof **out);
+    return *out ? TETLOD_OK : tetlodi_fail_nomem(l->error, "the cells", count * 8);
+}
+
+/* Before 5.0: n corner-0 ... corner-(n-1) for each cell, `size` integers in all. */
+static enum tetlod_status take_old_cells(struct legacy *l, int64_t count, int64_t size)
+{
+    int64_t read = 0;
+    if (count > size)
+        return fail(l, "CELLS: the size is less than the number of cells");
+    TETLOD_TRY(new_ints(l, VALUE_INT32, (uint64_t)size, &l->connectivity));
+    TETLOD_TRY(new_ints(l, VALUE_INT32, (uint64_t)count, &l->offsets));
+    TETLOD_TRY(vtk_ints(&l->stream, VALUE_INT32, (size_t)size, l->connectivity, l->error));
+    int64_t kept = 0;
+    for (int64_t c = 0; c < count; c++) {
+        int64_t corners = read < size ? l->connectivity[read++] : -1;
+        if (corners < 0 || corners > size - read)
+            return tetlodi_fail(l->error, TETLOD_ERR_MESH, "cell %lld does not fit the size that CELLS gives",
+                                (long long)c);
+        l->offsets[c] = kept;
+        memmove(l->connectivity + kept, l->connectivity + read, (size_t)corners * sizeof *l->connectivity);
+        kept += corners;
+        read += corners;
+    }
+    l->offsets[count] = kept;
+    l->cell_count = (uint64_t)count;
+    l->connectivity_count = (uint64_t)kept;
+    return TETLOD_OK;
+}
+
+/* The next line that is not blank; false at the end of the file. */
+static bool next_line(struct legacy *l, struct text *line)
+{
+    while (l->stream.rest.at < l->stream.rest.end) {
+        *line = text_line(&l->stream.rest);
+        struct text look = *line, word = text_word(&look);
+        if (word.at != word.end)
+            return true;
+    }
+    return false;
+}
+
+static enum tetlod_status take_new_array(struct legacy *l, const char *name, int64_t count, int64_t **out)
+{
+    enum value_type type;
+    struct text line;
+    if (!next_line(l, &line) || !text_is(text_word(&line), name))
+        return vtk_fail(&l->stream, l->error, "there should be %s here", name);
+    TETLOD_TRY(take_type(l, &line, &type));
+    TETLOD_TRY(new_ints(l, type, (uint64_t)count, out));
+    return vtk_ints(&l->stream, type, (size_t)count, *out, l->error);
+}
+
+static enum tetlod_status take_new_cells(struct legacy *l, int64_t offsets, int64_t connectivity)
+{
+    TETLOD_TRY(take_new_array(l, "OFFSETS", offsets, &l->offsets));
+    TETLOD_TRY(take_new_array(l, "CONNECTIVITY", connectivity, &l->connectivity));
+    l->cell_count = offsets ? (uint64_t)offsets - 1 : 0;
+    l->connectivity_count = (uint64_t)connectivity;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status on_cells(struct legacy *l, struct text line)
+{
+    int64_t first, second;
+    TETLOD_TRY(take_count(l, &line, &first));
+    TETLOD_TRY(take_count(l, &line, &second));
+    return l->major_version >= 5 ? take_new_cells(l, first, second) : take_old_cells(l, first, second);
+}
+
+static enum tetlod_status on_cell_types(struct legacy *l, struct text line)
+{
+    int64_t count, *types = NULL;
+    TETLOD_TRY(take_count(l, &line, &count));
+    if ((uint64_t)count != l->cell_count || l->cell_types)
+        return fail(l, "CELL_TYPES: their number is not the number of cells");
+    enum tetlod_status status = new_ints(l, VALUE_INT32, (uint64_t)count, &types);
+    if (status == TETLOD_OK)
+        status = vtk_ints(&l->stream, VALUE_INT32, (size_t)count, types, l->error);
+    if (status == TETLOD_OK) {
+        l->cell_types = array_new((size_t)count, 1);
+        status = l->cell_types ? TETLOD_OK : tetlodi_fail_nomem(l->error, "the cells", (uint64_t)count);
+    }
+    for (int64_t c = 0; status == TETLOD_OK && c < count; c++)
+        l->cell_types[c] = (unsigned char)(types[c] < 0 || types[c] > 255 ? 255 : types[c]);
+    free(types);
+    return status;
+}
+
+/* ---- attributes */
+
+static int hex_digit(char c)
+{
+    return c >= '0' && c <= '9' ? c - '0' : c >= 'A' && c <= 'F' ? c - 'A' + 10 : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
+}
+
+/* Names are written with %XX for what would end a word. The caller frees it. */
+static char *decode_name(struct text word)
+{
+    char *name = array_new((size_t)(word.end - word.at) + 1, 1), *out = name;
+    for (const char *at = word.at; name && at < word.end; at++) {
+        int high = *at == '%' && word.end - at > 2 ? hex_digit(at[1]) : -1, low = high >= 0 ? hex_digit(at[2]) : -1;
+        *out++ = low >= 0 ? (char)(high << 4 | low) : *at;
+        at += low >= 0 ? 2 : 0;
+    }
+    if (name)
+        *out = 0;
+    return name;
+}
+
+/* An array of the current attributes: a point field is read, all others are passed over. */
+static enum tetlod_status take_attribute(struct legacy *l, struct text name, struct vtk_array_type type,
+                                         int64_t components, uint64_t tuples)
+{
+    bool wanted = l->attributes == POINT_DATA && type.kind == VTK_NUMBERS && components > 0;
+    if (components < 0 || (components && tuples > UINT64_MAX / (uint64_t)components))
+        return fail(l, "there are more values than a file can hold");
+    uint64_t count = tuples * (uint64_t)components;
+    if (wanted && tuples != l->tuples)
+        return fail(l, "this point array has another number of values than there are points");
+    if (!wanted) {
+        l->report->skipped_arrays += l->attributes != FIELD_DATA;
+        return vtk_skip(&l->stream, type, count, l->error);
+    }
+    TETLOD_TRY(vtk_check_count(&l->stream, type.type, count, l->error));
+    char *decoded = decode_name(name);
+    if (!decoded)
+        return tetlodi_fail_nomem(l->error, "a field's name", (uint64_t)(name.end - name.at));
+    enum tetlod_status status =
+        assemble_field(l->mesh, decoded, (uint64_t)components, float_type(type.type), l->error);
+    free(decoded);
+    TETLOD_TRY(status);
+    return vtk_doubles(&l->stream, type.type, (size_t)count, l->mesh->fields[l->mesh->field_count - 1].values, l->error);
+}
+
+static enum tetlod_status start_attributes(struct legacy *l, struct text line, enum attributes attributes)
+{
+    int64_t count;
+    TETLOD_TRY(take_count(l, &line, &count));
+    l->attributes = attributes;
+    l->tuples = (uint64_t)count;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status make_points(struct legacy *l);
+
+static enum tetlod_status on_point_data(struct legacy *l, struct text line)
+{
+    TETLOD_TRY(start_attributes(l, line, POINT_DATA));
+    TETLOD_TRY(make_points(l));
+    if (l->tuples != l->mesh->vertex_count)
+        return vtk_fail(&l->stream, l->error, "POINT_DATA is for %llu points, but there are %u",
+                        (unsigned long long)l->tuples, l->mesh->vertex_count);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status on_cell_data(struct legacy *l, struct text line)
+{
+    return start_attributes(l, line, CELL_DATA);
+}
+
+static enum tetlod_status on_scalars(struct legacy *l, struct text line)
+{
+    struct text name = text_word(&line), table = {0};
+    struct vtk_array_type type;
+    int64_t components = 1;
+    TETLOD_TRY(vtk_array_type(&l->stream, text_word(&line), &type, l->error));
+    if (text_word(&(struct text){line.at, line.end}).at != line.end)
+        TETLOD_TRY(take_count(l, &line, &components));
+    const char *before = l->stream.rest.at;
+    if (!next_line(l, &table) || !text_is(text_word(&table), "LOOKUP_TABLE"))
+        l->stream.rest.at = before; // some programs leave that line out
+    return take_attribute(l, name, type, components, l->tuples);
+}
+
+/* NAME TYPE with a known number of components. */
+static enum tetlod_status take_tuples(struct legacy *l, struct text line, int64_t components)
+{
+    struct text name = text_word(&line);
+    struct vtk_array_type type;
+    TETLOD_TRY(vtk_array_type(&l->stream, text_word(&line), &type, l->error));
+    return take_attribute(l, name, type, components, l->tuples);
+}
+
+static enum tetlod_status on_vectors(struct legacy *l, struct text line)
+{
+    return take_tuples(l, line, 3);
+}
+
+static enum tetlod_status on_tensors(struct legacy *l, struct text line)
+{
+    return take_tuples(l, line, 9);
+}
+
+static enum tetlod_status on_symmetric_tensors(struct legacy *l, struct text line)
+{
+    return take_tuples(l, line, 6);
+}
+
+static enum tetlod_status on_ids(struct legacy *l, struct text line)
+{
+    return take_tuples(l, line, 1);
+}
+
+static enum tetlod_status on_texture(struct legacy *l, struct text line)
+{
+    struct text name = text_word(&line);
+    struct vtk_array_type type;
+    int64_t components;
+    TETLOD_TRY(take_count(l, &line, &components));
+    TETLOD_TRY(vtk_array_type(&l->stream, text_word(&line), &type, l->error));
+    return take_attribute(l, name, type, components, l->tuples);
+}
+
+/* Colours: bytes in binary files, fractions of 1 in text. */
+static enum tetlod_status on_color_scalars(struct legacy *l, struct text line)
+{
+    struct text name = text_word(&line);
+    int64_t components;
+    TETLOD_TRY(take_count(l, &line, &components));
+    struct vtk_array_type type = {VTK_NUMBERS, l->stream.binary ? VALUE_UINT8 : VALUE_FLOAT32};
+    return take_attribute(l, name, type, components, l->tuples);
+}
+
+static enum tetlod_status on_lookup_table(struct legacy *l, struct text line)
+{
+    int64_t entries;
+    text_word(&line);
+    TETLOD_TRY(take_count(l, &line, &entries));
+    if (entries > INT64_MAX / 4)
+        return fail(l, "there are more values than a file can hold");
+    return vtk_skip(&l->stream, (struct vtk_array_type){VTK_NUMBERS, VALUE_UINT8}, 4 * (uint64_t)entries, l->error);
+}
+
+static enum tetlod_status on_metadata(struct legacy *l, struct text line)
+{
+    do { // up to a blank line
+        line = text_line(&l->stream.rest);
+    } while (text_word(&line).at != line.end && l->stream.rest.at < l->stream.rest.end);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status on_field(struct legacy *l, struct text line)
+{
+    int64_t arrays;
+    text_word(&line);
+    TETLOD_TRY(take_count(l, &line, &arrays));
+    while (arrays > 0) {
+        int64_t components, tuples;
+        struct vtk_array_type type;
+        if (!next_line(l, &line))
+            return fail(l, "the file ends too early; is it truncated?");
+        struct text name = text_word(&line);
+        if (text_is(name, "METADATA")) {
+            TETLOD_TRY(on_metadata(l, line));
+            continue;
+        }
+        TETLOD_TRY(take_count(l, &line, &components));
+        TETLOD_TRY(take_count(l, &line, &tuples));
+        TETLOD_TRY(vtk_array_type(&l->stream, text_word(&line), &type, l->error));
+        TETLOD_TRY(take_attribute(l, name, type, components, (uint64_t)tuples));
+        arrays--;
+    }
+    return TETLOD_OK;
+}
+
+/* ---- the whole */
+
+static const struct {
+    const char *name;
+    enum tetlod_status (*run)(struct legacy *l, struct text line);
+} keywords[] = {
+    {"DATASET", on_dataset},           {"DIMENSIONS", on_dimensions},
+    {"ORIGIN", on_origin},             {"SPACING", on_spacing},
+    {"ASPECT_RATIO", on_spacing},      {"POINTS", on_points},
+    {"X_COORDINATES", on_x},           {"Y_COORDINATES", on_y},
+    {"Z_COORDINATES", on_z},           {"CELLS", on_cells},
+    {"CELL_TYPES", on_cell_types},     {"POINT_DATA", on_point_data},
+    {"CELL_DATA", on_cell_data},       {"SCALARS", on_scalars},
+    {"VECTORS", on_vectors},           {"NORMALS", on_vectors},
+    {"TENSORS", on_tensors},           {"TENSORS6", on_symmetric_tensors},
+    {"GLOBAL_IDS", on_ids},            {"PEDIGREE_IDS", on_ids},
+    {"TEXTURE_COORDINATES", on_texture}, {"COLOR_SCALARS", on_color_scalars},
+    {"LOOKUP_TABLE", on_lookup_table}, {"METADATA", on_metadata},
+    {"FIELD", on_field},
+};
+
+static enum tetlod_status run_line(struct legacy *l, struct text line)
+{
+    struct text word = text_word(&line);
+    for (size_t k = 0; k < sizeof keywords / sizeof *keywords; k++)
+        if (text_is(word, keywords[k].name)) {
+            if (l->dataset == NO_DATASET && keywords[k].run != on_dataset && keywords[k].run != on_field)
+                return fail(l, "the DATASET line is missing");
+            return keywords[k].run(l, line);
+        }
+    return vtk_fail(&l->stream, l->error, "unknown keyword '%.*s'", text_length(word), word.at);
+}
+
+static bool grid_points(const struct legacy *l, uint64_t *out)
+{
+    *out = 1;
+    for (int d = 0; d < 3; d++) {
+        if (l->dims[d] < 1 || (uint64_t)l->dims[d] > TETLOD_NONE / *out)
+            return false;
+        *out *= (uint64_t)l->dims[d];
+    }
+    return true;
+}
+
+/* Of grids whose points are not in the file. Their number is bounded by the size of the point data that follows. */
+static enum tetlod_status make_points(struct legacy *l)
+{
+    uint64_t count;
+    bool implicit = l->dataset == RECTILINEAR_GRID || l->dataset == STRUCTURED_POINTS;
+    if (l->mesh->positions || !implicit)
+        return TETLOD_OK;
+    if (!grid_points(l, &count))
+        return fail(l, "DIMENSIONS should be three numbers of points from 1 on, and their product below 2^32");
+    TETLOD_TRY(vtk_check_count(&l->stream, VALUE_UINT8, count, l->error));
+    for (int d = 0; d < 3 && l->dataset == RECTILINEAR_GRID; d++)
+        if (!l->coordinates[d] || l->coordinate_count[d] != l->dims[d])
+            return tetlodi_fail(l->error, TETLOD_ERR_MESH, "the number of %c coordinates is not that of DIMENSIONS",
+                                "XYZ"[d]);
+    TETLOD_TRY(assemble_points(l->mesh, count,
+                               l->dataset == RECTILINEAR_GRID ? l->coordinate_type : TETLOD_FLOAT64, l->error));
+    double *p = l->mesh->positions;
+    int64_t at[3];
+    for (at[2] = 0; at[2] < l->dims[2]; at[2]++)
+        for (at[1] = 0; at[1] < l->dims[1]; at[1]++)
+            for (at[0] = 0; at[0] < l->dims[0]; at[0]++)
+                for (int d = 0; d < 3; d++)
+                    *p++ = l->dataset == RECTILINEAR_GRID ? l->coordinates[d][at[d]]
+                                                          : l->origin[d] + (double)at[d] * l->spacing[d];
+    return TETLOD_OK;
+}
+
+static enum tetlod_status make_cells(struct legacy *l)
+{
+    if (l->dataset == UNSTRUCTURED_GRID) {
+        if (!l->cell_types && l->cell_count)
+            return tetlodi_fail(l->error, TETLOD_ERR_MESH, "CELL_TYPES are missing; is the file truncated?");
+        struct vtk_cells cells = {l->cell_count, l->connectivity_count, l->cell_types, l->offsets, l->connectivity};
+        return assemble_vtk_cells(l->mesh, &cells, 0, l->mesh->vertex_count, l->report, l->error);
+    }
+    uint64_t count;
+    if (!grid_points(l, &count) || count != l->mesh->vertex_count)
+        return tetlodi_fail(l->error, TETLOD_ERR_MESH, "the number of points is not that of DIMENSIONS; is the file "
+                                                       "truncated?");
+    const uint32_t dims[3] = {(uint32_t)l->dims[0], (uint32_t)l->dims[1], (uint32_t)l->dims[2]};
+    return assemble_grid(l->mesh, dims, l->report, l->error);
+}
+
+static const char magic[] = "# vtk DataFile Version ";
+
+bool vtk_sniff(const unsigned char *bytes, size_t size)
+{
+    return size >= sizeof magic - 1 && memcmp(bytes, magic, sizeof magic - 1) == 0;
+}
+
+static enum tetlod_status read_header(struct legacy *l)
+{
+    struct text line = text_line(&l->stream.rest), mode;
+    line.at += line.end - line.at >= (ptrdiff_t)sizeof magic ? sizeof magic - 1 : 0;
+    l->major_version = line.at < line.end && *line.at >= '0' && *line.at <= '9' ? *line.at - '0' : 0;
+    if (l->major_version < 1 || l->major_version > 5)
+        return fail(l, "only versions 1.0 to 5.1 of legacy VTK are known");
+    text_line(&l->stream.rest); // the title
+    mode = text_line(&l->stream.rest);
+    struct text word = text_word(&mode);
+    l->stream.binary = text_is(word, "BINARY");
+    if (!l->stream.binary && !text_is(word, "ASCII"))
+        return fail(l, "the line before should be ASCII or BINARY");
+    return TETLOD_OK;
+}
+
+static enum tetlod_status read_all(struct legacy *l)
+{
+    struct text line;
+    TETLOD_TRY(read_header(l));
+    while (next_line(l, &line))
+        TETLOD_TRY(run_line(l, line));
+    if (l->dataset == NO_DATASET)
+        return fail(l, "the file ends without a DATASET; is it truncated?");
+    if (!l->mesh->positions)
+        return fail(l, l->dataset == RECTILINEAR_GRID || l->dataset == STRUCTURED_POINTS
+                           ? "there is no POINT_DATA; a field has values at points"
+                           : "there are no POINTS");
+    return make_cells(l);
+}
+
+enum tetlod_status vtk_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
+                            struct tetlod_error *error)
+{
+    const char *begin = (const char *)input->bytes;
+    struct legacy l = {.stream = {begin, {begin, begin + input->size}, false},
+                       .mesh = mesh,
+                       .report = report,
+                       .error = error,
+                       .spacing = {1, 1, 1}};
+    enum tetlod_status status = read_all(&l);
+    for (int d = 0; d < 3; d++)
+        free(l.coordinates[d]);
+    free(l.offsets);
+    free(l.connectivity);
+    free(l.cell_types);
+    return status;
+}
