@@ -30,7 +30,9 @@ static int convert(const char *input, const char *solution, const char *output)
     struct tetmesh mesh;
     struct tetlod_error error = {0};
     struct io_report report;
-    enum tetlod_status status = io_read(&mesh, input, &(struct io_read_options){.solution = solution}, &report, &error);
+    enum tetlod_status status = io_check_output(output, &error);
+    if (status == TETLOD_OK)
+        status = io_read(&mesh, input, &(struct io_read_options){.solution = solution}, &report, &error);
     if (status != TETLOD_OK)
         return cli_fail(&error);
     status = io_write(&mesh, output, &error);

@@ -28,9 +28,11 @@ static int list(void)
 
 static int make(const struct sample *sample, uint32_t size, const char *output)
 {
-    struct tetmesh mesh;
+    struct tetmesh mesh = {0};
     struct tetlod_error error = {0};
-    enum tetlod_status status = sample->make(&mesh, size, &error);
+    enum tetlod_status status = io_check_output(output, &error);
+    if (status == TETLOD_OK)
+        status = sample->make(&mesh, size, &error);
     if (status == TETLOD_OK)
         status = io_write(&mesh, output, &error);
     tetmesh_fini(&mesh);

@@ -91,23 +91,25 @@ enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct i
     return status;
 }
 
-static enum tetlod_status fail_extension(struct tetlod_error *error, const char *path)
+enum tetlod_status io_check_output(const char *path, struct tetlod_error *error)
 {
+    const struct format *format = by_extension(path);
     char known[128] = "";
     size_t length = 0;
+    if (format && format->write)
+        return TETLOD_OK;
     for (int f = 0; f < FORMATS; f++)
         if (formats[f].write)
             length += (size_t)snprintf(known + length, sizeof known - length, "%s.%s", length ? ", " : "",
                                        formats[f].extensions[0]);
-    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s: the format of an output is told by its extension, which is one of %s",
-                        path, known);
+    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                        "%.120s: the format of an output is told by its extension, which is one of %s", path, known);
 }
 
 enum tetlod_status io_write(const struct tetmesh *mesh, const char *path, struct tetlod_error *error)
 {
+    TETLOD_TRY(io_check_output(path, error));
     const struct format *format = by_extension(path);
-    if (!format || !format->write)
-        return fail_extension(error, path);
     struct file_output *output;
     TETLOD_TRY(file_output_open(&output, path, error));
     struct tetlodi_sink sink = file_output_sink(output);

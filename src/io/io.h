@@ -27,6 +27,9 @@ struct io_report {
 TETLOD_CHECKED enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct io_read_options *options,
                                           struct io_report *report, struct tetlod_error *error);
 
+/* Whether io_write knows the path's extension: to be asked before work is spent on what it is to write. */
+TETLOD_CHECKED enum tetlod_status io_check_output(const char *path, struct tetlod_error *error);
+
 /* Writes by the path's extension, atomically: on failure no file is left and an older one stays. */
 TETLOD_CHECKED enum tetlod_status io_write(const struct tetmesh *mesh, const char *path, struct tetlod_error *error);
 

@@ -164,9 +164,18 @@ static enum vtu_section find_section(const char *name)
     return VTU_ELSEWHERE;
 }
 
+/* An array's text ends where it does, or where elements about it begin (VTK writes InformationKeys after the values). */
+static void end_array(struct parse *parse)
+{
+    if (parse->in_array)
+        parse->document->arrays[parse->document->array_count - 1].end = (size_t)XML_GetCurrentByteIndex(parse->parser);
+    parse->in_array = false;
+}
+
 static void XMLCALL on_start(void *opaque, const char *name, const char **attributes)
 {
     struct parse *parse = opaque;
+    end_array(parse);
     if (strcmp(name, "VTKFile") == 0)
         start_file(parse, attributes);
     else if (!parse->is_grid)
@@ -184,10 +193,8 @@ static void XMLCALL on_start(void *opaque, const char *name, const char **attrib
 static void XMLCALL on_end(void *opaque, const char *name)
 {
     struct parse *parse = opaque;
-    if (parse->in_array && strcmp(name, "DataArray") == 0) {
-        parse->document->arrays[parse->document->array_count - 1].end = (size_t)XML_GetCurrentByteIndex(parse->parser);
-        parse->in_array = false;
-    } else if (find_section(name) != VTU_ELSEWHERE)
+    end_array(parse);
+    if (find_section(name) != VTU_ELSEWHERE)
         parse->section = VTU_ELSEWHERE;
 }
 

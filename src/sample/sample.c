@@ -33,10 +33,10 @@ const struct sample *sample_find(const char *name)
 
 enum tetlod_status sample_alloc(struct tetmesh *out, uint64_t vertices, uint64_t tets, struct tetlod_error *error)
 {
+    *out = (struct tetmesh){.position_type = TETLOD_FLOAT32};
     if (vertices >= TETLOD_NONE || tets > ADJACENCY_MOST_TETS)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "a sample of %llu tetrahedra does not fit; ask for a smaller size",
                             (unsigned long long)tets);
-    *out = (struct tetmesh){.position_type = TETLOD_FLOAT32};
     out->positions = array_zero(vertices, 3 * sizeof *out->positions);
     out->corners = array_zero(tets, 4 * sizeof *out->corners);
     if (!out->positions || !out->corners) {

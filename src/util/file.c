@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#define _GNU_SOURCE // O_TMPFILE
 #include "src/util/file.h"
 
 #include <errno.h>
@@ -61,9 +62,15 @@ enum tetlod_status file_read(const char *path, unsigned char **out_bytes, size_t
     return status;
 }
 
+/* Where the file goes while it is written: to a file without a name, which vanishes with the process; where a file
+ * system has no such files, to one with a temporary name; to a device or pipe straight. */
+enum output_kind { OUTPUT_UNNAMED, OUTPUT_TEMPORARY, OUTPUT_STRAIGHT };
+
 struct file_output {
+    enum output_kind kind;
     FILE *stream;
     char *path, *temporary;
+    size_t temporary_size;
     int failed_errno;
 };
 
@@ -74,34 +81,76 @@ static void output_free(struct file_output *output)
     free(output);
 }
 
+static struct file_output *output_new(const char *path)
+{
+    struct file_output *output = array_zero(1, sizeof *output);
+    if (!output)
+        return NULL;
+    output->temporary_size = strlen(path) + 64;
+    output->path = strdup(path);
+    output->temporary = array_new(output->temporary_size, 1);
+    if (output->path && output->temporary)
+        return output;
+    output_free(output);
+    return NULL;
+}
+
+static int open_unnamed(struct file_output *output)
+{
+    snprintf(output->temporary, output->temporary_size, "%s", output->path);
+    char *slash = strrchr(output->temporary, '/');
+    snprintf(slash ? slash + 1 : output->temporary, 2, ".");
+    if (access("/proc/self/fd", X_OK) != 0) // by which it gets its name at last
+        return -1;
+    return open(output->temporary, O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
+}
+
+static int open_temporary(struct file_output *output)
+{
+    snprintf(output->temporary, output->temporary_size, "%s.XXXXXX", output->path);
+    int fd = mkostemp(output->temporary, O_CLOEXEC);
+    mode_t mask = umask(0);
+    umask(mask);
+    if (fd >= 0 && fchmod(fd, 0666 & ~mask) != 0) {
+        close(fd);
+        unlink(output->temporary);
+        return -1;
+    }
+    return fd;
+}
+
+static int open_output(struct file_output *output)
+{
+    struct stat about;
+    if (stat(output->path, &about) == 0 && !S_ISREG(about.st_mode)) {
+        output->kind = OUTPUT_STRAIGHT;
+        return open(output->path, O_WRONLY | O_CLOEXEC);
+    }
+    output->kind = OUTPUT_UNNAMED;
+    int fd = open_unnamed(output);
+    if (fd >= 0)
+        return fd;
+    output->kind = OUTPUT_TEMPORARY;
+    return open_temporary(output);
+}
+
 enum tetlod_status file_output_open(struct file_output **out, const char *path, struct tetlod_error *error)
 {
     *out = NULL;
     struct stat about;
     if (stat(path, &about) == 0 && S_ISDIR(about.st_mode))
         return tetlodi_fail(error, TETLOD_ERR_IO, "%s: is a directory; give the name of a file in it", path);
-    struct file_output *output = array_zero(1, sizeof *output);
-    size_t length = strlen(path) + sizeof ".XXXXXX";
-    if (output) {
-        output->path = strdup(path);
-        output->temporary = array_new(length, 1);
-    }
-    if (!output || !output->path || !output->temporary) {
-        if (output)
-            output_free(output);
-        return tetlodi_fail_nomem(error, "an output file", length);
-    }
-    snprintf(output->temporary, length, "%s.XXXXXX", path);
-    int fd = mkstemp(output->temporary);
-    mode_t mask = umask(0);
-    umask(mask);
-    if (fd >= 0 && fchmod(fd, 0666 & ~mask) == 0)
-        output->stream = fdopen(fd, "wb");
+    struct file_output *output = output_new(path);
+    if (!output)
+        return tetlodi_fail_nomem(error, "an output file", strlen(path));
+    int fd = open_output(output);
+    output->stream = fd >= 0 ? fdopen(fd, "wb") : NULL;
     if (!output->stream) {
         enum tetlod_status status = fail_errno(error, path, "create");
         if (fd >= 0) {
             close(fd);
-            unlink(output->temporary);
+            if (output->kind == OUTPUT_TEMPORARY)
+                unlink(output->temporary);
         }
         output_free(output);
         return status;
@@ -124,22 +173,40 @@ struct tetlodi_sink file_output_sink(struct file_output *output)
     return (struct tetlodi_sink){output_write, output};
 }
 
+/* Gives the unnamed file its name: in one step where there is none of that name, else by way of a rename. */
+static bool name_output(struct file_output *output)
+{
+    enum { TRIES = 100 };
+    char self[64];
+    snprintf(self, sizeof self, "/proc/self/fd/%d", fileno(output->stream));
+    if (linkat(AT_FDCWD, self, AT_FDCWD, output->path, AT_SYMLINK_FOLLOW) == 0)
+        return true;
+    for (int i = 0; errno == EEXIST && i < TRIES; i++) {
+        snprintf(output->temporary, output->temporary_size, "%s.%ld-%d", output->path, (long)getpid(), i);
+        if (linkat(AT_FDCWD, self, AT_FDCWD, output->temporary, AT_SYMLINK_FOLLOW) != 0)
+            continue;
+        output->kind = OUTPUT_TEMPORARY;
+        return rename(output->temporary, output->path) == 0;
+    }
+    return false;
+}
+
 enum tetlod_status file_output_commit(struct file_output *output, struct tetlod_error *error)
 {
-    bool written = !output->failed_errno && fflush(output->stream) == 0 && fsync(fileno(output->stream)) == 0;
-    if (!written) {
-        errno = output->failed_errno ? output->failed_errno : errno;
+    errno = output->failed_errno;
+    bool good = !output->failed_errno && fflush(output->stream) == 0;
+    if (good && output->kind != OUTPUT_STRAIGHT)
+        good = fsync(fileno(output->stream)) == 0;
+    if (good && output->kind == OUTPUT_UNNAMED)
+        good = name_output(output);
+    else if (good && output->kind == OUTPUT_TEMPORARY)
+        good = rename(output->temporary, output->path) == 0;
+    if (!good) {
         enum tetlod_status status = fail_errno(error, output->path, "write");
         file_output_abort(output);
         return status;
     }
-    int closed = fclose(output->stream);
-    output->stream = NULL;
-    if (closed != 0 || rename(output->temporary, output->path) != 0) {
-        enum tetlod_status status = fail_errno(error, output->path, "write");
-        file_output_abort(output);
-        return status;
-    }
+    fclose(output->stream); // all has been flushed
     output_free(output);
     return TETLOD_OK;
 }
@@ -148,8 +215,8 @@ void file_output_abort(struct file_output *output)
 {
     if (!output)
         return;
-    if (output->stream)
-        fclose(output->stream);
-    unlink(output->temporary);
+    fclose(output->stream);
+    if (output->kind == OUTPUT_TEMPORARY)
+        unlink(output->temporary);
     output_free(output);
 }

@@ -9,7 +9,8 @@
 TETLOD_CHECKED enum tetlod_status file_read(const char *path, unsigned char **out_bytes, size_t *out_size,
                                             struct tetlod_error *error);
 
-/* An output under a temporary name beside its place; commit renames it there, abort removes it. */
+/* An output that commit puts in its place in one step and abort takes back; a process that is killed between leaves
+ * nothing. To a device or pipe it is written straight. */
 struct file_output;
 TETLOD_CHECKED enum tetlod_status file_output_open(struct file_output **out, const char *path, struct tetlod_error *error);
 struct tetlodi_sink file_output_sink(struct file_output *output);
