@@ -8,6 +8,11 @@
 
 #include "src/io/assemble.h"
 
+/* io_read for a file that is in memory; the path only tells the extension, messages do not have it. On failure *out may
+ * hold what there is so far. */
+TETLOD_CHECKED enum tetlod_status io_read_input(struct tetmesh *out, const char *path, const struct io_input *input,
+                                                struct io_report *report, struct tetlod_error *error);
+
 bool vtu_sniff(const unsigned char *bytes, size_t size);
 TETLOD_CHECKED enum tetlod_status vtu_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
                                            struct tetlod_error *error);

@@ -46,8 +46,8 @@ static const struct format *find_format(const char *path, const unsigned char *b
     return by_extension(path);
 }
 
-static enum tetlod_status read_bytes(struct tetmesh *out, const char *path, const struct io_input *input,
-                                     struct io_report *report, struct tetlod_error *error)
+enum tetlod_status io_read_input(struct tetmesh *out, const char *path, const struct io_input *input,
+                                 struct io_report *report, struct tetlod_error *error)
 {
     if (input->size == 0)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is an empty file");
@@ -80,7 +80,7 @@ enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct i
     if (status == TETLOD_OK) {
         input.bytes = bytes;
         input.other = other;
-        status = read_bytes(out, path, &input, report, &inner);
+        status = io_read_input(out, path, &input, report, &inner);
         if (status != TETLOD_OK)
             tetlodi_fail(error, status, "%.120s: %s", path, inner.message);
     }

@@ -1,0 +1,70 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "tests/reader_fuzz.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "src/mesh/mesh_check.h"
+#include "tests/memory_sink.h"
+
+static void require(bool condition, const char *what, const struct tetlod_error *error)
+{
+    if (condition)
+        return;
+    fprintf(stderr, "reader_fuzz: %s: %s\n", what, error->message);
+    abort();
+}
+
+static bool same_fields(const struct point_field *a, const struct point_field *b, uint32_t vertices)
+{
+    return strcmp(a->name, b->name) == 0 && a->components == b->components && a->type == b->type &&
+           memcmp(a->values, b->values, (size_t)vertices * a->components * sizeof *a->values) == 0;
+}
+
+static bool same_meshes(const struct tetmesh *a, const struct tetmesh *b)
+{
+    bool same = a->vertex_count == b->vertex_count && a->tet_count == b->tet_count && a->field_count == b->field_count &&
+                a->position_type == b->position_type &&
+                memcmp(a->positions, b->positions, 3 * (size_t)a->vertex_count * sizeof *a->positions) == 0 &&
+                memcmp(a->corners, b->corners, 4 * (size_t)a->tet_count * sizeof *a->corners) == 0;
+    for (uint32_t f = 0; same && f < a->field_count; f++)
+        same = same_fields(&a->fields[f], &b->fields[f], a->vertex_count);
+    return same;
+}
+
+static void check_round_trip(const struct tetmesh *mesh, const char *path,
+                             enum tetlod_status (*write)(const struct tetmesh *, const struct tetlodi_sink *,
+                                                         struct tetlod_error *))
+{
+    struct memory_sink memory = {0};
+    struct tetlodi_sink sink = memory_sink(&memory);
+    struct tetlod_error error = {0};
+    struct tetmesh again = {0};
+    struct io_report report = {0};
+    require(write(mesh, &sink, &error) == TETLOD_OK, "write", &error);
+    struct io_input input = {.bytes = memory.bytes, .size = memory.size};
+    require(io_read_input(&again, path, &input, &report, &error) == TETLOD_OK, "read again", &error);
+    require(same_meshes(mesh, &again), "not the same mesh", &error);
+    tetmesh_fini(&again);
+    free(memory.bytes);
+}
+
+void reader_fuzz(const char *path, const struct io_input *input)
+{
+    struct tetmesh mesh = {0};
+    struct io_report report = {0};
+    struct tetlod_error error = {0};
+    struct mesh_report about;
+    enum tetlod_status status = io_read_input(&mesh, path, input, &report, &error);
+    if (status == TETLOD_OK) {
+        require(tetmesh_validate(&mesh, &error) == TETLOD_OK, "accepted, but not valid", &error);
+        require(mesh_check(mesh.positions, mesh.corners, mesh.vertex_count, mesh.tet_count, &about, &error) == TETLOD_OK,
+                "check", &error);
+        check_round_trip(&mesh, "again.vtu", io_write_vtu);
+        check_round_trip(&mesh, "again.vtk", io_write_vtk);
+    } else
+        require(error.status == status && error.message[0] && !strchr(error.message, '\n'), "a failure without a message",
+                &error);
+    tetmesh_fini(&mesh);
+}

@@ -1,0 +1,12 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* What the fuzz targets of the readers have in common. */
+#ifndef TETLOD_READER_FUZZ_H
+#define TETLOD_READER_FUZZ_H
+
+#include "src/io/formats.h"
+
+/* Reads; a mesh that is accepted must be valid, pass through mesh_check, and come back the same from VTU and legacy VTK.
+ * Aborts if not. */
+void reader_fuzz(const char *path, const struct io_input *input);
+
+#endif
