@@ -26,7 +26,10 @@ static int exit_status(enum tetlod_status status)
 int cli_fail(const struct tetlod_error *error)
 {
     const char *message = error->message[0] ? error->message : tetlod_status_text(error->status);
-    fprintf(stderr, "tetlod: %s\n", message);
+    fprintf(stderr, "tetlod: ");
+    for (; *message; message++) // names in it may come from a file
+        fputc((unsigned char)*message < ' ' || *message == 0x7f ? '?' : *message, stderr);
+    fputc('\n', stderr);
     return exit_status(error->status);
 }
 

@@ -1,0 +1,222 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Input that is no good: exit status 3 (or 1, where the system refuses the file), one clear line, and no file left."""
+import os
+import re
+import struct
+import subprocess
+import sys
+import zlib
+
+TETLOD, SCRATCH = os.environ['TETLOD'], os.environ['SCRATCH']
+COMMANDS = {'convert': '.vtu'}
+count = failed = 0
+
+
+def report(name, problem):
+    global count, failed
+    count += 1
+    failed += problem is not None
+    print('%s %d - %s' % ('ok' if problem is None else 'not ok', count, name))
+    if problem is not None:
+        print('# %s' % problem)
+
+
+def path(name):
+    return os.path.join(SCRATCH, name)
+
+
+def write(name, content):
+    with open(path(name), 'wb') as file:
+        file.write(content if isinstance(content, bytes) else content.encode())
+    return path(name)
+
+
+def run(command, arguments, as_user=None):
+    """Exit status, what is wrong with the message (or None), message. The output must not be there afterwards."""
+    output = path('output' + COMMANDS[command])
+    before = sorted(os.listdir(SCRATCH))
+    change = (lambda: os.setuid(as_user)) if as_user is not None else None
+    done = subprocess.run([TETLOD, command, *arguments, '-o', output], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, preexec_fn=change)
+    message = done.stderr.decode(errors='replace')
+    after = sorted(os.listdir(SCRATCH))
+    problem = None
+    if done.returncode == 0:
+        if os.path.exists(output):
+            os.remove(output)
+    elif before != after:
+        problem = 'left behind: %s' % sorted(set(after) - set(before))
+    elif done.stdout:
+        problem = 'wrote to standard output'
+    elif not re.fullmatch(r'tetlod: [^\n]{10,400}\n', message):
+        problem = 'not one clear line: %r' % message
+    return done.returncode, problem, message
+
+
+def check(name, wanted, arguments, mentions='', commands=None, as_user=None):
+    for command in commands or COMMANDS:
+        code, problem, message = run(command, arguments, as_user)
+        if code != wanted:
+            problem = 'exit status %d, not %d: %r' % (code, wanted, message)
+        elif not problem and os.path.basename(arguments[0]) not in message:
+            problem = 'the message does not name the file: %r' % message
+        elif not problem and mentions not in message:
+            problem = 'the message does not say %r: %r' % (mentions, message)
+        report('%s: %s' % (command, name), problem)
+
+
+VTU = '''<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian"{attributes}>
+<{kind}><Piece NumberOfPoints="{points}" NumberOfCells="{cells}">
+<PointData><DataArray type="Float32" Name="{name}" format="ascii">{field}</DataArray></PointData>
+<Points><DataArray type="Float32" NumberOfComponents="3" format="ascii">{positions}</DataArray></Points>
+<Cells><DataArray type="Int64" Name="connectivity" format="ascii">{connectivity}</DataArray>
+<DataArray type="Int64" Name="offsets" format="ascii">{offsets}</DataArray>
+<DataArray type="UInt8" Name="types" format="ascii">{types}</DataArray></Cells>
+</Piece></{kind}></VTKFile>
+'''
+GOOD = dict(kind='UnstructuredGrid', attributes='', points=4, cells=1, name='s', field='1 2 3 4',
+            positions='0 0 0 1 0 0 0 1 0 0 0 1', connectivity='0 1 2 3', offsets='4', types='10')
+
+VTK = '''# vtk DataFile Version {version}
+title
+ASCII
+DATASET {dataset}
+POINTS {points} {type}
+{positions}
+CELLS {cells}
+CELL_TYPES {types}
+POINT_DATA {points}
+SCALARS s float 1
+LOOKUP_TABLE default
+{field}
+'''
+GOOD_VTK = dict(version='3.0', dataset='UNSTRUCTURED_GRID', points=4, type='float', field='1 2 3 4',
+                positions='0 0 0 1 0 0 0 1 0 0 0 1', cells='1 5\n4 0 1 2 3', types='1\n10')
+
+
+def vtu(file, **changes):
+    return write(file, VTU.format(**dict(GOOD, **changes)))
+
+
+def vtk(file, **changes):
+    return write(file, VTK.format(**dict(GOOD_VTK, **changes)))
+
+
+def contents():
+    code, problem, message = run('convert', [vtu('good.vtu')])
+    report('the mesh that the others spoil is good', problem or (message if code else None))
+    code, problem, message = run('convert', [vtk('good.vtk')])
+    report('the legacy mesh that the others spoil is good', problem or (message if code else None))
+    check('NaN coordinate', 3, [vtu('nan.vtu', positions='0 0 0 1 0 0 0 nan 0 0 0 1')], 'point 2')
+    check('infinite coordinate', 3, [vtu('inf.vtu', positions='0 0 0 1 0 0 0 1 0 0 0 inf')], 'point 3')
+    check('NaN value', 3, [vtu('nanvalue.vtu', field='1 nan 3 4')], 'field s')
+    check('index out of range', 3, [vtu('range.vtu', connectivity='0 1 2 4')], 'point 4')
+    check('negative index', 3, [vtu('negative.vtu', connectivity='0 1 2 -1')], 'point -1')
+    check('a point named twice', 3, [vtu('twice.vtu', connectivity='0 1 2 2')], 'twice')
+    check('no tetrahedra', 3, [vtu('surface.vtu', connectivity='0 1 2', offsets='3', types='5')], 'no tetrahedron')
+    check('no cells', 3, [vtu('cells.vtu', cells=0, connectivity='', offsets='', types='')], 'no tetrahedron')
+    check('no points', 3, [vtu('points.vtu', points=0, cells=0, connectivity='', offsets='', types='', field='',
+                               positions='')], 'no point')
+    check('too few corners', 3, [vtu('corners.vtu', connectivity='0 1 2', offsets='3')], 'cell 0')
+    check('offsets beyond the end', 3, [vtu('offsets.vtu', offsets='400000000000')], 'connectivity')
+    check('negative offset', 3, [vtu('offset.vtu', offsets='-4')], 'offsets')
+    check('a cell that cannot be split', 3, [vtu('polyhedron.vtu', types='42')], 'type 42')
+    check('unknown cell type', 3, [vtu('type.vtu', types='200')], 'type 200')
+    check('not a number', 3, [vtu('word.vtu', field='1 2 x 4')], 'value 2')
+    check('too few values', 3, [vtu('few.vtu', field='1 2 3')], "'s'")
+    check('too many values', 3, [vtu('many.vtu', field='1 2 3 4 5')], "'s'")
+    check('count beyond the file', 3, [vtu('count.vtu', points=10**18)], 'truncated')
+    check('negative count', 3, [vtu('minus.vtu', points=-4)], 'count')
+    check('another VTK file', 3, [vtu('poly.vtu', kind='PolyData')], 'PolyData')
+    check('unknown compressor', 3, [vtu('lzma.vtu', attributes=' compressor="vtkLZMADataCompressor"')], 'zlib')
+    check('a name with a line end', 3, [vtu('line.vtu', name='a&#10;b', field='1 2')], 'a?b')
+    check('XML that is not VTK', 3, [write('page.vtu', '<?xml version="1.0"?><html/>')], 'html')
+    check('XML that is not well-formed', 3, [write('tag.vtu', '<?xml version="1.0"?><VTKFile type="UnstructuredGrid"><a></b>')],
+          'line 1')
+    check('garbage', 3, [write('garbage.vtu', bytes(range(256)) * 9)])
+    check('text', 3, [write('readme.txt', 'This is not a mesh.\n')], 'not a mesh')
+    check('empty file', 3, [write('empty.vtu', '')], 'empty')
+    check('legacy: version', 3, [vtk('version.vtk', version='9.0')], 'version')
+    check('legacy: surface', 3, [vtk('poly.vtk', dataset='POLYDATA')], 'line 4')
+    check('legacy: data type', 3, [vtk('type.vtk', type='quad')], 'quad')
+    check('legacy: NaN', 3, [vtk('nan.vtk', positions='0 0 0 1 0 0 0 1 0 0 0 nan')], 'point 3')
+    check('legacy: index', 3, [vtk('index.vtk', cells='1 5\n4 0 1 2 9')], 'point 9')
+    check('legacy: cell beyond its size', 3, [vtk('size.vtk', cells='1 5\n9 0 1 2 3')], 'cell 0')
+    check('legacy: number of types', 3, [vtk('types.vtk', types='2\n10 10')], 'CELL_TYPES')
+    check('legacy: count beyond the file', 3, [vtk('count.vtk', points=10**15)], 'truncated')
+    check('legacy: keyword', 3, [vtk('word.vtk', types='1\n10\nNONSENSE')], 'NONSENSE')
+
+
+def system():
+    os.mkdir(path('folder.vtu'))
+    check('directory', 1, [path('folder.vtu')], 'directory')
+    check('missing file', 1, [path('nowhere.vtu')], 'No such file')
+    check('device', 1, ['/dev/null'], 'regular file')
+    unreadable = vtu('locked.vtu')
+    os.chmod(unreadable, 0)
+    if os.getuid() != 0:
+        check('unreadable file', 1, [unreadable], 'Permission denied')
+        return
+    nobody = 65534
+    os.chmod(SCRATCH, 0o777)
+    if subprocess.run([TETLOD, '--version'], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                      preexec_fn=lambda: os.setuid(nobody)).returncode:
+        print('ok - unreadable file # SKIP another user cannot run the program here')
+    else:
+        check('unreadable file', 1, [unreadable], 'Permission denied', as_user=nobody)
+
+
+def plot3d():
+    n = 2 * 3 * 4
+    grid = struct.pack('>3i', 2, 3, 4) + b''.join(
+        struct.pack('>%df' % n, *[(p % 2, p // 2 % 3, p // 6)[axis] for p in range(n)]) for axis in range(3))
+    solution = struct.pack('>3i4f', 2, 3, 4, 1, 0, 0, 0) + struct.pack('>%df' % (5 * n), *[1.0] * (5 * n))
+    flat = struct.pack('>3i', 1, 3, 4) + bytes(12 * 12)
+    check('PLOT3D: truncated grid', 3, [write('short.xyz', grid[:-4])], 'PLOT3D')
+    check('PLOT3D: grid without volume', 3, [write('flat.xyz', flat)], 'no volume')
+    good = write('good.xyz', grid)
+    check('PLOT3D: truncated solution', 3, [good, '--q', write('short.q', solution[:-4])], 'short.q')
+    check('PLOT3D: solution of another grid', 3, [good, '--q', write('other.q', struct.pack('>3i', 4, 3, 2) + solution[12:])],
+          'other.q')
+    check('PLOT3D: solution without density', 3, [good, '--q', write('zero.q', solution[:28] + bytes(4) + solution[32:])],
+          'Pressure')
+    check('PLOT3D: empty solution', 3, [good, '--q', write('empty.q', '')], 'empty.q')
+    check('PLOT3D: solution of a VTU', 3, [vtu('good.vtu'), '--q', write('good.q', solution)], 'only a PLOT3D')
+    missing = path('nowhere.q')
+    code, problem, message = run('convert', [good, '--q', missing])
+    report('convert: PLOT3D: missing solution', problem or (None if code == 1 and missing in message else message))
+    code, problem, message = run('convert', [good, '--q', path('good.q')])
+    report('the PLOT3D files that the others spoil are good', problem or (message if code else None))
+
+
+def truncated():
+    """Cut at many lengths. What may be cut off without harm is the end of the XML, or digits of the last number."""
+    subprocess.run([TETLOD, 'sample', 'cube', '--size', '3', '-o', path('whole.vtu')], check=True)
+    subprocess.run([TETLOD, 'convert', path('whole.vtu'), '-o', path('whole.vtk')], check=True)
+    cases = {'appended VTU': (open(path('whole.vtu'), 'rb').read(), '.vtu', b'\n  </AppendedData>'),
+             'binary legacy VTK': (open(path('whole.vtk'), 'rb').read(), '.vtk', b'\n'),
+             'ascii VTU': (VTU.format(**GOOD).encode(), '.vtu', b'\n'),
+             'ascii legacy VTK': (VTK.format(**GOOD_VTK).encode(), '.vtk', b'4\n')}
+    for name, (content, extension, tail) in cases.items():
+        complete, problem, tried = content.rindex(tail), None, 0
+        # cut right before or after the line that announces the point data, a legacy file is whole, but has no field
+        fields = content.find(b'POINT_DATA') if extension == '.vtk' else -2
+        line = content.find(b'\n', fields) if fields >= 0 else -2
+        for length in sorted(set(range(0, complete, max(1, complete // 97)))):
+            if fields >= 0 and (fields - 2 <= length <= fields or line <= length <= line + 1):
+                continue
+            code, problem, message = run('convert', [write('cut' + extension, content[:length])])
+            tried += 1
+            problem = problem or (None if code == 3 else 'cut at %d of %d: exit %d %r' % (length, len(content), code, message))
+            if problem:
+                break
+        report('%s cut at %d lengths' % (name, tried), problem)
+
+
+contents()
+system()
+plot3d()
+truncated()
+print('1..%d' % count)
+sys.exit(failed != 0)

@@ -1,0 +1,150 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""`tetlod sample` and `tetlod convert` as a user meets them."""
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import vtk
+from vtk.util.numpy_support import vtk_to_numpy
+
+TETLOD, SCRATCH, ROOT = os.environ['TETLOD'], os.environ['SCRATCH'], os.environ['ROOT']
+SAMPLES = {'cube': (9261, 48000), 'fin': (9025, 38880), 'torus': (4050, 19200), 'shell': (3612, 18000),
+           'delta': (8598, 43416)}
+count = failed = 0
+
+
+def report(name, good, detail='', skip=None):
+    global count, failed
+    count += 1
+    failed += not good
+    print('%s %d - %s%s' % ('ok' if good else 'not ok', count, name, ' # SKIP ' + skip if skip else ''))
+    if not good:
+        print('# %s' % (detail,))
+
+
+def path(name):
+    return os.path.join(SCRATCH, name)
+
+
+def tetlod(*arguments, **more):
+    return subprocess.run([TETLOD, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more)
+
+
+def read(name):
+    reader = vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(path(name))
+    reader.Update()
+    grid = reader.GetOutput()
+    data = grid.GetPointData()
+    fields = {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)) for i in range(data.GetNumberOfArrays())}
+    scalars = data.GetScalars()
+    return (vtk_to_numpy(grid.GetPoints().GetData()), vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4),
+            fields, scalars.GetName() if scalars else None)
+
+
+def samples():
+    done = tetlod('sample', '--list')
+    names = [line.split()[0] for line in done.stdout.decode().splitlines()]
+    report('sample --list', done.returncode == 0 and names == list(SAMPLES), done)
+    for name, (vertices, tets) in SAMPLES.items():
+        done = tetlod('sample', name, '-o', path(name + '.vtu'))
+        points, cells, fields, scalars = read(name + '.vtu')
+        report('sample %s' % name, done.returncode == 0 and not done.stderr and (len(points), len(cells)) == (vertices, tets)
+               and scalars == list(fields)[0], (done, len(points), len(cells), scalars))
+    points, _, fields, _ = read('cube.vtu')
+    report('cube: the field is x y z', np.array_equal(fields['xyz'], points.prod(axis=1)))
+    _, _, fields, scalars = read('fin.vtu')
+    report('fin: two scalars and a vector, a scalar first', [fields[n].ndim for n in fields] == [1, 1, 2], list(fields))
+    first = open(path('fin.vtu'), 'rb').read()
+    tetlod('sample', 'fin', '-o', path('fin.vtu'))
+    report('the same bytes again', open(path('fin.vtu'), 'rb').read() == first)
+    done = tetlod('sample', 'cube', '--size', '2', '-o', path('cube.vtu'))
+    report('sample --size', done.returncode == 0 and len(read('cube.vtu')[1]) == 48)
+
+
+def usage():
+    for name, arguments, mentions in (
+            ('no name', ['sample', '-o', 'x.vtu'], 'NAME'), ('unknown name', ['sample', 'ball', '-o', 'x.vtu'], 'ball'),
+            ('no output', ['sample', 'cube'], '-o'), ('size 0', ['sample', 'cube', '--size', '0', '-o', 'x.vtu'], 'size'),
+            ('size too large', ['sample', 'cube', '--size', '501', '-o', 'x.vtu'], '500'),
+            ('unknown extension', ['sample', 'cube', '-o', 'x.obj'], '.vtu'),
+            ('no extension', ['convert', path('fin.vtu'), '-o', 'x'], 'extension'),
+            ('no input', ['convert', '-o', 'x.vtu'], 'INPUT'), ('two inputs', ['convert', 'a', 'b', '-o', 'x.vtu'], 'INPUT'),
+            ('unknown option', ['convert', '--fast', 'a', '-o', 'x.vtu'], '--fast'),
+            ('option without value', ['convert', 'a', '-o'], '-o')):
+        done = tetlod(*arguments, cwd=SCRATCH)
+        message = done.stderr.decode()
+        report('usage: ' + name, done.returncode == 2 and mentions in message and message.count('\n') == 1, done)
+
+
+def blunt_fin():
+    folder = os.path.join(ROOT, '..', 'shared', 'data')
+    grid, solution = (os.path.join(folder, name) for name in ('bluntfinxyz.bin', 'bluntfinq.bin'))
+    if not os.path.exists(grid) or not os.path.exists(solution):
+        report('convert: NASA blunt fin', True, skip='its files are not there')
+        return
+    done = tetlod('convert', grid, '--q', solution, '-o', path('blunt.vtu'))
+    report('convert: NASA blunt fin', done.returncode == 0, done)
+    points, cells, fields, _ = read('blunt.vtu')
+    report('blunt fin: 40,960 vertices, 187,395 tetrahedra', (len(points), len(cells)) == (40960, 187395))
+    raw = np.fromfile(grid, '>f4', offset=12).reshape(3, -1).T
+    report('blunt fin: positions', points.dtype == np.float32 and np.array_equal(points, raw))
+    q = np.fromfile(solution, '>f4', offset=28)[:5 * len(points)].reshape(5, -1).astype(float)
+    pressure = (0.4 * (q[4] - (q[1] * q[1] + q[2] * q[2] + q[3] * q[3]) / (2 * q[0]))).astype(np.float32)
+    report('blunt fin: fields', list(fields) == ['Density', 'Momentum', 'StagnationEnergy', 'Pressure']
+           and np.array_equal(fields['Density'], q[0]) and np.array_equal(fields['Momentum'], q[1:4].T)
+           and np.array_equal(fields['StagnationEnergy'], q[4]) and np.array_equal(fields['Pressure'], pressure))
+    p = points.astype(float)[cells]
+    volume = np.einsum('ij,ij->i', p[:, 1] - p[:, 0], np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 0]))
+    report('blunt fin: none negative, 77 zero', ((volume < 0).sum(), (volume == 0).sum()) == (0, 77))
+
+
+def output():
+    """What is in the output's place is a whole file, whatever happens to the writer."""
+    os.mkdir(path('killed'))
+    target = path('killed/cube.vtu')
+    left = []
+    for delay in np.linspace(0.02, 0.5, 12):
+        child = subprocess.Popen([TETLOD, 'sample', 'cube', '--size', '70', '-o', target])
+        time.sleep(delay)
+        child.kill()
+        child.wait()
+        left += [name for name in os.listdir(path('killed')) if name != 'cube.vtu']
+    report('a killed writer leaves nothing', not left, left)
+    old = open(path('fin.vtu'), 'rb').read()
+
+    def small_files():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))
+    done = tetlod('sample', 'fin', '--size', '30', '-o', path('fin.vtu'), preexec_fn=small_files, restore_signals=False)
+    report('a failed write keeps the older file', done.returncode == 1 and open(path('fin.vtu'), 'rb').read() == old
+           and b'File too large' in done.stderr, done)
+    done = tetlod('sample', 'cube', '-o', path('no/cube.vtu'))
+    report('no such folder', done.returncode == 1 and b'No such file' in done.stderr, done)
+    os.mkdir(path('folder.vtu'))
+    done = tetlod('sample', 'cube', '-o', path('folder.vtu'))
+    report('the output is a folder', done.returncode == 1 and b'directory' in done.stderr, done)
+    os.symlink('/dev/full', path('full.vtu'))
+    done = tetlod('sample', 'cube', '-o', path('full.vtu'))
+    report('a full device, which stays one', done.returncode == 1 and os.path.islink(path('full.vtu'))
+           and b'No space' in done.stderr, done)
+    done = subprocess.run('"%s" sample cube --size 2 -o "%s" && "%s" convert "%s" -o "%s"' % (
+        TETLOD, path('a.vtu'), TETLOD, path('a.vtu'), path('a.vtu')), shell=True)
+    report('input and output may be the same file', done.returncode == 0 and len(read('a.vtu')[1]) == 48)
+    mode = os.stat(path('a.vtu')).st_mode & 0o777
+    mask = os.umask(0)
+    os.umask(mask)
+    report('permissions as the umask says', mode == 0o666 & ~mask, oct(mode))
+
+
+samples()
+usage()
+blunt_fin()
+output()
+print('1..%d' % count)
+sys.exit(failed != 0)
