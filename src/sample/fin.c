@@ -31,9 +31,10 @@ static struct place locate(double u, double v, double w)
     double foot[2], normal[2], angle = u < nose_share ? u / nose_share : 1;
     double flank = u < nose_share ? 0 : (u - nose_share) / (1 - nose_share);
     sample_turn(0.5 - 0.25 * angle, &normal[0], &normal[1]);
-    foot[0] = normal[0] + flank_end * flank * (1 + flank) / 2;
+    double past = flank_end * flank * (1 + flank) / 2; // the nose
+    foot[0] = normal[0] + past;
     foot[1] = normal[1];
-    double reach = 3.5 + 2 * angle + 1.5 * flank;
+    double reach = 3.5 + 2 * angle + past * (0.2 + 0.05 * past); // without a kink at the shoulder
     struct place at = {.along = {normal[1], -normal[0]}, .from_fin = reach * stretched(v, 6)};
     at.x = foot[0] + at.from_fin * normal[0];
     at.y = foot[1] + at.from_fin * normal[1];
@@ -48,7 +49,7 @@ struct flow {
 static struct flow flow_at(const struct place *at)
 {
     double stand_off = 1 + 1.3 / (1 + at->z * at->z / 0.6);
-    double shock = sample_step((at->x + 1 + stand_off - at->y * at->y / 7) / 0.12); // 0 before it, 1 behind
+    double shock = sample_step((at->x + 1 + stand_off - at->y * at->y / 7) / 0.2); // 0 before it, 1 behind
     double strength = shock / (1 + at->y * at->y / 18);
     double nose = 1 / (1 + ((at->x + 1) * (at->x + 1) + at->y * at->y) / 0.7);
     double shoulder = 1 / (1 + ((at->x - 0.4) * (at->x - 0.4) + (at->y - 1) * (at->y - 1)) / 0.8);

@@ -85,8 +85,8 @@ static void check_sample(const struct wanted *wanted)
 static const struct wanted ball_like[] = {
     {"cube", 1, 8, 6, 1, 2, 1, 0x459b498992ae068d},
     {"cube", 20, 9261, 48000, 1, 2, 1, 0x70cf35e7be7ced39},
-    {"fin", 0, 9025, 38880, 1, 2, 1, 0x1639d160c73c7fa7},
-    {"fin", 5, 96, 225, 1, 2, 1, 0x91c2330f805a3903},
+    {"fin", 0, 9025, 38880, 1, 2, 1, 0xe663ccc53e7cd8a6},
+    {"fin", 5, 96, 225, 1, 2, 1, 0x6f5b68d0df8a12bc},
     {"delta", 0, 8598, 43416, 1, 2, 1, 0x1e9345211a86fcc0},
     {"delta", 1, 113, 276, 1, 2, 1, 0xd9d6701618e01abd},
 };
