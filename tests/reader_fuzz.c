@@ -68,3 +68,17 @@ void reader_fuzz(const char *path, const struct io_input *input)
                 &error);
     tetmesh_fini(&mesh);
 }
+
+void reader_fuzz_two(const char *path, const char *other_path, const uint8_t *bytes, size_t size)
+{
+    if (size == 0)
+        return;
+    size_t first = (size - 1) * bytes[0] / 255;
+    struct io_input input = {.bytes = bytes + 1, .size = first};
+    if (bytes[0] < 255) {
+        input.other = bytes + 1 + first;
+        input.other_size = size - 1 - first;
+        input.other_path = other_path;
+    }
+    reader_fuzz(path, &input);
+}

@@ -9,4 +9,8 @@
  * Aborts if not. */
 void reader_fuzz(const char *path, const struct io_input *input);
 
+/* The same for a format of two files. The first byte tells how many of the others are the first file: all (255), or in
+ * 255ths. */
+void reader_fuzz_two(const char *path, const char *other_path, const uint8_t *bytes, size_t size);
+
 #endif

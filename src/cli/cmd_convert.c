@@ -12,11 +12,11 @@ static const char help[] =
     "that neighbours match, cells of higher order are taken by their corners, points that no tetrahedron uses are\n"
     "dropped, cell data is left out.\n"
     "\n"
-    "  -o, --output OUT   the file to write: .vtu, .vtk\n"
-    "      --q SOLUTION   the solution file of a PLOT3D grid\n"
+    "  -o, --output OUT   the file to write: .vtu, .vtk, .msh; .stl, .ply (the boundary surface)\n"
+    "      --q SOLUTION   the solution file of a PLOT3D grid, or a Medit .sol\n"
     "\n"
-    "reads: VTU, legacy VTK (unstructured, structured, rectilinear, structured points), PLOT3D; told by content first,\n"
-    "by extension second\n"
+    "reads: VTU, legacy VTK (unstructured, structured, rectilinear, structured points), Gmsh 2.2 and 4.1, Medit .mesh,\n"
+    "TetGen .node with .ele, PLOT3D; told by content first, by extension second\n"
     "example: tetlod convert bluntfinxyz.bin --q bluntfinq.bin -o blunt.vtu\n";
 
 static void note(uint64_t count, const char *what)

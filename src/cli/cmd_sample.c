@@ -11,7 +11,7 @@ static const char help[] =
     "usage: tetlod sample NAME [--size N] -o OUT\n"
     "       tetlod sample --list\n"
     "\n"
-    "Makes a mesh by formula, the same on every machine, and writes it by OUT's extension (.vtu, .vtk).\n"
+    "Makes a mesh by formula, the same on every machine, and writes it by OUT's extension (.vtu, .vtk, .msh).\n"
     "\n"
     "  -o, --output OUT   the file to write\n"
     "      --size N       how fine it is; what N counts, and the default, differ between samples\n"

@@ -30,7 +30,9 @@ enum tetlod_status assemble_points(struct tetmesh *mesh, uint64_t count, enum te
 static void number_name(const struct tetmesh *mesh, char *name, size_t capacity)
 {
     size_t length = strlen(name);
-    for (unsigned n = 2; tetmesh_find_field(mesh, name) != TETLOD_NONE; n++)
+    if (tetmesh_find_field(mesh, name) == TETLOD_NONE)
+        return;
+    for (uint32_t n = mesh->field_count + 1; tetmesh_find_field(mesh, name) != TETLOD_NONE; n++)
         snprintf(name + length, capacity - length, "_%u", n);
 }
 
@@ -165,4 +167,31 @@ enum tetlod_status assemble_grid(struct tetmesh *mesh, const uint32_t dims[3], s
     mesh->tet_count = (uint32_t)grid_tet_count(dims);
     report->split_cells = mesh->tet_count / 5;
     return TETLOD_OK;
+}
+
+enum tetlod_status cell_list_add(struct cell_list *list, unsigned char type, const int64_t *corners,
+                                 size_t corner_count, struct tetlod_error *error)
+{
+    struct vtk_cells *cells = &list->cells;
+    size_t count = (size_t)cells->count, filled = (size_t)cells->connectivity_count;
+    if (!array_reserve((void **)&list->types, &list->type_capacity, count + 1, 1) ||
+        !array_reserve((void **)&list->offsets, &list->offset_capacity, count + 2, sizeof *list->offsets) ||
+        !array_reserve((void **)&list->connectivity, &list->connectivity_capacity, filled + corner_count,
+                       sizeof *list->connectivity))
+        return tetlodi_fail_nomem(error, "the cells", (uint64_t)filled * sizeof *list->connectivity);
+    list->types[count] = type;
+    list->offsets[count] = (int64_t)filled;
+    list->offsets[count + 1] = (int64_t)(filled + corner_count);
+    if (corner_count)
+        memcpy(list->connectivity + filled, corners, corner_count * sizeof *corners);
+    *cells = (struct vtk_cells){count + 1, filled + corner_count, list->types, list->offsets, list->connectivity};
+    return TETLOD_OK;
+}
+
+void cell_list_fini(struct cell_list *list)
+{
+    free(list->types);
+    free(list->offsets);
+    free(list->connectivity);
+    *list = (struct cell_list){0};
 }

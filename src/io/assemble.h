@@ -37,6 +37,21 @@ TETLOD_CHECKED enum tetlod_status assemble_vtk_cells(struct tetmesh *mesh, const
                                                      uint32_t first_point, uint32_t point_count,
                                                      struct io_report *report, struct tetlod_error *error);
 
+/* Cells that are read one by one. */
+struct cell_list {
+    struct vtk_cells cells;
+    unsigned char *types; /* owned, like the next two */
+    int64_t *offsets, *connectivity;
+    size_t type_capacity, offset_capacity, connectivity_capacity;
+};
+
+/* VTK's types of the linear cells, and one that stands for all that have no volume. */
+enum { VTK_TYPE_FLAT = 5, VTK_TYPE_TET = 10, VTK_TYPE_HEXAHEDRON = 12, VTK_TYPE_WEDGE = 13, VTK_TYPE_PYRAMID = 14 };
+
+TETLOD_CHECKED enum tetlod_status cell_list_add(struct cell_list *list, unsigned char type, const int64_t *corners,
+                                                size_t corner_count, struct tetlod_error *error);
+void cell_list_fini(struct cell_list *list);
+
 /* The tetrahedra of a structured grid whose points are the mesh's. */
 TETLOD_CHECKED enum tetlod_status assemble_grid(struct tetmesh *mesh, const uint32_t dims[3], struct io_report *report,
                                                 struct tetlod_error *error);

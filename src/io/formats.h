@@ -21,6 +21,24 @@ bool vtk_sniff(const unsigned char *bytes, size_t size);
 TETLOD_CHECKED enum tetlod_status vtk_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
                                            struct tetlod_error *error);
 
+bool gmsh_sniff(const unsigned char *bytes, size_t size);
+TETLOD_CHECKED enum tetlod_status gmsh_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
+                                            struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status gmsh_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                             struct tetlod_error *error);
+
+/* The other file of a Medit mesh is its .sol, that of a TetGen .node its .ele, which it must have. */
+bool medit_sniff(const unsigned char *bytes, size_t size);
+TETLOD_CHECKED enum tetlod_status medit_read(struct tetmesh *mesh, const struct io_input *input,
+                                             struct io_report *report, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status tetgen_read(struct tetmesh *mesh, const struct io_input *input,
+                                              struct io_report *report, struct tetlod_error *error);
+
+TETLOD_CHECKED enum tetlod_status stl_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                            struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status ply_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                            struct tetlod_error *error);
+
 bool plot3d_sniff(const unsigned char *bytes, size_t size);
 TETLOD_CHECKED enum tetlod_status plot3d_read(struct tetmesh *mesh, const struct io_input *input,
                                               struct io_report *report, struct tetlod_error *error);

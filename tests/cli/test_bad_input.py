@@ -182,12 +182,77 @@ def plot3d():
     check('PLOT3D: solution without density', 3, [good, '--q', write('zero.q', solution[:28] + bytes(4) + solution[32:])],
           'Pressure')
     check('PLOT3D: empty solution', 3, [good, '--q', write('empty.q', '')], 'empty.q')
-    check('PLOT3D: solution of a VTU', 3, [vtu('good.vtu'), '--q', write('good.q', solution)], 'only a PLOT3D')
+    check('PLOT3D: solution of a VTU', 3, [vtu('good.vtu'), '--q', write('good.q', solution)], 'only PLOT3D')
     missing = path('nowhere.q')
     code, problem, message = run('convert', [good, '--q', missing])
     report('convert: PLOT3D: missing solution', problem or (None if code == 1 and missing in message else message))
     code, problem, message = run('convert', [good, '--q', path('good.q')])
     report('the PLOT3D files that the others spoil are good', problem or (message if code else None))
+
+
+GMSH = '''$MeshFormat
+{version} 0 8
+$EndMeshFormat
+$Nodes
+4
+1 0 0 0
+2 1 0 0
+3 0 1 0
+{last} 0 0 1
+$EndNodes
+$Elements
+1
+1 {type} 2 0 1 1 2 3 4
+$EndElements
+$NodeData
+1
+"s"
+1
+0
+3
+0
+1
+{values}
+$EndNodeData
+'''
+GOOD_GMSH = dict(version='2.2', last='4', type='4', values='4\n1 5\n2 6\n3 7\n4 8')
+MEDIT = 'MeshVersionFormatted 2\nDimension {dimension}\nVertices\n4\n0 0 0 0\n1 0 0 0\n0 1 0 0\n0 0 1 0\n' \
+        'Tetrahedra\n{tets}\nEnd\n'
+SOL = 'MeshVersionFormatted 2\nDimension 3\nSolAtVertices\n{count}\n1 {type}\n1\n2\n3\n4\nEnd\n'
+
+
+def other_formats():
+    def gmsh(file, **changes):
+        return write(file, GMSH.format(**dict(GOOD_GMSH, **changes)))
+    code, problem, message = run('convert', [gmsh('good.msh')])
+    report('the Gmsh file that the others spoil is good', problem or (message if code else None))
+    check('Gmsh: version', 3, [gmsh('version.msh', version='4.0')], '2.2 and 4.1')
+    check('Gmsh: a point twice', 3, [gmsh('twice.msh', last='3')], 'point 3')
+    check('Gmsh: a point that is not there', 3, [gmsh('missing.msh', last='5')], 'point 4')
+    check('Gmsh: element type', 3, [gmsh('type.msh', type='77')], 'type 77')
+    check('Gmsh: values missing', 3, [gmsh('values.msh', values='3\n1 5\n2 6\n3 7')], '3 of 4')
+    check('Gmsh: section without end', 3, [write('end.msh', '$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Other\n')], '$Other')
+    mesh = write('good.mesh', MEDIT.format(dimension=3, tets='1\n1 2 3 4 0'))
+    solution = write('good.sol', SOL.format(count=4, type=1))
+    code, problem, message = run('convert', [mesh, '--q', solution])
+    report('the Medit files that the others spoil are good', problem or (message if code else None))
+    check('Medit: dimension', 3, [write('flat.mesh', MEDIT.format(dimension=2, tets='1\n1 2 3 4 0'))], 'line 2')
+    check('Medit: index', 3, [write('index.mesh', MEDIT.format(dimension=3, tets='1\n1 2 3 5 0'))], 'line 11')
+    check('Medit: count', 3, [write('count.mesh', MEDIT.format(dimension=3, tets='900'))], 'truncated')
+    check('Medit: solution of another mesh', 3, [mesh, '--q', write('count.sol', SOL.format(count=5, type=1))], 'count.sol')
+    check('Medit: type of a field', 3, [mesh, '--q', write('type.sol', SOL.format(count=4, type=9))], 'type.sol')
+    node = '4 3 0 0\n0 0 0 0\n1 1 0 0\n2 0 1 0\n3 0 0 {z}\n'
+    write('good.node', node.format(z=1))
+    code, problem, message = run('convert', [write('good.ele', '1 4 0\n0 0 1 2 3\n')])
+    report('the TetGen files that the others spoil are good', problem or (message if code else None))
+    write('bad.node', node.format(z='x'))
+    write('bad.ele', '1 4 0\n0 0 1 2 3\n')
+    check('TetGen: not a number', 3, [path('bad.node')], 'line 5')
+    write('good.ele', '1 4 0\n0 0 1 2 9\n')
+    check('TetGen: index', 3, [path('good.node')], 'point 9')
+    write('alone.node', node.format(z=1))
+    code, problem, message = run('convert', [path('alone.node')])
+    report('TetGen: one file of the two', problem or (None if code == 1 and 'alone.ele' in message else message))
 
 
 def truncated():
@@ -217,6 +282,7 @@ def truncated():
 contents()
 system()
 plot3d()
+other_formats()
 truncated()
 print('1..%d' % count)
 sys.exit(failed != 0)

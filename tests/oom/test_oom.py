@@ -68,13 +68,24 @@ def check(name, arguments):
 
 def make_inputs():
     subprocess.run([TETLOD, 'sample', 'cube', '--size', '2', '-o', path('cube.vtu')], check=True)
-    subprocess.run([TETLOD, 'convert', path('cube.vtu'), '-o', path('cube.vtk')], check=True)
+    for name in 'cube.vtk', 'cube.msh':
+        subprocess.run([TETLOD, 'convert', path('cube.vtu'), '-o', path(name)], check=True)
     n = 2 * 3 * 4
     with open(path('grid.xyz'), 'wb') as file:
         file.write(struct.pack('>3i', 2, 3, 4) + b''.join(
             struct.pack('>%df' % n, *[(p % 2, p // 2 % 3, p // 6)[axis] for p in range(n)]) for axis in range(3)))
     with open(path('flow.q'), 'wb') as file:
         file.write(struct.pack('>3i4f', 2, 3, 4, 1, 0, 0, 0) + struct.pack('>%df' % (5 * n), *[1.0] * (5 * n)))
+    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    with open(path('one.mesh'), 'w') as file:
+        file.write('MeshVersionFormatted 2 Dimension 3 Vertices 4 %s Tetrahedra 1 1 2 3 4 0 End' %
+                   ' '.join('%d %d %d 0' % p for p in points))
+    with open(path('one.sol'), 'w') as file:
+        file.write('MeshVersionFormatted 2 Dimension 3 SolAtVertices 4 1 1 1 2 3 4 End')
+    with open(path('one.node'), 'w') as file:
+        file.write('4 3 1 0\n' + '\n'.join('%d %d %d %d 5' % (i, *p) for i, p in enumerate(points)))
+    with open(path('one.ele'), 'w') as file:
+        file.write('1 4 0\n0 0 1 2 3\n')
     tets = '<DataArray type="Int32" Name="connectivity">0 1 2 3 0 1 2 3 4 5 6 7</DataArray>' \
            '<DataArray type="Int32" Name="offsets">4 12</DataArray><DataArray type="UInt8" Name="types">10 12</DataArray>'
     points = ' '.join('%d %d %d' % p for p in
@@ -94,6 +105,10 @@ def main():
     check('convert appended VTU', ['convert', path('cube.vtu'), '-o', 'OUT/a.vtu'])
     check('convert ascii VTU', ['convert', path('mixed.vtu'), '-o', 'OUT/a.vtk'])
     check('convert legacy VTK', ['convert', path('cube.vtk'), '-o', 'OUT/a.vtu'])
+    check('convert to Gmsh', ['convert', path('cube.vtu'), '-o', 'OUT/a.msh'])
+    check('convert Gmsh to STL', ['convert', path('cube.msh'), '-o', 'OUT/a.stl'])
+    check('convert Medit to PLY', ['convert', path('one.mesh'), '--q', path('one.sol'), '-o', 'OUT/a.ply'])
+    check('convert TetGen', ['convert', path('one.node'), '-o', 'OUT/a.vtu'])
     check('convert PLOT3D', ['convert', path('grid.xyz'), '--q', path('flow.q'), '-o', 'OUT/a.vtu'])
     print('1..%d' % count)
     return failed != 0

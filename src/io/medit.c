@@ -1,0 +1,223 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Reading Medit .mesh (text), with the .sol file of values at its vertices where one is given. Both are words: a keyword,
+ * a count, numbers; line ends mean nothing. What is not known is passed over up to the next keyword. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/io/formats.h"
+#include "src/io/values.h"
+
+struct medit {
+    const char *begin;
+    struct text rest;
+    struct tetmesh *mesh;
+    struct tetlod_error *error;
+    bool is_float; /* MeshVersionFormatted 1 */
+    struct cell_list cells;
+};
+
+static enum tetlod_status fail(const struct medit *m, const char *why)
+{
+    unsigned long line = 1;
+    for (const char *at = m->begin; at < m->rest.at; at++)
+        line += *at == '\n';
+    return tetlodi_fail(m->error, TETLOD_ERR_MESH, "line %lu: %s", line, why);
+}
+
+/* The next word that is not in a comment, which goes from # to the end of the line. */
+static struct text next_word(struct text *rest)
+{
+    for (;;) {
+        struct text word = text_word(rest);
+        if (word.at == word.end || *word.at != '#')
+            return word;
+        rest->at = word.at;
+        text_line(rest);
+    }
+}
+
+static bool is_keyword(struct text word)
+{
+    return word.at < word.end && ((*word.at >= 'A' && *word.at <= 'Z') || (*word.at >= 'a' && *word.at <= 'z'));
+}
+
+static enum tetlod_status take_int(struct medit *m, int64_t *out)
+{
+    struct text word = next_word(&m->rest);
+    return text_int(&word, out) ? TETLOD_OK : fail(m, "there should be a whole number here; is the file truncated?");
+}
+
+static enum tetlod_status take_double(struct medit *m, double *out)
+{
+    struct text word = next_word(&m->rest);
+    return text_double(&word, m->is_float, out) ? TETLOD_OK
+                                                : fail(m, "there should be a number here; is the file truncated?");
+}
+
+static enum tetlod_status take_count(struct medit *m, uint64_t values_each, uint64_t *out)
+{
+    int64_t count;
+    TETLOD_TRY(take_int(m, &count));
+    if (count < 0 || (uint64_t)count > ((uint64_t)(m->rest.end - m->rest.at) + 1) / 2 / values_each)
+        return fail(m, "the file ends too early for this count; is it truncated?");
+    *out = (uint64_t)count;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status read_version(struct medit *m)
+{
+    int64_t version;
+    TETLOD_TRY(take_int(m, &version));
+    m->is_float = version == 1;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status read_dimension(struct medit *m)
+{
+    int64_t dimension;
+    TETLOD_TRY(take_int(m, &dimension));
+    return dimension == 3 ? TETLOD_OK : fail(m, "the dimension should be 3");
+}
+
+static enum tetlod_status read_vertices(struct medit *m)
+{
+    uint64_t count;
+    int64_t reference;
+    TETLOD_TRY(take_count(m, 4, &count));
+    if (m->mesh->positions)
+        return fail(m, "there are Vertices a second time");
+    TETLOD_TRY(assemble_points(m->mesh, count, m->is_float ? TETLOD_FLOAT32 : TETLOD_FLOAT64, m->error));
+    for (uint64_t v = 0; v < count; v++) {
+        for (int d = 0; d < 3; d++)
+            TETLOD_TRY(take_double(m, &m->mesh->positions[3 * v + (uint64_t)d]));
+        TETLOD_TRY(take_int(m, &reference));
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status read_cells(struct medit *m, unsigned char type, unsigned corners)
+{
+    uint64_t count;
+    int64_t corner[8], reference;
+    TETLOD_TRY(take_count(m, corners + 1, &count));
+    for (uint64_t c = 0; c < count; c++) {
+        for (unsigned i = 0; i < corners; i++) {
+            TETLOD_TRY(take_int(m, &corner[i]));
+            if (corner[i] < 1 || (uint64_t)corner[i] > m->mesh->vertex_count)
+                return fail(m, "a cell refers to a vertex that is not there");
+            corner[i]--;
+        }
+        TETLOD_TRY(take_int(m, &reference));
+        TETLOD_TRY(cell_list_add(&m->cells, type, corner, type == VTK_TYPE_FLAT ? 0 : corners, m->error));
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status read_keyword(struct medit *m, struct text keyword)
+{
+    static const struct {
+        const char *name;
+        unsigned char type;
+        uint8_t corners;
+    } cells[] = {{"Tetrahedra", VTK_TYPE_TET, 4},     {"Hexahedra", VTK_TYPE_HEXAHEDRON, 8}, {"Prisms", VTK_TYPE_WEDGE, 6},
+                 {"Pyramids", VTK_TYPE_PYRAMID, 5},   {"Triangles", VTK_TYPE_FLAT, 3},       {"Edges", VTK_TYPE_FLAT, 2},
+                 {"Quadrilaterals", VTK_TYPE_FLAT, 4}};
+    if (text_is(keyword, "MeshVersionFormatted"))
+        return read_version(m);
+    if (text_is(keyword, "Dimension"))
+        return read_dimension(m);
+    if (text_is(keyword, "Vertices"))
+        return read_vertices(m);
+    for (size_t k = 0; k < sizeof cells / sizeof *cells; k++)
+        if (text_is(keyword, cells[k].name))
+            return read_cells(m, cells[k].type, cells[k].corners);
+    struct text look = m->rest;
+    while (look.at < look.end) {
+        struct text word = next_word(&look);
+        if (is_keyword(word))
+            break;
+        m->rest = look;
+    }
+    return TETLOD_OK;
+}
+
+/* Runs `read` on every keyword. */
+static enum tetlod_status read_all(struct medit *m, enum tetlod_status (*read)(struct medit *m, struct text keyword))
+{
+    for (;;) {
+        struct text keyword = next_word(&m->rest);
+        if (keyword.at == keyword.end || text_is(keyword, "End"))
+            return TETLOD_OK;
+        if (!is_keyword(keyword))
+            return fail(m, "there should be a keyword here");
+        TETLOD_TRY(read(m, keyword));
+    }
+}
+
+/* SolAtVertices: count, number of fields, the type of each; then the values of vertex after vertex. */
+static enum tetlod_status read_solution_keyword(struct medit *m, struct text keyword)
+{
+    static const uint8_t components[] = {0, 1, 3, 6}; // scalar, vector, symmetric matrix
+    int64_t count, fields, type;
+    uint32_t first = m->mesh->field_count;
+    if (!text_is(keyword, "SolAtVertices"))
+        return read_keyword(m, keyword);
+    TETLOD_TRY(take_int(m, &count));
+    if (count != m->mesh->vertex_count)
+        return fail(m, "the number of values is not the number of vertices of the mesh");
+    TETLOD_TRY(take_int(m, &fields));
+    for (int64_t f = 0; f < fields; f++) {
+        TETLOD_TRY(take_int(m, &type));
+        if (type < 1 || type > 3)
+            return fail(m, "the type of a field should be 1, 2 or 3");
+        if ((uint64_t)(m->rest.end - m->rest.at) < (uint64_t)m->mesh->vertex_count * components[type])
+            return fail(m, "the file ends too early; is it truncated?");
+        TETLOD_TRY(assemble_field(m->mesh, "solution", components[type], m->is_float ? TETLOD_FLOAT32 : TETLOD_FLOAT64,
+                                  m->error));
+    }
+    for (uint32_t v = 0; v < m->mesh->vertex_count; v++)
+        for (uint32_t f = first; f < m->mesh->field_count; f++) {
+            struct point_field *field = &m->mesh->fields[f];
+            for (uint32_t c = 0; c < field->components; c++)
+                TETLOD_TRY(take_double(m, &field->values[(size_t)v * field->components + c]));
+        }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status read_solution(struct medit *m, const struct io_input *input)
+{
+    struct tetlod_error inner = {0};
+    struct tetlod_error *outer = m->error;
+    const char *begin = (const char *)input->other;
+    m->begin = begin;
+    m->rest = (struct text){begin, begin + input->other_size};
+    m->error = &inner;
+    uint32_t before = m->mesh->field_count;
+    enum tetlod_status status = read_all(m, read_solution_keyword);
+    if (status == TETLOD_OK && m->mesh->field_count == before)
+        status = fail(m, "there is no SolAtVertices");
+    return status == TETLOD_OK ? TETLOD_OK : tetlodi_fail(outer, status, "%.80s: %.160s", input->other_path, inner.message);
+}
+
+bool medit_sniff(const unsigned char *bytes, size_t size)
+{
+    struct text rest = {(const char *)bytes, (const char *)bytes + size};
+    return text_is(next_word(&rest), "MeshVersionFormatted");
+}
+
+enum tetlod_status medit_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
+                              struct tetlod_error *error)
+{
+    const char *begin = (const char *)input->bytes;
+    struct medit m = {.begin = begin, .rest = {begin, begin + input->size}, .mesh = mesh, .error = error};
+    enum tetlod_status status = read_all(&m, read_keyword);
+    if (status == TETLOD_OK && !mesh->positions)
+        status = fail(&m, "there are no Vertices; is the file truncated?");
+    if (status == TETLOD_OK)
+        status = assemble_vtk_cells(mesh, &m.cells.cells, 0, mesh->vertex_count, report, error);
+    if (status == TETLOD_OK && input->other)
+        status = read_solution(&m, input);
+    cell_list_fini(&m.cells);
+    return status;
+}
