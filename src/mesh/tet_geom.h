@@ -23,6 +23,17 @@ static const uint8_t tet_edges[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, 
 /* Corners of face f, counter-clockwise seen from outside a positive tetrahedron. */
 static const uint8_t tet_faces[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
 
+/* Comparisons, not fmin and fmax: those are calls, because they treat NaN specially. */
+static inline double smaller(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+static inline double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
 static inline double tet_volume6(const double *p0, const double *p1, const double *p2, const double *p3)
 {
     double ax = p1[0] - p0[0], ay = p1[1] - p0[1], az = p1[2] - p0[2];
@@ -40,9 +51,9 @@ static inline double distance_squared(const double *p, const double *q)
 /* Square of the longest edge. */
 static inline double tet_size_squared(const double *p0, const double *p1, const double *p2, const double *p3)
 {
-    return fmax(fmax(fmax(distance_squared(p0, p1), distance_squared(p0, p2)),
-                     fmax(distance_squared(p0, p3), distance_squared(p1, p2))),
-                fmax(distance_squared(p1, p3), distance_squared(p2, p3)));
+    return larger(larger(larger(distance_squared(p0, p1), distance_squared(p0, p2)),
+                         larger(distance_squared(p0, p3), distance_squared(p1, p2))),
+                  larger(distance_squared(p1, p3), distance_squared(p2, p3)));
 }
 
 /* +1, -1, or 0 for a degenerate tetrahedron. */

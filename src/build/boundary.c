@@ -1,0 +1,232 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/build/boundary.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "format/fail.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+static const double degree = 3.14159265358979323846 / 180;
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* The unit normal of the triangle; false if it has no area. */
+static bool triangle_normal(const double *p, const double *q, const double *r, double out[3])
+{
+    double a[3], b[3];
+    for (int i = 0; i < 3; i++) {
+        a[i] = q[i] - p[i];
+        b[i] = r[i] - p[i];
+    }
+    for (int i = 0; i < 3; i++)
+        out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+    double length = sqrt(dot(out, out));
+    if (!(length * length > 1e-24 * dot(a, a) * dot(b, b)))
+        return false;
+    for (int i = 0; i < 3; i++)
+        out[i] /= length;
+    return true;
+}
+
+static bool face_normal(const struct complex *complex, uint32_t tet, unsigned face, double out[3])
+{
+    const double *p[3];
+    for (int i = 0; i < 3; i++)
+        p[i] = complex->positions + 3 * (size_t)complex->corners[4 * (size_t)tet + tet_faces[face][i]];
+    return triangle_normal(p[0], p[1], p[2], out);
+}
+
+/* Sorts a normal into one of two groups; false if it belongs to neither or has no direction. */
+static bool join_group(const struct boundary *boundary, double groups[2][3], int *count, const double normal[3])
+{
+    for (int g = 0; g < *count; g++)
+        if (dot(groups[g], normal) >= boundary->cosine)
+            return true;
+    if (*count == 2)
+        return false;
+    for (int i = 0; i < 3; i++)
+        groups[*count][i] = normal[i];
+    (*count)++;
+    return true;
+}
+
+static void classify(struct boundary *boundary, const struct complex *complex, uint32_t v)
+{
+    const uint32_t *tets = complex->pool + complex->star_begin[v];
+    double groups[2][3] = {{0}}, normal[3], direction[3];
+    int count = 0;
+    boundary->kinds[v] = BOUNDARY_CORNER;
+    for (uint32_t i = 0; i < complex->star_count[v]; i++)
+        for (unsigned f = 0; f < 4; f++) {
+            if (!complex_boundary_face(complex, tets[i], f) || complex->corners[4 * (size_t)tets[i] + f] == v)
+                continue;
+            if (!face_normal(complex, tets[i], f, normal) || !join_group(boundary, groups, &count, normal))
+                return;
+        }
+    for (int i = 0; i < 3; i++)
+        direction[i] = count == 1 ? groups[0][i]
+                                  : groups[0][(i + 1) % 3] * groups[1][(i + 2) % 3] -
+                                        groups[0][(i + 2) % 3] * groups[1][(i + 1) % 3];
+    double length = sqrt(dot(direction, direction));
+    if (!(length > 0))
+        return;
+    for (int i = 0; i < 3; i++)
+        boundary->directions[3 * (size_t)v + i] = (float)(direction[i] / length);
+    boundary->kinds[v] = count == 1 ? BOUNDARY_SMOOTH : BOUNDARY_CREASE;
+}
+
+enum tetlod_status boundary_init(struct boundary *boundary, const struct complex *complex, double angle_degrees,
+                                 double limit, struct tetlod_error *error)
+{
+    size_t n = complex->vertex_count;
+    *boundary = (struct boundary){cos(angle_degrees * degree), sin(angle_degrees * degree), limit, array_zero(n, 1),
+                                  array_zero(n, 3 * sizeof(float)), array_zero(n, sizeof(double))};
+    if (!boundary->kinds || !boundary->directions || !boundary->moved) {
+        boundary_fini(boundary);
+        return tetlodi_fail_nomem(error, "the boundary", n * 21);
+    }
+    for (uint32_t v = 0; v < n; v++)
+        if (complex->flags[v] & VERTEX_BOUNDARY)
+            classify(boundary, complex, v);
+    return TETLOD_OK;
+}
+
+void boundary_fini(struct boundary *boundary)
+{
+    free(boundary->kinds);
+    free(boundary->directions);
+    free(boundary->moved);
+    *boundary = (struct boundary){0};
+}
+
+static bool vertex_may_move(const struct boundary *boundary, const struct complex *complex, uint32_t v,
+                            const double p[3])
+{
+    const double *from = complex->positions + 3 * (size_t)v;
+    double step[3] = {p[0] - from[0], p[1] - from[1], p[2] - from[2]}, length2 = dot(step, step);
+    if (length2 == 0)
+        return true;
+    const float *d = boundary->directions + 3 * (size_t)v;
+    double along = d[0] * step[0] + d[1] * step[1] + d[2] * step[2];
+    double slope2 = boundary->sine * boundary->sine * length2 + boundary->limit * boundary->limit * 1e-6;
+    switch ((enum boundary_kind)boundary->kinds[v]) {
+    case BOUNDARY_SMOOTH:
+        return along * along <= slope2;
+    case BOUNDARY_CREASE:
+        return length2 - along * along <= slope2;
+    case BOUNDARY_CORNER:
+        break;
+    }
+    return false;
+}
+
+bool boundary_allows(const struct boundary *boundary, const struct complex *complex, const struct star *star,
+                     const double weights[4], const double p[3])
+{
+    bool touches = false;
+    for (uint32_t s = 0; s < star->simplex_count; s++)
+        touches |= complex->flags[star->simplex[s]] & VERTEX_BOUNDARY;
+    for (uint32_t s = 0; s < star->simplex_count && touches; s++) {
+        uint32_t v = star->simplex[s];
+        if (complex->flags[v] & VERTEX_BOUNDARY ? !vertex_may_move(boundary, complex, v, p) : weights[s] != 0)
+            return false;
+    }
+    return true;
+}
+
+static double point_segment2(const double *x, const double *a, const double *b)
+{
+    double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, e[3] = {x[0] - a[0], x[1] - a[1], x[2] - a[2]};
+    double dd = dot(d, d), t = dd > 0 ? fmin(1, fmax(0, dot(d, e) / dd)) : 0, sum = 0;
+    for (int i = 0; i < 3; i++)
+        sum += (e[i] - t * d[i]) * (e[i] - t * d[i]);
+    return sum;
+}
+
+/* Square of the distance of x from a triangle. */
+static double point_triangle2(const double *x, const double *a, const double *b, const double *c)
+{
+    double best = fmin(point_segment2(x, a, b), fmin(point_segment2(x, b, c), point_segment2(x, c, a))), n[3];
+    if (!triangle_normal(a, b, c, n))
+        return best;
+    const double *corner[4] = {a, b, c, a};
+    for (int i = 0; i < 3; i++) {
+        double e[3], f[3];
+        for (int k = 0; k < 3; k++) {
+            e[k] = corner[i + 1][k] - corner[i][k];
+            f[k] = x[k] - corner[i][k];
+        }
+        double side = n[0] * (e[1] * f[2] - e[2] * f[1]) + n[1] * (e[2] * f[0] - e[0] * f[2]) +
+                      n[2] * (e[0] * f[1] - e[1] * f[0]);
+        if (side < 0)
+            return best;
+    }
+    double height = n[0] * (x[0] - a[0]) + n[1] * (x[1] - a[1]) + n[2] * (x[2] - a[2]);
+    return fmin(best, height * height);
+}
+
+double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
+                      const double p[3])
+{
+    double before = 0, to_new[4] = {INFINITY, INFINITY, INFINITY, INFINITY}, to_old = INFINITY;
+    bool any = false;
+    for (uint32_t i = 0; i < star->tet_count; i++)
+        for (unsigned f = 0; f < 4; f++) {
+            const uint32_t *corners = complex->corners + 4 * (size_t)star->tets[i];
+            if (!complex_boundary_face(complex, star->tets[i], f) || star->moving[i] == f)
+                continue;
+            const double *q[3], *r[3];
+            double old_normal[3], new_normal[3];
+            int inside = 0;
+            any = true;
+            for (int k = 0; k < 3; k++) {
+                uint32_t corner = corners[tet_faces[f][k]];
+                r[k] = q[k] = complex->positions + 3 * (size_t)corner;
+                for (uint32_t s = 0; s < star->simplex_count; s++)
+                    if (corner == star->simplex[s]) {
+                        r[k] = p;
+                        inside++;
+                    }
+                before = fmax(before, boundary->moved[corner]);
+            }
+            to_old = fmin(to_old, point_triangle2(p, q[0], q[1], q[2]));
+            if (inside > 1)
+                continue; // it vanishes
+            if (!triangle_normal(r[0], r[1], r[2], new_normal) || !triangle_normal(q[0], q[1], q[2], old_normal) ||
+                dot(new_normal, old_normal) < boundary->cosine)
+                return INFINITY;
+            for (uint32_t s = 0; s < star->simplex_count; s++)
+                to_new[s] = fmin(to_new[s], point_triangle2(complex->positions + 3 * (size_t)star->simplex[s], r[0],
+                                                            r[1], r[2]));
+        }
+    if (!any)
+        return 0;
+    double step2 = to_old;
+    for (uint32_t s = 0; s < star->simplex_count; s++)
+        if (complex->flags[star->simplex[s]] & VERTEX_BOUNDARY)
+            step2 = fmax(step2, to_new[s]);
+    return before + sqrt(step2);
+}
+
+void boundary_update(struct boundary *boundary, const struct complex *complex, uint32_t vertex, double moved)
+{
+    if (!(complex->flags[vertex] & VERTEX_BOUNDARY))
+        return;
+    const uint32_t *tets = complex->pool + complex->star_begin[vertex];
+    boundary->moved[vertex] = moved;
+    classify(boundary, complex, vertex);
+    for (uint32_t i = 0; i < complex->star_count[vertex]; i++)
+        for (unsigned f = 0; f < 4; f++) {
+            const uint32_t *corners = complex->corners + 4 * (size_t)tets[i];
+            if (!complex_boundary_face(complex, tets[i], f) || corners[f] == vertex)
+                continue;
+            for (int k = 0; k < 3; k++)
+                if (corners[tet_faces[f][k]] != vertex)
+                    classify(boundary, complex, corners[tet_faces[f][k]]);
+        }
+}

@@ -1,0 +1,163 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/build/metric.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "format/fail.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+enum tetlod_status metric_init(struct metric_scratch *scratch, const struct fields *fields, struct tetlod_error *error)
+{
+    scratch->bounds = array_new((size_t)fields->driver_count * MOST_CANDIDATES, sizeof *scratch->bounds);
+    return scratch->bounds ? TETLOD_OK : tetlodi_fail_nomem(error, "the metric", fields->driver_count);
+}
+
+void metric_fini(struct metric_scratch *scratch)
+{
+    free(scratch->bounds);
+    *scratch = (struct metric_scratch){0};
+}
+
+/* A linear function on a tetrahedron: its value at the affine map's origin, and its gradient. */
+struct interpolant {
+    double value, gradient[3];
+};
+
+static struct interpolant interpolate(const struct tet_affine *affine, const uint32_t *corners, const double *values,
+                                      size_t stride)
+{
+    double f0 = values[corners[0] * stride], d1 = values[corners[1] * stride] - f0,
+           d2 = values[corners[2] * stride] - f0, d3 = values[corners[3] * stride] - f0;
+    struct interpolant out = {f0, {0}};
+    for (int i = 0; i < 3; i++)
+        out.gradient[i] = affine->gradient[0][i] * d1 + affine->gradient[1][i] * d2 + affine->gradient[2][i] * d3;
+    return out;
+}
+
+static inline double at(const struct interpolant *f, const double r[3])
+{
+    return f->value + f->gradient[0] * r[0] + f->gradient[1] * r[1] + f->gradient[2] * r[2];
+}
+
+/* With its corner `moving` at the trial, would the tetrahedron be well oriented? By that corner's barycentric coordinate. */
+static bool fits(const struct tet_affine *affine, unsigned moving, const double r[3])
+{
+    double lambda[4];
+    for (int j = 0; j < 3; j++)
+        lambda[j + 1] = affine->gradient[j][0] * r[0] + affine->gradient[j][1] * r[1] + affine->gradient[j][2] * r[2];
+    lambda[0] = 1 - lambda[1] - lambda[2] - lambda[3];
+    return lambda[moving] * affine->volume6 > TET_DEGENERATE * affine->size2 * sqrt(affine->size2);
+}
+
+/* What contracting the simplex inherits (thesis 4.1: the errors of its vertices add up). */
+static double inherited(enum metric metric, const struct driver *driver, const struct star *star)
+{
+    double sum = 0;
+    for (uint32_t s = 0; s < star->simplex_count && metric == METRIC_SVA; s++)
+        sum += driver->predicted[star->simplex[s]];
+    return sum;
+}
+
+/* The error between bounds, with the value that the field's type can hold in their middle. */
+static double error_between(const struct fields *fields, const struct driver *driver, const double bounds[2],
+                            double before)
+{
+    const struct working_field *field = &fields->fields[driver->field];
+    double s = field_round(field, driver->component, (bounds[0] + bounds[1]) / 2);
+    return (before + larger(bounds[1] - s, s - bounds[0])) * driver->scale * driver->weight;
+}
+
+/* Takes one tetrahedron's interpolants into a driver's bounds; a trial that gets above the limit drops out. */
+static void widen(enum metric metric, const struct fields *fields, const struct driver *driver,
+                  const struct tet_affine *affine, const uint32_t *corners, uint32_t tet, double limit, double before,
+                  struct trial *trials, uint32_t count, struct metric_bounds *bounds)
+{
+    const struct working_field *field = &fields->fields[driver->field];
+    double factor = driver->scale * driver->weight;
+    bool envelope = metric == METRIC_ENVELOPE;
+    struct interpolant upper = interpolate(affine, corners, envelope ? driver->upper : field->values + driver->component,
+                                           envelope ? 1 : field->components);
+    struct interpolant lower = envelope ? interpolate(affine, corners, driver->lower, 1) : upper;
+    for (uint32_t t = 0; t < count; t++) {
+        if (!trials[t].possible || trials[t].error > limit)
+            continue;
+        double r[3];
+        for (int i = 0; i < 3; i++)
+            r[i] = trials[t].position[i] - affine->origin[i];
+        double least = at(&lower, r), greatest = at(&upper, r);
+        if (least < bounds[t].value[0]) {
+            bounds[t].value[0] = least;
+            bounds[t].tet[0] = tet;
+        }
+        if (greatest > bounds[t].value[1]) {
+            bounds[t].value[1] = greatest;
+            bounds[t].tet[1] = tet;
+        }
+        double error = (before + (bounds[t].value[1] - bounds[t].value[0]) / 2) * factor;
+        if (error > trials[t].error) {
+            trials[t].error = error;
+            trials[t].witness[0] = bounds[t].tet[0];
+            trials[t].witness[1] = bounds[t].tet[1];
+        }
+    }
+}
+
+static bool any_left(const struct trial *trials, uint32_t count, double limit)
+{
+    bool left = false;
+    for (uint32_t t = 0; t < count; t++)
+        left |= trials[t].possible && !(trials[t].error > limit);
+    return left;
+}
+
+void metric_try(enum metric metric, struct metric_scratch *scratch, const struct fields *fields,
+                const struct complex *complex, const struct star *star, double limit, struct trial *trials,
+                uint32_t count)
+{
+    for (uint32_t t = 0; t < count; t++) {
+        trials[t].error = 0;
+        trials[t].witness[0] = trials[t].witness[1] = TETLOD_NONE;
+    }
+    for (uint32_t i = 0; i < fields->driver_count * MOST_CANDIDATES; i++)
+        scratch->bounds[i] = (struct metric_bounds){{INFINITY, -INFINITY}, {TETLOD_NONE, TETLOD_NONE}};
+    for (uint32_t i = 0; i < star->tet_count && any_left(trials, count, limit); i++) {
+        const uint32_t *corners = complex->corners + 4 * (size_t)star->tets[i];
+        struct tet_affine affine;
+        complex_affine(complex, star->tets[i], &affine);
+        for (uint32_t t = 0; t < count && star->moving[i] != STAR_REMOVED; t++) {
+            double r[3];
+            for (int k = 0; k < 3; k++)
+                r[k] = trials[t].position[k] - affine.origin[k];
+            if (trials[t].possible && !fits(&affine, star->moving[i], r)) {
+                trials[t].possible = false;
+                trials[t].witness[0] = trials[t].witness[1] = star->tets[i];
+            }
+        }
+        for (uint32_t d = 0; d < fields->driver_count; d++)
+            widen(metric, fields, &fields->drivers[d], &affine, corners, star->tets[i], limit,
+                  inherited(metric, &fields->drivers[d], star), trials, count, scratch->bounds + d * MOST_CANDIDATES);
+    }
+    for (uint32_t t = 0; t < count; t++)
+        for (uint32_t d = 0; d < fields->driver_count && trials[t].possible && trials[t].error <= limit; d++) {
+            const struct driver *driver = &fields->drivers[d];
+            trials[t].error = larger(trials[t].error,
+                                     error_between(fields, driver, scratch->bounds[d * MOST_CANDIDATES + t].value,
+                                                   inherited(metric, driver, star)));
+        }
+}
+
+void metric_assigned(enum metric metric, const struct metric_scratch *scratch, const struct fields *fields,
+                     uint32_t trial, double *out)
+{
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const double *bounds = scratch->bounds[d * MOST_CANDIDATES + trial].value;
+        out[d] = metric == METRIC_ENVELOPE ? (bounds[0] + bounds[1]) / 2 : NAN;
+    }
+}
+
+double metric_key(enum metric metric, double error, uint32_t removed)
+{
+    return metric == METRIC_ENVELOPE ? error / (removed * sqrt(removed)) : error;
+}

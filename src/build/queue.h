@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A binary heap of edges by key, ties by the edge. */
+#ifndef TETLOD_QUEUE_H
+#define TETLOD_QUEUE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { QUEUE_WITNESSES = 6 };
+
+struct queue_entry {
+    double value;     /* the key in a queue, a lower bound of the error while it waits */
+    uint32_t a, b;
+    uint32_t stamp;   /* contractions done when it was evaluated */
+    uint32_t candidate;
+    uint32_t witness_count; /* waiting: while these tetrahedra are as they were, so is the bound; none: not known */
+    uint32_t witness[QUEUE_WITNESSES];
+};
+
+struct queue {
+    struct queue_entry *entries;
+    size_t count, capacity;
+};
+
+void queue_fini(struct queue *queue);
+
+/* Plain append, without keeping the heap's order: for lists of waiting entries. False: out of memory. */
+bool queue_append(struct queue *queue, const struct queue_entry *entry);
+
+bool queue_push(struct queue *queue, const struct queue_entry *entry);
+struct queue_entry queue_pop(struct queue *queue); /* count > 0 */
+
+/* Every entry is no smaller than its parent. */
+bool queue_check(const struct queue *queue);
+
+#endif

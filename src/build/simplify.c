@@ -1,0 +1,377 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/build/simplify.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "format/fail.h"
+#include "src/build/queue.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+/* Positions on an edge a-b, as the weight of b. The midpoint is last among the first three: ends are cheaper to code. */
+static const double edge_candidates[5] = {0, 1, 0.5, 0.2, 0.8};
+
+/* Trials are followed to this multiple of the limit, so that most of what waits is not looked at on the next rungs. */
+static const double HORIZON = 2;
+
+struct run {
+    const struct simplify_options *options;
+    struct simplification *out;
+    struct complex *complex;
+    struct fields *fields;
+    struct boundary boundary;
+    struct star star;
+    struct metric_scratch scratch;
+    struct queue queue, waiting;
+    double limit;               /* of the current rung */
+    double *certified, *predicted; /* [driver_count] running maxima */
+    double *assigned;              /* [driver_count] of the contraction at hand, as is its outcome */
+    struct outcome *outcome;
+    uint32_t *link;
+    size_t link_capacity;
+    struct tetlod_error *error;
+};
+
+static void candidate_position(const struct run *run, const struct star *star, uint32_t candidate, double weights[4],
+                               double p[3])
+{
+    double t = edge_candidates[candidate];
+    const double *a = run->complex->positions + 3 * (size_t)star->simplex[0],
+                 *b = run->complex->positions + 3 * (size_t)star->simplex[1];
+    weights[0] = 1 - t;
+    weights[1] = t;
+    weights[2] = weights[3] = 0;
+    for (int i = 0; i < 3; i++)
+        p[i] = t == 0 ? a[i] : t == 1 ? b[i] : a[i] + t * (b[i] - a[i]);
+    complex_round_position(run->complex, p);
+}
+
+/* An edge waits for all its candidates' witnesses; too many make the whole unknown. A candidate that the boundary forbids
+ * has none: it stays forbidden. */
+static void remember_witnesses(struct queue_entry *entry, const struct trial *trial)
+{
+    if (trial->witness[0] == TETLOD_NONE)
+        return;
+    if (entry->witness_count + 2 > QUEUE_WITNESSES) {
+        entry->witness_count = QUEUE_WITNESSES + 1;
+        return;
+    }
+    entry->witness[entry->witness_count++] = trial->witness[0];
+    entry->witness[entry->witness_count++] = trial->witness[1];
+}
+
+/* The best candidate of the gathered star: its error in *out_error (INFINITY: none is possible; above the limit: a lower
+ * bound), its key in entry->value. */
+static void best_candidate(struct run *run, struct queue_entry *entry, double *out_error)
+{
+    struct trial trials[MOST_CANDIDATES];
+    uint32_t count = run->options->candidates;
+    double best = INFINITY;
+    for (uint32_t c = 0; c < count; c++) {
+        double weights[4];
+        candidate_position(run, &run->star, c, weights, trials[c].position);
+        trials[c].possible = boundary_allows(&run->boundary, run->complex, &run->star, weights, trials[c].position);
+    }
+    metric_try(run->options->metric, &run->scratch, run->fields, run->complex, &run->star, HORIZON * run->limit, trials,
+               count);
+    *out_error = INFINITY;
+    for (uint32_t c = 0; c < count; c++) {
+        remember_witnesses(entry, &trials[c]);
+        if (!trials[c].possible)
+            continue;
+        *out_error = smaller(*out_error, trials[c].error);
+        double key = metric_key(run->options->metric, trials[c].error, run->star.removed_count);
+        if (trials[c].error <= run->limit && key < best) {
+            best = key;
+            entry->candidate = c;
+        }
+    }
+    entry->value = best;
+}
+
+static bool contractible(const struct complex *complex, uint32_t a, uint32_t b)
+{
+    return !((complex->flags[a] | complex->flags[b]) & VERTEX_FROZEN);
+}
+
+/* Gathers and evaluates an edge and files it: into the queue, or with those that wait for a higher rung. */
+static enum tetlod_status evaluate(struct run *run, uint32_t a, uint32_t b)
+{
+    struct queue_entry entry = {0, a < b ? a : b, a < b ? b : a, run->complex->contraction_count, 0, 0, {0}};
+    uint32_t simplex[2] = {entry.a, entry.b};
+    double error;
+    if (!contractible(run->complex, a, b))
+        return TETLOD_OK;
+    TETLOD_TRY(star_gather(&run->star, run->complex, simplex, 2, run->error));
+    best_candidate(run, &entry, &error);
+    bool filed;
+    if (error <= run->limit)
+        filed = queue_push(&run->queue, &entry);
+    else {
+        entry.value = error;
+        filed = queue_append(&run->waiting, &entry);
+    }
+    return filed ? TETLOD_OK : tetlodi_fail_nomem(run->error, "the queue", run->queue.capacity * sizeof entry);
+}
+
+/* An entry is obsolete when an end is gone or was made anew since (its edges were filed again then). */
+static bool obsolete(const struct complex *complex, const struct queue_entry *entry)
+{
+    return !complex_alive(complex, entry->a) || !complex_alive(complex, entry->b) ||
+           complex->born[entry->a] > entry->stamp || complex->born[entry->b] > entry->stamp;
+}
+
+static bool stale(const struct complex *complex, const struct queue_entry *entry)
+{
+    return complex->changed[entry->a] > entry->stamp || complex->changed[entry->b] > entry->stamp;
+}
+
+/* Could what kept an entry waiting have changed? */
+static bool may_have_eased(const struct complex *complex, const struct queue_entry *entry)
+{
+    if (!stale(complex, entry))
+        return false;
+    bool eased = entry->witness_count > QUEUE_WITNESSES;
+    for (uint32_t i = 0; i < entry->witness_count && !eased; i++)
+        eased = complex->tet_changed[entry->witness[i]] > entry->stamp;
+    return eased;
+}
+
+static enum tetlod_status evaluate_edges_of(struct run *run, uint32_t v, bool only_greater)
+{
+    size_t count = 0;
+    TETLOD_TRY(complex_link_vertices(run->complex, v, &run->link, &run->link_capacity, &count, run->error));
+    for (size_t i = 0; i < count; i++)
+        if (!only_greater || run->link[i] > v)
+            TETLOD_TRY(evaluate(run, v, run->link[i]));
+    return TETLOD_OK;
+}
+
+/* Puts an entry that a late check refuses among the waiting: until its star changes, or the limit reaches `error`. */
+static enum tetlod_status refuse(struct run *run, struct queue_entry entry, double error)
+{
+    entry.value = error;
+    entry.witness_count = QUEUE_WITNESSES + 1;
+    if (!queue_append(&run->waiting, &entry))
+        return tetlodi_fail_nomem(run->error, "the queue", run->waiting.capacity * sizeof entry);
+    return TETLOD_OK;
+}
+
+/* Does a fresh entry, unless a check that is made only now refuses it. */
+static enum tetlod_status contract(struct run *run, const struct queue_entry *entry)
+{
+    uint32_t simplex[2] = {entry->a, entry->b}, v = entry->a;
+    double weights[4], p[3];
+    bool holds;
+    TETLOD_TRY(star_gather(&run->star, run->complex, simplex, 2, run->error));
+    candidate_position(run, &run->star, entry->candidate, weights, p);
+    double moved = boundary_moves(&run->boundary, run->complex, &run->star, p);
+    if (!(moved <= run->boundary.limit) || !star_fits(&run->star, run->complex, p))
+        return refuse(run, *entry, INFINITY);
+    TETLOD_TRY(star_link_condition(&run->star, run->complex, &holds, run->error));
+    if (!holds)
+        return refuse(run, *entry, INFINITY);
+    struct trial trial = {{p[0], p[1], p[2]}, true, 0};
+    metric_try(run->options->metric, &run->scratch, run->fields, run->complex, &run->star, INFINITY, &trial, 1);
+    metric_assigned(run->options->metric, &run->scratch, run->fields, 0, run->assigned);
+    fields_outcome(run->fields, run->complex, &run->star, p, run->assigned, run->outcome);
+    double certified = outcome_error(run->fields, run->outcome);
+    if (run->options->metric == METRIC_ENVELOPE && certified > run->limit * (1 + 1e-6)) // its rounding is too much
+        return refuse(run, *entry, certified);
+    fields_contract(run->fields, run->complex, &run->star, p, run->outcome);
+    TETLOD_TRY(complex_contract(run->complex, &run->star, p, run->error));
+    boundary_update(&run->boundary, run->complex, v, moved);
+    for (uint32_t d = 0; d < run->fields->driver_count; d++) {
+        const struct driver *driver = &run->fields->drivers[d];
+        double above = driver->upper[v] - run->outcome[d].value, below = run->outcome[d].value - driver->lower[v];
+        run->certified[d] = fmax(run->certified[d], fmax(above, below) * driver->scale);
+        run->predicted[d] = fmax(run->predicted[d], driver->predicted[v] * driver->scale);
+    }
+    return evaluate_edges_of(run, v, false);
+}
+
+/* ---- marks and rungs */
+
+static enum tetlod_status mark(struct run *run)
+{
+    struct simplification *out = run->out;
+    size_t count = out->mark_count, drivers = run->fields->driver_count;
+    struct mark now = {run->complex->contraction_count, run->complex->vertices_alive, run->complex->tets_alive};
+    if (count && out->marks[count - 1].contractions == now.contractions)
+        return TETLOD_OK;
+    void *marks = out->marks, *certified = out->mark_certified, *predicted = out->mark_predicted;
+    bool room = array_reserve(&marks, &out->mark_capacity, count + 1, sizeof now);
+    out->marks = marks;
+    room = room && array_reserve(&certified, &out->certified_capacity, (count + 1) * drivers, sizeof(double));
+    out->mark_certified = certified;
+    room = room && array_reserve(&predicted, &out->predicted_capacity, (count + 1) * drivers, sizeof(double));
+    out->mark_predicted = predicted;
+    if (!room)
+        return tetlodi_fail_nomem(run->error, "the levels", (count + 1) * sizeof now);
+    out->marks[count] = now;
+    for (size_t d = 0; d < drivers; d++) {
+        out->mark_certified[count * drivers + d] = run->certified[d];
+        out->mark_predicted[count * drivers + d] = run->predicted[d];
+    }
+    out->mark_count++;
+    return TETLOD_OK;
+}
+
+static double shrunk_since_mark(const struct run *run)
+{
+    return run->out->marks[run->out->mark_count - 1].vertices / (double)run->complex->vertices_alive;
+}
+
+static bool finished(const struct run *run)
+{
+    return run->complex->tets_alive <= run->options->min_tets;
+}
+
+static enum tetlod_status report(struct run *run)
+{
+    const struct complex *complex = run->complex;
+    if (!run->options->progress || complex->contraction_count % 256)
+        return TETLOD_OK;
+    // vertices fall about as the logarithm of the limit rises; both together make a steady bar
+    double done = log((double)complex->vertex_count / complex->vertices_alive) / log(complex->vertex_count / 8.0 + 2);
+    if (run->options->progress(run->options->progress_opaque, fmin(done, 1)))
+        return TETLOD_OK;
+    return tetlodi_fail(run->error, TETLOD_ERR_CANCELLED, "cancelled");
+}
+
+/* All contractions that the limit allows. */
+static enum tetlod_status climb(struct run *run)
+{
+    while (run->queue.count && !finished(run)) {
+        struct queue_entry entry = queue_pop(&run->queue);
+        if (obsolete(run->complex, &entry))
+            continue;
+        if (stale(run->complex, &entry)) {
+            TETLOD_TRY(evaluate(run, entry.a, entry.b));
+            continue;
+        }
+        TETLOD_TRY(contract(run, &entry));
+        TETLOD_TRY(report(run));
+        if (shrunk_since_mark(run) >= run->options->growth)
+            TETLOD_TRY(mark(run));
+    }
+    return TETLOD_OK;
+}
+
+/* Looks again at what waits: entries that the new limit may allow, and those whose star has changed. */
+static enum tetlod_status rescan(struct run *run, bool *out_any)
+{
+    struct queue waiting = run->waiting;
+    enum tetlod_status status = TETLOD_OK;
+    run->waiting = (struct queue){0};
+    for (size_t i = 0; i < waiting.count && status == TETLOD_OK; i++) {
+        const struct queue_entry *entry = &waiting.entries[i];
+        if (obsolete(run->complex, entry))
+            continue;
+        if (entry->value <= run->limit || may_have_eased(run->complex, entry))
+            status = evaluate(run, entry->a, entry->b);
+        else if (!queue_append(&run->waiting, entry))
+            status = tetlodi_fail_nomem(run->error, "the queue", waiting.count * sizeof *entry);
+    }
+    queue_fini(&waiting);
+    *out_any = run->queue.count > 0;
+    return status;
+}
+
+/* One rung: contract, look again, until nothing moves any more. */
+static enum tetlod_status rung(struct run *run, double limit)
+{
+    bool any;
+    run->limit = limit;
+    TETLOD_TRY(rescan(run, &any));
+    for (int round = 0; any && !finished(run) && round < 4; round++) {
+        uint32_t before = run->complex->contraction_count;
+        TETLOD_TRY(climb(run));
+        if (run->complex->contraction_count == before)
+            break;
+        TETLOD_TRY(rescan(run, &any));
+    }
+    return TETLOD_OK;
+}
+
+/* The ladder: 1, 2, 5 of every decade with four steps between, from 10^-6 to 1; the last is the greatest error asked for. */
+static double next_limit(double limit, double most, bool *out_named)
+{
+    enum { STEPS = 5 };
+    static const double named[4] = {1, 2, 5, 10};
+    double decade = pow(10, floor(log10(limit * (1 + 1e-9)))), next = 0;
+    *out_named = false;
+    for (int i = 0; i < 3 && !next; i++)
+        for (int k = 1; k <= STEPS && !next; k++) {
+            double step = named[i] * decade * pow(named[i + 1] / named[i], (double)k / STEPS);
+            if (step > limit * (1 + 1e-6)) {
+                next = k == STEPS ? named[i + 1] * decade : step;
+                *out_named = k == STEPS;
+            }
+        }
+    *out_named |= next >= most;
+    return fmin(next, most);
+}
+
+static enum tetlod_status run_ladder(struct run *run)
+{
+    bool named = true;
+    double limit = fmin(1e-6, run->options->max_error);
+    TETLOD_TRY(mark(run));
+    run->limit = limit;
+    for (uint32_t v = 0; v < run->complex->vertex_count; v++)
+        TETLOD_TRY(evaluate_edges_of(run, v, true));
+    for (;;) {
+        TETLOD_TRY(rung(run, limit));
+        double shrunk = shrunk_since_mark(run);
+        if (shrunk > (named ? 1 : sqrt(run->options->growth)))
+            TETLOD_TRY(mark(run));
+        if (finished(run) || limit >= run->options->max_error)
+            break;
+        limit = next_limit(limit, run->options->max_error, &named);
+    }
+    return mark(run);
+}
+
+enum tetlod_status simplify(struct simplification *out, const struct tetmesh *mesh, const uint32_t *controlled,
+                            uint32_t controlled_count, const double *limits, const struct simplify_options *options,
+                            struct tetlod_error *error)
+{
+    *out = (struct simplification){0};
+    struct run run = {.options = options, .out = out, .complex = &out->complex, .fields = &out->fields, .error = error};
+    enum tetlod_status status;
+    TETLOD_TRY_DONE(complex_init(&out->complex, mesh, error));
+    TETLOD_TRY_DONE(fields_init(&out->fields, mesh, controlled, controlled_count, limits, error));
+    TETLOD_TRY_DONE(boundary_init(&run.boundary, &out->complex, options->boundary_angle, options->boundary_limit, error));
+    TETLOD_TRY_DONE(metric_init(&run.scratch, &out->fields, error));
+    run.certified = array_zero(3 * (size_t)out->fields.driver_count, sizeof(double));
+    run.outcome = array_new(out->fields.driver_count, sizeof *run.outcome);
+    if (!run.certified || !run.outcome)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the drivers", 56 * (uint64_t)out->fields.driver_count));
+    run.predicted = run.certified + out->fields.driver_count;
+    run.assigned = run.predicted + out->fields.driver_count;
+    status = run_ladder(&run);
+done:
+    boundary_fini(&run.boundary);
+    star_fini(&run.star);
+    metric_fini(&run.scratch);
+    queue_fini(&run.queue);
+    queue_fini(&run.waiting);
+    free(run.certified);
+    free(run.outcome);
+    free(run.link);
+    if (status != TETLOD_OK)
+        simplification_fini(out);
+    return status;
+}
+
+void simplification_fini(struct simplification *simplification)
+{
+    complex_fini(&simplification->complex);
+    fields_fini(&simplification->fields);
+    free(simplification->marks);
+    free(simplification->mark_certified);
+    free(simplification->mark_predicted);
+    *simplification = (struct simplification){0};
+}
