@@ -1,0 +1,225 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/build/build.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/build/forest.h"
+#include "src/build/measure.h"
+#include "src/build/simplify.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+/* How far the boundary may move while it counts as kept: rounding of positions, as a fraction of the diagonal. */
+static const double BOUNDARY_KEPT = 1e-6;
+
+struct build {
+    const struct tetmesh *mesh;
+    const struct build_options *options;
+    struct simplification sequence;
+    struct tetlodi_write_level *levels; /* coarse to fine */
+    double *errors;                     /* [mark][field][measure], fine to coarse */
+    struct tetlod_error *error;
+};
+
+static bool contract_progress(void *opaque, double done)
+{
+    const struct build_options *options = opaque;
+    return options->progress(options->progress_opaque, BUILD_CONTRACT, done);
+}
+
+/* What the contraction needs at its peak, about: the complex, the fields and a queue of seven edges a vertex. */
+static enum tetlod_status check_memory(const struct build *build)
+{
+    const struct tetmesh *mesh = build->mesh;
+    uint64_t needed = complex_bytes(mesh->vertex_count, mesh->tet_count) +
+                      fields_bytes(mesh, build->options->control_count) + mesh->vertex_count * (uint64_t)7 * 56;
+    if (!build->options->memory || needed <= build->options->memory)
+        return TETLOD_OK;
+    return tetlodi_fail(build->error, TETLOD_ERR_LIMIT,
+                        "it needs about %llu MB, more than --memory allows (%llu MB); carry fewer fields or raise it",
+                        (unsigned long long)(needed >> 20) + 1, (unsigned long long)(build->options->memory >> 20));
+}
+
+static enum tetlod_status contract(struct build *build)
+{
+    const struct build_options *options = build->options;
+    uint32_t *controlled = array_new(options->control_count, sizeof *controlled);
+    double *limits = array_new(options->control_count, sizeof *limits);
+    if (!controlled || !limits) {
+        free(controlled);
+        free(limits);
+        return tetlodi_fail_nomem(build->error, "the controlled fields", options->control_count * 12);
+    }
+    double widest = 0; // limits are relative to the widest one, which the ladder's rungs mean
+    for (uint32_t i = 0; i < options->control_count; i++)
+        widest = larger(widest, options->controls[i].limit);
+    for (uint32_t i = 0; i < options->control_count; i++) {
+        controlled[i] = options->controls[i].field;
+        limits[i] = options->controls[i].limit > 0 ? options->controls[i].limit / widest : 1;
+    }
+    struct simplify_options simplify_options = {
+        .metric = options->metric,
+        .candidates = options->candidates,
+        .max_error = widest > 0 ? smaller(widest, options->max_error) : options->max_error,
+        .min_tets = options->min_tets,
+        .boundary_angle = options->boundary_angle,
+        .boundary_limit = BOUNDARY_KEPT * mesh_diagonal(build->mesh),
+        .growth = options->growth,
+        .progress = options->progress ? contract_progress : NULL,
+        .progress_opaque = (void *)(uintptr_t)options,
+    };
+    enum tetlod_status status = simplify(&build->sequence, build->mesh, controlled, options->control_count, limits,
+                                         &simplify_options, build->error);
+    free(controlled);
+    free(limits);
+    return status;
+}
+
+/* The certified and the predicted error of a field at a mark: its worst component's. NaN if it does not drive. */
+static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, double *errors)
+{
+    const struct fields *fields = &build->sequence.fields;
+    errors[TETLOD_MAX] = errors[TETLOD_PREDICTED] = NAN;
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        if (fields->drivers[d].field != field)
+            continue;
+        size_t i = (size_t)mark * fields->driver_count + d;
+        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], build->sequence.mark_certified[i]);
+        errors[TETLOD_PREDICTED] = fmax(errors[TETLOD_PREDICTED], build->sequence.mark_predicted[i]);
+    }
+}
+
+/* Fills one mark's errors, each no less than the finer mark's: a level promises that no finer one has a larger error. */
+static void file_errors(const struct build *build, uint32_t mark, const struct measured *measured)
+{
+    uint32_t fields = build->mesh->field_count;
+    for (uint32_t f = 0; f < fields; f++) {
+        double *errors = build->errors + ((size_t)mark * fields + f) * TETLOD_MEASURES, range[2];
+        const double *finer = mark ? errors - fields * TETLOD_MEASURES : NULL;
+        point_field_range(&build->mesh->fields[f], build->mesh->vertex_count, range);
+        double scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
+        mark_errors(build, mark, f, errors);
+        errors[TETLOD_SAMPLED] = measured[f].sampled * scale;
+        errors[TETLOD_RMS] = measured[f].rms * scale;
+        for (int m = 0; m < TETLOD_MEASURES && finer; m++)
+            errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);
+    }
+}
+
+static enum tetlod_status measure_mark(struct build *build, struct forest *forest, struct measure *measure,
+                                       uint32_t mark, struct measured *measured, double diagonal)
+{
+    uint32_t contractions = build->sequence.marks[mark].contractions;
+    struct forest_level level;
+    double domain;
+    TETLOD_TRY(forest_level(forest, contractions, &level, build->error));
+    enum tetlod_status status =
+        measure_level(measure, &level, contractions, build->options->threads, measured, &domain, build->error);
+    forest_level_fini(&level);
+    if (status != TETLOD_OK)
+        return status;
+    struct tetlodi_write_level *out = &build->levels[build->sequence.mark_count - 1 - mark];
+    file_errors(build, mark, measured);
+    *out = (struct tetlodi_write_level){
+        contractions, diagonal > 0 ? domain / diagonal : 0,
+        build->errors + (size_t)mark * build->mesh->field_count * TETLOD_MEASURES};
+    return TETLOD_OK;
+}
+
+static enum tetlod_status measure_marks(struct build *build)
+{
+    uint32_t marks = build->sequence.mark_count, fields = build->mesh->field_count;
+    struct forest forest = {0};
+    struct measure *measure = NULL;
+    struct measured *measured = array_new(fields, sizeof *measured);
+    double diagonal = mesh_diagonal(build->mesh), finer = 0;
+    enum tetlod_status status = TETLOD_OK;
+    build->levels = array_new(marks, sizeof *build->levels);
+    build->errors = array_new((size_t)marks * fields, TETLOD_MEASURES * sizeof(double));
+    if (!measured || !build->levels || !build->errors)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
+    TETLOD_TRY_DONE(forest_init(&forest, &build->sequence, build->mesh, build->error));
+    TETLOD_TRY_DONE(measure_new(&measure, build->mesh, build->error));
+    for (uint32_t mark = 0; mark < marks; mark++) {
+        TETLOD_TRY_DONE(measure_mark(build, &forest, measure, mark, measured, diagonal));
+        double *domain = &build->levels[marks - 1 - mark].domain_error;
+        *domain = finer = larger(*domain, finer);
+        if (build->options->progress &&
+            !build->options->progress(build->options->progress_opaque, BUILD_MEASURE, (mark + 1.0) / marks))
+            TETLOD_TRY_DONE(tetlodi_fail(build->error, TETLOD_ERR_CANCELLED, "cancelled"));
+    }
+done:
+    forest_fini(&forest);
+    measure_free(measure);
+    free(measured);
+    return status;
+}
+
+static bool is_controlled(const struct build *build, uint32_t field)
+{
+    for (uint32_t i = 0; i < build->options->control_count; i++)
+        if (build->options->controls[i].field == field)
+            return true;
+    return false;
+}
+
+static enum tetlod_status encode(struct build *build, const struct tetlodi_sink *sink)
+{
+    const struct tetmesh *mesh = build->mesh;
+    const struct complex *complex = &build->sequence.complex;
+    struct tetlodi_write_field *fields = array_new(mesh->field_count, sizeof *fields);
+    if (!fields)
+        return tetlodi_fail_nomem(build->error, "the fields", mesh->field_count * sizeof *fields);
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        const struct point_field *field = &mesh->fields[f];
+        fields[f] = (struct tetlodi_write_field){
+            field->name,   field->components,
+            field->type,   is_controlled(build, f),
+            {0, 0},        field->values,
+            build->sequence.fields.fields[f].node_values};
+        point_field_range(field, mesh->vertex_count, fields[f].range);
+    }
+    struct tetlodi_write_input input = {.vertices = mesh->vertex_count,
+                                        .tets = mesh->tet_count,
+                                        .contractions = complex->contraction_count,
+                                        .position_type = mesh->position_type,
+                                        .positions = mesh->positions,
+                                        .corners = mesh->corners,
+                                        .children = complex->children,
+                                        .node_positions = complex->node_positions,
+                                        .field_count = mesh->field_count,
+                                        .level_count = build->sequence.mark_count,
+                                        .fields = fields,
+                                        .levels = build->levels,
+                                        .degenerate_tets = complex->degenerate_tets,
+                                        .inverted_tets = complex->inverted_tets,
+                                        .unused_points = mesh->unused_points,
+                                        .metadata = build->options->metadata,
+                                        .compression = build->options->compression};
+    if (build->options->progress)
+        build->options->progress(build->options->progress_opaque, BUILD_ENCODE, 0);
+    enum tetlod_status status = tetlodi_write(&input, sink, build->error);
+    free(fields);
+    return status;
+}
+
+enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_options *options,
+                                const struct tetlodi_sink *sink, struct build_report *report, struct tetlod_error *error)
+{
+    struct build build = {.mesh = mesh, .options = options, .error = error};
+    enum tetlod_status status;
+    TETLOD_TRY_DONE(check_memory(&build));
+    TETLOD_TRY_DONE(contract(&build));
+    TETLOD_TRY_DONE(measure_marks(&build));
+    TETLOD_TRY_DONE(encode(&build, sink));
+    *report = (struct build_report){build.sequence.complex.contraction_count, build.sequence.mark_count,
+                                    build.sequence.complex.degenerate_tets, build.sequence.complex.inverted_tets};
+done:
+    simplification_fini(&build.sequence);
+    free(build.levels);
+    free(build.errors);
+    return status;
+}

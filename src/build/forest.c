@@ -1,0 +1,145 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/build/forest.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/util/array.h"
+
+enum tetlod_status forest_init(struct forest *forest, const struct simplification *sequence,
+                               const struct tetmesh *original, struct tetlod_error *error)
+{
+    const struct complex *complex = &sequence->complex;
+    uint32_t n = original->vertex_count, nodes = n + complex->contraction_count;
+    *forest = (struct forest){sequence, original, array_new(nodes, sizeof(uint32_t)), array_new(n, sizeof(uint32_t)), 0};
+    if (!forest->parent || !forest->ancestor) {
+        forest_fini(forest);
+        return tetlodi_fail_nomem(error, "the forest", 4 * ((uint64_t)nodes + n));
+    }
+    memset(forest->parent, 0xff, nodes * sizeof(uint32_t));
+    for (uint32_t c = 0; c < complex->contraction_count; c++)
+        for (int i = 0; i < 4; i++)
+            if (complex->children[4 * (size_t)c + i] != TETLOD_NONE)
+                forest->parent[complex->children[4 * (size_t)c + i]] = n + c;
+    for (uint32_t v = 0; v < n; v++)
+        forest->ancestor[v] = v;
+    return TETLOD_OK;
+}
+
+void forest_fini(struct forest *forest)
+{
+    free(forest->parent);
+    free(forest->ancestor);
+    *forest = (struct forest){0};
+}
+
+void forest_level_fini(struct forest_level *level)
+{
+    tetmesh_fini(&level->mesh);
+    free(level->nodes);
+    free(level->origin);
+    free(level->image);
+    *level = (struct forest_level){0};
+}
+
+static void climb(struct forest *forest, uint32_t contractions)
+{
+    uint32_t n = forest->original->vertex_count, first_later = n + contractions;
+    for (uint32_t v = 0; v < n; v++) {
+        uint32_t node = forest->ancestor[v], up;
+        while ((up = forest->parent[node]) < first_later) // TETLOD_NONE is greater, too
+            node = up;
+        forest->ancestor[v] = node;
+    }
+    forest->contractions = contractions;
+}
+
+static bool four_different(const uint32_t c[4])
+{
+    return c[0] != c[1] && c[0] != c[2] && c[0] != c[3] && c[1] != c[2] && c[1] != c[3] && c[2] != c[3];
+}
+
+static uint32_t count_alive(const struct forest *forest)
+{
+    uint32_t alive = 0;
+    for (size_t t = 0; t < forest->original->tet_count; t++) {
+        const uint32_t *corners = forest->original->corners + 4 * t;
+        uint32_t c[4];
+        for (int i = 0; i < 4; i++)
+            c[i] = forest->ancestor[corners[i]];
+        alive += four_different(c);
+    }
+    return alive;
+}
+
+/* Numbers the living nodes in the order of the first tetrahedron that has them. */
+static void fill_tets(const struct forest *forest, struct forest_level *level, uint32_t *number)
+{
+    struct tetmesh *mesh = &level->mesh;
+    for (uint32_t t = 0; t < forest->original->tet_count; t++) {
+        uint32_t c[4];
+        for (int i = 0; i < 4; i++)
+            c[i] = forest->ancestor[forest->original->corners[4 * (size_t)t + i]];
+        level->image[t] = TETLOD_NONE;
+        if (!four_different(c))
+            continue;
+        for (int i = 0; i < 4; i++) {
+            if (number[c[i]] == TETLOD_NONE) {
+                level->nodes[mesh->vertex_count] = c[i];
+                number[c[i]] = mesh->vertex_count++;
+            }
+            mesh->corners[4 * (size_t)mesh->tet_count + i] = number[c[i]];
+        }
+        level->image[t] = mesh->tet_count;
+        level->origin[mesh->tet_count++] = t;
+    }
+}
+
+static void fill_rows(double *out, const double *original, const double *made, uint32_t width, const uint32_t *nodes,
+                      uint32_t count, uint32_t vertices)
+{
+    for (uint32_t v = 0; v < count; v++) {
+        const double *from = nodes[v] < vertices ? original + (size_t)nodes[v] * width
+                                                 : made + (size_t)(nodes[v] - vertices) * width;
+        memcpy(out + (size_t)v * width, from, width * sizeof *out);
+    }
+}
+
+enum tetlod_status forest_level(struct forest *forest, uint32_t contractions, struct forest_level *out,
+                                struct tetlod_error *error)
+{
+    const struct tetmesh *original = forest->original;
+    const struct simplification *sequence = forest->sequence;
+    uint32_t n = original->vertex_count, nodes = n + sequence->complex.contraction_count;
+    climb(forest, contractions);
+    uint32_t tets = count_alive(forest);
+    *out = (struct forest_level){.nodes = array_new(n, sizeof(uint32_t)),
+                                 .origin = array_new(tets, sizeof(uint32_t)),
+                                 .image = array_new(original->tet_count, sizeof(uint32_t)),
+                                 .ancestor = forest->ancestor};
+    out->mesh.position_type = original->position_type;
+    out->mesh.corners = array_new(tets, 4 * sizeof(uint32_t));
+    uint32_t *number = array_new(nodes, sizeof *number);
+    enum tetlod_status status = TETLOD_OK;
+    if (!out->nodes || !out->origin || !out->image || !out->mesh.corners || !number)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a level", 4 * ((uint64_t)n + 6 * (uint64_t)tets + nodes)));
+    memset(number, 0xff, nodes * sizeof *number);
+    fill_tets(forest, out, number);
+    uint32_t count = out->mesh.vertex_count;
+    out->mesh.positions = array_new(count, 3 * sizeof(double));
+    if (!out->mesh.positions)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a level", 24 * (uint64_t)count));
+    fill_rows(out->mesh.positions, original->positions, sequence->complex.node_positions, 3, out->nodes, count, n);
+    for (uint32_t f = 0; f < original->field_count; f++) {
+        const struct point_field *field = &original->fields[f];
+        TETLOD_TRY_DONE(tetmesh_add_field(&out->mesh, field->name, field->components, field->type, error));
+        fill_rows(out->mesh.fields[f].values, field->values, sequence->fields.fields[f].node_values, field->components,
+                  out->nodes, count, n);
+    }
+done:
+    free(number);
+    if (status != TETLOD_OK)
+        forest_level_fini(out);
+    return status;
+}

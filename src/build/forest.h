@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The mesh at any moment of the contraction sequence, by filter and map: a tetrahedron's corners are the living ancestors
+ * of its original vertices, and it is there while they are four. */
+#ifndef TETLOD_FOREST_H
+#define TETLOD_FOREST_H
+
+#include "src/build/simplify.h"
+
+struct forest {
+    const struct simplification *sequence; /* borrowed */
+    const struct tetmesh *original;        /* borrowed */
+    uint32_t *parent;                      /* [node] or TETLOD_NONE */
+    uint32_t *ancestor;                    /* [original vertex] living node at the current moment */
+    uint32_t contractions;                 /* the moment; it only rises */
+};
+
+struct forest_level {
+    struct tetmesh mesh;
+    uint32_t *nodes;  /* [vertex] */
+    uint32_t *origin; /* [tet] number in the original */
+    uint32_t *image;  /* [original tet] tetrahedron of the level, or TETLOD_NONE */
+    const uint32_t *ancestor; /* the forest's, at this level as long as that is not moved on */
+};
+
+TETLOD_CHECKED enum tetlod_status forest_init(struct forest *forest, const struct simplification *sequence,
+                                              const struct tetmesh *original, struct tetlod_error *error);
+void forest_fini(struct forest *forest);
+
+/* The mesh after `contractions` contractions, which is no less than in the last call. O(n). */
+TETLOD_CHECKED enum tetlod_status forest_level(struct forest *forest, uint32_t contractions, struct forest_level *out,
+                                               struct tetlod_error *error);
+void forest_level_fini(struct forest_level *level);
+
+#endif

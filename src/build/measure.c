@@ -1,0 +1,353 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/build/measure.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/build/forest.h"
+#include "src/mesh/locate.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+#include "src/util/parallel.h"
+
+/* Samples 0 .. vertices-1 are the vertices; tetrahedron t has SAMPLES_PER_TET more. */
+enum { SAMPLES_PER_TET = 2, MOST_OVERLAP = 16, CHUNK = 4096 };
+
+struct measure {
+    const struct tetmesh *original; /* borrowed */
+    const uint32_t *fields;         /* [field_count] of the original, or NULL: all in order */
+    uint32_t field_count;
+    size_t sample_count;
+    double *errors;     /* [field_count * sample] */
+    uint32_t *hosts;    /* [sample] original tetrahedron whose image held the sample last, or TETLOD_NONE */
+    uint8_t *degenerate; /* [tet] */
+    uint32_t *boundary; /* original's boundary vertices */
+    uint32_t boundary_count, contractions;
+    struct locator locator; /* of the original */
+};
+
+/* One comparison at hand. */
+struct comparison {
+    struct measure *measure;
+    const struct tetmesh *level;
+    const uint32_t *level_fields;     /* NULL: all in order */
+    const struct forest_level *forest; /* NULL: the meshes have nothing in common */
+    struct locator locator;           /* of the level */
+    const uint32_t *points;           /* of the domain error's half at hand */
+    const struct tetmesh *from;
+    const struct locator *to;
+    double *distances;
+};
+
+double mesh_diagonal(const struct tetmesh *mesh)
+{
+    double sum = 0;
+    for (int d = 0; d < 3; d++) {
+        double least = INFINITY, greatest = -INFINITY;
+        for (size_t v = 0; v < mesh->vertex_count; v++) {
+            least = smaller(least, mesh->positions[3 * v + d]);
+            greatest = larger(greatest, mesh->positions[3 * v + d]);
+        }
+        sum += mesh->vertex_count ? (greatest - least) * (greatest - least) : 0;
+    }
+    return sqrt(sum);
+}
+
+/* ---- samples */
+
+static uint64_t mix(uint64_t x) // splitmix64's finaliser
+{
+    x += 0x9e3779b97f4a7c15ull;
+    x = (x ^ x >> 30) * 0xbf58476d1ce4e5b9ull;
+    x = (x ^ x >> 27) * 0x94d049bb133111ebull;
+    return x ^ x >> 31;
+}
+
+/* Weights of a point in a tetrahedron: the centroid, or uniformly distributed ones (spacings of sorted uniforms). */
+static void sample_weights(uint32_t tet, unsigned which, double weights[4])
+{
+    double u[5] = {0, 0.25, 0.5, 0.75, 1};
+    for (int i = 1; i < 4 && which; i++)
+        u[i] = (double)(mix(3 * (uint64_t)tet + (uint64_t)i) >> 11) * 0x1p-53;
+    for (int i = 1; i < 3; i++)
+        for (int j = 1; j < 4 - i; j++)
+            if (u[j] > u[j + 1]) {
+                double swap = u[j];
+                u[j] = u[j + 1];
+                u[j + 1] = swap;
+            }
+    for (int i = 0; i < 4; i++)
+        weights[i] = u[i + 1] - u[i];
+}
+
+/* The sample as a place in the original. False: there is none, its tetrahedron is degenerate. */
+static bool sample_place(const struct measure *measure, size_t sample, struct place *out)
+{
+    const struct tetmesh *mesh = measure->original;
+    *out = (struct place){{0}, {0}};
+    if (sample < mesh->vertex_count) {
+        out->vertices[0] = (uint32_t)sample;
+        out->weights[0] = 1;
+        return true;
+    }
+    size_t k = sample - mesh->vertex_count;
+    uint32_t tet = (uint32_t)(k / SAMPLES_PER_TET);
+    memcpy(out->vertices, mesh->corners + 4 * (size_t)tet, sizeof out->vertices);
+    sample_weights(tet, k % SAMPLES_PER_TET, out->weights);
+    return !measure->degenerate[tet];
+}
+
+static double place_value(const double *values, uint32_t width, uint32_t component, const struct place *place)
+{
+    double sum = 0;
+    for (int i = 0; i < 4; i++)
+        sum += place->weights[i] * values[(size_t)place->vertices[i] * width + component];
+    return sum;
+}
+
+/* ---- one sample */
+
+/* The difference at a place of the original and one of the level, largest over components, for each field: taken if it is
+ * the least so far, for where a mesh overlaps itself or is double valued any of its values will do. */
+static void compare_places(const struct comparison *c, const struct place *original, const struct place *level,
+                           bool first, double *errors)
+{
+    const struct measure *measure = c->measure;
+    for (uint32_t f = 0; f < measure->field_count; f++) {
+        const struct point_field *a = &measure->original->fields[measure->fields ? measure->fields[f] : f];
+        const struct point_field *b = &c->level->fields[c->level_fields ? c->level_fields[f] : f];
+        double worst = 0;
+        for (uint32_t k = 0; k < a->components; k++)
+            worst = larger(worst, fabs(place_value(b->values, b->components, k, level) -
+                                       place_value(a->values, a->components, k, original)));
+        if (first || worst < errors[f])
+            errors[f] = worst;
+    }
+}
+
+/* Does what held the sample still look as it did at the last level? */
+static bool host_unchanged(const struct comparison *c, uint32_t host)
+{
+    const struct measure *measure = c->measure;
+    uint32_t tet = c->forest->image[host];
+    if (tet == TETLOD_NONE)
+        return false;
+    for (int i = 0; i < 4; i++)
+        if (c->forest->nodes[c->level->corners[4 * (size_t)tet + i]] >=
+            measure->original->vertex_count + measure->contractions)
+            return false;
+    return true;
+}
+
+static void compare_sample(const struct comparison *c, size_t sample)
+{
+    struct measure *measure = c->measure;
+    double *errors = measure->errors + sample * measure->field_count;
+    struct place original, level;
+    if (!sample_place(measure, sample, &original))
+        return;
+    if (c->forest && sample < measure->original->vertex_count && c->forest->ancestor[sample] == sample)
+        return; // a vertex that is still there has no error, whatever else lies at the same point
+    if (c->forest && measure->hosts[sample] != TETLOD_NONE && host_unchanged(c, measure->hosts[sample]))
+        return;
+    double p[3];
+    for (int d = 0; d < 3; d++)
+        p[d] = place_value(measure->original->positions, 3, (uint32_t)d, &original);
+    uint32_t tets[MOST_OVERLAP], count = locator_find(&c->locator, p, tets, MOST_OVERLAP);
+    for (uint32_t i = 0; i < count; i++) {
+        locator_weights(&c->locator, tets[i], p, level.weights);
+        memcpy(level.vertices, c->level->corners + 4 * (size_t)tets[i], sizeof level.vertices);
+        compare_places(c, &original, &level, i == 0, errors);
+    }
+    if (!count) {
+        locator_closest(&c->locator, p, &level);
+        compare_places(c, &original, &level, true, errors);
+    }
+    // several hosts (a point on a face, overlaps): any of them may change, so it is looked for again
+    measure->hosts[sample] = c->forest && count == 1 ? c->forest->origin[tets[0]] : TETLOD_NONE;
+}
+
+static void compare_samples(void *context, size_t begin, size_t end)
+{
+    for (size_t sample = begin; sample < end; sample++)
+        compare_sample(context, sample);
+}
+
+static void summarise(const struct measure *measure, struct measured *out)
+{
+    size_t counted = 0;
+    memset(out, 0, measure->field_count * sizeof *out);
+    for (size_t sample = 0; sample < measure->sample_count; sample++) {
+        const double *errors = measure->errors + sample * measure->field_count;
+        size_t k = sample - measure->original->vertex_count;
+        if (sample >= measure->original->vertex_count && measure->degenerate[k / SAMPLES_PER_TET])
+            continue;
+        counted++;
+        for (uint32_t f = 0; f < measure->field_count; f++) {
+            out[f].sampled = larger(out[f].sampled, errors[f]);
+            out[f].rms += errors[f] * errors[f];
+        }
+    }
+    for (uint32_t f = 0; f < measure->field_count; f++)
+        out[f].rms = sqrt(out[f].rms / (double)counted);
+}
+
+/* ---- domain error */
+
+static void measure_distances(void *context, size_t begin, size_t end)
+{
+    const struct comparison *c = context;
+    struct place place;
+    for (size_t i = begin; i < end; i++)
+        c->distances[i] = locator_closest(c->to, c->from->positions + 3 * (size_t)c->points[i], &place);
+}
+
+/* The vertices of a mesh's boundary, once each. */
+static enum tetlod_status boundary_vertices(const struct locator *locator, uint32_t vertex_count, uint32_t **out,
+                                            uint32_t *out_count, struct tetlod_error *error)
+{
+    uint8_t *seen = array_zero(vertex_count, 1);
+    uint32_t most = 3 * locator->triangle_count < vertex_count ? 3 * locator->triangle_count : vertex_count;
+    *out_count = 0;
+    *out = array_new(most, sizeof **out);
+    if (!seen || !*out) {
+        free(seen);
+        return tetlodi_fail_nomem(error, "the boundary", 5 * (uint64_t)vertex_count);
+    }
+    for (size_t i = 0; i < 3 * (size_t)locator->triangle_count; i++) {
+        uint32_t v = locator->triangles[i];
+        if (!seen[v])
+            (*out)[(*out_count)++] = v;
+        seen[v] = 1;
+    }
+    free(seen);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status largest_distance(struct comparison *c, const struct tetmesh *from, const uint32_t *points,
+                                           uint32_t count, const struct locator *to, unsigned threads, double *io_most,
+                                           struct tetlod_error *error)
+{
+    c->from = from;
+    c->points = points;
+    c->to = to;
+    c->distances = array_new(count, sizeof(double));
+    if (!c->distances)
+        return tetlodi_fail_nomem(error, "distances", 8 * (uint64_t)count);
+    parallel_for(threads, count, 256, measure_distances, c);
+    for (uint32_t i = 0; i < count; i++)
+        *io_most = larger(*io_most, c->distances[i]);
+    free(c->distances);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status domain_error(struct comparison *c, unsigned threads, double *out, struct tetlod_error *error)
+{
+    struct measure *measure = c->measure;
+    uint32_t *points = NULL, count = 0;
+    *out = 0;
+    enum tetlod_status status = largest_distance(c, measure->original, measure->boundary, measure->boundary_count,
+                                                 &c->locator, threads, out, error);
+    if (status == TETLOD_OK)
+        status = boundary_vertices(&c->locator, c->level->vertex_count, &points, &count, error);
+    if (status == TETLOD_OK)
+        status = largest_distance(c, c->level, points, count, &measure->locator, threads, out, error);
+    free(points);
+    return status;
+}
+
+/* ---- the whole */
+
+void measure_free(struct measure *measure)
+{
+    if (!measure)
+        return;
+    free(measure->errors);
+    free(measure->hosts);
+    free(measure->degenerate);
+    free(measure->boundary);
+    locator_fini(&measure->locator);
+    free(measure);
+}
+
+static enum tetlod_status measure_make(struct measure **out, const struct tetmesh *original, const uint32_t *fields,
+                                       uint32_t field_count, struct tetlod_error *error)
+{
+    size_t samples = original->vertex_count + SAMPLES_PER_TET * (size_t)original->tet_count;
+    struct measure *measure = array_zero(1, sizeof *measure);
+    *out = NULL;
+    if (!measure)
+        return tetlodi_fail_nomem(error, "samples", sizeof *measure);
+    *measure = (struct measure){.original = original,
+                                .fields = fields,
+                                .field_count = field_count,
+                                .sample_count = samples,
+                                .errors = array_zero(samples * field_count, sizeof(double)),
+                                .hosts = array_new(samples, sizeof(uint32_t)),
+                                .degenerate = array_zero(original->tet_count, 1)};
+    enum tetlod_status status = TETLOD_OK;
+    if (!measure->errors || !measure->hosts || !measure->degenerate)
+        status = tetlodi_fail_nomem(error, "samples", samples * (8 * (uint64_t)field_count + 4));
+    if (status == TETLOD_OK)
+        status = locator_init(&measure->locator, original->positions, original->vertex_count, original->corners,
+                              original->tet_count, error);
+    if (status == TETLOD_OK)
+        status = boundary_vertices(&measure->locator, original->vertex_count, &measure->boundary,
+                                   &measure->boundary_count, error);
+    if (status != TETLOD_OK) {
+        measure_free(measure);
+        return status;
+    }
+    for (size_t t = 0; t < original->tet_count; t++) {
+        const double *p[4];
+        for (int c = 0; c < 4; c++)
+            p[c] = original->positions + 3 * (size_t)original->corners[4 * t + c];
+        measure->degenerate[t] = tet_orientation(p[0], p[1], p[2], p[3]) == 0;
+    }
+    for (size_t sample = 0; sample < samples; sample++)
+        measure->hosts[sample] = sample < original->vertex_count
+                                     ? TETLOD_NONE
+                                     : (uint32_t)((sample - original->vertex_count) / SAMPLES_PER_TET);
+    *out = measure;
+    return TETLOD_OK;
+}
+
+enum tetlod_status measure_new(struct measure **out, const struct tetmesh *original, struct tetlod_error *error)
+{
+    return measure_make(out, original, NULL, original->field_count, error);
+}
+
+static enum tetlod_status compare(struct comparison *c, unsigned threads, struct measured *out, double *out_domain,
+                                  struct tetlod_error *error)
+{
+    TETLOD_TRY(locator_init(&c->locator, c->level->positions, c->level->vertex_count, c->level->corners,
+                            c->level->tet_count, error));
+    parallel_for(threads, c->measure->sample_count, CHUNK, compare_samples, c);
+    summarise(c->measure, out);
+    enum tetlod_status status = domain_error(c, threads, out_domain, error);
+    locator_fini(&c->locator);
+    return status;
+}
+
+enum tetlod_status measure_level(struct measure *measure, const struct forest_level *level, uint32_t contractions,
+                                 unsigned threads, struct measured *out, double *out_domain, struct tetlod_error *error)
+{
+    struct comparison c = {.measure = measure, .level = &level->mesh, .forest = level};
+    enum tetlod_status status = compare(&c, threads, out, out_domain, error);
+    measure->contractions = contractions;
+    return status;
+}
+
+enum tetlod_status measure_meshes(const struct tetmesh *a, const struct tetmesh *b, const uint32_t *a_fields,
+                                  const uint32_t *b_fields, uint32_t count, unsigned threads, struct measured *out,
+                                  double *out_domain, struct tetlod_error *error)
+{
+    struct measure *measure;
+    TETLOD_TRY(measure_make(&measure, a, a_fields, count, error));
+    struct comparison c = {.measure = measure, .level = b, .level_fields = b_fields};
+    enum tetlod_status status = compare(&c, threads, out, out_domain, error);
+    measure_free(measure);
+    return status;
+}

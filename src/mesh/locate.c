@@ -1,0 +1,191 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/mesh/locate.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "format/fail.h"
+#include "src/mesh/adjacency.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+/* A point this far outside by a barycentric weight is on the face: the rounding of well shaped tetrahedra is far below. */
+static const double ON_FACE = -1e-9;
+
+static enum tetlod_status collect_boundary(struct locator *locator, uint32_t vertex_count, struct tetlod_error *error)
+{
+    size_t slots = 4 * (size_t)locator->tet_count;
+    uint32_t *neighbours = array_new(slots, sizeof *neighbours);
+    if (!neighbours)
+        return tetlodi_fail_nomem(error, "the boundary", slots * sizeof *neighbours);
+    enum tetlod_status status =
+        adjacency_build(locator->corners, locator->tet_count, vertex_count, neighbours, NULL, error);
+    uint32_t count = 0;
+    for (size_t s = 0; s < slots && status == TETLOD_OK; s++)
+        count += neighbours[s] == TETLOD_NONE;
+    if (status == TETLOD_OK && !(locator->triangles = array_new(count, 3 * sizeof(uint32_t))))
+        status = tetlodi_fail_nomem(error, "the boundary", (uint64_t)count * 12);
+    for (size_t s = 0; s < slots && status == TETLOD_OK; s++)
+        if (neighbours[s] == TETLOD_NONE) {
+            for (int i = 0; i < 3; i++)
+                locator->triangles[3 * (size_t)locator->triangle_count + i] =
+                    locator->corners[(s & ~(size_t)3) + tet_faces[s & 3][i]];
+            locator->triangle_count++;
+        }
+    free(neighbours);
+    return status;
+}
+
+enum tetlod_status locator_init(struct locator *locator, const double *positions, uint32_t vertex_count,
+                                const uint32_t *corners, uint32_t tet_count, struct tetlod_error *error)
+{
+    *locator = (struct locator){.positions = positions, .corners = corners, .tet_count = tet_count};
+    enum tetlod_status status;
+    TETLOD_TRY_DONE(collect_boundary(locator, vertex_count, error));
+    TETLOD_TRY_DONE(bvh_build(&locator->tets, positions, corners, tet_count, 4, error));
+    TETLOD_TRY_DONE(bvh_build(&locator->surface, positions, locator->triangles, locator->triangle_count, 3, error));
+done:
+    if (status != TETLOD_OK)
+        locator_fini(locator);
+    return status;
+}
+
+void locator_fini(struct locator *locator)
+{
+    free(locator->triangles);
+    bvh_fini(&locator->tets);
+    bvh_fini(&locator->surface);
+    *locator = (struct locator){0};
+}
+
+double locator_weights(const struct locator *locator, uint32_t tet, const double p[3], double weights[4])
+{
+    const double *q[4];
+    for (int c = 0; c < 4; c++)
+        q[c] = locator->positions + 3 * (size_t)locator->corners[4 * (size_t)tet + c];
+    double whole = tet_volume6(q[0], q[1], q[2], q[3]), least = INFINITY;
+    if (whole == 0)
+        return -INFINITY;
+    weights[0] = 1;
+    for (int c = 1; c < 4; c++) {
+        const double *r[4] = {q[0], q[1], q[2], q[3]};
+        r[c] = p;
+        weights[c] = tet_volume6(r[0], r[1], r[2], r[3]) / whole;
+        weights[0] -= weights[c];
+        least = smaller(least, weights[c]);
+    }
+    return smaller(least, weights[0]);
+}
+
+uint32_t locator_find(const struct locator *locator, const double p[3], uint32_t *out_tets, uint32_t most)
+{
+    const struct bvh *bvh = &locator->tets;
+    uint32_t stack[BVH_DEPTH], depth = 0, found = 0;
+    double weights[4];
+    stack[depth++] = 0;
+    while (depth && found < most) {
+        uint32_t node = stack[--depth];
+        if (bvh_box_distance2(bvh, node, p) > 0)
+            continue;
+        if (node < bvh->leaf_first) {
+            stack[depth++] = 2 * node + 2;
+            stack[depth++] = 2 * node + 1;
+            continue;
+        }
+        uint64_t first = (uint64_t)(node - bvh->leaf_first) * BVH_LEAF;
+        for (uint64_t i = first; i < bvh->count && i < first + BVH_LEAF && found < most; i++)
+            if (locator_weights(locator, bvh->order[i], p, weights) >= ON_FACE)
+                out_tets[found++] = bvh->order[i];
+    }
+    return found;
+}
+
+/* ---- closest point */
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static double on_segment(const double *p, const double *a, const double *b, double *t)
+{
+    double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, e[3] = {p[0] - a[0], p[1] - a[1], p[2] - a[2]};
+    double length2 = dot(d, d), sum = 0;
+    *t = length2 > 0 ? smaller(1, larger(0, dot(d, e) / length2)) : 0;
+    for (int i = 0; i < 3; i++)
+        sum += (e[i] - *t * d[i]) * (e[i] - *t * d[i]);
+    return sum;
+}
+
+/* Square of the distance of p from a triangle, and the closest point's weights. */
+static double on_triangle(const double *p, const double *a, const double *b, const double *c, double weights[3])
+{
+    const double *corner[4] = {a, b, c, a};
+    double best = INFINITY, t, u[3], v[3], w[3], n[3];
+    for (int i = 0; i < 3; i++) {
+        double distance2 = on_segment(p, corner[i], corner[i + 1], &t);
+        if (distance2 < best) {
+            best = distance2;
+            weights[0] = weights[1] = weights[2] = 0;
+            weights[i] = 1 - t;
+            weights[(i + 1) % 3] += t;
+        }
+    }
+    for (int i = 0; i < 3; i++) {
+        u[i] = b[i] - a[i];
+        v[i] = c[i] - a[i];
+        w[i] = p[i] - a[i];
+    }
+    for (int i = 0; i < 3; i++)
+        n[i] = u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3];
+    double area2 = dot(n, n);
+    if (area2 == 0)
+        return best;
+    double uu = dot(u, u), uv = dot(u, v), vv = dot(v, v), wu = dot(w, u), wv = dot(w, v);
+    double s = (vv * wu - uv * wv) / area2, r = (uu * wv - uv * wu) / area2, height = dot(n, w);
+    if (s < 0 || r < 0 || s + r > 1 || height * height / area2 > best)
+        return best;
+    weights[0] = 1 - s - r;
+    weights[1] = s;
+    weights[2] = r;
+    return height * height / area2;
+}
+
+double locator_closest(const struct locator *locator, const double p[3], struct place *out)
+{
+    const struct bvh *bvh = &locator->surface;
+    uint32_t stack[BVH_DEPTH], depth = 0;
+    double best = INFINITY, weights[3];
+    *out = (struct place){{0}, {0}};
+    stack[depth++] = 0;
+    while (depth && bvh->count) {
+        uint32_t node = stack[--depth];
+        if (bvh_box_distance2(bvh, node, p) >= best)
+            continue;
+        if (node < bvh->leaf_first) {
+            uint32_t near = 2 * node + 1, far = near + 1;
+            if (bvh_box_distance2(bvh, far, p) < bvh_box_distance2(bvh, near, p)) {
+                near = far;
+                far = near - 1;
+            }
+            stack[depth++] = far;
+            stack[depth++] = near;
+            continue;
+        }
+        uint64_t first = (uint64_t)(node - bvh->leaf_first) * BVH_LEAF;
+        for (uint64_t i = first; i < bvh->count && i < first + BVH_LEAF; i++) {
+            const uint32_t *triangle = locator->triangles + 3 * (size_t)bvh->order[i];
+            double distance2 = on_triangle(p, locator->positions + 3 * (size_t)triangle[0],
+                                           locator->positions + 3 * (size_t)triangle[1],
+                                           locator->positions + 3 * (size_t)triangle[2], weights);
+            if (distance2 < best) {
+                best = distance2;
+                for (int c = 0; c < 3; c++) {
+                    out->vertices[c] = triangle[c];
+                    out->weights[c] = weights[c];
+                }
+            }
+        }
+    }
+    return sqrt(best);
+}
