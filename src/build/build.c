@@ -26,8 +26,8 @@ struct build {
 
 static bool contract_progress(void *opaque, double done)
 {
-    const struct build_options *options = opaque;
-    return options->progress(options->progress_opaque, BUILD_CONTRACT, done);
+    const struct build *build = opaque;
+    return build->options->progress(build->options->progress_opaque, BUILD_CONTRACT, done);
 }
 
 /* What the contraction needs at its peak, about: the complex, the fields and a queue of seven edges a vertex. */
@@ -69,7 +69,7 @@ static enum tetlod_status contract(struct build *build)
         .boundary_limit = BOUNDARY_KEPT * mesh_diagonal(build->mesh),
         .growth = options->growth,
         .progress = options->progress ? contract_progress : NULL,
-        .progress_opaque = (void *)(uintptr_t)options,
+        .progress_opaque = build,
     };
     enum tetlod_status status = simplify(&build->sequence, build->mesh, controlled, options->control_count, limits,
                                          &simplify_options, build->error);

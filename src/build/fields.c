@@ -164,13 +164,31 @@ double outcome_error(const struct fields *fields, const struct outcome *outcome)
     return worst;
 }
 
+/* Least and greatest value at the star's vertices. */
+static void star_range(const struct complex *complex, const struct star *star, const double *values, size_t stride,
+                       double out[2])
+{
+    out[0] = INFINITY;
+    out[1] = -INFINITY;
+    for (uint32_t i = 0; i < star->tet_count; i++)
+        for (int c = 0; c < 4; c++) {
+            double value = values[complex->corners[4 * (size_t)star->tets[i] + c] * stride];
+            out[0] = smaller(out[0], value);
+            out[1] = larger(out[1], value);
+        }
+}
+
+/* What does not drive has no bound that keeps it from extrapolating out of thin tetrahedra: it stays among its neighbours'
+ * values. */
 static void contract_field(struct working_field *field, const struct complex *complex, const struct star *star,
                            const double p[3], double *out)
 {
     double range[2];
     for (uint32_t c = 0; c < field->components; c++) {
         extremes(complex, star, field->values + c, field->components, p, false, range);
-        out[c] = field_round(field, c, (range[0] + range[1]) / 2);
+        double middle = (range[0] + range[1]) / 2;
+        star_range(complex, star, field->values + c, field->components, range);
+        out[c] = field_round(field, c, smaller(larger(middle, range[0]), range[1]));
     }
 }
 

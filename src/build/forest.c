@@ -40,6 +40,7 @@ void forest_level_fini(struct forest_level *level)
     free(level->nodes);
     free(level->origin);
     free(level->image);
+    free(level->vertex);
     *level = (struct forest_level){0};
 }
 
@@ -74,9 +75,10 @@ static uint32_t count_alive(const struct forest *forest)
 }
 
 /* Numbers the living nodes in the order of the first tetrahedron that has them. */
-static void fill_tets(const struct forest *forest, struct forest_level *level, uint32_t *number)
+static void fill_tets(const struct forest *forest, struct forest_level *level)
 {
     struct tetmesh *mesh = &level->mesh;
+    uint32_t *number = level->vertex;
     for (uint32_t t = 0; t < forest->original->tet_count; t++) {
         uint32_t c[4];
         for (int i = 0; i < 4; i++)
@@ -117,15 +119,15 @@ enum tetlod_status forest_level(struct forest *forest, uint32_t contractions, st
     *out = (struct forest_level){.nodes = array_new(n, sizeof(uint32_t)),
                                  .origin = array_new(tets, sizeof(uint32_t)),
                                  .image = array_new(original->tet_count, sizeof(uint32_t)),
+                                 .vertex = array_new(nodes, sizeof(uint32_t)),
                                  .ancestor = forest->ancestor};
     out->mesh.position_type = original->position_type;
     out->mesh.corners = array_new(tets, 4 * sizeof(uint32_t));
-    uint32_t *number = array_new(nodes, sizeof *number);
     enum tetlod_status status = TETLOD_OK;
-    if (!out->nodes || !out->origin || !out->image || !out->mesh.corners || !number)
+    if (!out->nodes || !out->origin || !out->image || !out->vertex || !out->mesh.corners)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a level", 4 * ((uint64_t)n + 6 * (uint64_t)tets + nodes)));
-    memset(number, 0xff, nodes * sizeof *number);
-    fill_tets(forest, out, number);
+    memset(out->vertex, 0xff, nodes * sizeof(uint32_t));
+    fill_tets(forest, out);
     uint32_t count = out->mesh.vertex_count;
     out->mesh.positions = array_new(count, 3 * sizeof(double));
     if (!out->mesh.positions)
@@ -138,7 +140,6 @@ enum tetlod_status forest_level(struct forest *forest, uint32_t contractions, st
                   out->nodes, count, n);
     }
 done:
-    free(number);
     if (status != TETLOD_OK)
         forest_level_fini(out);
     return status;

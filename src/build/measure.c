@@ -141,6 +141,21 @@ static bool host_unchanged(const struct comparison *c, uint32_t host)
     return true;
 }
 
+/* A tetrahedron of the level that is near the sample: the image of what held it last, or one at the living ancestor of that
+ * one's, or the sample's own, first vertex. */
+static uint32_t walk_start(const struct comparison *c, size_t sample)
+{
+    const struct measure *measure = c->measure;
+    uint32_t host = measure->hosts[sample], vertex = (uint32_t)sample;
+    if (host != TETLOD_NONE && c->forest->image[host] != TETLOD_NONE)
+        return c->forest->image[host];
+    if (host == TETLOD_NONE && sample >= measure->original->vertex_count)
+        host = (uint32_t)((sample - measure->original->vertex_count) / SAMPLES_PER_TET);
+    if (host != TETLOD_NONE)
+        vertex = measure->original->corners[4 * (size_t)host];
+    return c->locator.tet_of[c->forest->vertex[c->forest->ancestor[vertex]]];
+}
+
 static void compare_sample(const struct comparison *c, size_t sample)
 {
     struct measure *measure = c->measure;
@@ -155,6 +170,13 @@ static void compare_sample(const struct comparison *c, size_t sample)
     double p[3];
     for (int d = 0; d < 3; d++)
         p[d] = place_value(measure->original->positions, 3, (uint32_t)d, &original);
+    uint32_t near = c->forest ? locator_walk(&c->locator, walk_start(c, sample), p, level.weights) : TETLOD_NONE;
+    if (near != TETLOD_NONE) {
+        memcpy(level.vertices, c->level->corners + 4 * (size_t)near, sizeof level.vertices);
+        compare_places(c, &original, &level, true, errors);
+        measure->hosts[sample] = c->forest->origin[near];
+        return;
+    }
     uint32_t tets[MOST_OVERLAP], count = locator_find(&c->locator, p, tets, MOST_OVERLAP);
     for (uint32_t i = 0; i < count; i++) {
         locator_weights(&c->locator, tets[i], p, level.weights);
@@ -165,8 +187,7 @@ static void compare_sample(const struct comparison *c, size_t sample)
         locator_closest(&c->locator, p, &level);
         compare_places(c, &original, &level, true, errors);
     }
-    // several hosts (a point on a face, overlaps): any of them may change, so it is looked for again
-    measure->hosts[sample] = c->forest && count == 1 ? c->forest->origin[tets[0]] : TETLOD_NONE;
+    measure->hosts[sample] = TETLOD_NONE; // several of them, or outside: looked for again
 }
 
 static void compare_samples(void *context, size_t begin, size_t end)

@@ -172,7 +172,7 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     TETLOD_TRY(star_link_condition(&run->star, run->complex, &holds, run->error));
     if (!holds)
         return refuse(run, *entry, INFINITY);
-    struct trial trial = {{p[0], p[1], p[2]}, true, 0};
+    struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
     metric_try(run->options->metric, &run->scratch, run->fields, run->complex, &run->star, INFINITY, &trial, 1);
     metric_assigned(run->options->metric, &run->scratch, run->fields, 0, run->assigned);
     fields_outcome(run->fields, run->complex, &run->star, p, run->assigned, run->outcome);

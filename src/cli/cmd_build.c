@@ -1,11 +1,412 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#include <inttypes.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include "format/fail.h"
+#include "src/build/build.h"
 #include "src/cli/cli.h"
+#include "src/cli/progress.h"
+#include "src/io/io.h"
+#include "src/report/info_json.h"
+#include "src/util/array.h"
+#include "src/util/file.h"
+#include "src/util/parallel.h"
+
+static const char help[] =
+    "usage: tetlod build INPUT [-o OUT.tetlod] [OPTIONS]\n"
+    "\n"
+    "Reads a mesh, contracts it and writes the stream of its levels: from a few tetrahedra to the original.\n"
+    "\n"
+    "  -o, --output OUT        the stream to write (default: INPUT's name with .tetlod in this folder)\n"
+    "      --q SOLUTION        the solution file of a PLOT3D grid\n"
+    "      --field NAME        a field whose error drives the contraction; NAME:mag for a vector's magnitude, NAME:0 for\n"
+    "                          a component, NAME:0.01 (or :1%) for an error limit of its own; may be given several times\n"
+    "                          (default: the first scalar field)\n"
+    "      --carry A,B         the fields to store (default: all); those of --field are always stored\n"
+    "      --metric M          what is limited and what orders: envelope (default), the certified bound; sva, the\n"
+    "                          accumulated prediction of scalar value assignment\n"
+    "      --candidates N      final vertex positions tried on an edge: 2 its ends, 3 (default) and its midpoint, 5 and\n"
+    "                          two more between\n"
+    "      --max-error E       stop at this error, a fraction of the range: 0.1 or 10% (default 1)\n"
+    "      --min-tets N        stop at that many tetrahedra\n"
+    "      --boundary-angle D  degrees within which boundary faces count as one plane (default 0.01)\n"
+    "      --growth G          vertices of a level / vertices of the one below (default 1.05)\n"
+    "      --compress N        1 fast .. 22 small (default 19)\n"
+    "      --threads N         0 (default): all cores; the bytes do not depend on it\n"
+    "      --memory BYTES      refuse what needs more; K, M, G may follow\n"
+    "      --json              print the stream's index, and times and memory, as JSON\n"
+    "      --progress, --quiet draw the progress bar in any case; say nothing but errors\n"
+    "\n"
+    "example: tetlod build bluntfinxyz.bin --q bluntfinq.bin --field Pressure -o blunt.tetlod\n";
+
+enum { MOST_FIELDS = 64 };
+
+struct request {
+    const char *input, *output, *solution, *carry;
+    const char *fields[MOST_FIELDS];
+    uint32_t field_count;
+    struct build_options build;
+    bool json, quiet;
+    struct progress progress;
+    double phase_started;
+    enum build_phase phase;
+    double seconds[BUILD_PHASES];
+};
+
+static const char *const phase_names[BUILD_PHASES] = {"contract", "measure", "encode"};
+
+static bool on_progress(void *opaque, enum build_phase phase, double done)
+{
+    struct request *request = opaque;
+    if (phase != request->phase) {
+        double now = clock_seconds();
+        request->seconds[request->phase] = now - request->phase_started;
+        request->phase_started = now;
+        request->phase = phase;
+    }
+    progress_update(&request->progress, phase_names[phase], done);
+    return true;
+}
+
+/* ---- options */
+
+static bool parse_metric(const char *text, enum metric *out)
+{
+    static const char *const names[] = {"envelope", "sva"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (strcmp(text, names[i]) == 0) {
+            *out = (enum metric)i;
+            return true;
+        }
+    cli_usage("build", "--metric is one of envelope, sva, not '%s'", text);
+    return false;
+}
+
+static bool parse_growth(const char *text, double *out)
+{
+    if (!cli_parse_number(&command_build, "growth", text, 1.001, out))
+        return false;
+    if (*out <= 16)
+        return true;
+    cli_usage("build", "--growth is at most 16, not '%s'", text);
+    return false;
+}
+
+static bool parse_option(struct request *request, int option, const char *value)
+{
+    struct build_options *build = &request->build;
+    uint64_t count;
+    switch (option) {
+    case 'o':
+        request->output = value;
+        return true;
+    case 'q':
+        request->solution = value;
+        return true;
+    case 'f':
+        if (request->field_count == MOST_FIELDS) {
+            cli_usage("build", "at most %d --field", MOST_FIELDS);
+            return false;
+        }
+        request->fields[request->field_count++] = value;
+        return true;
+    case 'c':
+        request->carry = value;
+        return true;
+    case 'm':
+        return parse_metric(value, &build->metric);
+    case 'n':
+        if (!cli_parse_count(&command_build, "candidates", value, 2, 5, &count))
+            return false;
+        build->candidates = (uint32_t)count;
+        return true;
+    case 'e':
+        return cli_parse_fraction(&command_build, "max-error", value, &build->max_error);
+    case 't':
+        if (!cli_parse_count(&command_build, "min-tets", value, 1, UINT32_MAX, &count))
+            return false;
+        build->min_tets = (uint32_t)count;
+        return true;
+    case 'b':
+        return cli_parse_number(&command_build, "boundary-angle", value, 0, &build->boundary_angle);
+    case 'g':
+        return parse_growth(value, &build->growth);
+    case 'z':
+        if (!cli_parse_count(&command_build, "compress", value, 1, 22, &count))
+            return false;
+        build->compression = (int)count;
+        return true;
+    case 'j':
+        if (!cli_parse_count(&command_build, "threads", value, 0, 1024, &count))
+            return false;
+        build->threads = (unsigned)count;
+        return true;
+    case 'M':
+        return cli_parse_count(&command_build, "memory", value, 1, UINT64_MAX, &build->memory);
+    default:
+        return false;
+    }
+}
+
+/* ---- fields */
+
+static bool in_list(const char *list, const char *name)
+{
+    size_t length = strlen(name);
+    for (const char *at = list; at; at = strchr(at, ',')) {
+        at += *at == ',';
+        if (strncmp(at, name, length) == 0 && (at[length] == ',' || !at[length]))
+            return true;
+    }
+    return false;
+}
+
+static enum tetlod_status check_carry(const struct tetmesh *mesh, const char *list, struct tetlod_error *error)
+{
+    for (const char *at = list; *at;) {
+        size_t length = strcspn(at, ",");
+        bool there = false;
+        for (uint32_t f = 0; f < mesh->field_count; f++)
+            there |= strlen(mesh->fields[f].name) == length && strncmp(mesh->fields[f].name, at, length) == 0;
+        if (!there)
+            return tetlodi_fail(error, TETLOD_ERR_FIELD, "--carry: there is no field '%.*s'", (int)length, at);
+        at += length + (at[length] == ',');
+    }
+    return TETLOD_OK;
+}
+
+/* Drops the fields that are neither carried nor controlled. */
+static void drop_fields(struct tetmesh *mesh, const char *carry, struct build_control *controls, uint32_t count)
+{
+    uint32_t kept = 0;
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        bool keep = in_list(carry, mesh->fields[f].name);
+        for (uint32_t i = 0; i < count; i++)
+            keep |= controls[i].field == f;
+        if (!keep) {
+            free(mesh->fields[f].name);
+            free(mesh->fields[f].values);
+            continue;
+        }
+        for (uint32_t i = 0; i < count; i++)
+            if (controls[i].field == f)
+                controls[i].field = kept;
+        mesh->fields[kept++] = mesh->fields[f];
+    }
+    mesh->field_count = kept;
+}
+
+static enum tetlod_status choose_fields(const struct request *request, struct tetmesh *mesh,
+                                        struct build_control *controls, uint32_t *count, struct tetlod_error *error)
+{
+    *count = request->field_count;
+    if (request->carry)
+        TETLOD_TRY(check_carry(mesh, request->carry, error));
+    for (uint32_t i = 0; i < request->field_count; i++)
+        TETLOD_TRY(build_control_parse(mesh, request->fields[i], &controls[i], error));
+    if (!*count) {
+        TETLOD_TRY(build_control_default(mesh, controls, error));
+        *count = 1;
+    }
+    for (uint32_t i = 0; i < *count; i++)
+        for (uint32_t j = 0; j < i; j++)
+            if (controls[i].field == controls[j].field)
+                return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "--field %s is given twice",
+                                    mesh->fields[controls[i].field].name);
+    if (request->carry)
+        drop_fields(mesh, request->carry, controls, *count);
+    return TETLOD_OK;
+}
+
+/* ---- the build */
+
+static const char *base_name(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash ? slash + 1 : path;
+}
+
+/* Provenance: what made the stream out of what. Machine and moment are left out, so that bytes repeat. */
+static char *make_metadata(const struct request *request, const struct tetmesh *mesh,
+                           const struct build_control *controls, uint32_t count)
+{
+    const struct build_options *build = &request->build;
+    json_t *fields = json_array(), *object = NULL;
+    for (uint32_t i = 0; i < count && fields; i++)
+        json_array_append_new(fields, json_string(mesh->fields[controls[i].field].name));
+    object = json_pack("{s:s, s:s, s:{s:o, s:s, s:i, s:f, s:i, s:f, s:f}}", "program", "tetlod " TETLOD_VERSION_STRING,
+                       "input", base_name(request->input), "options", "field", fields, "metric",
+                       build->metric == METRIC_ENVELOPE ? "envelope" : "sva", "candidates", (int)build->candidates,
+                       "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
+                       build->boundary_angle, "growth", build->growth);
+    char *text = object ? json_dumps(object, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17)) : NULL;
+    json_decref(object);
+    return text;
+}
+
+static enum tetlod_status build_file(struct request *request, const struct tetmesh *mesh,
+                                     const struct build_control *controls, uint32_t count, struct build_report *report,
+                                     double *write_seconds, struct tetlod_error *error)
+{
+    struct file_output *output;
+    struct build_options *options = &request->build;
+    char *metadata = make_metadata(request, mesh, controls, count);
+    if (!metadata)
+        return tetlodi_fail_nomem(error, "the metadata", 1024);
+    enum tetlod_status status = file_output_open(&output, request->output, error);
+    if (status == TETLOD_OK) {
+        struct tetlodi_sink sink = file_output_sink(output);
+        options->controls = controls;
+        options->control_count = count;
+        options->metadata = metadata;
+        options->progress = on_progress;
+        options->progress_opaque = request;
+        request->phase_started = clock_seconds();
+        status = build_stream(mesh, options, &sink, report, error);
+        double encoded = clock_seconds();
+        request->seconds[request->phase] = encoded - request->phase_started;
+        progress_end(&request->progress);
+        if (status == TETLOD_OK)
+            status = file_output_commit(output, error);
+        else
+            file_output_abort(output);
+        *write_seconds = clock_seconds() - encoded;
+    }
+    free(metadata);
+    return status;
+}
+
+static int print_json(const struct request *request, const struct build_report *report, double read_seconds,
+                      double write_seconds)
+{
+    struct tetlod_file *file;
+    struct tetlod_error error = {0};
+    struct rusage usage;
+    int fd;
+    char id[256];
+    if (cli_open_stream(request->output, &file, &fd, &error) != TETLOD_OK)
+        return cli_fail(&error);
+    stream_id(request->output, id, sizeof id);
+    getrusage(RUSAGE_SELF, &usage);
+    json_t *object = info_json(tetlod_info(file), id);
+    json_t *seconds = json_pack("{s:f, s:f, s:f, s:f, s:f}", "read", read_seconds, "contract",
+                                request->seconds[BUILD_CONTRACT], "measure", request->seconds[BUILD_MEASURE], "encode",
+                                request->seconds[BUILD_ENCODE], "write", write_seconds);
+    json_t *more = json_pack("{s:o, s:I, s:I, s:i}", "seconds", seconds, "contractions", (json_int_t)report->contractions,
+                             "peak_memory", (json_int_t)usage.ru_maxrss * 1024, "threads", (int)request->build.threads);
+    char *text = object && more && json_object_update(object, more) == 0 ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
+    if (text)
+        puts(text);
+    else
+        tetlodi_fail_nomem(&error, "the JSON", 4096);
+    free(text);
+    json_decref(more);
+    json_decref(object);
+    tetlod_close(file);
+    close(fd);
+    return text ? EXIT_DONE : cli_fail(&error);
+}
+
+static void say(const struct request *request, const struct io_report *read, const struct tetmesh *mesh,
+                const struct build_report *report)
+{
+    if (request->quiet)
+        return;
+    const struct {
+        uint64_t count;
+        const char *what;
+    } notes[] = {{read->split_cells, "cells split into tetrahedra"},
+                 {read->skipped_cells, "cells without volume left out"},
+                 {read->skipped_arrays, "arrays left out: cell data, or not numbers"},
+                 {mesh->unused_points, "points that no tetrahedron uses left out"},
+                 {report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
+                 {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"}};
+    for (size_t i = 0; i < sizeof notes / sizeof *notes; i++)
+        if (notes[i].count)
+            fprintf(stderr, "tetlod build: %" PRIu64 " %s\n", notes[i].count, notes[i].what);
+    fprintf(stderr, "tetlod build: %s: %" PRIu32 " vertices, %" PRIu32 " tetrahedra in %" PRIu32 " levels\n",
+            request->output, mesh->vertex_count, mesh->tet_count, report->levels);
+}
+
+static int build(struct request *request)
+{
+    struct tetmesh mesh = {0};
+    struct tetlod_error error = {0};
+    struct io_report read = {0};
+    struct build_report report = {0};
+    struct build_control controls[MOST_FIELDS];
+    uint32_t count;
+    double started = clock_seconds(), read_seconds, write_seconds = 0;
+    struct io_read_options read_options = {.solution = request->solution};
+    enum tetlod_status status = io_read(&mesh, request->input, &read_options, &read, &error);
+    read_seconds = clock_seconds() - started;
+    if (status != TETLOD_OK)
+        return cli_fail(&error);
+    struct tetlod_error inner = {0};
+    status = choose_fields(request, &mesh, controls, &count, &inner);
+    if (status == TETLOD_OK)
+        status = build_file(request, &mesh, controls, count, &report, &write_seconds, &inner);
+    int result = EXIT_DONE;
+    if (status != TETLOD_OK) {
+        bool named = status == TETLOD_ERR_IO; // the output's path is in it already
+        tetlodi_fail(&error, status, "%s%s%.200s", named ? "" : request->input, named ? "" : ": ", inner.message);
+        result = cli_fail(&error);
+    } else {
+        say(request, &read, &mesh, &report);
+        if (request->json)
+            result = print_json(request, &report, read_seconds, write_seconds);
+    }
+    tetmesh_fini(&mesh);
+    return result;
+}
 
 static int run(int argc, char **argv)
 {
-    while (cli_option(&command_build, argc, argv, "", (struct option[]){{0}}) != -1)
+    enum { JSON = 256, PROGRESS, QUIET };
+    static const struct option options[] = {
+        {"output", required_argument, NULL, 'o'},     {"q", required_argument, NULL, 'q'},
+        {"field", required_argument, NULL, 'f'},      {"carry", required_argument, NULL, 'c'},
+        {"metric", required_argument, NULL, 'm'},     {"candidates", required_argument, NULL, 'n'},
+        {"max-error", required_argument, NULL, 'e'},  {"min-tets", required_argument, NULL, 't'},
+        {"boundary-angle", required_argument, NULL, 'b'}, {"growth", required_argument, NULL, 'g'},
+        {"compress", required_argument, NULL, 'z'},   {"threads", required_argument, NULL, 'j'},
+        {"memory", required_argument, NULL, 'M'},     {"json", no_argument, NULL, JSON},
+        {"progress", no_argument, NULL, PROGRESS},    {"quiet", no_argument, NULL, QUIET},
+        {0}};
+    struct request request = {.build = {.metric = METRIC_ENVELOPE,
+                                        .candidates = 3,
+                                        .max_error = 1,
+                                        .min_tets = 1,
+                                        .boundary_angle = 0.01,
+                                        .growth = 1.05,
+                                        .compression = 19}};
+    bool forced = false;
+    for (int option; (option = cli_option(&command_build, argc, argv, "o:", options)) != -1;) {
+        request.json |= option == JSON;
+        request.quiet |= option == QUIET;
+        forced |= option == PROGRESS;
+        if (option < JSON && !parse_option(&request, option, optarg))
+            return EXIT_USAGE;
+    }
+    if (!cli_operands(&command_build, argc, 1, "the INPUT mesh"))
         return EXIT_USAGE;
-    return EXIT_FAILED;
+    char output[4096];
+    request.input = argv[optind];
+    if (!request.build.threads)
+        request.build.threads = parallel_cores();
+    if (!request.output) {
+        const char *name = base_name(request.input), *dot = strrchr(name, '.');
+        snprintf(output, sizeof output, "%.*s.tetlod", (int)(dot && dot != name ? dot - name : (long)strlen(name)), name);
+        request.output = output;
+    }
+    progress_init(&request.progress, forced, request.quiet);
+    return build(&request);
 }
 
-const struct command command_build = {"build", "", "usage: tetlod build\n", run};
+const struct command command_build = {"build", "read a mesh, contract it, write the stream of its levels", help, run};

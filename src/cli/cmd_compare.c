@@ -1,11 +1,112 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "format/fail.h"
+#include "src/build/measure.h"
 #include "src/cli/cli.h"
+#include "src/io/io.h"
+#include "src/report/info_json.h"
+#include "src/util/parallel.h"
+
+static const char help[] =
+    "usage: tetlod compare A B --field NAME [--json]\n"
+    "\n"
+    "Measures a field of mesh B against mesh A: at all vertices of A and at two points inside each of its tetrahedra.\n"
+    "\n"
+    "      --field NAME  the field; both meshes have it (default: A's first)\n"
+    "      --threads N   0 (default): all cores\n"
+    "      --json        as JSON\n"
+    "\n"
+    "Errors are fractions of the field's range in A; the domain error, the largest distance of a boundary vertex of one\n"
+    "from the other's boundary, is a fraction of the diagonal of A's bounding box.\n";
+
+static int print(const struct tetmesh *a, const struct tetmesh *b, uint32_t field, const struct measured *measured,
+                 double domain, bool json)
+{
+    double range[2], diagonal = mesh_diagonal(a);
+    point_field_range(&a->fields[field], a->vertex_count, range);
+    double scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
+    domain = diagonal > 0 ? domain / diagonal : 0;
+    if (!json) {
+        printf("field         %s, range %.9g .. %.9g\n", a->fields[field].name, range[0], range[1]);
+        printf("vertices      %u against %u\n", b->vertex_count, a->vertex_count);
+        printf("tetrahedra    %u against %u (%.3f %%)\n", b->tet_count, a->tet_count,
+               100.0 * b->tet_count / a->tet_count);
+        printf("sampled       %.6g %% of the range (%.9g)\n", 100 * measured->sampled * scale, measured->sampled);
+        printf("rms           %.6g %% of the range (%.9g)\n", 100 * measured->rms * scale, measured->rms);
+        printf("domain error  %.6g of the diagonal\n", domain);
+        return EXIT_DONE;
+    }
+    json_t *object = json_pack("{s:s, s:[f,f], s:[i,i], s:[i,i], s:{s:f, s:f}, s:f}", "field", a->fields[field].name,
+                               "range", range[0], range[1], "vertices", (int)a->vertex_count, (int)b->vertex_count,
+                               "tets", (int)a->tet_count, (int)b->tet_count, "errors", "sampled",
+                               measured->sampled * scale, "rms", measured->rms * scale, "domain_error", domain);
+    char *text = object ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
+    if (text)
+        puts(text);
+    free(text);
+    json_decref(object);
+    return text ? EXIT_DONE : EXIT_FAILED;
+}
+
+static enum tetlod_status find_fields(const struct tetmesh *a, const struct tetmesh *b, const char *name,
+                                      uint32_t fields[2], struct tetlod_error *error)
+{
+    if (!a->field_count)
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "the first mesh has no field");
+    fields[0] = name ? tetmesh_find_field(a, name) : 0;
+    if (fields[0] == TETLOD_NONE)
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "the first mesh has no field '%.100s'", name);
+    fields[1] = tetmesh_find_field(b, a->fields[fields[0]].name);
+    if (fields[1] == TETLOD_NONE || b->fields[fields[1]].components != a->fields[fields[0]].components)
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "the second mesh has no field '%.100s' of %u components",
+                            a->fields[fields[0]].name, a->fields[fields[0]].components);
+    return TETLOD_OK;
+}
+
+static int compare(const char *path_a, const char *path_b, const char *field, unsigned threads, bool json)
+{
+    struct tetmesh a = {0}, b = {0};
+    struct tetlod_error error = {0};
+    struct measured measured;
+    uint32_t fields[2];
+    double domain;
+    int result = EXIT_FAILED;
+    enum tetlod_status status = io_read(&a, path_a, NULL, NULL, &error);
+    if (status == TETLOD_OK)
+        status = io_read(&b, path_b, NULL, NULL, &error);
+    if (status == TETLOD_OK)
+        status = find_fields(&a, &b, field, fields, &error);
+    if (status == TETLOD_OK)
+        status = measure_meshes(&a, &b, &fields[0], &fields[1], 1, threads, &measured, &domain, &error);
+    result = status == TETLOD_OK ? print(&a, &b, fields[0], &measured, domain, json) : cli_fail(&error);
+    tetmesh_fini(&a);
+    tetmesh_fini(&b);
+    return result;
+}
 
 static int run(int argc, char **argv)
 {
-    while (cli_option(&command_compare, argc, argv, "", (struct option[]){{0}}) != -1)
+    static const struct option options[] = {{"field", required_argument, NULL, 'f'},
+                                            {"threads", required_argument, NULL, 't'},
+                                            {"json", no_argument, NULL, 'j'},
+                                            {0}};
+    const char *field = NULL;
+    uint64_t threads = 0;
+    bool json = false;
+    for (int option; (option = cli_option(&command_compare, argc, argv, "", options)) != -1;) {
+        if (option == 'f')
+            field = optarg;
+        else if (option == 'j')
+            json = true;
+        else if (option != 't' || !cli_parse_count(&command_compare, "threads", optarg, 0, 1024, &threads))
+            return EXIT_USAGE;
+    }
+    if (!cli_operands(&command_compare, argc, 2, "the meshes A and B"))
         return EXIT_USAGE;
-    return EXIT_FAILED;
+    return compare(argv[optind], argv[optind + 1], field, threads ? (unsigned)threads : parallel_cores(), json);
 }
 
-const struct command command_compare = {"compare", "", "usage: tetlod compare\n", run};
+const struct command command_compare = {"compare", "measure the error of one mesh against another", help, run};

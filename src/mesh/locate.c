@@ -15,25 +15,23 @@ static const double ON_FACE = -1e-9;
 static enum tetlod_status collect_boundary(struct locator *locator, uint32_t vertex_count, struct tetlod_error *error)
 {
     size_t slots = 4 * (size_t)locator->tet_count;
-    uint32_t *neighbours = array_new(slots, sizeof *neighbours);
+    const uint32_t *neighbours = locator->neighbours = array_new(slots, sizeof *neighbours);
     if (!neighbours)
         return tetlodi_fail_nomem(error, "the boundary", slots * sizeof *neighbours);
-    enum tetlod_status status =
-        adjacency_build(locator->corners, locator->tet_count, vertex_count, neighbours, NULL, error);
-    uint32_t count = 0;
-    for (size_t s = 0; s < slots && status == TETLOD_OK; s++)
+    TETLOD_TRY(adjacency_build(locator->corners, locator->tet_count, vertex_count, locator->neighbours, NULL, error));
+    size_t count = 0;
+    for (size_t s = 0; s < slots; s++)
         count += neighbours[s] == TETLOD_NONE;
-    if (status == TETLOD_OK && !(locator->triangles = array_new(count, 3 * sizeof(uint32_t))))
-        status = tetlodi_fail_nomem(error, "the boundary", (uint64_t)count * 12);
-    for (size_t s = 0; s < slots && status == TETLOD_OK; s++)
+    if (!(locator->triangles = array_new(count, 3 * sizeof(uint32_t))))
+        return tetlodi_fail_nomem(error, "the boundary", count * 12);
+    for (size_t s = 0; s < slots; s++)
         if (neighbours[s] == TETLOD_NONE) {
             for (int i = 0; i < 3; i++)
                 locator->triangles[3 * (size_t)locator->triangle_count + i] =
                     locator->corners[(s & ~(size_t)3) + tet_faces[s & 3][i]];
             locator->triangle_count++;
         }
-    free(neighbours);
-    return status;
+    return TETLOD_OK;
 }
 
 enum tetlod_status locator_init(struct locator *locator, const double *positions, uint32_t vertex_count,
@@ -41,6 +39,11 @@ enum tetlod_status locator_init(struct locator *locator, const double *positions
 {
     *locator = (struct locator){.positions = positions, .corners = corners, .tet_count = tet_count};
     enum tetlod_status status;
+    locator->tet_of = array_new(vertex_count, sizeof(uint32_t));
+    if (!locator->tet_of)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a locator", 4 * (uint64_t)vertex_count));
+    for (size_t c = 0; c < 4 * (size_t)tet_count; c++)
+        locator->tet_of[corners[c]] = (uint32_t)(c / 4);
     TETLOD_TRY_DONE(collect_boundary(locator, vertex_count, error));
     TETLOD_TRY_DONE(bvh_build(&locator->tets, positions, corners, tet_count, 4, error));
     TETLOD_TRY_DONE(bvh_build(&locator->surface, positions, locator->triangles, locator->triangle_count, 3, error));
@@ -53,6 +56,8 @@ done:
 void locator_fini(struct locator *locator)
 {
     free(locator->triangles);
+    free(locator->neighbours);
+    free(locator->tet_of);
     bvh_fini(&locator->tets);
     bvh_fini(&locator->surface);
     *locator = (struct locator){0};
@@ -98,6 +103,22 @@ uint32_t locator_find(const struct locator *locator, const double p[3], uint32_t
                 out_tets[found++] = bvh->order[i];
     }
     return found;
+}
+
+uint32_t locator_walk(const struct locator *locator, uint32_t from, const double p[3], double weights[4])
+{
+    enum { MOST_STEPS = 64 };
+    for (int step = 0; step < MOST_STEPS && from != TETLOD_NONE; step++) {
+        if (locator_weights(locator, from, p, weights) >= 0)
+            return from;
+        int worst = 0;
+        for (int c = 1; c < 4; c++)
+            if (weights[c] < weights[worst])
+                worst = c;
+        uint32_t across = locator->neighbours[4 * (size_t)from + (unsigned)worst];
+        from = across == TETLOD_NONE ? across : across / 4;
+    }
+    return TETLOD_NONE;
 }
 
 /* ---- closest point */

@@ -9,7 +9,9 @@ struct locator {
     const double *positions; /* borrowed */
     const uint32_t *corners; /* borrowed */
     uint32_t tet_count, triangle_count;
-    uint32_t *triangles; /* [3 * triangle] the boundary */
+    uint32_t *triangles;  /* [3 * triangle] the boundary */
+    uint32_t *neighbours; /* [4 * tet] as adjacency_build makes them */
+    uint32_t *tet_of;     /* [vertex] one of its tetrahedra */
     struct bvh tets, surface;
 };
 
@@ -29,6 +31,10 @@ double locator_weights(const struct locator *locator, uint32_t tet, const double
 
 /* Up to `most` tetrahedra that contain p (weights >= -1e-9). Returns their number. O(log n) for meshes without overlap. */
 uint32_t locator_find(const struct locator *locator, const double p[3], uint32_t *out_tets, uint32_t most);
+
+/* Walks from a tetrahedron towards p, across the face that p is furthest behind. The tetrahedron that contains p, or
+ * TETLOD_NONE if the walk leaves the mesh or does not end soon: then locator_find decides. */
+uint32_t locator_walk(const struct locator *locator, uint32_t from, const double p[3], double weights[4]);
 
 /* The boundary's closest point to p; its distance is returned, INFINITY if there is no boundary. */
 double locator_closest(const struct locator *locator, const double p[3], struct place *out);
