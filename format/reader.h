@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* An open stream, as the cursor and the server see it. Not installed. */
+#ifndef TETLOD_READER_H
+#define TETLOD_READER_H
+
+#include "format/index.h"
+
+struct tetlod_file {
+    struct tetlod_source source;
+    uint64_t max_bytes;
+    struct tetlodi_index index;
+};
+
+/* Reads and checks a frame and gives what is in it; the caller frees *out. `part` 0 is a level's geometry, 1 + f field f.
+ * ERR_CHECKSUM, ERR_TRUNCATED, ERR_STREAM, ERR_LIMIT, ERR_NOMEM, or the source's. */
+TETLOD_CHECKED enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t level, uint32_t part,
+                                                     uint8_t **out, size_t *out_size, struct tetlod_error *error);
+
+#endif
