@@ -1,11 +1,202 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "format/fail.h"
 #include "src/cli/cli.h"
+#include "src/io/io.h"
+#include "src/report/level_mesh.h"
+
+static const char help[] =
+    "usage: tetlod extract FILE.tetlod -o OUT [--error E | --abs-error E | --level K | --tets N | --bytes N]\n"
+    "\n"
+    "Writes one level of a stream as a mesh file, in the format that OUT's extension names. Without a choice: the finest,\n"
+    "which is the original mesh.\n"
+    "\n"
+    "  -o, --output OUT   the file to write\n"
+    "      --error E      the coarsest level within this error, a fraction of the range: 0.01 or 1%\n"
+    "      --abs-error E  the same in the field's units\n"
+    "      --field NAME   the field that the error is about (default: every field that the stream controls)\n"
+    "      --measure M    the measure: max (default, certified), sampled, rms, predicted\n"
+    "      --level K      this level; 0 is the coarsest\n"
+    "      --tets N       the finest level of at most N tetrahedra\n"
+    "      --bytes N      the finest level whose prefix has at most N bytes; K, M, G may follow\n"
+    "      --quiet        do not say which level it is\n"
+    "\n"
+    "example: tetlod extract blunt.tetlod --error 1% -o coarse.vtu\n";
+
+enum choice { FINEST, BY_ERROR, BY_ABS_ERROR, BY_LEVEL, BY_TETS, BY_BYTES };
+
+struct request {
+    const char *input, *output, *field;
+    enum choice choice;
+    double error;
+    uint64_t number;
+    enum tetlod_measure measure;
+    bool quiet;
+};
+
+static enum tetlod_status find_field(const struct tetlod_info *info, const char *name, uint32_t *out,
+                                     struct tetlod_error *error)
+{
+    *out = TETLOD_NONE;
+    if (!name)
+        return TETLOD_OK;
+    *out = tetlod_field_index(info, name);
+    if (*out != TETLOD_NONE)
+        return TETLOD_OK;
+    char names[160] = "";
+    for (uint32_t f = 0, used = 0; f < info->field_count && used < sizeof names; f++)
+        used += (uint32_t)snprintf(names + used, sizeof names - used, "%s%s", f ? ", " : "", info->fields[f].name);
+    return tetlodi_fail(error, TETLOD_ERR_FIELD, "it has no field '%.60s'; it has %s", name, names);
+}
+
+/* An absolute error as a fraction: for several fields, of the smallest range. */
+static double as_fraction(const struct tetlod_info *info, uint32_t field, double absolute)
+{
+    double range = INFINITY;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        if (field == TETLOD_NONE ? info->fields[f].controlled : f == field)
+            range = fmin(range, info->fields[f].range[1] - info->fields[f].range[0]);
+    return range > 0 ? absolute / range : absolute;
+}
+
+static enum tetlod_status choose_by_error(const struct tetlod_info *info, const struct request *request, uint32_t *out,
+                                          struct tetlod_error *error)
+{
+    uint32_t field, finest = info->level_count - 1;
+    TETLOD_TRY(find_field(info, request->field, &field, error));
+    double bound = request->choice == BY_ABS_ERROR ? as_fraction(info, field, request->error) : request->error;
+    *out = tetlod_level_for_error(info, bound, field, request->measure);
+    if (*out != TETLOD_NONE)
+        return TETLOD_OK;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        if ((field == TETLOD_NONE ? info->fields[f].controlled : f == field) &&
+            isnan(info->levels[finest].errors[f * TETLOD_MEASURES + (uint32_t)request->measure]))
+            return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                                "its index has no '%s' error of %.60s; take --measure sampled or rms, or a field that it "
+                                "controls",
+                                tetlod_measure_name(request->measure), info->fields[f].name);
+    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "none of its levels is within an error of %g", bound);
+}
+
+static enum tetlod_status choose(const struct tetlod_info *info, const struct request *request, uint32_t *out,
+                                 struct tetlod_error *error)
+{
+    *out = info->level_count - 1;
+    switch (request->choice) {
+    case FINEST:
+        return TETLOD_OK;
+    case BY_ERROR:
+    case BY_ABS_ERROR:
+        return choose_by_error(info, request, out, error);
+    case BY_LEVEL:
+        if (request->number >= info->level_count)
+            return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has no level %llu; its finest is %u",
+                                (unsigned long long)request->number, info->level_count - 1);
+        *out = (uint32_t)request->number;
+        return TETLOD_OK;
+    case BY_TETS:
+        *out = tetlod_level_for_tets(info, request->number);
+        return TETLOD_OK;
+    case BY_BYTES:
+        *out = tetlod_level_for_bytes(info, request->number);
+        return TETLOD_OK;
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct request *request, struct tetmesh *mesh,
+                                       uint32_t *level, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    struct tetlod_cursor *cursor;
+    TETLOD_TRY(choose(info, request, level, error));
+    TETLOD_TRY(tetlod_cursor_new(&cursor, file, NULL, 0, error));
+    enum tetlod_status status = tetlod_cursor_seek(cursor, *level, error);
+    if (status == TETLOD_OK)
+        status = level_mesh_copy(info, cursor, mesh, error);
+    tetlod_cursor_free(cursor);
+    return status;
+}
+
+static int extract(const struct request *request)
+{
+    struct tetlod_error error = {0}, inner = {0};
+    struct tetlod_file *file;
+    struct tetmesh mesh = {0};
+    uint32_t level = 0;
+    int fd;
+    if (cli_open_stream(request->input, &file, &fd, &error) != TETLOD_OK)
+        return cli_fail(&error);
+    enum tetlod_status status = extract_mesh(file, request, &mesh, &level, &inner);
+    if (status != TETLOD_OK)
+        tetlodi_fail(&error, status, "%s: %.200s", request->input, inner.message);
+    else
+        status = io_write(&mesh, request->output, &error);
+    if (status == TETLOD_OK && !request->quiet)
+        fprintf(stderr, "tetlod extract: level %u of 0..%u, %u vertices, %u tetrahedra\n", level,
+                tetlod_info(file)->level_count - 1, mesh.vertex_count, mesh.tet_count);
+    tetmesh_fini(&mesh);
+    tetlod_close(file);
+    close(fd);
+    return status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
+}
+
+static bool parse_choice(struct request *request, int option, const char *name, const char *value)
+{
+    static const struct {
+        int option;
+        enum choice choice;
+    } choices[] = {{'e', BY_ERROR}, {'a', BY_ABS_ERROR}, {'k', BY_LEVEL}, {'t', BY_TETS}, {'b', BY_BYTES}};
+    if (request->choice != FINEST) {
+        cli_usage("extract", "--%s: one of --error, --abs-error, --level, --tets, --bytes is enough", name);
+        return false;
+    }
+    for (size_t i = 0; i < sizeof choices / sizeof *choices; i++)
+        if (choices[i].option == option)
+            request->choice = choices[i].choice;
+    if (request->choice == BY_ERROR)
+        return cli_parse_fraction(&command_extract, name, value, &request->error);
+    if (request->choice == BY_ABS_ERROR)
+        return cli_parse_number(&command_extract, name, value, 0, &request->error);
+    return cli_parse_count(&command_extract, name, value, 0, request->choice == BY_BYTES ? UINT64_MAX : UINT32_MAX,
+                           &request->number);
+}
 
 static int run(int argc, char **argv)
 {
-    while (cli_option(&command_extract, argc, argv, "", (struct option[]){{0}}) != -1)
+    static const struct option options[] = {
+        {"output", required_argument, NULL, 'o'},    {"error", required_argument, NULL, 'e'},
+        {"abs-error", required_argument, NULL, 'a'}, {"level", required_argument, NULL, 'k'},
+        {"tets", required_argument, NULL, 't'},      {"bytes", required_argument, NULL, 'b'},
+        {"field", required_argument, NULL, 'f'},     {"measure", required_argument, NULL, 'm'},
+        {"quiet", no_argument, NULL, 'q'},           {0}};
+    static const char *const names[] = {['e'] = "error", ['a'] = "abs-error", ['k'] = "level", ['t'] = "tets", ['b'] = "bytes"};
+    struct request request = {.measure = TETLOD_MAX};
+    for (int option; (option = cli_option(&command_extract, argc, argv, "o:", options)) != -1;) {
+        bool good = option != '?';
+        if (option == 'o')
+            request.output = optarg;
+        else if (option == 'f')
+            request.field = optarg;
+        else if (option == 'q')
+            request.quiet = true;
+        else if (option == 'm')
+            good = cli_parse_measure(&command_extract, optarg, &request.measure);
+        else if (good)
+            good = parse_choice(&request, option, names[option], optarg);
+        if (!good)
+            return EXIT_USAGE;
+    }
+    if (!cli_operands(&command_extract, argc, 1, "the stream"))
         return EXIT_USAGE;
-    return EXIT_FAILED;
+    if (!request.output)
+        return cli_usage("extract", "-o OUT is missing");
+    request.input = argv[optind];
+    return extract(&request);
 }
 
-const struct command command_extract = {"extract", "", "usage: tetlod extract\n", run};
+const struct command command_extract = {"extract", "one level as a mesh file", help, run};

@@ -1,0 +1,70 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/report/info_json.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+void stream_id(const char *path, char *out, size_t size)
+{
+    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
+    size_t length = strlen(name);
+    if (length > 7 && strcmp(name + length - 7, ".tetlod") == 0)
+        length -= 7;
+    snprintf(out, size, "%.*s", (int)length, name);
+}
+
+static json_t *field_json(const struct tetlod_field *field)
+{
+    return json_pack("{s:s, s:i, s:s, s:[f,f], s:b}", "name", field->name, "components", (int)field->components, "type",
+                     field->type == TETLOD_FLOAT64 ? "float64" : "float32", "range", field->range[0], field->range[1],
+                     "controlled", field->controlled);
+}
+
+static json_t *errors_json(const struct tetlod_info *info, const struct tetlod_level *level)
+{
+    json_t *errors = json_object();
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        json_t *measures = json_object();
+        for (int m = 0; m < TETLOD_MEASURES; m++) {
+            double error = level->errors[f * TETLOD_MEASURES + (uint32_t)m];
+            if (!isnan(error))
+                json_object_set_new(measures, tetlod_measure_name((enum tetlod_measure)m), json_real(error));
+        }
+        json_object_set_new(errors, info->fields[f].name, measures);
+    }
+    return errors;
+}
+
+static json_t *level_json(const struct tetlod_info *info, uint32_t k)
+{
+    const struct tetlod_level *level = &info->levels[k];
+    return json_pack("{s:i, s:I, s:I, s:I, s:I, s:f, s:o}", "level", (int)k, "vertices", (json_int_t)level->vertices,
+                     "tets", (json_int_t)level->tets, "bytes", (json_int_t)level->end, "offset",
+                     (json_int_t)level->offset, "domain_error", level->domain_error, "errors",
+                     errors_json(info, level));
+}
+
+json_t *info_json(const struct tetlod_info *info, const char *id)
+{
+    json_t *fields = json_array(), *levels = json_array();
+    for (uint32_t f = 0; f < info->field_count; f++)
+        json_array_append_new(fields, field_json(&info->fields[f]));
+    for (uint32_t k = 0; k < info->level_count; k++)
+        json_array_append_new(levels, level_json(info, k));
+    json_t *metadata = json_loads(info->metadata, 0, NULL);
+    const double(*b)[3] = info->bounds;
+    json_t *object = json_pack("{s:s, s:s, s:I, s:I, s:I, s:[[f,f,f],[f,f,f]], s:b, s:I, s:I, s:I, s:o, s:o, s:o}", "id",
+                               id, "cid", info->cid, "vertices", (json_int_t)info->vertices, "tets",
+                               (json_int_t)info->tets, "bytes", (json_int_t)info->bytes, "bounds", b[0][0], b[0][1],
+                               b[0][2], b[1][0], b[1][1], b[1][2], "lossless", info->lossless, "degenerate_tets",
+                               (json_int_t)info->degenerate_tets, "inverted_tets", (json_int_t)info->inverted_tets,
+                               "unused_points", (json_int_t)info->unused_points, "fields", fields, "levels", levels,
+                               "metadata", metadata ? metadata : json_object());
+    // lists that lost an element to a failed allocation are not the stream's
+    if (object && (json_array_size(fields) != info->field_count || json_array_size(levels) != info->level_count)) {
+        json_decref(object);
+        return NULL;
+    }
+    return object;
+}

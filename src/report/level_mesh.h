@@ -1,0 +1,12 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A cursor's mesh as a tetmesh, for the writers and for measuring. */
+#ifndef TETLOD_LEVEL_MESH_H
+#define TETLOD_LEVEL_MESH_H
+
+#include "src/mesh/tetmesh.h"
+
+/* Copies the cursor's mesh; fields that it does not hold are left out. ERR_NOMEM. O(level). */
+TETLOD_CHECKED enum tetlod_status level_mesh_copy(const struct tetlod_info *info, const struct tetlod_cursor *cursor,
+                                                  struct tetmesh *out, struct tetlod_error *error);
+
+#endif
