@@ -9,7 +9,7 @@
 #include "format/fail.h"
 #include "src/io/formats.h"
 #include "src/io/tag_map.h"
-#include "src/io/values.h"
+#include "src/io/file_values.h"
 #include "src/util/array.h"
 
 struct gmsh {

@@ -9,7 +9,7 @@
 
 #include "format/fail.h"
 #include "src/io/formats.h"
-#include "src/io/values.h"
+#include "src/io/file_values.h"
 
 struct layout {
     uint32_t dims[3];

@@ -7,7 +7,7 @@
 
 #include "format/fail.h"
 #include "src/io/formats.h"
-#include "src/io/values.h"
+#include "src/io/file_values.h"
 
 struct file {
     const char *name, *begin;

@@ -4,7 +4,7 @@
 #define TETLOD_VTK_DATA_H
 
 #include "format/tetlod.h"
-#include "src/io/values.h"
+#include "src/io/file_values.h"
 
 enum vtk_kind { VTK_NUMBERS, VTK_BITS, VTK_STRINGS };
 

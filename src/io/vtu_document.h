@@ -4,7 +4,7 @@
 #define TETLOD_VTU_DOCUMENT_H
 
 #include "src/io/assemble.h"
-#include "src/io/values.h"
+#include "src/io/file_values.h"
 
 enum vtu_section { VTU_ELSEWHERE, VTU_POINT_DATA, VTU_CELL_DATA, VTU_POINTS, VTU_CELLS };
 enum vtu_format { VTU_ASCII, VTU_INLINE, VTU_APPENDED };

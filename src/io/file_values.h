@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Numbers as files hold them: binary of any width and byte order, or text. */
-#ifndef TETLOD_VALUES_H
-#define TETLOD_VALUES_H
+#ifndef TETLOD_FILE_VALUES_H
+#define TETLOD_FILE_VALUES_H
 
 #include <stdbool.h>
 #include <stddef.h>

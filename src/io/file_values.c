@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/io/values.h"
+#include "src/io/file_values.h"
 
 #include <errno.h>
 #include <stdlib.h>
