@@ -380,8 +380,7 @@ static void predicted_tet(const struct tetlodi_codec *codec, const struct tetlod
     }
 }
 
-/* Are they the same up to an even permutation? */
-static bool same_tet(const uint32_t a[4], const uint32_t b[4])
+bool tetlodi_same_tet(const uint32_t a[4], const uint32_t b[4])
 {
     uint32_t c[4] = {b[0], b[1], b[2], b[3]};
     unsigned swaps = 0;
@@ -408,7 +407,7 @@ static bool code_predicted(struct tetlodi_codec *codec, struct tetlodi_record *r
     uint32_t match = record->tet_count;
     if (codec->geometry.encodes)
         for (match = 0; match < record->tet_count; match++)
-            if (!scratch->used[match] && same_tet(tet, record->tets[match]))
+            if (!scratch->used[match] && tetlodi_same_tet(tet, record->tets[match]))
                 break;
     bool there = tetlodi_code_bit(&codec->geometry, model, codec->geometry.encodes && match < record->tet_count);
     if (!there)

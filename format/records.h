@@ -50,6 +50,9 @@ bool tetlodi_walk_step(struct tetlodi_codec *codec, bool split, uint32_t *out_sl
 TETLOD_CHECKED enum tetlod_status tetlodi_record_code(struct tetlodi_codec *codec, struct tetlodi_record *record,
                                                       struct tetlod_error *error);
 
+/* Are they the same up to an even permutation? */
+bool tetlodi_same_tet(const uint32_t a[4], const uint32_t b[4]);
+
 /* The labels' array, room for the star of `slot`. NULL: out of memory. */
 uint8_t *tetlodi_record_labels(struct tetlodi_codec *codec, uint32_t slot);
 

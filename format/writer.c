@@ -342,20 +342,12 @@ static enum tetlod_status fill_arrivals(struct writer *w, struct tetlodi_record 
     return TETLOD_OK;
 }
 
-static bool same_corners(const uint32_t a[4], const uint32_t b[4])
-{
-    for (int i = 0; i < 4; i++)
-        if (a[i] != b[0] && a[i] != b[1] && a[i] != b[2] && a[i] != b[3])
-            return false;
-    return true;
-}
-
 /* The codec has put the tetrahedra into their order of arrival: which original is which. */
 static void name_arrivals(struct writer *w, const struct tetlodi_record *record)
 {
     for (uint32_t i = 0; i < record->tet_count; i++)
         for (uint32_t k = 0; k < record->tet_count; k++)
-            if (w->arrived[k] != TETLOD_NONE && same_corners(w->arrived_corners[k], record->tets[i])) {
+            if (w->arrived[k] != TETLOD_NONE && tetlodi_same_tet(w->arrived_corners[k], record->tets[i])) {
                 w->original_of[w->state.tets + i] = w->arrived[k];
                 w->arrived[k] = TETLOD_NONE;
                 break;
