@@ -16,7 +16,7 @@ static const char help[] =
     "      --q SOLUTION   the solution file of a PLOT3D grid, or a Medit .sol\n"
     "\n"
     "reads: VTU, legacy VTK (unstructured, structured, rectilinear, structured points), Gmsh 2.2 and 4.1, Medit .mesh,\n"
-    "TetGen .node with .ele, PLOT3D; told by content first, by extension second\n"
+    "TetGen .node with .ele, PLOT3D, and a tetlod stream's finest level; told by content first, by extension second\n"
     "example: tetlod convert bluntfinxyz.bin --q bluntfinq.bin -o blunt.vtu\n";
 
 static void note(uint64_t count, const char *what)

@@ -39,6 +39,10 @@ TETLOD_CHECKED enum tetlod_status stl_write(const struct tetmesh *mesh, const st
 TETLOD_CHECKED enum tetlod_status ply_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
                                             struct tetlod_error *error);
 
+bool stream_sniff(const unsigned char *bytes, size_t size);
+TETLOD_CHECKED enum tetlod_status stream_read(struct tetmesh *mesh, const struct io_input *input,
+                                              struct io_report *report, struct tetlod_error *error);
+
 bool plot3d_sniff(const unsigned char *bytes, size_t size);
 TETLOD_CHECKED enum tetlod_status plot3d_read(struct tetmesh *mesh, const struct io_input *input,
                                               struct io_report *report, struct tetlod_error *error);

@@ -26,6 +26,7 @@ struct format {
 
 /* In the order in which contents are tried: PLOT3D, which has no magic, last. */
 static const struct format formats[] = {
+    {"tetlod", {"tetlod"}, NO_SECOND, stream_sniff, stream_read, NULL},
     {"vtu", {"vtu"}, NO_SECOND, vtu_sniff, vtu_read, io_write_vtu},
     {"vtk", {"vtk"}, NO_SECOND, vtk_sniff, vtk_read, io_write_vtk},
     {"gmsh", {"msh"}, NO_SECOND, gmsh_sniff, gmsh_read, gmsh_write},

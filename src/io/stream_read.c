@@ -1,0 +1,52 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A tetlod stream as a mesh: its finest level. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/io/formats.h"
+#include "src/util/array.h"
+
+static enum tetlod_status copy_mesh(struct tetmesh *mesh, const struct tetlod_info *info, const struct tetlod_mesh *from,
+                                    struct tetlod_error *error)
+{
+    TETLOD_TRY(assemble_points(mesh, from->vertices, info->position_type, error));
+    memcpy(mesh->positions, from->positions, 3 * (size_t)from->vertices * sizeof *mesh->positions);
+    mesh->corners = array_new(from->tets, 4 * sizeof *mesh->corners);
+    if (!mesh->corners)
+        return tetlodi_fail_nomem(error, "the tetrahedra", (uint64_t)from->tets * 16);
+    memcpy(mesh->corners, from->corners, 4 * (size_t)from->tets * sizeof *mesh->corners);
+    mesh->tet_count = from->tets;
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        const struct tetlod_field *field = &info->fields[f];
+        TETLOD_TRY(assemble_field(mesh, field->name, field->components, field->type, error));
+        memcpy(mesh->fields[f].values, from->fields[f],
+               (size_t)field->components * from->vertices * sizeof *mesh->fields[f].values);
+    }
+    return TETLOD_OK;
+}
+
+bool stream_sniff(const unsigned char *bytes, size_t size)
+{
+    static const char magic[] = "\x89TLD\r\n\x1a\n"; // SPEC.md, header
+    return size >= sizeof magic - 1 && memcmp(bytes, magic, sizeof magic - 1) == 0;
+}
+
+enum tetlod_status stream_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
+                               struct tetlod_error *error)
+{
+    struct tetlod_file *file = NULL;
+    struct tetlod_cursor *cursor = NULL;
+    struct tetlod_mesh finest;
+    enum tetlod_status status;
+    (void)report;
+    TETLOD_TRY_DONE(tetlod_open_memory(&file, input->bytes, input->size, NULL, error));
+    TETLOD_TRY_DONE(tetlod_cursor_new(&cursor, file, NULL, 0, error));
+    TETLOD_TRY_DONE(tetlod_cursor_seek(cursor, tetlod_info(file)->level_count - 1, error));
+    tetlod_cursor_mesh(cursor, &finest);
+    status = copy_mesh(mesh, tetlod_info(file), &finest, error);
+done:
+    tetlod_cursor_free(cursor);
+    tetlod_close(file);
+    return status;
+}
