@@ -70,6 +70,7 @@ def make_inputs():
     subprocess.run([TETLOD, 'sample', 'cube', '--size', '2', '-o', path('cube.vtu')], check=True)
     for name in 'cube.vtk', 'cube.msh':
         subprocess.run([TETLOD, 'convert', path('cube.vtu'), '-o', path(name)], check=True)
+    subprocess.run([TETLOD, 'build', '--quiet', path('cube.vtu'), '-o', path('cube.tetlod')], check=True)
     n = 2 * 3 * 4
     with open(path('grid.xyz'), 'wb') as file:
         file.write(struct.pack('>3i', 2, 3, 4) + b''.join(
@@ -110,6 +111,15 @@ def main():
     check('convert Medit to PLY', ['convert', path('one.mesh'), '--q', path('one.sol'), '-o', 'OUT/a.ply'])
     check('convert TetGen', ['convert', path('one.node'), '-o', 'OUT/a.vtu'])
     check('convert PLOT3D', ['convert', path('grid.xyz'), '--q', path('flow.q'), '-o', 'OUT/a.vtu'])
+    check('convert a stream', ['convert', path('cube.tetlod'), '-o', 'OUT/a.vtu'])
+    check('build', ['build', path('cube.vtu'), '--quiet', '-o', 'OUT/a.tetlod'])
+    check('build by prediction', ['build', path('cube.vtu'), '--quiet', '--metric', 'sva', '-o', 'OUT/a.tetlod'])
+    check('info', ['info', path('cube.tetlod')])
+    check('info --json', ['info', '--json', path('cube.tetlod')])
+    check('extract', ['extract', path('cube.tetlod'), '--level', '1', '-o', 'OUT/a.vtu'])
+    check('verify', ['verify', path('cube.tetlod')])
+    check('verify --against', ['verify', path('cube.tetlod'), '--against', path('cube.vtu')])
+    check('compare', ['compare', path('cube.vtu'), path('cube.tetlod'), '--field', 'xyz'])
     print('1..%d' % count)
     return failed != 0
 
