@@ -70,7 +70,11 @@ OBJECTS := $(call objects,$(FORMAT_SRC) $(LIBRARY_SRC) $(CLI_SRC) $(SERVER_SRC) 
     tests/fuzz/replay.c)
 LIBTETLOD := $(B)/libtetlod.a
 SHARED := $(B)/libtetlod.so.$(VERSION)
-INTERNAL := $(call objects,$(LIBRARY_SRC) $(SERVER_SRC))
+# The page and what it loads become part of the program
+WEB_DIR := server/web
+WEB_FILES := $(sort $(shell find $(WEB_DIR) -type f))
+EMBEDDED := $(B)/server/embedded.o
+INTERNAL := $(call objects,$(LIBRARY_SRC) $(SERVER_SRC)) $(EMBEDDED)
 BINARY := $(B)/tetlod
 UNIT_TESTS := $(patsubst tests/unit/%.c,$(B)/tests/unit/%,$(UNIT_SRC))
 FUZZ_TARGETS := $(patsubst tests/fuzz/%.c,$(B)/tests/fuzz/%,$(FUZZ_SRC))
@@ -94,6 +98,13 @@ FORCE:
 $(B)/%.o: %.c $(B)/flags
 	@mkdir -p $(@D); $(if $(V),,echo "  CC  $<")
 	$(Q)$(CC) $(TETLOD_CFLAGS) $(PACKAGE_CFLAGS) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
+
+$(B)/server/embedded.c: server/embed.py $(WEB_FILES)
+	@mkdir -p $(@D); echo "  WEB $(WEB_DIR)"
+	$(Q)python3 server/embed.py $(WEB_DIR) $@
+
+$(EMBEDDED): $(B)/server/embedded.c $(B)/flags
+	$(Q)$(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
 
 $(LIBTETLOD): $(call objects,$(FORMAT_SRC))
 	@rm -f $@

@@ -1,29 +1,45 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The HTTP server over a set of streams. Everything that it says goes through the log callback; it never prints. */
+/* The HTTP server over a set of streams. Everything that it says goes through the log callbacks; it never prints. */
 #ifndef TETLOD_SERVER_H
 #define TETLOD_SERVER_H
 
 #include "format/tetlod.h"
 
+/* Addresses are ADDR:PORT, [ADDR]:PORT (port 0 picks a free one), unix:PATH, or fd:N for a socket that listens already.
+ * Strings are copied; 0 means the default in brackets. */
 struct server_options {
-    const char *listen;        /* ADDR:PORT; port 0 picks a free one */
-    const char *const *paths;  /* streams, or directories of *.tetlod */
+    const char *const *listen;
+    size_t listen_count;
+    const char *metrics;         /* address for /metrics alone; NULL: served with the rest */
+    const char *const *paths;    /* streams, or folders of *.tetlod */
     size_t path_count;
-    unsigned threads;          /* 0: one per core */
-    void (*log)(void *opaque, const char *line); /* an access log line or a message; may be NULL */
+    unsigned threads;            /* [one per core] */
+    uint64_t cache_bytes;        /* of answers that were made [256 MiB] */
+    size_t connections;          /* at a time [4096] */
+    size_t connections_per_address; /* [no limit] */
+    size_t header_bytes;         /* request line and headers of a request [16 KiB] */
+    double idle_seconds;         /* for a request to arrive, and for a reader that stalls [30] */
+    double drain_seconds;        /* for answers in progress when stopping [10] */
+    double scan_seconds;         /* between looks at the paths [2] */
+    double keep_replaced;        /* seconds that a replaced stream stays after its last request [60] */
+    void (*access)(void *opaque, const char *line); /* one JSON object for each answer; may be NULL */
+    void (*log)(void *opaque, const char *level, const char *message); /* may be NULL */
     void *log_opaque;
 };
 
 struct server;
 
-/* Opens the streams and starts answering. The options are copied. */
+/* Opens the streams and starts answering. Its threads block all signals. */
 TETLOD_CHECKED enum tetlod_status server_start(struct server **out, const struct server_options *options,
                                                struct tetlod_error *error);
 
-/* Its own address as http://ADDR:PORT/, valid as long as the server. */
-const char *server_url(const struct server *server);
+/* The address of listener `i` as a URL (http://ADDR:PORT/ or unix:PATH), valid as long as the server; NULL past the last. */
+const char *server_url(const struct server *server, size_t i);
 
-/* Stops accepting, lets answers in progress finish for a moment, frees all. */
+/* Looks at the paths now rather than at the next scan. */
+void server_rescan(struct server *server);
+
+/* Stops accepting, lets answers in progress finish within drain_seconds, frees all. */
 void server_stop(struct server *server);
 
 #endif

@@ -1,0 +1,149 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Levels as mesh files, and the stream's own bytes: prefixes, records, the whole. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "server/level.h"
+#include "src/util/array.h"
+
+struct mesh_context {
+    struct site *site;
+    struct cache_entry *forest_entry; /* held */
+    const struct forest *forest;
+    const struct mesh_format *format;
+    enum coding coding;
+    uint32_t level;
+};
+
+static void mesh_context_free(void *opaque)
+{
+    struct mesh_context *context = opaque;
+    cache_release(context->site->forests, context->forest_entry);
+    free(context);
+}
+
+static enum tetlod_status make_mesh(void *opaque, struct cache_value *out, struct tetlod_error *error)
+{
+    struct mesh_context *context = opaque;
+    struct tetmesh mesh;
+    struct buffer buffer = {0};
+    struct tetlodi_sink sink = buffer_sink(&buffer);
+    double started = monotonic_seconds();
+    enum tetlod_status status = forest_mesh(context->forest, context->level, &mesh, error);
+    if (status != TETLOD_OK)
+        return status;
+    status = context->format->write(&mesh, &sink, error);
+    tetmesh_fini(&mesh);
+    if (status == TETLOD_OK)
+        status = buffer_encode(&buffer, context->coding, error);
+    if (status == TETLOD_OK)
+        status = body_take(&buffer, started, out, error);
+    buffer_fini(&buffer);
+    metrics_count(context->site->metrics, METRIC_LEVELS_MADE);
+    return status;
+}
+
+/* Memory that making takes: the level as arrays, and its file twice (as it grows, and encoded). */
+static uint64_t mesh_bytes(const struct tetlod_info *info, uint32_t level)
+{
+    uint64_t components = 3;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        components += info->fields[f].components;
+    return 3 * (info->levels[level].vertices * components * 8 + info->levels[level].tets * (uint64_t)25) + 65536;
+}
+
+static enum outcome answer_made(struct exchange *exchange, struct dataset *dataset, uint32_t level,
+                                const struct mesh_format *format)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    const struct forest *forest;
+    const struct cache_value *value;
+    enum outcome outcome = obtain_forest(exchange, dataset, &forest);
+    if (!forest)
+        return outcome;
+    struct mesh_context *context = array_new(1, sizeof *context);
+    if (!context) {
+        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+        return ANSWERED;
+    }
+    struct cache_entry *forest_entry = exchange->request->pins[0].entry;
+    cache_hold(exchange->site->forests, forest_entry);
+    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
+    *context = (struct mesh_context){exchange->site, forest_entry, forest, format, coding, level};
+    char key[128], etag[80];
+    snprintf(etag, sizeof etag, "%s-%" PRIu32 "-%s", info->cid, level, format->name);
+    snprintf(key, sizeof key, "%s/%s", etag, coding_name(coding));
+    const struct recipe recipe = {make_mesh, mesh_context_free, context, mesh_bytes(info, level)};
+    outcome = obtain(exchange, exchange->site->cache, key, &recipe, &value);
+    if (value) {
+        respond_body(exchange, value, format->media_type, coding, etag);
+        if (exchange->response->status == 200)
+            cache_forever(exchange->response);
+    }
+    return outcome;
+}
+
+enum outcome handle_level_mesh(struct exchange *exchange)
+{
+    static const char *const none[] = {NULL};
+    struct dataset *dataset = captured_dataset(exchange);
+    enum outcome outcome = ANSWERED;
+    uint32_t level;
+    if (!dataset)
+        return ANSWERED;
+    const struct tetlod_info *info = dataset_info(dataset);
+    const struct mesh_format *format = mesh_format_find(exchange->captures[3]);
+    if (!format)
+        respond_bad_format(exchange, mesh_formats, exchange->captures[3]);
+    else if (check_parameters(exchange, none) && parse_level(exchange, info, exchange->captures[2], &level)) {
+        if (format->write)
+            outcome = answer_made(exchange, dataset, level, format);
+        else {
+            char etag[80];
+            snprintf(etag, sizeof etag, "%s-%" PRIu32 "-tetlod", info->cid, level);
+            respond_stored(exchange, dataset_hold(dataset), 0, info->levels[level].end, etag);
+        }
+        if (outcome == ANSWERED && exchange->response->status == 200)
+            level_headers(exchange->response, info, level);
+    }
+    dataset_release(dataset);
+    return outcome;
+}
+
+enum outcome handle_records(struct exchange *exchange)
+{
+    static const char *const none[] = {NULL};
+    struct dataset *dataset = captured_dataset(exchange);
+    uint32_t from, to;
+    if (!dataset)
+        return ANSWERED;
+    const struct tetlod_info *info = dataset_info(dataset);
+    if (check_parameters(exchange, none) && parse_level(exchange, info, exchange->captures[2], &from) &&
+        parse_level(exchange, info, exchange->captures[3], &to)) {
+        if (from >= to)
+            response_problem(exchange->response, 400, exchange->request->target,
+                             "records go from a level to a finer one, not from %" PRIu32 " to %" PRIu32, from, to);
+        else {
+            char etag[80];
+            uint64_t offset = info->levels[from + 1].offset;
+            snprintf(etag, sizeof etag, "%s-%" PRIu32 "-%" PRIu32, info->cid, from, to);
+            respond_stored(exchange, dataset_hold(dataset), offset, info->levels[to].end - offset, etag);
+        }
+    }
+    dataset_release(dataset);
+    return ANSWERED;
+}
+
+enum outcome handle_stream(struct exchange *exchange)
+{
+    static const char *const none[] = {NULL};
+    struct dataset *dataset = captured_dataset(exchange);
+    if (!dataset)
+        return ANSWERED;
+    const struct tetlod_info *info = dataset_info(dataset);
+    if (check_parameters(exchange, none))
+        respond_stored(exchange, dataset_hold(dataset), 0, info->bytes, info->cid);
+    dataset_release(dataset);
+    return ANSWERED;
+}

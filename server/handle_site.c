@@ -1,0 +1,260 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The page, health, metrics, the catalogue and the description of a stream. */
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "server/site.h"
+#include "src/report/info_json.h"
+#include "src/util/array.h"
+
+enum outcome handle_page(struct exchange *exchange)
+{
+    struct response *response = exchange->response;
+    const struct asset *asset = assets_find(exchange->site->assets, exchange->captures[0]);
+    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
+    if (!asset->encoded[coding].size)
+        coding = CODING_IDENTITY;
+    response->status = 200;
+    response->media_type = asset->file->media_type;
+    response->kind = BODY_BYTES;
+    response->bytes = coding ? asset->encoded[coding].bytes : asset->file->bytes;
+    response->size = coding ? asset->encoded[coding].size : (size_t)(asset->file->end - asset->file->bytes);
+    if (coding)
+        response_header(response, "Content-Encoding", "%s", coding_name(coding));
+    snprintf(response->etag, sizeof response->etag, "\"%s%s%s\"", asset->etag, coding ? "-" : "", coding_name(coding));
+    response_header(response, "Vary", "Accept-Encoding");
+    response_header(response, "Content-Security-Policy",
+                    "default-src 'self'; connect-src *; img-src 'self' data: blob:; worker-src 'self' blob:; "
+                    "script-src 'self' 'wasm-unsafe-eval'; object-src 'none'; base-uri 'none'");
+    response_header(response, "X-Content-Type-Options", "nosniff");
+    response_header(response, "Link", "</openapi.json>; rel=\"service-desc\"");
+    cache_revalidate(response);
+    return ANSWERED;
+}
+
+enum outcome handle_health(struct exchange *exchange)
+{
+    response_static(exchange->response, 200, "application/json", "{\"status\": \"alive\"}\n");
+    response_header(exchange->response, "Cache-Control", "no-store");
+    return ANSWERED;
+}
+
+enum outcome handle_ready(struct exchange *exchange)
+{
+    struct site *site = exchange->site;
+    if (atomic_load(&site->draining)) {
+        response_problem(exchange->response, 503, exchange->request->target, "the server is about to stop");
+        return ANSWERED;
+    }
+    char *text = malloc(80);
+    int size = text ? snprintf(text, 80, "{\"status\": \"ready\", \"meshes\": %zu}\n", catalogue_count(site->catalogue)) : 0;
+    if (!text) {
+        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+        return ANSWERED;
+    }
+    response_owned(exchange->response, 200, "application/json", text, (size_t)size);
+    response_header(exchange->response, "Cache-Control", "no-store");
+    return ANSWERED;
+}
+
+enum outcome handle_metrics(struct exchange *exchange)
+{
+    struct site *site = exchange->site;
+    struct cache_stats cache, forests;
+    struct buffer text = {0};
+    cache_get_stats(site->cache, &cache);
+    cache_get_stats(site->forests, &forests);
+    const struct metrics_gauge gauges[] = {
+        {"tetlod_streams", "gauge", "Streams that are served", (double)catalogue_count(site->catalogue)},
+        {"tetlod_stream_memory_bytes", "gauge", "Memory of decoded streams", (double)forests.bytes},
+        {"tetlod_cache_bytes", "gauge", "Memory of cached answers", (double)cache.bytes},
+        {"tetlod_cache_entries", "gauge", "Cached answers", (double)cache.entries},
+        {"tetlod_cache_hits_total", "counter", "Answers found in the cache", (double)cache.hits},
+        {"tetlod_cache_misses_total", "counter", "Answers that had to be made", (double)cache.misses},
+    };
+    if (!site->serve_metrics)
+        response_problem(exchange->response, 404, exchange->request->target, "metrics have an address of their own here");
+    else if (metrics_print(site->metrics, gauges, sizeof gauges / sizeof *gauges, &text) != TETLOD_OK) {
+        buffer_fini(&text);
+        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+    } else {
+        response_owned(exchange->response, 200, "text/plain; version=0.0.4; charset=utf-8", text.bytes, text.size);
+        response_header(exchange->response, "Cache-Control", "no-store");
+    }
+    return ANSWERED;
+}
+
+/* ---- JSON ---- */
+
+/* Makes a cached JSON answer: prints, encodes. Takes over the object. */
+static enum tetlod_status json_body(json_t *object, enum coding coding, struct cache_value *out, struct tetlod_error *error)
+{
+    struct buffer buffer = {0};
+    double started = monotonic_seconds();
+    char *text = object ? json_dumps(object, INFO_JSON_FLAGS | JSON_INDENT(1)) : NULL;
+    enum tetlod_status status = TETLOD_OK;
+    json_decref(object);
+    if (!text || buffer_append(&buffer, text, strlen(text)) != TETLOD_OK || buffer_append(&buffer, "\n", 1) != TETLOD_OK)
+        status = tetlodi_fail_nomem(error, "an answer", 0);
+    free(text);
+    if (status == TETLOD_OK)
+        status = buffer_encode(&buffer, coding, error);
+    if (status == TETLOD_OK)
+        status = body_take(&buffer, started, out, error);
+    buffer_fini(&buffer);
+    return status;
+}
+
+struct info_context {
+    struct dataset *dataset;
+    enum coding coding;
+};
+
+static void free_info_context(void *opaque)
+{
+    struct info_context *context = opaque;
+    dataset_release(context->dataset);
+    free(context);
+}
+
+/* Paths of what belongs to a stream; those with {} are templates (RFC 6570). */
+static json_t *links_of(const struct dataset *dataset)
+{
+    char id[3 * ID_CAPACITY];
+    const char *cid = dataset_info(dataset)->cid;
+    if (!percent_encode(dataset_id(dataset), id, sizeof id))
+        return NULL;
+    json_t *links = json_object();
+    static const struct {
+        const char *name, *tail;
+        bool content; /* under the content id */
+    } all[] = {
+        {"self", "", false},
+        {"mesh", "/mesh{?error,abs_error,level,tets,bytes,field,measure,format}", false},
+        {"level", "/levels/{level}/mesh.{format}", true},
+        {"records", "/records/{from}-{to}{?fields}", true},
+        {"stream", "/stream", true},
+    };
+    for (size_t i = 0; links && i < sizeof all / sizeof *all; i++) {
+        char path[640];
+        snprintf(path, sizeof path, "/v1/meshes/%s%s%s%s", id, all[i].content ? "/" : "", all[i].content ? cid : "",
+                 all[i].tail);
+        json_object_set_new(links, all[i].name, json_string(path));
+    }
+    return links;
+}
+
+static enum tetlod_status make_info(void *opaque, struct cache_value *out, struct tetlod_error *error)
+{
+    struct info_context *context = opaque;
+    const struct tetlod_info *info = dataset_info(context->dataset);
+    json_t *object = info_json(info, dataset_id(context->dataset));
+    json_t *levels = json_object_get(object, "levels");
+    for (uint32_t k = 0; k < info->level_count; k++)
+        json_object_set_new(json_array_get(levels, k), "offset", json_integer((json_int_t)info->levels[k].offset));
+    json_object_set_new(object, "links", links_of(context->dataset));
+    return json_body(object, context->coding, out, error);
+}
+
+void respond_no_mesh(struct exchange *exchange)
+{
+    size_t count = 0;
+    struct dataset **list = catalogue_list(exchange->site->catalogue, &count);
+    json_t *ids = json_array();
+    for (size_t i = 0; list && i < count; i++) {
+        if (i < 100)
+            json_array_append_new(ids, json_string(dataset_id(list[i])));
+        dataset_release(list[i]);
+    }
+    free(list);
+    response_problem_choices(exchange->response, 404, exchange->request->target, "meshes", ids, "there is no mesh '%s'",
+                             exchange->captures[0]);
+}
+
+enum outcome handle_stream_info(struct exchange *exchange)
+{
+    struct dataset *dataset = catalogue_find(exchange->site->catalogue, exchange->captures[0]);
+    if (!dataset) {
+        respond_no_mesh(exchange);
+        return ANSWERED;
+    }
+    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
+    struct info_context *context = array_new(1, sizeof *context);
+    if (!context) {
+        dataset_release(dataset);
+        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+        return ANSWERED;
+    }
+    *context = (struct info_context){dataset, coding};
+    char key[256], etag[40];
+    snprintf(key, sizeof key, "%s/info/%s/%s", dataset_info(dataset)->cid, coding_name(coding), dataset_id(dataset));
+    snprintf(etag, sizeof etag, "%s", dataset_info(dataset)->cid);
+    const struct cache_value *value;
+    const struct recipe recipe = {make_info, free_info_context, context,
+                                  1024 * (uint64_t)(1 + dataset_info(dataset)->level_count)};
+    enum outcome outcome = obtain(exchange, exchange->site->cache, key, &recipe, &value);
+    if (value) {
+        respond_body(exchange, value, "application/json", coding, etag);
+        if (exchange->response->status == 200)
+            cache_revalidate(exchange->response);
+    }
+    return outcome;
+}
+
+static json_t *catalogue_item(const struct dataset *dataset)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    char id[3 * ID_CAPACITY], path[3 * ID_CAPACITY + 16];
+    if (!percent_encode(dataset_id(dataset), id, sizeof id))
+        return NULL;
+    snprintf(path, sizeof path, "/v1/meshes/%s", id);
+    json_t *fields = json_array();
+    for (uint32_t f = 0; f < info->field_count; f++)
+        json_array_append_new(fields, json_string(info->fields[f].name));
+    return json_pack("{s:s, s:s, s:I, s:I, s:I, s:i, s:o, s:{s:s}}", "id", dataset_id(dataset), "cid", info->cid, "vertices",
+                     (json_int_t)info->vertices, "tets", (json_int_t)info->tets, "bytes", (json_int_t)info->bytes,
+                     "levels", (int)info->level_count, "fields", fields, "links", "self", path);
+}
+
+enum outcome handle_catalogue(struct exchange *exchange)
+{
+    struct response *response = exchange->response;
+    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
+    size_t count = 0;
+    struct dataset **list = catalogue_list(exchange->site->catalogue, &count);
+    json_t *meshes = json_array();
+    uint64_t hash = 0xcbf29ce484222325u;
+    for (size_t i = 0; list && i < count; i++) {
+        json_array_append_new(meshes, catalogue_item(list[i]));
+        for (const char *c = dataset_id(list[i]); *c; c++)
+            hash = (hash ^ (unsigned char)*c) * 0x100000001b3u;
+        for (const char *c = dataset_info(list[i])->cid; *c; c++)
+            hash = (hash ^ (unsigned char)*c) * 0x100000001b3u;
+        dataset_release(list[i]);
+    }
+    free(list);
+    json_t *object = json_pack("{s:o}", "meshes", meshes);
+    char *text = object ? json_dumps(object, INFO_JSON_FLAGS | JSON_INDENT(1)) : NULL;
+    struct buffer buffer = {0};
+    bool made = list && text && buffer_append(&buffer, text, strlen(text)) == TETLOD_OK &&
+                buffer_encode(&buffer, coding, NULL) == TETLOD_OK;
+    json_decref(object);
+    free(text);
+    if (!made) {
+        buffer_fini(&buffer);
+        response_problem(response, 503, exchange->request->target, "the server is out of memory");
+        return ANSWERED;
+    }
+    response_owned(response, 200, "application/json", buffer.bytes, buffer.size);
+    if (coding)
+        response_header(response, "Content-Encoding", "%s", coding_name(coding));
+    snprintf(response->etag, sizeof response->etag, "\"%016llx%s%s\"", (unsigned long long)hash, coding ? "-" : "",
+             coding_name(coding));
+    response_header(response, "Vary", "Accept-Encoding");
+    response_header(response, "Link", "</openapi.json>; rel=\"service-desc\"");
+    cache_revalidate(response);
+    return ANSWERED;
+}

@@ -1,0 +1,44 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* What the handlers of levels share: formats, headers, the stream in memory. */
+#ifndef TETLOD_SERVER_LEVEL_H
+#define TETLOD_SERVER_LEVEL_H
+
+#include <jansson.h>
+
+#include "server/forest.h"
+#include "server/site.h"
+
+/* A file format of an answer. `write` is NULL for the stream's own prefix. */
+struct mesh_format {
+    const char *name, *media_type;
+    enum tetlod_status (*write)(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error);
+};
+
+extern const struct mesh_format mesh_formats[]; /* ends with a NULL name */
+
+const struct mesh_format *mesh_format_find(const char *name);
+
+/* 400 with the list of names. */
+void respond_bad_format(struct exchange *exchange, const struct mesh_format *formats, const char *name);
+
+/* False after a 400 if the query has a parameter that is not one of `names` (NULL-terminated). */
+bool check_parameters(struct exchange *exchange, const char *const *names);
+
+json_t *field_names(const struct tetlod_info *info);
+
+/* "max=0.01, sampled=0.008": each measure that is known, the largest over the controlled fields. */
+void level_error_text(const struct tetlod_info *info, uint32_t level, char *out, size_t capacity);
+
+/* Tetlod-Level, -Vertices, -Tets, -Error. */
+void level_headers(struct response *response, const struct tetlod_info *info, uint32_t level);
+
+/* The stream that the first two captures (id, cid) name, held; NULL after a 404. */
+struct dataset *captured_dataset(struct exchange *exchange);
+
+/* A level's number; false after a 400. */
+bool parse_level(struct exchange *exchange, const struct tetlod_info *info, const char *text, uint32_t *out);
+
+/* The stream in memory, decoded if it is not yet. */
+enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, const struct forest **out);
+
+#endif

@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Sockets that listen: TCP, Unix, or handed over by whoever started the process. */
+#ifndef TETLOD_SERVER_LISTENER_H
+#define TETLOD_SERVER_LISTENER_H
+
+#include "format/tetlod.h"
+
+struct listener {
+    int fd;
+    char url[160];       /* http://127.0.0.1:8080/, unix:/run/tetlod.sock */
+    char unlink_at[108]; /* path of a Unix socket that is ours to remove, or empty */
+};
+
+TETLOD_CHECKED enum tetlod_status listener_open(struct listener *out, const char *address, struct tetlod_error *error);
+void listener_close(struct listener *listener);
+
+#endif

@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A request and its answer, as the handlers see them: no sockets, no library. */
+#ifndef TETLOD_SERVER_MESSAGE_H
+#define TETLOD_SERVER_MESSAGE_H
+
+#include "server/cache.h"
+#include "server/query.h"
+
+enum method { METHOD_GET, METHOD_HEAD, METHOD_OPTIONS, METHOD_OTHER };
+
+enum { REQUEST_PINS = 4 };
+
+struct request {
+    enum method method;
+    const char *target; /* path and query as sent, not decoded */
+    const char *(*header)(void *opaque, const char *name); /* NULL if it is not there */
+    void *opaque;
+    const char *body_refused; /* why a request's body or framing is refused, or NULL */
+    /* What to wake when an entry that the answer needs is finished; NULL: the caller's thread makes it instead. */
+    struct cache_waiter *waiter;
+    bool waited; /* it has been woken at least once */
+    /* Entries that this request has asked for: kept until its answer is made, so that each is found again. */
+    struct {
+        struct cache *cache;
+        struct cache_entry *entry;
+    } pins[REQUEST_PINS];
+};
+
+enum body_kind { BODY_NONE, BODY_BYTES, BODY_FILE };
+
+enum { RESPONSE_HEADERS = 10, HEADER_VALUE = 320 };
+
+struct response {
+    unsigned status;
+    const char *route; /* template of the route, static: for metrics and logs */
+    const char *media_type; /* static */
+    enum body_kind kind;
+    const void *bytes; /* BODY_BYTES */
+    int fd;            /* BODY_FILE, borrowed */
+    uint64_t offset;   /* BODY_FILE */
+    uint64_t size;     /* of the body that is sent */
+    void (*release)(void *owner); /* lets go of what the body borrows from; may be NULL */
+    void *owner;
+    bool ranges;        /* Range may cut it */
+    bool close;         /* the connection ends after it */
+    char etag[112];     /* quoted, or empty */
+    size_t header_count;
+    struct {
+        const char *name; /* static */
+        char value[HEADER_VALUE];
+    } headers[RESPONSE_HEADERS];
+};
+
+/* Adds a header; a value that does not fit is cut. */
+void response_header(struct response *response, const char *name, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+const char *response_find_header(const struct response *response, const char *name);
+
+void response_release(struct response *response);
+
+/* A body that never changes nor goes. */
+void response_static(struct response *response, unsigned status, const char *media_type, const char *text);
+
+/* Takes over malloc'ed bytes. */
+void response_owned(struct response *response, unsigned status, const char *media_type, void *bytes, size_t size);
+
+struct json_t;
+
+/* Replaces what is there by a problem+json answer (RFC 9457). `instance` is the request target. */
+void response_problem(struct response *response, unsigned status, const char *instance, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+
+/* The same with an array of texts under `name` that says what would do; takes over the reference to `choices`. */
+void response_problem_choices(struct response *response, unsigned status, const char *instance, const char *name,
+                              struct json_t *choices, const char *format, ...) __attribute__((format(printf, 6, 7)));
+
+const char *status_title(unsigned status);
+
+/* A request header, or NULL. */
+const char *request_header(const struct request *request, const char *name);
+
+/* Lets go of all pins. */
+void request_unpin(struct request *request);
+
+#endif

@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* What a client may write into a request, read by its grammar: query strings, Range, entity tags, Accept-Encoding. Pure
+ * functions over NUL-terminated text of any content. */
+#ifndef TETLOD_SERVER_QUERY_H
+#define TETLOD_SERVER_QUERY_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* Percent-decodes `size` bytes into out, NUL-terminated. False for a broken escape, for what decodes to a control
+ * character or to bytes that are not UTF-8, and for more than `capacity` - 1 bytes. */
+bool percent_decode(const char *text, size_t size, char *out, size_t capacity);
+
+/* Percent-encodes all but RFC 3986's unreserved characters; false if it does not fit. */
+bool percent_encode(const char *text, char *out, size_t capacity);
+
+enum query_result { QUERY_ABSENT, QUERY_FOUND, QUERY_BAD };
+
+/* The value of a parameter of the query `text` (what follows '?', or NULL), decoded; '+' stands for itself, as it does in
+ * 1e+3. QUERY_BAD: it is there twice, or its value cannot be decoded or is too long. */
+enum query_result query_value(const char *text, const char *name, char *out, size_t capacity);
+
+/* Finds a parameter whose name is not one of `names` (ends with NULL) and copies what it is; false if there is none. */
+bool query_unknown(const char *text, const char *const *names, char *out, size_t capacity);
+
+/* A finite decimal number; "1%" is 0.01 where `percent` is allowed. */
+bool text_number(const char *text, bool percent, double *out);
+
+/* A whole number with an optional suffix K, M, G, T (powers of 1024) where `suffix` is allowed. */
+bool text_count(const char *text, bool suffix, uint64_t *out);
+
+/* `count` finite numbers separated by commas. */
+bool text_numbers(const char *text, size_t count, double *out);
+
+enum range_result { RANGE_IGNORED, RANGE_OK, RANGE_UNSATISFIABLE };
+
+/* Range header against a body of `size` bytes (RFC 9110, 14). One range only: several, other units and broken syntax are
+ * ignored, as the RFC allows. */
+enum range_result range_parse(const char *header, uint64_t size, uint64_t *out_first, uint64_t *out_length);
+
+/* If-None-Match: a list of entity tags, compared weakly, or '*'. */
+bool etag_list_has(const char *list, const char *etag);
+
+/* If-Range: one strong entity tag. */
+bool etag_same(const char *header, const char *etag);
+
+enum coding { CODING_IDENTITY, CODING_GZIP, CODING_ZSTD, CODINGS };
+
+/* "", "gzip", "zstd" */
+const char *coding_name(enum coding coding);
+
+/* The coding of the highest q that Accept-Encoding allows; among equals zstd before gzip before identity. Without header
+ * (NULL) and where nothing is allowed: identity. */
+enum coding coding_choose(const char *accept_encoding);
+
+#endif

@@ -1,0 +1,356 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Lifecycle. Threads: an acceptor, which spreads connections over the HTTP threads; those; workers for what takes longer
+ * than a connection's thread may wait; a keeper, which looks at the files and at late connections.
+ */
+#define _GNU_SOURCE
+#include "server/server.h"
+
+#include <errno.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <sys/un.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "format/fail.h"
+#include "server/http.h"
+#include "server/listener.h"
+#include "src/util/array.h"
+#include "src/util/parallel.h"
+
+enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250 };
+
+struct server {
+    struct server_options options;
+    struct site site, metrics_site;
+    const char **routes;
+    struct gate *gate;
+    struct http *http, *metrics_http;
+    struct listener listeners[MOST_LISTENERS]; /* the metrics' own one last */
+    size_t listener_count;
+    int wake; /* eventfd: the acceptor is to end */
+    pthread_t acceptor, keeper;
+    bool accepting, keeping;
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+    bool stopping, rescan; /* under the lock */
+};
+
+static void say(struct server *server, const char *level, const char *message)
+{
+    if (server->options.log)
+        server->options.log(server->options.log_opaque, level, message);
+}
+
+/* ---- the acceptor ---- */
+
+static void refuse(struct server *server, int fd)
+{
+    static const char answer[] = "HTTP/1.1 503 Service Unavailable\r\nRetry-After: 1\r\nConnection: close\r\n"
+                                 "Content-Type: application/problem+json\r\nContent-Length: 85\r\n\r\n"
+                                 "{\"title\":\"Service Unavailable\",\"status\":503,\"detail\":\"too many connections; try later\"}";
+    ssize_t ignored = send(fd, answer, sizeof answer - 1, MSG_NOSIGNAL | MSG_DONTWAIT);
+    (void)ignored; // it is told if it can be
+    close(fd);
+    metrics_count(server->site.metrics, METRIC_CONNECTIONS_REFUSED);
+}
+
+/* Accepts one connection; false if there is none, or none can be had now. */
+static bool accept_one(struct server *server, struct listener *listener, struct http *http)
+{
+    union {
+        struct sockaddr any;
+        struct sockaddr_in four;
+        struct sockaddr_in6 six;
+        struct sockaddr_un path;
+    } address = {0};
+    socklen_t size = sizeof address;
+    int on = 1, fd = accept4(listener->fd, &address.any, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    if (fd < 0) {
+        bool scarce = errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM;
+        if (scarce)
+            nanosleep(&(struct timespec){0, 50 * 1000 * 1000}, NULL);
+        return false;
+    }
+    if (!gate_enter(server->gate, fd, &address.any, monotonic_seconds())) {
+        refuse(server, fd);
+        return true;
+    }
+    if (address.any.sa_family != AF_UNIX)
+        setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    metrics_count(server->site.metrics, METRIC_CONNECTIONS);
+    http_serve(http, fd, &address.any, size);
+    return true;
+}
+
+static void *run_acceptor(void *opaque)
+{
+    struct server *server = opaque;
+    struct pollfd polled[MOST_LISTENERS + 1];
+    size_t count = server->listener_count;
+    for (size_t i = 0; i < count; i++)
+        polled[i] = (struct pollfd){server->listeners[i].fd, POLLIN, 0};
+    polled[count] = (struct pollfd){server->wake, POLLIN, 0};
+    for (;;) {
+        if (poll(polled, count + 1, -1) < 0 && errno != EINTR)
+            return NULL;
+        if (polled[count].revents)
+            return NULL;
+        for (size_t i = 0; i < count; i++) {
+            bool metrics = server->metrics_http && i + 1 == count;
+            for (int some = 0; some < 64 && polled[i].revents; some++)
+                if (!accept_one(server, &server->listeners[i], metrics ? server->metrics_http : server->http))
+                    break;
+        }
+    }
+}
+
+/* ---- the keeper ---- */
+
+static void *run_keeper(void *opaque)
+{
+    struct server *server = opaque;
+    double next_scan = monotonic_seconds() + server->options.scan_seconds;
+    pthread_mutex_lock(&server->lock);
+    while (!server->stopping) {
+        struct timespec until;
+        clock_gettime(CLOCK_REALTIME, &until);
+        until.tv_nsec += KEEPER_MILLISECONDS * 1000000L;
+        until.tv_sec += until.tv_nsec / 1000000000L;
+        until.tv_nsec %= 1000000000L;
+        if (!server->rescan)
+            pthread_cond_timedwait(&server->changed, &server->lock, &until);
+        double now = monotonic_seconds();
+        bool scan = server->rescan || now >= next_scan;
+        server->rescan = false;
+        pthread_mutex_unlock(&server->lock);
+        for (size_t late = gate_reap(server->gate, now, false); late; late--)
+            metrics_count(server->site.metrics, METRIC_CONNECTIONS_EXPIRED);
+        if (scan) {
+            catalogue_scan(server->site.catalogue, now);
+            next_scan = monotonic_seconds() + server->options.scan_seconds;
+        }
+        pthread_mutex_lock(&server->lock);
+    }
+    pthread_mutex_unlock(&server->lock);
+    return NULL;
+}
+
+/* ---- start ---- */
+
+static void set_defaults(struct server_options *options)
+{
+    options->threads = options->threads ? options->threads : parallel_cores();
+    options->cache_bytes = options->cache_bytes ? options->cache_bytes : (uint64_t)256 << 20;
+    options->connections = options->connections ? options->connections : 4096;
+    options->header_bytes = options->header_bytes ? options->header_bytes : 16384;
+    options->idle_seconds = options->idle_seconds > 0 ? options->idle_seconds : 30;
+    options->drain_seconds = options->drain_seconds > 0 ? options->drain_seconds : 10;
+    options->scan_seconds = options->scan_seconds > 0 ? options->scan_seconds : 2;
+    options->keep_replaced = options->keep_replaced > 0 ? options->keep_replaced : 60;
+}
+
+static enum tetlod_status build_site(struct server *server, struct tetlod_error *error)
+{
+    const struct server_options *options = &server->options;
+    struct site *site = &server->site;
+    size_t routes = 0;
+    while (site_routes[routes].template)
+        routes++;
+    server->routes = array_zero(routes + 2, sizeof *server->routes);
+    for (size_t i = 0; server->routes && i < routes; i++)
+        server->routes[i] = site_routes[i].template;
+    if (server->routes)
+        server->routes[routes] = "/";
+    site->metrics = server->routes ? metrics_new(server->routes) : NULL;
+    site->cache = cache_new(options->cache_bytes);
+    site->forests = cache_new(UINT64_MAX);
+    site->assets = assets_new();
+    site->serve_metrics = !options->metrics;
+    long descriptors = sysconf(_SC_OPEN_MAX);
+    const struct gate_options limits = {
+        .connections = options->connections,
+        .per_address = options->connections_per_address,
+        .request_seconds = options->idle_seconds,
+        .descriptors = descriptors > 0 && descriptors < MOST_DESCRIPTORS ? (size_t)descriptors : MOST_DESCRIPTORS,
+    };
+    server->gate = gate_new(&limits);
+    if (!site->metrics || !site->cache || !site->forests || !site->assets || !server->gate)
+        return tetlodi_fail_nomem(error, "the server", 0);
+    TETLOD_TRY(pool_start(&site->pool, options->threads, QUEUE, error));
+    const struct catalogue_options catalogue = {
+        .paths = options->paths,
+        .path_count = options->path_count,
+        .keep_replaced = options->keep_replaced,
+        .log = options->log,
+        .log_opaque = options->log_opaque,
+    };
+    return catalogue_open(&site->catalogue, &catalogue, error);
+}
+
+static enum tetlod_status open_listeners(struct server *server, struct tetlod_error *error)
+{
+    const struct server_options *options = &server->options;
+    if (options->listen_count + 1 > MOST_LISTENERS)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "at most %d addresses can be listened on", MOST_LISTENERS - 1);
+    for (size_t i = 0; i < options->listen_count; i++) {
+        TETLOD_TRY(listener_open(&server->listeners[i], options->listen[i], error));
+        server->listener_count++;
+    }
+    if (options->metrics) {
+        TETLOD_TRY(listener_open(&server->listeners[server->listener_count], options->metrics, error));
+        server->listener_count++;
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status start_http(struct server *server, struct tetlod_error *error)
+{
+    struct http_options http = {
+        .site = &server->site,
+        .gate = server->gate,
+        .threads = server->options.threads,
+        .connections = server->options.connections,
+        .header_bytes = server->options.header_bytes,
+        .idle_seconds = (unsigned)(server->options.idle_seconds + 0.999),
+        .access = server->options.access,
+        .access_opaque = server->options.log_opaque,
+    };
+    TETLOD_TRY(http_start(&server->http, &http, error));
+    if (!server->options.metrics)
+        return TETLOD_OK;
+    server->metrics_site = server->site;
+    server->metrics_site.serve_metrics = true;
+    http.site = &server->metrics_site;
+    http.threads = 1;
+    http.access = NULL;
+    return http_start(&server->metrics_http, &http, error);
+}
+
+static enum tetlod_status start_threads(struct server *server, struct tetlod_error *error)
+{
+    server->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (server->wake < 0)
+        return tetlodi_fail(error, TETLOD_ERR_IO, "cannot make an eventfd: %s", strerror(errno));
+    server->accepting = pthread_create(&server->acceptor, NULL, run_acceptor, server) == 0;
+    server->keeping = pthread_create(&server->keeper, NULL, run_keeper, server) == 0;
+    if (!server->accepting || !server->keeping)
+        return tetlodi_fail(error, TETLOD_ERR_NOMEM, "cannot start threads");
+    return TETLOD_OK;
+}
+
+enum tetlod_status server_start(struct server **out, const struct server_options *options, struct tetlod_error *error)
+{
+    sigset_t all, before;
+    *out = NULL;
+    struct server *server = array_zero(1, sizeof *server);
+    if (!server)
+        return tetlodi_fail_nomem(error, "the server", sizeof *server);
+    server->options = *options;
+    server->wake = -1;
+    set_defaults(&server->options);
+    pthread_mutex_init(&server->lock, NULL);
+    pthread_cond_init(&server->changed, NULL);
+    for (size_t i = 0; i < MOST_LISTENERS; i++)
+        server->listeners[i].fd = -1;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before); // its threads inherit it: signals are the caller's business
+    enum tetlod_status status = build_site(server, error);
+    if (status == TETLOD_OK)
+        status = open_listeners(server, error);
+    if (status == TETLOD_OK)
+        status = start_http(server, error);
+    if (status == TETLOD_OK)
+        status = start_threads(server, error);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (status == TETLOD_OK)
+        *out = server;
+    else
+        server_stop(server);
+    return status;
+}
+
+const char *server_url(const struct server *server, size_t i)
+{
+    return i < server->listener_count ? server->listeners[i].url : NULL;
+}
+
+void server_rescan(struct server *server)
+{
+    pthread_mutex_lock(&server->lock);
+    server->rescan = true;
+    pthread_cond_signal(&server->changed);
+    pthread_mutex_unlock(&server->lock);
+}
+
+/* ---- stop ---- */
+
+static void stop_accepting(struct server *server)
+{
+    uint64_t one = 1;
+    atomic_store(&server->site.draining, true);
+    atomic_store(&server->metrics_site.draining, true);
+    if (server->accepting) {
+        ssize_t ignored = write(server->wake, &one, sizeof one);
+        (void)ignored;
+        pthread_join(server->acceptor, NULL);
+    }
+    for (size_t i = 0; i < server->listener_count; i++)
+        listener_close(&server->listeners[i]);
+}
+
+static void drain(struct server *server)
+{
+    double until = monotonic_seconds() + server->options.drain_seconds;
+    while (gate_count(server->gate) && monotonic_seconds() < until) {
+        gate_reap(server->gate, monotonic_seconds(), true);
+        nanosleep(&(struct timespec){0, 10 * 1000 * 1000}, NULL);
+    }
+    if (gate_count(server->gate))
+        say(server, "warning", "stopping with answers unfinished");
+}
+
+static void stop_keeper(struct server *server)
+{
+    if (!server->keeping)
+        return;
+    pthread_mutex_lock(&server->lock);
+    server->stopping = true;
+    pthread_cond_signal(&server->changed);
+    pthread_mutex_unlock(&server->lock);
+    pthread_join(server->keeper, NULL);
+}
+
+void server_stop(struct server *server)
+{
+    if (!server)
+        return;
+    stop_accepting(server);
+    if (server->gate)
+        drain(server);
+    stop_keeper(server);
+    pool_stop(server->site.pool); // wakes all who wait: a suspended connection could not be ended
+    http_stop(server->metrics_http);
+    http_stop(server->http);
+    pool_free(server->site.pool);
+    gate_free(server->gate);
+    cache_free(server->site.cache);
+    cache_free(server->site.forests);
+    catalogue_close(server->site.catalogue);
+    metrics_free(server->site.metrics);
+    assets_free(server->site.assets);
+    free(server->routes);
+    if (server->wake >= 0)
+        close(server->wake);
+    pthread_mutex_destroy(&server->lock);
+    pthread_cond_destroy(&server->changed);
+    free(server);
+}
