@@ -2,7 +2,8 @@
 /*
  * What libmicrohttpd 0.9.75 does and what is done about it:
  * - it decodes paths and cuts them at %00: the request target is taken raw, from the URI log callback;
- * - it accepts bodies with Content-Length and Transfer-Encoding at once: any body ends the connection after its refusal;
+ * - it accepts bodies with Content-Length and Transfer-Encoding at once, and without strict checks no Host: any body and
+ *   any broken framing is refused here and ends the connection;
  * - a 304 gets the length of the body it is queued with: the full body is queued with it, which is not sent;
  * - it has no deadline for a request, only idle time, and divides connections unevenly: see gate.h and server.c;
  * - its threads must not block: a request that waits is suspended, and resumed by whoever finishes what it waits for.
@@ -93,14 +94,17 @@ static size_t keep_escapes(void *opaque, struct MHD_Connection *connection, char
 
 struct framing {
     unsigned lengths, codings, hosts;
-    bool content;
+    bool content, bad_name;
 };
 
 static enum MHD_Result count_header(void *opaque, enum MHD_ValueKind kind, const char *name, const char *value)
 {
     struct framing *framing = opaque;
+    static const char token[] = "!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz";
     (void)kind;
-    if (strcasecmp(name, "Content-Length") == 0) {
+    if (!*name || name[strspn(name, token)]) // "Content-Length : 5" among them
+        framing->bad_name = true;
+    else if (strcasecmp(name, "Content-Length") == 0) {
         framing->lengths++;
         framing->content |= !value || strspn(value, "0") != strlen(value) || !*value;
     } else if (strcasecmp(name, "Transfer-Encoding") == 0)
@@ -110,14 +114,24 @@ static enum MHD_Result count_header(void *opaque, enum MHD_ValueKind kind, const
     return MHD_YES;
 }
 
-/* No request here has a body; and two lengths, or a length beside a transfer coding, are how requests are smuggled. */
-static const char *refuse_framing(struct MHD_Connection *connection)
+/* No request here has a body; and two lengths, or a length beside a transfer coding, are how requests are smuggled. The
+ * library checks none of this, or answers with HTML sent twice where it does. */
+static unsigned refuse_framing(struct MHD_Connection *connection, const char *version, const char **why)
 {
     struct framing framing = {0};
     MHD_get_connection_values(connection, MHD_HEADER_KIND, count_header, &framing);
-    if (framing.codings || framing.lengths > 1 || framing.content)
-        return "requests here have no body; this one announces one";
-    return framing.hosts > 1 ? "a request has one Host header" : NULL;
+    bool one = strcmp(version, "HTTP/1.1") == 0, zero = strcmp(version, "HTTP/1.0") == 0;
+    if (!one && !zero)
+        *why = "only HTTP/1.0 and HTTP/1.1 are spoken here";
+    else if (framing.bad_name)
+        *why = "a header's name has characters that names do not have";
+    else if (framing.hosts > 1 || (one && !framing.hosts))
+        *why = "a request has one Host header";
+    else if (framing.codings || framing.lengths > 1 || framing.content)
+        *why = "requests here have no body; this one announces one";
+    else
+        return 0;
+    return !one && !zero ? 505 : framing.bad_name || framing.hosts != 1 ? 400 : 413;
 }
 
 static bool good_id(const char *id)
@@ -126,21 +140,21 @@ static bool good_id(const char *id)
     return size && size < sizeof((struct call *)0)->id && !id[size];
 }
 
-static void take_headers(struct call *call, const char *method)
+static void take_headers(struct call *call, const char *method, const char *version)
 {
     struct http *http = call->http;
     const union MHD_ConnectionInfo *info = MHD_get_connection_info(call->connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
     const char *id = find_header(call, "X-Request-Id");
     call->headers_seen = true;
     call->peer = info ? info->socket_context : NULL;
-    if (call->peer)
-        peer_busy(call->peer);
     snprintf(call->method, sizeof call->method, "%s", method);
     call->request.method = strcmp(method, "GET") == 0       ? METHOD_GET
                            : strcmp(method, "HEAD") == 0    ? METHOD_HEAD
                            : strcmp(method, "OPTIONS") == 0 ? METHOD_OPTIONS
                                                             : METHOD_OTHER;
-    call->request.body_refused = refuse_framing(call->connection);
+    call->request.refused = refuse_framing(call->connection, version, &call->request.why_refused);
+    if (call->request.refused || call->request.method == METHOD_OTHER) // a body may be announced that never comes
+        MHD_set_connection_option(call->connection, MHD_CONNECTION_OPTION_TIMEOUT, 1u);
     if (id && good_id(id))
         snprintf(call->id, sizeof call->id, "%s", id);
     else
@@ -241,6 +255,8 @@ static enum MHD_Result answer(struct call *call)
 {
     struct response response = {0};
     atomic_store(&call->state, RUNNING);
+    if (call->peer)
+        peer_busy(call->peer);
     if (site_answer(call->http->options.site, &call->request, &response) == ANSWERED) {
         request_unpin(&call->request);
         return queue(call, &response);
@@ -256,11 +272,11 @@ static enum MHD_Result on_request(void *opaque, struct MHD_Connection *connectio
                                   const char *version, const char *upload, size_t *upload_size, void **context)
 {
     struct call *call = *context;
-    (void)opaque, (void)connection, (void)url, (void)version, (void)upload;
+    (void)opaque, (void)connection, (void)url, (void)upload;
     if (!call)
         return MHD_NO;
     if (!call->headers_seen) {
-        take_headers(call, method);
+        take_headers(call, method, version);
         return MHD_YES; // an answer in this first call is possible only to some methods
     }
     if (*upload_size) {
@@ -360,7 +376,7 @@ enum tetlod_status http_start(struct http **out, const struct http_options *opti
     http->daemon = MHD_start_daemon(
         MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_NO_LISTEN_SOCKET | MHD_USE_ITC | MHD_ALLOW_SUSPEND_RESUME, 0, NULL, NULL,
         on_request, http, MHD_OPTION_CONNECTION_LIMIT, per_thread * options->threads, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
-        options->header_bytes, MHD_OPTION_CONNECTION_TIMEOUT, options->idle_seconds, MHD_OPTION_STRICT_FOR_CLIENT, 1,
+        options->header_bytes, MHD_OPTION_CONNECTION_TIMEOUT, options->idle_seconds,
         MHD_OPTION_URI_LOG_CALLBACK, on_target, http, MHD_OPTION_UNESCAPE_CALLBACK, keep_escapes, http,
         MHD_OPTION_NOTIFY_COMPLETED, on_completed, http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http,
         MHD_OPTION_ARRAY, more, MHD_OPTION_END);

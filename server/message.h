@@ -15,7 +15,8 @@ struct request {
     const char *target; /* path and query as sent, not decoded */
     const char *(*header)(void *opaque, const char *name); /* NULL if it is not there */
     void *opaque;
-    const char *body_refused; /* why a request's body or framing is refused, or NULL */
+    unsigned refused;        /* status for a request whose body or framing is refused, or 0 */
+    const char *why_refused;
     /* What to wake when an entry that the answer needs is finished; NULL: the caller's thread makes it instead. */
     struct cache_waiter *waiter;
     bool waited; /* it has been woken at least once */

@@ -14,7 +14,7 @@ static const double bounds[] = {0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05,
 
 enum { BUCKETS = sizeof bounds / sizeof *bounds };
 
-static const unsigned statuses[] = {200, 204, 206, 303, 304, 400, 404, 405, 413, 416, 422, 500, 501, 503};
+static const unsigned statuses[] = {200, 204, 206, 303, 304, 400, 404, 405, 413, 416, 422, 500, 503, 505};
 
 enum { STATUSES = sizeof statuses / sizeof *statuses };
 

@@ -144,12 +144,15 @@ enum outcome site_answer(struct site *site, struct request *request, struct resp
     struct exchange exchange = {.site = site, .request = request, .response = response};
     const char *path = path_of(request->target);
     enum outcome outcome = ANSWERED;
-    if (request->method == METHOD_OTHER) {
+    if (request->refused && request->refused != 413) {
+        response_problem(response, request->refused, request->target, "%s", request->why_refused);
+        response->close = true;
+    } else if (request->method == METHOD_OTHER) {
         response_problem(response, 405, request->target, "only %s are answered here", allow);
         response_header(response, "Allow", "%s", allow);
         response->close = true; // what follows might be a body that nobody reads
-    } else if (request->body_refused) {
-        response_problem(response, 413, request->target, "%s", request->body_refused);
+    } else if (request->refused) {
+        response_problem(response, request->refused, request->target, "%s", request->why_refused);
         response->close = true;
     } else if (request->method == METHOD_OPTIONS)
         answer_options(response);

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the HTTP tests share: a server on a port of its own, plain sockets to it, TAP lines."""
+import http.client
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import traceback
+
+TETLOD = os.environ['TETLOD']
+SCRATCH = os.environ['SCRATCH']
+ROOT = os.environ['ROOT']
+SLOW = {'asan': 3, 'tsan': 8}.get(os.environ.get('CONFIG', ''), 1)  # sanitizers stretch time
+
+
+class Server:
+    """`with Server(paths, options) as server`: ends with SIGTERM and checks that it ends well and silently."""
+
+    def __init__(self, *arguments, listen='127.0.0.1:0', environment=None):
+        command = [TETLOD, 'serve', *(['--listen', listen] if listen else []), *map(str, arguments)]
+        self.log_path = os.path.join(SCRATCH, 'server-%d.log' % time.monotonic_ns())
+        self.log = open(self.log_path, 'wb')
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self.log,
+                                        env=dict(os.environ, **(environment or {})))
+        self.url = self.process.stdout.readline().decode().strip()
+        if not self.url:
+            self.process.wait()
+            raise RuntimeError('the server did not start: ' + self.messages())
+        found = re.match(r'http://\[?(.*?)\]?:(\d+)/$', self.url)
+        self.address = (found[1], int(found[2])) if found else None
+
+    def messages(self):
+        with open(self.log_path, errors='replace') as log:
+            return log.read()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, value, trace):
+        self.stop()
+
+    def stop(self):
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+        code = self.process.wait(timeout=60)
+        self.log.close()
+        if code != 0 or 'Sanitizer' in self.messages():
+            raise AssertionError('the server ended with %d: %s' % (code, self.messages()[-3000:]))
+
+    def memory(self):
+        with open('/proc/%d/status' % self.process.pid) as status:
+            return int(re.search(r'VmRSS:\s+(\d+)', status.read())[1]) * 1024
+
+    def connect(self):
+        return socket.create_connection(self.address, timeout=10 * SLOW)
+
+    def get(self, path, method='GET', **headers):
+        """One request of its own connection: status, headers (lower case names), body. Underscores become dashes."""
+        connection = http.client.HTTPConnection(*self.address, timeout=60 * SLOW)
+        try:
+            connection.request(method, path, headers={k.replace('_', '-'): v for k, v in headers.items()})
+            answer = connection.getresponse()
+            body = answer.read()
+            return answer.status, {k.lower(): v for k, v in answer.getheaders()}, body
+        finally:
+            connection.close()
+
+    def json(self, path, **headers):
+        status, _, body = self.get(path, **headers)
+        assert status == 200, (path, status, body)
+        return json.loads(body)
+
+    def raw(self, data, finish=False):
+        """All bytes that come back for these bytes, until the server closes or 2 s pass without any."""
+        with self.connect() as connection:
+            connection.settimeout(2 * SLOW)
+            try:
+                connection.sendall(data)
+                if finish:
+                    connection.shutdown(socket.SHUT_WR)
+            except OSError:
+                pass
+            received = b''
+            try:
+                while True:
+                    some = connection.recv(65536)
+                    if not some:
+                        return received, True
+                    received += some
+            except socket.timeout:
+                return received, False
+            except ConnectionResetError:
+                return received, True
+
+
+def statuses(received):
+    """Of the answers that a client would find in these bytes. (libmicrohttpd sends the head of its own refusals twice;
+    the second one is body to the client.)"""
+    found = []
+    while True:
+        head = re.match(rb'HTTP/1\.[01] (\d{3}) .*?\r\n\r\n', received, re.S)
+        if not head:
+            return found
+        found.append(int(head[1]))
+        length = re.search(rb'\r\nContent-Length: (\d+)\r\n', head[0])
+        received = received[head.end() + (int(length[1]) if length else 0):]
+
+
+def run(tests):
+    failed = 0
+    for number, test in enumerate(tests, 1):
+        try:
+            skipped = test()
+        except Exception:  # whatever it is, the next test shall run
+            failed += 1
+            print('not ok %d - %s' % (number, test.__name__))
+            print(''.join('# %s\n' % line for line in traceback.format_exc().splitlines()), end='')
+        else:
+            print('ok %d - %s%s' % (number, test.__name__, ' # SKIP ' + skipped if isinstance(skipped, str) else ''))
+        sys.stdout.flush()
+    print('1..%d' % len(tests))
+    sys.exit(1 if failed else 0)

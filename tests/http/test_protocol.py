@@ -1,0 +1,346 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""HTTP itself: what libmicrohttpd gets wrong or leaves to us, request by request."""
+import json
+import os
+import socket
+import time
+
+from served import SCRATCH, SLOW, Server, run, statuses
+
+FOLDER = os.path.join(SCRATCH, 'streams')
+os.makedirs(FOLDER, exist_ok=True)
+HOST = b'Host: x\r\n'
+server = None
+
+
+def ask(line, headers=b'', host=HOST):
+    return server.raw(line + b'\r\n' + host + headers + b'Connection: close\r\n\r\n')
+
+
+def one(received):
+    found = statuses(received[0])
+    assert len(found) == 1, received
+    return found[0]
+
+
+def problem(path, status, **headers):
+    got, head, body = server.get(path, **headers)
+    assert got == status, (path, got, body)
+    assert head['content-type'] == 'application/problem+json', head
+    value = json.loads(body)
+    assert value['status'] == status and value['title'] and value['detail'], value
+    return head, value
+
+
+def test_health():
+    assert server.get('/healthz')[0] == 200
+    status, head, body = server.get('/readyz')
+    assert status == 200 and json.loads(body)['status'] == 'ready'
+    assert head['cache-control'] == 'no-store'
+
+
+def test_common_headers():
+    for path in ('/healthz', '/v1/meshes', '/nothing'):
+        _, head, _ = server.get(path, Origin='http://elsewhere')
+        assert head['access-control-allow-origin'] == '*'
+        for name in ('ETag', 'Content-Range', 'Server-Timing', 'Tetlod-Level', 'Location'):
+            assert name in head['access-control-expose-headers'], name
+        assert head['timing-allow-origin'] == '*' and head['cross-origin-resource-policy'] == 'cross-origin'
+        assert head['x-request-id']
+
+
+def test_request_id():
+    assert server.get('/healthz', X_Request_Id='abc-1')[1]['x-request-id'] == 'abc-1'
+    given = server.get('/healthz', X_Request_Id='a b"{')[1]['x-request-id']
+    assert given and given != 'a b"{'
+    assert server.get('/healthz')[1]['x-request-id'] != server.get('/healthz')[1]['x-request-id']
+
+
+def test_options():
+    status, head, body = server.get('/v1/meshes', 'OPTIONS', Origin='http://x', Access_Control_Request_Method='GET',
+                                    Access_Control_Request_Headers='range')
+    assert status == 204 and body == b''
+    assert 'GET' in head['access-control-allow-methods'] and 'Range' in head['access-control-allow-headers']
+    assert int(head['access-control-max-age']) > 0
+    assert 'content-length' not in head and 'transfer-encoding' not in head
+    assert one(ask(b'OPTIONS * HTTP/1.1')) == 204
+
+
+def test_methods():
+    for method in ('POST', 'PUT', 'DELETE', 'PATCH', 'TRACE', 'FOO', 'get'):
+        status, head, body = server.get('/v1/meshes', method)
+        assert status == 405, (method, status)
+        assert head['allow'] == 'GET, HEAD, OPTIONS' and head['content-type'] == 'application/problem+json'
+
+
+def test_unknown_paths():
+    for path in ('/nothing', '/v1', '/v1/', '/v1/meshes/', '/v1/meshes/x', '/v1/meshes/x/mesh', '//v1/meshes', '/v1//meshes',
+                 '/v1/meshes/x/y/stream', '/v1/meshes/x/y/levels/0/mesh.vtu', '/healthz/', '/%68ealthz2'):
+        problem(path, 404)
+
+
+def test_traversal():
+    for path in (b'/../etc/passwd', b'/%2e%2e/etc/passwd', b'/v1/meshes/..%2f..%2fetc%2fpasswd', b'/v1/meshes/../../etc/passwd',
+                 b'/v1/meshes/%2e%2e', b'/..%5c..%5cetc', b'/v1/meshes/.%00./x', b'/./page.css/../../etc/passwd', b'/%c0%ae%c0%ae/'):
+        received = ask(b'GET ' + path + b' HTTP/1.1')
+        assert one(received) == 404 and b'root:' not in received[0], (path, received)
+
+
+def test_nul_does_not_cut():
+    # libmicrohttpd would show the handler /healthz
+    assert one(ask(b'GET /healthz%00.html HTTP/1.1')) == 404
+    assert one(ask(b'GET /healthz%2fx HTTP/1.1')) == 404
+
+
+def test_absolute_form():
+    assert one(ask(b'GET http://x/healthz HTTP/1.1')) == 200
+    assert one(ask(b'GET HTTP://x:80/v1/meshes?a HTTP/1.1')) == 200
+    assert one(ask(b'GET http://x HTTP/1.1')) == 200
+
+
+def test_host():
+    assert one(ask(b'GET /healthz HTTP/1.1', host=b'')) == 400
+    assert one(ask(b'GET /healthz HTTP/1.1', host=HOST + HOST)) == 400
+    assert one(ask(b'GET /healthz HTTP/1.1', host=b'Host : x\r\n')) == 400
+    assert one(ask(b'GET /healthz HTTP/9.9')) == 505
+    assert one(ask(b'GET /healthz HTTP/1.0', host=b'')) == 200
+
+
+def test_bodies_are_refused():
+    received, closed = server.raw(b'GET /healthz HTTP/1.1\r\n' + HOST + b'Content-Length: 5\r\n\r\nhello')
+    assert statuses(received) == [413] and closed, received
+    received, closed = server.raw(b'GET /healthz HTTP/1.1\r\n' + HOST + b'Content-Length: 0\r\nConnection: close\r\n\r\n')
+    assert statuses(received) == [200], received
+
+
+def test_smuggling():
+    """A second request inside what a proxy may take for a body must never be answered."""
+    inner = b'GET /v1/meshes HTTP/1.1\r\nHost: x\r\n\r\n'
+    for headers, body in (
+            (b'Content-Length: 5\r\nTransfer-Encoding: chunked\r\n', b'0\r\n\r\n' + inner),
+            (b'Transfer-Encoding: chunked\r\nContent-Length: %d\r\n' % (5 + len(inner)), b'0\r\n\r\n' + inner),
+            (b'Transfer-Encoding: chunked\r\n', b'0\r\n\r\n' + inner),
+            (b'Transfer-Encoding: identity, chunked\r\n', b'0\r\n\r\n' + inner),
+            (b'Transfer-Encoding: x\r\n', inner),
+            (b'Content-Length: 0\r\nContent-Length: %d\r\n' % len(inner), inner),
+            (b'Content-Length: %d\r\nContent-Length: 0\r\n' % len(inner), inner),
+            (b'Content-Length: 0, %d\r\n' % len(inner), inner),
+            (b'Content-Length: +0\r\n', inner),
+            (b'Content-Length: -1\r\n', inner),
+            (b'Content-Length: 0x0\r\n', inner),
+            (b'Content-Length: 99999999999999999999999999\r\n', inner)):
+        for method in (b'GET', b'HEAD', b'OPTIONS', b'POST'):
+            received, closed = server.raw(method + b' /healthz HTTP/1.1\r\n' + HOST + headers + b'\r\n' + body, finish=True)
+            assert closed and len(statuses(received)) <= 1, (method, headers, received)
+            assert not statuses(received) or statuses(received)[0] >= 400, (method, headers, received)
+
+
+def test_expect_continue():
+    received, closed = server.raw(b'POST /v1/meshes HTTP/1.1\r\n' + HOST + b'Content-Length: 5\r\nExpect: 100-continue\r\n\r\nhello')
+    assert statuses(received)[-1] == 405 and closed, received
+
+
+def test_long_requests():
+    for size, allowed in ((20000, (414,)), (100000, (414,))):
+        found = statuses(ask(b'GET /' + b'a' * size + b' HTTP/1.1')[0])
+        assert not found or found[0] in allowed, (size, found)
+    found = statuses(ask(b'GET /healthz HTTP/1.1', b'X: ' + b'a' * 50000 + b'\r\n')[0])
+    assert not found or found[0] == 431, found
+    found = statuses(ask(b'GET /healthz HTTP/1.1', b'X: a\r\n' * 20000)[0])
+    assert not found or found[0] == 431, found
+    assert server.get('/v1/meshes/' + 'a' * 3000)[0] == 404
+    assert server.get('/healthz')[0] == 200
+
+
+def test_garbage():
+    for data in (b'\0' * 100, b'\r\n\r\n\r\n', b'GET\r\n\r\n', b'GET / HTTP/9.9\r\nHost: x\r\n\r\n', b'\xff\xfe\xfd\r\n\r\n', b'GET /\r\n\r\n',
+                 b'GET  /  HTTP/1.1\r\n\r\n', b'\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03', b'PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n',
+                 b'GET / HTTP/1.1\r\n: x\r\n\r\n', b'GET / HTTP/1.1\r\nHost : x\r\n\r\n', b'GET / HTTP/1.1\r\n Host: x\r\n\r\n'):
+        received, _ = server.raw(data, finish=True)
+        assert all(s >= 400 for s in statuses(received)), (data, received)
+    assert server.get('/healthz')[0] == 200
+
+
+def test_pipelining():
+    request = b'GET /healthz HTTP/1.1\r\n' + HOST + b'\r\n'
+    last = b'GET /readyz HTTP/1.1\r\n' + HOST + b'Connection: close\r\n\r\n'
+    received, closed = server.raw(request * 50 + last)
+    assert statuses(received) == [200] * 51 and closed
+    assert received.rstrip().endswith(b'"meshes": 0}')
+
+
+def test_half_closed():
+    # libmicrohttpd may take the end of the client's side for the end of the connection, or not see it until the time-out
+    with Server(FOLDER, '--timeout', '1') as short:
+        for data, answers in ((b'GET /healthz HTTP/1.1\r\n' + HOST + b'\r\n', ([], [200])), (b'GET /hea', ([], [400]))):
+            received, closed = short.raw(data, finish=True)
+            assert statuses(received) in answers and closed, (data, received, closed)
+
+
+def test_keep_alive():
+    with server.connect() as connection:
+        for _ in range(3):
+            connection.sendall(b'GET /healthz HTTP/1.1\r\n' + HOST + b'\r\n')
+            received = b''
+            while not received.endswith(b'"alive"}\n'):
+                some = connection.recv(65536)
+                assert some
+                received += some
+    assert one(server.raw(b'GET /healthz HTTP/1.0\r\n\r\n')) == 200
+
+
+def test_head():
+    for path in ('/', '/v1/meshes', '/healthz', '/nothing'):
+        status, head, body = server.get(path)
+        head_status, head_head, head_body = server.get(path, 'HEAD')
+        assert (status, head['content-length']) == (head_status, head_head['content-length']) and head_body == b''
+        assert int(head['content-length']) == len(body)
+
+
+def test_conditional():
+    for path in ('/', '/page.css', '/v1/meshes'):
+        _, head, body = server.get(path)
+        etag = head['etag']
+        assert etag.startswith('"')
+        for match in (etag, 'W/' + etag, '"x", ' + etag, '*'):
+            status, not_modified, nothing = server.get(path, If_None_Match=match)
+            assert status == 304 and nothing == b'' and not_modified['etag'] == etag, (path, match, status)
+            # RFC 9110, 8.6: the length of a 304, if any, is that of the 200
+            assert not_modified.get('content-length', head['content-length']) == head['content-length']
+            assert not_modified['cache-control'] == head['cache-control']
+        assert server.get(path, If_None_Match='"other"')[0] == 200
+        assert server.get(path, 'HEAD', If_None_Match=etag)[0] == 304
+
+
+def test_coding():
+    import zlib
+    _, plain_head, plain = server.get('/page.js')
+    assert 'content-encoding' not in plain_head and plain_head['vary'] == 'Accept-Encoding'
+    _, head, body = server.get('/page.js', Accept_Encoding='gzip')
+    assert head['content-encoding'] == 'gzip' and zlib.decompress(body, 31) == plain
+    assert head['etag'] != plain_head['etag']
+    _, head, body = server.get('/page.js', Accept_Encoding='gzip, zstd')
+    assert head['content-encoding'] == 'zstd' and body[:4] == b'\x28\xb5\x2f\xfd'
+    assert 'content-encoding' not in server.get('/page.js', Accept_Encoding='gzip;q=0, br')[1]
+
+
+def test_page():
+    status, head, body = server.get('/')
+    assert status == 200 and head['content-type'].startswith('text/html') and b'<html' in body
+    assert "default-src 'self'" in head['content-security-policy'] and head['x-content-type-options'] == 'nosniff'
+    assert server.get('/page.css')[1]['content-type'].startswith('text/css')
+
+
+def test_slow_loris():
+    """A client that sends a byte now and then is shut down; one that waits between two requests as well, silently."""
+    with Server(FOLDER, '--timeout', '1') as slow:
+        start = time.monotonic()
+        with slow.connect() as connection, slow.connect() as idle:
+            connection.settimeout(20 * SLOW)
+            try:
+                for byte in b'GET /healthz HTTP/1.1\r\nHost: x\r\nX: ' + b'a' * 1000:
+                    connection.sendall(bytes([byte]))
+                    time.sleep(0.1)
+                    if time.monotonic() - start > 10 * SLOW:
+                        raise AssertionError('it is still listened to')
+            except (BrokenPipeError, ConnectionResetError):
+                pass
+            idle.settimeout(20 * SLOW)
+            assert idle.recv(10) == b''
+        assert slow.get('/healthz')[0] == 200
+        assert b'tetlod_connections_expired_total 2' in slow.get('/metrics')[2] or SLOW > 1
+
+
+def test_connection_limits():
+    with Server(FOLDER, '--connections', '5') as small:
+        held = [small.connect() for _ in range(5)]
+        time.sleep(0.3 * SLOW)
+        received, closed = small.raw(b'GET /healthz HTTP/1.1\r\n' + HOST + b'\r\n')
+        assert (statuses(received) == [503] and b'Retry-After' in received or not received) and closed, received
+        for one_of_them in held:
+            one_of_them.sendall(b'GET /healthz HTTP/1.1\r\n' + HOST + b'\r\n')
+            assert one_of_them.recv(100).startswith(b'HTTP/1.1 200')
+            one_of_them.close()
+        time.sleep(0.3 * SLOW)
+        assert small.get('/healthz')[0] == 200
+    with Server(FOLDER, '--per-address', '2') as small:
+        held = [small.connect() for _ in range(2)]
+        time.sleep(0.3 * SLOW)
+        received, closed = small.raw(b'GET /healthz HTTP/1.1\r\n' + HOST + b'\r\n')
+        assert closed and statuses(received) in ([], [503])
+        for one_of_them in held:
+            one_of_them.close()
+        time.sleep(0.3 * SLOW)
+        assert small.get('/healthz')[0] == 200
+
+
+def test_idle_connections():
+    """Many connections that say nothing cost little and keep nobody out."""
+    count = 2000 if SLOW == 1 else 300
+    with Server(FOLDER, '--connections', '10000') as many:
+        before = many.memory()
+        held = []
+        for _ in range(count):
+            held.append(many.connect())
+        assert many.get('/healthz')[0] == 200
+        grown = many.memory() - before
+        assert SLOW > 1 or grown < 64 << 20, grown
+        for connection in held:
+            connection.close()
+
+
+def test_addresses():
+    path = os.path.join(SCRATCH, 's.sock')
+    with Server(FOLDER, '--listen', 'unix:' + path) as two:
+        assert two.get('/healthz')[0] == 200
+        with socket.socket(socket.AF_UNIX) as connection:
+            connection.settimeout(10)
+            connection.connect(path)
+            connection.sendall(b'GET /healthz HTTP/1.1\r\n' + HOST + b'Connection: close\r\n\r\n')
+            assert connection.recv(100).startswith(b'HTTP/1.1 200')
+    assert not os.path.exists(path)
+    with Server(FOLDER, '--metrics', '127.0.0.1:0', '--listen', '127.0.0.1:0') as apart:
+        assert apart.get('/metrics')[0] == 404
+
+
+def test_graceful_stop():
+    with Server(FOLDER) as ending:
+        idle = ending.connect()
+        assert ending.get('/healthz')[0] == 200
+        start = time.monotonic()
+        ending.stop()
+        assert time.monotonic() - start < 5 * SLOW  # an idle connection holds nobody up
+        idle.close()
+
+
+def test_access_log():
+    with Server(FOLDER, '--access-log') as logging:
+        logging.get('/nothing?a="\\', X_Request_Id='me')
+        logging.stop()
+        lines = [json.loads(line) for line in logging.messages().splitlines() if line.startswith('{')]
+        assert len(lines) == 1, lines
+        entry = lines[0]
+        assert (entry['id'], entry['method'], entry['target'], entry['status'], entry['remote'], entry['complete']) == (
+            'me', 'GET', '/nothing?a="\\', 404, '127.0.0.1', True), entry
+        assert entry['bytes'] > 0 and entry['milliseconds'] >= 0 and entry['time'].endswith('Z')
+
+
+def test_metrics():
+    server.get('/healthz')
+    status, head, body = server.get('/metrics')
+    assert status == 200 and head['content-type'].startswith('text/plain; version=0.0.4')
+    lines = body.decode().splitlines()
+    assert any(line.startswith('tetlod_requests_total{route="/healthz",status="200"} ') for line in lines)
+    assert any(line.startswith('tetlod_request_seconds_bucket{route="/healthz",le="+Inf"} ') for line in lines)
+    for line in lines:
+        assert line.startswith('#') or len(line.rsplit(' ', 1)) == 2 and float(line.rsplit(' ', 1)[1]) >= 0, line
+    names = [line.split()[2] for line in lines if line.startswith('# TYPE')]
+    assert len(names) == len(set(names))
+
+
+with Server(FOLDER) as server:
+    run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths, test_traversal,
+         test_nul_does_not_cut, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue,
+         test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
+         test_coding, test_page, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses,
+         test_graceful_stop, test_access_log, test_metrics])
