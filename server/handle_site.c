@@ -135,6 +135,9 @@ static json_t *links_of(const struct dataset *dataset)
         {"self", "", false},
         {"mesh", "/mesh{?error,abs_error,level,tets,bytes,field,measure,format}", false},
         {"level", "/levels/{level}/mesh.{format}", true},
+        {"surface", "/levels/{level}/surface.{format}", true},
+        {"isosurface", "/levels/{level}/isosurface.{format}{?field,value}", true},
+        {"slice", "/levels/{level}/slice.{format}{?origin,normal}", true},
         {"records", "/records/{from}-{to}{?fields}", true},
         {"stream", "/stream", true},
     };

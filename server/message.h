@@ -29,7 +29,7 @@ struct request {
 
 enum body_kind { BODY_NONE, BODY_BYTES, BODY_FILE };
 
-enum { RESPONSE_HEADERS = 10, HEADER_VALUE = 320 };
+enum { RESPONSE_HEADERS = 12, HEADER_VALUE = 320 };
 
 struct response {
     unsigned status;

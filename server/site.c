@@ -21,6 +21,9 @@ const struct route site_routes[] = {
     {"/v1/meshes/{id}/{cid}/stream", handle_stream},
     {"/v1/meshes/{id}/{cid}/records/{from}-{to}", handle_records},
     {"/v1/meshes/{id}/{cid}/levels/{level}/mesh.{format}", handle_level_mesh},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/surface.{format}", handle_surface},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/isosurface.{format}", handle_isosurface},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/slice.{format}", handle_slice},
     {NULL, NULL},
 };
 

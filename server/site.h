@@ -99,6 +99,9 @@ enum outcome handle_catalogue(struct exchange *exchange);
 enum outcome handle_stream_info(struct exchange *exchange);
 enum outcome handle_mesh(struct exchange *exchange);
 enum outcome handle_level_mesh(struct exchange *exchange);
+enum outcome handle_surface(struct exchange *exchange);
+enum outcome handle_isosurface(struct exchange *exchange);
+enum outcome handle_slice(struct exchange *exchange);
 enum outcome handle_records(struct exchange *exchange);
 enum outcome handle_stream(struct exchange *exchange);
 
