@@ -1,0 +1,435 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Streams over HTTP: the catalogue, the mesh of an error, levels, records, stored bytes, surfaces; VTK reads what is sent."""
+import concurrent.futures
+import json
+import os
+import re
+import shutil
+import subprocess
+import time
+import urllib.parse
+import zlib
+
+import numpy
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkFiltersCore import vtkContourFilter, vtkMassProperties, vtkTriangleFilter
+from vtkmodules.vtkIOGeometry import vtkGLTFReader, vtkSTLReader
+from vtkmodules.vtkIOLegacy import vtkUnstructuredGridReader
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader
+
+from served import SCRATCH, SLOW, TETLOD, Server, run
+
+FOLDER = os.path.join(SCRATCH, 'streams')
+FIN = os.path.join(FOLDER, 'fin.tetlod')
+server = info = base = None
+
+
+def tetlod(*arguments):
+    return subprocess.run([TETLOD, *map(str, arguments)], check=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE).stdout
+
+
+def make_stream(name, path, size):
+    mesh = os.path.join(SCRATCH, os.path.basename(path) + '.vtu')
+    tetlod('sample', name, '--size', size, '-o', mesh)
+    tetlod('build', mesh, '-o', path, '--quiet')
+
+
+def save(name, data):
+    path = os.path.join(SCRATCH, name)
+    with open(path, 'wb') as file:
+        file.write(data)
+    return path
+
+
+def read(reader, data, name):
+    reader.SetFileName(save(name, data))
+    reader.Update()
+    return reader.GetOutput()
+
+
+def arrays(grid):
+    point_data = grid.GetPointData()
+    named = {point_data.GetArrayName(i): vtk_to_numpy(point_data.GetArray(i)) for i in range(point_data.GetNumberOfArrays())}
+    return vtk_to_numpy(grid.GetPoints().GetData()), vtk_to_numpy(grid.GetCells().GetConnectivityArray()), named
+
+
+def same(a, b):
+    (points, cells, fields), (other_points, other_cells, other_fields) = arrays(a), arrays(b)
+    assert points.dtype == other_points.dtype and (points == other_points).all()
+    assert (cells == other_cells).all()
+    assert fields.keys() == other_fields.keys()
+    for name in fields:
+        assert fields[name].dtype == other_fields[name].dtype and (fields[name] == other_fields[name]).all(), name
+
+
+def problem(path, status, **headers):
+    got, head, body = server.get(path, **headers)
+    assert got == status and head['content-type'] == 'application/problem+json', (path, got, body)
+    value = json.loads(body)
+    assert value['status'] == status and value['detail'] and value['instance'] == path, value
+    return value
+
+
+def level_of(query):
+    status, head, _ = server.get('/v1/meshes/fin/mesh?' + query)
+    assert status == 303, (query, status, _)
+    found = re.match(r'(.*)/levels/(\d+)/mesh\.(\w+)$', head['location'])
+    assert found and found[1] == base, head
+    level = info['levels'][int(found[2])]
+    assert int(head['tetlod-level']) == level['level'] and int(head['tetlod-tets']) == level['tets']
+    return level['level'], found[3]
+
+
+def error_of(level, field, measure):
+    return info['levels'][level]['errors'][field].get(measure)
+
+
+def test_catalogue():
+    meshes = server.json('/v1/meshes')['meshes']
+    assert [m['id'] for m in meshes] == ['fin', 'two words']
+    assert meshes[0]['cid'] == info['cid'] and meshes[0]['tets'] == info['tets'] and meshes[0]['levels'] == len(info['levels'])
+    for mesh in meshes:
+        assert server.json(mesh['links']['self'])['id'] == mesh['id']
+
+
+def test_description():
+    told = json.loads(tetlod('info', '--json', FIN))
+    for key in told:
+        if key != 'levels':
+            assert info[key] == told[key], key
+    for ours, theirs in zip(info['levels'], told['levels']):
+        assert {k: v for k, v in ours.items() if k != 'offset'} == {k: v for k, v in theirs.items() if k != 'offset'}
+    end = info['levels'][0]['bytes']
+    for level in info['levels'][1:]:
+        assert level['offset'] == end
+        end = level['bytes']
+    assert info['links']['stream'] == base + '/stream'
+
+
+def test_level_for_error():
+    last = len(info['levels']) - 1
+    for measure in ('max', 'sampled', 'rms'):
+        for error in (1e9, 1, 0.2, 0.05, 0.01, 0.001, 0):
+            level, form = level_of('error=%r&measure=%s' % (error, measure))
+            assert form == 'vtu'
+            assert error_of(level, 'Pressure', measure) <= error
+            assert level == 0 or error_of(level - 1, 'Pressure', measure) > error
+    assert level_of('error=0')[0] <= last
+    assert level_of('error=1%25') == level_of('error=0.01') == level_of('error=1e-2')
+    assert level_of('error=0.01&format=vtk')[1] == 'vtk'
+    low, high = next(f['range'] for f in info['fields'] if f['name'] == 'Pressure')
+    assert level_of('abs_error=%r' % (0.1 * (high - low))) == level_of('error=0.1')
+    assert level_of('abs_error=%r&field=Pressure' % (0.1 * (high - low))) == level_of('error=0.1&field=Pressure')
+
+
+def test_level_for_budget():
+    assert level_of('level=3')[0] == 3
+    for tets in (0, 300, 700, 10 ** 9):
+        level = level_of('tets=%d' % tets)[0]
+        assert level == 0 or info['levels'][level]['tets'] <= tets
+        assert level + 1 == len(info['levels']) or info['levels'][level + 1]['tets'] > tets
+    level = level_of('bytes=4K')[0]
+    assert level == 0 or info['levels'][level]['bytes'] <= 4096
+
+
+def test_bad_questions():
+    mesh = '/v1/meshes/fin/mesh'
+    assert 'error' in problem(mesh, 400)['parameters']
+    for value in ('nan', 'inf', '-1', '', 'x', '1e999', '0x1', '1%20', '%', '1%25%25'):
+        problem(mesh + '?error=' + value, 400)
+    problem(mesh + '?error=1&tets=2', 400)
+    problem(mesh + '?error=1&error=1', 400)
+    assert 'error' in problem(mesh + '?eror=1', 400)['parameters']
+    assert 'Pressure' in problem(mesh + '?error=1&field=pressure', 400)['fields']
+    assert 'sampled' in problem(mesh + '?error=1&measure=best', 400)['measures']
+    assert 'tetlod' in problem(mesh + '?error=1&format=obj', 400)['formats']
+    for level in ('-1', 'x', '99999', '4294967296', '1.0', ''):
+        problem(mesh + '?level=' + level, 400)
+    problem('/v1/meshes/nothing/mesh?error=1', 404)
+    assert problem('/v1/meshes/nothing', 404)['meshes'] == ['fin', 'two words']
+    assert problem('/v1/meshes/fin/%s/stream' % ('0' * 32), 404)['cid'] == [info['cid']]
+    problem(base + '/levels/99999/mesh.vtu', 400)
+    problem(base + '/levels/0/mesh.obj', 400)
+    problem(base + '/levels/0/mesh.vtu?x=1', 400)
+    problem(base + '/records/3-3', 400)
+    problem(base + '/records/4-3', 400)
+    problem(base + '/records/0-99999', 400)
+
+
+def test_every_level_is_the_cursors():
+    for level in range(0, len(info['levels']), 1 if SLOW == 1 else 9):
+        status, head, body = server.get('%s/levels/%d/mesh.vtu' % (base, level))
+        assert status == 200 and int(head['tetlod-level']) == level, body
+        assert 'immutable' in head['cache-control'] and head['etag'] and 'make;dur=' in head['server-timing']
+        path = os.path.join(SCRATCH, 'extracted.vtu')
+        tetlod('extract', FIN, '--level', level, '-o', path, '--quiet')
+        with open(path, 'rb') as file:
+            extracted = read(vtkXMLUnstructuredGridReader(), file.read(), 'e.vtu')
+        ours = read(vtkXMLUnstructuredGridReader(), body, 'o.vtu')
+        assert ours.GetNumberOfCells() == info['levels'][level]['tets'] == int(head['tetlod-tets'])
+        assert ours.GetNumberOfPoints() == info['levels'][level]['vertices'] == int(head['tetlod-vertices'])
+        same(ours, extracted)
+
+
+def test_formats_agree():
+    vtu = read(vtkXMLUnstructuredGridReader(), server.get(base + '/levels/9/mesh.vtu')[2], 'a.vtu')
+    vtk = read(vtkUnstructuredGridReader(), server.get(base + '/levels/9/mesh.vtk')[2], 'a.vtk')
+    assert vtk.GetNumberOfCells() == vtu.GetNumberOfCells()
+    assert (arrays(vtu)[0] == arrays(vtk)[0]).all() and (arrays(vtu)[1] == arrays(vtk)[1]).all()
+    prefix = save('prefix.tetlod', server.get(base + '/levels/9/mesh.tetlod')[2])
+    out = os.path.join(SCRATCH, 'from-prefix.vtu')
+    tetlod('extract', prefix, '--level', 9, '-o', out, '--quiet')
+    with open(out, 'rb') as file:
+        same(vtu, read(vtkXMLUnstructuredGridReader(), file.read(), 'b.vtu'))
+
+
+def test_redirection_is_followed():
+    out = os.path.join(SCRATCH, 'curl.vtu')
+    done = subprocess.run(['curl', '-sSfL', server.url + 'v1/meshes/fin/mesh?error=0.01&measure=sampled', '-o', out], check=False)
+    if done.returncode == 127:
+        return 'no curl'
+    assert done.returncode == 0
+    with open(out, 'rb') as file:
+        assert read(vtkXMLUnstructuredGridReader(), file.read(), 'c.vtu').GetNumberOfCells() > 0
+
+
+def test_coded_meshes():
+    plain = server.get(base + '/levels/5/mesh.vtu')
+    coded = server.get(base + '/levels/5/mesh.vtu', Accept_Encoding='gzip')
+    assert coded[1]['content-encoding'] == 'gzip' and zlib.decompress(coded[2], 31) == plain[2]
+    assert coded[1]['etag'] != plain[1]['etag'] and 'Accept-Encoding' in coded[1]['vary']
+    zstd = server.get(base + '/levels/5/mesh.vtu', Accept_Encoding='zstd')
+    assert zstd[1]['content-encoding'] == 'zstd' and zstd[2][:4] == b'\x28\xb5\x2f\xfd'
+    assert 'content-encoding' not in server.get(base + '/stream', Accept_Encoding='gzip, zstd')[1]
+    described = server.get('/v1/meshes/fin', Accept_Encoding='gzip')
+    assert json.loads(zlib.decompress(described[2], 31)) == info
+
+
+def test_stored_bytes():
+    with open(FIN, 'rb') as file:
+        stream = file.read()
+    status, head, body = server.get(base + '/stream')
+    assert status == 200 and body == stream and head['content-type'] == 'application/vnd.tetlod'
+    assert head['accept-ranges'] == 'bytes' and 'immutable' in head['cache-control'] and 'no-transform' in head['cache-control']
+    last = len(info['levels']) - 1
+    for first, second in ((0, 1), (0, last), (3, 7), (last - 1, last)):
+        status, head, body = server.get('%s/records/%d-%d' % (base, first, second))
+        assert status == 200 and body == stream[info['levels'][first]['bytes']:info['levels'][second]['bytes']]
+    for level in (0, 4, last):
+        assert server.get('%s/levels/%d/mesh.tetlod' % (base, level))[2] == stream[:info['levels'][level]['bytes']]
+
+
+def test_ranges():
+    path = base + '/stream'
+    _, head, whole = server.get(path)
+    size, etag = len(whole), head['etag']
+    for asked, first, end in (('0-99', 0, 100), ('100-', 100, size), ('-7', size - 7, size), ('0-0', 0, 1),
+                              ('5-%d' % (10 * size), 5, size), ('-%d' % (10 * size), 0, size)):
+        status, head, body = server.get(path, Range='bytes=' + asked)
+        assert status == 206 and body == whole[first:end], asked
+        assert head['content-range'] == 'bytes %d-%d/%d' % (first, end - 1, size)
+        assert int(head['content-length']) == end - first and head['etag'] == etag
+    for asked in ('%d-' % size, '-0', '%d-%d' % (size, size + 5)):
+        status, head, body = server.get(path, Range='bytes=' + asked)
+        assert status == 416 and head['content-range'] == 'bytes */%d' % size, asked
+        assert head['content-type'] == 'application/problem+json'
+    for asked in ('bytes=5-1', 'bytes=0-1,5-6', 'items=0-1', 'bytes', 'bytes=a-b', ''):
+        status, _, body = server.get(path, Range=asked)
+        assert status == 200 and body == whole, asked
+    assert server.get(path, Range='bytes=0-9', If_Range=etag)[0] == 206
+    for other in ('"x"', 'W/' + etag, 'Sat, 01 Jan 2000 00:00:00 GMT'):
+        assert server.get(path, Range='bytes=0-9', If_Range=other)[0] == 200
+    status, head, body = server.get(path, 'HEAD', Range='bytes=0-9')
+    assert status == 200 and int(head['content-length']) == size and body == b''
+    assert server.get(path, Range='bytes=0-9', If_None_Match=etag)[0] == 304
+    assert server.get(base + '/levels/9/mesh.vtu', Range='bytes=0-4')[2] == b'<?xml'
+    assert server.get(base + '/levels/9/mesh.vtu', Range='bytes=0-4', Accept_Encoding='gzip')[0] == 200
+
+
+def test_not_modified():
+    for path in ('/v1/meshes/fin', base + '/stream', base + '/records/0-4', base + '/levels/2/mesh.vtu', base + '/levels/2/mesh.tetlod'):
+        _, head, body = server.get(path)
+        status, again, nothing = server.get(path, If_None_Match=head['etag'])
+        assert status == 304 and nothing == b'' and again['etag'] == head['etag'], path
+        assert again.get('content-length', str(len(body))) == str(len(body))
+        assert server.get(path, If_None_Match='"x"')[0] == 200
+
+
+def test_id_with_a_space():
+    described = server.json('/v1/meshes/two%20words')
+    assert described['id'] == 'two words' and described['links']['self'] == '/v1/meshes/two%20words'
+    status, head, _ = server.get('/v1/meshes/two%20words/mesh?level=0')
+    assert status == 303 and server.get(head['location'])[0] == 200
+
+
+def area(triangles):
+    properties = vtkMassProperties()
+    properties.SetInputData(triangles)
+    return properties.GetSurfaceArea()
+
+
+def test_isosurface():
+    level = base + '/levels/%d/' % (len(info['levels']) - 1)
+    grid = read(vtkXMLUnstructuredGridReader(), server.get(level + 'mesh.vtu')[2], 'full.vtu')
+    grid.GetPointData().SetActiveScalars('Pressure')
+    contour = vtkContourFilter()
+    contour.SetInputData(grid)
+    contour.SetValue(0, 2.5)
+    contour.Update()
+    status, head, body = server.get(level + 'isosurface.vtp?field=Pressure&value=2.5')
+    assert status == 200 and 'immutable' in head['cache-control']
+    ours = read(vtkXMLPolyDataReader(), body, 'iso.vtp')
+    assert ours.GetNumberOfCells() > 10
+    assert abs(area(ours) - area(contour.GetOutput())) < 1e-5 * area(ours)
+    pressure = vtk_to_numpy(ours.GetPointData().GetArray('Pressure'))
+    assert abs(pressure - 2.5).max() < 1e-6
+    assert ours.GetPointData().GetArray('Velocity').GetNumberOfComponents() == 3
+    stl = read(vtkSTLReader(), server.get(level + 'isosurface.stl?field=Pressure&value=25e-1')[2], 'iso.stl')
+    assert stl.GetNumberOfCells() == ours.GetNumberOfCells()
+    component = server.get(level + 'isosurface.vtp?field=Velocity:0&value=1')
+    assert component[0] == 200
+    speed = vtk_to_numpy(read(vtkXMLPolyDataReader(), component[2], 'v.vtp').GetPointData().GetArray('Velocity'))
+    assert abs(speed[:, 0] - 1).max() < 1e-6
+    empty = read(vtkXMLPolyDataReader(), server.get(level + 'isosurface.vtp?field=Pressure&value=1e6')[2], 'empty.vtp')
+    assert empty.GetNumberOfCells() == 0
+    for query in ('', 'field=Pressure', 'value=1', 'field=Velocity&value=1', 'field=Velocity:3&value=1', 'field=x&value=1',
+                  'field=Pressure&value=nan', 'field=Pressure&value=1&x=1'):
+        problem(level + 'isosurface.vtp?' + query, 400)
+    problem(level + 'isosurface.obj?field=Pressure&value=1', 400)
+
+
+def test_slice_and_surface():
+    level = base + '/levels/%d/' % (len(info['levels']) - 1)
+    body = server.get(level + 'slice.vtp?origin=0,0,2.0625&normal=0,0,1')[2]
+    ours = read(vtkXMLPolyDataReader(), body, 'slice.vtp')
+    assert ours.GetNumberOfCells() > 10
+    assert abs(vtk_to_numpy(ours.GetPoints().GetData())[:, 2] - 2.0625).max() < 1e-12
+    boundary = read(vtkXMLPolyDataReader(), server.get(level + 'surface.vtp')[2], 'surface.vtp')
+    low, high = numpy.array(info['bounds'])
+    points = vtk_to_numpy(boundary.GetPoints().GetData())
+    assert numpy.allclose(points.min(0), low) and numpy.allclose(points.max(0), high)
+    glb = server.get(level + 'slice.glb?origin=0,0,2&normal=0,0,1')
+    assert glb[0] == 200 and glb[1]['content-type'] == 'model/gltf-binary'
+    reader = vtkGLTFReader()
+    reader.SetFileName(save('slice.glb', glb[2]))
+    reader.Update()
+    assert reader.GetOutput().GetNumberOfPoints() > 10
+    assert json.loads(glb[2][20:20 + int.from_bytes(glb[2][12:16], 'little')])['asset']['version'] == '2.0'
+    for query in ('', 'origin=0,0,0', 'origin=0,0,0&normal=0,0,0', 'origin=0,0&normal=0,0,1', 'origin=0,0,0&normal=0,0,nan'):
+        problem(level + 'slice.vtp?' + query, 400)
+
+
+def metric(name, of=None):
+    found = re.search(r'^%s (\S+)$' % name, (of or server).get('/metrics')[2].decode(), re.M)
+    return float(found[1])
+
+
+def test_one_computation():
+    """However many ask at once, a level is made once and all get the same."""
+    with Server(FOLDER, '--threads', '2') as fresh:
+        path = base + '/levels/%d/mesh.vtu' % (len(info['levels']) - 1)
+        with concurrent.futures.ThreadPoolExecutor(32) as pool:
+            answers = list(pool.map(lambda _: fresh.get(path), range(64)))
+        assert {a[0] for a in answers} == {200} and len({a[2] for a in answers}) == 1
+        assert metric('tetlod_levels_made_total', fresh) == 1
+        assert metric('tetlod_streams_decoded_total', fresh) == 1
+        assert metric('tetlod_cache_hits_total', fresh) >= 63
+
+
+def test_small_cache():
+    """What is read is never dropped, what is not read makes room; what can never fit is refused, its stored bytes are not."""
+    big = os.path.join(SCRATCH, 'big')
+    os.makedirs(big, exist_ok=True)
+    make_stream('cube', os.path.join(big, 'cube.tetlod'), 12)
+    with Server(big, '--cache', '1M') as small:
+        described = small.json('/v1/meshes/cube')
+        at = '/v1/meshes/cube/%s/levels/' % described['cid']
+        fits = [level['level'] for level in described['levels'] if level['tets'] < 2000]
+        for level in fits:
+            status, _, body = small.get(at + '%d/mesh.vtu' % level)
+            assert status == 200, (level, body)
+            assert metric('tetlod_cache_bytes', small) <= 1 << 20
+        last = len(described['levels']) - 1
+        status, _, body = small.get(at + '%d/mesh.vtu' % last)
+        assert status == 422 and b'tetlod' in body, (status, body)
+        assert small.get(at + '%d/mesh.tetlod' % last)[0] == 200
+
+
+def wait_for(condition, seconds):
+    until = time.monotonic() + seconds * SLOW
+    while not condition():
+        assert time.monotonic() < until, 'it did not happen in time'
+        time.sleep(0.05)
+
+
+def test_replaced_stream():
+    folder = os.path.join(SCRATCH, 'changing')
+    os.makedirs(folder, exist_ok=True)
+    path, new = os.path.join(folder, 'm.tetlod'), os.path.join(SCRATCH, 'new.tetlod')
+    shutil.copy(FIN, path)
+    make_stream('cube', new, 3)
+    with Server(folder, '--scan', '0.2', '--keep-replaced', '1') as changing:
+        old = changing.json('/v1/meshes/m')['cid']
+        with changing.connect() as reader:  # somebody who reads slowly while it is replaced
+            reader.sendall(b'GET /v1/meshes/m/%s/stream HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n' % old.encode())
+            os.replace(new, path)
+            wait_for(lambda: changing.json('/v1/meshes/m')['cid'] != old, 10)
+            assert changing.get('/v1/meshes/m/%s/records/0-1' % old)[0] == 200
+            received = b''
+            while some := reader.recv(65536):
+                received += some
+            with open(FIN, 'rb') as file:
+                assert received.endswith(file.read())
+        wait_for(lambda: changing.get('/v1/meshes/m/%s/records/0-1' % old)[0] == 404 or time.sleep(1.5), 20)
+        shutil.copy(FIN, os.path.join(folder, 'another.tetlod'))
+        wait_for(lambda: changing.get('/v1/meshes/another')[0] == 200, 10)
+        os.remove(path)
+        wait_for(lambda: changing.get('/v1/meshes/m')[0] == 404, 10)
+        with open(os.path.join(folder, 'another.tetlod'), 'r+b') as file:  # written over in place: never mixed answers
+            file.truncate(100)
+        assert changing.get('/v1/meshes/another/%s/stream' % old)[0] == 404
+        wait_for(lambda: changing.get('/v1/meshes/another')[0] == 404, 10)
+
+
+def test_reload_signal():
+    import signal
+    folder = os.path.join(SCRATCH, 'signalled')
+    os.makedirs(folder, exist_ok=True)
+    with Server(folder, '--scan', '1000') as waiting:
+        shutil.copy(FIN, os.path.join(folder, 'late.tetlod'))
+        assert waiting.get('/v1/meshes/late')[0] == 404
+        waiting.process.send_signal(signal.SIGHUP)
+        wait_for(lambda: waiting.get('/v1/meshes/late')[0] == 200, 10)
+
+
+def test_what_is_no_stream():
+    folder = os.path.join(SCRATCH, 'mixed')
+    os.makedirs(os.path.join(folder, 'folder.tetlod'), exist_ok=True)
+    save(os.path.join('mixed', 'text.tetlod'), b'hello')
+    save(os.path.join('mixed', 'empty.tetlod'), b'')
+    os.mkfifo(os.path.join(folder, 'pipe.tetlod'))
+    with open(FIN, 'rb') as file:
+        save(os.path.join('mixed', 'cut.tetlod'), file.read()[:-10])
+    shutil.copy(FIN, os.path.join(folder, 'good.tetlod'))
+    with Server(folder) as mixed:
+        assert [m['id'] for m in mixed.json('/v1/meshes')['meshes']] == ['good']
+        assert 'text.tetlod: not served' in mixed.messages()
+    for path in (os.path.join(folder, 'text.tetlod'), os.path.join(folder, 'missing.tetlod')):
+        done = subprocess.run([TETLOD, 'serve', path, '--listen', '127.0.0.1:0'], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        assert done.returncode in (1, 3) and done.stdout == b'' and done.stderr.count(b'\n') == 1 and path.encode() in done.stderr, done
+    busy = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '%s:%d' % server.address], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert busy.returncode == 1 and b'in use' in busy.stderr, busy
+    wrong = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', 'nonsense'], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert wrong.returncode == 2, wrong
+
+
+os.makedirs(FOLDER, exist_ok=True)
+make_stream('fin', FIN, 8)
+make_stream('cube', os.path.join(FOLDER, 'two words.tetlod'), 2)
+with Server(FOLDER) as server:
+    info = server.json('/v1/meshes/fin')
+    base = '/v1/meshes/fin/' + info['cid']
+    run([test_catalogue, test_description, test_level_for_error, test_level_for_budget, test_bad_questions,
+         test_every_level_is_the_cursors, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes,
+         test_ranges, test_not_modified, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
+         test_small_cache, test_replaced_stream, test_reload_signal, test_what_is_no_stream])
