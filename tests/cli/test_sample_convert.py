@@ -104,6 +104,42 @@ def blunt_fin():
     report('blunt fin: none negative, 77 zero', ((volume < 0).sum(), (volume == 0).sum()) == (0, 77))
 
 
+def plot3d():
+    """Either byte order, either precision, a left-handed grid; bytes after the solution are not read."""
+    dims, n = (3, 4, 5), 60
+    k, j, i = np.meshgrid(*map(np.arange, dims[::-1]), indexing='ij')
+    points = np.column_stack([-i.ravel() + 0.1 * j.ravel(), j.ravel(), k.ravel()])
+    values = np.random.default_rng(3).random((5, n)) + 1
+    for order in '<', '>':
+        for kind in 'f4', 'f8':
+            head = np.array(dims, order + 'i4').tobytes()
+            with open(path('grid.xyz'), 'wb') as file:
+                file.write(head + points.T.astype(order + kind).tobytes())
+            with open(path('flow.q'), 'wb') as file:
+                file.write(head + np.concatenate([[1, 2, 3, 4], values.ravel()]).astype(order + kind).tobytes() + b'more')
+            done = tetlod('convert', path('grid.xyz'), '--q', path('flow.q'), '-o', path('out.vtu'))
+            got, cells, fields, _ = read('out.vtu')
+            p = got.astype(float)[cells]
+            volume = np.einsum('ij,ij->i', p[:, 1] - p[:, 0], np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 0]))
+            report('convert: PLOT3D %s%s' % (order, kind), done.returncode == 0 and got.dtype == kind
+                   and np.array_equal(got, points.astype(kind)) and len(cells) == 5 * 2 * 3 * 4 and (volume > 0).all()
+                   and np.array_equal(fields['StagnationEnergy'], values[4].astype(kind))
+                   and fields['Pressure'].dtype == kind and b'24 cells split' in done.stderr, done)
+
+
+def stream():
+    """The finest level of a stream is a mesh like any other."""
+    tetlod('sample', 'torus', '--size', '3', '-o', path('ring.vtu'))
+    tetlod('build', '--quiet', path('ring.vtu'), '-o', path('ring.tetlod'))
+    done = tetlod('convert', path('ring.tetlod'), '-o', path('ring2.vtu'))
+    (points, cells, fields, _), (points2, cells2, fields2, _) = read('ring.vtu'), read('ring2.vtu')
+    a, b = (np.column_stack([p, f['temperature']])[c].reshape(len(c), -1) for p, c, f in
+            ((points, cells, fields), (points2, cells2, fields2)))
+    same = sorted(sorted(map(tuple, row.reshape(4, 4))) for row in a) == \
+        sorted(sorted(map(tuple, row.reshape(4, 4))) for row in b)
+    report('convert: a stream', done.returncode == 0 and len(points) == len(points2) and same, done)
+
+
 def output():
     """What is in the output's place is a whole file, whatever happens to the writer."""
     os.mkdir(path('killed'))
@@ -145,6 +181,8 @@ def output():
 samples()
 usage()
 blunt_fin()
+plot3d()
+stream()
 output()
 print('1..%d' % count)
 sys.exit(failed != 0)
