@@ -1,0 +1,179 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The parts of src/io that the command line does not show: numbers, names, reports, sinks that fail. */
+#include <stdlib.h>
+
+#include "src/io/file_values.h"
+#include "src/io/formats.h"
+#include "src/io/tag_map.h"
+#include "src/sample/sample.h"
+#include "src/util/utf8.h"
+#include "tests/memory_sink.h"
+#include "tests/test.h"
+
+static struct text text_of(const char *text)
+{
+    return (struct text){text, text + strlen(text)};
+}
+
+static void test_numbers_in_text(void)
+{
+    struct text text = text_of(" 12 -7\t+3\n1e3 0x 9223372036854775808 4.5 1.00000001 ");
+    int64_t whole;
+    double number;
+    CHECK(text_int(&text, &whole) && whole == 12);
+    CHECK(text_int(&text, &whole) && whole == -7);
+    CHECK(text_int(&text, &whole) && whole == 3);
+    CHECK(text_double(&text, false, &number) && number == 1000);
+    CHECK(!text_double(&text, false, &number));
+    CHECK(!text_int(&text, &whole)); // too large
+    CHECK(!text_int(&text, &whole)); // not whole
+    CHECK(text_double(&text, true, &number) && number == 1);
+    CHECK(!text_double(&text, false, &number) && text.at == text.end);
+    char digits[400];
+    memset(digits, '1', sizeof digits);
+    text = (struct text){digits, digits + sizeof digits};
+    CHECK(!text_double(&text, false, &number));
+}
+
+static void test_numbers_in_bytes(void)
+{
+    const unsigned char bytes[8] = {0xbf, 0xf0, 0, 0, 0, 0, 0, 0x80};
+    double number;
+    int64_t whole;
+    values_to_doubles(bytes, VALUE_FLOAT64, true, 1, &number);
+    CHECK_NEAR(number, -(1 + 128 * 0x1p-52), 0);
+    values_to_ints(bytes, VALUE_INT16, true, 1, &whole);
+    CHECK_INT(whole, -16400);
+    values_to_ints(bytes, VALUE_UINT16, false, 1, &whole);
+    CHECK_INT(whole, 0xf0bf);
+    values_to_ints(bytes, VALUE_UINT64, true, 1, &whole);
+    CHECK_INT(whole, -1); // above INT64_MAX
+    values_to_doubles(bytes, VALUE_INT8, true, 1, &number);
+    CHECK_NEAR(number, -65, 0);
+    values_to_doubles(bytes, VALUE_FLOAT32, true, 1, &number);
+    CHECK_NEAR(number, -1.875, 0);
+}
+
+static void test_lines(void)
+{
+    struct text text = text_of("one\r\n\ntwo"), line = text_line(&text);
+    CHECK(text_is(line, "ONE"));
+    line = text_line(&text);
+    CHECK(line.at == line.end && text.at < text.end);
+    line = text_line(&text);
+    CHECK(text_is(line, "two") && text.at == text.end);
+    line = text_line(&text);
+    CHECK(line.at == line.end);
+}
+
+static void test_names(void)
+{
+    char good[] = "\xc3\xa9t\xc3\xa9 \xe2\x82\xac \xf0\x9f\x92\xa7", bad[] = "a\nb\xff\xc3(\xed\xa0\x80\xc0\xaf";
+    utf8_clean(good);
+    CHECK_TEXT(good, "\xc3\xa9t\xc3\xa9 \xe2\x82\xac \xf0\x9f\x92\xa7");
+    utf8_clean(bad);
+    CHECK_TEXT(bad, "a_b__(_____");
+    struct tetmesh mesh = {.vertex_count = 1};
+    const char *const wanted[] = {"x", "x_2", "x_3", "field"};
+    for (int i = 0; i < 4; i++)
+        CHECK_INT(assemble_field(&mesh, i < 3 ? "x" : "", 1, TETLOD_FLOAT32, NULL), TETLOD_OK);
+    for (int i = 0; i < 4; i++)
+        CHECK_TEXT(mesh.fields[i].name, wanted[i]);
+    CHECK_INT(assemble_field(&mesh, "y", 0, TETLOD_FLOAT32, NULL), TETLOD_ERR_MESH);
+    tetmesh_fini(&mesh);
+}
+
+static void test_tags(void)
+{
+    const int64_t tags[] = {7, -3, INT64_MAX, INT64_MIN, 8, 9};
+    struct tag_map map = {0};
+    for (int i = 0; i < 6; i++)
+        CHECK_INT(tag_map_add(&map, tags[i], NULL), TETLOD_OK);
+    CHECK_INT(tag_map_sort(&map, NULL), TETLOD_OK);
+    for (uint32_t i = 0; i < 6; i++)
+        CHECK_INT(tag_map_find(&map, tags[i]), i);
+    CHECK_INT(tag_map_find(&map, 10), TETLOD_NONE);
+    CHECK_INT(tag_map_add(&map, 8, NULL), TETLOD_OK);
+    CHECK_INT(tag_map_sort(&map, NULL), TETLOD_ERR_MESH);
+    tag_map_fini(&map);
+    CHECK_INT(tag_map_find(&map, 0), TETLOD_NONE);
+}
+
+static const char mixed[] =
+    "# vtk DataFile Version 3.0\nmixed\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 10 double\n"
+    "0 0 0 1 0 0 1 1 0 0 1 0 0 0 1 1 0 1 1 1 1 0 1 1 0 0 3 9 9 9\n"
+    "CELLS 4 21\n8 0 1 2 3 4 5 6 7\n4 4 5 6 8\n3 0 1 2\n2 0 1\nCELL_TYPES 4\n12 10 5 3\n"
+    "CELL_DATA 4\nSCALARS c int 1\nLOOKUP_TABLE default\n1 2 3 4\n"
+    "POINT_DATA 10\nSCALARS id int\nLOOKUP_TABLE default\n0 1 2 3 4 5 6 7 8 9\n";
+
+static void test_report(void)
+{
+    struct tetmesh mesh = {0};
+    struct io_report report = {0};
+    struct tetlod_error error = {0};
+    struct io_input input = {.bytes = (const unsigned char *)mixed, .size = sizeof mixed - 1};
+    CHECK_INT(io_read_input(&mesh, "x", &input, &report, &error), TETLOD_OK);
+    CHECK_TEXT(report.format, "vtk");
+    CHECK_INT(report.split_cells, 1);
+    CHECK_INT(report.skipped_cells, 2);
+    CHECK_INT(report.skipped_arrays, 1);
+    CHECK_INT(mesh.unused_points, 1);
+    CHECK_INT(mesh.vertex_count, 9);
+    CHECK_INT(mesh.tet_count, 7);
+    CHECK_INT(mesh.field_count, 1);
+    CHECK_INT(mesh.fields[0].type, TETLOD_FLOAT64);
+    CHECK_INT(mesh.position_type, TETLOD_FLOAT64);
+    CHECK_NEAR(mesh.fields[0].values[8], 8, 0);
+    tetmesh_fini(&mesh);
+}
+
+struct short_sink {
+    size_t left;
+    enum tetlod_status status;
+};
+
+static enum tetlod_status write_short(void *opaque, const void *bytes, size_t size)
+{
+    struct short_sink *sink = opaque;
+    (void)bytes;
+    if (sink->status != TETLOD_OK)
+        TEST_FAIL("written to after it had failed");
+    if (size > sink->left) {
+        sink->status = TETLOD_ERR_CANCELLED;
+        return sink->status;
+    }
+    sink->left -= size;
+    return TETLOD_OK;
+}
+
+static void test_sinks_that_fail(void)
+{
+    enum tetlod_status (*const writers[])(const struct tetmesh *, const struct tetlodi_sink *, struct tetlod_error *) = {
+        io_write_vtu, io_write_vtk, gmsh_write, stl_write, ply_write};
+    struct tetmesh mesh;
+    REQUIRE(sample_find("cube")->make(&mesh, 12, NULL) == TETLOD_OK);
+    for (size_t w = 0; w < sizeof writers / sizeof *writers; w++) {
+        struct memory_sink memory = {0};
+        struct tetlodi_sink whole = memory_sink(&memory);
+        CHECK_INT(writers[w](&mesh, &whole, NULL), TETLOD_OK);
+        for (size_t part = 0; part < 8; part++) {
+            struct short_sink state = {memory.size * part / 8, TETLOD_OK};
+            struct tetlodi_sink sink = {write_short, &state};
+            CHECK_INT(writers[w](&mesh, &sink, NULL), TETLOD_ERR_CANCELLED);
+        }
+        free(memory.bytes);
+    }
+    tetmesh_fini(&mesh);
+}
+
+int main(void)
+{
+    RUN(test_numbers_in_text);
+    RUN(test_numbers_in_bytes);
+    RUN(test_lines);
+    RUN(test_names);
+    RUN(test_tags);
+    RUN(test_report);
+    RUN(test_sinks_that_fail);
+    return test_end();
+}
