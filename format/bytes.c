@@ -34,14 +34,6 @@ double tetlodi_get_f64(struct tetlodi_bytes *bytes)
     return value;
 }
 
-double tetlodi_get_f32(struct tetlodi_bytes *bytes)
-{
-    uint32_t bits = (uint32_t)tetlodi_get(bytes, 4);
-    float value;
-    memcpy(&value, &bits, sizeof value);
-    return (double)value;
-}
-
 const uint8_t *tetlodi_get_block(struct tetlodi_bytes *bytes, size_t size)
 {
     if (size > bytes->left || bytes->failed) {
@@ -95,14 +87,6 @@ void tetlodi_put_f64(struct tetlodi_buffer *buffer, double value)
     uint64_t bits;
     memcpy(&bits, &value, sizeof bits);
     tetlodi_put(buffer, bits, 8);
-}
-
-void tetlodi_put_f32(struct tetlodi_buffer *buffer, double value)
-{
-    float narrow = (float)value;
-    uint32_t bits;
-    memcpy(&bits, &narrow, sizeof bits);
-    tetlodi_put(buffer, bits, 4);
 }
 
 uint64_t tetlodi_ordered_bits(double value, bool wide)

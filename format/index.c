@@ -95,13 +95,6 @@ void tetlodi_content_id(const uint8_t header[HEADER_SIZE], const void *index, si
 
 /* ---- index */
 
-/* A float32 that is no less: what is promised must hold after rounding. */
-static double round_up(double value)
-{
-    float narrow = (float)value;
-    return (double)(narrow < value ? nextafterf(narrow, INFINITY) : narrow);
-}
-
 void tetlodi_index_encode(const struct tetlodi_index *index, struct tetlodi_buffer *out)
 {
     const struct tetlod_info *info = &index->info;
@@ -134,9 +127,9 @@ void tetlodi_index_encode(const struct tetlodi_index *index, struct tetlodi_buff
         tetlodi_put(out, level->vertices, 4);
         tetlodi_put(out, level->tets, 4);
         tetlodi_put(out, index->records[k], 4);
-        tetlodi_put_f32(out, round_up(level->domain_error));
+        tetlodi_put_f64(out, level->domain_error);
         for (uint32_t i = 0; i < info->field_count * TETLOD_MEASURES; i++)
-            tetlodi_put_f32(out, round_up(level->errors[i]));
+            tetlodi_put_f64(out, level->errors[i]);
         for (uint32_t i = 0; i <= info->field_count; i++) {
             const struct tetlodi_frame *frame = &index->frames[(size_t)k * (info->field_count + 1) + i];
             tetlodi_put(out, frame->stored, 4);
@@ -184,9 +177,9 @@ static void decode_levels(struct tetlodi_index *index, struct tetlodi_bytes *in,
         level->vertices = (uint32_t)tetlodi_get(in, 4);
         level->tets = (uint32_t)tetlodi_get(in, 4);
         index->records[k] = (uint32_t)tetlodi_get(in, 4);
-        level->domain_error = tetlodi_get_f32(in);
+        level->domain_error = tetlodi_get_f64(in);
         for (uint32_t i = 0; i < info->field_count * TETLOD_MEASURES; i++)
-            index->errors[(size_t)k * info->field_count * TETLOD_MEASURES + i] = tetlodi_get_f32(in);
+            index->errors[(size_t)k * info->field_count * TETLOD_MEASURES + i] = tetlodi_get_f64(in);
         level->offset = offset;
         for (uint32_t i = 0; i <= info->field_count; i++) {
             struct tetlodi_frame *frame = &index->frames[(size_t)k * (info->field_count + 1) + i];
@@ -251,10 +244,10 @@ enum tetlod_status tetlodi_index_decode(struct tetlodi_index *index, const void 
     info->inverted_tets = tetlodi_get(&in, 8);
     info->unused_points = tetlodi_get(&in, 8);
     info->metadata_size = (size_t)tetlodi_get(&in, 4);
-    // a level takes 16 bytes and 28 a field at least: what is left bounds what is allocated
+    // a level takes 32 bytes and 44 a field: what is left bounds what is allocated
     bool fits = !in.failed && type <= TETLOD_FLOAT64 && flags <= STREAM_LOSSLESS && info->field_count <= MOST_FIELDS &&
                 info->level_count >= 1 && info->level_count <= MOST_LEVELS && info->metadata_size <= MOST_METADATA &&
-                (uint64_t)info->level_count * (28 + 28 * (uint64_t)info->field_count) <= in.left;
+                (uint64_t)info->level_count * (32 + 44 * (uint64_t)info->field_count) <= in.left;
     if (!fits)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index is damaged");
     enum tetlod_status status = TETLOD_OK;

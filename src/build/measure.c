@@ -13,7 +13,7 @@
 #include "src/util/parallel.h"
 
 /* Samples 0 .. vertices-1 are the vertices; tetrahedron t has SAMPLES_PER_TET more. */
-enum { SAMPLES_PER_TET = 2, MOST_OVERLAP = 16, CHUNK = 4096 };
+enum { SAMPLES_PER_TET = 2, MOST_OVERLAP = 128, CHUNK = 4096 };
 
 struct measure {
     const struct tetmesh *original; /* borrowed */

@@ -15,6 +15,10 @@ static const double edge_candidates[5] = {0, 1, 0.5, 0.2, 0.8};
 /* Trials are followed to this multiple of the limit, so that most of what waits is not looked at on the next rungs. */
 static const double HORIZON = 2;
 
+/* What a contraction may be above the limit by the rounding of its bounds: it still counts as the limit. Exact ties with
+ * round limits are common in regular meshes. */
+static const double ROUNDING = 1e-9;
+
 struct run {
     const struct simplify_options *options;
     struct simplification *out;
@@ -158,6 +162,12 @@ static enum tetlod_status refuse(struct run *run, struct queue_entry entry, doub
     return TETLOD_OK;
 }
 
+/* The limit as a driver's own error, for errors that are above it by rounding only; else no limit. */
+static double rounded_limit(const struct run *run, const struct driver *driver)
+{
+    return run->options->metric == METRIC_ENVELOPE ? run->limit / driver->weight : INFINITY;
+}
+
 /* Does a fresh entry, unless a check that is made only now refuses it. */
 static enum tetlod_status contract(struct run *run, const struct queue_entry *entry)
 {
@@ -177,7 +187,7 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     metric_assigned(run->options->metric, &run->scratch, run->fields, 0, run->assigned);
     fields_outcome(run->fields, run->complex, &run->star, p, run->assigned, run->outcome);
     double certified = outcome_error(run->fields, run->outcome);
-    if (run->options->metric == METRIC_ENVELOPE && certified > run->limit * (1 + 1e-6)) // its rounding is too much
+    if (run->options->metric == METRIC_ENVELOPE && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
         return refuse(run, *entry, certified);
     fields_contract(run->fields, run->complex, &run->star, p, run->outcome);
     TETLOD_TRY(complex_contract(run->complex, &run->star, p, run->error));
@@ -185,7 +195,8 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     for (uint32_t d = 0; d < run->fields->driver_count; d++) {
         const struct driver *driver = &run->fields->drivers[d];
         double above = driver->upper[v] - run->outcome[d].value, below = run->outcome[d].value - driver->lower[v];
-        run->certified[d] = fmax(run->certified[d], fmax(above, below) * driver->scale);
+        double certain = smaller(larger(above, below) * driver->scale, rounded_limit(run, driver));
+        run->certified[d] = larger(run->certified[d], certain);
         run->predicted[d] = fmax(run->predicted[d], driver->predicted[v] * driver->scale);
     }
     return evaluate_edges_of(run, v, false);

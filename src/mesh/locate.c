@@ -2,6 +2,7 @@
 #include "src/mesh/locate.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 
 #include "format/fail.h"
@@ -63,23 +64,35 @@ void locator_fini(struct locator *locator)
     *locator = (struct locator){0};
 }
 
+/* Is p a corner of the tetrahedron? */
+static bool at_corner(const double *const q[4], const double p[3], double weights[4])
+{
+    for (int c = 0; c < 4; c++)
+        if (p[0] == q[c][0] && p[1] == q[c][1] && p[2] == q[c][2]) {
+            weights[0] = weights[1] = weights[2] = weights[3] = 0;
+            weights[c] = 1;
+            return true;
+        }
+    return false;
+}
+
 double locator_weights(const struct locator *locator, uint32_t tet, const double p[3], double weights[4])
 {
     const double *q[4];
     for (int c = 0; c < 4; c++)
         q[c] = locator->positions + 3 * (size_t)locator->corners[4 * (size_t)tet + c];
     double whole = tet_volume6(q[0], q[1], q[2], q[3]), least = INFINITY;
-    if (whole == 0)
-        return -INFINITY;
     weights[0] = 1;
-    for (int c = 1; c < 4; c++) {
+    for (int c = 1; c < 4 && whole != 0; c++) {
         const double *r[4] = {q[0], q[1], q[2], q[3]};
         r[c] = p;
         weights[c] = tet_volume6(r[0], r[1], r[2], r[3]) / whole;
         weights[0] -= weights[c];
         least = smaller(least, weights[c]);
     }
-    return smaller(least, weights[0]);
+    least = whole != 0 ? smaller(least, weights[0]) : -INFINITY;
+    // in a thin tetrahedron the rounding of volumes says anything, even of its own corners
+    return least < 0 && at_corner(q, p, weights) ? 0 : least;
 }
 
 uint32_t locator_find(const struct locator *locator, const double p[3], uint32_t *out_tets, uint32_t most)
