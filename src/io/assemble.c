@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/io/assemble.h"
 
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -132,28 +133,47 @@ static enum tetlod_status reserve_tets(struct tetmesh *mesh, uint64_t more, stru
     return TETLOD_OK;
 }
 
+static void load_corners(const struct vtk_cells *cells, uint64_t c, enum cell_shape shape, uint32_t first_point,
+                         uint32_t corner[CELL_MOST_CORNERS])
+{
+    static const uint8_t voxel[8] = {0, 1, 3, 2, 4, 5, 7, 6};
+    const int64_t *from = cells->connectivity + cells->offsets[c];
+    for (unsigned i = 0; i < cell_corners(shape); i++)
+        corner[i] = first_point + (uint32_t)from[cells->types[c] == VTK_VOXEL ? voxel[i] : i];
+}
+
+/* Takes the tetrahedra over as they are; gives their volume, which is negative if most are turned the other way. */
+static double copy_tets(struct tetmesh *mesh, const struct vtk_cells *cells, uint32_t first_point)
+{
+    double volume = 0;
+    for (uint64_t c = 0; c < cells->count; c++) {
+        uint32_t corner[CELL_MOST_CORNERS];
+        if (find_type(cells->types[c]).shape != CELL_TET)
+            continue;
+        load_corners(cells, c, CELL_TET, first_point, corner);
+        memcpy(mesh->corners + 4 * (size_t)mesh->tet_count++, corner, 4 * sizeof *corner);
+        volume += cell_tet_volume6(corner, mesh->positions);
+    }
+    return volume;
+}
+
 enum tetlod_status assemble_vtk_cells(struct tetmesh *mesh, const struct vtk_cells *cells, uint32_t first_point,
                                       uint32_t point_count, struct io_report *report, struct tetlod_error *error)
 {
     uint64_t most;
     TETLOD_TRY(count_tets(cells, point_count, &most, report, error));
     TETLOD_TRY(reserve_tets(mesh, most, error));
+    bool is_turned = copy_tets(mesh, cells, first_point) < 0;
     for (uint64_t c = 0; c < cells->count; c++) {
-        static const uint8_t voxel[8] = {0, 1, 3, 2, 4, 5, 7, 6};
-        uint32_t corner[CELL_MOST_CORNERS], tets[CELL_MOST_TETS][4], *target = mesh->corners + 4 * (size_t)mesh->tet_count;
+        uint32_t corner[CELL_MOST_CORNERS], tets[CELL_MOST_TETS][4];
         uint8_t shape = find_type(cells->types[c]).shape;
-        if (shape == NO_VOLUME)
+        if (shape == NO_VOLUME || shape == CELL_TET)
             continue;
-        const int64_t *from = cells->connectivity + cells->offsets[c];
-        for (unsigned i = 0; i < cell_corners((enum cell_shape)shape); i++)
-            corner[i] = first_point + (uint32_t)from[cells->types[c] == VTK_VOXEL ? voxel[i] : i];
-        if (shape == CELL_TET) {
-            memcpy(target, corner, 4 * sizeof *corner);
-            mesh->tet_count++;
-            continue;
-        }
+        load_corners(cells, c, (enum cell_shape)shape, first_point, corner);
         unsigned count = cell_split((enum cell_shape)shape, corner, mesh->positions, tets);
-        memcpy(target, tets, count * sizeof *tets);
+        for (unsigned t = 0; is_turned && t < count; t++)
+            cell_tet_turn(tets[t]);
+        memcpy(mesh->corners + 4 * (size_t)mesh->tet_count, tets, count * sizeof *tets);
         mesh->tet_count += count;
     }
     return TETLOD_OK;

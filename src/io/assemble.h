@@ -31,8 +31,9 @@ struct vtk_cells {
     const int64_t *connectivity;
 };
 
-/* Appends the tetrahedra of the cells, whose corner 0 is the mesh's point first_point, of point_count that they may use. Cells of higher order
- * are taken by their corners. */
+/* Appends the tetrahedra of the cells: first those that are tetrahedra, as they are, then those of cells that are split,
+ * turned as most of the first are. Their point 0 is the mesh's point first_point, of point_count that they may use. Cells of
+ * higher order are taken by their corners. */
 TETLOD_CHECKED enum tetlod_status assemble_vtk_cells(struct tetmesh *mesh, const struct vtk_cells *cells,
                                                      uint32_t first_point, uint32_t point_count,
                                                      struct io_report *report, struct tetlod_error *error);

@@ -51,13 +51,13 @@ unsigned cell_corners(enum cell_shape shape)
     return shapes[shape].corners;
 }
 
-static double volume_of(const uint32_t tet[4], const double *positions)
+double cell_tet_volume6(const uint32_t tet[4], const double *positions)
 {
     return tet_volume6(positions + 3 * (size_t)tet[0], positions + 3 * (size_t)tet[1], positions + 3 * (size_t)tet[2],
                        positions + 3 * (size_t)tet[3]);
 }
 
-static void turn(uint32_t tet[4])
+void cell_tet_turn(uint32_t tet[4])
 {
     uint32_t swap = tet[2];
     tet[2] = tet[3];
@@ -101,9 +101,9 @@ unsigned cell_split(enum cell_shape shape, const uint32_t *corners, const double
     }
     double volume = 0;
     for (unsigned t = 0; t < count; t++)
-        volume += volume_of(tets[t], positions);
+        volume += cell_tet_volume6(tets[t], positions);
     for (unsigned t = 0; volume < 0 && t < count; t++)
-        turn(tets[t]);
+        cell_tet_turn(tets[t]);
     return count;
 }
 
@@ -136,9 +136,9 @@ void grid_split(const uint32_t dims[3], const double *positions, uint32_t *corne
                     uint32_t *tet = corners + 4 * count;
                     for (int c = 0; c < 4; c++)
                         tet[c] = cell[five_tets[(i + j + k) & 1][t][c]];
-                    volume += volume_of(tet, positions);
+                    volume += cell_tet_volume6(tet, positions);
                 }
             }
     for (size_t t = 0; volume < 0 && t < count; t++)
-        turn(corners + 4 * t);
+        cell_tet_turn(corners + 4 * t);
 }

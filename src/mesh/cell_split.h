@@ -29,6 +29,10 @@ unsigned cell_corners(enum cell_shape shape);
 unsigned cell_split(enum cell_shape shape, const uint32_t *corners, const double *positions,
                     uint32_t tets[CELL_MOST_TETS][4]);
 
+/* Six times the signed volume of a tetrahedron; and the same tetrahedron with the other sign. */
+double cell_tet_volume6(const uint32_t tet[4], const double *positions);
+void cell_tet_turn(uint32_t tet[4]);
+
 /* A structured grid of dims points, i fastest: five tetrahedra a cell, mirrored from cell to cell so that faces match.
  * All are turned alike, to a positive sum of volumes. */
 uint64_t grid_tet_count(const uint32_t dims[3]);
