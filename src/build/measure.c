@@ -141,6 +141,12 @@ static bool host_unchanged(const struct comparison *c, uint32_t host)
     return true;
 }
 
+/* Well inside: no other tetrahedron has the point, unless the mesh overlaps itself. */
+static bool strictly_inside(const double weights[4])
+{
+    return weights[0] > 1e-6 && weights[1] > 1e-6 && weights[2] > 1e-6 && weights[3] > 1e-6;
+}
+
 /* A tetrahedron of the level that is near the sample: the image of what held it last, or one at the living ancestor of that
  * one's, or the sample's own, first vertex. */
 static uint32_t walk_start(const struct comparison *c, size_t sample)
@@ -156,7 +162,8 @@ static uint32_t walk_start(const struct comparison *c, size_t sample)
     return c->locator.tet_of[c->forest->vertex[c->forest->ancestor[vertex]]];
 }
 
-static void compare_sample(const struct comparison *c, size_t sample)
+/* `near` is a tetrahedron of the level in which to begin to look; the one in which the sample was found becomes it. */
+static void compare_sample(const struct comparison *c, size_t sample, uint32_t *near)
 {
     struct measure *measure = c->measure;
     double *errors = measure->errors + sample * measure->field_count;
@@ -170,11 +177,13 @@ static void compare_sample(const struct comparison *c, size_t sample)
     double p[3];
     for (int d = 0; d < 3; d++)
         p[d] = place_value(measure->original->positions, 3, (uint32_t)d, &original);
-    uint32_t near = c->forest ? locator_walk(&c->locator, walk_start(c, sample), p, level.weights) : TETLOD_NONE;
-    if (near != TETLOD_NONE) {
-        memcpy(level.vertices, c->level->corners + 4 * (size_t)near, sizeof level.vertices);
+    uint32_t found = locator_walk(&c->locator, c->forest ? walk_start(c, sample) : *near, p, level.weights);
+    measure->hosts[sample] = TETLOD_NONE;
+    if (found != TETLOD_NONE && (c->forest || strictly_inside(level.weights))) {
+        memcpy(level.vertices, c->level->corners + 4 * (size_t)found, sizeof level.vertices);
         compare_places(c, &original, &level, true, errors);
-        measure->hosts[sample] = c->forest->origin[near];
+        *near = found;
+        measure->hosts[sample] = c->forest ? c->forest->origin[found] : TETLOD_NONE;
         return;
     }
     uint32_t tets[MOST_OVERLAP], count = locator_find(&c->locator, p, tets, MOST_OVERLAP);
@@ -183,17 +192,18 @@ static void compare_sample(const struct comparison *c, size_t sample)
         memcpy(level.vertices, c->level->corners + 4 * (size_t)tets[i], sizeof level.vertices);
         compare_places(c, &original, &level, i == 0, errors);
     }
+    *near = count ? tets[0] : *near;
     if (!count) {
         locator_closest(&c->locator, p, &level);
         compare_places(c, &original, &level, true, errors);
     }
-    measure->hosts[sample] = TETLOD_NONE; // several of them, or outside: looked for again
 }
 
 static void compare_samples(void *context, size_t begin, size_t end)
 {
+    uint32_t near = 0;
     for (size_t sample = begin; sample < end; sample++)
-        compare_sample(context, sample);
+        compare_sample(context, sample, &near);
 }
 
 static void summarise(const struct measure *measure, struct measured *out)
