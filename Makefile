@@ -111,7 +111,7 @@ $(LIBTETLOD): $(call objects,$(FORMAT_SRC))
 	$(Q)$(AR) rcs $@ $^
 
 $(SHARED): $(call objects,$(FORMAT_SRC))
-	$(Q)$(CC) -shared $(if $(filter fuzz,$(config)),,-Wl$(comma)-z$(comma)defs) -Wl,-soname,libtetlod.so.$(SOVERSION) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(shell $(PKG_CONFIG) --libs libzstd) -lm
+	$(Q)$(CC) -shared $(if $(filter fuzz,$(config)),,-Wl$(comma)-z$(comma)defs) -Wl,-soname,libtetlod.so.$(SOVERSION) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ -lm
 comma := ,
 
 $(BINARY): $(call objects,$(CLI_SRC)) $(INTERNAL) $(LIBTETLOD)
@@ -189,7 +189,7 @@ install: all
 	ln -sf libtetlod.so.$(SOVERSION) $(DESTDIR)$(libdir)/libtetlod.so
 	$(INSTALL) -m 644 format/tetlod.h $(DESTDIR)$(includedir)/tetlod.h
 	$(INSTALL) -m 644 src/cli/tetlod.1 $(DESTDIR)$(mandir)/man1/tetlod.1
-	printf 'prefix=%s\nlibdir=%s\nincludedir=%s\n\nName: tetlod\nDescription: levels of detail for tetrahedral volumes\nVersion: %s\nRequires.private: libzstd\nLibs: -L$${libdir} -ltetlod\nLibs.private: -lm\nCflags: -I$${includedir}\n' \
+	printf 'prefix=%s\nlibdir=%s\nincludedir=%s\n\nName: tetlod\nDescription: levels of detail for tetrahedral volumes\nVersion: %s\nLibs: -L$${libdir} -ltetlod\nLibs.private: -lm\nCflags: -I$${includedir}\n' \
 	    '$(PREFIX)' '$(libdir)' '$(includedir)' '$(VERSION)' > $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc
 uninstall:
 	rm -f $(DESTDIR)$(bindir)/tetlod $(DESTDIR)$(libdir)/libtetlod.* $(DESTDIR)$(includedir)/tetlod.h \

@@ -1,17 +1,27 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The coding of the base mesh (SPEC.md, base mesh), by the same coder as the records: both ways in one. */
+/* The coding of the base mesh (SPEC 9), both ways. Not installed. */
 #ifndef TETLOD_BASE_H
 #define TETLOD_BASE_H
 
-#include "format/records.h"
+#include "format/record.h"
 
-/* Codes positions, values and corners of the state's arrays, which have room for them. In an encoder the vertices are
- * numbered in the order in which the tetrahedra first have them, and those that none has come last. ERR_STREAM. */
-TETLOD_CHECKED enum tetlod_status tetlodi_base_code(struct tetlodi_codec *codec, uint32_t vertices, uint32_t tets,
-                                                    struct tetlod_error *error);
+/* The encoder's base mesh in any numbering, and the order that the coding gives it. All arrays are the caller's. */
+struct tetlodi_base_guide {
+    uint32_t vertices, tets;
+    const uint32_t *corners; /* [4 * tets] */
+    uint32_t *vertex_order;  /* [vertices] out: which vertex arrives as which */
+    uint32_t *tet_order;     /* [tets] out */
+    uint32_t *arrival;       /* [vertices] out: the inverse of vertex_order */
+};
 
-/* A float as the difference of its ordered bits from the prediction's (records.c). */
-double tetlodi_code_float(struct tetlodi_coder *coder, struct tetlodi_number *model, double value, double predicted,
-                          bool wide);
+/* Codes `vertices` and `tets` of connectivity into the replay's corners. `guide` is NULL in a decoder. */
+TETLOD_CHECKED enum tetlod_status tetlodi_base_connectivity(struct tetlodi_recorder *recorder, uint32_t vertices,
+                                                            uint32_t tets, const struct tetlodi_base_guide *guide,
+                                                            struct tetlod_error *error);
+
+/* Codes a column for the base mesh's vertices: its codes are read, or written together with its values. */
+TETLOD_CHECKED enum tetlod_status tetlodi_base_column(struct tetlodi_replay *replay, struct tetlodi_column *column,
+                                                      struct tetlodi_coder *coder, struct tetlodi_number *models,
+                                                      int positions, struct tetlod_error *error);
 
 #endif

@@ -22,18 +22,12 @@ struct tetlodi_buffer {
 };
 
 uint64_t tetlodi_get(struct tetlodi_bytes *bytes, unsigned width); /* 1..8 bytes */
-uint64_t tetlodi_get_varint(struct tetlodi_bytes *bytes);          /* LEB128 */
 double tetlodi_get_f64(struct tetlodi_bytes *bytes);
 const uint8_t *tetlodi_get_block(struct tetlodi_bytes *bytes, size_t size); /* NULL past the end */
 
 void tetlodi_buffer_fini(struct tetlodi_buffer *buffer);
 void tetlodi_put(struct tetlodi_buffer *buffer, uint64_t value, unsigned width);
-void tetlodi_put_varint(struct tetlodi_buffer *buffer, uint64_t value);
 void tetlodi_put_f64(struct tetlodi_buffer *buffer, double value);
 void tetlodi_put_block(struct tetlodi_buffer *buffer, const void *block, size_t size);
-
-/* The bits of a float32 or float64 as an integer of the same order, and back: differences of near values are small. */
-uint64_t tetlodi_ordered_bits(double value, bool wide);
-double tetlodi_from_ordered(uint64_t bits, bool wide);
 
 #endif

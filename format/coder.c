@@ -1,137 +1,72 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+/* SPEC 6. The carry is propagated as in other byte-wise range coders (Martin 1979; Schindler 1998). */
 #include "format/coder.h"
 
-enum { PROBABILITY_BITS = 12, SLOWEST = 6, TOP = 1 << 24 };
+const uint8_t tetlodi_bit_shift[128] = {
+    1, 2, 2, 3, 3, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 6,
+    6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6,
+    6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6,
+    6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 7,
+};
 
-void tetlodi_encoder_init(struct tetlodi_coder *coder, struct tetlodi_buffer *out)
+void tetlodi_bits_init(struct tetlodi_bit *bits, size_t count)
 {
-    *coder = (struct tetlodi_coder){.encodes = true, .range = UINT32_MAX, .out = out, .pending = 1};
+    for (size_t i = 0; i < count; i++)
+        bits[i] = (struct tetlodi_bit){32768, 0};
 }
 
-static void shift_low(struct tetlodi_coder *coder)
+void tetlodi_decode_start(struct tetlodi_coder *coder, unsigned slowest, const uint8_t *bytes, size_t size)
 {
-    if (coder->low < 0xff000000u || coder->low >> 32) {
-        uint8_t carry = (uint8_t)(coder->low >> 32);
-        for (; coder->pending; coder->pending--) {
-            tetlodi_put(coder->out, (uint8_t)(coder->cache + carry), 1);
-            coder->cache = 0xff;
-        }
-        coder->cache = (uint8_t)(coder->low >> 24);
+    *coder = (struct tetlodi_coder){.range = UINT32_MAX, .at = bytes, .end = bytes + size,
+                                    .seen_most = (1u << slowest) - 1};
+    for (int i = 0; i < 4; i++)
+        coder->code = coder->code << 8 | (coder->at < coder->end ? *coder->at++ : 0u);
+}
+
+void tetlodi_encode_start(struct tetlodi_coder *coder, unsigned slowest, struct tetlodi_memory *memory)
+{
+    *coder = (struct tetlodi_coder){.encoding = 1, .range = UINT32_MAX, .memory = memory, .bytes = coder->bytes,
+                                    .seen_most = (1u << slowest) - 1, .capacity = coder->capacity};
+}
+
+static void put(struct tetlodi_coder *coder, uint8_t byte)
+{
+    if (coder->failed || !TETLODI_ROOM(coder->memory, coder->bytes, coder->capacity, coder->size + 1)) {
+        coder->failed = 1;
+        return;
+    }
+    coder->bytes[coder->size++] = byte;
+}
+
+void tetlodi_encode_shift(struct tetlodi_coder *coder)
+{
+    uint8_t top = (uint8_t)(coder->low >> 24);
+    uint8_t carry = (uint8_t)(coder->low >> 32);
+    if (!coder->pending) {
+        coder->first = top;
+    } else if (top != 0xff || carry) {
+        put(coder, (uint8_t)(coder->first + carry));
+        while (--coder->pending)
+            put(coder, (uint8_t)(0xff + carry));
+        coder->first = top;
     }
     coder->pending++;
-    coder->low = (coder->low & 0x00ffffffu) << 8;
+    coder->low = (coder->low & 0x00ffffff) << 8;
 }
 
-void tetlodi_encoder_finish(struct tetlodi_coder *coder)
+void tetlodi_encode_finish(struct tetlodi_coder *coder)
 {
-    for (int i = 0; i < 5; i++)
-        shift_low(coder);
-}
-
-void tetlodi_decoder_init(struct tetlodi_coder *coder, const void *bytes, size_t size)
-{
-    *coder = (struct tetlodi_coder){.range = UINT32_MAX, .in = {bytes, size, false}};
-    for (int i = 0; i < 5; i++)
-        coder->code = coder->code << 8 | (uint32_t)tetlodi_get(&coder->in, 1);
-}
-
-static inline void normalise(struct tetlodi_coder *coder)
-{
-    while (coder->range < TOP) {
-        coder->range <<= 8;
-        if (coder->encodes)
-            shift_low(coder);
-        else {
-            struct tetlodi_bytes *in = &coder->in;
-            coder->code <<= 8;
-            if (in->left) {
-                coder->code |= *in->at++;
-                in->left--;
-            } else
-                in->failed = true;
+    /* Of the numbers in [low, low + range) the one with most trailing zero bits. */
+    uint64_t last = coder->low + coder->range - 1;
+    for (unsigned zeros = 32; zeros--;) {
+        uint64_t value = last >> zeros << zeros;
+        if (value >= coder->low) {
+            coder->low = value;
+            break;
         }
     }
-}
-
-/* Takes the lower `bound` of the range for a 0, the rest for a 1. */
-static inline unsigned narrow(struct tetlodi_coder *coder, uint32_t bound, unsigned bit)
-{
-    if (!coder->encodes)
-        bit = coder->code >= bound;
-    if (bit) {
-        coder->low += coder->encodes ? bound : 0;
-        coder->code -= coder->encodes ? 0 : bound;
-        coder->range -= bound;
-    } else
-        coder->range = bound;
-    normalise(coder);
-    return bit;
-}
-
-unsigned tetlodi_code_bit(struct tetlodi_coder *coder, struct tetlodi_bit *model, unsigned bit)
-{
-    bit = narrow(coder, (coder->range >> PROBABILITY_BITS) * model->zero, bit);
-    unsigned speed = 2 + model->uses / 4;
-    if (speed > SLOWEST)
-        speed = SLOWEST;
-    else
-        model->uses++;
-    if (bit)
-        model->zero = (uint16_t)(model->zero - (model->zero >> speed));
-    else
-        model->zero = (uint16_t)(model->zero + ((4096 - model->zero) >> speed));
-    if (model->zero < 32)
-        model->zero = 32;
-    if (model->zero > 4096 - 32)
-        model->zero = 4096 - 32;
-    return bit;
-}
-
-uint64_t tetlodi_code_raw(struct tetlodi_coder *coder, uint64_t value, unsigned bits)
-{
-    uint64_t result = 0;
-    while (bits--)
-        result = result << 1 | narrow(coder, coder->range >> 1, value >> bits & 1);
-    return result;
-}
-
-static unsigned bit_length(uint64_t value)
-{
-    unsigned length = 0;
-    for (; value; value >>= 1)
-        length++;
-    return length;
-}
-
-uint64_t tetlodi_code_number(struct tetlodi_coder *coder, struct tetlodi_number *model, uint64_t value)
-{
-    unsigned wanted = bit_length(value), node = 1;
-    for (int i = 6; i >= 0; i--)
-        node = node << 1 | tetlodi_code_bit(coder, &model->length[node], wanted >> i & 1);
-    unsigned length = node & 127;
-    if (length > 64) {
-        coder->in.failed = true;
-        return 0;
-    }
-    if (length < 2)
-        return length;
-    uint64_t result = 1;
-    unsigned left = length - 1;
-    for (unsigned i = 0, top = 1; i < 2 && left; i++) {
-        left--;
-        unsigned bit = tetlodi_code_bit(coder, &model->top[length][top], value >> left & 1);
-        top = top << 1 | bit;
-        result = result << 1 | bit;
-    }
-    uint64_t rest = tetlodi_code_raw(coder, left ? value & (((uint64_t)1 << left) - 1) : 0, left);
-    return result << left | rest;
-}
-
-void tetlodi_number_init(struct tetlodi_number *model)
-{
-    for (int i = 0; i < 128; i++)
-        model->length[i] = TETLODI_BIT_NEW;
-    for (int i = 0; i < 65; i++)
-        for (int k = 0; k < 4; k++)
-            model->top[i][k] = TETLODI_BIT_NEW;
+    for (int i = 0; i < 5; i++)
+        tetlodi_encode_shift(coder);
+    while (coder->size && !coder->bytes[coder->size - 1])
+        coder->size--;
 }

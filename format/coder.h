@@ -1,45 +1,148 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * An adaptive binary range coder (SPEC.md, entropy coding; after Martin 1979, with the carry handling usual since). One
- * interface codes both ways: an encoder takes the value it is given, a decoder ignores it, both return the value coded. So the
- * model is written once and cannot differ between the two.
+ * The adaptive binary range coder (SPEC 6). One set of functions codes in both directions: an encoder takes the value and
+ * returns it, a decoder ignores the argument and returns what the frame says. What is coded is thus written once.
+ * A frame's trailing zero bytes are not stored: a decoder reads zeros beyond its end. Not installed.
  */
 #ifndef TETLOD_CODER_H
 #define TETLOD_CODER_H
 
-#include "format/bytes.h"
+#include <string.h>
 
-/* Probability of a 0 in 1/4096, and how often it was used: the first uses adapt faster. */
+#include "format/memory.h"
+
+/* Bits needed to write a number: 0 for 0, 64 for the largest. */
+static inline unsigned bit_length(uint64_t value)
+{
+    return value ? 64 - (unsigned)__builtin_clzll(value) : 0;
+}
+
+/* The probability that the next bit is 0, in 1/65536, and how many bits it has seen (up to a limit). */
 struct tetlodi_bit {
-    uint16_t zero, uses;
-};
-
-#define TETLODI_BIT_NEW ((struct tetlodi_bit){2048, 0})
-
-/* A number by the length of its binary form, its next two bits, and the rest as they are. */
-struct tetlodi_number {
-    struct tetlodi_bit length[128], top[65][4];
+    uint16_t p, seen;
 };
 
 struct tetlodi_coder {
-    bool encodes;
-    uint32_t range;
-    uint32_t code;                /* decoder */
-    struct tetlodi_bytes in;      /* decoder; reading past its end sets in.failed */
-    uint64_t low;                 /* encoder */
-    uint64_t pending;             /* encoder: bytes that a carry may still change */
-    uint8_t cache;
-    struct tetlodi_buffer *out;   /* encoder */
+    int encoding, bad; /* bad: the frame holds what no encoder writes */
+    unsigned seen_most; /* bits after which a model learns no slower */
+    uint32_t range, code;
+    const uint8_t *at, *end; /* decoder: borrowed */
+    uint64_t low;            /* encoder, from here on */
+    uint64_t pending;        /* bytes of 0xff, and the one before them, that a carry may still change */
+    uint8_t first;           /* that one */
+    struct tetlodi_memory *memory;
+    uint8_t *bytes; /* owned */
+    size_t size, capacity;
+    int failed; /* out of memory */
 };
 
-void tetlodi_encoder_init(struct tetlodi_coder *coder, struct tetlodi_buffer *out);
-void tetlodi_encoder_finish(struct tetlodi_coder *coder);
-void tetlodi_decoder_init(struct tetlodi_coder *coder, const void *bytes, size_t size);
+/* Sets `count` models to even odds. */
+void tetlodi_bits_init(struct tetlodi_bit *bits, size_t count);
 
-unsigned tetlodi_code_bit(struct tetlodi_coder *coder, struct tetlodi_bit *model, unsigned bit);
-uint64_t tetlodi_code_raw(struct tetlodi_coder *coder, uint64_t value, unsigned bits); /* bits <= 64 */
-uint64_t tetlodi_code_number(struct tetlodi_coder *coder, struct tetlodi_number *model, uint64_t value);
+/* `slowest` 4..7: the least step of learning is 1/2^slowest. */
+void tetlodi_decode_start(struct tetlodi_coder *coder, unsigned slowest, const uint8_t *bytes, size_t size);
+void tetlodi_encode_start(struct tetlodi_coder *coder, unsigned slowest, struct tetlodi_memory *memory); /* keeps its buffer */
+void tetlodi_encode_finish(struct tetlodi_coder *coder);                               /* bytes, size are the frame */
+void tetlodi_encode_shift(struct tetlodi_coder *coder);                                /* gives out the top byte */
 
-void tetlodi_number_init(struct tetlodi_number *model);
+/* The step of adaptation: 1/2, 1/4, ... down to 1/128, by how many bits were seen. */
+extern const uint8_t tetlodi_bit_shift[128];
+
+static inline void bit_update(struct tetlodi_bit *model, unsigned seen_most, int bit)
+{
+    unsigned shift = tetlodi_bit_shift[model->seen];
+    if (bit)
+        model->p = (uint16_t)(model->p - (model->p >> shift));
+    else
+        model->p = (uint16_t)(model->p + ((65536u - model->p) >> shift));
+    model->seen = (uint16_t)(model->seen + (model->seen < seen_most));
+}
+
+static inline void coder_refill(struct tetlodi_coder *coder)
+{
+    while (coder->range < 1u << 24) {
+        coder->range <<= 8;
+        if (coder->encoding)
+            tetlodi_encode_shift(coder);
+        else
+            coder->code = coder->code << 8 | (coder->at < coder->end ? *coder->at++ : 0u);
+    }
+}
+
+static inline int code_bit(struct tetlodi_coder *coder, struct tetlodi_bit *model, int bit)
+{
+    uint32_t bound = (coder->range >> 12) * (uint32_t)(model->p >> 4);
+    if (!coder->encoding)
+        bit = coder->code >= bound;
+    if (bit) {
+        if (coder->encoding)
+            coder->low += bound;
+        else
+            coder->code -= bound;
+        coder->range -= bound;
+    } else {
+        coder->range = bound;
+    }
+    bit_update(model, coder->seen_most, bit);
+    coder_refill(coder);
+    return bit;
+}
+
+/* `count` <= 16 bits without a model. */
+static inline uint32_t code_plain(struct tetlodi_coder *coder, unsigned count, uint32_t value)
+{
+    coder->range >>= count;
+    if (coder->encoding) {
+        coder->low += (uint64_t)coder->range * value;
+    } else {
+        uint32_t most = (1u << count) - 1;
+        value = coder->code / coder->range;
+        value = value > most ? most : value;
+        coder->code -= coder->range * value;
+    }
+    coder_refill(coder);
+    return value;
+}
+
+/* A number of `depth` bits, most significant first, each under a model chosen by those before it: 2^depth models. */
+static inline unsigned code_tree(struct tetlodi_coder *coder, struct tetlodi_bit *models, unsigned depth, unsigned value)
+{
+    unsigned node = 1;
+    for (unsigned i = depth; i--;)
+        node = node << 1 | (unsigned)code_bit(coder, &models[node], value >> i & 1);
+    return node - (1u << depth);
+}
+
+/* Models of a signed number (SPEC 6.3): its length in bits under one of 66 contexts, its sign, two bits below the first. */
+enum { NUMBER_CONTEXTS = 66 };
+struct tetlodi_number {
+    struct tetlodi_bit length[NUMBER_CONTEXTS][128], sign[3], top[65][4];
+};
+
+static inline int64_t code_number(struct tetlodi_coder *coder, struct tetlodi_number *models, unsigned context,
+                                  unsigned sign_context, int64_t value)
+{
+    uint64_t magnitude = value < 0 ? 0 - (uint64_t)value : (uint64_t)value;
+    unsigned length = code_tree(coder, models->length[context], 7, bit_length(magnitude));
+    if (length > 64) {
+        coder->bad = 1;
+        return 0;
+    }
+    if (!length)
+        return 0;
+    int negative = code_bit(coder, &models->sign[sign_context], value < 0);
+    unsigned left = length - 1, top = left < 2 ? left : 2;
+    uint64_t bits = 1;
+    if (top) {
+        left -= top;
+        bits = bits << top | code_tree(coder, models->top[length], top, (unsigned)(magnitude >> left) & ((1u << top) - 1));
+    }
+    while (left) {
+        unsigned some = left < 16 ? left : 16;
+        left -= some;
+        bits = bits << some | code_plain(coder, some, (uint32_t)(magnitude >> left) & ((1u << some) - 1));
+    }
+    return (int64_t)(negative ? 0 - bits : bits);
+}
 
 #endif

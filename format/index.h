@@ -4,7 +4,7 @@
 #define TETLOD_INDEX_H
 
 #include "format/bytes.h"
-#include "format/tetlod.h"
+#include "format/values.h"
 
 enum {
     HEADER_SIZE = 64,
@@ -15,15 +15,18 @@ enum {
     MOST_LEVELS = 65536,
     MOST_METADATA = 1 << 20,
     MOST_INDEX = 1 << 28,
-    MOST_WINDOW_LOG = 23,
+    MOST_BITS = 30,
+    LEAST_SLOWEST = 4,
+    MOST_SLOWEST = 7,
+    MOST_EXPANSION = 1024, /* vertices or tetrahedra that a level adds per byte of its geometry, and one byte more */
 };
 
 #define TETLODI_MAGIC "\x89TLD\r\n\x1a\n"
 
-/* One zstd frame: bytes stored, bytes in it, CRC-32 of the stored ones. */
+/* What one coder has written for one level, or the original order at the end. */
 struct tetlodi_frame {
     uint64_t offset;
-    uint32_t stored, raw, crc;
+    uint32_t size, crc;
 };
 
 /* The index as it is in memory; `info` points into the rest. Frames of level k: [k * (1 + field_count)] is the geometry's,
@@ -33,13 +36,15 @@ struct tetlodi_index {
     struct tetlod_field *fields;
     struct tetlod_level *levels;
     double *errors; /* [level][field][measure] */
-    uint32_t *records; /* [level] */
+    struct tetlodi_scale *scales; /* [1 + field_count] of positions, of the fields */
     struct tetlodi_frame *frames;
+    struct tetlodi_frame order; /* size 0: not kept */
+    unsigned slowest;           /* the coder's slowest step of learning, 1/2^slowest */
     char *text;     /* names and metadata */
 };
 
 struct tetlodi_header {
-    uint32_t stored, raw, crc; /* of the index */
+    uint32_t index_size, index_crc;
     uint64_t file_size;
     uint8_t cid[16];
 };
@@ -57,7 +62,7 @@ TETLOD_CHECKED enum tetlod_status tetlodi_header_decode(struct tetlodi_header *h
 /* The content id: SHA-256, shortened, over the header without id and checksum, and the stored index. */
 void tetlodi_content_id(const uint8_t header[HEADER_SIZE], const void *index, size_t size, uint8_t out[16]);
 
-/* Index to bytes (not yet compressed) and back. Offsets are not stored: frames follow each other from `first_offset`. */
+/* Index to bytes and back. Offsets are not stored: frames follow each other from `first_offset`. */
 void tetlodi_index_encode(const struct tetlodi_index *index, struct tetlodi_buffer *out);
 TETLOD_CHECKED enum tetlod_status tetlodi_index_decode(struct tetlodi_index *index, const void *bytes, size_t size,
                                                        uint64_t first_offset, struct tetlod_error *error);

@@ -7,7 +7,6 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-#include <zstd.h>
 
 #include "format/checksum.h"
 #include "format/fail.h"
@@ -41,46 +40,19 @@ static enum tetlod_status read_stored(const struct tetlod_file *file, uint64_t o
     return TETLOD_OK;
 }
 
-/* One zstd frame of known size. The sizes are compared before anything is allocated for them. */
-static enum tetlod_status decompress(const uint8_t *stored, size_t size, size_t raw, uint64_t limit, uint8_t **out,
-                                     struct tetlod_error *error)
-{
-    *out = NULL;
-    if (raw > limit)
-        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "a part of %zu bytes is more than the %llu allowed", raw,
-                            (unsigned long long)limit);
-    if (ZSTD_getFrameContentSize(stored, size) != raw || ZSTD_findFrameCompressedSize(stored, size) != size)
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "a part is not the zstd frame that it should be");
-    ZSTD_DCtx *context = ZSTD_createDCtx();
-    *out = context ? malloc(raw ? raw : 1) : NULL;
-    if (!*out) {
-        ZSTD_freeDCtx(context);
-        return tetlodi_fail_nomem(error, "a part of the stream", raw);
-    }
-    size_t got = ZSTD_decompressDCtx(context, *out, raw, stored, size);
-    ZSTD_freeDCtx(context);
-    if (got == raw)
-        return TETLOD_OK;
-    free(*out);
-    *out = NULL;
-    return tetlodi_fail(error, TETLOD_ERR_STREAM, "a part does not decompress");
-}
-
 static enum tetlod_status read_part(const struct tetlod_file *file, const struct tetlodi_frame *frame,
                                     const char *what, uint8_t **out, struct tetlod_error *error)
 {
-    uint8_t *stored;
-    TETLOD_TRY(read_stored(file, frame->offset, frame->stored, &stored, error));
-    enum tetlod_status status;
-    if (tetlodi_crc32(stored, frame->stored) == frame->crc)
-        status = decompress(stored, frame->stored, frame->raw, file->max_bytes, out, error);
-    else
-        status = tetlodi_fail(error, TETLOD_ERR_CHECKSUM, "%s, bytes %llu to %llu: the checksum does not match", what,
-                              (unsigned long long)frame->offset, (unsigned long long)(frame->offset + frame->stored));
-    if (status != TETLOD_OK && error)
+    TETLOD_TRY(read_stored(file, frame->offset, frame->size, out, error));
+    if (tetlodi_crc32(*out, frame->size) == frame->crc)
+        return TETLOD_OK;
+    free(*out);
+    *out = NULL;
+    tetlodi_fail(error, TETLOD_ERR_CHECKSUM, "%s, bytes %llu to %llu: the checksum does not match", what,
+                 (unsigned long long)frame->offset, (unsigned long long)(frame->offset + frame->size));
+    if (error)
         error->offset = frame->offset;
-    free(stored);
-    return status;
+    return TETLOD_ERR_CHECKSUM;
 }
 
 enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t level, uint32_t part, uint8_t **out,
@@ -90,7 +62,7 @@ enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t l
     const struct tetlodi_frame *frame = &file->index.frames[(size_t)level * (info->field_count + 1) + part];
     char what[96];
     snprintf(what, sizeof what, "level %u, %.60s", level, part ? info->fields[part - 1].name : "the records");
-    *out_size = frame->raw;
+    *out_size = frame->size;
     return read_part(file, frame, what, out, error);
 }
 
@@ -99,22 +71,21 @@ enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t l
 static enum tetlod_status read_index(struct tetlod_file *file, const struct tetlodi_header *header,
                                      const uint8_t raw_header[HEADER_SIZE], struct tetlod_error *error)
 {
-    const struct tetlodi_frame frame = {HEADER_SIZE, header->stored, header->raw, header->crc};
-    uint8_t *index = NULL, *stored = NULL, cid[16];
+    const struct tetlodi_frame frame = {HEADER_SIZE, header->index_size, header->index_crc};
+    uint8_t *index = NULL, cid[16];
     enum tetlod_status status;
     TETLOD_TRY_DONE(read_part(file, &frame, "the index", &index, error));
-    TETLOD_TRY_DONE(tetlodi_index_decode(&file->index, index, header->raw, HEADER_SIZE + (uint64_t)header->stored, error));
+    TETLOD_TRY_DONE(tetlodi_index_decode(&file->index, index, header->index_size,
+                                         HEADER_SIZE + (uint64_t)header->index_size, error));
     if (file->index.info.bytes != header->file_size)
         TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_STREAM, "the header and the index disagree about the size"));
-    TETLOD_TRY_DONE(read_stored(file, HEADER_SIZE, header->stored, &stored, error));
-    tetlodi_content_id(raw_header, stored, header->stored, cid);
+    tetlodi_content_id(raw_header, index, header->index_size, cid);
     if (memcmp(cid, header->cid, sizeof cid) != 0)
         TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_CHECKSUM, "the content id is not that of the header and index"));
     for (int i = 0; i < 16; i++)
         snprintf(file->index.info.cid + 2 * i, 3, "%02x", cid[i]);
 done:
     free(index);
-    free(stored);
     return status;
 }
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The writer holds the same state as a cursor and walks it from the base mesh up, telling the codec what the contraction
+ * The writer holds the same mesh as a cursor and walks it from the base mesh up, telling the recorder what the contraction
  * forest says. Leaves are numbered depth first, so that "below a node" is a range. A tetrahedron comes back with the split of
  * the last of the nodes in which its corners meet.
  */
@@ -9,12 +9,14 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <zstd.h>
 
 #include "format/base.h"
 #include "format/checksum.h"
 #include "format/fail.h"
 #include "format/index.h"
+#include "format/star_view.h"
+
+enum { MOST_CHILDREN = 4 };
 
 struct range {
     uint32_t begin, end;
@@ -32,18 +34,18 @@ struct writer {
     uint8_t *waiting;      /* [tet] nodes still to be split before it is there */
     uint32_t *node_at;     /* [slot] */
     uint32_t *original_of; /* [tet in order of arrival] */
-    uint32_t *arrived;     /* tetrahedra of the record at hand, original numbers */
-    uint32_t (*arrived_corners)[4];
+    uint32_t node;         /* that splits */
+    uint32_t children[MOST_CHILDREN];
+    uint32_t *arrived;     /* tetrahedra that come with its record and have not come yet, original numbers */
+    uint32_t arrived_count;
     size_t arrived_capacity;
-    uint32_t *components;  /* [field] */
-    uint8_t *wide;
-    double *values;        /* [MOST_CHILDREN * row] */
-    struct tetlodi_state state;
-    struct tetlodi_codec codec;
-    struct tetlodi_buffer *coded;  /* [1 + field_count] of the level at hand */
+    struct tetlodi_column *columns; /* positions, then the fields */
+    int64_t **codes;       /* [column][components * node] */
+    struct tetlodi_memory memory;
+    struct tetlodi_replay replay;
+    struct tetlodi_recorder recorder;
     struct tetlodi_buffer *stored; /* [level * (1 + field_count)] */
     struct tetlodi_index index;
-    ZSTD_CCtx *zstd;
 };
 
 static enum tetlod_status out_of_memory(struct writer *w)
@@ -174,38 +176,40 @@ static enum tetlod_status list_meetings(struct writer *w)
     return TETLOD_OK;
 }
 
-/* ---- base mesh */
+/* ---- numbers */
 
-static const double *node_position(const struct writer *w, uint32_t node)
+/* The codes of a column for all nodes. */
+static enum tetlod_status encode_column(struct writer *w, uint32_t c, const char *name, const double *values,
+                                        const double *node_values)
 {
-    uint32_t n = w->in->vertices;
-    return node < n ? w->in->positions + 3 * (size_t)node : w->in->node_positions + 3 * (size_t)(node - n);
+    const struct tetlodi_scale *scale = &w->columns[c].scale;
+    size_t n = w->columns[c].components, originals = n * w->in->vertices, all = n * w->nodes;
+    w->codes[c] = malloc((all ? all : 1) * sizeof *w->codes[c]);
+    if (!w->codes[c])
+        return out_of_memory(w);
+    for (size_t i = 0; i < all; i++) {
+        double value = i < originals ? values[i] : node_values[i - originals];
+        unsigned axis = c ? 0 : (unsigned)(i % 3);
+        int64_t code = scale_code(scale, axis, value);
+        double back = scale_value(scale, axis, code);
+        if (!isfinite(value) || memcmp(&back, &value, sizeof value) != 0)
+            return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "%s: %.17g is not a number of its type", name, value);
+        w->codes[c][i] = code;
+    }
+    return TETLOD_OK;
 }
 
-static void node_row(const struct writer *w, uint32_t node, double *out)
+static enum tetlod_status encode_columns(struct writer *w)
 {
-    uint32_t n = w->in->vertices;
+    TETLOD_TRY(encode_column(w, 0, "positions", w->in->positions, w->in->node_positions));
     for (uint32_t f = 0; f < w->in->field_count; f++) {
         const struct tetlodi_write_field *field = &w->in->fields[f];
-        size_t k = field->components;
-        memcpy(out, node < n ? field->values + node * k : field->node_values + (node - n) * k, k * sizeof *out);
-        out += k;
+        TETLOD_TRY(encode_column(w, 1 + f, field->name, field->values, field->node_values));
     }
+    return TETLOD_OK;
 }
 
-static void add_vertex(struct writer *w, uint32_t node)
-{
-    struct tetlodi_state *state = &w->state;
-    uint32_t v = state->vertices++;
-    double *row = w->values;
-    w->node_at[v] = node;
-    memcpy(state->positions + 3 * (size_t)v, node_position(w, node), 3 * sizeof(double));
-    node_row(w, node, row);
-    for (uint32_t f = 0; f < state->field_count; row += state->components[f++])
-        memcpy(state->fields[f] + (size_t)v * state->components[f], row, state->components[f] * sizeof *row);
-    for (uint32_t p = w->range[node].begin; p < w->range[node].end; p++)
-        w->slot_at[p] = v;
-}
+/* ---- base mesh */
 
 static uint32_t root_of(const struct writer *w, uint32_t leaf)
 {
@@ -214,65 +218,124 @@ static uint32_t root_of(const struct writer *w, uint32_t leaf)
     return leaf;
 }
 
-/* The tetrahedra that are always there, their vertices in the order in which they come, then the vertices that are left. */
-static void make_base(struct writer *w)
+/* Gives a node a place among the living: its leaves' ancestor. */
+static void settle_node(struct writer *w, uint32_t node, uint32_t slot)
 {
-    struct tetlodi_state *state = &w->state;
-    for (uint32_t p = 0; p < w->in->vertices; p++)
-        w->slot_at[p] = TETLOD_NONE;
+    w->node_at[slot] = node;
+    for (uint32_t p = w->range[node].begin; p < w->range[node].end; p++)
+        w->slot_at[p] = slot;
+}
+
+static uint32_t slot_of(const struct writer *w, uint32_t tet, int corner)
+{
+    return w->slot_at[w->position[w->in->corners[4 * (size_t)tet + (size_t)corner]]];
+}
+
+struct base {
+    struct tetlodi_base_guide guide;
+    uint32_t *corners, *roots, *tets, *vertex_order, *tet_order, *arrival;
+};
+
+/* The tetrahedra that are always there and the roots of the forest, in any numbering. */
+static enum tetlod_status gather_base(struct writer *w, struct base *base)
+{
+    uint32_t vertices = 0, tets = 0;
+    for (uint32_t t = 0; t < w->in->tets; t++)
+        tets += w->waiting[t] == 0;
+    for (uint32_t node = 0; node < w->nodes; node++)
+        vertices += w->parent[node] == TETLOD_NONE;
+    base->corners = malloc((4 * (size_t)tets + 1) * sizeof *base->corners);
+    base->tets = malloc((tets + (size_t)1) * sizeof *base->tets);
+    base->tet_order = malloc((tets + (size_t)1) * sizeof *base->tet_order);
+    base->roots = malloc(vertices * sizeof *base->roots);
+    base->vertex_order = malloc(vertices * sizeof *base->vertex_order);
+    base->arrival = malloc(vertices * sizeof *base->arrival);
+    if (!base->corners || !base->tets || !base->tet_order || !base->roots || !base->vertex_order || !base->arrival)
+        return out_of_memory(w);
+    vertices = tets = 0;
+    for (uint32_t v = 0; v < w->in->vertices; v++)
+        w->slot_at[v] = TETLOD_NONE;
+    for (uint32_t v = 0; v < w->in->vertices; v++)
+        if (w->slot_at[w->position[v]] == TETLOD_NONE) {
+            base->roots[vertices] = root_of(w, v);
+            settle_node(w, base->roots[vertices], vertices);
+            vertices++;
+        }
     for (uint32_t t = 0; t < w->in->tets; t++) {
         if (w->waiting[t])
             continue;
-        for (int c = 0; c < 4; c++) {
-            uint32_t leaf = w->in->corners[4 * (size_t)t + (size_t)c];
-            if (w->slot_at[w->position[leaf]] == TETLOD_NONE)
-                add_vertex(w, root_of(w, leaf));
-            state->corners[4 * (size_t)state->tets + (size_t)c] = w->slot_at[w->position[leaf]];
-        }
-        w->original_of[state->tets++] = t;
+        for (int c = 0; c < 4; c++)
+            base->corners[4 * (size_t)tets + (size_t)c] = slot_of(w, t, c);
+        base->tets[tets++] = t;
     }
-    for (uint32_t v = 0; v < w->in->vertices; v++)
-        if (w->slot_at[w->position[v]] == TETLOD_NONE)
-            add_vertex(w, root_of(w, v));
+    base->guide = (struct tetlodi_base_guide){vertices, tets, base->corners, base->vertex_order, base->tet_order, base->arrival};
+    return TETLOD_OK;
+}
+
+static void set_codes(struct writer *w, uint32_t vertex, uint32_t node)
+{
+    for (uint32_t c = 0; c < w->replay.column_count; c++) {
+        size_t n = w->columns[c].components;
+        memcpy(w->columns[c].codes + vertex * n, w->codes[c] + node * n, n * sizeof(int64_t));
+    }
+}
+
+static enum tetlod_status code_base(struct writer *w, struct base *base)
+{
+    struct tetlodi_recorder *recorder = &w->recorder;
+    TETLOD_TRY(gather_base(w, base));
+    if (!tetlodi_replay_room(&w->replay, w->in->vertices, w->in->tets))
+        return tetlodi_no_room(&w->memory, w->error);
+    TETLOD_TRY(tetlodi_base_connectivity(recorder, base->guide.vertices, base->guide.tets, &base->guide, w->error));
+    for (uint32_t v = 0; v < base->guide.vertices; v++) {
+        uint32_t root = base->roots[base->vertex_order[v]];
+        settle_node(w, root, v);
+        set_codes(w, v, root);
+    }
+    for (uint32_t t = 0; t < base->guide.tets; t++)
+        w->original_of[t] = base->tets[base->tet_order[t]];
+    for (uint32_t c = 0; c < w->replay.column_count; c++) {
+        struct tetlodi_number *models = c ? &recorder->field_models[c - 1].corner : recorder->models->corner;
+        TETLOD_TRY(tetlodi_base_column(&w->replay, &w->columns[c], &recorder->coders[c], models, c == 0, w->error));
+    }
+    return tetlodi_replay_base(&w->replay) ? TETLOD_OK : tetlodi_no_room(&w->memory, w->error);
 }
 
 /* ---- levels */
 
 static void start_coders(struct writer *w)
 {
-    for (uint32_t part = 0; part <= w->in->field_count; part++) {
-        w->coded[part].size = 0;
-        tetlodi_encoder_init(part ? &w->codec.fields[part - 1] : &w->codec.geometry, &w->coded[part]);
-    }
+    for (uint32_t c = 0; c < w->replay.column_count; c++)
+        tetlodi_encode_start(&w->recorder.coders[c], w->index.slowest, &w->memory);
 }
 
-/* Closes the level's coders and stores what they have written. */
-static enum tetlod_status store_level(struct writer *w, uint32_t level, uint32_t records)
+/* Closes the level's coders and keeps what they have written. */
+static enum tetlod_status store_level(struct writer *w, uint32_t level)
 {
     uint32_t parts = w->in->field_count + 1;
     const struct tetlodi_write_level *in = &w->in->levels[level];
     struct tetlod_level *out = &w->index.levels[level];
-    out->vertices = w->state.vertices;
-    out->tets = w->state.tets;
+    uint32_t vertices = w->replay.vertices - (level ? out[-1].vertices : 0);
+    uint32_t tets = w->replay.tets - (level ? out[-1].tets : 0);
+    out->vertices = w->replay.vertices;
+    out->tets = w->replay.tets;
     out->domain_error = in->domain_error;
     memcpy(w->index.errors + (size_t)level * w->in->field_count * TETLOD_MEASURES, in->errors,
            w->in->field_count * TETLOD_MEASURES * sizeof(double));
-    w->index.records[level] = records;
     for (uint32_t part = 0; part < parts; part++) {
-        struct tetlodi_buffer *coded = &w->coded[part], *stored = &w->stored[(size_t)level * parts + part];
-        struct tetlodi_frame *frame = &w->index.frames[(size_t)level * parts + part];
-        tetlodi_encoder_finish(part ? &w->codec.fields[part - 1] : &w->codec.geometry);
-        stored->capacity = ZSTD_compressBound(coded->size);
-        stored->bytes = malloc(stored->capacity);
-        if (coded->failed || !stored->bytes)
+        struct tetlodi_coder *coder = &w->recorder.coders[part];
+        struct tetlodi_buffer *stored = &w->stored[(size_t)level * parts + part];
+        tetlodi_encode_finish(coder);
+        tetlodi_put_block(stored, coder->bytes, coder->size);
+        /* Zero bytes change nothing; a reader wants so many of them as go with what it has to make room for. */
+        while (!part && !stored->failed && (vertices > tets ? vertices : tets) > MOST_EXPANSION * (1 + (uint64_t)stored->size))
+            tetlodi_put(stored, 0, 1);
+        if (coder->failed || stored->failed)
             return out_of_memory(w);
-        if (coded->size > UINT32_MAX / 2)
-            return tetlodi_fail(w->error, TETLOD_ERR_LIMIT, "level %u takes more than 2 GB; use a smaller --growth", level);
-        stored->size = ZSTD_compress2(w->zstd, stored->bytes, stored->capacity, coded->bytes, coded->size);
-        if (ZSTD_isError(stored->size))
-            return tetlodi_fail(w->error, TETLOD_ERR_NOMEM, "zstd: %s", ZSTD_getErrorName(stored->size));
-        *frame = (struct tetlodi_frame){0, (uint32_t)stored->size, (uint32_t)coded->size,
-                                        tetlodi_crc32(stored->bytes, stored->size)};
+        if (stored->size > UINT32_MAX)
+            return tetlodi_fail(w->error, TETLOD_ERR_LIMIT, "level %u takes more than 4 GB; use a smaller --growth", level);
+        w->index.frames[(size_t)level * parts + part] =
+            (struct tetlodi_frame){0, (uint32_t)stored->size, tetlodi_crc32(stored->bytes, stored->size)};
     }
     return TETLOD_OK;
 }
@@ -284,128 +347,179 @@ static bool splits(const struct writer *w, uint32_t slot, uint32_t contractions)
     return node >= w->in->vertices && node - w->in->vertices >= contractions;
 }
 
-/* A node's children, the one at its own position first if there is one: that is the cheapest to code. */
-static uint32_t order_children(const struct writer *w, uint32_t node, uint32_t out[MOST_CHILDREN])
+static bool same_place(const struct writer *w, uint32_t a, uint32_t b)
 {
-    const uint32_t *children = children_of(w, node);
-    uint32_t count = child_count(children);
-    memcpy(out, children, count * sizeof *out);
-    for (uint32_t c = 1; c < count; c++)
-        if (memcmp(node_position(w, out[c]), node_position(w, node), 24) == 0 &&
-            memcmp(node_position(w, out[0]), node_position(w, node), 24) != 0) {
-            uint32_t swap = out[0];
-            out[0] = out[c];
-            out[c] = swap;
-        }
+    return memcmp(w->codes[0] + 3 * (size_t)a, w->codes[0] + 3 * (size_t)b, 3 * sizeof(int64_t)) == 0;
+}
+
+/* A node's children: the one at its own place first if there is one, which costs no position; else the least in x, y, z, so
+ * that the sign of where the second lies can be learned. */
+static uint32_t order_children(struct writer *w, uint32_t node)
+{
+    uint32_t count = child_count(children_of(w, node)), first = 0;
+    memcpy(w->children, children_of(w, node), count * sizeof *w->children);
+    for (uint32_t c = 1; c < count; c++) {
+        const int64_t *a = w->codes[0] + 3 * (size_t)w->children[c], *b = w->codes[0] + 3 * (size_t)w->children[first];
+        int axis = a[0] != b[0] ? 0 : a[1] != b[1] ? 1 : 2;
+        if (!same_place(w, w->children[first], node) && (same_place(w, w->children[c], node) || a[axis] < b[axis]))
+            first = c;
+    }
+    uint32_t swap = w->children[0];
+    w->children[0] = w->children[first];
+    w->children[first] = swap;
     return count;
 }
 
-static void fill_labels(struct writer *w, struct tetlodi_record *record, uint32_t node, const uint32_t *children)
-{
-    const struct tetlodi_star *star = &w->state.stars[record->slot];
-    for (uint32_t i = 0; i < star->count; i++) {
-        const uint32_t *leaves = w->in->corners + 4 * (size_t)w->original_of[w->state.pool[star->begin + i]];
-        int c = 0;
-        while (!below(w, leaves[c], node))
-            c++;
-        record->labels[i] = 0;
-        while (!below(w, leaves[c], children[record->labels[i]]))
-            record->labels[i]++;
-    }
-}
-
-/* Tetrahedra that have waited for this split last. Their corners' slots are up to date. */
-static enum tetlod_status fill_arrivals(struct writer *w, struct tetlodi_record *record, uint32_t node)
+/* Tetrahedra that wait for this record only. */
+static enum tetlod_status list_arrivals(struct writer *w, uint32_t node)
 {
     uint32_t c = node - w->in->vertices, begin = w->meeting_begin[c], end = w->meeting_begin[c + 1];
-    if (end - begin > w->arrived_capacity) {
-        size_t capacity = (end - begin) + (size_t)64;
-        uint32_t *arrived = realloc(w->arrived, capacity * sizeof *arrived);
-        w->arrived = arrived ? arrived : w->arrived;
-        void *corners = realloc(w->arrived_corners, capacity * sizeof *w->arrived_corners);
-        w->arrived_corners = corners ? corners : w->arrived_corners;
-        if (!arrived || !corners)
-            return out_of_memory(w);
-        w->arrived_capacity = capacity;
-    }
-    record->tet_count = 0;
-    for (uint32_t i = begin; i < end; i++) {
-        uint32_t tet = w->meeting[i];
-        if (--w->waiting[tet])
-            continue;
-        for (int k = 0; k < 4; k++)
-            w->arrived_corners[record->tet_count][k] =
-                w->slot_at[w->position[w->in->corners[4 * (size_t)tet + (size_t)k]]];
-        w->arrived[record->tet_count++] = tet;
-    }
-    record->tets = w->arrived_corners;
+    if (!TETLODI_ROOM(&w->memory, w->arrived, w->arrived_capacity, end - begin))
+        return out_of_memory(w);
+    w->arrived_count = 0;
+    for (uint32_t i = begin; i < end; i++)
+        if (--w->waiting[w->meeting[i]] == 0)
+            w->arrived[w->arrived_count++] = w->meeting[i];
     return TETLOD_OK;
 }
 
-/* The codec has put the tetrahedra into their order of arrival: which original is which. */
-static void name_arrivals(struct writer *w, const struct tetlodi_record *record)
+static bool is_even_permutation(const uint32_t a[4], const uint32_t b[4])
 {
-    for (uint32_t i = 0; i < record->tet_count; i++)
-        for (uint32_t k = 0; k < record->tet_count; k++)
-            if (w->arrived[k] != TETLOD_NONE && tetlodi_same_tet(w->arrived_corners[k], record->tets[i])) {
-                w->original_of[w->state.tets + i] = w->arrived[k];
-                w->arrived[k] = TETLOD_NONE;
-                break;
+    unsigned swaps = 0;
+    uint32_t c[4] = {b[0], b[1], b[2], b[3]};
+    for (int i = 0; i < 4; i++)
+        for (int j = i + 1; j < 4 && c[i] != a[i]; j++)
+            if (c[j] == a[i]) {
+                c[j] = c[i];
+                c[i] = a[i];
+                swaps++;
             }
+    return swaps % 2 == 0;
+}
+
+/* Corners of a waiting tetrahedron, if they are four by now and among them vertex and child. The other two go to x, y. */
+static bool is_there(const struct writer *w, uint32_t tet, uint32_t vertex, uint32_t child, uint32_t corners[4],
+                     uint32_t others[2])
+{
+    int count = 0;
+    for (int c = 0; c < 4; c++) {
+        corners[c] = slot_of(w, tet, c);
+        if (corners[c] != vertex && corners[c] != child && count < 2)
+            others[count++] = corners[c];
+        for (int d = 0; d < c; d++)
+            if (corners[c] == corners[d])
+                return false;
+    }
+    return true;
+}
+
+/* Takes a tetrahedron out of those that wait, into the order of arrival. */
+static void arrive(struct writer *w, uint32_t i, uint32_t *count)
+{
+    w->original_of[w->replay.tets + (*count)++] = w->arrived[i];
+    w->arrived[i] = w->arrived[--w->arrived_count];
+}
+
+/* A waiting tetrahedron at a link edge is told; in what orientation as well. */
+static void plan_edge(struct writer *w, struct tetlodi_star_view *star, uint32_t e, uint32_t *count)
+{
+    uint32_t child = w->replay.vertices, corners[4], others[2], implied[4];
+    struct tetlodi_link_edge *edge = &star->edge[e];
+    for (uint32_t i = 0; i < w->arrived_count; i++) {
+        if (!is_there(w, w->arrived[i], star->vertex, child, corners, others))
+            continue;
+        if ((others[0] != edge->x || others[1] != edge->y) && (others[0] != edge->y || others[1] != edge->x))
+            continue;
+        tetlodi_star_between(star, &w->replay, e, child, implied);
+        edge->made = 1;
+        edge->flip = !is_even_permutation(corners, implied);
+        arrive(w, i, count);
+        return;
+    }
+}
+
+static int plan_extras(struct writer *w, struct tetlodi_star_view *star, uint32_t *count)
+{
+    uint32_t child = w->replay.vertices, corners[4], others[2];
+    for (uint32_t i = 0; i < w->arrived_count;) {
+        if (!is_there(w, w->arrived[i], star->vertex, child, corners, others)) {
+            i++;
+            continue;
+        }
+        uint32_t ordered[4] = {star->vertex, child, others[0], others[1]};
+        bool even = is_even_permutation(corners, ordered);
+        if (!TETLODI_ROOM(&w->memory, star->extras, star->extras_capacity, star->extra_count + (size_t)1))
+            return 0;
+        star->extras[star->extra_count][0] = others[!even];
+        star->extras[star->extra_count++][1] = others[even];
+        arrive(w, i, count);
+    }
+    return 1;
+}
+
+/* The recorder asks how child number `number` parts from the rest. */
+static int plan_split(void *opaque, struct tetlodi_star_view *star, unsigned number)
+{
+    struct writer *w = opaque;
+    uint32_t node = w->children[number], child = w->replay.vertices, count = 0;
+    for (uint32_t i = 0; i < star->size; i++) {
+        const uint32_t *leaves = w->in->corners + 4 * (size_t)w->original_of[star->tets[i]];
+        star->labels[i] = below(w, leaves[0], node) || below(w, leaves[1], node) || below(w, leaves[2], node) ||
+                          below(w, leaves[3], node);
+    }
+    settle_node(w, node, child);
+    for (uint32_t e = 0; e < star->edge_count && w->arrived_count; e++)
+        plan_edge(w, star, e, &count);
+    return plan_extras(w, star, &count);
 }
 
 static enum tetlod_status write_record(struct writer *w, uint32_t slot)
 {
-    uint32_t node = w->node_at[slot], children[MOST_CHILDREN];
-    struct tetlodi_record record = {.slot = slot, .children = order_children(w, node, children)};
-    record.labels = tetlodi_record_labels(&w->codec, slot);
-    if (!record.labels)
-        return out_of_memory(w);
-    fill_labels(w, &record, node, children);
-    for (uint32_t c = 0; c < record.children; c++) {
-        memcpy(record.positions[c], node_position(w, children[c]), 24);
-        record.values[c] = w->values + c * w->state.row;
-        node_row(w, children[c], record.values[c]);
-        uint32_t into = c ? w->state.vertices + c - 1 : slot;
-        w->node_at[into] = children[c];
-        for (uint32_t p = w->range[children[c]].begin; p < w->range[children[c]].end; p++)
-            w->slot_at[p] = into;
-    }
-    TETLOD_TRY(fill_arrivals(w, &record, node));
-    TETLOD_TRY(tetlodi_record_code(&w->codec, &record, w->error));
-    name_arrivals(w, &record);
-    TETLOD_TRY(tetlodi_state_split(&w->state, &record, w->error));
-    w->state.undo_count = 0; // the writer never goes back
+    uint32_t node = w->node_at[slot];
+    struct tetlodi_record record = {slot, order_children(w, node)};
+    int64_t(*codes)[4] = w->recorder.codes;
+    TETLOD_TRY(list_arrivals(w, node));
+    for (uint32_t c = 0; c < w->replay.column_count; c++)
+        for (size_t n = w->columns[c].components, k = 0; k < n; k++, codes++)
+            for (uint32_t i = 0; i < record.children; i++)
+                (*codes)[i] = w->codes[c][w->children[i] * n + k];
+    w->node_at[slot] = w->children[0];
+    TETLOD_TRY(tetlodi_record_code(&w->recorder, &record, w->error));
+    w->replay.label = 0; // the writer never goes back
+    w->replay.records = w->replay.all_records = w->replay.splits = w->replay.all_splits = 0;
     return TETLOD_OK;
 }
 
 static enum tetlod_status write_level(struct writer *w, uint32_t level)
 {
-    uint32_t records = 0, slot;
+    uint32_t slot, contractions = w->in->levels[level].contractions;
+    uint32_t vertices = w->in->vertices;
+    for (uint32_t c = 0; c < contractions; c++)
+        vertices -= child_count(children_of(w, w->in->vertices + c)) - 1;
     start_coders(w);
-    tetlodi_level_begin(&w->codec);
-    while (w->codec.walk < w->state.vertices)
-        if (tetlodi_walk_step(&w->codec, splits(w, w->codec.walk, w->in->levels[level].contractions), &slot)) {
+    tetlodi_level_begin(&w->recorder, vertices, w->in->tets);
+    while (w->replay.vertices < vertices)
+        if (tetlodi_level_step(&w->recorder, splits(w, w->recorder.walk, contractions), &slot))
             TETLOD_TRY(write_record(w, slot));
-            records++;
-        }
-    return store_level(w, level, records);
+    return store_level(w, level);
 }
 
 static enum tetlod_status write_levels(struct writer *w)
 {
-    TETLOD_TRY(tetlodi_state_reserve(&w->state, w->in->vertices, w->in->tets, w->error));
+    struct base base = {0};
     start_coders(w);
-    make_base(w);
-    TETLOD_TRY(tetlodi_base_code(&w->codec, w->state.vertices, w->state.tets, w->error));
-    TETLOD_TRY(tetlodi_state_begin(&w->state, w->state.vertices, w->state.tets, w->error));
-    TETLOD_TRY(store_level(w, 0, 0));
-    for (uint32_t level = 1; level < w->in->level_count; level++)
-        TETLOD_TRY(write_level(w, level));
-    if (w->state.tets != w->in->tets)
-        return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "%u tetrahedra list a vertex twice",
-                            w->in->tets - w->state.tets);
-    return TETLOD_OK;
+    enum tetlod_status status = code_base(w, &base);
+    free(base.corners);
+    free(base.roots);
+    free(base.tets);
+    free(base.vertex_order);
+    free(base.tet_order);
+    free(base.arrival);
+    if (status == TETLOD_OK)
+        status = store_level(w, 0);
+    for (uint32_t level = 1; level < w->in->level_count && status == TETLOD_OK; level++)
+        status = write_level(w, level);
+    return status;
 }
 
 /* ---- the file */
@@ -417,7 +531,7 @@ static void fill_info(struct writer *w)
     info->vertices = in->vertices;
     info->tets = in->tets;
     info->position_type = in->position_type;
-    info->lossless = 1;
+    info->lossless = in->position_bits == 0;
     info->degenerate_tets = in->degenerate_tets;
     info->inverted_tets = in->inverted_tets;
     info->unused_points = in->unused_points;
@@ -434,44 +548,39 @@ static void fill_info(struct writer *w)
         w->index.fields[f] = (struct tetlod_field){in->fields[f].name, in->fields[f].components, in->fields[f].type,
                                                    {in->fields[f].range[0], in->fields[f].range[1]},
                                                    in->fields[f].controlled};
+    for (uint32_t f = 0; f < in->field_count; f++)
+        info->lossless &= in->fields[f].bits == 0;
 }
 
 static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink *sink)
 {
-    struct tetlodi_buffer index = {0}, stored = {0};
+    struct tetlodi_buffer index = {0};
     struct tetlodi_header header = {0};
     uint8_t bytes[HEADER_SIZE];
     uint32_t frames = w->in->level_count * (w->in->field_count + 1);
     enum tetlod_status status = TETLOD_OK;
     tetlodi_index_encode(&w->index, &index);
-    stored.capacity = ZSTD_compressBound(index.size);
-    stored.bytes = malloc(stored.capacity);
-    if (index.failed || !stored.bytes)
+    if (index.failed)
         TETLOD_TRY_DONE(out_of_memory(w));
     if (index.size > MOST_INDEX)
         TETLOD_TRY_DONE(tetlodi_fail(w->error, TETLOD_ERR_LIMIT, "the index is too large; use a larger --growth"));
-    stored.size = ZSTD_compress2(w->zstd, stored.bytes, stored.capacity, index.bytes, index.size);
-    if (ZSTD_isError(stored.size))
-        TETLOD_TRY_DONE(tetlodi_fail(w->error, TETLOD_ERR_NOMEM, "zstd: %s", ZSTD_getErrorName(stored.size)));
-    header.stored = (uint32_t)stored.size;
-    header.raw = (uint32_t)index.size;
-    header.crc = tetlodi_crc32(stored.bytes, stored.size);
-    header.file_size = HEADER_SIZE + stored.size;
+    header.index_size = (uint32_t)index.size;
+    header.index_crc = tetlodi_crc32(index.bytes, index.size);
+    header.file_size = HEADER_SIZE + index.size;
     for (uint32_t i = 0; i < frames; i++)
         header.file_size += w->stored[i].size;
     tetlodi_header_encode(&header, bytes);
-    tetlodi_content_id(bytes, stored.bytes, stored.size, header.cid);
+    tetlodi_content_id(bytes, index.bytes, index.size, header.cid);
     tetlodi_header_encode(&header, bytes);
     status = sink->write(sink->opaque, bytes, HEADER_SIZE);
     if (status == TETLOD_OK)
-        status = sink->write(sink->opaque, stored.bytes, stored.size);
+        status = sink->write(sink->opaque, index.bytes, index.size);
     for (uint32_t i = 0; i < frames && status == TETLOD_OK; i++)
         status = sink->write(sink->opaque, w->stored[i].bytes, w->stored[i].size);
     if (status != TETLOD_OK)
         tetlodi_fail(w->error, status, "cannot write the stream");
 done:
     tetlodi_buffer_fini(&index);
-    tetlodi_buffer_fini(&stored);
     return status;
 }
 
@@ -491,16 +600,39 @@ static enum tetlod_status check_input(const struct writer *w)
     for (uint32_t f = 0; f < in->field_count && !wrong; f++)
         if (in->fields[f].components < 1 || in->fields[f].components > MOST_COMPONENTS || strlen(in->fields[f].name) > 4096)
             wrong = "a field has too many components or too long a name";
-    for (size_t c = 0; c < 4 * (size_t)in->tets && !wrong; c++)
-        if (in->corners[c] >= in->vertices)
-            wrong = "a tetrahedron's corner is out of range";
+    for (size_t t = 0; t < in->tets && !wrong; t++)
+        for (int c = 0; c < 4 && !wrong; c++) {
+            if (in->corners[4 * t + (size_t)c] >= in->vertices)
+                wrong = "a tetrahedron's corner is out of range";
+            for (int d = 0; d < c && !wrong; d++)
+                if (in->corners[4 * t + (size_t)c] == in->corners[4 * t + (size_t)d])
+                    wrong = "a tetrahedron lists a vertex twice";
+        }
     return wrong ? tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "the sequence cannot be written: %s", wrong) : TETLOD_OK;
+}
+
+static void set_columns(struct writer *w)
+{
+    const struct tetlodi_write_input *in = w->in;
+    w->columns[0].components = 3;
+    w->columns[0].scale.type = in->position_type;
+    w->columns[0].scale.bits = in->position_bits;
+    memcpy(w->columns[0].scale.origin, in->position_origin, sizeof in->position_origin);
+    memcpy(w->columns[0].scale.step, in->position_step, sizeof in->position_step);
+    for (uint32_t f = 0; f < in->field_count; f++) {
+        const struct tetlodi_write_field *field = &in->fields[f];
+        w->columns[1 + f].components = field->components;
+        w->columns[1 + f].scale = (struct tetlodi_scale){field->type, field->bits, {field->origin}, {field->step}};
+    }
+    for (uint32_t c = 0; c <= in->field_count; c++)
+        w->index.scales[c] = w->columns[c].scale;
 }
 
 static enum tetlod_status allocate(struct writer *w)
 {
     const struct tetlodi_write_input *in = w->in;
-    size_t parts = in->field_count + (size_t)1, row = 3;
+    size_t parts = in->field_count + (size_t)1;
+    w->memory.most = UINT64_MAX;
     w->nodes = in->vertices + in->contractions;
     w->parent = malloc(w->nodes * sizeof *w->parent);
     w->range = malloc(w->nodes * sizeof *w->range);
@@ -510,49 +642,41 @@ static enum tetlod_status allocate(struct writer *w)
     w->waiting = malloc(in->tets);
     w->node_at = malloc(in->vertices * sizeof *w->node_at);
     w->original_of = malloc(in->tets * sizeof *w->original_of);
-    w->components = calloc(parts, sizeof *w->components);
-    w->wide = calloc(parts, 1);
-    w->coded = calloc(parts, sizeof *w->coded);
+    w->columns = calloc(parts, sizeof *w->columns);
+    w->codes = calloc(parts, sizeof *w->codes);
     w->stored = calloc(parts * in->level_count, sizeof *w->stored);
     w->index.info.field_count = in->field_count;
     w->index.info.level_count = in->level_count;
-    w->zstd = ZSTD_createCCtx();
-    for (uint32_t f = 0; f < in->field_count; f++)
-        row += in->fields[f].components;
-    w->values = malloc(MOST_CHILDREN * row * sizeof *w->values);
+    w->index.slowest = MOST_SLOWEST;
     bool done = w->parent && w->range && w->position && w->slot_at && w->meeting_begin && w->waiting && w->node_at &&
-                w->original_of && w->components && w->wide && w->coded && w->stored && w->zstd && w->values &&
-                tetlodi_index_allocate(&w->index);
+                w->original_of && w->columns && w->codes && w->stored && tetlodi_index_allocate(&w->index);
     if (!done)
         return out_of_memory(w);
-    for (uint32_t f = 0; f < in->field_count; f++) {
-        w->components[f] = in->fields[f].components;
-        w->wide[f] = in->fields[f].type == TETLOD_FLOAT64;
-    }
-    bool set = !ZSTD_isError(ZSTD_CCtx_setParameter(w->zstd, ZSTD_c_compressionLevel, in->compression)) &&
-               !ZSTD_isError(ZSTD_CCtx_setParameter(w->zstd, ZSTD_c_checksumFlag, 1)) &&
-               !ZSTD_isError(ZSTD_CCtx_setParameter(w->zstd, ZSTD_c_windowLog, MOST_WINDOW_LOG));
-    if (!set)
-        return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "zstd has no compression level %d", in->compression);
-    TETLOD_TRY(tetlodi_state_init(&w->state, w->components, in->field_count, SIZE_MAX, w->error));
-    return tetlodi_codec_init(&w->codec, &w->state, in->position_type == TETLOD_FLOAT64, w->wide, w->error);
+    set_columns(w);
+    tetlodi_replay_init(&w->replay, &w->memory, w->columns, (uint32_t)parts);
+    TETLOD_TRY(tetlodi_recorder_init(&w->recorder, &w->replay, w->error));
+    w->recorder.plan = plan_split;
+    w->recorder.opaque = w;
+    return TETLOD_OK;
 }
 
 static void release(struct writer *w)
 {
     for (size_t i = 0; i < (w->in->field_count + (size_t)1) * w->in->level_count && w->stored; i++)
         tetlodi_buffer_fini(&w->stored[i]);
-    for (size_t part = 0; part <= w->in->field_count && w->coded; part++)
-        tetlodi_buffer_fini(&w->coded[part]);
-    void *const owned[] = {w->parent,   w->range,      w->position,    w->slot_at, w->meeting_begin, w->meeting,
-                           w->waiting,  w->node_at,    w->original_of, w->arrived, w->arrived_corners, w->components,
-                           w->wide,     w->values,     w->coded,       w->stored};
+    for (size_t c = 0; c <= w->in->field_count && w->codes; c++)
+        free(w->codes[c]);
+    for (size_t c = 0; c <= w->in->field_count && w->recorder.coders; c++)
+        TETLODI_FREE(&w->memory, w->recorder.coders[c].bytes, w->recorder.coders[c].capacity);
+    tetlodi_recorder_fini(&w->recorder);
+    if (w->replay.memory)
+        tetlodi_replay_fini(&w->replay);
+    void *const owned[] = {w->parent,  w->range,   w->position,    w->slot_at, w->meeting_begin, w->meeting,
+                           w->waiting, w->node_at, w->original_of, w->arrived, w->columns,       w->codes,
+                           w->stored};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
-    tetlodi_codec_fini(&w->codec);
-    tetlodi_state_fini(&w->state);
     tetlodi_index_fini(&w->index);
-    ZSTD_freeCCtx(w->zstd);
 }
 
 enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const struct tetlodi_sink *sink,
@@ -564,6 +688,7 @@ enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const 
     TETLOD_TRY_DONE(allocate(&w));
     TETLOD_TRY_DONE(link_parents(&w));
     number_leaves(&w);
+    TETLOD_TRY_DONE(encode_columns(&w));
     TETLOD_TRY_DONE(list_meetings(&w));
     TETLOD_TRY_DONE(write_levels(&w));
     fill_info(&w);

@@ -20,6 +20,8 @@ struct tetlodi_write_field {
     double range[2];
     const double *values;      /* [components * vertices], the original's */
     const double *node_values; /* [components * contractions], of the nodes that contractions made */
+    unsigned bits;             /* 0: bit for bit. Else every value is (type)(origin + step * k) for a k of so many bits */
+    double origin, step;
 };
 
 struct tetlodi_write_level {
@@ -32,6 +34,8 @@ struct tetlodi_write_level {
 struct tetlodi_write_input {
     uint32_t vertices, tets, contractions;
     enum tetlod_type position_type;
+    unsigned position_bits; /* as a field's, with an origin and a step for each axis */
+    double position_origin[3], position_step[3];
     const double *positions;      /* [3 * vertices] */
     const uint32_t *corners;      /* [4 * tets] */
     const uint32_t *children;     /* [4 * contractions] node ids, unused ones TETLOD_NONE, last */
@@ -41,7 +45,7 @@ struct tetlodi_write_input {
     const struct tetlodi_write_level *levels; /* coarse to fine: levels[0] is the base mesh */
     uint64_t degenerate_tets, inverted_tets, unused_points;
     const char *metadata; /* a JSON object, NUL-terminated */
-    int compression;      /* zstd level 1..22 */
+    int compression;      /* effort, 1..22 */
 };
 
 /* Takes the next `size` bytes of the stream, in order. */

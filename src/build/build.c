@@ -175,11 +175,12 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
         return tetlodi_fail_nomem(build->error, "the fields", mesh->field_count * sizeof *fields);
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         const struct point_field *field = &mesh->fields[f];
-        fields[f] = (struct tetlodi_write_field){
-            field->name,   field->components,
-            field->type,   is_controlled(build, f),
-            {0, 0},        field->values,
-            build->sequence.fields.fields[f].node_values};
+        fields[f] = (struct tetlodi_write_field){.name = field->name,
+                                                 .components = field->components,
+                                                 .type = field->type,
+                                                 .controlled = is_controlled(build, f),
+                                                 .values = field->values,
+                                                 .node_values = build->sequence.fields.fields[f].node_values};
         point_field_range(field, mesh->vertex_count, fields[f].range);
     }
     struct tetlodi_write_input input = {.vertices = mesh->vertex_count,

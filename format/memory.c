@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "format/memory.h"
+
+#include <stdlib.h>
+
+#include "format/fail.h"
+
+void *tetlodi_grow(struct tetlodi_memory *memory, void *array, size_t *capacity, size_t needed, size_t element_size)
+{
+    size_t room = *capacity + *capacity / 2 + 16;
+    if (room < needed)
+        room = needed;
+    if (room > SIZE_MAX / element_size)
+        return NULL;
+    uint64_t more = (uint64_t)(room - *capacity) * element_size;
+    if (more > memory->most - memory->used)
+        return NULL;
+    void *grown = realloc(array, room * element_size);
+    if (!grown)
+        return NULL;
+    memory->used += more;
+    *capacity = room;
+    return grown;
+}
+
+void tetlodi_release(struct tetlodi_memory *memory, void *array, size_t capacity, size_t element_size)
+{
+    free(array);
+    memory->used -= (uint64_t)capacity * element_size;
+}
+
+enum tetlod_status tetlodi_no_room(const struct tetlodi_memory *memory, struct tetlod_error *error)
+{
+    if (memory->used > memory->most / 2)
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the stream needs more than the %llu bytes of memory allowed",
+                            (unsigned long long)memory->most);
+    return tetlodi_fail(error, TETLOD_ERR_NOMEM, "out of memory while decoding (%llu bytes in use)",
+                        (unsigned long long)memory->used);
+}

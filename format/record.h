@@ -1,0 +1,80 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The coding of records (SPEC 7 and 8), both ways: a record of the encoder is coded and applied, a decoder's is read and
+ * applied. Not installed.
+ */
+#ifndef TETLOD_RECORD_H
+#define TETLOD_RECORD_H
+
+#include "format/coder.h"
+#include "format/replay.h"
+
+enum { LABEL_CONTEXTS = 2 * 4 * 8 * 10 };
+
+/* What the geometry frames of all levels learn together. */
+struct tetlodi_geometry_models {
+    struct tetlodi_bit splits[8][16], arity[4], placement[4], label[LABEL_CONTEXTS], irregular, boundary[16], made[2], flip;
+    struct tetlodi_bit seed, across[2], fresh, known[64];
+    struct tetlodi_number extra, vertex, position[2][3], corner[3];
+};
+
+struct tetlodi_field_models {
+    struct tetlodi_number child[2], corner;
+};
+
+/* An edge (x, y) of the link of the vertex that splits; its faces are (vertex, x, y). */
+struct tetlodi_link_edge {
+    uint32_t x, y, tet; /* tet: the first of the star that has it, by place in the star */
+    uint32_t count;
+    uint8_t opposite;   /* which of that tetrahedron's other corners is not x or y */
+    uint8_t seen;       /* labels of its tetrahedra: 1 stays, 2 goes */
+    uint8_t made, flip; /* a tetrahedron comes back between them; not in the orientation that they imply */
+};
+
+/* The star of a vertex laid out to be split. */
+struct tetlodi_star_view {
+    uint32_t vertex, size, edge_count, extra_count, link_count;
+    uint32_t *tets, (*others)[3], (*edges)[3], *link, *mark, (*extras)[2], *table_edge;
+    uint64_t *table_key;
+    uint8_t *place, *labels; /* which corner the vertex is; 1: goes with the child */
+    struct tetlodi_link_edge *edge;
+    uint32_t serial, *table_serial;
+    size_t tets_capacity, others_capacity, edges_capacity, link_capacity, mark_capacity, extras_capacity,
+        table_edge_capacity, table_key_capacity, place_capacity, labels_capacity, edge_capacity, table_serial_capacity;
+};
+
+struct tetlodi_record {
+    uint32_t vertex, children; /* 2 to 4; the first child takes the vertex's place */
+};
+
+struct tetlodi_recorder {
+    struct tetlodi_replay *replay;  /* borrowed */
+    struct tetlodi_coder *coders;   /* [column] geometry, then the fields */
+    struct tetlodi_geometry_models *models;
+    struct tetlodi_field_models *field_models;
+    struct tetlodi_star_view star;
+    int64_t (*codes)[4];                /* [components of all columns][child] of the record: an encoder sets them */
+    uint32_t most_vertices, most_tets;  /* what the level may have */
+    uint32_t walk, level_start;         /* the walk's vertex; vertices at its begin */
+    /* The encoder's answers, once the star is laid out: its labels, its edges' made and flip, its extras. `child` is
+     * 1 to 3. NULL in a decoder. 0 if out of memory. */
+    int (*plan)(void *opaque, struct tetlodi_star_view *star, unsigned child);
+    void *opaque;
+};
+
+/* Models as they are before the base mesh. The coders are started by the caller, each level. */
+TETLOD_CHECKED enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, struct tetlodi_replay *replay,
+                                                        struct tetlod_error *error);
+void tetlodi_recorder_fini(struct tetlodi_recorder *recorder);
+
+/* The walk of a level that is to have so many vertices and tetrahedra (SPEC 7.1). It ends when they are there. */
+void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, uint32_t tets);
+
+/* Does the vertex at the walk split? An encoder says so. A vertex that does not is passed. */
+int tetlodi_level_step(struct tetlodi_recorder *recorder, int split, uint32_t *out_vertex);
+
+/* Codes one record, logs it and applies it. On failure the mesh is as it was. */
+TETLOD_CHECKED enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct tetlodi_record *record,
+                                                      struct tetlod_error *error);
+
+#endif

@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The star of a vertex laid out for its split: link vertices, link edges, and which tetrahedra share them. Not installed. */
+#ifndef TETLOD_STAR_VIEW_H
+#define TETLOD_STAR_VIEW_H
+
+#include "format/record.h"
+
+/* 0 if out of memory. */
+int tetlodi_star_lay_out(struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t vertex);
+void tetlodi_star_fini(struct tetlodi_star_view *view, struct tetlodi_memory *memory);
+
+/* The corners of the tetrahedron that comes back at edge e between the split vertex and child (SPEC 7.4). */
+void tetlodi_star_between(const struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t e,
+                          uint32_t child, uint32_t corners[4]);
+
+#endif
