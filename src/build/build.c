@@ -68,6 +68,7 @@ static enum tetlod_status contract(struct build *build)
         .boundary_angle = options->boundary_angle,
         .boundary_limit = BOUNDARY_KEPT * mesh_diagonal(build->mesh),
         .growth = options->growth,
+        .threads = options->threads,
         .progress = options->progress ? contract_progress : NULL,
         .progress_opaque = build,
     };

@@ -80,7 +80,7 @@ enum { STAR_REMOVED = 4 };
 void star_fini(struct star *star);
 
 /* Gathers the star of a simplex of two to four distinct living vertices. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status star_gather(struct star *star, struct complex *complex, const uint32_t *simplex,
+TETLOD_CHECKED enum tetlod_status star_gather(struct star *star, const struct complex *complex, const uint32_t *simplex,
                                               uint32_t simplex_count, struct tetlod_error *error);
 
 /* Would every re-attached tetrahedron be well oriented and not degenerate with the moving corner at p? Exact up to the

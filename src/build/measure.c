@@ -199,8 +199,9 @@ static void compare_sample(const struct comparison *c, size_t sample, uint32_t *
     }
 }
 
-static void compare_samples(void *context, size_t begin, size_t end)
+static void compare_samples(void *context, unsigned worker, size_t begin, size_t end)
 {
+    (void)worker;
     uint32_t near = 0;
     for (size_t sample = begin; sample < end; sample++)
         compare_sample(context, sample, &near);
@@ -227,8 +228,9 @@ static void summarise(const struct measure *measure, struct measured *out)
 
 /* ---- domain error */
 
-static void measure_distances(void *context, size_t begin, size_t end)
+static void measure_distances(void *context, unsigned worker, size_t begin, size_t end)
 {
+    (void)worker;
     const struct comparison *c = context;
     struct place place;
     for (size_t i = begin; i < end; i++)

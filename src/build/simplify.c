@@ -8,6 +8,7 @@
 #include "src/build/queue.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
+#include "src/util/parallel.h"
 
 /* Positions on an edge a-b, as the weight of b. The midpoint is last among the first three: ends are cheaper to code. */
 static const double edge_candidates[5] = {0, 1, 0.5, 0.2, 0.8};
@@ -19,14 +20,22 @@ static const double HORIZON = 2;
  * round limits are common in regular meshes. */
 static const double ROUNDING = 1e-9;
 
+/* What evaluating an edge needs: one a thread. */
+struct judge {
+    struct star star;
+    struct metric_scratch scratch;
+    struct tetlod_error error;
+    enum tetlod_status status;
+};
+
 struct run {
     const struct simplify_options *options;
     struct simplification *out;
     struct complex *complex;
     struct fields *fields;
     struct boundary boundary;
-    struct star star;
-    struct metric_scratch scratch;
+    struct judge *judges; /* [judge_count]; the first is the one that contracts */
+    unsigned judge_count;
     struct queue queue, waiting;
     double limit;               /* of the current rung */
     double *certified, *predicted; /* [driver_count] running maxima */
@@ -65,27 +74,27 @@ static void remember_witnesses(struct queue_entry *entry, const struct trial *tr
     entry->witness[entry->witness_count++] = trial->witness[1];
 }
 
-/* The best candidate of the gathered star: its error in *out_error (INFINITY: none is possible; above the limit: a lower
+/* The best candidate of the judge's star: its error in *out_error (INFINITY: none is possible; above the limit: a lower
  * bound), its key in entry->value. */
-static void best_candidate(struct run *run, struct queue_entry *entry, double *out_error)
+static void best_candidate(const struct run *run, struct judge *judge, struct queue_entry *entry, double *out_error)
 {
     struct trial trials[MOST_CANDIDATES];
     uint32_t count = run->options->candidates;
     double best = INFINITY;
     for (uint32_t c = 0; c < count; c++) {
         double weights[4];
-        candidate_position(run, &run->star, c, weights, trials[c].position);
-        trials[c].possible = boundary_allows(&run->boundary, run->complex, &run->star, weights, trials[c].position);
+        candidate_position(run, &judge->star, c, weights, trials[c].position);
+        trials[c].possible = boundary_allows(&run->boundary, run->complex, &judge->star, weights, trials[c].position);
     }
-    metric_try(run->options->metric, &run->scratch, run->fields, run->complex, &run->star, HORIZON * run->limit, trials,
-               count);
+    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, HORIZON * run->limit,
+               trials, count);
     *out_error = INFINITY;
     for (uint32_t c = 0; c < count; c++) {
         remember_witnesses(entry, &trials[c]);
         if (!trials[c].possible)
             continue;
         *out_error = smaller(*out_error, trials[c].error);
-        double key = metric_key(run->options->metric, trials[c].error, run->star.removed_count);
+        double key = metric_key(run->options->metric, trials[c].error, judge->star.removed_count);
         if (trials[c].error <= run->limit && key < best) {
             best = key;
             entry->candidate = c;
@@ -99,24 +108,41 @@ static bool contractible(const struct complex *complex, uint32_t a, uint32_t b)
     return !((complex->flags[a] | complex->flags[b]) & VERTEX_FROZEN);
 }
 
-/* Gathers and evaluates an edge and files it: into the queue, or with those that wait for a higher rung. */
-static enum tetlod_status evaluate(struct run *run, uint32_t a, uint32_t b)
+/* Evaluates an edge as it is now. *out_allowed: the limit allows it, and entry->value is its key; else it is a lower bound
+ * of its error. Changes nothing but the judge. */
+static enum tetlod_status evaluate(const struct run *run, struct judge *judge, struct queue_entry *entry,
+                                   bool *out_allowed)
 {
-    struct queue_entry entry = {0, a < b ? a : b, a < b ? b : a, run->complex->contraction_count, 0, 0, {0}};
-    uint32_t simplex[2] = {entry.a, entry.b};
+    uint32_t simplex[2] = {entry->a, entry->b};
     double error;
+    entry->stamp = run->complex->contraction_count;
+    entry->witness_count = 0;
+    TETLOD_TRY(star_gather(&judge->star, run->complex, simplex, 2, &judge->error));
+    best_candidate(run, judge, entry, &error);
+    *out_allowed = error <= run->limit;
+    entry->value = *out_allowed ? entry->value : error;
+    return TETLOD_OK;
+}
+
+/* Into the queue, or with those that wait for a higher rung. */
+static enum tetlod_status file(struct run *run, const struct queue_entry *entry, bool allowed)
+{
+    if (allowed ? queue_push(&run->queue, entry) : queue_append(&run->waiting, entry))
+        return TETLOD_OK;
+    return tetlodi_fail_nomem(run->error, "the queue", run->queue.capacity * sizeof *entry);
+}
+
+static enum tetlod_status evaluate_and_file(struct run *run, uint32_t a, uint32_t b)
+{
+    struct queue_entry entry = {.a = a < b ? a : b, .b = a < b ? b : a};
+    bool allowed;
     if (!contractible(run->complex, a, b))
         return TETLOD_OK;
-    TETLOD_TRY(star_gather(&run->star, run->complex, simplex, 2, run->error));
-    best_candidate(run, &entry, &error);
-    bool filed;
-    if (error <= run->limit)
-        filed = queue_push(&run->queue, &entry);
-    else {
-        entry.value = error;
-        filed = queue_append(&run->waiting, &entry);
+    if (evaluate(run, run->judges, &entry, &allowed) != TETLOD_OK) {
+        *run->error = run->judges->error;
+        return run->judges->error.status;
     }
-    return filed ? TETLOD_OK : tetlodi_fail_nomem(run->error, "the queue", run->queue.capacity * sizeof entry);
+    return file(run, &entry, allowed);
 }
 
 /* An entry is obsolete when an end is gone or was made anew since (its edges were filed again then). */
@@ -142,13 +168,25 @@ static bool may_have_eased(const struct complex *complex, const struct queue_ent
     return eased;
 }
 
-static enum tetlod_status evaluate_edges_of(struct run *run, uint32_t v, bool only_greater)
+static enum tetlod_status evaluate_edges_of(struct run *run, uint32_t v)
 {
     size_t count = 0;
     TETLOD_TRY(complex_link_vertices(run->complex, v, &run->link, &run->link_capacity, &count, run->error));
     for (size_t i = 0; i < count; i++)
-        if (!only_greater || run->link[i] > v)
-            TETLOD_TRY(evaluate(run, v, run->link[i]));
+        TETLOD_TRY(evaluate_and_file(run, v, run->link[i]));
+    return TETLOD_OK;
+}
+
+/* All edges wait at first, to be looked at on the first rung. */
+static enum tetlod_status list_edges(struct run *run)
+{
+    for (uint32_t v = 0; v < run->complex->vertex_count; v++) {
+        size_t count = 0;
+        TETLOD_TRY(complex_link_vertices(run->complex, v, &run->link, &run->link_capacity, &count, run->error));
+        for (size_t i = 0; i < count; i++)
+            if (run->link[i] > v && contractible(run->complex, v, run->link[i]))
+                TETLOD_TRY(file(run, &(struct queue_entry){.a = v, .b = run->link[i]}, false));
+    }
     return TETLOD_OK;
 }
 
@@ -157,9 +195,7 @@ static enum tetlod_status refuse(struct run *run, struct queue_entry entry, doub
 {
     entry.value = error;
     entry.witness_count = QUEUE_WITNESSES + 1;
-    if (!queue_append(&run->waiting, &entry))
-        return tetlodi_fail_nomem(run->error, "the queue", run->waiting.capacity * sizeof entry);
-    return TETLOD_OK;
+    return file(run, &entry, false);
 }
 
 /* The limit as a driver's own error, for errors that are above it by rounding only; else no limit. */
@@ -174,23 +210,24 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     uint32_t simplex[2] = {entry->a, entry->b}, v = entry->a;
     double weights[4], p[3];
     bool holds;
-    TETLOD_TRY(star_gather(&run->star, run->complex, simplex, 2, run->error));
-    candidate_position(run, &run->star, entry->candidate, weights, p);
-    double moved = boundary_moves(&run->boundary, run->complex, &run->star, p);
-    if (!(moved <= run->boundary.limit) || !star_fits(&run->star, run->complex, p))
+    struct star *star = &run->judges->star;
+    TETLOD_TRY(star_gather(star, run->complex, simplex, 2, run->error));
+    candidate_position(run, star, entry->candidate, weights, p);
+    double moved = boundary_moves(&run->boundary, run->complex, star, p);
+    if (!(moved <= run->boundary.limit) || !star_fits(star, run->complex, p))
         return refuse(run, *entry, INFINITY);
-    TETLOD_TRY(star_link_condition(&run->star, run->complex, &holds, run->error));
+    TETLOD_TRY(star_link_condition(star, run->complex, &holds, run->error));
     if (!holds)
         return refuse(run, *entry, INFINITY);
     struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
-    metric_try(run->options->metric, &run->scratch, run->fields, run->complex, &run->star, INFINITY, &trial, 1);
-    metric_assigned(run->options->metric, &run->scratch, run->fields, 0, run->assigned);
-    fields_outcome(run->fields, run->complex, &run->star, p, run->assigned, run->outcome);
+    metric_try(run->options->metric, &run->judges->scratch, run->fields, run->complex, star, INFINITY, &trial, 1);
+    metric_assigned(run->options->metric, &run->judges->scratch, run->fields, 0, run->assigned);
+    fields_outcome(run->fields, run->complex, star, p, run->assigned, run->outcome);
     double certified = outcome_error(run->fields, run->outcome);
     if (run->options->metric == METRIC_ENVELOPE && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
         return refuse(run, *entry, certified);
-    fields_contract(run->fields, run->complex, &run->star, p, run->outcome);
-    TETLOD_TRY(complex_contract(run->complex, &run->star, p, run->error));
+    fields_contract(run->fields, run->complex, star, p, run->outcome);
+    TETLOD_TRY(complex_contract(run->complex, star, p, run->error));
     boundary_update(&run->boundary, run->complex, v, moved);
     for (uint32_t d = 0; d < run->fields->driver_count; d++) {
         const struct driver *driver = &run->fields->drivers[d];
@@ -199,7 +236,7 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
         run->certified[d] = larger(run->certified[d], certain);
         run->predicted[d] = fmax(run->predicted[d], driver->predicted[v] * driver->scale);
     }
-    return evaluate_edges_of(run, v, false);
+    return evaluate_edges_of(run, v);
 }
 
 /* ---- marks and rungs */
@@ -259,7 +296,7 @@ static enum tetlod_status climb(struct run *run)
         if (obsolete(run->complex, &entry))
             continue;
         if (stale(run->complex, &entry)) {
-            TETLOD_TRY(evaluate(run, entry.a, entry.b));
+            TETLOD_TRY(evaluate_and_file(run, entry.a, entry.b));
             continue;
         }
         TETLOD_TRY(contract(run, &entry));
@@ -270,22 +307,51 @@ static enum tetlod_status climb(struct run *run)
     return TETLOD_OK;
 }
 
-/* Looks again at what waits: entries that the new limit may allow, and those whose star has changed. */
+enum verdict { STAYS, LOOK, ALLOWED };
+
+struct rescan {
+    struct run *run;
+    struct queue_entry *entries;
+    uint8_t *verdicts; /* enum verdict */
+};
+
+static void rescan_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    const struct rescan *rescan = context;
+    struct judge *judge = &rescan->run->judges[worker];
+    for (size_t i = begin; i < end && judge->status == TETLOD_OK; i++) {
+        bool allowed = false;
+        if (rescan->verdicts[i] == LOOK)
+            judge->status = evaluate(rescan->run, judge, &rescan->entries[i], &allowed);
+        rescan->verdicts[i] = allowed ? ALLOWED : STAYS;
+    }
+}
+
+/* Looks again at what waits: entries that the new limit may allow, and those whose bound may have changed. All of them as
+ * things are now, so that the threads do not matter. */
 static enum tetlod_status rescan(struct run *run, bool *out_any)
 {
     struct queue waiting = run->waiting;
+    struct rescan rescan = {run, waiting.entries, array_new(waiting.count, 1)};
     enum tetlod_status status = TETLOD_OK;
-    run->waiting = (struct queue){0};
-    for (size_t i = 0; i < waiting.count && status == TETLOD_OK; i++) {
-        const struct queue_entry *entry = &waiting.entries[i];
+    size_t kept = 0;
+    if (!rescan.verdicts)
+        return tetlodi_fail_nomem(run->error, "the queue", waiting.count);
+    for (size_t i = 0; i < waiting.count; i++) {
+        struct queue_entry *entry = &waiting.entries[i];
         if (obsolete(run->complex, entry))
             continue;
-        if (entry->value <= run->limit || may_have_eased(run->complex, entry))
-            status = evaluate(run, entry->a, entry->b);
-        else if (!queue_append(&run->waiting, entry))
-            status = tetlodi_fail_nomem(run->error, "the queue", waiting.count * sizeof *entry);
+        rescan.verdicts[kept] = entry->value <= run->limit || may_have_eased(run->complex, entry) ? LOOK : STAYS;
+        waiting.entries[kept++] = *entry;
     }
-    queue_fini(&waiting);
+    parallel_for(run->judge_count, kept, 512, rescan_range, &rescan);
+    for (unsigned j = 0; j < run->judge_count && status == TETLOD_OK; j++)
+        if ((status = run->judges[j].status) != TETLOD_OK)
+            *run->error = run->judges[j].error;
+    run->waiting.count = 0; // what still waits is put back over what has been read
+    for (size_t i = 0; i < kept && status == TETLOD_OK; i++)
+        status = file(run, &waiting.entries[i], rescan.verdicts[i] == ALLOWED);
+    free(rescan.verdicts);
     *out_any = run->queue.count > 0;
     return status;
 }
@@ -330,9 +396,7 @@ static enum tetlod_status run_ladder(struct run *run)
     bool named = true;
     double limit = fmin(1e-6, run->options->max_error);
     TETLOD_TRY(mark(run));
-    run->limit = limit;
-    for (uint32_t v = 0; v < run->complex->vertex_count; v++)
-        TETLOD_TRY(evaluate_edges_of(run, v, true));
+    TETLOD_TRY(list_edges(run));
     for (;;) {
         TETLOD_TRY(rung(run, limit));
         double shrunk = shrunk_since_mark(run);
@@ -345,6 +409,27 @@ static enum tetlod_status run_ladder(struct run *run)
     return mark(run);
 }
 
+static enum tetlod_status make_judges(struct run *run)
+{
+    unsigned threads = run->options->threads ? run->options->threads : 1;
+    run->judge_count = threads < PARALLEL_MOST_THREADS ? threads : PARALLEL_MOST_THREADS;
+    run->judges = array_zero(run->judge_count, sizeof *run->judges);
+    if (!run->judges)
+        return tetlodi_fail_nomem(run->error, "the threads", run->judge_count * sizeof *run->judges);
+    for (unsigned j = 0; j < run->judge_count; j++)
+        TETLOD_TRY(metric_init(&run->judges[j].scratch, run->fields, run->error));
+    return TETLOD_OK;
+}
+
+static void free_judges(struct run *run)
+{
+    for (unsigned j = 0; j < run->judge_count && run->judges; j++) {
+        star_fini(&run->judges[j].star);
+        metric_fini(&run->judges[j].scratch);
+    }
+    free(run->judges);
+}
+
 enum tetlod_status simplify(struct simplification *out, const struct tetmesh *mesh, const uint32_t *controlled,
                             uint32_t controlled_count, const double *limits, const struct simplify_options *options,
                             struct tetlod_error *error)
@@ -355,7 +440,7 @@ enum tetlod_status simplify(struct simplification *out, const struct tetmesh *me
     TETLOD_TRY_DONE(complex_init(&out->complex, mesh, error));
     TETLOD_TRY_DONE(fields_init(&out->fields, mesh, controlled, controlled_count, limits, error));
     TETLOD_TRY_DONE(boundary_init(&run.boundary, &out->complex, options->boundary_angle, options->boundary_limit, error));
-    TETLOD_TRY_DONE(metric_init(&run.scratch, &out->fields, error));
+    TETLOD_TRY_DONE(make_judges(&run));
     run.certified = array_zero(3 * (size_t)out->fields.driver_count, sizeof(double));
     run.outcome = array_new(out->fields.driver_count, sizeof *run.outcome);
     if (!run.certified || !run.outcome)
@@ -365,8 +450,7 @@ enum tetlod_status simplify(struct simplification *out, const struct tetmesh *me
     status = run_ladder(&run);
 done:
     boundary_fini(&run.boundary);
-    star_fini(&run.star);
-    metric_fini(&run.scratch);
+    free_judges(&run);
     queue_fini(&run.queue);
     queue_fini(&run.waiting);
     free(run.certified);

@@ -18,6 +18,7 @@ struct simplify_options {
     double boundary_angle; /* degrees */
     double boundary_limit; /* units of length */
     double growth;         /* vertices of a level / vertices of the one below */
+    unsigned threads;      /* of the rescans; the result does not depend on it */
     bool (*progress)(void *opaque, double done); /* 0..1; false cancels; may be NULL */
     void *progress_opaque;
 };

@@ -32,7 +32,16 @@ static bool reserve(struct star *star, size_t count)
     return true;
 }
 
-enum tetlod_status star_gather(struct star *star, struct complex *complex, const uint32_t *simplex,
+/* Bit c is set where corner c is the vertex; and the number of the one bit that is set. */
+static inline unsigned corners_at(const uint32_t corners[4], uint32_t vertex)
+{
+    return (unsigned)(corners[0] == vertex) | (unsigned)(corners[1] == vertex) << 1 |
+           (unsigned)(corners[2] == vertex) << 2 | (unsigned)(corners[3] == vertex) << 3;
+}
+
+static const uint8_t corner_number[16] = {0, 0, 1, 0, 2, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0};
+
+enum tetlod_status star_gather(struct star *star, const struct complex *complex, const uint32_t *simplex,
                                uint32_t simplex_count, struct tetlod_error *error)
 {
     size_t most = 0;
@@ -49,20 +58,17 @@ enum tetlod_status star_gather(struct star *star, struct complex *complex, const
         for (uint32_t i = 0; i < count; i++) {
             __builtin_prefetch(complex->corners + 4 * (size_t)tets[i + 6 < count ? i + 6 : i]);
             const uint32_t *corners = complex->corners + 4 * (size_t)tets[i];
-            uint8_t moving = STAR_REMOVED, inside = 0;
-            bool seen = false; // it came with an earlier vertex of the simplex
-            for (uint8_t c = 0; c < 4; c++)
-                for (uint32_t r = 0; r < simplex_count; r++)
-                    if (corners[c] == simplex[r]) {
-                        inside++;
-                        moving = c;
-                        seen |= r < s;
-                    }
-            if (seen)
+            unsigned own = corners_at(corners, simplex[s]), others = 0, earlier = 0;
+            for (uint32_t r = 0; r < simplex_count; r++) {
+                unsigned at = r == s ? 0 : corners_at(corners, simplex[r]);
+                others |= at;
+                earlier |= r < s ? at : 0;
+            }
+            if (earlier) // it came with an earlier vertex of the simplex
                 continue;
             star->tets[star->tet_count] = tets[i];
-            star->moving[star->tet_count++] = inside > 1 ? STAR_REMOVED : moving;
-            star->removed_count += inside > 1;
+            star->moving[star->tet_count++] = others ? STAR_REMOVED : corner_number[own];
+            star->removed_count += others != 0;
         }
     }
     return TETLOD_OK;

@@ -6,13 +6,12 @@
 #include <sched.h>
 #include <stdatomic.h>
 
-enum { MOST_THREADS = 64 };
-
 struct job {
-    void (*body)(void *context, size_t begin, size_t end);
+    void (*body)(void *context, unsigned worker, size_t begin, size_t end);
     void *context;
     size_t count, chunk;
     atomic_size_t next;
+    atomic_uint workers;
 };
 
 unsigned parallel_cores(void)
@@ -25,22 +24,24 @@ unsigned parallel_cores(void)
 static void *run(void *argument)
 {
     struct job *job = argument;
+    unsigned worker = atomic_fetch_add(&job->workers, 1);
     for (;;) {
         size_t begin = atomic_fetch_add(&job->next, job->chunk);
         if (begin >= job->count)
             return NULL;
         size_t left = job->count - begin;
-        job->body(job->context, begin, begin + (left < job->chunk ? left : job->chunk));
+        job->body(job->context, worker, begin, begin + (left < job->chunk ? left : job->chunk));
     }
 }
 
-void parallel_for(unsigned threads, size_t count, size_t chunk, void (*body)(void *context, size_t begin, size_t end),
-                  void *context)
+void parallel_for(unsigned threads, size_t count, size_t chunk,
+                  void (*body)(void *context, unsigned worker, size_t begin, size_t end), void *context)
 {
-    struct job job = {body, context, count, chunk ? chunk : 1, 0};
-    pthread_t others[MOST_THREADS];
-    unsigned started = 0, wanted = threads > MOST_THREADS ? MOST_THREADS : threads;
-    while (started + 1 < wanted && pthread_create(&others[started], NULL, run, &job) == 0)
+    struct job job = {body, context, count, chunk ? chunk : 1, 0, 0};
+    pthread_t others[PARALLEL_MOST_THREADS];
+    unsigned started = 0, wanted = threads > PARALLEL_MOST_THREADS ? PARALLEL_MOST_THREADS : threads;
+    while (started + 1 < wanted && job.chunk * (started + 1) < count &&
+           pthread_create(&others[started], NULL, run, &job) == 0)
         started++;
     run(&job);
     while (started)

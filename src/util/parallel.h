@@ -8,9 +8,12 @@
 /* Cores that this process may use, at least 1. */
 unsigned parallel_cores(void);
 
-/* Calls body(context, begin, end) until chunks of at most `chunk` have covered 0 .. count, on `threads` threads (the
- * caller's included). A thread that cannot be started is done without. */
-void parallel_for(unsigned threads, size_t count, size_t chunk, void (*body)(void *context, size_t begin, size_t end),
-                  void *context);
+enum { PARALLEL_MOST_THREADS = 64 };
+
+/* Calls body(context, worker, begin, end) until chunks of at most `chunk` have covered 0 .. count, on `threads` threads (the
+ * caller's included). `worker` is the thread's number below min(threads, PARALLEL_MOST_THREADS), for scratch of its own.
+ * A thread that cannot be started is done without. */
+void parallel_for(unsigned threads, size_t count, size_t chunk,
+                  void (*body)(void *context, unsigned worker, size_t begin, size_t end), void *context);
 
 #endif
