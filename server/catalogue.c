@@ -171,7 +171,8 @@ static enum tetlod_status take_folder(struct scan *scan, const char *path, int f
         }
         count++;
     }
-    qsort(names, count, sizeof *names, by_name); // which of two same ids is served must not depend on the folder's order
+    if (count)
+        qsort(names, count, sizeof *names, by_name); // which of two same ids is served must not depend on the folder's order
     for (size_t i = 0; i < count; i++) {
         int file = openat(fd, names[i], O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
         if (file >= 0) {

@@ -41,7 +41,7 @@ enum { MOST_ADDRESSES = 15, FIRST_HANDED_OVER = 3 };
 struct settings {
     struct server_options server;
     const char *addresses[MOST_ADDRESSES];
-    char handed_over[MOST_ADDRESSES][16];
+    char handed_over[MOST_ADDRESSES][24];
     bool access_log;
 };
 
