@@ -112,7 +112,7 @@ static enum tetlod_status take_file(struct scan *scan, const char *path, int fd,
     struct tetlod_error inner = {0};
     enum tetlod_status status = TETLOD_OK;
     stream_id(path, entry.id, sizeof entry.id);
-    if (!entry.id[0] || !identity_of(fd, &entry.identity)) {
+    if (!entry.id[0] || strcmp(entry.id, ".") == 0 || strcmp(entry.id, "..") == 0 || !identity_of(fd, &entry.identity)) {
         close(fd);
         return tetlodi_fail(error, TETLOD_ERR_IO, "%s: is not a regular file", path);
     }

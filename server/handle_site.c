@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "server/describe.h"
 #include "server/site.h"
 #include "src/report/info_json.h"
 #include "src/util/array.h"
@@ -120,46 +121,11 @@ static void free_info_context(void *opaque)
     free(context);
 }
 
-/* Paths of what belongs to a stream; those with {} are templates (RFC 6570). */
-static json_t *links_of(const struct dataset *dataset)
-{
-    char id[3 * ID_CAPACITY];
-    const char *cid = dataset_info(dataset)->cid;
-    if (!percent_encode(dataset_id(dataset), id, sizeof id))
-        return NULL;
-    json_t *links = json_object();
-    static const struct {
-        const char *name, *tail;
-        bool content; /* under the content id */
-    } all[] = {
-        {"self", "", false},
-        {"mesh", "/mesh{?error,abs_error,level,tets,bytes,field,measure,format}", false},
-        {"level", "/levels/{level}/mesh.{format}", true},
-        {"surface", "/levels/{level}/surface.{format}", true},
-        {"isosurface", "/levels/{level}/isosurface.{format}{?field,value}", true},
-        {"slice", "/levels/{level}/slice.{format}{?origin,normal}", true},
-        {"records", "/records/{from}-{to}{?fields}", true},
-        {"stream", "/stream", true},
-    };
-    for (size_t i = 0; links && i < sizeof all / sizeof *all; i++) {
-        char path[640];
-        snprintf(path, sizeof path, "/v1/meshes/%s%s%s%s", id, all[i].content ? "/" : "", all[i].content ? cid : "",
-                 all[i].tail);
-        json_object_set_new(links, all[i].name, json_string(path));
-    }
-    return links;
-}
-
 static enum tetlod_status make_info(void *opaque, struct cache_value *out, struct tetlod_error *error)
 {
     struct info_context *context = opaque;
     const struct tetlod_info *info = dataset_info(context->dataset);
-    json_t *object = info_json(info, dataset_id(context->dataset));
-    json_t *levels = json_object_get(object, "levels");
-    for (uint32_t k = 0; k < info->level_count; k++)
-        json_object_set_new(json_array_get(levels, k), "offset", json_integer((json_int_t)info->levels[k].offset));
-    json_object_set_new(object, "links", links_of(context->dataset));
-    return json_body(object, context->coding, out, error);
+    return json_body(describe_stream(info, dataset_id(context->dataset)), context->coding, out, error);
 }
 
 void respond_no_mesh(struct exchange *exchange)
@@ -207,21 +173,6 @@ enum outcome handle_stream_info(struct exchange *exchange)
     return outcome;
 }
 
-static json_t *catalogue_item(const struct dataset *dataset)
-{
-    const struct tetlod_info *info = dataset_info(dataset);
-    char id[3 * ID_CAPACITY], path[3 * ID_CAPACITY + 16];
-    if (!percent_encode(dataset_id(dataset), id, sizeof id))
-        return NULL;
-    snprintf(path, sizeof path, "/v1/meshes/%s", id);
-    json_t *fields = json_array();
-    for (uint32_t f = 0; f < info->field_count; f++)
-        json_array_append_new(fields, json_string(info->fields[f].name));
-    return json_pack("{s:s, s:s, s:I, s:I, s:I, s:i, s:o, s:{s:s}}", "id", dataset_id(dataset), "cid", info->cid, "vertices",
-                     (json_int_t)info->vertices, "tets", (json_int_t)info->tets, "bytes", (json_int_t)info->bytes,
-                     "levels", (int)info->level_count, "fields", fields, "links", "self", path);
-}
-
 enum outcome handle_catalogue(struct exchange *exchange)
 {
     struct response *response = exchange->response;
@@ -231,7 +182,7 @@ enum outcome handle_catalogue(struct exchange *exchange)
     json_t *meshes = json_array();
     uint64_t hash = 0xcbf29ce484222325u;
     for (size_t i = 0; list && i < count; i++) {
-        json_array_append_new(meshes, catalogue_item(list[i]));
+        json_array_append_new(meshes, describe_in_catalogue(dataset_info(list[i]), dataset_id(list[i])));
         for (const char *c = dataset_id(list[i]); *c; c++)
             hash = (hash ^ (unsigned char)*c) * 0x100000001b3u;
         for (const char *c = dataset_info(list[i])->cid; *c; c++)

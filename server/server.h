@@ -42,4 +42,15 @@ void server_rescan(struct server *server);
 /* Stops accepting, lets answers in progress finish within drain_seconds, frees all. */
 void server_stop(struct server *server);
 
+struct explode_options {
+    const char *folder;       /* made if it is not there */
+    const char *const *paths; /* as for a server */
+    size_t path_count;
+    int meshes; /* also every level as VTU */
+};
+
+/* Writes what a server over these paths would answer as files at the same paths below the folder, for plain file servers:
+ * descriptions (as index.json), streams, base meshes, records from each level to the next. */
+TETLOD_CHECKED enum tetlod_status server_explode(const struct explode_options *options, struct tetlod_error *error);
+
 #endif

@@ -1,0 +1,164 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A catalogue as plain files, for servers that only send files: the same paths, with index.json for what is a folder. */
+#include <errno.h>
+#include <inttypes.h>
+#include <jansson.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "format/fail.h"
+#include "server/catalogue.h"
+#include "server/describe.h"
+#include "server/forest.h"
+#include "server/server.h"
+#include "src/io/io.h"
+#include "src/report/info_json.h"
+#include "src/util/array.h"
+#include "src/util/file.h"
+
+enum { PATH_CAPACITY = 4096, COPY = 1 << 16 };
+
+struct tree {
+    const char *folder;
+    const struct explode_options *options;
+    struct tetlod_error *error;
+};
+
+/* Makes the folders on the way to a path. */
+static enum tetlod_status make_folders(const struct tree *tree, char *path)
+{
+    for (char *slash = strchr(path + 1, '/'); slash; slash = strchr(slash + 1, '/')) {
+        *slash = 0;
+        int made = mkdir(path, 0777);
+        int why = errno;
+        *slash = '/';
+        if (made != 0 && why != EEXIST)
+            return tetlodi_fail(tree->error, TETLOD_ERR_IO, "%.200s: cannot make its folder: %s", path, strerror(why));
+    }
+    return TETLOD_OK;
+}
+
+__attribute__((format(printf, 3, 4))) static enum tetlod_status begin(const struct tree *tree, struct file_output **out,
+                                                                      const char *format, ...)
+{
+    char path[PATH_CAPACITY];
+    size_t used = (size_t)snprintf(path, sizeof path, "%s/v1/meshes/", tree->folder);
+    va_list arguments;
+    *out = NULL;
+    va_start(arguments, format);
+    used += used < sizeof path ? (size_t)vsnprintf(path + used, sizeof path - used, format, arguments) : 0;
+    va_end(arguments);
+    if (used >= sizeof path)
+        return tetlodi_fail(tree->error, TETLOD_ERR_IO, "%.200s: the path is too long", tree->folder);
+    TETLOD_TRY(make_folders(tree, path));
+    return file_output_open(out, path, tree->error);
+}
+
+/* Commits what was written, or takes it back. */
+static enum tetlod_status finish(const struct tree *tree, struct file_output *output, enum tetlod_status status)
+{
+    if (status == TETLOD_OK)
+        return file_output_commit(output, tree->error);
+    file_output_abort(output);
+    return status;
+}
+
+static enum tetlod_status write_json(const struct tree *tree, struct file_output *output, json_t *object)
+{
+    char *text = object ? json_dumps(object, INFO_JSON_FLAGS | JSON_INDENT(1)) : NULL;
+    struct tetlodi_sink sink = file_output_sink(output);
+    enum tetlod_status status = text ? sink.write(sink.opaque, text, strlen(text)) : tetlodi_fail_nomem(tree->error, "JSON", 0);
+    free(text);
+    json_decref(object);
+    return finish(tree, output, status);
+}
+
+static enum tetlod_status copy_bytes(const struct tree *tree, struct file_output *output, int fd, uint64_t first, uint64_t end)
+{
+    struct tetlodi_sink sink = file_output_sink(output);
+    unsigned char *block = array_new(COPY, 1);
+    enum tetlod_status status = block ? TETLOD_OK : tetlodi_fail_nomem(tree->error, "a copy", COPY);
+    while (status == TETLOD_OK && first < end) {
+        ssize_t got = pread(fd, block, end - first < COPY ? (size_t)(end - first) : COPY, (off_t)first);
+        if (got <= 0)
+            status = tetlodi_fail(tree->error, TETLOD_ERR_IO, "a stream cannot be read: %s", got ? strerror(errno) : "it shrank");
+        else
+            status = sink.write(sink.opaque, block, (size_t)got);
+        first += got > 0 ? (uint64_t)got : 0;
+    }
+    free(block);
+    return finish(tree, output, status);
+}
+
+static enum tetlod_status write_levels(const struct tree *tree, struct dataset *dataset, const char *id)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    struct forest *forest = NULL;
+    struct file_output *output;
+    enum tetlod_status status = forest_build(&forest, dataset_file(dataset), tree->error);
+    for (uint32_t k = 0; status == TETLOD_OK && k < info->level_count; k++) {
+        struct tetmesh mesh;
+        status = forest_mesh(forest, k, &mesh, tree->error);
+        if (status != TETLOD_OK)
+            break;
+        status = begin(tree, &output, "%s/%s/levels/%" PRIu32 "/mesh.vtu", id, info->cid, k);
+        if (status == TETLOD_OK) {
+            struct tetlodi_sink sink = file_output_sink(output);
+            status = finish(tree, output, io_write_vtu(&mesh, &sink, tree->error));
+        }
+        tetmesh_fini(&mesh);
+    }
+    forest_free(forest);
+    return status;
+}
+
+static enum tetlod_status write_stream(const struct tree *tree, struct dataset *dataset)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    struct file_output *output;
+    const char *id = dataset_id(dataset); // as it is: servers of files decode paths. A stream's file has that name
+    int fd = dataset_fd(dataset);
+    TETLOD_TRY(begin(tree, &output, "%s/index.json", id));
+    TETLOD_TRY(write_json(tree, output, describe_stream(info, id)));
+    TETLOD_TRY(begin(tree, &output, "%s/%s/stream", id, info->cid));
+    TETLOD_TRY(copy_bytes(tree, output, fd, 0, info->bytes));
+    TETLOD_TRY(begin(tree, &output, "%s/%s/levels/0/mesh.tetlod", id, info->cid));
+    TETLOD_TRY(copy_bytes(tree, output, fd, 0, info->levels[0].end));
+    for (uint32_t k = 1; k < info->level_count; k++) {
+        TETLOD_TRY(begin(tree, &output, "%s/%s/records/%" PRIu32 "-%" PRIu32, id, info->cid, k - 1, k));
+        TETLOD_TRY(copy_bytes(tree, output, fd, info->levels[k].offset, info->levels[k].end));
+    }
+    return tree->options->meshes ? write_levels(tree, dataset, id) : TETLOD_OK;
+}
+
+enum tetlod_status server_explode(const struct explode_options *options, struct tetlod_error *error)
+{
+    const struct tree tree = {options->folder, options, error};
+    const struct catalogue_options from = {.paths = options->paths, .path_count = options->path_count};
+    struct catalogue *catalogue;
+    struct file_output *output;
+    TETLOD_TRY(catalogue_open(&catalogue, &from, error));
+    size_t count = 0;
+    struct dataset **list = catalogue_list(catalogue, &count);
+    json_t *meshes = json_array();
+    enum tetlod_status status = list ? TETLOD_OK : tetlodi_fail_nomem(error, "the catalogue", 0);
+    for (size_t i = 0; i < count; i++) {
+        if (status == TETLOD_OK)
+            status = write_stream(&tree, list[i]);
+        json_array_append_new(meshes, describe_in_catalogue(dataset_info(list[i]), dataset_id(list[i])));
+        dataset_release(list[i]);
+    }
+    free(list);
+    catalogue_close(catalogue);
+    json_t *object = json_pack("{s:o}", "meshes", meshes);
+    if (status == TETLOD_OK)
+        status = begin(&tree, &output, "index.json");
+    if (status == TETLOD_OK)
+        return write_json(&tree, output, object);
+    json_decref(object);
+    return status;
+}

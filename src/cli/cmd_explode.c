@@ -1,0 +1,41 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/server.h"
+#include "src/cli/cli.h"
+
+static const char help[] =
+    "usage: tetlod explode PATH... -o FOLDER [--meshes]\n"
+    "\n"
+    "Lays streams out as files at the paths of the HTTP interface, for a server that only sends files: FOLDER/v1/meshes/...\n"
+    "with the descriptions (index.json), the whole stream, the base mesh, and the records from each level to the next.\n"
+    "server/deploy/nginx-static.conf serves such a folder.\n"
+    "\n"
+    "  -o, --output FOLDER  where to; made if it is not there\n"
+    "      --meshes         also every level as VTU\n"
+    "\n"
+    "example: tetlod explode streams/ -o /srv/www\n";
+
+static int run(int argc, char **argv)
+{
+    static const struct option options[] = {
+        {"output", required_argument, NULL, 'o'}, {"meshes", no_argument, NULL, 'm'}, {0}};
+    struct explode_options explode = {0};
+    struct tetlod_error error = {0};
+    int option;
+    while ((option = cli_option(&command_explode, argc, argv, "o:", options)) != -1) {
+        if (option == 'o')
+            explode.folder = optarg;
+        else if (option == 'm')
+            explode.meshes = 1;
+        else
+            return EXIT_USAGE;
+    }
+    if (!explode.folder)
+        return cli_usage("explode", "it needs -o FOLDER");
+    if (optind == argc)
+        return cli_usage("explode", "missing operand: it takes streams, or folders of *.tetlod");
+    explode.paths = (const char *const *)(argv + optind);
+    explode.path_count = (size_t)(argc - optind);
+    return server_explode(&explode, &error) == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
+}
+
+const struct command command_explode = {"explode", "lays streams out as files for a plain web server", help, run};
