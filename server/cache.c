@@ -134,19 +134,35 @@ static struct cache_entry *new_entry(struct cache *cache, const char *key)
     return entry;
 }
 
-struct cache_entry *cache_fetch(struct cache *cache, const char *key, bool *out_mine)
+/* The listed entry of a key, held and now the newest; called with the lock. */
+static struct cache_entry *look_up(struct cache *cache, const char *key)
 {
-    *out_mine = false;
-    pthread_mutex_lock(&cache->lock);
     struct cache_entry *entry = cache->buckets[bucket_of(key)];
     while (entry && strcmp(entry->key, key) != 0)
         entry = entry->chain;
-    if (entry) {
-        cache->hits++;
-        entry->references++;
-        list_remove(cache, entry);
-        list_push(cache, entry);
-    } else {
+    if (!entry)
+        return NULL;
+    cache->hits++;
+    entry->references++;
+    list_remove(cache, entry);
+    list_push(cache, entry);
+    return entry;
+}
+
+struct cache_entry *cache_find(struct cache *cache, const char *key)
+{
+    pthread_mutex_lock(&cache->lock);
+    struct cache_entry *entry = look_up(cache, key);
+    pthread_mutex_unlock(&cache->lock);
+    return entry;
+}
+
+struct cache_entry *cache_fetch(struct cache *cache, const char *key, bool *out_mine)
+{
+    pthread_mutex_lock(&cache->lock);
+    struct cache_entry *entry = look_up(cache, key);
+    *out_mine = false;
+    if (!entry) {
         cache->misses++;
         entry = new_entry(cache, key);
         *out_mine = entry != NULL;

@@ -41,6 +41,9 @@ void cache_free(struct cache *cache);
  * finish it. */
 struct cache_entry *cache_fetch(struct cache *cache, const char *key, bool *out_mine);
 
+/* The same without making one; NULL if it is not there. */
+struct cache_entry *cache_find(struct cache *cache, const char *key);
+
 void cache_hold(struct cache *cache, struct cache_entry *entry);
 void cache_release(struct cache *cache, struct cache_entry *entry);
 

@@ -53,12 +53,13 @@ static uint64_t mesh_bytes(const struct tetlod_info *info, uint32_t level)
     return 3 * (info->levels[level].vertices * components * 8 + info->levels[level].tets * (uint64_t)25) + 65536;
 }
 
-static enum outcome answer_made(struct exchange *exchange, struct dataset *dataset, uint32_t level,
-                                const struct mesh_format *format)
+/* Makes a level's mesh; its value is NULL if it is not there yet, or the response says why it will not be. */
+static enum outcome make_level(struct exchange *exchange, struct dataset *dataset, const struct mesh_context *wanted,
+                               const char *key, const struct cache_value **out)
 {
     const struct tetlod_info *info = dataset_info(dataset);
     const struct forest *forest;
-    const struct cache_value *value;
+    *out = NULL;
     enum outcome outcome = obtain_forest(exchange, dataset, &forest);
     if (!forest)
         return outcome;
@@ -67,15 +68,27 @@ static enum outcome answer_made(struct exchange *exchange, struct dataset *datas
         response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
         return ANSWERED;
     }
-    struct cache_entry *forest_entry = exchange->request->pins[0].entry;
-    cache_hold(exchange->site->forests, forest_entry);
+    *context = *wanted;
+    context->forest = forest;
+    context->forest_entry = request_pin(exchange->request, exchange->site->forests);
+    cache_hold(exchange->site->forests, context->forest_entry);
+    const struct recipe recipe = {make_mesh, mesh_context_free, context, mesh_bytes(info, wanted->level)};
+    return obtain(exchange, exchange->site->cache, key, &recipe, out);
+}
+
+static enum outcome answer_made(struct exchange *exchange, struct dataset *dataset, uint32_t level,
+                                const struct mesh_format *format)
+{
     enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
-    *context = (struct mesh_context){exchange->site, forest_entry, forest, format, coding, level};
+    enum outcome outcome = ANSWERED;
     char key[128], etag[80];
-    snprintf(etag, sizeof etag, "%s-%" PRIu32 "-%s", info->cid, level, format->name);
+    snprintf(etag, sizeof etag, "%s-%" PRIu32 "-%s", dataset_info(dataset)->cid, level, format->name);
     snprintf(key, sizeof key, "%s/%s", etag, coding_name(coding));
-    const struct recipe recipe = {make_mesh, mesh_context_free, context, mesh_bytes(info, level)};
-    outcome = obtain(exchange, exchange->site->cache, key, &recipe, &value);
+    const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, key);
+    if (!value) {
+        const struct mesh_context wanted = {.site = exchange->site, .format = format, .coding = coding, .level = level};
+        outcome = make_level(exchange, dataset, &wanted, key, &value);
+    }
     if (value) {
         respond_body(exchange, value, format->media_type, coding, etag);
         if (exchange->response->status == 200)

@@ -187,11 +187,12 @@ static uint64_t surface_bytes(const struct tetlod_info *info, uint32_t level)
     return info->levels[level].vertices * components * 24 + info->levels[level].tets * (uint64_t)48 + 65536;
 }
 
-static enum outcome answer_surface(struct exchange *exchange, struct dataset *dataset, const struct surface_choice *choice)
+/* Makes a surface; its value is NULL if it is not there yet, or the response says why it will not be. */
+static enum outcome make(struct exchange *exchange, struct dataset *dataset, const struct surface_choice *choice,
+                         enum coding coding, const char *key, const struct cache_value **out)
 {
-    const struct tetlod_info *info = dataset_info(dataset);
     const struct forest *forest;
-    const struct cache_value *value;
+    *out = NULL;
     enum outcome outcome = obtain_forest(exchange, dataset, &forest);
     if (!forest)
         return outcome;
@@ -200,10 +201,19 @@ static enum outcome answer_surface(struct exchange *exchange, struct dataset *da
         response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
         return ANSWERED;
     }
-    struct cache_entry *forest_entry = exchange->request->pins[0].entry;
+    struct cache_entry *forest_entry = request_pin(exchange->request, exchange->site->forests);
     cache_hold(exchange->site->forests, forest_entry);
-    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
     *context = (struct surface_context){exchange->site, forest_entry, forest, *choice, coding};
+    const struct recipe recipe = {make_surface, surface_context_free, context,
+                                  surface_bytes(dataset_info(dataset), choice->level)};
+    return obtain(exchange, exchange->site->cache, key, &recipe, out);
+}
+
+static enum outcome answer_surface(struct exchange *exchange, struct dataset *dataset, const struct surface_choice *choice)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
+    enum outcome outcome = ANSWERED;
     char key[320], coded_key[330], etag[80];
     uint64_t hash = 0xcbf29ce484222325u;
     print_key(choice, info->cid, key, sizeof key);
@@ -211,8 +221,9 @@ static enum outcome answer_surface(struct exchange *exchange, struct dataset *da
         hash = (hash ^ (unsigned char)*c) * 0x100000001b3u;
     snprintf(etag, sizeof etag, "%s-%016" PRIx64, info->cid, hash);
     snprintf(coded_key, sizeof coded_key, "%s/%s", key, coding_name(coding));
-    const struct recipe recipe = {make_surface, surface_context_free, context, surface_bytes(info, choice->level)};
-    outcome = obtain(exchange, exchange->site->cache, coded_key, &recipe, &value);
+    const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, coded_key);
+    if (!value)
+        outcome = make(exchange, dataset, choice, coding, coded_key, &value);
     if (value) {
         respond_body(exchange, value, choice->format->media_type, coding, etag);
         if (exchange->response->status == 200) {

@@ -31,7 +31,10 @@ struct http {
     atomic_uint_fast64_t next_id;
 };
 
-enum { MOST_DRAINED = 65536 }; // bytes of a refused body that are read so that the client sees the refusal
+enum {
+    MOST_DRAINED = 65536, // bytes of a refused body that are read so that the client sees the refusal
+    MOST_COPIED = 16384,  // bytes of a file that are sooner copied than sent by sendfile
+};
 
 /* Where a request is between its thread and whoever wakes it. */
 enum state { RUNNING, SUSPENDED, WOKEN };
@@ -176,16 +179,32 @@ static void release_borrowed(void *opaque)
     free(borrowed);
 }
 
+/* Few bytes are read and leave with the header in one call; more go from the file by sendfile. */
+static struct MHD_Response *make_file_body(const struct response *response)
+{
+    struct MHD_Response *made = NULL;
+    if (response->size <= MOST_COPIED) {
+        void *bytes = array_new((size_t)response->size, 1);
+        if (bytes && pread(response->fd, bytes, (size_t)response->size, (off_t)response->offset) == (ssize_t)response->size)
+            made = MHD_create_response_from_buffer((size_t)response->size, bytes, MHD_RESPMEM_MUST_FREE);
+        if (!made)
+            free(bytes);
+        return made;
+    }
+    int fd = fcntl(response->fd, F_DUPFD_CLOEXEC, 0); // the library closes what it is given
+    if (fd >= 0)
+        made = MHD_create_response_from_fd_at_offset64(response->size, fd, response->offset);
+    if (!made && fd >= 0)
+        close(fd);
+    return made;
+}
+
 /* The library's response for the body, which takes over what the body borrows from. */
 static struct MHD_Response *make_body(struct response *response)
 {
     static char nothing[1];
     if (response->kind == BODY_FILE) {
-        int fd = fcntl(response->fd, F_DUPFD_CLOEXEC, 0);
-        struct MHD_Response *made =
-            fd >= 0 ? MHD_create_response_from_fd_at_offset64(response->size, fd, response->offset) : NULL;
-        if (!made && fd >= 0)
-            close(fd);
+        struct MHD_Response *made = make_file_body(response);
         response_release(response);
         return made;
     }

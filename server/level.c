@@ -11,7 +11,7 @@
 #include "src/util/array.h"
 
 const struct mesh_format mesh_formats[] = {
-    {"vtu", "application/vnd.vtk.vtu", io_write_vtu},
+    {"vtu", "application/vnd.vtk.vtu", io_write_vtu_plain},
     {"vtk", "application/vnd.vtk", io_write_vtk},
     {"tetlod", "application/vnd.tetlod", NULL},
     {NULL, NULL, NULL},

@@ -81,6 +81,9 @@ const char *status_title(unsigned status);
 /* A request header, or NULL. */
 const char *request_header(const struct request *request, const char *name);
 
+/* The pinned entry of a cache; there is one at most of each that is asked. */
+struct cache_entry *request_pin(const struct request *request, const struct cache *cache);
+
 /* Lets go of all pins. */
 void request_unpin(struct request *request);
 

@@ -283,6 +283,22 @@ enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *
     return ANSWERED;
 }
 
+const struct cache_value *obtain_cached(struct exchange *exchange, struct cache *cache, const char *key)
+{
+    struct tetlod_error ignored;
+    struct cache_entry *entry = find_pin(exchange->request, cache, key);
+    if (entry) // it was waited for, or is still coming
+        return cache_finished(entry) ? cache_value(entry, &ignored) : NULL;
+    entry = cache_find(cache, key);
+    if (!entry)
+        return NULL;
+    if (!cache_finished(entry) || !add_pin(exchange->request, cache, entry)) {
+        cache_release(cache, entry);
+        return NULL;
+    }
+    return cache_value(entry, &ignored);
+}
+
 enum tetlod_status body_take(struct buffer *buffer, double started, struct cache_value *out, struct tetlod_error *error)
 {
     struct body *body = malloc(sizeof *body + buffer->size);

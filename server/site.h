@@ -62,6 +62,9 @@ struct recipe {
 enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *key, const struct recipe *recipe,
                     const struct cache_value **out);
 
+/* The value of a key if it is there and finished, pinned; NULL otherwise. The short way for what is cached. */
+const struct cache_value *obtain_cached(struct exchange *exchange, struct cache *cache, const char *key);
+
 /* The value of a cached answer. */
 struct body {
     size_t size;

@@ -36,6 +36,9 @@ TETLOD_CHECKED enum tetlod_status io_write(const struct tetmesh *mesh, const cha
 /* The writers behind it, for the server: the whole file into a sink. */
 TETLOD_CHECKED enum tetlod_status io_write_vtu(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
                                                struct tetlod_error *error);
+/* The same without compression: many times faster, for what is compressed on its way or soon read. */
+TETLOD_CHECKED enum tetlod_status io_write_vtu_plain(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                                     struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status io_write_vtk(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
                                                struct tetlod_error *error);
 

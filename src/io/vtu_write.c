@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Writing VTU 1.0: raw appended data in zlib blocks, UInt64 headers, little-endian. All arrays are compressed first,
+/* Writing VTU 1.0: raw appended data, in zlib blocks or plain, UInt64 headers, little-endian. All arrays are packed first,
  * because the XML in front gives their offsets. */
 #include <inttypes.h>
 #include <stdio.h>
@@ -103,10 +103,26 @@ static enum tetlod_status pack(const struct column *column, struct packed *out, 
     return TETLOD_OK;
 }
 
+/* The same without compression: size and values. */
+static enum tetlod_status pack_plain(const struct column *column, struct packed *out, struct tetlod_error *error)
+{
+    size_t width = width_of(column->kind), done = 8;
+    uint64_t total = column->count * width;
+    out->bytes = array_new((size_t)total + 8, 1);
+    if (!out->bytes)
+        return tetlodi_fail_nomem(error, "an array of the output", total);
+    out->size = (size_t)total + 8;
+    store(out->bytes, total, 8);
+    while (done < out->size)
+        done += fill_block(column, (done - 8) / width, out->bytes + done);
+    return TETLOD_OK;
+}
+
 struct writer {
     const struct tetmesh *mesh;
     const struct tetlodi_sink *sink;
     struct tetlod_error *error;
+    bool plain;
     struct packed *arrays; /* the fields, then points, connectivity, offsets, types */
     uint64_t offset;       /* of the next array in the appended data */
     uint32_t next;
@@ -171,7 +187,9 @@ static void put_document(struct writer *w)
     const char *float_types[] = {"Float32", "Float64"}, *int_type = is_wide(mesh) ? "Int64" : "Int32";
     char line[160];
     put_text(w, "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
-                "header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\">\n  <UnstructuredGrid>\n");
+                "header_type=\"UInt64\"");
+    put_text(w, w->plain ? "" : " compressor=\"vtkZLibDataCompressor\"");
+    put_text(w, ">\n  <UnstructuredGrid>\n");
     snprintf(line, sizeof line, "    <Piece NumberOfPoints=\"%" PRIu32 "\" NumberOfCells=\"%" PRIu32 "\">\n      <PointData",
              mesh->vertex_count, mesh->tet_count);
     put_text(w, line);
@@ -192,29 +210,36 @@ static void put_document(struct writer *w)
     put_text(w, "\n  </AppendedData>\n</VTKFile>\n");
 }
 
-static enum tetlod_status pack_all(const struct tetmesh *mesh, struct packed *arrays, struct tetlod_error *error)
+static enum tetlod_status pack_all(const struct tetmesh *mesh, bool plain, struct packed *arrays, struct tetlod_error *error)
 {
     static const enum kind float_kinds[] = {[TETLOD_FLOAT32] = FLOAT32, [TETLOD_FLOAT64] = FLOAT64};
+    enum tetlod_status (*pack_one)(const struct column *, struct packed *, struct tetlod_error *) = plain ? pack_plain : pack;
     enum kind index_kind = is_wide(mesh) ? INT64 : INT32;
     uint64_t vertices = mesh->vertex_count, tets = mesh->tet_count;
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         const struct point_field *field = &mesh->fields[f];
         struct column column = {float_kinds[field->type], field->components * vertices, field->values, NULL};
-        TETLOD_TRY(pack(&column, arrays++, error));
+        TETLOD_TRY(pack_one(&column, arrays++, error));
     }
-    TETLOD_TRY(pack(&(struct column){float_kinds[mesh->position_type], 3 * vertices, mesh->positions, NULL}, arrays++, error));
-    TETLOD_TRY(pack(&(struct column){index_kind, 4 * tets, NULL, mesh->corners}, arrays++, error));
-    TETLOD_TRY(pack(&(struct column){index_kind, tets, NULL, NULL}, arrays++, error));
-    return pack(&(struct column){UINT8, tets, NULL, NULL}, arrays, error);
+    const struct column cells[] = {
+        {float_kinds[mesh->position_type], 3 * vertices, mesh->positions, NULL},
+        {index_kind, 4 * tets, NULL, mesh->corners},
+        {index_kind, tets, NULL, NULL},
+        {UINT8, tets, NULL, NULL},
+    };
+    for (size_t i = 0; i < sizeof cells / sizeof *cells; i++)
+        TETLOD_TRY(pack_one(&cells[i], arrays++, error));
+    return TETLOD_OK;
 }
 
-enum tetlod_status io_write_vtu(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error)
+static enum tetlod_status write_vtu(const struct tetmesh *mesh, bool plain, const struct tetlodi_sink *sink,
+                                    struct tetlod_error *error)
 {
     size_t count = (size_t)mesh->field_count + 4;
-    struct writer w = {mesh, sink, error, array_zero(count, sizeof *w.arrays), 0, 0, TETLOD_OK};
+    struct writer w = {mesh, sink, error, plain, array_zero(count, sizeof *w.arrays), 0, 0, TETLOD_OK};
     if (!w.arrays)
         return tetlodi_fail_nomem(error, "the list of arrays", count * sizeof *w.arrays);
-    enum tetlod_status status = pack_all(mesh, w.arrays, error);
+    enum tetlod_status status = pack_all(mesh, plain, w.arrays, error);
     if (status == TETLOD_OK) {
         put_document(&w);
         status = w.status;
@@ -223,4 +248,15 @@ enum tetlod_status io_write_vtu(const struct tetmesh *mesh, const struct tetlodi
         free(w.arrays[a].bytes);
     free(w.arrays);
     return status;
+}
+
+enum tetlod_status io_write_vtu(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error)
+{
+    return write_vtu(mesh, false, sink, error);
+}
+
+enum tetlod_status io_write_vtu_plain(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                      struct tetlod_error *error)
+{
+    return write_vtu(mesh, true, sink, error);
 }
