@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "server/dataset.h"
 
+#include <math.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,12 +12,15 @@
 #include "format/fail.h"
 #include "src/util/array.h"
 
+enum { ERRORS_CAPACITY = 96 };
+
 struct dataset {
     atomic_uint references;
     char id[ID_CAPACITY];
     int fd;
     struct tetlod_file *file;
     struct file_identity identity;
+    char (*level_errors)[ERRORS_CAPACITY]; /* [level_count], printed once: every answer has one */
 };
 
 bool identity_of(int fd, struct file_identity *out)
@@ -32,6 +36,34 @@ bool identity_same(const struct file_identity *a, const struct file_identity *b)
 {
     return a->device == b->device && a->inode == b->inode && a->size == b->size &&
            a->changed.tv_sec == b->changed.tv_sec && a->changed.tv_nsec == b->changed.tv_nsec;
+}
+
+static void print_errors(const struct tetlod_info *info, uint32_t level, char *out, size_t capacity)
+{
+    size_t used = 0;
+    out[0] = 0;
+    for (int m = 0; m < TETLOD_MEASURES; m++) {
+        double worst = -1;
+        for (uint32_t f = 0; f < info->field_count; f++) {
+            double error = info->levels[level].errors[f * TETLOD_MEASURES + (uint32_t)m];
+            if (info->fields[f].controlled && (isnan(worst) || isnan(error) || error > worst))
+                worst = isnan(worst) ? worst : error;
+        }
+        if (worst >= 0 && used < capacity)
+            used += (size_t)snprintf(out + used, capacity - used, "%s%s=%.9g", used ? ", " : "",
+                                     tetlod_measure_name((enum tetlod_measure)m), worst);
+    }
+}
+
+static enum tetlod_status print_all_errors(struct dataset *dataset, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(dataset->file);
+    dataset->level_errors = array_new(info->level_count, sizeof *dataset->level_errors);
+    if (!dataset->level_errors)
+        return tetlodi_fail_nomem(error, "a stream's levels", info->level_count * (uint64_t)ERRORS_CAPACITY);
+    for (uint32_t k = 0; k < info->level_count; k++)
+        print_errors(info, k, dataset->level_errors[k], ERRORS_CAPACITY);
+    return TETLOD_OK;
 }
 
 enum tetlod_status dataset_open(struct dataset **out, const char *id, int fd, struct tetlod_error *error)
@@ -55,6 +87,8 @@ enum tetlod_status dataset_open(struct dataset **out, const char *id, int fd, st
                               (unsigned long long)dataset->identity.size,
                               (unsigned long long)tetlod_info(dataset->file)->bytes);
     if (status == TETLOD_OK)
+        status = print_all_errors(dataset, error);
+    if (status == TETLOD_OK)
         *out = dataset;
     else
         dataset_release(dataset);
@@ -73,6 +107,7 @@ void dataset_release(struct dataset *dataset)
         return;
     tetlod_close(dataset->file);
     close(dataset->fd);
+    free(dataset->level_errors);
     free(dataset);
 }
 
@@ -84,6 +119,11 @@ const char *dataset_id(const struct dataset *dataset)
 const struct tetlod_info *dataset_info(const struct dataset *dataset)
 {
     return tetlod_info(dataset->file);
+}
+
+const char *dataset_level_errors(const struct dataset *dataset, uint32_t level)
+{
+    return dataset->level_errors[level];
 }
 
 int dataset_fd(const struct dataset *dataset)

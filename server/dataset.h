@@ -26,9 +26,12 @@ void dataset_release(struct dataset *dataset);
 
 const char *dataset_id(const struct dataset *dataset);
 const struct tetlod_info *dataset_info(const struct dataset *dataset);
+/* "max=0.01, sampled=0.008": the measures of a level that are known, each the largest over the controlled fields. */
+const char *dataset_level_errors(const struct dataset *dataset, uint32_t level);
+
 int dataset_fd(const struct dataset *dataset);
 
-/* Lengths and place of what a level's frame of a field takes come from here; one thread at a time may replay it. */
+/* One thread at a time may replay it. */
 struct tetlod_file *dataset_file(struct dataset *dataset);
 
 /* False once the bytes were written over in place: then nothing of it may be sent any more. */

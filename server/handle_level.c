@@ -115,10 +115,10 @@ enum outcome handle_level_mesh(struct exchange *exchange)
         else {
             char etag[80];
             snprintf(etag, sizeof etag, "%s-%" PRIu32 "-tetlod", info->cid, level);
-            respond_stored(exchange, dataset_hold(dataset), 0, info->levels[level].end, etag);
+            outcome = respond_stored(exchange, dataset, 0, info->levels[level].end, etag);
         }
         if (outcome == ANSWERED && exchange->response->status == 200)
-            level_headers(exchange->response, info, level);
+            level_headers(exchange->response, dataset, level);
     }
     dataset_release(dataset);
     return outcome;
@@ -128,6 +128,7 @@ enum outcome handle_records(struct exchange *exchange)
 {
     static const char *const none[] = {NULL};
     struct dataset *dataset = captured_dataset(exchange);
+    enum outcome outcome = ANSWERED;
     uint32_t from, to;
     if (!dataset)
         return ANSWERED;
@@ -141,22 +142,23 @@ enum outcome handle_records(struct exchange *exchange)
             char etag[80];
             uint64_t offset = info->levels[from + 1].offset;
             snprintf(etag, sizeof etag, "%s-%" PRIu32 "-%" PRIu32, info->cid, from, to);
-            respond_stored(exchange, dataset_hold(dataset), offset, info->levels[to].end - offset, etag);
+            outcome = respond_stored(exchange, dataset, offset, info->levels[to].end - offset, etag);
         }
     }
     dataset_release(dataset);
-    return ANSWERED;
+    return outcome;
 }
 
 enum outcome handle_stream(struct exchange *exchange)
 {
     static const char *const none[] = {NULL};
     struct dataset *dataset = captured_dataset(exchange);
+    enum outcome outcome = ANSWERED;
     if (!dataset)
         return ANSWERED;
     const struct tetlod_info *info = dataset_info(dataset);
     if (check_parameters(exchange, none))
-        respond_stored(exchange, dataset_hold(dataset), 0, info->bytes, info->cid);
+        outcome = respond_stored(exchange, dataset, 0, info->bytes, info->cid);
     dataset_release(dataset);
-    return ANSWERED;
+    return outcome;
 }

@@ -222,8 +222,8 @@ static void redirect(struct exchange *exchange, const struct dataset *dataset, c
         return;
     }
     response_static(response, 303, "text/plain; charset=utf-8", "The mesh is at the address of the Location header.\n");
-    response_header(response, "Location", "%s", path);
-    level_headers(response, info, level);
+    response_header_text(response, "Location", path);
+    level_headers(response, dataset, level);
     cache_revalidate(response);
 }
 
@@ -241,11 +241,9 @@ static void answer_mesh(struct exchange *exchange, const struct dataset *dataset
         redirect(exchange, dataset, &choice, level);
         return;
     }
-    char errors[160];
-    level_error_text(info, info->level_count - 1, errors, sizeof errors);
     response_problem(exchange->response, 422, target_of(exchange),
                      "no level has an error of at most %s: the stream is not lossless, its finest level has %s (fractions of the range)",
-                     choice.text, errors);
+                     choice.text, dataset_level_errors(dataset, info->level_count - 1));
 }
 
 enum outcome handle_mesh(struct exchange *exchange)

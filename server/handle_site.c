@@ -24,14 +24,14 @@ enum outcome handle_page(struct exchange *exchange)
     response->bytes = coding ? asset->encoded[coding].bytes : asset->file->bytes;
     response->size = coding ? asset->encoded[coding].size : (size_t)(asset->file->end - asset->file->bytes);
     if (coding)
-        response_header(response, "Content-Encoding", "%s", coding_name(coding));
+        response_header_text(response, "Content-Encoding", coding_name(coding));
     snprintf(response->etag, sizeof response->etag, "\"%s%s%s\"", asset->etag, coding ? "-" : "", coding_name(coding));
-    response_header(response, "Vary", "Accept-Encoding");
+    response_header_text(response, "Vary", "Accept-Encoding");
     response_header(response, "Content-Security-Policy",
                     "default-src 'self'; connect-src *; img-src 'self' data: blob:; worker-src 'self' blob:; "
                     "script-src 'self' 'wasm-unsafe-eval'; object-src 'none'; base-uri 'none'");
-    response_header(response, "X-Content-Type-Options", "nosniff");
-    response_header(response, "Link", "</openapi.json>; rel=\"service-desc\"");
+    response_header_text(response, "X-Content-Type-Options", "nosniff");
+    response_header_text(response, "Link", "</openapi.json>; rel=\"service-desc\"");
     cache_revalidate(response);
     return ANSWERED;
 }
@@ -39,7 +39,7 @@ enum outcome handle_page(struct exchange *exchange)
 enum outcome handle_health(struct exchange *exchange)
 {
     response_static(exchange->response, 200, "application/json", "{\"status\": \"alive\"}\n");
-    response_header(exchange->response, "Cache-Control", "no-store");
+    response_header_text(exchange->response, "Cache-Control", "no-store");
     return ANSWERED;
 }
 
@@ -57,7 +57,7 @@ enum outcome handle_ready(struct exchange *exchange)
         return ANSWERED;
     }
     response_owned(exchange->response, 200, "application/json", text, (size_t)size);
-    response_header(exchange->response, "Cache-Control", "no-store");
+    response_header_text(exchange->response, "Cache-Control", "no-store");
     return ANSWERED;
 }
 
@@ -83,7 +83,7 @@ enum outcome handle_metrics(struct exchange *exchange)
         response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
     } else {
         response_owned(exchange->response, 200, "text/plain; version=0.0.4; charset=utf-8", text.bytes, text.size);
-        response_header(exchange->response, "Cache-Control", "no-store");
+        response_header_text(exchange->response, "Cache-Control", "no-store");
     }
     return ANSWERED;
 }
@@ -204,11 +204,11 @@ enum outcome handle_catalogue(struct exchange *exchange)
     }
     response_owned(response, 200, "application/json", buffer.bytes, buffer.size);
     if (coding)
-        response_header(response, "Content-Encoding", "%s", coding_name(coding));
+        response_header_text(response, "Content-Encoding", coding_name(coding));
     snprintf(response->etag, sizeof response->etag, "\"%016llx%s%s\"", (unsigned long long)hash, coding ? "-" : "",
              coding_name(coding));
-    response_header(response, "Vary", "Accept-Encoding");
-    response_header(response, "Link", "</openapi.json>; rel=\"service-desc\"");
+    response_header_text(response, "Vary", "Accept-Encoding");
+    response_header_text(response, "Link", "</openapi.json>; rel=\"service-desc\"");
     cache_revalidate(response);
     return ANSWERED;
 }

@@ -228,7 +228,7 @@ static enum outcome answer_surface(struct exchange *exchange, struct dataset *da
         respond_body(exchange, value, choice->format->media_type, coding, etag);
         if (exchange->response->status == 200) {
             cache_forever(exchange->response);
-            level_headers(exchange->response, info, choice->level);
+            level_headers(exchange->response, dataset, choice->level);
         }
     }
     return outcome;

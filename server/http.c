@@ -272,7 +272,8 @@ static enum MHD_Result queue(struct call *call, struct response *response)
 
 static enum MHD_Result answer(struct call *call)
 {
-    struct response response = {0};
+    struct response response;
+    response_init(&response);
     atomic_store(&call->state, RUNNING);
     if (call->peer)
         peer_busy(call->peer);

@@ -2,7 +2,6 @@
 #include "server/level.h"
 
 #include <inttypes.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -34,32 +33,15 @@ void respond_bad_format(struct exchange *exchange, const struct mesh_format *for
                              "there is no format '%.64s' here", name);
 }
 
-void level_error_text(const struct tetlod_info *info, uint32_t level, char *out, size_t capacity)
+void level_headers(struct response *response, const struct dataset *dataset, uint32_t level)
 {
-    size_t used = 0;
-    out[0] = 0;
-    for (int m = 0; m < TETLOD_MEASURES; m++) {
-        double worst = -1;
-        for (uint32_t f = 0; f < info->field_count; f++) {
-            double error = info->levels[level].errors[f * TETLOD_MEASURES + (uint32_t)m];
-            if (info->fields[f].controlled && (isnan(worst) || isnan(error) || error > worst))
-                worst = isnan(worst) ? worst : error;
-        }
-        if (worst >= 0 && used < capacity)
-            used += (size_t)snprintf(out + used, capacity - used, "%s%s=%.9g", used ? ", " : "",
-                                     tetlod_measure_name((enum tetlod_measure)m), worst);
-    }
-}
-
-void level_headers(struct response *response, const struct tetlod_info *info, uint32_t level)
-{
-    char errors[160];
-    level_error_text(info, level, errors, sizeof errors);
+    const struct tetlod_info *info = dataset_info(dataset);
+    const char *errors = dataset_level_errors(dataset, level);
     response_header(response, "Tetlod-Level", "%" PRIu32, level);
     response_header(response, "Tetlod-Vertices", "%" PRIu32, info->levels[level].vertices);
     response_header(response, "Tetlod-Tets", "%" PRIu32, info->levels[level].tets);
     if (errors[0])
-        response_header(response, "Tetlod-Error", "%s", errors);
+        response_header_text(response, "Tetlod-Error", errors);
 }
 
 struct dataset *captured_dataset(struct exchange *exchange)

@@ -26,11 +26,8 @@ bool check_parameters(struct exchange *exchange, const char *const *names);
 
 json_t *field_names(const struct tetlod_info *info);
 
-/* "max=0.01, sampled=0.008": each measure that is known, the largest over the controlled fields. */
-void level_error_text(const struct tetlod_info *info, uint32_t level, char *out, size_t capacity);
-
 /* Tetlod-Level, -Vertices, -Tets, -Error. */
-void level_headers(struct response *response, const struct tetlod_info *info, uint32_t level);
+void level_headers(struct response *response, const struct dataset *dataset, uint32_t level);
 
 /* The stream that the first two captures (id, cid) name, held; NULL after a 404. */
 struct dataset *captured_dataset(struct exchange *exchange);

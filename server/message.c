@@ -8,6 +8,23 @@
 #include <string.h>
 #include <strings.h>
 
+void response_init(struct response *response)
+{
+    memset(response, 0, offsetof(struct response, headers));
+}
+
+void response_header_text(struct response *response, const char *name, const char *value)
+{
+    size_t size = strlen(value);
+    if (response->header_count == RESPONSE_HEADERS)
+        return;
+    if (size >= HEADER_VALUE)
+        size = HEADER_VALUE - 1;
+    memcpy(response->headers[response->header_count].value, value, size);
+    response->headers[response->header_count].value[size] = 0;
+    response->headers[response->header_count++].name = name;
+}
+
 void response_header(struct response *response, const char *name, const char *format, ...)
 {
     if (response->header_count == RESPONSE_HEADERS)
@@ -96,8 +113,8 @@ static void put_problem(struct response *response, unsigned status, const char *
     else
         response_static(response, status, "application/problem+json", "{\"title\":\"out of memory\"}");
     if (status == 503)
-        response_header(response, "Retry-After", "1");
-    response_header(response, "Cache-Control", "no-store");
+        response_header_text(response, "Retry-After", "1");
+    response_header_text(response, "Cache-Control", "no-store");
 }
 
 void response_problem(struct response *response, unsigned status, const char *instance, const char *format, ...)

@@ -52,7 +52,11 @@ struct response {
     } headers[RESPONSE_HEADERS];
 };
 
+/* An empty response. (Its headers are not cleared: they are many bytes and count only up to header_count.) */
+void response_init(struct response *response);
+
 /* Adds a header; a value that does not fit is cut. */
+void response_header_text(struct response *response, const char *name, const char *value);
 void response_header(struct response *response, const char *name, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 

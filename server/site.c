@@ -40,12 +40,12 @@ double monotonic_seconds(void)
 
 void cache_forever(struct response *response)
 {
-    response_header(response, "Cache-Control", "public, max-age=31536000, immutable, no-transform");
+    response_header_text(response, "Cache-Control", "public, max-age=31536000, immutable, no-transform");
 }
 
 void cache_revalidate(struct response *response)
 {
-    response_header(response, "Cache-Control", "no-cache");
+    response_header_text(response, "Cache-Control", "no-cache");
 }
 
 /* Matches a path, not decoded, with a template. Captures are decoded afterwards, so that an encoded '/' or '.' is data. */
@@ -101,10 +101,10 @@ static enum outcome dispatch(struct exchange *exchange, const char *path)
 static void answer_options(struct response *response)
 {
     response->status = 204;
-    response_header(response, "Allow", "%s", allow);
-    response_header(response, "Access-Control-Allow-Methods", "%s", allow);
-    response_header(response, "Access-Control-Allow-Headers", "Range, If-Range, If-None-Match, If-Modified-Since, Accept-Encoding");
-    response_header(response, "Access-Control-Max-Age", "86400");
+    response_header_text(response, "Allow", allow);
+    response_header_text(response, "Access-Control-Allow-Methods", allow);
+    response_header_text(response, "Access-Control-Allow-Headers", "Range, If-Range, If-None-Match, If-Modified-Since, Accept-Encoding");
+    response_header_text(response, "Access-Control-Max-Age", "86400");
 }
 
 /* If-None-Match and Range (RFC 9110, 13.2.2) on an answer of 200. */
@@ -118,7 +118,7 @@ static void apply_conditions(const struct request *request, struct response *res
     }
     if (!response->ranges)
         return;
-    response_header(response, "Accept-Ranges", "bytes");
+    response_header_text(response, "Accept-Ranges", "bytes");
     if (request->method != METHOD_GET || (if_range && !etag_same(if_range, response->etag)))
         return;
     uint64_t size = response->size;
@@ -152,7 +152,7 @@ enum outcome site_answer(struct site *site, struct request *request, struct resp
         response->close = true;
     } else if (request->method == METHOD_OTHER) {
         response_problem(response, 405, request->target, "only %s are answered here", allow);
-        response_header(response, "Allow", "%s", allow);
+        response_header_text(response, "Allow", allow);
         response->close = true; // what follows might be a body that nobody reads
     } else if (request->refused) {
         response_problem(response, request->refused, request->target, "%s", request->why_refused);
@@ -355,43 +355,19 @@ void respond_body(struct exchange *exchange, const struct cache_value *value, co
     response->ranges = coding == CODING_IDENTITY;
     snprintf(response->etag, sizeof response->etag, "\"%s%s%s\"", etag, coding ? "-" : "", coding_name(coding));
     if (coding)
-        response_header(response, "Content-Encoding", "%s", coding_name(coding));
-    response_header(response, "Vary", "Accept-Encoding");
+        response_header_text(response, "Content-Encoding", coding_name(coding));
+    response_header_text(response, "Vary", "Accept-Encoding");
     response_header(response, "Server-Timing", "cache;desc=%s, make;dur=%.1f", request->waited ? "miss" : "hit",
                     body->milliseconds);
-}
-
-static void release_dataset(void *owner)
-{
-    dataset_release(owner);
-}
-
-void respond_stored(struct exchange *exchange, struct dataset *dataset, uint64_t offset, uint64_t size, const char *etag)
-{
-    struct response *response = exchange->response;
-    response->release = release_dataset;
-    response->owner = dataset;
-    if (!dataset_intact(dataset)) {
-        response_problem(response, 404, exchange->request->target,
-                         "the stream's file was written over; ask /v1/meshes/%s for its content id",
-                         dataset_id(dataset));
-        return;
-    }
-    response->status = 200;
-    response->media_type = "application/vnd.tetlod";
-    response->kind = BODY_FILE;
-    response->fd = dataset_fd(dataset);
-    response->offset = offset;
-    response->size = size;
-    response->ranges = true;
-    snprintf(response->etag, sizeof response->etag, "\"%s\"", etag);
-    cache_forever(response);
 }
 
 void respond_failure(struct exchange *exchange, const struct tetlod_error *error)
 {
     const char *message = error->message[0] ? error->message : tetlod_status_text(error->status);
     bool later = error->status == TETLOD_ERR_NOMEM || error->status == TETLOD_ERR_LIMIT;
-    unsigned status = later ? 503 : error->status == TETLOD_ERR_ARGUMENT ? 422 : 500;
+    unsigned status = later                                 ? 503
+                      : error->status == TETLOD_ERR_ARGUMENT ? 422  // more than the cache may hold
+                      : error->status == TETLOD_ERR_MISMATCH ? 404  // the file is another one
+                                                             : 500;
     response_problem(exchange->response, status, exchange->request->target, "%s", message);
 }

@@ -76,12 +76,13 @@ struct body {
 TETLOD_CHECKED enum tetlod_status body_take(struct buffer *buffer, double started, struct cache_value *out,
                                             struct tetlod_error *error);
 
-/* Answers with a body that is pinned under `key`: as ETag, coding, and where it came from. */
+/* Answers with a cached value that is pinned: with its ETag, coding, and where it came from. */
 void respond_body(struct exchange *exchange, const struct cache_value *value, const char *media_type, enum coding coding,
                   const char *etag);
 
-/* Answers with stored bytes of a stream, which takes over the reference to it. */
-void respond_stored(struct exchange *exchange, struct dataset *dataset, uint64_t offset, uint64_t size, const char *etag);
+/* Answers with stored bytes of a stream: from the cache where they are not many, straight from the file otherwise. */
+enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, uint64_t offset, uint64_t size,
+                            const char *etag);
 
 /* The response for a failure of the library. */
 void respond_failure(struct exchange *exchange, const struct tetlod_error *error);
