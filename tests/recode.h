@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A stream's contraction sequence, read back through a cursor, so that it can be written again: the same, or quantised. */
+#ifndef TETLOD_RECODE_H
+#define TETLOD_RECODE_H
+
+#include "format/writer.h"
+
+struct recode {
+    struct tetlodi_write_input input; /* its arrays are owned by this */
+    struct tetlodi_write_field *fields;
+    struct tetlodi_write_level *levels;
+};
+
+/* ERR_NOMEM, or what the cursor said. The file must stay open as long as the result is used. */
+TETLOD_CHECKED enum tetlod_status recode_read(struct recode *out, struct tetlod_file *file, struct tetlod_error *error);
+void recode_free(struct recode *recode);
+
+/* Rounds positions and values to grids of so many bits across the bounds; 0 leaves them as they are. */
+void recode_quantise(struct recode *recode, unsigned position_bits, unsigned field_bits);
+
+#endif
