@@ -113,6 +113,23 @@ static inline unsigned code_tree(struct tetlodi_coder *coder, struct tetlodi_bit
     return node - (1u << depth);
 }
 
+/* A number of which the length in bits is known, at least 1: two bits below the first under models, the rest without. */
+static inline uint64_t code_below(struct tetlodi_coder *coder, struct tetlodi_bit models[4], unsigned length, uint64_t value)
+{
+    unsigned left = length - 1, top = left < 2 ? left : 2;
+    uint64_t bits = 1;
+    if (top) {
+        left -= top;
+        bits = bits << top | code_tree(coder, models, top, (unsigned)(value >> left) & ((1u << top) - 1));
+    }
+    while (left) {
+        unsigned some = left < 16 ? left : 16;
+        left -= some;
+        bits = bits << some | code_plain(coder, some, (uint32_t)(value >> left) & ((1u << some) - 1));
+    }
+    return bits;
+}
+
 /* Models of a signed number (SPEC 6.3): its length in bits under one of 66 contexts, its sign, two bits below the first. */
 enum { NUMBER_CONTEXTS = 66 };
 struct tetlodi_number {
@@ -131,17 +148,7 @@ static inline int64_t code_number(struct tetlodi_coder *coder, struct tetlodi_nu
     if (!length)
         return 0;
     int negative = code_bit(coder, &models->sign[sign_context], value < 0);
-    unsigned left = length - 1, top = left < 2 ? left : 2;
-    uint64_t bits = 1;
-    if (top) {
-        left -= top;
-        bits = bits << top | code_tree(coder, models->top[length], top, (unsigned)(magnitude >> left) & ((1u << top) - 1));
-    }
-    while (left) {
-        unsigned some = left < 16 ? left : 16;
-        left -= some;
-        bits = bits << some | code_plain(coder, some, (uint32_t)(magnitude >> left) & ((1u << some) - 1));
-    }
+    uint64_t bits = code_below(coder, models->top[length], length, magnitude);
     return (int64_t)(negative ? 0 - bits : bits);
 }
 

@@ -48,7 +48,8 @@ enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, stru
     tetlodi_bits_init(&models->fresh, 1);
     number_init(&models->extra, 1);
     number_init(&models->vertex, 1);
-    number_init(models->position[0], 6);
+    number_init(models->middle, 3);
+    tetlodi_bits_init(models->step[0].none, sizeof models->step / (sizeof(struct tetlodi_bit)));
     number_init(models->corner, 3);
     for (uint32_t f = 0; f < fields; f++) {
         number_init(recorder->field_models[f].child, 2);
@@ -116,6 +117,104 @@ static enum placement choose_placement(const struct tetlodi_record *record, int6
     return first ? AT_FIRST : middle ? IN_MIDDLE : ELSEWHERE;
 }
 
+/* How far the link reaches from the vertex along an axis, to either side. */
+struct reach {
+    uint64_t low, high;
+};
+
+static struct reach reach(const struct tetlodi_star_view *star, const struct tetlodi_column *column, unsigned axis)
+{
+    const int64_t *codes = column->codes + axis;
+    int64_t own = codes[(size_t)star->vertex * 3];
+    struct reach out = {0, 0};
+    for (uint32_t i = 0; i < star->link_count; i++) {
+        int64_t code = codes[(size_t)star->link[i] * 3];
+        uint64_t distance = code_distance(code, own);
+        if (code < own)
+            out.low = distance > out.low ? distance : out.low;
+        else
+            out.high = distance > out.high ? distance : out.high;
+    }
+    return out;
+}
+
+/* The next code of the link's from `code` on to one side, along an axis; `code` itself if there is none. */
+static int64_t next_code(const struct tetlodi_star_view *star, const struct tetlodi_column *column, unsigned axis,
+                         int64_t code, int negative)
+{
+    const int64_t *codes = column->codes + axis;
+    int64_t best = code;
+    for (uint32_t i = 0; i < star->link_count; i++) {
+        int64_t other = codes[(size_t)star->link[i] * 3];
+        if (negative ? other < code && (best == code || other > best) : other > code && (best == code || other < best))
+            best = other;
+    }
+    return best;
+}
+
+/* Meshes made of layers: the child is level with a vertex of the link, the one of so many ranks to this side. */
+static unsigned rank_of(const struct tetlodi_star_view *star, const struct tetlodi_column *column, unsigned axis,
+                        int64_t value, int negative)
+{
+    int64_t code = column->codes[(size_t)star->vertex * 3 + axis];
+    for (unsigned rank = 0; rank < 64; rank++) {
+        int64_t next = next_code(star, column, axis, code, negative);
+        if (next == value)
+            return rank;
+        if (next == code || (negative ? next < value : next > value))
+            return 64;
+        code = next;
+    }
+    return 64;
+}
+
+/* What is known of a child from the axes before. */
+struct trail {
+    unsigned far, level; /* how far it went at most, 0 to 3; whether it was level with a vertex of the link last */
+};
+
+/* How far a step of so many bits goes where the link reaches to so many. */
+static unsigned far_of(unsigned length, unsigned room)
+{
+    return length + 3 <= room ? 1 : length + 2 <= room ? 2 : 3;
+}
+
+/* Codes how far a child is from the vertex along an axis. */
+static int64_t code_step(struct tetlodi_recorder *recorder, unsigned axis, struct reach link, struct trail *trail,
+                         int64_t value)
+{
+    const struct tetlodi_star_view *star = &recorder->star;
+    const struct tetlodi_column *column = recorder->replay->columns;
+    struct tetlodi_coder *coder = recorder->coders;
+    struct tetlodi_step *models = &recorder->models->step[axis];
+    int64_t own = column->codes[(size_t)star->vertex * 3 + axis];
+    if (code_bit(coder, &models->none[trail->far], value == 0))
+        return 0;
+    unsigned side = link.high / 2 > link.low ? 4 : link.low / 2 > link.high ? 0 : link.high > link.low ? 3 : 2;
+    int negative = code_bit(coder, &models->side[side], value < 0);
+    unsigned room = bit_length(negative ? link.low : link.high), length;
+    unsigned rank = coder->encoding ? rank_of(star, column, axis, own + value, negative) : 0;
+    trail->level = (unsigned)code_bit(coder, &models->level[trail->level], rank < 64);
+    if (trail->level) {
+        int64_t code = own;
+        for (rank = code_tree(coder, models->rank, 6, rank) + 1; rank; rank--)
+            code = next_code(star, column, axis, code, negative);
+        length = bit_length(code_distance(code, own));
+        value = code - own;
+    } else {
+        uint64_t distance = code_distance(value, 0);
+        length = code_tree(coder, models->length[trail->far][room], 7, bit_length(distance));
+        coder->bad |= length > 64 || !length;
+        if (coder->bad)
+            return 0;
+        distance = code_below(coder, models->top[length], length, distance);
+        value = (int64_t)(negative ? 0 - distance : distance);
+    }
+    unsigned far = far_of(length, room);
+    trail->far = far > trail->far ? far : trail->far;
+    return value;
+}
+
 static void code_positions(struct tetlodi_recorder *recorder, struct tetlodi_record *record)
 {
     struct tetlodi_coder *coder = &recorder->coders[0];
@@ -129,12 +228,13 @@ static void code_positions(struct tetlodi_recorder *recorder, struct tetlodi_rec
     placement = code_tree(coder, models->placement, 2, placement);
     coder->bad |= placement == 3;
     placement %= 3;
+    struct trail trails[4] = {{0, 0}, {0, 0}, {0, 0}, {0, 0}};
     for (unsigned axis = 0; axis < 3; axis++) {
         int64_t *codes = recorder->codes[axis];
-        unsigned context = extent(&recorder->star, column, axis);
+        struct reach link = reach(&recorder->star, column, axis);
         for (uint32_t i = placement == ELSEWHERE ? 0 : 1; i < record->children; i++) {
             int64_t difference = code_difference(codes[i], own[axis], width);
-            difference = code_number(coder, &models->position[0][axis], context, placement, difference);
+            difference = code_step(recorder, axis, link, &trails[i], difference);
             codes[i] = code_offset(own[axis], difference, scale);
         }
         if (placement == AT_FIRST) {
@@ -142,7 +242,7 @@ static void code_positions(struct tetlodi_recorder *recorder, struct tetlodi_rec
         } else if (placement == IN_MIDDLE) {
             int64_t middle = middle_prediction(scale, axis, own[axis], codes, record->children);
             int64_t difference = code_difference(codes[0], middle, width);
-            difference = code_number(coder, &models->position[1][axis], record->children, 0, difference);
+            difference = code_number(coder, &models->middle[axis], record->children, 0, difference);
             codes[0] = code_offset(middle, difference, scale);
         }
     }
