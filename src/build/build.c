@@ -62,6 +62,7 @@ static enum tetlod_status contract(struct build *build)
     }
     struct simplify_options simplify_options = {
         .metric = options->metric,
+        .contract = options->contract,
         .candidates = options->candidates,
         .max_error = widest > 0 ? smaller(widest, options->max_error) : options->max_error,
         .min_tets = options->min_tets,

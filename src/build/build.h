@@ -19,7 +19,8 @@ struct build_options {
     const struct build_control *controls; /* at least one */
     uint32_t control_count;
     enum metric metric;
-    uint32_t candidates;     /* 2 .. 5 */
+    unsigned contract;       /* CONTRACT_... (simplify.h) */
+    uint32_t candidates;     /* per simplex; 0: the usual number (candidates.h) */
     double max_error;        /* fraction of the range */
     uint32_t min_tets;
     double boundary_angle;   /* degrees */

@@ -3,14 +3,13 @@
 #ifndef TETLOD_METRIC_H
 #define TETLOD_METRIC_H
 
+#include "src/build/candidates.h"
 #include "src/build/fields.h"
 
 enum metric {
     METRIC_ENVELOPE, /* error: the certified envelope's; key: error / removed^1.5 */
     METRIC_SVA,      /* error and key: the thesis's accumulated prediction */
 };
-
-enum { MOST_CANDIDATES = 16 };
 
 /* A final vertex position that is tried. */
 struct trial {

@@ -15,7 +15,10 @@ static bool before(const struct queue_entry *x, const struct queue_entry *y)
 {
     if (x->value != y->value)
         return x->value < y->value;
-    return x->a != y->a ? x->a < y->a : x->b < y->b;
+    for (int i = 0; i < 4; i++)
+        if (x->vertices[i] != y->vertices[i])
+            return x->vertices[i] < y->vertices[i];
+    return false;
 }
 
 bool queue_append(struct queue *queue, const struct queue_entry *entry)

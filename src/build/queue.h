@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* A binary heap of edges by key, ties by the edge. */
+/* A binary heap of simplices by key, ties by their vertices. */
 #ifndef TETLOD_QUEUE_H
 #define TETLOD_QUEUE_H
 
@@ -11,7 +11,7 @@ enum { QUEUE_WITNESSES = 6 };
 
 struct queue_entry {
     double value;     /* the key in a queue, a lower bound of the error while it waits */
-    uint32_t a, b;
+    uint32_t vertices[4]; /* ascending; TETLOD_NONE behind the last */
     uint32_t stamp;   /* contractions done when it was evaluated */
     uint32_t candidate;
     uint32_t witness_count; /* waiting: while these tetrahedra are as they were, so is the bound; none: not known */

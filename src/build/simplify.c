@@ -10,9 +10,6 @@
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-/* Positions on an edge a-b, as the weight of b. The midpoint is last among the first three: ends are cheaper to code. */
-static const double edge_candidates[5] = {0, 1, 0.5, 0.2, 0.8};
-
 /* Trials are followed to this multiple of the limit, so that most of what waits is not looked at on the next rungs. */
 static const double HORIZON = 2;
 
@@ -20,7 +17,7 @@ static const double HORIZON = 2;
  * round limits are common in regular meshes. */
 static const double ROUNDING = 1e-9;
 
-/* What evaluating an edge needs: one a thread. */
+/* What evaluating a simplex needs: one a thread. */
 struct judge {
     struct star star;
     struct metric_scratch scratch;
@@ -46,21 +43,23 @@ struct run {
     struct tetlod_error *error;
 };
 
-static void candidate_position(const struct run *run, const struct star *star, uint32_t candidate, double weights[4],
-                               double p[3])
+/* A candidate's position, as the mesh's type can hold it. At a vertex it is the vertex, bit for bit. */
+static void candidate_position(const struct complex *complex, const struct star *star, uint32_t candidate, double p[3])
 {
-    double t = edge_candidates[candidate];
-    const double *a = run->complex->positions + 3 * (size_t)star->simplex[0],
-                 *b = run->complex->positions + 3 * (size_t)star->simplex[1];
-    weights[0] = 1 - t;
-    weights[1] = t;
-    weights[2] = weights[3] = 0;
-    for (int i = 0; i < 3; i++)
-        p[i] = t == 0 ? a[i] : t == 1 ? b[i] : a[i] + t * (b[i] - a[i]);
-    complex_round_position(run->complex, p);
+    const double *weights = candidates_weights(star->simplex_count, candidate);
+    const double *first = complex->positions + 3 * (size_t)star->simplex[0];
+    p[0] = p[1] = p[2] = 0;
+    for (uint32_t s = 0; s < star->simplex_count; s++) {
+        const double *at = complex->positions + 3 * (size_t)star->simplex[s];
+        for (int i = 0; i < 3; i++)
+            p[i] = weights[s] == 1 ? at[i] : p[i] + weights[s] * (at[i] - first[i]) + (s ? 0 : first[i]);
+        if (weights[s] == 1)
+            return;
+    }
+    complex_round_position(complex, p);
 }
 
-/* An edge waits for all its candidates' witnesses; too many make the whole unknown. A candidate that the boundary forbids
+/* A simplex waits for all its candidates' witnesses; too many make the whole unknown. A candidate that the boundary forbids
  * has none: it stays forbidden. */
 static void remember_witnesses(struct queue_entry *entry, const struct trial *trial)
 {
@@ -79,12 +78,12 @@ static void remember_witnesses(struct queue_entry *entry, const struct trial *tr
 static void best_candidate(const struct run *run, struct judge *judge, struct queue_entry *entry, double *out_error)
 {
     struct trial trials[MOST_CANDIDATES];
-    uint32_t count = run->options->candidates;
+    uint32_t vertices = judge->star.simplex_count, count = candidates_count(vertices, run->options->candidates);
     double best = INFINITY;
     for (uint32_t c = 0; c < count; c++) {
-        double weights[4];
-        candidate_position(run, &judge->star, c, weights, trials[c].position);
-        trials[c].possible = boundary_allows(&run->boundary, run->complex, &judge->star, weights, trials[c].position);
+        candidate_position(run->complex, &judge->star, c, trials[c].position);
+        trials[c].possible = boundary_allows(&run->boundary, run->complex, &judge->star, candidates_weights(vertices, c),
+                                             trials[c].position);
     }
     metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, HORIZON * run->limit,
                trials, count);
@@ -103,21 +102,31 @@ static void best_candidate(const struct run *run, struct judge *judge, struct qu
     entry->value = best;
 }
 
-static bool contractible(const struct complex *complex, uint32_t a, uint32_t b)
+static uint32_t vertex_count(const struct queue_entry *entry)
 {
-    return !((complex->flags[a] | complex->flags[b]) & VERTEX_FROZEN);
+    uint32_t count = 2;
+    while (count < 4 && entry->vertices[count] != TETLOD_NONE)
+        count++;
+    return count;
 }
 
-/* Evaluates an edge as it is now. *out_allowed: the limit allows it, and entry->value is its key; else it is a lower bound
+static bool contractible(const struct complex *complex, const struct queue_entry *entry)
+{
+    for (uint32_t i = 0; i < vertex_count(entry); i++)
+        if (complex->flags[entry->vertices[i]] & VERTEX_FROZEN)
+            return false;
+    return true;
+}
+
+/* Evaluates a simplex as it is now. *out_allowed: the limit allows it, and entry->value is its key; else it is a lower bound
  * of its error. Changes nothing but the judge. */
 static enum tetlod_status evaluate(const struct run *run, struct judge *judge, struct queue_entry *entry,
                                    bool *out_allowed)
 {
-    uint32_t simplex[2] = {entry->a, entry->b};
     double error;
     entry->stamp = run->complex->contraction_count;
     entry->witness_count = 0;
-    TETLOD_TRY(star_gather(&judge->star, run->complex, simplex, 2, &judge->error));
+    TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
     best_candidate(run, judge, entry, &error);
     *out_allowed = error <= run->limit;
     entry->value = *out_allowed ? entry->value : error;
@@ -132,29 +141,33 @@ static enum tetlod_status file(struct run *run, const struct queue_entry *entry,
     return tetlodi_fail_nomem(run->error, "the queue", run->queue.capacity * sizeof *entry);
 }
 
-static enum tetlod_status evaluate_and_file(struct run *run, uint32_t a, uint32_t b)
+static enum tetlod_status evaluate_and_file(struct run *run, struct queue_entry *entry)
 {
-    struct queue_entry entry = {.a = a < b ? a : b, .b = a < b ? b : a};
     bool allowed;
-    if (!contractible(run->complex, a, b))
+    if (!contractible(run->complex, entry))
         return TETLOD_OK;
-    if (evaluate(run, run->judges, &entry, &allowed) != TETLOD_OK) {
+    if (evaluate(run, run->judges, entry, &allowed) != TETLOD_OK) {
         *run->error = run->judges->error;
         return run->judges->error.status;
     }
-    return file(run, &entry, allowed);
+    return file(run, entry, allowed);
 }
 
-/* An entry is obsolete when an end is gone or was made anew since (its edges were filed again then). */
+/* An entry is obsolete when a vertex is gone or was made anew since (its simplices were filed again then). */
 static bool obsolete(const struct complex *complex, const struct queue_entry *entry)
 {
-    return !complex_alive(complex, entry->a) || !complex_alive(complex, entry->b) ||
-           complex->born[entry->a] > entry->stamp || complex->born[entry->b] > entry->stamp;
+    for (uint32_t i = 0; i < 4 && entry->vertices[i] != TETLOD_NONE; i++)
+        if (!complex_alive(complex, entry->vertices[i]) || complex->born[entry->vertices[i]] > entry->stamp)
+            return true;
+    return false;
 }
 
 static bool stale(const struct complex *complex, const struct queue_entry *entry)
 {
-    return complex->changed[entry->a] > entry->stamp || complex->changed[entry->b] > entry->stamp;
+    for (uint32_t i = 0; i < 4 && entry->vertices[i] != TETLOD_NONE; i++)
+        if (complex->changed[entry->vertices[i]] > entry->stamp)
+            return true;
+    return false;
 }
 
 /* Could what kept an entry waiting have changed? */
@@ -168,25 +181,62 @@ static bool may_have_eased(const struct complex *complex, const struct queue_ent
     return eased;
 }
 
-static enum tetlod_status evaluate_edges_of(struct run *run, uint32_t v)
+/* ---- which simplices there are */
+
+/* Files the simplex of v and up to three more vertices: at first with those that wait, later evaluated. Of the first listing
+ * each simplex is filed by its least vertex. */
+static enum tetlod_status file_simplex(struct run *run, uint32_t v, const uint32_t *others, int count, bool first)
+{
+    struct queue_entry entry = {.vertices = {v, TETLOD_NONE, TETLOD_NONE, TETLOD_NONE}};
+    for (int i = 0; i < count; i++) {
+        int at = i + 1;
+        for (; at > 0 && entry.vertices[at - 1] > others[i]; at--)
+            entry.vertices[at] = entry.vertices[at - 1];
+        entry.vertices[at] = others[i];
+    }
+    if (!first)
+        return evaluate_and_file(run, &entry);
+    return entry.vertices[0] == v && contractible(run->complex, &entry) ? file(run, &entry, false) : TETLOD_OK;
+}
+
+static enum tetlod_status list_edges(struct run *run, uint32_t v, bool first)
 {
     size_t count = 0;
     TETLOD_TRY(complex_link_vertices(run->complex, v, &run->link, &run->link_capacity, &count, run->error));
     for (size_t i = 0; i < count; i++)
-        TETLOD_TRY(evaluate_and_file(run, v, run->link[i]));
+        TETLOD_TRY(file_simplex(run, v, &run->link[i], 1, first));
     return TETLOD_OK;
 }
 
-/* All edges wait at first, to be looked at on the first rung. */
-static enum tetlod_status list_edges(struct run *run)
+/* Faces and tetrahedra by the tetrahedra of the star; a face by the first of its two. */
+static enum tetlod_status list_larger(struct run *run, uint32_t v, bool first)
 {
-    for (uint32_t v = 0; v < run->complex->vertex_count; v++) {
-        size_t count = 0;
-        TETLOD_TRY(complex_link_vertices(run->complex, v, &run->link, &run->link_capacity, &count, run->error));
-        for (size_t i = 0; i < count; i++)
-            if (run->link[i] > v && contractible(run->complex, v, run->link[i]))
-                TETLOD_TRY(file(run, &(struct queue_entry){.a = v, .b = run->link[i]}, false));
+    const struct complex *complex = run->complex;
+    for (uint32_t i = 0; i < complex->star_count[v]; i++) {
+        uint32_t tet = complex->pool[complex->star_begin[v] + i], others[3], opposite[3];
+        int count = 0;
+        for (uint32_t c = 0; c < 4; c++)
+            if (complex->corners[4 * (size_t)tet + c] != v) {
+                opposite[count] = complex->neighbours[4 * (size_t)tet + c];
+                others[count++] = complex->corners[4 * (size_t)tet + c];
+            }
+        for (int k = 0; k < 3 && run->options->contract & CONTRACT_FACES; k++) {
+            uint32_t pair[2] = {others[(k + 1) % 3], others[(k + 2) % 3]};
+            if (opposite[k] == TETLOD_NONE || opposite[k] / 4 > tet)
+                TETLOD_TRY(file_simplex(run, v, pair, 2, first));
+        }
+        if (run->options->contract & CONTRACT_TETS)
+            TETLOD_TRY(file_simplex(run, v, others, 3, first));
     }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status list_simplices(struct run *run, uint32_t v, bool first)
+{
+    if (run->options->contract & CONTRACT_EDGES)
+        TETLOD_TRY(list_edges(run, v, first));
+    if (run->options->contract & ~CONTRACT_EDGES)
+        TETLOD_TRY(list_larger(run, v, first));
     return TETLOD_OK;
 }
 
@@ -207,12 +257,12 @@ static double rounded_limit(const struct run *run, const struct driver *driver)
 /* Does a fresh entry, unless a check that is made only now refuses it. */
 static enum tetlod_status contract(struct run *run, const struct queue_entry *entry)
 {
-    uint32_t simplex[2] = {entry->a, entry->b}, v = entry->a;
-    double weights[4], p[3];
+    uint32_t v = entry->vertices[0];
+    double p[3];
     bool holds;
     struct star *star = &run->judges->star;
-    TETLOD_TRY(star_gather(star, run->complex, simplex, 2, run->error));
-    candidate_position(run, star, entry->candidate, weights, p);
+    TETLOD_TRY(star_gather(star, run->complex, entry->vertices, vertex_count(entry), run->error));
+    candidate_position(run->complex, star, entry->candidate, p);
     double moved = boundary_moves(&run->boundary, run->complex, star, p);
     if (!(moved <= run->boundary.limit) || !star_fits(star, run->complex, p))
         return refuse(run, *entry, INFINITY);
@@ -236,7 +286,7 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
         run->certified[d] = larger(run->certified[d], certain);
         run->predicted[d] = fmax(run->predicted[d], driver->predicted[v] * driver->scale);
     }
-    return evaluate_edges_of(run, v);
+    return list_simplices(run, v, false);
 }
 
 /* ---- marks and rungs */
@@ -296,7 +346,7 @@ static enum tetlod_status climb(struct run *run)
         if (obsolete(run->complex, &entry))
             continue;
         if (stale(run->complex, &entry)) {
-            TETLOD_TRY(evaluate_and_file(run, entry.a, entry.b));
+            TETLOD_TRY(evaluate_and_file(run, &entry));
             continue;
         }
         TETLOD_TRY(contract(run, &entry));
@@ -396,7 +446,8 @@ static enum tetlod_status run_ladder(struct run *run)
     bool named = true;
     double limit = fmin(1e-6, run->options->max_error);
     TETLOD_TRY(mark(run));
-    TETLOD_TRY(list_edges(run));
+    for (uint32_t v = 0; v < run->complex->vertex_count; v++)
+        TETLOD_TRY(list_simplices(run, v, true));
     for (;;) {
         TETLOD_TRY(rung(run, limit));
         double shrunk = shrunk_since_mark(run);

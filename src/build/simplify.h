@@ -10,9 +10,12 @@
 #include "src/build/boundary.h"
 #include "src/build/metric.h"
 
+enum { CONTRACT_EDGES = 1, CONTRACT_FACES = 2, CONTRACT_TETS = 4 };
+
 struct simplify_options {
     enum metric metric;
-    uint32_t candidates;   /* final vertex positions tried on an edge: 2 its ends, 3 with the midpoint, 5 with the fifths */
+    unsigned contract;     /* CONTRACT_... of the kinds of simplices */
+    uint32_t candidates;   /* final vertex positions tried on each (candidates_count) */
     double max_error;      /* fraction of the range */
     uint32_t min_tets;
     double boundary_angle; /* degrees */

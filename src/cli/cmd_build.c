@@ -10,6 +10,7 @@
 
 #include "format/fail.h"
 #include "src/build/build.h"
+#include "src/build/simplify.h"
 #include "src/cli/cli.h"
 #include "src/cli/progress.h"
 #include "src/io/io.h"
@@ -31,8 +32,9 @@ static const char help[] =
     "      --carry A,B         the fields to store (default: all); those of --field are always stored\n"
     "      --metric M          what is limited and what orders: envelope (default), the certified bound; sva, the\n"
     "                          accumulated prediction of scalar value assignment\n"
-    "      --candidates N      final vertex positions tried on an edge: 2 its ends, 3 (default) and its midpoint, 5 and\n"
-    "                          two more between\n"
+    "      --contract KIND     what is contracted: edge (default), face, tet, or hybrid, all three in one queue\n"
+    "      --candidates N      final vertex positions tried on a simplex: its vertices first, then its middle, then more\n"
+    "                          between, up to 7 on an edge or a face and 19 on a tetrahedron (default: 3, 4 and 5)\n"
     "      --max-error E       stop at this error, a fraction of the range: 0.1 or 10% (default 1)\n"
     "      --min-tets N        stop at that many tetrahedra\n"
     "      --boundary-angle D  degrees within which boundary faces count as one plane (default 0.01)\n"
@@ -48,7 +50,7 @@ static const char help[] =
 enum { MOST_FIELDS = 64 };
 
 struct request {
-    const char *input, *output, *solution, *carry;
+    const char *input, *output, *solution, *carry, *contract;
     const char *fields[MOST_FIELDS];
     uint32_t field_count;
     struct build_options build;
@@ -88,6 +90,24 @@ static bool parse_metric(const char *text, enum metric *out)
     return false;
 }
 
+static bool parse_contract(const char *text, unsigned *out)
+{
+    static const struct {
+        const char *name;
+        unsigned kinds;
+    } kinds[] = {{"edge", CONTRACT_EDGES},
+                 {"face", CONTRACT_FACES},
+                 {"tet", CONTRACT_TETS},
+                 {"hybrid", CONTRACT_EDGES | CONTRACT_FACES | CONTRACT_TETS}};
+    for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++)
+        if (strcmp(text, kinds[i].name) == 0) {
+            *out = kinds[i].kinds;
+            return true;
+        }
+    cli_usage("build", "--contract is one of edge, face, tet, hybrid, not '%s'", text);
+    return false;
+}
+
 static bool parse_growth(const char *text, double *out)
 {
     if (!cli_parse_number(&command_build, "growth", text, 1.001, out))
@@ -121,8 +141,11 @@ static bool parse_option(struct request *request, int option, const char *value)
         return true;
     case 'm':
         return parse_metric(value, &build->metric);
+    case 'k':
+        request->contract = value;
+        return parse_contract(value, &build->contract);
     case 'n':
-        if (!cli_parse_count(&command_build, "candidates", value, 2, 5, &count))
+        if (!cli_parse_count(&command_build, "candidates", value, 2, MOST_CANDIDATES, &count))
             return false;
         build->candidates = (uint32_t)count;
         return true;
@@ -240,9 +263,9 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
     json_t *fields = json_array(), *object = NULL;
     for (uint32_t i = 0; i < count && fields; i++)
         json_array_append_new(fields, json_string(mesh->fields[controls[i].field].name));
-    object = json_pack("{s:s, s:s, s:{s:o, s:s, s:i, s:f, s:i, s:f, s:f}}", "program", "tetlod " TETLOD_VERSION_STRING,
+    object = json_pack("{s:s, s:s, s:{s:o, s:s, s:s, s:i, s:f, s:i, s:f, s:f}}", "program", "tetlod " TETLOD_VERSION_STRING,
                        "input", base_name(request->input), "options", "field", fields, "metric",
-                       build->metric == METRIC_ENVELOPE ? "envelope" : "sva", "candidates", (int)build->candidates,
+                       build->metric == METRIC_ENVELOPE ? "envelope" : "sva", "contract", request->contract, "candidates", (int)build->candidates,
                        "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
                        build->boundary_angle, "growth", build->growth);
     char *text = object ? json_dumps(object, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17)) : NULL;
@@ -372,15 +395,17 @@ static int run(int argc, char **argv)
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},     {"q", required_argument, NULL, 'q'},
         {"field", required_argument, NULL, 'f'},      {"carry", required_argument, NULL, 'c'},
-        {"metric", required_argument, NULL, 'm'},     {"candidates", required_argument, NULL, 'n'},
+        {"metric", required_argument, NULL, 'm'},     {"contract", required_argument, NULL, 'k'},
+        {"candidates", required_argument, NULL, 'n'},
         {"max-error", required_argument, NULL, 'e'},  {"min-tets", required_argument, NULL, 't'},
         {"boundary-angle", required_argument, NULL, 'b'}, {"growth", required_argument, NULL, 'g'},
         {"compress", required_argument, NULL, 'z'},   {"threads", required_argument, NULL, 'j'},
         {"memory", required_argument, NULL, 'M'},     {"json", no_argument, NULL, JSON},
         {"progress", no_argument, NULL, PROGRESS},    {"quiet", no_argument, NULL, QUIET},
         {0}};
-    struct request request = {.build = {.metric = METRIC_ENVELOPE,
-                                        .candidates = 3,
+    struct request request = {.contract = "edge",
+                              .build = {.metric = METRIC_ENVELOPE,
+                                        .contract = CONTRACT_EDGES,
                                         .max_error = 1,
                                         .min_tets = 1,
                                         .boundary_angle = 0.01,

@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Where a simplex may be contracted to (thesis 4.2.2): final vertex positions as weights of its vertices. */
+#ifndef TETLOD_CANDIDATES_H
+#define TETLOD_CANDIDATES_H
+
+#include <stdint.h>
+
+enum { MOST_CANDIDATES = 19 };
+
+/* How many positions are tried on a simplex of two to four vertices if `wanted` are asked for; 0: the usual number, which is
+ * 3 on an edge (ends and midpoint), 4 on a face and 5 on a tetrahedron (vertices and centroid). */
+uint32_t candidates_count(uint32_t vertices, uint32_t wanted);
+
+/* The weights of one of them. */
+const double *candidates_weights(uint32_t vertices, uint32_t candidate);
+
+#endif
