@@ -19,7 +19,7 @@ B := build/$(config)
 # ---- what must be installed, as Debian packages; `make deps` installs what is missing
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev \
     libjansson-dev libmicrohttpd-dev
-DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio
+DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-jsonschema nginx-light varnish
 DEPS_BENCH := zstd wrk nginx-light
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
@@ -72,7 +72,7 @@ LIBTETLOD := $(B)/libtetlod.a
 SHARED := $(B)/libtetlod.so.$(VERSION)
 # The page and what it loads become part of the program
 WEB_DIR := server/web
-WEB_FILES := $(sort $(shell find $(WEB_DIR) -type f))
+WEB_FILES := $(sort $(shell find $(WEB_DIR) server/api -type f))
 EMBEDDED := $(B)/server/embedded.o
 INTERNAL := $(call objects,$(LIBRARY_SRC) $(SERVER_SRC)) $(EMBEDDED)
 BINARY := $(B)/tetlod
@@ -101,7 +101,7 @@ $(B)/%.o: %.c $(B)/flags
 
 $(B)/server/embedded.c: server/embed.py $(WEB_FILES)
 	@mkdir -p $(@D); echo "  WEB $(WEB_DIR)"
-	$(Q)python3 server/embed.py $(WEB_DIR) $@
+	$(Q)python3 server/embed.py $@ $(WEB_DIR) server/api
 
 $(EMBEDDED): $(B)/server/embedded.c $(B)/flags
 	$(Q)$(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""embed.py FOLDER OUT.c: writes the C source that holds every file of a folder (server/assets.h)."""
+"""embed.py OUT.c FOLDER...: writes the C source that holds every file of some folders (server/assets.h)."""
 import os
 import sys
 
@@ -11,10 +11,10 @@ MEDIA_TYPES = {
 }
 
 
-def main(folder, out):
-    files = sorted(os.path.join(where, name) for where, _, names in os.walk(folder) for name in names)
+def main(out, *folders):
+    files = sorted((os.path.join(where, name), folder) for folder in folders for where, _, names in os.walk(folder) for name in names)
     blocks, rows = [], []
-    for i, path in enumerate(files):
+    for i, (path, folder) in enumerate(files):
         extension = os.path.splitext(path)[1]
         if extension not in MEDIA_TYPES:
             sys.exit('%s: no media type is known for %s; add it to embed.py' % (path, extension or 'a name without extension'))

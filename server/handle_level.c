@@ -3,7 +3,9 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
+#include "format/reader.h"
 #include "server/level.h"
 #include "src/util/array.h"
 
@@ -124,26 +126,84 @@ enum outcome handle_level_mesh(struct exchange *exchange)
     return outcome;
 }
 
+/* Which fields a list of names selects, as text of 0 and 1 for the entity tag. */
+static bool select_fields(struct exchange *exchange, const struct tetlod_info *info, char *list, char *selected)
+{
+    memset(selected, '0', info->field_count);
+    selected[info->field_count] = 0;
+    for (char *name = list, *next; name && *list; name = next) {
+        next = strchr(name, ',');
+        if (next)
+            *next++ = 0;
+        uint32_t field = tetlod_field_index(info, name);
+        if (field == TETLOD_NONE) {
+            response_problem_choices(exchange->response, 400, exchange->request->target, "fields", field_names(info),
+                                     "there is no field '%.128s'; fields are separated by commas", name);
+            return false;
+        }
+        selected[field] = '1';
+    }
+    return true;
+}
+
+/* The frames of levels from + 1 .. to: geometry and the selected fields, in the order of the stream. */
+static enum outcome answer_frames(struct exchange *exchange, struct dataset *dataset, uint32_t from, uint32_t to,
+                                  const char *selected)
+{
+    const struct tetlodi_index *index = &dataset_file(dataset)->index;
+    uint32_t fields = index->info.field_count;
+    struct span *spans = array_new((size_t)(to - from) * (1 + fields), sizeof *spans);
+    size_t count = 0;
+    if (!spans) {
+        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+        return ANSWERED;
+    }
+    for (uint32_t k = from + 1; k <= to; k++)
+        for (uint32_t part = 0; part <= fields; part++)
+            if (!part || selected[part - 1] == '1') {
+                const struct tetlodi_frame *frame = &index->frames[(size_t)k * (1 + fields) + part];
+                spans[count++] = (struct span){frame->offset, frame->size};
+            }
+    char etag[80 + MOST_FIELDS];
+    snprintf(etag, sizeof etag, "%s-%" PRIu32 "-%" PRIu32 "-%s", index->info.cid, from, to, selected);
+    enum outcome outcome = respond_spans(exchange, dataset, spans, count, etag);
+    free(spans);
+    return outcome;
+}
+
+static enum outcome answer_records(struct exchange *exchange, struct dataset *dataset, uint32_t from, uint32_t to)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    char list[1024], selected[MOST_FIELDS + 1], etag[80];
+    enum query_result result = query_value(exchange->query, "fields", list, sizeof list);
+    if (result == QUERY_BAD)
+        response_problem(exchange->response, 400, exchange->request->target, "fields is one list of names");
+    else if (result == QUERY_FOUND && select_fields(exchange, info, list, selected))
+        return answer_frames(exchange, dataset, from, to, selected);
+    else if (result == QUERY_ABSENT) {
+        uint64_t offset = info->levels[from + 1].offset;
+        snprintf(etag, sizeof etag, "%s-%" PRIu32 "-%" PRIu32, info->cid, from, to);
+        return respond_stored(exchange, dataset, offset, info->levels[to].end - offset, etag);
+    }
+    return ANSWERED;
+}
+
 enum outcome handle_records(struct exchange *exchange)
 {
-    static const char *const none[] = {NULL};
+    static const char *const names[] = {"fields", NULL};
     struct dataset *dataset = captured_dataset(exchange);
     enum outcome outcome = ANSWERED;
     uint32_t from, to;
     if (!dataset)
         return ANSWERED;
     const struct tetlod_info *info = dataset_info(dataset);
-    if (check_parameters(exchange, none) && parse_level(exchange, info, exchange->captures[2], &from) &&
+    if (check_parameters(exchange, names) && parse_level(exchange, info, exchange->captures[2], &from) &&
         parse_level(exchange, info, exchange->captures[3], &to)) {
         if (from >= to)
             response_problem(exchange->response, 400, exchange->request->target,
                              "records go from a level to a finer one, not from %" PRIu32 " to %" PRIu32, from, to);
-        else {
-            char etag[80];
-            uint64_t offset = info->levels[from + 1].offset;
-            snprintf(etag, sizeof etag, "%s-%" PRIu32 "-%" PRIu32, info->cid, from, to);
-            outcome = respond_stored(exchange, dataset, offset, info->levels[to].end - offset, etag);
-        }
+        else
+            outcome = answer_records(exchange, dataset, from, to);
     }
     dataset_release(dataset);
     return outcome;

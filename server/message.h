@@ -44,7 +44,7 @@ struct response {
     void *owner;
     bool ranges;        /* Range may cut it */
     bool close;         /* the connection ends after it */
-    char etag[112];     /* quoted, or empty */
+    char etag[352];     /* quoted, or empty */
     size_t header_count;
     struct {
         const char *name; /* static */

@@ -84,6 +84,14 @@ void respond_body(struct exchange *exchange, const struct cache_value *value, co
 enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, uint64_t offset, uint64_t size,
                             const char *etag);
 
+struct span {
+    uint64_t offset, size;
+};
+
+/* The same of several pieces, one after the other. */
+enum outcome respond_spans(struct exchange *exchange, struct dataset *dataset, const struct span *spans, size_t count,
+                           const char *etag);
+
 /* The response for a failure of the library. */
 void respond_failure(struct exchange *exchange, const struct tetlod_error *error);
 

@@ -16,7 +16,9 @@ enum { MOST_CACHED = 4 << 20 };
 
 struct stored_context {
     struct dataset *dataset;
-    uint64_t offset, size;
+    size_t count;
+    uint64_t size; /* of all spans */
+    struct span spans[];
 };
 
 static void stored_context_free(void *opaque)
@@ -26,21 +28,30 @@ static void stored_context_free(void *opaque)
     free(context);
 }
 
+static bool read_span(const struct dataset *dataset, const struct span *span, unsigned char *out)
+{
+    uint64_t done = 0;
+    while (done < span->size) {
+        ssize_t got = pread(dataset_fd(dataset), out + done, (size_t)(span->size - done), (off_t)(span->offset + done));
+        if (got <= 0)
+            return false;
+        done += (uint64_t)got;
+    }
+    return true;
+}
+
 static enum tetlod_status read_stored(void *opaque, struct cache_value *out, struct tetlod_error *error)
 {
     struct stored_context *context = opaque;
     double started = monotonic_seconds();
     size_t size = (size_t)context->size, done = 0;
     struct body *body = malloc(sizeof *body + size);
+    bool complete = true;
     if (!body)
         return tetlodi_fail_nomem(error, "stored bytes", size);
-    while (done < size) {
-        ssize_t got = pread(dataset_fd(context->dataset), body->bytes + done, size - done, (off_t)(context->offset + done));
-        if (got <= 0)
-            break;
-        done += (size_t)got;
-    }
-    if (done < size || !dataset_intact(context->dataset)) {
+    for (size_t i = 0; complete && i < context->count; done += (size_t)context->spans[i++].size)
+        complete = read_span(context->dataset, &context->spans[i], body->bytes + done);
+    if (!complete || !dataset_intact(context->dataset)) {
         free(body);
         return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the stream's file was written over; ask /v1/meshes/%s for its content id",
                             dataset_id(context->dataset));
@@ -77,27 +88,40 @@ static void respond_file(struct exchange *exchange, struct dataset *dataset, uin
     cache_forever(response);
 }
 
-enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, uint64_t offset, uint64_t size,
-                            const char *etag)
+enum outcome respond_spans(struct exchange *exchange, struct dataset *dataset, const struct span *spans, size_t count,
+                           const char *etag)
 {
     struct cache *cache = exchange->site->cache;
-    enum outcome outcome = ANSWERED;
-    if (size > MOST_CACHED || request_header(exchange->request, "Range")) {
-        respond_file(exchange, dataset, offset, size, etag);
-        return ANSWERED;
-    }
     const struct cache_value *value = obtain_cached(exchange, cache, etag);
-    struct stored_context *context = value ? NULL : array_new(1, sizeof *context);
-    if (context) {
-        *context = (struct stored_context){dataset_hold(dataset), offset, size};
-        const struct recipe recipe = {read_stored, stored_context_free, context, size};
+    enum outcome outcome = ANSWERED;
+    if (!value) {
+        struct stored_context *context = malloc(sizeof *context + count * sizeof *spans);
+        if (!context) {
+            response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+            return ANSWERED;
+        }
+        *context = (struct stored_context){dataset_hold(dataset), count, 0};
+        for (size_t i = 0; i < count; i++) {
+            context->spans[i] = spans[i];
+            context->size += spans[i].size;
+        }
+        const struct recipe recipe = {read_stored, stored_context_free, context, context->size};
         outcome = obtain(exchange, cache, etag, &recipe, &value);
     }
     if (value) {
         respond_body(exchange, value, "application/vnd.tetlod", CODING_IDENTITY, etag);
         if (exchange->response->status == 200)
             cache_forever(exchange->response);
-    } else if (!context) // no memory for the cache: the file does without
-        respond_file(exchange, dataset, offset, size, etag);
+    }
     return outcome;
+}
+
+enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, uint64_t offset, uint64_t size,
+                            const char *etag)
+{
+    const struct span span = {offset, size};
+    if (size <= MOST_CACHED && !request_header(exchange->request, "Range"))
+        return respond_spans(exchange, dataset, &span, 1, etag);
+    respond_file(exchange, dataset, offset, size, etag);
+    return ANSWERED;
 }

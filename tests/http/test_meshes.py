@@ -219,6 +219,24 @@ def test_stored_bytes():
         assert server.get('%s/levels/%d/mesh.tetlod' % (base, level))[2] == stream[:info['levels'][level]['bytes']]
 
 
+def test_records_of_some_fields():
+    def records(query, first=2, last=3):
+        status, _, body = server.get('%s/records/%d-%d%s' % (base, first, last, query))
+        assert status == 200, body
+        return body
+
+    whole, geometry = records(''), records('?fields=')
+    assert 0 < len(geometry) < len(whole)
+    names = [field['name'] for field in info['fields']]
+    each = [records('?fields=' + name) for name in names]
+    assert all(one.startswith(geometry) for one in each)
+    assert geometry + b''.join(one[len(geometry):] for one in each) == whole
+    assert records('?fields=' + ','.join(reversed(names))) == whole
+    assert records('?fields=Pressure', 2, 4) == records('?fields=Pressure') + records('?fields=Pressure', 3, 4)
+    assert 'Pressure' in problem(base + '/records/0-1?fields=Pressure,x', 400)['fields']
+    problem(base + '/records/0-1?fields=,', 400)
+
+
 def test_ranges():
     path = base + '/stream'
     _, head, whole = server.get(path)
@@ -433,6 +451,6 @@ with Server(FOLDER) as server:
     info = server.json('/v1/meshes/fin')
     base = '/v1/meshes/fin/' + info['cid']
     run([test_catalogue, test_description, test_level_for_error, test_level_for_budget, test_bad_questions,
-         test_every_level_is_the_cursors, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes,
+         test_every_level_is_the_cursors, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
          test_ranges, test_not_modified, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
          test_small_cache, test_replaced_stream, test_reload_signal, test_what_is_no_stream])

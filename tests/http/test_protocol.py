@@ -2,6 +2,7 @@
 """HTTP itself: what libmicrohttpd gets wrong or leaves to us, request by request."""
 import json
 import os
+import re
 import socket
 import time
 
@@ -248,7 +249,8 @@ def test_slow_loris():
             idle.settimeout(20 * SLOW)
             assert idle.recv(10) == b''
         assert slow.get('/healthz')[0] == 200
-        assert b'tetlod_connections_expired_total 2' in slow.get('/metrics')[2] or SLOW > 1
+        expired = re.search(rb'tetlod_connections_expired_total (\d+)', slow.get('/metrics')[2])
+        assert int(expired[1]) >= 1  # the idle one may have met libmicrohttpd's own time-out
 
 
 def test_connection_limits():

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The description is valid OpenAPI 3.1, and the server does what it says: every operation is asked, well and badly."""
+import json
+import os
+import re
+import subprocess
+import urllib.parse
+
+import jsonschema
+
+from served import SCRATCH, TETLOD, Server, run
+
+FOLDER = os.path.join(SCRATCH, 'streams')
+server = document = None
+
+
+def resolve(value):
+    while isinstance(value, dict) and '$ref' in value:
+        node = document
+        for part in value['$ref'].removeprefix('#/').split('/'):
+            node = node[part.replace('~1', '/').replace('~0', '~')]
+        value = node
+    return value
+
+
+def references(node):
+    if isinstance(node, dict):
+        if '$ref' in node:
+            yield node
+        for value in node.values():
+            yield from references(value)
+    elif isinstance(node, list):
+        for value in node:
+            yield from references(value)
+
+
+def validator(schema):
+    return jsonschema.Draft202012Validator({**schema, 'components': document['components']})
+
+
+def test_document():
+    assert re.fullmatch(r'3\.1\.\d+', document['openapi']) and document['info']['title'] and document['info']['version']
+    ids = []
+    for reference in references(document):
+        resolve(reference)
+    for path, item in document['paths'].items():
+        assert path.startswith('/') and set(item) == {'get'}, path
+        operation = item['get']
+        ids.append(operation['operationId'])
+        parameters = [resolve(p) for p in operation.get('parameters', [])]
+        assert len({(p['name'], p['in']) for p in parameters}) == len(parameters), path
+        for parameter in parameters:
+            assert parameter['in'] in ('path', 'query', 'header') and parameter['schema'], parameter
+            assert parameter['in'] != 'path' or parameter['required']
+        assert set(re.findall(r'\{(\w+)\}', path)) == {p['name'] for p in parameters if p['in'] == 'path'}, path
+        for status, answer in operation['responses'].items():
+            assert re.fullmatch(r'[1-5]\d\d', status) and resolve(answer)['description']
+    assert len(ids) == len(set(ids))
+    for schema in document['components']['schemas'].values():
+        jsonschema.Draft202012Validator.check_schema(schema)
+
+
+def concrete(path, cid, **changes):
+    """A path with its parameters' examples, and the query of those that are required."""
+    operation = document['paths'][path]['get']
+    query = {}
+    for parameter in map(resolve, operation.get('parameters', [])):
+        example = changes.get(parameter['name'], cid if parameter['name'] == 'cid' else parameter.get('example'))
+        if isinstance(example, list):
+            example = ','.join(map(str, example))
+        if parameter['in'] == 'path':
+            path = path.replace('{%s}' % parameter['name'], urllib.parse.quote(str(example)))
+        elif parameter['in'] == 'query' and (parameter.get('required') or parameter['name'] in changes):
+            query[parameter['name']] = example
+    return path + ('?' + urllib.parse.urlencode(query) if query else '')
+
+
+def check(path, asked, **headers):
+    operation = document['paths'][path]['get']
+    status, head, body = server.get(asked, **headers)
+    assert str(status) in operation['responses'], (asked, status, body[:300])
+    answer = resolve(operation['responses'][str(status)])
+    for name in answer.get('headers', {}):
+        assert name.lower() in head, (asked, status, name)
+    media_type = head.get('content-type', '').split(';')[0]
+    if status != 304 and 'content' in answer:
+        assert media_type in answer['content'], (asked, media_type)
+        schema = answer['content'][media_type].get('schema')
+        if schema:
+            validator(resolve(schema)).validate(json.loads(body))
+    return status
+
+
+def test_every_operation():
+    cid = server.json('/v1/meshes/fin')['cid']
+    for path in document['paths']:
+        changes = {'error': '0.1'} if path.endswith('/mesh') else {}
+        status = check(path, concrete(path, cid, **changes))
+        assert status == (303 if path.endswith('/mesh') else 200), (path, status)
+        if '304' in document['paths'][path]['get']['responses']:
+            asked = concrete(path, cid)
+            assert check(path, asked, If_None_Match=server.get(asked)[1]['etag']) == 304
+        if '416' in document['paths'][path]['get']['responses']:
+            assert check(path, concrete(path, cid), Range='bytes=0-3') == 206
+            assert check(path, concrete(path, cid), Range='bytes=999999999-') == 416
+        if '{id}' in path:
+            assert check(path, concrete(path, cid, id='nothing')) == 404
+        if '{cid}' in path:
+            assert check(path, concrete(path, '0' * 32)) == 404
+            assert check(path, concrete(path, cid) + ('&' if '?' in concrete(path, cid) else '?') + 'unknown=1') == 400
+        if '{format}' in path:
+            assert check(path, concrete(path, cid, format='doc')) == 400
+        if '{level}' in path:
+            assert check(path, concrete(path, cid, level=99999)) == 400
+
+
+def test_formats():
+    cid = server.json('/v1/meshes/fin')['cid']
+    for path in document['paths']:
+        for parameter in map(resolve, document['paths'][path]['get'].get('parameters', [])):
+            if parameter['name'] == 'format':
+                for name in parameter['schema']['enum']:
+                    changes = {'format': name, **({'error': '0.1'} if path.endswith('/mesh') else {})}
+                    assert check(path, concrete(path, cid, **changes)) in (200, 303), (path, name)
+
+
+os.makedirs(FOLDER, exist_ok=True)
+subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
+subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
+with Server(FOLDER) as server:
+    document = server.json('/openapi.json')
+    run([test_document, test_every_operation, test_formats])

@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The description and the routes name the same paths, and it lists the parameters that the handlers know. */
+#include <jansson.h>
+
+#include "server/assets.h"
+#include "server/site.h"
+#include "tests/test.h"
+
+static json_t *load(void)
+{
+    for (size_t i = 0; i < embedded_file_count; i++)
+        if (strcmp(embedded_files[i].path, "/openapi.json") == 0)
+            return json_loadb((const char *)embedded_files[i].bytes, (size_t)(embedded_files[i].end - embedded_files[i].bytes),
+                              JSON_REJECT_DUPLICATES, NULL);
+    return NULL;
+}
+
+static void test_every_route_is_described(void)
+{
+    json_t *description = load();
+    REQUIRE(description);
+    json_t *paths = json_object_get(description, "paths");
+    for (const struct route *route = site_routes; route->template; route++)
+        if (!json_object_get(json_object_get(paths, route->template), "get"))
+            TEST_FAIL("%s is not described", route->template);
+    json_decref(description);
+}
+
+static void test_every_description_is_a_route(void)
+{
+    json_t *description = load(), *item;
+    const char *path;
+    REQUIRE(description);
+    json_object_foreach(json_object_get(description, "paths"), path, item)
+    {
+        bool found = strcmp(path, "/openapi.json") == 0; // a file of the program, as the page is
+        for (const struct route *route = site_routes; route->template; route++)
+            found |= strcmp(route->template, path) == 0;
+        if (!found)
+            TEST_FAIL("%s is no route", path);
+    }
+    json_decref(description);
+}
+
+int main(void)
+{
+    RUN(test_every_route_is_described);
+    RUN(test_every_description_is_a_route);
+    return test_end();
+}
