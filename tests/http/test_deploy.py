@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The configurations in server/deploy, on loopback: failover behind nginx and Varnish, plain files, socket activation."""
+import http.client
+import json
+import os
+import re
+import shutil
+import socket
+import ssl
+import subprocess
+import threading
+import time
+
+from served import ROOT, SCRATCH, SLOW, TETLOD, Server, run
+
+DEPLOY = os.path.join(ROOT, 'server', 'deploy')
+FOLDER = os.path.join(SCRATCH, 'streams')
+PATH = os.environ['PATH'] + ':/usr/sbin'
+NGINX = shutil.which('nginx', path=PATH)
+VARNISH = shutil.which('varnishd', path=PATH)
+cid = None
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(('127.0.0.1', 0))
+        return probe.getsockname()[1]
+
+
+def wait_for_port(port):
+    until = time.monotonic() + 20 * SLOW
+    while True:
+        try:
+            socket.create_connection(('127.0.0.1', port), timeout=1).close()
+            return
+        except OSError:
+            assert time.monotonic() < until, 'nothing listens'
+            time.sleep(0.05)
+
+
+def start_nginx(name, text):
+    place = os.path.join(SCRATCH, name)
+    os.makedirs(place, exist_ok=True)
+    os.chmod(place, 0o755)
+    configuration = os.path.join(place, 'nginx.conf')
+    temporary = ''.join('%s_temp_path %s/%s; ' % (kind, place, kind) for kind in ('client_body', 'proxy', 'fastcgi', 'uwsgi', 'scgi'))
+    user = 'root' if os.getuid() == 0 else ''
+    text = re.sub(r'^user .*;', 'user %s;' % user if user else '', text, flags=re.M)
+    text = text.replace('http {', 'http { ' + temporary, 1).replace('/run/nginx.pid', place + '/nginx.pid')
+    text = text.replace('/var/log/nginx/tetlod.log', place + '/access.log').replace('/var/cache/nginx/tetlod', place + '/cache')
+    with open(configuration, 'w') as file:
+        file.write('daemon off;\n' + text)
+    return subprocess.Popen([NGINX, '-p', place, '-e', place + '/error.log', '-c', configuration])
+
+
+def stop(process):
+    process.terminate()
+    process.wait(timeout=30)
+
+
+class Load:
+    """Threads that ask for good things and count what is not 200."""
+
+    def __init__(self, connect, paths):
+        self.connect, self.paths, self.asked, self.lost, self.running = connect, paths, 0, [], True
+        self.lock = threading.Lock()
+        self.threads = [threading.Thread(target=self.work, args=(i,)) for i in range(8)]
+        for thread in self.threads:
+            thread.start()
+
+    def work(self, number):
+        connection = self.connect()
+        while self.running:
+            number += 1
+            path = self.paths[number % len(self.paths)]
+            try:
+                connection.request('GET', path)
+                answer = connection.getresponse()
+                answer.read()
+                status = answer.status
+            except (OSError, http.client.HTTPException) as error:
+                status = repr(error)
+                connection.close()
+                connection = self.connect()
+            with self.lock:
+                self.asked += 1
+                if status != 200:
+                    self.lost.append((path, status))
+        connection.close()
+
+    def finish(self):
+        self.running = False
+        for thread in self.threads:
+            thread.join()
+
+
+def paths_of(described, salt):
+    at = '/v1/meshes/fin/%s' % described['cid']
+    last = len(described['levels']) - 1
+    return (['/v1/meshes', '/v1/meshes/fin'] + ['%s/levels/%d/mesh.vtu' % (at, k) for k in range(0, last, 5)] +
+            ['%s/records/%d-%d?fields=%s' % (at, k, last, salt) for k in range(0, last, 4)])
+
+
+def fail_over(start_front, connect):
+    """Loads two servers behind a front, kills one without warning, starts it again, stops the other: nothing is lost."""
+    ports = free_port(), free_port()
+    servers = [Server(FOLDER, listen='127.0.0.1:%d' % port) for port in ports]
+    described = servers[0].json('/v1/meshes/fin')
+    front = None
+    try:
+        front, port = start_front(ports)
+        load = Load(lambda: connect(port), paths_of(described, 'Pressure'))
+        time.sleep(1.0)
+        servers[0].process.kill()
+        servers[0].process.wait()
+        before = load.asked
+        time.sleep(2.0)
+        assert load.asked > before + 20, 'it stood still'
+        servers[0] = Server(FOLDER, listen='127.0.0.1:%d' % ports[0])
+        time.sleep(3.5)  # longer than a server counts as gone
+        servers[1].stop()
+        time.sleep(1.5)
+        load.finish()
+        assert not load.lost, (len(load.lost), load.asked, load.lost[:5])
+        assert load.asked > 200, load.asked
+    finally:
+        if front:
+            stop(front)
+        for server in servers:
+            server.process.kill()
+            server.process.wait()
+
+
+def test_nginx_fails_over():
+    if not NGINX or not shutil.which('openssl'):
+        return 'no nginx or no openssl'
+    key, certificate = os.path.join(SCRATCH, 'key.pem'), os.path.join(SCRATCH, 'certificate.pem')
+    subprocess.run(['openssl', 'req', '-x509', '-newkey', 'rsa:2048', '-nodes', '-keyout', key, '-out', certificate, '-days', '2',
+                    '-subj', '/CN=localhost'], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    def start_front(ports):
+        with open(os.path.join(DEPLOY, 'nginx.conf')) as file:
+            text = file.read()
+        port = free_port()
+        text = text.replace('listen 80;', 'listen 127.0.0.1:%d;' % free_port()).replace('listen 443 ', 'listen 127.0.0.1:%d ' % port)
+        text = text.replace('127.0.0.1:8081', '127.0.0.1:%d' % ports[0]).replace('127.0.0.1:8082', '127.0.0.1:%d' % ports[1])
+        text = text.replace('/etc/ssl/certs/tetlod.pem', certificate).replace('/etc/ssl/private/tetlod.key', key)
+        process = start_nginx('front', text)
+        wait_for_port(port)
+        check_cache(port)
+        return process, port
+
+    def connect(port):
+        return http.client.HTTPSConnection('127.0.0.1', port, timeout=60, context=ssl._create_unverified_context())
+
+    def ask(port, path, **headers):
+        connection = connect(port)
+        connection.request('GET', path, headers=headers)
+        answer = connection.getresponse()
+        body = answer.read()
+        connection.close()
+        return answer, body
+
+    def check_cache(port):
+        with open(os.path.join(FOLDER, 'fin.tetlod'), 'rb') as file:
+            stream = file.read()
+        at = '/v1/meshes/fin/%s' % cid
+        for expected in ('MISS', 'HIT'):
+            answer, body = ask(port, at + '/levels/3/mesh.vtu')
+            assert answer.status == 200 and answer.getheader('X-Cache') == expected, (answer.status, answer.getheader('X-Cache'))
+        answer, body = ask(port, at + '/stream', Range='bytes=10-29')
+        assert answer.status == 206 and body == stream[10:30], answer.status
+        answer, body = ask(port, at + '/stream')
+        assert answer.status == 200 and body == stream
+        assert ask(port, '/metrics')[0].status == 404
+        answer, _ = ask(port, '/v1/meshes/fin/mesh?error=0.1')
+        assert answer.status == 303 and answer.getheader('Location').startswith('/v1/meshes/fin/')
+
+    fail_over(start_front, connect)
+
+
+def test_varnish_fails_over():
+    if not VARNISH:
+        return 'no varnishd'
+    place = os.path.join('/tmp', 'tetlod-varnish-%d' % os.getpid())  # its sockets' paths must be short
+
+    def start_front(ports):
+        with open(os.path.join(DEPLOY, 'varnish.vcl')) as file:
+            text = file.read().replace('"8081"', '"%d"' % ports[0]).replace('"8082"', '"%d"' % ports[1])
+        vcl, port = os.path.join(SCRATCH, 'test.vcl'), free_port()
+        with open(vcl, 'w') as file:
+            file.write(text)
+        process = subprocess.Popen([VARNISH, '-F', '-j', 'none', '-n', place, '-a', '127.0.0.1:%d' % port, '-f', vcl, '-s', 'malloc,32m'],
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        wait_for_port(port)
+        return process, port
+
+    try:
+        fail_over(start_front, lambda port: http.client.HTTPConnection('127.0.0.1', port, timeout=60))
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def test_plain_files():
+    """What explode lays out, sent by nginx alone: the same bytes at the same paths."""
+    www = os.path.join(SCRATCH, 'www')
+    subprocess.run([TETLOD, 'explode', FOLDER, '-o', www, '--meshes'], check=True)
+    with Server(FOLDER) as server:
+        described = server.json('/v1/meshes/fin')
+        at = '/v1/meshes/fin/' + described['cid']
+        paths = [at + '/stream', at + '/levels/0/mesh.tetlod', at + '/records/0-1', at + '/records/7-8']
+        wanted = {path: server.get(path)[2] for path in paths}
+        catalogue = server.json('/v1/meshes')
+    for path, body in wanted.items():
+        with open(www + path, 'rb') as file:
+            assert file.read() == body, path
+    assert os.path.getsize('%s%s/levels/%d/mesh.vtu' % (www, at, len(described['levels']) - 1)) > 1000
+    if not NGINX:
+        return 'files are as served; no nginx to send them'
+    port = free_port()
+    with open(os.path.join(DEPLOY, 'nginx-static.conf')) as file:
+        text = file.read().replace('listen 8080', 'listen 127.0.0.1:%d' % port).replace('/srv/tetlod', www)
+    process = start_nginx('static', 'user x;\npid /run/nginx.pid;\nevents { }\nhttp { access_log off;\n%s}\n' % text)
+    try:
+        wait_for_port(port)
+
+        def ask(path, method='GET', **headers):
+            connection = http.client.HTTPConnection('127.0.0.1', port, timeout=20)
+            connection.request(method, path, headers=headers)
+            answer = connection.getresponse()
+            body = answer.read()
+            connection.close()
+            return answer, body
+
+        assert json.loads(ask('/v1/meshes')[1]) == catalogue and json.loads(ask('/v1/meshes/fin')[1]) == described
+        assert ask('/v1/meshes/fin')[0].getheader('Content-Type') == 'application/json'
+        for path, body in wanted.items():
+            answer, got = ask(path)
+            assert answer.status == 200 and got == body and 'immutable' in answer.getheader('Cache-Control'), path
+            assert answer.getheader('Access-Control-Allow-Origin') == '*'
+        answer, body = ask(paths[0], Range='bytes=5-9')
+        assert answer.status == 206 and body == wanted[paths[0]][5:10]
+        assert ask('/v1/meshes/nothing')[0].status == 404
+    finally:
+        stop(process)
+
+
+def test_socket_activation():
+    """systemd's protocol: a listening descriptor 3, LISTEN_FDS and LISTEN_PID; READY=1 on NOTIFY_SOCKET."""
+    notify_path = os.path.join('/tmp', 'tetlod-notify-%d' % os.getpid())
+    with socket.socket() as listening, socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
+        listening.bind(('127.0.0.1', 0))
+        listening.listen()
+        notify.bind(notify_path)
+        notify.settimeout(20 * SLOW)
+        script = 'exec 3<&%d; LISTEN_PID=$$ LISTEN_FDS=1 exec "$0" "$@"' % listening.fileno()
+        process = subprocess.Popen(['bash', '-c', script, TETLOD, 'serve', FOLDER, '--quiet'], pass_fds=[listening.fileno()],
+                                   stdout=subprocess.PIPE, env=dict(os.environ, NOTIFY_SOCKET=notify_path))
+        try:
+            assert notify.recv(100) == b'READY=1'
+            assert process.stdout.readline() == b'http://127.0.0.1:%d/\n' % listening.getsockname()[1]
+            connection = http.client.HTTPConnection(*listening.getsockname(), timeout=20)
+            connection.request('GET', '/healthz')
+            assert connection.getresponse().status == 200
+            connection.close()
+            process.terminate()
+            assert notify.recv(100) == b'STOPPING=1' and process.wait(timeout=30) == 0
+        finally:
+            process.kill()
+            process.wait()
+            os.unlink(notify_path)
+
+
+def test_unit_files():
+    if not shutil.which('systemd-analyze'):
+        return 'no systemd-analyze'
+    place = os.path.join(SCRATCH, 'units')
+    os.makedirs(place, exist_ok=True)
+    for name in ('tetlod.service', 'tetlod.socket'):
+        with open(os.path.join(DEPLOY, name)) as file:
+            text = file.read().replace('/usr/local/bin/tetlod', TETLOD)
+        with open(os.path.join(place, name), 'w') as file:
+            file.write(text)
+    done = subprocess.run(['systemd-analyze', 'verify', '--man=no', os.path.join(place, 'tetlod.service')], stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT)
+    assert done.returncode == 0 and b'tetlod' not in done.stdout, done.stdout
+
+
+os.makedirs(FOLDER, exist_ok=True)
+subprocess.run([TETLOD, 'sample', 'fin', '--size', '8', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
+subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
+with Server(FOLDER) as first:
+    cid = first.json('/v1/meshes/fin')['cid']
+run([test_nginx_fails_over, test_varnish_fails_over, test_plain_files, test_socket_activation, test_unit_files])
