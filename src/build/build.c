@@ -144,7 +144,7 @@ static enum tetlod_status measure_marks(struct build *build)
     if (!measured || !build->levels || !build->errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
     TETLOD_TRY_DONE(forest_init(&forest, &build->sequence, build->mesh, build->error));
-    TETLOD_TRY_DONE(measure_new(&measure, build->mesh, build->error));
+    TETLOD_TRY_DONE(measure_new(&measure, build->mesh, NULL, build->mesh->field_count, build->error));
     for (uint32_t mark = 0; mark < marks; mark++) {
         TETLOD_TRY_DONE(measure_mark(build, &forest, measure, mark, measured, diagonal));
         double *domain = &build->levels[marks - 1 - mark].domain_error;

@@ -2,6 +2,7 @@
 #include "src/build/measure.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -26,6 +27,7 @@ struct measure {
     uint32_t *boundary; /* original's boundary vertices */
     uint32_t boundary_count, contractions;
     struct locator locator; /* of the original */
+    enum { OVERLAP_UNKNOWN, OVERLAPS, NO_OVERLAP } overlap; /* does the original overlap itself? */
 };
 
 /* One comparison at hand. */
@@ -39,6 +41,7 @@ struct comparison {
     const struct tetmesh *from;
     const struct locator *to;
     double *distances;
+    atomic_bool overlaps;
 };
 
 double mesh_diagonal(const struct tetmesh *mesh)
@@ -177,7 +180,9 @@ static void compare_sample(const struct comparison *c, size_t sample, uint32_t *
     double p[3];
     for (int d = 0; d < 3; d++)
         p[d] = place_value(measure->original->positions, 3, (uint32_t)d, &original);
-    uint32_t found = locator_walk(&c->locator, c->forest ? walk_start(c, sample) : *near, p, level.weights);
+    uint32_t found = TETLOD_NONE;
+    if (c->forest || measure->overlap == NO_OVERLAP)
+        found = locator_walk(&c->locator, c->forest ? walk_start(c, sample) : *near, p, level.weights);
     measure->hosts[sample] = TETLOD_NONE;
     if (found != TETLOD_NONE && (c->forest || strictly_inside(level.weights))) {
         memcpy(level.vertices, c->level->corners + 4 * (size_t)found, sizeof level.vertices);
@@ -218,12 +223,17 @@ static void summarise(const struct measure *measure, struct measured *out)
             continue;
         counted++;
         for (uint32_t f = 0; f < measure->field_count; f++) {
-            out[f].sampled = larger(out[f].sampled, errors[f]);
-            out[f].rms += errors[f] * errors[f];
+            if (errors[f] > out[f].sampled) { // in units of the largest so far, whose square may be no number
+                double shrink = out[f].sampled / errors[f];
+                out[f].rms *= shrink * shrink;
+                out[f].sampled = errors[f];
+            }
+            double part = out[f].sampled > 0 ? errors[f] / out[f].sampled : 0;
+            out[f].rms += part * part;
         }
     }
     for (uint32_t f = 0; f < measure->field_count; f++)
-        out[f].rms = sqrt(out[f].rms / (double)counted);
+        out[f].rms = out[f].sampled * sqrt(out[f].rms / (double)counted);
 }
 
 /* ---- domain error */
@@ -305,8 +315,8 @@ void measure_free(struct measure *measure)
     free(measure);
 }
 
-static enum tetlod_status measure_make(struct measure **out, const struct tetmesh *original, const uint32_t *fields,
-                                       uint32_t field_count, struct tetlod_error *error)
+enum tetlod_status measure_new(struct measure **out, const struct tetmesh *original, const uint32_t *fields,
+                               uint32_t field_count, struct tetlod_error *error)
 {
     size_t samples = original->vertex_count + SAMPLES_PER_TET * (size_t)original->tet_count;
     struct measure *measure = array_zero(1, sizeof *measure);
@@ -347,9 +357,27 @@ static enum tetlod_status measure_make(struct measure **out, const struct tetmes
     return TETLOD_OK;
 }
 
-enum tetlod_status measure_new(struct measure **out, const struct tetmesh *original, struct tetlod_error *error)
+/* Is a tetrahedron's centroid well inside another one, too? */
+static void look_for_overlap(void *context, unsigned worker, size_t begin, size_t end)
 {
-    return measure_make(out, original, NULL, original->field_count, error);
+    struct comparison *c = context;
+    const struct tetmesh *mesh = c->measure->original;
+    (void)worker;
+    for (size_t t = begin; t < end && !c->overlaps; t++) {
+        struct place place = {{0}, {0.25, 0.25, 0.25, 0.25}};
+        uint32_t tets[MOST_OVERLAP], inside = 0;
+        double p[3], weights[4];
+        memcpy(place.vertices, mesh->corners + 4 * t, sizeof place.vertices);
+        for (int d = 0; d < 3; d++)
+            p[d] = place_value(mesh->positions, 3, (uint32_t)d, &place);
+        uint32_t count = locator_find(&c->measure->locator, p, tets, MOST_OVERLAP);
+        for (uint32_t i = 0; i < count; i++) {
+            locator_weights(&c->measure->locator, tets[i], p, weights);
+            inside += strictly_inside(weights);
+        }
+        if (inside > 1)
+            c->overlaps = true;
+    }
 }
 
 static enum tetlod_status compare(struct comparison *c, unsigned threads, struct measured *out, double *out_domain,
@@ -373,14 +401,13 @@ enum tetlod_status measure_level(struct measure *measure, const struct forest_le
     return status;
 }
 
-enum tetlod_status measure_meshes(const struct tetmesh *a, const struct tetmesh *b, const uint32_t *a_fields,
-                                  const uint32_t *b_fields, uint32_t count, unsigned threads, struct measured *out,
-                                  double *out_domain, struct tetlod_error *error)
+enum tetlod_status measure_mesh(struct measure *measure, const struct tetmesh *mesh, const uint32_t *fields,
+                                unsigned threads, struct measured *out, double *out_domain, struct tetlod_error *error)
 {
-    struct measure *measure;
-    TETLOD_TRY(measure_make(&measure, a, a_fields, count, error));
-    struct comparison c = {.measure = measure, .level = b, .level_fields = b_fields};
-    enum tetlod_status status = compare(&c, threads, out, out_domain, error);
-    measure_free(measure);
-    return status;
+    struct comparison c = {.measure = measure, .level = mesh, .level_fields = fields};
+    if (measure->overlap == OVERLAP_UNKNOWN) {
+        parallel_for(threads, measure->original->tet_count, CHUNK, look_for_overlap, &c);
+        measure->overlap = c.overlaps ? OVERLAPS : NO_OVERLAP;
+    }
+    return compare(&c, threads, out, out_domain, error);
 }

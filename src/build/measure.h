@@ -13,23 +13,24 @@ struct measured {
     double sampled, rms; /* in the field's units; the largest over its components at each point */
 };
 
-/* Compares fields `a_fields[i]` of a with `b_fields[i]` of b (same components), for i < count, on `threads` threads. *out_domain is the domain error: the
- * largest distance of a boundary vertex of either mesh from the other's boundary, in units of length. The result does not
- * depend on the number of threads. */
-TETLOD_CHECKED enum tetlod_status measure_meshes(const struct tetmesh *a, const struct tetmesh *b,
-                                                 const uint32_t *a_fields, const uint32_t *b_fields, uint32_t count,
-                                                 unsigned threads, struct measured *out, double *out_domain,
-                                                 struct tetlod_error *error);
-
-/* The same for all fields of the levels of one sequence, from fine to coarse: what a level has not changed is not measured
- * again. */
 struct measure;
 struct forest_level;
+
+/* Prepares to compare with a mesh, which is borrowed: its fields `fields[i]`, i < count (borrowed; NULL: all, count is then
+ * field_count). ERR_NOMEM, ERR_LIMIT. */
 TETLOD_CHECKED enum tetlod_status measure_new(struct measure **out, const struct tetmesh *original,
-                                              struct tetlod_error *error);
+                                              const uint32_t *fields, uint32_t count, struct tetlod_error *error);
 void measure_free(struct measure *measure);
 
-/* `contractions` done at this level; no less than in the last call. out [field_count of the original]. */
+/* Compares any mesh: its fields `fields[i]` with the original's (same components). out [count]. *out_domain is the domain
+ * error: the largest distance of a boundary vertex of either mesh from the other's boundary, in units of length. Where the
+ * original overlaps itself or is double valued, any of its values will do. The result does not depend on `threads`. */
+TETLOD_CHECKED enum tetlod_status measure_mesh(struct measure *measure, const struct tetmesh *mesh,
+                                               const uint32_t *fields, unsigned threads, struct measured *out,
+                                               double *out_domain, struct tetlod_error *error);
+
+/* Compares a level of the original's own sequence, from fine to coarse: what a level has not changed is not measured again.
+ * `contractions` done at this level; no less than in the last call. Not to be mixed with measure_mesh. */
 TETLOD_CHECKED enum tetlod_status measure_level(struct measure *measure, const struct forest_level *level,
                                                 uint32_t contractions, unsigned threads, struct measured *out,
                                                 double *out_domain, struct tetlod_error *error);

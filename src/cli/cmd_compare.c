@@ -79,8 +79,12 @@ static int compare(const char *path_a, const char *path_b, const char *field, un
         status = io_read(&b, path_b, NULL, NULL, &error);
     if (status == TETLOD_OK)
         status = find_fields(&a, &b, field, fields, &error);
+    struct measure *measure = NULL;
     if (status == TETLOD_OK)
-        status = measure_meshes(&a, &b, &fields[0], &fields[1], 1, threads, &measured, &domain, &error);
+        status = measure_new(&measure, &a, &fields[0], 1, &error);
+    if (status == TETLOD_OK)
+        status = measure_mesh(measure, &b, &fields[1], threads, &measured, &domain, &error);
+    measure_free(measure);
     result = status == TETLOD_OK ? print(&a, &b, fields[0], &measured, domain, json) : cli_fail(&error);
     tetmesh_fini(&a);
     tetmesh_fini(&b);
