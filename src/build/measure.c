@@ -2,7 +2,6 @@
 #include "src/build/measure.h"
 
 #include <math.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -27,7 +26,7 @@ struct measure {
     uint32_t *boundary; /* original's boundary vertices */
     uint32_t boundary_count, contractions;
     struct locator locator; /* of the original */
-    enum { OVERLAP_UNKNOWN, OVERLAPS, NO_OVERLAP } overlap; /* does the original overlap itself? */
+    uint8_t *ambiguous; /* [sample] the original may have several values there; NULL: not known yet */
 };
 
 /* One comparison at hand. */
@@ -41,7 +40,6 @@ struct comparison {
     const struct tetmesh *from;
     const struct locator *to;
     double *distances;
-    atomic_bool overlaps;
 };
 
 double mesh_diagonal(const struct tetmesh *mesh)
@@ -181,7 +179,7 @@ static void compare_sample(const struct comparison *c, size_t sample, uint32_t *
     for (int d = 0; d < 3; d++)
         p[d] = place_value(measure->original->positions, 3, (uint32_t)d, &original);
     uint32_t found = TETLOD_NONE;
-    if (c->forest || measure->overlap == NO_OVERLAP)
+    if (c->forest || !measure->ambiguous[sample])
         found = locator_walk(&c->locator, c->forest ? walk_start(c, sample) : *near, p, level.weights);
     measure->hosts[sample] = TETLOD_NONE;
     if (found != TETLOD_NONE && (c->forest || strictly_inside(level.weights))) {
@@ -311,6 +309,7 @@ void measure_free(struct measure *measure)
     free(measure->hosts);
     free(measure->degenerate);
     free(measure->boundary);
+    free(measure->ambiguous);
     locator_fini(&measure->locator);
     free(measure);
 }
@@ -357,27 +356,48 @@ enum tetlod_status measure_new(struct measure **out, const struct tetmesh *origi
     return TETLOD_OK;
 }
 
-/* Is a tetrahedron's centroid well inside another one, too? */
+/* Samples inside a tetrahedron that are well inside another one, too, or in none well. */
 static void look_for_overlap(void *context, unsigned worker, size_t begin, size_t end)
 {
-    struct comparison *c = context;
-    const struct tetmesh *mesh = c->measure->original;
+    struct measure *measure = context;
     (void)worker;
-    for (size_t t = begin; t < end && !c->overlaps; t++) {
-        struct place place = {{0}, {0.25, 0.25, 0.25, 0.25}};
+    for (size_t i = begin; i < end; i++) {
+        size_t sample = measure->original->vertex_count + i;
+        struct place place;
         uint32_t tets[MOST_OVERLAP], inside = 0;
         double p[3], weights[4];
-        memcpy(place.vertices, mesh->corners + 4 * t, sizeof place.vertices);
+        if (!sample_place(measure, sample, &place))
+            continue;
         for (int d = 0; d < 3; d++)
-            p[d] = place_value(mesh->positions, 3, (uint32_t)d, &place);
-        uint32_t count = locator_find(&c->measure->locator, p, tets, MOST_OVERLAP);
-        for (uint32_t i = 0; i < count; i++) {
-            locator_weights(&c->measure->locator, tets[i], p, weights);
+            p[d] = place_value(measure->original->positions, 3, (uint32_t)d, &place);
+        uint32_t count = locator_find(&measure->locator, p, tets, MOST_OVERLAP);
+        for (uint32_t k = 0; k < count; k++) {
+            locator_weights(&measure->locator, tets[k], p, weights);
             inside += strictly_inside(weights);
         }
-        if (inside > 1)
-            c->overlaps = true;
+        measure->ambiguous[sample] |= inside != 1;
     }
+}
+
+/* Ambiguous are samples where the original overlaps itself, and all around tetrahedra without an interpolant, across which its
+ * field may jump. */
+static enum tetlod_status find_ambiguous(struct measure *measure, unsigned threads, struct tetlod_error *error)
+{
+    const struct tetmesh *mesh = measure->original;
+    measure->ambiguous = array_zero(measure->sample_count, 1);
+    if (!measure->ambiguous)
+        return tetlodi_fail_nomem(error, "samples", measure->sample_count);
+    parallel_for(threads, measure->sample_count - mesh->vertex_count, CHUNK, look_for_overlap, measure);
+    uint8_t *of_tets = measure->ambiguous + mesh->vertex_count;
+    for (int round = 0; round < 3; round++) // from tetrahedra to vertices to tetrahedra to vertices
+        for (size_t c = 0; c < 4 * (size_t)mesh->tet_count; c++) {
+            uint8_t *vertex = &measure->ambiguous[mesh->corners[c]], *tet = of_tets + c / 4 * SAMPLES_PER_TET;
+            if (round % 2 == 0)
+                *vertex |= measure->degenerate[c / 4] | tet[0] | tet[1];
+            else
+                tet[0] = tet[1] |= *vertex;
+        }
+    return TETLOD_OK;
 }
 
 static enum tetlod_status compare(struct comparison *c, unsigned threads, struct measured *out, double *out_domain,
@@ -405,9 +425,7 @@ enum tetlod_status measure_mesh(struct measure *measure, const struct tetmesh *m
                                 unsigned threads, struct measured *out, double *out_domain, struct tetlod_error *error)
 {
     struct comparison c = {.measure = measure, .level = mesh, .level_fields = fields};
-    if (measure->overlap == OVERLAP_UNKNOWN) {
-        parallel_for(threads, measure->original->tet_count, CHUNK, look_for_overlap, &c);
-        measure->overlap = c.overlaps ? OVERLAPS : NO_OVERLAP;
-    }
+    if (!measure->ambiguous)
+        TETLOD_TRY(find_ambiguous(measure, threads, error));
     return compare(&c, threads, out, out_domain, error);
 }
