@@ -38,16 +38,20 @@ struct tetlodi_link_edge {
     uint8_t made, flip; /* a tetrahedron comes back between them; not in the orientation that they imply */
 };
 
+struct tetlodi_edge_place { /* of the table that finds link edges by their ends; used if serial is the view's */
+    uint32_t x, y, edge, serial;
+};
+
 /* The star of a vertex laid out to be split. */
 struct tetlodi_star_view {
     uint32_t vertex, size, edge_count, extra_count, link_count;
-    uint32_t *tets, (*others)[3], (*edges)[3], *link, *mark, (*extras)[2], *table_edge;
-    uint64_t *table_key;
+    uint32_t *tets, (*others)[3], (*edges)[3], *link, *mark, (*extras)[2];
+    struct tetlodi_edge_place *table;
     uint8_t *place, *labels; /* which corner the vertex is; 1: goes with the child */
     struct tetlodi_link_edge *edge;
-    uint32_t serial, *table_serial;
+    uint32_t serial;
     size_t tets_capacity, others_capacity, edges_capacity, link_capacity, mark_capacity, extras_capacity,
-        table_edge_capacity, table_key_capacity, place_capacity, labels_capacity, edge_capacity, table_serial_capacity;
+        table_capacity, place_capacity, labels_capacity, edge_capacity;
 };
 
 struct tetlodi_record {

@@ -8,7 +8,7 @@ static int room(struct tetlodi_star_view *view, struct tetlodi_memory *memory, s
     size_t edges = 3 * size, table = 16;
     while (table < 2 * edges)
         table *= 2;
-    size_t serials = view->table_serial_capacity, marks = view->mark_capacity;
+    size_t places = view->table_capacity, marks = view->mark_capacity;
     if (!TETLODI_ROOM(memory, view->tets, view->tets_capacity, size) ||
         !TETLODI_ROOM(memory, view->others, view->others_capacity, size) ||
         !TETLODI_ROOM(memory, view->edges, view->edges_capacity, size) ||
@@ -17,12 +17,10 @@ static int room(struct tetlodi_star_view *view, struct tetlodi_memory *memory, s
         !TETLODI_ROOM(memory, view->link, view->link_capacity, edges) ||
         !TETLODI_ROOM(memory, view->edge, view->edge_capacity, edges) ||
         !TETLODI_ROOM(memory, view->mark, view->mark_capacity, vertices) ||
-        !TETLODI_ROOM(memory, view->table_edge, view->table_edge_capacity, table) ||
-        !TETLODI_ROOM(memory, view->table_key, view->table_key_capacity, table) ||
-        !TETLODI_ROOM(memory, view->table_serial, view->table_serial_capacity, table))
+        !TETLODI_ROOM(memory, view->table, view->table_capacity, table))
         return 0;
-    if (view->table_serial_capacity > serials)
-        memset(view->table_serial + serials, 0, (view->table_serial_capacity - serials) * sizeof *view->table_serial);
+    if (view->table_capacity > places)
+        memset(view->table + places, 0, (view->table_capacity - places) * sizeof *view->table);
     if (view->mark_capacity > marks)
         memset(view->mark + marks, 0, (view->mark_capacity - marks) * sizeof *view->mark);
     return 1;
@@ -34,22 +32,22 @@ static void next_serial(struct tetlodi_star_view *view)
     if (++view->serial)
         return;
     memset(view->mark, 0, view->mark_capacity * sizeof *view->mark);
-    memset(view->table_serial, 0, view->table_serial_capacity * sizeof *view->table_serial);
+    memset(view->table, 0, view->table_capacity * sizeof *view->table);
     view->serial = 1;
 }
 
 static uint32_t find_edge(struct tetlodi_star_view *view, uint32_t x, uint32_t y, size_t mask)
 {
-    uint64_t key = x < y ? (uint64_t)x << 32 | y : (uint64_t)y << 32 | x;
-    size_t at = (size_t)(key * UINT64_C(0x9e3779b97f4a7c15) >> 32) & mask;
-    while (view->table_serial[at] == view->serial) {
-        if (view->table_key[at] == key)
-            return view->table_edge[at];
+    uint32_t low = x < y ? x : y, high = x < y ? y : x;
+    uint32_t hash = low * 0x9e3779b1u + high * 0x85ebca6bu;
+    size_t at = (hash ^ hash >> 15) & mask;
+    struct tetlodi_edge_place *place = &view->table[at];
+    for (; place->serial == view->serial; place = &view->table[at]) {
+        if (place->x == low && place->y == high)
+            return place->edge;
         at = (at + 1) & mask;
     }
-    view->table_serial[at] = view->serial;
-    view->table_key[at] = key;
-    view->table_edge[at] = view->edge_count;
+    *place = (struct tetlodi_edge_place){low, high, view->edge_count, view->serial};
     return view->edge_count++;
 }
 
@@ -120,7 +118,5 @@ void tetlodi_star_fini(struct tetlodi_star_view *view, struct tetlodi_memory *me
     TETLODI_FREE(memory, view->edge, view->edge_capacity);
     TETLODI_FREE(memory, view->mark, view->mark_capacity);
     TETLODI_FREE(memory, view->extras, view->extras_capacity);
-    TETLODI_FREE(memory, view->table_edge, view->table_edge_capacity);
-    TETLODI_FREE(memory, view->table_key, view->table_key_capacity);
-    TETLODI_FREE(memory, view->table_serial, view->table_serial_capacity);
+    TETLODI_FREE(memory, view->table, view->table_capacity);
 }
