@@ -80,7 +80,7 @@ static int guide_init(struct grower *grower, struct face_table *table)
     const struct tetlodi_base_guide *guide = grower->guide;
     if (!table_init(grower, table, guide->tets) ||
         !TETLODI_ROOM(grower->memory, grower->next, grower->next_capacity, 4 * (size_t)guide->tets) ||
-        !TETLODI_ROOM(grower->memory, grower->arrived, grower->arrived_capacity, guide->tets))
+        !TETLODI_ROOM(grower->memory, grower->arrived, grower->arrived_capacity, guide->tets + (size_t)1))
         return 0;
     memset(grower->arrived, 0, guide->tets);
     memset(guide->arrival, 0xff, guide->vertices * sizeof *guide->arrival);

@@ -54,7 +54,7 @@ static uint32_t find_edge(struct tetlodi_star_view *view, uint32_t x, uint32_t y
 int tetlodi_star_lay_out(struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t vertex)
 {
     const struct tetlodi_star *star = &replay->stars[vertex];
-    if (!room(view, replay->memory, star->size, replay->vertices))
+    if (!room(view, replay->memory, star->size + (size_t)1, replay->vertices))
         return 0;
     next_serial(view);
     size_t table = 16;

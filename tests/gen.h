@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Random complexes and contraction sequences over them: for what must work with any. The same seed gives the same. */
+#ifndef TETLOD_GEN_H
+#define TETLOD_GEN_H
+
+#include "tests/recode.h"
+
+enum gen_kind {
+    GEN_GRID,   /* cubes of six tetrahedra */
+    GEN_HOLES,  /* the same with tetrahedra missing: boundaries, several components, vertices that touch */
+    GEN_SOUP,   /* any four vertices: faces of many tetrahedra, tetrahedra listed twice, both orientations */
+    GEN_KINDS
+};
+
+struct gen_options {
+    enum gen_kind kind;
+    uint64_t seed;
+    uint32_t size;      /* cubes along an edge; a soup has its cube of tetrahedra */
+    uint32_t levels;    /* at most */
+    unsigned arity;     /* most vertices that one contraction takes: 2 to 4 */
+    enum tetlod_type type;
+    unsigned position_bits; /* 0: lossless */
+};
+
+/* Random numbers: splitmix64. */
+uint64_t gen_random(uint64_t *state);
+
+/* A sequence with two fields: "id", float64, the number of each node; and "value" of two components. False: out of memory. */
+int gen_make(struct recode *out, const struct gen_options *options);
+
+/* Frees what gen_make made. */
+void gen_free(struct recode *recode);
+
+#endif

@@ -1,0 +1,103 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "tests/stream_fuzz.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/checksum.h"
+#include "format/index.h"
+
+static void demand(int condition)
+{
+    if (!condition)
+        abort();
+}
+
+/* Corners in range and different, numbers finite; the hash of all. */
+static uint64_t check_mesh(const struct tetlod_cursor *cursor, const struct tetlod_info *info)
+{
+    struct tetlod_mesh mesh;
+    tetlod_cursor_mesh(cursor, &mesh);
+    uint64_t hash = mesh.vertices;
+    for (size_t t = 0; t < mesh.tets; t++)
+        for (int c = 0; c < 4; c++) {
+            uint32_t corner = mesh.corners[4 * t + (size_t)c];
+            demand(corner < mesh.vertices);
+            for (int d = 0; d < c; d++)
+                demand(mesh.corners[4 * t + (size_t)d] != corner);
+            hash = (hash ^ corner) * UINT64_C(1099511628211);
+        }
+    for (size_t i = 0; i < 3 * (size_t)mesh.vertices; i++)
+        demand(isfinite(mesh.positions[i]));
+    for (uint32_t f = 0; f < info->field_count; f++)
+        for (size_t i = 0; i < (size_t)mesh.vertices * info->fields[f].components; i++)
+            demand(isfinite(mesh.fields[f][i]));
+    return hash;
+}
+
+void stream_fuzz(const uint8_t *bytes, size_t size)
+{
+    struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = 64 << 20};
+    struct tetlod_error error;
+    struct tetlod_file *file;
+    struct tetlod_cursor *cursor;
+    if (tetlod_open_memory(&file, bytes, size, &options, &error) != TETLOD_OK)
+        return;
+    const struct tetlod_info *info = tetlod_info(file);
+    if (tetlod_cursor_new(&cursor, file, NULL, 0, &error) == TETLOD_OK) {
+        uint64_t base = check_mesh(cursor, info);
+        uint32_t reached = 0;
+        while (reached + 1 < info->level_count && reached < 64 &&
+               tetlod_cursor_seek(cursor, reached + 1, &error) == TETLOD_OK)
+            reached++;
+        uint64_t top = check_mesh(cursor, info);
+        demand(tetlod_cursor_seek(cursor, 0, &error) == TETLOD_OK && check_mesh(cursor, info) == base);
+        while (tetlod_cursor_coarsen(cursor, &error) == TETLOD_OK)
+            abort();
+        demand(tetlod_cursor_seek(cursor, reached, &error) == TETLOD_OK && check_mesh(cursor, info) == top);
+        tetlod_cursor_free(cursor);
+    }
+    tetlod_close(file);
+}
+
+static void put32(uint8_t *at, uint32_t value)
+{
+    for (int i = 0; i < 4; i++)
+        at[i] = (uint8_t)(value >> (8 * i));
+}
+
+/* The frames' checksums are in the index where its levels are; the index is searched from its end, before the metadata. */
+static void seal_frames(uint8_t *bytes, size_t size, size_t index_size)
+{
+    struct tetlodi_index index;
+    if (tetlodi_index_decode(&index, bytes + HEADER_SIZE, index_size, HEADER_SIZE + index_size, NULL) != TETLOD_OK)
+        return;
+    size_t fields = index.info.field_count, level = 16 + 32 * fields, frames = 8 * (1 + fields);
+    uint8_t *at = bytes + HEADER_SIZE + index_size - index.info.metadata_size - 4 - index.info.level_count * (level + frames);
+    for (uint32_t k = 0; k < index.info.level_count; k++) {
+        at += level;
+        for (size_t part = 0; part <= fields; part++, at += 8) {
+            const struct tetlodi_frame *frame = &index.frames[k * (fields + 1) + part];
+            if (frame->offset <= size && frame->size <= size - frame->offset)
+                put32(at + 4, tetlodi_crc32(bytes + frame->offset, frame->size));
+        }
+    }
+    tetlodi_index_fini(&index);
+}
+
+void stream_fuzz_seal(uint8_t *bytes, size_t size)
+{
+    uint8_t cid[16];
+    if (size < HEADER_SIZE)
+        return;
+    size_t index_size = bytes[20] | (size_t)bytes[21] << 8 | (size_t)bytes[22] << 16 | (size_t)bytes[23] << 24;
+    memcpy(bytes, TETLODI_MAGIC, 8);
+    if (index_size > size - HEADER_SIZE)
+        return;
+    seal_frames(bytes, size, index_size);
+    put32(bytes + 24, tetlodi_crc32(bytes + HEADER_SIZE, index_size));
+    tetlodi_content_id(bytes, bytes + HEADER_SIZE, index_size, cid);
+    memcpy(bytes + 40, cid, sizeof cid);
+    put32(bytes + 60, tetlodi_crc32(bytes, 60));
+}
