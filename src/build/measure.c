@@ -23,6 +23,7 @@ struct measure {
     double *errors;     /* [field_count * sample] */
     uint32_t *hosts;    /* [sample] original tetrahedron whose image held the sample last, or TETLOD_NONE */
     uint8_t *degenerate; /* [tet] */
+    uint8_t *hollow;     /* [vertex] all of its tetrahedra are degenerate: no interpolant has its value */
     uint32_t *boundary; /* original's boundary vertices */
     uint32_t boundary_count, contractions;
     struct locator locator; /* of the original */
@@ -83,7 +84,7 @@ static void sample_weights(uint32_t tet, unsigned which, double weights[4])
         weights[i] = u[i + 1] - u[i];
 }
 
-/* The sample as a place in the original. False: there is none, its tetrahedron is degenerate. */
+/* The sample as a place in the original. False: there is none, the original has no interpolant there. */
 static bool sample_place(const struct measure *measure, size_t sample, struct place *out)
 {
     const struct tetmesh *mesh = measure->original;
@@ -91,7 +92,7 @@ static bool sample_place(const struct measure *measure, size_t sample, struct pl
     if (sample < mesh->vertex_count) {
         out->vertices[0] = (uint32_t)sample;
         out->weights[0] = 1;
-        return true;
+        return !measure->hollow[sample];
     }
     size_t k = sample - mesh->vertex_count;
     uint32_t tet = (uint32_t)(k / SAMPLES_PER_TET);
@@ -216,8 +217,8 @@ static void summarise(const struct measure *measure, struct measured *out)
     memset(out, 0, measure->field_count * sizeof *out);
     for (size_t sample = 0; sample < measure->sample_count; sample++) {
         const double *errors = measure->errors + sample * measure->field_count;
-        size_t k = sample - measure->original->vertex_count;
-        if (sample >= measure->original->vertex_count && measure->degenerate[k / SAMPLES_PER_TET])
+        struct place place;
+        if (!sample_place(measure, sample, &place))
             continue;
         counted++;
         for (uint32_t f = 0; f < measure->field_count; f++) {
@@ -231,7 +232,7 @@ static void summarise(const struct measure *measure, struct measured *out)
         }
     }
     for (uint32_t f = 0; f < measure->field_count; f++)
-        out[f].rms = out[f].sampled * sqrt(out[f].rms / (double)counted);
+        out[f].rms = counted ? out[f].sampled * sqrt(out[f].rms / (double)counted) : 0;
 }
 
 /* ---- domain error */
@@ -308,6 +309,7 @@ void measure_free(struct measure *measure)
     free(measure->errors);
     free(measure->hosts);
     free(measure->degenerate);
+    free(measure->hollow);
     free(measure->boundary);
     free(measure->ambiguous);
     locator_fini(&measure->locator);
@@ -328,9 +330,10 @@ enum tetlod_status measure_new(struct measure **out, const struct tetmesh *origi
                                 .sample_count = samples,
                                 .errors = array_zero(samples * field_count, sizeof(double)),
                                 .hosts = array_new(samples, sizeof(uint32_t)),
-                                .degenerate = array_zero(original->tet_count, 1)};
+                                .degenerate = array_zero(original->tet_count, 1),
+                                .hollow = array_new(original->vertex_count, 1)};
     enum tetlod_status status = TETLOD_OK;
-    if (!measure->errors || !measure->hosts || !measure->degenerate)
+    if (!measure->errors || !measure->hosts || !measure->degenerate || !measure->hollow)
         status = tetlodi_fail_nomem(error, "samples", samples * (8 * (uint64_t)field_count + 4));
     if (status == TETLOD_OK)
         status = locator_init(&measure->locator, original->positions, original->vertex_count, original->corners,
@@ -342,11 +345,15 @@ enum tetlod_status measure_new(struct measure **out, const struct tetmesh *origi
         measure_free(measure);
         return status;
     }
+    memset(measure->hollow, 1, original->vertex_count);
     for (size_t t = 0; t < original->tet_count; t++) {
+        const uint32_t *corners = original->corners + 4 * t;
         const double *p[4];
         for (int c = 0; c < 4; c++)
-            p[c] = original->positions + 3 * (size_t)original->corners[4 * t + c];
+            p[c] = original->positions + 3 * (size_t)corners[c];
         measure->degenerate[t] = tet_orientation(p[0], p[1], p[2], p[3]) == 0;
+        for (int c = 0; c < 4 && !measure->degenerate[t]; c++)
+            measure->hollow[corners[c]] = 0;
     }
     for (size_t sample = 0; sample < samples; sample++)
         measure->hosts[sample] = sample < original->vertex_count
