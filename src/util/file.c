@@ -162,7 +162,7 @@ enum tetlod_status file_output_open(struct file_output **out, const char *path, 
 static enum tetlod_status output_write(void *opaque, const void *bytes, size_t size)
 {
     struct file_output *output = opaque;
-    if (fwrite(bytes, 1, size, output->stream) == size)
+    if (!size || fwrite(bytes, 1, size, output->stream) == size)
         return TETLOD_OK;
     output->failed_errno = errno;
     return TETLOD_ERR_IO;
