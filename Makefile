@@ -174,9 +174,27 @@ fuzz: deps-check
 	@for t in $(if $(TARGET),fuzz_$(TARGET),$(notdir $(FUZZ_SRC:.c=))); do echo "== $$t"; mkdir -p build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_}; \
 	build/fuzz/tests/fuzz/$$t -max_total_time=$(TIME) -rss_limit_mb=4096 -timeout=20 -artifact_prefix=build/fuzz/found/$$t/ build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
 
+
+## bench-server: stored bytes against nginx, levels that are not cached; bench-soak: a minute of mixed load
+.PHONY: bench-server bench-soak
+BENCHES += bench-server bench-soak
+bench-server: deps-bench
+	$(Q)$(MAKE) --no-print-directory all
+	@python3 tests/bench/server.py $(BINARY) 2 5
+bench-soak: deps-bench
+	$(Q)$(MAKE) --no-print-directory all
+	@python3 tests/bench/soak.py $(BINARY) $(TIME)
+
 ## bench: measure; bench-* are its parts
 .PHONY: bench
 bench: deps-bench $(BENCHES)
+
+## check-tsan: the server's tests under the thread sanitizer
+.PHONY: check-tsan
+check-tsan: deps-check
+	$(Q)$(MAKE) --no-print-directory config=tsan all tests
+	@/usr/bin/python3 tests/run.py --only http/ tsan
+	@/usr/bin/python3 tests/run.py --only test_cache tsan
 
 ## install: into $(DESTDIR)$(PREFIX); uninstall removes it again
 .PHONY: install uninstall
