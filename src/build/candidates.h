@@ -5,7 +5,7 @@
 
 #include <stdint.h>
 
-enum { MOST_CANDIDATES = 19 };
+enum { MOST_CANDIDATES = 19, MOST_TRIALS = MOST_CANDIDATES + 1 }; /* one more: a metric's own optimum */
 
 /* How many positions are tried on a simplex of two to four vertices if `wanted` are asked for; 0: the usual number, which is
  * 3 on an edge (ends and midpoint), 4 on a face and 5 on a tetrahedron (vertices and centroid). */

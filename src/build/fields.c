@@ -30,6 +30,7 @@ void fields_fini(struct fields *fields)
         free(fields->drivers[d].upper);
         free(fields->drivers[d].lower);
         free(fields->drivers[d].predicted);
+        free(fields->drivers[d].quadrics);
     }
     free(fields->fields);
     free(fields->drivers);
@@ -67,7 +68,8 @@ static bool init_driver(struct driver *driver, const struct fields *fields, cons
                               weight,
                               array_new(n, sizeof(double)),
                               array_new(n, sizeof(double)),
-                              array_zero(n, sizeof(double))};
+                              array_zero(n, sizeof(double)),
+                              NULL};
     if (!driver->upper || !driver->lower || !driver->predicted)
         return false;
     for (size_t v = 0; v < n; v++)
@@ -81,8 +83,10 @@ enum tetlod_status fields_init(struct fields *fields, const struct tetmesh *mesh
     uint32_t driver_count = 0;
     for (uint32_t i = 0; i < controlled_count; i++)
         driver_count += mesh->fields[controlled[i]].components;
-    *fields = (struct fields){mesh->field_count, driver_count, array_zero(mesh->field_count, sizeof *fields->fields),
-                              array_zero(driver_count, sizeof *fields->drivers)};
+    *fields = (struct fields){.count = mesh->field_count,
+                              .driver_count = driver_count,
+                              .fields = array_zero(mesh->field_count, sizeof *fields->fields),
+                              .drivers = array_zero(driver_count, sizeof *fields->drivers)};
     bool done = fields->fields && fields->drivers;
     for (uint32_t f = 0; f < mesh->field_count && done; f++)
         done = init_field(&fields->fields[f], &mesh->fields[f], mesh->vertex_count);
@@ -93,6 +97,80 @@ enum tetlod_status fields_init(struct fields *fields, const struct tetmesh *mesh
         return TETLOD_OK;
     fields_fini(fields);
     return tetlodi_fail_nomem(error, "the fields", fields_bytes(mesh, controlled_count));
+}
+
+/* ---- quadrics */
+
+void normalise_position(const struct fields *fields, const double p[3], double out[3])
+{
+    for (int i = 0; i < 3; i++)
+        out[i] = (p[i] - fields->origin[i]) / fields->unit;
+}
+
+void driver_quadric(const struct driver *driver, const struct star *star, double out[QUADRIC_SIZE])
+{
+    for (int i = 0; i < QUADRIC_SIZE; i++) {
+        out[i] = 0;
+        for (uint32_t s = 0; s < star->simplex_count; s++)
+            out[i] += driver->quadrics[QUADRIC_SIZE * (size_t)star->simplex[s] + (size_t)i];
+    }
+}
+
+/* Adds a tetrahedron's share, weighted by its volume, to the quadrics of its corners. */
+static void add_quadric(struct fields *fields, struct driver *driver, const struct complex *complex, uint32_t tet,
+                        bool distance)
+{
+    const struct working_field *field = &fields->fields[driver->field];
+    const uint32_t *corners = complex->corners + 4 * (size_t)tet;
+    double points[4][4], quadric[QUADRIC_SIZE] = {0}, gradient[3] = {0}, constant;
+    struct tet_affine affine;
+    complex_affine(complex, tet, &affine);
+    for (int c = 0; c < 4; c++) {
+        normalise_position(fields, complex->positions + 3 * (size_t)corners[c], points[c]);
+        points[c][3] = field->values[(size_t)corners[c] * field->components + driver->component] * driver->scale;
+    }
+    double weight = affine.volume6 / (fields->unit * fields->unit * fields->unit);
+    for (int c = 1; c < 4; c++)
+        for (int i = 0; i < 3; i++)
+            gradient[i] += affine.gradient[c - 1][i] * fields->unit * (points[c][3] - points[0][3]);
+    constant = points[0][3] - gradient[0] * points[0][0] - gradient[1] * points[0][1] - gradient[2] * points[0][2];
+    if (distance)
+        quadric_add_distance(quadric, (const double(*)[4])points, weight);
+    else
+        quadric_add_field(quadric, gradient, constant, weight);
+    for (int c = 0; c < 4; c++)
+        for (int i = 0; i < QUADRIC_SIZE; i++)
+            driver->quadrics[QUADRIC_SIZE * (size_t)corners[c] + (size_t)i] += quadric[i];
+}
+
+enum tetlod_status fields_init_quadrics(struct fields *fields, const struct complex *complex, bool distance,
+                                        struct tetlod_error *error)
+{
+    size_t n = complex->vertex_count;
+    double high[3];
+    for (int i = 0; i < 3; i++) {
+        fields->origin[i] = high[i] = complex->positions[i];
+        for (size_t v = 1; v < n; v++) {
+            fields->origin[i] = fmin(fields->origin[i], complex->positions[3 * v + (size_t)i]);
+            high[i] = fmax(high[i], complex->positions[3 * v + (size_t)i]);
+        }
+    }
+    double diagonal = sqrt(distance_squared(fields->origin, high));
+    fields->unit = diagonal > 0 ? diagonal : 1;
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        struct driver *driver = &fields->drivers[d];
+        driver->quadrics = array_zero(n, QUADRIC_SIZE * sizeof(double));
+        if (!driver->quadrics)
+            return tetlodi_fail_nomem(error, "the quadrics", n * QUADRIC_SIZE * sizeof(double));
+        for (uint32_t t = 0; t < complex->tet_count; t++) {
+            const double *p[4];
+            for (int c = 0; c < 4; c++)
+                p[c] = complex->positions + 3 * (size_t)complex->corners[4 * (size_t)t + (size_t)c];
+            if (tet_orientation(p[0], p[1], p[2], p[3]) == complex->orientation)
+                add_quadric(fields, driver, complex, t, distance);
+        }
+    }
+    return TETLOD_OK;
 }
 
 double field_round(const struct working_field *field, uint32_t component, double value)
@@ -207,6 +285,11 @@ void fields_contract(struct fields *fields, const struct complex *complex, const
         driver->upper[v] = outcome[d].upper;
         driver->lower[v] = outcome[d].lower;
         driver->predicted[v] = outcome[d].predicted;
+        if (driver->quadrics) {
+            double sum[QUADRIC_SIZE];
+            driver_quadric(driver, star, sum);
+            memcpy(driver->quadrics + QUADRIC_SIZE * (size_t)v, sum, sizeof sum);
+        }
     }
     for (uint32_t f = 0; f < fields->count; f++) {
         struct working_field *field = &fields->fields[f];

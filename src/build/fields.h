@@ -8,6 +8,7 @@
 #define TETLOD_FIELDS_H
 
 #include "src/build/complex.h"
+#include "src/build/quadric.h"
 
 struct driver {
     uint32_t field, component;
@@ -15,6 +16,7 @@ struct driver {
     double weight; /* its error counts this many times against the limit: 1, or limit of all / limit of the field */
     double *upper, *lower; /* [slot] */
     double *predicted;     /* [slot] in the field's units */
+    double *quadrics;      /* [QUADRIC_SIZE * slot] in normalised positions and values, or NULL */
 };
 
 struct working_field {
@@ -26,6 +28,7 @@ struct working_field {
 };
 
 struct fields {
+    double origin[3], unit; /* a position's normalised form is (p - origin) / unit */
     uint32_t count, driver_count;
     struct working_field *fields;
     struct driver *drivers;
@@ -37,6 +40,15 @@ TETLOD_CHECKED enum tetlod_status fields_init(struct fields *fields, const struc
                                               const uint32_t *controlled, uint32_t controlled_count,
                                               const double *limits, struct tetlod_error *error);
 void fields_fini(struct fields *fields);
+
+/* Gives every driver its quadrics: the field's own, or with `distance` the generalised ones of Garland and Heckbert. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status fields_init_quadrics(struct fields *fields, const struct complex *complex,
+                                                       bool distance, struct tetlod_error *error);
+
+/* A driver's quadric of the star's simplex: the sum of its vertices'. */
+void driver_quadric(const struct driver *driver, const struct star *star, double out[QUADRIC_SIZE]);
+
+void normalise_position(const struct fields *fields, const double p[3], double out[3]);
 
 /* Bytes that the fields of a mesh take while it is contracted, about. */
 uint64_t fields_bytes(const struct tetmesh *mesh, uint32_t controlled_count);

@@ -10,7 +10,7 @@
 
 enum tetlod_status metric_init(struct metric_scratch *scratch, const struct fields *fields, struct tetlod_error *error)
 {
-    scratch->bounds = array_new((size_t)fields->driver_count * MOST_CANDIDATES, sizeof *scratch->bounds);
+    scratch->bounds = array_new((size_t)fields->driver_count * MOST_TRIALS, sizeof *scratch->bounds);
     return scratch->bounds ? TETLOD_OK : tetlodi_fail_nomem(error, "the metric", fields->driver_count);
 }
 
@@ -60,13 +60,43 @@ static double inherited(enum metric metric, const struct driver *driver, const s
     return sum;
 }
 
-/* The error between bounds, with the value that the field's type can hold in their middle. */
-static double error_between(const struct fields *fields, const struct driver *driver, const double bounds[2],
-                            double before)
+/* The value of a driver between its bounds, as its type can hold it: their middle, or the quadric's best that keeps the error
+ * within the limit; and what the quadric is there. */
+static double choose_value(enum metric metric, const struct fields *fields, const struct driver *driver,
+                           const double quadric[QUADRIC_SIZE], const double bounds[2], double limit, struct trial *trial)
 {
     const struct working_field *field = &fields->fields[driver->field];
-    double s = field_round(field, driver->component, (bounds[0] + bounds[1]) / 2);
-    return (before + larger(bounds[1] - s, s - bounds[0])) * driver->scale * driver->weight;
+    double middle = (bounds[0] + bounds[1]) / 2, p[3], s = middle * driver->scale;
+    if (!metric_has_quadrics(metric))
+        return field_round(field, driver->component, middle);
+    normalise_position(fields, trial->position, p);
+    trial->cost += quadric_least_at(quadric, p, &s);
+    if (driver->scale > 0 && isfinite(s)) {
+        double room = larger(limit / (driver->scale * driver->weight) - (bounds[1] - bounds[0]) / 2, 0);
+        middle = smaller(larger(s / driver->scale, middle - room), middle + room);
+    }
+    return field_round(field, driver->component, middle);
+}
+
+/* The drivers' values at the trials that are left, and the errors with them. */
+static void assign(enum metric metric, struct metric_scratch *scratch, const struct fields *fields,
+                   const struct star *star, double limit, struct trial *trials, uint32_t count)
+{
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct driver *driver = &fields->drivers[d];
+        double quadric[QUADRIC_SIZE], before = inherited(metric, driver, star);
+        if (metric_has_quadrics(metric))
+            driver_quadric(driver, star, quadric);
+        for (uint32_t t = 0; t < count; t++) {
+            struct metric_bounds *bounds = &scratch->bounds[d * MOST_TRIALS + t];
+            if (!trials[t].possible || trials[t].error > limit)
+                continue;
+            double s = choose_value(metric, fields, driver, quadric, bounds->value, limit, &trials[t]);
+            double error = before + larger(bounds->value[1] - s, s - bounds->value[0]);
+            bounds->assigned = metric == METRIC_SVA ? NAN : s;
+            trials[t].error = larger(trials[t].error, error * driver->scale * driver->weight);
+        }
+    }
 }
 
 /* Takes one tetrahedron's interpolants into a driver's bounds; a trial that gets above the limit drops out. */
@@ -76,7 +106,7 @@ static void widen(enum metric metric, const struct fields *fields, const struct 
 {
     const struct working_field *field = &fields->fields[driver->field];
     double factor = driver->scale * driver->weight;
-    bool envelope = metric == METRIC_ENVELOPE;
+    bool envelope = metric != METRIC_SVA;
     struct interpolant upper = interpolate(affine, corners, envelope ? driver->upper : field->values + driver->component,
                                            envelope ? 1 : field->components);
     struct interpolant lower = envelope ? interpolate(affine, corners, driver->lower, 1) : upper;
@@ -117,11 +147,11 @@ void metric_try(enum metric metric, struct metric_scratch *scratch, const struct
                 uint32_t count)
 {
     for (uint32_t t = 0; t < count; t++) {
-        trials[t].error = 0;
+        trials[t].error = trials[t].cost = 0;
         trials[t].witness[0] = trials[t].witness[1] = TETLOD_NONE;
     }
-    for (uint32_t i = 0; i < fields->driver_count * MOST_CANDIDATES; i++)
-        scratch->bounds[i] = (struct metric_bounds){{INFINITY, -INFINITY}, {TETLOD_NONE, TETLOD_NONE}};
+    for (uint32_t i = 0; i < fields->driver_count * MOST_TRIALS; i++)
+        scratch->bounds[i] = (struct metric_bounds){{INFINITY, -INFINITY}, {TETLOD_NONE, TETLOD_NONE}, NAN};
     for (uint32_t i = 0; i < star->tet_count && any_left(trials, count, limit); i++) {
         const uint32_t *corners = complex->corners + 4 * (size_t)star->tets[i];
         struct tet_affine affine;
@@ -137,27 +167,35 @@ void metric_try(enum metric metric, struct metric_scratch *scratch, const struct
         }
         for (uint32_t d = 0; d < fields->driver_count; d++)
             widen(metric, fields, &fields->drivers[d], &affine, corners, star->tets[i], limit,
-                  inherited(metric, &fields->drivers[d], star), trials, count, scratch->bounds + d * MOST_CANDIDATES);
+                  inherited(metric, &fields->drivers[d], star), trials, count, scratch->bounds + d * MOST_TRIALS);
     }
-    for (uint32_t t = 0; t < count; t++)
-        for (uint32_t d = 0; d < fields->driver_count && trials[t].possible && trials[t].error <= limit; d++) {
-            const struct driver *driver = &fields->drivers[d];
-            trials[t].error = larger(trials[t].error,
-                                     error_between(fields, driver, scratch->bounds[d * MOST_CANDIDATES + t].value,
-                                                   inherited(metric, driver, star)));
-        }
+    assign(metric, scratch, fields, star, limit, trials, count);
 }
 
-void metric_assigned(enum metric metric, const struct metric_scratch *scratch, const struct fields *fields,
-                     uint32_t trial, double *out)
+void metric_assigned(const struct metric_scratch *scratch, const struct fields *fields, uint32_t trial, double *out)
 {
+    for (uint32_t d = 0; d < fields->driver_count; d++)
+        out[d] = scratch->bounds[d * MOST_TRIALS + trial].assigned;
+}
+
+bool metric_optimum(const struct fields *fields, const struct star *star, double p[3])
+{
+    double sum[QUADRIC_SIZE] = {0}, quadric[QUADRIC_SIZE];
     for (uint32_t d = 0; d < fields->driver_count; d++) {
-        const double *bounds = scratch->bounds[d * MOST_CANDIDATES + trial].value;
-        out[d] = metric == METRIC_ENVELOPE ? (bounds[0] + bounds[1]) / 2 : NAN;
+        driver_quadric(&fields->drivers[d], star, quadric);
+        for (int i = 0; i < QUADRIC_SIZE; i++)
+            sum[i] += quadric[i];
     }
+    if (!quadric_optimum(sum, p))
+        return false;
+    for (int i = 0; i < 3; i++)
+        p[i] = fields->origin[i] + p[i] * fields->unit;
+    return true;
 }
 
-double metric_key(enum metric metric, double error, uint32_t removed)
+double metric_key(enum metric metric, const struct trial *trial, uint32_t removed)
 {
-    return metric == METRIC_ENVELOPE ? error / (removed * sqrt(removed)) : error;
+    if (metric_has_quadrics(metric))
+        return trial->cost / ((double)removed * removed);
+    return metric == METRIC_ENVELOPE ? trial->error / (removed * sqrt(removed)) : trial->error;
 }

@@ -9,13 +9,22 @@
 enum metric {
     METRIC_ENVELOPE, /* error: the certified envelope's; key: error / removed^1.5 */
     METRIC_SVA,      /* error and key: the thesis's accumulated prediction */
+    METRIC_FIELD_QUADRIC, /* error: the envelope's; key: field quadric / removed^2; the value is the quadric's best */
+    METRIC_QUADRIC,       /* the same with Garland and Heckbert's generalised quadric */
 };
+
+/* Do its contractions have an optimal position of their own? */
+static inline bool metric_has_quadrics(enum metric metric)
+{
+    return metric == METRIC_FIELD_QUADRIC || metric == METRIC_QUADRIC;
+}
 
 /* A final vertex position that is tried. */
 struct trial {
     double position[3];
     bool possible; /* in: worth trying; out: no re-attached tetrahedron flips there (nearly exact: star_fits decides) */
     double error;  /* out: fraction of the range, of the worst weighted driver; above the limit: a lower bound of it */
+    double cost;   /* out: the quadric's least value at the position, where the metric has quadrics */
     uint32_t witness[2]; /* out: while these tetrahedra stay as they are, it stays impossible, or its error that great */
 };
 
@@ -23,6 +32,7 @@ struct trial {
 struct metric_bounds {
     double value[2];
     uint32_t tet[2];
+    double assigned; /* the value given to the driver; NaN: scalar value assignment */
 };
 
 struct metric_scratch {
@@ -40,10 +50,12 @@ void metric_try(enum metric metric, struct metric_scratch *scratch, const struct
                 uint32_t count);
 
 /* The values that the metric assigned to the drivers at a trial of the last metric_try; NaN: scalar value assignment. */
-void metric_assigned(enum metric metric, const struct metric_scratch *scratch, const struct fields *fields,
-                     uint32_t trial, double *out);
+void metric_assigned(const struct metric_scratch *scratch, const struct fields *fields, uint32_t trial, double *out);
 
-/* What orders contractions of that error. */
-double metric_key(enum metric metric, double error, uint32_t removed);
+/* The position where the drivers' quadrics of the star's simplex add up to the least. False: there is no single one. */
+bool metric_optimum(const struct fields *fields, const struct star *star, double p[3]);
+
+/* What orders contractions. */
+double metric_key(enum metric metric, const struct trial *trial, uint32_t removed);
 
 #endif

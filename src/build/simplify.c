@@ -59,6 +59,28 @@ static void candidate_position(const struct complex *complex, const struct star 
     complex_round_position(complex, p);
 }
 
+/* The metric's own optimum for a simplex inside the domain, near enough to it to be worth a trial. It is tried behind the
+ * candidates. */
+static bool optimum_position(const struct run *run, const struct star *star, double p[3])
+{
+    const struct complex *complex = run->complex;
+    double reach2 = 0, far2 = 0;
+    if (!metric_has_quadrics(run->options->metric))
+        return false;
+    for (uint32_t s = 0; s < star->simplex_count; s++)
+        if (complex->flags[star->simplex[s]] & VERTEX_BOUNDARY)
+            return false;
+    if (!metric_optimum(run->fields, star, p))
+        return false;
+    complex_round_position(complex, p);
+    for (uint32_t s = 0; s < star->simplex_count; s++) {
+        const double *at = complex->positions + 3 * (size_t)star->simplex[s];
+        far2 = larger(far2, distance_squared(at, p));
+        reach2 = larger(reach2, distance_squared(at, complex->positions + 3 * (size_t)star->simplex[0]));
+    }
+    return far2 < 9 * reach2;
+}
+
 /* A simplex waits for all its candidates' witnesses; too many make the whole unknown. A candidate that the boundary forbids
  * has none: it stays forbidden. */
 static void remember_witnesses(struct queue_entry *entry, const struct trial *trial)
@@ -77,7 +99,7 @@ static void remember_witnesses(struct queue_entry *entry, const struct trial *tr
  * bound), its key in entry->value. */
 static void best_candidate(const struct run *run, struct judge *judge, struct queue_entry *entry, double *out_error)
 {
-    struct trial trials[MOST_CANDIDATES];
+    struct trial trials[MOST_TRIALS];
     uint32_t vertices = judge->star.simplex_count, count = candidates_count(vertices, run->options->candidates);
     double best = INFINITY;
     for (uint32_t c = 0; c < count; c++) {
@@ -85,6 +107,8 @@ static void best_candidate(const struct run *run, struct judge *judge, struct qu
         trials[c].possible = boundary_allows(&run->boundary, run->complex, &judge->star, candidates_weights(vertices, c),
                                              trials[c].position);
     }
+    trials[count].possible = optimum_position(run, &judge->star, trials[count].position);
+    count += trials[count].possible;
     metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, HORIZON * run->limit,
                trials, count);
     *out_error = INFINITY;
@@ -93,7 +117,7 @@ static void best_candidate(const struct run *run, struct judge *judge, struct qu
         if (!trials[c].possible)
             continue;
         *out_error = smaller(*out_error, trials[c].error);
-        double key = metric_key(run->options->metric, trials[c].error, judge->star.removed_count);
+        double key = metric_key(run->options->metric, &trials[c], judge->star.removed_count);
         if (trials[c].error <= run->limit && key < best) {
             best = key;
             entry->candidate = c;
@@ -251,7 +275,7 @@ static enum tetlod_status refuse(struct run *run, struct queue_entry entry, doub
 /* The limit as a driver's own error, for errors that are above it by rounding only; else no limit. */
 static double rounded_limit(const struct run *run, const struct driver *driver)
 {
-    return run->options->metric == METRIC_ENVELOPE ? run->limit / driver->weight : INFINITY;
+    return run->options->metric != METRIC_SVA ? run->limit / driver->weight : INFINITY;
 }
 
 /* Does a fresh entry, unless a check that is made only now refuses it. */
@@ -262,7 +286,10 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     bool holds;
     struct star *star = &run->judges->star;
     TETLOD_TRY(star_gather(star, run->complex, entry->vertices, vertex_count(entry), run->error));
-    candidate_position(run->complex, star, entry->candidate, p);
+    if (entry->candidate < candidates_count(star->simplex_count, run->options->candidates))
+        candidate_position(run->complex, star, entry->candidate, p);
+    else if (!optimum_position(run, star, p))
+        return refuse(run, *entry, INFINITY);
     double moved = boundary_moves(&run->boundary, run->complex, star, p);
     if (!(moved <= run->boundary.limit) || !star_fits(star, run->complex, p))
         return refuse(run, *entry, INFINITY);
@@ -270,11 +297,12 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     if (!holds)
         return refuse(run, *entry, INFINITY);
     struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
-    metric_try(run->options->metric, &run->judges->scratch, run->fields, run->complex, star, INFINITY, &trial, 1);
-    metric_assigned(run->options->metric, &run->judges->scratch, run->fields, 0, run->assigned);
+    metric_try(run->options->metric, &run->judges->scratch, run->fields, run->complex, star, run->limit,
+               &trial, 1);
+    metric_assigned(&run->judges->scratch, run->fields, 0, run->assigned);
     fields_outcome(run->fields, run->complex, star, p, run->assigned, run->outcome);
     double certified = outcome_error(run->fields, run->outcome);
-    if (run->options->metric == METRIC_ENVELOPE && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
+    if (run->options->metric != METRIC_SVA && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
         return refuse(run, *entry, certified);
     fields_contract(run->fields, run->complex, star, p, run->outcome);
     TETLOD_TRY(complex_contract(run->complex, star, p, run->error));
@@ -490,6 +518,8 @@ enum tetlod_status simplify(struct simplification *out, const struct tetmesh *me
     enum tetlod_status status;
     TETLOD_TRY_DONE(complex_init(&out->complex, mesh, error));
     TETLOD_TRY_DONE(fields_init(&out->fields, mesh, controlled, controlled_count, limits, error));
+    if (metric_has_quadrics(options->metric))
+        TETLOD_TRY_DONE(fields_init_quadrics(&out->fields, &out->complex, options->metric == METRIC_QUADRIC, error));
     TETLOD_TRY_DONE(boundary_init(&run.boundary, &out->complex, options->boundary_angle, options->boundary_limit, error));
     TETLOD_TRY_DONE(make_judges(&run));
     run.certified = array_zero(3 * (size_t)out->fields.driver_count, sizeof(double));

@@ -30,8 +30,9 @@ static const char help[] =
     "                          a component, NAME:0.01 (or :1%) for an error limit of its own; may be given several times\n"
     "                          (default: the first scalar field)\n"
     "      --carry A,B         the fields to store (default: all); those of --field are always stored\n"
-    "      --metric M          what is limited and what orders: envelope (default), the certified bound; sva, the\n"
-    "                          accumulated prediction of scalar value assignment\n"
+    "      --metric M          what orders the contractions: envelope (default), the certified bound; field-quadric\n"
+    "                          (Cignoni and others) or quadric (Garland and Heckbert), within the certified bound; sva,\n"
+    "                          the accumulated prediction of scalar value assignment, which then is the limit, too\n"
     "      --contract KIND     what is contracted: edge (default), face, tet, or hybrid, all three in one queue\n"
     "      --candidates N      final vertex positions tried on a simplex: its vertices first, then its middle, then more\n"
     "                          between, up to 7 on an edge or a face and 19 on a tetrahedron (default: 3, 4 and 5)\n"
@@ -78,15 +79,19 @@ static bool on_progress(void *opaque, enum build_phase phase, double done)
 
 /* ---- options */
 
+static const char *const metric_names[] = {[METRIC_ENVELOPE] = "envelope",
+                                           [METRIC_SVA] = "sva",
+                                           [METRIC_FIELD_QUADRIC] = "field-quadric",
+                                           [METRIC_QUADRIC] = "quadric"};
+
 static bool parse_metric(const char *text, enum metric *out)
 {
-    static const char *const names[] = {"envelope", "sva"};
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
-        if (strcmp(text, names[i]) == 0) {
+    for (size_t i = 0; i < sizeof metric_names / sizeof *metric_names; i++)
+        if (strcmp(text, metric_names[i]) == 0) {
             *out = (enum metric)i;
             return true;
         }
-    cli_usage("build", "--metric is one of envelope, sva, not '%s'", text);
+    cli_usage("build", "--metric is one of envelope, sva, field-quadric, quadric, not '%s'", text);
     return false;
 }
 
@@ -265,7 +270,7 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
         json_array_append_new(fields, json_string(mesh->fields[controls[i].field].name));
     object = json_pack("{s:s, s:s, s:{s:o, s:s, s:s, s:i, s:f, s:i, s:f, s:f}}", "program", "tetlod " TETLOD_VERSION_STRING,
                        "input", base_name(request->input), "options", "field", fields, "metric",
-                       build->metric == METRIC_ENVELOPE ? "envelope" : "sva", "contract", request->contract, "candidates", (int)build->candidates,
+                       metric_names[build->metric], "contract", request->contract, "candidates", (int)build->candidates,
                        "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
                        build->boundary_angle, "growth", build->growth);
     char *text = object ? json_dumps(object, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17)) : NULL;
