@@ -4,9 +4,9 @@
 
 const uint8_t tetlodi_bit_shift[128] = {
     1, 2, 2, 3, 3, 3, 3, 4, 4, 4, 4, 4, 4, 4, 4, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 5, 6,
-    6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6,
-    6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6,
     6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 6, 7,
+    7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7,
+    7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7,
 };
 
 void tetlodi_bits_init(struct tetlodi_bit *bits, size_t count)
@@ -18,7 +18,7 @@ void tetlodi_bits_init(struct tetlodi_bit *bits, size_t count)
 void tetlodi_decode_start(struct tetlodi_coder *coder, unsigned slowest, const uint8_t *bytes, size_t size)
 {
     *coder = (struct tetlodi_coder){.range = UINT32_MAX, .at = bytes, .end = bytes + size,
-                                    .seen_most = (1u << slowest) - 1};
+                                    .seen_most = (1u << slowest) - 2};
     for (int i = 0; i < 4; i++)
         coder->code = coder->code << 8 | (coder->at < coder->end ? *coder->at++ : 0u);
 }
@@ -26,7 +26,7 @@ void tetlodi_decode_start(struct tetlodi_coder *coder, unsigned slowest, const u
 void tetlodi_encode_start(struct tetlodi_coder *coder, unsigned slowest, struct tetlodi_memory *memory)
 {
     *coder = (struct tetlodi_coder){.encoding = 1, .range = UINT32_MAX, .memory = memory, .bytes = coder->bytes,
-                                    .seen_most = (1u << slowest) - 1, .capacity = coder->capacity};
+                                    .seen_most = (1u << slowest) - 2, .capacity = coder->capacity};
 }
 
 static void put(struct tetlodi_coder *coder, uint8_t byte)

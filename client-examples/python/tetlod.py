@@ -1,0 +1,824 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Reads tetlod streams: levels of detail of a tetrahedral mesh. Written from format/SPEC.md alone; numpy only.
+
+    import tetlod
+    stream = tetlod.open('fin.tetlod')            # or an http(s) URL, or bytes
+    cursor = stream.cursor()                      # at level 0; fields=['Pressure'] decodes only that one
+    cursor.seek(stream.level_for_error(0.01))     # up by replaying records, down by undoing them
+    cursor.positions, cursor.tets, cursor.field('Pressure')
+
+From a shell: python3 tetlod.py FILE_OR_URL [--error E | --level K] [-o OUT.npz]
+"""
+import hashlib
+import json
+import math
+import struct
+import sys
+import urllib.request
+import zlib
+
+import numpy as np
+
+MAGIC = b'\x89TLD\r\n\x1a\n'
+MEASURES = ('max', 'sampled', 'rms', 'predicted')
+SHIFT = [(seen + 1).bit_length() for seen in range(127)]
+NONE = None
+
+
+class StreamError(ValueError):
+    """The bytes are not a stream, or are damaged or cut off."""
+
+
+def require(condition, message):
+    if not condition:
+        raise StreamError(message)
+
+
+# ---------------------------------------------------------------- header and index (SPEC 3)
+
+class Bytes:
+    def __init__(self, data):
+        self.data, self.at = data, 0
+
+    def take(self, form):
+        size = struct.calcsize('<' + form)
+        require(self.at + size <= len(self.data), 'the index ends too early')
+        values = struct.unpack_from('<' + form, self.data, self.at)
+        self.at += size
+        return values if len(values) > 1 else values[0]
+
+    def text(self, size):
+        require(self.at + size <= len(self.data), 'the index ends too early')
+        self.at += size
+        return self.data[self.at - size:self.at].decode('utf-8', 'replace')
+
+
+class Scale:
+    """How the numbers of one column are coded (SPEC 5)."""
+
+    def __init__(self, data, axes):
+        self.type, self.bits = data.take('BB')
+        require(self.type <= 1 and self.bits <= 30, 'numbers of an unknown kind')
+        self.origin, self.step = [0.0] * axes, [0.0] * axes
+        for i in range(axes if self.bits else 0):
+            self.origin[i], self.step[i] = data.take('dd')
+        self.width = self.bits or (64 if self.type else 32)
+
+    def code(self, value, axis=0):
+        """The code nearest to a value."""
+        if self.bits:
+            most = (1 << self.bits) - 1
+            code = math.floor((value - self.origin[axis]) / self.step[axis] + 0.5)
+            return min(max(code, 0), most)
+        if self.type:
+            bits = struct.unpack('<Q', struct.pack('<d', value))[0]
+            sign = 63
+        else:
+            try:
+                bits = struct.unpack('<I', struct.pack('<f', value))[0]
+            except OverflowError:
+                bits = 0x7f800000 if value > 0 else 0xff800000
+            sign = 31
+        magnitude = bits & ((1 << sign) - 1)
+        return -1 - magnitude if bits >> sign else magnitude
+
+    def value(self, code, axis=0):
+        if self.bits:
+            value = self.origin[axis] + self.step[axis] * float(code)
+            return struct.unpack('<f', struct.pack('<f', value))[0] if self.type == 0 else value
+        form, sign = ('<Qd', 63) if self.type else ('<If', 31)
+        bits = (-1 - code) | 1 << sign if code < 0 else code
+        return struct.unpack('<' + form[2], struct.pack('<' + form[1], bits))[0]
+
+    def offset(self, base, difference):
+        """The code at a difference from another, in a ring of `width` bits."""
+        code = (base + difference) & ((1 << self.width) - 1)
+        return code if self.bits or code >> (self.width - 1) == 0 else code - (1 << self.width)
+
+
+class Stream:
+    def __init__(self, read, size):
+        self._read, self.size = read, size
+        header = read(0, 64)
+        require(len(header) == 64 and header[:8] == MAGIC, 'not a tetlod stream')
+        fields = struct.unpack('<8sHHIIIIIQ16sII', header)
+        _, major, _, required, _, index_size, index_crc, reserved, self.bytes, cid, reserved2, crc = fields
+        require(zlib.crc32(header[:60]) == crc, 'the header is damaged')
+        require(major == 1 and required == 0, 'the stream needs a newer reader')
+        require(reserved == 0 and reserved2 == 0, 'the header contradicts itself')
+        index = read(64, index_size)
+        require(len(index) == index_size and zlib.crc32(index) == index_crc, 'the index is damaged')
+        require(hashlib.sha256(header[:40] + index).digest()[:16] == cid, 'the content id is another')
+        self.cid = cid.hex()
+        self._parse(Bytes(index), 64 + index_size)
+
+    def _parse(self, data, offset):
+        self.vertices, self.tets, levels, fields, slowest, reserved = data.take('IIIHBB')
+        require(levels >= 1 and 4 <= slowest <= 7 and reserved == 0, 'the index is damaged')
+        self.seen_most = (1 << slowest) - 2
+        bounds = data.take('6d')
+        self.bounds = [list(bounds[:3]), list(bounds[3:])]
+        self.degenerate_tets, self.inverted_tets, self.unused_points = data.take('QQQ')
+        order_size, order_crc = data.take('II')
+        self.scales = [Scale(data, 3)]
+        self.fields = []
+        for _ in range(fields):
+            self.scales.append(Scale(data, 1))
+            components, flags, low, high, size = data.take('BBddH')
+            self.fields.append({'name': data.text(size), 'components': components, 'controlled': bool(flags & 1),
+                                'range': [low, high], 'type': 'float64' if self.scales[-1].type else 'float32'})
+        self.levels, self.frames = [], []
+        for k in range(levels):
+            vertices, tets, domain_error = data.take('IId')
+            errors = {f['name']: dict(zip(MEASURES, data.take('4d'))) for f in self.fields}
+            level = {'level': k, 'vertices': vertices, 'tets': tets, 'domain_error': domain_error, 'errors': errors,
+                     'offset': offset}
+            frames = []
+            for _ in range(fields + 1):
+                size, crc = data.take('II')
+                frames.append((offset, size, crc))
+                offset += size
+            level['bytes'] = offset
+            self.levels.append(level)
+            self.frames.append(frames)
+        self.order = (offset, order_size, order_crc)
+        self.metadata = json.loads(data.text(data.take('I')) or '{}')
+        require(data.at == len(data.data) and offset + order_size == self.bytes, 'the index is damaged')
+        require(self.levels[-1]['tets'] == self.tets, 'the levels do not lead to the original')
+
+    def frame(self, level, part):
+        offset, size, crc = self.frames[level][part]
+        data = self._read(offset, size)
+        require(len(data) == size, 'level %d: the stream ends too early' % level)
+        require(zlib.crc32(data) == crc, 'level %d is damaged' % level)
+        return data
+
+    def field_index(self, name):
+        for i, field in enumerate(self.fields):
+            if field['name'] == name:
+                return i
+        raise KeyError('no field %r; there are %s' % (name, ', '.join(f['name'] for f in self.fields)))
+
+    def level_for_error(self, error, field=None, measure='max'):
+        """The coarsest level whose error, a fraction of the range, is at most `error`."""
+        names = [field] if field else [f['name'] for f in self.fields if f['controlled']]
+        for level in self.levels:
+            if names and all(level['errors'][name][measure] <= error for name in names):
+                return level['level']
+        raise ValueError('no level has an error of at most %g' % error)
+
+    def cursor(self, fields=None):
+        return Cursor(self, range(len(self.fields)) if fields is None else [self.field_index(f) for f in fields])
+
+
+def open(source):
+    """A stream from a path, an http(s) URL whose server knows Range, or bytes."""
+    if isinstance(source, (bytes, bytearray, memoryview)):
+        data = bytes(source)
+    elif source.startswith(('http://', 'https://')):
+        def read(offset, size):
+            if not size:
+                return b''
+            request = urllib.request.Request(source, headers={'Range': 'bytes=%d-%d' % (offset, offset + size - 1)})
+            with urllib.request.urlopen(request) as answer:
+                data = answer.read()
+                return data if answer.status == 206 else data[offset:offset + size]
+        return Stream(read, None)
+    else:
+        with __builtins_open(source, 'rb') as file:
+            data = file.read()
+    return Stream(lambda offset, size: data[offset:offset + size], len(data))
+
+
+__builtins_open = __builtins__['open'] if isinstance(__builtins__, dict) else __builtins__.open
+
+
+# ---------------------------------------------------------------- range decoder (SPEC 6)
+
+def bits(count):
+    return [32768] * count, [0] * count
+
+
+class Number:
+    """Models of a signed number (SPEC 6.3)."""
+
+    def __init__(self):
+        self.length = [NONE] * 66
+        self.sign = bits(3)
+        self.top = [NONE] * 65
+
+
+class Coder:
+    def __init__(self, seen_most):
+        self.seen_most = seen_most
+
+    def start(self, data):
+        self.data, self.at, self.range, self.code = data, 4, 0xffffffff, int.from_bytes(data[:4].ljust(4, b'\0'), 'big')
+
+    def _refill(self, width):
+        while width < 0x1000000:
+            width <<= 8
+            self.code = self.code << 8 | (self.data[self.at] if self.at < len(self.data) else 0)
+            self.at += 1
+        self.range = width
+
+    def bit(self, models, i=0):
+        chances, counts = models
+        p, seen = chances[i], counts[i]
+        bound = (self.range >> 12) * (p >> 4)
+        if self.code >= bound:
+            self.code -= bound
+            width, bit = self.range - bound, 1
+            chances[i] = p - (p >> SHIFT[seen])
+        else:
+            width, bit = bound, 0
+            chances[i] = p + ((65536 - p) >> SHIFT[seen])
+        if seen < self.seen_most:
+            counts[i] = seen + 1
+        if width < 0x1000000:
+            self._refill(width)
+        else:
+            self.range = width
+        return bit
+
+    def plain(self, count):
+        width = self.range >> count
+        value = min(self.code // width, (1 << count) - 1)
+        self.code -= width * value
+        self._refill(width)
+        return value
+
+    def tree(self, models, depth):
+        node = 1
+        for _ in range(depth):
+            node = node << 1 | self.bit(models, node)
+        return node - (1 << depth)
+
+    def below(self, tops, length):
+        left = length - 1
+        top = min(left, 2)
+        value = 1
+        if top:
+            left -= top
+            if tops[length] is NONE:
+                tops[length] = bits(4)
+            value = value << top | self.tree(tops[length], top)
+        while left:
+            some = min(left, 16)
+            left -= some
+            value = value << some | self.plain(some)
+        return value
+
+    def length(self, lengths, context):
+        if lengths[context] is NONE:
+            lengths[context] = bits(128)
+        length = self.tree(lengths[context], 7)
+        require(length <= 64, 'a number is not one')
+        return length
+
+    def number(self, models, context, sign=0):
+        length = self.length(models.length, context)
+        if not length:
+            return 0
+        negative = self.bit(models.sign, sign)
+        value = self.below(models.top, length)
+        value = -value if negative else value
+        return (value + (1 << 63)) % (1 << 64) - (1 << 63)
+
+
+# ---------------------------------------------------------------- the mesh and its log (SPEC 4)
+
+class Step:
+    def __init__(self):
+        self.none, self.side, self.level, self.rank = bits(4), bits(5), bits(2), bits(64)
+        self.length, self.top = [[NONE] * 65 for _ in range(4)], [NONE] * 65
+
+
+class Models:
+    def __init__(self):
+        self.splits = [bits(16), bits(16)]
+        self.arity, self.placement, self.label, self.irregular = bits(4), bits(4), bits(640), bits(1)
+        self.boundary, self.made, self.flip, self.across, self.fresh = bits(16), bits(2), bits(1), bits(2), bits(1)
+        self.step = [Step() for _ in range(3)]
+        self.extra, self.vertex = Number(), Number()
+        self.middle, self.corner = [Number() for _ in range(3)], [Number() for _ in range(3)]
+
+
+class Column:
+    def __init__(self, scale, components, part):
+        self.scale, self.components, self.part = scale, components, part
+        self.codes, self.values = [], []  # per component, per vertex
+        for _ in range(components):
+            self.codes.append([])
+            self.values.append([])
+        self.child, self.corner = [Number(), Number()], Number()
+
+    def axis(self, component):
+        return component if self.part == 0 else 0
+
+
+NEIGHBOURS = ((0, 1, 2, 3), (4, 5, 6, 6), (7, 8, 8, 8), (9, 9, 9, 9))
+STEPS = (-6.0, -2.5, -0.75, 0.0, 0.75, 2.5, 6.0)
+
+
+def replaced(corners, place, opposite, own, other):
+    """The tetrahedron on the other side of the face that has `own` at `place` and not the corner `opposite` (SPEC 7.4)."""
+    out = list(corners)
+    out[place], out[opposite] = own, other
+    first, second = [c for c in range(4) if c != place and c != opposite]
+    out[first], out[second] = out[second], out[first]
+    return out
+
+
+class Cursor:
+    """A mesh at one level. `positions`, `tets`, `field(name)` copy it into numpy arrays."""
+
+    def __init__(self, stream, fields):
+        self.stream, self.level, self.decoded = stream, 0, 0
+        self.columns = [Column(stream.scales[0], 3, 0)]
+        for f in fields:
+            self.columns.append(Column(stream.scales[1 + f], stream.fields[f]['components'], 1 + f))
+        self.coders = [Coder(stream.seen_most) for _ in self.columns]
+        self.models = Models()
+        self.tets_list, self.stars, self.parents = [], [], []
+        self.count = self.tet_count = 0
+        self.log, self.done = [], 0  # records: (vertex, other codes and values, [(labels, tetrahedra)])
+        self.ends = [0]              # records in the log at each level's end
+        self.touched = 0
+        self._base()
+
+    # ------------------------------------------------ what it holds
+
+    @property
+    def positions(self):
+        return np.array([v[:self.count] for v in self.columns[0].values], dtype=np.float64).T.copy()
+
+    @property
+    def tets(self):
+        return np.array(self.tets_list[:self.tet_count], dtype=np.uint32).reshape(-1, 4)
+
+    def field(self, name):
+        part = 1 + self.stream.field_index(name)
+        for column in self.columns:
+            if column.part == part:
+                values = np.array([v[:self.count] for v in column.values]).T
+                return values[:, 0].copy() if column.components == 1 else values.copy()
+        raise KeyError('the cursor does not decode field %r' % name)
+
+    # ------------------------------------------------ moving
+
+    def seek(self, level):
+        require(0 <= level < len(self.stream.levels), 'there is no level %d' % level)
+        known = min(level, self.decoded)
+        while self.done < self.ends[known]:
+            self._forward()
+        while self.done > self.ends[known]:
+            self._back()
+        while self.decoded < level:
+            self._decode_level(self.decoded + 1)
+        self.level = level
+        return self
+
+    def refine(self):
+        """One record up; False at the finest level."""
+        if self.done == len(self.log):
+            if self.decoded + 1 == len(self.stream.levels):
+                return False
+            here = self.done
+            self._decode_level(self.decoded + 1)
+            while self.done > here:
+                self._back()
+        self._forward()
+        return self._settle()
+
+    def coarsen(self):
+        """One record down; False at the base mesh."""
+        if not self.done:
+            return False
+        self._back()
+        return self._settle()
+
+    def _settle(self):
+        while self.level < self.decoded and self.done >= self.ends[self.level + 1]:
+            self.level += 1
+        while self.level and self.done < self.ends[self.level]:
+            self.level -= 1
+        return True
+
+    def _exchange(self, vertex, row):
+        at = 0
+        for column in self.columns:
+            for codes, values in zip(column.codes, column.values):
+                codes[vertex], row[at] = row[at], codes[vertex]
+                values[vertex], row[at + 1] = row[at + 1], values[vertex]
+                at += 2
+
+    def _forward(self):
+        vertex, row, splits = self.log[self.done]
+        for labels, added in splits:
+            self._apply(vertex, labels, added)
+        self._exchange(vertex, row)
+        self.done += 1
+
+    def _back(self):
+        self.done -= 1
+        vertex, row, splits = self.log[self.done]
+        for labels, added in reversed(splits):
+            self._undo(vertex, added)
+        self._exchange(vertex, row)
+
+    def _apply(self, vertex, labels, added):
+        child, star = self.count, self.stars[vertex]
+        tets = self.tets_list
+        moved = [t for t, label in zip(star, labels) if label]
+        self.stars[vertex] = [t for t, label in zip(star, labels) if not label]
+        for t in moved:
+            corners = tets[t]
+            corners[corners.index(vertex)] = child
+        if child == len(self.stars):
+            self.stars.append(moved)
+            self.parents.append(vertex)
+        else:
+            self.stars[child] = moved
+        self.count += 1
+        for corners in tets[self.tet_count:self.tet_count + added]:
+            for c in corners:
+                self.stars[c].append(self.tet_count)
+            self.tet_count += 1
+
+    def _undo(self, vertex, added):
+        child, tets = self.count - 1, self.tets_list
+        for _ in range(added):
+            self.tet_count -= 1
+            for c in tets[self.tet_count]:
+                self.stars[c].pop()
+        for t in self.stars[child]:
+            corners = tets[t]
+            corners[corners.index(child)] = vertex
+        self.stars[vertex] = sorted(self.stars[vertex] + self.stars[child])
+        self.count -= 1
+
+    # ------------------------------------------------ base mesh (SPEC 9)
+
+    def _start(self, level):
+        for coder, column in zip(self.coders, self.columns):
+            coder.start(self.stream.frame(level, column.part))
+
+    def _base(self):
+        base = self.stream.levels[0]
+        self._start(0)
+        self._grow(base['vertices'], base['tets'])
+        self.tet_count, self.count = len(self.tets_list), base['vertices']
+        for column, coder in zip(self.columns, self.coders):
+            for lists in (column.codes, column.values):
+                for values in lists:
+                    values.extend([0] * self.count)
+            self._base_column(column, coder)
+        self.parents = list(range(self.count))
+        self.stars = [[] for _ in range(self.count)]
+        for t, corners in enumerate(self.tets_list):
+            for c in corners:
+                self.stars[c].append(t)
+
+    def _vertex(self, seen, most):
+        coder = self.coders[0]
+        if coder.bit(self.models.fresh):
+            require(seen[0] < most, 'the base mesh is not one')
+            seen[0] += 1
+            return seen[0] - 1
+        back = coder.number(self.models.vertex, 0)
+        require(0 <= back < seen[0], 'the base mesh is not one')
+        return seen[0] - 1 - back
+
+    def _grow(self, vertices, count):
+        tets, sides, seen, side = self.tets_list, {}, [0], 0
+
+        def arrive(corners):
+            require(len(set(corners)) == 4, 'the base mesh is not one')
+            tets.append(corners)
+            for f in range(4):
+                key = frozenset(corners[:f] + corners[f + 1:])
+                sides[key] = sides.get(key, 0) + 1
+
+        while len(tets) < count:
+            if side == 4 * len(tets):
+                arrive([self._vertex(seen, vertices) for _ in range(4)])
+                continue
+            corners, face = tets[side // 4], side % 4
+            side += 1
+            if sides[frozenset(corners[:face] + corners[face + 1:])] > 1:
+                continue
+            if self.coders[0].bit(self.models.across, int(face > 0)):
+                vertex = self._vertex(seen, vertices)
+                out = list(corners)
+                first, second = (1 if face == 0 else 0), (2 if face <= 1 else 1)
+                out[face], out[first], out[second] = vertex, corners[second], corners[first]
+                arrive(out)
+
+    def _base_column(self, column, coder):
+        known = 0
+        for corners in self.tets_list:
+            for corner in corners:
+                if corner == known:
+                    self._base_vertex(column, coder, known, corners)
+                    known += 1
+        while known < self.count:
+            self._base_vertex(column, coder, known, ())
+            known += 1
+
+    def _base_vertex(self, column, coder, vertex, corners):
+        for c in range(column.components):
+            codes, values, axis = column.codes[c], column.values[c], column.axis(c)
+            near = [x for x in corners if x < vertex]
+            base, context = 0, 65
+            if near:
+                total = 0.0
+                for x in near:
+                    total = total + values[x]
+                first = codes[near[0]]
+                value = total / float(len(near))
+                base = column.scale.code(value, axis) if math.isfinite(value) else first
+                if len(near) > 1:
+                    context = max(abs(codes[x] - first) for x in near).bit_length()
+            models = self.models.corner[axis] if column.part == 0 else column.corner
+            codes[vertex] = column.scale.offset(base, coder.number(models, context))
+            values[vertex] = column.scale.value(codes[vertex], axis)
+            require(math.isfinite(values[vertex]), 'the base mesh holds a value that is not finite')
+
+    # ------------------------------------------------ records (SPEC 7)
+
+    def _decode_level(self, level):
+        to = self.stream.levels[level]
+        self._start(level)
+        walk, start, coder = 0, self.count, self.coders[0]
+        while self.count < to['vertices']:
+            require(walk < self.count, 'level %d has fewer records than its index says' % level)
+            models = self.models.splits[walk >= start]
+            if coder.bit(models, min(len(self.stars[walk]) // 4, 15)):
+                self._record(walk, to)
+            else:
+                walk += 1
+        require(self.tet_count == to['tets'], 'level %d has other tetrahedra than its index says' % level)
+        self.decoded = level
+        self.ends.append(self.done)
+
+    def _lay_out(self, vertex):
+        """The star: per tetrahedron its corner's place, the others, its three link edges; the link's vertices in order."""
+        star, edges, ends, link = [], {}, [], {}
+        for i, t in enumerate(self.stars[vertex]):
+            corners = self.tets_list[t]
+            place = corners.index(vertex)
+            x, y, z = others = corners[:place] + corners[place + 1:]
+            mine = []
+            for c, (p, q) in enumerate(((y, z), (x, z), (x, y))):
+                key = (p, q) if p < q else (q, p)
+                e = edges.get(key)
+                if e is None:
+                    e = edges[key] = len(ends)
+                    ends.append([i, c, 0, 0])  # first tetrahedron, its corner opposite, tetrahedra, labels seen
+                ends[e][2] += 1
+                mine.append(e)
+            star.append((t, place, others, mine))
+            for v in others:
+                link[v] = True
+        return star, ends, list(link)
+
+    def _record(self, vertex, to):
+        coder, models, columns = self.coders[0], self.models, self.columns
+        star, ends, link = self._lay_out(vertex)
+        children = 2 + coder.tree(models.arity, 2)
+        require(children <= 4 and self.count + children - 1 <= to['vertices'], 'a record makes too many vertices')
+        codes = self._positions(vertex, children, link)
+        first_stays = all(codes[d][0] == columns[0].codes[d][vertex] for d in range(3))
+        points = [[columns[0].scale.value(codes[d][i], d) for d in range(3)] for i in range(children)]
+        self._fields(vertex, children, star, link, codes, points)
+        row, at = [], 0
+        for column in columns:
+            for c in range(column.components):
+                values = [column.scale.value(code, column.axis(c)) for code in codes[at]]
+                require(all(map(math.isfinite, values)), 'a record holds a value that is not finite')
+                row += [codes[at][0], values[0]]
+                column.codes[c].extend(codes[at][1:])
+                column.values[c].extend(values[1:])
+                at += 1
+        self._exchange(vertex, row)
+        splits = []
+        for i in range(1, children):
+            if i > 1:
+                star, ends, link = self._lay_out(vertex)
+            splits.append(self._split(vertex, star, ends, points[0], points[i], first_stays, to))
+        self.log.append((vertex, row, splits))
+        self.done += 1
+
+    # ---- positions (SPEC 7.2)
+
+    def _step(self, axis, vertex, own, link, trail):
+        coder, models, codes = self.coders[0], self.models.step[axis], self.columns[0].codes[axis]
+        if coder.bit(models.none, trail[0]):
+            return 0
+        near = [codes[v] for v in link]
+        low, high = own - min(near + [own]), max(near + [own]) - own
+        side = 4 if high // 2 > low else 0 if low // 2 > high else 3 if high > low else 2
+        negative = coder.bit(models.side, side)
+        room = (low if negative else high).bit_length()
+        trail[1] = coder.bit(models.level, trail[1])
+        if trail[1]:
+            rank = coder.tree(models.rank, 6)
+            layers = sorted({c for c in near if (c < own if negative else c > own)}, reverse=bool(negative))
+            code = layers[min(rank, len(layers) - 1)] if layers else own
+            value, length = code - own, abs(code - own).bit_length()
+        else:
+            length = coder.length(models.length[trail[0]], room)
+            require(length, 'a record holds what no writer writes')
+            value = coder.below(models.top, length)
+            value = -value if negative else value
+        trail[0] = max(trail[0], 1 if length + 3 <= room else 2 if length + 2 <= room else 3)
+        return value
+
+    def _positions(self, vertex, children, link):
+        coder, column = self.coders[0], self.columns[0]
+        placement = coder.tree(self.models.placement, 2)
+        require(placement < 3, 'a record holds what no writer writes')
+        trails, result = [[0, 0] for _ in range(4)], []
+        for axis in range(3):
+            own, codes, scale = column.codes[axis][vertex], [0] * children, column.scale
+            for i in range(0 if placement == 2 else 1, children):
+                codes[i] = scale.offset(own, self._step(axis, vertex, own, link, trails[i]))
+            if placement == 0:
+                codes[0] = own
+            elif placement == 1:
+                if scale.bits:
+                    middle = min(max(own * children - sum(codes[1:]), 0), (1 << scale.bits) - 1)
+                else:
+                    value = scale.value(own, axis) * float(children)
+                    for code in codes[1:]:
+                        value = value - scale.value(code, axis)
+                    middle = scale.code(value, axis) if math.isfinite(value) else own
+                codes[0] = scale.offset(middle, coder.number(self.models.middle[axis], children))
+            result.append(codes)
+        return result
+
+    # ---- fields (SPEC 8)
+
+    def _locate(self, vertex, star, point):
+        X, Y, Z = self.columns[0].values
+        vx, vy, vz = X[vertex], Y[vertex], Z[vertex]
+        px, py, pz = point[0] - vx, point[1] - vy, point[2] - vz
+        best, found = -math.inf, None
+        for _, _, others, _ in star:
+            i, j, k = others
+            ax, ay, az = X[i] - vx, Y[i] - vy, Z[i] - vz
+            bx, by, bz = X[j] - vx, Y[j] - vy, Z[j] - vz
+            cx, cy, cz = X[k] - vx, Y[k] - vy, Z[k] - vz
+            nx, ny, nz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+            mx, my, mz = py * az - pz * ay, pz * ax - px * az, px * ay - py * ax
+            volume = (ax * nx + ay * ny) + az * nz
+            scale = 1 / volume if volume else math.copysign(math.inf, volume)
+            w0 = ((px * nx + py * ny) + pz * nz) * scale
+            w1 = ((cx * mx + cy * my) + cz * mz) * scale
+            w2 = 0 - ((bx * mx + by * my) + bz * mz) * scale
+            least = 1 - ((w0 + w1) + w2)
+            least = w0 if w0 < least else least
+            least = w1 if w1 < least else least
+            least = w2 if w2 < least else least
+            if least > best:
+                best, found = least, (others, (w0, w1, w2))
+                if best >= 0:
+                    break
+        return found
+
+    def _fields(self, vertex, children, star, link, codes, points):
+        if len(self.columns) == 1:
+            return
+        own = [self.columns[0].codes[d][vertex] for d in range(3)]
+        where = [None if [codes[d][i] for d in range(3)] == own else self._locate(vertex, star, points[i])
+                 for i in range(children)]
+        for column, coder in zip(self.columns[1:], self.coders[1:]):
+            scale = column.scale
+            for c in range(column.components):
+                known, values = column.codes[c], column.values[c]
+                mine, here = known[vertex], values[vertex]
+                context = max((abs(known[v] - mine) for v in link), default=0).bit_length()
+                result = []
+                for i in range(children):
+                    base = mine
+                    if where[i]:
+                        others, w = where[i]
+                        value = here + w[0] * (values[others[0]] - here)
+                        value = value + w[1] * (values[others[1]] - here)
+                        value = value + w[2] * (values[others[2]] - here)
+                        base = scale.code(value) if math.isfinite(value) else mine
+                    result.append(scale.offset(base, coder.number(column.child[i > 0], context)))
+                codes.append(result)
+
+    # ---- labels and tetrahedra (SPEC 7.3, 7.4)
+
+    def _labels(self, star, ends, a, b, first_stays):
+        X, Y, Z = self.columns[0].values
+        coder, models = self.coders[0], self.models.label
+        a0, a1, a2 = a
+        b0, b1, b2 = b
+        d0, d1, d2 = b0 - a0, b1 - a1, b2 - a2
+        m0, m1, m2 = 1.5 * (a0 + b0), 1.5 * (a1 + b1), 1.5 * (a2 + b2)
+        length2 = (d0 * d0 + d1 * d1) + d2 * d2
+        bounds = [s * length2 for s in STEPS]
+        labels, base = [], 320 if first_stays else 0
+        for _, place, (i, j, k), edges in star:
+            x, y, z = X[i], Y[i], Z[i]
+            ux, uy, uz = X[j] - x, Y[j] - y, Z[j] - z
+            vx, vy, vz = X[k] - x, Y[k] - y, Z[k] - z
+            nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+            va = (nx * (a0 - x) + ny * (a1 - y)) + nz * (a2 - z)
+            vb = (nx * (b0 - x) + ny * (b1 - y)) + nz * (b2 - z)
+            if place % 2 == 0:
+                sides = (va < 0) + 2 * (vb < 0)
+            else:
+                sides = (va > 0) + 2 * (vb > 0)
+            nearer = (((x + X[j]) + X[k]) - m0) * d0 + (((y + Y[j]) + Y[k]) - m1) * d1
+            nearer = nearer + (((z + Z[j]) + Z[k]) - m2) * d2
+            step = 0
+            while step < 7 and nearer > bounds[step]:
+                step += 1
+            stay = go = 0
+            for e in edges:
+                seen = ends[e][3]
+                stay += seen & 1
+                go += seen >> 1
+            label = coder.bit(models, base + (sides * 8 + step) * 10 + NEIGHBOURS[stay][go])
+            labels.append(label)
+            for e in edges:
+                ends[e][3] |= 1 << label
+        return labels
+
+    def _between(self, star, vertex, child, end, labels):
+        i, c, _, _ = end
+        t, place, _, _ = star[i]
+        opposite = c + (c >= place)
+        own, other = (child, vertex) if labels[i] else (vertex, child)
+        return replaced(self.tets_list[t], place, opposite, own, other)
+
+    def _positive(self, corners):
+        X, Y, Z = self.columns[0].values
+        p, q, r, s = corners
+        ax, ay, az = X[q] - X[p], Y[q] - Y[p], Z[q] - Z[p]
+        bx, by, bz = X[r] - X[p], Y[r] - Y[p], Z[r] - Z[p]
+        cx, cy, cz = X[s] - X[p], Y[s] - Y[p], Z[s] - Z[p]
+        nx, ny, nz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        return (ax * nx + ay * ny) + az * nz > 0
+
+    def _split(self, vertex, star, ends, a, b, first_stays, to):
+        coder, models, child = self.coders[0], self.models, self.count
+        labels = self._labels(star, ends, a, b, first_stays)
+        irregular = coder.bit(models.irregular)
+        added = []
+        for end in ends:
+            corners, differ = None, end[3] == 3
+            if end[2] == 1:
+                corners = self._between(star, vertex, child, end, labels)
+                context = (first_stays * 2 + labels[end[0]]) * 2 + self._positive(corners)
+                made = coder.bit(models.boundary, context)
+            elif irregular:
+                made = coder.bit(models.made, int(differ))
+            else:
+                made = differ
+            if made:
+                corners = corners or self._between(star, vertex, child, end, labels)
+                if irregular and coder.bit(models.flip):
+                    corners[0], corners[1] = corners[1], corners[0]
+                added.append(corners)
+        if irregular:
+            for _ in range(coder.number(models.extra, 0)):
+                x, y = coder.number(models.extra, 1), coder.number(models.extra, 1)
+                require(0 <= x < child and 0 <= y < child and len({x, y, vertex}) == 3, 'a record names a wrong vertex')
+                added.append([vertex, child, x, y])
+        require(self.tet_count + len(added) <= to['tets'], 'a record brings back too many tetrahedra')
+        self.tets_list.extend(added)
+        self._apply(vertex, labels, len(added))
+        return labels, len(added)
+
+
+def main():
+    import argparse
+    parser = argparse.ArgumentParser(description='Decodes one level of a tetlod stream into numpy arrays.')
+    parser.add_argument('stream', help='a file or an http(s) URL')
+    parser.add_argument('--error', type=float, help='the coarsest level within this fraction of the range')
+    parser.add_argument('--level', type=int, help='this level (default: the finest)')
+    parser.add_argument('-o', '--output', help='an .npz file: positions, tets and every field')
+    options = parser.parse_args()
+    stream = open(options.stream)
+    level = len(stream.levels) - 1 if options.level is None else options.level
+    if options.error is not None:
+        level = stream.level_for_error(options.error)
+    cursor = stream.cursor().seek(level)
+    print('%s: level %d of %d, %d vertices, %d tetrahedra' % (options.stream, level, len(stream.levels) - 1, cursor.count,
+                                                             cursor.tet_count))
+    if options.output:
+        fields = {f['name']: cursor.field(f['name']) for f in stream.fields}
+        np.savez(options.output, positions=cursor.positions, tets=cursor.tets, **fields)
+
+
+if __name__ == '__main__':
+    try:
+        main()
+    except (StreamError, OSError, KeyError, ValueError) as error:
+        sys.exit('tetlod.py: %s' % error)

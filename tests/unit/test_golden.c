@@ -1,0 +1,83 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Streams of every version stay readable: each level's arrays have the hashes in the file beside the stream, on the way up and
+ * on the way down. With UPDATE=1 the hashes are written. */
+#include <glob.h>
+#include <stdlib.h>
+
+#include "format/checksum.h"
+#include "tests/test.h"
+
+#include "format/tetlod.h"
+
+/* SHA-256 over positions, tetrahedra and fields, little-endian, as text. */
+static void hash_mesh(const struct tetlod_cursor *cursor, const struct tetlod_info *info, char out[65])
+{
+    struct tetlodi_sha256 sha;
+    struct tetlod_mesh mesh;
+    uint8_t digest[32];
+    tetlod_cursor_mesh(cursor, &mesh);
+    tetlodi_sha256_init(&sha);
+    tetlodi_sha256_add(&sha, mesh.positions, mesh.vertices * 24ul);
+    tetlodi_sha256_add(&sha, mesh.corners, mesh.tets * 16ul);
+    for (uint32_t f = 0; f < info->field_count; f++)
+        tetlodi_sha256_add(&sha, mesh.fields[f], mesh.vertices * info->fields[f].components * 8ul);
+    tetlodi_sha256_finish(&sha, digest);
+    for (int i = 0; i < 32; i++)
+        snprintf(out + 2 * i, 3, "%02x", digest[i]);
+}
+
+static void check_stream(const char *path)
+{
+    char name[4096], line[128], (*hashes)[65];
+    struct tetlod_file *file;
+    struct tetlod_cursor *cursor;
+    struct tetlod_error error;
+    FILE *in = fopen(path, "rb");
+    snprintf(name, sizeof name, "%s.levels", path);
+    FILE *list = fopen(name, getenv("UPDATE") ? "w+" : "r");
+    REQUIRE(in && list);
+    REQUIRE(tetlod_open_fd(&file, fileno(in), NULL, &error) == TETLOD_OK);
+    REQUIRE(tetlod_cursor_new(&cursor, file, NULL, 0, &error) == TETLOD_OK);
+    const struct tetlod_info *info = tetlod_info(file);
+    hashes = malloc(info->level_count * sizeof *hashes);
+    for (uint32_t k = 0; k < info->level_count; k++) {
+        CHECK_INT(tetlod_cursor_seek(cursor, k, &error), TETLOD_OK);
+        hash_mesh(cursor, info, hashes[k]);
+        if (getenv("UPDATE"))
+            fprintf(list, "%s\n", hashes[k]);
+    }
+    rewind(list);
+    for (uint32_t k = 0; k < info->level_count; k++) {
+        REQUIRE(fgets(line, sizeof line, list) != NULL);
+        line[strcspn(line, "\n")] = 0;
+        CHECK_TEXT(hashes[k], line);
+    }
+    for (uint32_t k = info->level_count; k-- > 0;) {
+        CHECK_INT(tetlod_cursor_seek(cursor, k, &error), TETLOD_OK);
+        hash_mesh(cursor, info, line);
+        CHECK_TEXT(line, hashes[k]);
+    }
+    free(hashes);
+    tetlod_cursor_free(cursor);
+    tetlod_close(file);
+    fclose(list);
+    fclose(in);
+}
+
+static void test_golden_streams(void)
+{
+    char pattern[4096];
+    glob_t found;
+    snprintf(pattern, sizeof pattern, "%s/tests/golden/*.tetlod", getenv("ROOT") ? getenv("ROOT") : ".");
+    REQUIRE(glob(pattern, 0, NULL, &found) == 0);
+    for (size_t i = 0; i < found.gl_pathc; i++)
+        check_stream(found.gl_pathv[i]);
+    CHECK(found.gl_pathc >= 7);
+    globfree(&found);
+}
+
+int main(void)
+{
+    RUN(test_golden_streams);
+    return test_end();
+}
