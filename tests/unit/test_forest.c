@@ -1,0 +1,82 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The filter and map of the server gives the cursor's mesh at every level, bit for bit, of any sequence over any complex. */
+#include <stdlib.h>
+
+#include "server/forest.h"
+#include "tests/gen.h"
+#include "tests/memory_sink.h"
+#include "tests/test.h"
+
+static int same_mesh(const struct tetmesh *ours, const struct tetlod_mesh *theirs)
+{
+    if (ours->vertex_count != theirs->vertices || ours->tet_count != theirs->tets || ours->field_count != 2)
+        return 0;
+    size_t vertices = ours->vertex_count;
+    return (!ours->tet_count || memcmp(ours->corners, theirs->corners, ours->tet_count * 16ul) == 0) &&
+           memcmp(ours->positions, theirs->positions, vertices * 24) == 0 &&
+           memcmp(ours->fields[0].values, theirs->fields[0], vertices * 8) == 0 &&
+           memcmp(ours->fields[1].values, theirs->fields[1], vertices * 16) == 0;
+}
+
+static void check_levels(struct tetlod_file *file, const struct gen_options *options)
+{
+    struct forest *forest;
+    struct tetlod_cursor *cursor;
+    struct tetlod_mesh theirs;
+    struct tetmesh ours;
+    uint32_t levels = tetlod_info(file)->level_count;
+    REQUIRE(forest_build(&forest, file, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_cursor_new(&cursor, file, NULL, 0, NULL) == TETLOD_OK);
+    for (uint32_t i = 0; i < 2 * levels; i++) {
+        uint32_t level = i < levels ? i : 2 * levels - 1 - i; // up by replaying, down by undoing
+        REQUIRE(tetlod_cursor_seek(cursor, level, NULL) == TETLOD_OK);
+        tetlod_cursor_mesh(cursor, &theirs);
+        REQUIRE(forest_mesh(forest, level, &ours, NULL) == TETLOD_OK);
+        if (!same_mesh(&ours, &theirs))
+            TEST_FAIL("kind %d, seed %d, arity %u: level %u differs", (int)options->kind, (int)options->seed, options->arity, level);
+        tetmesh_fini(&ours);
+    }
+    CHECK(forest_bytes(forest) > 16ull * tetlod_info(file)->tets);
+    tetlod_cursor_free(cursor);
+    forest_free(forest);
+}
+
+static void check_sequence(const struct gen_options *options)
+{
+    struct recode recode;
+    struct memory_sink memory = {0};
+    struct tetlodi_sink sink = memory_sink(&memory);
+    struct tetlod_file *file = NULL;
+    REQUIRE(gen_make(&recode, options));
+    if (tetlodi_write(&recode.input, &sink, NULL) == TETLOD_OK &&
+        tetlod_open_memory(&file, memory.bytes, memory.size, NULL, NULL) == TETLOD_OK)
+        check_levels(file, options);
+    else
+        TEST_FAIL("kind %d, seed %d: no stream", (int)options->kind, (int)options->seed);
+    tetlod_close(file);
+    free(memory.bytes);
+    gen_free(&recode);
+}
+
+static void test_lossless(void)
+{
+    for (int kind = 0; kind < GEN_KINDS; kind++)
+        for (unsigned arity = 2; arity <= 4; arity++)
+            for (uint64_t seed = 1; seed <= 4; seed++)
+                check_sequence(&(struct gen_options){.kind = (enum gen_kind)kind, .seed = seed, .size = 3, .levels = 9,
+                                                     .arity = arity, .type = seed % 2 ? TETLOD_FLOAT32 : TETLOD_FLOAT64});
+}
+
+static void test_quantised(void)
+{
+    for (int kind = 0; kind < GEN_KINDS; kind++)
+        check_sequence(&(struct gen_options){.kind = (enum gen_kind)kind, .seed = 7, .size = 3, .levels = 6, .arity = 2,
+                                             .type = TETLOD_FLOAT32, .position_bits = 14});
+}
+
+int main(void)
+{
+    RUN(test_lossless);
+    RUN(test_quantised);
+    return test_end();
+}

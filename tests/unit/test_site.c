@@ -1,0 +1,163 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Handlers without sockets: a request as a struct in, a response as a struct out, over a folder of one stream. */
+#define _GNU_SOURCE
+#include <stdlib.h>
+#include <strings.h>
+#include <unistd.h>
+
+#include "server/site.h"
+#include "tests/gen.h"
+#include "tests/memory_sink.h"
+#include "tests/test.h"
+
+struct fixture {
+    char folder[64], path[96];
+    struct site site;
+    char cid[33];
+    struct response response;
+};
+
+static bool write_stream(const char *path, uint64_t seed)
+{
+    struct recode recode;
+    struct memory_sink memory = {0};
+    struct tetlodi_sink sink = memory_sink(&memory);
+    const struct gen_options options = {.kind = GEN_GRID, .seed = seed, .size = 3, .levels = 8, .arity = 2, .type = TETLOD_FLOAT32};
+    bool made = gen_make(&recode, &options) && tetlodi_write(&recode.input, &sink, NULL) == TETLOD_OK;
+    FILE *file = made ? fopen(path, "wb") : NULL;
+    made = file && fwrite(memory.bytes, 1, memory.size, file) == memory.size && fclose(file) == 0;
+    free(memory.bytes);
+    gen_free(&recode);
+    return made;
+}
+
+static bool open_fixture(struct fixture *f, uint64_t cache_bytes)
+{
+    static const char *const routes[] = {NULL};
+    memset(f, 0, sizeof *f);
+    strcpy(f->folder, "/tmp/tetlod-site-XXXXXX");
+    if (!mkdtemp(f->folder))
+        return false;
+    snprintf(f->path, sizeof f->path, "%s/m.tetlod", f->folder);
+    const char *const paths[] = {f->folder};
+    const struct catalogue_options options = {.paths = paths, .path_count = 1, .keep_replaced = 10};
+    f->site.cache = cache_new(cache_bytes);
+    f->site.forests = cache_new(UINT64_MAX);
+    f->site.metrics = metrics_new(routes);
+    f->site.assets = assets_new();
+    if (!write_stream(f->path, 1) || catalogue_open(&f->site.catalogue, &options, NULL) != TETLOD_OK)
+        return false;
+    struct dataset *dataset = catalogue_find(f->site.catalogue, "m");
+    if (!dataset)
+        return false;
+    strcpy(f->cid, dataset_info(dataset)->cid);
+    dataset_release(dataset);
+    return true;
+}
+
+static void close_fixture(struct fixture *f)
+{
+    response_release(&f->response);
+    cache_free(f->site.cache);
+    cache_free(f->site.forests);
+    catalogue_close(f->site.catalogue);
+    metrics_free(f->site.metrics);
+    assets_free(f->site.assets);
+    unlink(f->path);
+    rmdir(f->folder);
+}
+
+static const char *range_header(void *opaque, const char *name)
+{
+    return strcasecmp(name, "Range") == 0 ? opaque : NULL;
+}
+
+/* The answer to GET of a path under the stream's content id, or of a whole target if it starts with '/'. */
+static unsigned get(struct fixture *f, const char *path, const char *range)
+{
+    char target[512], held_range[64];
+    snprintf(held_range, sizeof held_range, "%s", range ? range : "");
+    if (path[0] == '/')
+        snprintf(target, sizeof target, "%s", path);
+    else
+        snprintf(target, sizeof target, "/v1/meshes/m/%s/%s", f->cid, path);
+    struct request request = {.method = METHOD_GET, .target = target, .header = range ? range_header : NULL, .opaque = held_range};
+    response_release(&f->response);
+    response_init(&f->response);
+    CHECK_INT(site_answer(&f->site, &request, &f->response), ANSWERED);
+    request_unpin(&request);
+    return f->response.status;
+}
+
+static void test_answers(void)
+{
+    struct fixture f;
+    REQUIRE(open_fixture(&f, 1 << 24));
+    CHECK_INT(get(&f, "/v1/meshes", NULL), 200);
+    CHECK_INT(get(&f, "/v1/meshes/m", NULL), 200);
+    CHECK_TEXT(f.response.media_type, "application/json");
+    CHECK_INT(get(&f, "levels/2/mesh.vtu", NULL), 200);
+    CHECK(f.response.size > 1000 && memcmp(f.response.bytes, "<?xml", 5) == 0);
+    CHECK_TEXT(response_find_header(&f.response, "Tetlod-Level"), "2");
+    CHECK_INT(get(&f, "stream", NULL), 200);
+    uint64_t whole = f.response.size;
+    CHECK_INT(get(&f, "stream", "bytes=4-9"), 206);
+    CHECK_INT(f.response.kind, BODY_FILE);
+    CHECK_INT(f.response.offset, 4);
+    CHECK_INT(f.response.size, 6);
+    char content_range[64];
+    snprintf(content_range, sizeof content_range, "bytes 4-9/%llu", (unsigned long long)whole);
+    CHECK_TEXT(response_find_header(&f.response, "Content-Range"), content_range);
+    CHECK_INT(get(&f, "stream", "bytes=999999999-"), 416);
+    CHECK_INT(get(&f, "levels/0/slice.vtp?origin=0,0,0.5&normal=0,0,1", NULL), 200);
+    CHECK_INT(get(&f, "/v1/meshes/m/mesh?tets=100", NULL), 303);
+    CHECK(strstr(response_find_header(&f.response, "Location"), f.cid) != NULL);
+    CHECK_INT(get(&f, "/v1/meshes/x", NULL), 404);
+    CHECK_TEXT(f.response.media_type, "application/problem+json");
+    CHECK_INT(get(&f, "/metrics", NULL), 404); // not on this site
+    close_fixture(&f);
+}
+
+static void test_cache_too_small(void)
+{
+    struct fixture f;
+    REQUIRE(open_fixture(&f, 40000));
+    CHECK_INT(get(&f, "levels/2/mesh.vtu", NULL), 422);
+    CHECK_INT(get(&f, "levels/2/mesh.tetlod", NULL), 200);
+    close_fixture(&f);
+}
+
+static void test_replaced(void)
+{
+    struct fixture f;
+    char old[48], current[48];
+    REQUIRE(open_fixture(&f, 1 << 24));
+    snprintf(old, sizeof old, "%s", f.cid);
+    char other[112];
+    snprintf(other, sizeof other, "%s.new", f.path);
+    REQUIRE(write_stream(other, 2) && rename(other, f.path) == 0);
+    double now = monotonic_seconds();
+    catalogue_scan(f.site.catalogue, now);
+    CHECK_INT(get(&f, "records/0-1", NULL), 200); // still there for its readers
+    struct dataset *dataset = catalogue_find(f.site.catalogue, "m");
+    REQUIRE(dataset);
+    snprintf(current, sizeof current, "%s", dataset_info(dataset)->cid);
+    dataset_release(dataset);
+    CHECK(strcmp(current, old) != 0);
+    catalogue_scan(f.site.catalogue, now + 5);
+    CHECK_INT(get(&f, "levels/0/mesh.vtk", NULL), 200);
+    response_release(&f.response);
+    catalogue_scan(f.site.catalogue, now + 60); // nobody has asked for longer than it is kept
+    CHECK_INT(get(&f, "records/0-1", NULL), 404);
+    strcpy(f.cid, current);
+    CHECK_INT(get(&f, "records/0-1", NULL), 200);
+    close_fixture(&f);
+}
+
+int main(void)
+{
+    RUN(test_answers);
+    RUN(test_cache_too_small);
+    RUN(test_replaced);
+    return test_end();
+}
