@@ -110,9 +110,10 @@ static enum placement choose_placement(const struct tetlodi_record *record, int6
     int first = 1, middle = 1;
     for (unsigned axis = 0; axis < 3; axis++) {
         const int64_t *codes = all[axis];
-        int64_t difference = codes[0] - middle_prediction(scale, axis, own[axis], codes, record->children);
+        uint64_t difference =
+            (uint64_t)codes[0] - (uint64_t)middle_prediction(scale, axis, own[axis], codes, record->children); // may wrap
         first &= codes[0] == own[axis];
-        middle &= difference >= -2 && difference <= 2;
+        middle &= difference + 2 <= 4;
     }
     return first ? AT_FIRST : middle ? IN_MIDDLE : ELSEWHERE;
 }
