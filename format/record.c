@@ -194,14 +194,14 @@ static int64_t code_step(struct tetlodi_recorder *recorder, unsigned axis, struc
     unsigned side = link.high / 2 > link.low ? 4 : link.low / 2 > link.high ? 0 : link.high > link.low ? 3 : 2;
     int negative = code_bit(coder, &models->side[side], value < 0);
     unsigned room = bit_length(negative ? link.low : link.high), length;
-    unsigned rank = coder->encoding ? rank_of(star, column, axis, own + value, negative) : 0;
+    unsigned rank = coder->encoding ? rank_of(star, column, axis, (int64_t)((uint64_t)own + (uint64_t)value), negative) : 0;
     trail->level = (unsigned)code_bit(coder, &models->level[trail->level], rank < 64);
     if (trail->level) {
         int64_t code = own;
         for (rank = code_tree(coder, models->rank, 6, rank) + 1; rank; rank--)
             code = next_code(star, column, axis, code, negative);
         length = bit_length(code_distance(code, own));
-        value = code - own;
+        value = (int64_t)((uint64_t)code - (uint64_t)own); // codes of float64 fill 64 bits: differences wrap
     } else {
         uint64_t distance = code_distance(value, 0);
         length = code_tree(coder, models->length[trail->far][room], 7, bit_length(distance));
