@@ -15,6 +15,13 @@ void tetlodi_bits_init(struct tetlodi_bit *bits, size_t count)
         bits[i] = (struct tetlodi_bit){32768, 0};
 }
 
+void tetlodi_number_init(struct tetlodi_number *models)
+{
+    tetlodi_bits_init(models->length[0], NUMBER_CONTEXTS * 128);
+    tetlodi_bits_init(models->sign, 3);
+    tetlodi_bits_init(models->top[0], 65 * 4);
+}
+
 void tetlodi_decode_start(struct tetlodi_coder *coder, unsigned slowest, const uint8_t *bytes, size_t size)
 {
     *coder = (struct tetlodi_coder){.range = UINT32_MAX, .at = bytes, .end = bytes + size,

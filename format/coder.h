@@ -136,6 +136,8 @@ struct tetlodi_number {
     struct tetlodi_bit length[NUMBER_CONTEXTS][128], sign[3], top[65][4];
 };
 
+void tetlodi_number_init(struct tetlodi_number *models);
+
 static inline int64_t code_number(struct tetlodi_coder *coder, struct tetlodi_number *models, unsigned context,
                                   unsigned sign_context, int64_t value)
 {

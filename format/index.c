@@ -234,6 +234,7 @@ static void decode_levels(struct tetlodi_index *index, struct tetlodi_bytes *in,
     }
     index->order.offset = offset;
     info->bytes = offset + index->order.size;
+    info->keeps_order = index->order.size > 0;
 }
 
 /* A copy of `size` bytes with a NUL behind, in the index's text. */

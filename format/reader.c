@@ -10,6 +10,7 @@
 
 #include "format/checksum.h"
 #include "format/fail.h"
+#include "format/order.h"
 
 static const uint64_t DEFAULT_BYTES = (uint64_t)16 << 30;
 
@@ -64,6 +65,22 @@ enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t l
     snprintf(what, sizeof what, "level %u, %.60s", level, part ? info->fields[part - 1].name : "the records");
     *out_size = frame->size;
     return read_part(file, frame, what, out, error);
+}
+
+enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertices, uint32_t *tets, uint8_t *corners,
+                                struct tetlod_error *error)
+{
+    const struct tetlod_info *info = &file->index.info;
+    struct tetlodi_order order = {info->vertices, info->tets, vertices, tets, corners};
+    struct tetlodi_coder coder;
+    uint8_t *bytes;
+    if (!info->keeps_order)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the stream does not keep the original order (build --keep-order does)");
+    TETLOD_TRY(read_part(file, &file->index.order, "the original order", &bytes, error));
+    tetlodi_decode_start(&coder, file->index.slowest, bytes, file->index.order.size);
+    int good = tetlodi_order_code(&coder, &order);
+    free(bytes);
+    return good ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "the original order is damaged");
 }
 
 /* ---- opening */

@@ -13,11 +13,8 @@
 
 static void number_init(struct tetlodi_number *number, size_t count)
 {
-    for (size_t i = 0; i < count; i++) {
-        tetlodi_bits_init(number[i].length[0], sizeof number->length / sizeof(struct tetlodi_bit));
-        tetlodi_bits_init(number[i].sign, 3);
-        tetlodi_bits_init(number[i].top[0], sizeof number->top / sizeof(struct tetlodi_bit));
-    }
+    for (size_t i = 0; i < count; i++)
+        tetlodi_number_init(&number[i]);
 }
 
 enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, struct tetlodi_replay *replay,

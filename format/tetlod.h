@@ -118,6 +118,7 @@ struct tetlod_info {
     const struct tetlod_level *levels;
     const char *metadata; /* a JSON object: units, provenance; NUL-terminated */
     size_t metadata_size;
+    int keeps_order; /* the original's own numbering is in it: tetlod_order */
 };
 
 /* Grows only at its end; set struct_size = sizeof it and leave the rest 0 for defaults. */
@@ -148,6 +149,12 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_fd(struct tetlod_file *
 TETLOD_API void tetlod_close(struct tetlod_file *file);
 
 TETLOD_API const struct tetlod_info *tetlod_info(const struct tetlod_file *file);
+
+/* The original's own numbering: vertices[i] and tets[i] are the numbers there of vertex and tetrahedron i of the finest level,
+ * and corner c of the original tetrahedron is corner corners[4 * i + c] of this one. The caller's arrays have
+ * info->vertices, info->tets and 4 * info->tets elements. ERR_ARGUMENT if the stream does not keep it, or as the cursor. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertices, uint32_t *tets,
+                                                          uint8_t *corners, struct tetlod_error *error);
 
 /* Index of a field by name, or TETLOD_NONE. */
 TETLOD_API uint32_t tetlod_field_index(const struct tetlod_info *info, const char *name);

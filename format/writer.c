@@ -14,6 +14,7 @@
 #include "format/checksum.h"
 #include "format/fail.h"
 #include "format/index.h"
+#include "format/order.h"
 #include "format/star_view.h"
 
 enum { MOST_CHILDREN = 4 };
@@ -45,6 +46,7 @@ struct writer {
     struct tetlodi_replay replay;
     struct tetlodi_recorder recorder;
     struct tetlodi_buffer *stored; /* [level * (1 + field_count)] */
+    struct tetlodi_buffer order;
     struct tetlodi_index index;
 };
 
@@ -522,6 +524,39 @@ static enum tetlod_status write_levels(struct writer *w)
     return status;
 }
 
+/* ---- order */
+
+static void order_of_corners(const struct writer *w, uint32_t tet, uint8_t out[4])
+{
+    const uint32_t *ours = w->replay.corners + 4 * (size_t)tet;
+    const uint32_t *theirs = w->in->corners + 4 * (size_t)w->original_of[tet];
+    for (int c = 0; c < 4; c++)
+        for (uint8_t k = 0; k < 4; k++)
+            if (w->node_at[ours[k]] == theirs[c])
+                out[c] = k;
+}
+
+static enum tetlod_status write_order(struct writer *w)
+{
+    struct tetlodi_order order = {w->in->vertices, w->in->tets, w->node_at, w->original_of, malloc(4 * (size_t)w->in->tets)};
+    struct tetlodi_coder coder = {0};
+    if (!order.corners)
+        return out_of_memory(w);
+    for (uint32_t t = 0; t < order.tet_count; t++)
+        order_of_corners(w, t, order.corners + 4 * (size_t)t);
+    tetlodi_encode_start(&coder, w->index.slowest, &w->memory);
+    tetlodi_order_code(&coder, &order);
+    tetlodi_encode_finish(&coder);
+    tetlodi_put_block(&w->order, coder.bytes, coder.size);
+    if (!coder.size)
+        tetlodi_put(&w->order, 0, 1); // a size of 0 would mean that there is none
+    w->index.order = (struct tetlodi_frame){0, (uint32_t)w->order.size, tetlodi_crc32(w->order.bytes, w->order.size)};
+    int failed = coder.failed || w->order.failed;
+    TETLODI_FREE(&w->memory, coder.bytes, coder.capacity);
+    free(order.corners);
+    return failed ? out_of_memory(w) : TETLOD_OK;
+}
+
 /* ---- the file */
 
 static void fill_info(struct writer *w)
@@ -569,6 +604,7 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
     header.file_size = HEADER_SIZE + index.size;
     for (uint32_t i = 0; i < frames; i++)
         header.file_size += w->stored[i].size;
+    header.file_size += w->order.size;
     tetlodi_header_encode(&header, bytes);
     tetlodi_content_id(bytes, index.bytes, index.size, header.cid);
     tetlodi_header_encode(&header, bytes);
@@ -577,6 +613,8 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
         status = sink->write(sink->opaque, index.bytes, index.size);
     for (uint32_t i = 0; i < frames && status == TETLOD_OK; i++)
         status = sink->write(sink->opaque, w->stored[i].bytes, w->stored[i].size);
+    if (status == TETLOD_OK && w->order.size)
+        status = sink->write(sink->opaque, w->order.bytes, w->order.size);
     if (status != TETLOD_OK)
         tetlodi_fail(w->error, status, "cannot write the stream");
 done:
@@ -676,6 +714,7 @@ static void release(struct writer *w)
                            w->stored};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
+    tetlodi_buffer_fini(&w->order);
     tetlodi_index_fini(&w->index);
 }
 
@@ -691,6 +730,8 @@ enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const 
     TETLOD_TRY_DONE(encode_columns(&w));
     TETLOD_TRY_DONE(list_meetings(&w));
     TETLOD_TRY_DONE(write_levels(&w));
+    if (input->keep_order)
+        TETLOD_TRY_DONE(write_order(&w));
     fill_info(&w);
     TETLOD_TRY_DONE(write_file(&w, sink));
 done:

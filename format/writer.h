@@ -46,6 +46,7 @@ struct tetlodi_write_input {
     uint64_t degenerate_tets, inverted_tets, unused_points;
     const char *metadata; /* a JSON object, NUL-terminated */
     int compression;      /* effort, 1..22 */
+    int keep_order;       /* store the numbering of vertices, tetrahedra and corners above */
 };
 
 /* Takes the next `size` bytes of the stream, in order. */

@@ -201,7 +201,8 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .inverted_tets = complex->inverted_tets,
                                         .unused_points = mesh->unused_points,
                                         .metadata = build->options->metadata,
-                                        .compression = build->options->compression};
+                                        .compression = build->options->compression,
+                                        .keep_order = build->options->keep_order};
     if (build->options->progress)
         build->options->progress(build->options->progress_opaque, BUILD_ENCODE, 0);
     enum tetlod_status status = tetlodi_write(&input, sink, build->error);

@@ -25,7 +25,8 @@ struct build_options {
     uint32_t min_tets;
     double boundary_angle;   /* degrees */
     double growth;           /* > 1 */
-    int compression;         /* zstd's 1 .. 22 */
+    int compression;         /* effort, 1 .. 22 */
+    bool keep_order;         /* store the mesh's own numbering */
     unsigned threads;
     uint64_t memory;         /* bytes; 0: no limit */
     const char *metadata;    /* a JSON object */

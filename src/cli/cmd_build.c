@@ -40,6 +40,7 @@ static const char help[] =
     "      --min-tets N        stop at that many tetrahedra\n"
     "      --boundary-angle D  degrees within which boundary faces count as one plane (default 0.01)\n"
     "      --growth G          vertices of a level / vertices of the one below (default 1.05)\n"
+    "      --keep-order        store the input's numbering too, for extract --original-order\n"
     "      --compress N        1 fast .. 22 small (default 19)\n"
     "      --threads N         0 (default): all cores; the bytes do not depend on it\n"
     "      --memory BYTES      refuse what needs more; K, M, G may follow\n"
@@ -165,6 +166,8 @@ static bool parse_option(struct request *request, int option, const char *value)
         return cli_parse_number(&command_build, "boundary-angle", value, 0, &build->boundary_angle);
     case 'g':
         return parse_growth(value, &build->growth);
+    case 'K':
+        return build->keep_order = true;
     case 'z':
         if (!cli_parse_count(&command_build, "compress", value, 1, 22, &count))
             return false;
@@ -404,7 +407,8 @@ static int run(int argc, char **argv)
         {"candidates", required_argument, NULL, 'n'},
         {"max-error", required_argument, NULL, 'e'},  {"min-tets", required_argument, NULL, 't'},
         {"boundary-angle", required_argument, NULL, 'b'}, {"growth", required_argument, NULL, 'g'},
-        {"compress", required_argument, NULL, 'z'},   {"threads", required_argument, NULL, 'j'},
+        {"keep-order", no_argument, NULL, 'K'},        {"compress", required_argument, NULL, 'z'},
+        {"threads", required_argument, NULL, 'j'},
         {"memory", required_argument, NULL, 'M'},     {"json", no_argument, NULL, JSON},
         {"progress", no_argument, NULL, PROGRESS},    {"quiet", no_argument, NULL, QUIET},
         {0}};

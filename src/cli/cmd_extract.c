@@ -23,6 +23,7 @@ static const char help[] =
     "      --level K      this level; 0 is the coarsest\n"
     "      --tets N       the finest level of at most N tetrahedra\n"
     "      --bytes N      the finest level whose prefix has at most N bytes; K, M, G may follow\n"
+    "      --original-order  the finest level in the input's own numbering, if it was built with --keep-order\n"
     "      --quiet        do not say which level it is\n"
     "\n"
     "example: tetlod extract blunt.tetlod --error 1% -o coarse.vtu\n";
@@ -35,7 +36,7 @@ struct request {
     double error;
     uint64_t number;
     enum tetlod_measure measure;
-    bool quiet;
+    bool original_order, quiet;
 };
 
 static enum tetlod_status find_field(const struct tetlod_info *info, const char *name, uint32_t *out,
@@ -118,6 +119,8 @@ static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct re
     enum tetlod_status status = tetlod_cursor_seek(cursor, *level, error);
     if (status == TETLOD_OK)
         status = level_mesh_copy(info, cursor, mesh, error);
+    if (status == TETLOD_OK && request->original_order)
+        status = level_mesh_reorder(file, mesh, error);
     tetlod_cursor_free(cursor);
     return status;
 }
@@ -173,7 +176,8 @@ static int run(int argc, char **argv)
         {"abs-error", required_argument, NULL, 'a'}, {"level", required_argument, NULL, 'k'},
         {"tets", required_argument, NULL, 't'},      {"bytes", required_argument, NULL, 'b'},
         {"field", required_argument, NULL, 'f'},     {"measure", required_argument, NULL, 'm'},
-        {"quiet", no_argument, NULL, 'q'},           {0}};
+        {"quiet", no_argument, NULL, 'q'},           {"original-order", no_argument, NULL, 'O'},
+        {0}};
     static const char *const names[] = {['e'] = "error", ['a'] = "abs-error", ['k'] = "level", ['t'] = "tets", ['b'] = "bytes"};
     struct request request = {.measure = TETLOD_MAX};
     for (int option; (option = cli_option(&command_extract, argc, argv, "o:", options)) != -1;) {
@@ -184,6 +188,8 @@ static int run(int argc, char **argv)
             request.field = optarg;
         else if (option == 'q')
             request.quiet = true;
+        else if (option == 'O')
+            request.original_order = true;
         else if (option == 'm')
             good = cli_parse_measure(&command_extract, optarg, &request.measure);
         else if (good)
@@ -195,6 +201,8 @@ static int run(int argc, char **argv)
         return EXIT_USAGE;
     if (!request.output)
         return cli_usage("extract", "-o OUT is missing");
+    if (request.original_order && request.choice != FINEST)
+        return cli_usage("extract", "--original-order is for the finest level, without a choice of another");
     request.input = argv[optind];
     return extract(&request);
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/report/level_mesh.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
@@ -30,5 +31,69 @@ enum tetlod_status level_mesh_copy(const struct tetlod_info *info, const struct 
 done:
     if (status != TETLOD_OK)
         tetmesh_fini(out);
+    return status;
+}
+
+/* The array whose row numbers[i] is row i of this one; this one is freed. NULL: out of memory or not a permutation. */
+static double *scatter(double *rows, size_t width, const uint32_t *numbers, uint32_t count)
+{
+    double *out = array_new(count, width * sizeof *out);
+    for (uint32_t i = 0; i < count && out; i++)
+        memcpy(out + numbers[i] * width, rows + i * width, width * sizeof *out);
+    if (out)
+        free(rows);
+    return out;
+}
+
+static bool is_permutation(const uint32_t *numbers, uint32_t count)
+{
+    uint8_t *seen = array_zero(count, 1);
+    bool good = seen != NULL;
+    for (uint32_t i = 0; i < count && good; i++) {
+        good = !seen[numbers[i]];
+        seen[numbers[i]] = 1;
+    }
+    free(seen);
+    return good;
+}
+
+static enum tetlod_status reorder(struct tetmesh *mesh, const uint32_t *vertices, const uint32_t *tets, const uint8_t *places,
+                                  struct tetlod_error *error)
+{
+    if (!is_permutation(vertices, mesh->vertex_count) || !is_permutation(tets, mesh->tet_count))
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "the original order is damaged");
+    double *positions = scatter(mesh->positions, 3, vertices, mesh->vertex_count);
+    uint32_t *corners = array_new(mesh->tet_count, 4 * sizeof *corners);
+    mesh->positions = positions ? positions : mesh->positions;
+    for (size_t t = 0; t < mesh->tet_count && corners; t++)
+        for (size_t c = 0; c < 4; c++)
+            corners[4 * (size_t)tets[t] + c] = vertices[mesh->corners[4 * t + places[4 * t + c]]];
+    bool done = positions && corners;
+    for (uint32_t f = 0; f < mesh->field_count && done; f++) {
+        double *values = scatter(mesh->fields[f].values, mesh->fields[f].components, vertices, mesh->vertex_count);
+        mesh->fields[f].values = values ? values : mesh->fields[f].values;
+        done = values != NULL;
+    }
+    if (corners) {
+        free(mesh->corners);
+        mesh->corners = corners;
+    }
+    return done ? TETLOD_OK : tetlodi_fail_nomem(error, "the original order", (uint64_t)mesh->vertex_count * 24);
+}
+
+enum tetlod_status level_mesh_reorder(const struct tetlod_file *file, struct tetmesh *mesh, struct tetlod_error *error)
+{
+    uint32_t *vertices = array_new(mesh->vertex_count, sizeof *vertices), *tets = array_new(mesh->tet_count, sizeof *tets);
+    uint8_t *places = array_new(mesh->tet_count, 4);
+    enum tetlod_status status;
+    if (vertices && tets && places)
+        status = tetlod_order(file, vertices, tets, places, error);
+    else
+        status = tetlodi_fail_nomem(error, "the original order", (uint64_t)mesh->tet_count * 8);
+    if (status == TETLOD_OK)
+        status = reorder(mesh, vertices, tets, places, error);
+    free(vertices);
+    free(tets);
+    free(places);
     return status;
 }

@@ -1,0 +1,20 @@
+#!/bin/bash
+# SPDX-License-Identifier: BSD-3-Clause
+# extract --original-order gives the input's own arrays, byte for byte.
+number=0
+check() { number=$((number + 1)); if eval "$2"; then echo "ok $number - $1"; else echo "not ok $number - $1"; fi; }
+"$TETLOD" sample cube --size 5 -o cube.vtu --quiet 2>/dev/null || "$TETLOD" sample cube --size 5 -o cube.vtu
+"$TETLOD" convert cube.vtu -o plain.vtu --quiet 2>/dev/null || "$TETLOD" convert cube.vtu -o plain.vtu
+"$TETLOD" build cube.vtu -o kept.tetlod --keep-order --quiet
+"$TETLOD" build cube.vtu -o other.tetlod --quiet
+"$TETLOD" extract kept.tetlod --original-order -o back.vtu --quiet
+check "the same file comes back" "cmp plain.vtu back.vtu"
+"$TETLOD" extract kept.tetlod -o own.vtu --quiet
+check "without the option it is the stream's numbering" "! cmp -s plain.vtu own.vtu"
+"$TETLOD" verify kept.tetlod --against cube.vtu --quiet >verify.txt
+check "the stream verifies" "grep -q ok verify.txt"
+"$TETLOD" extract other.tetlod --original-order -o none.vtu 2>message.txt
+check "a stream without it says how to get one" "[ $? = 2 ] && grep -q -- --keep-order message.txt && [ ! -e none.vtu ]"
+"$TETLOD" extract kept.tetlod --original-order --level 0 -o none.vtu 2>message.txt
+check "a coarser level has no original order" "[ $? = 2 ] && [ ! -e none.vtu ]"
+echo "1..$number"
