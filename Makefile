@@ -117,6 +117,10 @@ comma := ,
 $(BINARY): $(call objects,$(CLI_SRC)) $(INTERNAL) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
 
+# The manual says what the commands say.
+$(B)/tetlod.1: $(BINARY) src/cli/man.py
+	$(Q)python3 src/cli/man.py $(BINARY) > $@
+
 $(B)/tests/unit/%: $(B)/tests/unit/%.o $(call objects,$(SUPPORT_SRC)) $(INTERNAL) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
 
@@ -196,9 +200,17 @@ check-tsan: deps-check
 	@/usr/bin/python3 tests/run.py --only http/ tsan
 	@/usr/bin/python3 tests/run.py --only test_cache tsan
 
+## figures: the pictures of the README, from the program's output
+.PHONY: figures
+figures: deps-check all
+	@mkdir -p build/figures samples/figures
+	$(BINARY) sample fin -o build/figures/fin.vtu
+	$(BINARY) build build/figures/fin.vtu -o build/figures/fin.tetlod --quiet
+	/usr/bin/python3 tests/figures/level_sequence.py $(BINARY) build/figures/fin.tetlod samples/figures/fin_levels.png --field Pressure --width 230
+
 ## install: into $(DESTDIR)$(PREFIX); uninstall removes it again
 .PHONY: install uninstall
-install: all
+install: all $(B)/tetlod.1
 	$(INSTALL) -d $(DESTDIR)$(bindir) $(DESTDIR)$(libdir)/pkgconfig $(DESTDIR)$(includedir) $(DESTDIR)$(mandir)/man1
 	$(INSTALL) -m 755 $(BINARY) $(DESTDIR)$(bindir)/tetlod
 	$(INSTALL) -m 644 $(LIBTETLOD) $(DESTDIR)$(libdir)/libtetlod.a
@@ -206,7 +218,7 @@ install: all
 	ln -sf libtetlod.so.$(VERSION) $(DESTDIR)$(libdir)/libtetlod.so.$(SOVERSION)
 	ln -sf libtetlod.so.$(SOVERSION) $(DESTDIR)$(libdir)/libtetlod.so
 	$(INSTALL) -m 644 format/tetlod.h $(DESTDIR)$(includedir)/tetlod.h
-	$(INSTALL) -m 644 src/cli/tetlod.1 $(DESTDIR)$(mandir)/man1/tetlod.1
+	$(INSTALL) -m 644 $(B)/tetlod.1 $(DESTDIR)$(mandir)/man1/tetlod.1
 	printf 'prefix=%s\nlibdir=%s\nincludedir=%s\n\nName: tetlod\nDescription: levels of detail for tetrahedral volumes\nVersion: %s\nLibs: -L$${libdir} -ltetlod\nLibs.private: -lm\nCflags: -I$${includedir}\n' \
 	    '$(PREFIX)' '$(libdir)' '$(includedir)' '$(VERSION)' > $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc
 uninstall:
