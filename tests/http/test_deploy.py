@@ -8,10 +8,14 @@ import shutil
 import socket
 import ssl
 import subprocess
+import sys
 import threading
 import time
 
 from served import ROOT, SCRATCH, SLOW, TETLOD, Server, run
+
+sys.path.insert(0, os.path.join(ROOT, 'client-examples', 'python'))
+import tetlod  # noqa: E402  the client that knows only Range
 
 DEPLOY = os.path.join(ROOT, 'server', 'deploy')
 FOLDER = os.path.join(SCRATCH, 'streams')
@@ -238,6 +242,10 @@ def test_plain_files():
             answer, got = ask(path)
             assert answer.status == 200 and got == body and 'immutable' in answer.getheader('Cache-Control'), path
             assert answer.getheader('Access-Control-Allow-Origin') == '*'
+        client = tetlod.open('http://127.0.0.1:%d%s/stream' % (port, at)).cursor()
+        for level in (0, 4, 2):
+            client.seek(level)
+            assert len(client.tets) == described['levels'][level]['tets']
         answer, body = ask(paths[0], Range='bytes=5-9')
         assert answer.status == 206 and body == wanted[paths[0]][5:10]
         assert ask('/v1/meshes/nothing')[0].status == 404

@@ -444,6 +444,24 @@ def test_what_is_no_stream():
     assert wrong.returncode == 2, wrong
 
 
+def test_damaged_stream():
+    """An index that is right over bytes that are not: what must be decoded is refused, all else goes on."""
+    folder = os.path.join(SCRATCH, 'damaged')
+    os.makedirs(folder, exist_ok=True)
+    with open(FIN, 'rb') as file:
+        stream = bytearray(file.read())
+    stream[-5] ^= 0xff
+    save(os.path.join('damaged', 'bad.tetlod'), bytes(stream))
+    shutil.copy(FIN, os.path.join(folder, 'good.tetlod'))
+    with Server(folder) as damaged:
+        cid = damaged.json('/v1/meshes/bad')['cid']
+        for _ in range(2):
+            status, head, body = damaged.get('/v1/meshes/bad/%s/levels/0/mesh.vtu' % cid)
+            assert status == 500 and head['content-type'] == 'application/problem+json', (status, body)
+        assert damaged.get('/v1/meshes/bad/%s/levels/0/mesh.tetlod' % cid)[0] == 200
+        assert damaged.get('/v1/meshes/good/%s/levels/0/mesh.vtu' % cid)[0] == 200
+
+
 os.makedirs(FOLDER, exist_ok=True)
 make_stream('fin', FIN, 8)
 make_stream('cube', os.path.join(FOLDER, 'two words.tetlod'), 2)
@@ -453,4 +471,4 @@ with Server(FOLDER) as server:
     run([test_catalogue, test_description, test_level_for_error, test_level_for_budget, test_bad_questions,
          test_every_level_is_the_cursors, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
          test_ranges, test_not_modified, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
-         test_small_cache, test_replaced_stream, test_reload_signal, test_what_is_no_stream])
+         test_small_cache, test_replaced_stream, test_reload_signal, test_what_is_no_stream, test_damaged_stream])
