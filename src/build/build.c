@@ -16,7 +16,10 @@
 static const double BOUNDARY_KEPT = 1e-6;
 
 struct build {
-    const struct tetmesh *mesh;
+    const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised */
+    const struct tetmesh *original; /* that errors are about */
+    struct tetmesh rounded;
+    double *rounding;               /* [field] bound of what rounding changed, if quantised */
     const struct build_options *options;
     struct simplification sequence;
     struct tetlodi_write_level *levels; /* coarse to fine */
@@ -67,7 +70,7 @@ static enum tetlod_status contract(struct build *build)
         .max_error = widest > 0 ? smaller(widest, options->max_error) : options->max_error,
         .min_tets = options->min_tets,
         .boundary_angle = options->boundary_angle,
-        .boundary_limit = BOUNDARY_KEPT * mesh_diagonal(build->mesh),
+        .boundary_limit = BOUNDARY_KEPT * mesh_diagonal(build->original),
         .growth = options->growth,
         .threads = options->threads,
         .progress = options->progress ? contract_progress : NULL,
@@ -89,7 +92,8 @@ static void mark_errors(const struct build *build, uint32_t mark, uint32_t field
         if (fields->drivers[d].field != field)
             continue;
         size_t i = (size_t)mark * fields->driver_count + d;
-        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], build->sequence.mark_certified[i]);
+        double rounding = build->rounding ? build->rounding[field] * fields->drivers[d].scale : 0;
+        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], build->sequence.mark_certified[i] + rounding);
         errors[TETLOD_PREDICTED] = fmax(errors[TETLOD_PREDICTED], build->sequence.mark_predicted[i]);
     }
 }
@@ -101,7 +105,7 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
     for (uint32_t f = 0; f < fields; f++) {
         double *errors = build->errors + ((size_t)mark * fields + f) * TETLOD_MEASURES, range[2];
         const double *finer = mark ? errors - fields * TETLOD_MEASURES : NULL;
-        point_field_range(&build->mesh->fields[f], build->mesh->vertex_count, range);
+        point_field_range(&build->original->fields[f], build->original->vertex_count, range);
         double scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
         mark_errors(build, mark, f, errors);
         errors[TETLOD_SAMPLED] = measured[f].sampled * scale;
@@ -118,8 +122,11 @@ static enum tetlod_status measure_mark(struct build *build, struct forest *fores
     struct forest_level level;
     double domain;
     TETLOD_TRY(forest_level(forest, contractions, &level, build->error));
-    enum tetlod_status status =
-        measure_level(measure, &level, contractions, build->options->threads, measured, &domain, build->error);
+    enum tetlod_status status;
+    if (build->rounding)
+        status = measure_mesh(measure, &level.mesh, NULL, build->options->threads, measured, &domain, build->error);
+    else
+        status = measure_level(measure, &level, contractions, build->options->threads, measured, &domain, build->error);
     forest_level_fini(&level);
     if (status != TETLOD_OK)
         return status;
@@ -144,7 +151,7 @@ static enum tetlod_status measure_marks(struct build *build)
     if (!measured || !build->levels || !build->errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
     TETLOD_TRY_DONE(forest_init(&forest, &build->sequence, build->mesh, build->error));
-    TETLOD_TRY_DONE(measure_new(&measure, build->mesh, NULL, build->mesh->field_count, build->error));
+    TETLOD_TRY_DONE(measure_new(&measure, build->original, NULL, build->mesh->field_count, build->error));
     for (uint32_t mark = 0; mark < marks; mark++) {
         TETLOD_TRY_DONE(measure_mark(build, &forest, measure, mark, measured, diagonal));
         double *domain = &build->levels[marks - 1 - mark].domain_error;
@@ -183,7 +190,10 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                                  .controlled = is_controlled(build, f),
                                                  .values = field->values,
                                                  .node_values = build->sequence.fields.fields[f].node_values};
-        point_field_range(field, mesh->vertex_count, fields[f].range);
+        fields[f].bits = field->grid.bits;
+        fields[f].origin = field->grid.origin;
+        fields[f].step = field->grid.step;
+        point_field_range(&build->original->fields[f], mesh->vertex_count, fields[f].range);
     }
     struct tetlodi_write_input input = {.vertices = mesh->vertex_count,
                                         .tets = mesh->tet_count,
@@ -203,6 +213,11 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .metadata = build->options->metadata,
                                         .compression = build->options->compression,
                                         .keep_order = build->options->keep_order};
+    input.position_bits = mesh->position_grid[0].bits;
+    for (int i = 0; i < 3; i++) {
+        input.position_origin[i] = mesh->position_grid[i].origin;
+        input.position_step[i] = mesh->position_grid[i].step;
+    }
     if (build->options->progress)
         build->options->progress(build->options->progress_opaque, BUILD_ENCODE, 0);
     enum tetlod_status status = tetlodi_write(&input, sink, build->error);
@@ -210,12 +225,27 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
     return status;
 }
 
+/* Rounds a copy of the mesh, to be contracted in its place. */
+static enum tetlod_status quantise(struct build *build)
+{
+    TETLOD_TRY(quantise_mesh(&build->rounded, build->mesh, &build->options->quantise, build->error));
+    build->mesh = &build->rounded;
+    build->rounding = array_new(build->mesh->field_count, sizeof *build->rounding);
+    if (!build->rounding)
+        return tetlodi_fail_nomem(build->error, "the fields", build->mesh->field_count * sizeof *build->rounding);
+    for (uint32_t f = 0; f < build->mesh->field_count; f++)
+        build->rounding[f] = quantise_bound(build->mesh, build->original, f);
+    return TETLOD_OK;
+}
+
 enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_options *options,
                                 const struct tetlodi_sink *sink, struct build_report *report, struct tetlod_error *error)
 {
-    struct build build = {.mesh = mesh, .options = options, .error = error};
+    struct build build = {.mesh = mesh, .original = mesh, .options = options, .error = error};
     enum tetlod_status status;
     TETLOD_TRY_DONE(check_memory(&build));
+    if (quantise_wanted(&options->quantise))
+        TETLOD_TRY_DONE(quantise(&build));
     TETLOD_TRY_DONE(contract(&build));
     TETLOD_TRY_DONE(measure_marks(&build));
     TETLOD_TRY_DONE(encode(&build, sink));
@@ -223,6 +253,8 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
                                     build.sequence.complex.degenerate_tets, build.sequence.complex.inverted_tets};
 done:
     simplification_fini(&build.sequence);
+    tetmesh_fini(&build.rounded);
+    free(build.rounding);
     free(build.levels);
     free(build.errors);
     return status;

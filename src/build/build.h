@@ -5,6 +5,7 @@
 
 #include "format/writer.h"
 #include "src/build/metric.h"
+#include "src/build/quantise.h"
 #include "src/mesh/tetmesh.h"
 
 enum build_phase { BUILD_CONTRACT, BUILD_MEASURE, BUILD_ENCODE, BUILD_PHASES };
@@ -27,6 +28,7 @@ struct build_options {
     double growth;           /* > 1 */
     int compression;         /* effort, 1 .. 22 */
     bool keep_order;         /* store the mesh's own numbering */
+    struct quantise_options quantise;
     unsigned threads;
     uint64_t memory;         /* bytes; 0: no limit */
     const char *metadata;    /* a JSON object */

@@ -169,6 +169,7 @@ enum tetlod_status complex_init(struct complex *complex, const struct tetmesh *m
         complex_fini(complex);
         return status;
     }
+    memcpy(complex->position_grid, mesh->position_grid, sizeof complex->position_grid);
     memcpy(complex->positions, mesh->positions, n * 3 * sizeof(double));
     memcpy(complex->corners, mesh->corners, m * 4 * sizeof(uint32_t));
     stars_build(complex->corners, complex->tet_count, complex->vertex_count, complex->star_begin, complex->pool);
@@ -188,8 +189,8 @@ enum tetlod_status complex_init(struct complex *complex, const struct tetmesh *m
 
 void complex_round_position(const struct complex *complex, double p[3])
 {
-    for (int i = 0; i < 3 && complex->position_type == TETLOD_FLOAT32; i++)
-        p[i] = (float)p[i];
+    for (int i = 0; i < 3; i++)
+        p[i] = grid_round(&complex->position_grid[i], complex->position_type, p[i]);
 }
 
 enum tetlod_status complex_link_vertices(struct complex *complex, uint32_t v, uint32_t **out, size_t *out_capacity,

@@ -32,6 +32,7 @@ struct complex {
     uint32_t *tet_changed; /* [tet] contractions done when it was last removed or re-attached */
     uint32_t *born;       /* [slot] contractions done when it last became a contraction's result */
     enum tetlod_type position_type;
+    struct grid position_grid[3];
     int orientation;      /* +1, or -1 where the input lists its tetrahedra the other way round */
 
     uint32_t *pool; /* stars: slot v's tetrahedra are pool[star_begin[v]] .. + star_count[v], in no order */

@@ -41,7 +41,8 @@ static bool init_field(struct working_field *field, const struct point_field *fr
 {
     size_t k = from->components;
     *field = (struct working_field){from->components, from->type, array_new(k, 2 * sizeof(double)),
-                                    array_new(vertices * k, sizeof(double)), array_new(vertices * k, sizeof(double))};
+                                    array_new(vertices * k, sizeof(double)), array_new(vertices * k, sizeof(double)),
+                                    from->grid};
     if (!field->component_range || !field->values || !field->node_values)
         return false;
     memcpy(field->values, from->values, vertices * k * sizeof(double));
@@ -176,7 +177,7 @@ enum tetlod_status fields_init_quadrics(struct fields *fields, const struct comp
 double field_round(const struct working_field *field, uint32_t component, double value)
 {
     const double *range = field->component_range[component];
-    value = field->type == TETLOD_FLOAT32 ? (float)value : value;
+    value = grid_round(&field->grid, field->type, value);
     return fmin(fmax(value, range[0]), range[1]);
 }
 

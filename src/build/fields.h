@@ -25,6 +25,7 @@ struct working_field {
     double (*component_range)[2]; /* [components] of the original: assigned values stay inside */
     double *values;               /* [components * slot] */
     double *node_values;          /* [components * contraction] */
+    struct grid grid;
 };
 
 struct fields {

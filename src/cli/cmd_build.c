@@ -40,6 +40,10 @@ static const char help[] =
     "      --min-tets N        stop at that many tetrahedra\n"
     "      --boundary-angle D  degrees within which boundary faces count as one plane (default 0.01)\n"
     "      --growth G          vertices of a level / vertices of the one below (default 1.05)\n"
+    "      --position-bits N   round coordinates to N bits across the bounds, 1 .. 30 (default: lossless)\n"
+    "      --field-bits N      round values to N bits across the range\n"
+    "      --position-error E, --field-error E   as many bits as keep it: a fraction of the diagonal, of the range\n"
+    "                          (rounding is in every error that the stream states)\n"
     "      --keep-order        store the input's numbering too, for extract --original-order\n"
     "      --compress N        1 fast .. 22 small (default 19)\n"
     "      --threads N         0 (default): all cores; the bytes do not depend on it\n"
@@ -124,6 +128,15 @@ static bool parse_growth(const char *text, double *out)
     return false;
 }
 
+static bool parse_bits(const char *name, const char *text, unsigned *out)
+{
+    uint64_t bits;
+    if (!cli_parse_count(&command_build, name, text, 1, QUANTISE_MOST_BITS, &bits))
+        return false;
+    *out = (unsigned)bits;
+    return true;
+}
+
 static bool parse_option(struct request *request, int option, const char *value)
 {
     struct build_options *build = &request->build;
@@ -166,6 +179,14 @@ static bool parse_option(struct request *request, int option, const char *value)
         return cli_parse_number(&command_build, "boundary-angle", value, 0, &build->boundary_angle);
     case 'g':
         return parse_growth(value, &build->growth);
+    case 'P':
+        return parse_bits("position-bits", value, &build->quantise.position_bits);
+    case 'F':
+        return parse_bits("field-bits", value, &build->quantise.field_bits);
+    case 'p':
+        return cli_parse_fraction(&command_build, "position-error", value, &build->quantise.position_error);
+    case 'E':
+        return cli_parse_fraction(&command_build, "field-error", value, &build->quantise.field_error);
     case 'K':
         return build->keep_order = true;
     case 'z':
@@ -407,6 +428,8 @@ static int run(int argc, char **argv)
         {"candidates", required_argument, NULL, 'n'},
         {"max-error", required_argument, NULL, 'e'},  {"min-tets", required_argument, NULL, 't'},
         {"boundary-angle", required_argument, NULL, 'b'}, {"growth", required_argument, NULL, 'g'},
+        {"position-bits", required_argument, NULL, 'P'}, {"field-bits", required_argument, NULL, 'F'},
+        {"position-error", required_argument, NULL, 'p'}, {"field-error", required_argument, NULL, 'E'},
         {"keep-order", no_argument, NULL, 'K'},        {"compress", required_argument, NULL, 'z'},
         {"threads", required_argument, NULL, 'j'},
         {"memory", required_argument, NULL, 'M'},     {"json", no_argument, NULL, JSON},

@@ -27,7 +27,10 @@ enum tetlod_status tetmesh_add_field(struct tetmesh *mesh, const char *name, uin
     if (!fields)
         return tetlodi_fail_nomem(error, "a field", sizeof *fields);
     mesh->fields = fields;
-    struct point_field field = {strdup(name), components, type, array_zero((size_t)mesh->vertex_count * components, 8)};
+    struct point_field field = {.name = strdup(name),
+                                .components = components,
+                                .type = type,
+                                .values = array_zero((size_t)mesh->vertex_count * components, 8)};
     if (!field.name || !field.values) {
         free(field.name);
         free(field.values);

@@ -9,17 +9,20 @@
 #include <stdbool.h>
 
 #include "format/tetlod.h"
+#include "src/mesh/grid.h"
 
 struct point_field {
     char *name; /* owned */
     uint32_t components;
     enum tetlod_type type;
     double *values; /* owned, [components * vertex_count] */
+    struct grid grid; /* that the values lie on */
 };
 
 struct tetmesh {
     uint32_t vertex_count, tet_count, field_count;
     enum tetlod_type position_type;
+    struct grid position_grid[3]; /* that x, y, z lie on */
     double *positions;         /* owned, [3 * vertex_count] */
     uint32_t *corners;         /* owned, [4 * tet_count]; 6V = (b-a).((c-a)x(d-a)) > 0 is the usual orientation */
     struct point_field *fields; /* owned */

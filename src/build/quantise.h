@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Rounds a mesh to grids before it is contracted, so that every error includes it. */
+#ifndef TETLOD_QUANTISE_H
+#define TETLOD_QUANTISE_H
+
+#include "src/mesh/tetmesh.h"
+
+enum { QUANTISE_MOST_BITS = 30 };
+
+/* Bits of each coordinate across the bounds and of each value across its field's range; where they are 0, as many as keep the error
+ * within a fraction of the diagonal and of the range; where that is 0 as well, none: lossless. */
+struct quantise_options {
+    unsigned position_bits, field_bits;
+    double position_error, field_error;
+};
+
+bool quantise_wanted(const struct quantise_options *options);
+
+/* A copy of the mesh on its grids. ERR_ARGUMENT if an error would need more than 30 bits, ERR_NOMEM. On failure *out is empty. */
+TETLOD_CHECKED enum tetlod_status quantise_mesh(struct tetmesh *out, const struct tetmesh *mesh,
+                                                const struct quantise_options *options, struct tetlod_error *error);
+
+/* A bound of |field of the copy - field of the mesh| over the domain: what values moved by, and what moving positions changes
+ * where the field is steepest; at most the range. */
+double quantise_bound(const struct tetmesh *copy, const struct tetmesh *mesh, uint32_t field);
+
+#endif
