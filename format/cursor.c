@@ -287,3 +287,40 @@ void tetlod_cursor_mesh(const struct tetlod_cursor *cursor, struct tetlod_mesh *
                                 .corners = replay->corners,
                                 .parents = replay->parents};
 }
+
+/* What a column had at the end of record number `records`, for the vertices that were there: undone on a copy. */
+static void values_before(const struct tetlod_cursor *cursor, const struct tetlodi_column *column, uint32_t records,
+                          uint32_t count, double *out)
+{
+    const struct tetlodi_replay *replay = &cursor->replay;
+    size_t n = column->components;
+    memcpy(out, column->values, count * n * sizeof *out);
+    for (uint32_t split = replay->splits, record = replay->records; record > records;) {
+        const struct tetlodi_split *log = &replay->log[--split];
+        if (!(log->tets & SPLIT_FIRST))
+            continue;
+        record--;
+        for (unsigned c = 0; c < n && log->vertex < count; c++)
+            out[log->vertex * n + c] =
+                scale_value(&column->scale, column == cursor->columns ? c : 0, column->before[record * n + c]);
+    }
+}
+
+enum tetlod_status tetlod_cursor_origins(const struct tetlod_cursor *cursor, uint32_t level, double *positions,
+                                         double *const *fields, struct tetlod_error *error)
+{
+    const struct tetlodi_replay *replay = &cursor->replay;
+    if (level > cursor->level)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "level %u is finer than the cursor's %u", level, cursor->level);
+    uint32_t count = cursor->file->index.info.levels[level].vertices;
+    for (uint32_t c = 0; c < replay->column_count; c++) {
+        double *out = c ? fields ? fields[cursor->parts[c] - 1] : NULL : positions;
+        size_t n = cursor->columns[c].components;
+        if (!out)
+            continue;
+        values_before(cursor, &cursor->columns[c], cursor->records[level], count, out);
+        for (uint32_t v = count; v < replay->vertices; v++) // a parent has a lower number: it is done
+            memcpy(out + v * n, out + replay->parents[v] * n, n * sizeof *out);
+    }
+    return TETLOD_OK;
+}

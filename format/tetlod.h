@@ -197,6 +197,32 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_coarsen(struct tetlod
 /* The current mesh; between two levels `level` is the coarser one. */
 TETLOD_API void tetlod_cursor_mesh(const struct tetlod_cursor *cursor, struct tetlod_mesh *out);
 
+/* For geomorphs: where every vertex of the current mesh comes from at a coarser `level`: the position there of the vertex that it
+ * was split from, or was itself, and that one's values. `positions` [3 * vertices] and `fields` [field_count], each
+ * [components * vertices] or NULL, are the caller's; either may be NULL. Costs O(vertices + records between). ERR_ARGUMENT
+ * for a level above the current one. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_origins(const struct tetlod_cursor *cursor, uint32_t level,
+                                                                   double *positions, double *const *fields,
+                                                                   struct tetlod_error *error);
+
+/* Push decoding, for bytes that arrive in order: add what has come, open cursors on the file as soon as it is there, seek
+ * to levels up to tetlod_feed_level; a level beyond it is ERR_TRUNCATED and can be tried again later. */
+struct tetlod_feed;
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_feed_new(struct tetlod_feed **out, const struct tetlod_options *options,
+                                                             struct tetlod_error *error);
+/* Frees the file too; its cursors must be freed before. */
+TETLOD_API void tetlod_feed_free(struct tetlod_feed *feed);
+
+/* Copies `size` bytes. TETLOD_MORE until the index is complete, then OK; or as tetlod_open. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_feed_add(struct tetlod_feed *feed, const void *bytes, size_t size,
+                                                             struct tetlod_error *error);
+
+/* NULL until the index is complete. Owned by the feed. */
+TETLOD_API struct tetlod_file *tetlod_feed_file(const struct tetlod_feed *feed);
+
+/* The finest level that is there whole, or TETLOD_NONE. */
+TETLOD_API uint32_t tetlod_feed_level(const struct tetlod_feed *feed);
+
 #ifdef __cplusplus
 }
 #endif

@@ -225,6 +225,76 @@ static void test_selected_fields(void)
     stream_close(&s);
 }
 
+static void test_origins(void)
+{
+    struct stream s;
+    struct gen_options options = {GEN_GRID, 8, 4, 8, 4, TETLOD_FLOAT32, 0};
+    REQUIRE(stream_open(&s, &options));
+    struct tetlod_mesh mesh;
+    double coarse[3 * 125], ids[125], origins[3 * 125], origin_ids[125], *fields[2] = {origin_ids, NULL};
+    uint32_t finest = tetlod_info(s.file)->level_count - 1;
+    for (uint32_t low = 0; low <= finest; low++) {
+        uint32_t wrong = 0;
+        CHECK_INT(tetlod_cursor_seek(s.cursor, low, NULL), TETLOD_OK);
+        tetlod_cursor_mesh(s.cursor, &mesh);
+        uint32_t count = mesh.vertices;
+        memcpy(coarse, mesh.positions, count * 24ul);
+        memcpy(ids, mesh.fields[0], count * 8ul);
+        CHECK_INT(tetlod_cursor_seek(s.cursor, finest, NULL), TETLOD_OK);
+        CHECK_INT(tetlod_cursor_origins(s.cursor, low, origins, fields, NULL), TETLOD_OK);
+        tetlod_cursor_mesh(s.cursor, &mesh);
+        for (uint32_t v = 0; v < mesh.vertices; v++) {
+            uint32_t ancestor = v;
+            while (ancestor >= count)
+                ancestor = mesh.parents[ancestor];
+            wrong += memcmp(origins + 3 * v, coarse + 3 * ancestor, 24) != 0 || origin_ids[v] != ids[ancestor];
+        }
+        CHECK_INT(wrong, 0);
+    }
+    CHECK_INT(tetlod_cursor_seek(s.cursor, 0, NULL), TETLOD_OK);
+    CHECK_INT(tetlod_cursor_origins(s.cursor, 1, origins, NULL, NULL), TETLOD_ERR_ARGUMENT);
+    stream_close(&s);
+}
+
+/* Fed in pieces of any size: each level can be had as soon as its last byte is there, and not before. */
+static void test_feed(void)
+{
+    struct stream s;
+    struct gen_options options = {GEN_HOLES, 6, 3, 6, 3, TETLOD_FLOAT64, 0};
+    REQUIRE(stream_open(&s, &options));
+    for (size_t piece = 1; piece < 4000; piece = piece * 3 + 1) {
+        struct tetlod_feed *feed;
+        struct tetlod_cursor *cursor = NULL;
+        struct tetlod_error error = {0};
+        uint32_t wrong = 0, level = TETLOD_NONE;
+        REQUIRE(tetlod_feed_new(&feed, NULL, &error) == TETLOD_OK);
+        for (size_t at = 0; at < s.memory.size; at += piece) {
+            size_t size = s.memory.size - at < piece ? s.memory.size - at : piece;
+            enum tetlod_status status = tetlod_feed_add(feed, s.memory.bytes + at, size, &error);
+            const struct tetlod_info *info = tetlod_feed_file(feed) ? tetlod_info(tetlod_feed_file(feed)) : NULL;
+            wrong += status != (info ? TETLOD_OK : TETLOD_MORE);
+            level = tetlod_feed_level(feed);
+            if (level == TETLOD_NONE)
+                continue;
+            if (!cursor)
+                wrong += tetlod_cursor_new(&cursor, tetlod_feed_file(feed), NULL, 0, &error) != TETLOD_OK;
+            wrong += tetlod_cursor_seek(cursor, level, &error) != TETLOD_OK;
+            if (level + 1 < info->level_count)
+                wrong += tetlod_cursor_seek(cursor, level + 1, &error) != TETLOD_ERR_TRUNCATED;
+        }
+        CHECK_INT(level, tetlod_info(s.file)->level_count - 1);
+        CHECK_INT(wrong, 0);
+        tetlod_cursor_free(cursor);
+        tetlod_feed_free(feed);
+    }
+    struct tetlod_feed *feed;
+    REQUIRE(tetlod_feed_new(&feed, NULL, NULL) == TETLOD_OK);
+    char text[80] = "<html>";
+    CHECK_INT(tetlod_feed_add(feed, text, sizeof text, NULL), TETLOD_ERR_NOT_TETLOD);
+    tetlod_feed_free(feed);
+    stream_close(&s);
+}
+
 /* A prefix gives every level that it holds whole. */
 static void test_truncated(void)
 {
@@ -320,6 +390,8 @@ int main(void)
     RUN(test_soups);
     RUN(test_quantised);
     RUN(test_selected_fields);
+    RUN(test_origins);
+    RUN(test_feed);
     RUN(test_truncated);
     RUN(test_damaged);
     RUN(test_sequences_that_are_none);
