@@ -124,6 +124,9 @@ $(B)/tetlod.1: $(BINARY) src/cli/man.py
 $(B)/tests/unit/%: $(B)/tests/unit/%.o $(call objects,$(SUPPORT_SRC)) $(INTERNAL) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
 
+$(B)/tests/bench/%: $(B)/tests/bench/%.o $(call objects,$(SUPPORT_SRC)) $(INTERNAL) $(LIBTETLOD)
+	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
+
 # A fuzz target runs under libFuzzer in config=fuzz, elsewhere it replays its corpus.
 $(B)/tests/fuzz/fuzz_%: $(B)/tests/fuzz/fuzz_%.o $(if $(FUZZER),,$(B)/tests/fuzz/replay.o) $(call objects,$(SUPPORT_SRC)) $(INTERNAL) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(FUZZER) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
@@ -188,6 +191,13 @@ bench-server: deps-bench
 bench-soak: deps-bench
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/soak.py $(BINARY) $(TIME)
+
+## bench-format: sizes and speeds of streams against tests/bench/format_sizes.csv (BLUNT=folder of the blunt fin; UPDATE=1 takes over)
+.PHONY: bench-format
+BENCHES += bench-format
+bench-format: deps-bench
+	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_format
+	@/usr/bin/python3 tests/bench/bench_format.py $(BINARY) $(B)/tests/bench/bench_format tests/bench/format_sizes.csv
 
 ## bench: measure; bench-* are its parts
 .PHONY: bench
