@@ -20,11 +20,18 @@ struct request {
     /* What to wake when an entry that the answer needs is finished; NULL: the caller's thread makes it instead. */
     struct cache_waiter *waiter;
     bool waited; /* it has been woken at least once */
-    /* Entries that this request has asked for: kept until its answer is made, so that each is found again. */
+    /* Entries that this request has asked for: kept until its answer is sent, so that each is found again and a body that
+     * lies in one stays. */
     struct {
         struct cache *cache;
         struct cache_entry *entry;
     } pins[REQUEST_PINS];
+};
+
+/* Something made once from a body and its headers, whole and unchanged, by whoever sends it; freed with the body. */
+struct prepared {
+    _Atomic(void *) made;
+    void (*_Atomic free)(void *made);
 };
 
 enum body_kind { BODY_NONE, BODY_BYTES, BODY_FILE };
@@ -40,8 +47,9 @@ struct response {
     int fd;            /* BODY_FILE, borrowed */
     uint64_t offset;   /* BODY_FILE */
     uint64_t size;     /* of the body that is sent */
-    void (*release)(void *owner); /* lets go of what the body borrows from; may be NULL */
+    void (*release)(void *owner); /* lets go of what the body borrows from; NULL: it is there for good or pinned */
     void *owner;
+    struct prepared *prepared; /* of a cached body, for answers of 200; or NULL */
     bool ranges;        /* Range may cut it */
     bool close;         /* the connection ends after it */
     char etag[352];     /* quoted, or empty */

@@ -299,59 +299,53 @@ const struct cache_value *obtain_cached(struct exchange *exchange, struct cache 
     return cache_value(entry, &ignored);
 }
 
+struct body *body_new(size_t size, double milliseconds)
+{
+    struct body *body = size < SIZE_MAX - sizeof *body ? malloc(sizeof *body + size) : NULL;
+    if (!body)
+        return NULL;
+    body->size = size;
+    body->milliseconds = milliseconds;
+    atomic_init(&body->prepared.made, NULL);
+    atomic_init(&body->prepared.free, NULL);
+    return body;
+}
+
+void body_free(void *opaque)
+{
+    struct body *body = opaque;
+    void *made = atomic_load(&body->prepared.made);
+    if (made)
+        atomic_load(&body->prepared.free)(made);
+    free(body);
+}
+
 enum tetlod_status body_take(struct buffer *buffer, double started, struct cache_value *out, struct tetlod_error *error)
 {
-    struct body *body = malloc(sizeof *body + buffer->size);
+    struct body *body = body_new(buffer->size, (monotonic_seconds() - started) * 1e3);
     if (!body)
         return tetlodi_fail_nomem(error, "an answer", buffer->size);
-    body->size = buffer->size;
-    body->milliseconds = (monotonic_seconds() - started) * 1e3;
     if (buffer->size)
         memcpy(body->bytes, buffer->bytes, buffer->size);
-    *out = (struct cache_value){body, sizeof *body + buffer->size, free};
+    *out = (struct cache_value){body, sizeof *body + buffer->size, body_free};
     buffer_fini(buffer);
     return TETLOD_OK;
 }
 
 /* ---- answers ---- */
 
-struct held_entry {
-    struct cache *cache;
-    struct cache_entry *entry;
-};
-
-static void release_entry(void *owner)
-{
-    struct held_entry *held = owner;
-    cache_release(held->cache, held->entry);
-    free(held);
-}
-
 void respond_body(struct exchange *exchange, const struct cache_value *value, const char *media_type, enum coding coding,
                   const char *etag)
 {
     struct request *request = exchange->request;
     struct response *response = exchange->response;
-    const struct body *body = value->data;
-    struct held_entry *held = array_new(1, sizeof *held);
-    size_t pin = 0;
-    struct tetlod_error ignored;
-    while (pin < REQUEST_PINS && !(request->pins[pin].entry && cache_value(request->pins[pin].entry, &ignored) == value))
-        pin++;
-    if (!held || pin == REQUEST_PINS) {
-        free(held);
-        response_problem(response, 503, request->target, "the server is out of memory");
-        return;
-    }
-    *held = (struct held_entry){request->pins[pin].cache, request->pins[pin].entry};
-    cache_hold(held->cache, held->entry);
+    struct body *body = value->data; // pinned by the request
     response->status = 200;
     response->media_type = media_type;
     response->kind = BODY_BYTES;
     response->bytes = body->bytes;
     response->size = body->size;
-    response->release = release_entry;
-    response->owner = held;
+    response->prepared = request->waited ? NULL : &body->prepared; // whose Server-Timing says "hit"
     response->ranges = coding == CODING_IDENTITY;
     snprintf(response->etag, sizeof response->etag, "\"%s%s%s\"", etag, coding ? "-" : "", coding_name(coding));
     if (coding)

@@ -45,20 +45,19 @@ static enum tetlod_status read_stored(void *opaque, struct cache_value *out, str
     struct stored_context *context = opaque;
     double started = monotonic_seconds();
     size_t size = (size_t)context->size, done = 0;
-    struct body *body = malloc(sizeof *body + size);
+    struct body *body = body_new(size, 0);
     bool complete = true;
     if (!body)
         return tetlodi_fail_nomem(error, "stored bytes", size);
     for (size_t i = 0; complete && i < context->count; done += (size_t)context->spans[i++].size)
         complete = read_span(context->dataset, &context->spans[i], body->bytes + done);
     if (!complete || !dataset_intact(context->dataset)) {
-        free(body);
+        body_free(body);
         return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the stream's file was written over; ask /v1/meshes/%s for its content id",
                             dataset_id(context->dataset));
     }
-    body->size = size;
     body->milliseconds = (monotonic_seconds() - started) * 1e3;
-    *out = (struct cache_value){body, sizeof *body + size, free};
+    *out = (struct cache_value){body, sizeof *body + size, body_free};
     return TETLOD_OK;
 }
 

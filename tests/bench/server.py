@@ -82,6 +82,11 @@ def nearest_records(levels, size):
     return min(((j, k) for j in range(len(ends)) for k in range(j + 1, len(ends))), key=lambda jk: abs(ends[jk[1]] - ends[jk[0]] - size))
 
 
+def nearest_level(levels, form, size):
+    """The level whose prefix, or whose mesh (some 28 bytes a tetrahedron), comes nearest to a size."""
+    return min(levels, key=lambda level: abs((level['bytes'] if form == 'tetlod' else 28 * level['tets']) - size))['level']
+
+
 def compare(tetlod_port, nginx_port, folder, name, path):
     body, _ = fetch(tetlod_port, path)
     with open(os.path.join(folder, 'www', name), 'wb') as file:
@@ -136,9 +141,8 @@ def main():
         result = {}
         for name, size in (('records-4K', 4 << 10), ('records-64K', 64 << 10), ('records-1M', 1 << 20)):
             result[name] = compare(tetlod_port, nginx_port, folder, name, at + '/records/%d-%d' % nearest_records(levels, size))
-        middle = min(levels, key=lambda level: abs(level['tets'] - 5000))['level']
-        result['prefix'] = compare(tetlod_port, nginx_port, folder, 'prefix', at + '/levels/%d/mesh.tetlod' % middle)
-        result['cached-mesh'] = compare(tetlod_port, nginx_port, folder, 'cached-mesh', at + '/levels/%d/mesh.vtu' % middle)
+        for name, form, size in (('prefix-64K', 'tetlod', 64 << 10), ('mesh-64K', 'vtu', 64 << 10), ('mesh-1M', 'vtu', 1 << 20)):
+            result[name] = compare(tetlod_port, nginx_port, folder, name, at + '/levels/%d/mesh.%s' % (nearest_level(levels, form, size), form))
         result['levels'] = uncached_levels(tetlod_port, at, levels)
         print(json.dumps(result))
     finally:
