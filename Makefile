@@ -19,7 +19,7 @@ B := build/$(config)
 # ---- what must be installed, as Debian packages; `make deps` installs what is missing
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev \
     libjansson-dev libmicrohttpd-dev
-DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-jsonschema nginx-light varnish
+DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-jsonschema nginx-light varnish openssl
 DEPS_BENCH := zstd wrk nginx-light
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
