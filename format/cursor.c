@@ -61,13 +61,12 @@ static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t 
     while (replay->vertices < to->vertices) {
         struct tetlodi_record record = {.children = 2};
         if (cursor->recorder.walk == replay->vertices)
-            return tetlodi_fail(error, TETLOD_ERR_STREAM, "level %u has fewer records than its index says", level);
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has fewer records than its index says");
         if (tetlodi_level_step(&cursor->recorder, 0, &record.vertex))
             TETLOD_TRY(tetlodi_record_code(&cursor->recorder, &record, error));
     }
     if (replay->tets != to->tets)
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "level %u has %u tetrahedra, its index says %u", level, replay->tets,
-                            to->tets);
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has %u tetrahedra, its index says %u", replay->tets, to->tets);
     return TETLOD_OK;
 }
 
@@ -103,9 +102,12 @@ static enum tetlod_status decode_level(struct tetlod_cursor *cursor, struct tetl
             cursor->records[level] = cursor->replay.records;
             cursor->decoded = level;
         } else {
-            abandon(cursor, status, &inner);
+            struct tetlod_error damage;
+            tetlodi_fail(&damage, status, "level %u: %.220s", level, inner.message);
+            damage.offset = cursor->file->index.info.levels[level].offset;
+            abandon(cursor, status, &damage);
             if (error)
-                *error = inner;
+                *error = damage;
         }
     }
     for (uint32_t c = 0; c < columns; c++)

@@ -36,55 +36,65 @@ static void next_serial(struct tetlodi_star_view *view)
     view->serial = 1;
 }
 
-static uint32_t find_edge(struct tetlodi_star_view *view, uint32_t x, uint32_t y, size_t mask)
+/* The place of an edge in the table: used or free. */
+static inline struct tetlodi_edge_place *find_place(struct tetlodi_edge_place *table, size_t mask, uint32_t serial,
+                                                    uint32_t low, uint32_t high)
 {
-    uint32_t low = x < y ? x : y, high = x < y ? y : x;
     uint32_t hash = low * 0x9e3779b1u + high * 0x85ebca6bu;
     size_t at = (hash ^ hash >> 15) & mask;
-    struct tetlodi_edge_place *place = &view->table[at];
-    for (; place->serial == view->serial; place = &view->table[at]) {
-        if (place->x == low && place->y == high)
-            return place->edge;
+    while (table[at].serial == serial && (table[at].x != low || table[at].y != high))
         at = (at + 1) & mask;
-    }
-    *place = (struct tetlodi_edge_place){low, high, view->edge_count, view->serial};
-    return view->edge_count++;
+    return &table[at];
+}
+
+/* Corners of a tetrahedron but one, in order; which one that is. */
+static inline unsigned take_others(const uint32_t corners[4], uint32_t vertex, uint32_t others[3])
+{
+    unsigned place = corners[0] == vertex ? 0 : corners[1] == vertex ? 1 : corners[2] == vertex ? 2 : 3;
+    others[0] = corners[place == 0];
+    others[1] = corners[1 + (place <= 1)];
+    others[2] = corners[2 + (place <= 2)];
+    return place;
 }
 
 int tetlodi_star_lay_out(struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t vertex)
 {
     const struct tetlodi_star *star = &replay->stars[vertex];
-    if (!room(view, replay->memory, star->size + (size_t)1, replay->vertices))
+    const uint32_t size = star->size, *all = replay->corners;
+    if (!room(view, replay->memory, size + (size_t)1, replay->vertices))
         return 0;
     next_serial(view);
-    size_t table = 16;
-    while (table < 6 * (size_t)star->size)
-        table *= 2;
-    view->vertex = vertex;
-    view->size = star->size;
-    view->edge_count = view->extra_count = view->link_count = 0;
-    memcpy(view->tets, replay->pool + star->at, star->size * sizeof *view->tets);
-    for (uint32_t i = 0; i < star->size; i++) {
-        const uint32_t *corners = replay->corners + 4 * (size_t)view->tets[i];
-        uint32_t *other = view->others[i];
-        unsigned place = corners[0] == vertex ? 0 : corners[1] == vertex ? 1 : corners[2] == vertex ? 2 : 3;
-        view->place[i] = (uint8_t)place;
-        for (unsigned c = 0, n = 0; c < 4; c++)
-            if (c != place)
-                other[n++] = corners[c];
+    size_t table_size = 16;
+    while (table_size < 6 * (size_t)size)
+        table_size *= 2;
+    struct tetlodi_edge_place *table = view->table;
+    struct tetlodi_link_edge *edge = view->edge;
+    uint32_t *mark = view->mark, *link = view->link, serial = view->serial, edges = 0, links = 0;
+    memcpy(view->tets, replay->pool + star->at, size * sizeof *view->tets);
+    for (uint32_t i = 0; i < size; i++) {
+        uint32_t other[3], *mine = view->edges[i];
+        view->place[i] = (uint8_t)take_others(all + 4 * (size_t)view->tets[i], vertex, other);
+        memcpy(view->others[i], other, sizeof other);
         for (unsigned c = 0; c < 3; c++) {
-            uint32_t x = other[c == 0 ? 1 : 0], y = other[c == 2 ? 1 : 2], edges = view->edge_count;
-            uint32_t e = find_edge(view, x, y, table - 1);
-            if (e == edges)
-                view->edge[e] = (struct tetlodi_link_edge){.x = x, .y = y, .tet = i, .opposite = (uint8_t)c};
-            view->edge[e].count++;
-            view->edges[i][c] = e;
-            if (view->mark[other[c]] != view->serial) {
-                view->mark[other[c]] = view->serial;
-                view->link[view->link_count++] = other[c];
+            uint32_t x = other[c == 0], y = other[2 - (c == 2)];
+            struct tetlodi_edge_place *place = find_place(table, table_size - 1, serial, x < y ? x : y, x < y ? y : x);
+            if (place->serial != serial) {
+                *place = (struct tetlodi_edge_place){x < y ? x : y, x < y ? y : x, edges, serial};
+                edge[edges++] = (struct tetlodi_link_edge){.x = x, .y = y, .tet = i, .opposite = (uint8_t)c};
+            }
+            edge[place->edge].count++;
+            mine[c] = place->edge;
+            if (mark[other[c]] != serial) {
+                mark[other[c]] = serial;
+                link[links++] = other[c];
             }
         }
     }
+    view->vertex = vertex;
+    view->size = size;
+    view->edge_count = edges;
+    view->link_count = links;
+    view->extra_count = 0;
     return 1;
 }
 
