@@ -67,21 +67,31 @@ static uint64_t mix(uint64_t x) // splitmix64's finaliser
     return x ^ x >> 31;
 }
 
-/* Weights of a point in a tetrahedron: the centroid, or uniformly distributed ones (spacings of sorted uniforms). */
-static void sample_weights(uint32_t tet, unsigned which, double weights[4])
+/* A number that depends on a position only, -0 being 0. */
+static uint64_t position_hash(const double p[3])
 {
-    double u[5] = {0, 0.25, 0.5, 0.75, 1};
-    for (int i = 1; i < 4 && which; i++)
-        u[i] = (double)(mix(3 * (uint64_t)tet + (uint64_t)i) >> 11) * 0x1p-53;
-    for (int i = 1; i < 3; i++)
-        for (int j = 1; j < 4 - i; j++)
-            if (u[j] > u[j + 1]) {
-                double swap = u[j];
-                u[j] = u[j + 1];
-                u[j + 1] = swap;
-            }
+    const double plain[3] = {p[0] + 0.0, p[1] + 0.0, p[2] + 0.0};
+    uint64_t bits[3];
+    memcpy(bits, plain, sizeof bits);
+    return mix(bits[0] + 0x9e3779b97f4a7c15ull * bits[1] + 0xc2b2ae3d27d4eb4full * bits[2]);
+}
+
+/* Weights of a point in a tetrahedron: the centroid, or random ones that follow from its corners' positions, so that a mesh
+ * is sampled alike in whatever order it lists its vertices, tetrahedra and corners. */
+static void sample_weights(const struct tetmesh *mesh, const uint32_t corners[4], unsigned which, double weights[4])
+{
+    uint64_t hashes[4], sum = 0;
+    double total = 0;
     for (int i = 0; i < 4; i++)
-        weights[i] = u[i + 1] - u[i];
+        weights[i] = 0.25;
+    if (!which)
+        return;
+    for (int i = 0; i < 4; i++)
+        sum += hashes[i] = position_hash(mesh->positions + 3 * (size_t)corners[i]);
+    for (int i = 0; i < 4; i++)
+        total += weights[i] = (double)((mix(hashes[i] + mix(sum)) >> 11) + 1);
+    for (int i = 0; i < 4; i++)
+        weights[i] /= total;
 }
 
 /* The sample as a place in the original. False: there is none, the original has no interpolant there. */
@@ -97,7 +107,7 @@ static bool sample_place(const struct measure *measure, size_t sample, struct pl
     size_t k = sample - mesh->vertex_count;
     uint32_t tet = (uint32_t)(k / SAMPLES_PER_TET);
     memcpy(out->vertices, mesh->corners + 4 * (size_t)tet, sizeof out->vertices);
-    sample_weights(tet, k % SAMPLES_PER_TET, out->weights);
+    sample_weights(mesh, out->vertices, k % SAMPLES_PER_TET, out->weights);
     return !measure->degenerate[tet];
 }
 
