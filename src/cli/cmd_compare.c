@@ -5,6 +5,7 @@
 
 #include "format/fail.h"
 #include "src/build/measure.h"
+#include "src/build/overlay.h"
 #include "src/cli/cli.h"
 #include "src/io/io.h"
 #include "src/report/info_json.h"
@@ -13,7 +14,9 @@
 static const char help[] =
     "usage: tetlod compare A B --field NAME [--json]\n"
     "\n"
-    "Measures a field of mesh B against mesh A: at all vertices of A and at two points inside each of its tetrahedra.\n"
+    "Measures a field of mesh B against mesh A. 'max' is the true largest difference, over the overlay of both meshes;\n"
+    "'sampled' and 'rms' are of all vertices of A and two points inside each of its tetrahedra. A point of A outside B is\n"
+    "compared with the closest point of B's boundary. Degenerate tetrahedra have no interpolant: they are left out.\n"
     "\n"
     "      --field NAME  the field; both meshes have it (default: A's first)\n"
     "      --threads N   0 (default): all cores\n"
@@ -22,27 +25,40 @@ static const char help[] =
     "Errors are fractions of the field's range in A; the domain error, the largest distance of a boundary vertex of one\n"
     "from the other's boundary, is a fraction of the diagonal of A's bounding box.\n";
 
-static int print(const struct tetmesh *a, const struct tetmesh *b, uint32_t field, const struct measured *measured,
-                 double domain, bool json)
+/* What was found, in the field's units and units of length. */
+struct findings {
+    double max, domain;
+    struct measured measured;
+    struct overlay_report overlay;
+};
+
+static int print(const struct tetmesh *a, const struct tetmesh *b, uint32_t field, const struct findings *found,
+                 bool json)
 {
+    const struct measured *measured = &found->measured;
     double range[2], diagonal = mesh_diagonal(a);
     point_field_range(&a->fields[field], a->vertex_count, range);
     double scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
-    domain = diagonal > 0 ? domain / diagonal : 0;
+    double domain = diagonal > 0 ? found->domain / diagonal : 0;
     if (!json) {
         printf("field         %s, range %.9g .. %.9g\n", a->fields[field].name, range[0], range[1]);
         printf("vertices      %u against %u\n", b->vertex_count, a->vertex_count);
         printf("tetrahedra    %u against %u (%.3f %%)\n", b->tet_count, a->tet_count,
                100.0 * b->tet_count / a->tet_count);
+        printf("degenerate    %llu against %llu tetrahedra, left out\n", (unsigned long long)found->overlay.degenerate[1],
+               (unsigned long long)found->overlay.degenerate[0]);
+        printf("max           %.6g %% of the range (%.9g)\n", 100 * found->max * scale, found->max);
         printf("sampled       %.6g %% of the range (%.9g)\n", 100 * measured->sampled * scale, measured->sampled);
         printf("rms           %.6g %% of the range (%.9g)\n", 100 * measured->rms * scale, measured->rms);
         printf("domain error  %.6g of the diagonal\n", domain);
         return EXIT_DONE;
     }
-    json_t *object = json_pack("{s:s, s:[f,f], s:[i,i], s:[i,i], s:{s:f, s:f}, s:f}", "field", a->fields[field].name,
+    json_t *object = json_pack("{s:s, s:[f,f], s:[i,i], s:[i,i], s:[I,I], s:{s:f, s:f, s:f}, s:f}", "field", a->fields[field].name,
                                "range", range[0], range[1], "vertices", (int)a->vertex_count, (int)b->vertex_count,
-                               "tets", (int)a->tet_count, (int)b->tet_count, "errors", "sampled",
-                               measured->sampled * scale, "rms", measured->rms * scale, "domain_error", domain);
+                               "tets", (int)a->tet_count, (int)b->tet_count, "degenerate_tets",
+                               (json_int_t)found->overlay.degenerate[0], (json_int_t)found->overlay.degenerate[1],
+                               "errors", "max", found->max * scale, "sampled", measured->sampled * scale, "rms",
+                               measured->rms * scale, "domain_error", domain);
     char *text = object ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
     if (text)
         puts(text);
@@ -66,26 +82,35 @@ static enum tetlod_status find_fields(const struct tetmesh *a, const struct tetm
     return TETLOD_OK;
 }
 
+static enum tetlod_status find(const struct tetmesh *a, const struct tetmesh *b, const uint32_t fields[2],
+                               unsigned threads, struct findings *out, struct tetlod_error *error)
+{
+    struct measure *measure;
+    TETLOD_TRY(measure_new(&measure, a, &fields[0], 1, error));
+    enum tetlod_status status = measure_mesh(measure, b, &fields[1], threads, &out->measured, &out->domain, error);
+    measure_free(measure);
+    if (status == TETLOD_OK)
+        status = overlay_max(a, &fields[0], b, &fields[1], 1, threads, &out->max, &out->overlay, error);
+    if (status == TETLOD_OK && out->measured.sampled > out->max)
+        out->max = out->measured.sampled; // at points outside b, and by rounding
+    return status;
+}
+
 static int compare(const char *path_a, const char *path_b, const char *field, unsigned threads, bool json)
 {
     struct tetmesh a = {0}, b = {0};
     struct tetlod_error error = {0};
-    struct measured measured;
+    struct findings found;
     uint32_t fields[2];
-    double domain;
     int result = EXIT_FAILED;
     enum tetlod_status status = io_read(&a, path_a, NULL, NULL, &error);
     if (status == TETLOD_OK)
         status = io_read(&b, path_b, NULL, NULL, &error);
     if (status == TETLOD_OK)
         status = find_fields(&a, &b, field, fields, &error);
-    struct measure *measure = NULL;
     if (status == TETLOD_OK)
-        status = measure_new(&measure, &a, &fields[0], 1, &error);
-    if (status == TETLOD_OK)
-        status = measure_mesh(measure, &b, &fields[1], threads, &measured, &domain, &error);
-    measure_free(measure);
-    result = status == TETLOD_OK ? print(&a, &b, fields[0], &measured, domain, json) : cli_fail(&error);
+        status = find(&a, &b, fields, threads, &found, &error);
+    result = status == TETLOD_OK ? print(&a, &b, fields[0], &found, json) : cli_fail(&error);
     tetmesh_fini(&a);
     tetmesh_fini(&b);
     return result;

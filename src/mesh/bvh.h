@@ -22,4 +22,8 @@ void bvh_fini(struct bvh *bvh);
 /* Square of the distance of p from a node's box; 0 inside. */
 double bvh_box_distance2(const struct bvh *bvh, uint32_t node, const double p[3]);
 
+/* Primitives of the leaves that meet a box (lower corner, upper corner): all that meet it, and some near it. Their number is
+ * returned, of which the first `most` are written. */
+uint32_t bvh_find_box(const struct bvh *bvh, const double box[6], uint32_t *out, uint32_t most);
+
 #endif
