@@ -1,0 +1,315 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Contraction sequences of small meshes: every level is a sound mesh of the same domain, certified errors are upper bounds,
+ * and the sequence does not depend on the number of threads.
+ */
+#include "src/build/simplify.h"
+
+#include <stdlib.h>
+
+#include "src/build/forest.h"
+#include "src/build/measure.h"
+#include "src/mesh/locate.h"
+#include "src/mesh/mesh_check.h"
+#include "src/mesh/tet_geom.h"
+#include "src/sample/sample.h"
+#include "tests/gen.h"
+#include "tests/test.h"
+
+enum { POINTS = 20000 };
+
+static struct simplify_options usual(const struct tetmesh *mesh)
+{
+    return (struct simplify_options){.metric = METRIC_ENVELOPE,
+                                     .contract = CONTRACT_EDGES,
+                                     .max_error = 1,
+                                     .min_tets = 1,
+                                     .boundary_angle = 0.01,
+                                     .boundary_limit = 1e-6 * mesh_diagonal(mesh),
+                                     .growth = 1.2,
+                                     .threads = 2};
+}
+
+static struct mesh_report look(const struct tetmesh *mesh)
+{
+    struct mesh_report report = {0};
+    CHECK_INT(mesh_check(mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, &report, NULL), TETLOD_OK);
+    return report;
+}
+
+static double unit_random(uint64_t *random)
+{
+    return (double)(gen_random(random) >> 11) * 0x1p-53;
+}
+
+/* Grid cubes whose inner vertices are moved at random, as float64, with a field that bends. */
+static void make_jittered(struct tetmesh *mesh, uint32_t size, uint64_t seed)
+{
+    REQUIRE(sample_find("cube")->make(mesh, size, NULL) == TETLOD_OK);
+    mesh->position_type = mesh->fields[0].type = TETLOD_FLOAT64;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+        double *p = mesh->positions + 3 * v, sum = 0;
+        for (int d = 0; d < 3; d++) {
+            if (p[d] > 0 && p[d] < size) // what lies in a side stays in it
+                p[d] += 0.3 * (unit_random(&seed) - 0.5);
+            sum += (d + 1) * p[d] / size;
+        }
+        mesh->fields[0].values[v] = sin(2 * sum) + 0.01 * unit_random(&seed);
+    }
+    CHECK_INT(look(mesh).inverted_tets + look(mesh).degenerate_tets, 0);
+}
+
+/* Value of field 0 at a place. */
+static double value_at(const struct tetmesh *mesh, const uint32_t *vertices, const double *weights)
+{
+    double sum = 0;
+    for (int i = 0; i < 4; i++)
+        sum += weights[i] * mesh->fields[0].values[vertices[i]];
+    return sum;
+}
+
+/* The largest difference of field 0 at random points of the original, and that of the nearest of the level. */
+static double true_error(const struct tetmesh *original, const struct tetmesh *level)
+{
+    struct locator locator;
+    uint64_t random = 77;
+    double worst = 0;
+    if (locator_init(&locator, level->positions, level->vertex_count, level->corners, level->tet_count, NULL) != TETLOD_OK)
+        return INFINITY;
+    for (int i = 0; i < POINTS; i++) {
+        const uint32_t *corners = original->corners + 4 * (gen_random(&random) % original->tet_count);
+        double weights[4], total = 0, p[3] = {0, 0, 0};
+        for (int c = 0; c < 4; c++)
+            total += weights[c] = unit_random(&random) * (i % 3 ? 1 : unit_random(&random)) + 1e-12;
+        for (int c = 0; c < 4; c++) {
+            weights[c] /= total;
+            for (int d = 0; d < 3; d++)
+                p[d] += weights[c] * original->positions[3 * corners[c] + d];
+        }
+        uint32_t tet;
+        struct place place;
+        if (locator_find(&locator, p, &tet, 1)) {
+            locator_weights(&locator, tet, p, place.weights);
+            memcpy(place.vertices, level->corners + 4 * tet, sizeof place.vertices);
+        } else
+            locator_closest(&locator, p, &place);
+        worst = larger(worst, fabs(value_at(original, corners, weights) - value_at(level, place.vertices, place.weights)));
+    }
+    locator_fini(&locator);
+    return worst;
+}
+
+static void check_level(const struct tetmesh *original, const struct mesh_report *start, const struct tetmesh *level)
+{
+    struct mesh_report now = look(level);
+    CHECK_INT(now.unused_vertices, 0);
+    CHECK_INT(now.orientation, start->orientation);
+    CHECK_INT(now.degenerate_tets, start->degenerate_tets);
+    CHECK_INT(now.inverted_tets, start->inverted_tets);
+    CHECK_INT(now.duplicate_tets, 0);
+    CHECK_INT(now.overfull_faces, 0);
+    CHECK_INT(now.same_side_faces, 0);
+    CHECK_INT(now.singular_vertices, start->singular_vertices);
+    CHECK_INT(now.euler, start->euler);
+    CHECK_INT(now.components, start->components);
+    CHECK_INT(now.boundary_components, start->boundary_components);
+    CHECK_NEAR(now.volume, start->volume, 1e-9 * start->volume);
+    CHECK_NEAR(now.boundary_area, start->boundary_area, 1e-7 * start->boundary_area);
+    CHECK_INT(level->field_count, original->field_count);
+    for (uint32_t f = 0; f < level->field_count; f++) { // values stay in the original's range
+        double range[2], now_range[2];
+        point_field_range(&original->fields[f], original->vertex_count, range);
+        point_field_range(&level->fields[f], level->vertex_count, now_range);
+        CHECK(now_range[0] >= range[0] && now_range[1] <= range[1]);
+    }
+}
+
+/* Simplifies by the first field and checks every mark. `most`: no more tetrahedra may be left at the end. */
+static void check_sequence(const struct tetmesh *mesh, const struct simplify_options *options, uint32_t most)
+{
+    struct simplification s;
+    struct forest forest;
+    struct mesh_report start = look(mesh);
+    double range[2];
+    REQUIRE(simplify(&s, mesh, (uint32_t[]){0}, 1, NULL, options, NULL) == TETLOD_OK);
+    REQUIRE(forest_init(&forest, &s, mesh, NULL) == TETLOD_OK);
+    point_field_range(&mesh->fields[0], mesh->vertex_count, range);
+    CHECK_INT(s.marks[0].contractions, 0);
+    CHECK_INT(s.marks[s.mark_count - 1].contractions, s.complex.contraction_count);
+    if (s.complex.tets_alive > most)
+        TEST_FAIL("%u tetrahedra are left, not at most %u", s.complex.tets_alive, most);
+    for (uint32_t m = 0; m < s.mark_count; m++) {
+        struct forest_level level;
+        REQUIRE(forest_level(&forest, s.marks[m].contractions, &level, NULL) == TETLOD_OK);
+        CHECK_INT(level.mesh.vertex_count, s.marks[m].vertices);
+        CHECK_INT(level.mesh.tet_count, s.marks[m].tets);
+        check_level(mesh, &start, &level.mesh);
+        CHECK(!m || s.mark_certified[m] >= s.mark_certified[m - 1]);
+        CHECK(!m || s.mark_predicted[m] >= s.mark_predicted[m - 1]);
+        if (options->metric == METRIC_ENVELOPE)
+            CHECK(s.mark_certified[m] <= options->max_error * (1 + 1e-9));
+        if (m % 3 == 2 || m + 1 == s.mark_count) {
+            double error = true_error(mesh, &level.mesh) / (range[1] - range[0]);
+            if (!(error <= s.mark_certified[m] * (1 + 1e-6) + 1e-7))
+                TEST_FAIL("mark %u: error %g, certified %g", m, error, s.mark_certified[m]);
+        }
+        forest_level_fini(&level);
+    }
+    forest_fini(&forest);
+    simplification_fini(&s);
+}
+
+static void check_sample(const char *name, uint32_t size, enum metric metric, unsigned contract, uint32_t most)
+{
+    struct tetmesh mesh = {0};
+    REQUIRE(sample_find(name)->make(&mesh, size, NULL) == TETLOD_OK);
+    struct simplify_options options = usual(&mesh);
+    options.metric = metric;
+    options.contract = contract;
+    printf("# %s %u\n", name, size);
+    check_sequence(&mesh, &options, most);
+    tetmesh_fini(&mesh);
+}
+
+static void test_samples_by_envelope(void)
+{
+    check_sample("cube", 6, METRIC_ENVELOPE, CONTRACT_EDGES, 60);
+    check_sample("fin", 5, METRIC_ENVELOPE, CONTRACT_EDGES, 500);
+    check_sample("torus", 3, METRIC_ENVELOPE, CONTRACT_EDGES, 2000);
+    check_sample("shell", 4, METRIC_ENVELOPE, CONTRACT_EDGES, 2000);
+    check_sample("delta", 3, METRIC_ENVELOPE, CONTRACT_EDGES, 2000);
+}
+
+static void test_samples_by_prediction(void)
+{
+    check_sample("cube", 5, METRIC_SVA, CONTRACT_EDGES, 100);
+    check_sample("fin", 5, METRIC_SVA, CONTRACT_EDGES, 500);
+    check_sample("delta", 3, METRIC_SVA, CONTRACT_EDGES, 2000);
+}
+
+static void test_faces_and_tetrahedra(void)
+{
+    check_sample("cube", 5, METRIC_ENVELOPE, CONTRACT_EDGES | CONTRACT_FACES | CONTRACT_TETS, 60);
+    check_sample("torus", 2, METRIC_ENVELOPE, CONTRACT_FACES, 1000);
+    check_sample("fin", 4, METRIC_ENVELOPE, CONTRACT_TETS, 500);
+}
+
+static void test_jittered(void)
+{
+    for (uint64_t seed = 1; seed < 4; seed++) {
+        struct tetmesh mesh = {0};
+        make_jittered(&mesh, 5, seed);
+        struct simplify_options options = usual(&mesh);
+        options.candidates = seed == 3 ? 7 : 0;
+        check_sequence(&mesh, &options, 120);
+        tetmesh_fini(&mesh);
+    }
+}
+
+/* Listed the other way round, a mesh is contracted the same. */
+static void test_reversed(void)
+{
+    struct tetmesh mesh = {0};
+    make_jittered(&mesh, 4, 9);
+    for (uint32_t t = 0; t < mesh.tet_count; t++) {
+        uint32_t swap = mesh.corners[4 * t];
+        mesh.corners[4 * t] = mesh.corners[4 * t + 1];
+        mesh.corners[4 * t + 1] = swap;
+    }
+    struct simplify_options options = usual(&mesh);
+    check_sequence(&mesh, &options, 120);
+    tetmesh_fini(&mesh);
+}
+
+static void test_threads_do_not_matter(void)
+{
+    struct tetmesh mesh = {0};
+    struct simplification s[2];
+    make_jittered(&mesh, 6, 4);
+    struct simplify_options options = usual(&mesh);
+    for (unsigned i = 0; i < 2; i++) {
+        options.threads = i ? 3 : 1;
+        REQUIRE(simplify(&s[i], &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
+    }
+    size_t count = s[0].complex.contraction_count;
+    CHECK_INT(count, s[1].complex.contraction_count);
+    CHECK_INT(s[0].mark_count, s[1].mark_count);
+    CHECK(count > 100);
+    CHECK(memcmp(s[0].complex.children, s[1].complex.children, 16 * count) == 0);
+    CHECK(memcmp(s[0].complex.node_positions, s[1].complex.node_positions, 24 * count) == 0);
+    CHECK(memcmp(s[0].fields.fields[0].node_values, s[1].fields.fields[0].node_values, 8 * count) == 0);
+    CHECK(memcmp(s[0].mark_certified, s[1].mark_certified, sizeof(double) * s[0].mark_count) == 0);
+    for (unsigned i = 0; i < 2; i++)
+        simplification_fini(&s[i]);
+    tetmesh_fini(&mesh);
+}
+
+/* A linear field costs nothing: what the boundary allows goes at error 0. */
+static void test_linear_field(void)
+{
+    struct tetmesh mesh = {0};
+    struct simplification s;
+    make_jittered(&mesh, 5, 12);
+    for (uint32_t v = 0; v < mesh.vertex_count; v++)
+        mesh.fields[0].values[v] = mesh.positions[3 * v] - 2 * mesh.positions[3 * v + 1] + 3;
+    struct simplify_options options = usual(&mesh);
+    options.max_error = 1e-6;
+    REQUIRE(simplify(&s, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
+    if (s.complex.tets_alive > 60)
+        TEST_FAIL("%u of %u tetrahedra are left", s.complex.tets_alive, mesh.tet_count);
+    CHECK(s.mark_certified[s.mark_count - 1] <= 1e-6);
+    simplification_fini(&s);
+    tetmesh_fini(&mesh);
+}
+
+static void test_limits(void)
+{
+    struct tetmesh mesh = {0};
+    struct simplification s;
+    make_jittered(&mesh, 5, 21);
+    struct simplify_options options = usual(&mesh);
+    options.min_tets = 300;
+    REQUIRE(simplify(&s, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
+    CHECK(s.complex.tets_alive <= 300 && s.complex.tets_alive > 250);
+    simplification_fini(&s);
+    options.min_tets = 1;
+    options.max_error = 0.1;
+    check_sequence(&mesh, &options, mesh.tet_count - 1);
+    tetmesh_fini(&mesh);
+}
+
+static bool cancel(void *opaque, double done)
+{
+    ++*(int *)opaque;
+    CHECK(done >= 0 && done <= 1);
+    return *(int *)opaque < 2;
+}
+
+static void test_cancelled(void)
+{
+    struct tetmesh mesh = {0};
+    struct simplification s;
+    int calls = 0;
+    make_jittered(&mesh, 9, 5);
+    struct simplify_options options = usual(&mesh);
+    options.progress = cancel;
+    options.progress_opaque = &calls;
+    CHECK_INT(simplify(&s, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL), TETLOD_ERR_CANCELLED);
+    CHECK_INT(calls, 2);
+    CHECK(!s.marks && !s.complex.corners);
+    tetmesh_fini(&mesh);
+}
+
+int main(void)
+{
+    RUN(test_samples_by_envelope);
+    RUN(test_samples_by_prediction);
+    RUN(test_faces_and_tetrahedra);
+    RUN(test_jittered);
+    RUN(test_reversed);
+    RUN(test_threads_do_not_matter);
+    RUN(test_linear_field);
+    RUN(test_limits);
+    RUN(test_cancelled);
+    return test_end();
+}
