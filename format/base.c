@@ -164,7 +164,7 @@ static uint32_t code_vertex(struct grower *grower, uint32_t old)
         return replay->vertices++;
     }
     int64_t back = guide ? (int64_t)count - 1 - guide->arrival[old] : 0;
-    back = code_number(recorder->coders, &recorder->models->vertex, 0, 0, back);
+    back = code_number(recorder->coders, &recorder->models->vertex, 0, back);
     if (back < 0 || back >= count) {
         recorder->coders->bad = 1;
         return 0;
@@ -311,7 +311,7 @@ static int code_base_vertex(struct tetlodi_column *column, struct tetlodi_coder 
         int64_t *code = &column->codes[vertex * n + c];
         int64_t base = predict(column, axis, c, corners, vertex, &context);
         int64_t difference = code_difference(*code, base, width);
-        difference = code_number(coder, &models[axis], context, 0, difference);
+        difference = code_number(coder, &models[axis], context, difference);
         *code = code_offset(base, difference, &column->scale);
         double value = scale_value(&column->scale, axis, *code);
         if (coder->bad || !isfinite(value))

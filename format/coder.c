@@ -18,7 +18,7 @@ void tetlodi_bits_init(struct tetlodi_bit *bits, size_t count)
 void tetlodi_number_init(struct tetlodi_number *models)
 {
     tetlodi_bits_init(models->length[0], NUMBER_CONTEXTS * 128);
-    tetlodi_bits_init(models->sign, 3);
+    tetlodi_bits_init(&models->sign, 1);
     tetlodi_bits_init(models->top[0], 65 * 4);
 }
 

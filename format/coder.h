@@ -133,13 +133,13 @@ static inline uint64_t code_below(struct tetlodi_coder *coder, struct tetlodi_bi
 /* Models of a signed number (SPEC 6.3): its length in bits under one of 66 contexts, its sign, two bits below the first. */
 enum { NUMBER_CONTEXTS = 66 };
 struct tetlodi_number {
-    struct tetlodi_bit length[NUMBER_CONTEXTS][128], sign[3], top[65][4];
+    struct tetlodi_bit length[NUMBER_CONTEXTS][128], sign, top[65][4];
 };
 
 void tetlodi_number_init(struct tetlodi_number *models);
 
 static inline int64_t code_number(struct tetlodi_coder *coder, struct tetlodi_number *models, unsigned context,
-                                  unsigned sign_context, int64_t value)
+                                  int64_t value)
 {
     uint64_t magnitude = value < 0 ? 0 - (uint64_t)value : (uint64_t)value;
     unsigned length = code_tree(coder, models->length[context], 7, bit_length(magnitude));
@@ -149,7 +149,7 @@ static inline int64_t code_number(struct tetlodi_coder *coder, struct tetlodi_nu
     }
     if (!length)
         return 0;
-    int negative = code_bit(coder, &models->sign[sign_context], value < 0);
+    int negative = code_bit(coder, &models->sign, value < 0);
     uint64_t bits = code_below(coder, models->top[length], length, magnitude);
     return (int64_t)(negative ? 0 - bits : bits);
 }

@@ -11,9 +11,10 @@ static int code_numbers(struct tetlodi_coder *coder, struct tetlodi_number *mode
 {
     int64_t expected = 0;
     for (uint32_t i = 0; i < count; i++) {
-        int64_t number = expected + code_number(coder, models, 0, 0, numbers[i] - expected);
-        if (number < 0 || number >= count)
+        int64_t difference = code_number(coder, models, 0, numbers[i] - expected), number = expected;
+        if (difference < -number || difference >= count - number)
             return 0;
+        number += difference;
         numbers[i] = (uint32_t)number;
         expected = number + 1;
     }

@@ -240,7 +240,7 @@ static void code_positions(struct tetlodi_recorder *recorder, struct tetlodi_rec
         } else if (placement == IN_MIDDLE) {
             int64_t middle = middle_prediction(scale, axis, own[axis], codes, record->children);
             int64_t difference = code_difference(codes[0], middle, width);
-            difference = code_number(coder, &models->middle[axis], record->children, 0, difference);
+            difference = code_number(coder, &models->middle[axis], record->children, difference);
             codes[0] = code_offset(middle, difference, scale);
         }
     }
@@ -324,7 +324,7 @@ static void code_fields(struct tetlodi_recorder *recorder, struct tetlodi_record
             for (uint32_t i = 0; i < record->children; i++) {
                 int64_t base = interpolate(recorder, column, c, &where[i]);
                 int64_t difference = code_difference((*codes)[i], base, width);
-                difference = code_number(&recorder->coders[f], &recorder->field_models[f - 1].child[i > 0], context, 0,
+                difference = code_number(&recorder->coders[f], &recorder->field_models[f - 1].child[i > 0], context,
                                          difference);
                 (*codes)[i] = code_offset(base, difference, &column->scale);
             }
@@ -449,7 +449,7 @@ static enum tetlod_status code_extras(struct tetlodi_recorder *recorder, uint32_
     struct tetlodi_star_view *star = &recorder->star;
     struct tetlodi_coder *coder = &recorder->coders[0];
     struct tetlodi_memory *memory = recorder->replay->memory;
-    int64_t count = code_number(coder, &recorder->models->extra, 0, 0, star->extra_count);
+    int64_t count = code_number(coder, &recorder->models->extra, 0, star->extra_count);
     if (count < 0 || (uint64_t)count > recorder->most_tets - recorder->replay->tets)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record brings back more tetrahedra than its level has");
     star->extra_count = (uint32_t)count;
@@ -457,7 +457,7 @@ static enum tetlod_status code_extras(struct tetlodi_recorder *recorder, uint32_
         return tetlodi_no_room(memory, error);
     for (uint32_t i = 0; i < star->extra_count; i++) {
         for (int k = 0; k < 2; k++) {
-            int64_t id = code_number(coder, &recorder->models->extra, 1, 0, star->extras[i][k]);
+            int64_t id = code_number(coder, &recorder->models->extra, 1, star->extras[i][k]);
             if (id < 0 || id >= child || id == star->vertex)
                 return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record names a vertex that is not there");
             star->extras[i][k] = (uint32_t)id;

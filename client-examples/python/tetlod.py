@@ -204,7 +204,7 @@ class Number:
 
     def __init__(self):
         self.length = [NONE] * 66
-        self.sign = bits(3)
+        self.sign = bits(1)
         self.top = [NONE] * 65
 
 
@@ -276,11 +276,11 @@ class Coder:
         require(length <= 64, 'a number is not one')
         return length
 
-    def number(self, models, context, sign=0):
+    def number(self, models, context):
         length = self.length(models.length, context)
         if not length:
             return 0
-        negative = self.bit(models.sign, sign)
+        negative = self.bit(models.sign)
         value = self.below(models.top, length)
         value = -value if negative else value
         return (value + (1 << 63)) % (1 << 64) - (1 << 63)

@@ -1,0 +1,145 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The parts of the codec by themselves: checksums against published values, numbers as codes, the range coder. */
+#include <float.h>
+#include <stdlib.h>
+
+#include "format/checksum.h"
+#include "format/coder.h"
+#include "format/values.h"
+#include "tests/gen.h"
+#include "tests/test.h"
+
+static void test_crc32(void)
+{
+    CHECK_INT(tetlodi_crc32("123456789", 9), 0xcbf43926);
+    CHECK_INT(tetlodi_crc32("", 0), 0);
+}
+
+static void test_sha256(void)
+{
+    static const uint8_t start[4] = {0xba, 0x78, 0x16, 0xbf};
+    struct tetlodi_sha256 sha;
+    uint8_t digest[32];
+    tetlodi_sha256_init(&sha);
+    tetlodi_sha256_add(&sha, "a", 1);
+    tetlodi_sha256_add(&sha, "bc", 2);
+    tetlodi_sha256_finish(&sha, digest);
+    CHECK_INT(memcmp(digest, start, 4), 0);
+}
+
+/* In order, with every bit: the least floats, both zeros, the greatest. */
+static void test_codes_of_floats(void)
+{
+    static const double values[] = {-DBL_MAX, -FLT_MAX, -1.5, -FLT_MIN, -1.40129846432481707e-45, -0.0, 0.0,
+                                    1.40129846432481707e-45, FLT_MIN, 1, 1.00000011920928955, FLT_MAX, DBL_MAX};
+    for (int wide = 0; wide < 2; wide++) {
+        struct tetlodi_scale scale = {.type = wide ? TETLOD_FLOAT64 : TETLOD_FLOAT32};
+        int count = sizeof values / sizeof *values;
+        int64_t last = INT64_MIN;
+        for (int i = wide ? 0 : 1; i < count - !wide; i++) {
+            int64_t code = scale_code(&scale, 0, values[i]);
+            double back = scale_value(&scale, 0, code);
+            CHECK_INT(memcmp(&back, &values[i], sizeof back), 0);
+            CHECK(code > last);
+            last = code;
+        }
+        CHECK_INT(scale_code(&scale, 0, -0.0), -1);
+        CHECK_INT(scale_code(&scale, 0, 0.0), 0);
+    }
+}
+
+static void test_codes_of_steps(void)
+{
+    struct tetlodi_scale scale = {.type = TETLOD_FLOAT64, .bits = 8, .origin = {-1}, .step = {0.25}};
+    CHECK_INT(scale_code(&scale, 0, -1), 0);
+    CHECK_INT(scale_code(&scale, 0, -0.7), 1);
+    CHECK_INT(scale_code(&scale, 0, 1e300), 255);
+    CHECK_INT(scale_code(&scale, 0, -1e300), 0);
+    CHECK_NEAR(scale_value(&scale, 0, 255), 62.75, 0);
+}
+
+/* Whatever two codes are, the difference leads from one to the other. */
+static void test_rings(void)
+{
+    static const int64_t wide[] = {INT64_MIN, -1, 0, 1, INT64_MAX}, narrow[] = {INT32_MIN, -1, 0, 1, INT32_MAX};
+    struct tetlodi_scale scales[3] = {{.type = TETLOD_FLOAT64}, {.type = TETLOD_FLOAT32}, {.bits = 5}};
+    for (int a = 0; a < 5; a++)
+        for (int b = 0; b < 5; b++) {
+            CHECK_INT(code_offset(wide[a], code_difference(wide[b], wide[a], 64), &scales[0]), wide[b]);
+            CHECK_INT(code_offset(narrow[a], code_difference(narrow[b], narrow[a], 32), &scales[1]), narrow[b]);
+            CHECK_INT(code_offset(7 * a, code_difference(7 * b, 7 * a, 5), &scales[2]), 7 * b);
+        }
+}
+
+enum { COUNT = 20000 };
+
+static int64_t value_of(uint64_t *random)
+{
+    uint64_t r = gen_random(random);
+    int64_t magnitude = (int64_t)(gen_random(random) >> 1 >> (r & 63));
+    return r >> 63 ? magnitude : -magnitude;
+}
+
+/* Codes COUNT of each kind, or checks that they come back. */
+static uint32_t code_all(struct tetlodi_coder *coder, uint64_t random)
+{
+    struct tetlodi_number *models = calloc(1, sizeof *models);
+    struct tetlodi_bit bits[16];
+    uint32_t wrong = 0;
+    tetlodi_number_init(models);
+    tetlodi_bits_init(bits, 16);
+    for (int i = 0; i < COUNT; i++) {
+        int64_t value = value_of(&random);
+        int rare = gen_random(&random) % 4096 == 0;
+        unsigned plain = (unsigned)(gen_random(&random) & 0x7ff);
+        wrong += code_number(coder, models, 3, coder->encoding ? value : 0) != value;
+        wrong += code_bit(coder, &bits[0], coder->encoding ? rare : 0) != rare;
+        wrong += code_plain(coder, 11, coder->encoding ? plain : 0) != plain;
+        wrong += code_tree(coder, bits, 3, coder->encoding ? plain & 7 : 0) != (plain & 7);
+    }
+    free(models);
+    return wrong;
+}
+
+static void test_range_coder(void)
+{
+    for (unsigned slowest = 4; slowest <= 7; slowest++) {
+        struct tetlodi_memory memory = {0, UINT64_MAX};
+        struct tetlodi_coder encoder = {0}, decoder;
+        tetlodi_encode_start(&encoder, slowest, &memory);
+        CHECK_INT(code_all(&encoder, slowest), 0);
+        tetlodi_encode_finish(&encoder);
+        tetlodi_decode_start(&decoder, slowest, encoder.bytes, encoder.size);
+        CHECK_INT(code_all(&decoder, slowest), 0);
+        CHECK_INT(decoder.bad, 0);
+        TETLODI_FREE(&memory, encoder.bytes, encoder.capacity);
+        CHECK_INT(memory.used, 0);
+    }
+}
+
+/* A million bits that are expected cost next to nothing. */
+static void test_costs(void)
+{
+    struct tetlodi_memory memory = {0, UINT64_MAX};
+    struct tetlodi_coder encoder = {0};
+    struct tetlodi_bit bit;
+    tetlodi_bits_init(&bit, 1);
+    tetlodi_encode_start(&encoder, 7, &memory);
+    for (int i = 0; i < 1000000; i++)
+        code_bit(&encoder, &bit, 0);
+    tetlodi_encode_finish(&encoder);
+    CHECK(encoder.size < 400);
+    TETLODI_FREE(&memory, encoder.bytes, encoder.capacity);
+}
+
+int main(void)
+{
+    RUN(test_crc32);
+    RUN(test_sha256);
+    RUN(test_codes_of_floats);
+    RUN(test_codes_of_steps);
+    RUN(test_rings);
+    RUN(test_range_coder);
+    RUN(test_costs);
+    return test_end();
+}
