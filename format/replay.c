@@ -143,6 +143,8 @@ static int label_at(const struct tetlodi_replay *replay, size_t i)
 /* Adds `count` tetrahedra from `first` on to the stars of their corners. If memory is out, some are added. */
 static int add_tets(struct tetlodi_replay *replay, uint32_t first, uint32_t count)
 {
+    if (!count) // there may be no corners at all
+        return 1;
     const uint32_t *corner = replay->corners + 4 * (size_t)first, *end = corner + 4 * (size_t)count;
     for (; corner < end; corner++) {
         struct tetlodi_star *star = &replay->stars[*corner];
