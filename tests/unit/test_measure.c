@@ -1,0 +1,204 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Errors that are known beforehand. */
+#include "src/build/measure.h"
+
+#include <stdlib.h>
+
+#include "src/build/forest.h"
+#include "src/sample/sample.h"
+#include "tests/gen.h"
+#include "tests/test.h"
+
+static const uint32_t first_field[1] = {0};
+
+static struct measured compare(const struct tetmesh *a, const struct tetmesh *b, unsigned threads, double *domain)
+{
+    struct measured out = {-1, -1};
+    struct measure *measure;
+    CHECK_INT(measure_new(&measure, a, first_field, 1, NULL), TETLOD_OK);
+    if (measure)
+        CHECK_INT(measure_mesh(measure, b, first_field, threads, &out, domain, NULL), TETLOD_OK);
+    measure_free(measure);
+    return out;
+}
+
+static void make(struct tetmesh *mesh, const char *name, uint32_t size)
+{
+    CHECK_INT(sample_find(name)->make(mesh, size, NULL), TETLOD_OK);
+}
+
+static void test_the_same(void)
+{
+    for (const struct sample *sample = samples; sample->name; sample++) {
+        struct tetmesh mesh = {0};
+        double domain, range[2];
+        make(&mesh, sample->name, sample->least_size > 2 ? sample->least_size : 2);
+        struct measured m = compare(&mesh, &mesh, 2, &domain);
+        point_field_range(&mesh.fields[0], mesh.vertex_count, range);
+        CHECK_NEAR(m.sampled, 0, 1e-12 * (range[1] - range[0]));
+        CHECK_NEAR(m.rms, 0, 1e-12 * (range[1] - range[0]));
+        CHECK_NEAR(domain, 0, 1e-12 * mesh_diagonal(&mesh));
+        tetmesh_fini(&mesh);
+    }
+}
+
+static void test_raised_by_a_constant(void)
+{
+    struct tetmesh a = {0}, b = {0};
+    double domain;
+    make(&a, "torus", 2);
+    make(&b, "torus", 2);
+    for (uint32_t v = 0; v < b.vertex_count; v++)
+        b.fields[0].values[v] += 0.25;
+    struct measured m = compare(&a, &b, 2, &domain);
+    CHECK_NEAR(m.sampled, 0.25, 1e-9);
+    CHECK_NEAR(m.rms, 0.25, 1e-9);
+    tetmesh_fini(&a);
+    tetmesh_fini(&b);
+}
+
+/* One vertex raised: the largest difference is there. */
+static void test_raised_at_a_vertex(void)
+{
+    struct tetmesh a = {0}, b = {0};
+    double domain;
+    make(&a, "cube", 4);
+    make(&b, "cube", 4);
+    b.fields[0].values[62] += 3;
+    struct measured m = compare(&a, &b, 2, &domain);
+    CHECK_NEAR(m.sampled, 3, 1e-12);
+    CHECK(m.rms > 0.05 && m.rms < 1.5);
+    tetmesh_fini(&a);
+    tetmesh_fini(&b);
+}
+
+/* A cube moved along x, with the field x of the place: what it held is compared at the closest point. */
+static void test_displaced(void)
+{
+    struct tetmesh a = {0}, b = {0};
+    double domain;
+    make(&a, "cube", 4);
+    make(&b, "cube", 4);
+    for (uint32_t v = 0; v < a.vertex_count; v++) {
+        a.fields[0].values[v] = a.positions[3 * v];
+        b.positions[3 * v] += 0.5;
+        b.fields[0].values[v] = b.positions[3 * v];
+    }
+    struct measured m = compare(&a, &b, 2, &domain);
+    CHECK_NEAR(m.sampled, 0.5, 1e-12); // at x = 0, whose closest point has the value of x = 1/2
+    CHECK_NEAR(domain, 0.5, 1e-12);
+    for (uint32_t v = 0; v < a.vertex_count; v++)
+        b.fields[0].values[v] = a.fields[0].values[v];
+    m = compare(&a, &b, 2, &domain);
+    CHECK_NEAR(m.sampled, 0.5, 1e-12); // now the values have moved along
+    tetmesh_fini(&a);
+    tetmesh_fini(&b);
+}
+
+/* The middle of a unit cube's field x y z against a single vertex less: the trilinear value at 8 corners is kept. */
+static void test_coarse_against_fine(void)
+{
+    struct tetmesh fine = {0}, coarse = {0};
+    double domain;
+    make(&fine, "cube", 2);
+    make(&coarse, "cube", 1);
+    for (uint32_t v = 0; v < coarse.vertex_count; v++) {
+        for (int d = 0; d < 3; d++)
+            coarse.positions[3 * v + d] *= 2;
+        coarse.fields[0].values[v] *= 8;
+    }
+    struct measured m = compare(&fine, &coarse, 1, &domain);
+    CHECK_NEAR(m.sampled, 3, 1e-12); // at the centre: 1 against the diagonal's middle, 4
+    CHECK_NEAR(domain, 0, 1e-12);
+    tetmesh_fini(&fine);
+    tetmesh_fini(&coarse);
+}
+
+static void test_threads_do_not_matter(void)
+{
+    struct tetmesh a = {0}, b = {0};
+    double domain[2];
+    make(&a, "fin", 8);
+    make(&b, "fin", 5);
+    struct measured one = compare(&a, &b, 1, &domain[0]);
+    CHECK(one.sampled > 0 && one.rms > 0 && one.rms < one.sampled && domain[0] > 0);
+    for (unsigned threads = 2; threads < 6; threads++) {
+        struct measured many = compare(&a, &b, threads, &domain[1]);
+        CHECK(memcmp(&one, &many, sizeof one) == 0);
+        CHECK(domain[0] == domain[1]);
+    }
+    tetmesh_fini(&a);
+    tetmesh_fini(&b);
+}
+
+/* The corners of a tetrahedron, vertices and tetrahedra in another order: the same samples. */
+static void test_order_does_not_matter(void)
+{
+    struct tetmesh a = {0}, b = {0}, level = {0};
+    double domain[2];
+    make(&a, "cube", 5);
+    make(&b, "cube", 5);
+    make(&level, "cube", 1);
+    for (int i = 0; i < 24; i++)
+        level.positions[i] *= 5;
+    for (uint32_t v = 0; v < a.vertex_count; v++) {
+        uint32_t to = a.vertex_count - 1 - v;
+        memcpy(b.positions + 3 * to, a.positions + 3 * v, 3 * sizeof(double));
+        b.fields[0].values[to] = a.fields[0].values[v];
+    }
+    for (uint32_t t = 0; t < a.tet_count; t++)
+        for (uint32_t c = 0; c < 4; c++) // turned around corner 3
+            b.corners[4 * (a.tet_count - 1 - t) + (c == 3 ? 3 : (c + 1) % 3)] = a.vertex_count - 1 - a.corners[4 * t + c];
+    struct measured first = compare(&a, &level, 1, &domain[0]), second = compare(&b, &level, 1, &domain[1]);
+    CHECK(first.sampled > 1);
+    CHECK_NEAR(first.sampled, second.sampled, 1e-12 * first.sampled);
+    CHECK_NEAR(first.rms, second.rms, 1e-12 * first.rms);
+    CHECK_NEAR(domain[0], domain[1], 1e-12);
+    tetmesh_fini(&a);
+    tetmesh_fini(&b);
+    tetmesh_fini(&level);
+}
+
+/* Level by level, where only what has changed is measured again, gives what measuring each level anew gives. */
+static void test_levels_of_a_sequence(void)
+{
+    struct tetmesh mesh = {0};
+    make(&mesh, "cube", 5);
+    struct simplify_options options = {.metric = METRIC_ENVELOPE, .contract = CONTRACT_EDGES, .max_error = 1, .min_tets = 1,
+                                       .boundary_angle = 0.01, .boundary_limit = 1e-6, .growth = 1.3, .threads = 1};
+    struct simplification s;
+    struct forest forest;
+    struct measure *steps;
+    REQUIRE(simplify(&s, &mesh, first_field, 1, NULL, &options, NULL) == TETLOD_OK);
+    REQUIRE(forest_init(&forest, &s, &mesh, NULL) == TETLOD_OK);
+    REQUIRE(measure_new(&steps, &mesh, NULL, mesh.field_count, NULL) == TETLOD_OK);
+    for (uint32_t m = 0; m < s.mark_count; m++) {
+        struct forest_level level;
+        struct measured step;
+        double domain[2];
+        REQUIRE(forest_level(&forest, s.marks[m].contractions, &level, NULL) == TETLOD_OK);
+        CHECK_INT(measure_level(steps, &level, s.marks[m].contractions, 2, &step, &domain[0], NULL), TETLOD_OK);
+        struct measured whole = compare(&mesh, &level.mesh, 2, &domain[1]);
+        CHECK_NEAR(step.sampled, whole.sampled, 1e-9 * 125);
+        CHECK_NEAR(step.rms, whole.rms, 1e-9 * 125);
+        CHECK_NEAR(domain[0], domain[1], 1e-9);
+        forest_level_fini(&level);
+    }
+    measure_free(steps);
+    forest_fini(&forest);
+    simplification_fini(&s);
+    tetmesh_fini(&mesh);
+}
+
+int main(void)
+{
+    RUN(test_the_same);
+    RUN(test_raised_by_a_constant);
+    RUN(test_raised_at_a_vertex);
+    RUN(test_displaced);
+    RUN(test_coarse_against_fine);
+    RUN(test_threads_do_not_matter);
+    RUN(test_order_does_not_matter);
+    RUN(test_levels_of_a_sequence);
+    return test_end();
+}
