@@ -36,6 +36,22 @@ static uint64_t check_mesh(const struct tetlod_cursor *cursor, const struct tetl
     return hash;
 }
 
+/* Whatever the order part holds, it is numbers in range or an error. */
+static void check_order(const struct tetlod_file *file, const struct tetlod_info *info)
+{
+    if (!info->keeps_order || info->tets > 1 << 20 || info->vertices > 1 << 20)
+        return;
+    uint32_t *vertices = malloc(info->vertices * sizeof *vertices), *tets = malloc(info->tets * sizeof *tets);
+    uint8_t *corners = malloc(4 * (size_t)info->tets);
+    demand(vertices && tets && corners);
+    if (tetlod_order(file, vertices, tets, corners, NULL) == TETLOD_OK)
+        for (size_t t = 0; t < info->tets; t++)
+            demand(tets[t] < info->tets && corners[4 * t] < 4 && corners[4 * t] != corners[4 * t + 3]);
+    free(vertices);
+    free(tets);
+    free(corners);
+}
+
 void stream_fuzz(const uint8_t *bytes, size_t size)
 {
     struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = 64 << 20};
@@ -45,6 +61,7 @@ void stream_fuzz(const uint8_t *bytes, size_t size)
     if (tetlod_open_memory(&file, bytes, size, &options, &error) != TETLOD_OK)
         return;
     const struct tetlod_info *info = tetlod_info(file);
+    check_order(file, info);
     if (tetlod_cursor_new(&cursor, file, NULL, 0, &error) == TETLOD_OK) {
         uint64_t base = check_mesh(cursor, info);
         uint32_t reached = 0;
@@ -83,6 +100,9 @@ static void seal_frames(uint8_t *bytes, size_t size, size_t index_size)
                 put32(at + 4, tetlodi_crc32(bytes + frame->offset, frame->size));
         }
     }
+    /* The order's checksum: behind counts, bounds and three more counts. */
+    if (index.order.offset <= size && index.order.size <= size - index.order.offset)
+        put32(bytes + HEADER_SIZE + 16 + 48 + 24 + 4, tetlodi_crc32(bytes + index.order.offset, index.order.size));
     tetlodi_index_fini(&index);
 }
 

@@ -15,6 +15,24 @@ static void demand(int condition)
         abort();
 }
 
+/* The original's own numbering, corner by corner. */
+static void check_order(const struct recode *recode, const struct tetlod_file *file, const struct tetlod_mesh *mesh)
+{
+    uint32_t *vertices = malloc(mesh->vertices * sizeof *vertices), *tets = malloc(mesh->tets * sizeof *tets);
+    uint8_t *corners = malloc(4 * (size_t)mesh->tets);
+    demand(vertices && tets && corners);
+    demand(tetlod_order(file, vertices, tets, corners, NULL) == TETLOD_OK);
+    for (uint32_t v = 0; v < mesh->vertices; v++)
+        demand(vertices[v] == (uint32_t)mesh->fields[0][v]);
+    for (size_t t = 0; t < mesh->tets; t++)
+        for (size_t c = 0; c < 4; c++)
+            demand(recode->input.corners[4 * (size_t)tets[t] + c] ==
+                   vertices[mesh->corners[4 * t + corners[4 * t + c]]]);
+    free(vertices);
+    free(tets);
+    free(corners);
+}
+
 /* The finest level has the original's tetrahedra. The first field is the original's numbering. */
 static void check_finest(const struct recode *recode, const struct memory_sink *memory)
 {
@@ -40,6 +58,8 @@ static void check_finest(const struct recode *recode, const struct memory_sink *
     demand(sums[0] == sums[1]);
     for (size_t v = 0; v < mesh.vertices; v++)
         demand(memcmp(mesh.positions + 3 * v, recode->input.positions + 3 * (size_t)mesh.fields[0][v], 24) == 0);
+    if (recode->input.keep_order)
+        check_order(recode, file, &mesh);
     tetlod_cursor_free(cursor);
     tetlod_close(file);
 }
@@ -61,6 +81,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
     options.type = last[4] % 2 ? TETLOD_FLOAT64 : TETLOD_FLOAT32;
     options.position_bits = last[5] % 31;
     demand(gen_make(&recode, &options));
+    recode.input.keep_order = last[4] & 2;
     demand(tetlodi_write(&recode.input, &sink, NULL) == TETLOD_OK);
     stream_fuzz(memory.bytes, memory.size);
     check_finest(&recode, &memory);
