@@ -258,10 +258,10 @@ static enum tetlod_status choose_fields(const struct request *request, struct te
                                         struct build_control *controls, uint32_t *count, struct tetlod_error *error)
 {
     *count = request->field_count;
-    if (request->carry)
-        TETLOD_TRY(check_carry(mesh, request->carry, error));
     for (uint32_t i = 0; i < request->field_count; i++)
         TETLOD_TRY(build_control_parse(mesh, request->fields[i], &controls[i], error));
+    if (request->carry)
+        TETLOD_TRY(check_carry(mesh, request->carry, error));
     if (!*count) {
         TETLOD_TRY(build_control_default(mesh, controls, error));
         *count = 1;

@@ -478,6 +478,12 @@ def blunt_fin():
                left <= most, left)
     checked = tetlod('verify', 'blunt.tetlod', '--against', grid, '--q', solution)
     report(name + ': verify --against', checked.returncode == 0, checked)
+    certified = tetlod('build', grid, '--q', solution, '--field', 'Pressure', '--carry', 'Pressure', '-o', 'certified.tetlod',
+                       '--json', '--quiet')
+    told = json.loads(certified.stdout)
+    for error, most in (.001, 56), (.01, 18.5), (.05, 6.5):
+        left = next(l['tets'] for l in told['levels'] if l['errors']['Pressure']['max'] <= error) / told['tets'] * 100
+        report('%s: certified %g %%: at most %g %% of the tetrahedra' % (name, 100 * error, most), left <= most, left)
 
 
 samples()
