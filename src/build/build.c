@@ -46,6 +46,22 @@ static enum tetlod_status check_memory(const struct build *build)
                         (unsigned long long)(needed >> 20) + 1, (unsigned long long)(build->options->memory >> 20));
 }
 
+/* An error is a fraction of the range: one that overflows, or whose reciprocal does, would hide every error (PROOF.md, 7). */
+static enum tetlod_status check_ranges(const struct build *build)
+{
+    for (uint32_t i = 0; i < build->options->control_count; i++) {
+        const struct point_field *field = &build->mesh->fields[build->options->controls[i].field];
+        double range[2];
+        point_field_range(field, build->mesh->vertex_count, range);
+        double width = range[1] - range[0];
+        if (!isfinite(width) || (width > 0 && !isfinite(1 / width)))
+            return tetlodi_fail(build->error, TETLOD_ERR_MESH,
+                                "field '%.60s' has the range %g .. %g, too %s for errors relative to it; scale its values",
+                                field->name, range[0], range[1], width > 1 ? "wide" : "narrow");
+    }
+    return TETLOD_OK;
+}
+
 static enum tetlod_status contract(struct build *build)
 {
     const struct build_options *options = build->options;
@@ -246,6 +262,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     TETLOD_TRY_DONE(check_memory(&build));
     if (quantise_wanted(&options->quantise))
         TETLOD_TRY_DONE(quantise(&build));
+    TETLOD_TRY_DONE(check_ranges(&build));
     TETLOD_TRY_DONE(contract(&build));
     TETLOD_TRY_DONE(measure_marks(&build));
     TETLOD_TRY_DONE(encode(&build, sink));

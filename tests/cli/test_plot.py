@@ -88,6 +88,18 @@ def compares(info):
     report('the text has the maximum, too', 'max  ' in text and 'sampled' in text, text)
 
 
+def ranges():
+    """A range that is no number would hide every error: such a field cannot be controlled."""
+    for name, value, code in (('wide', 1.5e308, 3), ('narrow', 1e-310, 3), ('large', 1e300, 0), ('small', 1e-300, 0)):
+        with open(path('range.vtk'), 'w') as out:
+            out.write('# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 double\n'
+                      '0 0 0 1 0 0 0 1 0 0 0 1 1 1 1\nCELLS 2 10\n4 0 1 2 3\n4 1 2 3 4\nCELL_TYPES 2\n10\n10\n'
+                      'POINT_DATA 5\nSCALARS f double 1\nLOOKUP_TABLE default\n%r %r 0 0 0\n' % (value, -value))
+        done = tetlod('build', path('range.vtk'), '-o', path('range.tetlod'), '--quiet')
+        report('build: a field of a %s range is %s' % (name, 'refused by name' if code else 'taken'),
+               done.returncode == code and (not code or "field 'f'" in done.stderr and name in done.stderr), done)
+
+
 def main():
     tetlod('sample', 'cube', '--size', '6', '-o', path('in.vtu'))
     done = tetlod('build', path('in.vtu'), '-o', path('a & <b>.tetlod'), '--quiet')
@@ -97,6 +109,7 @@ def main():
     plots(info)
     plot_refusals()
     compares(info)
+    ranges()
     print('1..%d' % count)
 
 
