@@ -285,8 +285,8 @@ enum tetlod_status tetlodi_index_decode(struct tetlodi_index *index, const void 
     get_frame(&in, &index->order, &after);
     // a level takes 24 bytes and 40 a field, a field 22: what is left bounds what is allocated
     uint64_t least = (uint64_t)info->level_count * (24 + 40 * (uint64_t)info->field_count) + 22 * (uint64_t)info->field_count;
-    if (in.failed || reserved || index->slowest < LEAST_SLOWEST || index->slowest > MOST_SLOWEST || info->field_count > MOST_FIELDS || !info->level_count ||
-        info->level_count > MOST_LEVELS || least > in.left)
+    if (in.failed || reserved || index->slowest < LEAST_SLOWEST || index->slowest > MOST_SLOWEST ||
+        info->field_count > MOST_FIELDS || !info->level_count || info->level_count > MOST_LEVELS || least > in.left)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index is damaged");
     index->text = malloc(size + info->field_count + 2);
     if (!tetlodi_index_allocate(index) || !index->text) {

@@ -34,7 +34,7 @@ done:
     return status;
 }
 
-/* The array whose row numbers[i] is row i of this one; this one is freed. NULL: out of memory or not a permutation. */
+/* The array whose row numbers[i] is row i of this one; this one is freed. NULL: out of memory. */
 static double *scatter(double *rows, size_t width, const uint32_t *numbers, uint32_t count)
 {
     double *out = array_new(count, width * sizeof *out);
@@ -45,23 +45,25 @@ static double *scatter(double *rows, size_t width, const uint32_t *numbers, uint
     return out;
 }
 
-static bool is_permutation(const uint32_t *numbers, uint32_t count)
+static enum tetlod_status check_permutation(const uint32_t *numbers, uint32_t count, struct tetlod_error *error)
 {
     uint8_t *seen = array_zero(count, 1);
-    bool good = seen != NULL;
+    bool good = true;
+    if (!seen)
+        return tetlodi_fail_nomem(error, "the original order", count);
     for (uint32_t i = 0; i < count && good; i++) {
         good = !seen[numbers[i]];
         seen[numbers[i]] = 1;
     }
     free(seen);
-    return good;
+    return good ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "the original order is damaged");
 }
 
 static enum tetlod_status reorder(struct tetmesh *mesh, const uint32_t *vertices, const uint32_t *tets, const uint8_t *places,
                                   struct tetlod_error *error)
 {
-    if (!is_permutation(vertices, mesh->vertex_count) || !is_permutation(tets, mesh->tet_count))
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "the original order is damaged");
+    TETLOD_TRY(check_permutation(vertices, mesh->vertex_count, error));
+    TETLOD_TRY(check_permutation(tets, mesh->tet_count, error));
     double *positions = scatter(mesh->positions, 3, vertices, mesh->vertex_count);
     uint32_t *corners = array_new(mesh->tet_count, 4 * sizeof *corners);
     mesh->positions = positions ? positions : mesh->positions;

@@ -71,6 +71,7 @@ def make_inputs():
     for name in 'cube.vtk', 'cube.msh':
         subprocess.run([TETLOD, 'convert', path('cube.vtu'), '-o', path(name)], check=True)
     subprocess.run([TETLOD, 'build', '--quiet', path('cube.vtu'), '-o', path('cube.tetlod')], check=True)
+    subprocess.run([TETLOD, 'build', '--quiet', '--keep-order', path('cube.vtu'), '-o', path('kept.tetlod')], check=True)
     n = 2 * 3 * 4
     with open(path('grid.xyz'), 'wb') as file:
         file.write(struct.pack('>3i', 2, 3, 4) + b''.join(
@@ -114,6 +115,8 @@ def main():
     check('convert a stream', ['convert', path('cube.tetlod'), '-o', 'OUT/a.vtu'])
     check('build', ['build', path('cube.vtu'), '--quiet', '-o', 'OUT/a.tetlod'])
     check('build by prediction', ['build', path('cube.vtu'), '--quiet', '--metric', 'sva', '-o', 'OUT/a.tetlod'])
+    check('build quantised', ['build', path('cube.vtu'), '--quiet', '--field-bits', '8', '--keep-order', '-o', 'OUT/a.tetlod'])
+    check('extract in the original order', ['extract', path('kept.tetlod'), '--original-order', '-o', 'OUT/a.vtu'])
     check('info', ['info', path('cube.tetlod')])
     check('info --json', ['info', '--json', path('cube.tetlod')])
     check('extract', ['extract', path('cube.tetlod'), '--level', '1', '-o', 'OUT/a.vtu'])
