@@ -311,7 +311,7 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
         const struct driver *driver = &run->fields->drivers[d];
         double above = driver->upper[v] - run->outcome[d].value, below = run->outcome[d].value - driver->lower[v];
         double certain = smaller(larger(above, below) * driver->scale, rounded_limit(run, driver));
-        run->certified[d] = larger(run->certified[d], certain);
+        run->certified[d] = larger(run->certified[d], smaller(certain, 1)); // values never leave the range
         run->predicted[d] = fmax(run->predicted[d], driver->predicted[v] * driver->scale);
     }
     return list_simplices(run, v, false);
