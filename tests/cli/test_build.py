@@ -467,8 +467,8 @@ def blunt_fin():
     grid, solution = os.path.join(DATA, 'bluntfinxyz.bin'), os.path.join(DATA, 'bluntfinq.bin')
     if CONFIG != 'release' or not os.path.exists(grid):
         return report(name, True, skip='release only' if os.path.exists(grid) else 'no blunt fin data')
-    done = tetlod('build', grid, '--q', solution, '--field', 'Pressure', '--carry', 'Pressure', '--metric', 'sva', '--growth', '1.3', '-o',
-                  'blunt.tetlod', '--json')
+    done = tetlod('build', grid, '--q', solution, '--field', 'Pressure', '--carry', 'Pressure', '--metric', 'sva',
+                  '--growth', '1.3', '-o', 'blunt.tetlod', '--json')
     report(name + ': build', done.returncode == 0 and b'77 degenerate' in done.stderr, done)
     told = json.loads(done.stdout)
     report(name + ': counts', (told['vertices'], told['tets'], told['degenerate_tets']) == (40960, 187395, 77), told['tets'])
