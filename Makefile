@@ -135,7 +135,7 @@ $(B)/tests/oom/failmalloc.so: tests/oom/failmalloc.c
 	@mkdir -p $(@D)
 	$(Q)$(CC) -std=c11 -O1 -fPIC -shared -o $@ $< -ldl
 
-## deps: install what is missing (Debian packages, as root); deps-build is the part that the program needs
+## deps: install what is missing (Debian packages, as root); deps-build is the part that the program needs, deps-check the tests', deps-bench the benchmarks'
 .PHONY: deps deps-build deps-check deps-bench
 deps: deps-build deps-check deps-bench
 define install_missing

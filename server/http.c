@@ -203,7 +203,7 @@ static struct MHD_Response *make_file_body(const struct response *response)
 /* The library's response for the body, which takes over what the body borrows from. */
 static struct MHD_Response *make_body(struct response *response)
 {
-    static char nothing[1];
+    static const char nothing[1] = "";
     if (response->kind == BODY_FILE) {
         struct MHD_Response *made = make_file_body(response);
         response_release(response);
@@ -211,7 +211,7 @@ static struct MHD_Response *make_body(struct response *response)
     }
     if (response->kind == BODY_NONE || !response->release)
         return MHD_create_response_from_buffer((size_t)response->size,
-                                               response->kind == BODY_NONE ? nothing : (void *)(uintptr_t)response->bytes,
+                                               (void *)(uintptr_t)(response->kind == BODY_NONE ? nothing : (const char *)response->bytes),
                                                MHD_RESPMEM_PERSISTENT);
     struct borrowed *borrowed = array_new(1, sizeof *borrowed);
     if (!borrowed)

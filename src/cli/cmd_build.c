@@ -44,7 +44,7 @@ static const char help[] =
     "      --field-bits N      round values to N bits across the range\n"
     "      --position-error E, --field-error E   as many bits as keep it: a fraction of the diagonal, of the range\n"
     "                          (rounding is in every error that the stream states)\n"
-    "      --keep-order        store the input's numbering too, for extract --original-order\n"
+    "      --keep-order        store the input's numbering too, for tetlod extract --original-order\n"
     "      --compress N        1 fast .. 22 small (default 19)\n"
     "      --threads N         0 (default): all cores; the bytes do not depend on it\n"
     "      --memory BYTES      refuse what needs more; K, M, G may follow\n"

@@ -23,7 +23,7 @@ static const char help[] =
     "      --level K      this level; 0 is the coarsest\n"
     "      --tets N       the finest level of at most N tetrahedra\n"
     "      --bytes N      the finest level whose prefix has at most N bytes; K, M, G may follow\n"
-    "      --original-order  the finest level in the input's own numbering, if it was built with --keep-order\n"
+    "      --original-order  the finest level in the input's own numbering, if tetlod build --keep-order kept it\n"
     "      --quiet        do not say which level it is\n"
     "\n"
     "example: tetlod extract blunt.tetlod --error 1% -o coarse.vtu\n";

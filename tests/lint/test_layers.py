@@ -1,0 +1,107 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""The table of CONTRIBUTING.md held against every #include, and rules that a compiler does not know."""
+import glob
+import os
+import re
+
+ROOT = os.environ['ROOT']
+# folder: what it may include beside itself and libc; a name that ends in / is a folder. CONTRIBUTING.md says why.
+FORMAT = ['format/tetlod.h', 'format/fail.h', 'format/writer.h']
+ARRAYS = FORMAT + ['src/util/']
+MESHES = ARRAYS + ['src/mesh/']
+LAYERS = {
+    'format': [],
+    'src/util': FORMAT,
+    'src/mesh': ARRAYS,
+    'src/io': MESHES,
+    'src/sample': MESHES,
+    'src/build': MESHES,
+    'src/report': MESHES + ['src/io/put.h'],
+    'server': MESHES + ['src/io/io.h', 'src/report/', 'format/reader.h'],
+    'src/cli': MESHES + ['src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/build/', 'server/server.h'],
+}
+LIBC = set('''assert ctype dirent errno fcntl float getopt inttypes limits math pthread sched signal stdarg stdatomic stdbool stddef
+    stdint stdio stdlib string strings time unistd sys/mman sys/resource sys/stat sys/types'''.split())
+SOCKETS = set('arpa/inet netdb netinet/in netinet/tcp poll sys/eventfd sys/random sys/socket sys/un'.split())
+# header: the folders that may know the library, or the files
+PACKAGES = {
+    'expat.h': ['src/io/'], 'zlib.h': ['src/io/', 'server/'], 'lz4.h': ['src/io/'], 'zstd.h': ['format/', 'server/'],
+    'jansson.h': ['src/report/', 'src/cli/', 'server/'],
+    'microhttpd.h': ['server/server.c', 'server/http.c', 'server/message.c', 'server/message.h', 'server/listener.c'],
+}
+BANNED = re.compile(r'(?<![\w.>])(strcpy|strcat|sprintf|vsprintf|sscanf|atoi|atol|atof|strtok|gets|alloca)\s*\(')
+SPEAKS = re.compile(r'(?<![\w.>])(printf|vprintf|puts|putchar|perror|exit|_exit|abort|signal|sigaction)\s*\(|\b(stdout|stderr)\b')
+failures = 0
+
+
+def report(name, found):
+    global failures
+    failures += bool(found)
+    print('%s - %s' % ('not ok' if found else 'ok', name))
+    for line in found:
+        print('# ' + line)
+
+
+def code_of(text):
+    """Without comments and without what is in quotes, lines kept."""
+    def blank(match):
+        return '\n' * match.group().count('\n') if match.group()[0] == '/' else '""'
+    return re.sub(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])+\'', blank, text, flags=re.S)
+
+
+def allowed(name, rules):
+    return any(name == rule or (rule.endswith('/') and name.startswith(rule)) for rule in rules)
+
+
+def bad_include(path, folder, kind, name):
+    if kind == '"':
+        if not os.path.exists(os.path.join(ROOT, name)):
+            return 'is not a path from the root'
+        if os.path.dirname(name) != folder and not allowed(name, LAYERS[folder]):
+            return 'is not for %s' % folder
+    elif name in PACKAGES:
+        if not allowed(path, PACKAGES[name]):
+            return 'belongs to %s' % ', '.join(PACKAGES[name])
+    elif name[:-2] in SOCKETS:
+        if folder not in ('server', 'src/cli'):
+            return 'is for the server'
+    elif name[:-2] not in LIBC:
+        return 'is neither libc nor a library that is known here'
+    return None
+
+
+def main():
+    sources = {}
+    for folder in LAYERS:
+        for path in sorted(glob.glob(os.path.join(ROOT, folder, '*.[ch]'))):
+            with open(path, encoding='utf-8') as file:
+                sources[os.path.relpath(path, ROOT)] = file.read()
+    includes, banned, speaking, long_files, licence = [], [], [], [], []
+    for path, text in sources.items():
+        folder = os.path.dirname(path)
+        for kind, name in re.findall(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', text, re.M):
+            why = bad_include(path, folder, kind, name)
+            if why:
+                includes.append('%s includes %s, which %s' % (path, name, why))
+        for number, line in enumerate(code_of(text).splitlines(), 1):
+            place = '%s:%d: %s' % (path, number, line.strip())
+            if BANNED.search(line):
+                banned.append(place)
+            if folder != 'src/cli' and SPEAKS.search(line):
+                speaking.append(place)
+        if text.count('\n') > 850:
+            long_files.append('%s has %d lines' % (path, text.count('\n')))
+        if not text.startswith('/* SPDX-License-Identifier: BSD-3-Clause */\n'):
+            licence.append(path)
+    report('%d files were found' % len(sources), [] if len(sources) > 100 else ['too few: is ROOT the tree?'])
+    report('every #include is within the layers', includes)
+    report('no call that knows no bounds', banned)
+    report('nothing outside src/cli prints, exits or takes signals', speaking)
+    report('no file is too long to read', long_files)
+    report('every source names its licence first', licence)
+    return 1 if failures else 0
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

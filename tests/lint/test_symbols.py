@@ -1,0 +1,86 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Headers stand alone; what the library exports is tetlod_*; no object has data that changes."""
+import concurrent.futures
+import glob
+import os
+import re
+import shutil
+import subprocess
+
+ROOT, CONFIG = os.environ['ROOT'], os.environ['CONFIG']
+BUILT = os.path.join(ROOT, 'build', CONFIG)
+# The signal handler's flag, which only a global can be
+MUTABLE = {'cmd_serve.o'}
+failures = 0
+
+
+def report(name, found):
+    global failures
+    failures += bool(found)
+    print('%s - %s' % ('not ok' if found else 'ok', name))
+    for line in found:
+        print('# ' + line)
+
+
+def output(*command):
+    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
+def complaint(compiler, language, standard, header):
+    """What a compiler says of a file that includes nothing but the header, twice."""
+    name = os.path.relpath(header, ROOT)
+    done = subprocess.run([compiler, '-x', language, '-std=' + standard, '-fsyntax-only', '-Wall', '-Wextra', '-I' + ROOT,
+                           '-D_POSIX_C_SOURCE=200809L', '-'], input='#include "%s"\n' % name * 2, text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    lines = [line for line in done.stdout.splitlines() if 'defined but not used' not in line]
+    return ['%s: %s' % (name, line) for line in lines[:5]] if done.returncode or 'warning:' in ' '.join(lines) else []
+
+
+def check_headers():
+    headers = sorted(sum((glob.glob(os.path.join(ROOT, folder, '*.h')) for folder in ('format', 'src/*', 'server')), []))
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        found = sum(pool.map(lambda h: complaint('cc', 'c', 'c11', h), headers), [])
+    report('each of %d headers compiles alone' % len(headers), found if headers else ['there are none'])
+    public = os.path.join(ROOT, 'format/tetlod.h')
+    compiler = next((c for c in ('c++', 'g++', 'clang++') if shutil.which(c)), None)
+    if compiler:
+        report('tetlod.h is C++, too', complaint(compiler, 'c++', 'c++11', public))
+    else:
+        print('ok - tetlod.h is C++, too # SKIP no C++ compiler')
+
+
+def defined(*arguments):
+    """Names of the external symbols defined in an object or a library."""
+    return [line.split()[-1] for line in output('nm', *arguments).splitlines() if re.match(r'[0-9a-f]+ [A-Z] ', line)]
+
+
+def check_exports():
+    shared = [path for path in glob.glob(os.path.join(BUILT, 'libtetlod.so.*')) if not os.path.islink(path)]
+    exported = defined('-D', '--defined-only', shared[0])
+    report('the shared library exports tetlod_ alone', [name for name in exported if not name.startswith('tetlod_')])
+    with open(os.path.join(ROOT, 'format/tetlod.h'), encoding='utf-8') as file:
+        header = re.sub(r'/\*.*?\*/', '', file.read(), flags=re.S)
+    declared = set(re.findall(r'TETLOD_API [^;{]*?\b(tetlod_\w+)\s*\(', header))
+    report('and what tetlod.h declares, all of it', sorted(declared.symmetric_difference(exported)))
+    names = defined('--defined-only', os.path.join(BUILT, 'libtetlod.a'))
+    report('the static library takes no other names', [name for name in names if not re.match('tetlodi?_', name)])
+
+
+def check_data():
+    found = []
+    for path in glob.glob(os.path.join(BUILT, 'format/*.o')) + glob.glob(os.path.join(BUILT, 'src/*/*.o')) + \
+            glob.glob(os.path.join(BUILT, 'server/*.o')):
+        source = os.path.join(ROOT, os.path.relpath(path, BUILT)[:-2] + '.c')
+        if os.path.basename(path) in MUTABLE or not os.path.exists(source):
+            continue
+        for section, size in re.findall(r'^(\.(?:data|bss|tdata|tbss)(?:\.(?!rel\.ro)\S+)?)\s+(\d+)', output('size', '-A', path), re.M):
+            if int(size):
+                found.append('%s has %s bytes of %s' % (os.path.relpath(path, BUILT), size, section))
+    report('no object has data that changes', found)
+
+
+check_headers()
+check_exports()
+check_data()
+raise SystemExit(1 if failures else 0)
