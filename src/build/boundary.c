@@ -6,6 +6,7 @@
 
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
+#include "src/mesh/triangle.h"
 #include "src/util/array.h"
 
 static const double degree = 3.14159265358979323846 / 180;
@@ -139,37 +140,6 @@ bool boundary_allows(const struct boundary *boundary, const struct complex *comp
     return true;
 }
 
-static double point_segment2(const double *x, const double *a, const double *b)
-{
-    double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, e[3] = {x[0] - a[0], x[1] - a[1], x[2] - a[2]};
-    double dd = dot(d, d), t = dd > 0 ? fmin(1, fmax(0, dot(d, e) / dd)) : 0, sum = 0;
-    for (int i = 0; i < 3; i++)
-        sum += (e[i] - t * d[i]) * (e[i] - t * d[i]);
-    return sum;
-}
-
-/* Square of the distance of x from a triangle. */
-static double point_triangle2(const double *x, const double *a, const double *b, const double *c)
-{
-    double best = fmin(point_segment2(x, a, b), fmin(point_segment2(x, b, c), point_segment2(x, c, a))), n[3];
-    if (!triangle_normal(a, b, c, n))
-        return best;
-    const double *corner[4] = {a, b, c, a};
-    for (int i = 0; i < 3; i++) {
-        double e[3], f[3];
-        for (int k = 0; k < 3; k++) {
-            e[k] = corner[i + 1][k] - corner[i][k];
-            f[k] = x[k] - corner[i][k];
-        }
-        double side = n[0] * (e[1] * f[2] - e[2] * f[1]) + n[1] * (e[2] * f[0] - e[0] * f[2]) +
-                      n[2] * (e[0] * f[1] - e[1] * f[0]);
-        if (side < 0)
-            return best;
-    }
-    double height = n[0] * (x[0] - a[0]) + n[1] * (x[1] - a[1]) + n[2] * (x[2] - a[2]);
-    return fmin(best, height * height);
-}
-
 double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
                       const double p[3])
 {
@@ -181,7 +151,7 @@ double boundary_moves(const struct boundary *boundary, const struct complex *com
             if (!complex_boundary_face(complex, star->tets[i], f) || star->moving[i] == f)
                 continue;
             const double *q[3], *r[3];
-            double old_normal[3], new_normal[3];
+            double old_normal[3], new_normal[3], weights[3];
             int inside = 0;
             any = true;
             for (int k = 0; k < 3; k++) {
@@ -194,15 +164,15 @@ double boundary_moves(const struct boundary *boundary, const struct complex *com
                     }
                 before = fmax(before, boundary->moved[corner]);
             }
-            to_old = fmin(to_old, point_triangle2(p, q[0], q[1], q[2]));
+            to_old = fmin(to_old, triangle_distance2(p, q[0], q[1], q[2], weights));
             if (inside > 1)
                 continue; // it vanishes
             if (!triangle_normal(r[0], r[1], r[2], new_normal) || !triangle_normal(q[0], q[1], q[2], old_normal) ||
                 dot(new_normal, old_normal) < boundary->cosine)
                 return INFINITY;
             for (uint32_t s = 0; s < star->simplex_count; s++)
-                to_new[s] = fmin(to_new[s], point_triangle2(complex->positions + 3 * (size_t)star->simplex[s], r[0],
-                                                            r[1], r[2]));
+                to_new[s] = fmin(to_new[s], triangle_distance2(complex->positions + 3 * (size_t)star->simplex[s], r[0],
+                                                               r[1], r[2], weights));
         }
     if (!any)
         return 0;

@@ -8,6 +8,7 @@
 #include "format/fail.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/tet_geom.h"
+#include "src/mesh/triangle.h"
 #include "src/util/array.h"
 
 /* A point this far outside by a barycentric weight is on the face: the rounding of well shaped tetrahedra is far below. */
@@ -136,55 +137,6 @@ uint32_t locator_walk(const struct locator *locator, uint32_t from, const double
 
 /* ---- closest point */
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static double on_segment(const double *p, const double *a, const double *b, double *t)
-{
-    double d[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, e[3] = {p[0] - a[0], p[1] - a[1], p[2] - a[2]};
-    double length2 = dot(d, d), sum = 0;
-    *t = length2 > 0 ? smaller(1, larger(0, dot(d, e) / length2)) : 0;
-    for (int i = 0; i < 3; i++)
-        sum += (e[i] - *t * d[i]) * (e[i] - *t * d[i]);
-    return sum;
-}
-
-/* Square of the distance of p from a triangle, and the closest point's weights. */
-static double on_triangle(const double *p, const double *a, const double *b, const double *c, double weights[3])
-{
-    const double *corner[4] = {a, b, c, a};
-    double best = INFINITY, t, u[3], v[3], w[3], n[3];
-    for (int i = 0; i < 3; i++) {
-        double distance2 = on_segment(p, corner[i], corner[i + 1], &t);
-        if (distance2 < best) {
-            best = distance2;
-            weights[0] = weights[1] = weights[2] = 0;
-            weights[i] = 1 - t;
-            weights[(i + 1) % 3] += t;
-        }
-    }
-    for (int i = 0; i < 3; i++) {
-        u[i] = b[i] - a[i];
-        v[i] = c[i] - a[i];
-        w[i] = p[i] - a[i];
-    }
-    for (int i = 0; i < 3; i++)
-        n[i] = u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3];
-    double area2 = dot(n, n);
-    if (area2 == 0)
-        return best;
-    double uu = dot(u, u), uv = dot(u, v), vv = dot(v, v), wu = dot(w, u), wv = dot(w, v);
-    double s = (vv * wu - uv * wv) / area2, r = (uu * wv - uv * wu) / area2, height = dot(n, w);
-    if (s < 0 || r < 0 || s + r > 1 || height * height / area2 > best)
-        return best;
-    weights[0] = 1 - s - r;
-    weights[1] = s;
-    weights[2] = r;
-    return height * height / area2;
-}
-
 double locator_closest(const struct locator *locator, const double p[3], struct place *out)
 {
     const struct bvh *bvh = &locator->surface;
@@ -209,7 +161,7 @@ double locator_closest(const struct locator *locator, const double p[3], struct 
         uint64_t first = (uint64_t)(node - bvh->leaf_first) * BVH_LEAF;
         for (uint64_t i = first; i < bvh->count && i < first + BVH_LEAF; i++) {
             const uint32_t *triangle = locator->triangles + 3 * (size_t)bvh->order[i];
-            double distance2 = on_triangle(p, locator->positions + 3 * (size_t)triangle[0],
+            double distance2 = triangle_distance2(p, locator->positions + 3 * (size_t)triangle[0],
                                            locator->positions + 3 * (size_t)triangle[1],
                                            locator->positions + 3 * (size_t)triangle[2], weights);
             if (distance2 < best) {
