@@ -18,8 +18,8 @@ B := build/$(config)
 
 # ---- what must be installed, as Debian packages; `make deps` installs what is missing
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev \
-    libjansson-dev libmicrohttpd-dev
-DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-jsonschema nginx-light varnish openssl
+    libjansson-dev libmicrohttpd-dev $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
+DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-jsonschema nginx-light varnish openssl chromium
 DEPS_BENCH := zstd wrk nginx-light
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
@@ -70,9 +70,11 @@ OBJECTS := $(call objects,$(FORMAT_SRC) $(LIBRARY_SRC) $(CLI_SRC) $(SERVER_SRC) 
     tests/fuzz/replay.c)
 LIBTETLOD := $(B)/libtetlod.a
 SHARED := $(B)/libtetlod.so.$(VERSION)
-# The page and what it loads become part of the program
+# The page and what it loads, bundled by esbuild, become part of the program
 WEB_DIR := server/web
-WEB_FILES := $(sort $(shell find $(WEB_DIR) server/api -type f))
+WEB_SRC := $(sort $(shell find $(WEB_DIR) -name node_modules -prune -o -type f -print))
+WEB := build/web
+NODE_MODULES := $(WEB_DIR)/node_modules/.package-lock.json
 EMBEDDED := $(B)/server/embedded.o
 INTERNAL := $(call objects,$(LIBRARY_SRC) $(SERVER_SRC)) $(EMBEDDED)
 BINARY := $(B)/tetlod
@@ -99,9 +101,19 @@ $(B)/%.o: %.c $(B)/flags
 	@mkdir -p $(@D); $(if $(V),,echo "  CC  $<")
 	$(Q)$(CC) $(TETLOD_CFLAGS) $(PACKAGE_CFLAGS) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
 
-$(B)/server/embedded.c: server/embed.py $(WEB_FILES)
-	@mkdir -p $(@D); echo "  WEB $(WEB_DIR)"
-	$(Q)python3 server/embed.py $@ $(WEB_DIR) server/api
+# What bundles the page; exactly the versions of the lock file. npm itself writes the file that stands for all of it.
+$(NODE_MODULES): $(WEB_DIR)/package.json $(WEB_DIR)/package-lock.json
+	@command -v npm >/dev/null || { echo "make: node and npm are missing (run: make deps-build)" >&2; exit 1; }
+	@echo "  NPM $(WEB_DIR)"
+	$(Q)cd $(WEB_DIR) && npm ci --ignore-scripts --no-audit --no-fund --silent && touch node_modules/.package-lock.json
+
+build/web.stamp: $(NODE_MODULES) $(WEB_SRC)
+	@echo "  WEB $(WEB_DIR)"
+	$(Q)node $(WEB_DIR)/build.mjs $(WEB) && touch $@
+
+$(B)/server/embedded.c: server/embed.py build/web.stamp server/api/openapi.json
+	@mkdir -p $(@D)
+	$(Q)python3 server/embed.py $@ $(WEB) server/api
 
 $(EMBEDDED): $(B)/server/embedded.c $(B)/flags
 	$(Q)$(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<

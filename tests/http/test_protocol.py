@@ -216,14 +216,14 @@ def test_conditional():
 
 def test_coding():
     import zlib
-    _, plain_head, plain = server.get('/page.js')
+    _, plain_head, plain = server.get('/catalogue.js')
     assert 'content-encoding' not in plain_head and plain_head['vary'] == 'Accept-Encoding'
-    _, head, body = server.get('/page.js', Accept_Encoding='gzip')
+    _, head, body = server.get('/catalogue.js', Accept_Encoding='gzip')
     assert head['content-encoding'] == 'gzip' and zlib.decompress(body, 31) == plain
     assert head['etag'] != plain_head['etag']
-    _, head, body = server.get('/page.js', Accept_Encoding='gzip, zstd')
+    _, head, body = server.get('/catalogue.js', Accept_Encoding='gzip, zstd')
     assert head['content-encoding'] == 'zstd' and body[:4] == b'\x28\xb5\x2f\xfd'
-    assert 'content-encoding' not in server.get('/page.js', Accept_Encoding='gzip;q=0, br')[1]
+    assert 'content-encoding' not in server.get('/catalogue.js', Accept_Encoding='gzip;q=0, br')[1]
 
 
 def test_page():

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// node build.mjs OUT: bundles the page into the folder OUT: the entries below with what they share in chunks, and the
+// files that are taken as they are.
+import { cpSync, mkdirSync, readdirSync, renameSync, rmSync } from 'node:fs';
+import { dirname, join } from 'node:path';
+import { fileURLToPath } from 'node:url';
+import { build } from 'esbuild';
+
+const here = dirname(fileURLToPath(import.meta.url));
+const entries = ['page/catalogue.js'];
+const out = process.argv[2];
+const made = `${out}.new`;
+
+rmSync(made, { recursive: true, force: true });
+mkdirSync(made, { recursive: true });
+await build({
+  absWorkingDir: here,
+  entryPoints: entries,
+  entryNames: '[name]',
+  chunkNames: 'chunk-[hash]',
+  bundle: true,
+  splitting: true,
+  minify: true,
+  format: 'esm',
+  target: 'es2022',
+  legalComments: 'none',
+  outdir: fileURLToPath(new URL(made, `file://${process.cwd()}/`)),
+  logLevel: 'warning',
+});
+for (const name of readdirSync(join(here, 'page')))
+  if (/\.(html|css|svg)$/.test(name)) cpSync(join(here, 'page', name), join(made, name));
+rmSync(out, { recursive: true, force: true });
+renameSync(made, out);
