@@ -40,7 +40,7 @@ void forest_level_fini(struct forest_level *level)
     free(level->nodes);
     free(level->origin);
     free(level->image);
-    free(level->vertex);
+    free(level->standing);
     *level = (struct forest_level){0};
 }
 
@@ -75,10 +75,9 @@ static uint32_t count_alive(const struct forest *forest)
 }
 
 /* Numbers the living nodes in the order of the first tetrahedron that has them. */
-static void fill_tets(const struct forest *forest, struct forest_level *level)
+static void fill_tets(const struct forest *forest, struct forest_level *level, uint32_t *number)
 {
     struct tetmesh *mesh = &level->mesh;
-    uint32_t *number = level->vertex;
     for (uint32_t t = 0; t < forest->original->tet_count; t++) {
         uint32_t c[4];
         for (int i = 0; i < 4; i++)
@@ -114,20 +113,22 @@ enum tetlod_status forest_level(struct forest *forest, uint32_t contractions, st
     const struct tetmesh *original = forest->original;
     const struct simplification *sequence = forest->sequence;
     uint32_t n = original->vertex_count, nodes = n + sequence->complex.contraction_count;
+    uint32_t *number = array_new(nodes, sizeof *number); // [node] vertex of the level, or TETLOD_NONE
     climb(forest, contractions);
     uint32_t tets = count_alive(forest);
     *out = (struct forest_level){.nodes = array_new(n, sizeof(uint32_t)),
                                  .origin = array_new(tets, sizeof(uint32_t)),
                                  .image = array_new(original->tet_count, sizeof(uint32_t)),
-                                 .vertex = array_new(nodes, sizeof(uint32_t)),
-                                 .ancestor = forest->ancestor};
+                                 .standing = array_new(n, sizeof(uint32_t))};
     out->mesh.position_type = original->position_type;
     out->mesh.corners = array_new(tets, 4 * sizeof(uint32_t));
     enum tetlod_status status = TETLOD_OK;
-    if (!out->nodes || !out->origin || !out->image || !out->vertex || !out->mesh.corners)
+    if (!out->nodes || !out->origin || !out->image || !out->standing || !out->mesh.corners || !number)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a level", 4 * ((uint64_t)n + 6 * (uint64_t)tets + nodes)));
-    memset(out->vertex, 0xff, nodes * sizeof(uint32_t));
-    fill_tets(forest, out);
+    memset(number, 0xff, nodes * sizeof *number);
+    fill_tets(forest, out, number);
+    for (uint32_t v = 0; v < n; v++)
+        out->standing[v] = number[forest->ancestor[v]];
     uint32_t count = out->mesh.vertex_count;
     out->mesh.positions = array_new(count, 3 * sizeof(double));
     if (!out->mesh.positions)
@@ -140,6 +141,7 @@ enum tetlod_status forest_level(struct forest *forest, uint32_t contractions, st
                   out->nodes, count, n);
     }
 done:
+    free(number);
     if (status != TETLOD_OK)
         forest_level_fini(out);
     return status;

@@ -19,8 +19,7 @@ struct forest_level {
     uint32_t *nodes;  /* [vertex] */
     uint32_t *origin; /* [tet] number in the original */
     uint32_t *image;  /* [original tet] tetrahedron of the level, or TETLOD_NONE */
-    uint32_t *vertex; /* [node] vertex of the level, or TETLOD_NONE */
-    const uint32_t *ancestor; /* the forest's, at this level as long as that is not moved on */
+    uint32_t *standing; /* [original vertex] the vertex of the level that it has become part of */
 };
 
 TETLOD_CHECKED enum tetlod_status forest_init(struct forest *forest, const struct simplification *sequence,

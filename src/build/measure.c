@@ -171,7 +171,7 @@ static uint32_t walk_start(const struct comparison *c, size_t sample)
         host = (uint32_t)((sample - measure->original->vertex_count) / SAMPLES_PER_TET);
     if (host != TETLOD_NONE)
         vertex = measure->original->corners[4 * (size_t)host];
-    return c->locator.tet_of[c->forest->vertex[c->forest->ancestor[vertex]]];
+    return c->locator.tet_of[c->forest->standing[vertex]];
 }
 
 /* `near` is a tetrahedron of the level in which to begin to look; the one in which the sample was found becomes it. */
@@ -182,7 +182,7 @@ static void compare_sample(const struct comparison *c, size_t sample, uint32_t *
     struct place original, level;
     if (!sample_place(measure, sample, &original))
         return;
-    if (c->forest && sample < measure->original->vertex_count && c->forest->ancestor[sample] == sample)
+    if (c->forest && sample < measure->original->vertex_count && c->forest->nodes[c->forest->standing[sample]] == sample)
         return; // a vertex that is still there has no error, whatever else lies at the same point
     if (c->forest && measure->hosts[sample] != TETLOD_NONE && host_unchanged(c, measure->hosts[sample]))
         return;

@@ -43,6 +43,7 @@ struct worker {
 struct overlay {
     const struct tetmesh *meshes[2]; /* borrowed */
     struct bvh bvh;                  /* of b's tetrahedra */
+    double *boxes;                   /* [6 * tet of b] */
     struct weights_map *maps[2];     /* [tet] */
     uint8_t *degenerate[2];          /* [tet] */
     uint32_t field_count, compared_count;
@@ -86,16 +87,27 @@ static void weights_of(const struct weights_map *map, const double p[3], double 
     out[0] = 1 - out[1] - out[2] - out[3];
 }
 
-/* Weights in tetrahedron `in` of mesh `m` of the other's corners. False if they all lie on or behind one of its faces. */
+/* Weights in tetrahedron `in` of mesh `m` of the other's corners. False if they all lie on or behind one of its faces: most
+ * pairs, so that is asked face by face. */
 static bool weigh_corners(const struct overlay *overlay, int m, uint32_t in, uint32_t other, double out[4][4])
 {
-    double most[4] = {0, 0, 0, 0};
-    for (int c = 0; c < 4; c++) {
-        weights_of(&overlay->maps[m][in], corner(overlay->meshes[!m], other, c), out[c]);
-        for (int k = 0; k < 4; k++)
-            most[k] = larger(most[k], out[c][k]);
+    const struct weights_map *map = &overlay->maps[m][in];
+    double r[4][3], most;
+    for (int c = 0; c < 4; c++)
+        for (int i = 0; i < 3; i++)
+            r[c][i] = corner(overlay->meshes[!m], other, c)[i] - map->origin[i];
+    for (int k = 1; k < 4; k++) {
+        const double *row = map->rows[k - 1];
+        for (int c = 0; c < 4; c++)
+            out[c][k] = row[0] * r[c][0] + row[1] * r[c][1] + row[2] * r[c][2];
+        most = larger(larger(out[0][k], out[1][k]), larger(out[2][k], out[3][k]));
+        if (!(most > THIN))
+            return false;
     }
-    return most[0] > THIN && most[1] > THIN && most[2] > THIN && most[3] > THIN;
+    for (int c = 0; c < 4; c++)
+        out[c][0] = 1 - out[c][1] - out[c][2] - out[c][3];
+    most = larger(larger(out[0][0], out[1][0]), larger(out[2][0], out[3][0]));
+    return most > THIN;
 }
 
 /* A corner that both have is where it is, whatever rounding says. */
@@ -209,16 +221,37 @@ static void compare_cell(const struct overlay *overlay, struct worker *worker, c
     }
 }
 
+static void tet_box(const struct tetmesh *mesh, uint32_t tet, double box[6])
+{
+    for (int i = 0; i < 3; i++) {
+        double x[4];
+        for (int c = 0; c < 4; c++)
+            x[c] = corner(mesh, tet, c)[i];
+        box[i] = smaller(smaller(x[0], x[1]), smaller(x[2], x[3]));
+        box[i + 3] = larger(larger(x[0], x[1]), larger(x[2], x[3]));
+    }
+}
+
+/* Of the candidates, which come by the leaf, those whose own box meets the box. */
+static void cull_candidates(const struct overlay *overlay, struct worker *worker, const double box[6])
+{
+    uint32_t kept = 0;
+    for (uint32_t k = 0; k < worker->candidate_count; k++) {
+        const double *other = overlay->boxes + 6 * (size_t)worker->candidates[k];
+        bool meets = true;
+        for (int i = 0; i < 3; i++)
+            meets &= other[i] <= box[i + 3] && other[i + 3] >= box[i];
+        worker->candidates[kept] = worker->candidates[k];
+        kept += meets;
+    }
+    worker->candidate_count = kept;
+}
+
 /* The tetrahedra of b near one of a. False: out of memory. */
 static bool find_candidates(const struct overlay *overlay, struct worker *worker, uint32_t tet)
 {
-    double box[6] = {INFINITY, INFINITY, INFINITY, -INFINITY, -INFINITY, -INFINITY};
-    for (int c = 0; c < 4; c++)
-        for (int i = 0; i < 3; i++) {
-            double x = corner(overlay->meshes[0], tet, c)[i];
-            box[i] = smaller(box[i], x);
-            box[i + 3] = larger(box[i + 3], x);
-        }
+    double box[6];
+    tet_box(overlay->meshes[0], tet, box);
     uint32_t count = bvh_find_box(&overlay->bvh, box, worker->candidates, (uint32_t)worker->capacity);
     if (count > worker->capacity) {
         void *grown = worker->candidates;
@@ -228,6 +261,7 @@ static bool find_candidates(const struct overlay *overlay, struct worker *worker
         count = bvh_find_box(&overlay->bvh, box, worker->candidates, (uint32_t)worker->capacity);
     }
     worker->candidate_count = count;
+    cull_candidates(overlay, worker, box);
     return true;
 }
 
@@ -269,6 +303,17 @@ static enum tetlod_status prepare_mesh(struct overlay *overlay, int m, struct ov
     return TETLOD_OK;
 }
 
+static enum tetlod_status prepare_boxes(struct overlay *overlay, struct tetlod_error *error)
+{
+    const struct tetmesh *b = overlay->meshes[1];
+    overlay->boxes = array_new(b->tet_count, 6 * sizeof *overlay->boxes);
+    if (!overlay->boxes)
+        return tetlodi_fail_nomem(error, "the overlay", b->tet_count * (uint64_t)48);
+    for (uint32_t t = 0; t < b->tet_count; t++)
+        tet_box(b, t, overlay->boxes + 6 * (size_t)t);
+    return bvh_build(&overlay->bvh, b->positions, b->corners, b->tet_count, 4, error);
+}
+
 static enum tetlod_status prepare_fields(struct overlay *overlay, const uint32_t *a_fields, const uint32_t *b_fields,
                                          struct tetlod_error *error)
 {
@@ -307,6 +352,7 @@ static void overlay_fini(struct overlay *overlay, unsigned threads)
     }
     free(overlay->workers);
     free(overlay->compared);
+    free(overlay->boxes);
     bvh_fini(&overlay->bvh);
 }
 
@@ -337,7 +383,7 @@ enum tetlod_status overlay_max(const struct tetmesh *a, const uint32_t *a_fields
     TETLOD_TRY_DONE(prepare_mesh(&overlay, 1, report, error));
     TETLOD_TRY_DONE(prepare_fields(&overlay, a_fields, b_fields, error));
     TETLOD_TRY_DONE(prepare_workers(&overlay, threads, error));
-    TETLOD_TRY_DONE(bvh_build(&overlay.bvh, b->positions, b->corners, b->tet_count, 4, error));
+    TETLOD_TRY_DONE(prepare_boxes(&overlay, error));
     parallel_for(threads, a->tet_count, CHUNK, compare_range, &overlay);
     status = gather(&overlay, threads, out, report, error);
 done:

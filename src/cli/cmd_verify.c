@@ -8,8 +8,7 @@
 
 #include "format/fail.h"
 #include "src/build/build.h"
-#include "src/build/measure.h"
-#include "src/build/same.h"
+#include "src/cli/against.h"
 #include "src/cli/cli.h"
 #include "src/cli/progress.h"
 #include "src/io/io.h"
@@ -24,7 +23,8 @@ static const char help[] =
     "\n"
     "Decodes a stream whole: checks every checksum, replays all records and undoes them again, checks every level's mesh.\n"
     "\n"
-    "      --against INPUT  also: the finest level is this mesh exactly, and the errors stored are the true ones\n"
+    "      --against INPUT  also: the finest level is this mesh exactly; at every level the errors stored are not below what\n"
+    "                       is measured; and at levels spread evenly, which it names, 'max' is not below the exact maximum\n"
     "      --q SOLUTION     the solution file of a PLOT3D grid\n"
     "      --threads N      0 (default): all cores\n"
     "      --json           the result as JSON\n"
@@ -45,6 +45,7 @@ struct verification {
     struct tetlod_cursor *cursor;
     uint64_t *hashes; /* [level] of the arrays on the way up */
     struct mesh_report finest;
+    struct against_report against;
     struct tetlod_error *error;
 };
 
@@ -68,19 +69,10 @@ static uint64_t hash_mesh(const struct verification *v)
     return hash;
 }
 
-static enum tetlod_status report_level(const struct verification *v, struct mesh_report *out)
-{
-    struct tetlod_mesh mesh;
-    tetlod_cursor_mesh(v->cursor, &mesh);
-    return mesh_check(mesh.positions, mesh.corners, mesh.vertices, mesh.tets, out, v->error);
-}
-
 /* What the original does not have, no level may have. */
-static enum tetlod_status check_level(const struct verification *v, uint32_t level)
+static enum tetlod_status check_report(const struct verification *v, uint32_t level, const struct mesh_report *report)
 {
-    struct mesh_report now;
-    const struct mesh_report *original = &v->finest;
-    TETLOD_TRY(report_level(v, &now));
+    const struct mesh_report now = *report, *original = &v->finest;
     const struct {
         const char *what;
         uint64_t now, original;
@@ -118,23 +110,79 @@ static enum tetlod_status replay(struct verification *v)
         v->hashes[k] = hash_mesh(v);
         progress(v, "replay", (k + 1.0) / levels);
     }
-    return report_level(v, &v->finest);
+    struct tetlod_mesh mesh;
+    tetlod_cursor_mesh(v->cursor, &mesh);
+    return mesh_check(mesh.positions, mesh.corners, mesh.vertices, mesh.tets, &v->finest, v->error);
+}
+
+/* A level that waits to be checked: one a thread, so that they are checked at the same time. */
+struct waiting_level {
+    uint32_t level;
+    struct tetmesh mesh;
+    struct mesh_report report;
+    enum tetlod_status status;
+    struct tetlod_error error;
+};
+
+static void check_meshes(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct waiting_level *waiting = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        const struct tetmesh *mesh = &waiting[i].mesh;
+        waiting[i].status = mesh_check(mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count,
+                                       &waiting[i].report, &waiting[i].error);
+    }
+}
+
+/* Checks those that wait, and frees them; the first fault of them is the one that counts. */
+static enum tetlod_status check_waiting(const struct verification *v, struct waiting_level *waiting, uint32_t count)
+{
+    enum tetlod_status status = TETLOD_OK;
+    parallel_for(v->request->threads, count, 1, check_meshes, waiting);
+    for (uint32_t i = 0; i < count; i++) {
+        if (status == TETLOD_OK && (status = waiting[i].status) != TETLOD_OK)
+            *v->error = waiting[i].error;
+        if (status == TETLOD_OK)
+            status = check_report(v, waiting[i].level, &waiting[i].report);
+        tetmesh_fini(&waiting[i].mesh);
+    }
+    return status;
+}
+
+static enum tetlod_status undo_to(const struct verification *v, uint32_t k)
+{
+    uint32_t vertices = tetlod_info(v->file)->levels[k].vertices;
+    struct tetlod_mesh mesh;
+    for (tetlod_cursor_mesh(v->cursor, &mesh); mesh.vertices > vertices; tetlod_cursor_mesh(v->cursor, &mesh))
+        TETLOD_TRY(tetlod_cursor_coarsen(v->cursor, v->error));
+    if (mesh.vertices != vertices || hash_mesh(v) != v->hashes[k])
+        return tetlodi_fail(v->error, TETLOD_ERR_STREAM, "undoing the records does not lead back to level %u", k);
+    return TETLOD_OK;
 }
 
 static enum tetlod_status undo(struct verification *v)
 {
-    uint32_t levels = tetlod_info(v->file)->level_count;
-    struct tetlod_mesh mesh;
-    for (uint32_t k = levels; k-- > 0;) {
-        const struct tetlod_level *level = &tetlod_info(v->file)->levels[k];
-        for (tetlod_cursor_mesh(v->cursor, &mesh); mesh.vertices > level->vertices; tetlod_cursor_mesh(v->cursor, &mesh))
-            TETLOD_TRY(tetlod_cursor_coarsen(v->cursor, v->error));
-        if (mesh.vertices != level->vertices || hash_mesh(v) != v->hashes[k])
-            return tetlodi_fail(v->error, TETLOD_ERR_STREAM, "undoing the records does not lead back to level %u", k);
-        TETLOD_TRY(check_level(v, k));
+    uint32_t levels = tetlod_info(v->file)->level_count, count = 0;
+    uint32_t most = v->request->threads < PARALLEL_MOST_THREADS ? v->request->threads : PARALLEL_MOST_THREADS;
+    struct waiting_level *waiting = array_zero(most, sizeof *waiting);
+    enum tetlod_status status = waiting ? TETLOD_OK : tetlodi_fail_nomem(v->error, "the levels", most * sizeof *waiting);
+    for (uint32_t k = levels; k-- > 0 && status == TETLOD_OK;) {
+        status = undo_to(v, k);
+        waiting[count].level = k;
+        if (status == TETLOD_OK)
+            status = level_mesh_copy(tetlod_info(v->file), v->cursor, &waiting[count].mesh, v->error);
+        count += status == TETLOD_OK;
+        if (status == TETLOD_OK && (count == most || k == 0)) {
+            status = check_waiting(v, waiting, count);
+            count = 0;
+        }
         progress(v, "undo", 1 - (double)k / levels);
     }
-    return TETLOD_OK;
+    for (uint32_t i = 0; i < count; i++)
+        tetmesh_fini(&waiting[i].mesh);
+    free(waiting);
+    return status;
 }
 
 /* ---- against the input */
@@ -150,77 +198,9 @@ static enum tetlod_status derive_fields(const struct tetlod_info *info, struct t
     return TETLOD_OK;
 }
 
-/* Two ways of measuring differ by the rounding of positions, which is that of the largest coordinate; a mean also where the
- * original has several values, of which the build knows the right one and we take the nearest. */
-static bool honest(const struct tetlod_info *info, double stored, double measured, enum tetlod_measure measure)
+static void compare_progress(void *opaque, double done)
 {
-    double largest = 0, smallest_side = INFINITY;
-    for (int d = 0; d < 3; d++) {
-        largest = fmax(largest, fmax(fabs(info->bounds[0][d]), fabs(info->bounds[1][d])));
-        smallest_side = fmin(smallest_side, info->bounds[1][d] - info->bounds[0][d]);
-    }
-    double rounding = smallest_side > 0 ? 1e-12 * largest / smallest_side : 0;
-    return measured <= stored * (measure == TETLOD_RMS ? 1 + 1e-3 : 1 + 1e-6) + 1e-9 + rounding;
-}
-
-static enum tetlod_status check_errors(const struct verification *v, struct measure *measure, double diagonal,
-                                       uint32_t level, const struct tetmesh *mesh, const uint32_t *fields,
-                                       struct measured *measured)
-{
-    const struct tetlod_info *info = tetlod_info(v->file);
-    double domain;
-    TETLOD_TRY(measure_mesh(measure, mesh, fields, v->request->threads, measured, &domain, v->error));
-    if (!honest(info, info->levels[level].domain_error, diagonal > 0 ? domain / diagonal : 0, TETLOD_MAX))
-        return tetlodi_fail(v->error, TETLOD_ERR_MISMATCH, "level %u: its domain error is %g, stored is %g", level,
-                            domain / diagonal, info->levels[level].domain_error);
-    for (uint32_t f = 0; f < info->field_count; f++) {
-        const double *range = info->fields[f].range, *errors = info->levels[level].errors + f * TETLOD_MEASURES;
-        double scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
-        const double now[2] = {measured[f].sampled * scale, measured[f].rms * scale};
-        for (int i = 0; i < 2; i++)
-            if (!honest(info, errors[TETLOD_SAMPLED + i], now[i], (enum tetlod_measure)(TETLOD_SAMPLED + i)))
-                return tetlodi_fail(v->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: its %s error is %g, stored is %g",
-                                    level, info->fields[f].name,
-                                    tetlod_measure_name((enum tetlod_measure)(TETLOD_SAMPLED + i)), now[i],
-                                    errors[TETLOD_SAMPLED + i]);
-        if (!isnan(errors[TETLOD_MAX]) && !honest(info, errors[TETLOD_MAX], now[0], TETLOD_MAX))
-            return tetlodi_fail(v->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: certified is %g, but measured is %g",
-                                level, info->fields[f].name, errors[TETLOD_MAX], now[0]);
-    }
-    return TETLOD_OK;
-}
-
-static enum tetlod_status compare_levels(const struct verification *v, const struct tetmesh *input)
-{
-    const struct tetlod_info *info = tetlod_info(v->file);
-    uint32_t *fields = array_new(info->field_count, 2 * sizeof *fields);
-    struct measured *measured = array_new(info->field_count, sizeof *measured);
-    enum tetlod_status status = TETLOD_OK;
-    if (!fields || !measured)
-        status = tetlodi_fail_nomem(v->error, "the fields", info->field_count * sizeof *measured);
-    for (uint32_t f = 0; f < info->field_count && status == TETLOD_OK; f++) {
-        fields[f] = tetmesh_find_field(input, info->fields[f].name);
-        fields[info->field_count + f] = f;
-    }
-    struct measure *measure = NULL;
-    if (status == TETLOD_OK)
-        status = measure_new(&measure, input, fields, info->field_count, v->error);
-    for (uint32_t k = info->level_count; k-- > 0 && status == TETLOD_OK;) {
-        struct tetmesh mesh = {0};
-        status = tetlod_cursor_seek(v->cursor, k, v->error);
-        if (status == TETLOD_OK)
-            status = level_mesh_copy(info, v->cursor, &mesh, v->error);
-        if (status == TETLOD_OK && k == info->level_count - 1 && info->lossless)
-            status = mesh_same(input, &mesh, v->error);
-        if (status == TETLOD_OK)
-            status = check_errors(v, measure, mesh_diagonal(input), k, &mesh, fields + info->field_count, measured);
-        tetmesh_fini(&mesh);
-        progress(v, "compare", 1 - (double)k / info->level_count);
-    }
-    measure_free(measure);
-    free(fields);
-    free(measured);
-    return status;
+    progress(opaque, "compare", done);
 }
 
 static enum tetlod_status verify_against(struct verification *v)
@@ -229,10 +209,9 @@ static enum tetlod_status verify_against(struct verification *v)
     struct io_read_options options = {.solution = v->request->solution};
     TETLOD_TRY(io_read(&input, v->request->against, &options, NULL, v->error));
     enum tetlod_status status = derive_fields(tetlod_info(v->file), &input, v->error);
+    const struct against_options comparing = {v->request->threads, compare_progress, v};
     if (status == TETLOD_OK)
-        status = tetlod_cursor_seek(v->cursor, tetlod_info(v->file)->level_count - 1, v->error);
-    if (status == TETLOD_OK)
-        status = compare_levels(v, &input);
+        status = against_check(v->file, v->cursor, &input, &comparing, &v->against, v->error);
     tetmesh_fini(&input);
     return status;
 }
@@ -254,12 +233,33 @@ done:
     return status;
 }
 
-static int print_result(const struct request *request, enum tetlod_status status, const struct tetlod_error *error)
+/* What was found to be well, in words. */
+static void print_done(const struct verification *v)
 {
-    if (!request->json)
-        return status == TETLOD_OK ? (printf("%s: ok\n", request->stream), EXIT_DONE) : cli_fail(error);
-    json_t *object = json_pack("{s:s, s:b, s:s}", "file", request->stream, "ok", status == TETLOD_OK, "message",
-                               status == TETLOD_OK ? "" : error->message);
+    const struct against_report *against = &v->against;
+    printf("%s: ok", v->request->stream);
+    if (v->request->against)
+        printf("; %u levels measured", against->measured);
+    for (uint32_t i = against->exact_count; i-- > 0;)
+        printf("%s%u", i + 1 == against->exact_count ? ", max held against the exact maximum at levels " : ", ",
+               against->exact[i]);
+    putchar('\n');
+}
+
+static int print_result(const struct verification *v, enum tetlod_status status, const struct tetlod_error *error)
+{
+    if (!v->request->json) {
+        if (status != TETLOD_OK)
+            return cli_fail(error);
+        print_done(v);
+        return EXIT_DONE;
+    }
+    json_t *levels = json_array(), *object;
+    for (uint32_t i = v->against.exact_count; i-- > 0 && levels;)
+        json_array_append_new(levels, json_integer(v->against.exact[i]));
+    object = json_pack("{s:s, s:b, s:s, s:i, s:o}", "file", v->request->stream, "ok", status == TETLOD_OK, "message",
+                       status == TETLOD_OK ? "" : error->message, "measured_levels", (int)v->against.measured,
+                       "exact_levels", levels);
     char *text = object ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
     if (text)
         puts(text);
@@ -273,9 +273,10 @@ static int verify(struct request *request)
     struct tetlod_error error = {0}, inner = {0};
     struct tetlod_file *file;
     int fd;
+    struct verification v = {.request = request, .error = &inner};
     enum tetlod_status status = cli_open_stream(request->stream, &file, &fd, &error);
     if (status == TETLOD_OK) {
-        struct verification v = {.request = request, .file = file, .error = &inner};
+        v.file = file;
         status = verify_file(&v);
         progress_end(&request->progress);
         if (status != TETLOD_OK)
@@ -283,7 +284,7 @@ static int verify(struct request *request)
         tetlod_close(file);
         close(fd);
     }
-    return print_result(request, status, &error);
+    return print_result(&v, status, &error);
 }
 
 static int run(int argc, char **argv)

@@ -5,9 +5,11 @@ import hashlib
 import json
 import os
 import signal
+import struct
 import subprocess
 import sys
 import time
+import zlib
 
 import numpy as np
 import vtk
@@ -462,6 +464,49 @@ def against():
     report('verify --json', done.returncode == 0 and json.loads(done.stdout)['ok'] is True, done)
 
 
+def forge_max(name, coarsest, most):
+    """The stream with the stored `max` of its only field cut to `most` from a level on, whole in every other respect."""
+    told, data = info(name), bytearray(open(path(name), 'rb').read())
+    size = struct.unpack_from('<I', data, 20)[0]
+    for level in told['levels'][coarsest:]:
+        at = data.index(struct.pack('<IId', level['vertices'], level['tets'], level['domain_error']), 64, 64 + size) + 16
+        stored = struct.unpack_from('<d', data, at)[0]
+        struct.pack_into('<d', data, at, min(stored, most))
+    struct.pack_into('<I', data, 24, zlib.crc32(data[64:64 + size]))
+    data[40:56] = hashlib.sha256(data[:40] + data[64:64 + size]).digest()[:16]
+    struct.pack_into('<I', data, 60, zlib.crc32(data[:60]))
+    with open(path('forged.tetlod'), 'wb') as out:
+        out.write(data)
+
+
+def forged():
+    """A certified error below the exact one, though not below the measured ones, is found."""
+    tetlod('build', 'fin.vtu', '-o', 'honest.tetlod', '--contract', 'tet', '--carry', 'Pressure', '--growth',
+           '1.005', '--quiet')
+    checked = json.loads(tetlod('verify', 'honest.tetlod', '--against', 'fin.vtu', '--json').stdout)
+    levels = len(info('honest.tetlod')['levels'])
+    report('verify --against: measures every level, and the exact maximum at levels from the coarsest to nearly the finest',
+           checked['measured_levels'] == levels and checked['exact_levels'][0] == 0 and
+           checked['exact_levels'][-1] == levels - 2 and len(checked['exact_levels']) == 6, checked)
+    done = tetlod('verify', 'honest.tetlod', '--against', 'fin.vtu')
+    report('verify --against: says so', b'%d levels measured, max held against the exact maximum at levels 0, ' % levels in
+           done.stdout, done)
+    room = []
+    for level in checked['exact_levels']:
+        tetlod('extract', 'honest.tetlod', '--level', str(level), '-o', 'level.vtu', '--quiet')
+        found = json.loads(tetlod('compare', 'fin.vtu', 'level.vtu', '--json').stdout)['errors']
+        room.append((found['max'] / (found['sampled'] or 1), level, (found['max'] + found['sampled']) / 2))
+    ratio, level, lie = max(room)
+    report('forged max: there is room for a lie', ratio > 1.001, room)
+    forge_max('honest.tetlod', 0, 1)
+    report('forged max: nothing changed but what is to be', open(path('forged.tetlod'), 'rb').read() ==
+           open(path('honest.tetlod'), 'rb').read())
+    forge_max('honest.tetlod', level, lie)
+    succeeds('forged max: the stream alone is well', 'verify', 'forged.tetlod')
+    fails('forged max: found by the exact maximum', 3, ['level %d' % level, 'certified', 'exact maximum'], 'verify',
+          'forged.tetlod', '--against', 'fin.vtu', '--quiet')
+
+
 def blunt_fin():
     name = 'the blunt fin'
     grid, solution = os.path.join(DATA, 'bluntfinxyz.bin'), os.path.join(DATA, 'bluntfinq.bin')
@@ -499,6 +544,7 @@ determinism()
 killed()
 damaged()
 against()
+forged()
 blunt_fin()
 print('1..%d' % count)
 sys.exit(failed != 0)
