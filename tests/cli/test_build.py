@@ -481,13 +481,12 @@ def forge_max(name, coarsest, most):
 
 def forged():
     """A certified error below the exact one, though not below the measured ones, is found."""
-    tetlod('build', 'fin.vtu', '-o', 'honest.tetlod', '--contract', 'tet', '--carry', 'Pressure', '--growth',
-           '1.005', '--quiet')
+    tetlod('build', 'fin.vtu', '-o', 'honest.tetlod', '--contract', 'tet', '--carry', 'Pressure', '--quiet')
     checked = json.loads(tetlod('verify', 'honest.tetlod', '--against', 'fin.vtu', '--json').stdout)
     levels = len(info('honest.tetlod')['levels'])
     report('verify --against: measures every level, and the exact maximum at levels from the coarsest to nearly the finest',
            checked['measured_levels'] == levels and checked['exact_levels'][0] == 0 and
-           checked['exact_levels'][-1] == levels - 2 and len(checked['exact_levels']) == 6, checked)
+           checked['exact_levels'][-1] == levels - 2 and len(checked['exact_levels']) == min(6, levels - 1), checked)
     done = tetlod('verify', 'honest.tetlod', '--against', 'fin.vtu')
     report('verify --against: says so', b'%d levels measured, max held against the exact maximum at levels 0, ' % levels in
            done.stdout, done)
@@ -523,7 +522,8 @@ def blunt_fin():
                left <= most, left)
     report(name + ': a certified error is at most the range', told['levels'][0]['errors']['Pressure']['max'] <= 1)
     checked = tetlod('verify', 'blunt.tetlod', '--against', grid, '--q', solution)
-    report(name + ': verify --against', checked.returncode == 0, checked)
+    report(name + ': verify --against, the exact maximum at six levels', checked.returncode == 0 and
+           checked.stdout.decode().split('levels')[-1].count(',') == 5, checked)
     certified = tetlod('build', grid, '--q', solution, '--field', 'Pressure', '--carry', 'Pressure', '-o', 'certified.tetlod',
                        '--json', '--quiet')
     told = json.loads(certified.stdout)
