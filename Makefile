@@ -17,10 +17,10 @@ SOVERSION := $(firstword $(subst ., ,$(VERSION)))
 B := build/$(config)
 
 # ---- what must be installed, as Debian packages; `make deps` installs what is missing
-DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev \
+DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev \
     libjansson-dev libmicrohttpd-dev $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
 DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-jsonschema nginx-light varnish openssl chromium
-DEPS_BENCH := zstd wrk nginx-light
+DEPS_BENCH := wrk nginx-light
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
 PACKAGES := libzstd expat zlib liblz4 jansson libmicrohttpd
@@ -76,6 +76,7 @@ WEB_SRC := $(sort $(shell find $(WEB_DIR) -name node_modules -prune -o -type f -
 WEB := build/web
 NODE_MODULES := $(WEB_DIR)/node_modules/.package-lock.json
 EMBEDDED := $(B)/server/embedded.o
+EMBEDDED_SRC := build/embedded/embedded.c
 INTERNAL := $(call objects,$(LIBRARY_SRC) $(SERVER_SRC)) $(EMBEDDED)
 BINARY := $(B)/tetlod
 UNIT_TESTS := $(patsubst tests/unit/%.c,$(B)/tests/unit/%,$(UNIT_SRC))
@@ -111,11 +112,11 @@ build/web.stamp: $(NODE_MODULES) $(WEB_SRC)
 	@echo "  WEB $(WEB_DIR)"
 	$(Q)node $(WEB_DIR)/build.mjs $(WEB) && touch $@
 
-$(B)/server/embedded.c: server/embed.py build/web.stamp server/api/openapi.json
-	@mkdir -p $(@D)
-	$(Q)python3 server/embed.py $@ $(WEB) server/api
+$(EMBEDDED_SRC): server/embed.py build/web.stamp server/api/openapi.json
+	$(Q)python3 server/embed.py $(@D) $(WEB) server/api
 
-$(EMBEDDED): $(B)/server/embedded.c $(B)/flags
+$(EMBEDDED): $(EMBEDDED_SRC) server/assets.h $(B)/flags
+	@mkdir -p $(@D)
 	$(Q)$(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
 
 $(LIBTETLOD): $(call objects,$(FORMAT_SRC))

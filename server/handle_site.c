@@ -11,29 +11,44 @@
 #include "src/report/info_json.h"
 #include "src/util/array.h"
 
-enum outcome handle_page(struct exchange *exchange)
+/* Nothing from elsewhere runs here or is asked, but streams of the origins that the operator named. The page's workers and
+ * its WebAssembly need what is said of them; blob: is for pictures and workers that it makes itself. */
+static void content_policy(const struct site *site, struct response *response)
+{
+    response_header(response, "Content-Security-Policy",
+                    "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self' blob:; img-src 'self' data: blob:; "
+                    "object-src 'none'; base-uri 'none'; form-action 'none'; connect-src 'self'%s",
+                    site->stream_origins ? site->stream_origins : "");
+}
+
+enum outcome handle_asset(struct exchange *exchange, const struct embedded_file *asset)
 {
     struct response *response = exchange->response;
-    const struct asset *asset = assets_find(exchange->site->assets, exchange->captures[0]);
     enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
-    if (!asset->encoded[coding].size)
+    if (!asset->coded[coding].bytes)
         coding = CODING_IDENTITY;
+    const struct embedded_bytes *coded = &asset->coded[coding];
     response->status = 200;
-    response->media_type = asset->file->media_type;
+    response->media_type = asset->media_type;
     response->kind = BODY_BYTES;
-    response->bytes = coding ? asset->encoded[coding].bytes : asset->file->bytes;
-    response->size = coding ? asset->encoded[coding].size : (size_t)(asset->file->end - asset->file->bytes);
+    response->bytes = coded->bytes;
+    response->size = (size_t)(coded->end - coded->bytes);
     if (coding)
         response_header_text(response, "Content-Encoding", coding_name(coding));
-    snprintf(response->etag, sizeof response->etag, "\"%s%s%s\"", asset->etag, coding ? "-" : "", coding_name(coding));
+    snprintf(response->etag, sizeof response->etag, "\"%s%s%s\"", asset->hash, coding ? "-" : "", coding_name(coding));
     response_header_text(response, "Vary", "Accept-Encoding");
-    response_header(response, "Content-Security-Policy",
-                    "default-src 'self'; connect-src *; img-src 'self' data: blob:; worker-src 'self' blob:; "
-                    "script-src 'self' 'wasm-unsafe-eval'; object-src 'none'; base-uri 'none'");
+    content_policy(exchange->site, response);
     response_header_text(response, "X-Content-Type-Options", "nosniff");
     response_header_text(response, "Link", "</openapi.json>; rel=\"service-desc\"");
     cache_revalidate(response);
     return ANSWERED;
+}
+
+/* Which stream the page shows, and how, it reads from its own address. */
+enum outcome handle_view(struct exchange *exchange)
+{
+    const struct embedded_file *page = assets_find("/view.html");
+    return handle_asset(exchange, page ? page : assets_find("/"));
 }
 
 enum outcome handle_health(struct exchange *exchange)

@@ -36,7 +36,7 @@ struct prepared {
 
 enum body_kind { BODY_NONE, BODY_BYTES, BODY_FILE };
 
-enum { RESPONSE_HEADERS = 12, HEADER_VALUE = 320 };
+enum { RESPONSE_HEADERS = 12, HEADER_VALUE = 480 };
 
 struct response {
     unsigned status;

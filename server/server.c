@@ -26,12 +26,13 @@
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250 };
+enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250, MOST_ORIGIN_BYTES = 240 };
 
 struct server {
     struct server_options options;
     struct site site, metrics_site;
     const char **routes;
+    char *stream_origins;
     struct gate *gate;
     struct http *http, *metrics_http;
     struct listener listeners[MOST_LISTENERS]; /* the metrics' own one last */
@@ -158,6 +159,35 @@ static void set_defaults(struct server_options *options)
     options->keep_replaced = options->keep_replaced > 0 ? options->keep_replaced : 60;
 }
 
+/* "http" or "https", a host that may start with "*.", a port: nothing that could end the directive of the policy. */
+static bool good_origin(const char *origin)
+{
+    size_t scheme = strncmp(origin, "https://", 8) == 0 ? 8 : strncmp(origin, "http://", 7) == 0 ? 7 : 0;
+    const char *host = origin + scheme;
+    return scheme && *host && !host[strspn(host, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-.:[]*")];
+}
+
+static enum tetlod_status take_origins(struct server *server, struct tetlod_error *error)
+{
+    const struct server_options *options = &server->options;
+    struct buffer text = {0};
+    for (size_t i = 0; i < options->stream_origin_count; i++) {
+        const char *origin = options->stream_origins[i];
+        if (good_origin(origin) && text.size + strlen(origin) < MOST_ORIGIN_BYTES) {
+            if (buffer_printf(&text, " %s", origin) == TETLOD_OK)
+                continue;
+            buffer_fini(&text);
+            return tetlodi_fail_nomem(error, "the server", 0);
+        }
+        buffer_fini(&text);
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "'%.120s' is not an origin such as https://example.org (%d bytes at most for all)",
+                            origin, MOST_ORIGIN_BYTES);
+    }
+    server->stream_origins = (char *)text.bytes;
+    server->site.stream_origins = server->stream_origins;
+    return TETLOD_OK;
+}
+
 static enum tetlod_status build_site(struct server *server, struct tetlod_error *error)
 {
     const struct server_options *options = &server->options;
@@ -173,7 +203,6 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
     site->metrics = server->routes ? metrics_new(server->routes) : NULL;
     site->cache = cache_new(options->cache_bytes);
     site->forests = cache_new(UINT64_MAX);
-    site->assets = assets_new();
     site->serve_metrics = !options->metrics;
     long descriptors = sysconf(_SC_OPEN_MAX);
     const struct gate_options limits = {
@@ -183,8 +212,9 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
         .descriptors = descriptors > 0 && descriptors < MOST_DESCRIPTORS ? (size_t)descriptors : MOST_DESCRIPTORS,
     };
     server->gate = gate_new(&limits);
-    if (!site->metrics || !site->cache || !site->forests || !site->assets || !server->gate)
+    if (!site->metrics || !site->cache || !site->forests || !server->gate)
         return tetlodi_fail_nomem(error, "the server", 0);
+    TETLOD_TRY(take_origins(server, error));
     TETLOD_TRY(pool_start(&site->pool, options->threads, QUEUE, error));
     const struct catalogue_options catalogue = {
         .paths = options->paths,
@@ -346,8 +376,8 @@ void server_stop(struct server *server)
     cache_free(server->site.forests);
     catalogue_close(server->site.catalogue);
     metrics_free(server->site.metrics);
-    assets_free(server->site.assets);
     free(server->routes);
+    free(server->stream_origins);
     if (server->wake >= 0)
         close(server->wake);
     pthread_mutex_destroy(&server->lock);

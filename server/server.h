@@ -13,6 +13,8 @@ struct server_options {
     const char *metrics;         /* address for /metrics alone; NULL: served with the rest */
     const char *const *paths;    /* streams, or folders of *.tetlod */
     size_t path_count;
+    const char *const *stream_origins; /* origins whose streams the page may load beside those of the server itself */
+    size_t stream_origin_count;
     unsigned threads;            /* [one per core] */
     uint64_t cache_bytes;        /* of answers that were made [256 MiB] */
     size_t connections;          /* at a time [4096] */

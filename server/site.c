@@ -15,6 +15,7 @@ const struct route site_routes[] = {
     {"/healthz", handle_health},
     {"/readyz", handle_ready},
     {"/metrics", handle_metrics},
+    {"/view/{id}", handle_view},
     {"/v1/meshes", handle_catalogue},
     {"/v1/meshes/{id}", handle_stream_info},
     {"/v1/meshes/{id}/mesh", handle_mesh},
@@ -88,10 +89,11 @@ static enum outcome dispatch(struct exchange *exchange, const char *path)
             response->route = route->template;
             return route->handle(exchange);
         }
-    if (percent_decode(path, size, exchange->captures[0], CAPTURE_CAPACITY) &&
-        assets_find(exchange->site->assets, exchange->captures[0])) {
+    const struct embedded_file *asset =
+        percent_decode(path, size, exchange->captures[0], CAPTURE_CAPACITY) ? assets_find(exchange->captures[0]) : NULL;
+    if (asset) {
         response->route = page_route;
-        return handle_page(exchange);
+        return handle_asset(exchange, asset);
     }
     response_problem(response, 404, exchange->request->target,
                      "there is nothing under this path; /openapi.json lists what there is");

@@ -18,7 +18,7 @@ struct site {
     struct cache *forests; /* streams in memory, by content id */
     struct pool *pool;     /* NULL: work is done by the asking thread */
     struct metrics *metrics;
-    struct assets *assets;
+    const char *stream_origins; /* where else the page may load streams from: text of the policy, or NULL */
     bool serve_metrics; /* at /metrics; else only on an address of its own */
     atomic_bool draining;
 };
@@ -108,7 +108,8 @@ void cache_revalidate(struct response *response);
 
 double monotonic_seconds(void);
 
-enum outcome handle_page(struct exchange *exchange);
+enum outcome handle_asset(struct exchange *exchange, const struct embedded_file *asset);
+enum outcome handle_view(struct exchange *exchange);
 enum outcome handle_health(struct exchange *exchange);
 enum outcome handle_ready(struct exchange *exchange);
 enum outcome handle_metrics(struct exchange *exchange);

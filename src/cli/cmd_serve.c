@@ -22,6 +22,8 @@ static const char help[] =
     "  --listen ADDR:PORT      where to listen; may be repeated (default 127.0.0.1:8080). Also [ADDR]:PORT, unix:PATH.\n"
     "                          A socket handed over by systemd (LISTEN_FDS) takes the place of the default\n"
     "  --metrics ADDR:PORT     serve /metrics there and not with the rest\n"
+    "  --stream-origin ORIGIN  the page may also load streams from there, such as https://data.example.org; may be repeated\n"
+    "                          (default: from this server alone)\n"
     "  --threads N             HTTP threads, and as many that make meshes (default: one per core)\n"
     "  --cache BYTES           memory for answers that were made (default 256M)\n"
     "  --connections N         at a time (default 4096)\n"
@@ -36,11 +38,11 @@ static const char help[] =
     "\n"
     "It speaks HTTP/1.1 without TLS; server/deploy shows how to put nginx or Varnish in front.\n";
 
-enum { MOST_ADDRESSES = 15, FIRST_HANDED_OVER = 3 };
+enum { MOST_ADDRESSES = 15, MOST_ORIGINS = 8, FIRST_HANDED_OVER = 3 };
 
 struct settings {
     struct server_options server;
-    const char *addresses[MOST_ADDRESSES];
+    const char *addresses[MOST_ADDRESSES], *origins[MOST_ORIGINS];
     char handed_over[MOST_ADDRESSES][24];
     bool access_log;
 };
@@ -87,6 +89,13 @@ static bool take_option(struct settings *settings, int option, const char *value
     switch (option) {
     case 'l':
         return take_address(settings, value);
+    case 'o':
+        if (server->stream_origin_count == MOST_ORIGINS) {
+            cli_usage("serve", "--stream-origin may be given %d times at most", MOST_ORIGINS);
+            return false;
+        }
+        settings->origins[server->stream_origin_count++] = value;
+        return true;
     case 'm':
         server->metrics = value;
         return true;
@@ -201,6 +210,7 @@ static int run(int argc, char **argv)
 {
     static const struct option options[] = {
         {"listen", required_argument, NULL, 'l'},       {"metrics", required_argument, NULL, 'm'},
+        {"stream-origin", required_argument, NULL, 'o'},
         {"threads", required_argument, NULL, 't'},      {"cache", required_argument, NULL, 'c'},
         {"connections", required_argument, NULL, 'n'},  {"per-address", required_argument, NULL, 'a'},
         {"header-bytes", required_argument, NULL, 'b'}, {"timeout", required_argument, NULL, 'T'},
@@ -223,6 +233,7 @@ static int run(int argc, char **argv)
     if (!settings.server.listen_count)
         settings.addresses[settings.server.listen_count++] = "127.0.0.1:8080";
     settings.server.listen = settings.addresses;
+    settings.server.stream_origins = settings.origins;
     settings.server.paths = (const char *const *)(argv + optind);
     settings.server.path_count = (size_t)(argc - optind);
     settings.server.log = print_message;

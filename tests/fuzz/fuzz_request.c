@@ -19,9 +19,8 @@ static struct site *make_site(void)
     site.cache = cache_new(1 << 20);
     site.forests = cache_new(1 << 20);
     site.metrics = metrics_new(routes);
-    site.assets = assets_new();
     site.serve_metrics = true;
-    if (!site.cache || !site.forests || !site.metrics || !site.assets ||
+    if (!site.cache || !site.forests || !site.metrics ||
         catalogue_open(&site.catalogue, &options, NULL) != TETLOD_OK)
         abort();
     return &site;

@@ -112,6 +112,8 @@ def statuses(received):
 
 def run(tests):
     failed = 0
+    forgotten = {name for name in vars(sys.modules['__main__']) if name.startswith('test_')} - {test.__name__ for test in tests}
+    assert not forgotten, forgotten
     for number, test in enumerate(tests, 1):
         try:
             skipped = test()

@@ -103,7 +103,7 @@ def test_every_operation():
         if '416' in document['paths'][path]['get']['responses']:
             assert check(path, concrete(path, cid), Range='bytes=0-3') == 206
             assert check(path, concrete(path, cid), Range='bytes=999999999-') == 416
-        if '{id}' in path:
+        if '404' in document['paths'][path]['get']['responses'] and '{id}' in path:
             assert check(path, concrete(path, cid, id='nothing')) == 404
         if '{cid}' in path:
             assert check(path, concrete(path, '0' * 32)) == 404

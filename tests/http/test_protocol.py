@@ -5,9 +5,11 @@ import os
 import re
 import resource
 import socket
+import subprocess
+import sys
 import time
 
-from served import SCRATCH, SLOW, Server, run, statuses
+from served import ROOT, SCRATCH, SLOW, TETLOD, Server, run, statuses
 
 FOLDER = os.path.join(SCRATCH, 'streams')
 os.makedirs(FOLDER, exist_ok=True)
@@ -224,13 +226,62 @@ def test_coding():
     _, head, body = server.get('/catalogue.js', Accept_Encoding='gzip, zstd')
     assert head['content-encoding'] == 'zstd' and body[:4] == b'\x28\xb5\x2f\xfd'
     assert 'content-encoding' not in server.get('/catalogue.js', Accept_Encoding='gzip;q=0, br')[1]
+    unzstd = subprocess.run(['zstd', '-dqc'], input=body, stdout=subprocess.PIPE, check=True).stdout
+    assert unzstd == plain
+    for coding in ('gzip', 'zstd'):  # each coding is a representation with a tag of its own
+        head = server.get('/catalogue.js', Accept_Encoding=coding)[1]
+        assert server.get('/catalogue.js', Accept_Encoding=coding, If_None_Match=head['etag'])[0] == 304
+        assert server.get('/catalogue.js', If_None_Match=head['etag'])[0] == 200
+
+
+def test_embedding():
+    """What embed.py makes of a folder: media types, the codings that are smaller, tags by content."""
+    folder = os.path.join(SCRATCH, 'assets')
+    os.makedirs(os.path.join(folder, 'deep'))
+    for name, data in (('a.wasm', b'\0asm' * 100), ('deep/index.html', b'x'), ('b.js', b'same ' * 50), ('c.mjs', b'same ' * 50)):
+        with open(os.path.join(folder, name), 'wb') as file:
+            file.write(data)
+    embed = [sys.executable, os.path.join(ROOT, 'server', 'embed.py'), os.path.join(SCRATCH, 'embedded'), folder]
+    subprocess.run(embed, check=True)
+    with open(os.path.join(SCRATCH, 'embedded', 'embedded.c')) as file:
+        rows = {row[0]: row[1:] for row in re.findall(r'{"(.*?)", "(.*?)", "(.*?)", (.*)},', file.read())}
+    assert set(rows) == {'/a.wasm', '/deep/', '/b.js', '/c.mjs'}, rows
+    assert rows['/a.wasm'][0] == 'application/wasm' and rows['/a.wasm'][2].count('_end') == 3
+    assert rows['/deep/'][2].count('_end') == 1  # one byte does not become smaller
+    assert rows['/b.js'][1] == rows['/c.mjs'][1] != rows['/a.wasm'][1]
+    with open(os.path.join(folder, 'd.exe'), 'wb'):
+        pass
+    done = subprocess.run(embed, stderr=subprocess.PIPE)
+    assert done.returncode == 1 and b'media type' in done.stderr
+
+
+def policy(text):
+    return {name: set(sources) for name, *sources in (directive.split() for directive in text.split(';'))}
 
 
 def test_page():
     status, head, body = server.get('/')
     assert status == 200 and head['content-type'].startswith('text/html') and b'<html' in body
-    assert "default-src 'self'" in head['content-security-policy'] and head['x-content-type-options'] == 'nosniff'
+    assert head['x-content-type-options'] == 'nosniff'
+    rules = policy(head['content-security-policy'])
+    assert rules == {'default-src': {"'self'"}, 'script-src': {"'self'", "'wasm-unsafe-eval'"}, 'worker-src': {"'self'", 'blob:'},
+                     'img-src': {"'self'", 'data:', 'blob:'}, 'object-src': {"'none'"}, 'base-uri': {"'none'"}, 'form-action': {"'none'"},
+                     'connect-src': {"'self'"}}, rules
+    for path in ('/view/fin', '/view/a%20b', '/view/nothing?x'):
+        status, head, body = server.get(path)
+        assert status == 200 and head['content-type'].startswith('text/html') and b'<html' in body and head['etag'], path
+    for path in ('/view', '/view/', '/view/a/b', '/view/%00', '/view/%zz', '/page.css/', '/page.csss'):
+        problem(path, 404)
     assert server.get('/page.css')[1]['content-type'].startswith('text/css')
+
+
+def test_stream_origins():
+    with Server(FOLDER, '--stream-origin', 'https://data.example.org', '--stream-origin', 'http://[::1]:81') as two:
+        rules = policy(two.get('/')[1]['content-security-policy'])
+        assert rules['connect-src'] == {"'self'", 'https://data.example.org', 'http://[::1]:81'} and rules['default-src'] == {"'self'"}
+    for origin in ('*', "https://a; script-src 'unsafe-inline'", 'https://a b', 'ftp://a', 'https://', 'https://' + 'a' * 300, 'https://a/path'):
+        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--stream-origin', origin], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        assert done.returncode == 2 and b'origin' in done.stderr, (origin, done)
 
 
 def test_slow_loris():
@@ -347,5 +398,5 @@ with Server(FOLDER) as server:
     run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths, test_traversal,
          test_nul_does_not_cut, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue,
          test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
-         test_coding, test_page, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses,
+         test_coding, test_embedding, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses,
          test_graceful_stop, test_access_log, test_metrics])

@@ -8,11 +8,9 @@
 
 static json_t *load(void)
 {
-    for (size_t i = 0; i < embedded_file_count; i++)
-        if (strcmp(embedded_files[i].path, "/openapi.json") == 0)
-            return json_loadb((const char *)embedded_files[i].bytes, (size_t)(embedded_files[i].end - embedded_files[i].bytes),
-                              JSON_REJECT_DUPLICATES, NULL);
-    return NULL;
+    const struct embedded_file *file = assets_find("/openapi.json");
+    const struct embedded_bytes *plain = file ? &file->coded[CODING_IDENTITY] : NULL;
+    return plain ? json_loadb((const char *)plain->bytes, (size_t)(plain->end - plain->bytes), JSON_REJECT_DUPLICATES, NULL) : NULL;
 }
 
 static void test_every_route_is_described(void)

@@ -44,7 +44,6 @@ static bool open_fixture(struct fixture *f, uint64_t cache_bytes)
     f->site.cache = cache_new(cache_bytes);
     f->site.forests = cache_new(UINT64_MAX);
     f->site.metrics = metrics_new(routes);
-    f->site.assets = assets_new();
     if (!write_stream(f->path, 1) || catalogue_open(&f->site.catalogue, &options, NULL) != TETLOD_OK)
         return false;
     struct dataset *dataset = catalogue_find(f->site.catalogue, "m");
@@ -62,7 +61,6 @@ static void close_fixture(struct fixture *f)
     cache_free(f->site.forests);
     catalogue_close(f->site.catalogue);
     metrics_free(f->site.metrics);
-    assets_free(f->site.assets);
     unlink(f->path);
     rmdir(f->folder);
 }
