@@ -18,7 +18,8 @@ B := build/$(config)
 
 # ---- what must be installed, as Debian packages; `make deps` installs what is missing
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev \
-    libjansson-dev libmicrohttpd-dev $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
+    libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
+    $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
 DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-jsonschema nginx-light varnish openssl chromium
 DEPS_BENCH := wrk nginx-light
 
@@ -74,6 +75,16 @@ SHARED := $(B)/libtetlod.so.$(VERSION)
 WEB_DIR := server/web
 WEB_SRC := $(sort $(shell find $(WEB_DIR) -name node_modules -prune -o -type f -print))
 WEB := build/web
+# The codec and its geometry as WebAssembly, for the page and for clients of their own: package of ES modules in build/client
+WASM_CC ?= clang-14
+WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -ftls-model=local-exec -std=c11 -O3 -ffp-contract=off \
+    -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS)
+WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
+WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c,$(FORMAT_SRC)) server/cut.c \
+    src/mesh/adjacency.c src/mesh/tetmesh.c src/util/array.c
+WASM := build/wasm/tetlod.wasm
+CLIENT := build/client
+CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)
 NODE_MODULES := $(WEB_DIR)/node_modules/.package-lock.json
 EMBEDDED := $(B)/server/embedded.o
 EMBEDDED_SRC := build/embedded/embedded.c
@@ -87,9 +98,9 @@ FUZZ_TARGETS := $(patsubst tests/fuzz/%.c,$(B)/tests/fuzz/%,$(FUZZ_SRC))
 .SECONDARY:
 Q := $(if $(V),,@)
 
-## all: the program, the library and nothing else (config=release|debug|asan|tsan|coverage|fuzz)
+## all: the program, the library and the package of the web client (config=release|debug|asan|tsan|coverage|fuzz)
 .PHONY: all
-all: $(BINARY) $(LIBTETLOD) $(SHARED)
+all: $(BINARY) $(LIBTETLOD) $(SHARED) $(CLIENT)/package.json
 
 # A change of flags rebuilds: the stamp holds the line that compiles.
 FLAGS_LINE = $(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) $(TETLOD_LDFLAGS) $(LDFLAGS)
@@ -108,9 +119,19 @@ $(NODE_MODULES): $(WEB_DIR)/package.json $(WEB_DIR)/package-lock.json
 	@echo "  NPM $(WEB_DIR)"
 	$(Q)cd $(WEB_DIR) && npm ci --ignore-scripts --no-audit --no-fund --silent && touch node_modules/.package-lock.json
 
-build/web.stamp: $(NODE_MODULES) $(WEB_SRC)
+$(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h server/cut.h) Makefile
+	@mkdir -p $(@D)
+	@command -v $(WASM_CC) >/dev/null || { echo "make: $(WASM_CC) is missing (run: make deps-build)" >&2; exit 1; }
+	@echo "  WASM $@"
+	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(WASM_SRC)
+
+$(CLIENT)/package.json: $(WASM) $(CLIENT_SRC)
+	@rm -rf $(@D) && mkdir -p $(@D)
+	$(Q)cp $(WASM) $(CLIENT_SRC) $(@D)
+
+build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
 	@echo "  WEB $(WEB_DIR)"
-	$(Q)node $(WEB_DIR)/build.mjs $(WEB) && touch $@
+	$(Q)node $(WEB_DIR)/build.mjs $(WEB) $(WASM) && touch $@
 
 $(EMBEDDED_SRC): server/embed.py build/web.stamp server/api/openapi.json
 	$(Q)python3 server/embed.py $(@D) $(WEB) server/api

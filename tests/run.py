@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Runs all tests of the given build configurations, two at a time, and ends with `N passed, N failed`.
 
-A test is a program that speaks TAP: unit tests and fuzz replays built into build/CONFIG/tests, and tests/{cli,http}/
-*.sh and *.py, which find what they test in the environment (TETLOD the program, CONFIG, ROOT the tree, SCRATCH an empty
+A test is a program that speaks TAP: unit tests and fuzz replays built into build/CONFIG/tests, and tests/*/test_*
+of .sh, .py and .mjs (for node), which find what they test in the environment (TETLOD the program, CONFIG, ROOT the tree, SCRATCH an empty
 folder that is removed after success). A program without TAP output counts as one test by its exit status.
 """
 import argparse
@@ -30,7 +30,7 @@ def tests_of(config):
         if config != 'release' and folder in ('oom', 'lint', 'install', 'golden', 'web'):
             continue
         for path in sorted(glob.glob(os.path.join(ROOT, 'tests', folder, 'test_*'))):
-            if path.endswith(('.sh', '.py')):
+            if path.endswith(('.sh', '.py', '.mjs')):
                 yield path
 
 
@@ -47,6 +47,8 @@ def run(config, path, timeout):
         command = ['/usr/bin/python3', path]
     elif path.endswith('.sh'):
         command = ['bash', path]
+    elif path.endswith('.mjs'):
+        command = ['node', path]
     elif 'fuzz/fuzz_' in path:
         command.append(os.path.join(ROOT, 'tests/fuzz/corpus', os.path.basename(path)[len('fuzz_'):]))
     start = time.time()

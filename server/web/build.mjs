@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// node build.mjs OUT: bundles the page into the folder OUT: the entries below with what they share in chunks, and the
-// files that are taken as they are.
+// node build.mjs OUT WASM: bundles the page into the folder OUT: the entries below with what they share in chunks, and the
+// files that are taken as they are, the codec's WebAssembly among them.
 import { cpSync, mkdirSync, readdirSync, renameSync, rmSync } from 'node:fs';
 import { dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { build } from 'esbuild';
 
 const here = dirname(fileURLToPath(import.meta.url));
-const entries = ['page/catalogue.js'];
-const out = process.argv[2];
+const entries = ['page/catalogue.js', 'client/worker.js'];
+const [, , out, wasm] = process.argv;
 const made = `${out}.new`;
 
 rmSync(made, { recursive: true, force: true });
@@ -29,5 +29,6 @@ await build({
 });
 for (const name of readdirSync(join(here, 'page')))
   if (/\.(html|css|svg)$/.test(name)) cpSync(join(here, 'page', name), join(made, name));
+cpSync(wasm, join(made, 'tetlod.wasm'));
 rmSync(out, { recursive: true, force: true });
 renameSync(made, out);

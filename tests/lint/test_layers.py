@@ -19,6 +19,7 @@ LAYERS = {
     'src/build': MESHES,
     'src/report': MESHES + ['src/io/put.h'],
     'server': MESHES + ['src/io/io.h', 'src/report/', 'format/reader.h'],
+    'server/web/wasm': MESHES + ['format/bytes.h', 'server/cut.h'],
     'src/cli': MESHES + ['src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/build/', 'server/server.h'],
 }
 LIBC = set('''assert ctype dirent errno fcntl float getopt inttypes limits math pthread sched signal stdarg stdatomic stdbool stddef

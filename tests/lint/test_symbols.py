@@ -38,7 +38,7 @@ def complaint(compiler, language, standard, header):
 
 
 def check_headers():
-    headers = sorted(sum((glob.glob(os.path.join(ROOT, folder, '*.h')) for folder in ('format', 'src/*', 'server')), []))
+    headers = sorted(sum((glob.glob(os.path.join(ROOT, folder, '*.h')) for folder in ('format', 'src/*', 'server', 'server/web/wasm')), []))
     with concurrent.futures.ThreadPoolExecutor(2) as pool:
         found = sum(pool.map(lambda h: complaint('cc', 'c', 'c11', h), headers), [])
     report('each of %d headers compiles alone' % len(headers), found if headers else ['there are none'])

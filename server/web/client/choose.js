@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Which level a request asks for, from the index alone (tetlod_level_for_* of format/tetlod.h).
+
+const measures = ['max', 'sampled', 'rms', 'predicted'];
+
+function fieldsOf(info, name) {
+  if (name === undefined) {
+    const controlled = info.fields.filter((field) => field.controlled);
+    return controlled.length ? controlled : info.fields;
+  }
+  const field = info.fields.find((f) => f.name === name);
+  if (!field) throw new RangeError(`there is no field '${name}'; there are: ${info.fields.map((f) => f.name).join(', ')}`);
+  return [field];
+}
+
+// An absolute error as a fraction of a field's range; of a constant field every level is exact or none is.
+function fractionOf(absolute, field) {
+  const range = field.range[1] - field.range[0];
+  return range > 0 ? absolute / range : absolute;
+}
+
+function atLeast0(name, value) {
+  if (!(value >= 0)) throw new RangeError(`${name} is a number of at least 0, not ${value}`);
+  return value;
+}
+
+function levelForError(info, { error, absError, field, measure = 'max' }) {
+  const fields = fieldsOf(info, field);
+  const finest = info.levels.length - 1;
+  if (!measures.includes(measure)) throw new RangeError(`measure is one of ${measures.join(', ')}, not '${measure}'`);
+  const unknown = fields.find((f) => info.levels[finest].errors[f.name]?.[measure] === undefined);
+  if (unknown) throw new RangeError(`the stream does not hold the measure '${measure}' of '${unknown.name}'`);
+  const most = (f) => Math.min(error ?? Infinity, absError === undefined ? Infinity : fractionOf(absError, f));
+  const found = info.levels.findIndex((level) => fields.every((f) => level.errors[f.name][measure] <= most(f)));
+  return found < 0 ? finest : found;
+}
+
+// The finest level that keeps to a budget; level 0 if even that is over it.
+function levelWithin(info, key, most) {
+  let level = 0;
+  while (level + 1 < info.levels.length && info.levels[level + 1][key] <= most) level++;
+  return level;
+}
+
+/** The coarsest level for an error, limited by budgets; the finest one if nothing is asked. */
+export function chooseLevel(info, target) {
+  const finest = info.levels.length - 1;
+  let level = finest;
+  if (target.level !== undefined) {
+    if (!Number.isInteger(target.level) || target.level < 0 || target.level > finest)
+      throw new RangeError(`level is a whole number from 0 to ${finest}, not ${target.level}`);
+    level = target.level;
+  }
+  if (target.error !== undefined) atLeast0('error', target.error);
+  if (target.absError !== undefined) atLeast0('absError', target.absError);
+  if (target.error !== undefined || target.absError !== undefined) level = Math.min(level, levelForError(info, target));
+  for (const key of ['tets', 'bytes'])
+    if (target[key] !== undefined) level = Math.min(level, levelWithin(info, key, atLeast0(key, target[key])));
+  return level;
+}

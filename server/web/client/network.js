@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The bytes of a stream in order, from the server's routes or from any host of files; one request at a time.
+
+const FIRST = 16384;   // header and index of most streams
+const LEAST = 65536;   // of a request for records; each is as long as all before it, up to
+const MOST = 1 << 20;
+const longest = 30_000; // milliseconds without a byte, and between two attempts at most a third of it
+
+/** A failure that trying again does not mend. */
+export class FetchError extends Error {
+  constructor(message) {
+    super(message);
+    this.name = 'FetchError';
+  }
+}
+
+class Retry extends Error {
+  constructor(message, after = 0) {
+    super(message);
+    this.after = after;
+  }
+}
+
+export const sleep = (milliseconds, signal) => new Promise((resolve, reject) => {
+  const stop = () => { clearTimeout(timer); reject(signal.reason); };
+  const timer = setTimeout(() => { signal?.removeEventListener('abort', stop); resolve(); }, milliseconds);
+  if (signal?.aborted) stop();
+  signal?.addEventListener('abort', stop, { once: true });
+});
+
+// Seconds or a date (RFC 9110, 10.2.3), in milliseconds from now.
+function retryAfter(headers) {
+  const text = headers.get('Retry-After');
+  if (!text) return 0;
+  const wait = /^\d+$/.test(text.trim()) ? 1000 * Number(text) : Date.parse(text) - Date.now();
+  return wait > 0 ? wait : 0;
+}
+
+async function failureOf(answer) {
+  let detail = '';
+  if (/json/.test(answer.headers.get('Content-Type') ?? '')) detail = (await answer.json().catch(() => ({}))).detail ?? '';
+  else await answer.body?.cancel();
+  if (answer.status === 416) return new FetchError(`the stream ends too early: ${answer.url} has no bytes there`);
+  const message = `${answer.url}: ${detail || `${answer.status} ${answer.statusText}`}`;
+  const passes = [408, 425, 429].includes(answer.status) || answer.status >= 500;
+  return passes ? new Retry(message, retryAfter(answer.headers)) : new FetchError(message);
+}
+
+export class Source {
+  #url; #signal; #retries; #onRetry;
+  #routes = null;  // of the server: {level, records}, URL templates
+  #levels = null;  // that the server has described
+  #reader = null;  // of the answer that is being read
+  #at = 0;         // of the stream: the next byte that it gives
+  #end = 0;        // of what was asked for; Infinity: unknown
+  #whole = false;  // Range is ignored: the answer is all of the file
+  #validator = ''; // of the file that ranges are of
+
+  /** `onRetry({attempt, delay, message})` is told of every failure that is tried again. */
+  constructor(url, { signal, retries = 8, onRetry = () => {} } = {}) {
+    this.#url = url;
+    this.#signal = signal;
+    this.#retries = retries;
+    this.#onRetry = onRetry;
+  }
+
+  /** Finds out what serves the stream: /v1/meshes/{id} describes it and has immutable URLs, everything else is a file. */
+  async start() {
+    if (!/\/v1\/meshes\/[^/]+\/?$/.test(new URL(this.#url).pathname)) return;
+    await this.#persist(async () => {
+      const answer = await this.#fetch(this.#url, { headers: { Accept: 'application/json' } });
+      const { levels, links } = await answer.json().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
+      if (!levels || !links) throw new FetchError(`${this.#url} does not describe a stream`);
+      const absolute = (link) => new URL(link.replace(/[{}]/g, (c) => (c === '{' ? '%7B' : '%7D')), answer.url).href;
+      const template = (link) => absolute(link.replace(/\{\?.*?\}/, '')).replaceAll('%7B', '{').replaceAll('%7D', '}');
+      this.#levels = levels;
+      this.#routes = { level: template(links.level), records: template(links.records), stream: absolute(links.stream) };
+    });
+  }
+
+  /** The next bytes from `position` on, at least one, of which those before `until` are needed. */
+  read(position, until) {
+    return this.#persist(() => this.#next(position, until));
+  }
+
+  /** Ends the request under way, unless the bytes after it would have to be asked for from the start. */
+  pause() {
+    if (!this.#whole) this.#drop();
+  }
+
+  close() {
+    this.#drop();
+  }
+
+  #drop() {
+    this.#reader?.cancel().catch(() => {});
+    this.#reader = null;
+    this.#whole = false;
+  }
+
+  async #persist(attemptOnce) {
+    for (let attempt = 1; ; attempt++) {
+      try {
+        return await attemptOnce();
+      } catch (error) {
+        this.#drop();
+        if (this.#signal?.aborted) throw this.#signal.reason;
+        if (!(error instanceof Retry)) throw error;
+        if (attempt > this.#retries) throw new FetchError(`${error.message} (${attempt} attempts)`);
+        const delay = Math.max(error.after, Math.min(longest / 3, 250 * 2 ** attempt) * (0.75 + Math.random() / 2));
+        this.#onRetry({ attempt, delay: delay / 1000, message: error.message });
+        await sleep(delay, this.#signal);
+      }
+    }
+  }
+
+  async #next(position, until) {
+    if (this.#reader && (this.#at > position || position >= this.#end)) this.#drop();
+    if (!this.#reader) await (this.#routes ? this.#askRoutes(position, until) : this.#askRange(position, until));
+    for (;;) {
+      const chunk = await this.#chunk();
+      const from = this.#at;
+      this.#at += chunk.length;
+      if (this.#at > position) return from < position ? chunk.subarray(position - from) : chunk;
+    }
+  }
+
+  // What the answer gives next. An answer that is over too early, or silent for long, has failed.
+  async #chunk() {
+    let timer;
+    const silence = new Promise((_, reject) => {
+      timer = setTimeout(() => reject(new Retry(`${this.#url}: no byte came for ${longest / 1000} s`)), longest);
+    });
+    try {
+      const reading = this.#reader.read().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
+      const { done, value } = await Promise.race([reading, silence]);
+      if (!done) return value;
+    } finally {
+      clearTimeout(timer);
+    }
+    if (this.#end === Infinity) throw new FetchError(`the stream ends too early: ${this.#url} has only ${this.#at} bytes`);
+    throw new Retry(`${this.#url}: the answer ended ${this.#end - this.#at} bytes too early`);
+  }
+
+  async #fetch(url, options = {}) {
+    let answer;
+    try {
+      answer = await fetch(url, { ...options, signal: this.#signal });
+    } catch (error) {
+      throw new Retry(`${url}: ${error.cause?.message || error.message}`);
+    }
+    if (answer.ok) return answer;
+    throw await failureOf(answer);
+  }
+
+  #take(answer, at, end) {
+    this.#reader = answer.body.getReader();
+    this.#at = at;
+    this.#end = end;
+  }
+
+  // Prefixes and records are immutable and each has its URL: browsers and proxies keep them whole.
+  async #askRoutes(position, until) {
+    const levels = this.#levels;
+    const most = Math.max(position, LEAST, Math.min(2 * position, position + MOST));
+    const first = levels.findIndex((level) => position < level.bytes);
+    if (first < 0) throw new FetchError(`the stream ends at byte ${position}`);
+    let last = first;
+    while (last + 1 < levels.length && levels[last].bytes < until && levels[last + 1].bytes <= most) last++;
+    const { level, records, stream } = this.#routes;
+    const path = first ? records.replace('{from}', first - 1).replace('{to}', last)
+      : level.replace('{level}', last).replace('{format}', 'tetlod');
+    try {
+      this.#take(await this.#fetch(path), first ? levels[first].offset : 0, levels[last].bytes);
+    } catch (error) {
+      if (first || !last || !(error instanceof FetchError)) throw error;
+      // a stream that lies on a host of files has the whole file and single levels, not every prefix
+      this.#routes = null;
+      this.#url = stream;
+      await this.#askRange(position, until);
+    }
+  }
+
+  // Any host of files. no-store: browsers' caches of ranges of one URL are a source of errors.
+  async #askRange(position, until) {
+    const end = Math.max(until, position ? 0 : FIRST);
+    const answer = await this.#fetch(this.#url, { headers: { Range: `bytes=${position}-${end - 1}` }, cache: 'no-store' });
+    const validator = answer.headers.get('ETag') ?? answer.headers.get('Last-Modified') ?? '';
+    if (position && validator !== this.#validator) throw new FetchError(`${this.#url} has changed; open it again`);
+    this.#validator = validator;
+    if (answer.status !== 206) {
+      this.#whole = true;
+      this.#take(answer, 0, Infinity);
+      return;
+    }
+    const [, start, stop] = /^bytes (\d+)-(\d+)\//.exec(answer.headers.get('Content-Range') ?? '') ?? [];
+    this.#take(answer, start === undefined ? position : Number(start), stop === undefined ? end : Number(stop) + 1);
+    if (this.#at > position) throw new FetchError(`${this.#url}: the server sent bytes from ${this.#at} on, not from ${position}`);
+  }
+}

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// TetlodStream: a stream that refines and coarsens, in a worker of its own. README.md describes it.
+
+// node 18 has no CustomEvent
+const CustomEvent = globalThis.CustomEvent ?? class extends Event {
+  constructor(name, { detail }) {
+    super(name);
+    this.detail = detail;
+  }
+};
+
+async function startWorker() {
+  const url = new URL('./worker.js', import.meta.url);
+  if (typeof Worker !== 'undefined') return new Worker(url, { type: 'module', name: 'tetlod' });
+  const threads = 'node:worker_threads'; // not a literal: bundlers for browsers need not know it
+  return new (await import(threads)).Worker(url);
+}
+
+function listen(worker, onMessage, onError) {
+  if (worker.on) return worker.on('message', onMessage).on('error', onError);
+  worker.onmessage = ({ data }) => onMessage(data);
+  worker.onerror = (event) => onError(new Error(event.message || 'the worker could not be started'));
+  return worker;
+}
+
+function errorOf({ name, message, status }) {
+  if (name === 'AbortError') return new DOMException(message, name);
+  const made = Object.assign(name === 'RangeError' ? new RangeError(message) : new Error(message), { name });
+  if (status !== undefined) made.status = status;
+  return made;
+}
+
+// A frame is seen when the next one begins; pages that are hidden have no frames, nor has node.
+const nextFrame = (call) =>
+  (typeof requestAnimationFrame === 'function' && !document.hidden ? requestAnimationFrame(call) : setTimeout(call));
+
+export class TetlodStream extends EventTarget {
+  #worker; #calls = new Map(); #count = 0; #closed = false;
+  info = null;
+  level = 0;
+  received = 0;
+
+  /**
+   * Opens a stream by the URL of a server's mesh (…/v1/meshes/{id}) or of a file, and decodes its base mesh.
+   * Options: `fields`, the names of those to decode (all); `signal`; `retries` of a request that fails (8);
+   * `on`, listeners by the name of their event, which also hear what happens while it opens; `wasm`, URL of the module.
+   */
+  static async open(url, { fields, signal, retries, on = {}, wasm } = {}) {
+    signal?.throwIfAborted();
+    const stream = new TetlodStream();
+    for (const [name, listener] of Object.entries(on)) stream.addEventListener(name, listener);
+    const stop = () => stream.close(signal.reason);
+    signal?.addEventListener('abort', stop, { once: true });
+    try {
+      stream.#worker = listen(await startWorker(), (message) => stream.#hear(message), (error) => stream.#end(error));
+      const absolute = new URL(url, globalThis.location?.href).href;
+      stream.info = await stream.#call('open', { url: absolute, fields, retries, wasm: wasm && String(wasm) });
+    } catch (error) {
+      stream.close();
+      throw error;
+    } finally {
+      signal?.removeEventListener('abort', stop);
+    }
+    return stream;
+  }
+
+  /**
+   * Refines or coarsens to the coarsest level whose `error` (a fraction of the field's range) or `absError` is at most
+   * that, of `field` (every one that drove the contraction) in `measure` ('max'); to `level`; and within the budgets
+   * `tets` and `bytes`. Without any of them: to the finest. Resolves to {level, reached}: a later call ends an earlier
+   * one, whose `reached` is false.
+   */
+  async refineTo(target = {}, { signal } = {}) {
+    signal?.throwIfAborted();
+    const id = this.#count;
+    const stop = () => this.#send({ action: 'abort', argument: id });
+    signal?.addEventListener('abort', stop, { once: true });
+    try {
+      return await this.#call('refineTo', target);
+    } finally {
+      signal?.removeEventListener('abort', stop);
+    }
+  }
+
+  /** Copies of the current level's arrays: {level, positions, tets, fields, parents}. */
+  mesh() {
+    return this.#call('mesh');
+  }
+
+  /** Which pictures to make of this and every following level; null: none. */
+  show(spec) {
+    return this.#call('show', spec);
+  }
+
+  close(reason = new DOMException('the stream was closed', 'AbortError')) {
+    this.#end(reason);
+  }
+
+  #send(message) {
+    if (!this.#closed) this.#worker?.postMessage(message);
+  }
+
+  #call(action, argument) {
+    const id = this.#count++;
+    return new Promise((resolve, reject) => {
+      if (this.#closed) throw new DOMException('the stream is closed', 'InvalidStateError');
+      this.#calls.set(id, { resolve, reject });
+      this.#send({ action, id, argument });
+    });
+  }
+
+  #end(reason) {
+    if (this.#closed) return;
+    this.#closed = true;
+    this.#worker?.terminate();
+    for (const { reject } of this.#calls.values()) reject(reason);
+    this.#calls.clear();
+  }
+
+  #hear({ id, value, failure, event, detail }) {
+    if (this.#closed) return;
+    if (event) this.#tell(event, detail);
+    const call = this.#calls.get(id);
+    if (!call) return;
+    this.#calls.delete(id);
+    if (failure) call.reject(errorOf(failure));
+    else call.resolve(value);
+  }
+
+  #tell(event, detail) {
+    if (event === 'level') this.level = detail.level;
+    if (event === 'progress') this.received = detail.received;
+    this.dispatchEvent(new CustomEvent(event, { detail }));
+    if (event === 'pictures') nextFrame(() => this.#send({ action: 'seen' }));
+  }
+}

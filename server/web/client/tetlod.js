@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The C codec and its geometry as WebAssembly: one View per stream. See ../wasm/view.h.
+
+export const NONE = 0xffffffff;
+const MORE = 1; // TETLOD_MORE
+
+/** What the library says of bytes, of an argument, or of memory. `status` is an enum tetlod_status. */
+export class TetlodError extends Error {
+  constructor(status, message) {
+    super(message || `the stream cannot be decoded (status ${status})`);
+    this.name = 'TetlodError';
+    this.status = status;
+  }
+}
+
+// libc refers to three calls for files that nothing here makes; 52 is "not there" in WASI.
+const noFiles = Object.fromEntries(['fd_close', 'fd_seek', 'fd_write'].map((name) => [name, () => 52]));
+
+/** Compiles the module: from a Response, or from bytes. */
+export async function compile(source) {
+  if (!(source instanceof Response)) return WebAssembly.compile(source);
+  if (!source.ok) throw new Error(`${source.url}: ${source.status} ${source.statusText}`);
+  const typed = source.headers.get('Content-Type')?.startsWith('application/wasm');
+  return typed ? WebAssembly.compileStreaming(source) : WebAssembly.compile(await source.arrayBuffer());
+}
+
+export class View {
+  #code; #view;
+
+  static async create(module) {
+    const { exports } = await WebAssembly.instantiate(module, { wasi_snapshot_preview1: noFiles });
+    exports._initialize();
+    return new View(exports);
+  }
+
+  constructor(code) {
+    this.#code = code;
+    this.#view = code.view_new();
+    if (!this.#view) throw new TetlodError(10, 'out of memory');
+  }
+
+  // Views of the module's memory do not outlive its growth: they are made anew each time.
+  #words(address, count) { return new Uint32Array(this.#code.memory.buffer, address >>> 0, count); }
+  #floats(address, count) { return new Float32Array(this.#code.memory.buffer, address >>> 0, count); }
+  #doubles(address, count) { return new Float64Array(this.#code.memory.buffer, address >>> 0, count); }
+
+  #text(address) {
+    const bytes = new Uint8Array(this.#code.memory.buffer, address >>> 0);
+    return new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0)));
+  }
+
+  #check(status) {
+    if (status) throw new TetlodError(status, this.#text(this.#code.view_message(this.#view)));
+  }
+
+  // Calls `use` with the address of a copy of the bytes.
+  #lend(bytes, use) {
+    const address = this.#code.view_allocate(bytes.byteLength) >>> 0;
+    if (!address) throw new TetlodError(10, `out of memory: the browser gives the decoder no ${bytes.byteLength} bytes more`);
+    new Uint8Array(this.#code.memory.buffer, address, bytes.byteLength)
+      .set(new Uint8Array(bytes.buffer, bytes.byteOffset, bytes.byteLength));
+    try {
+      return use(address);
+    } finally {
+      this.#code.view_release(address);
+    }
+  }
+
+  /** Adds the next bytes of the stream. True once the index is there. */
+  add(bytes) {
+    const status = this.#lend(bytes, (address) => this.#code.view_add(this.#view, address, bytes.byteLength));
+    if (status !== MORE) this.#check(status);
+    return status !== MORE;
+  }
+
+  /** The index, once it is there. */
+  describe() {
+    const text = this.#code.view_describe(this.#view);
+    if (!text) throw new TetlodError(10, 'out of memory');
+    return JSON.parse(this.#text(text));
+  }
+
+  /** The finest level that is there whole, or -1. */
+  get ready() {
+    return this.#code.view_ready(this.#view) | 0;
+  }
+
+  /** Decodes the base mesh. `fields` are indices; null: all. */
+  open(fields) {
+    const list = Uint32Array.from(fields ?? []);
+    this.#check(this.#lend(list, (address) => this.#code.view_open(this.#view, address, list.length)));
+  }
+
+  /** Replays or undoes to a level. After a failure the view is at the last level that could be decoded. */
+  seek(level) {
+    this.#check(this.#code.view_seek(this.#view, level));
+  }
+
+  get level() {
+    return this.#words(this.#code.view_mesh(this.#view), 3)[2];
+  }
+
+  get counts() {
+    const [vertices, tets] = this.#words(this.#code.view_mesh(this.#view), 2);
+    return { vertices, tets };
+  }
+
+  get centre() {
+    return [...this.#doubles(this.#code.view_centre(this.#view), 3)];
+  }
+
+  /** Copies of the current level's arrays. `fields` are those of describe(). */
+  mesh(fields) {
+    const [vertices, tets, level, positions, values, corners, parents] = this.#words(this.#code.view_mesh(this.#view), 7);
+    const addresses = this.#words(values, fields.length);
+    return {
+      level,
+      positions: this.#doubles(positions, 3 * vertices).slice(),
+      tets: this.#words(corners, 4 * tets).slice(),
+      fields: Object.fromEntries(fields.flatMap(({ name, components }, f) =>
+        addresses[f] ? [[name, this.#doubles(addresses[f], components * vertices).slice()]] : [])),
+      parents: this.#words(parents, vertices).slice(),
+    };
+  }
+
+  /** Prepares a move between the current level and a coarser one; place(t) then shows the mesh at t, 0 the coarser one. */
+  move(level) {
+    this.#check(this.#code.view_move(this.#view, level));
+  }
+
+  place(t) {
+    this.#code.view_place(this.#view, t);
+  }
+
+  /** Chooses the value that colours parts; component -1 is the magnitude. */
+  shade(field, component) {
+    this.#code.view_shade(this.#view, field, component);
+  }
+
+  #part(keepTriangles) {
+    const [points, triangles, pointsAt, valuesAt, trianglesAt] = this.#words(this.#code.view_part(this.#view), 5);
+    const part = { points: this.#floats(pointsAt, 3 * points).slice(), values: this.#floats(valuesAt, points).slice() };
+    if (keepTriangles) part.triangles = this.#words(trianglesAt, 3 * triangles).slice();
+    return part;
+  }
+
+  /** The boundary; its triangles only if they are wanted: they are the same for one level. */
+  surface(withTriangles = true) {
+    this.#check(this.#code.view_surface(this.#view));
+    return this.#part(withTriangles);
+  }
+
+  slice(origin, normal) {
+    this.#check(this.#code.view_slice(this.#view, ...origin, ...normal));
+    return this.#part(true);
+  }
+
+  isosurface(field, component, value) {
+    this.#check(this.#code.view_isosurface(this.#view, field, component, value));
+    return this.#part(true);
+  }
+}

@@ -1,0 +1,130 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The index of a stream as JSON: what TetlodStream.info is made of. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "server/web/wasm/view.h"
+
+VIEW_EXPORT(view_describe) const char *view_describe(struct view *view);
+
+static void put(struct tetlodi_buffer *out, const char *text)
+{
+    tetlodi_put_block(out, text, strlen(text));
+}
+
+static void put_number(struct tetlodi_buffer *out, double number)
+{
+    char text[32];
+    snprintf(text, sizeof text, "%.17g", number);
+    put(out, text);
+}
+
+/* A member whose value is a number, with the comma that is before it. */
+static void put_member(struct tetlodi_buffer *out, const char *name, double number)
+{
+    put(out, ",\"");
+    put(out, name);
+    put(out, "\":");
+    put_number(out, number);
+}
+
+static void put_string(struct tetlodi_buffer *out, const char *text)
+{
+    put(out, "\"");
+    for (; *text; text++) {
+        char escaped[8] = {*text};
+        if ((unsigned char)*text < 0x20 || *text == '"' || *text == '\\')
+            snprintf(escaped, sizeof escaped, "\\u%04x", (unsigned)(unsigned char)*text);
+        put(out, escaped);
+    }
+    put(out, "\"");
+}
+
+static void put_point(struct tetlodi_buffer *out, const double *point, int count)
+{
+    for (int i = 0; i < count; i++) {
+        put(out, i ? "," : "[");
+        put_number(out, point[i]);
+    }
+    put(out, "]");
+}
+
+static void put_field(struct tetlodi_buffer *out, const struct tetlod_field *field)
+{
+    put(out, "{\"name\":");
+    put_string(out, field->name);
+    put_member(out, "components", field->components);
+    put(out, field->type == TETLOD_FLOAT64 ? ",\"type\":\"float64\",\"range\":" : ",\"type\":\"float32\",\"range\":");
+    put_point(out, field->range, 2);
+    put(out, field->controlled ? ",\"controlled\":true}" : ",\"controlled\":false}");
+}
+
+static void put_errors(struct tetlodi_buffer *out, const struct tetlod_info *info, const struct tetlod_level *level)
+{
+    put(out, ",\"errors\":{");
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        put(out, f ? "," : "");
+        put_string(out, info->fields[f].name);
+        put(out, ":{");
+        const char *comma = "\"";
+        for (int m = 0; m < TETLOD_MEASURES; m++) {
+            double error = level->errors[f * TETLOD_MEASURES + (uint32_t)m];
+            if (isnan(error))
+                continue;
+            put(out, comma);
+            put(out, tetlod_measure_name((enum tetlod_measure)m));
+            put(out, "\":");
+            put_number(out, error);
+            comma = ",\"";
+        }
+        put(out, "}");
+    }
+    put(out, "}");
+}
+
+static void put_level(struct tetlodi_buffer *out, const struct tetlod_info *info, uint32_t k)
+{
+    const struct tetlod_level *level = &info->levels[k];
+    put(out, k ? ",{\"level\":" : "{\"level\":");
+    put_number(out, k);
+    put_member(out, "vertices", level->vertices);
+    put_member(out, "tets", level->tets);
+    put_member(out, "offset", (double)level->offset);
+    put_member(out, "bytes", (double)level->end);
+    put_member(out, "domainError", level->domain_error);
+    put_errors(out, info, level);
+    put(out, "}");
+}
+
+/* NULL: out of memory. */
+const char *view_describe(struct view *view)
+{
+    const struct tetlod_info *info = tetlod_info(tetlod_feed_file(view->feed));
+    struct tetlodi_buffer *out = &view->text;
+    out->size = 0;
+    put(out, "{\"cid\":");
+    put_string(out, info->cid);
+    put_member(out, "vertices", info->vertices);
+    put_member(out, "tets", info->tets);
+    put_member(out, "bytes", (double)info->bytes);
+    put_member(out, "degenerateTets", (double)info->degenerate_tets);
+    put_member(out, "invertedTets", (double)info->inverted_tets);
+    put(out, ",\"bounds\":[");
+    put_point(out, info->bounds[0], 3);
+    put(out, ",");
+    put_point(out, info->bounds[1], 3);
+    put(out, info->lossless ? "],\"lossless\":true,\"fields\":[" : "],\"lossless\":false,\"fields\":[");
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        put(out, f ? "," : "");
+        put_field(out, &info->fields[f]);
+    }
+    put(out, "],\"levels\":[");
+    for (uint32_t k = 0; k < info->level_count; k++)
+        put_level(out, info, k);
+    put(out, "],\"metadata\":");
+    put(out, info->metadata_size ? info->metadata : "{}");
+    tetlodi_put_block(out, "}", 2); // with the NUL
+    return out->failed ? NULL : (const char *)out->bytes;
+}

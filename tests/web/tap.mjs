@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the tests of the web client share: TAP lines, and waiting.
+
+/** Runs functions in turn, each a test by its name; one may return the reason why it was skipped. */
+export async function run(tests) {
+  let failed = 0;
+  for (const [number, test] of tests.entries()) {
+    const line = `${number + 1} - ${test.name}`;
+    try {
+      const skipped = await test();
+      console.log(`ok ${line}${typeof skipped === 'string' ? ` # SKIP ${skipped}` : ''}`);
+    } catch (error) {
+      failed++;
+      console.log(`not ok ${line}`);
+      console.log(String(error?.stack ?? error).replace(/^/gm, '# '));
+    }
+  }
+  console.log(`1..${tests.length}`);
+  process.exit(failed ? 1 : 0); // whatever still listens
+}

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The decoder of the browser gives the same bits as the C library: every golden stream, every level, up and down.
+import assert from 'node:assert/strict';
+import { createHash } from 'node:crypto';
+import { readFileSync, readdirSync } from 'node:fs';
+import { join } from 'node:path';
+import { pathToFileURL } from 'node:url';
+import { run } from './tap.mjs';
+
+const root = process.env.ROOT ?? '.';
+const built = join(root, 'build/client');
+const { View, compile } = await import(pathToFileURL(join(built, 'tetlod.js')));
+const module = await compile(readFileSync(join(built, 'tetlod.wasm')));
+const golden = join(root, 'tests/golden');
+const names = readdirSync(golden).filter((name) => name.endsWith('.tetlod'));
+const read = (name) => readFileSync(join(golden, name));
+
+async function viewOf(bytes, step = bytes.length) {
+  const view = await View.create(module);
+  for (let at = 0; at < bytes.length; at += step) view.add(bytes.subarray(at, at + step));
+  return view;
+}
+
+// As tests/unit/test_golden.c: positions, tetrahedra, fields.
+function hash(view, fields) {
+  const { positions, tets, fields: values } = view.mesh(fields);
+  const sum = createHash('sha256').update(positions).update(tets);
+  for (const { name } of fields) sum.update(values[name]);
+  return sum.digest('hex');
+}
+
+async function everyGoldenStreamEveryLevelUpAndDown() {
+  assert.ok(names.length >= 7);
+  for (const name of names) {
+    const view = await viewOf(read(name));
+    const { fields, levels } = view.describe();
+    const expected = readFileSync(join(golden, `${name}.levels`), 'utf8').trim().split('\n');
+    assert.equal(expected.length, levels.length, name);
+    view.open(null);
+    const walk = [...levels.keys(), ...[...levels.keys()].reverse()];
+    for (const k of walk) {
+      view.seek(k);
+      assert.equal(view.level, k);
+      assert.equal(hash(view, fields), expected[k], `${name}, level ${k}`);
+    }
+  }
+}
+
+async function bytesInAnyPieces() {
+  const bytes = read('grid_float32.tetlod');
+  const expected = readFileSync(join(golden, 'grid_float32.tetlod.levels'), 'utf8').trim().split('\n');
+  for (const step of [1, 7, 1000]) {
+    const view = await View.create(module);
+    let opened = false;
+    let reached = -1;
+    for (let at = 0; at < bytes.length; at += step) {
+      const there = view.add(bytes.subarray(at, at + step));
+      if (view.ready < 0) continue;
+      assert.ok(there);
+      if (!opened) view.open(null);
+      opened = true;
+      const { levels, fields } = view.describe();
+      assert.equal(view.ready, levels.findLastIndex((level) => level.bytes <= at + step));
+      for (; reached < view.ready; reached++) {
+        view.seek(reached + 1);
+        assert.equal(hash(view, fields), expected[reached + 1]);
+      }
+    }
+    assert.equal(reached, expected.length - 1);
+  }
+}
+
+async function onlySomeFields() {
+  const view = await viewOf(read('grid_float32.tetlod'));
+  const { fields } = view.describe();
+  assert.ok(fields.length > 1);
+  view.open([1]);
+  view.seek(1);
+  assert.deepEqual(Object.keys(view.mesh(fields).fields), [fields[1].name]);
+}
+
+async function damageSaysWhere() {
+  const bytes = Buffer.from(read('grid_float32.tetlod'));
+  const whole = await viewOf(bytes);
+  const { levels } = whole.describe();
+  bytes[levels[2].offset + 10] ^= 4;
+  const view = await viewOf(bytes);
+  view.open(null);
+  view.seek(1);
+  const before = view.mesh([]);
+  assert.throws(() => view.seek(3), /checksum/);
+  assert.equal(view.level, 1);
+  assert.deepEqual(view.mesh([]), before);
+  await assert.rejects(viewOf(Buffer.from('<!doctype html><title>not found</title>'.repeat(9))), /not a tetlod stream/);
+}
+
+async function aMoveEndsAtBothLevels() {
+  const view = await viewOf(read('grid_float32.tetlod'));
+  const { fields } = view.describe();
+  const [{ name }] = fields;
+  view.open(null);
+  view.seek(1);
+  const coarse = view.mesh(fields);
+  view.seek(3);
+  const fine = view.mesh(fields);
+  view.shade(0, 0);
+  const atRest = view.surface();
+  view.move(1);
+  view.place(0);
+  view.shade(0, 0);
+  const start = view.surface();
+  // every point of the boundary is one of the coarser level's vertices, with its value
+  const known = new Set();
+  for (let v = 0; v < coarse.positions.length / 3; v++)
+    known.add([...new Float32Array([...coarse.positions.subarray(3 * v, 3 * v + 3), coarse.fields[name][v]])].join());
+  for (let v = 0; v < start.values.length; v++)
+    assert.ok(known.has([...start.points.subarray(3 * v, 3 * v + 3), start.values[v]].join()), `point ${v}`);
+  assert.deepEqual(start.triangles, atRest.triangles);
+  assert.notDeepEqual(start.points, atRest.points);
+  view.place(0.5);
+  view.shade(0, 0);
+  const half = view.surface();
+  half.points.forEach((x, i) => assert.ok(Math.abs(x - (start.points[i] + atRest.points[i]) / 2) < 1e-6));
+  view.place(1);
+  view.shade(0, 0);
+  assert.deepEqual(view.surface(), atRest);
+  assert.deepEqual(view.mesh(fields), fine);
+}
+
+await run([everyGoldenStreamEveryLevelUpAndDown, bytesInAnyPieces, onlySomeFields, damageSaysWhere, aMoveEndsAtBothLevels]);
