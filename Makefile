@@ -80,8 +80,8 @@ WASM_CC ?= clang-14
 WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -ftls-model=local-exec -std=c11 -O3 -ffp-contract=off \
     -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS)
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
-WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c,$(FORMAT_SRC)) server/cut.c \
-    src/mesh/adjacency.c src/mesh/tetmesh.c src/util/array.c
+WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c,$(FORMAT_SRC)) \
+    $(sort $(wildcard src/cut/*.c)) src/mesh/adjacency.c src/mesh/tetmesh.c src/util/array.c
 WASM := build/wasm/tetlod.wasm
 CLIENT := build/client
 CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)
@@ -119,7 +119,7 @@ $(NODE_MODULES): $(WEB_DIR)/package.json $(WEB_DIR)/package-lock.json
 	@echo "  NPM $(WEB_DIR)"
 	$(Q)cd $(WEB_DIR) && npm ci --ignore-scripts --no-audit --no-fund --silent && touch node_modules/.package-lock.json
 
-$(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h server/cut.h) Makefile
+$(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h) Makefile
 	@mkdir -p $(@D)
 	@command -v $(WASM_CC) >/dev/null || { echo "make: $(WASM_CC) is missing (run: make deps-build)" >&2; exit 1; }
 	@echo "  WASM $@"

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "server/cut.h"
+#include "src/cut/cut.h"
 #include "server/level.h"
 #include "server/surface_write.h"
 #include "src/util/array.h"

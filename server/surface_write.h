@@ -4,7 +4,7 @@
 #define TETLOD_SERVER_SURFACE_WRITE_H
 
 #include "server/buffer.h"
-#include "server/cut.h"
+#include "src/cut/cut.h"
 
 struct surface_format {
     const char *name, *media_type;

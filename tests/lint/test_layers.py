@@ -16,10 +16,11 @@ LAYERS = {
     'src/mesh': ARRAYS,
     'src/io': MESHES,
     'src/sample': MESHES,
+    'src/cut': MESHES,
     'src/build': MESHES,
     'src/report': MESHES + ['src/io/put.h'],
-    'server': MESHES + ['src/io/io.h', 'src/report/', 'format/reader.h'],
-    'server/web/wasm': MESHES + ['format/bytes.h', 'server/cut.h'],
+    'server': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'format/reader.h'],
+    'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
     'src/cli': MESHES + ['src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/build/', 'server/server.h'],
 }
 LIBC = set('''assert ctype dirent errno fcntl float getopt inttypes limits math pthread sched signal stdarg stdatomic stdbool stddef

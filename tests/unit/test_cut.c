@@ -2,7 +2,7 @@
 /* Surfaces of a cube of six tetrahedra a cell, whose fields are linear: areas and values are known exactly. */
 #include <stdlib.h>
 
-#include "server/cut.h"
+#include "src/cut/cut.h"
 #include "src/mesh/tet_geom.h"
 #include "tests/test.h"
 

@@ -10,7 +10,7 @@
 #include <stdbool.h>
 
 #include "format/bytes.h"
-#include "server/cut.h"
+#include "src/cut/cut.h"
 
 #ifdef __wasm__
 #define VIEW_EXPORT(name) __attribute__((export_name(#name)))

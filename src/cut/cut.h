@@ -4,8 +4,8 @@
  * linear on each tetrahedron: there a level set is flat, and values along an edge are linear. Vertices are shared: one
  * per vertex or edge of the mesh that is met.
  */
-#ifndef TETLOD_SERVER_CUT_H
-#define TETLOD_SERVER_CUT_H
+#ifndef TETLOD_CUT_H
+#define TETLOD_CUT_H
 
 #include "src/mesh/tetmesh.h"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "server/cut.h"
+#include "src/cut/cut.h"
 
 #include <stdlib.h>
 
