@@ -10,6 +10,7 @@
 #include <stdbool.h>
 
 #include "format/tetlod.h"
+#include "src/mesh/nan_fill.h"
 
 enum exit_status { EXIT_DONE = 0, EXIT_FAILED = 1, EXIT_USAGE = 2, EXIT_INVALID = 3 };
 
@@ -37,6 +38,7 @@ bool cli_parse_fraction(const struct command *command, const char *option, const
 bool cli_parse_number(const struct command *command, const char *option, const char *text, double least, double *out);
 bool cli_parse_count(const struct command *command, const char *option, const char *text, uint64_t least, uint64_t most,
                      uint64_t *out); /* K, M, G suffixes (powers of 1024) where most exceeds 2^32 */
+bool cli_parse_nan_fill(const struct command *command, const char *text, struct nan_fill *out); /* 0.5, neighbours */
 bool cli_parse_measure(const struct command *command, const char *text, enum tetlod_measure *out);
 
 /* Exactly `count` operands after the options, or a usage message that names `what` is wanted. */

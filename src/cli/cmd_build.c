@@ -26,6 +26,8 @@ static const char help[] =
     "\n"
     "  -o, --output OUT        the stream to write (default: INPUT's name with .tetlod in this folder)\n"
     "      --q SOLUTION        the solution file of a PLOT3D grid\n"
+    "      --nan-fill V        values that are NaN become V, or with 'neighbours' the mean of the points around them, ring by\n"
+    "                          ring (default: they are refused)\n"
     "      --field NAME        a field whose error drives the contraction; NAME:mag for a vector's magnitude, NAME:0 for\n"
     "                          a component, NAME:0.01 (or :1%) for an error limit of its own; may be given several times\n"
     "                          (default: the first scalar field)\n"
@@ -61,6 +63,9 @@ struct request {
     uint32_t field_count;
     struct build_options build;
     bool json, quiet;
+    struct nan_fill fill;
+    const struct nan_fill *nan_fill; /* NULL: NaN is refused */
+    uint64_t nan_filled;
     struct progress progress;
     double phase_started;
     enum build_phase phase;
@@ -148,6 +153,9 @@ static bool parse_option(struct request *request, int option, const char *value)
     case 'q':
         request->solution = value;
         return true;
+    case 'N':
+        request->nan_fill = &request->fill;
+        return cli_parse_nan_fill(&command_build, value, &request->fill);
     case 'f':
         if (request->field_count == MOST_FIELDS) {
             cli_usage("build", "at most %d --field", MOST_FIELDS);
@@ -297,6 +305,11 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
                        metric_names[build->metric], "contract", request->contract, "candidates", (int)build->candidates,
                        "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
                        build->boundary_angle, "growth", build->growth);
+    if (object && request->nan_fill) {
+        json_t *fill = request->fill.kind == NAN_FILL_VALUE ? json_real(request->fill.value) : json_string("neighbours");
+        json_object_set_new(json_object_get(object, "options"), "nan_fill", fill);
+        json_object_set_new(object, "nan_filled", json_integer((json_int_t)request->nan_filled));
+    }
     char *text = object ? json_dumps(object, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17)) : NULL;
     json_decref(object);
     return text;
@@ -350,7 +363,8 @@ static int print_json(const struct request *request, const struct build_report *
     json_t *seconds = json_pack("{s:f, s:f, s:f, s:f, s:f}", "read", read_seconds, "contract",
                                 request->seconds[BUILD_CONTRACT], "measure", request->seconds[BUILD_MEASURE], "encode",
                                 request->seconds[BUILD_ENCODE], "write", write_seconds);
-    json_t *more = json_pack("{s:o, s:I, s:I, s:i}", "seconds", seconds, "contractions", (json_int_t)report->contractions,
+    json_t *more = json_pack("{s:o, s:I, s:I, s:I, s:i}", "seconds", seconds, "contractions", (json_int_t)report->contractions,
+                             "nan_filled", (json_int_t)request->nan_filled,
                              "peak_memory", (json_int_t)usage.ru_maxrss * 1024, "threads", (int)request->build.threads);
     char *text = object && more && json_object_update(object, more) == 0 ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
     if (text)
@@ -376,6 +390,7 @@ static void say(const struct request *request, const struct io_report *read, con
     } notes[] = {{read->split_cells, "cells split into tetrahedra"},
                  {read->skipped_cells, "cells without volume left out"},
                  {read->skipped_arrays, "arrays left out: cell data, or not numbers"},
+                 {read->nan_filled, "NaN values filled"},
                  {mesh->unused_points, "points that no tetrahedron uses left out"},
                  {report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
                  {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"}};
@@ -395,8 +410,9 @@ static int build(struct request *request)
     struct build_control controls[MOST_FIELDS];
     uint32_t count;
     double started = clock_seconds(), read_seconds, write_seconds = 0;
-    struct io_read_options read_options = {.solution = request->solution};
+    struct io_read_options read_options = {.solution = request->solution, .nan_fill = request->nan_fill};
     enum tetlod_status status = io_read(&mesh, request->input, &read_options, &read, &error);
+    request->nan_filled = read.nan_filled;
     read_seconds = clock_seconds() - started;
     if (status != TETLOD_OK)
         return cli_fail(&error);
@@ -423,6 +439,7 @@ static int run(int argc, char **argv)
     enum { JSON = 256, PROGRESS, QUIET };
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},     {"q", required_argument, NULL, 'q'},
+        {"nan-fill", required_argument, NULL, 'N'},
         {"field", required_argument, NULL, 'f'},      {"carry", required_argument, NULL, 'c'},
         {"metric", required_argument, NULL, 'm'},     {"contract", required_argument, NULL, 'k'},
         {"candidates", required_argument, NULL, 'n'},

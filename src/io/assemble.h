@@ -12,6 +12,7 @@ struct io_input {
     const unsigned char *other;
     size_t other_size;
     const char *other_path;
+    const struct nan_fill *nan_fill; /* what NaN values become; NULL: they are refused */
 };
 
 /* Room for points; ERR_MESH if there are more than ids can name. The caller has checked the count against the file. */

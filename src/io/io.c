@@ -74,6 +74,11 @@ enum tetlod_status io_read_input(struct tetmesh *out, const char *path, const st
         return tetlodi_fail(error, TETLOD_ERR_MESH, "lacks its second file");
     report->format = format->name;
     TETLOD_TRY(format->read(out, input, report, error));
+    if (input->nan_fill) {
+        TETLOD_TRY(tetmesh_validate_tets(out, error));
+        TETLOD_TRY(tetmesh_drop_unused(out, error)); // often they are those that have no value
+        TETLOD_TRY(nan_fill(out, input->nan_fill, &report->nan_filled, error));
+    }
     TETLOD_TRY(tetmesh_validate(out, error));
     return tetmesh_drop_unused(out, error);
 }
@@ -94,9 +99,9 @@ static enum tetlod_status name_siblings(const char *path, const struct format *f
 }
 
 static enum tetlod_status read_files(struct tetmesh *out, const char *path, const char *second,
-                                     struct io_report *report, struct tetlod_error *error)
+                                     const struct nan_fill *nan_fill, struct io_report *report, struct tetlod_error *error)
 {
-    struct io_input input = {.other_path = second};
+    struct io_input input = {.other_path = second, .nan_fill = nan_fill};
     unsigned char *bytes = NULL, *other = NULL;
     struct tetlod_error inner = {.offset = UINT64_MAX};
     enum tetlod_status status = file_read(path, &bytes, &input.size, error);
@@ -119,6 +124,7 @@ enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct i
 {
     struct io_report unasked;
     const char *solution = options ? options->solution : NULL;
+    const struct nan_fill *nan_fill = options ? options->nan_fill : NULL;
     const struct format *format = by_extension(path);
     char *names[2] = {NULL, NULL};
     enum tetlod_status status = TETLOD_OK;
@@ -126,14 +132,14 @@ enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct i
     *report = (struct io_report){0};
     *out = (struct tetmesh){0};
     if (!format || format->second != SIBLING)
-        status = read_files(out, path, solution, report, error);
+        status = read_files(out, path, solution, nan_fill, report, error);
     else if (solution)
         status = tetlodi_fail(error, TETLOD_ERR_MESH, "%.120s: is a %s file; only PLOT3D and Medit have a solution file",
                               path, format->name);
     else {
         status = name_siblings(path, format, names, error);
         if (status == TETLOD_OK)
-            status = read_files(out, names[0], names[1], report, error);
+            status = read_files(out, names[0], names[1], nan_fill, report, error);
     }
     free(names[0]);
     free(names[1]);

@@ -8,10 +8,12 @@
 #define TETLOD_IO_H
 
 #include "format/writer.h"
+#include "src/mesh/nan_fill.h"
 #include "src/mesh/tetmesh.h"
 
 struct io_read_options {
     const char *solution; /* PLOT3D solution file that belongs to a grid, or NULL */
+    const struct nan_fill *nan_fill; /* what NaN values of fields become; NULL: they are refused */
 };
 
 /* What a reader did that its user should know. */
@@ -19,6 +21,7 @@ struct io_report {
     const char *format;    /* short name, static: "vtu", "vtk", "plot3d", ... */
     uint64_t split_cells;  /* cells that were not tetrahedra and were split */
     uint64_t skipped_cells; /* cells of lower dimension, which have no volume */
+    uint64_t nan_filled;   /* values that were NaN and were filled */
     uint32_t skipped_arrays; /* arrays that cannot be carried: cell data, strings */
 };
 

@@ -84,7 +84,7 @@ static bool has_repeated_corner(const uint32_t *c)
     return c[0] == c[1] || c[0] == c[2] || c[0] == c[3] || c[1] == c[2] || c[1] == c[3] || c[2] == c[3];
 }
 
-enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, struct tetlod_error *error)
+enum tetlod_status tetmesh_validate_tets(const struct tetmesh *mesh, struct tetlod_error *error)
 {
     if (mesh->tet_count == 0)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "there is no tetrahedron in it");
@@ -95,6 +95,12 @@ enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, struct tetlod_er
     for (size_t t = 0; t < mesh->tet_count; t++)
         if (has_repeated_corner(mesh->corners + 4 * t))
             return tetlodi_fail(error, TETLOD_ERR_MESH, "tetrahedron %zu names the same point twice", t);
+    return TETLOD_OK;
+}
+
+enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, struct tetlod_error *error)
+{
+    TETLOD_TRY(tetmesh_validate_tets(mesh, error));
     for (size_t i = 0; i < 3 * (size_t)mesh->vertex_count; i++)
         if (!isfinite(mesh->positions[i]))
             return tetlodi_fail(error, TETLOD_ERR_MESH, "point %zu: its %c coordinate is not a finite number", i / 3,
@@ -103,8 +109,9 @@ enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, struct tetlod_er
         const struct point_field *field = &mesh->fields[f];
         for (size_t i = 0; i < (size_t)mesh->vertex_count * field->components; i++)
             if (!isfinite(field->values[i]))
-                return tetlodi_fail(error, TETLOD_ERR_MESH, "field %s: its value at point %zu is not a finite number",
-                                    field->name, i / field->components);
+                return tetlodi_fail(error, TETLOD_ERR_MESH, "field %s: its value at point %zu is not a finite number%s",
+                                    field->name, i / field->components,
+                                    isnan(field->values[i]) ? " but NaN; --nan-fill gives such points one" : "");
     }
     return TETLOD_OK;
 }

@@ -45,6 +45,9 @@ TETLOD_CHECKED enum tetlod_status tetmesh_drop_unused(struct tetmesh *mesh, stru
  * coordinates and values finite. The message names the first offender. */
 TETLOD_CHECKED enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, struct tetlod_error *error);
 
+/* The first half of it: tetrahedra and their corners. */
+TETLOD_CHECKED enum tetlod_status tetmesh_validate_tets(const struct tetmesh *mesh, struct tetlod_error *error);
+
 /* Least and greatest over all components. */
 void point_field_range(const struct point_field *field, uint32_t vertex_count, double range[2]);
 

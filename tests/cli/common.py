@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the tests of the command line share: the program, its scratch folder, and results in TAP."""
+import json
+import os
+import subprocess
+import sys
+
+TETLOD, SCRATCH, ROOT = os.environ['TETLOD'], os.environ['SCRATCH'], os.environ['ROOT']
+CONFIG = os.environ.get('CONFIG', 'release')
+DATA = os.path.join(ROOT, '..', 'shared', 'data')
+results = []
+
+
+def report(name, good, detail='', skip=None):
+    results.append(bool(good))
+    print('%s %d - %s%s' % ('ok' if good else 'not ok', len(results), name, ' # SKIP ' + skip if skip else ''))
+    if not good:
+        print('# %s' % str(detail)[:2000].replace('\n', '\n# '))
+    sys.stdout.flush()
+
+
+def finish():
+    print('1..%d' % len(results))
+    sys.exit(not all(results))
+
+
+def path(name):
+    return os.path.join(SCRATCH, name)
+
+
+def write(name, content):
+    with open(path(name), 'wb') as file:
+        file.write(content if isinstance(content, bytes) else content.encode())
+    return path(name)
+
+
+def tetlod(*arguments, **more):
+    return subprocess.run([TETLOD, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                          cwd=SCRATCH, **more)
+
+
+def succeeds(name, *arguments):
+    done = tetlod(*arguments)
+    report(name, done.returncode == 0, done)
+    return done
+
+
+def fails(name, code, words, *arguments):
+    """Exit status `code`, one line that has all the words in it, nothing on standard output."""
+    done = tetlod(*arguments)
+    message = done.stderr.decode(errors='replace')
+    good = done.returncode == code and message.count('\n') == 1 and message.startswith('tetlod') and not done.stdout
+    report(name, good and all(word in message for word in words), (done, words))
+
+
+def info(name):
+    return json.loads(tetlod('info', '--json', name).stdout)
+
+
+def read_vtu(name):
+    """Points, tetrahedra, fields."""
+    import vtk
+    from vtk.util.numpy_support import vtk_to_numpy
+    reader = vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(path(name))
+    reader.Update()
+    grid = reader.GetOutput()
+    data = grid.GetPointData()
+    fields = {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)) for i in range(data.GetNumberOfArrays())}
+    return vtk_to_numpy(grid.GetPoints().GetData()), vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4), fields
