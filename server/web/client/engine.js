@@ -77,9 +77,10 @@ export class Engine {
   }
 
   show(spec) {
+    const before = this.#spec;
     this.#spec = spec && this.#checkSpec(spec);
+    if (!before?.surface) this.#surfaceOf = -1;
     this.#dirty = true;
-    this.#surfaceOf = -1;
     this.#wake();
   }
 
@@ -170,12 +171,16 @@ export class Engine {
         else if (this.#dirty) await this.#present(1);
         else await this.#settle();
       } catch (error) {
-        // out of memory, or damage that is only seen while decoding
-        this.#limit = this.#view.level;
-        this.#dirty = false;
-        this.#fail(error);
+        this.#halt(error);
       }
     }
+  }
+
+  // Damage that is only seen while decoding, or no memory: no finer level than this is tried again.
+  #halt(error) {
+    this.#limit = this.#view.level;
+    this.#dirty = false;
+    this.#fail(error);
   }
 
   // Nothing is left to do at this level: the request may have ended; then wait.
@@ -200,21 +205,20 @@ export class Engine {
   async #refine(next) {
     const from = this.#view.level;
     const started = performance.now();
-    do this.#view.seek(this.#view.level + 1);
-    while (this.#view.level < next && performance.now() - started < slice);
-    this.#announce(this.#view.level, started);
-    if (this.#moves) {
-      this.#view.move(from);
-      await this.#animate(0, 1);
+    try {
+      do this.#view.seek(this.#view.level + 1);
+      while (this.#view.level < next && performance.now() - started < slice);
+    } catch (error) {
+      this.#halt(error);
     }
+    if (this.#view.level === from) return;
+    this.#announce(this.#view.level, started);
+    if (this.#moves(from)) await this.#animate(0, 1);
     await this.#present(1);
   }
 
   async #coarsen(next) {
-    if (this.#moves) {
-      this.#view.move(next);
-      await this.#animate(1, 0);
-    }
+    if (this.#moves(next)) await this.#animate(1, 0);
     const started = performance.now();
     this.#view.seek(next);
     this.#announce(next, started);
@@ -252,15 +256,21 @@ export class Engine {
     };
   }
 
-  // Whether a change of the level is seen as a move: something is drawn, quickly enough.
-  get #moves() {
-    return this.#spec?.morph && this.#shown >= 0 && this.#frameTime < heavyFrame;
+  // Prepares a move to or from a coarser level, if it would be seen: something is drawn, and quickly.
+  #moves(coarser) {
+    if (!this.#spec?.morph || this.#shown < 0 || this.#frameTime > heavyFrame) return false;
+    try {
+      this.#view.move(coarser);
+      return true;
+    } catch {
+      return false; // no memory for it: then a jump
+    }
   }
 
   async #animate(start, end) {
-    const began = performance.now();
+    const began = performance.now() - this.#frameTime; // the first frame is seen when it is made
     for (;;) {
-      const passed = (performance.now() - began + this.#frameTime) / moveTime;
+      const passed = (performance.now() - began) / moveTime;
       if (passed >= 1) break;
       await this.#present(start + passed * (end - start));
       if (this.#closed) return;

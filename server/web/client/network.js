@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The bytes of a stream in order, from the server's routes or from any host of files; one request at a time.
 
-const FIRST = 16384;   // header and index of most streams
-const LEAST = 65536;   // of a request for records; each is as long as all before it, up to
+const FIRST = 16384;    // header and index of most streams
+const OPENING = 32768;  // of the first levels, if the server knows where they end
+const LEAST = 65536;    // of a request for records; each is as long as all before it, up to
 const MOST = 1 << 20;
 const longest = 30_000; // milliseconds without a byte, and between two attempts at most a third of it
 
@@ -162,19 +163,20 @@ export class Source {
   // Prefixes and records are immutable and each has its URL: browsers and proxies keep them whole.
   async #askRoutes(position, until) {
     const levels = this.#levels;
-    const most = Math.max(position, LEAST, Math.min(2 * position, position + MOST));
+    const most = position ? position + Math.min(Math.max(position, LEAST), MOST) : OPENING;
+    const needed = position ? until : OPENING;
     const first = levels.findIndex((level) => position < level.bytes);
     if (first < 0) throw new FetchError(`the stream ends at byte ${position}`);
     let last = first;
-    while (last + 1 < levels.length && levels[last].bytes < until && levels[last + 1].bytes <= most) last++;
+    while (last + 1 < levels.length && levels[last].bytes < needed && levels[last + 1].bytes <= most) last++;
     const { level, records, stream } = this.#routes;
     const path = first ? records.replace('{from}', first - 1).replace('{to}', last)
       : level.replace('{level}', last).replace('{format}', 'tetlod');
     try {
       this.#take(await this.#fetch(path), first ? levels[first].offset : 0, levels[last].bytes);
     } catch (error) {
-      if (first || !last || !(error instanceof FetchError)) throw error;
-      // a stream that lies on a host of files has the whole file and single levels, not every prefix
+      if (last === first || !(error instanceof FetchError)) throw error;
+      // on a host of files there are the whole stream and single levels, nothing between
       this.#routes = null;
       this.#url = stream;
       await this.#askRange(position, until);
@@ -186,7 +188,7 @@ export class Source {
     const end = Math.max(until, position ? 0 : FIRST);
     const answer = await this.#fetch(this.#url, { headers: { Range: `bytes=${position}-${end - 1}` }, cache: 'no-store' });
     const validator = answer.headers.get('ETag') ?? answer.headers.get('Last-Modified') ?? '';
-    if (position && validator !== this.#validator) throw new FetchError(`${this.#url} has changed; open it again`);
+    if (this.#validator && validator !== this.#validator) throw new FetchError(`${this.#url} has changed; open it again`);
     this.#validator = validator;
     if (answer.status !== 206) {
       this.#whole = true;

@@ -32,7 +32,7 @@ function errorOf({ name, message, status }) {
 
 // A frame is seen when the next one begins; pages that are hidden have no frames, nor has node.
 const nextFrame = (call) =>
-  (typeof requestAnimationFrame === 'function' && !document.hidden ? requestAnimationFrame(call) : setTimeout(call));
+  (typeof requestAnimationFrame === 'function' && !document.hidden ? requestAnimationFrame(call) : setTimeout(call, 16));
 
 export class TetlodStream extends EventTarget {
   #worker; #calls = new Map(); #count = 0; #closed = false;

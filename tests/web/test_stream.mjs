@@ -1,0 +1,319 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// TetlodStream over servers and hosts of files that behave, fail, stop and lie.
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { readFileSync } from 'node:fs';
+import { join } from 'node:path';
+import { pathToFileURL } from 'node:url';
+import { ROOT, SCRATCH, TETLOD, fileHost, folderHost, program, sampleStream } from './hosts.mjs';
+import { run } from './tap.mjs';
+
+const built = join(ROOT, 'build/client');
+const { TetlodStream } = await import(pathToFileURL(join(built, 'stream.js')));
+const { View, compile } = await import(pathToFileURL(join(built, 'tetlod.js')));
+const { path, bytes } = sampleStream();
+
+// The same stream, decoded at once.
+const reference = await View.create(await compile(readFileSync(join(built, 'tetlod.wasm'))));
+reference.add(bytes);
+const info = reference.describe();
+reference.open(null);
+const finest = info.levels.length - 1;
+const middle = finest >> 1;
+
+function meshAt(level) {
+  reference.seek(level);
+  return reference.mesh(info.fields);
+}
+
+async function isAt(stream, level) {
+  assert.equal(stream.level, level);
+  assert.deepEqual(await stream.mesh(), meshAt(level));
+}
+
+const heard = (stream, name) => new Promise((resolve) => stream.addEventListener(name, (event) => resolve(event.detail), { once: true }));
+
+async function theServersRoutes() {
+  const server = await program([path]);
+  const stream = await TetlodStream.open(`${server.url}v1/meshes/fin`);
+  assert.deepEqual(stream.info, info);
+  await isAt(stream, 0);
+  assert.deepEqual(await stream.refineTo({ level: middle }), { level: middle, reached: true });
+  await isAt(stream, middle);
+  await stream.refineTo();
+  await isAt(stream, finest);
+  await stream.refineTo({ level: 2 });
+  await isAt(stream, 2);
+  stream.close();
+  await server.stop();
+}
+
+async function levelsAreChosenAsTheServerDoes() {
+  const server = await program([path]);
+  const host = await fileHost(bytes);
+  const stream = await TetlodStream.open(host.url);
+  const field = info.fields.find((f) => f.controlled);
+  const range = field.range[1] - field.range[0];
+  const targets = [{ error: 0.05 }, { error: 0.01, measure: 'sampled' }, { error: 0 }, { abs_error: 0.02 * range, field: field.name },
+    { tets: 5000 }, { tets: 1 }, { bytes: 40000 }];
+  for (const target of targets) {
+    const query = new URLSearchParams({ ...target, format: 'tetlod' });
+    const { headers } = await fetch(`${server.url}v1/meshes/fin/mesh?${query}`, { redirect: 'manual' });
+    const [, level] = /levels\/(\d+)\//.exec(headers.get('Location')) ?? assert.fail(String(query));
+    const { abs_error: absError, ...rest } = target;
+    assert.deepEqual(await stream.refineTo(absError ? { ...rest, absError } : rest), { level: Number(level), reached: true }, String(query));
+  }
+  const within = await stream.refineTo({ error: 0, tets: 9000, bytes: 60000 });
+  assert.ok(info.levels[within.level].tets <= 9000 && info.levels[within.level].bytes <= 60000);
+  const next = info.levels[within.level + 1];
+  assert.ok(next.tets > 9000 || next.bytes > 60000);
+  await assert.rejects(stream.refineTo({ error: 0.1, measure: 'least' }), /measure is one of max, sampled/);
+  await assert.rejects(stream.refineTo({ error: 0.1, field: 'Speed' }), /no field 'Speed'; there are: /);
+  await assert.rejects(stream.refineTo({ error: -1 }), /error is a number of at least 0/);
+  await assert.rejects(stream.refineTo({ level: finest + 1 }), RangeError);
+  stream.close();
+  host.close();
+  await server.stop();
+}
+
+async function aFileByRanges() {
+  const host = await fileHost(bytes);
+  const stream = await TetlodStream.open(host.url);
+  assert.equal(host.requests[0].range, 'bytes=0-16383');
+  await stream.refineTo({ level: middle });
+  await isAt(stream, middle);
+  assert.equal(stream.received, Math.max(16384, info.levels[middle].bytes));
+  await stream.refineTo({ level: 1 });
+  await stream.refineTo();
+  await isAt(stream, finest);
+  const sent = host.requests.reduce((sum, request) => sum + request.sent, 0);
+  assert.equal(sent, info.levels[finest].bytes); // no byte twice
+  for (const { range } of host.requests) assert.match(range, /^bytes=\d+-\d+$/);
+  stream.close();
+  host.close();
+}
+
+async function aFileWithoutRange() {
+  const host = await fileHost(bytes, { ranges: false });
+  host.pace = 5;
+  const stream = await TetlodStream.open(host.url);
+  await stream.refineTo({ level: middle });
+  assert.ok(stream.received < bytes.length);
+  await isAt(stream, middle);
+  await stream.refineTo();
+  await isAt(stream, finest);
+  assert.equal(host.requests.length, 1);
+  stream.close();
+  host.close();
+}
+
+async function explodedFiles() {
+  const folder = join(SCRATCH, 'exploded');
+  execFileSync(TETLOD, ['explode', path, '-o', folder], { stdio: 'ignore' });
+  const host = await folderHost(folder);
+  const stream = await TetlodStream.open(`${host.origin}/v1/meshes/fin`);
+  await stream.refineTo();
+  await isAt(stream, finest);
+  stream.close();
+  host.close();
+}
+
+async function brokenConnectionsLoseNothing() {
+  for (const ranges of [true, false]) {
+    const host = await fileHost(bytes, { ranges });
+    const retries = [];
+    const stream = await TetlodStream.open(host.url, { on: { retry: ({ detail }) => retries.push(detail) } });
+    host.cut = 50000;
+    const levels = [];
+    stream.addEventListener('level', ({ detail }) => levels.push(detail.level));
+    if (!ranges) host.fault = () => { host.cut += 60000; };
+    await stream.refineTo();
+    await isAt(stream, finest);
+    assert.deepEqual(levels, [...levels].sort((a, b) => a - b));
+    if (ranges) assert.ok(retries.length >= 1 && retries[0].attempt === 1 && retries[0].delay > 0 && retries[0].message);
+    stream.close();
+    host.close();
+  }
+}
+
+async function waitsAsTheServerAsks() {
+  const host = await fileHost(bytes);
+  const stream = await TetlodStream.open(host.url);
+  const times = [];
+  host.fault = (request, response) => {
+    times.push(performance.now());
+    if (times.length > 2) return false;
+    response.writeHead(times.length === 1 ? 503 : 429, { 'Retry-After': times.length === 1 ? '2' : new Date(Date.now() + 3000).toUTCString() }).end();
+    return true;
+  };
+  await stream.refineTo();
+  await isAt(stream, finest);
+  assert.ok(times[1] - times[0] >= 1990, `${times[1] - times[0]} ms`);
+  assert.ok(times[2] - times[1] >= 1500, `${times[2] - times[1]} ms`);
+  stream.close();
+  host.close();
+}
+
+async function givesUpAndGoesOnLater() {
+  const host = await fileHost(bytes);
+  const errors = [];
+  const stream = await TetlodStream.open(host.url, { retries: 1, on: { error: ({ detail }) => errors.push(detail.message) } });
+  await stream.refineTo({ level: 3 });
+  host.fault = (request, response) => { response.writeHead(500).end(); return true; };
+  await assert.rejects(stream.refineTo(), /500 .*2 attempts/);
+  assert.match(errors.join(), /500/);
+  const usable = stream.level;
+  await isAt(stream, usable);
+  await stream.refineTo({ level: 1 });
+  await isAt(stream, 1);
+  host.fault = null;
+  await stream.refineTo();
+  await isAt(stream, finest);
+  stream.close();
+  host.close();
+}
+
+async function aServerThatIsKilledAndStartsAgain() {
+  let server = await program([path]);
+  const { port, url } = server;
+  const stream = await TetlodStream.open(`${url}v1/meshes/fin`);
+  await stream.refineTo({ level: 3 });
+  await server.stop('SIGKILL');
+  const retried = heard(stream, 'retry');
+  const done = stream.refineTo();
+  assert.match((await retried).message, /127\.0\.0\.1|fetch|connect/i);
+  server = await program([path], port);
+  assert.deepEqual(await done, { level: finest, reached: true });
+  await isAt(stream, finest);
+  stream.close();
+  await server.stop();
+}
+
+async function aDamagedStream() {
+  const damaged = Buffer.from(bytes);
+  damaged[info.levels[middle].offset + 20] ^= 1;
+  const host = await fileHost(damaged);
+  const errors = [];
+  const stream = await TetlodStream.open(host.url, { on: { error: ({ detail }) => errors.push(detail.message) } });
+  await assert.rejects(stream.refineTo(), /checksum/);
+  assert.match(errors.join(), /checksum/);
+  await isAt(stream, middle - 1);
+  await stream.refineTo({ level: 2 });
+  await isAt(stream, 2);
+  await stream.refineTo({ level: middle - 1 });
+  await isAt(stream, middle - 1);
+  await assert.rejects(stream.refineTo({ level: middle }), /cannot be decoded: .*checksum/);
+  stream.close();
+  host.close();
+}
+
+async function aStreamThatEndsTooEarly() {
+  for (const ranges of [true, false]) {
+    const host = await fileHost(bytes.subarray(0, info.levels[middle].bytes + 10), { ranges });
+    const stream = await TetlodStream.open(host.url);
+    await assert.rejects(stream.refineTo(), /ends too early/);
+    await isAt(stream, middle);
+    stream.close();
+    host.close();
+  }
+  const host = await fileHost(bytes.subarray(0, 100));
+  await assert.rejects(TetlodStream.open(host.url), /ends too early/);
+  host.close();
+}
+
+async function aFileThatChanges() {
+  const host = await fileHost(bytes);
+  const stream = await TetlodStream.open(host.url);
+  host.etag = '"2"';
+  await assert.rejects(stream.refineTo(), /has changed; open it again/);
+  stream.close();
+  host.close();
+}
+
+async function whatIsNotAStream() {
+  const host = await fileHost(Buffer.from('<!doctype html><title>Welcome</title><p>Nothing to see here, but long enough for a header.'));
+  await assert.rejects(TetlodStream.open(host.url), /not a tetlod stream/);
+  host.bytes = () => null;
+  await assert.rejects(TetlodStream.open(host.url), /404/);
+  host.close();
+  const server = await program([path]);
+  await assert.rejects(TetlodStream.open(`${server.url}v1/meshes/none`), /none/);
+  await assert.rejects(TetlodStream.open(`${server.url}v1/meshes/fin`, { fields: ['Speed'] }), /no field 'Speed'/);
+  await server.stop();
+}
+
+async function requestsEndEarly() {
+  const host = await fileHost(bytes);
+  const stream = await TetlodStream.open(host.url);
+  host.pace = 30;
+  const first = stream.refineTo();
+  await heard(stream, 'progress');
+  const second = stream.refineTo({ level: 2 });
+  assert.equal((await first).reached, false);
+  assert.deepEqual(await second, { level: 2, reached: true });
+  await isAt(stream, 2);
+  const controller = new AbortController();
+  const third = stream.refineTo({}, { signal: controller.signal });
+  await heard(stream, 'progress');
+  controller.abort();
+  await assert.rejects(third, { name: 'AbortError' });
+  const { received } = stream;
+  await new Promise((resolve) => setTimeout(resolve, 200));
+  assert.ok(stream.received <= received + 2 * 16384, 'bytes still come after the abort');
+  const fourth = stream.refineTo();
+  stream.close();
+  await assert.rejects(fourth, { name: 'AbortError' });
+  await assert.rejects(stream.mesh(), { name: 'InvalidStateError' });
+  const opening = new AbortController();
+  host.fault = () => { opening.abort(); return true; };
+  await assert.rejects(TetlodStream.open(host.url, { signal: opening.signal }), { name: 'AbortError' });
+  host.close();
+}
+
+async function picturesOfEveryStep() {
+  const host = await fileHost(bytes);
+  const stream = await TetlodStream.open(host.url);
+  const [{ name }] = info.fields;
+  const [low, high] = info.bounds;
+  const centre = low.map((x, i) => (x + high[i]) / 2);
+  const pictures = [];
+  stream.addEventListener('pictures', ({ detail }) => pictures.push(detail));
+  const value = (info.fields[0].range[0] + info.fields[0].range[1]) / 2;
+  await stream.show({ field: name, surface: true, slices: [{ origin: centre, normal: [0, 0, 1] }], isosurfaces: [{ value }] });
+  await stream.refineTo({ level: middle });
+  assert.equal(pictures.at(-1).level, middle);
+  const moves = pictures.filter(({ level }) => level > 0);
+  assert.ok(moves.some(({ t }) => t > 0 && t < 1), 'levels move');
+  let level = -1;
+  let t = 1;
+  for (const picture of pictures) {
+    if (picture.level === level) assert.ok(picture.t > t, `${pictures.map((p) => [p.level, p.t])}`);
+    else assert.equal(t, 1); // every move ends
+    assert.equal(Boolean(picture.surface.triangles), picture.level !== level);
+    for (const z of picture.slices[0].points.filter((_, i) => i % 3 === 2)) assert.ok(Math.abs(z - centre[2]) < 1e-4);
+    for (const v of picture.isosurfaces[0].values) assert.ok(Math.abs(v - value) < 1e-4 * Math.abs(value) + 1e-6);
+    for (const part of [picture.surface, ...picture.slices, ...picture.isosurfaces]) {
+      assert.equal(part.points.length, 3 * part.values.length);
+      part.triangles?.forEach((v) => assert.ok(v < part.values.length));
+    }
+    ({ level, t } = picture);
+  }
+  pictures.length = 0;
+  await stream.refineTo({ level: 0 });
+  const falling = pictures.slice(0, -1).map((picture) => picture.t);
+  assert.deepEqual(falling, [...falling].sort((a, b) => b - a));
+  assert.equal(falling.at(-1), 0);
+  assert.deepEqual([pictures.at(-1).level, pictures.at(-1).t], [0, 1]);
+  pictures.length = 0;
+  await stream.show({ field: name, surface: true, morph: false });
+  await stream.refineTo({ level: 3 });
+  assert.deepEqual([...new Set(pictures.map((picture) => picture.t))], [1]);
+  await assert.rejects(stream.show({ field: 'Speed' }), /no field 'Speed'/);
+  await assert.rejects(stream.show({ field: name, component: 7 }), /component is one of/);
+  stream.close();
+  host.close();
+}
+
+await run([theServersRoutes, levelsAreChosenAsTheServerDoes, aFileByRanges, aFileWithoutRange, explodedFiles, brokenConnectionsLoseNothing,
+  waitsAsTheServerAsks, givesUpAndGoesOnLater, aServerThatIsKilledAndStartsAgain, aDamagedStream, aStreamThatEndsTooEarly,
+  aFileThatChanges, whatIsNotAStream, requestsEndEarly, picturesOfEveryStep]);
