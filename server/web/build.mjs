@@ -7,7 +7,7 @@ import { fileURLToPath } from 'node:url';
 import { build } from 'esbuild';
 
 const here = dirname(fileURLToPath(import.meta.url));
-const entries = ['page/catalogue.js', 'client/worker.js'];
+const entries = ['page/catalogue.js', 'page/view.js', 'client/worker.js'];
 const [, , out, wasm] = process.argv;
 const made = `${out}.new`;
 

@@ -1,28 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The catalogue as a page: key figures of each stream, and its levels as links to mesh files.
 
+import { element } from './dom.js';
+import { bytes, count, percent } from './numbers.js';
+import './theme.js';
+import { drawThumbnail } from './thumbnail.js';
+
 const measures = [
   ['max', 'error (max)'],
   ['sampled', 'error (sampled)'],
   ['rms', 'error (rms)'],
 ];
 const shownLevels = 12;
-
-function element(name, properties = {}, ...children) {
-  const made = Object.assign(document.createElement(name), properties);
-  made.append(...children);
-  return made;
-}
-
-const count = (n) => n.toLocaleString('en-US').replaceAll(',', '\u202f');
-const percent = (x) => (x === 0 ? '0' : (100 * x).toPrecision(3).replace(/\.?0+$/, '') + ' %');
-
-function bytes(n) {
-  const units = ['B', 'KiB', 'MiB', 'GiB', 'TiB'];
-  let unit = 0;
-  for (; n >= 1024 && unit < units.length - 1; unit++) n /= 1024;
-  return `${unit ? n.toPrecision(3) : n} ${units[unit]}`;
-}
 
 async function getJson(path) {
   const answer = await fetch(path);
@@ -37,11 +26,11 @@ function figures(stream) {
     ['vertices', count(stream.vertices)],
     ['stream', bytes(stream.bytes)],
     ['levels', stream.levels.length],
-    ['coarsest', `${count(stream.levels[0].tets)} tetrahedra`],
+    ['first picture', bytes(stream.levels[0].bytes)],
     ['fields', stream.fields.map((f) => f.name).join(', ')],
     ['restores the input', stream.lossless ? 'exactly' : 'within its error'],
   ];
-  return element('dl', {}, ...pairs.map(([name, value]) => element('div', {}, element('dt', {}, name), element('dd', {}, String(value)))));
+  return element('dl', {}, ...pairs.map(([name, value]) => element('div', { className: name === 'fields' ? 'wide' : '' }, element('dt', {}, name), element('dd', {}, String(value)))));
 }
 
 // The largest error of a level over the controlled fields, or undefined where the stream does not know it.
@@ -52,14 +41,12 @@ function worst(stream, level, measure) {
 
 function levelRow(stream, level, columns) {
   const path = (format) => stream.links.level.replace('{level}', level.level).replace('{format}', format);
-  const bar = element('i');
-  bar.style.width = `${(100 * level.tets) / stream.tets}%`;
   return element(
     'tr', {},
     element('td', {}, String(level.level)),
-    element('td', { className: 'tets' }, bar, element('b', {}, count(level.tets))),
+    element('td', {}, count(level.tets)),
     element('td', {}, bytes(level.bytes)),
-    ...columns.map(([measure]) => element('td', {}, percent(worst(stream, level, measure)))),
+    ...columns.map(([measure]) => element('td', {}, percent(worst(stream, level, measure), 3))),
     element('td', {}, element('a', { href: path('vtu'), download: `${stream.id}-${level.level}.vtu` }, 'VTU'), ' · ',
       element('a', { href: path('vtk'), download: `${stream.id}-${level.level}.vtk` }, 'VTK'), ' · ',
       element('a', { href: path('tetlod'), download: `${stream.id}-${level.level}.tetlod` }, 'stream')),
@@ -89,11 +76,39 @@ function levelTable(stream) {
   return parts;
 }
 
+// What some accuracies cost, as links to the viewer.
+function accuracies(stream) {
+  const measure = measures.map(([m]) => m).find((m) => worst(stream, stream.levels[0], m) !== undefined);
+  if (!measure) return '';
+  const cards = [0.05, 0.01, 0.001].map((error) => {
+    const level = stream.levels.find((l) => worst(stream, l, measure) <= error);
+    return element('a', { className: 'accuracy', href: `/view/${encodeURIComponent(stream.id)}#error=${error}` },
+      element('b', {}, percent(error)), element('span', {}, `${count(level.tets)} tetrahedra`), element('span', {}, bytes(level.bytes)));
+  });
+  const name = measure === 'max' ? 'Certified error at most' : 'Error at most';
+  return element('div', { className: 'accuracies' }, element('span', { className: 'note' }, name), ...cards);
+}
+
+// Thumbnails are asked for when they come into sight.
+const sight = new IntersectionObserver((entries) => {
+  for (const { isIntersecting, target } of entries)
+    if (isIntersecting) {
+      sight.unobserve(target);
+      drawThumbnail(target, target.stream).catch(() => {}); // a catalogue without a picture is still one
+    }
+});
+
 async function streamSection(item) {
-  const section = element('section', {}, element('h2', {}, element('a', { href: item.links.self }, item.id)));
+  const view = `/view/${encodeURIComponent(item.id)}`;
+  const section = element('section', {}, element('div', { className: 'head' },
+    element('h2', {}, element('a', { href: view }, item.id)), element('a', { className: 'button main', href: view }, 'View')));
   try {
     const stream = await getJson(item.links.self);
-    section.append(figures(stream), ...levelTable(stream));
+    const picture = element('canvas', { className: 'thumbnail', role: 'img', ariaLabel: `The boundary of ${item.id}` });
+    picture.stream = stream;
+    section.append(element('div', { className: 'body' }, element('a', { href: view, tabIndex: -1 }, picture),
+      element('div', {}, figures(stream), accuracies(stream))), element('details', {}, element('summary', {}, 'Levels and files'), ...levelTable(stream)));
+    sight.observe(picture);
   } catch (error) {
     section.append(element('p', { className: 'failed' }, `This stream cannot be described: ${error.message}`));
   }

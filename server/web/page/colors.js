@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Colour maps. The sequential ones are perceptually uniform, the diverging ones have a light middle; all of them are
+// told apart with the common forms of colour blindness.
+
+import { interpolateCividis, interpolateGreys, interpolateInferno, interpolateMagma, interpolatePlasma, interpolatePuOr, interpolateRdBu,
+  interpolateViridis } from 'd3-scale-chromatic';
+
+const maps = {
+  viridis: ['Viridis', interpolateViridis],
+  cividis: ['Cividis', interpolateCividis],
+  inferno: ['Inferno', interpolateInferno],
+  magma: ['Magma', interpolateMagma],
+  plasma: ['Plasma', interpolatePlasma],
+  blueRed: ['Blue to red, diverging', (t) => interpolateRdBu(1 - t)],
+  orangePurple: ['Orange to purple, diverging', interpolatePuOr],
+  grey: ['Grey', (t) => interpolateGreys(1 - t)],
+};
+
+export const mapNames = Object.entries(maps).map(([key, [name]]) => [key, name]);
+
+function channels(css) {
+  const hex = /^#(..)(..)(..)$/.exec(css);
+  return hex ? hex.slice(1).map((h) => parseInt(h, 16)) : css.match(/\d+/g).slice(0, 3).map(Number);
+}
+
+// `size` colours from the lowest to the highest value, each [r, g, b] of 0..255.
+export function colorTable(map, reversed, size) {
+  const [, at] = maps[map] ?? maps.viridis;
+  return Array.from({ length: size }, (_, i) => channels(at((reversed ? size - 1 - i : i) / (size - 1))));
+}
+
+export const cssGradient = (map, reversed, direction) =>
+  `linear-gradient(${direction}, ${colorTable(map, reversed, 17).map((c) => `rgb(${c})`).join(', ')})`;

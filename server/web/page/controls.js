@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The panel: every control follows the state and changes it.
+
+import { cssGradient, mapNames } from './colors.js';
+import { byId, element } from './dom.js';
+import { componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, measuresOf, spanOf, wantedLevel } from './levels.js';
+import { clamp, parseNumber, significant } from './numbers.js';
+import { Plot } from './plot.js';
+import { axisOf, defaults } from './state.js';
+import { TransferEditor } from './transfer.js';
+
+const options = (select, pairs) => select.replaceChildren(...pairs.map(([value, text]) => element('option', { value }, text)));
+
+// Switches and choices that are a key of the state as it is.
+function bindPlain(store) {
+  for (const control of document.querySelectorAll('[data-bind]')) {
+    const { bind, type } = control.dataset;
+    const isSwitch = control.type === 'checkbox';
+    control.addEventListener('change', () =>
+      store.set({ [bind]: isSwitch ? control.checked : type === 'number' ? Number(control.value) : control.value }));
+    store.watch([bind], (state) => {
+      if (isSwitch) control.checked = state[bind];
+      else control.value = state[bind];
+    });
+  }
+}
+
+// A text field for a number: what cannot be read falls back to what holds.
+function bindNumber(input, read, write) {
+  input.addEventListener('change', () => {
+    const value = parseNumber(input.value);
+    if (Number.isFinite(value)) write(value);
+    input.value = read();
+  });
+  return () => {
+    if (document.activeElement !== input) input.value = read();
+  };
+}
+
+const plain = (x, digits = 4) => significant(x, digits).replaceAll('\u202f', '').replaceAll('\u2212', '-');
+
+export class Controls {
+  // `actions`: { look(view), reset(), viewNormal(), ranges() }
+  constructor(store, info, actions) {
+    Object.assign(this, { store, info, actions });
+    options(byId('map'), mapNames);
+    options(byId('field'), info.fields.map((f) => [f.name, f.name]));
+    bindPlain(store);
+    this.bindDetail();
+    this.bindColors();
+    this.bindLayers();
+    this.bindVolume();
+    this.bindView();
+    this.describe();
+  }
+
+  // ---- detail
+
+  bindDetail() {
+    const { store, info } = this;
+    this.plot = new Plot(byId('plot'), (k) => this.chooseLevel(k));
+    const slider = byId('error');
+    slider.addEventListener('input', () => store.set({ error: this.errorAt(Number(slider.value)) }));
+    const follow = [
+      bindNumber(byId('error-percent'), () => plain(100 * store.state.error), (x) => store.set({ error: clamp(x / 100, 0, 1) })),
+      bindNumber(byId('error-absolute'), () => plain(store.state.error * spanOf(fieldOf(info, store.state.field))),
+        (x) => store.set({ error: clamp(x / (spanOf(fieldOf(info, store.state.field)) || 1), 0, 1) })),
+      bindNumber(byId('max-tets'), () => store.state.maxTets || '', (x) => store.set({ maxTets: Math.max(0, Math.round(x)) })),
+      bindNumber(byId('max-bytes'), () => (store.state.maxBytes ? plain(store.state.maxBytes / 1e6) : ''), (x) => store.set({ maxBytes: Math.max(0, x * 1e6) })),
+    ];
+    for (const [id, key] of [['max-tets', 'maxTets'], ['max-bytes', 'maxBytes']])
+      byId(id).addEventListener('input', (event) => event.target.value.trim() === '' && store.set({ [key]: 0 }));
+    store.watch(['field', 'measure'], (state) => {
+      const measure = measureFor(info, state);
+      options(byId('measure'), measuresOf(info, state.field).map((m) => [m, measureNames[m]]));
+      byId('measure').value = measure;
+      this.plot.setLevels(info.levels.map((l) => ({ bytes: l.bytes, error: errorOf(l, state.field, measure) })), info.bytes);
+    });
+    store.watch(['field', 'measure', 'error', 'maxTets', 'maxBytes'], (state) => {
+      for (const update of follow) update();
+      slider.value = this.sliderAt(state.error);
+      slider.ariaValueText = state.error ? `${plain(100 * state.error)} percent` : 'finest';
+      this.placePoint();
+    });
+  }
+
+  // The slider's end is the finest level: error 0.
+  errorAt(position) {
+    const [least, most] = errorSpan(this.info, this.store.state);
+    return position >= 1000 ? 0 : Number((most * (least / most) ** (position / 980)).toPrecision(3));
+  }
+
+  sliderAt(error) {
+    const [least, most] = errorSpan(this.info, this.store.state);
+    return error <= 0 ? 1000 : clamp(980 * (Math.log(error / most) / (Math.log(least / most) || -1)), 0, 990);
+  }
+
+  chooseLevel(k) {
+    this.store.set({ error: errorForLevel(this.info, this.store.state, k), maxTets: 0, maxBytes: 0 });
+  }
+
+  // By whole levels; those of one error count as one.
+  step(by) {
+    const { info, store } = this;
+    const from = wantedLevel(info, store.state);
+    const error = errorForLevel(info, store.state, from);
+    for (let k = from + by; k >= 0 && k < info.levels.length; k += by)
+      if (errorForLevel(info, store.state, k) !== error) return this.chooseLevel(k);
+  }
+
+  setShown(level, received) {
+    Object.assign(this, { level, received });
+    this.placePoint();
+  }
+
+  placePoint() {
+    this.plot.setLevel(wantedLevel(this.info, this.store.state), this.level ?? -1, this.received ?? 0);
+  }
+
+  // ---- colours
+
+  bindColors() {
+    const { store, info } = this;
+    const component = byId('component');
+    component.addEventListener('change', () => store.set({ component: component.value === 'magnitude' ? 'magnitude' : Number(component.value) }));
+    store.watch(['field', 'component'], (state) => {
+      const { components } = fieldOf(info, state.field);
+      byId('component-row').hidden = components === 1;
+      options(component, [['magnitude', 'magnitude'], ...Array.from({ length: components }, (_, i) => [i, componentName(components, i)])]);
+      component.value = state.component;
+    });
+    store.watch(['map', 'reversed'], (state) => {
+      for (const id of ['swatch', 'transfer-swatch']) byId(id).style.background = cssGradient(state.map, state.reversed, '90deg');
+    });
+    const hand = (patch) => {
+      const [low, high] = this.actions.ranges();
+      store.set({ range: 'manual', low, high, ...patch });
+    };
+    this.followRange = ['low', 'high'].map((key, i) => bindNumber(byId(key), () => plain(this.actions.ranges()[i]), (x) => hand({ [key]: x })));
+    byId('range').addEventListener('change', (event) => {
+      const [low, high] = this.shownRange ?? [0, 1];
+      if (event.target.value === 'manual') store.set({ low, high });
+    });
+  }
+
+  setRange(range) {
+    this.shownRange = range;
+    for (const update of this.followRange) update();
+    for (const update of this.followIsosurfaces ?? []) update();
+  }
+
+  // ---- layers
+
+  // What lies inside is hidden by a solid boundary: the first such layer opens it, the last one closes it again.
+  setInner(patch) {
+    const before = this.store.state;
+    const inner = (s) => s.slices.length + s.isosurfaces.length + (s.volume ? 1 : 0);
+    const after = { ...before, ...patch };
+    if (!inner(before) && inner(after) && before.surface === 'solid') patch.surface = 'inside';
+    if (inner(before) && !inner(after) && before.surface === 'inside') patch.surface = 'solid';
+    this.store.set(patch);
+  }
+
+  normal(axis) {
+    return { x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1] }[axis] ?? this.actions.viewNormal();
+  }
+
+  addSlice(axis) {
+    this.setInner({ slices: [...this.store.state.slices, { normal: this.normal(axis), at: 0.5 }] });
+  }
+
+  addIsosurface() {
+    const { isosurfaces } = this.store.state;
+    this.setInner({ isosurfaces: [...isosurfaces, [0.5, 0.25, 0.75, 0.1, 0.9].find((x) => !isosurfaces.includes(x)) ?? 0.5] });
+  }
+
+  bindLayers() {
+    const { store } = this;
+    for (const button of document.querySelectorAll('[data-slice]')) button.addEventListener('click', () => this.addSlice(button.dataset.slice));
+    for (const button of document.querySelectorAll('[data-clip]'))
+      button.addEventListener('click', () => store.set({ clip: { normal: this.normal(button.dataset.clip), at: store.state.clip?.at ?? 0.5 } }));
+    byId('add-isosurface').addEventListener('click', () => this.addIsosurface());
+    store.watch(['slices'], (state) => {
+      this.listPlanes(byId('slices'), state.slices, 'Slice', (slices) => this.setInner({ slices }));
+      byId('slice-edges-row').hidden = !state.slices.length;
+    });
+    store.watch(['clip'], (state) =>
+      this.listPlanes(byId('clip'), state.clip ? [state.clip] : [], 'Clip', ([clip]) => store.set({ clip: clip ?? null }), true));
+    this.isosurfaceRows = [];
+    store.watch(['isosurfaces', 'field'], (state) => this.listIsosurfaces(state.isosurfaces));
+  }
+
+  // Rows are kept while their number holds, so that a slider that is being dragged stays.
+  rows(box, wanted, make) {
+    while (box.children.length > wanted) box.lastChild.remove();
+    while (box.children.length < wanted) box.append(make(box.children.length));
+    return [...box.children];
+  }
+
+  listPlanes(box, planes, name, change, flips) {
+    box.planes = planes;
+    const put = (i, patch) => change(box.planes.map((p, k) => (k === i ? { ...p, ...patch } : p)));
+    const rows = this.rows(box, planes.length, (i) => {
+      const axis = element('select', { ariaLabel: `${name} ${i + 1}: across`, name: 'axis' });
+      const slider = element('input', { type: 'range', min: 0, max: 1000, ariaLabel: `${name} ${i + 1}: place` });
+      const third = flips
+        ? element('button', { type: 'button', className: 'small', ariaLabel: 'Keep the other side' }, 'flip')
+        : element('input', { className: 'number', inputMode: 'decimal', autocomplete: 'off', ariaLabel: `${name} ${i + 1}: place in percent` });
+      const remove = element('button', { type: 'button', className: 'remove', ariaLabel: `Remove ${name.toLowerCase()} ${i + 1}` }, '×');
+      axis.addEventListener('change', () => put(i, { normal: this.normal(axis.value) }));
+      slider.addEventListener('input', () => put(i, { at: slider.value / 1000 }));
+      if (flips) third.addEventListener('click', () => put(i, { normal: box.planes[i].normal.map((c) => -c || 0), at: 1 - box.planes[i].at }));
+      else third.addEventListener('change', () => put(i, { at: clamp((parseNumber(third.value) || 0) / 100, 0, 1) }));
+      remove.addEventListener('click', () => change(box.planes.filter((_, k) => k !== i)));
+      return element('div', { className: 'item' }, axis, slider, third, remove);
+    });
+    rows.forEach((row, i) => {
+      const [axis, slider, third] = row.children;
+      const at = axisOf(planes[i].normal);
+      const negative = axisOf(planes[i].normal.map((c) => -c || 0));
+      options(axis, [['x', 'x'], ['y', 'y'], ['z', 'z'], ['view', 'view'], ...(at ? [] : negative ? [['now', `−${negative}`]] : [['now', 'free']])]);
+      axis.value = at ?? 'now';
+      slider.value = 1000 * planes[i].at;
+      if (!flips && document.activeElement !== third) third.value = `${plain(100 * planes[i].at, 3)} %`;
+    });
+  }
+
+  listIsosurfaces(values) {
+    const { store, info } = this;
+    const [low, high] = this.actions.dataRange();
+    const change = (i, value) => store.set({ isosurfaces: store.state.isosurfaces.map((v, k) => (k === i ? clamp(value, 0, 1) : v)) });
+    const rows = this.rows(byId('isosurfaces'), values.length, (i) => {
+      const slider = element('input', { type: 'range', min: 0, max: 1000, ariaLabel: `Isosurface ${i + 1}: value` });
+      const number = element('input', { className: 'number', inputMode: 'decimal', autocomplete: 'off', ariaLabel: `Isosurface ${i + 1}: value` });
+      const remove = element('button', { type: 'button', className: 'remove', ariaLabel: `Remove isosurface ${i + 1}` }, '×');
+      slider.addEventListener('input', () => change(i, slider.value / 1000));
+      number.addEventListener('change', () => {
+        const [from, to] = this.actions.dataRange();
+        const value = parseNumber(number.value);
+        if (Number.isFinite(value)) change(i, (value - from) / (to - from || 1));
+      });
+      remove.addEventListener('click', () => this.setInner({ isosurfaces: store.state.isosurfaces.filter((_, k) => k !== i) }));
+      return element('div', { className: 'item iso' }, slider, number, remove);
+    });
+    rows.forEach((row, i) => {
+      const [slider, number] = row.children;
+      slider.value = 1000 * values[i];
+      number.title = info.fields.length > 1 ? store.state.field : '';
+      if (document.activeElement !== number) number.value = plain(low + values[i] * (high - low));
+    });
+  }
+
+  // ---- volume rendering and the view
+
+  bindVolume() {
+    const { store } = this;
+    const editor = new TransferEditor(byId('transfer'), (opacity) => store.set({ opacity }));
+    store.watch(['opacity'], (state) => editor.set(state.opacity));
+    store.watch(['volume'], (state) => {
+      byId('volume').checked = state.volume;
+      byId('volume-body').hidden = !state.volume;
+    });
+    byId('volume').addEventListener('change', (event) => this.setInner({ volume: event.target.checked }));
+  }
+
+  bindView() {
+    const { actions, store } = this;
+    const views = [['+x', '+x'], ['-x', '−x'], ['+y', '+y'], ['-y', '−y'], ['+z', '+z'], ['-z', '−z'], ['oblique', '∡']];
+    byId('looks').append(...views.map(([view, text]) => {
+      const name = view === 'oblique' ? 'Look from a corner' : `Look from ${text}`;
+      const button = element('button', { type: 'button', className: 'small', ariaLabel: name, title: name }, text);
+      button.dataset.look = view;
+      button.addEventListener('click', () => actions.look(view));
+      return button;
+    }));
+    byId('reset').addEventListener('click', () => {
+      const { field } = store.state;
+      store.set({ ...defaults, field });
+      actions.look('oblique');
+    });
+  }
+
+  describe() {
+    const { info } = this;
+    const size = info.bounds[1].map((h, i) => significant(h - info.bounds[0][i], 3)).join(' × ');
+    const rows = [
+      ['Vertices', info.vertices.toLocaleString('en-US').replaceAll(',', '\u202f')],
+      ['Levels', String(info.levels.length)],
+      ['Size', size],
+      ['Fields', info.fields.map((f) => f.name).join(', ')],
+      ['Restores the input', info.lossless ? 'exactly' : 'within its error'],
+      ['Content', info.cid.slice(0, 12)],
+    ];
+    byId('about').replaceChildren(...rows.map(([name, value]) => element('div', {}, element('dt', {}, name), element('dd', {}, value))));
+  }
+}

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Making and finding elements.
+
+export const byId = (id) => document.getElementById(id);
+
+export function element(name, properties = {}, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(properties))
+    if (key in made) made[key] = value;
+    else made.setAttribute(key, value);
+  made.append(...children);
+  return made;
+}
+
+const svgSpace = 'http://www.w3.org/2000/svg';
+
+export function svg(name, attributes = {}, ...children) {
+  const made = document.createElementNS(svgSpace, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  made.append(...children);
+  return made;
+}
+
+// Calls `draw` in the next animation frame, once however often it is asked for.
+export function coalesced(draw) {
+  let asked = false;
+  return () => {
+    if (asked) return;
+    asked = true;
+    requestAnimationFrame(() => {
+      asked = false;
+      draw();
+    });
+  };
+}

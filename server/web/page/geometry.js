@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Vectors, planes through the bounds, and the ray under the pointer.
+
+export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+export const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
+export const scale = (a, s) => [s * a[0], s * a[1], s * a[2]];
+export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+export const length = (a) => Math.hypot(...a);
+export const unit = (a) => scale(a, 1 / (length(a) || 1));
+export const middle = ([low, high]) => scale(add(low, high), 0.5);
+
+export const corners = ([low, high]) =>
+  Array.from({ length: 8 }, (_, i) => [i & 1 ? high[0] : low[0], i & 2 ? high[1] : low[1], i & 4 ? high[2] : low[2]]);
+
+// From where to where the bounds reach along a direction.
+export function extent(bounds, normal) {
+  const along = corners(bounds).map((c) => dot(c, normal));
+  return [Math.min(...along), Math.max(...along)];
+}
+
+// A plane of the state, { normal, at: 0..1 across the bounds }, as { origin, normal }.
+export function planeOf(bounds, { normal, at }) {
+  const n = unit(normal);
+  const [low, high] = extent(bounds, n);
+  const centre = middle(bounds);
+  return { origin: add(centre, n, low + at * (high - low) - dot(centre, n)), normal: n };
+}
+
+// The polygon in which a plane cuts the bounds, in order around its middle.
+export function planeOutline(bounds, plane) {
+  const c = corners(bounds);
+  const points = [];
+  for (let i = 0; i < 8; i++)
+    for (const bit of [1, 2, 4]) {
+      if (i & bit) continue;
+      const [a, b] = [c[i], c[i | bit]];
+      const [da, db] = [dot(add(a, plane.origin, -1), plane.normal), dot(add(b, plane.origin, -1), plane.normal)];
+      if (da === db || da * db > 0) continue;
+      points.push(add(a, add(b, a, -1), da / (da - db)));
+    }
+  if (points.length < 3) return [];
+  const centre = scale(points.reduce((s, p) => add(s, p), [0, 0, 0]), 1 / points.length);
+  const u = unit(cross(plane.normal, Math.abs(plane.normal[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0]));
+  const v = cross(plane.normal, u);
+  const angle = (p) => Math.atan2(dot(add(p, centre, -1), v), dot(add(p, centre, -1), u));
+  return points.sort((p, q) => angle(p) - angle(q));
+}
+
+// The nearest triangle of a part that a ray meets (Möller and Trumbore): { distance, value, point } or null.
+// `facing`: 1 takes front faces only, -1 back faces only, 0 both.
+export function pickPart(part, from, direction, facing = 0) {
+  const { points, triangles, values } = part;
+  let best = Infinity;
+  let found = null;
+  for (let t = 0; t < triangles.length; t += 3) {
+    const [a, b, c] = [3 * triangles[t], 3 * triangles[t + 1], 3 * triangles[t + 2]];
+    const e1x = points[b] - points[a], e1y = points[b + 1] - points[a + 1], e1z = points[b + 2] - points[a + 2];
+    const e2x = points[c] - points[a], e2y = points[c + 1] - points[a + 1], e2z = points[c + 2] - points[a + 2];
+    const px = direction[1] * e2z - direction[2] * e2y, py = direction[2] * e2x - direction[0] * e2z, pz = direction[0] * e2y - direction[1] * e2x;
+    const det = e1x * px + e1y * py + e1z * pz;
+    if (det === 0 || facing * det < 0) continue;
+    const inverse = 1 / det;
+    const sx = from[0] - points[a], sy = from[1] - points[a + 1], sz = from[2] - points[a + 2];
+    const u = (sx * px + sy * py + sz * pz) * inverse;
+    if (u < 0 || u > 1) continue;
+    const qx = sy * e1z - sz * e1y, qy = sz * e1x - sx * e1z, qz = sx * e1y - sy * e1x;
+    const v = (direction[0] * qx + direction[1] * qy + direction[2] * qz) * inverse;
+    if (v < 0 || u + v > 1) continue;
+    const distance = (e2x * qx + e2y * qy + e2z * qz) * inverse;
+    if (distance <= 0 || distance >= best) continue;
+    best = distance;
+    found = { distance, value: (1 - u - v) * values[triangles[t]] + u * values[triangles[t + 1]] + v * values[triangles[t + 2]] };
+  }
+  return found && { ...found, point: add(from, direction, best) };
+}

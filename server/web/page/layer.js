@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// One part of the picture as vtk.js has it: triangles coloured by a value, and lines over them.
+
+import vtkDataArray from '@kitware/vtk.js/Common/Core/DataArray.js';
+import vtkPolyData from '@kitware/vtk.js/Common/DataModel/PolyData.js';
+import vtkActor from '@kitware/vtk.js/Rendering/Core/Actor.js';
+import vtkMapper from '@kitware/vtk.js/Rendering/Core/Mapper.js';
+
+const polygonOffset = 1; // vtkMapper's Resolve.PolygonOffset
+
+// vtk's cell arrays: the number of corners before the corners
+export function cells(corners, each) {
+  const count = corners.length / each;
+  const packed = new Uint32Array(count * (each + 1));
+  for (let i = 0, from = 0, to = 0; i < count; i++) {
+    packed[to++] = each;
+    for (let k = 0; k < each; k++) packed[to++] = corners[from++];
+  }
+  return packed;
+}
+
+// Values that are not positive have no logarithm; they take the colour of the lowest.
+function logarithms(values) {
+  const made = new Float32Array(values.length);
+  for (let i = 0; i < values.length; i++) made[i] = values[i] > 0 ? Math.log10(values[i]) : -38;
+  return made;
+}
+
+export function makeActor(renderer, lookup) {
+  const data = vtkPolyData.newInstance();
+  const mapper = vtkMapper.newInstance();
+  const actor = vtkActor.newInstance();
+  mapper.setInputData(data);
+  mapper.setResolveCoincidentTopology(polygonOffset);
+  if (lookup) mapper.set({ lookupTable: lookup, useLookupTableScalarRange: true, interpolateScalarsBeforeMapping: true });
+  else mapper.setScalarVisibility(false);
+  actor.setMapper(mapper);
+  actor.setVisibility(false);
+  renderer.addActor(actor);
+  return { data, mapper, actor };
+}
+
+export class Layer {
+  // `flat`: without light, so that colours are exactly the map's
+  constructor(renderer, lookup, flat) {
+    this.renderer = renderer;
+    this.part = null;
+    this.triangles = makeActor(renderer, lookup);
+    this.lines = makeActor(renderer, null);
+    this.showLines = false;
+    this.visible = true;
+    this.triangles.mapper.setRelativeCoincidentTopologyPolygonOffsetParameters(1, 1);
+    this.lines.mapper.setRelativeCoincidentTopologyLineOffsetParameters(-1, -1);
+    this.triangles.actor.getProperty().set({ lighting: !flat, ambient: 0.45, diffuse: 0.55, specular: 0 });
+    this.lines.actor.getProperty().set({ lighting: false, lineWidth: 1 });
+  }
+
+  // A message that leaves triangles or lines out means the last ones.
+  update(part, logarithmic) {
+    if (part) {
+      part = { ...part, triangles: part.triangles ?? this.part?.triangles, lines: part.lines === undefined ? this.part?.lines : part.lines };
+      const { data } = this.triangles;
+      data.getPoints().setData(part.points, 3);
+      if (part.triangles !== this.part?.triangles) data.getPolys().setData(cells(part.triangles, 3), 1);
+      const normals = part.normals ? vtkDataArray.newInstance({ name: 'Normals', values: part.normals, numberOfComponents: 3 }) : null;
+      data.getPointData().setNormals(normals);
+      this.part = part;
+      this.color(logarithmic);
+    } else this.part = null;
+    this.refresh();
+  }
+
+  color(logarithmic) {
+    if (!this.part) return;
+    const values = logarithmic ? logarithms(this.part.values) : this.part.values;
+    const { data } = this.triangles;
+    data.getPointData().setScalars(vtkDataArray.newInstance({ name: 'values', values, numberOfComponents: 1 }));
+    data.modified();
+  }
+
+  // What is there and wanted is visible; lines are only handed to vtk.js while they are.
+  refresh() {
+    const there = Boolean(this.part?.triangles?.length) && this.visible;
+    const lined = there && this.showLines && Boolean(this.part.lines?.length);
+    this.triangles.actor.setVisibility(there);
+    this.lines.actor.setVisibility(lined);
+    if (!lined) return;
+    const { data } = this.lines;
+    data.getPoints().setData(this.part.points, 3);
+    if (this.drawnLines !== this.part.lines) data.getLines().setData(cells(this.part.lines, 2), 1);
+    this.drawnLines = this.part.lines;
+    data.modified();
+  }
+
+  place(offset) {
+    for (const { actor } of [this.triangles, this.lines]) actor.setPosition(...offset);
+  }
+
+  remove() {
+    for (const { data, mapper, actor } of [this.triangles, this.lines]) {
+      this.renderer.removeActor(actor);
+      for (const made of [actor, mapper, data]) made.delete();
+    }
+  }
+}

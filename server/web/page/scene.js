@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The picture: vtk.js's window, camera and the layers that the worker's pictures fill.
+
+import '@kitware/vtk.js/Rendering/OpenGL/Profiles/Geometry.js';
+import vtkInteractorStyle from '@kitware/vtk.js/Interaction/Style/InteractorStyleTrackballCamera.js';
+import vtkPolyData from '@kitware/vtk.js/Common/DataModel/PolyData.js';
+import vtkColorTransferFunction from '@kitware/vtk.js/Rendering/Core/ColorTransferFunction.js';
+import vtkRenderer from '@kitware/vtk.js/Rendering/Core/Renderer.js';
+import vtkRenderWindow from '@kitware/vtk.js/Rendering/Core/RenderWindow.js';
+import vtkInteractor from '@kitware/vtk.js/Rendering/Core/RenderWindowInteractor.js';
+import vtkOpenGLRenderWindow from '@kitware/vtk.js/Rendering/OpenGL/RenderWindow.js';
+import { colorTable } from './colors.js';
+import { coalesced } from './dom.js';
+import { add, corners, cross, middle, pickPart, scale, unit } from './geometry.js';
+import { Layer, cells, makeActor } from './layer.js';
+
+const surfaceStyles = {
+  solid: { opacity: 1, frontfaceCulling: false },
+  inside: { opacity: 1, frontfaceCulling: true },
+  glass: { opacity: 0.22, frontfaceCulling: false },
+};
+
+// Each direction the camera may look from, with what is up then.
+export const views = {
+  '+x': [[1, 0, 0], [0, 0, 1]],
+  '-x': [[-1, 0, 0], [0, 0, 1]],
+  '+y': [[0, 1, 0], [0, 0, 1]],
+  '-y': [[0, -1, 0], [0, 0, 1]],
+  '+z': [[0, 0, 1], [0, 1, 0]],
+  '-z': [[0, 0, -1], [0, 1, 0]],
+  oblique: [[0.62, -0.66, 0.42], [0, 0, 1]],
+};
+
+// The twelve edges of the bounds: where the volume lies when its boundary is not drawn.
+function boxLines(renderer, bounds) {
+  const edges = [];
+  for (let i = 0; i < 8; i++) for (const bit of [1, 2, 4]) if (!(i & bit)) edges.push(i, i | bit);
+  const data = vtkPolyData.newInstance();
+  data.getPoints().setData(Float32Array.from(corners(bounds).flat()), 3);
+  data.getLines().setData(cells(edges, 2), 1);
+  const { mapper, actor } = makeActor(renderer, null);
+  mapper.setInputData(data);
+  actor.getProperty().setLighting(false);
+  return actor;
+}
+
+export class Scene extends EventTarget {
+  // Events: 'render' after every frame, 'camera' when the camera came to rest.
+  constructor(container, bounds) {
+    super();
+    this.container = container;
+    this.centre = middle(bounds);
+    this.bounds = bounds.map((corner) => add(corner, this.centre, -1));
+    this.offset = [0, 0, 0];
+    this.renderer = vtkRenderer.newInstance();
+    this.window = vtkRenderWindow.newInstance();
+    this.window.addRenderer(this.renderer);
+    this.view = vtkOpenGLRenderWindow.newInstance();
+    this.view.setContainer(container);
+    this.window.addView(this.view);
+    this.lookup = vtkColorTransferFunction.newInstance();
+    this.box = boxLines(this.renderer, this.bounds);
+    this.surface = new Layer(this.renderer, this.lookup, false);
+    this.slices = [];
+    this.isosurfaces = [];
+    this.volume = null;
+    this.grid = null;
+    this.state = null;
+    this.range = [0, 1];
+    this.edgeColor = [0, 0, 0];
+    this.render = coalesced(() => this.interactor.render());
+    this.startInteraction();
+    new ResizeObserver(() => this.resize()).observe(container);
+    this.resize();
+    this.look('oblique');
+  }
+
+  startInteraction() {
+    this.interactor = vtkInteractor.newInstance();
+    this.interactor.setView(this.view);
+    this.interactor.initialize();
+    this.interactor.bindEvents(this.container);
+    const style = vtkInteractorStyle.newInstance();
+    this.interactor.setInteractorStyle(style);
+    this.interactor.onRenderEvent(() => this.dispatchEvent(new Event('render')));
+    for (const event of ['onEndInteractionEvent', 'onEndMouseWheelEvent', 'onEndAnimation'])
+      (style[event] ?? this.interactor[event])?.(() => this.cameraRests());
+  }
+
+  cameraRests() {
+    this.dispatchEvent(new Event('camera'));
+  }
+
+  aspect() {
+    const { width, height } = this.container.getBoundingClientRect();
+    return height ? width / height : 1;
+  }
+
+  resize() {
+    const { width, height } = this.container.getBoundingClientRect();
+    // what fits, fits the shorter side
+    this.renderer.getActiveCamera().setUseHorizontalViewAngle(width < height);
+    this.pixels = Math.min(window.devicePixelRatio || 1, 2);
+    this.view.setSize(Math.max(1, Math.round(width * this.pixels)), Math.max(1, Math.round(height * this.pixels)));
+    this.render();
+  }
+
+  // ---- what is shown
+
+  // The worker's message. What it leaves out (undefined) stays, null is nothing. Its points are relative to its `origin`,
+  // the scene's to the middle of the bounds.
+  update(pictures, state) {
+    this.offset = add(pictures.origin ?? [0, 0, 0], this.centre, -1);
+    if (pictures.surface !== undefined) this.surface.update(pictures.surface, state.log);
+    this.updateList('slices', pictures.slices, state.log, true);
+    this.updateList('isosurfaces', pictures.isosurfaces, state.log, false);
+    if (pictures.volume !== undefined) {
+      this.grid = pictures.volume;
+      this.volume?.update(this.grid);
+    }
+    this.restyle(state);
+  }
+
+  updateList(name, parts, logarithmic, flat) {
+    if (!parts) return;
+    while (this[name].length > parts.length) this[name].pop().remove();
+    while (this[name].length < parts.length) this[name].push(new Layer(this.renderer, this.lookup, flat));
+    this[name].forEach((layer, i) => layer.update(parts[i], logarithmic));
+  }
+
+  // Volume rendering is a third of vtk.js that many never use: it is loaded when it is first asked for.
+  async loadVolume() {
+    this.loading ??= import('./volume.js');
+    const { VolumeLayer } = await this.loading;
+    if (this.volume) return;
+    this.volume = new VolumeLayer(this.renderer);
+    this.volume.update(this.grid);
+    this.restyle(this.state);
+  }
+
+  restyle(state) {
+    this.state = state;
+    const style = surfaceStyles[state.surface];
+    this.surface.visible = Boolean(style);
+    this.surface.showLines = state.edges;
+    this.box.setVisibility(state.surface !== 'solid' || Boolean(state.clip));
+    this.box.getProperty().set({ color: this.edgeColor, opacity: 0.3 });
+    if (style) this.surface.triangles.actor.getProperty().set(style);
+    for (const slice of this.slices) slice.showLines = state.sliceEdges;
+    for (const layer of this.layers()) {
+      layer.place(this.offset);
+      layer.lines.actor.getProperty().set({ color: this.edgeColor, opacity: 0.55 });
+      layer.refresh();
+    }
+    this.renderer.getActiveCamera().setParallelProjection(state.parallel);
+    if (state.volume) this.loadVolume();
+    this.volume?.place(this.offset);
+    this.volume?.classify(state, this.range);
+    this.render();
+  }
+
+  layers() {
+    return [this.surface, ...this.slices, ...this.isosurfaces];
+  }
+
+  // Colours from `low` to `high`, which are logarithms if the state says so.
+  recolor(state, low, high) {
+    const table = colorTable(state.map, state.reversed, 65);
+    this.lookup.removeAllPoints();
+    table.forEach(([r, g, b], i) => this.lookup.addRGBPoint(low + ((high - low) * i) / 64, r / 255, g / 255, b / 255));
+    this.lookup.setMappingRange(low, high);
+    this.lookup.updateRange();
+    this.range = [low, high];
+    this.volume?.classify(state, this.range);
+    this.render();
+  }
+
+  setLogarithmic(logarithmic) {
+    for (const layer of this.layers()) layer.color(logarithmic);
+    this.render();
+  }
+
+  setBackground(color) {
+    this.renderer.setBackground(...color);
+    const light = 0.3 * color[0] + 0.59 * color[1] + 0.11 * color[2] > 0.5;
+    this.edgeColor = light ? [0.1, 0.13, 0.18] : [0.86, 0.89, 0.93];
+    this.render();
+  }
+
+  // The least and greatest value of what is in the picture, or null.
+  visibleRange() {
+    let low = Infinity;
+    let high = -Infinity;
+    for (const { part, visible } of this.layers())
+      if (part && visible)
+        for (const value of part.values) {
+          if (value < low) low = value;
+          if (value > high) high = value;
+        }
+    return low <= high ? [low, high] : null;
+  }
+
+  // ---- the camera
+
+  camera() {
+    const camera = this.renderer.getActiveCamera();
+    return [...camera.getPosition(), ...camera.getFocalPoint(), ...camera.getViewUp()];
+  }
+
+  setCamera(nine) {
+    const camera = this.renderer.getActiveCamera();
+    camera.set({ position: nine.slice(0, 3), focalPoint: nine.slice(3, 6), viewUp: nine.slice(6, 9) });
+    this.afterCamera();
+  }
+
+  // Everything in the picture, seen from one of `views`.
+  look(view) {
+    const [direction, up] = views[view];
+    const centre = middle(this.bounds);
+    const camera = this.renderer.getActiveCamera();
+    camera.set({ focalPoint: centre, position: add(centre, unit(direction)), viewUp: up });
+    const [low, high] = this.bounds;
+    this.renderer.resetCamera([low[0], high[0], low[1], high[1], low[2], high[2]]);
+    camera.zoom(1.05);
+    camera.setParallelScale(camera.getParallelScale() / Math.min(1, this.aspect()));
+    this.afterCamera();
+    this.cameraRests();
+  }
+
+  turn(azimuth, elevation) {
+    const camera = this.renderer.getActiveCamera();
+    camera.azimuth(azimuth);
+    camera.elevation(elevation);
+    camera.orthogonalizeViewUp();
+    this.afterCamera();
+    this.cameraRests();
+  }
+
+  zoom(factor) {
+    const camera = this.renderer.getActiveCamera();
+    if (camera.getParallelProjection()) camera.setParallelScale(camera.getParallelScale() / factor);
+    else camera.dolly(factor);
+    this.afterCamera();
+    this.cameraRests();
+  }
+
+  // Turns about another point from now on.
+  centreOn(point) {
+    const camera = this.renderer.getActiveCamera();
+    const shift = add(point, camera.getFocalPoint(), -1);
+    camera.set({ focalPoint: point, position: add(camera.getPosition(), shift) });
+    this.afterCamera();
+    this.cameraRests();
+  }
+
+  afterCamera() {
+    const [low, high] = this.bounds;
+    this.renderer.resetCameraClippingRange([low[0], high[0], low[1], high[1], low[2], high[2]]);
+    this.renderer.updateLightsGeometryToFollowCamera();
+    this.render();
+  }
+
+  // Right, up and towards the viewer, as unit vectors.
+  axes() {
+    const camera = this.renderer.getActiveCamera();
+    const towards = scale(unit(camera.getDirectionOfProjection()), -1);
+    const right = unit(cross(camera.getViewUp(), towards));
+    return { right, up: cross(towards, right), towards };
+  }
+
+  // ---- between the picture's pixels and the world
+
+  // CSS pixels from the container's upper left corner
+  toScreen(point) {
+    const [x, y, depth] = this.view.worldToDisplay(...point, this.renderer);
+    return { x: x / this.pixels, y: this.container.clientHeight - y / this.pixels, depth };
+  }
+
+  ray(x, y) {
+    const at = (depth) => this.view.displayToWorld(x * this.pixels, (this.container.clientHeight - y) * this.pixels, depth, this.renderer);
+    const from = at(0);
+    return { from, direction: unit(add(at(1), from, -1)) };
+  }
+
+  // What is seen at a place of the picture: { point, value } or null; the point is the scene's.
+  pick(x, y) {
+    const ray = this.ray(x, y);
+    const from = add(ray.from, this.offset, -1);
+    const hits = this.layers()
+      .filter((layer) => layer.part?.triangles?.length && layer.visible && !(layer === this.surface && this.state.surface === 'glass'))
+      .map((layer) => pickPart(layer.part, from, ray.direction, layer === this.surface && this.state.surface === 'inside' ? -1 : 0))
+      .filter(Boolean);
+    const nearest = hits.reduce((best, hit) => (!best || hit.distance < best.distance ? hit : best), null);
+    return nearest && { value: nearest.value, point: add(nearest.point, this.offset) };
+  }
+
+  // A PNG's pixels of the next frame, without what is drawn over it.
+  async capture() {
+    const image = new Image();
+    const [shot] = await Promise.all(this.window.captureImages());
+    image.src = shot;
+    await image.decode();
+    return image;
+  }
+}

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the picture is to show. One flat object; it is told to those who subscribe and written into the URL's fragment.
+
+import { clamp } from './numbers.js';
+
+export const defaults = Object.freeze({
+  // the target: the coarsest level with at most this error (a fraction of the field's range; 0: the finest level), within budgets
+  error: 0.01,
+  measure: 'max',
+  maxTets: 0, // 0: any number
+  maxBytes: 0,
+  // the colours
+  field: '',
+  component: 'magnitude',
+  range: 'data', // data, visible, manual
+  low: 0,
+  high: 1,
+  log: false,
+  map: 'viridis',
+  reversed: false,
+  // the layers
+  surface: 'solid', // solid, inside (its far walls only), glass, off
+  edges: false,
+  slices: [], // { normal: [x, y, z], at: 0..1 across the bounds }
+  sliceEdges: true,
+  isosurfaces: [], // fractions of the field's data range
+  clip: null, // { normal, at }
+  volume: false,
+  volumeSize: 96,
+  opacity: [[0, 0], [0.25, 0.02], [1, 0.6]], // the volume's: fractions of the colours' range
+  // the view
+  background: 'auto', // auto, white, black, grey
+  parallel: false,
+  smooth: true, // levels pass into one another
+  camera: null, // [position, focal point, view up] as nine numbers
+});
+
+const numbers = (text) => text.split(',').map(Number);
+const round = (x) => Number(x.toPrecision(5));
+const isFinite3 = (v) => v.length === 3 && v.every(Number.isFinite);
+const oneOf = (...allowed) => ({ read: (t) => (allowed.includes(t) ? t : undefined), write: String });
+const positive = { read: (t) => (Number(t) >= 0 ? Number(t) : undefined), write: (x) => String(round(x)) };
+const real = { read: (t) => (Number.isFinite(Number(t)) ? Number(t) : undefined), write: (x) => String(x) };
+const flag = { read: (t) => t === '1', write: (x) => (x ? '1' : '0') };
+const text = { read: (t) => t, write: (t) => t };
+
+const axes = { x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1] };
+export const axisOf = (normal) => Object.keys(axes).find((a) => axes[a].every((c, i) => c === normal[i]));
+
+function readPlane(t) {
+  const [where, at] = t.split('@');
+  const normal = axes[where] ?? numbers(where);
+  return isFinite3(normal) && Math.hypot(...normal) > 0 && at >= 0 && at <= 1 ? { normal: [...normal], at: Number(at) } : null;
+}
+const writePlane = (p) => `${axisOf(p.normal) ?? p.normal.map(round).join(',')}@${round(p.at)}`;
+const list = (read, write, separator) => ({
+  read: (t) => t.split(separator).filter(Boolean).map(read).filter((x) => x !== null),
+  write: (l) => l.map(write).join(separator),
+});
+
+// How each key is read from the fragment and written into it; a value that cannot be read leaves the default.
+const codecs = {
+  error: positive,
+  measure: oneOf('max', 'sampled', 'rms'),
+  maxTets: positive,
+  maxBytes: positive,
+  field: text,
+  component: { read: (t) => (t === 'magnitude' ? t : /^\d+$/.test(t) ? Number(t) : undefined), write: String },
+  range: oneOf('data', 'visible', 'manual'),
+  low: real,
+  high: real,
+  log: flag,
+  map: text,
+  reversed: flag,
+  surface: oneOf('solid', 'inside', 'glass', 'off'),
+  edges: flag,
+  slices: list(readPlane, writePlane, ';'),
+  sliceEdges: flag,
+  isosurfaces: list((t) => (t >= 0 && t <= 1 ? Number(t) : null), (x) => String(round(x)), ','),
+  clip: { read: (t) => readPlane(t) ?? undefined, write: writePlane },
+  volume: flag,
+  volumeSize: { read: (t) => clamp(Math.round(Number(t)) || defaults.volumeSize, 16, 256), write: String },
+  opacity: list((t) => {
+    const point = t.split(':').map(Number);
+    return point.length === 2 && point.every((x) => x >= 0 && x <= 1) ? point : null;
+  }, (p) => p.map(round).join(':'), ','),
+  background: oneOf('auto', 'white', 'black', 'grey'),
+  parallel: flag,
+  smooth: flag,
+  camera: {
+    read: (t) => (numbers(t).length === 9 && numbers(t).every(Number.isFinite) ? numbers(t) : undefined),
+    write: (c) => c.map(round).join(','),
+  },
+};
+
+const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
+
+// '#error=0.01&slices=x@0.5' and back; what is as by default is left out.
+export function fromFragment(fragment) {
+  const state = { ...defaults };
+  for (const [key, written] of new URLSearchParams(fragment.replace(/^#/, ''))) {
+    const value = codecs[key]?.read(written);
+    if (value !== undefined) state[key] = value;
+  }
+  if (state.opacity.length < 2) state.opacity = defaults.opacity;
+  return state;
+}
+
+export function toFragment(state) {
+  const parts = Object.keys(defaults)
+    .filter((key) => !same(state[key], defaults[key]) && state[key] !== null)
+    .map((key) => `${key}=${encodeURIComponent(codecs[key].write(state[key])).replace(/%(2C|3A|3B|40)/g, decodeURIComponent)}`);
+  return parts.length ? `#${parts.join('&')}` : '';
+}
+
+export class Store extends EventTarget {
+  constructor(state) {
+    super();
+    this.state = state;
+  }
+
+  // Changes some keys and tells which really changed.
+  set(patch) {
+    const changed = Object.keys(patch).filter((key) => !same(patch[key], this.state[key]));
+    if (!changed.length) return;
+    this.state = { ...this.state, ...patch };
+    this.dispatchEvent(new CustomEvent('change', { detail: { changed: new Set(changed) } }));
+  }
+
+  // Calls `react(state)` now and whenever one of the keys changes.
+  watch(keys, react) {
+    this.addEventListener('change', (event) => {
+      if (keys.some((key) => event.detail.changed.has(key))) react(this.state);
+    });
+    react(this.state);
+  }
+}

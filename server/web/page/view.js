@@ -1,0 +1,331 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The viewer of one stream: state, stream and scene told of one another.
+
+import { TetlodStream } from '../client/stream.js';
+import { Compass } from './compass.js';
+import { mapNames } from './colors.js';
+import { Controls } from './controls.js';
+import { byId, coalesced } from './dom.js';
+import { planeOf } from './geometry.js';
+import { Handles } from './handles.js';
+import { bindKeys, listKeys } from './keys.js';
+import { componentOf, errorOf, fieldOf, measureFor, titleOf, wantedLevel } from './levels.js';
+import { clear, notice } from './notices.js';
+import { bytes, count, percent, significant } from './numbers.js';
+import { Probe } from './probe.js';
+import { drawScalarBar } from './scalarbar.js';
+import { Scene } from './scene.js';
+import { copyLink, savePicture } from './share.js';
+import { Store, fromFragment, toFragment } from './state.js';
+import { switchTheme, themes } from './theme.js';
+
+// /view/{id} on a server; ?stream=URL is any stream that can be fetched
+const id = decodeURIComponent(location.pathname.split('/')[2] ?? '');
+const file = new URLSearchParams(location.search).get('stream');
+const name = id || new URL(file, location).pathname.split('/').pop().replace(/\.tetlod$/, '');
+const address = file ?? `/v1/meshes/${encodeURIComponent(id)}`;
+
+const store = new Store(fromFragment(location.hash));
+let stream, info, scene, controls, compass, handles, probe;
+let level = -1; // the stream's, which the words tell
+let drawn = -1; // the picture's, when it has come to rest
+let seen = null; // the magnitude's range so far: the index has ranges of components only
+
+// ---- colours and their range
+
+function dataRange() {
+  const { range } = fieldOf(info, store.state.field);
+  return componentOf(info, store.state) === 'magnitude' ? seen ?? [0, Math.max(...range.map(Math.abs)) || 1] : range;
+}
+
+// The colours' range as values; a logarithm needs positive ones.
+function colorRange() {
+  const { range, low, high, log } = store.state;
+  let [from, to] = range === 'manual' ? [low, high] : (range === 'visible' && scene.visibleRange()) || dataRange();
+  if (log && !(from > 0)) from = to > 0 ? to / 1000 : 1e-3;
+  if (log && !(to > from)) to = 10 * from;
+  return [from, to];
+}
+
+const drawBar = coalesced(() => {
+  const { map, reversed, log, isosurfaces } = store.state;
+  const [low, high] = colorRange();
+  const [from, to] = dataRange();
+  drawScalarBar(byId('scalarbar'), {
+    title: titleOf(info, store.state), low, high, log, map, reversed, marks: isosurfaces.map((f) => from + f * (to - from)),
+  });
+});
+
+const recolor = coalesced(() => {
+  const range = colorRange();
+  const [low, high] = store.state.log ? range.map(Math.log10) : range;
+  scene.recolor(store.state, low, high);
+  controls.setRange(range);
+  drawBar();
+});
+
+const setBackground = () => {
+  const stage = byId('stage');
+  stage.className = store.state.background === 'auto' ? '' : `on-${store.state.background}`;
+  const probeOfColor = getComputedStyle(stage).backgroundColor.match(/[\d.]+/g).slice(0, 3);
+  scene.setBackground(probeOfColor.map((c) => c / 255));
+  scene.restyle(store.state);
+  drawBar();
+};
+
+// ---- what the worker is to make
+
+const show = coalesced(() => {
+  const { state } = store;
+  const [low, high] = dataRange();
+  stream.show({
+    field: state.field,
+    component: componentOf(info, state),
+    surface: state.surface !== 'off',
+    edges: state.edges || (state.sliceEdges && state.slices.length > 0),
+    slices: state.slices.map((p) => planeOf(info.bounds, p)),
+    isosurfaces: state.isosurfaces.map((f) => ({ value: low + f * (high - low) })),
+    clip: state.clip && planeOf(info.bounds, state.clip),
+    volume: state.volume ? { size: state.volumeSize } : null,
+    morph: state.smooth,
+  });
+});
+
+const refine = coalesced(async () => {
+  const { state } = store;
+  const target = { error: state.error, field: state.field, measure: measureFor(info, state) };
+  if (state.maxTets) target.tets = state.maxTets;
+  if (state.maxBytes) target.bytes = state.maxBytes;
+  try {
+    await stream.refineTo(target);
+  } catch (error) {
+    if (error.name !== 'AbortError') notice('error', error.message, { failed: true, seconds: 0 });
+  }
+});
+
+// ---- what is shown, in words
+
+function tellShown() {
+  const { state } = store;
+  const now = info.levels[level];
+  byId('shown').classList.toggle('busy', level !== wantedLevel(info, state));
+  const put = (where, value, small = '') => {
+    const note = document.createElement('small');
+    note.textContent = small;
+    byId(where).replaceChildren(value, ' ', note);
+  };
+  const measure = measureFor(info, state);
+  byId('error-kind').textContent = { max: 'Certified error', sampled: 'Sampled error', rms: 'RMS error' }[measure];
+  put('shown-bytes', bytes(stream.received), `of ${bytes(info.bytes)}`);
+  byId('progress').value = stream.received / info.bytes;
+  controls.setShown(level, stream.received);
+  if (!now) return;
+  const error = errorOf(now, state.field, measure);
+  const span = fieldOf(info, state.field).range;
+  put('shown-error', percent(error), error ? `± ${significant(error * (span[1] - span[0]), 3)}` : 'exact');
+  put('shown-tets', count(now.tets), percent(now.tets / info.tets));
+  put('shown-level', String(level), `of ${info.levels.length - 1}`);
+  byId('download').href = `/v1/meshes/${encodeURIComponent(id)}/${info.cid}/levels/${level}/mesh.vtu`;
+  byId('download').download = `${name}-${level}.vtu`;
+}
+
+// Frames a second while the picture moves; a pause of a quarter of a second is none.
+function countFrames() {
+  let last = 0;
+  let intervals = [];
+  const tell = coalesced(() => {
+    const rate = intervals.length / (intervals.reduce((a, b) => a + b, 0) / 1000);
+    byId('shown-fps').textContent = intervals.length > 2 ? `${Math.round(rate)} /s` : '–';
+  });
+  scene.addEventListener('render', () => {
+    const now = performance.now();
+    if (now - last < 250) intervals = [...intervals.slice(-30), now - last];
+    last = now;
+  });
+  setInterval(tell, 500);
+}
+
+// ---- from the stream
+
+function tellRetry({ detail: { message, delay, attempt } }) {
+  notice('retry', `${message}; trying again in ${significant(delay, 2)} s (${attempt})`, { failed: true, seconds: 0 });
+}
+
+function takePictures({ detail: pictures }) {
+  byId('loading').hidden = true;
+  scene.update(pictures, store.state);
+  const visible = scene.visibleRange();
+  if (visible && componentOf(info, store.state) === 'magnitude')
+    seen = seen ? [Math.min(seen[0], visible[0]), Math.max(seen[1], visible[1])] : visible;
+  if (store.state.range === 'visible' || seen) recolor();
+  drawn = pictures.t === 1 ? pictures.level : -1;
+}
+
+function follow() {
+  stream.addEventListener('progress', () => {
+    clear('retry');
+    tellShown();
+  });
+  stream.addEventListener('level', ({ detail }) => {
+    level = detail.level;
+    clear('error');
+    tellShown();
+  });
+  stream.addEventListener('pictures', takePictures);
+  stream.addEventListener('error', ({ detail }) => notice('error', detail.message, { failed: true, seconds: 0 }));
+}
+
+// ---- from the controls
+
+const remember = (() => {
+  let timer = 0;
+  return () => {
+    clearTimeout(timer);
+    timer = setTimeout(() => history.replaceState(null, '', location.pathname + location.search + toFragment(store.state)), 250);
+  };
+})();
+
+function watch() {
+  store.watch(['field', 'component'], () => (seen = null));
+  store.watch(['map', 'reversed', 'range', 'low', 'high', 'log', 'field', 'component', 'isosurfaces'], recolor);
+  store.watch(['log'], (state) => scene.setLogarithmic(state.log));
+  store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'clip', 'volume', 'volumeSize', 'smooth'], show);
+  store.watch(['error', 'measure', 'field', 'maxTets', 'maxBytes'], () => {
+    refine();
+    tellShown();
+  });
+  store.watch(['surface', 'edges', 'sliceEdges', 'parallel', 'opacity'], (state) => scene.restyle(state));
+  store.watch(['slices', 'clip'], () => handles.update());
+  store.watch(['background'], setBackground);
+  store.addEventListener('change', remember);
+  addEventListener('hashchange', () => {
+    store.set(valid(fromFragment(location.hash)));
+    if (store.state.camera) scene.setCamera(store.state.camera);
+  });
+  themes.addEventListener('change', setBackground);
+}
+
+function watchScene() {
+  scene.addEventListener('render', () => {
+    compass.draw(scene.axes());
+    handles.update();
+  });
+  scene.addEventListener('camera', () => store.set({ camera: scene.camera() }));
+  byId('picture').addEventListener('dblclick', (event) => {
+    const hit = scene.pick(event.offsetX, event.offsetY);
+    if (hit) scene.centreOn(hit.point);
+  });
+  new ResizeObserver(drawBar).observe(byId('scalarbar'));
+}
+
+function planes() {
+  const { slices, clip } = store.state;
+  const move = (i) => (at) => store.set({ slices: store.state.slices.map((p, k) => (k === i ? { ...p, at } : p)) });
+  const found = slices.map((plane, i) => ({ key: `slice-${i}`, label: `Slice ${i + 1}: place across the volume`, plane, move: move(i) }));
+  if (clip) found.push({ key: 'clip', label: 'Clip: place across the volume', plane: clip, move: (at) => store.set({ clip: { ...store.state.clip, at } }) });
+  return found;
+}
+
+// The direction towards the viewer, the nearest axis if the camera is all but along it.
+function viewNormal() {
+  const { towards } = scene.axes();
+  const axis = towards.findIndex((c) => Math.abs(c) > 0.999);
+  return axis < 0 ? towards.map((c) => Number(c.toPrecision(4))) : [0, 1, 2].map((i) => (i === axis ? Math.sign(towards[axis]) : 0));
+}
+
+function togglePanel() {
+  const closed = document.body.classList.toggle('closed');
+  byId('panel-toggle').ariaExpanded = String(!closed);
+}
+
+const toggleFullScreen = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen?.());
+const cycle = (values, now) => values[(values.indexOf(now) + 1) % values.length];
+const save = () => savePicture(scene, `${name}-${level}`);
+const inPicture = (act) => (event) => (document.activeElement === byId('picture') ? act(event) : false);
+
+function bindActions() {
+  const help = byId('help');
+  listKeys();
+  for (const [button, act] of [['screenshot', save], ['copy-link', copyLink], ['fullscreen', toggleFullScreen], ['theme', switchTheme],
+    ['panel-toggle', togglePanel], ['help-open', () => help.showModal()], ['help-close', () => help.close()]])
+    byId(button).addEventListener('click', act);
+  const toggleSlice = (axis) => () => {
+    const normal = { x: 0, y: 1, z: 2 }[axis];
+    const rest = store.state.slices.filter((p) => Math.abs(p.normal[normal]) !== 1);
+    if (rest.length < store.state.slices.length) controls.setInner({ slices: rest });
+    else controls.addSlice(axis);
+  };
+  const views = ['+x', '-x', '+y', '-y', '+z', '-z'];
+  bindKeys({
+    '[': () => controls.step(-1),
+    ']': () => controls.step(1),
+    0: () => scene.look('oblique'),
+    ...Object.fromEntries(views.map((view, i) => [i + 1, () => scene.look(view)])),
+    b: () => store.set({ surface: cycle(['solid', 'inside', 'glass', 'off'], store.state.surface) }),
+    w: () => store.set({ edges: !store.state.edges }),
+    x: toggleSlice('x'),
+    y: toggleSlice('y'),
+    z: toggleSlice('z'),
+    i: () => controls.addIsosurface(),
+    c: () => store.set({ clip: store.state.clip ? null : { normal: viewNormal(), at: 0.5 } }),
+    v: () => controls.setInner({ volume: !store.state.volume }),
+    m: () => store.set({ map: cycle(mapNames.map(([key]) => key), store.state.map) }),
+    p: save,
+    l: copyLink,
+    f: toggleFullScreen,
+    d: switchTheme,
+    h: togglePanel,
+    '?': () => help.showModal(),
+    ArrowLeft: inPicture(() => scene.turn(10, 0)),
+    ArrowRight: inPicture(() => scene.turn(-10, 0)),
+    ArrowUp: inPicture(() => scene.turn(0, -10)),
+    ArrowDown: inPicture(() => scene.turn(0, 10)),
+    '+': inPicture(() => scene.zoom(1.2)),
+    '=': inPicture(() => scene.zoom(1.2)),
+    '-': inPicture(() => scene.zoom(1 / 1.2)),
+  });
+}
+
+// A link may name a field that this stream does not have.
+function valid(state) {
+  if (fieldOf(info, state.field)) return state;
+  return { ...state, field: (info.fields.find((f) => f.controlled) ?? info.fields[0]).name };
+}
+
+async function start() {
+  document.title = `${name} · tetlod`;
+  byId('name').textContent = name;
+  stream = await TetlodStream.open(address, { on: { retry: tellRetry } });
+  info = stream.info;
+  if (!info.fields.length) throw new Error('this stream has no fields to colour it by');
+  store.state = valid(store.state);
+  scene = new Scene(byId('picture'), info.bounds);
+  if (store.state.camera) scene.setCamera(store.state.camera);
+  compass = new Compass(byId('compass'), (view) => scene.look(view));
+  handles = new Handles(byId('handles'), scene, planes);
+  controls = new Controls(store, info, { look: (view) => scene.look(view), viewNormal, ranges: colorRange, dataRange });
+  probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, store.state));
+  byId('download').hidden = Boolean(file);
+  follow();
+  watchScene();
+  watch();
+  bindActions();
+  countFrames();
+  // what tests look at
+  window.tetlod = {
+    stream,
+    get state() { return store.state; },
+    set: (patch) => store.set(patch),
+    get level() { return level; },
+    get settled() { return level === wantedLevel(info, store.state) && drawn === level; },
+    scene,
+    probe,
+  };
+}
+
+try {
+  await start();
+} catch (error) {
+  byId('loading').hidden = true;
+  notice('error', `${name} cannot be shown: ${error.message}`, { failed: true, seconds: 0 });
+}

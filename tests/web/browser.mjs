@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the browser tests share: Chromium without a window, pages whose complaints are kept, TAP lines.
+import { existsSync } from 'node:fs';
+import { createRequire } from 'node:module';
+import { fileURLToPath } from 'node:url';
+
+const root = fileURLToPath(new URL('../../', import.meta.url));
+const { chromium } = createRequire(`${root}server/web/package.json`)('playwright-core');
+const executablePath = ['/usr/bin/chromium', '/usr/bin/google-chrome'].find(existsSync);
+
+export async function launch() {
+  // SwiftShader draws WebGL on the processor: the same picture on every machine
+  return chromium.launch({
+    executablePath,
+    args: ['--headless=new', '--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist'],
+  });
+}
+
+// A page that remembers what went wrong (`complaints`) and which other hosts were asked (`strangers`).
+export async function openPage(browser, origin, options = {}) {
+  const context = await browser.newContext({ viewport: { width: 1200, height: 800 }, acceptDownloads: true, ...options });
+  const page = await context.newPage();
+  page.setDefaultTimeout(30000);
+  page.complaints = [];
+  page.strangers = [];
+  page.on('pageerror', (error) => page.complaints.push(String(error.stack ?? error)));
+  page.on('console', (message) => message.type() === 'error' && page.complaints.push(message.text()));
+  page.on('request', (request) => {
+    const url = request.url();
+    if (!url.startsWith(origin) && !/^(data|blob):/.test(url)) page.strangers.push(url);
+  });
+  return page;
+}
+
+// Until the viewer has a picture.
+export const firstPicture = (page) => page.waitForFunction(() => window.tetlod?.level >= 0 && document.getElementById('loading').hidden);
+
+// Until the stream is at the level that the state asks for.
+export const settled = (page) => page.waitForFunction(() => window.tetlod?.settled);
+
+// How much of the picture is not background, and how many colours it has.
+export const pictureFigures = (page) => page.evaluate(async () => {
+  const image = await window.tetlod.scene.capture();
+  const canvas = new OffscreenCanvas(image.width, image.height);
+  const context = canvas.getContext('2d');
+  context.drawImage(image, 0, 0);
+  const pixels = new Uint32Array(context.getImageData(0, 0, image.width, image.height).data.buffer);
+  const colors = new Set(pixels);
+  return { covered: pixels.reduce((n, p) => n + (p !== pixels[0]), 0) / pixels.length, colors: colors.size };
+});
+
+export async function run(tests) {
+  let number = 0;
+  for (const test of tests) {
+    number++;
+    try {
+      await test();
+      console.log(`ok ${number} - ${test.name}`);
+    } catch (error) {
+      console.log(`not ok ${number} - ${test.name}`);
+      console.log(String(error.stack ?? error).replace(/^/gm, '# '));
+    }
+  }
+  console.log(`1..${number}`);
+}

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// node page.mjs ORIGIN: the catalogue and the viewer of the stream `fin` as somebody meets them first.
+import assert from 'node:assert/strict';
+import { firstPicture, launch, openPage, pictureFigures, run, settled } from './browser.mjs';
+
+const origin = process.argv[2];
+const browser = await launch();
+let page;
+
+async function catalogue_lists_streams() {
+  const list = await openPage(browser, origin);
+  await list.goto(origin);
+  await list.getByRole('link', { name: 'View' }).waitFor();
+  assert.match(await list.locator('section').innerText(), /38\u202f880/);
+  await list.waitForFunction(() => {
+    const canvas = document.querySelector('canvas.thumbnail');
+    return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.some((x) => x > 0);
+  });
+  await list.getByText('Levels and files').click();
+  assert.ok(await list.locator('tbody tr').count() > 5);
+  assert.deepEqual([list.complaints, list.strangers], [[], []]);
+  await list.getByRole('link', { name: 'View' }).click();
+  await firstPicture(list);
+  await list.context().close();
+}
+
+async function viewer_shows_a_picture() {
+  page = await openPage(browser, origin);
+  const start = Date.now();
+  await page.goto(`${origin}view/fin`);
+  await firstPicture(page);
+  console.log(`# first picture after ${Date.now() - start} ms`);
+  await settled(page);
+  const { covered, colors } = await pictureFigures(page);
+  assert.ok(covered > 0.1 && covered < 0.9, `covers ${covered} of the picture`);
+  assert.ok(colors > 200, `${colors} colours`);
+}
+
+async function refines_and_coarsens() {
+  const level = () => page.evaluate(() => window.tetlod.level);
+  const before = await level();
+  await page.locator('#error-percent').fill('0.1');
+  await page.keyboard.press('Enter');
+  await settled(page);
+  const fine = await level();
+  assert.ok(fine > before, `${before} to ${fine}`);
+  const shown = await page.evaluate(() => [window.tetlod.stream.info.levels[window.tetlod.level], document.getElementById('shown-tets').innerText]);
+  assert.ok(shown[0].errors.Pressure.max <= 0.001);
+  assert.equal(Number(shown[1].split(' ')[0].replaceAll(/\D/g, '')), shown[0].tets);
+  await page.locator('#error-percent').fill('20');
+  await page.keyboard.press('Enter');
+  await settled(page);
+  assert.ok(await level() < before);
+}
+
+async function state_is_in_the_url() {
+  await page.keyboard.press('Escape');
+  await page.locator('#picture').focus();
+  for (const key of ['x', 'i', 'm']) await page.keyboard.press(key);
+  await page.waitForFunction(() => location.hash.includes('slices='));
+  const hash = await page.evaluate(() => location.hash);
+  for (const part of ['error=0.2', 'slices=x@0.5', 'isosurfaces=0.5', 'surface=inside', 'map=cividis']) assert.ok(hash.includes(part), `${part} in ${hash}`);
+  const again = await openPage(browser, origin);
+  await again.goto(page.url());
+  await firstPicture(again);
+  const states = await Promise.all([page, again].map((p) => p.evaluate(() => ({ ...window.tetlod.state, camera: null }))));
+  assert.deepEqual(states[1], states[0]);
+  await again.context().close();
+}
+
+async function every_control_has_a_name() {
+  const nameless = await page.evaluate(() => [...document.querySelectorAll('button, a, input, select, [role=slider]')]
+    .filter((e) => !(e.ariaLabel || e.getAttribute('aria-label') || e.labels?.[0]?.textContent.trim() || (e.matches('button, a') && e.textContent.trim())))
+    .map((e) => e.outerHTML.slice(0, 120)));
+  assert.deepEqual(nameless, []);
+}
+
+async function nothing_went_wrong() {
+  assert.deepEqual([page.complaints, page.strangers], [[], []]);
+}
+
+async function what_is_loaded_is_small() {
+  const all = await openPage(browser, origin);
+  await all.goto(`${origin}view/fin#volume=1&error=0.2`);
+  await firstPicture(all);
+  await all.waitForFunction(() => window.tetlod.scene.volume);
+  const loaded = await all.evaluate(() => [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
+    .filter((e) => !new URL(e.name).pathname.startsWith('/v1/')).map((e) => [new URL(e.name).pathname, e.encodedBodySize]));
+  const total = loaded.reduce((sum, [, size]) => sum + size, 0);
+  console.log(`# the page loads ${total} bytes: ${loaded.map((l) => l.join(' ')).join(', ')}`);
+  assert.ok(total > 100e3 && total <= 700e3, `${total} bytes`);
+  assert.deepEqual(all.complaints, []);
+  await all.context().close();
+}
+
+await run([catalogue_lists_streams, viewer_shows_a_picture, refines_and_coarsens, state_is_in_the_url, every_control_has_a_name, nothing_went_wrong,
+  what_is_loaded_is_small]);
+await browser.close();
