@@ -4,9 +4,11 @@ import { execFileSync, spawn } from 'node:child_process';
 import { once } from 'node:events';
 import { existsSync, readFileSync, statSync } from 'node:fs';
 import { createServer } from 'node:http';
-import { join } from 'node:path';
+import { extname, join } from 'node:path';
 
 export const { TETLOD, SCRATCH = '.', ROOT = '.' } = process.env;
+
+const mediaTypes = { '.html': 'text/html', '.js': 'text/javascript', '.json': 'application/json', '.wasm': 'application/wasm' };
 
 /** A stream of the sample `fin`, made once. */
 export function sampleStream() {
@@ -34,7 +36,7 @@ export async function fileHost(bytes, { ranges = true, etag = '"1"' } = {}) {
       return;
     }
     const [, first, last] = /^bytes=(\d+)-(\d+)$/.exec(seen.range ?? '') ?? [];
-    const headers = { ETag: host.etag, 'Content-Type': 'application/octet-stream' };
+    const headers = { ETag: host.etag, 'Content-Type': mediaTypes[extname(request.url.split('?')[0])] ?? 'application/octet-stream', ...host.headers };
     if (host.ranges && first !== undefined) {
       if (Number(first) >= body.length) {
         response.writeHead(416, { 'Content-Range': `bytes */${body.length}` }).end();
@@ -68,8 +70,9 @@ export async function fileHost(bytes, { ranges = true, etag = '"1"' } = {}) {
   return host;
 }
 
-/** A folder of files, with index.json for folders. */
+/** A folder of files, with index.json for folders, and an empty icon for browsers that ask for one. */
 export const folderHost = (folder) => fileHost((url) => {
+  if (url === '/favicon.ico') return Buffer.alloc(0);
   let path = join(folder, decodeURIComponent(new URL(url, 'http://x').pathname));
   if (existsSync(path) && statSync(path).isDirectory()) path = join(path, 'index.json');
   return existsSync(path) && readFileSync(path);

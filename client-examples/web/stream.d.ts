@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: BSD-3-Clause
+export type Point = [number, number, number];
+export type Measure = 'max' | 'sampled' | 'rms' | 'predicted';
+export type Component = number | 'magnitude';
+
+export interface Field {
+  name: string;
+  components: number;
+  type: 'float32' | 'float64';
+  range: [number, number];
+  /** Its error drove the contraction: `max` is certified. */
+  controlled: boolean;
+}
+
+export interface Level {
+  level: number;
+  vertices: number;
+  tets: number;
+  offset: number;
+  /** Length of the prefix of the stream that decodes to this level. */
+  bytes: number;
+  /** As a fraction of the diagonal of the bounds. */
+  domainError: number;
+  /** By field, as fractions of its range; a measure that is not known is absent. */
+  errors: Record<string, Partial<Record<Measure, number>>>;
+}
+
+export interface Info {
+  cid: string;
+  vertices: number;
+  tets: number;
+  bytes: number;
+  degenerateTets: number;
+  invertedTets: number;
+  bounds: [Point, Point];
+  lossless: boolean;
+  fields: Field[];
+  levels: Level[];
+  metadata: Record<string, unknown>;
+}
+
+export interface Target {
+  /** A fraction of the field's range. */
+  error?: number;
+  absError?: number;
+  /** Of that error; every field that drove the contraction if absent. */
+  field?: string;
+  measure?: Measure;
+  level?: number;
+  /** Budgets. */
+  tets?: number;
+  bytes?: number;
+}
+
+export interface Mesh {
+  level: number;
+  positions: Float64Array;
+  tets: Uint32Array;
+  fields: Record<string, Float64Array>;
+  parents: Uint32Array;
+}
+
+export interface Spec {
+  /** Colours every part. */
+  field?: string;
+  component?: Component;
+  surface?: boolean;
+  slices?: { origin: Point; normal: Point }[];
+  isosurfaces?: { field?: string; component?: Component; value: number }[];
+  /** Whether a change of the level is a move (the default) or a jump. */
+  morph?: boolean;
+}
+
+export interface Part {
+  /** Relative to the pictures' origin. */
+  points: Float32Array;
+  values: Float32Array;
+  /** Absent where it is the same as in the last message. */
+  triangles?: Uint32Array;
+}
+
+export interface Pictures {
+  level: number;
+  /** 0: the shape of the coarser level, 1: at rest. */
+  t: number;
+  origin: Point;
+  surface: Part | null;
+  slices: Part[];
+  isosurfaces: Part[];
+  seconds: number;
+}
+
+export interface Events {
+  progress: { received: number; total: number };
+  level: { level: number; vertices: number; tets: number; seconds: number };
+  pictures: Pictures;
+  retry: { attempt: number; delay: number; message: string };
+  finished: { level: number };
+  error: { message: string };
+}
+
+type Listeners = { [Name in keyof Events]?: (event: CustomEvent<Events[Name]>) => void };
+
+export class TetlodStream extends EventTarget {
+  static open(url: string | URL, options?: {
+    fields?: string[];
+    signal?: AbortSignal;
+    retries?: number;
+    on?: Listeners;
+    wasm?: string | URL;
+  }): Promise<TetlodStream>;
+  readonly info: Info;
+  readonly level: number;
+  readonly received: number;
+  refineTo(target?: Target, options?: { signal?: AbortSignal }): Promise<{ level: number; reached: boolean }>;
+  mesh(): Promise<Mesh>;
+  show(spec: Spec | null): Promise<void>;
+  close(reason?: unknown): void;
+  addEventListener<Name extends keyof Events>(name: Name, listener: (event: CustomEvent<Events[Name]>) => void, options?: AddEventListenerOptions): void;
+}
