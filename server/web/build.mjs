@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // node build.mjs OUT WASM: bundles the page into the folder OUT: the entries below with what they share in chunks, and the
 // files that are taken as they are, the codec's WebAssembly among them.
-import { cpSync, mkdirSync, readdirSync, renameSync, rmSync } from 'node:fs';
-import { dirname, join } from 'node:path';
+import { cpSync, mkdirSync, readFileSync, readdirSync, renameSync, rmSync, writeFileSync } from 'node:fs';
+import { basename, dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { build } from 'esbuild';
 
@@ -13,7 +13,7 @@ const made = `${out}.new`;
 
 rmSync(made, { recursive: true, force: true });
 mkdirSync(made, { recursive: true });
-await build({
+const { metafile } = await build({
   absWorkingDir: here,
   entryPoints: entries,
   entryNames: '[name]',
@@ -26,9 +26,18 @@ await build({
   legalComments: 'none',
   outdir: fileURLToPath(new URL(made, `file://${process.cwd()}/`)),
   logLevel: 'warning',
+  metafile: true,
 });
 for (const name of readdirSync(join(here, 'page')))
   if (/\.(html|css|svg)$/.test(name)) cpSync(join(here, 'page', name), join(made, name));
+
+// The viewer's page names what view.js will load, so that nothing waits for it.
+const outputs = Object.entries(metafile.outputs);
+const [scene, { imports }] = outputs.find(([, output]) => output.entryPoint === 'page/scene.js');
+const preloads = [scene, ...imports.filter(({ kind }) => kind === 'import-statement').map(({ path }) => path)]
+  .map((path) => `<link rel="modulepreload" href="/${basename(path)}">`);
+const view = join(made, 'view.html');
+writeFileSync(view, readFileSync(view, 'utf8').replace('</title>\n', `</title>\n${preloads.join('\n')}\n`));
 cpSync(wasm, join(made, 'tetlod.wasm'));
 rmSync(out, { recursive: true, force: true });
 renameSync(made, out);

@@ -46,11 +46,11 @@ function boxLines(renderer, bounds) {
 
 export class Scene extends EventTarget {
   // Events: 'render' after every frame, 'camera' when the camera came to rest.
-  constructor(container, bounds) {
+  constructor(container) {
     super();
     this.container = container;
-    this.centre = middle(bounds);
-    this.bounds = bounds.map((corner) => add(corner, this.centre, -1));
+    this.bounds = [[-1, -1, -1], [1, 1, 1]];
+    this.centre = [0, 0, 0];
     this.offset = [0, 0, 0];
     this.renderer = vtkRenderer.newInstance();
     this.window = vtkRenderWindow.newInstance();
@@ -59,7 +59,7 @@ export class Scene extends EventTarget {
     this.view.setContainer(container);
     this.window.addView(this.view);
     this.lookup = vtkColorTransferFunction.newInstance();
-    this.box = boxLines(this.renderer, this.bounds);
+    this.box = null;
     this.surface = new Layer(this.renderer, this.lookup, false);
     this.slices = [];
     this.isosurfaces = [];
@@ -72,6 +72,13 @@ export class Scene extends EventTarget {
     this.startInteraction();
     new ResizeObserver(() => this.resize()).observe(container);
     this.resize();
+  }
+
+  // The middle of the bounds is the scene's origin: 32 bits are enough for what is near it.
+  setBounds(bounds) {
+    this.centre = middle(bounds);
+    this.bounds = bounds.map((corner) => add(corner, this.centre, -1));
+    this.box = boxLines(this.renderer, this.bounds);
     this.look('oblique');
   }
 

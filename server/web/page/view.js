@@ -5,7 +5,7 @@ import { TetlodStream } from '../client/stream.js';
 import { Compass } from './compass.js';
 import { mapNames } from './colors.js';
 import { Controls } from './controls.js';
-import { byId, coalesced } from './dom.js';
+import { byId, coalesced, element } from './dom.js';
 import { planeOf } from './geometry.js';
 import { Handles } from './handles.js';
 import { bindKeys, listKeys } from './keys.js';
@@ -14,7 +14,6 @@ import { clear, notice } from './notices.js';
 import { bytes, count, percent, significant } from './numbers.js';
 import { Probe } from './probe.js';
 import { drawScalarBar } from './scalarbar.js';
-import { Scene } from './scene.js';
 import { copyLink, savePicture } from './share.js';
 import { Store, fromFragment, toFragment } from './state.js';
 import { switchTheme, themes } from './theme.js';
@@ -99,7 +98,7 @@ const refine = coalesced(async () => {
   try {
     await stream.refineTo(target);
   } catch (error) {
-    if (error.name !== 'AbortError') notice('error', error.message, { failed: true, seconds: 0 });
+    if (error.name !== 'AbortError') tellFailure(error.message);
   }
 });
 
@@ -151,6 +150,17 @@ function tellRetry({ detail: { message, delay, attempt } }) {
   notice('retry', `${message}; trying again in ${significant(delay, 2)} s (${attempt})`, { failed: true, seconds: 0 });
 }
 
+// What is decoded stays in the picture; a network may have come back.
+function tellFailure(message) {
+  clear('retry');
+  const again = element('button', { type: 'button' }, 'Try again');
+  again.addEventListener('click', () => {
+    clear('error');
+    refine();
+  });
+  notice('error', message, { failed: true, seconds: 0, children: [again] });
+}
+
 function takePictures({ detail: pictures }) {
   byId('loading').hidden = true;
   scene.update(pictures, store.state);
@@ -172,7 +182,7 @@ function follow() {
     tellShown();
   });
   stream.addEventListener('pictures', takePictures);
-  stream.addEventListener('error', ({ detail }) => notice('error', detail.message, { failed: true, seconds: 0 }));
+  stream.addEventListener('error', ({ detail }) => tellFailure(detail.message));
 }
 
 // ---- from the controls
@@ -295,11 +305,14 @@ function valid(state) {
 async function start() {
   document.title = `${name} · tetlod`;
   byId('name').textContent = name;
-  stream = await TetlodStream.open(address, { on: { retry: tellRetry } });
+  // the first bytes are on their way while vtk.js and the graphics start, which takes longest
+  const opened = TetlodStream.open(address, { on: { retry: tellRetry } });
+  const ready = import('./scene.js').then(({ Scene }) => new Scene(byId('picture')));
+  [stream, scene] = await Promise.all([opened, ready]);
   info = stream.info;
   if (!info.fields.length) throw new Error('this stream has no fields to colour it by');
   store.state = valid(store.state);
-  scene = new Scene(byId('picture'), info.bounds);
+  scene.setBounds(info.bounds);
   if (store.state.camera) scene.setCamera(store.state.camera);
   compass = new Compass(byId('compass'), (view) => scene.look(view));
   handles = new Handles(byId('handles'), scene, planes);
