@@ -66,10 +66,8 @@ const recolor = coalesced(() => {
 const setBackground = () => {
   const stage = byId('stage');
   stage.className = store.state.background === 'auto' ? '' : `on-${store.state.background}`;
-  const probeOfColor = getComputedStyle(stage).backgroundColor.match(/[\d.]+/g).slice(0, 3);
-  scene.setBackground(probeOfColor.map((c) => c / 255));
-  scene.restyle(store.state);
-  drawBar();
+  const color = getComputedStyle(stage).backgroundColor.match(/[\d.]+/g).slice(0, 3);
+  scene.setBackground(color.map((c) => c / 255));
 };
 
 // ---- what the worker is to make
@@ -206,13 +204,18 @@ function watch() {
   });
   store.watch(['surface', 'edges', 'sliceEdges', 'parallel', 'opacity'], (state) => scene.restyle(state));
   store.watch(['slices', 'clip'], () => handles.update());
-  store.watch(['background'], setBackground);
+  const repaint = () => {
+    setBackground();
+    scene.restyle(store.state);
+    drawBar();
+  };
+  store.watch(['background'], repaint);
   store.addEventListener('change', remember);
   addEventListener('hashchange', () => {
     store.set(valid(fromFragment(location.hash)));
     if (store.state.camera) scene.setCamera(store.state.camera);
   });
-  themes.addEventListener('change', setBackground);
+  themes.addEventListener('change', repaint);
 }
 
 function watchScene() {
@@ -307,8 +310,11 @@ async function start() {
   byId('name').textContent = name;
   // the first bytes are on their way while vtk.js and the graphics start, which takes longest
   const opened = TetlodStream.open(address, { on: { retry: tellRetry } });
-  const ready = import('./scene.js').then(({ Scene }) => new Scene(byId('picture')));
-  [stream, scene] = await Promise.all([opened, ready]);
+  const ready = import('./scene.js').then(({ Scene }) => {
+    scene = new Scene(byId('picture'));
+    setBackground();
+  });
+  [stream] = await Promise.all([opened, ready]);
   info = stream.info;
   if (!info.fields.length) throw new Error('this stream has no fields to colour it by');
   store.state = valid(store.state);
@@ -324,6 +330,7 @@ async function start() {
   watch();
   bindActions();
   countFrames();
+  byId('controls').inert = false;
   // what tests look at
   window.tetlod = {
     stream,
