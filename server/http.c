@@ -238,7 +238,6 @@ static const struct {
     {"Server", "tetlod"},
 };
 
-/* All headers; those of the one request only with a call. */
 static bool add_headers(struct MHD_Response *made, const struct call *call, const struct response *response)
 {
     bool added = true;
@@ -250,45 +249,10 @@ static bool add_headers(struct MHD_Response *made, const struct call *call, cons
         added &= MHD_add_response_header(made, "Content-Type", response->media_type) == MHD_YES;
     if (response->etag[0])
         added &= MHD_add_response_header(made, "ETag", response->etag) == MHD_YES;
-    if (!call)
-        return added;
     added &= MHD_add_response_header(made, "X-Request-Id", call->id) == MHD_YES;
     if (response->close || atomic_load(&call->http->options.site->draining))
         added &= MHD_add_response_header(made, "Connection", "close") == MHD_YES;
     return added;
-}
-
-static void destroy_prepared(void *made)
-{
-    MHD_destroy_response(made);
-}
-
-/* The library's response for a whole cached body, kept with it: building headers anew costs more than sending a few
- * kilobytes. It has no request id, and is not for a connection that is to end. */
-static struct MHD_Response *prepare(struct response *response)
-{
-    struct prepared *prepared = response->prepared;
-    struct MHD_Response *made = atomic_load(&prepared->made);
-    void *none = NULL;
-    if (made)
-        return made;
-    made = MHD_create_response_from_buffer((size_t)response->size, (void *)(uintptr_t)response->bytes, MHD_RESPMEM_PERSISTENT);
-    if (!made || !add_headers(made, NULL, response)) {
-        if (made)
-            MHD_destroy_response(made);
-        return NULL;
-    }
-    atomic_store(&prepared->free, destroy_prepared);
-    if (atomic_compare_exchange_strong(&prepared->made, &none, made))
-        return made;
-    MHD_destroy_response(made);
-    return none; // another thread was first
-}
-
-static bool may_be_prepared(const struct call *call, const struct response *response)
-{
-    return response->prepared && response->status == 200 && !call->given_id && !response->close &&
-           !atomic_load(&call->http->options.site->draining);
 }
 
 static enum MHD_Result queue(struct call *call, struct response *response)
@@ -297,10 +261,7 @@ static enum MHD_Result queue(struct call *call, struct response *response)
     call->route = response->route;
     bool no_body = response->status == 304 || response->status == 204 || call->request.method == METHOD_HEAD;
     call->bytes = no_body ? 0 : response->size;
-    struct MHD_Response *made = may_be_prepared(call, response) ? prepare(response) : NULL;
-    if (made)
-        return MHD_queue_response(call->connection, response->status, made);
-    made = make_body(response);
+    struct MHD_Response *made = make_body(response);
     enum MHD_Result result = MHD_NO;
     if (made && add_headers(made, call, response))
         result = MHD_queue_response(call->connection, response->status, made);

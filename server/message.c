@@ -53,7 +53,6 @@ void response_release(struct response *response)
     response->owner = NULL;
     response->kind = BODY_NONE;
     response->size = 0;
-    response->prepared = NULL;
 }
 
 void response_static(struct response *response, unsigned status, const char *media_type, const char *text)

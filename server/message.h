@@ -28,12 +28,6 @@ struct request {
     } pins[REQUEST_PINS];
 };
 
-/* Something made once from a body and its headers, whole and unchanged, by whoever sends it; freed with the body. */
-struct prepared {
-    _Atomic(void *) made;
-    void (*_Atomic free)(void *made);
-};
-
 enum body_kind { BODY_NONE, BODY_BYTES, BODY_FILE };
 
 enum { RESPONSE_HEADERS = 12, HEADER_VALUE = 480 };
@@ -49,7 +43,6 @@ struct response {
     uint64_t size;     /* of the body that is sent */
     void (*release)(void *owner); /* lets go of what the body borrows from; NULL: it is there for good or pinned */
     void *owner;
-    struct prepared *prepared; /* of a cached body, for answers of 200; or NULL */
     bool ranges;        /* Range may cut it */
     bool close;         /* the connection ends after it */
     char etag[352];     /* quoted, or empty */

@@ -308,18 +308,7 @@ struct body *body_new(size_t size, double milliseconds)
         return NULL;
     body->size = size;
     body->milliseconds = milliseconds;
-    atomic_init(&body->prepared.made, NULL);
-    atomic_init(&body->prepared.free, NULL);
     return body;
-}
-
-void body_free(void *opaque)
-{
-    struct body *body = opaque;
-    void *made = atomic_load(&body->prepared.made);
-    if (made)
-        atomic_load(&body->prepared.free)(made);
-    free(body);
 }
 
 enum tetlod_status body_take(struct buffer *buffer, double started, struct cache_value *out, struct tetlod_error *error)
@@ -329,7 +318,7 @@ enum tetlod_status body_take(struct buffer *buffer, double started, struct cache
         return tetlodi_fail_nomem(error, "an answer", buffer->size);
     if (buffer->size)
         memcpy(body->bytes, buffer->bytes, buffer->size);
-    *out = (struct cache_value){body, sizeof *body + buffer->size, body_free};
+    *out = (struct cache_value){body, sizeof *body + buffer->size, free};
     buffer_fini(buffer);
     return TETLOD_OK;
 }
@@ -347,7 +336,6 @@ void respond_body(struct exchange *exchange, const struct cache_value *value, co
     response->kind = BODY_BYTES;
     response->bytes = body->bytes;
     response->size = body->size;
-    response->prepared = request->waited ? NULL : &body->prepared; // whose Server-Timing says "hit"
     response->ranges = coding == CODING_IDENTITY;
     snprintf(response->etag, sizeof response->etag, "\"%s%s%s\"", etag, coding ? "-" : "", coding_name(coding));
     if (coding)

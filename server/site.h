@@ -69,13 +69,11 @@ const struct cache_value *obtain_cached(struct exchange *exchange, struct cache 
 struct body {
     size_t size;
     double milliseconds; /* that it took to make */
-    struct prepared prepared; /* what http.c keeps for the next time that it sends the whole */
     unsigned char bytes[];
 };
 
-/* A body for `size` bytes, to be filled; NULL if memory is out. Freed by body_free. */
+/* A body for `size` bytes, to be filled; NULL if memory is out. Freed by free(). */
 struct body *body_new(size_t size, double milliseconds);
-void body_free(void *body);
 
 /* Turns a buffer, which it empties, into a cache value; freed by free(). */
 TETLOD_CHECKED enum tetlod_status body_take(struct buffer *buffer, double started, struct cache_value *out,

@@ -52,12 +52,12 @@ static enum tetlod_status read_stored(void *opaque, struct cache_value *out, str
     for (size_t i = 0; complete && i < context->count; done += (size_t)context->spans[i++].size)
         complete = read_span(context->dataset, &context->spans[i], body->bytes + done);
     if (!complete || !dataset_intact(context->dataset)) {
-        body_free(body);
+        free(body);
         return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the stream's file was written over; ask /v1/meshes/%s for its content id",
                             dataset_id(context->dataset));
     }
     body->milliseconds = (monotonic_seconds() - started) * 1e3;
-    *out = (struct cache_value){body, sizeof *body + size, body_free};
+    *out = (struct cache_value){body, sizeof *body + size, free};
     return TETLOD_OK;
 }
 
