@@ -9,93 +9,33 @@
 #include "server/level.h"
 #include "src/util/array.h"
 
-struct mesh_context {
-    struct site *site;
-    struct cache_entry *forest_entry; /* held */
-    const struct forest *forest;
-    const struct mesh_format *format;
-    enum coding coding;
-    uint32_t level;
-};
-
-static void mesh_context_free(void *opaque)
+static enum tetlod_status write_mesh(const void *choice, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
 {
-    struct mesh_context *context = opaque;
-    cache_release(context->site->forests, context->forest_entry);
-    free(context);
+    const struct mesh_format *format = choice;
+    struct tetlodi_sink sink = buffer_sink(out);
+    return format->write(mesh, &sink, error);
 }
 
-static enum tetlod_status make_mesh(void *opaque, struct cache_value *out, struct tetlod_error *error)
-{
-    struct mesh_context *context = opaque;
-    struct tetmesh mesh;
-    struct buffer buffer = {0};
-    struct tetlodi_sink sink = buffer_sink(&buffer);
-    double started = monotonic_seconds();
-    enum tetlod_status status = forest_mesh(context->forest, context->level, &mesh, error);
-    if (status != TETLOD_OK)
-        return status;
-    status = context->format->write(&mesh, &sink, error);
-    tetmesh_fini(&mesh);
-    if (status == TETLOD_OK)
-        status = buffer_encode(&buffer, context->coding, error);
-    if (status == TETLOD_OK)
-        status = body_take(&buffer, started, out, error);
-    buffer_fini(&buffer);
-    metrics_count(context->site->metrics, METRIC_LEVELS_MADE);
-    return status;
-}
-
-/* Memory that making takes: the level as arrays, and its file twice (as it grows, and encoded). */
-static uint64_t mesh_bytes(const struct tetlod_info *info, uint32_t level)
+static uint64_t mesh_file_bytes(const struct tetlod_info *info, uint32_t level, const struct mesh_format *format)
 {
     uint64_t components = 3;
     for (uint32_t f = 0; f < info->field_count; f++)
         components += info->fields[f].components;
-    return 3 * (info->levels[level].vertices * components * 8 + info->levels[level].tets * (uint64_t)25) + 65536;
+    return info->levels[level].vertices * components * format->number_bytes + info->levels[level].tets * (uint64_t)format->tet_bytes + 4096;
 }
 
-/* Makes a level's mesh; its value is NULL if it is not there yet, or the response says why it will not be. */
-static enum outcome make_level(struct exchange *exchange, struct dataset *dataset, const struct mesh_context *wanted,
-                               const char *key, const struct cache_value **out)
+static enum outcome answer_mesh(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_format *format)
 {
     const struct tetlod_info *info = dataset_info(dataset);
-    const struct forest *forest;
-    *out = NULL;
-    enum outcome outcome = obtain_forest(exchange, dataset, &forest);
-    if (!forest)
-        return outcome;
-    struct mesh_context *context = array_new(1, sizeof *context);
-    if (!context) {
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-        return ANSWERED;
-    }
-    *context = *wanted;
-    context->forest = forest;
-    context->forest_entry = request_pin(exchange->request, exchange->site->forests);
-    cache_hold(exchange->site->forests, context->forest_entry);
-    const struct recipe recipe = {make_mesh, mesh_context_free, context, mesh_bytes(info, wanted->level)};
-    return obtain(exchange, exchange->site->cache, key, &recipe, out);
-}
-
-static enum outcome answer_made(struct exchange *exchange, struct dataset *dataset, uint32_t level,
-                                const struct mesh_format *format)
-{
-    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
-    enum outcome outcome = ANSWERED;
-    char key[128], etag[80];
-    snprintf(etag, sizeof etag, "%s-%" PRIu32 "-%s", dataset_info(dataset)->cid, level, format->name);
-    snprintf(key, sizeof key, "%s/%s", etag, coding_name(coding));
-    const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, key);
-    if (!value) {
-        const struct mesh_context wanted = {.site = exchange->site, .format = format, .coding = coding, .level = level};
-        outcome = make_level(exchange, dataset, &wanted, key, &value);
-    }
-    if (value) {
-        respond_body(exchange, value, format->media_type, coding, etag);
-        if (exchange->response->status == 200)
-            cache_forever(exchange->response);
-    }
+    const struct level_answer answer = {level, format->name, format->media_type, mesh_file_bytes(info, level, format),
+                                        write_mesh, format, sizeof *format};
+    if (format->write)
+        return answer_from_level(exchange, dataset, &answer);
+    char etag[80];
+    snprintf(etag, sizeof etag, "%s-%" PRIu32 "-tetlod", info->cid, level);
+    enum outcome outcome = respond_stored(exchange, dataset, 0, info->levels[level].end, etag);
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        level_headers(exchange->response, dataset, level);
     return outcome;
 }
 
@@ -111,17 +51,8 @@ enum outcome handle_level_mesh(struct exchange *exchange)
     const struct mesh_format *format = mesh_format_find(exchange->captures[3]);
     if (!format)
         respond_bad_format(exchange, mesh_formats, exchange->captures[3]);
-    else if (check_parameters(exchange, none) && parse_level(exchange, info, exchange->captures[2], &level)) {
-        if (format->write)
-            outcome = answer_made(exchange, dataset, level, format);
-        else {
-            char etag[80];
-            snprintf(etag, sizeof etag, "%s-%" PRIu32 "-tetlod", info->cid, level);
-            outcome = respond_stored(exchange, dataset, 0, info->levels[level].end, etag);
-        }
-        if (outcome == ANSWERED && exchange->response->status == 200)
-            level_headers(exchange->response, dataset, level);
-    }
+    else if (check_parameters(exchange, none) && parse_level(exchange, info, exchange->captures[2], &level))
+        outcome = answer_mesh(exchange, dataset, level, format);
     dataset_release(dataset);
     return outcome;
 }

@@ -119,7 +119,7 @@ static enum tetlod_status json_body(json_t *object, enum coding coding, struct c
     if (status == TETLOD_OK)
         status = buffer_encode(&buffer, coding, error);
     if (status == TETLOD_OK)
-        status = body_take(&buffer, started, out, error);
+        status = body_take(&buffer, started, started, out, error);
     buffer_fini(&buffer);
     return status;
 }
@@ -173,17 +173,15 @@ enum outcome handle_stream_info(struct exchange *exchange)
         return ANSWERED;
     }
     *context = (struct info_context){dataset, coding};
-    char key[256], etag[40];
+    char key[256];
     snprintf(key, sizeof key, "%s/info/%s/%s", dataset_info(dataset)->cid, coding_name(coding), dataset_id(dataset));
-    snprintf(etag, sizeof etag, "%s", dataset_info(dataset)->cid);
     const struct cache_value *value;
     const struct recipe recipe = {make_info, free_info_context, context,
                                   1024 * (uint64_t)(1 + dataset_info(dataset)->level_count)};
     enum outcome outcome = obtain(exchange, exchange->site->cache, key, &recipe, &value);
     if (value) {
-        respond_body(exchange, value, "application/json", coding, etag);
-        if (exchange->response->status == 200)
-            cache_revalidate(exchange->response);
+        respond_body(exchange, value, &(struct representation){"application/json", coding, dataset_info(dataset)->cid});
+        cache_revalidate(exchange->response);
     }
     return outcome;
 }

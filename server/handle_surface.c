@@ -24,21 +24,6 @@ struct surface_choice {
     double origin[3], normal[3]; /* SLICE */
 };
 
-struct surface_context {
-    struct site *site;
-    struct cache_entry *forest_entry; /* held */
-    const struct forest *forest;
-    struct surface_choice choice;
-    enum coding coding;
-};
-
-static void surface_context_free(void *opaque)
-{
-    struct surface_context *context = opaque;
-    cache_release(context->site->forests, context->forest_entry);
-    free(context);
-}
-
 static enum tetlod_status cut(const struct tetmesh *mesh, const struct surface_choice *choice, struct cut *out,
                               struct tetlod_error *error)
 {
@@ -61,27 +46,14 @@ static enum tetlod_status cut(const struct tetmesh *mesh, const struct surface_c
     return status;
 }
 
-static enum tetlod_status make_surface(void *opaque, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status write_surface(const void *opaque, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
 {
-    struct surface_context *context = opaque;
-    struct tetmesh mesh;
+    const struct surface_choice *choice = opaque;
     struct cut surface = {0};
-    struct buffer buffer = {0};
-    double started = monotonic_seconds();
-    enum tetlod_status status = forest_mesh(context->forest, context->choice.level, &mesh, error);
-    if (status != TETLOD_OK)
-        return status;
-    status = cut(&mesh, &context->choice, &surface, error);
+    enum tetlod_status status = cut(mesh, choice, &surface, error);
     if (status == TETLOD_OK)
-        status = context->choice.format->write(&mesh, &surface, &buffer);
+        status = choice->format->write(mesh, &surface, out);
     cut_fini(&surface);
-    tetmesh_fini(&mesh);
-    if (status == TETLOD_OK)
-        status = buffer_encode(&buffer, context->coding, error);
-    if (status == TETLOD_OK)
-        status = body_take(&buffer, started, out, error);
-    buffer_fini(&buffer);
-    metrics_count(context->site->metrics, METRIC_LEVELS_MADE);
     return status;
 }
 
@@ -168,9 +140,9 @@ static bool take_shape(struct exchange *exchange, const struct tetlod_info *info
 
 /* ---- the answer ---- */
 
-static void print_key(const struct surface_choice *choice, const char *cid, char *out, size_t capacity)
+static void print_name(const struct surface_choice *choice, char *out, size_t capacity)
 {
-    int used = snprintf(out, capacity, "%s-%" PRIu32 "-%s%d", cid, choice->level, choice->format->name, (int)choice->shape);
+    int used = snprintf(out, capacity, "%s%d", choice->format->name, (int)choice->shape);
     if (choice->shape == ISOSURFACE)
         snprintf(out + used, capacity - (size_t)used, "-%" PRIu32 ":%" PRIu32 "=%.17g", choice->field, choice->component,
                  choice->value);
@@ -179,59 +151,22 @@ static void print_key(const struct surface_choice *choice, const char *cid, char
                  choice->origin[1], choice->origin[2], choice->normal[0], choice->normal[1], choice->normal[2]);
 }
 
-static uint64_t surface_bytes(const struct tetlod_info *info, uint32_t level)
+/* What a surface takes that does not meet nearly every tetrahedron; room is kept for as much. */
+static uint64_t surface_file_bytes(const struct tetlod_info *info, uint32_t level)
 {
     uint64_t components = 4;
     for (uint32_t f = 0; f < info->field_count; f++)
         components += info->fields[f].components;
-    return info->levels[level].vertices * components * 24 + info->levels[level].tets * (uint64_t)48 + 65536;
-}
-
-/* Makes a surface; its value is NULL if it is not there yet, or the response says why it will not be. */
-static enum outcome make(struct exchange *exchange, struct dataset *dataset, const struct surface_choice *choice,
-                         enum coding coding, const char *key, const struct cache_value **out)
-{
-    const struct forest *forest;
-    *out = NULL;
-    enum outcome outcome = obtain_forest(exchange, dataset, &forest);
-    if (!forest)
-        return outcome;
-    struct surface_context *context = array_new(1, sizeof *context);
-    if (!context) {
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-        return ANSWERED;
-    }
-    struct cache_entry *forest_entry = request_pin(exchange->request, exchange->site->forests);
-    cache_hold(exchange->site->forests, forest_entry);
-    *context = (struct surface_context){exchange->site, forest_entry, forest, *choice, coding};
-    const struct recipe recipe = {make_surface, surface_context_free, context,
-                                  surface_bytes(dataset_info(dataset), choice->level)};
-    return obtain(exchange, exchange->site->cache, key, &recipe, out);
+    return info->levels[level].vertices * components * 8 + info->levels[level].tets * (uint64_t)16 + 4096;
 }
 
 static enum outcome answer_surface(struct exchange *exchange, struct dataset *dataset, const struct surface_choice *choice)
 {
-    const struct tetlod_info *info = dataset_info(dataset);
-    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
-    enum outcome outcome = ANSWERED;
-    char key[320], coded_key[330], etag[80];
-    uint64_t hash = 0xcbf29ce484222325u;
-    print_key(choice, info->cid, key, sizeof key);
-    for (const char *c = key; *c; c++)
-        hash = (hash ^ (unsigned char)*c) * 0x100000001b3u;
-    snprintf(etag, sizeof etag, "%s-%016" PRIx64, info->cid, hash);
-    snprintf(coded_key, sizeof coded_key, "%s/%s", key, coding_name(coding));
-    const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, coded_key);
-    if (!value)
-        outcome = make(exchange, dataset, choice, coding, coded_key, &value);
-    if (value) {
-        respond_body(exchange, value, choice->format->media_type, coding, etag);
-        if (exchange->response->status == 200) {
-            cache_forever(exchange->response);
-            level_headers(exchange->response, dataset, choice->level);
-        }
-    }
-    return outcome;
+    char name[200];
+    print_name(choice, name, sizeof name);
+    const struct level_answer answer = {choice->level, name, choice->format->media_type,
+                                        surface_file_bytes(dataset_info(dataset), choice->level), write_surface, choice, sizeof *choice};
+    return answer_from_level(exchange, dataset, &answer);
 }
 
 static enum outcome handle_shape(struct exchange *exchange, enum shape shape)

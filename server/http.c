@@ -4,7 +4,8 @@
  * - it decodes paths and cuts them at %00: the request target is taken raw, from the URI log callback;
  * - it accepts bodies with Content-Length and Transfer-Encoding at once, and without strict checks no Host: any body and
  *   any broken framing is refused here and ends the connection;
- * - a 304 gets the length of the body it is queued with: the full body is queued with it, which is not sent;
+ * - a 304 gets the length of the body that it is queued with: that body is queued with it, or one of its length, and is not
+ *   sent; where the length is not known the connection ends, for without a body the length would be 0;
  * - it has no deadline for a request, only idle time, and divides connections unevenly: see gate.h and server.c;
  * - its threads must not block: a request that waits is suspended, and resumed by whoever finishes what it waits for.
  */
@@ -200,6 +201,23 @@ static struct MHD_Response *make_file_body(const struct response *response)
     return made;
 }
 
+static ssize_t read_nothing(void *opaque, uint64_t position, char *out, size_t most)
+{
+    (void)opaque, (void)position, (void)out, (void)most;
+    return MHD_CONTENT_READER_END_OF_STREAM;
+}
+
+/* For a 304, which has no body but may have the length of one. Where that is not known either, the library announces chunks
+ * and sends the last of them unless it is told that the connection ends. */
+static struct MHD_Response *make_absent_body(uint64_t size)
+{
+    struct MHD_Response *made =
+        MHD_create_response_from_callback(size == SIZE_UNKNOWN ? MHD_SIZE_UNKNOWN : size, 1, read_nothing, NULL, NULL);
+    if (made && size == SIZE_UNKNOWN)
+        MHD_set_response_options(made, MHD_RF_HTTP_1_0_COMPATIBLE_STRICT, MHD_RO_END);
+    return made;
+}
+
 /* The library's response for the body, which takes over what the body borrows from. */
 static struct MHD_Response *make_body(struct response *response)
 {
@@ -209,6 +227,8 @@ static struct MHD_Response *make_body(struct response *response)
         response_release(response);
         return made;
     }
+    if (response->kind == BODY_ABSENT)
+        return make_absent_body(response->size);
     if (response->kind == BODY_NONE || !response->release)
         return MHD_create_response_from_buffer((size_t)response->size,
                                                (void *)(uintptr_t)(response->kind == BODY_NONE ? nothing : (const char *)response->bytes),

@@ -10,10 +10,10 @@
 #include "src/util/array.h"
 
 const struct mesh_format mesh_formats[] = {
-    {"vtu", "application/vnd.vtk.vtu", io_write_vtu_plain},
-    {"vtk", "application/vnd.vtk", io_write_vtk},
-    {"tetlod", "application/vnd.tetlod", NULL},
-    {NULL, NULL, NULL},
+    {"vtu", "application/vnd.vtk.vtu", io_write_vtu_plain, 8, 25},
+    {"vtk", "application/vnd.vtk", io_write_vtk, 25, 50},
+    {"tetlod", "application/vnd.tetlod", NULL, 0, 0},
+    {NULL, NULL, NULL, 0, 0},
 };
 
 const struct mesh_format *mesh_format_find(const char *name)

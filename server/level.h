@@ -12,6 +12,7 @@
 struct mesh_format {
     const char *name, *media_type;
     enum tetlod_status (*write)(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error);
+    unsigned number_bytes, tet_bytes; /* at most, of a coordinate or value, and of a tetrahedron */
 };
 
 extern const struct mesh_format mesh_formats[]; /* ends with a NULL name */
@@ -34,6 +35,19 @@ struct dataset *captured_dataset(struct exchange *exchange);
 
 /* A level's number; false after a 400. */
 bool parse_level(struct exchange *exchange, const struct tetlod_info *info, const char *text, uint32_t *out);
+
+/* Something that is made from the mesh of a level. */
+struct level_answer {
+    uint32_t level;
+    const char *name; /* tells it from all others that are made from the level; visible ASCII without '"' and '/' */
+    const char *media_type;
+    uint64_t file_bytes; /* an upper bound of what `write` writes */
+    enum tetlod_status (*write)(const void *choice, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error);
+    const void *choice; /* copied */
+    size_t choice_size;
+};
+
+enum outcome answer_from_level(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer);
 
 /* The stream in memory, decoded if it is not yet. */
 enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, const struct forest **out);

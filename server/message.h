@@ -28,9 +28,12 @@ struct request {
     } pins[REQUEST_PINS];
 };
 
-enum body_kind { BODY_NONE, BODY_BYTES, BODY_FILE };
+/* BODY_ABSENT: it is not there, for the answer will be a 304. */
+enum body_kind { BODY_NONE, BODY_BYTES, BODY_FILE, BODY_ABSENT };
 
-enum { RESPONSE_HEADERS = 12, HEADER_VALUE = 480 };
+#define SIZE_UNKNOWN UINT64_MAX
+
+enum { RESPONSE_HEADERS = 12, HEADER_VALUE = 480, ETAG_CAPACITY = 352 };
 
 struct response {
     unsigned status;
@@ -40,12 +43,12 @@ struct response {
     const void *bytes; /* BODY_BYTES */
     int fd;            /* BODY_FILE, borrowed */
     uint64_t offset;   /* BODY_FILE */
-    uint64_t size;     /* of the body that is sent */
+    uint64_t size;     /* of the body that is sent; SIZE_UNKNOWN at most where it is absent */
     void (*release)(void *owner); /* lets go of what the body borrows from; NULL: it is there for good or pinned */
     void *owner;
     bool ranges;        /* Range may cut it */
     bool close;         /* the connection ends after it */
-    char etag[352];     /* quoted, or empty */
+    char etag[ETAG_CAPACITY]; /* quoted, or empty */
     size_t header_count;
     struct {
         const char *name; /* static */

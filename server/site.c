@@ -180,12 +180,26 @@ struct task {
     struct recipe recipe;
 };
 
+/* Makes room for a value and makes it. Only what is being made takes room, so that waiting work keeps out nobody. */
+static enum tetlod_status make_in_room(const struct task *task, struct cache_value *value, struct tetlod_error *failure)
+{
+    switch (cache_reserve(task->cache, task->entry, task->recipe.bytes)) {
+    case TETLOD_OK:
+        return task->recipe.make(task->recipe.context, value, failure);
+    case TETLOD_ERR_ARGUMENT:
+        return tetlodi_fail(failure, TETLOD_ERR_ARGUMENT, "needs more memory than the server's cache has; the stored bytes "
+                                                          "(format=tetlod, records, stream) are served at any size");
+    default:
+        return tetlodi_fail(failure, TETLOD_ERR_LIMIT, "the server's cache is full of answers that are being read");
+    }
+}
+
 static void run_task(void *context)
 {
     struct task *task = context;
     struct cache_value value = {0};
     struct tetlod_error failure = {0};
-    enum tetlod_status status = task->recipe.make(task->recipe.context, &value, &failure);
+    enum tetlod_status status = make_in_room(task, &value, &failure);
     if (status != TETLOD_OK && !failure.status)
         failure.status = status;
     task->recipe.free(task->recipe.context);
@@ -206,25 +220,19 @@ static void give_up(struct cache *cache, struct cache_entry *entry, const struct
 static void start(struct site *site, struct cache *cache, struct cache_entry *entry, const struct recipe *recipe,
                   bool here)
 {
-    enum tetlod_status reserved = cache_reserve(cache, entry, recipe->bytes);
-    struct task *task = reserved == TETLOD_OK ? array_new(1, sizeof *task) : NULL;
-    if (reserved == TETLOD_ERR_ARGUMENT)
-        give_up(cache, entry, recipe, reserved, "needs more memory than the server's cache has; the stored bytes "
-                                                "(format=tetlod, records, stream) are served at any size");
-    else if (reserved != TETLOD_OK)
-        give_up(cache, entry, recipe, reserved, "the server's cache is full of answers that are being read");
-    else if (!task)
+    struct task *task = array_new(1, sizeof *task);
+    if (!task) {
         give_up(cache, entry, recipe, TETLOD_ERR_NOMEM, "the server is out of memory");
-    else {
-        *task = (struct task){cache, entry, *recipe};
-        cache_hold(cache, entry);
-        if (here)
-            run_task(task);
-        else if (!pool_submit(site->pool, run_task, task)) {
-            cache_release(cache, entry);
-            free(task);
-            give_up(cache, entry, recipe, TETLOD_ERR_LIMIT, "the server has too much to do");
-        }
+        return;
+    }
+    *task = (struct task){cache, entry, *recipe};
+    cache_hold(cache, entry);
+    if (here)
+        run_task(task);
+    else if (!pool_submit(site->pool, run_task, task)) {
+        cache_release(cache, entry);
+        free(task);
+        give_up(cache, entry, recipe, TETLOD_ERR_LIMIT, "the server has too much to do");
     }
 }
 
@@ -301,48 +309,71 @@ const struct cache_value *obtain_cached(struct exchange *exchange, struct cache 
     return cache_value(entry, &ignored);
 }
 
-struct body *body_new(size_t size, double milliseconds)
+static void body_free(void *opaque)
 {
-    struct body *body = size < SIZE_MAX - sizeof *body ? malloc(sizeof *body + size) : NULL;
-    if (!body)
-        return NULL;
-    body->size = size;
-    body->milliseconds = milliseconds;
-    return body;
+    struct body *body = opaque;
+    free(body->bytes);
+    free(body);
 }
 
-enum tetlod_status body_take(struct buffer *buffer, double started, struct cache_value *out, struct tetlod_error *error)
+enum tetlod_status body_take(struct buffer *buffer, double started, double extracted, struct cache_value *out,
+                             struct tetlod_error *error)
 {
-    struct body *body = body_new(buffer->size, (monotonic_seconds() - started) * 1e3);
+    struct body *body = array_new(1, sizeof *body);
+    unsigned char *exact = buffer->size ? array_resize(buffer->bytes, buffer->size, 1) : NULL;
+    if (exact)
+        buffer->bytes = exact; // what it grew beyond its size is not counted
     if (!body)
-        return tetlodi_fail_nomem(error, "an answer", buffer->size);
-    if (buffer->size)
-        memcpy(body->bytes, buffer->bytes, buffer->size);
-    *out = (struct cache_value){body, sizeof *body + buffer->size, free};
-    buffer_fini(buffer);
+        return tetlodi_fail_nomem(error, "an answer", sizeof *body);
+    *body = (struct body){buffer->size, (extracted - started) * 1e3, (monotonic_seconds() - started) * 1e3, buffer->bytes};
+    *out = (struct cache_value){body, sizeof *body + buffer->size, body_free};
+    *buffer = (struct buffer){0};
     return TETLOD_OK;
 }
 
 /* ---- answers ---- */
 
-void respond_body(struct exchange *exchange, const struct cache_value *value, const char *media_type, enum coding coding,
-                  const char *etag)
+static void print_etag(const struct representation *representation, char out[static ETAG_CAPACITY])
 {
-    struct request *request = exchange->request;
-    struct response *response = exchange->response;
-    struct body *body = value->data; // pinned by the request
+    enum coding coding = representation->coding;
+    snprintf(out, ETAG_CAPACITY, "\"%s%s%s\"", representation->etag, coding ? "-" : "", coding_name(coding));
+}
+
+static void respond_representation(struct response *response, const struct representation *representation)
+{
+    enum coding coding = representation->coding;
     response->status = 200;
-    response->media_type = media_type;
-    response->kind = BODY_BYTES;
-    response->bytes = body->bytes;
-    response->size = body->size;
+    response->media_type = representation->media_type;
     response->ranges = coding == CODING_IDENTITY;
-    snprintf(response->etag, sizeof response->etag, "\"%s%s%s\"", etag, coding ? "-" : "", coding_name(coding));
+    print_etag(representation, response->etag);
     if (coding)
         response_header_text(response, "Content-Encoding", coding_name(coding));
     response_header_text(response, "Vary", "Accept-Encoding");
-    response_header(response, "Server-Timing", "cache;desc=%s, make;dur=%.1f", request->waited ? "miss" : "hit",
-                    body->milliseconds);
+}
+
+void respond_body(struct exchange *exchange, const struct cache_value *value, const struct representation *representation)
+{
+    struct response *response = exchange->response;
+    const struct body *body = value->data; // pinned by the request
+    respond_representation(response, representation);
+    response->kind = BODY_BYTES;
+    response->bytes = body->bytes;
+    response->size = body->size;
+    response_header(response, "Server-Timing", "cache;desc=%s, extract;dur=%.2f, make;dur=%.2f",
+                    exchange->request->waited ? "miss" : "hit", body->extract, body->make);
+}
+
+bool respond_unchanged(struct exchange *exchange, const struct representation *representation, uint64_t size)
+{
+    struct response *response = exchange->response;
+    char etag[ETAG_CAPACITY];
+    print_etag(representation, etag);
+    if (!etag_list_has(request_header(exchange->request, "If-None-Match"), etag))
+        return false;
+    respond_representation(response, representation);
+    response->kind = BODY_ABSENT;
+    response->size = size;
+    return true;
 }
 
 void respond_failure(struct exchange *exchange, const struct tetlod_error *error)

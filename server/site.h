@@ -68,20 +68,26 @@ const struct cache_value *obtain_cached(struct exchange *exchange, struct cache 
 /* The value of a cached answer. */
 struct body {
     size_t size;
-    double milliseconds; /* that it took to make */
-    unsigned char bytes[];
+    double extract, make; /* milliseconds that it took: the level alone, and all */
+    unsigned char *bytes;
 };
 
-/* A body for `size` bytes, to be filled; NULL if memory is out. Freed by free(). */
-struct body *body_new(size_t size, double milliseconds);
-
-/* Turns a buffer, which it empties, into a cache value; freed by free(). */
-TETLOD_CHECKED enum tetlod_status body_take(struct buffer *buffer, double started, struct cache_value *out,
+/* Turns a buffer, which it empties, into a cache value that was made from `started` until now, its level until `extracted`. */
+TETLOD_CHECKED enum tetlod_status body_take(struct buffer *buffer, double started, double extracted, struct cache_value *out,
                                             struct tetlod_error *error);
 
-/* Answers with a cached value that is pinned: with its ETag, coding, and where it came from. */
-void respond_body(struct exchange *exchange, const struct cache_value *value, const char *media_type, enum coding coding,
-                  const char *etag);
+/* What headers say of a body. */
+struct representation {
+    const char *media_type; /* static */
+    enum coding coding;
+    const char *etag; /* without quotes and without coding */
+};
+
+/* Answers with a cached value that is pinned, and says where it came from. */
+void respond_body(struct exchange *exchange, const struct cache_value *value, const struct representation *representation);
+
+/* Prepares the answer 304 if the client has this representation already, so that it need not be made or read. */
+bool respond_unchanged(struct exchange *exchange, const struct representation *representation, uint64_t size);
 
 /* Answers with stored bytes of a stream: from the cache where they are not many, straight from the file otherwise. */
 enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, uint64_t offset, uint64_t size,

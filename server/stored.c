@@ -44,21 +44,22 @@ static enum tetlod_status read_stored(void *opaque, struct cache_value *out, str
 {
     struct stored_context *context = opaque;
     double started = monotonic_seconds();
-    size_t size = (size_t)context->size, done = 0;
-    struct body *body = body_new(size, 0);
+    struct buffer buffer = {0};
     bool complete = true;
-    if (!body)
-        return tetlodi_fail_nomem(error, "stored bytes", size);
-    for (size_t i = 0; complete && i < context->count; done += (size_t)context->spans[i++].size)
-        complete = read_span(context->dataset, &context->spans[i], body->bytes + done);
+    for (size_t i = 0; complete && i < context->count; i++) {
+        unsigned char *place = buffer_extend(&buffer, (size_t)context->spans[i].size);
+        if (!place) {
+            buffer_fini(&buffer);
+            return tetlodi_fail_nomem(error, "stored bytes", context->size);
+        }
+        complete = read_span(context->dataset, &context->spans[i], place);
+    }
     if (!complete || !dataset_intact(context->dataset)) {
-        free(body);
+        buffer_fini(&buffer);
         return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the stream's file was written over; ask /v1/meshes/%s for its content id",
                             dataset_id(context->dataset));
     }
-    body->milliseconds = (monotonic_seconds() - started) * 1e3;
-    *out = (struct cache_value){body, sizeof *body + size, free};
-    return TETLOD_OK;
+    return body_take(&buffer, started, started, out, error);
 }
 
 static void release_dataset(void *owner)
@@ -87,30 +88,38 @@ static void respond_file(struct exchange *exchange, struct dataset *dataset, uin
     cache_forever(response);
 }
 
+static enum outcome read_spans(struct exchange *exchange, struct dataset *dataset, const struct span *spans, size_t count,
+                               uint64_t size, const char *key, const struct cache_value **out)
+{
+    struct stored_context *context = malloc(sizeof *context + count * sizeof *spans);
+    if (!context) {
+        *out = NULL;
+        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+        return ANSWERED;
+    }
+    *context = (struct stored_context){dataset_hold(dataset), count, size};
+    for (size_t i = 0; i < count; i++)
+        context->spans[i] = spans[i];
+    const struct recipe recipe = {read_stored, stored_context_free, context, size + size / 2}; // as it grows
+    return obtain(exchange, exchange->site->cache, key, &recipe, out);
+}
+
 enum outcome respond_spans(struct exchange *exchange, struct dataset *dataset, const struct span *spans, size_t count,
                            const char *etag)
 {
-    struct cache *cache = exchange->site->cache;
-    const struct cache_value *value = obtain_cached(exchange, cache, etag);
+    const struct representation representation = {"application/vnd.tetlod", CODING_IDENTITY, etag};
+    const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, etag);
     enum outcome outcome = ANSWERED;
-    if (!value) {
-        struct stored_context *context = malloc(sizeof *context + count * sizeof *spans);
-        if (!context) {
-            response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-            return ANSWERED;
-        }
-        *context = (struct stored_context){dataset_hold(dataset), count, 0};
-        for (size_t i = 0; i < count; i++) {
-            context->spans[i] = spans[i];
-            context->size += spans[i].size;
-        }
-        const struct recipe recipe = {read_stored, stored_context_free, context, context->size};
-        outcome = obtain(exchange, cache, etag, &recipe, &value);
-    }
+    uint64_t size = 0;
+    for (size_t i = 0; i < count; i++)
+        size += spans[i].size;
+    if (!value && respond_unchanged(exchange, &representation, size))
+        cache_forever(exchange->response);
+    else if (!value)
+        outcome = read_spans(exchange, dataset, spans, count, size, etag, &value);
     if (value) {
-        respond_body(exchange, value, "application/vnd.tetlod", CODING_IDENTITY, etag);
-        if (exchange->response->status == 200)
-            cache_forever(exchange->response);
+        respond_body(exchange, value, &representation);
+        cache_forever(exchange->response);
     }
     return outcome;
 }

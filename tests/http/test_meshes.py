@@ -273,6 +273,35 @@ def test_not_modified():
         assert server.get(path, If_None_Match='"x"')[0] == 200
 
 
+def test_not_modified_without_making():
+    """Tags follow from the address: a fresh server (after a restart, or another one behind a proxy) makes nothing for a 304."""
+    paths = [base + path for path in ('/levels/2/mesh.vtu', '/levels/2/mesh.vtk', '/levels/2/surface.stl', '/records/0-4', '/records/0-4?fields=Pressure',
+                                      '/levels/2/isosurface.vtp?field=Pressure&value=2', '/levels/2/slice.glb?origin=0,0,1&normal=0,0,1')]
+    tags = {(path, coding): server.get(path, Accept_Encoding=coding)[1] for path in paths for coding in ('identity', 'gzip', 'zstd')}
+    assert len({head['etag'] for (path, _), head in tags.items() if 'levels' in path}) == 15
+    with Server(FOLDER) as fresh:
+        for (path, coding), head in tags.items():
+            for method in ('GET', 'HEAD'):
+                status, again, nothing = fresh.get(path, method, Accept_Encoding=coding, If_None_Match=head['etag'])
+                assert status == 304 and nothing == b'', (path, status)
+                for name in ('etag', 'cache-control', 'vary'):
+                    assert again[name] == head[name], (path, name)
+                assert again.get('content-length', head['content-length']) == head['content-length'], (path, again)
+        received, closed = fresh.raw(b'GET %s HTTP/1.1\r\nHost: x\r\nIf-None-Match: *\r\n\r\n' % paths[0].encode())
+        assert received.endswith(b'\r\n\r\n') and received.count(b'\r\n\r\n') == 1 and closed, received  # no last chunk
+        assert metric('tetlod_levels_made_total', fresh) == 0 and metric('tetlod_streams_decoded_total', fresh) == 0
+
+
+def test_request_ids():
+    """Each answer has its own, whether it comes from the cache or is made for several at once."""
+    path = base + '/levels/3/mesh.vtu'
+    with concurrent.futures.ThreadPoolExecutor(8) as pool:
+        ids = [head['x-request-id'] for _, head, _ in pool.map(lambda _: server.get(path), range(40))]
+    assert len(set(ids)) == 40, ids
+    assert server.get(path, X_Request_Id='mine')[1]['x-request-id'] == 'mine'
+    assert server.get(path, If_None_Match='*', X_Request_Id='unchanged')[1]['x-request-id'] == 'unchanged'
+
+
 def test_id_with_a_space():
     described = server.json('/v1/meshes/two%20words')
     assert described['id'] == 'two words' and described['links']['self'] == '/v1/meshes/two%20words'
@@ -470,5 +499,5 @@ with Server(FOLDER) as server:
     base = '/v1/meshes/fin/' + info['cid']
     run([test_catalogue, test_description, test_level_for_error, test_level_for_budget, test_bad_questions,
          test_every_level_is_the_cursors, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
-         test_ranges, test_not_modified, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
+         test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
          test_small_cache, test_replaced_stream, test_reload_signal, test_what_is_no_stream, test_damaged_stream])
