@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // node page.mjs ORIGIN: the catalogue and the viewer of the stream `fin` as somebody meets them first.
 import assert from 'node:assert/strict';
+import { statSync } from 'node:fs';
 import { firstPicture, launch, openPage, pictureFigures, run, settled } from './browser.mjs';
 
 const origin = process.argv[2];
@@ -68,6 +69,45 @@ async function state_is_in_the_url() {
   await again.context().close();
 }
 
+async function a_slice_is_dragged() {
+  const at = () => page.evaluate(() => window.tetlod.state.slices[0].at);
+  const knob = await page.locator('.knob').boundingBox();
+  const before = await at();
+  await page.mouse.move(knob.x + 9, knob.y + 9);
+  await page.mouse.down();
+  await page.mouse.move(knob.x + 60, knob.y + 20, { steps: 5 });
+  await page.mouse.up();
+  const dragged = await at();
+  assert.ok(dragged > before + 0.02, `${before} to ${dragged}`);
+  await page.locator('.knob').focus();
+  await page.keyboard.press('ArrowDown');
+  assert.ok(Math.abs(await at() - dragged + 0.01) < 1e-9);
+}
+
+async function the_value_under_the_pointer() {
+  const { width, height } = await page.locator('#picture').boundingBox();
+  await page.mouse.move(width / 2, height / 2);
+  await page.locator('#probe').waitFor();
+  const found = /^Pressure ([\d.]+)\s+at ([^\n]+)/.exec(await page.locator('#probe').innerText());
+  assert.ok(Number(found[1]) > 0.9 && Number(found[1]) < 9.4, found[0]);
+  const [low, high] = await page.evaluate(() => window.tetlod.stream.info.bounds);
+  found[2].replaceAll('\u2212', '-').split(', ').map(Number).forEach((x, i) => assert.ok(x >= low[i] - 1e-3 && x <= high[i] + 1e-3, found[2]));
+}
+
+async function a_picture_is_saved() {
+  const [download] = await Promise.all([page.waitForEvent('download'), page.locator('#screenshot').click()]);
+  assert.match(download.suggestedFilename(), /^fin-\d+\.png$/);
+  const size = statSync(await download.path()).size;
+  assert.ok(size > 20000, `${size} bytes`);
+}
+
+async function what_is_wrong_is_said() {
+  const other = await openPage(browser, origin);
+  await other.goto(`${origin}view/nothing`);
+  await other.getByText("there is no mesh 'nothing'").waitFor();
+  await other.context().close();
+}
+
 async function every_control_has_a_name() {
   const nameless = await page.evaluate(() => [...document.querySelectorAll('button, a, input, select, [role=slider]')]
     .filter((e) => !(e.ariaLabel || e.getAttribute('aria-label') || e.labels?.[0]?.textContent.trim() || (e.matches('button, a') && e.textContent.trim())))
@@ -93,6 +133,7 @@ async function what_is_loaded_is_small() {
   await all.context().close();
 }
 
-await run([catalogue_lists_streams, viewer_shows_a_picture, refines_and_coarsens, state_is_in_the_url, every_control_has_a_name, nothing_went_wrong,
+await run([catalogue_lists_streams, viewer_shows_a_picture, refines_and_coarsens, state_is_in_the_url, a_slice_is_dragged, the_value_under_the_pointer,
+  a_picture_is_saved, what_is_wrong_is_said, every_control_has_a_name, nothing_went_wrong,
   what_is_loaded_is_small]);
 await browser.close();

@@ -40,7 +40,7 @@ function bindNumber(input, read, write) {
 const plain = (x, digits = 4) => significant(x, digits).replaceAll('\u202f', '').replaceAll('\u2212', '-');
 
 export class Controls {
-  // `actions`: { look(view), reset(), viewNormal(), ranges() }
+  // `actions`: { look(view), viewNormal(), ranges(), isosurfaceRange() }
   constructor(store, info, actions) {
     Object.assign(this, { store, info, actions });
     options(byId('map'), mapNames);
@@ -146,7 +146,6 @@ export class Controls {
   setRange(range) {
     this.shownRange = range;
     for (const update of this.followRange) update();
-    for (const update of this.followIsosurfaces ?? []) update();
   }
 
   // ---- layers
@@ -186,8 +185,7 @@ export class Controls {
     });
     store.watch(['clip'], (state) =>
       this.listPlanes(byId('clip'), state.clip ? [state.clip] : [], 'Clip', ([clip]) => store.set({ clip: clip ?? null }), true));
-    this.isosurfaceRows = [];
-    store.watch(['isosurfaces', 'field'], (state) => this.listIsosurfaces(state.isosurfaces));
+    store.watch(['isosurfaces', 'field', 'component'], (state) => this.listIsosurfaces(state.isosurfaces));
   }
 
   // Rows are kept while their number holds, so that a slider that is being dragged stays.
@@ -227,7 +225,7 @@ export class Controls {
 
   listIsosurfaces(values) {
     const { store, info } = this;
-    const [low, high] = this.actions.dataRange();
+    const [low, high] = this.actions.isosurfaceRange();
     const change = (i, value) => store.set({ isosurfaces: store.state.isosurfaces.map((v, k) => (k === i ? clamp(value, 0, 1) : v)) });
     const rows = this.rows(byId('isosurfaces'), values.length, (i) => {
       const slider = element('input', { type: 'range', min: 0, max: 1000, ariaLabel: `Isosurface ${i + 1}: value` });
@@ -235,7 +233,7 @@ export class Controls {
       const remove = element('button', { type: 'button', className: 'remove', ariaLabel: `Remove isosurface ${i + 1}` }, '×');
       slider.addEventListener('input', () => change(i, slider.value / 1000));
       number.addEventListener('change', () => {
-        const [from, to] = this.actions.dataRange();
+        const [from, to] = this.actions.isosurfaceRange();
         const value = parseNumber(number.value);
         if (Number.isFinite(value)) change(i, (value - from) / (to - from || 1));
       });

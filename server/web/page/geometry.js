@@ -46,6 +46,18 @@ export function planeOutline(bounds, plane) {
   return points.sort((p, q) => angle(p) - angle(q));
 }
 
+// The part of a polygon { x, y } that is inside a rectangle from (margin, margin), side by side (Sutherland and Hodgman).
+export function clipToWindow(polygon, width, height, margin) {
+  const sides = [(p) => p.x - margin, (p) => width - margin - p.x, (p) => p.y - margin, (p) => height - margin - p.y];
+  return sides.reduce((points, inside) => points.flatMap((p, i) => {
+    const last = points.at(i - 1);
+    const [here, before] = [inside(p), inside(last)];
+    const f = before / (before - here);
+    const crossing = here * before < 0 ? [{ x: last.x + f * (p.x - last.x), y: last.y + f * (p.y - last.y) }] : [];
+    return here >= 0 ? [...crossing, p] : crossing;
+  }), polygon);
+}
+
 // The nearest triangle of a part that a ray meets (Möller and Trumbore): { distance, value, point } or null.
 // `facing`: 1 takes front faces only, -1 back faces only, 0 both.
 export function pickPart(part, from, direction, facing = 0) {

@@ -2,7 +2,7 @@
 // Handles that drag planes in the picture: an outline in the plane and a knob that moves it along its normal.
 
 import { element, svg } from './dom.js';
-import { add, dot, middle, planeOf, planeOutline, scale } from './geometry.js';
+import { add, clipToWindow, dot, middle, planeOf, planeOutline, scale } from './geometry.js';
 import { clamp, percent } from './numbers.js';
 
 export class Handles {
@@ -32,11 +32,13 @@ export class Handles {
     knob.entry = entry;
     const plane = planeOf(this.bounds, entry.plane);
     const outline = planeOutline(this.bounds, plane);
-    const screen = outline.map((p) => this.scene.toScreen(p));
+    const projected = outline.map((p) => this.scene.toScreen(p));
+    const screen = projected.some((p) => p.depth > 1) ? [] : projected; // behind the camera
     knob.outline.setAttribute('points', screen.map((p) => `${p.x.toFixed(1)},${p.y.toFixed(1)}`).join(' '));
     knob.outline.classList.toggle('held', Boolean(knob.held));
     // the knob sits where the outline is highest in the picture
-    const top = screen.reduce((best, p) => (!best || p.y < best.y ? p : best), null);
+    const { clientWidth, clientHeight } = this.layer;
+    const top = clipToWindow(screen, clientWidth, clientHeight, 14).reduce((best, p) => (!best || p.y < best.y ? p : best), null);
     knob.button.hidden = !top;
     if (!top) return;
     knob.button.style.transform = `translate(${top.x}px, ${top.y}px)`;

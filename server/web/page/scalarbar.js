@@ -6,6 +6,7 @@ import { colorTable } from './colors.js';
 import { significant, ticks } from './numbers.js';
 
 const margin = 26;
+const top = 24;
 const thick = 10;
 
 // `title`: the field; [low, high]: values (not logarithms); `marks`: values that are drawn as isosurfaces
@@ -21,27 +22,27 @@ export function drawScalarBar(canvas, { title, low, high, log, map, reversed, ma
   context.font = `600 12.5px ${fontFamily}`;
   context.textAlign = 'center';
   context.fillStyle = color;
-  context.fillText(title, width / 2, 13);
+  context.fillText(title, width / 2, 15);
   context.fillStyle = gradient;
   context.beginPath();
-  context.roundRect(margin, 22, long, thick, 3);
+  context.roundRect(margin, top, long, thick, 3);
   context.fill();
   context.fillStyle = context.strokeStyle = color;
   context.font = `11.5px ${fontFamily}`;
-  for (const value of log ? decades(low, high) : ticks(low, high, Math.max(2, Math.floor(long / 70)))) {
+  for (const value of log ? decades(low, high) : ticks(low, high, Math.max(3, Math.floor(long / 70)))) {
     const x = place(value);
     context.globalAlpha = 0.7;
-    context.fillRect(Math.round(x), 22 + thick, 1, 4);
+    context.fillRect(Math.round(x), top + thick, 1, 4);
     context.globalAlpha = 1;
-    context.fillText(significant(value, 4), x, 22 + thick + 16);
+    context.fillText(significant(value, 4), x, top + thick + 15);
   }
   for (const value of marks) {
     const x = place(value);
     if (!(x >= margin && x <= margin + long)) continue;
     context.beginPath();
-    context.moveTo(x - 4, 17);
-    context.lineTo(x + 4, 17);
-    context.lineTo(x, 22);
+    context.moveTo(x - 4, top - 5);
+    context.lineTo(x + 4, top - 5);
+    context.lineTo(x, top);
     context.fill();
   }
 }

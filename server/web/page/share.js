@@ -13,7 +13,11 @@ export async function savePicture(scene, name) {
   const factor = shot.width / stage.width;
   for (const id of ['scalarbar', 'compass']) {
     const box = byId(id).getBoundingClientRect();
-    if (box.width) context.drawImage(byId(id), (box.left - stage.left) * factor, (box.top - stage.top) * factor, box.width * factor, box.height * factor);
+    if (!box.width) continue;
+    const place = [(box.left - stage.left) * factor, (box.top - stage.top) * factor, box.width * factor, box.height * factor];
+    context.fillStyle = getComputedStyle(byId(id)).backgroundColor;
+    context.fillRect(...place);
+    context.drawImage(byId(id), ...place);
   }
   const blob = await new Promise((done) => canvas.toBlob(done, 'image/png'));
   const url = URL.createObjectURL(blob);

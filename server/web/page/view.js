@@ -24,6 +24,7 @@ const file = new URLSearchParams(location.search).get('stream');
 const name = id || new URL(file, location).pathname.split('/').pop().replace(/\.tetlod$/, '');
 const address = file ?? `/v1/meshes/${encodeURIComponent(id)}`;
 
+const stillness = matchMedia('(prefers-reduced-motion: reduce)');
 const store = new Store(fromFragment(location.hash));
 let stream, info, scene, controls, compass, handles, probe;
 let level = -1; // the stream's, which the words tell
@@ -35,6 +36,12 @@ let seen = null; // the magnitude's range so far: the index has ranges of compon
 function dataRange() {
   const { range } = fieldOf(info, store.state.field);
   return componentOf(info, store.state) === 'magnitude' ? seen ?? [0, Math.max(...range.map(Math.abs)) || 1] : range;
+}
+
+// What isosurfaces are fractions of; it must not change while the stream comes.
+function isosurfaceRange() {
+  const { range, components } = fieldOf(info, store.state.field);
+  return componentOf(info, store.state) === 'magnitude' ? [0, Math.sqrt(components) * Math.max(...range.map(Math.abs))] : range;
 }
 
 // The colours' range as values; a logarithm needs positive ones.
@@ -49,7 +56,7 @@ function colorRange() {
 const drawBar = coalesced(() => {
   const { map, reversed, log, isosurfaces } = store.state;
   const [low, high] = colorRange();
-  const [from, to] = dataRange();
+  const [from, to] = isosurfaceRange();
   drawScalarBar(byId('scalarbar'), {
     title: titleOf(info, store.state), low, high, log, map, reversed, marks: isosurfaces.map((f) => from + f * (to - from)),
   });
@@ -74,7 +81,7 @@ const setBackground = () => {
 
 const show = coalesced(() => {
   const { state } = store;
-  const [low, high] = dataRange();
+  const [low, high] = isosurfaceRange();
   stream.show({
     field: state.field,
     component: componentOf(info, state),
@@ -84,7 +91,7 @@ const show = coalesced(() => {
     isosurfaces: state.isosurfaces.map((f) => ({ value: low + f * (high - low) })),
     clip: state.clip && planeOf(info.bounds, state.clip),
     volume: state.volume ? { size: state.volumeSize } : null,
-    morph: state.smooth,
+    morph: state.smooth && !stillness.matches,
   });
 });
 
@@ -322,7 +329,7 @@ async function start() {
   if (store.state.camera) scene.setCamera(store.state.camera);
   compass = new Compass(byId('compass'), (view) => scene.look(view));
   handles = new Handles(byId('handles'), scene, planes);
-  controls = new Controls(store, info, { look: (view) => scene.look(view), viewNormal, ranges: colorRange, dataRange });
+  controls = new Controls(store, info, { look: (view) => scene.look(view), viewNormal, ranges: colorRange, isosurfaceRange });
   probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, store.state));
   byId('download').hidden = Boolean(file);
   follow();
