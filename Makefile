@@ -80,8 +80,8 @@ WASM_CC ?= clang-14
 WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -ftls-model=local-exec -std=c11 -O3 -ffp-contract=off \
     -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS)
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
-WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c,$(FORMAT_SRC)) \
-    $(sort $(wildcard src/cut/*.c)) src/mesh/adjacency.c src/mesh/tetmesh.c src/util/array.c
+CUT_SRC := $(sort $(wildcard src/cut/*.c)) src/mesh/tetmesh.c src/util/array.c
+WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c,$(FORMAT_SRC)) $(CUT_SRC)
 WASM := build/wasm/tetlod.wasm
 CLIENT := build/client
 CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)
@@ -232,6 +232,15 @@ BENCHES += bench-format
 bench-format: deps-bench
 	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_format
 	@/usr/bin/python3 tests/bench/bench_format.py $(BINARY) $(B)/tests/bench/bench_format tests/bench/format_sizes.csv
+
+## bench-cut: what pictures of 511,104 tetrahedra take, natively and as WebAssembly
+.PHONY: bench-cut
+BENCHES += bench-cut
+build/wasm/bench_cut.wasm: tests/bench/bench_cut.c $(WASM) Makefile
+	$(Q)$(WASM_CC) $(filter-out -mexec-model=reactor,$(WASM_CFLAGS)) $(WASM_LDFLAGS) -o $@ $< $(CUT_SRC) format/status.c
+bench-cut: deps-build $(B)/tests/bench/bench_cut build/wasm/bench_cut.wasm
+	@echo "== native"; $(B)/tests/bench/bench_cut
+	@echo "== WebAssembly"; node tests/bench/run_wasm.mjs build/wasm/bench_cut.wasm
 
 ## bench: measure; bench-* are its parts
 .PHONY: bench

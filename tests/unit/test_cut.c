@@ -61,7 +61,7 @@ static void area_vector(const struct tetmesh *mesh, const struct cut *surface, d
 static void test_boundary(void)
 {
     struct tetmesh mesh;
-    struct cut surface;
+    struct cut surface = {0};
     double total[3], area;
     make_cube(&mesh);
     REQUIRE(cut_boundary(&mesh, &surface, NULL) == TETLOD_OK);
@@ -82,14 +82,20 @@ static void test_boundary(void)
     tetmesh_fini(&mesh);
 }
 
-static void check_plane(const struct tetmesh *mesh, const double normal[3], double offset, double wanted_area)
+static double *plane_values(const struct tetmesh *mesh, const double normal[3], double offset)
 {
-    struct cut surface;
-    double total[3], area;
     double *values = calloc(mesh->vertex_count, sizeof *values);
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
         values[v] = normal[0] * mesh->positions[3 * v] + normal[1] * mesh->positions[3 * v + 1] +
                     normal[2] * mesh->positions[3 * v + 2] - offset;
+    return values;
+}
+
+static void check_plane(const struct tetmesh *mesh, const double normal[3], double offset, double wanted_area)
+{
+    struct cut surface = {0};
+    double total[3], area;
+    double *values = plane_values(mesh, normal, offset);
     REQUIRE(cut_zero(mesh, values, &surface, NULL) == TETLOD_OK);
     area_vector(mesh, &surface, total, &area);
     double length = sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
@@ -130,10 +136,209 @@ static void test_inverted_tets(void)
     tetmesh_fini(&mesh);
 }
 
+/* Every edge runs as often one way as the other, so that the surface has no rim; and its volume is that of the part. */
+static void check_closed(const struct tetmesh *mesh, const struct cut *surface, double wanted_volume)
+{
+    static const double origin[3] = {0, 0, 0};
+    uint32_t n = surface->vertex_count;
+    int *balance = calloc((size_t)n * n, sizeof *balance);
+    double volume = 0, p[3][3];
+    for (size_t t = 0; t < surface->triangle_count; t++) {
+        const uint32_t *triangle = surface->triangles + 3 * t;
+        for (int c = 0; c < 3; c++) {
+            uint32_t a = triangle[c], b = triangle[(c + 1) % 3];
+            balance[(size_t)(a < b ? a : b) * n + (a < b ? b : a)] += a < b ? 1 : -1;
+            surface_point(mesh, surface, triangle[c], p[c]);
+        }
+        volume += tet_volume6(origin, p[0], p[1], p[2]) / 6;
+    }
+    for (size_t i = 0; i < (size_t)n * n; i++)
+        if (balance[i])
+            TEST_FAIL("the edge %zu, %zu is %d times open", i / n, i % n, balance[i]);
+    CHECK_NEAR(volume, wanted_volume, 1e-12);
+    free(balance);
+}
+
+/* The section's cells are a division of a disc: Euler's number tells whether every edge is there, once. */
+static void check_section_lines(struct cut *section, const double *values, uint32_t cells)
+{
+    REQUIRE(cut_lines(section, values, NULL) == TETLOD_OK);
+    CHECK_INT(section->vertex_count - section->line_count + cells, cells ? 1 : 0);
+    for (size_t i = 0; i < section->line_count; i++)
+        for (size_t j = 0; j < i; j++)
+            CHECK((section->lines[2 * i] ^ section->lines[2 * j]) != 0 || section->lines[2 * i + 1] != section->lines[2 * j + 1]);
+    for (size_t i = 0; i < 2 * (size_t)section->line_count; i++)
+        CHECK_NEAR(cut_value(section, section->lines[i], values, 1, 0), 0, 1e-14);
+}
+
+static void test_lines(void)
+{
+    struct tetmesh mesh;
+    struct cut cut = {0};
+    make_cube(&mesh);
+    REQUIRE(cut_boundary(&mesh, &cut, NULL) == TETLOD_OK && cut_lines(&cut, NULL, NULL) == TETLOD_OK);
+    CHECK_INT(cut.vertex_count - cut.line_count + cut.triangle_count, 2); // a sphere
+    static const double planes[4][4] = {{0, 0, 1, 0.3}, {1, 1, 1, 1.4}, {0.3, 0.5, 0.7, 0.61}, {0, 0, 1, 2}};
+    for (int i = 0; i < 4; i++) {
+        double *values = plane_values(&mesh, planes[i], planes[i][3]);
+        uint32_t cells = 0;
+        for (size_t t = 0; t < mesh.tet_count; t++) {
+            int below = 0;
+            for (int c = 0; c < 4; c++)
+                below += values[mesh.corners[4 * t + (size_t)c]] < 0;
+            cells += below > 0 && below < 4;
+        }
+        REQUIRE(cut_zero(&mesh, values, &cut, NULL) == TETLOD_OK); // in the memory of the last one
+        check_section_lines(&cut, values, cells);
+        free(values);
+    }
+    double *values = plane_values(&mesh, (const double[]){0, 0, 1}, 0.5); // through vertices: the faces of a square grid, halved
+    REQUIRE(cut_zero(&mesh, values, &cut, NULL) == TETLOD_OK);
+    check_section_lines(&cut, values, 2 * N * N);
+    free(values);
+    cut_fini(&cut);
+    tetmesh_fini(&mesh);
+}
+
+static void check_clip(const struct tetmesh *mesh, const double normal[3], double offset, double volume)
+{
+    struct cut boundary = {0}, part = {0};
+    double *values = plane_values(mesh, normal, offset);
+    REQUIRE(cut_boundary(mesh, &boundary, NULL) == TETLOD_OK);
+    REQUIRE(cut_clip(mesh, &boundary, values, &part, NULL) == TETLOD_OK);
+    check_closed(mesh, &part, volume);
+    for (uint32_t v = 0; v < part.vertex_count; v++)
+        CHECK(cut_value(&part, v, values, 1, 0) < 1e-14);
+    REQUIRE(cut_lines(&part, values, NULL) == TETLOD_OK);
+    for (size_t i = 0; i < part.line_count; i++) { // a line off the section is part of an edge of the mesh
+        double p[3], q[3];
+        surface_point(mesh, &part, part.lines[2 * i], p);
+        surface_point(mesh, &part, part.lines[2 * i + 1], q);
+        double middle = (cut_value(&part, part.lines[2 * i], values, 1, 0) + cut_value(&part, part.lines[2 * i + 1], values, 1, 0)) / 2;
+        if (middle > -1e-12)
+            continue;
+        double least = 1, most = 0; // of the steps that are not 0: the cubes' edges and diagonals have equal steps
+        for (int axis = 0; axis < 3; axis++) {
+            double step = fabs(q[axis] - p[axis]);
+            if (step > 1e-12) {
+                least = step < least ? step : least;
+                most = step > most ? step : most;
+            }
+        }
+        CHECK_NEAR(least, most, 1e-12);
+    }
+    free(values);
+    cut_fini(&boundary);
+    cut_fini(&part);
+}
+
+static void test_clip(void)
+{
+    struct tetmesh mesh;
+    make_cube(&mesh);
+    check_clip(&mesh, (const double[]){0, 0, 1}, 0.3, 0.3);
+    check_clip(&mesh, (const double[]){0, 0, 1}, 0.5, 0.5); // through vertices
+    check_clip(&mesh, (const double[]){0, 0, -1}, -0.5, 0.5);
+    check_clip(&mesh, (const double[]){1, 1, 1}, 1.5, 0.5);
+    check_clip(&mesh, (const double[]){1, 1, 1}, 0.7, 0.7 * 0.7 * 0.7 / 6);
+    check_clip(&mesh, (const double[]){1, 1, 0}, 1, 0.5);
+    check_clip(&mesh, (const double[]){1, 0, 0}, 2, 1); // all of it
+    check_clip(&mesh, (const double[]){1, 0, 0}, 0, 0); // nothing
+    mesh.tet_count -= 100; // with a rugged boundary
+    double volume = 0;
+    struct cut boundary = {0};
+    REQUIRE(cut_boundary(&mesh, &boundary, NULL) == TETLOD_OK);
+    for (size_t t = 0; t < mesh.tet_count; t++)
+        volume += 1.0 / (6 * N * N * N);
+    check_closed(&mesh, &boundary, volume);
+    cut_fini(&boundary);
+    check_clip(&mesh, (const double[]){1, 1, 1}, 3.5, volume);
+    check_clip(&mesh, (const double[]){0, 0, 1}, 0.4, 0.4);
+    tetmesh_fini(&mesh);
+}
+
+/* Moves every vertex inside the cube: tetrahedra of all shapes, none of them inverted. */
+static void jitter(struct tetmesh *mesh, double most)
+{
+    uint32_t state = 7;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        for (uint32_t axis = 0; axis < 3; axis++) {
+            double *x = &mesh->positions[3 * v + axis];
+            state = state * 1664525 + 1013904223;
+            if (*x > 0 && *x < 1)
+                *x += most / N * ((state >> 8) / 16777216.0 - 0.5);
+        }
+}
+
+static void test_isosurface_normals(void)
+{
+    struct tetmesh mesh;
+    struct cut shell = {0};
+    make_cube(&mesh);
+    jitter(&mesh, 0.3);
+    double *values = calloc(mesh.vertex_count, sizeof *values);
+    for (uint32_t v = 0; v < mesh.vertex_count; v++)
+        for (uint32_t axis = 0; axis < 3; axis++)
+            values[v] += (mesh.positions[3 * v + axis] - 0.5) * (mesh.positions[3 * v + axis] - 0.5);
+    for (uint32_t v = 0; v < mesh.vertex_count; v++)
+        values[v] = sqrt(values[v]) - 0.35;
+    REQUIRE(cut_zero(&mesh, values, &shell, NULL) == TETLOD_OK);
+    float *points = calloc(shell.vertex_count, 3 * sizeof *points), *normals = calloc(shell.vertex_count, 3 * sizeof *normals);
+    for (uint32_t i = 0; i < 3 * shell.vertex_count; i++)
+        points[i] = (float)(cut_value(&shell, i / 3, mesh.positions, 3, i % 3) - 0.5);
+    cut_normals(&shell, points, normals);
+    for (uint32_t v = 0; v < shell.vertex_count; v++) {
+        const float *p = points + 3 * v, *n = normals + 3 * v;
+        double r = sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+        CHECK_NEAR(n[0] * n[0] + n[1] * n[1] + n[2] * n[2], 1, 1e-5);
+        CHECK((n[0] * p[0] + n[1] * p[1] + n[2] * p[2]) / r > 0.8); // outwards, where the values grow
+    }
+    for (uint32_t i = 0; i < 3 * shell.vertex_count; i++)
+        points[i] *= 1e-12f; // so small that squares of areas are nothing in float32
+    float first[3] = {normals[0], normals[1], normals[2]};
+    cut_normals(&shell, points, normals);
+    for (int i = 0; i < 3; i++)
+        CHECK_NEAR(normals[i], first[i], 1e-4);
+    free(points);
+    free(normals);
+    free(values);
+    cut_fini(&shell);
+    tetmesh_fini(&mesh);
+}
+
+/* A face that three tetrahedra have, and tetrahedra that are listed twice: what is left has no rim all the same. */
+static void check_overfull(uint32_t tets, uint32_t wanted_triangles)
+{
+    double positions[15] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0.3, 0.3, -1};
+    uint32_t corners[16] = {0, 1, 2, 3, 0, 2, 1, 4, 0, 1, 2, 3, 0, 1, 2, 3};
+    struct tetmesh mesh = {.vertex_count = 5, .tet_count = tets, .positions = positions, .corners = corners};
+    struct cut surface = {0};
+    int odd[5][5] = {{0}};
+    REQUIRE(cut_boundary(&mesh, &surface, NULL) == TETLOD_OK);
+    CHECK_INT(surface.triangle_count, wanted_triangles);
+    for (size_t i = 0; i < 3 * (size_t)surface.triangle_count; i++) {
+        uint32_t a = surface.triangles[i], b = surface.triangles[i % 3 == 2 ? i - 2 : i + 1];
+        odd[a < b ? a : b][a < b ? b : a] ^= 1;
+    }
+    for (int i = 0; i < 25; i++)
+        CHECK_INT(odd[i / 5][i % 5], 0);
+    cut_fini(&surface);
+}
+
+static void test_boundary_of_overfull_faces(void)
+{
+    check_overfull(3, 4); // the first and the third cancel, the second is left
+    check_overfull(4, 6);
+}
+
 int main(void)
 {
     RUN(test_boundary);
     RUN(test_sections);
     RUN(test_inverted_tets);
+    RUN(test_lines);
+    RUN(test_clip);
+    RUN(test_isosurface_normals);
+    RUN(test_boundary_of_overfull_faces);
     return test_end();
 }

@@ -1,0 +1,101 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include <stdlib.h>
+
+#include "format/fail.h"
+#include "src/cut/cut_add.h"
+#include "src/mesh/adjacency.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+/* A face that has come once so far, in the list of its least vertex. Where tetrahedra that are near each other come near
+ * each other, few wait at a time, and what is looked at stays in the cache. */
+struct face {
+    uint32_t mid, high, slot, next; /* slot = 4 * tet + face; next entry, or TETLOD_NONE */
+};
+
+struct waiting {
+    uint32_t *first; /* [vertex] entry, or TETLOD_NONE */
+    struct face *faces;
+    size_t face_cap;
+    uint32_t count, free; /* entries in use or free again; the first of these */
+};
+
+static bool add(struct waiting *waiting, uint32_t low, uint32_t mid, uint32_t high, uint32_t slot)
+{
+    uint32_t entry = waiting->free;
+    if (entry != TETLOD_NONE)
+        waiting->free = waiting->faces[entry].next;
+    else if (array_reserve((void **)&waiting->faces, &waiting->face_cap, (size_t)waiting->count + 1, sizeof *waiting->faces))
+        entry = waiting->count++;
+    else
+        return false;
+    waiting->faces[entry] = (struct face){mid, high, slot, waiting->first[low]};
+    waiting->first[low] = entry;
+    return true;
+}
+
+/* A face that waits leaves, any other begins to wait. */
+static bool toggle(struct waiting *waiting, const uint32_t *corners, uint32_t slot)
+{
+    const uint8_t *face = tet_faces[slot & 3];
+    uint32_t a = corners[face[0]], b = corners[face[1]], c = corners[face[2]];
+    uint32_t least = a < b ? a : b, most = a < b ? b : a;
+    uint32_t low = least < c ? least : c, high = most > c ? most : c, mid = a ^ b ^ c ^ low ^ high;
+    for (uint32_t *link = &waiting->first[low]; *link != TETLOD_NONE; link = &waiting->faces[*link].next) {
+        struct face *other = &waiting->faces[*link];
+        if (other->mid == mid && other->high == high) {
+            uint32_t entry = *link;
+            *link = other->next;
+            other->next = waiting->free;
+            waiting->free = entry;
+            return true;
+        }
+    }
+    return add(waiting, low, mid, high, slot);
+}
+
+static bool match_faces(const struct tetmesh *mesh, struct waiting *waiting)
+{
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        waiting->first[v] = TETLOD_NONE;
+    for (uint32_t slot = 0; slot < 4 * mesh->tet_count; slot++)
+        if (!toggle(waiting, mesh->corners + (slot & ~3u), slot))
+            return false;
+    return true;
+}
+
+static bool add_faces(const struct tetmesh *mesh, const struct waiting *waiting, uint32_t *numbers, struct cut *out)
+{
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        numbers[v] = TETLOD_NONE;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        for (uint32_t entry = waiting->first[v]; entry != TETLOD_NONE; entry = waiting->faces[entry].next) {
+            uint32_t slot = waiting->faces[entry].slot, ids[3];
+            const uint32_t *corners = mesh->corners + (slot & ~3u);
+            for (int c = 0; c < 3; c++) {
+                uint32_t vertex = corners[tet_faces[slot & 3][c]];
+                if (numbers[vertex] == TETLOD_NONE && !cut_add_vertex(out, vertex, vertex, 0, &numbers[vertex]))
+                    return false;
+                ids[c] = numbers[vertex];
+            }
+            bool inverted = cut_is_inverted(mesh, corners);
+            if (!cut_add_triangle(out, ids[0], ids[inverted ? 2 : 1], ids[inverted ? 1 : 2]))
+                return false;
+        }
+    return true;
+}
+
+enum tetlod_status cut_boundary(const struct tetmesh *mesh, struct cut *out, struct tetlod_error *error)
+{
+    if (mesh->tet_count > ADJACENCY_MOST_TETS)
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%u tetrahedra are more than the %d that fit", mesh->tet_count,
+                            ADJACENCY_MOST_TETS);
+    struct waiting waiting = {.first = array_new(mesh->vertex_count, sizeof(uint32_t)), .free = TETLOD_NONE};
+    uint32_t *numbers = array_new(mesh->vertex_count, sizeof *numbers);
+    cut_empty(out);
+    bool made = waiting.first && numbers && match_faces(mesh, &waiting) && add_faces(mesh, &waiting, numbers, out);
+    free(waiting.first);
+    free(waiting.faces);
+    free(numbers);
+    return cut_result(made, out, error);
+}

@@ -1,0 +1,200 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Grids over meshes whose vertices lie on the grid's points, rows and planes, the worst case; and points in them. */
+#include <stdlib.h>
+
+#include "src/cut/resample.h"
+#include "src/mesh/tet_geom.h"
+#include "tests/test.h"
+
+static const double slope[3] = {0.7, -1.3, 2.1};
+
+static double linear(const double p[3])
+{
+    return 5 + slope[0] * p[0] + slope[1] * p[1] + slope[2] * p[2];
+}
+
+static double *linear_values(const struct tetmesh *mesh)
+{
+    double *values = calloc(mesh->vertex_count, sizeof *values);
+    for (size_t v = 0; v < mesh->vertex_count; v++)
+        values[v] = linear(mesh->positions + 3 * v);
+    return values;
+}
+
+static void point_of(const struct cut_grid *grid, size_t i, double out[3])
+{
+    size_t index[3] = {i % grid->dims[0], i / grid->dims[0] % grid->dims[1], i / grid->dims[0] / grid->dims[1]};
+    for (int d = 0; d < 3; d++)
+        out[d] = grid->origin[d] + (double)index[d] * grid->spacing[d];
+}
+
+static size_t count_of(const struct cut_grid *grid)
+{
+    return (size_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
+}
+
+/* Cubes of six tetrahedra, their inner vertices moved by up to `move` of a cube's side. */
+static void make_cube(struct tetmesh *mesh, uint32_t n, double scale, double shift, double move)
+{
+    static const uint8_t paths[6][4] = {{0, 1, 3, 7}, {0, 5, 1, 7}, {0, 3, 2, 7}, {0, 2, 6, 7}, {0, 4, 5, 7}, {0, 6, 4, 7}};
+    uint32_t row = n + 1, state = 5;
+    *mesh = (struct tetmesh){.vertex_count = row * row * row, .tet_count = 6 * n * n * n};
+    mesh->positions = calloc(mesh->vertex_count, 3 * sizeof(double));
+    mesh->corners = calloc(mesh->tet_count, 4 * sizeof(uint32_t));
+    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+        for (uint32_t axis = 0, rest = v; axis < 3; axis++, rest /= row) {
+            double x = rest % row;
+            state = state * 1664525 + 1013904223;
+            if (x > 0 && x < n)
+                x += move * ((state >> 8) / 16777216.0 - 0.5);
+            mesh->positions[3 * v + axis] = shift + scale * x / n;
+        }
+    uint32_t *at = mesh->corners;
+    for (uint32_t cell = 0; cell < n * n * n; cell++)
+        for (int path = 0; path < 6; path++)
+            for (int c = 0; c < 4; c++) {
+                unsigned corner = paths[path][c];
+                *at++ = cell % n + row * (cell / n % n) + row * row * (cell / (n * n)) + (corner & 1) +
+                        row * (corner >> 1 & 1) + row * row * (corner >> 2);
+            }
+}
+
+static void check_cube(uint32_t n, double scale, double shift, double move, uint32_t size)
+{
+    struct tetmesh mesh;
+    struct cut_grid grid = {0};
+    make_cube(&mesh, n, scale, shift, move);
+    double *values = linear_values(&mesh), low[3] = {shift, shift, shift}, p[3];
+    double high[3] = {shift + scale, shift + scale, shift + scale};
+    cut_grid_cover(&grid, low, high, size);
+    CHECK_INT(count_of(&grid), (size_t)size * size * size);
+    REQUIRE(cut_resample(&mesh, values, &grid, NULL) == TETLOD_OK);
+    size_t missed = 0;
+    double worst = 0, bound = 1e-6 * (5 + 5 * (scale + fabs(shift))); // float32
+    for (size_t i = 0; i < count_of(&grid); i++) {
+        point_of(&grid, i, p);
+        missed += !grid.inside[i];
+        worst = larger(worst, fabs(grid.values[i] - linear(p)));
+    }
+    CHECK_INT(missed, 0);
+    if (!(worst <= bound))
+        TEST_FAIL("a value is off by %g, more than %g (%u cubes of %g at %g)", worst, bound, n, scale, shift);
+    free(values);
+    cut_grid_fini(&grid);
+    tetmesh_fini(&mesh);
+}
+
+static void test_no_point_is_missed(void)
+{
+    check_cube(4, 1, 0, 0, 9);     // on vertices, edges, faces and in the middle
+    check_cube(4, 1, 0, 0, 13);    // thirds
+    check_cube(6, 1, 0.1, 0, 31);  // rounded coordinates
+    check_cube(5, 1e-7, 3, 0, 21); // small, far from zero
+    check_cube(5, 1e6, -2e5, 0.9, 27);
+    check_cube(9, 1, 0, 0.9, 40);
+    check_cube(12, 1, 0, 1, 8); // fewer points than tetrahedra
+}
+
+static void test_flat_tets_are_skipped(void)
+{
+    struct tetmesh mesh;
+    struct cut_grid grid = {0};
+    make_cube(&mesh, 4, 1, 0, 0);
+    for (size_t t = 0; t < mesh.tet_count; t += 5) { // one moved into the plane of its others, in a list of its own
+        uint32_t *c = mesh.corners + 4 * t;
+        c[3] = c[2] + 1 < mesh.vertex_count ? c[2] + 1 : c[2] - 1;
+    }
+    double *values = linear_values(&mesh), p[3];
+    cut_grid_cover(&grid, (const double[]){0, 0, 0}, (const double[]){1, 1, 1}, 17);
+    REQUIRE(cut_resample(&mesh, values, &grid, NULL) == TETLOD_OK);
+    for (size_t i = 0; i < count_of(&grid); i++) {
+        point_of(&grid, i, p);
+        if (grid.inside[i])
+            CHECK_NEAR(grid.values[i], linear(p), 1e-5);
+        else
+            CHECK(grid.values[i] == 0);
+    }
+    free(values);
+    cut_grid_fini(&grid);
+    tetmesh_fini(&mesh);
+}
+
+/* Outside is outside: a hollow sample, and the same grid used again for a coarser one. */
+static void test_outside(void)
+{
+    const double corners[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+    uint32_t ids[4] = {0, 1, 2, 3};
+    double values[4] = {0, 1, 2, 4};
+    struct tetmesh mesh = {.vertex_count = 4, .tet_count = 1, .positions = (double *)(uintptr_t)corners, .corners = ids};
+    struct cut_grid grid = {0};
+    static const uint32_t sizes[2] = {33, 9};
+    for (int k = 0; k < 2; k++) {
+        cut_grid_cover(&grid, (const double[]){-0.5, -0.5, -0.5}, (const double[]){1.5, 1.5, 1.5}, sizes[k]);
+        REQUIRE(cut_resample(&mesh, values, &grid, NULL) == TETLOD_OK);
+        for (size_t i = 0; i < count_of(&grid); i++) {
+            double p[3];
+            point_of(&grid, i, p);
+            bool inside = p[0] >= 0 && p[1] >= 0 && p[2] >= 0 && p[0] + p[1] + p[2] <= 1;
+            CHECK_INT(grid.inside[i], inside);
+            CHECK_NEAR(grid.values[i], inside ? p[0] + 2 * p[1] + 4 * p[2] : 0, 1e-6);
+        }
+    }
+    cut_grid_fini(&grid);
+}
+
+static void test_cover(void)
+{
+    struct cut_grid grid = {0};
+    cut_grid_cover(&grid, (const double[]){1, 2, 3}, (const double[]){5, 4, 3}, 65);
+    CHECK_INT(grid.dims[0], 65);
+    CHECK_INT(grid.dims[1], 33);
+    CHECK_INT(grid.dims[2], 2); // also of a flat box
+    CHECK_NEAR(grid.origin[1] + 32 * grid.spacing[1], 4, 1e-12);
+    CHECK(grid.spacing[2] > 0);
+    grid.dims[0] = grid.dims[1] = 1u << 20;
+    struct tetlod_error error;
+    CHECK_INT(cut_resample(&(struct tetmesh){0}, NULL, &grid, &error), TETLOD_ERR_LIMIT);
+}
+
+static void test_probe(void)
+{
+    struct tetmesh mesh;
+    make_cube(&mesh, 6, 2, -1, 0.9);
+    double *values = linear_values(&mesh), weights[4];
+    uint32_t state = 3;
+    for (int k = 0; k < 2000; k++) {
+        double p[3], value = 0, at[3] = {0};
+        for (int d = 0; d < 3; d++) {
+            state = state * 1664525 + 1013904223;
+            p[d] = k < 20 ? mesh.positions[3 * (size_t)(k * 17) + (size_t)d] : 2 * ((state >> 8) / 16777216.0) - 1;
+        }
+        uint32_t tet = cut_probe(&mesh, p, 0, weights);
+        REQUIRE(tet != TETLOD_NONE);
+        for (size_t c = 0; c < 4; c++) {
+            uint32_t v = mesh.corners[4 * (size_t)tet + c];
+            CHECK(weights[c] >= 0 && weights[c] <= 1 + 1e-12);
+            value += weights[c] * values[v];
+            for (size_t d = 0; d < 3; d++)
+                at[d] += weights[c] * mesh.positions[3 * (size_t)v + d];
+        }
+        CHECK_NEAR(value, linear(p), 1e-7);
+        CHECK_NEAR(sqrt(distance_squared(at, p)), 0, 1e-7);
+    }
+    const double near[3] = {0.3, 0.2, 1.001}, far[3] = {0.3, 0.2, 1.02};
+    CHECK(cut_probe(&mesh, near, 0.002, weights) != TETLOD_NONE); // picked on a picture of float32
+    CHECK_NEAR(weights[0] + weights[1] + weights[2] + weights[3], 1, 1e-12);
+    CHECK(cut_probe(&mesh, near, 0, weights) == TETLOD_NONE);
+    CHECK(cut_probe(&mesh, far, 0.002, weights) == TETLOD_NONE);
+    free(values);
+    tetmesh_fini(&mesh);
+}
+
+int main(void)
+{
+    RUN(test_no_point_is_missed);
+    RUN(test_flat_tets_are_skipped);
+    RUN(test_outside);
+    RUN(test_cover);
+    RUN(test_probe);
+    return test_end();
+}
