@@ -21,7 +21,7 @@ DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd li
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
 DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-jsonschema nginx-light varnish openssl chromium
-DEPS_BENCH := wrk nginx-light
+DEPS_BENCH := wrk nginx-light chromium
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
 PACKAGES := libzstd expat zlib liblz4 jansson libmicrohttpd
@@ -241,6 +241,13 @@ build/wasm/bench_cut.wasm: tests/bench/bench_cut.c $(WASM) Makefile
 bench-cut: deps-build $(B)/tests/bench/bench_cut build/wasm/bench_cut.wasm
 	@echo "== native"; $(B)/tests/bench/bench_cut
 	@echo "== WebAssembly"; node tests/bench/run_wasm.mjs build/wasm/bench_cut.wasm
+
+## bench-web: the web client in headless Chromium, and over a slow link (BLUNT=folder of the blunt fin)
+.PHONY: bench-web
+BENCHES += bench-web
+bench-web: deps-bench
+	$(Q)$(MAKE) --no-print-directory all
+	@node tests/bench/web.mjs $(BINARY) build/bench-web$(if $(BLUNT),-blunt)
 
 ## bench: measure; bench-* are its parts
 .PHONY: bench

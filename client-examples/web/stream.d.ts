@@ -103,6 +103,8 @@ type Listeners = { [Name in keyof Events]?: (event: CustomEvent<Events[Name]>) =
 
 export class TetlodStream extends EventTarget {
   static open(url: string | URL, options?: {
+    /** Goes on to this at once, as refineTo does; its bytes come with the first ones. */
+    target?: Target;
     fields?: string[];
     signal?: AbortSignal;
     retries?: number;

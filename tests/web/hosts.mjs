@@ -36,7 +36,7 @@ export async function fileHost(bytes, { ranges = true, etag = '"1"' } = {}) {
       return;
     }
     const [, first, last] = /^bytes=(\d+)-(\d+)$/.exec(seen.range ?? '') ?? [];
-    const headers = { ETag: host.etag, 'Content-Type': mediaTypes[extname(request.url.split('?')[0])] ?? 'application/octet-stream', ...host.headers };
+    const headers = { ETag: host.etag, 'Access-Control-Allow-Origin': '*', 'Content-Type': mediaTypes[extname(request.url.split('?')[0])] ?? 'application/octet-stream', ...host.headers };
     if (host.ranges && first !== undefined) {
       if (Number(first) >= body.length) {
         response.writeHead(416, { 'Content-Range': `bytes */${body.length}` }).end();
@@ -70,9 +70,9 @@ export async function fileHost(bytes, { ranges = true, etag = '"1"' } = {}) {
   return host;
 }
 
-/** A folder of files, with index.json for folders, and an empty icon for browsers that ask for one. */
+/** A folder of files, with index.json for folders, an empty page, and an empty icon for browsers that ask for one. */
 export const folderHost = (folder) => fileHost((url) => {
-  if (url === '/favicon.ico') return Buffer.alloc(0);
+  if (url === '/favicon.ico' || url === '/empty.html') return Buffer.alloc(0);
   let path = join(folder, decodeURIComponent(new URL(url, 'http://x').pathname));
   if (existsSync(path) && statSync(path).isDirectory()) path = join(path, 'index.json');
   return existsSync(path) && readFileSync(path);

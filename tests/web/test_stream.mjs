@@ -48,6 +48,23 @@ async function theServersRoutes() {
   await server.stop();
 }
 
+async function goesOnToATargetAtOnce() {
+  const server = await program([path]);
+  const host = await fileHost(bytes);
+  for (const url of [`${server.url}v1/meshes/fin`, host.url]) {
+    const levels = [];
+    const stream = await TetlodStream.open(url, { target: { level: middle }, on: { level: ({ detail }) => levels.push(detail.level) } });
+    if (levels.at(-1) !== middle) await new Promise((resolve) => stream.addEventListener('level', ({ detail }) => detail.level === middle && resolve()));
+    await isAt(stream, middle);
+    assert.equal(stream.received, info.levels[middle].bytes);
+    stream.close();
+  }
+  assert.equal(host.requests.length, 2);
+  await assert.rejects(TetlodStream.open(host.url, { target: { level: finest + 1 } }), RangeError);
+  host.close();
+  await server.stop();
+}
+
 async function levelsAreChosenAsTheServerDoes() {
   const server = await program([path]);
   const host = await fileHost(bytes);
@@ -314,6 +331,6 @@ async function picturesOfEveryStep() {
   host.close();
 }
 
-await run([theServersRoutes, levelsAreChosenAsTheServerDoes, aFileByRanges, aFileWithoutRange, explodedFiles, brokenConnectionsLoseNothing,
+await run([theServersRoutes, goesOnToATargetAtOnce, levelsAreChosenAsTheServerDoes, aFileByRanges, aFileWithoutRange, explodedFiles, brokenConnectionsLoseNothing,
   waitsAsTheServerAsks, givesUpAndGoesOnLater, aServerThatIsKilledAndStartsAgain, aDamagedStream, aStreamThatEndsTooEarly,
   aFileThatChanges, whatIsNotAStream, requestsEndEarly, picturesOfEveryStep]);

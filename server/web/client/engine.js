@@ -35,17 +35,20 @@ export class Engine {
 
   // ---- what the page asks
 
-  async open({ module, url, fields, retries }) {
-    this.#view = await View.create(module);
+  async open({ module, url, fields, retries, target }) {
     const onRetry = (detail) => this.#emit('retry', detail);
     this.#source = new Source(url, { signal: this.#stop.signal, retries, onRetry });
-    await this.#source.start();
-    for (let until = 1; ; until = 2 * this.#received)
+    const [compiled, described] = await Promise.all([module, this.#source.start()]);
+    this.#view = await View.create(compiled);
+    // the description says what the index will: then the first request asks for all that the target needs
+    const first = described && target ? described.levels[chooseLevel(described, target)].bytes : 1;
+    for (let until = first; ; until = Math.max(first, 2 * this.#received))
       if (await this.#receive(until)) break;
     this.#info = this.#view.describe();
     if (fields) this.#fields = fields.map((name) => this.#fieldIndex(name));
+    if (target) this.#goal = chooseLevel(this.#info, target);
     const base = this.#info.levels[0].bytes;
-    while (this.#received < base) await this.#receive(base);
+    while (this.#received < base) await this.#receive(this.#untilGoal);
     this.#view.open(this.#fields);
     this.#fetchLoop();
     this.#showLoop();
@@ -126,12 +129,17 @@ export class Engine {
     const bytes = await this.#source.read(this.#received, until);
     const opened = this.#view.add(bytes);
     this.#received += bytes.length;
+    this.#emit('progress', { received: this.#received, total: Math.max(until, this.#received) });
     return opened;
+  }
+
+  get #untilGoal() {
+    return this.#info.levels[Math.max(this.#goal, 0)].bytes;
   }
 
   async #fetchLoop() {
     while (!this.#closed) {
-      const until = this.#goal < 0 ? 0 : this.#info.levels[this.#goal].bytes;
+      const until = this.#untilGoal;
       if (this.#received >= until || this.#failure) {
         this.#source.pause();
         await this.#change();
@@ -139,7 +147,6 @@ export class Engine {
       }
       try {
         await this.#receive(until);
-        this.#emit('progress', { received: this.#received, total: until });
         this.#wake();
       } catch (error) {
         this.#fail(error);

@@ -2,8 +2,8 @@
 // The bytes of a stream in order, from the server's routes or from any host of files; one request at a time.
 
 const FIRST = 16384;    // header and index of most streams
-const OPENING = 32768;  // of the first levels, if the server knows where they end
-const LEAST = 65536;    // of a request for records; each is as long as all before it, up to
+const OPENING = 32768;  // of the first levels, if more is not needed yet
+const LEAST = 1 << 17;  // that one request may ask for, if so much is needed; later ones as much as all before them, up to
 const MOST = 1 << 20;
 const longest = 30_000; // milliseconds without a byte, and between two attempts at most a third of it
 
@@ -65,17 +65,19 @@ export class Source {
     this.#onRetry = onRetry;
   }
 
-  /** Finds out what serves the stream: /v1/meshes/{id} describes it and has immutable URLs, everything else is a file. */
+  /** Finds out what serves the stream: /v1/meshes/{id} describes it, which is returned, everything else is a file. */
   async start() {
-    if (!/\/v1\/meshes\/[^/]+\/?$/.test(new URL(this.#url).pathname)) return;
-    await this.#persist(async () => {
+    if (!/\/v1\/meshes\/[^/]+\/?$/.test(new URL(this.#url).pathname)) return null;
+    return this.#persist(async () => {
       const answer = await this.#fetch(this.#url, { headers: { Accept: 'application/json' } });
-      const { levels, links } = await answer.json().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
+      const described = await answer.json().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
+      const { levels, links } = described;
       if (!levels || !links) throw new FetchError(`${this.#url} does not describe a stream`);
       const absolute = (link) => new URL(link.replace(/[{}]/g, (c) => (c === '{' ? '%7B' : '%7D')), answer.url).href;
       const template = (link) => absolute(link.replace(/\{\?.*?\}/, '')).replaceAll('%7B', '{').replaceAll('%7D', '}');
       this.#levels = levels;
       this.#routes = { level: template(links.level), records: template(links.records), stream: absolute(links.stream) };
+      return described;
     });
   }
 
@@ -163,8 +165,8 @@ export class Source {
   // Prefixes and records are immutable and each has its URL: browsers and proxies keep them whole.
   async #askRoutes(position, until) {
     const levels = this.#levels;
-    const most = position ? position + Math.min(Math.max(position, LEAST), MOST) : OPENING;
-    const needed = position ? until : OPENING;
+    const most = position + Math.min(Math.max(position, LEAST), MOST);
+    const needed = position ? until : Math.max(until, OPENING);
     const first = levels.findIndex((level) => position < level.bytes);
     if (first < 0) throw new FetchError(`the stream ends at byte ${position}`);
     let last = first;

@@ -42,10 +42,10 @@ export class TetlodStream extends EventTarget {
 
   /**
    * Opens a stream by the URL of a server's mesh (…/v1/meshes/{id}) or of a file, and decodes its base mesh.
-   * Options: `fields`, the names of those to decode (all); `signal`; `retries` of a request that fails (8);
-   * `on`, listeners by the name of their event, which also hear what happens while it opens; `wasm`, URL of the module.
+   * Options: `target`, as of refineTo, which it goes on to: its bytes come with the first ones; `fields`, the names of
+   * those to decode (all); `signal`; `retries` of a request that fails (8); `on`, listeners by the name of their event, which also hear what happens while it opens; `wasm`, URL of the module.
    */
-  static async open(url, { fields, signal, retries, on = {}, wasm } = {}) {
+  static async open(url, { target, fields, signal, retries, on = {}, wasm } = {}) {
     signal?.throwIfAborted();
     const stream = new TetlodStream();
     for (const [name, listener] of Object.entries(on)) stream.addEventListener(name, listener);
@@ -54,7 +54,7 @@ export class TetlodStream extends EventTarget {
     try {
       stream.#worker = listen(await startWorker(), (message) => stream.#hear(message), (error) => stream.#end(error));
       const absolute = new URL(url, globalThis.location?.href).href;
-      stream.info = await stream.#call('open', { url: absolute, fields, retries, wasm: wasm && String(wasm) });
+      stream.info = await stream.#call('open', { url: absolute, target, fields, retries, wasm: wasm && String(wasm) });
     } catch (error) {
       stream.close();
       throw error;

@@ -24,9 +24,7 @@ async function moduleOf(wasm) {
 }
 
 const actions = {
-  open: async (options) => engine.open({
-    ...options, module: await moduleOf(options.wasm ?? new URL('./tetlod.wasm', import.meta.url).href),
-  }),
+  open: (options) => engine.open({ ...options, module: moduleOf(options.wasm ?? new URL('./tetlod.wasm', import.meta.url).href) }),
   refineTo: (target, id) => engine.refineTo(target, id),
   abort: (id) => engine.abort(id),
   mesh: () => engine.mesh(),

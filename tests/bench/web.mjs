@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The web client in headless Chromium, and over a slow link: node web.mjs TETLOD FOLDER. Streams are made in FOLDER once.
+// The blunt fin (the usual PLOT3D grid and solution) if BLUNT names its folder, else a large fin sample in its place.
+// Prints what is measured beside its floor; ends with 1 if one is missed.
+import { execFileSync } from 'node:child_process';
+import { existsSync, mkdirSync, statSync } from 'node:fs';
+import { connect, createServer } from 'node:net';
+import { join } from 'node:path';
+
+const [, , TETLOD, folder] = process.argv;
+process.env.TETLOD = TETLOD;
+const { launch, openPage } = await import('../web/browser.mjs');
+const { folderHost, program } = await import('../web/hosts.mjs');
+
+const { BLUNT } = process.env;
+const rate = 10e6 / 8 / 1000; // bytes a millisecond
+const oneWay = 25;            // milliseconds
+
+function make(name, ...command) {
+  const path = join(folder, name);
+  if (!existsSync(path)) {
+    console.log(`making ${name}`);
+    execFileSync(command[0], [...command.slice(1), path], { stdio: ['ignore', 'ignore', 'inherit'] });
+  }
+  return path;
+}
+
+function makeStreams() {
+  mkdirSync(folder, { recursive: true });
+  const cube = make('cube60.vtu', TETLOD, 'sample', 'cube', '--size', '60', '-o');
+  make('cube60.tetlod', TETLOD, 'build', cube, '--quiet', '-o');
+  const fin = BLUNT ? [join(BLUNT, 'bluntfinxyz.bin'), '--q', join(BLUNT, 'bluntfinq.bin'), '--field', 'Pressure', '--carry', 'Pressure']
+    : [make('large.vtu', TETLOD, 'sample', 'fin', '--size', '40', '-o')];
+  const stream = make('fin.tetlod', TETLOD, 'build', ...fin, '--quiet', '-o');
+  return make('fin.vtu', TETLOD, 'extract', stream, '--quiet', '-o'); // zlib
+}
+
+/** A link to a port of this machine that all its connections share. A new one costs a round trip more. */
+function slowLink(port) {
+  let free = 0;
+  const server = createServer((near) => {
+    const far = connect(port, '127.0.0.1');
+    const opened = performance.now();
+    const later = (time, call) => setTimeout(call, time - performance.now());
+    near.on('data', (bytes) => later(Math.max(performance.now(), opened + 2 * oneWay) + oneWay, () => far.write(bytes)));
+    far.on('data', (bytes) => {
+      for (let at = 0; at < bytes.length; at += 5840) {
+        const piece = bytes.subarray(at, at + 5840);
+        free = Math.max(free, performance.now()) + piece.length / rate;
+        later(free + oneWay, () => near.write(piece));
+      }
+    });
+    far.on('end', () => later(free + oneWay + 1, () => near.end()));
+    near.on('close', () => far.destroy());
+    for (const socket of [near, far]) socket.on('error', () => socket.destroy());
+  });
+  return new Promise((resolve) => server.listen(0, '127.0.0.1', () => resolve(server.address().port)));
+}
+
+// ---- in the page
+
+async function decode(url) {
+  const { TetlodStream } = await import('./stream.js');
+  const began = performance.now();
+  const stream = await TetlodStream.open(url);
+  let worker = 0;
+  stream.addEventListener('level', ({ detail }) => { worker += detail.seconds; });
+  await stream.refineTo();
+  const whole = (performance.now() - began) / 1000;
+  const steps = [];
+  const near = stream.info.levels.findIndex(({ tets }) => tets >= 40000);
+  await stream.refineTo({ level: near - 1 });
+  const spec = { field: stream.info.fields[0].name, surface: true, morph: false };
+  stream.addEventListener('level', ({ detail }) => steps.push(detail.seconds));
+  stream.addEventListener('pictures', ({ detail }) => { steps[steps.length - 1] += detail.seconds; });
+  await stream.show(spec);
+  for (let i = 0; i < 5; i++)
+    for (const level of [near, near - 1]) await stream.refineTo({ level });
+  stream.close();
+  return { whole, worker, step: steps.sort((a, b) => a - b)[steps.length >> 1] };
+}
+
+async function draw(url) {
+  const { TetlodStream } = await import('./stream.js');
+  const blocked = [];
+  new PerformanceObserver((list) => blocked.push(...list.getEntries().map((entry) => entry.duration))).observe({ type: 'longtask' });
+  const began = performance.now();
+  const stream = await TetlodStream.open(url);
+  const [field] = stream.info.fields;
+  const centre = stream.info.bounds[0].map((x, i) => (x + stream.info.bounds[1][i]) / 2);
+  await stream.show({ field: field.name, surface: true });
+  const { level } = await stream.refineTo({ tets: 500000 });
+  const seconds = (performance.now() - began) / 1000;
+  const drawn = [];
+  stream.addEventListener('pictures', ({ detail }) => drawn.push(detail));
+  for (let i = 0; i < 6; i++) {
+    const value = field.range[0] + (field.range[1] - field.range[0]) * (0.2 + i / 50);
+    const seen = new Promise((resolve) => stream.addEventListener('pictures', resolve, { once: true }));
+    await stream.show({ field: field.name, slices: [{ origin: centre, normal: [1, 0.2, 0.1 * i] }], isosurfaces: [{ value }] });
+    await seen;
+  }
+  stream.close();
+  const triangles = drawn.at(-1).slices[0].triangles.length / 3 + drawn.at(-1).isosurfaces[0].triangles.length / 3;
+  return { seconds, tets: stream.info.levels[level].tets, blocked: Math.max(0, ...blocked), triangles,
+    cut: drawn.map((picture) => picture.seconds).sort((a, b) => a - b)[drawn.length >> 1] };
+}
+
+async function refineOver([url, error]) {
+  const { TetlodStream } = await import('./stream.js');
+  const began = performance.now();
+  const stream = await TetlodStream.open(url, { target: { error } });
+  const { level } = await stream.refineTo({ error });
+  const seconds = (performance.now() - began) / 1000;
+  stream.close();
+  return { seconds, bytes: stream.info.levels[level].bytes };
+}
+
+async function download(url) {
+  const began = performance.now();
+  await (await fetch(url)).arrayBuffer();
+  return (performance.now() - began) / 1000;
+}
+
+// ---- the report
+
+let missed = 0;
+
+function report(what, value, unit, floor, atLeast = false) {
+  const met = floor === undefined || (atLeast ? value >= floor : value <= floor);
+  missed += !met;
+  const asked = floor === undefined ? '' : `  (${atLeast ? 'at least' : 'at most'} ${floor} ${unit})${met ? '' : '  MISSED'}`;
+  console.log(`${what.padEnd(64)} ${value.toFixed(value < 10 ? 3 : 0).padStart(9)} ${unit}${asked}`);
+}
+
+const vtu = makeStreams();
+const server = await program([join(folder, 'fin.tetlod'), join(folder, 'cube60.tetlod')]);
+const host = await folderHost('build/client');
+const files = await folderHost(folder);
+const browser = await launch();
+
+// In a browser that has seen nothing yet.
+async function inPage(work, argument) {
+  const page = await openPage(browser, host.origin);
+  await page.goto(`${host.origin}/empty.html`);
+  const result = await page.evaluate(work, argument);
+  await page.context().close();
+  return result;
+}
+
+const name = BLUNT ? 'blunt fin' : 'fin of 180,000 tetrahedra';
+
+const { whole, worker, step } = await inPage(decode, `${server.url}v1/meshes/fin`);
+report(`${name}: opened and decoded whole`, whole, 's', 6);
+report(`${name}: decoding alone`, worker, 's');
+report(`${name}: one level and its picture near 40,000 tetrahedra, median`, 1000 * step, 'ms', 60);
+const cube = await inPage(draw, `${server.url}v1/meshes/cube60`);
+report(`cube 60: to ${cube.tets} tetrahedra, with its surface`, cube.seconds, 's');
+report(`cube 60: isosurface and slice (${cube.triangles} triangles), median`, 1000 * cube.cut, 'ms', 250);
+report('cube 60: longest that the page was blocked', cube.blocked, 'ms', 50);
+
+const [slowServer, slowFiles] = await Promise.all([slowLink(server.port), slowLink(Number(new URL(files.origin).port))]);
+console.log(`over 10 Mbit/s with a round trip of ${2 * oneWay} ms, ${name}, certified error:`);
+const downloaded = await inPage(download, `http://127.0.0.1:${slowFiles}/fin.vtu`);
+for (const error of [0.05, 0.01, 0.001]) {
+  const { seconds, bytes } = await inPage(refineOver, [`http://127.0.0.1:${slowServer}/v1/meshes/fin`, error]);
+  report(`  to ${100 * error} % (${bytes} bytes)`, seconds, 's');
+  report('    sooner than the whole VTU by', downloaded / seconds, 'times', error === 0.01 ? 5 : undefined, true);
+}
+report(`  the whole VTU with zlib (${statSync(vtu).size} bytes)`, downloaded, 's');
+await browser.close();
+await server.stop();
+process.exit(missed ? 1 : 0);
