@@ -45,6 +45,7 @@ export class Controls {
     Object.assign(this, { store, info, actions });
     options(byId('map'), mapNames);
     options(byId('field'), info.fields.map((f) => [f.name, f.name]));
+    options(byId('isosurface-field'), [['', 'as coloured'], ...info.fields.map((f) => [f.name, f.name])]);
     bindPlain(store);
     this.bindDetail();
     this.bindColors();
@@ -185,7 +186,10 @@ export class Controls {
     });
     store.watch(['clip'], (state) =>
       this.listPlanes(byId('clip'), state.clip ? [state.clip] : [], 'Clip', ([clip]) => store.set({ clip: clip ?? null }), true));
-    store.watch(['isosurfaces', 'field', 'component'], (state) => this.listIsosurfaces(state.isosurfaces));
+    store.watch(['isosurfaces', 'isosurfaceField', 'field', 'component'], (state) => this.listIsosurfaces(state.isosurfaces));
+    const opacity = byId('isosurface-opacity');
+    opacity.addEventListener('input', () => store.set({ isosurfaceOpacity: opacity.value / 100 }));
+    store.watch(['isosurfaceOpacity'], (state) => (opacity.value = 100 * state.isosurfaceOpacity));
   }
 
   // Rows are kept while their number holds, so that a slider that is being dragged stays.
@@ -240,10 +244,11 @@ export class Controls {
       remove.addEventListener('click', () => this.setInner({ isosurfaces: store.state.isosurfaces.filter((_, k) => k !== i) }));
       return element('div', { className: 'item iso' }, slider, number, remove);
     });
+    byId('isosurface-body').hidden = !values.length;
+    byId('isosurface-field-row').hidden = info.fields.length < 2;
     rows.forEach((row, i) => {
       const [slider, number] = row.children;
       slider.value = 1000 * values[i];
-      number.title = info.fields.length > 1 ? store.state.field : '';
       if (document.activeElement !== number) number.value = plain(low + values[i] * (high - low));
     });
   }

@@ -48,6 +48,13 @@ export function componentOf(info, state) {
   return state.component === 'magnitude' || state.component >= components ? 'magnitude' : state.component;
 }
 
+// Whose isosurfaces: of what is coloured, or of another field, of its length if it has several components.
+export function isosurfacesOf(info, state) {
+  const field = fieldOf(info, state.isosurfaceField);
+  if (!field || field.name === state.field) return { field: state.field, component: componentOf(info, state), colored: true };
+  return { field: field.name, component: field.components === 1 ? 0 : 'magnitude', colored: false };
+}
+
 export function titleOf(info, state) {
   const component = componentOf(info, state);
   const { components } = fieldOf(info, state.field);

@@ -154,6 +154,7 @@ export class Scene extends EventTarget {
     this.box.getProperty().set({ color: this.edgeColor, opacity: 0.3 });
     if (style) this.surface.triangles.actor.getProperty().set(style);
     for (const slice of this.slices) slice.showLines = state.sliceEdges;
+    for (const isosurface of this.isosurfaces) isosurface.triangles.actor.getProperty().setOpacity(state.isosurfaceOpacity);
     for (const layer of this.layers()) {
       layer.place(this.offset);
       layer.lines.actor.getProperty().set({ color: this.edgeColor, opacity: 0.55 });

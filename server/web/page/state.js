@@ -23,7 +23,9 @@ export const defaults = Object.freeze({
   edges: false,
   slices: [], // { normal: [x, y, z], at: 0..1 across the bounds }
   sliceEdges: true,
-  isosurfaces: [], // fractions of the field's data range
+  isosurfaces: [], // fractions of the data range
+  isosurfaceField: '', // whose isosurfaces, as the picture is coloured if empty
+  isosurfaceOpacity: 1,
   clip: null, // { normal, at }
   volume: false,
   volumeSize: 96,
@@ -77,6 +79,8 @@ const codecs = {
   slices: list(readPlane, writePlane, ';'),
   sliceEdges: flag,
   isosurfaces: list((t) => (t >= 0 && t <= 1 ? Number(t) : null), (x) => String(round(x)), ','),
+  isosurfaceField: text,
+  isosurfaceOpacity: { read: (t) => clamp(Number(t) || 1, 0.05, 1), write: (x) => String(round(x)) },
   clip: { read: (t) => readPlane(t) ?? undefined, write: writePlane },
   volume: flag,
   volumeSize: { read: (t) => clamp(Math.round(Number(t)) || defaults.volumeSize, 16, 256), write: String },

@@ -9,7 +9,7 @@ import { byId, coalesced, element } from './dom.js';
 import { planeOf } from './geometry.js';
 import { Handles } from './handles.js';
 import { bindKeys, listKeys } from './keys.js';
-import { componentOf, errorOf, fieldOf, measureFor, titleOf, wantedLevel } from './levels.js';
+import { componentOf, errorOf, fieldOf, isosurfacesOf, measureFor, titleOf, wantedLevel } from './levels.js';
 import { clear, notice } from './notices.js';
 import { bytes, count, percent, significant } from './numbers.js';
 import { Probe } from './probe.js';
@@ -40,8 +40,9 @@ function dataRange() {
 
 // What isosurfaces are fractions of; it must not change while the stream comes.
 function isosurfaceRange() {
-  const { range, components } = fieldOf(info, store.state.field);
-  return componentOf(info, store.state) === 'magnitude' ? [0, Math.sqrt(components) * Math.max(...range.map(Math.abs))] : range;
+  const { field, component } = isosurfacesOf(info, store.state);
+  const { range, components } = fieldOf(info, field);
+  return component === 'magnitude' ? [0, Math.sqrt(components) * Math.max(...range.map(Math.abs))] : range;
 }
 
 // The colours' range as values; a logarithm needs positive ones.
@@ -58,7 +59,8 @@ const drawBar = coalesced(() => {
   const [low, high] = colorRange();
   const [from, to] = isosurfaceRange();
   drawScalarBar(byId('scalarbar'), {
-    title: titleOf(info, store.state), low, high, log, map, reversed, marks: isosurfaces.map((f) => from + f * (to - from)),
+    title: titleOf(info, store.state), low, high, log, map, reversed,
+    marks: isosurfacesOf(info, store.state).colored ? isosurfaces.map((f) => from + f * (to - from)) : [],
   });
 });
 
@@ -82,13 +84,14 @@ const setBackground = () => {
 const show = coalesced(() => {
   const { state } = store;
   const [low, high] = isosurfaceRange();
+  const { field, component } = isosurfacesOf(info, state);
   stream.show({
     field: state.field,
     component: componentOf(info, state),
     surface: state.surface !== 'off',
     edges: state.edges || (state.sliceEdges && state.slices.length > 0),
     slices: state.slices.map((p) => planeOf(info.bounds, p)),
-    isosurfaces: state.isosurfaces.map((f) => ({ value: low + f * (high - low) })),
+    isosurfaces: state.isosurfaces.map((f) => ({ field, component, value: low + f * (high - low) })),
     clip: state.clip && planeOf(info.bounds, state.clip),
     volume: state.volume ? { size: state.volumeSize } : null,
     morph: state.smooth && !stillness.matches,
@@ -202,14 +205,14 @@ const remember = (() => {
 
 function watch() {
   store.watch(['field', 'component'], () => (seen = null));
-  store.watch(['map', 'reversed', 'range', 'low', 'high', 'log', 'field', 'component', 'isosurfaces'], recolor);
+  store.watch(['map', 'reversed', 'range', 'low', 'high', 'log', 'field', 'component', 'isosurfaces', 'isosurfaceField'], recolor);
   store.watch(['log'], (state) => scene.setLogarithmic(state.log));
-  store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'clip', 'volume', 'volumeSize', 'smooth'], show);
+  store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'clip', 'volume', 'volumeSize', 'smooth'], show);
   store.watch(['error', 'measure', 'field', 'maxTets', 'maxBytes'], () => {
     refine();
     tellShown();
   });
-  store.watch(['surface', 'edges', 'sliceEdges', 'parallel', 'opacity'], (state) => scene.restyle(state));
+  store.watch(['surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'], (state) => scene.restyle(state));
   store.watch(['slices', 'clip'], () => handles.update());
   const repaint = () => {
     setBackground();
