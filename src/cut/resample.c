@@ -23,6 +23,7 @@ void cut_grid_fini(struct cut_grid *grid)
 {
     free(grid->values);
     free(grid->inside);
+    free(grid->points);
     *grid = (struct cut_grid){0};
 }
 
@@ -38,26 +39,35 @@ void cut_grid_cover(struct cut_grid *grid, const double low[3], const double hig
     }
 }
 
+static void cross(const double u[3], const double v[3], double out[3])
+{
+    out[0] = u[1] * v[2] - u[2] * v[1];
+    out[1] = u[2] * v[0] - u[0] * v[2];
+    out[2] = u[0] * v[1] - u[1] * v[0];
+}
+
 /* False for a degenerate tetrahedron. `far` is the largest coordinate, which rounding is relative to. */
 static bool make_frame(struct frame *frame, double far)
 {
     const double *const *p = frame->p;
-    if (tet_orientation(p[0], p[1], p[2], p[3]) == 0)
+    double(*gradients)[3] = frame->gradients, edges[3][3];
+    for (int c = 0; c < 3; c++)
+        for (int i = 0; i < 3; i++)
+            edges[c][i] = p[c + 1][i] - p[0][i];
+    for (int c = 0; c < 3; c++) // the gradient of a weight is normal to the opposite face
+        cross(edges[(c + 1) % 3], edges[(c + 2) % 3], gradients[c + 1]);
+    double volume6 = edges[0][0] * gradients[1][0] + edges[0][1] * gradients[1][1] + edges[0][2] * gradients[1][2];
+    double size2 = tet_size_squared(p[0], p[1], p[2], p[3]);
+    if (!(volume6 * volume6 > TET_DEGENERATE * TET_DEGENERATE * size2 * size2 * size2))
         return false;
-    double scale = 1 / tet_volume6(p[0], p[1], p[2], p[3]);
-    for (int c = 1; c < 4; c++) { // the gradient of a weight is normal to the opposite face
-        const double *q = p[c % 3 + 1], *r = p[(c + 1) % 3 + 1];
-        for (int i = 0; i < 3; i++) {
-            int j = (i + 1) % 3, k = (i + 2) % 3;
-            frame->gradients[c][i] = scale * ((q[j] - p[0][j]) * (r[k] - p[0][k]) - (q[k] - p[0][k]) * (r[j] - p[0][j]));
-        }
+    double scale = 1 / volume6;
+    for (int i = 0; i < 3; i++) {
+        for (int c = 1; c < 4; c++)
+            gradients[c][i] *= scale;
+        gradients[0][i] = -(gradients[1][i] + gradients[2][i] + gradients[3][i]);
     }
-    for (int i = 0; i < 3; i++)
-        frame->gradients[0][i] = -(frame->gradients[1][i] + frame->gradients[2][i] + frame->gradients[3][i]);
-    for (int c = 0; c < 4; c++) {
-        const double *g = frame->gradients[c];
-        frame->slack[c] = SLACK + ROUNDING * far * (fabs(g[0]) + fabs(g[1]) + fabs(g[2]));
-    }
+    for (int c = 0; c < 4; c++)
+        frame->slack[c] = SLACK + ROUNDING * far * (fabs(gradients[c][0]) + fabs(gradients[c][1]) + fabs(gradients[c][2]));
     return true;
 }
 
@@ -74,74 +84,97 @@ static void weights_at(const struct frame *frame, const double point[3], double 
 
 /* ---- a grid ---- */
 
-/* Indices of the grid's points between two coordinates; false if there are none. */
-static bool index_range(const struct cut_grid *grid, int d, double low, double high, uint32_t out[2])
+/* The numbers of the grid's points that are between two coordinates, which count its points; false if there are none. */
+static bool index_range(uint32_t count, double low, double high, uint32_t out[2])
 {
-    double first = ceil((low - grid->origin[d]) / grid->spacing[d] - SLACK);
-    double last = floor((high - grid->origin[d]) / grid->spacing[d] + SLACK);
-    first = larger(first, 0);
-    last = smaller(last, grid->dims[d] - 1.0);
+    double first = larger(low - SLACK, 0), last = smaller(high + SLACK, count - 1.0);
     if (!(first <= last))
         return false;
     out[0] = (uint32_t)first;
+    out[0] += out[0] < first;
     out[1] = (uint32_t)last;
-    return true;
+    return out[0] <= out[1];
+}
+
+/* What is the same in all rows of one tetrahedron. */
+struct filling {
+    struct frame frame;
+    double per_step[4];      /* steps along a row in which a weight changes by 1; 0: it does not change */
+    double value, slopes[3]; /* at corner 0 */
+    double least, most;      /* a value of the tetrahedron is never beyond its corners' */
+};
+
+static void prepare(struct filling *tet, const double *values, const uint32_t *corners)
+{
+    tet->value = tet->least = tet->most = values[corners[0]];
+    tet->slopes[0] = tet->slopes[1] = tet->slopes[2] = 0;
+    for (int c = 0; c < 4; c++) {
+        const double *gradient = tet->frame.gradients[c];
+        double value = values[corners[c]];
+        tet->per_step[c] = gradient[0] != 0 ? 1 / gradient[0] : 0;
+        tet->least = smaller(tet->least, value);
+        tet->most = larger(tet->most, value);
+        for (int i = 0; i < 3; i++)
+            tet->slopes[i] += (value - tet->value) * gradient[i];
+    }
 }
 
 /* The points of one row that are inside are an interval: weights are linear along it. */
-static void fill_row(struct cut_grid *grid, const struct frame *frame, const double values[4], const uint32_t range[2],
-                     const double point[3], size_t row)
+static void fill_row(struct cut_grid *grid, const struct filling *tet, const uint32_t range[2], const double point[3], size_t row)
 {
-    double weights[4], first = 0, last = range[1] - range[0], value = 0, slope = 0;
-    weights_at(frame, point, weights);
+    const double *o = tet->frame.p[0];
+    double weights[4], first = 0, last = range[1] - range[0];
+    weights_at(&tet->frame, point, weights);
     for (int c = 0; c < 4; c++) {
-        double step = frame->gradients[c][0] * grid->spacing[0], room = weights[c] + frame->slack[c];
-        if (step > 0)
-            first = larger(first, -room / step);
-        else if (step < 0)
-            last = smaller(last, -room / step);
-        else if (room < 0)
+        double per_step = tet->per_step[c], room = weights[c] + tet->frame.slack[c], zero = -room * per_step;
+        if (per_step == 0 && room < 0)
             return;
-        value += weights[c] * values[c];
-        slope += step * values[c];
+        first = larger(first, per_step > 0 ? zero : 0);
+        last = smaller(last, per_step < 0 ? zero : last);
     }
     if (!(first <= last))
         return;
-    double least = smaller(smaller(values[0], values[1]), smaller(values[2], values[3]));
-    double most = larger(larger(values[0], values[1]), larger(values[2], values[3]));
-    uint32_t end = (uint32_t)floor(last);
-    for (uint32_t i = (uint32_t)ceil(first); i <= end; i++) {
-        grid->values[row + range[0] + i] = (float)smaller(larger(value + i * slope, least), most);
+    double value = tet->value + tet->slopes[0] * (point[0] - o[0]) + tet->slopes[1] * (point[1] - o[1]) +
+                   tet->slopes[2] * (point[2] - o[2]);
+    for (uint32_t i = (uint32_t)first + ((uint32_t)first < first); i <= last; i++) {
+        grid->values[row + range[0] + i] = (float)smaller(larger(value + i * tet->slopes[0], tet->least), tet->most);
         grid->inside[row + range[0] + i] = 1;
     }
 }
 
-static void fill_tet(const struct tetmesh *mesh, const double *values, const uint32_t *corners, struct cut_grid *grid)
+static void fill_tet(struct cut_grid *grid, const double *values, const uint32_t *corners)
 {
-    struct frame frame;
+    struct filling tet;
     uint32_t range[3][2];
-    double far = 0, at[4];
+    double far = 0;
     for (int c = 0; c < 4; c++)
-        frame.p[c] = mesh->positions + 3 * (size_t)corners[c];
-    const double *const *p = frame.p;
+        tet.frame.p[c] = grid->points + 3 * (size_t)corners[c];
+    const double *const *p = tet.frame.p;
     for (int d = 0; d < 3; d++) {
         double low = smaller(smaller(p[0][d], p[1][d]), smaller(p[2][d], p[3][d]));
         double high = larger(larger(p[0][d], p[1][d]), larger(p[2][d], p[3][d]));
-        if (!index_range(grid, d, low, high, range[d]))
+        if (!index_range(grid->dims[d], low, high, range[d]))
             return;
         far = larger(far, larger(-low, high));
     }
-    if (!make_frame(&frame, far))
+    if (!make_frame(&tet.frame, far + grid->offset))
         return;
-    for (int c = 0; c < 4; c++)
-        at[c] = values[corners[c]];
-    double point[3] = {grid->origin[0] + range[0][0] * grid->spacing[0]};
+    prepare(&tet, values, corners);
     for (uint32_t z = range[2][0]; z <= range[2][1]; z++)
-        for (uint32_t y = range[1][0]; y <= range[1][1]; y++) {
-            point[1] = grid->origin[1] + y * grid->spacing[1];
-            point[2] = grid->origin[2] + z * grid->spacing[2];
-            fill_row(grid, &frame, at, range[0], point, ((size_t)z * grid->dims[1] + y) * grid->dims[0]);
-        }
+        for (uint32_t y = range[1][0]; y <= range[1][1]; y++)
+            fill_row(grid, &tet, range[0], (const double[]){range[0][0], y, z},
+                     ((size_t)z * grid->dims[1] + y) * grid->dims[0]);
+}
+
+/* Vertices as the grid counts: its points are whole numbers. */
+static void place_vertices(const struct tetmesh *mesh, struct cut_grid *grid)
+{
+    grid->offset = 0;
+    for (int d = 0; d < 3; d++)
+        grid->offset = larger(grid->offset, fabs(grid->origin[d]) / grid->spacing[d]);
+    for (size_t v = 0; v < mesh->vertex_count; v++)
+        for (size_t d = 0; d < 3; d++)
+            grid->points[3 * v + d] = (mesh->positions[3 * v + d] - grid->origin[d]) / grid->spacing[d];
 }
 
 enum tetlod_status cut_resample(const struct tetmesh *mesh, const double *values, struct cut_grid *grid,
@@ -153,13 +186,15 @@ enum tetlod_status cut_resample(const struct tetmesh *mesh, const double *values
                             grid->dims[0], grid->dims[1], grid->dims[2]);
     size_t count = (size_t)points;
     if (!array_reserve((void **)&grid->values, &grid->value_cap, count, sizeof *grid->values) ||
-        !array_reserve((void **)&grid->inside, &grid->inside_cap, count, 1))
-        return tetlodi_fail_nomem(error, "a grid", 5 * (uint64_t)count);
+        !array_reserve((void **)&grid->inside, &grid->inside_cap, count, 1) ||
+        !array_reserve((void **)&grid->points, &grid->point_cap, mesh->vertex_count, 3 * sizeof *grid->points))
+        return tetlodi_fail_nomem(error, "a grid", 5 * (uint64_t)count + 24 * (uint64_t)mesh->vertex_count);
     memset(grid->inside, 0, count);
     for (size_t i = 0; i < count; i++)
         grid->values[i] = 0;
+    place_vertices(mesh, grid);
     for (size_t t = 0; t < mesh->tet_count; t++)
-        fill_tet(mesh, values, mesh->corners + 4 * t, grid);
+        fill_tet(grid, values, mesh->corners + 4 * t);
     return TETLOD_OK;
 }
 

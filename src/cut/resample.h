@@ -11,7 +11,8 @@ struct cut_grid {
     double origin[3], spacing[3]; /* of the first point; between two points, > 0 */
     float *values;                /* [dims[0] * dims[1] * dims[2]], x fastest; 0 outside */
     uint8_t *inside;              /* 1 where a tetrahedron is */
-    size_t value_cap, inside_cap;
+    double *points, offset;       /* working space: vertices in the grid's own coordinates; what those leave out */
+    size_t value_cap, inside_cap, point_cap;
 };
 
 void cut_grid_fini(struct cut_grid *grid);
