@@ -82,6 +82,8 @@ export class Layer {
   refresh() {
     const there = Boolean(this.part?.triangles?.length) && this.visible;
     const lined = there && this.showLines && Boolean(this.part.lines?.length);
+    // a boundary's triangles are faces of cells: vtk.js draws their edges itself
+    this.triangles.actor.getProperty().setEdgeVisibility(there && this.showLines && !this.part.lines);
     this.triangles.actor.setVisibility(there);
     this.lines.actor.setVisibility(lined);
     if (!lined) return;
@@ -90,6 +92,11 @@ export class Layer {
     if (this.drawnLines !== this.part.lines) data.getLines().setData(cells(this.part.lines, 2), 1);
     this.drawnLines = this.part.lines;
     data.modified();
+  }
+
+  setEdgeColor(color, opacity) {
+    this.lines.actor.getProperty().set({ color, opacity });
+    this.triangles.actor.getProperty().set({ edgeColor: color, edgeOpacity: opacity });
   }
 
   place(offset) {

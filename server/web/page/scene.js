@@ -157,7 +157,7 @@ export class Scene extends EventTarget {
     for (const isosurface of this.isosurfaces) isosurface.triangles.actor.getProperty().setOpacity(state.isosurfaceOpacity);
     for (const layer of this.layers()) {
       layer.place(this.offset);
-      layer.lines.actor.getProperty().set({ color: this.edgeColor, opacity: 0.55 });
+      layer.setEdgeColor(this.edgeColor, 0.55);
       layer.refresh();
     }
     this.renderer.getActiveCamera().setParallelProjection(state.parallel);
