@@ -123,7 +123,7 @@ export class Scene extends EventTarget {
     this.updateList('isosurfaces', pictures.isosurfaces, state.log, false);
     if (pictures.volume !== undefined) {
       this.grid = pictures.volume;
-      this.volume?.update(this.grid);
+      this.volume?.update(this.grid, state.log);
     }
     this.restyle(state);
   }
@@ -140,8 +140,8 @@ export class Scene extends EventTarget {
     this.loading ??= import('./volume.js');
     const { VolumeLayer } = await this.loading;
     if (this.volume) return;
-    this.volume = new VolumeLayer(this.renderer);
-    this.volume.update(this.grid);
+    this.volume = new VolumeLayer(this.renderer, this.lookup);
+    this.volume.update(this.grid, this.state.log);
     this.restyle(this.state);
   }
 
@@ -163,7 +163,7 @@ export class Scene extends EventTarget {
     this.renderer.getActiveCamera().setParallelProjection(state.parallel);
     if (state.volume) this.loadVolume();
     this.volume?.place(this.offset);
-    this.volume?.classify(state, this.range);
+    this.volume?.shade(state.opacity, this.range);
     this.render();
   }
 
@@ -179,12 +179,13 @@ export class Scene extends EventTarget {
     this.lookup.setMappingRange(low, high);
     this.lookup.updateRange();
     this.range = [low, high];
-    this.volume?.classify(state, this.range);
+    this.volume?.shade(state.opacity, this.range);
     this.render();
   }
 
   setLogarithmic(logarithmic) {
     for (const layer of this.layers()) layer.color(logarithmic);
+    this.volume?.update(this.grid, logarithmic);
     this.render();
   }
 
