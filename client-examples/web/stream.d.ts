@@ -67,6 +67,12 @@ export interface Spec {
   surface?: boolean;
   slices?: { origin: Point; normal: Point }[];
   isosurfaces?: { field?: string; component?: Component; value: number }[];
+  /** Lines of the cells in surface and slices. */
+  edges?: boolean;
+  /** The surface is that of what is behind the plane. */
+  clip?: { origin: Point; normal: Point } | null;
+  /** A grid with so many points along its longest side. */
+  volume?: { size: number } | null;
   /** Whether a change of the level is a move (the default) or a jump. */
   morph?: boolean;
 }
@@ -77,6 +83,17 @@ export interface Part {
   values: Float32Array;
   /** Absent where it is the same as in the last message. */
   triangles?: Uint32Array;
+  lines?: Uint32Array | null;
+  normals: Float32Array | null;
+}
+
+export interface Grid {
+  dims: Point;
+  origin: Point;
+  spacing: Point;
+  /** x fastest; 0 outside. */
+  values: Float32Array;
+  inside: Uint8Array;
 }
 
 export interface Pictures {
@@ -87,6 +104,8 @@ export interface Pictures {
   surface: Part | null;
   slices: Part[];
   isosurfaces: Part[];
+  /** Absent while the mesh moves. */
+  volume?: Grid | null;
   seconds: number;
 }
 
@@ -116,6 +135,8 @@ export class TetlodStream extends EventTarget {
   readonly received: number;
   refineTo(target?: Target, options?: { signal?: AbortSignal }): Promise<{ level: number; reached: boolean }>;
   mesh(): Promise<Mesh>;
+  /** Of the mesh that is shown; null outside. */
+  probe(point: Point): Promise<{ tet: number; values: Record<string, number[]> } | null>;
   show(spec: Spec | null): Promise<void>;
   close(reason?: unknown): void;
   addEventListener<Name extends keyof Events>(name: Name, listener: (event: CustomEvent<Events[Name]>) => void, options?: AddEventListenerOptions): void;

@@ -77,6 +77,8 @@ async function onlySomeFields() {
   view.open([1]);
   view.seek(1);
   assert.deepEqual(Object.keys(view.mesh(fields).fields), [fields[1].name]);
+  const inside = [0, 1, 2].map((i) => [0, 1, 2, 3].reduce((sum, c) => sum + view.mesh([]).positions[3 * view.mesh([]).tets[c] + i] / 4, 0));
+  assert.deepEqual(Object.keys(view.probe(inside, fields).values), [fields[1].name]);
 }
 
 async function damageSaysWhere() {
@@ -121,10 +123,81 @@ async function aMoveEndsAtBothLevels() {
   view.shade(0, 0);
   const half = view.surface();
   half.points.forEach((x, i) => assert.ok(Math.abs(x - (start.points[i] + atRest.points[i]) / 2) < 1e-6));
+  // it is a copy: the view may go on
+  view.seek(5);
+  assert.deepEqual(view.surface(), half);
   view.place(1);
   view.shade(0, 0);
   assert.deepEqual(view.surface(), atRest);
+  view.seek(3);
   assert.deepEqual(view.mesh(fields), fine);
+  view.rest();
+  view.shade(0, 0);
+  assert.deepEqual(view.surface(), atRest);
+}
+
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const point = (points, v) => [...points.subarray(3 * v, 3 * v + 3)];
+
+// The finest level: coarser ones of this stream overlap themselves.
+async function oneLevel() {
+  const view = await viewOf(read('grid_float32.tetlod'));
+  const { fields, levels, bounds: [low, high] } = view.describe();
+  view.open(null);
+  view.seek(levels.length - 1);
+  view.shade(0, 0);
+  return { view, fields, low, high, centre: low.map((x, i) => (x + high[i]) / 2), mesh: view.mesh(fields) };
+}
+
+async function partsAreWhereTheyShouldBe() {
+  const { view, fields, centre } = await oneLevel();
+  const normal = [1, -0.5, 0.25];
+  const behind = (p) => dot(p, normal) - dot(centre, normal);
+  const slice = view.slice(centre, normal, { lines: true });
+  const clipped = view.clip(centre, normal, { lines: true });
+  const whole = view.surface({ lines: true });
+  assert.ok(slice.values.length && clipped.triangles.length && clipped.values.length !== whole.values.length);
+  for (let v = 0; v < slice.values.length; v++) assert.ok(Math.abs(behind(point(slice.points, v))) < 1e-5);
+  for (let v = 0; v < clipped.values.length; v++) assert.ok(behind(point(clipped.points, v)) < 1e-5);
+  for (const part of [slice, clipped, whole]) {
+    assert.ok(part.lines.length && part.lines.every((v) => v < part.values.length));
+    assert.ok(part.triangles.every((v) => v < part.values.length));
+  }
+  const again = view.surface({ keep: true });
+  assert.deepEqual(again.points, whole.points);
+  assert.ok(!('triangles' in again) && !('lines' in again));
+  const [low, high] = fields[0].range;
+  const value = (low + high) / 2;
+  const iso = view.isosurface(0, 0, value, { normals: true });
+  assert.ok(iso.triangles.length);
+  iso.values.forEach((v) => assert.ok(Math.abs(v - value) < 1e-5 * (high - low)));
+  for (let v = 0; v < iso.values.length; v++) assert.ok(Math.abs(dot(point(iso.normals, v), point(iso.normals, v)) - 1) < 1e-5);
+}
+
+async function probesAndGridsAgreeWithTheMesh() {
+  const { view, fields, low, high, mesh } = await oneLevel();
+  for (const tet of [0, 7, 100]) {
+    const corners = [...mesh.tets.subarray(4 * tet, 4 * tet + 4)];
+    const mean = (values, components) => Array.from({ length: components }, (_, c) => corners.reduce((sum, v) => sum + values[components * v + c] / 4, 0));
+    const found = view.probe(mean(mesh.positions, 3), fields);
+    assert.equal(found.tet, tet);
+    for (const { name, components } of fields)
+      mean(mesh.fields[name], components).forEach((x, c) => assert.ok(Math.abs(x - found.values[name][c]) < 1e-9));
+  }
+  assert.equal(view.probe(high.map((x, i) => x + (x - low[i])), fields), null);
+  const { dims, origin, spacing, values, inside } = view.resample(20);
+  assert.equal(Math.max(...dims), 20);
+  assert.equal(values.length, dims[0] * dims[1] * dims[2]);
+  const [{ name, range }] = fields;
+  let compared = 0;
+  for (let i = 0; i < values.length; i++) {
+    const at = [i % dims[0], Math.floor(i / dims[0]) % dims[1], Math.floor(i / dims[0] / dims[1])];
+    const found = view.probe(at.map((n, k) => origin[k] + n * spacing[k]), fields);
+    if (!inside[i] || !found) continue;
+    compared++;
+    assert.ok(Math.abs(found.values[name][0] - values[i]) < 1e-4 * (range[1] - range[0]), `grid point ${at}`);
+  }
+  assert.ok(compared > values.length / 4);
 }
 
 // wasm32 ends at 4 GiB: that is an error that says so, not a crash. The memory is reserved, never touched.
@@ -150,4 +223,4 @@ async function memoryHasAnEnd() {
 }
 
 await run([everyGoldenStreamEveryLevelUpAndDown, bytesInAnyPieces, onlySomeFields, damageSaysWhere, aMoveEndsAtBothLevels,
-  memoryHasAnEnd]);
+  partsAreWhereTheyShouldBe, probesAndGridsAgreeWithTheMesh, memoryHasAnEnd]);

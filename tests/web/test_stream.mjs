@@ -325,6 +325,27 @@ async function picturesOfEveryStep() {
   await stream.show({ field: name, surface: true, morph: false });
   await stream.refineTo({ level: 3 });
   assert.deepEqual([...new Set(pictures.map((picture) => picture.t))], [1]);
+  pictures.length = 0;
+  const everything = { field: name, surface: true, edges: true, clip: { origin: centre, normal: [1, 0, 0] }, volume: { size: 16 },
+    slices: [{ origin: centre, normal: [0, 0, 1] }], isosurfaces: [{ value }] };
+  await stream.show(everything);
+  await stream.refineTo({ level: middle });
+  for (const { t: at, volume, surface, slices, isosurfaces } of pictures) {
+    assert.equal(volume === undefined, at !== 1);
+    assert.ok(surface.triangles.length && surface.lines.length && slices[0].lines.length && isosurfaces[0].normals.length);
+    surface.points.forEach((x, i) => assert.ok(i % 3 || x <= centre[0] + 1e-4));
+  }
+  assert.deepEqual(pictures.at(-1).volume.dims.length, 3);
+  const { values: found, tet } = await stream.probe(centre) ?? assert.fail('nothing in the middle');
+  assert.ok(tet < info.levels[middle].tets && found[name][0] >= info.fields[0].range[0] && found[name][0] <= info.fields[0].range[1]);
+  assert.equal(await stream.probe(high.map((x) => x + 1)), null);
+  // a plane that is dragged: only the newest place is drawn
+  await new Promise((resolve) => setTimeout(resolve, 100));
+  pictures.length = 0;
+  for (let i = 0; i < 50; i++) stream.show({ ...everything, slices: [{ origin: centre.map((x) => x + i * 1e-3), normal: [0, 0, 1] }] });
+  while (!pictures.some(({ slices }) => Math.abs(slices[0].points[2] - centre[2] - 0.049) < 1e-6)) await heard(stream, 'pictures');
+  assert.ok(pictures.length < 10);
+  await assert.rejects(stream.show({ field: name, volume: { size: 1e6 } }), /volume.size is from/);
   await assert.rejects(stream.show({ field: 'Speed' }), /no field 'Speed'/);
   await assert.rejects(stream.show({ field: name, component: 7 }), /component is one of/);
   stream.close();

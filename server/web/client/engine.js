@@ -19,13 +19,16 @@ export class Engine {
   #received = 0;
   #goal = -1;         // level
   #limit = Infinity;  // finest level that can be decoded: the stream is damaged after it
-  #shown = -1;        // level of the last pictures
+  #shown = 0;         // level of the mesh that is shown; the cursor may be ahead of it
+  #moved = -1;        // level whose copy is shown, if one is
   #request = null;    // {id, level, resolve, reject} of refineTo
   #spec = null; #dirty = false;
+  #decoding = 0;      // milliseconds since the last level was announced
   #frameTime = 0;     // milliseconds of the last pictures
-  #surfaceOf = -1;    // level whose boundary triangles the page has
+  #surfaceOf = '';    // what the page has the triangles of
   #seen = null;       // resolves when the page has seen the last pictures
   #bells = [];        // of loops that wait
+  #turn = new MessageChannel(); // lets messages in between two pieces of work
   #failure = null;    // of the network or the stream: no bytes come any more, until the next request
 
   /** `emit(name, detail)` sends an event to the page. */
@@ -77,6 +80,10 @@ export class Engine {
 
   mesh() {
     return this.#view.mesh(this.#info.fields);
+  }
+
+  probe(point) {
+    return this.#view.probe(point, this.#info.fields);
   }
 
   show(spec) {
@@ -166,19 +173,22 @@ export class Engine {
 
   // The level that can be shown now on the way to the goal.
   get #within() {
-    return Math.min(this.#goal, this.#view.ready, this.#limit);
+    return this.#goal < 0 ? 0 : Math.min(this.#goal, this.#view.ready, this.#limit);
   }
 
   async #showLoop() {
     while (!this.#closed) {
       try {
         const next = this.#within;
-        if (this.#goal >= 0 && next > this.#view.level) await this.#refine(next);
-        else if (this.#goal >= 0 && next < this.#view.level) await this.#coarsen(next);
+        if (next > this.#shown) await this.#refine(next);
+        else if (next < this.#shown) await this.#coarsen(next);
         else if (this.#dirty) await this.#present(1);
         else await this.#settle();
       } catch (error) {
+        // no memory for a picture or a level, most likely: this is as far as it goes
         this.#halt(error);
+        this.#goal = this.#shown = this.#view.level;
+        this.#endRequest('reject', error);
       }
     }
   }
@@ -186,13 +196,13 @@ export class Engine {
   // Damage that is only seen while decoding, or no memory: no finer level than this is tried again.
   #halt(error) {
     this.#limit = this.#view.level;
-    this.#dirty = false;
     this.#fail(error);
   }
 
   // Nothing is left to do at this level: the request may have ended; then wait.
   async #settle() {
-    const level = this.#view.level;
+    const level = this.#shown;
+    if (this.#view.level !== level) this.#view.seek(level); // it went ahead to a goal that is given up
     const change = this.#change();
     if (this.#request && level === this.#goal) {
       this.#emit('finished', { level });
@@ -203,32 +213,47 @@ export class Engine {
     await change;
   }
 
-  #announce(level, started) {
+  #announce(level) {
+    this.#shown = level;
     const { vertices, tets } = this.#info.levels[level];
-    this.#emit('level', { level, vertices, tets, seconds: (performance.now() - started) / 1000 });
+    this.#emit('level', { level, vertices, tets, seconds: this.#decoding / 1000 });
+    this.#decoding = 0;
   }
 
-  // Some levels up, for as long as a slice of time lasts.
-  async #refine(next) {
-    const from = this.#view.level;
+  // One level up, with the time that it took. False: not possible.
+  #step() {
     const started = performance.now();
     try {
-      do this.#view.seek(this.#view.level + 1);
-      while (this.#view.level < next && performance.now() - started < slice);
+      this.#view.seek(this.#view.level + 1);
+      this.#decoding += performance.now() - started;
+      return true;
     } catch (error) {
       this.#halt(error);
+      return false;
     }
+  }
+
+  // As many levels up as a slice of time allows, or as many as were decoded meanwhile.
+  async #refine(next) {
+    const from = this.#shown;
+    const started = performance.now();
+    if (this.#view.level > next) this.#view.seek(next);
+    while (this.#view.level < next && (this.#view.level === from || performance.now() - started < slice))
+      if (!this.#step()) break;
     if (this.#view.level === from) return;
-    this.#announce(this.#view.level, started);
+    this.#announce(this.#view.level);
     if (this.#moves(from)) await this.#animate(0, 1);
     await this.#present(1);
   }
 
   async #coarsen(next) {
+    const from = this.#shown;
+    if (this.#view.level !== from) this.#view.seek(from);
     if (this.#moves(next)) await this.#animate(1, 0);
     const started = performance.now();
     this.#view.seek(next);
-    this.#announce(next, started);
+    this.#decoding += performance.now() - started;
+    this.#announce(next);
     await this.#present(1);
   }
 
@@ -249,12 +274,13 @@ export class Engine {
   }
 
   // The spec with indices for names.
-  #checkSpec({ field, component, surface = false, slices = [], isosurfaces = [], morph = true }) {
+  #checkSpec({ field, component, surface = false, edges = false, slices = [], isosurfaces = [], clip = null, volume = null, morph = true }) {
     const shade = field === undefined ? -1 : this.#fieldIndex(field);
     const of = (name) => (name === undefined ? shade : this.#fieldIndex(name));
     if (shade < 0 && isosurfaces.some((iso) => iso.field === undefined)) throw new RangeError('an isosurface needs a field');
+    if (volume && !(volume.size >= 2 && volume.size <= 512)) throw new RangeError(`volume.size is from 2 to 512, not ${volume.size}`);
     return {
-      surface, slices, morph, shade,
+      surface, edges, slices, clip, volume, morph, shade,
       component: shade < 0 ? 0 : this.#component(shade, component),
       isosurfaces: isosurfaces.map((iso) => ({
         field: of(iso.field), value: iso.value,
@@ -265,13 +291,14 @@ export class Engine {
 
   // Prepares a move to or from a coarser level, if it would be seen: something is drawn, and quickly.
   #moves(coarser) {
-    if (!this.#spec?.morph || this.#shown < 0 || this.#frameTime > heavyFrame) return false;
+    if (!this.#spec?.morph || this.#frameTime > heavyFrame) return false;
     try {
       this.#view.move(coarser);
-      return true;
+      this.#moved = this.#view.level;
     } catch {
       return false; // no memory for it: then a jump
     }
+    return true;
   }
 
   async #animate(start, end) {
@@ -285,32 +312,68 @@ export class Engine {
     if (!end) await this.#present(0);
   }
 
-  #draw() {
-    const { shade, component, surface, slices, isosurfaces } = this.#spec;
-    if (shade >= 0) this.#view.shade(shade, component);
-    const picture = { surface: null, slices: [], isosurfaces: [], volume: null };
-    if (surface) {
-      picture.surface = this.#view.surface(this.#surfaceOf !== this.#view.level);
-      this.#surfaceOf = this.#view.level;
+  #drawSurface() {
+    const { surface, clip, edges: lines } = this.#spec;
+    if (!surface) return null;
+    if (clip) {
+      this.#surfaceOf = '';
+      return this.#view.clip(clip.origin, clip.normal, { lines });
     }
-    picture.slices = slices.map(({ origin, normal }) => this.#view.slice(origin, normal));
-    picture.isosurfaces = isosurfaces.map((iso) => this.#view.isosurface(iso.field, iso.component, iso.value));
-    return picture;
+    const key = `${this.#shown} ${lines}`;
+    const keep = key === this.#surfaceOf;
+    this.#surfaceOf = key;
+    return this.#view.surface({ lines, keep });
+  }
+
+  #draw(t) {
+    const { shade, component, edges: lines, slices, isosurfaces, volume } = this.#spec;
+    if (shade >= 0) this.#view.shade(shade, component);
+    return {
+      surface: this.#drawSurface(),
+      slices: slices.map(({ origin, normal }) => this.#view.slice(origin, normal, { lines })),
+      isosurfaces: isosurfaces.map((iso) => this.#view.isosurface(iso.field, iso.component, iso.value, { normals: true })),
+      volume: volume && t === 1 ? this.#view.resample(volume.size) : volume && undefined, // not while it moves
+    };
   }
 
   // Makes the pictures at t of a move (1: at rest) and waits until they are seen.
   async #present(t) {
     this.#dirty = false;
-    this.#shown = this.#view.level;
     if (!this.#spec) return;
     const started = performance.now();
-    this.#view.place(t);
-    const picture = this.#draw();
+    if (this.#moved === this.#shown) this.#view.place(t);
+    else this.#rest();
+    const picture = this.#draw(t);
     this.#frameTime = performance.now() - started;
     const seen = new Promise((resolve) => { this.#seen = resolve; });
-    this.#emit('pictures', { level: this.#view.level, t, origin: this.#view.centre, ...picture, seconds: this.#frameTime / 1000 });
+    this.#emit('pictures', { level: this.#shown, t, origin: this.#view.centre, ...picture, seconds: this.#frameTime / 1000 });
+    await this.#workUntil(seen);
+  }
+
+  // Shows the cursor's own mesh, at the level that is shown.
+  #rest() {
+    if (this.#moved >= 0) this.#view.rest();
+    this.#moved = -1;
+    if (this.#view.level !== this.#shown) this.#view.seek(this.#shown);
+  }
+
+  // Decodes on towards the goal until the page has seen the last pictures.
+  async #workUntil(seen) {
+    let waiting = true;
     const patient = new AbortController();
-    await Promise.race([seen, sleep(patience, patient.signal).catch(() => {})]);
+    Promise.race([seen, sleep(patience, patient.signal)]).catch(() => {}).finally(() => { waiting = false; this.#wake(); });
+    while (waiting && !this.#closed) {
+      if (this.#within > this.#view.level && this.#step()) await this.#takeTurn();
+      else if (waiting) await this.#change();
+    }
     patient.abort();
+  }
+
+  // Lets messages in. Timers would wait for milliseconds.
+  #takeTurn() {
+    return new Promise((resolve) => {
+      this.#turn.port1.onmessage = resolve;
+      this.#turn.port2.postMessage(null);
+    });
   }
 }

@@ -87,6 +87,11 @@ export class TetlodStream extends EventTarget {
     return this.#call('mesh');
   }
 
+  /** {values: {field: [components]}, tet} at a point of the mesh that is shown, or null outside of it. */
+  probe(point) {
+    return this.#call('probe', point);
+  }
+
   /** Which pictures to make of this and every following level; null: none. */
   show(spec) {
     return this.#call('show', spec);

@@ -123,40 +123,85 @@ export class View {
     };
   }
 
-  /** Prepares a move between the current level and a coarser one; place(t) then shows the mesh at t, 0 the coarser one. */
+  /** Shows a copy of the current level that can move from and to the shape of a coarser one, while the view goes on. */
   move(level) {
     this.#check(this.#code.view_move(this.#view, level));
   }
 
+  /** Shows the mesh at t of the move: 0 the coarser level's shape, 1 the finer one's. */
   place(t) {
     this.#code.view_place(this.#view, t);
   }
 
-  /** Chooses the value that colours parts; component -1 is the magnitude. */
+  /** Shows the current level itself. */
+  rest() {
+    this.#check(this.#code.view_rest(this.#view));
+  }
+
+  /** Chooses the value that colours parts; component -1 is the magnitude. It holds for the mesh as it is shown now. */
   shade(field, component) {
     this.#code.view_shade(this.#view, field, component);
   }
 
-  #part(keepTriangles) {
-    const [points, triangles, pointsAt, valuesAt, trianglesAt] = this.#words(this.#code.view_part(this.#view), 5);
-    const part = { points: this.#floats(pointsAt, 3 * points).slice(), values: this.#floats(valuesAt, points).slice() };
-    if (keepTriangles) part.triangles = this.#words(trianglesAt, 3 * triangles).slice();
+  // `lines`, `normals`: what the part has beside points, values and triangles; `keep`: without triangles and lines.
+  #part({ lines = false, normals = false, keep = false } = {}, make) {
+    this.#check(make((lines ? 1 : 0) | (normals ? 2 : 0)));
+    const [points, triangles, edges, ...at] = this.#words(this.#code.view_part(this.#view), 8);
+    const part = {
+      points: this.#floats(at[0], 3 * points).slice(),
+      values: this.#floats(at[1], points).slice(),
+      normals: normals ? this.#floats(at[4], 3 * points).slice() : null,
+    };
+    if (keep) return part;
+    part.triangles = this.#words(at[2], 3 * triangles).slice();
+    part.lines = lines ? this.#words(at[3], 2 * edges).slice() : null;
     return part;
   }
 
-  /** The boundary; its triangles only if they are wanted: they are the same for one level. */
-  surface(withTriangles = true) {
-    this.#check(this.#code.view_surface(this.#view));
-    return this.#part(withTriangles);
+  /** The boundary; its triangles and lines are the same all the way of a move. */
+  surface(options) {
+    return this.#part(options, (flags) => this.#code.view_surface(this.#view, flags));
   }
 
-  slice(origin, normal) {
-    this.#check(this.#code.view_slice(this.#view, ...origin, ...normal));
-    return this.#part(true);
+  /** The surface of what is behind a plane. */
+  clip(origin, normal, options) {
+    return this.#part(options, (flags) => this.#code.view_clip(this.#view, flags, ...origin, ...normal));
   }
 
-  isosurface(field, component, value) {
-    this.#check(this.#code.view_isosurface(this.#view, field, component, value));
-    return this.#part(true);
+  slice(origin, normal, options) {
+    return this.#part(options, (flags) => this.#code.view_slice(this.#view, flags, ...origin, ...normal));
+  }
+
+  isosurface(field, component, value, options) {
+    return this.#part(options, (flags) => this.#code.view_isosurface(this.#view, flags, field, component, value));
+  }
+
+  /** The value that colours, on a grid over the bounds with `size` points along the longest side. */
+  resample(size) {
+    this.#check(this.#code.view_resample(this.#view, size));
+    const at = this.#code.view_grid(this.#view) >>> 0;
+    const dims = [...this.#words(at, 3)];
+    const place = [...this.#doubles(at + 16, 6)];
+    const [values, inside] = this.#words(at + 64, 2);
+    const count = dims[0] * dims[1] * dims[2];
+    return {
+      dims, origin: place.slice(0, 3), spacing: place.slice(3),
+      values: this.#floats(values, count).slice(),
+      inside: new Uint8Array(this.#code.memory.buffer, inside, count).slice(),
+    };
+  }
+
+  /** {tet, values: {field: [components]}} of the mesh that is shown, or null outside. `fields` are those of describe(). */
+  probe([x, y, z], fields) {
+    const tet = this.#code.view_probe(this.#view, x, y, z) >>> 0;
+    if (tet === NONE) return null;
+    let at = this.#code.view_probed(this.#view) >>> 0;
+    const values = {};
+    for (const { name, components } of fields) {
+      const value = [...this.#doubles(at, components)];
+      if (!Number.isNaN(value[0])) values[name] = value; // else it is not decoded
+      at += 8 * components;
+    }
+    return { tet, values };
   }
 }

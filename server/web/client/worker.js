@@ -28,6 +28,7 @@ const actions = {
   refineTo: (target, id) => engine.refineTo(target, id),
   abort: (id) => engine.abort(id),
   mesh: () => engine.mesh(),
+  probe: (point) => engine.probe(point),
   show: (spec) => engine.show(spec),
   seen: () => engine.seen(),
   close: () => engine.close(),

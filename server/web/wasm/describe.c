@@ -101,7 +101,7 @@ static void put_level(struct tetlodi_buffer *out, const struct tetlod_info *info
 /* NULL: out of memory. */
 const char *view_describe(struct view *view)
 {
-    const struct tetlod_info *info = tetlod_info(tetlod_feed_file(view->feed));
+    const struct tetlod_info *info = view_info(view);
     struct tetlodi_buffer *out = &view->text;
     out->size = 0;
     put(out, "{\"cid\":");

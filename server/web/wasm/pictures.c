@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What is drawn of the mesh that is shown: its boundary, slices, isosurfaces, with the value that colours them. */
+/* What is drawn of the mesh that is shown: its boundary, slices, isosurfaces, a grid, with the value that colours them. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -7,27 +7,30 @@
 #include "server/web/wasm/view.h"
 #include "src/util/array.h"
 
+/* What a part has beside points, values and triangles. */
+enum { WITH_LINES = 1, WITH_NORMALS = 2 };
+
 VIEW_EXPORT(view_shade) void view_shade(struct view *view, uint32_t field, int32_t component);
 VIEW_EXPORT(view_part) const struct view_part *view_part(const struct view *view);
-VIEW_EXPORT(view_surface) uint32_t view_surface(struct view *view);
-VIEW_EXPORT(view_slice) uint32_t view_slice(struct view *view, double ox, double oy, double oz, double nx, double ny, double nz);
-VIEW_EXPORT(view_isosurface) uint32_t view_isosurface(struct view *view, uint32_t field, int32_t component, double value);
+VIEW_EXPORT(view_surface) uint32_t view_surface(struct view *view, uint32_t with);
+VIEW_EXPORT(view_clip) uint32_t view_clip(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz);
+VIEW_EXPORT(view_slice) uint32_t view_slice(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz);
+VIEW_EXPORT(view_isosurface) uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32_t component, double value);
+VIEW_EXPORT(view_resample) uint32_t view_resample(struct view *view, uint32_t size);
+VIEW_EXPORT(view_grid) const struct cut_grid *view_grid(const struct view *view);
+VIEW_EXPORT(view_probe) uint32_t view_probe(struct view *view, double x, double y, double z);
+VIEW_EXPORT(view_probed) const double *view_probed(const struct view *view);
 
-void view_forget_pictures(struct view *view)
+enum tetlod_status view_begin_pictures(struct view *view)
 {
-    cut_fini(&view->boundary);
-    view->has_boundary = false;
-}
-
-enum tetlod_status view_reserve(struct view *view)
-{
-    uint32_t vertices = view->mesh.vertices;
+    uint32_t vertices = view->shown.vertex_count;
     double *shade = array_resize(view->shade, vertices, sizeof *shade);
     if (shade)
         view->shade = shade;
     double *function = array_resize(view->function, vertices, sizeof *function);
     if (function)
         view->function = function;
+    view->has_boundary = view->has_lines = false;
     if (!shade || !function)
         return tetlodi_fail_nomem(&view->error, "a picture", 16 * (uint64_t)vertices);
     for (uint32_t v = 0; v < vertices; v++)
@@ -57,17 +60,32 @@ void view_shade(struct view *view, uint32_t field, int32_t component)
     take_values(view, field, component, view->shade);
 }
 
+static void take_distances(const struct view *view, double ox, double oy, double oz, double nx, double ny, double nz)
+{
+    for (uint32_t v = 0; v < view->shown.vertex_count; v++) {
+        const double *p = view->shown.positions + 3 * (size_t)v;
+        view->function[v] = nx * (p[0] - ox) + ny * (p[1] - oy) + nz * (p[2] - oz);
+    }
+}
+
+/* ---- parts ---- */
+
 const struct view_part *view_part(const struct view *view)
 {
     return &view->part;
 }
 
-static enum tetlod_status draw(struct view *view, const struct cut *cut)
+static bool reserve_points(struct view_part *part, uint32_t count, bool normals)
+{
+    return array_reserve((void **)&part->points, &part->point_cap, 3 * (size_t)count, sizeof *part->points) &&
+           array_reserve((void **)&part->values, &part->value_cap, count, sizeof *part->values) &&
+           (!normals || array_reserve((void **)&part->normal_room, &part->normal_cap, 3 * (size_t)count, sizeof *part->normals));
+}
+
+static enum tetlod_status draw(struct view *view, const struct cut *cut, uint32_t with)
 {
     struct view_part *part = &view->part;
-    part->point_count = part->triangle_count = 0;
-    if (!array_reserve((void **)&part->points, &part->point_cap, 3 * (size_t)cut->vertex_count, sizeof *part->points) ||
-        !array_reserve((void **)&part->values, &part->value_cap, cut->vertex_count, sizeof *part->values))
+    if (!reserve_points(part, cut->vertex_count, with & WITH_NORMALS))
         return tetlodi_fail_nomem(&view->error, "a picture", 16 * (uint64_t)cut->vertex_count);
     for (uint32_t v = 0; v < cut->vertex_count; v++) {
         for (uint32_t i = 0; i < 3; i++)
@@ -77,41 +95,106 @@ static enum tetlod_status draw(struct view *view, const struct cut *cut)
     part->point_count = cut->vertex_count;
     part->triangle_count = cut->triangle_count;
     part->triangles = cut->triangles;
+    part->line_count = with & WITH_LINES ? cut->line_count : 0;
+    part->lines = cut->lines;
+    part->normals = with & WITH_NORMALS ? part->normal_room : NULL;
+    if (part->normals)
+        cut_normals(cut, part->points, part->normals);
     return TETLOD_OK;
 }
 
-/* The triangles are the same all the way of a move. */
-uint32_t view_surface(struct view *view)
+/* Of the mesh at the end of a move: its triangles and lines are the same all the way. */
+static enum tetlod_status find_boundary(struct view *view)
 {
-    if (!view->has_boundary) {
-        struct tetmesh mesh = view->shown;
-        mesh.positions = (double *)(uintptr_t)view->mesh.positions;
-        TETLOD_TRY(cut_boundary(&mesh, &view->boundary, &view->error));
-        view->has_boundary = true;
-    }
-    return draw(view, &view->boundary);
+    struct tetmesh mesh = view->shown;
+    if (view->has_boundary)
+        return TETLOD_OK;
+    if (view->moving)
+        mesh.positions = view->to.positions;
+    view->has_lines = false;
+    TETLOD_TRY(cut_boundary(&mesh, &view->boundary, &view->error));
+    view->has_boundary = true;
+    return TETLOD_OK;
 }
 
-static enum tetlod_status draw_zero(struct view *view)
+uint32_t view_surface(struct view *view, uint32_t with)
 {
-    cut_fini(&view->cut);
+    TETLOD_TRY(find_boundary(view));
+    if (with & WITH_LINES && !view->has_lines) {
+        TETLOD_TRY(cut_lines(&view->boundary, NULL, &view->error));
+        view->has_lines = true;
+    }
+    return draw(view, &view->boundary, with);
+}
+
+static enum tetlod_status finish_cut(struct view *view, uint32_t with)
+{
+    if (with & WITH_LINES)
+        TETLOD_TRY(cut_lines(&view->cut, view->function, &view->error));
+    return draw(view, &view->cut, with);
+}
+
+/* The surface of what is behind a plane. */
+uint32_t view_clip(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz)
+{
+    TETLOD_TRY(find_boundary(view));
+    take_distances(view, ox, oy, oz, nx, ny, nz);
+    TETLOD_TRY(cut_clip(&view->shown, &view->boundary, view->function, &view->cut, &view->error));
+    return finish_cut(view, with);
+}
+
+uint32_t view_slice(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz)
+{
+    take_distances(view, ox, oy, oz, nx, ny, nz);
     TETLOD_TRY(cut_zero(&view->shown, view->function, &view->cut, &view->error));
-    return draw(view, &view->cut);
+    return finish_cut(view, with);
 }
 
-uint32_t view_slice(struct view *view, double ox, double oy, double oz, double nx, double ny, double nz)
-{
-    for (uint32_t v = 0; v < view->shown.vertex_count; v++) {
-        const double *p = view->shown.positions + 3 * (size_t)v;
-        view->function[v] = nx * (p[0] - ox) + ny * (p[1] - oy) + nz * (p[2] - oz);
-    }
-    return draw_zero(view);
-}
-
-uint32_t view_isosurface(struct view *view, uint32_t field, int32_t component, double value)
+uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32_t component, double value)
 {
     take_values(view, field, component, view->function);
     for (uint32_t v = 0; v < view->shown.vertex_count; v++)
         view->function[v] -= value;
-    return draw_zero(view);
+    TETLOD_TRY(cut_zero(&view->shown, view->function, &view->cut, &view->error));
+    return finish_cut(view, with);
+}
+
+/* ---- values at points ---- */
+
+/* The value that colours, on a grid over the stream's bounds. */
+uint32_t view_resample(struct view *view, uint32_t size)
+{
+    const struct tetlod_info *info = view_info(view);
+    cut_grid_cover(&view->grid, info->bounds[0], info->bounds[1], size);
+    return cut_resample(&view->shown, view->shade, &view->grid, &view->error);
+}
+
+const struct cut_grid *view_grid(const struct view *view)
+{
+    return &view->grid;
+}
+
+/* Which tetrahedron a point is in, or is as good as in: the page knows points of the surface in float32 only. */
+uint32_t view_probe(struct view *view, double x, double y, double z)
+{
+    const struct tetlod_info *info = view_info(view);
+    const double p[3] = {x, y, z};
+    double weights[4], diagonal = 0, *out = view->probed;
+    for (int i = 0; i < 3; i++)
+        diagonal += (info->bounds[1][i] - info->bounds[0][i]) * (info->bounds[1][i] - info->bounds[0][i]);
+    uint32_t tet = cut_probe(&view->shown, p, 1e-4 * sqrt(diagonal), weights);
+    for (uint32_t f = 0; tet != TETLOD_NONE && f < view->shown.field_count; f++) {
+        const struct point_field *field = &view->shown.fields[f];
+        for (uint32_t c = 0; c < field->components; c++, out++) {
+            *out = field->values ? 0 : NAN;
+            for (int i = 0; field->values && i < 4; i++)
+                *out += weights[i] * field->values[(size_t)view->shown.corners[4 * (size_t)tet + (size_t)i] * field->components + c];
+        }
+    }
+    return tet;
+}
+
+const double *view_probed(const struct view *view)
+{
+    return view->probed;
 }

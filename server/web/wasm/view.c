@@ -23,6 +23,7 @@ VIEW_EXPORT(view_mesh) const struct tetlod_mesh *view_mesh(const struct view *vi
 VIEW_EXPORT(view_centre) const double *view_centre(const struct view *view);
 VIEW_EXPORT(view_move) uint32_t view_move(struct view *view, uint32_t level);
 VIEW_EXPORT(view_place) void view_place(struct view *view, double t);
+VIEW_EXPORT(view_rest) uint32_t view_rest(struct view *view);
 
 void *view_allocate(uint32_t size)
 {
@@ -60,7 +61,7 @@ uint32_t view_ready(const struct view *view)
     return tetlod_feed_level(view->feed);
 }
 
-static const struct tetlod_info *info_of(const struct view *view)
+const struct tetlod_info *view_info(const struct view *view)
 {
     return tetlod_info(tetlod_feed_file(view->feed));
 }
@@ -68,7 +69,7 @@ static const struct tetlod_info *info_of(const struct view *view)
 /* Points far from zero, next to their size, would not survive float32. */
 static void choose_centre(struct view *view)
 {
-    const struct tetlod_info *info = info_of(view);
+    const struct tetlod_info *info = view_info(view);
     double size = 0, reach = 0;
     for (int i = 0; i < 3; i++) {
         size = fmax(size, info->bounds[1][i] - info->bounds[0][i]);
@@ -78,30 +79,35 @@ static void choose_centre(struct view *view)
         view->centre[i] = reach > 64 * size ? (info->bounds[0][i] + info->bounds[1][i]) / 2 : 0;
 }
 
-/* The cursor's arrays are what is shown; nothing moves. */
-static void rest(struct view *view)
+static void show(struct view *view, const double *positions, const uint32_t *corners)
 {
-    struct tetmesh *shown = &view->shown;
-    shown->vertex_count = view->mesh.vertices;
-    shown->tet_count = view->mesh.tets;
-    shown->corners = (uint32_t *)(uintptr_t)view->mesh.corners;
-    shown->positions = (double *)(uintptr_t)view->mesh.positions;
-    for (uint32_t f = 0; f < shown->field_count; f++)
-        shown->fields[f].values = (double *)(uintptr_t)view->mesh.fields[f];
+    view->shown.positions = (double *)(uintptr_t)positions;
+    view->shown.corners = (uint32_t *)(uintptr_t)corners;
 }
 
+/* The cursor's own arrays are what is shown. */
+uint32_t view_rest(struct view *view)
+{
+    view->moving = false;
+    view->shown.vertex_count = view->mesh.vertices;
+    view->shown.tet_count = view->mesh.tets;
+    show(view, view->mesh.positions, view->mesh.corners);
+    for (uint32_t f = 0; f < view->shown.field_count; f++)
+        view->shown.fields[f].values = (double *)(uintptr_t)view->mesh.fields[f];
+    return view_begin_pictures(view);
+}
+
+/* The cursor has moved. What is on its way between levels does not mind. */
 static enum tetlod_status arrive(struct view *view)
 {
     tetlod_cursor_mesh(view->cursor, &view->mesh);
-    view_forget_pictures(view);
-    rest(view);
-    return view_reserve(view);
+    return view->moving ? TETLOD_OK : view_rest(view);
 }
 
 /* Names and components of the fields, without values. */
 static enum tetlod_status add_fields(struct view *view, struct tetmesh *mesh)
 {
-    const struct tetlod_info *info = info_of(view);
+    const struct tetlod_info *info = view_info(view);
     for (uint32_t f = 0; f < info->field_count; f++) {
         const struct tetlod_field *field = &info->fields[f];
         TETLOD_TRY(tetmesh_add_field(mesh, field->name, field->components, field->type, &view->error));
@@ -113,11 +119,17 @@ uint32_t view_open(struct view *view, const uint32_t *fields, uint32_t count)
 {
     struct tetlod_file *file = tetlod_feed_file(view->feed);
     TETLOD_TRY(tetlod_cursor_new(&view->cursor, file, count ? fields : NULL, count, &view->error));
-    struct tetmesh *all[] = {&view->shown, &view->from, &view->moving};
+    struct tetmesh *all[] = {&view->shown, &view->from, &view->to, &view->between};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         TETLOD_TRY(add_fields(view, all[i]));
-    for (uint32_t f = 0; f < view->shown.field_count; f++)
+    size_t components = 0;
+    for (uint32_t f = 0; f < view->shown.field_count; f++) {
         free(view->shown.fields[f].values);
+        components += view->shown.fields[f].components;
+    }
+    view->probed = array_zero(components, sizeof *view->probed);
+    if (!view->probed)
+        return tetlodi_fail_nomem(&view->error, "the fields", 8 * (uint64_t)components);
     choose_centre(view);
     return arrive(view);
 }
@@ -149,28 +161,58 @@ static bool resize(double **array, size_t count)
     return moved != NULL;
 }
 
-static enum tetlod_status resize_mesh(struct view *view, struct tetmesh *mesh)
+static bool resize_mesh(const struct view *view, struct tetmesh *mesh)
 {
     uint32_t vertices = view->mesh.vertices;
     bool made = resize(&mesh->positions, 3 * (size_t)vertices);
     for (uint32_t f = 0; made && f < mesh->field_count; f++)
         made = !view->mesh.fields[f] || resize(&mesh->fields[f].values, (size_t)vertices * mesh->fields[f].components);
-    return made ? TETLOD_OK : tetlodi_fail_nomem(&view->error, "a move between two levels", 48 * (uint64_t)vertices);
+    return made;
 }
 
-/* Prepares a move between the cursor's level and a coarser one. */
-uint32_t view_move(struct view *view, uint32_t level)
+static bool make_room(struct view *view)
 {
-    TETLOD_TRY(resize_mesh(view, &view->from));
-    TETLOD_TRY(resize_mesh(view, &view->moving));
+    uint32_t *corners = array_resize(view->to.corners, view->mesh.tets, 4 * sizeof *corners);
+    if (corners)
+        view->to.corners = corners;
+    return corners && resize_mesh(view, &view->from) && resize_mesh(view, &view->to) && resize_mesh(view, &view->between);
+}
+
+static void copy_mesh(const struct tetlod_mesh *mesh, struct tetmesh *out)
+{
+    out->vertex_count = mesh->vertices;
+    out->tet_count = mesh->tets;
+    memcpy(out->positions, mesh->positions, 24 * (size_t)mesh->vertices);
+    memcpy(out->corners, mesh->corners, 16 * (size_t)mesh->tets);
+    for (uint32_t f = 0; f < out->field_count; f++)
+        if (mesh->fields[f])
+            memcpy(out->fields[f].values, mesh->fields[f], 8 * (size_t)mesh->vertices * out->fields[f].components);
+}
+
+static enum tetlod_status find_origins(struct view *view, uint32_t level)
+{
     double **fields = array_zero(view->from.field_count, sizeof *fields);
     if (!fields)
-        return tetlodi_fail_nomem(&view->error, "a move between two levels", 0);
+        return tetlodi_fail_nomem(&view->error, "a move between two levels", 8 * (uint64_t)view->from.field_count);
     for (uint32_t f = 0; f < view->from.field_count; f++)
         fields[f] = view->mesh.fields[f] ? view->from.fields[f].values : NULL;
     enum tetlod_status status = tetlod_cursor_origins(view->cursor, level, view->from.positions, fields, &view->error);
     free(fields);
     return status;
+}
+
+/* Shows a copy of the cursor's mesh that can move from and to a coarser level's shape. If there is no room for it, the
+ * cursor's own is shown. */
+uint32_t view_move(struct view *view, uint32_t level)
+{
+    TETLOD_TRY(view_rest(view));
+    if (!make_room(view))
+        return tetlodi_fail_nomem(&view->error, "a move between two levels", 96 * (uint64_t)view->mesh.vertices);
+    TETLOD_TRY(find_origins(view, level));
+    copy_mesh(&view->mesh, &view->to);
+    view->moving = true;
+    view_place(view, 1);
+    return TETLOD_OK;
 }
 
 static void blend(double *out, const double *from, const double *to, size_t count, double t)
@@ -179,20 +221,22 @@ static void blend(double *out, const double *from, const double *to, size_t coun
         out[i] = from[i] + t * (to[i] - from[i]);
 }
 
-/* Shows the mesh at t of the move: 0 has the coarser level's shape and values, 1 the cursor's own arrays. */
+/* Shows the mesh at t of the move: 0 has the coarser level's shape and values, 1 the finer one's. */
 void view_place(struct view *view, double t)
 {
-    rest(view);
-    if (t >= 1)
+    if (!view->moving)
         return;
-    size_t vertices = view->mesh.vertices;
-    blend(view->moving.positions, view->from.positions, view->mesh.positions, 3 * vertices, t);
-    view->shown.positions = view->moving.positions;
-    for (uint32_t f = 0; f < view->shown.field_count; f++) {
-        if (!view->mesh.fields[f])
+    bool arrived = t >= 1;
+    const struct tetmesh *to = &view->to, *at = arrived ? to : &view->between;
+    size_t vertices = view->shown.vertex_count;
+    show(view, at->positions, to->corners);
+    if (!arrived)
+        blend(at->positions, view->from.positions, to->positions, 3 * vertices, t);
+    for (uint32_t f = 0; f < to->field_count; f++) {
+        if (!view->shown.fields[f].values)
             continue;
-        blend(view->moving.fields[f].values, view->from.fields[f].values, view->mesh.fields[f],
-              vertices * view->shown.fields[f].components, t);
-        view->shown.fields[f].values = view->moving.fields[f].values;
+        view->shown.fields[f].values = at->fields[f].values;
+        if (!arrived)
+            blend(at->fields[f].values, view->from.fields[f].values, to->fields[f].values, vertices * to->fields[f].components, t);
     }
 }
