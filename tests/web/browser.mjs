@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What the browser tests share: Chromium without a window, pages whose complaints are kept, TAP lines.
+// What the browser tests share: Chromium without a window, pages whose complaints are kept.
 import { existsSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { fileURLToPath } from 'node:url';
@@ -48,18 +48,3 @@ export const pictureFigures = (page) => page.evaluate(async () => {
   const colors = new Set(pixels);
   return { covered: pixels.reduce((n, p) => n + (p !== pixels[0]), 0) / pixels.length, colors: colors.size };
 });
-
-export async function run(tests) {
-  let number = 0;
-  for (const test of tests) {
-    number++;
-    try {
-      await test();
-      console.log(`ok ${number} - ${test.name}`);
-    } catch (error) {
-      console.log(`not ok ${number} - ${test.name}`);
-      console.log(String(error.stack ?? error).replace(/^/gm, '# '));
-    }
-  }
-  console.log(`1..${number}`);
-}

@@ -2,7 +2,8 @@
 // node page.mjs ORIGIN: the catalogue and the viewer of the stream `fin` as somebody meets them first.
 import assert from 'node:assert/strict';
 import { statSync } from 'node:fs';
-import { firstPicture, launch, openPage, pictureFigures, run, settled } from './browser.mjs';
+import { firstPicture, launch, openPage, pictureFigures, settled } from './browser.mjs';
+import { run } from './tap.mjs';
 
 const origin = process.argv[2];
 const browser = await launch();
@@ -136,4 +137,3 @@ async function what_is_loaded_is_small() {
 await run([catalogue_lists_streams, viewer_shows_a_picture, refines_and_coarsens, state_is_in_the_url, a_slice_is_dragged, the_value_under_the_pointer,
   a_picture_is_saved, what_is_wrong_is_said, every_control_has_a_name, nothing_went_wrong,
   what_is_loaded_is_small]);
-await browser.close();

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The page's modules that need no browser: the state and its fragment, levels, geometry, numbers.
+import assert from 'node:assert/strict';
+import { join } from 'node:path';
+import { pathToFileURL } from 'node:url';
+import { run } from './tap.mjs';
+
+const load = (name) => import(pathToFileURL(join(process.env.ROOT ?? '.', 'server/web/page', name)));
+const { Store, defaults, fromFragment, toFragment } = await load('state.js');
+const { errorSpan, measureFor, wantedLevel } = await load('levels.js');
+const { clipToWindow, dot, pickPart, planeOf, planeOutline } = await load('geometry.js');
+const { bytes, count, parseNumber, percent, significant, ticks } = await load('numbers.js');
+
+function a_state_survives_its_fragment() {
+  assert.equal(toFragment(defaults), '');
+  assert.deepEqual(fromFragment(''), { ...defaults });
+  const state = {
+    ...defaults, error: 0.003, measure: 'rms', maxTets: 5000, maxBytes: 2.5e6, field: 'Größe & mehr=x', component: 2, range: 'manual', low: -1.25, high: 3e-7,
+    log: true, map: 'cividis', reversed: true, surface: 'glass', edges: true, slices: [{ normal: [0, 1, 0], at: 0.25 }, { normal: [0.6, 0, -0.8], at: 1 }],
+    sliceEdges: false, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, clip: { normal: [1, 0, 0], at: 0 }, volume: true, volumeSize: 64,
+    opacity: [[0, 0.5], [1, 0]], background: 'black', parallel: true, smooth: false, camera: [1, 2, 3, 0, 0, 0, 0, 0, 1],
+  };
+  for (const key of Object.keys(defaults)) assert.notDeepEqual(state[key], defaults[key], `${key} is not tested`);
+  assert.deepEqual(fromFragment(toFragment(state)), state);
+}
+
+function a_broken_fragment_gives_defaults() {
+  const written = '#error=-1&measure=best&slices=q@0.5;x@7;y@0.5;0,0,0@0.5&isosurfaces=2,nothing,0.5&clip=x&volumeSize=1e9&opacity=0:0&component=-3&camera=1,2&unknown=1&low=a';
+  const state = fromFragment(written);
+  assert.deepEqual(state, { ...defaults, slices: [{ normal: [0, 1, 0], at: 0.5 }], isosurfaces: [0.5], volumeSize: 256 });
+}
+
+function a_store_tells_what_changed() {
+  const store = new Store({ ...defaults });
+  const seen = [];
+  store.watch(['map', 'log'], (state) => seen.push([state.map, state.log]));
+  store.set({ error: 0.5 });
+  store.set({ map: 'magma', log: false });
+  store.set({ map: 'magma' });
+  store.set({ slices: [] });
+  assert.deepEqual(seen, [[defaults.map, false], ['magma', false]]);
+}
+
+const info = {
+  levels: [[0.5, 10, 100], [0.1, 50, 300], [0.1, 60, 400], [0.01, 200, 900], [0, 500, 2000]]
+    .map(([error, tets, size], level) => ({ level, tets, bytes: size, errors: { p: { max: error, rms: error / 4 }, q: { rms: error } } })),
+  fields: [{ name: 'p' }, { name: 'q' }],
+};
+
+function the_wanted_level() {
+  const wanted = (patch) => wantedLevel(info, { ...defaults, field: 'p', ...patch });
+  assert.deepEqual([1, 0.3, 0.1, 0.05, 0.01, 0.001, 0].map((error) => wanted({ error })), [0, 1, 1, 3, 3, 4, 4]);
+  assert.equal(wanted({ error: 0.05, measure: 'rms' }), 1);
+  assert.equal(wanted({ error: 0, maxTets: 60 }), 2);
+  assert.equal(wanted({ error: 0, maxBytes: 899 }), 2);
+  assert.equal(wanted({ error: 0, maxTets: 1 }), 0);
+  assert.equal(measureFor(info, { field: 'q', measure: 'max' }), 'rms');
+  assert.deepEqual(errorSpan(info, { ...defaults, field: 'p' }), [0.01, 0.5]);
+}
+
+const box = [[0, 0, 0], [2, 4, 6]];
+
+function planes_cross_the_bounds() {
+  assert.deepEqual(planeOf(box, { normal: [0, 2, 0], at: 0.25 }), { origin: [1, 1, 3], normal: [0, 1, 0] });
+  const skew = planeOf(box, { normal: [1, 1, 1], at: 0.5 });
+  assert.ok(Math.abs(dot(skew.origin, skew.normal) - 6 / Math.sqrt(3)) < 1e-12);
+  const outline = planeOutline(box, planeOf(box, { normal: [0, 0, 1], at: 0.5 }));
+  assert.equal(outline.length, 4);
+  for (const p of outline) assert.equal(p[2], 3);
+  const six = planeOutline([[0, 0, 0], [1, 1, 1]], planeOf([[0, 0, 0], [1, 1, 1]], { normal: [1, 1, 1], at: 0.5 }));
+  assert.equal(six.length, 6);
+  // in order: every side is as long as the next
+  const sides = six.map((p, i) => Math.hypot(...p.map((c, k) => c - six[(i + 1) % 6][k])));
+  for (const side of sides) assert.ok(Math.abs(side - Math.SQRT1_2) < 1e-12);
+}
+
+function polygons_end_at_the_window() {
+  const clipped = clipToWindow([{ x: -50, y: 50 }, { x: 50, y: -50 }, { x: 150, y: 50 }, { x: 50, y: 150 }], 100, 100, 0);
+  for (const { x, y } of clipped) assert.ok(x >= -1e-9 && x <= 100 + 1e-9 && y >= -1e-9 && y <= 100 + 1e-9);
+  assert.deepEqual(new Set(clipped.map(({ x, y }) => `${Math.round(x)},${Math.round(y)}`)), new Set(['0,0', '100,0', '100,100', '0,100']));
+  assert.deepEqual(clipToWindow([{ x: 200, y: 200 }, { x: 300, y: 200 }, { x: 250, y: 300 }], 100, 100, 0), []);
+}
+
+function the_nearest_triangle_is_picked() {
+  const points = [];
+  for (const z of [1, 2]) points.push(0, 0, z, 4, 0, z, 0, 4, z);
+  const part = { points: Float32Array.from(points), triangles: Uint32Array.from([0, 1, 2, 3, 5, 4]), values: Float32Array.from([0, 4, 8, 100, 100, 100]) };
+  const hit = pickPart(part, [1, 1, 5], [0, 0, -1]);
+  assert.deepEqual(hit, { distance: 3, value: 100, point: [1, 1, 2] });
+  const front = pickPart(part, [1, 1, 5], [0, 0, -1], 1);
+  assert.deepEqual(front, { distance: 4, value: 3, point: [1, 1, 1] });
+  assert.deepEqual(pickPart(part, [1, 1, 5], [0, 0, -1], -1), hit);
+  assert.equal(pickPart(part, [3, 3, 5], [0, 0, -1]), null);
+  assert.equal(pickPart(part, [1, 1, 5], [0, 0, 1]), null);
+}
+
+function numbers_as_people_read_them() {
+  assert.equal(count(187395), '187\u202f395');
+  assert.deepEqual([0, 0.01, 0.0012345, 1].map((x) => percent(x)), ['0', '1\u202f%', '0.123\u202f%', '100\u202f%']);
+  assert.deepEqual([1234.5678, -0.5, 1e-7, 12345678, 0].map((x) => significant(x)), ['1235', '\u22120.5', '1e\u22127', '1.235e7', '0']);
+  assert.deepEqual([999, 1500, 2.5e6].map(bytes), ['999\u202fB', '1.50\u202fkB', '2.50\u202fMB']);
+  assert.deepEqual(['1e-3', ' 0,5 ', '\u22122', '5 %'].map(parseNumber), [0.001, 0.5, -2, 5]);
+  assert.ok(Number.isNaN(parseNumber('')) && Number.isNaN(parseNumber('x')));
+  assert.deepEqual(ticks(0, 10, 5), [0, 2, 4, 6, 8, 10]);
+  assert.deepEqual(ticks(3, 3, 5), [3]);
+}
+
+await run([a_state_survives_its_fragment, a_broken_fragment_gives_defaults, a_store_tells_what_changed, the_wanted_level, planes_cross_the_bounds,
+  polygons_end_at_the_window, the_nearest_triangle_is_picked, numbers_as_people_read_them]);
