@@ -162,7 +162,7 @@ export class Scene extends EventTarget {
     }
     this.renderer.getActiveCamera().setParallelProjection(state.parallel);
     if (state.volume) this.loadVolume();
-    this.volume?.place(this.offset);
+    this.volume?.place(scale(this.centre, -1));
     this.volume?.shade(state.opacity, this.range);
     this.render();
   }
