@@ -11,6 +11,10 @@
 
 #include "format/memory.h"
 
+/* Loops that code much have the coder in a local variable and are compiled once for each direction, so that a decoder's is
+ * in registers. */
+#define TETLODI_INLINE static inline __attribute__((always_inline))
+
 /* Bits needed to write a number: 0 for 0, 64 for the largest. */
 static inline unsigned bit_length(uint64_t value)
 {
@@ -48,7 +52,7 @@ void tetlodi_encode_shift(struct tetlodi_coder *coder);                         
 /* The step of adaptation: 1/2, 1/4, ... down to 1/128, by how many bits were seen. */
 extern const uint8_t tetlodi_bit_shift[128];
 
-static inline void bit_update(struct tetlodi_bit *model, unsigned seen_most, int bit)
+TETLODI_INLINE void bit_update(struct tetlodi_bit *model, unsigned seen_most, int bit)
 {
     unsigned shift = tetlodi_bit_shift[model->seen];
     if (bit)
@@ -58,7 +62,7 @@ static inline void bit_update(struct tetlodi_bit *model, unsigned seen_most, int
     model->seen = (uint16_t)(model->seen + (model->seen < seen_most));
 }
 
-static inline void coder_refill(struct tetlodi_coder *coder)
+TETLODI_INLINE void coder_refill(struct tetlodi_coder *coder)
 {
     while (coder->range < 1u << 24) {
         coder->range <<= 8;
@@ -69,7 +73,7 @@ static inline void coder_refill(struct tetlodi_coder *coder)
     }
 }
 
-static inline int code_bit(struct tetlodi_coder *coder, struct tetlodi_bit *model, int bit)
+TETLODI_INLINE int code_bit(struct tetlodi_coder *coder, struct tetlodi_bit *model, int bit)
 {
     uint32_t bound = (coder->range >> 12) * (uint32_t)(model->p >> 4);
     if (!coder->encoding)
@@ -89,7 +93,7 @@ static inline int code_bit(struct tetlodi_coder *coder, struct tetlodi_bit *mode
 }
 
 /* `count` <= 16 bits without a model. */
-static inline uint32_t code_plain(struct tetlodi_coder *coder, unsigned count, uint32_t value)
+TETLODI_INLINE uint32_t code_plain(struct tetlodi_coder *coder, unsigned count, uint32_t value)
 {
     coder->range >>= count;
     if (coder->encoding) {
@@ -105,7 +109,7 @@ static inline uint32_t code_plain(struct tetlodi_coder *coder, unsigned count, u
 }
 
 /* A number of `depth` bits, most significant first, each under a model chosen by those before it: 2^depth models. */
-static inline unsigned code_tree(struct tetlodi_coder *coder, struct tetlodi_bit *models, unsigned depth, unsigned value)
+TETLODI_INLINE unsigned code_tree(struct tetlodi_coder *coder, struct tetlodi_bit *models, unsigned depth, unsigned value)
 {
     unsigned node = 1;
     for (unsigned i = depth; i--;)
@@ -114,7 +118,7 @@ static inline unsigned code_tree(struct tetlodi_coder *coder, struct tetlodi_bit
 }
 
 /* A number of which the length in bits is known, at least 1: two bits below the first under models, the rest without. */
-static inline uint64_t code_below(struct tetlodi_coder *coder, struct tetlodi_bit models[4], unsigned length, uint64_t value)
+TETLODI_INLINE uint64_t code_below(struct tetlodi_coder *coder, struct tetlodi_bit models[4], unsigned length, uint64_t value)
 {
     unsigned left = length - 1, top = left < 2 ? left : 2;
     uint64_t bits = 1;
@@ -138,7 +142,7 @@ struct tetlodi_number {
 
 void tetlodi_number_init(struct tetlodi_number *models);
 
-static inline int64_t code_number(struct tetlodi_coder *coder, struct tetlodi_number *models, unsigned context,
+TETLODI_INLINE int64_t code_number(struct tetlodi_coder *coder, struct tetlodi_number *models, unsigned context,
                                   int64_t value)
 {
     uint64_t magnitude = value < 0 ? 0 - (uint64_t)value : (uint64_t)value;

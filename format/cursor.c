@@ -59,11 +59,10 @@ static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t 
         return tetlodi_no_room(&cursor->memory, error);
     tetlodi_level_begin(&cursor->recorder, to->vertices, to->tets);
     while (replay->vertices < to->vertices) {
-        struct tetlodi_record record = {.children = 2};
-        if (cursor->recorder.walk == replay->vertices)
+        if (!tetlodi_level_next(&cursor->recorder))
             return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has fewer records than its index says");
-        if (tetlodi_level_step(&cursor->recorder, 0, &record.vertex))
-            TETLOD_TRY(tetlodi_record_code(&cursor->recorder, &record, error));
+        struct tetlodi_record record = {.vertex = cursor->recorder.walk, .children = 2};
+        TETLOD_TRY(tetlodi_record_code(&cursor->recorder, &record, error));
     }
     if (replay->tets != to->tets)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has %u tetrahedra, its index says %u", replay->tets, to->tets);

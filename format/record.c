@@ -11,6 +11,22 @@
 #include "format/fail.h"
 #include "format/star_view.h"
 
+/* Two tetrahedra of a star at a time: each lane does what SPEC says of one. */
+typedef double pair2 __attribute__((vector_size(16)));
+typedef int64_t mask2 __attribute__((vector_size(16)));
+
+struct corner2 {
+    pair2 x, y, z;
+};
+
+/* Corners `k` but the vertex of tetrahedra i and i + 1 of the star, its last one twice if it is odd. */
+TETLODI_INLINE struct corner2 corner2(const struct tetlodi_star_view *star, uint32_t i, int k)
+{
+    const double *p = star->positions[star->others[i][k]];
+    const double *q = star->positions[star->others[i + (i + 1 < star->size)][k]];
+    return (struct corner2){{p[0], q[0]}, {p[1], q[1]}, {p[2], q[2]}};
+}
+
 static void number_init(struct tetlodi_number *number, size_t count)
 {
     for (size_t i = 0; i < count; i++)
@@ -120,43 +136,35 @@ struct reach {
     uint64_t low, high;
 };
 
-static struct reach reach(const struct tetlodi_star_view *star, const struct tetlodi_column *column, unsigned axis)
+static struct reach reach(const struct tetlodi_star_view *star, int64_t own, unsigned axis)
 {
-    const int64_t *codes = column->codes + axis;
-    int64_t own = codes[(size_t)star->vertex * 3];
-    struct reach out = {0, 0};
+    int64_t least = own, most = own;
     for (uint32_t i = 0; i < star->link_count; i++) {
-        int64_t code = codes[(size_t)star->link[i] * 3];
-        uint64_t distance = code_distance(code, own);
-        if (code < own)
-            out.low = distance > out.low ? distance : out.low;
-        else
-            out.high = distance > out.high ? distance : out.high;
+        int64_t code = star->codes[i][axis];
+        least = code < least ? code : least;
+        most = code > most ? code : most;
     }
-    return out;
+    return (struct reach){code_distance(least, own), code_distance(most, own)};
 }
 
 /* The next code of the link's from `code` on to one side, along an axis; `code` itself if there is none. */
-static int64_t next_code(const struct tetlodi_star_view *star, const struct tetlodi_column *column, unsigned axis,
-                         int64_t code, int negative)
+static int64_t next_code(const struct tetlodi_star_view *star, unsigned axis, int64_t code, int negative)
 {
-    const int64_t *codes = column->codes + axis;
-    int64_t best = code;
+    int64_t end = negative ? INT64_MIN : INT64_MAX, best = end, found = code;
     for (uint32_t i = 0; i < star->link_count; i++) {
-        int64_t other = codes[(size_t)star->link[i] * 3];
-        if (negative ? other < code && (best == code || other > best) : other > code && (best == code || other < best))
-            best = other;
+        int64_t other = star->codes[i][axis];
+        int nearer = negative ? (other < code) & (other >= best) : (other > code) & (other <= best);
+        best = nearer ? other : best;
+        found = nearer ? other : found;
     }
-    return best;
+    return found;
 }
 
 /* Meshes made of layers: the child is level with a vertex of the link, the one of so many ranks to this side. */
-static unsigned rank_of(const struct tetlodi_star_view *star, const struct tetlodi_column *column, unsigned axis,
-                        int64_t value, int negative)
+static unsigned rank_of(const struct tetlodi_star_view *star, unsigned axis, int64_t code, int64_t value, int negative)
 {
-    int64_t code = column->codes[(size_t)star->vertex * 3 + axis];
     for (unsigned rank = 0; rank < 64; rank++) {
-        int64_t next = next_code(star, column, axis, code, negative);
+        int64_t next = next_code(star, axis, code, negative);
         if (next == value)
             return rank;
         if (next == code || (negative ? next < value : next > value))
@@ -178,25 +186,21 @@ static unsigned far_of(unsigned length, unsigned room)
 }
 
 /* Codes how far a child is from the vertex along an axis. */
-static int64_t code_step(struct tetlodi_recorder *recorder, unsigned axis, struct reach link, struct trail *trail,
-                         int64_t value)
+TETLODI_INLINE int64_t code_step(struct tetlodi_coder *coder, struct tetlodi_step *models,
+                                const struct tetlodi_star_view *star, unsigned axis, int64_t own, struct reach link,
+                                struct trail *trail, int64_t value)
 {
-    const struct tetlodi_star_view *star = &recorder->star;
-    const struct tetlodi_column *column = recorder->replay->columns;
-    struct tetlodi_coder *coder = recorder->coders;
-    struct tetlodi_step *models = &recorder->models->step[axis];
-    int64_t own = column->codes[(size_t)star->vertex * 3 + axis];
     if (code_bit(coder, &models->none[trail->far], value == 0))
         return 0;
     unsigned side = link.high / 2 > link.low ? 4 : link.low / 2 > link.high ? 0 : link.high > link.low ? 3 : 2;
     int negative = code_bit(coder, &models->side[side], value < 0);
     unsigned room = bit_length(negative ? link.low : link.high), length;
-    unsigned rank = coder->encoding ? rank_of(star, column, axis, (int64_t)((uint64_t)own + (uint64_t)value), negative) : 0;
+    unsigned rank = coder->encoding ? rank_of(star, axis, own, (int64_t)((uint64_t)own + (uint64_t)value), negative) : 0;
     trail->level = (unsigned)code_bit(coder, &models->level[trail->level], rank < 64);
     if (trail->level) {
         int64_t code = own;
         for (rank = code_tree(coder, models->rank, 6, rank) + 1; rank; rank--)
-            code = next_code(star, column, axis, code, negative);
+            code = next_code(star, axis, code, negative);
         length = bit_length(code_distance(code, own));
         value = (int64_t)((uint64_t)code - (uint64_t)own); // codes of float64 fill 64 bits: differences wrap
     } else {
@@ -213,15 +217,16 @@ static int64_t code_step(struct tetlodi_recorder *recorder, unsigned axis, struc
     return value;
 }
 
-static void code_positions(struct tetlodi_recorder *recorder, struct tetlodi_record *record)
+TETLODI_INLINE void positions_inline(struct tetlodi_recorder *recorder, const struct tetlodi_record *record, int encoding)
 {
-    struct tetlodi_coder *coder = &recorder->coders[0];
+    struct tetlodi_coder local = *recorder->coders, *coder = &local; // in registers
     struct tetlodi_geometry_models *models = recorder->models;
     const struct tetlodi_column *column = &recorder->replay->columns[0];
     const struct tetlodi_scale *scale = &column->scale;
     const int64_t *own = column->codes + (size_t)record->vertex * 3;
     unsigned width = scale_width(scale), placement = 0;
-    if (coder->encoding)
+    local.encoding = encoding;
+    if (encoding)
         placement = choose_placement(record, recorder->codes, column);
     placement = code_tree(coder, models->placement, 2, placement);
     coder->bad |= placement == 3;
@@ -229,10 +234,11 @@ static void code_positions(struct tetlodi_recorder *recorder, struct tetlodi_rec
     struct trail trails[4] = {{0, 0}, {0, 0}, {0, 0}, {0, 0}};
     for (unsigned axis = 0; axis < 3; axis++) {
         int64_t *codes = recorder->codes[axis];
-        struct reach link = reach(&recorder->star, column, axis);
+        struct reach link = reach(&recorder->star, own[axis], axis);
         for (uint32_t i = placement == ELSEWHERE ? 0 : 1; i < record->children; i++) {
             int64_t difference = code_difference(codes[i], own[axis], width);
-            difference = code_step(recorder, axis, link, &trails[i], difference);
+            difference = code_step(coder, &models->step[axis], &recorder->star, axis, own[axis], link, &trails[i],
+                                   difference);
             codes[i] = code_offset(own[axis], difference, scale);
         }
         if (placement == AT_FIRST) {
@@ -244,6 +250,15 @@ static void code_positions(struct tetlodi_recorder *recorder, struct tetlodi_rec
             codes[0] = code_offset(middle, difference, scale);
         }
     }
+    *recorder->coders = local;
+}
+
+static void code_positions(struct tetlodi_recorder *recorder, const struct tetlodi_record *record)
+{
+    if (recorder->coders->encoding)
+        positions_inline(recorder, record, 1);
+    else
+        positions_inline(recorder, record, 0);
 }
 
 /* Where a child is in the star before the split: a tetrahedron, by place, and the weights of its other three corners. */
@@ -252,32 +267,40 @@ struct location {
     double weights[3];
 };
 
+TETLODI_INLINE double least_of(double least, double b, double c, double d)
+{
+    least = b < least ? b : least;
+    least = c < least ? c : least;
+    return d < least ? d : least;
+}
+
 /* The first tetrahedron that holds the point, or the one whose least barycentric weight is greatest. */
 static void locate(const struct tetlodi_recorder *recorder, const double point[3], struct location *out)
 {
     const struct tetlodi_star_view *star = &recorder->star;
-    const double *positions = recorder->replay->columns[0].values, *v = positions + (size_t)star->vertex * 3;
+    const double *v = recorder->replay->columns[0].values + (size_t)star->vertex * 3;
     double px = point[0] - v[0], py = point[1] - v[1], pz = point[2] - v[2], best = -INFINITY;
     out->tet = TETLOD_NONE;
-    for (uint32_t i = 0; i < star->size && !(best >= 0); i++) {
-        const double *p0 = positions + (size_t)star->others[i][0] * 3, *p1 = positions + (size_t)star->others[i][1] * 3,
-                     *p2 = positions + (size_t)star->others[i][2] * 3;
-        double ax = p0[0] - v[0], ay = p0[1] - v[1], az = p0[2] - v[2];
-        double bx = p1[0] - v[0], by = p1[1] - v[1], bz = p1[2] - v[2];
-        double cx = p2[0] - v[0], cy = p2[1] - v[1], cz = p2[2] - v[2];
-        double nx = by * cz - bz * cy, ny = bz * cx - bx * cz, nz = bx * cy - by * cx;
-        double mx = py * az - pz * ay, my = pz * ax - px * az, mz = px * ay - py * ax;
-        double scale = 1 / ((ax * nx + ay * ny) + az * nz);
-        double w0 = ((px * nx + py * ny) + pz * nz) * scale;
-        double w1 = ((cx * mx + cy * my) + cz * mz) * scale;
-        double w2 = 0 - ((bx * mx + by * my) + bz * mz) * scale;
-        double least = 1 - ((w0 + w1) + w2);
-        least = w0 < least ? w0 : least;
-        least = w1 < least ? w1 : least;
-        least = w2 < least ? w2 : least;
-        if (least > best) {
-            best = least;
-            *out = (struct location){i, {w0, w1, w2}};
+    for (uint32_t i = 0; i < star->size && !(best >= 0); i += 2) {
+        struct corner2 p0 = corner2(star, i, 0), p1 = corner2(star, i, 1), p2 = corner2(star, i, 2);
+        pair2 ax = p0.x - v[0], ay = p0.y - v[1], az = p0.z - v[2];
+        pair2 bx = p1.x - v[0], by = p1.y - v[1], bz = p1.z - v[2];
+        pair2 cx = p2.x - v[0], cy = p2.y - v[1], cz = p2.z - v[2];
+        pair2 nx = by * cz - bz * cy, ny = bz * cx - bx * cz, nz = bx * cy - by * cx;
+        pair2 mx = py * az - pz * ay, my = pz * ax - px * az, mz = px * ay - py * ax;
+        pair2 scale = 1 / ((ax * nx + ay * ny) + az * nz);
+        pair2 w0 = ((px * nx + py * ny) + pz * nz) * scale;
+        pair2 w1 = ((cx * mx + cy * my) + cz * mz) * scale;
+        pair2 w2 = 0 - ((bx * mx + by * my) + bz * mz) * scale;
+        pair2 rest = 1 - ((w0 + w1) + w2);
+        double least0 = least_of(rest[0], w0[0], w1[0], w2[0]), least1 = least_of(rest[1], w0[1], w1[1], w2[1]);
+        if (least0 > best) {
+            best = least0;
+            *out = (struct location){i, {w0[0], w1[0], w2[0]}};
+        }
+        if (least1 > best && !(best >= 0)) {
+            best = least1;
+            *out = (struct location){i + 1, {w0[1], w1[1], w2[1]}};
         }
     }
 }
@@ -289,114 +312,149 @@ static int64_t interpolate(const struct tetlodi_recorder *recorder, const struct
     size_t n = column->components;
     if (where->tet == TETLOD_NONE)
         return column->codes[v * n + component];
-    const uint32_t *others = recorder->star.others[where->tet];
+    const uint32_t *others = recorder->star.others[where->tet], *link = recorder->star.link;
     const double *values = column->values + component;
     double own = values[v * n];
-    double value = own + where->weights[0] * (values[others[0] * n] - own);
-    value = value + where->weights[1] * (values[others[1] * n] - own);
-    value = value + where->weights[2] * (values[others[2] * n] - own);
+    double value = own + where->weights[0] * (values[link[others[0]] * n] - own);
+    value = value + where->weights[1] * (values[link[others[1]] * n] - own);
+    value = value + where->weights[2] * (values[link[others[2]] * n] - own);
     return isfinite(value) ? scale_code(&column->scale, 0, value) : column->codes[v * n + component];
 }
 
-static void code_fields(struct tetlodi_recorder *recorder, struct tetlodi_record *record)
+/* Locates the children's positions in the star. */
+static void locate_children(const struct tetlodi_recorder *recorder, const struct tetlodi_record *record,
+                            struct location where[4])
 {
-    const struct tetlodi_replay *replay = recorder->replay;
-    struct location where[4];
-    if (replay->column_count < 2)
-        return;
+    const struct tetlodi_column *positions = recorder->replay->columns;
     for (uint32_t i = 0; i < record->children; i++) {
         double point[3];
         int same = 1;
         for (unsigned axis = 0; axis < 3; axis++) {
-            same &= recorder->codes[axis][i] == replay->columns[0].codes[(size_t)record->vertex * 3 + axis];
-            point[axis] = scale_value(&replay->columns[0].scale, axis, recorder->codes[axis][i]);
+            same &= recorder->codes[axis][i] == positions->codes[(size_t)record->vertex * 3 + axis];
+            point[axis] = scale_value(&positions->scale, axis, recorder->codes[axis][i]);
         }
         where[i].tet = TETLOD_NONE;
         if (!same)
             locate(recorder, point, &where[i]);
     }
-    int64_t(*codes)[4] = recorder->codes + 3;
-    for (uint32_t f = 1; f < replay->column_count; f++) {
-        const struct tetlodi_column *column = &replay->columns[f];
-        unsigned width = scale_width(&column->scale);
-        for (unsigned c = 0; c < column->components; c++, codes++) {
-            unsigned context = extent(&recorder->star, column, c);
-            for (uint32_t i = 0; i < record->children; i++) {
-                int64_t base = interpolate(recorder, column, c, &where[i]);
-                int64_t difference = code_difference((*codes)[i], base, width);
-                difference = code_number(&recorder->coders[f], &recorder->field_models[f - 1].child[i > 0], context,
-                                         difference);
-                (*codes)[i] = code_offset(base, difference, &column->scale);
-            }
+}
+
+TETLODI_INLINE void field_inline(struct tetlodi_recorder *recorder, uint32_t field, uint32_t children,
+                                const struct location where[4], int64_t (*codes)[4], int encoding)
+{
+    const struct tetlodi_column *column = &recorder->replay->columns[field];
+    struct tetlodi_coder coder = recorder->coders[field]; // in registers
+    unsigned width = scale_width(&column->scale);
+    coder.encoding = encoding;
+    for (unsigned c = 0; c < column->components; c++, codes++) {
+        unsigned context = extent(&recorder->star, column, c);
+        for (uint32_t i = 0; i < children; i++) {
+            int64_t base = interpolate(recorder, column, c, &where[i]);
+            int64_t difference = code_difference((*codes)[i], base, width);
+            difference = code_number(&coder, &recorder->field_models[field - 1].child[i > 0], context, difference);
+            (*codes)[i] = code_offset(base, difference, &column->scale);
         }
+    }
+    recorder->coders[field] = coder;
+}
+
+static void code_fields(struct tetlodi_recorder *recorder, const struct tetlodi_record *record)
+{
+    const struct tetlodi_replay *replay = recorder->replay;
+    struct location where[4];
+    if (replay->column_count < 2)
+        return;
+    locate_children(recorder, record, where);
+    int64_t(*codes)[4] = recorder->codes + 3;
+    for (uint32_t f = 1; f < replay->column_count; codes += replay->columns[f++].components) {
+        if (recorder->coders[f].encoding)
+            field_inline(recorder, f, record->children, where, codes, 1);
+        else
+            field_inline(recorder, f, record->children, where, codes, 0);
         recorder->coders[0].bad |= recorder->coders[f].bad;
     }
 }
 
 /* What the labels of a star are guessed from: the two vertices that the split vertex parts into. */
 struct pair {
-    double a[3], b[3], along[3], middle3[3], length2;
+    double a[3], b[3], along[3], middle3[3], steps[7];
 };
 
 static void pair_init(struct pair *pair, const double *a, const double *b)
 {
+    static const double steps[7] = {-6, -2.5, -0.75, 0, 0.75, 2.5, 6};
+    double along[3];
     for (int i = 0; i < 3; i++) {
         pair->a[i] = a[i];
         pair->b[i] = b[i];
-        pair->along[i] = b[i] - a[i];
+        pair->along[i] = along[i] = b[i] - a[i];
         pair->middle3[i] = 1.5 * (a[i] + b[i]);
     }
-    pair->length2 = (pair->along[0] * pair->along[0] + pair->along[1] * pair->along[1]) + pair->along[2] * pair->along[2];
+    double length2 = (along[0] * along[0] + along[1] * along[1]) + along[2] * along[2];
+    for (int i = 0; i < 7; i++)
+        pair->steps[i] = steps[i] * length2;
 }
 
-/* SPEC 7.3: which of the two leave the tetrahedron in its orientation (2 bits), and which is nearer, in 8 steps. */
-static unsigned geometry_context(const struct pair *pair, const double *p0, const double *p1, const double *p2, int even)
+/* SPEC 7.3: which of the two leave a tetrahedron in its orientation (2 bits), and which is nearer, in 8 steps. The
+ * steps rise, so that all that are passed can be counted. */
+static void geometry_contexts(struct tetlodi_star_view *star, const double *positions, uint32_t child)
 {
-    static const double steps[7] = {-6, -2.5, -0.75, 0, 0.75, 2.5, 6};
-    double ux = p1[0] - p0[0], uy = p1[1] - p0[1], uz = p1[2] - p0[2];
-    double vx = p2[0] - p0[0], vy = p2[1] - p0[1], vz = p2[2] - p0[2];
-    double nx = uy * vz - uz * vy, ny = uz * vx - ux * vz, nz = ux * vy - uy * vx;
-    double a = (nx * (pair->a[0] - p0[0]) + ny * (pair->a[1] - p0[1])) + nz * (pair->a[2] - p0[2]);
-    double b = (nx * (pair->b[0] - p0[0]) + ny * (pair->b[1] - p0[1])) + nz * (pair->b[2] - p0[2]);
-    unsigned sides = even ? (unsigned)(a < 0) | (unsigned)(b < 0) << 1 : (unsigned)(a > 0) | (unsigned)(b > 0) << 1;
-    double nearer = (((p0[0] + p1[0]) + p2[0]) - pair->middle3[0]) * pair->along[0] +
-                    (((p0[1] + p1[1]) + p2[1]) - pair->middle3[1]) * pair->along[1];
-    nearer = nearer + (((p0[2] + p1[2]) + p2[2]) - pair->middle3[2]) * pair->along[2];
-    unsigned step = 0;
-    while (step < 7 && nearer > steps[step] * pair->length2)
-        step++;
-    return sides * 8 + step;
-}
-
-/* The labels of neighbours that are known: how many stay, how many go, as one of ten. */
-static unsigned neighbour_context(const struct tetlodi_star_view *star, uint32_t i)
-{
-    static const uint8_t pairs[4][4] = {{0, 1, 2, 3}, {4, 5, 6, 6}, {7, 8, 8, 8}, {9, 9, 9, 9}};
-    unsigned stay = 0, go = 0;
-    for (int c = 0; c < 3; c++) {
-        unsigned seen = star->edge[star->edges[i][c]].seen;
-        stay += seen & 1;
-        go += seen >> 1;
+    struct pair pair;
+    pair_init(&pair, positions + (size_t)star->vertex * 3, positions + (size_t)child * 3);
+    const double *a = pair.a, *b = pair.b, *d = pair.along, *m = pair.middle3, *s = pair.steps;
+    uint8_t *contexts = star->contexts, *place = star->place;
+    for (uint32_t i = 0, size = star->size; i < size; i += 2) {
+        struct corner2 p0 = corner2(star, i, 0), p1 = corner2(star, i, 1), p2 = corner2(star, i, 2);
+        pair2 ux = p1.x - p0.x, uy = p1.y - p0.y, uz = p1.z - p0.z;
+        pair2 vx = p2.x - p0.x, vy = p2.y - p0.y, vz = p2.z - p0.z;
+        pair2 nx = uy * vz - uz * vy, ny = uz * vx - ux * vz, nz = ux * vy - uy * vx;
+        pair2 of_a = (nx * (a[0] - p0.x) + ny * (a[1] - p0.y)) + nz * (a[2] - p0.z);
+        pair2 of_b = (nx * (b[0] - p0.x) + ny * (b[1] - p0.y)) + nz * (b[2] - p0.z);
+        pair2 near = ((((p0.x + p1.x) + p2.x) - m[0]) * d[0] + (((p0.y + p1.y) + p2.y) - m[1]) * d[1]) +
+                     (((p0.z + p1.z) + p2.z) - m[2]) * d[2];
+        pair2 sign = {place[i] & 1 ? -1 : 1, place[i + 1] & 1 ? -1 : 1};
+        mask2 passed = (near > s[0]) + (near > s[1]) + (near > s[2]) + (near > s[3]) + (near > s[4]) + (near > s[5]) +
+                       (near > s[6]);
+        mask2 context = ((of_a * sign < 0) & 8) + ((of_b * sign < 0) & 16) - passed;
+        contexts[i] = (uint8_t)context[0];
+        contexts[i + 1] = (uint8_t)context[1];
     }
-    return pairs[stay][go];
+}
+
+/* By how many of three edges stay (in the lower two bits) and how many go: one of ten, 32 times. */
+static const uint16_t neighbour_contexts[16] = {0,      4 * 32, 7 * 32, 9 * 32, 1 * 32, 5 * 32, 8 * 32, 9 * 32,
+                                                2 * 32, 6 * 32, 8 * 32, 9 * 32, 3 * 32, 6 * 32, 8 * 32, 9 * 32};
+
+TETLODI_INLINE void code_labels_inline(struct tetlodi_coder *all, struct tetlodi_bit *models, struct tetlodi_star_view *star,
+                                      int encoding)
+{
+    struct tetlodi_coder coder = *all; // in registers
+    coder.encoding = encoding;
+    const uint32_t(*edges)[3] = (const uint32_t(*)[3])star->edges;
+    const uint8_t *contexts = star->contexts;
+    uint8_t *all_seen = star->seen, *labels = star->labels;
+    for (uint32_t i = 0, size = star->size; i < size; i++) {
+        uint8_t *e0 = all_seen + edges[i][0], *e1 = all_seen + edges[i][1], *e2 = all_seen + edges[i][2];
+        unsigned context = contexts[i] | neighbour_contexts[*e0 + *e1 + *e2];
+        int label = code_bit(&coder, &models[context], labels[i]);
+        uint8_t seen = label ? LABEL_GOES : LABEL_STAYS;
+        labels[i] = (uint8_t)label;
+        *e0 |= seen;
+        *e1 |= seen;
+        *e2 |= seen;
+    }
+    *all = coder;
 }
 
 static void code_labels(struct tetlodi_recorder *recorder, uint32_t child, unsigned at_first)
 {
     struct tetlodi_star_view *star = &recorder->star;
-    const double *positions = recorder->replay->columns[0].values;
-    struct pair pair;
-    pair_init(&pair, positions + (size_t)star->vertex * 3, positions + (size_t)child * 3);
-    for (uint32_t i = 0; i < star->size; i++) {
-        const uint32_t *others = star->others[i];
-        unsigned geometry = geometry_context(&pair, positions + (size_t)others[0] * 3, positions + (size_t)others[1] * 3,
-                                             positions + (size_t)others[2] * 3, !(star->place[i] & 1));
-        unsigned context = (at_first * 32 + geometry) * 10 + neighbour_context(star, i);
-        int label = code_bit(&recorder->coders[0], &recorder->models->label[context], star->labels[i]);
-        star->labels[i] = (uint8_t)label;
-        for (int c = 0; c < 3; c++)
-            star->edge[star->edges[i][c]].seen |= (uint8_t)(1 << label);
-    }
+    struct tetlodi_bit *models = recorder->models->label + at_first * 320;
+    geometry_contexts(star, recorder->replay->columns[0].values, child);
+    if (recorder->coders->encoding)
+        code_labels_inline(recorder->coders, models, star, 1);
+    else
+        code_labels_inline(recorder->coders, models, star, 0);
 }
 
 /* Whether the tetrahedron between a vertex and its child at a boundary face would be a positive one. */
@@ -418,28 +476,47 @@ static unsigned positive_between(const struct tetlodi_recorder *recorder, uint32
 static int is_irregular(const struct tetlodi_star_view *star)
 {
     for (uint32_t e = 0; e < star->edge_count; e++) {
-        const struct tetlodi_link_edge *edge = &star->edge[e];
-        if ((edge->count > 1 && edge->made != (edge->seen == 3)) || (edge->made && edge->flip))
+        int inner = star->edge[e].first != star->edge[e].last;
+        if ((inner && !star->made[e] != (star->seen[e] != LABELS_DIFFER)) || star->made[e] == MADE_FLIPPED)
             return 1;
     }
     return star->extra_count > 0;
 }
 
-static void code_edges(struct tetlodi_recorder *recorder, uint32_t child, unsigned at_first, int irregular)
+/* At a boundary face, where the rule says nothing. */
+static int code_boundary(struct tetlodi_recorder *recorder, uint32_t e, uint32_t child, unsigned at_first)
+{
+    const struct tetlodi_star_view *star = &recorder->star;
+    unsigned label = star->labels[star->edge[e].first / 3];
+    unsigned context = (at_first * 2 + label) * 2 + positive_between(recorder, e, child);
+    return code_bit(recorder->coders, &recorder->models->boundary[context], star->made[e] != NOT_MADE);
+}
+
+static void code_edges(struct tetlodi_recorder *recorder, uint32_t child, unsigned at_first)
 {
     struct tetlodi_star_view *star = &recorder->star;
-    struct tetlodi_coder *coder = &recorder->coders[0];
+    const struct tetlodi_link_edge *edge = star->edge;
+    uint8_t *made = star->made, *seen = star->seen;
+    for (uint32_t e = 0, count = star->edge_count; e < count; e++) {
+        made[e] |= seen[e] == LABELS_DIFFER;
+        if (edge[e].first == edge[e].last)
+            made[e] = (uint8_t)code_boundary(recorder, e, child, at_first);
+    }
+}
+
+static void code_edges_irregular(struct tetlodi_recorder *recorder, uint32_t child, unsigned at_first)
+{
+    struct tetlodi_star_view *star = &recorder->star;
     struct tetlodi_geometry_models *models = recorder->models;
     for (uint32_t e = 0; e < star->edge_count; e++) {
-        struct tetlodi_link_edge *edge = &star->edge[e];
-        unsigned differ = edge->seen == 3;
-        if (edge->count == 1) {
-            unsigned context = (at_first * 2 + star->labels[edge->tet]) * 2 + positive_between(recorder, e, child);
-            edge->made = (uint8_t)code_bit(coder, &models->boundary[context], edge->made);
-        } else {
-            edge->made = (uint8_t)(irregular ? code_bit(coder, &models->made[differ], edge->made) : (int)differ);
-        }
-        edge->flip = (uint8_t)(irregular && edge->made ? code_bit(coder, &models->flip, edge->flip) : 0);
+        unsigned differ = star->seen[e] == LABELS_DIFFER;
+        int made = star->made[e] != NOT_MADE, flip = star->made[e] == MADE_FLIPPED;
+        if (star->edge[e].first == star->edge[e].last)
+            made = code_boundary(recorder, e, child, at_first);
+        else
+            made = code_bit(recorder->coders, &models->made[differ], made);
+        flip = made && code_bit(recorder->coders, &models->flip, flip);
+        star->made[e] = !made ? NOT_MADE : flip ? MADE_FLIPPED : MADE;
     }
 }
 
@@ -478,11 +555,11 @@ static uint32_t put_tets(struct tetlodi_recorder *recorder, uint32_t child)
         return TETLOD_NONE;
     uint32_t count = 0;
     for (uint32_t e = 0; e < star->edge_count; e++) {
-        if (!star->edge[e].made)
+        if (star->made[e] == NOT_MADE)
             continue;
         uint32_t *corners = replay->corners + 4 * ((size_t)replay->tets + count++);
         tetlodi_star_between(star, replay, e, child, corners);
-        if (star->edge[e].flip) {
+        if (star->made[e] == MADE_FLIPPED) {
             uint32_t swap = corners[0];
             corners[0] = corners[1];
             corners[1] = swap;
@@ -498,20 +575,6 @@ static uint32_t put_tets(struct tetlodi_recorder *recorder, uint32_t child)
     return count;
 }
 
-static int log_labels(struct tetlodi_recorder *recorder)
-{
-    struct tetlodi_replay *replay = recorder->replay;
-    const struct tetlodi_star_view *star = &recorder->star;
-    size_t at = replay->label;
-    if (!TETLODI_ROOM(replay->memory, replay->labels, replay->labels_capacity, (at + star->size) / 8 + 1))
-        return 0;
-    for (uint32_t i = 0; i < star->size; i++, at++) {
-        uint8_t mask = (uint8_t)(1u << (at & 7)), *byte = &replay->labels[at >> 3];
-        *byte = (uint8_t)((*byte & ~mask) | (star->labels[i] ? mask : 0));
-    }
-    return 1;
-}
-
 /* Parts one child from the vertex. The star is laid out, both positions are in place. */
 static enum tetlod_status code_split(struct tetlodi_recorder *recorder, unsigned number, unsigned at_first,
                                      struct tetlod_error *error)
@@ -523,12 +586,15 @@ static enum tetlod_status code_split(struct tetlodi_recorder *recorder, unsigned
         return tetlodi_no_room(replay->memory, error);
     code_labels(recorder, child, at_first);
     int irregular = code_bit(&recorder->coders[0], &recorder->models->irregular, recorder->plan && is_irregular(star));
-    code_edges(recorder, child, at_first, irregular);
-    star->extra_count = irregular ? star->extra_count : 0;
-    if (irregular)
+    if (irregular) {
+        code_edges_irregular(recorder, child, at_first);
         TETLOD_TRY(code_extras(recorder, child, error));
+    } else {
+        code_edges(recorder, child, at_first);
+        star->extra_count = 0;
+    }
     uint32_t added = put_tets(recorder, child);
-    if (added == TETLOD_NONE || !log_labels(recorder))
+    if (added == TETLOD_NONE || !tetlodi_replay_log_labels(replay, star->labels, star->size))
         return tetlodi_no_room(replay->memory, error);
     if (added > recorder->most_tets - replay->tets)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record brings back more tetrahedra than its level has");
@@ -617,13 +683,32 @@ void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, u
     recorder->most_tets = tets;
 }
 
-int tetlodi_level_step(struct tetlodi_recorder *recorder, int split, uint32_t *out_vertex)
+/* Passes vertices up to one that splits, or to `end`, one past the last to ask about. Encoders ask about one. */
+TETLODI_INLINE int step_inline(struct tetlodi_recorder *recorder, uint32_t end, int split, int encoding)
 {
-    const struct tetlodi_replay *replay = recorder->replay;
-    uint32_t v = recorder->walk, size = replay->stars[v].size / 4;
-    unsigned age = v >= recorder->level_start;
-    split = code_bit(recorder->coders, &recorder->models->splits[age][size < 15 ? size : 15], split);
-    *out_vertex = v;
-    recorder->walk += !split;
+    struct tetlodi_coder coder = *recorder->coders; // in registers
+    struct tetlodi_bit(*models)[16] = recorder->models->splits;
+    const struct tetlodi_star *stars = recorder->replay->stars;
+    uint32_t v = recorder->walk, level_start = recorder->level_start;
+    coder.encoding = encoding;
+    for (;; v++) {
+        uint32_t size = stars[v].size / 4;
+        split = code_bit(&coder, &models[v >= level_start][size < 15 ? size : 15], split);
+        if (split || v + 1 == end)
+            break;
+    }
+    *recorder->coders = coder;
+    recorder->walk = v + !split;
     return split;
+}
+
+int tetlodi_level_says(struct tetlodi_recorder *recorder, int split)
+{
+    return step_inline(recorder, recorder->walk + 1, split, 1);
+}
+
+int tetlodi_level_next(struct tetlodi_recorder *recorder)
+{
+    uint32_t end = recorder->replay->vertices;
+    return recorder->walk < end && step_inline(recorder, end, 0, 0);
 }

@@ -29,29 +29,28 @@ struct tetlodi_field_models {
     struct tetlodi_number child[2], corner;
 };
 
-/* An edge (x, y) of the link of the vertex that splits; its faces are (vertex, x, y). */
+/* An edge of the link of the vertex that splits; it and the vertex are a face. */
 struct tetlodi_link_edge {
-    uint32_t x, y, tet; /* tet: the first of the star that has it, by place in the star */
-    uint32_t count;
-    uint8_t opposite;   /* which of that tetrahedron's other corners is not x or y */
-    uint8_t seen;       /* labels of its tetrahedra: 1 stays, 2 goes */
-    uint8_t made, flip; /* a tetrahedron comes back between them; not in the orientation that they imply */
+    uint32_t first, last; /* of the star that have it: 3 * the place in the star + which of the other corners is not on it */
 };
-
-struct tetlodi_edge_place { /* of the table that finds link edges by their ends; used if serial is the view's */
-    uint32_t x, y, edge, serial;
-};
+enum { LABEL_STAYS = 1, LABEL_GOES = 4, LABELS_DIFFER = 5 }; /* the labels of an edge's tetrahedra; sums of three do not mix */
+enum { NOT_MADE = 0, MADE = 1, MADE_FLIPPED = 2 };           /* a tetrahedron comes back at an edge; not as the edge implies */
 
 /* The star of a vertex laid out to be split. */
 struct tetlodi_star_view {
-    uint32_t vertex, size, edge_count, extra_count, link_count;
-    uint32_t *tets, (*others)[3], (*edges)[3], *link, *mark, (*extras)[2];
-    struct tetlodi_edge_place *table;
-    uint8_t *place, *labels; /* which corner the vertex is; 1: goes with the child */
+    uint32_t vertex, size, link_count, edge_count, extra_count;
+    uint32_t *tets, (*others)[3], (*edges)[3]; /* others: the corners but the vertex, by number in the link */
+    uint8_t *place, *labels, *contexts;        /* which corner the vertex is; 1: goes with the child */
+    uint32_t *link;                            /* vertices */
+    double (*positions)[3];                    /* theirs */
+    int64_t (*codes)[3];
     struct tetlodi_link_edge *edge;
-    uint32_t serial;
-    size_t tets_capacity, others_capacity, edges_capacity, link_capacity, mark_capacity, extras_capacity,
-        table_capacity, place_capacity, labels_capacity, edge_capacity;
+    uint8_t *seen, *made;    /* of edges */
+    uint32_t (*extras)[2];   /* vertices */
+    uint32_t *mark, *table;  /* numbers in the link of vertices, of edges */
+    size_t tets_capacity, others_capacity, edges_capacity, place_capacity, labels_capacity, contexts_capacity, link_capacity,
+        positions_capacity, codes_capacity, edge_capacity, seen_capacity, made_capacity, extras_capacity, mark_capacity,
+        table_capacity;
 };
 
 struct tetlodi_record {
@@ -81,8 +80,10 @@ void tetlodi_recorder_fini(struct tetlodi_recorder *recorder);
 /* The walk of a level that is to have so many vertices and tetrahedra (SPEC 7.1). It ends when they are there. */
 void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, uint32_t tets);
 
-/* Does the vertex at the walk split? An encoder says so. A vertex that does not is passed. */
-int tetlodi_level_step(struct tetlodi_recorder *recorder, int split, uint32_t *out_vertex);
+/* An encoder says whether the vertex at the walk splits; a decoder goes to the next that does, or to the walk's end. A vertex
+ * that does not split is passed. 1 if there is one: it is at the walk. */
+int tetlodi_level_says(struct tetlodi_recorder *recorder, int split);
+int tetlodi_level_next(struct tetlodi_recorder *recorder);
 
 /* Codes one record, logs it and applies it. On failure the mesh is as it was. */
 TETLOD_CHECKED enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct tetlodi_record *record,

@@ -135,9 +135,51 @@ int tetlodi_replay_log(struct tetlodi_replay *replay, uint32_t vertex, uint32_t 
     return 1;
 }
 
-static int label_at(const struct tetlodi_replay *replay, size_t i)
+int tetlodi_replay_log_labels(struct tetlodi_replay *replay, const uint8_t *labels, uint32_t count)
 {
-    return replay->labels[i >> 3] >> (i & 7) & 1;
+    if (!TETLODI_ROOM(replay->memory, replay->labels, replay->labels_capacity, (replay->label + count) / 8 + 5))
+        return 0;
+    uint8_t *byte = replay->labels + (replay->label >> 3);
+    unsigned have = replay->label & 7, bits = *byte & ((1u << have) - 1);
+    for (uint32_t i = 0; i < count; i++) {
+        bits |= (unsigned)labels[i] << have++;
+        if (have == 8) {
+            *byte++ = (uint8_t)bits;
+            bits = have = 0;
+        }
+    }
+    *byte = (uint8_t)bits;
+    return 1;
+}
+
+/* The log's labels from number `at` on, the first in the lowest bit: 32 of them, those from `count` on 0. */
+static uint32_t labels_at(const struct tetlodi_replay *replay, size_t at, uint32_t count)
+{
+    const uint8_t *b = replay->labels + (at >> 3);
+    uint64_t bits = b[0] | (uint64_t)b[1] << 8 | (uint64_t)b[2] << 16 | (uint64_t)b[3] << 24 | (uint64_t)b[4] << 32;
+    uint32_t mask = count < 32 ? (UINT32_C(1) << count) - 1 : UINT32_MAX;
+    return (uint32_t)(bits >> (at & 7)) & mask;
+}
+
+/* Moves those of a star's tetrahedra that are labelled to its vertex's child. How many stay. */
+static uint32_t deal_out(struct tetlodi_replay *replay, uint32_t *all, uint32_t size, uint32_t *theirs, uint32_t vertex,
+                         uint32_t child)
+{
+    uint32_t kept = 0;
+    for (uint32_t start = 0; start < size; start += 32) {
+        uint32_t end = size - start < 32 ? size : start + 32, labels = labels_at(replay, replay->label + start, size - start);
+        for (uint32_t goes = labels; goes; goes &= goes - 1) {
+            uint32_t t = all[start + (uint32_t)__builtin_ctz(goes)], *corners = replay->corners + 4 * (size_t)t;
+            for (int c = 0; c < 4; c++)
+                corners[c] = corners[c] == vertex ? child : corners[c];
+            *theirs++ = t;
+        }
+        for (uint32_t i = start; i < end; i++, labels >>= 1) {
+            all[kept] = all[i];
+            kept += ~labels & 1;
+        }
+    }
+    return kept;
 }
 
 /* Adds `count` tetrahedra from `first` on to the stars of their corners. If memory is out, some are added. */
@@ -161,25 +203,13 @@ int tetlodi_replay_apply(struct tetlodi_replay *replay)
     uint32_t v = split->vertex, added = split->tets & ~SPLIT_FIRST, child = replay->vertices, moved = 0;
     struct tetlodi_star *star = &replay->stars[v], *other = &replay->stars[child];
     uint32_t size = star->size;
-    for (uint32_t i = 0; i < size; i++)
-        moved += (uint32_t)label_at(replay, replay->label + i);
+    for (uint32_t i = 0; i < size; i += 32)
+        moved += (uint32_t)__builtin_popcount(labels_at(replay, replay->label + i, size - i));
     /* All room first, by the most that can be needed, so that a failure changes nothing. */
     if (!run_take(replay, moved + added, other))
         return 0;
-    other->size = 0;
-    uint32_t kept = 0, *all = replay->pool + star->at, *theirs = replay->pool + other->at;
-    for (uint32_t i = 0; i < size; i++) {
-        uint32_t t = all[i];
-        if (label_at(replay, replay->label + i)) {
-            uint32_t *corners = replay->corners + 4 * (size_t)t;
-            for (int c = 0; c < 4; c++)
-                corners[c] = corners[c] == v ? child : corners[c];
-            theirs[other->size++] = t;
-        } else {
-            all[kept++] = t;
-        }
-    }
-    star->size = kept;
+    other->size = moved;
+    star->size = deal_out(replay, replay->pool + star->at, size, replay->pool + other->at, v, child);
     replay->label += size;
     replay->vertices++;
     replay->splits++;

@@ -60,6 +60,9 @@ int tetlodi_replay_room(struct tetlodi_replay *replay, size_t vertices, size_t t
 /* The stars of a base mesh whose corners and counts are set. 0 if out of memory. */
 int tetlodi_replay_base(struct tetlodi_replay *replay);
 
+/* Puts the labels of the next split's star, 0 or 1, into the log. 0 if out of memory. */
+int tetlodi_replay_log_labels(struct tetlodi_replay *replay, const uint8_t *labels, uint32_t count);
+
 /* Appends to the log a split of `vertex` whose star's labels and whose tetrahedra's corners are in place. */
 int tetlodi_replay_log(struct tetlodi_replay *replay, uint32_t vertex, uint32_t tets, int first);
 

@@ -9,6 +9,9 @@
 int tetlodi_star_lay_out(struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t vertex);
 void tetlodi_star_fini(struct tetlodi_star_view *view, struct tetlodi_memory *memory);
 
+/* The ends of a link edge, by number in the link. */
+void tetlodi_star_ends(const struct tetlodi_star_view *view, uint32_t e, uint32_t ends[2]);
+
 /* The corners of the tetrahedron that comes back at edge e between the split vertex and child (SPEC 7.4). */
 void tetlodi_star_between(const struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t e,
                           uint32_t child, uint32_t corners[4]);

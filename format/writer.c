@@ -426,15 +426,16 @@ static void arrive(struct writer *w, uint32_t i, uint32_t *count)
 static void plan_edge(struct writer *w, struct tetlodi_star_view *star, uint32_t e, uint32_t *count)
 {
     uint32_t child = w->replay.vertices, corners[4], others[2], implied[4];
-    struct tetlodi_link_edge *edge = &star->edge[e];
+    uint32_t ends[2];
+    tetlodi_star_ends(star, e, ends);
+    uint32_t x = star->link[ends[0]], y = star->link[ends[1]];
     for (uint32_t i = 0; i < w->arrived_count; i++) {
         if (!is_there(w, w->arrived[i], star->vertex, child, corners, others))
             continue;
-        if ((others[0] != edge->x || others[1] != edge->y) && (others[0] != edge->y || others[1] != edge->x))
+        if ((others[0] != x || others[1] != y) && (others[0] != y || others[1] != x))
             continue;
         tetlodi_star_between(star, &w->replay, e, child, implied);
-        edge->made = 1;
-        edge->flip = !is_even_permutation(corners, implied);
+        star->made[e] = is_even_permutation(corners, implied) ? MADE : MADE_FLIPPED;
         arrive(w, i, count);
         return;
     }
@@ -494,15 +495,15 @@ static enum tetlod_status write_record(struct writer *w, uint32_t slot)
 
 static enum tetlod_status write_level(struct writer *w, uint32_t level)
 {
-    uint32_t slot, contractions = w->in->levels[level].contractions;
+    uint32_t contractions = w->in->levels[level].contractions;
     uint32_t vertices = w->in->vertices;
     for (uint32_t c = 0; c < contractions; c++)
         vertices -= child_count(children_of(w, w->in->vertices + c)) - 1;
     start_coders(w);
     tetlodi_level_begin(&w->recorder, vertices, w->in->tets);
     while (w->replay.vertices < vertices)
-        if (tetlodi_level_step(&w->recorder, splits(w, w->recorder.walk, contractions), &slot))
-            TETLOD_TRY(write_record(w, slot));
+        if (tetlodi_level_says(&w->recorder, splits(w, w->recorder.walk, contractions)))
+            TETLOD_TRY(write_record(w, w->recorder.walk));
     return store_level(w, level);
 }
 

@@ -75,6 +75,12 @@ static void make_soup(struct maker *m)
     }
 }
 
+static void make_hub(struct maker *m)
+{
+    for (uint32_t v = 1; v + 2 < m->vertices; v++)
+        add_tet(m, (uint32_t[4]){0, v, v + 1 + v % 2, v + 2 - v % 2});
+}
+
 static void set_numbers(struct maker *m)
 {
     uint32_t side = m->options->size + 1;
@@ -216,6 +222,8 @@ int gen_make(struct recode *out, const struct gen_options *options)
     if (done) {
         if (options->kind == GEN_SOUP)
             make_soup(&m);
+        else if (options->kind == GEN_HUB)
+            make_hub(&m);
         else
             make_grid(&m);
         set_numbers(&m);

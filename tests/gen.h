@@ -9,6 +9,7 @@ enum gen_kind {
     GEN_GRID,   /* cubes of six tetrahedra */
     GEN_HOLES,  /* the same with tetrahedra missing: boundaries, several components, vertices that touch */
     GEN_SOUP,   /* any four vertices: faces of many tetrahedra, tetrahedra listed twice, both orientations */
+    GEN_HUB,    /* one vertex is in all tetrahedra */
     GEN_KINDS
 };
 

@@ -198,6 +198,19 @@ static void test_soups(void)
     round_trip(GEN_SOUP, 4, TETLOD_FLOAT64, 0);
 }
 
+/* Links of more vertices than there is a table of pairs for. */
+static void test_large_links(void)
+{
+    struct stream s;
+    struct gen_options options = {GEN_HUB, 1, 7, 5, 2, TETLOD_FLOAT32, 16};
+    if (stream_open(&s, &options)) {
+        CHECK(s.recode.input.tets > 500);
+        check_levels(&s);
+        check_records(&s);
+    }
+    stream_close(&s);
+}
+
 static void test_quantised(void)
 {
     round_trip(GEN_GRID, 2, TETLOD_FLOAT32, 12);
@@ -388,6 +401,7 @@ int main(void)
     RUN(test_grids_of_float64);
     RUN(test_grids_with_holes);
     RUN(test_soups);
+    RUN(test_large_links);
     RUN(test_quantised);
     RUN(test_selected_fields);
     RUN(test_origins);
