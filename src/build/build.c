@@ -8,7 +8,6 @@
 #include "format/fail.h"
 #include "src/build/forest.h"
 #include "src/build/measure.h"
-#include "src/build/simplify.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
@@ -81,6 +80,7 @@ static enum tetlod_status contract(struct build *build)
     }
     struct simplify_options simplify_options = {
         .metric = options->metric,
+        .certify = options->certify,
         .contract = options->contract,
         .candidates = options->candidates,
         .max_error = widest > 0 ? smaller(widest, options->max_error) : options->max_error,

@@ -4,8 +4,8 @@
 #define TETLOD_BUILD_H
 
 #include "format/writer.h"
-#include "src/build/metric.h"
 #include "src/build/quantise.h"
+#include "src/build/simplify.h"
 #include "src/mesh/tetmesh.h"
 
 enum build_phase { BUILD_CONTRACT, BUILD_MEASURE, BUILD_ENCODE, BUILD_PHASES };
@@ -20,6 +20,7 @@ struct build_options {
     const struct build_control *controls; /* at least one */
     uint32_t control_count;
     enum metric metric;
+    enum certify certify;    /* (simplify.h) */
     unsigned contract;       /* CONTRACT_... (simplify.h) */
     uint32_t candidates;     /* per simplex; 0: the usual number (candidates.h) */
     double max_error;        /* fraction of the range */

@@ -7,13 +7,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { QUEUE_WITNESSES = 6 };
+enum { QUEUE_WITNESSES = 8 };
 
 struct queue_entry {
     double value;     /* the key in a queue, a lower bound of the error while it waits */
     uint32_t vertices[4]; /* ascending; TETLOD_NONE behind the last */
     uint32_t stamp;   /* contractions done when it was evaluated */
     uint32_t candidate;
+    uint32_t refused; /* bits of the candidates that the exact limit has refused since; `bound` is the least that they need */
+    double bound;
     uint32_t witness_count; /* waiting: while these tetrahedra are as they were, so is the bound; none: not known */
     uint32_t witness[QUEUE_WITNESSES];
 };

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
+#include "src/build/exact.h"
 #include "src/build/queue.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
@@ -12,6 +13,9 @@
 
 /* Trials are followed to this multiple of the limit, so that most of what waits is not looked at on the next rungs. */
 static const double HORIZON = 2;
+
+/* The same of the exact limit. */
+static const double EXACT_HORIZON = 1.1;
 
 /* What a contraction may be above the limit by the rounding of its bounds: it still counts as the limit. Exact ties with
  * round limits are common in regular meshes. */
@@ -21,6 +25,7 @@ static const double ROUNDING = 1e-9;
 struct judge {
     struct star star;
     struct metric_scratch scratch;
+    struct examiner examiner; /* of the exact limit */
     struct tetlod_error error;
     enum tetlod_status status;
 };
@@ -31,6 +36,7 @@ struct run {
     struct complex *complex;
     struct fields *fields;
     struct boundary boundary;
+    struct overlaps overlaps; /* of the exact limit */
     struct judge *judges; /* [judge_count]; the first is the one that contracts */
     unsigned judge_count;
     struct queue queue, waiting;
@@ -42,6 +48,11 @@ struct run {
     size_t link_capacity;
     struct tetlod_error *error;
 };
+
+static bool is_exact(const struct run *run)
+{
+    return run->options->certify == CERTIFY_EXACT;
+}
 
 /* A candidate's position, as the mesh's type can hold it. At a vertex it is the vertex, bit for bit. */
 static void candidate_position(const struct complex *complex, const struct star *star, uint32_t candidate, double p[3])
@@ -83,16 +94,16 @@ static bool optimum_position(const struct run *run, const struct star *star, dou
 
 /* A simplex waits for all its candidates' witnesses; too many make the whole unknown. A candidate that the boundary forbids
  * has none: it stays forbidden. */
-static void remember_witnesses(struct queue_entry *entry, const struct trial *trial)
+static void remember_witnesses(struct queue_entry *entry, const uint32_t witness[2])
 {
-    if (trial->witness[0] == TETLOD_NONE)
+    if (witness[0] == TETLOD_NONE)
         return;
     if (entry->witness_count + 2 > QUEUE_WITNESSES) {
         entry->witness_count = QUEUE_WITNESSES + 1;
         return;
     }
-    entry->witness[entry->witness_count++] = trial->witness[0];
-    entry->witness[entry->witness_count++] = trial->witness[1];
+    entry->witness[entry->witness_count++] = witness[0];
+    entry->witness[entry->witness_count++] = witness[1];
 }
 
 /* The best candidate of the judge's star: its error in *out_error (INFINITY: none is possible; above the limit: a lower
@@ -109,13 +120,18 @@ static void best_candidate(const struct run *run, struct judge *judge, struct qu
     }
     trials[count].possible = optimum_position(run, &judge->star, trials[count].position);
     count += trials[count].possible;
-    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, HORIZON * run->limit,
-               trials, count);
+    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star,
+               is_exact(run) ? INFINITY : HORIZON * run->limit, trials, count);
     *out_error = INFINITY;
     for (uint32_t c = 0; c < count; c++) {
-        remember_witnesses(entry, &trials[c]);
-        if (!trials[c].possible)
+        if (entry->refused & UINT32_C(1) << c)
             continue;
+        remember_witnesses(entry, trials[c].witness);
+        if (!trials[c].possible) {
+            entry->refused |= UINT32_C(1) << c;
+            continue;
+        }
+        trials[c].error = is_exact(run) ? 0 : trials[c].error; // the exact limit is looked at only when its turn comes
         *out_error = smaller(*out_error, trials[c].error);
         double key = metric_key(run->options->metric, &trials[c], judge->star.removed_count);
         if (trials[c].error <= run->limit && key < best) {
@@ -149,7 +165,8 @@ static enum tetlod_status evaluate(const struct run *run, struct judge *judge, s
 {
     double error;
     entry->stamp = run->complex->contraction_count;
-    entry->witness_count = 0;
+    entry->witness_count = entry->refused = 0;
+    entry->bound = INFINITY;
     TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
     best_candidate(run, judge, entry, &error);
     *out_allowed = error <= run->limit;
@@ -278,6 +295,37 @@ static double rounded_limit(const struct run *run, const struct driver *driver)
     return run->options->metric != METRIC_SVA ? run->limit / driver->weight : INFINITY;
 }
 
+/* The exact limit refuses a fresh entry's candidate: the next best one's turn comes, or the entry waits. */
+static enum tetlod_status refuse_candidate(struct run *run, struct queue_entry entry, double bound,
+                                           const uint32_t witness[2])
+{
+    double none;
+    uint32_t first = witness[0] == TETLOD_NONE ? witness[1] : witness[0];
+    entry.refused |= UINT32_C(1) << entry.candidate;
+    entry.bound = smaller(entry.bound, bound);
+    remember_witnesses(&entry, (uint32_t[]){first, witness[1] == TETLOD_NONE ? first : witness[1]});
+    best_candidate(run, run->judges, &entry, &none);
+    bool left = isfinite(entry.value);
+    entry.value = left ? entry.value : entry.bound;
+    return file(run, &entry, left);
+}
+
+/* Asks the exact limit about the star of the first judge; *out_filed: it refuses, and the entry is dealt with. */
+static enum tetlod_status examine(struct run *run, const struct queue_entry *entry, const double p[3], bool *out_filed)
+{
+    struct judge *judge = run->judges;
+    struct finding finding;
+    TETLOD_TRY(exact_take_up(&judge->examiner, &run->overlaps, run->complex, run->fields, &judge->star, run->error));
+    TETLOD_TRY(exact_examine(&judge->examiner, &run->overlaps, run->complex, run->fields, &judge->star, p, run->assigned,
+                             run->limit, EXACT_HORIZON * run->limit, &finding, run->error));
+    *out_filed = !finding.allowed;
+    if (*out_filed)
+        return refuse_candidate(run, *entry, finding.error, finding.witness);
+    for (uint32_t d = 0; d < run->fields->driver_count; d++)
+        run->assigned[d] = judge->examiner.chosen[d];
+    return exact_contract(&judge->examiner, &run->overlaps, run->complex, &judge->star, run->error);
+}
+
 /* Does a fresh entry, unless a check that is made only now refuses it. */
 static enum tetlod_status contract(struct run *run, const struct queue_entry *entry)
 {
@@ -297,12 +345,17 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     if (!holds)
         return refuse(run, *entry, INFINITY);
     struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
-    metric_try(run->options->metric, &run->judges->scratch, run->fields, run->complex, star, run->limit,
-               &trial, 1);
+    metric_try(run->options->metric, &run->judges->scratch, run->fields, run->complex, star,
+               is_exact(run) ? INFINITY : run->limit, &trial, 1);
     metric_assigned(&run->judges->scratch, run->fields, 0, run->assigned);
+    bool filed = false;
+    if (is_exact(run))
+        TETLOD_TRY(examine(run, entry, p, &filed));
+    if (filed)
+        return TETLOD_OK;
     fields_outcome(run->fields, run->complex, star, p, run->assigned, run->outcome);
     double certified = outcome_error(run->fields, run->outcome);
-    if (run->options->metric != METRIC_SVA && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
+    if (run->options->metric != METRIC_SVA && !is_exact(run) && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
         return refuse(run, *entry, certified);
     fields_contract(run->fields, run->complex, star, p, run->outcome);
     TETLOD_TRY(complex_contract(run->complex, star, p, run->error));
@@ -310,7 +363,8 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     for (uint32_t d = 0; d < run->fields->driver_count; d++) {
         const struct driver *driver = &run->fields->drivers[d];
         double above = driver->upper[v] - run->outcome[d].value, below = run->outcome[d].value - driver->lower[v];
-        double certain = smaller(larger(above, below) * driver->scale, rounded_limit(run, driver));
+        double most = is_exact(run) ? run->judges->examiner.errors[d] : larger(above, below);
+        double certain = smaller(most * driver->scale, rounded_limit(run, driver));
         run->certified[d] = larger(run->certified[d], smaller(certain, 1)); // values never leave the range
         run->predicted[d] = fmax(run->predicted[d], driver->predicted[v] * driver->scale);
     }
@@ -495,8 +549,11 @@ static enum tetlod_status make_judges(struct run *run)
     run->judges = array_zero(run->judge_count, sizeof *run->judges);
     if (!run->judges)
         return tetlodi_fail_nomem(run->error, "the threads", run->judge_count * sizeof *run->judges);
-    for (unsigned j = 0; j < run->judge_count; j++)
+    for (unsigned j = 0; j < run->judge_count; j++) {
         TETLOD_TRY(metric_init(&run->judges[j].scratch, run->fields, run->error));
+        if (is_exact(run))
+            TETLOD_TRY(examiner_init(&run->judges[j].examiner, run->complex, run->fields, run->error));
+    }
     return TETLOD_OK;
 }
 
@@ -505,6 +562,7 @@ static void free_judges(struct run *run)
     for (unsigned j = 0; j < run->judge_count && run->judges; j++) {
         star_fini(&run->judges[j].star);
         metric_fini(&run->judges[j].scratch);
+        examiner_fini(&run->judges[j].examiner);
     }
     free(run->judges);
 }
@@ -521,6 +579,8 @@ enum tetlod_status simplify(struct simplification *out, const struct tetmesh *me
     if (metric_has_quadrics(options->metric))
         TETLOD_TRY_DONE(fields_init_quadrics(&out->fields, &out->complex, options->metric == METRIC_QUADRIC, error));
     TETLOD_TRY_DONE(boundary_init(&run.boundary, &out->complex, options->boundary_angle, options->boundary_limit, error));
+    if (options->certify == CERTIFY_EXACT)
+        TETLOD_TRY_DONE(overlaps_init(&run.overlaps, mesh, error));
     TETLOD_TRY_DONE(make_judges(&run));
     run.certified = array_zero(3 * (size_t)out->fields.driver_count, sizeof(double));
     run.outcome = array_new(out->fields.driver_count, sizeof *run.outcome);
@@ -531,6 +591,7 @@ enum tetlod_status simplify(struct simplification *out, const struct tetmesh *me
     status = run_ladder(&run);
 done:
     boundary_fini(&run.boundary);
+    overlaps_fini(&run.overlaps);
     free_judges(&run);
     queue_fini(&run.queue);
     queue_fini(&run.waiting);

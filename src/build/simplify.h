@@ -12,8 +12,14 @@
 
 enum { CONTRACT_EDGES = 1, CONTRACT_FACES = 2, CONTRACT_TETS = 4 };
 
+enum certify {
+    CERTIFY_FAST,  /* the metric's own limit: the envelope, or what it predicts */
+    CERTIFY_EXACT, /* the exact maximum; the metric only orders */
+};
+
 struct simplify_options {
     enum metric metric;
+    enum certify certify;
     unsigned contract;     /* CONTRACT_... of the kinds of simplices */
     uint32_t candidates;   /* final vertex positions tried on each (candidates_count) */
     double max_error;      /* fraction of the range */
@@ -36,7 +42,7 @@ struct simplification {
     struct fields fields;
     uint32_t mark_count;
     struct mark *marks;      /* fine to coarse; the first is the original, the last the end */
-    double *mark_certified;  /* [driver_count * mark] running maximum of the envelope's error */
+    double *mark_certified;  /* [driver_count * mark] running maximum of the certified error */
     double *mark_predicted;  /* [driver_count * mark] running maximum of the prediction */
     size_t mark_capacity, certified_capacity, predicted_capacity;
 };

@@ -32,9 +32,11 @@ static const char help[] =
     "                          a component, NAME:0.01 (or :1%) for an error limit of its own; may be given several times\n"
     "                          (default: the first scalar field)\n"
     "      --carry A,B         the fields to store (default: all); those of --field are always stored\n"
-    "      --metric M          what orders the contractions: envelope (default), the certified bound; field-quadric\n"
-    "                          (Cignoni and others) or quadric (Garland and Heckbert), within the certified bound; sva,\n"
-    "                          the accumulated prediction of scalar value assignment, which then is the limit, too\n"
+    "      --certify HOW       what holds the error: fast (default), a bound that is carried along; exact, the exact maximum\n"
+    "                          over the whole domain: far fewer tetrahedra for the same error, in several times the time\n"
+    "      --metric M          what orders the contractions: envelope (default of fast), the carried bound; field-quadric\n"
+    "                          (Cignoni and others; default of exact) or quadric (Garland and Heckbert); or sva, the\n"
+    "                          accumulated prediction of scalar value assignment, which then is the limit, too\n"
     "      --contract KIND     what is contracted: edge (default), face, tet, or hybrid, all three in one queue\n"
     "      --candidates N      final vertex positions tried on a simplex: its vertices first, then its middle, then more\n"
     "                          between, up to 7 on an edge or a face and 19 on a tetrahedron (default: 3, 4 and 5)\n"
@@ -62,10 +64,10 @@ struct request {
     const char *fields[MOST_FIELDS];
     uint32_t field_count;
     struct build_options build;
-    bool json, quiet;
     struct nan_fill fill;
     const struct nan_fill *nan_fill; /* NULL: NaN is refused */
     uint64_t nan_filled;
+    bool json, quiet, ordered; /* ordered: --metric is given */
     struct progress progress;
     double phase_started;
     enum build_phase phase;
@@ -102,6 +104,19 @@ static bool parse_metric(const char *text, enum metric *out)
             return true;
         }
     cli_usage("build", "--metric is one of envelope, sva, field-quadric, quadric, not '%s'", text);
+    return false;
+}
+
+static const char *const certify_names[] = {[CERTIFY_FAST] = "fast", [CERTIFY_EXACT] = "exact"};
+
+static bool parse_certify(const char *text, enum certify *out)
+{
+    for (size_t i = 0; i < sizeof certify_names / sizeof *certify_names; i++)
+        if (strcmp(text, certify_names[i]) == 0) {
+            *out = (enum certify)i;
+            return true;
+        }
+    cli_usage("build", "--certify is fast or exact, not '%s'", text);
     return false;
 }
 
@@ -167,7 +182,10 @@ static bool parse_option(struct request *request, int option, const char *value)
         request->carry = value;
         return true;
     case 'm':
+        request->ordered = true;
         return parse_metric(value, &build->metric);
+    case 'C':
+        return parse_certify(value, &build->certify);
     case 'k':
         request->contract = value;
         return parse_contract(value, &build->contract);
@@ -300,9 +318,9 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
     json_t *fields = json_array(), *object = NULL;
     for (uint32_t i = 0; i < count && fields; i++)
         json_array_append_new(fields, json_string(mesh->fields[controls[i].field].name));
-    object = json_pack("{s:s, s:s, s:{s:o, s:s, s:s, s:i, s:f, s:i, s:f, s:f}}", "program", "tetlod " TETLOD_VERSION_STRING,
+    object = json_pack("{s:s, s:s, s:{s:o, s:s, s:s, s:s, s:i, s:f, s:i, s:f, s:f}}", "program", "tetlod " TETLOD_VERSION_STRING,
                        "input", base_name(request->input), "options", "field", fields, "metric",
-                       metric_names[build->metric], "contract", request->contract, "candidates", (int)build->candidates,
+                       metric_names[build->metric], "certify", certify_names[build->certify], "contract", request->contract, "candidates", (int)build->candidates,
                        "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
                        build->boundary_angle, "growth", build->growth);
     if (object && request->nan_fill) {
@@ -442,6 +460,7 @@ static int run(int argc, char **argv)
         {"nan-fill", required_argument, NULL, 'N'},
         {"field", required_argument, NULL, 'f'},      {"carry", required_argument, NULL, 'c'},
         {"metric", required_argument, NULL, 'm'},     {"contract", required_argument, NULL, 'k'},
+        {"certify", required_argument, NULL, 'C'},
         {"candidates", required_argument, NULL, 'n'},
         {"max-error", required_argument, NULL, 'e'},  {"min-tets", required_argument, NULL, 't'},
         {"boundary-angle", required_argument, NULL, 'b'}, {"growth", required_argument, NULL, 'g'},
@@ -470,6 +489,10 @@ static int run(int argc, char **argv)
     }
     if (!cli_operands(&command_build, argc, 1, "the INPUT mesh"))
         return EXIT_USAGE;
+    if (request.build.certify == CERTIFY_EXACT && !request.ordered)
+        request.build.metric = METRIC_FIELD_QUADRIC;
+    if (request.build.certify == CERTIFY_EXACT && request.build.metric == METRIC_SVA)
+        return cli_usage("build", "--metric sva has a limit of its own; leave out --certify exact");
     char output[4096];
     request.input = argv[optind];
     if (!request.build.threads)

@@ -309,9 +309,35 @@ def contraction_kinds():
         report('%s %s: verified' % (name, ' '.join(options)), done.returncode == 0 and checked.returncode == 0, (done, checked))
 
 
+def certified_exactly():
+    tetlod('sample', 'cube', '--size', '8', '-o', 'cube8.vtu')
+    left = {}
+    for how in 'fast', 'exact':
+        done = tetlod('build', 'cube8.vtu', '-o', how + '.tetlod', '--quiet', '--certify', how)
+        checked = tetlod('verify', how + '.tetlod', '--against', 'cube8.vtu')
+        report('--certify %s: verified' % how, done.returncode == 0 and checked.returncode == 0, (done, checked))
+        left[how] = extracted_of(how + '.tetlod', '1%')
+    report('--certify exact leaves far fewer tetrahedra at 1 %', left['exact'] < .6 * left['fast'], left)
+    tetlod('extract', 'exact.tetlod', '--error', '1%', '-o', 'level.vtu')
+    truth = json.loads(tetlod('compare', 'cube8.vtu', 'level.vtu', '--json').stdout)['errors']
+    level = next(l for l in info('exact.tetlod')['levels'] if l['errors']['xyz']['max'] <= .01)
+    report('--certify exact: the true maximum is at most what is stored, and most of it', .9 * level['errors']['xyz']['max'] <
+           truth['max'] <= level['errors']['xyz']['max'] * (1 + 1e-6), (truth, level))
+    plain = digest('exact.tetlod')
+    for threads in '1', '3':
+        tetlod('build', 'cube8.vtu', '-o', 'd.tetlod', '--quiet', '--certify', 'exact', '--threads', threads)
+        report('--certify exact: the same bytes on %s threads' % threads, digest('d.tetlod') == plain)
+    done = tetlod('build', 'fin.vtu', '-o', 'f.tetlod', '--quiet', '--certify', 'exact', '--field', 'Pressure', '--field', 'Velocity:3%')
+    checked = tetlod('verify', 'f.tetlod', '--against', 'fin.vtu')
+    report('--certify exact: a scalar and a vector with a limit of its own', done.returncode == 0 and checked.returncode == 0,
+           (done, checked))
+
+
 def usage():
+    fails('build --certify exact --metric sva', 2, ['--certify'], 'build', 'cube.vtu', '-o', 'x.tetlod', '--certify', 'exact',
+          '--metric', 'sva')
     for words, options in ((['--metric', 'magic'], ('--metric', 'magic')), (['--contract'], ('--contract', 'cells')),
-                           (['max-error'], ('--max-error', '-1')), (['max-error'], ('--max-error', 'inf')),
+                           (['--certify'], ('--certify', 'hope')), (['max-error'], ('--max-error', '-1')), (['max-error'], ('--max-error', 'inf')),
                            (['growth'], ('--growth', '1')), (['growth'], ('--growth', '17')), (['compress'], ('--compress', '23')),
                            (['candidates'], ('--candidates', '1')), (['threads'], ('--threads', 'many')),
                            (['min-tets'], ('--min-tets', '0')), (['wish'], ('--wish',)), (['memory'], ('--memory', '0'))):
@@ -538,6 +564,7 @@ extract()
 compare()
 fields()
 contraction_kinds()
+certified_exactly()
 usage()
 special_meshes()
 determinism()

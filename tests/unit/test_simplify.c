@@ -146,7 +146,7 @@ static void check_sequence(const struct tetmesh *mesh, const struct simplify_opt
         check_level(mesh, &start, &level.mesh);
         CHECK(!m || s.mark_certified[m] >= s.mark_certified[m - 1]);
         CHECK(!m || s.mark_predicted[m] >= s.mark_predicted[m - 1]);
-        if (options->metric == METRIC_ENVELOPE)
+        if (options->metric == METRIC_ENVELOPE || options->certify == CERTIFY_EXACT)
             CHECK(s.mark_certified[m] <= options->max_error * (1 + 1e-9));
         if (m % 3 == 2 || m + 1 == s.mark_count) {
             double error = true_error(mesh, &level.mesh) / (range[1] - range[0]);
@@ -187,6 +187,38 @@ static void test_samples_by_prediction(void)
     check_sample("delta", 3, METRIC_SVA, CONTRACT_EDGES, 2000);
 }
 
+/* By the exact limit: checked the same way, and no more is left than the envelope leaves. */
+static void check_exact(const char *name, uint32_t size, enum metric metric, unsigned contract, double max_error)
+{
+    struct tetmesh mesh = {0};
+    struct simplification s[2];
+    REQUIRE(sample_find(name)->make(&mesh, size, NULL) == TETLOD_OK);
+    struct simplify_options options = usual(&mesh);
+    options.metric = metric;
+    options.contract = contract;
+    options.max_error = max_error;
+    printf("# %s %u exactly\n", name, size);
+    for (int i = 0; i < 2; i++) {
+        options.certify = i ? CERTIFY_EXACT : CERTIFY_FAST;
+        REQUIRE(simplify(&s[i], &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
+    }
+    if (s[1].complex.tets_alive >= s[0].complex.tets_alive)
+        TEST_FAIL("%u tetrahedra are left, not fewer than %u", s[1].complex.tets_alive, s[0].complex.tets_alive);
+    check_sequence(&mesh, &options, mesh.tet_count - 1);
+    for (int i = 0; i < 2; i++)
+        simplification_fini(&s[i]);
+    tetmesh_fini(&mesh);
+}
+
+static void test_samples_exactly(void)
+{
+    check_exact("cube", 5, METRIC_FIELD_QUADRIC, CONTRACT_EDGES, 0.05);
+    check_exact("cube", 3, METRIC_ENVELOPE, CONTRACT_EDGES | CONTRACT_FACES | CONTRACT_TETS, 0.1);
+    check_exact("fin", 5, METRIC_FIELD_QUADRIC, CONTRACT_EDGES, 0.05);
+    check_exact("torus", 4, METRIC_QUADRIC, CONTRACT_EDGES, 0.05);
+    check_exact("delta", 2, METRIC_FIELD_QUADRIC, CONTRACT_EDGES, 0.02);
+}
+
 static void test_faces_and_tetrahedra(void)
 {
     check_sample("cube", 5, METRIC_ENVELOPE, CONTRACT_EDGES | CONTRACT_FACES | CONTRACT_TETS, 60);
@@ -221,12 +253,14 @@ static void test_reversed(void)
     tetmesh_fini(&mesh);
 }
 
-static void test_threads_do_not_matter(void)
+static void check_threads(enum metric metric, enum certify certify)
 {
     struct tetmesh mesh = {0};
     struct simplification s[2];
     make_jittered(&mesh, 6, 4);
     struct simplify_options options = usual(&mesh);
+    options.metric = metric;
+    options.certify = certify;
     for (unsigned i = 0; i < 2; i++) {
         options.threads = i ? 3 : 1;
         REQUIRE(simplify(&s[i], &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
@@ -242,6 +276,12 @@ static void test_threads_do_not_matter(void)
     for (unsigned i = 0; i < 2; i++)
         simplification_fini(&s[i]);
     tetmesh_fini(&mesh);
+}
+
+static void test_threads_do_not_matter(void)
+{
+    check_threads(METRIC_ENVELOPE, CERTIFY_FAST);
+    check_threads(METRIC_FIELD_QUADRIC, CERTIFY_EXACT);
 }
 
 /* A linear field costs nothing: what the boundary allows goes at error 0. */
@@ -304,6 +344,7 @@ int main(void)
 {
     RUN(test_samples_by_envelope);
     RUN(test_samples_by_prediction);
+    RUN(test_samples_exactly);
     RUN(test_faces_and_tetrahedra);
     RUN(test_jittered);
     RUN(test_reversed);

@@ -1,0 +1,539 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/build/exact.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+/* A point this near to the link leaves s' as good as free; what its error comes to is counted all the same. */
+static const double LEAST_WEIGHT = 1e-9;
+
+/* Points this far beyond a wall or a face still count: they are at it, but for rounding. */
+static const double BEYOND = 1e-9;
+
+/* Half of what a contraction may be above the limit by rounding (simplify.c). */
+static const double ROUNDING = 5e-10;
+
+enum tetlod_status examiner_init(struct examiner *examiner, const struct complex *complex, const struct fields *fields,
+                                 struct tetlod_error *error)
+{
+    size_t drivers = fields->driver_count;
+    *examiner = (struct examiner){.intervals = array_new(drivers, sizeof *examiner->intervals),
+                                  .constants = array_new(3 * drivers, sizeof(double))};
+    if (!examiner->intervals || !examiner->constants) {
+        examiner_fini(examiner);
+        return tetlodi_fail_nomem(error, "the exact limit", drivers * (24 + sizeof *examiner->intervals));
+    }
+    examiner->chosen = examiner->constants + drivers;
+    examiner->errors = examiner->chosen + drivers;
+    return patch_init(&examiner->patch, complex, error);
+}
+
+void examiner_fini(struct examiner *examiner)
+{
+    patch_fini(&examiner->patch);
+    free(examiner->intervals);
+    free(examiner->level);
+    free(examiner->original);
+    free(examiner->points);
+    free(examiner->cones);
+    free(examiner->constants);
+    *examiner = (struct examiner){0};
+}
+
+/* ---- values */
+
+static bool room(double **array, size_t *capacity, size_t needed)
+{
+    void *grown = *array;
+    bool done = array_reserve(&grown, capacity, needed, sizeof(double));
+    *array = grown;
+    return done;
+}
+
+static bool cone_room(struct examiner *examiner, size_t needed)
+{
+    void *grown = examiner->cones;
+    bool done = array_reserve(&grown, &examiner->cone_capacity, needed, sizeof *examiner->cones);
+    examiner->cones = grown;
+    return done;
+}
+
+enum tetlod_status exact_take_up(struct examiner *examiner, const struct overlaps *overlaps,
+                                 const struct complex *complex, const struct fields *fields, const struct star *star,
+                                 struct tetlod_error *error)
+{
+    struct patch *patch = &examiner->patch;
+    TETLOD_TRY(patch_gather(patch, overlaps, complex, star, error));
+    size_t links = patch->link_count, vertices = patch->vertex_count;
+    if (!room(&examiner->level, &examiner->level_capacity, links * fields->driver_count) ||
+        !room(&examiner->original, &examiner->original_capacity, vertices * fields->driver_count))
+        return tetlodi_fail_nomem(error, "the exact limit", (links + vertices) * fields->driver_count * 8);
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct driver *driver = &fields->drivers[d];
+        const struct working_field *now = &fields->fields[driver->field];
+        const struct point_field *then = &overlaps->mesh->fields[driver->field];
+        for (size_t l = 0; l < links; l++)
+            examiner->level[d * links + l] = now->values[(size_t)patch->link[l] * now->components + driver->component];
+        for (size_t v = 0; v < vertices; v++)
+            examiner->original[d * vertices + v] =
+                then->values[(size_t)patch->vertices[v] * then->components + driver->component];
+    }
+    return TETLOD_OK;
+}
+
+/* ---- intervals */
+
+static struct critical end_of_range(double value)
+{
+    return (struct critical){1, -value, TETLOD_NONE, true};
+}
+
+/* The limit at which two bounds of s' from below and above meet, and where. */
+static double meet(const struct critical *low, const struct critical *high, double *at)
+{
+    double moving = (low->fixed ? 0 : high->weight) + (high->fixed ? 0 : low->weight);
+    double limit = (high->constant * low->weight - low->constant * high->weight) / moving;
+    *at = ((low->fixed ? 0 : -limit) - low->constant) / low->weight;
+    return limit;
+}
+
+/* Takes a corner of the overlay into account. Where nothing is left the limit rises as far as it has to: what it then is, is a
+ * lower bound. */
+static void narrow(struct interval *interval, double weight, double constant, uint32_t cone)
+{
+    double limit = interval->limit;
+    if (fabs(weight * interval->low + constant) <= limit && fabs(weight * interval->high + constant) <= limit)
+        return;
+    if (!(weight > LEAST_WEIGHT))
+        return;
+    struct critical here = {weight, constant, cone, false};
+    double low = (-limit - constant) / weight, high = (limit - constant) / weight;
+    if (low > interval->low) {
+        interval->low = low;
+        interval->lowest = here;
+    }
+    if (high < interval->high) {
+        interval->high = high;
+        interval->highest = here;
+    }
+    if (interval->low > interval->high) {
+        double at;
+        double raised = meet(&interval->lowest, &interval->highest, &at);
+        if (at < interval->range[0] || at > interval->range[1]) {
+            *(at < interval->range[0] ? &interval->lowest : &interval->highest) =
+                end_of_range(interval->range[at > interval->range[1]]);
+            raised = meet(&interval->lowest, &interval->highest, &at);
+        }
+        interval->limit = larger(limit, raised);
+        interval->low = interval->high = at;
+    }
+}
+
+/* One corner of the overlay, whose constants are in examiner->constants. False: it is hopeless, or there is no memory (then
+ * point_count is SIZE_MAX). */
+static bool add_point(struct examiner *examiner, const struct fields *fields, double weight, uint32_t cone,
+                      double horizon)
+{
+    size_t width = 1 + (size_t)fields->driver_count;
+    if (!room(&examiner->points, &examiner->point_capacity, (examiner->point_count + 1) * width) ||
+        !cone_room(examiner, examiner->point_count + 1)) {
+        examiner->point_count = SIZE_MAX;
+        return false;
+    }
+    examiner->cones[examiner->point_count] = cone;
+    double *point = examiner->points + width * examiner->point_count++;
+    bool hope = true;
+    point[0] = weight;
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct driver *driver = &fields->drivers[d];
+        point[1 + d] = examiner->constants[d];
+        narrow(&examiner->intervals[d], weight, examiner->constants[d], cone);
+        hope &= examiner->intervals[d].limit <= examiner->intervals[d].asked ||
+                examiner->intervals[d].limit * driver->scale * driver->weight < horizon;
+    }
+    return hope;
+}
+
+/* The intervals before any point: the range. What rounding may hide is taken off the limit. */
+static void open_intervals(struct examiner *examiner, const struct fields *fields, double limit)
+{
+    const struct patch *patch = &examiner->patch;
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct driver *driver = &fields->drivers[d];
+        const double *range = fields->fields[driver->field].component_range[driver->component];
+        double least = INFINITY, greatest = -INFINITY;
+        for (size_t l = 0; l < patch->link_count; l++) {
+            double value = examiner->level[d * (size_t)patch->link_count + l];
+            least = smaller(least, value);
+            greatest = larger(greatest, value);
+        }
+        for (size_t v = 0; v < patch->vertex_count; v++) {
+            double value = examiner->original[d * (size_t)patch->vertex_count + v];
+            least = smaller(least, value);
+            greatest = larger(greatest, value);
+        }
+        double factor = driver->scale * driver->weight, own = factor > 0 ? limit / factor : INFINITY;
+        double slack = 64 * DBL_EPSILON * (patch->condition * (greatest - least) + fabs(least) + fabs(greatest));
+        examiner->errors[d] = slack;
+        examiner->intervals[d] = (struct interval){own * (1 + ROUNDING) - slack,
+                                                   own * (1 + ROUNDING) - slack,
+                                                   range[0],
+                                                   range[1],
+                                                   {range[0], range[1]},
+                                                   end_of_range(range[0]),
+                                                   end_of_range(range[1])};
+    }
+}
+
+/* ---- the corners of the overlay */
+
+/* What an examination works on. */
+struct examination {
+    struct examiner *examiner;
+    const struct overlaps *overlaps;
+    const struct complex *complex;
+    const struct fields *fields;
+    const struct star *star;
+    double horizon;
+};
+
+/* An original vertex in a cone of the star, v' as well if it is one. */
+static bool at_vertex(const struct examination *e, uint32_t v)
+{
+    struct examiner *examiner = e->examiner;
+    const struct patch *patch = &examiner->patch;
+    const double *p = patch_position(patch, e->overlaps, v), *row = patch->rows + (size_t)v * patch->wall_count;
+    size_t links = patch->link_count, vertices = patch->vertex_count;
+    if (p[0] == patch->apex[0] && p[1] == patch->apex[1] && p[2] == patch->apex[2]) {
+        for (uint32_t d = 0; d < e->fields->driver_count; d++)
+            examiner->constants[d] = -examiner->original[d * vertices + v];
+        return add_point(examiner, e->fields, 1, TETLOD_NONE, e->horizon);
+    }
+    uint32_t f = patch_cone_of(patch, v);
+    if (f == TETLOD_NONE)
+        return true;
+    const struct cone *cone = &patch->cones[f];
+    double weight = cone->apex * cone_height(cone, patch, e->complex, p);
+    if (!(weight > 0))
+        return true;
+    for (uint32_t d = 0; d < e->fields->driver_count; d++) {
+        double constant = -examiner->original[d * vertices + v];
+        for (int k = 0; k < 3; k++)
+            constant += cone->scale[k] * row[cone->walls[k]] * examiner->level[d * links + cone->link[k]];
+        examiner->constants[d] = constant;
+    }
+    return add_point(examiner, e->fields, weight, cone->tet, e->horizon);
+}
+
+/* Where the edge from vertex a to vertex b crosses the plane of wall w, if that is in the wall. */
+static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_t w)
+{
+    struct examiner *examiner = e->examiner;
+    const struct patch *patch = &examiner->patch;
+    const struct cone *cone = &patch->cones[patch->walls[w].cones[0]];
+    const double *from = patch->rows + (size_t)a * patch->wall_count, *to = patch->rows + (size_t)b * patch->wall_count;
+    double between = from[w] - to[w], t = between != 0 ? from[w] / between : 0, s, x[3], weights[3], sum = 0;
+    t = smaller(larger(t, 0), 1);
+    s = 1 - t;
+    for (int k = 0; k < 3; k++) {
+        uint32_t other = cone->walls[k];
+        weights[k] = other == w ? 0 : cone->scale[k] * (s * from[other] + t * to[other]);
+        if (weights[k] < -BEYOND)
+            return true;
+        sum += weights[k];
+    }
+    if (sum > 1 + BEYOND)
+        return true;
+    const double *p = patch_position(patch, e->overlaps, a), *q = patch_position(patch, e->overlaps, b);
+    for (int i = 0; i < 3; i++)
+        x[i] = s * p[i] + t * q[i];
+    double weight = cone->apex * cone_height(cone, patch, e->complex, x);
+    if (!(weight > 0))
+        return true;
+    for (uint32_t d = 0; d < e->fields->driver_count; d++) {
+        const double *level = examiner->level + d * (size_t)patch->link_count,
+                     *original = examiner->original + d * (size_t)patch->vertex_count;
+        double constant = -s * original[a] - t * original[b];
+        for (int k = 0; k < 3; k++)
+            constant += weights[k] * level[cone->link[k]];
+        examiner->constants[d] = constant;
+    }
+    return add_point(examiner, e->fields, weight, cone->tet, e->horizon);
+}
+
+/* Where the spoke to a link vertex crosses the original face of three vertices. In the plane of the distances from two walls
+ * that meet in the spoke, the spoke is the origin; is it in the triangle? */
+static bool at_face(const struct examination *e, uint32_t link, const uint32_t face[3])
+{
+    struct examiner *examiner = e->examiner;
+    const struct patch *patch = &examiner->patch;
+    const struct cone *cone = &patch->cones[patch->spoke_cone[link][0]];
+    uint32_t place = patch->spoke_cone[link][1], u = cone->walls[(place + 1) % 3], v = cone->walls[(place + 2) % 3];
+    double weights[3], sum = 0, x[3] = {0, 0, 0}, off[2] = {0, 0};
+    for (int k = 0; k < 3; k++) {
+        const double *from = patch->rows + (size_t)face[(k + 1) % 3] * patch->wall_count,
+                     *to = patch->rows + (size_t)face[(k + 2) % 3] * patch->wall_count;
+        weights[k] = from[u] * to[v] - from[v] * to[u];
+        sum += weights[k];
+    }
+    if (sum == 0)
+        return true;
+    for (int k = 0; k < 3; k++) {
+        weights[k] /= sum;
+        if (!(weights[k] >= -BEYOND))
+            return true;
+        const double *p = patch_position(patch, e->overlaps, face[k]);
+        for (int i = 0; i < 3; i++)
+            x[i] += weights[k] * p[i];
+        off[0] += weights[k] * patch->rows[(size_t)face[k] * patch->wall_count + u];
+        off[1] += weights[k] * patch->rows[(size_t)face[k] * patch->wall_count + v];
+    }
+    if (fabs(off[0] * cone->scale[(place + 1) % 3]) > BEYOND || fabs(off[1] * cone->scale[(place + 2) % 3]) > BEYOND)
+        return true; // the spoke lies in the face: where it leaves that, it crosses others
+    double weight = cone->apex * cone_height(cone, patch, e->complex, x);
+    if (!(weight > 0) || weight > 1 + BEYOND)
+        return true;
+    for (uint32_t d = 0; d < e->fields->driver_count; d++) {
+        const double *original = examiner->original + d * (size_t)patch->vertex_count;
+        double constant = (1 - weight) * examiner->level[d * (size_t)patch->link_count + link];
+        for (int k = 0; k < 3; k++)
+            constant -= weights[k] * original[face[k]];
+        examiner->constants[d] = constant;
+    }
+    return add_point(examiner, e->fields, weight, cone->tet, e->horizon);
+}
+
+/* v' where it is no original vertex: in any original that holds it. */
+static bool at_apex(const struct examination *e)
+{
+    struct examiner *examiner = e->examiner;
+    const struct patch *patch = &examiner->patch;
+    const double *at = patch->apex;
+    for (uint32_t t = 0; t < patch->tet_count; t++) {
+        const double *p[4];
+        for (int c = 0; c < 4; c++)
+            p[c] = patch_position(patch, e->overlaps, patch->corners[t][c]);
+        double weights[4] = {tet_volume6(at, p[1], p[2], p[3]), tet_volume6(p[0], at, p[2], p[3]),
+                             tet_volume6(p[0], p[1], at, p[3]), tet_volume6(p[0], p[1], p[2], at)};
+        double volume = weights[0] + weights[1] + weights[2] + weights[3];
+        bool inside = true;
+        for (int c = 0; c < 4; c++)
+            inside &= (weights[c] /= volume) >= -BEYOND;
+        if (!inside)
+            continue;
+        for (uint32_t d = 0; d < e->fields->driver_count; d++) {
+            examiner->constants[d] = 0;
+            for (int c = 0; c < 4; c++)
+                examiner->constants[d] -=
+                    weights[c] * examiner->original[d * (size_t)patch->vertex_count + patch->corners[t][c]];
+        }
+        return add_point(examiner, e->fields, 1, TETLOD_NONE, e->horizon);
+    }
+    return true;
+}
+
+static bool is_original(const struct examination *e)
+{
+    const struct complex *complex = e->complex;
+    for (uint32_t s = 0; s < e->star->simplex_count; s++) {
+        uint32_t slot = e->star->simplex[s];
+        if (complex->node[slot] < complex->vertex_count &&
+            memcmp(complex->positions + 3 * (size_t)slot, e->examiner->patch.apex, 24) == 0)
+            return true;
+    }
+    return false;
+}
+
+/* Are both ends of an edge outside of one of the cone's walls? */
+static inline bool beside(const struct patch *patch, const uint32_t edge[2], uint32_t f)
+{
+    const uint64_t *a = patch_side(patch, edge[0], 0), *b = patch_side(patch, edge[1], 0),
+                   *walls = patch->cone_walls + (size_t)f * patch->words,
+                   *inside = patch->cone_signs + (size_t)f * patch->words;
+    uint32_t words = patch->words, low = MAYBE_NOT_POSITIVE * words, high = MAYBE_NOT_NEGATIVE * words;
+    uint64_t outside = 0;
+    for (uint32_t word = 0; word < words; word++)
+        outside |= walls[word] & ((inside[word] & ~(a[high + word] | b[high + word])) |
+                                  (~inside[word] & ~(a[low + word] | b[low + word])));
+    return outside;
+}
+
+static bool at_edges(const struct examination *e)
+{
+    const struct patch *patch = &e->examiner->patch;
+    for (uint32_t i = 0; i < patch->edge_count; i++)
+        for (uint32_t word = 0; word < patch->words; word++)
+            for (uint64_t bits = patch_side(patch, patch->edges[i][0], POSITIVE)[word] ^
+                                 patch_side(patch, patch->edges[i][1], POSITIVE)[word];
+                 bits; bits &= bits - 1) {
+                uint32_t w = 64 * word + (uint32_t)__builtin_ctzll(bits);
+                if (!beside(patch, patch->edges[i], patch->walls[w].cones[0]) &&
+                    !beside(patch, patch->edges[i], patch->walls[w].cones[1]) &&
+                    !at_wall(e, patch->edges[i][0], patch->edges[i][1], w))
+                    return false;
+            }
+    return true;
+}
+
+/* May the corners lie on both sides of every wall that meets in the spoke? */
+static bool around(const struct patch *patch, const uint32_t *corners, int count, uint32_t link)
+{
+    const uint64_t *walls = patch->spoke_walls + (size_t)link * patch->words;
+    uint64_t missing = 0;
+    for (uint32_t word = 0; word < patch->words; word++) {
+        uint64_t low = 0, high = 0;
+        for (int c = 0; c < count; c++) {
+            low |= patch_side(patch, corners[c], MAYBE_NOT_POSITIVE)[word];
+            high |= patch_side(patch, corners[c], MAYBE_NOT_NEGATIVE)[word];
+        }
+        missing |= walls[word] & ~(low & high);
+    }
+    return !missing;
+}
+
+static bool at_spokes(const struct examination *e)
+{
+    const struct patch *patch = &e->examiner->patch;
+    for (uint32_t t = 0; t < patch->tet_count; t++)
+        for (uint32_t link = 0; link < patch->link_count; link++) {
+            if (!around(patch, patch->corners[t], 4, link))
+                continue;
+            for (int f = 0; f < 4; f++) {
+                uint32_t face[3];
+                for (int k = 0; k < 3; k++)
+                    face[k] = patch->corners[t][tet_faces[f][k]];
+                if (around(patch, face, 3, link) && !at_face(e, link, face))
+                    return false;
+            }
+        }
+    return true;
+}
+
+/* All corners of the overlay, those first that are most likely to refuse. False: hopeless, or out of memory. */
+static bool look_everywhere(const struct examination *e)
+{
+    struct patch *patch = &e->examiner->patch;
+    if (!is_original(e) && !at_apex(e))
+        return false;
+    for (uint32_t v = 0; v < patch->vertex_count; v++) {
+        patch_rows(patch, e->overlaps, v, v + 1);
+        if (!at_vertex(e, v))
+            return false;
+    }
+    struct tetlod_error error;
+    if (patch_edges(patch, &error) != TETLOD_OK) {
+        e->examiner->point_count = SIZE_MAX;
+        return false;
+    }
+    return at_edges(e) && at_spokes(e);
+}
+
+/* ---- the finding */
+
+/* What is left of the points raises the limit of an empty interval to what it is: each time by the worst of them. */
+static void raise_limits(struct examiner *examiner, const struct fields *fields)
+{
+    size_t width = 1 + (size_t)fields->driver_count;
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        struct interval *interval = &examiner->intervals[d];
+        for (int round = 0; round < 20 && interval->limit > interval->asked; round++) {
+            const double *worst = NULL;
+            double most = interval->limit * (1 + 1e-9);
+            for (size_t i = 0; i < examiner->point_count; i++) {
+                const double *point = examiner->points + width * i;
+                double error = fabs(point[0] * interval->low + point[1 + d]);
+                if (error > most) {
+                    most = error;
+                    worst = point;
+                }
+            }
+            if (!worst)
+                break;
+            narrow(interval, worst[0], worst[1 + d], examiner->cones[(size_t)(worst - examiner->points) / width]);
+        }
+    }
+}
+
+static bool refused(const struct examiner *examiner, const struct fields *fields, struct finding *out)
+{
+    out->error = 0;
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct interval *interval = &examiner->intervals[d];
+        const struct driver *driver = &fields->drivers[d];
+        double bound = interval->limit * driver->scale * driver->weight;
+        if (interval->limit <= interval->asked || bound <= out->error)
+            continue;
+        out->error = bound;
+        out->witness[0] = interval->lowest.cone;
+        out->witness[1] = interval->highest.cone;
+    }
+    return out->error > 0;
+}
+
+/* The number of the field's type in the interval that is nearest to the wanted one, if there is one. */
+static double choose(const struct examiner *examiner, const struct fields *fields, uint32_t d, double wanted)
+{
+    const struct interval *interval = &examiner->intervals[d];
+    const struct driver *driver = &fields->drivers[d];
+    const struct working_field *field = &fields->fields[driver->field];
+    double nearest = smaller(larger(wanted, interval->low), interval->high);
+    double rounded = field_round(field, driver->component, nearest);
+    if (rounded < interval->low || rounded > interval->high) // a step inwards
+        rounded = field_round(field, driver->component, 2 * nearest - rounded);
+    if (rounded < interval->low || rounded > interval->high)
+        rounded = field_round(field, driver->component, (interval->low + interval->high) / 2);
+    return rounded;
+}
+
+/* The values, and the errors with them. */
+static void settle(struct examiner *examiner, const struct fields *fields, const double *wanted, double limit,
+                   struct finding *out)
+{
+    size_t width = 1 + (size_t)fields->driver_count;
+    out->error = 0;
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct driver *driver = &fields->drivers[d];
+        double value = examiner->chosen[d] = choose(examiner, fields, d, wanted[d]), most = 0;
+        for (size_t i = 0; i < examiner->point_count; i++) {
+            const double *point = examiner->points + width * i;
+            most = larger(most, fabs(point[0] * value + point[1 + d]));
+        }
+        examiner->errors[d] += most;
+        out->error = larger(out->error, examiner->errors[d] * driver->scale * driver->weight);
+    }
+    out->allowed = out->error <= limit * (1 + 2 * ROUNDING);
+}
+
+enum tetlod_status exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
+                                 const struct complex *complex, const struct fields *fields, const struct star *star,
+                                 const double p[3], const double *wanted, double limit, double horizon,
+                                 struct finding *out, struct tetlod_error *error)
+{
+    const struct examination e = {examiner, overlaps, complex, fields, star, horizon};
+    bool sound;
+    *out = (struct finding){.error = INFINITY, .witness = {TETLOD_NONE, TETLOD_NONE}};
+    TETLOD_TRY(patch_look(&examiner->patch, overlaps, complex, p, &sound, error));
+    if (!sound)
+        return TETLOD_OK;
+    open_intervals(examiner, fields, limit);
+    examiner->point_count = 0;
+    look_everywhere(&e);
+    if (examiner->point_count == SIZE_MAX)
+        return tetlodi_fail_nomem(error, "the exact limit", examiner->point_capacity * 8);
+    raise_limits(examiner, fields);
+    if (!refused(examiner, fields, out))
+        settle(examiner, fields, wanted, limit, out);
+    return TETLOD_OK;
+}
+
+enum tetlod_status exact_contract(struct examiner *examiner, struct overlaps *overlaps, const struct complex *complex,
+                                  const struct star *star, struct tetlod_error *error)
+{
+    return patch_hand_on(&examiner->patch, overlaps, complex, star, error);
+}

@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The exact limit. After a contraction to v' with the value s' the level is linear on every cone of the new star, the original
+ * on every tetrahedron: their difference is largest at a corner of an intersection of the two. Those are the original vertices,
+ * where original edges cross walls, where spokes cross original faces, v' itself, and points on the link, where nothing
+ * changes. Each is |w s' + c| for a weight w of v' and a constant c, so a limit of it is an interval for s' (PROOF.md, 8).
+ */
+#ifndef TETLOD_EXACT_H
+#define TETLOD_EXACT_H
+
+#include "src/build/fields.h"
+#include "src/build/patch.h"
+
+/* |weight * s' + constant| is the difference at a corner of the overlay. */
+struct critical {
+    double weight, constant;
+    uint32_t cone; /* TETLOD_NONE: at v' itself, whatever the star */
+    bool fixed;    /* no corner but an end of the field's range, which no limit moves */
+};
+
+/* The values of v' that are left for one driver. */
+struct interval {
+    double limit;     /* in the field's units: what was asked for, or more where that leaves nothing */
+    double asked;
+    double low, high; /* at this limit */
+    double range[2];  /* that the field's values stay in */
+    struct critical lowest, highest; /* that say so */
+};
+
+/* One thread's. */
+struct examiner {
+    struct patch patch;
+    struct interval *intervals; /* [driver] */
+    double *level, *original;   /* [driver][link], [driver][vertex] values */
+    double *points;             /* [point][1 + driver] weights and constants of all corners of the overlay */
+    double *constants;          /* [driver] of the one at hand */
+    double *chosen, *errors;    /* [driver] */
+    uint32_t *cones;            /* [point] that it is in, of the level */
+    size_t level_capacity, original_capacity, point_capacity, cone_capacity, point_count;
+};
+
+struct finding {
+    bool allowed;
+    double error;        /* fraction of the range of the worst weighted driver; if not allowed, a lower bound of it */
+    uint32_t witness[2]; /* if not allowed: while these tetrahedra stay as they are, so does the bound; TETLOD_NONE: it always does */
+};
+
+TETLOD_CHECKED enum tetlod_status examiner_init(struct examiner *examiner, const struct complex *complex,
+                                                const struct fields *fields, struct tetlod_error *error);
+void examiner_fini(struct examiner *examiner);
+
+/* Takes up a gathered star. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status exact_take_up(struct examiner *examiner, const struct overlaps *overlaps,
+                                                const struct complex *complex, const struct fields *fields,
+                                                const struct star *star, struct tetlod_error *error);
+
+/* May the star that was taken up be contracted to p, where no tetrahedron flips, with an error of at most `limit`? `wanted`
+ * [driver] are the values that it should have: it gets the nearest that are allowed, in examiner->chosen, and then the error
+ * of each driver, rounding included, is in examiner->errors. A bound is followed to `horizon` at most. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
+                                                const struct complex *complex, const struct fields *fields,
+                                                const struct star *star, const double p[3], const double *wanted,
+                                                double limit, double horizon, struct finding *out,
+                                                struct tetlod_error *error);
+
+/* After exact_examine has allowed p, before the contraction: follows it. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status exact_contract(struct examiner *examiner, struct overlaps *overlaps,
+                                                 const struct complex *complex, const struct star *star,
+                                                 struct tetlod_error *error);
+
+#endif

@@ -1,0 +1,590 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/build/patch.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+/* A star whose rows would be longer in all is left alone: it is no good anyway. */
+static const size_t MOST_ROWS = (size_t)1 << 21;
+
+/* Distances from a plane through v', and heights over a link face, are this many units in the last place of the product of
+ * the three lengths that they are made of wrong at most (PROOF.md, section 8). */
+static const double PLANE_ROUNDING = 16 * DBL_EPSILON;
+
+struct patch_slot {
+    uint32_t epoch, edge;
+};
+
+/* ---- which originals overlap which tetrahedra */
+
+enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh, struct tetlod_error *error)
+{
+    size_t tets = mesh->tet_count;
+    *overlaps = (struct overlaps){.mesh = mesh,
+                                  .begin = array_new(tets, sizeof *overlaps->begin),
+                                  .count = array_new(tets, sizeof *overlaps->count),
+                                  .pool = array_new(2 * tets, sizeof *overlaps->pool),
+                                  .pool_size = tets,
+                                  .pool_capacity = 2 * tets,
+                                  .host = array_new(mesh->vertex_count, sizeof *overlaps->host)};
+    if (!overlaps->begin || !overlaps->count || !overlaps->pool || !overlaps->host) {
+        overlaps_fini(overlaps);
+        return tetlodi_fail_nomem(error, "the overlaps", tets * 20 + mesh->vertex_count * (uint64_t)4);
+    }
+    for (uint32_t t = 0; t < tets; t++) {
+        overlaps->begin[t] = t;
+        overlaps->count[t] = 1;
+        overlaps->pool[t] = t;
+        for (int c = 0; c < 4; c++)
+            overlaps->host[mesh->corners[4 * (size_t)t + (size_t)c]] = t;
+    }
+    return TETLOD_OK;
+}
+
+void overlaps_fini(struct overlaps *overlaps)
+{
+    free(overlaps->begin);
+    free(overlaps->count);
+    free(overlaps->pool);
+    free(overlaps->host);
+    *overlaps = (struct overlaps){0};
+}
+
+/* ---- memory */
+
+enum part { TETS, CORNERS, VERTICES, EDGES, LINK, WALLS, CONES, NORMALS, ROWS, SIGNS, CONE_WALLS, CONE_SIGNS, SPOKE_WALLS,
+            SPOKE_CONE, TABLE, PAIRS, UNDER };
+
+/* Room for that many elements in an array of the patch; `array` points to its pointer. */
+static bool room(struct patch *patch, enum part part, void *array, size_t needed, size_t size)
+{
+    void *elements;
+    memcpy(&elements, array, sizeof elements);
+    bool done = array_reserve(&elements, &patch->capacity[part], needed, size);
+    memcpy(array, &elements, sizeof elements);
+    return done;
+}
+
+static enum tetlod_status no_room(struct tetlod_error *error)
+{
+    return tetlodi_fail_nomem(error, "the originals under a star", 1 << 20);
+}
+
+enum tetlod_status patch_init(struct patch *patch, const struct complex *complex, struct tetlod_error *error)
+{
+    size_t tets = complex->tet_count, vertices = complex->vertex_count;
+    *patch = (struct patch){.tet_epoch = array_zero(tets, sizeof(uint32_t)),
+                            .star_epoch = array_zero(tets, sizeof(uint32_t)),
+                            .vertex_epoch = array_zero(vertices, sizeof(uint32_t)),
+                            .vertex_number = array_new(vertices, sizeof(uint32_t)),
+                            .slot_epoch = array_zero(vertices, sizeof(uint32_t)),
+                            .slot_number = array_new(vertices, sizeof(uint32_t))};
+    if (patch->tet_epoch && patch->star_epoch && patch->vertex_epoch && patch->vertex_number && patch->slot_epoch &&
+        patch->slot_number)
+        return TETLOD_OK;
+    patch_fini(patch);
+    return tetlodi_fail_nomem(error, "the originals under a star", tets * 8 + vertices * 16);
+}
+
+void patch_fini(struct patch *patch)
+{
+    void *owned[] = {patch->tets,         patch->corners,      patch->vertices,    patch->edges,       patch->link,
+                     patch->walls,        patch->cones,        patch->normals,     patch->rows,        patch->signs,
+                     patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spoke_cone,  patch->table,
+                     patch->pairs,        patch->under,       patch->tet_epoch,   patch->star_epoch,
+                     patch->vertex_epoch, patch->vertex_number, patch->slot_epoch, patch->slot_number};
+    for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
+        free(owned[i]);
+    *patch = (struct patch){0};
+}
+
+/* ---- gathering */
+
+/* The originals under the star's tetrahedra, each once; those under the ones that are removed first, for v' is likely there. */
+static bool gather_tets(struct patch *patch, const struct overlaps *overlaps, const struct star *star)
+{
+    size_t most = 0;
+    for (uint32_t i = 0; i < star->tet_count; i++) {
+        most += overlaps->count[star->tets[i]];
+        patch->star_epoch[star->tets[i]] = patch->epoch;
+    }
+    patch->tet_count = 0;
+    if (!room(patch, TETS, &patch->tets, most, sizeof *patch->tets))
+        return false;
+    for (int pass = 0; pass < 2; pass++)
+        for (uint32_t i = 0; i < star->tet_count; i++) {
+            const uint32_t *list = overlaps->pool + overlaps->begin[star->tets[i]];
+            for (uint32_t k = 0; k < overlaps->count[star->tets[i]] && (star->moving[i] == STAR_REMOVED) == !pass; k++) {
+                if (patch->tet_epoch[list[k]] != patch->epoch)
+                    patch->tets[patch->tet_count++] = list[k];
+                patch->tet_epoch[list[k]] = patch->epoch;
+            }
+        }
+    return room(patch, CORNERS, &patch->corners, patch->tet_count, sizeof *patch->corners);
+}
+
+/* Numbers the originals' vertices, those that the star hosts first. */
+static bool gather_vertices(struct patch *patch, const struct overlaps *overlaps)
+{
+    patch->vertex_count = 0;
+    if (!room(patch, VERTICES, &patch->vertices, 4 * (size_t)patch->tet_count, sizeof *patch->vertices))
+        return false;
+    for (int pass = 0; pass < 2; pass++) {
+        for (uint32_t t = 0; t < patch->tet_count; t++)
+            for (int c = 0; c < 4; c++) {
+                uint32_t v = overlaps->mesh->corners[4 * (size_t)patch->tets[t] + (size_t)c];
+                if (patch->vertex_epoch[v] == patch->epoch) {
+                    patch->corners[t][c] = patch->vertex_number[v];
+                    continue;
+                }
+                if (!pass && (overlaps->host[v] == TETLOD_NONE || patch->star_epoch[overlaps->host[v]] != patch->epoch))
+                    continue;
+                patch->vertex_epoch[v] = patch->epoch;
+                patch->corners[t][c] = patch->vertex_number[v] = patch->vertex_count;
+                patch->vertices[patch->vertex_count++] = v;
+            }
+        if (!pass)
+            patch->inside_count = patch->vertex_count;
+    }
+    return true;
+}
+
+static uint32_t link_number(struct patch *patch, uint32_t slot)
+{
+    if (patch->slot_epoch[slot] != patch->epoch) {
+        patch->slot_epoch[slot] = patch->epoch;
+        patch->slot_number[slot] = patch->link_count;
+        patch->link[patch->link_count++] = slot;
+    }
+    return patch->slot_number[slot];
+}
+
+/* A cone for every re-attached tetrahedron. */
+static bool gather_cones(struct patch *patch, const struct complex *complex, const struct star *star)
+{
+    uint32_t most = star->tet_count - star->removed_count;
+    patch->link_count = patch->cone_count = 0;
+    if (!room(patch, CONES, &patch->cones, most, sizeof *patch->cones) ||
+        !room(patch, LINK, &patch->link, 3 * (size_t)most, sizeof *patch->link))
+        return false;
+    for (uint32_t i = 0; i < star->tet_count; i++) {
+        if (star->moving[i] == STAR_REMOVED)
+            continue;
+        struct cone *cone = &patch->cones[patch->cone_count++];
+        cone->tet = star->tets[i];
+        cone->outer = complex_boundary_face(complex, cone->tet, star->moving[i]);
+        for (int k = 0; k < 3; k++)
+            cone->link[k] =
+                link_number(patch, complex->corners[4 * (size_t)cone->tet + tet_faces[star->moving[i]][k]]);
+    }
+    return true;
+}
+
+/* A wall for every edge of the link. */
+static bool gather_walls(struct patch *patch)
+{
+    size_t links = patch->link_count, before = patch->capacity[PAIRS];
+    patch->wall_count = 0;
+    if (!room(patch, PAIRS, &patch->pairs, links * links, sizeof *patch->pairs) ||
+        !room(patch, WALLS, &patch->walls, 3 * (size_t)patch->cone_count, sizeof *patch->walls))
+        return false;
+    memset(patch->pairs + before, 0, (patch->capacity[PAIRS] - before) * sizeof *patch->pairs);
+    for (uint32_t f = 0; f < patch->cone_count; f++)
+        for (int k = 0; k < 3; k++) {
+            uint32_t a = patch->cones[f].link[(k + 1) % 3], b = patch->cones[f].link[(k + 2) % 3];
+            uint32_t *pair = &patch->pairs[a < b ? a * links + b : b * links + a];
+            if (!*pair) {
+                patch->walls[patch->wall_count] = (struct wall){.link = {a, b}, .cones = {f, f}, .outer = true};
+                *pair = ++patch->wall_count;
+            } else {
+                patch->walls[*pair - 1].cones[1] = f;
+                patch->walls[*pair - 1].outer = false;
+            }
+            patch->cones[f].walls[k] = *pair - 1;
+        }
+    for (uint32_t w = 0; w < patch->wall_count; w++) {
+        uint32_t a = patch->walls[w].link[0], b = patch->walls[w].link[1];
+        patch->pairs[a < b ? a * links + b : b * links + a] = 0;
+    }
+    return true;
+}
+
+enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex,
+                                const struct star *star, struct tetlod_error *error)
+{
+    patch->epoch++;
+    patch->edge_count = 0;
+    if (gather_tets(patch, overlaps, star) && gather_vertices(patch, overlaps) && gather_cones(patch, complex, star) &&
+        gather_walls(patch))
+        return TETLOD_OK;
+    return no_room(error);
+}
+
+enum tetlod_status patch_edges(struct patch *patch, struct tetlod_error *error)
+{
+    size_t most = 6 * (size_t)patch->tet_count, size = 64;
+    if (patch->edge_count)
+        return TETLOD_OK;
+    while (size < most)
+        size *= 2;
+    if (size > patch->table_size) {
+        free(patch->table);
+        patch->table = array_zero(size, sizeof *patch->table);
+        patch->table_size = patch->table ? size : 0;
+    }
+    if (!patch->table || !room(patch, EDGES, &patch->edges, most, sizeof *patch->edges))
+        return no_room(error);
+    for (uint32_t t = 0; t < patch->tet_count; t++)
+        for (int e = 0; e < 6; e++) {
+            uint32_t a = patch->corners[t][tet_edges[e][0]], b = patch->corners[t][tet_edges[e][1]];
+            uint32_t least = a < b ? a : b, greatest = a < b ? b : a;
+            size_t at = (least * (size_t)2654435761u + greatest * (size_t)40503u) & (size - 1);
+            for (; patch->table[at].epoch == patch->epoch; at = (at + 1) & (size - 1)) {
+                const uint32_t *edge = patch->edges[patch->table[at].edge];
+                if (edge[0] == least && edge[1] == greatest)
+                    break;
+            }
+            if (patch->table[at].epoch == patch->epoch)
+                continue;
+            patch->table[at] = (struct patch_slot){patch->epoch, patch->edge_count};
+            patch->edges[patch->edge_count][0] = least;
+            patch->edges[patch->edge_count++][1] = greatest;
+        }
+    return TETLOD_OK;
+}
+
+/* ---- looking */
+
+static void subtract(const double *a, const double *b, double out[3])
+{
+    for (int i = 0; i < 3; i++)
+        out[i] = a[i] - b[i];
+}
+
+static void cross(const double a[3], const double b[3], double out[3])
+{
+    for (int i = 0; i < 3; i++)
+        out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+}
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static const double *link_position(const struct patch *patch, const struct complex *complex, uint32_t link)
+{
+    return complex->positions + 3 * (size_t)patch->link[link];
+}
+
+static void find_reach(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex)
+{
+    double reach2 = 0;
+    for (uint32_t v = 0; v < patch->vertex_count; v++)
+        reach2 = larger(reach2, distance_squared(patch->apex, patch_position(patch, overlaps, v)));
+    for (uint32_t l = 0; l < patch->link_count; l++)
+        reach2 = larger(reach2, distance_squared(patch->apex, link_position(patch, complex, l)));
+    patch->reach = sqrt(reach2);
+}
+
+/* The walls' planes. */
+static void look_at_walls(struct patch *patch, const struct complex *complex)
+{
+    for (uint32_t w = 0; w < patch->wall_count; w++) {
+        struct wall *wall = &patch->walls[w];
+        double a[3], b[3], n[3];
+        subtract(link_position(patch, complex, wall->link[0]), patch->apex, a);
+        subtract(link_position(patch, complex, wall->link[1]), patch->apex, b);
+        cross(a, b, n);
+        wall->tolerance = PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * patch->reach;
+        for (int i = 0; i < 3; i++)
+            patch->normals[(size_t)i * patch->wall_count + w] = n[i];
+    }
+}
+
+/* The weights in a cone; a wall on the boundary is turned so that the star is on its positive side. False if the cone has no
+ * volume. */
+static bool look_at_cone(struct patch *patch, const struct complex *complex, uint32_t f)
+{
+    struct cone *cone = &patch->cones[f];
+    const double *p[3];
+    double a[3], b[3];
+    for (int k = 0; k < 3; k++)
+        p[k] = link_position(patch, complex, cone->link[k]);
+    subtract(p[1], p[0], a);
+    subtract(p[2], p[0], b);
+    cross(a, b, cone->normal);
+    cone->tolerance = PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * 2 * patch->reach;
+    double height = cone_height(cone, patch, complex, patch->apex), size2 = tet_size_squared(patch->apex, p[0], p[1], p[2]);
+    if (height < 0) {
+        height = -height;
+        for (int i = 0; i < 3; i++)
+            cone->normal[i] = -cone->normal[i];
+    }
+    if (!(height > 0))
+        return false;
+    cone->apex = 1 / height;
+    patch->condition = larger(patch->condition, size2 * patch->reach / height);
+    memset(patch->cone_walls + (size_t)f * patch->words, 0, patch->words * sizeof(uint64_t));
+    memset(patch->cone_signs + (size_t)f * patch->words, 0, patch->words * sizeof(uint64_t));
+    for (int k = 0; k < 3; k++) {
+        uint32_t w = cone->walls[k];
+        double *n = patch->normals + w, r[3];
+        size_t stride = patch->wall_count;
+        subtract(p[k], patch->apex, r);
+        double distance = n[0] * r[0] + n[stride] * r[1] + n[2 * stride] * r[2];
+        if (distance == 0)
+            return false;
+        if (distance < 0 && patch->walls[w].outer) {
+            distance = -distance;
+            for (int i = 0; i < 3; i++)
+                n[(size_t)i * stride] = -n[(size_t)i * stride];
+        }
+        cone->scale[k] = 1 / distance;
+        patch->cone_walls[(size_t)f * patch->words + w / 64] |= (uint64_t)1 << w % 64;
+        patch->cone_signs[(size_t)f * patch->words + w / 64] |= (uint64_t)(distance > 0) << w % 64;
+    }
+    return true;
+}
+
+static void look_at_spokes(struct patch *patch)
+{
+    memset(patch->spoke_walls, 0, (size_t)patch->link_count * patch->words * sizeof(uint64_t));
+    for (uint32_t w = 0; w < patch->wall_count; w++)
+        for (int i = 0; i < 2 && !patch->walls[w].outer; i++)
+            patch->spoke_walls[(size_t)patch->walls[w].link[i] * patch->words + w / 64] |= (uint64_t)1 << w % 64;
+    for (uint32_t f = 0; f < patch->cone_count; f++)
+        for (uint32_t k = 0; k < 3; k++) {
+            patch->spoke_cone[patch->cones[f].link[k]][0] = f;
+            patch->spoke_cone[patch->cones[f].link[k]][1] = k;
+        }
+}
+
+enum tetlod_status patch_look(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex,
+                              const double p[3], bool *out_sound, struct tetlod_error *error)
+{
+    size_t walls = patch->wall_count, vertices = patch->vertex_count, cones = patch->cone_count;
+    size_t words = patch->words = (patch->wall_count + 63) / 64;
+    memcpy(patch->apex, p, sizeof patch->apex);
+    *out_sound = walls * vertices <= MOST_ROWS;
+    if (!*out_sound)
+        return TETLOD_OK;
+    if (!room(patch, NORMALS, &patch->normals, 3 * walls, sizeof *patch->normals) ||
+        !room(patch, ROWS, &patch->rows, walls * vertices, sizeof *patch->rows) ||
+        !room(patch, SIGNS, &patch->signs, SIDES * words * vertices, sizeof *patch->signs) ||
+        !room(patch, CONE_WALLS, &patch->cone_walls, words * cones, sizeof *patch->cone_walls) ||
+        !room(patch, CONE_SIGNS, &patch->cone_signs, words * cones, sizeof *patch->cone_signs) ||
+        !room(patch, SPOKE_WALLS, &patch->spoke_walls, words * patch->link_count, sizeof *patch->spoke_walls) ||
+        !room(patch, SPOKE_CONE, &patch->spoke_cone, patch->link_count, sizeof *patch->spoke_cone))
+        return no_room(error);
+    patch->condition = 0;
+    find_reach(patch, overlaps, complex);
+    look_at_walls(patch, complex);
+    for (uint32_t f = 0; f < cones && *out_sound; f++)
+        *out_sound = look_at_cone(patch, complex, f);
+    look_at_spokes(patch);
+    return TETLOD_OK;
+}
+
+void patch_rows(struct patch *patch, const struct overlaps *overlaps, uint32_t begin, uint32_t end)
+{
+    size_t walls = patch->wall_count;
+    const double *nx = patch->normals, *ny = nx + walls, *nz = ny + walls;
+    for (uint32_t v = begin; v < end; v++) {
+        double *row = patch->rows + v * walls, r[3];
+        uint64_t *signs = patch->signs + (size_t)v * SIDES * patch->words;
+        subtract(patch_position(patch, overlaps, v), patch->apex, r);
+        for (size_t w = 0; w < walls; w++)
+            row[w] = nx[w] * r[0] + ny[w] * r[1] + nz[w] * r[2];
+        for (uint32_t word = 0; word < patch->words; word++) {
+            size_t first = (size_t)64 * word, last = first + 64 < walls ? first + 64 : walls;
+            uint64_t positive = 0, low = 0, high = 0;
+            for (size_t w = first; w < last; w++) {
+                double tolerance = patch->walls[w].tolerance;
+                positive |= (uint64_t)(row[w] >= (patch->walls[w].outer ? -tolerance : 0)) << (w - first);
+                low |= (uint64_t)(row[w] <= tolerance) << (w - first);
+                high |= (uint64_t)(row[w] >= -tolerance) << (w - first);
+            }
+            signs[POSITIVE * patch->words + word] = positive;
+            signs[MAYBE_NOT_POSITIVE * patch->words + word] = low;
+            signs[MAYBE_NOT_NEGATIVE * patch->words + word] = high;
+        }
+    }
+}
+
+uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex)
+{
+    const uint64_t *signs = patch_side(patch, vertex, POSITIVE);
+    for (uint32_t f = 0; f < patch->cone_count; f++) {
+        const uint64_t *walls = patch->cone_walls + (size_t)f * patch->words,
+                       *inside = patch->cone_signs + (size_t)f * patch->words;
+        uint64_t differ = 0;
+        for (uint32_t word = 0; word < patch->words; word++)
+            differ |= (signs[word] & walls[word]) ^ inside[word];
+        if (!differ)
+            return f;
+    }
+    // rounding may leave a sliver between cones: the cone that it is least outside of
+    const double *row = patch->rows + (size_t)vertex * patch->wall_count;
+    uint32_t best = TETLOD_NONE;
+    double most = -1e-9;
+    for (uint32_t f = 0; f < patch->cone_count; f++) {
+        const struct cone *cone = &patch->cones[f];
+        double least = INFINITY;
+        for (int k = 0; k < 3; k++)
+            least = smaller(least, cone->scale[k] * row[cone->walls[k]]);
+        if (least > most) {
+            most = least;
+            best = f;
+        }
+    }
+    return best;
+}
+
+/* ---- handing on */
+
+/* Is an original on the other side of one of the cone's planes? Those on the boundary do not count: a cone is taken to reach
+ * beyond them, so that nothing is lost where the boundary has moved. */
+static bool apart(const struct patch *patch, uint32_t t, const uint64_t *under, uint32_t f)
+{
+    const struct cone *cone = &patch->cones[f];
+    const uint32_t *corners = patch->corners[t];
+    if (!cone->outer && under[f / 64] >> f % 64 & 1)
+        return true;
+    for (int k = 0; k < 3; k++) {
+        uint32_t w = cone->walls[k], word = w / 64;
+        unsigned side = cone->scale[k] > 0 ? MAYBE_NOT_POSITIVE : MAYBE_NOT_NEGATIVE;
+        uint64_t all = patch_side(patch, corners[0], side)[word] & patch_side(patch, corners[1], side)[word] &
+                       patch_side(patch, corners[2], side)[word] & patch_side(patch, corners[3], side)[word];
+        if (!patch->walls[w].outer && all >> w % 64 & 1)
+            return true;
+    }
+    return false;
+}
+
+static bool on_boundary(const struct patch *patch, const struct cone *cone)
+{
+    return cone->outer || patch->walls[cone->walls[0]].outer || patch->walls[cone->walls[1]].outer ||
+           patch->walls[cone->walls[2]].outer;
+}
+
+/* Is the cone on the other side of one of the original's planes? */
+static bool apart_by_original(const struct patch *patch, const struct overlaps *overlaps, const struct complex *complex,
+                              uint32_t tet, const struct cone *cone)
+{
+    const uint32_t *corners = overlaps->mesh->corners + 4 * (size_t)tet;
+    const double *q[4] = {patch->apex, link_position(patch, complex, cone->link[0]),
+                          link_position(patch, complex, cone->link[1]), link_position(patch, complex, cone->link[2])};
+    for (int f = 0; f < 4; f++) {
+        const double *p[3];
+        double a[3], b[3], r[3], n[3];
+        for (int k = 0; k < 3; k++)
+            p[k] = overlaps->mesh->positions + 3 * (size_t)corners[tet_faces[f][k]];
+        subtract(p[1], p[0], a);
+        subtract(p[2], p[0], b);
+        cross(a, b, n);
+        subtract(overlaps->mesh->positions + 3 * (size_t)corners[f], p[0], r);
+        double inside = dot(n, r) > 0 ? 1 : -1, most = -INFINITY;
+        for (int c = 0; c < 4; c++) {
+            subtract(q[c], p[0], r);
+            most = larger(most, inside * dot(n, r));
+        }
+        if (most <= PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * 2 * patch->reach)
+            return true;
+    }
+    return false;
+}
+
+/* Room for `needed` more in the pool: compacts it if half of it is not in use any more. */
+static bool pool_room(struct overlaps *overlaps, size_t needed)
+{
+    if (overlaps->pool_size + needed <= overlaps->pool_capacity)
+        return true;
+    size_t live = 0, tets = overlaps->mesh->tet_count;
+    for (size_t t = 0; t < tets; t++)
+        live += overlaps->count[t];
+    size_t capacity = live + live / 2 + needed + 1024;
+    uint32_t *pool = array_new(capacity, sizeof *pool);
+    if (!pool)
+        return false;
+    overlaps->pool_size = 0;
+    for (size_t t = 0; t < tets; t++) {
+        memcpy(pool + overlaps->pool_size, overlaps->pool + overlaps->begin[t], overlaps->count[t] * sizeof *pool);
+        overlaps->begin[t] = overlaps->pool_size;
+        overlaps->pool_size += overlaps->count[t];
+    }
+    free(overlaps->pool);
+    overlaps->pool = pool;
+    overlaps->pool_capacity = capacity;
+    return true;
+}
+
+/* The originals that may overlap a cone become its list. */
+static bool hand_on_to(const struct patch *patch, struct overlaps *overlaps, const struct complex *complex, uint32_t f,
+                       uint32_t words)
+{
+    const struct cone *cone = &patch->cones[f];
+    if (!pool_room(overlaps, patch->tet_count))
+        return false;
+    uint32_t *list = overlaps->pool + overlaps->pool_size, count = 0;
+    for (uint32_t t = 0; t < patch->tet_count; t++)
+        if (!apart(patch, t, patch->under + (patch->vertex_count + (size_t)t) * words, f) &&
+            (on_boundary(patch, cone) || !apart_by_original(patch, overlaps, complex, patch->tets[t], cone)))
+            list[count++] = patch->tets[t];
+    overlaps->begin[cone->tet] = overlaps->pool_size;
+    overlaps->count[cone->tet] = count;
+    overlaps->pool_size += count;
+    return true;
+}
+
+/* Which vertices, and then which originals with all their corners, are under the link faces; in doubt they are. */
+static bool find_under(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex, uint32_t words)
+{
+    size_t rows = (size_t)patch->vertex_count + patch->tet_count;
+    if (!room(patch, UNDER, &patch->under, rows * words, sizeof *patch->under))
+        return false;
+    uint64_t *under = patch->under, *tets = under + (size_t)patch->vertex_count * words;
+    memset(under, 0, (size_t)patch->vertex_count * words * sizeof *under);
+    for (uint32_t v = 0; v < patch->vertex_count; v++)
+        for (uint32_t f = 0; f < patch->cone_count; f++) {
+            const struct cone *cone = &patch->cones[f];
+            double height = cone_height(cone, patch, complex, patch_position(patch, overlaps, v));
+            under[(size_t)v * words + f / 64] |= (uint64_t)(height <= cone->tolerance) << f % 64;
+        }
+    for (uint32_t t = 0; t < patch->tet_count; t++)
+        for (uint32_t word = 0; word < words; word++) {
+            const uint32_t *corners = patch->corners[t];
+            tets[(size_t)t * words + word] =
+                under[(size_t)corners[0] * words + word] & under[(size_t)corners[1] * words + word] &
+                under[(size_t)corners[2] * words + word] & under[(size_t)corners[3] * words + word];
+        }
+    return true;
+}
+
+enum tetlod_status patch_hand_on(struct patch *patch, struct overlaps *overlaps, const struct complex *complex,
+                                 const struct star *star, struct tetlod_error *error)
+{
+    uint32_t words = (patch->cone_count + 63) / 64;
+    if (!find_under(patch, overlaps, complex, words))
+        return no_room(error);
+    for (uint32_t i = 0; i < star->tet_count; i++)
+        overlaps->count[star->tets[i]] = 0;
+    for (uint32_t f = 0; f < patch->cone_count; f++)
+        if (!hand_on_to(patch, overlaps, complex, f, words))
+            return no_room(error);
+    for (uint32_t v = 0; v < patch->vertex_count; v++) {
+        uint32_t f = patch_cone_of(patch, v);
+        if (f != TETLOD_NONE &&
+            (v < patch->inside_count || cone_height(&patch->cones[f], patch, complex, patch_position(patch, overlaps, v)) > 0))
+            overlaps->host[patch->vertices[v]] = patch->cones[f].tet;
+        else if (v < patch->inside_count)
+            overlaps->host[patch->vertices[v]] = TETLOD_NONE;
+    }
+    return TETLOD_OK;
+}

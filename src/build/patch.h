@@ -1,0 +1,133 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The part of the original mesh that a star covers, seen from where the star is to be contracted to.
+ *
+ * Every tetrahedron of the level has a list of the original ones that overlap it. A star's patch is the union of its lists. A
+ * contraction to v' makes a cone from v' over every link face; between two cones stands a wall, the triangle of v' and an edge
+ * of the link; where walls meet is a spoke, the edge from v' to a vertex of the link. All there is to know of an original
+ * vertex is on which side of every wall's plane it is, and how far: one row of numbers, whose signs as bits cull.
+ */
+#ifndef TETLOD_PATCH_H
+#define TETLOD_PATCH_H
+
+#include "src/build/complex.h"
+
+/* Which original tetrahedra overlap which of the level. */
+struct overlaps {
+    const struct tetmesh *mesh; /* the original, borrowed */
+    size_t *begin;              /* [tet of the level] its list in the pool */
+    uint32_t *count;            /* [tet of the level] */
+    uint32_t *pool;
+    size_t pool_size, pool_capacity;
+    uint32_t *host;             /* [original vertex] the tetrahedron of the level that it is in: a hint, what to look at first */
+};
+
+/* For the complex of the mesh before its first contraction. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh,
+                                                struct tetlod_error *error);
+void overlaps_fini(struct overlaps *overlaps);
+
+/* On which side of a wall's plane a vertex is: that it counts to, and, rounding in doubt, where it may be. */
+enum { POSITIVE, MAYBE_NOT_POSITIVE, MAYBE_NOT_NEGATIVE, SIDES };
+
+struct wall {
+    uint32_t link[2];   /* numbers of its vertices in the link */
+    uint32_t cones[2];  /* that it bounds; the same twice on the boundary */
+    bool outer;         /* it lies on the boundary */
+    double tolerance;   /* of its distances' rounding */
+};
+
+struct cone {
+    uint32_t tet;       /* of the level */
+    uint32_t link[3];
+    uint32_t walls[3];  /* opposite these */
+    bool outer;         /* its link face lies on the boundary */
+    double normal[3];   /* of the link face, inwards */
+    double scale[3];    /* weight of link[i] at p = scale[i] * distance of p from walls[i] */
+    double apex;        /* weight of v' at p = apex * normal . (p - link[0]) */
+    double tolerance;   /* of normal . (p - link[0]) */
+};
+
+/* One thread's. Numbers of vertices, link vertices, walls and cones are the patch's own. */
+enum { PATCH_PARTS = 24 };
+
+struct patch {
+    /* the originals */
+    uint32_t tet_count, vertex_count, inside_count, edge_count;
+    uint32_t *tets;              /* of the original */
+    uint32_t (*corners)[4];      /* [tet] vertices */
+    uint32_t *vertices;          /* of the original; those hosted by the star first */
+    uint32_t (*edges)[2];        /* once each, after patch_edges */
+    /* the star */
+    uint32_t link_count, wall_count, cone_count;
+    uint32_t *link;              /* slots */
+    struct wall *walls;
+    struct cone *cones;
+    /* seen from `apex` */
+    double apex[3], reach;       /* no point of the patch or the link is farther from it */
+    double condition;            /* the largest of the cones': (longest edge)^2 * reach / 6V */
+    uint32_t words;              /* of a set of walls */
+    double *normals;             /* [3][wall] */
+    double *rows;                /* [vertex][wall] distances from the walls' planes, scaled */
+    uint64_t *signs;             /* [vertex][SIDES][words] sets of walls */
+    uint64_t *cone_walls, *cone_signs; /* [cone][words] its walls, and the signs inside it */
+    uint64_t *spoke_walls;       /* [link][words] the walls that meet there, but those on the boundary */
+    uint32_t (*spoke_cone)[2];   /* [link] a cone there, and the link vertex's place in it */
+    /* scratch */
+    uint32_t epoch, *tet_epoch, *star_epoch, *vertex_epoch, *vertex_number, *slot_epoch, *slot_number;
+    struct patch_slot *table; /* of edges */
+    size_t table_size;
+    uint32_t *pairs;          /* [link * link] number of the wall there, plus 1; all 0 between stars */
+    uint64_t *under;          /* [vertex or tet][words of a set of cones] under whose link face it is, of patch_hand_on */
+    size_t capacity[PATCH_PARTS];
+};
+
+TETLOD_CHECKED enum tetlod_status patch_init(struct patch *patch, const struct complex *complex,
+                                             struct tetlod_error *error);
+void patch_fini(struct patch *patch);
+
+/* Takes up what lies under a gathered star. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *overlaps,
+                                               const struct complex *complex, const struct star *star,
+                                               struct tetlod_error *error);
+
+/* Looks at it from p: walls and cones, but no rows yet. *out_sound: every cone has a volume, and all is not too much.
+ * ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status patch_look(struct patch *patch, const struct overlaps *overlaps,
+                                             const struct complex *complex, const double p[3], bool *out_sound,
+                                             struct tetlod_error *error);
+
+/* Computes the rows of vertices begin .. end-1. */
+void patch_rows(struct patch *patch, const struct overlaps *overlaps, uint32_t begin, uint32_t end);
+
+/* The cone whose directions from v' hold the vertex, or TETLOD_NONE where the star has none. It may be beyond the link. */
+uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex);
+
+/* Lists the edges of the patch. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status patch_edges(struct patch *patch, struct tetlod_error *error);
+
+/* After the rows of all vertices, and before the contraction: hands the originals of the star on to its cones. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status patch_hand_on(struct patch *patch, struct overlaps *overlaps,
+                                                const struct complex *complex, const struct star *star,
+                                                struct tetlod_error *error);
+
+static inline const double *patch_position(const struct patch *patch, const struct overlaps *overlaps, uint32_t vertex)
+{
+    return overlaps->mesh->positions + 3 * (size_t)patch->vertices[vertex];
+}
+
+/* A vertex's set of walls. */
+static inline const uint64_t *patch_side(const struct patch *patch, uint32_t vertex, unsigned side)
+{
+    return patch->signs + ((size_t)vertex * SIDES + side) * patch->words;
+}
+
+/* Height of p over the cone's link face, scaled. */
+static inline double cone_height(const struct cone *cone, const struct patch *patch, const struct complex *complex,
+                                 const double p[3])
+{
+    const double *base = complex->positions + 3 * (size_t)patch->link[cone->link[0]];
+    return cone->normal[0] * (p[0] - base[0]) + cone->normal[1] * (p[1] - base[1]) + cone->normal[2] * (p[2] - base[2]);
+}
+
+#endif

@@ -1,0 +1,258 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The exact limit on random contractions: what the envelope accepts it accepts; its error of one contraction is the overlay's
+ * largest difference, and of many an upper bound of it; what it refuses for a limit has no value within that limit.
+ */
+#include "src/build/exact.h"
+
+#include <stdlib.h>
+
+#include "src/build/boundary.h"
+#include "src/build/candidates.h"
+#include "src/build/overlay.h"
+#include "src/mesh/tet_geom.h"
+#include "src/sample/sample.h"
+#include "tests/gen.h"
+#include "tests/test.h"
+
+/* What there is of a mesh that is contracted at random. */
+struct world {
+    struct tetmesh mesh;
+    struct complex complex;
+    struct fields fields;
+    struct boundary boundary;
+    struct overlaps overlaps;
+    struct examiner examiner;
+    struct star star;
+    uint64_t random;
+    double p[3];
+};
+
+static double unit_random(uint64_t *random)
+{
+    return (double)(gen_random(random) >> 11) * 0x1p-53;
+}
+
+/* A sample with float64 values of a bent field; vertices inside are moved. */
+static bool open_world(struct world *world, const char *name, uint32_t size, uint64_t seed)
+{
+    *world = (struct world){.random = seed};
+    struct tetmesh *mesh = &world->mesh;
+    if (sample_find(name)->make(mesh, size, NULL) != TETLOD_OK ||
+        complex_init(&world->complex, mesh, NULL) != TETLOD_OK)
+        return false;
+    mesh->position_type = mesh->fields[0].type = world->complex.position_type = TETLOD_FLOAT64;
+    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
+        double *p = mesh->positions + 3 * (size_t)v;
+        for (int i = 0; i < 3 && !(world->complex.flags[v] & VERTEX_BOUNDARY) && strcmp(name, "cube") == 0; i++)
+            p[i] += 0.3 * (unit_random(&world->random) - 0.5);
+        memcpy(world->complex.positions + 3 * (size_t)v, p, 24);
+        mesh->fields[0].values[v] = sin(p[0] + 2 * p[1]) + p[2] * p[0] + 0.1 * unit_random(&world->random);
+    }
+    return fields_init(&world->fields, mesh, (uint32_t[]){0}, 1, NULL, NULL) == TETLOD_OK &&
+           boundary_init(&world->boundary, &world->complex, 0.01, 1e-9, NULL) == TETLOD_OK &&
+           overlaps_init(&world->overlaps, mesh, NULL) == TETLOD_OK &&
+           examiner_init(&world->examiner, &world->complex, &world->fields, NULL) == TETLOD_OK;
+}
+
+static void close_world(struct world *world)
+{
+    examiner_fini(&world->examiner);
+    overlaps_fini(&world->overlaps);
+    boundary_fini(&world->boundary);
+    fields_fini(&world->fields);
+    complex_fini(&world->complex);
+    star_fini(&world->star);
+    tetmesh_fini(&world->mesh);
+}
+
+/* Gathers the star of a random edge, face or tetrahedron and picks one of its candidates, or a point near it. False: it may
+ * not be contracted there. */
+static bool pick(struct world *world)
+{
+    struct complex *complex = &world->complex;
+    uint32_t tet = (uint32_t)(gen_random(&world->random) % complex->tet_count);
+    uint32_t count = (uint32_t[]){2, 2, 2, 3, 4}[gen_random(&world->random) % 5];
+    uint32_t candidate = (uint32_t)(gen_random(&world->random) % candidates_count(count, MOST_CANDIDATES));
+    uint32_t simplex[4], first = (uint32_t)(gen_random(&world->random) % 4);
+    uint8_t flags = 0;
+    if (complex->corners[4 * (size_t)tet] == TETLOD_NONE)
+        return false;
+    for (uint32_t s = 0; s < count; s++) {
+        simplex[s] = complex->corners[4 * (size_t)tet + (first + s) % 4];
+        flags |= complex->flags[simplex[s]];
+    }
+    if (flags & VERTEX_FROZEN || star_gather(&world->star, complex, simplex, count, NULL) != TETLOD_OK)
+        return false;
+    const double *weights = candidates_weights(count, candidate), *a = complex->positions + 3 * (size_t)simplex[0];
+    bool free = !(flags & VERTEX_BOUNDARY) && gen_random(&world->random) % 4 == 0, whole = false, holds;
+    for (int i = 0; i < 3; i++) {
+        world->p[i] = a[i] + (free ? 0.2 * (unit_random(&world->random) - 0.5) : 0);
+        for (uint32_t s = 1; s < count; s++)
+            world->p[i] += weights[s] * (complex->positions[3 * (size_t)simplex[s] + (size_t)i] - a[i]);
+    }
+    for (uint32_t s = 0; s < count && !free && !whole; s++)
+        if ((whole = weights[s] == 1))
+            memcpy(world->p, complex->positions + 3 * (size_t)simplex[s], 24);
+    return boundary_allows(&world->boundary, complex, &world->star, weights, world->p) &&
+           boundary_moves(&world->boundary, complex, &world->star, world->p) <= world->boundary.limit &&
+           star_fits(&world->star, complex, world->p) &&
+           star_link_condition(&world->star, complex, &holds, NULL) == TETLOD_OK && holds;
+}
+
+/* Examines the picked contraction with a wanted value. */
+static struct finding examine(struct world *world, double wanted, double limit)
+{
+    struct finding finding = {.error = NAN};
+    if (exact_take_up(&world->examiner, &world->overlaps, &world->complex, &world->fields, &world->star, NULL) != TETLOD_OK ||
+        exact_examine(&world->examiner, &world->overlaps, &world->complex, &world->fields, &world->star, world->p, &wanted,
+                      limit, INFINITY, &finding, NULL) != TETLOD_OK)
+        TEST_FAIL("out of memory");
+    return finding;
+}
+
+static void contract(struct world *world, struct outcome *outcome)
+{
+    CHECK_INT(exact_contract(&world->examiner, &world->overlaps, &world->complex, &world->star, NULL), TETLOD_OK);
+    fields_contract(&world->fields, &world->complex, &world->star, world->p, outcome);
+    CHECK_INT(complex_contract(&world->complex, &world->star, world->p, NULL), TETLOD_OK);
+    boundary_update(&world->boundary, &world->complex, world->star.simplex[0], 0);
+}
+
+/* The overlay's largest difference of the level from the original, as a fraction of the range. */
+static double overlay_error(const struct world *world)
+{
+    struct tetmesh level = world->mesh;
+    struct point_field field = world->mesh.fields[0];
+    struct overlay_report report = {0};
+    double error = NAN;
+    level.positions = world->complex.positions;
+    level.corners = malloc(16 * (size_t)world->complex.tet_count);
+    level.tet_count = 0;
+    level.fields = &field;
+    field.values = world->fields.fields[0].values;
+    for (uint32_t t = 0; t < world->complex.tet_count && level.corners; t++)
+        if (world->complex.corners[4 * (size_t)t] != TETLOD_NONE)
+            memcpy(level.corners + 4 * (size_t)level.tet_count++, world->complex.corners + 4 * (size_t)t, 16);
+    if (!level.corners || overlay_max(&level, (uint32_t[]){0}, &world->mesh, (uint32_t[]){0}, 1, 1, &error, &report, NULL) != TETLOD_OK)
+        TEST_FAIL("out of memory");
+    free(level.corners);
+    return error * world->fields.drivers[0].scale;
+}
+
+/* Random contractions that the envelope gives at most `most`; each must be accepted at the largest of the envelope's errors so
+ * far, with the same value. In the end the overlay finds no more than what was found on the way. */
+static void check_envelope(const char *name, uint32_t size, uint64_t seed, double most, int contractions)
+{
+    struct world world;
+    int done = 0, refused = 0, sharper = 0;
+    double largest = 0, bound = 0;
+    REQUIRE(open_world(&world, name, size, seed));
+    for (int i = 0; i < 200000 && done < contractions; i++) {
+        struct outcome outcome;
+        if (!pick(&world))
+            continue;
+        fields_outcome(&world.fields, &world.complex, &world.star, world.p, (double[]){NAN}, &outcome);
+        double envelope = outcome_error(&world.fields, &outcome);
+        if (!(envelope > 0 && envelope <= most))
+            continue;
+        double limit = larger(envelope, bound);
+        struct finding finding = examine(&world, outcome.value, limit);
+        refused += !finding.allowed;
+        sharper += finding.error < 0.9 * limit;
+        if (!finding.allowed || !(finding.error <= limit * (1 + 1e-6)))
+            TEST_FAIL("%s, contraction %d: envelope %.12g, exact %.12g", name, done, limit, finding.error);
+        CHECK_NEAR(world.examiner.chosen[0], outcome.value, 1e-9 + 1e-9 * fabs(outcome.value));
+        if (gen_random(&world.random) % 4)
+            continue;
+        largest = larger(largest, finding.error);
+        bound = limit;
+        outcome.value = world.examiner.chosen[0];
+        contract(&world, &outcome);
+        done++;
+    }
+    CHECK_INT(refused, 0);
+    CHECK(done == contractions && sharper > 0);
+    double truth = overlay_error(&world);
+    if (!(truth <= largest * (1 + 1e-6)))
+        TEST_FAIL("%s: the overlay finds %g, more than %g", name, truth, largest);
+    printf("# %s %u: %d contractions, overlay %g, exact %g\n", name, size, done, truth, largest);
+    close_world(&world);
+}
+
+static void test_what_the_envelope_accepts(void)
+{
+    check_envelope("cube", 5, 1, 0.3, 60);
+    check_envelope("cube", 6, 2, 1, 150);
+    check_envelope("torus", 4, 3, 0.2, 60);
+    check_envelope("fin", 6, 4, 0.1, 100);
+    check_envelope("delta", 2, 5, 0.2, 60);
+}
+
+/* One contraction of the original: the exact error is the overlay's, from above and below but for what rounding may come to in
+ * thin tetrahedra; and just below it there is no value at all. */
+static void test_one_contraction(void)
+{
+    int done = 0;
+    for (uint64_t seed = 1; seed < 40; seed++) {
+        struct world world;
+        REQUIRE(open_world(&world, seed % 2 ? "cube" : "delta", seed % 2 ? 4 : 2, seed));
+        for (int tries = 0; tries < 100000; tries++) {
+            if (!pick(&world))
+                continue;
+            struct finding least = examine(&world, 0, 0); // refused: its bound is the least error of all values
+            CHECK(!least.allowed);
+            struct finding finding = examine(&world, 0, least.error * (1 + 1e-4));
+            CHECK(finding.allowed);
+            CHECK_NEAR(finding.error, least.error, 3e-4 * least.error);
+            CHECK(!examine(&world, 0, least.error * (1 - 1e-4)).allowed);
+            finding = examine(&world, 1e9, 2 * least.error); // the value is the highest that the limit allows
+            struct outcome outcome = {.value = world.examiner.chosen[0], .upper = 0, .lower = 0};
+            contract(&world, &outcome);
+            CHECK_NEAR(overlay_error(&world), finding.error, 1e-4 * finding.error);
+            done++;
+            break;
+        }
+        close_world(&world);
+    }
+    CHECK(done > 30);
+}
+
+/* Contractions within a limit, one after the other, far beyond what the envelope would allow: the overlay holds it. */
+static void test_a_sequence(void)
+{
+    static const char *const names[] = {"cube", "torus", "fin", "delta"};
+    static const uint32_t sizes[] = {6, 4, 5, 2};
+    for (int k = 0; k < 4; k++) {
+        struct world world;
+        double limit = 0.05, envelope = 0;
+        int done = 0;
+        REQUIRE(open_world(&world, names[k], sizes[k], 77));
+        for (int i = 0; i < 30000; i++) {
+            struct outcome outcome;
+            if (!pick(&world))
+                continue;
+            struct finding finding = examine(&world, 0, limit);
+            CHECK(finding.allowed ? finding.error <= limit * (1 + 1e-9) : finding.error > limit * (1 - 1e-6));
+            if (!finding.allowed)
+                continue;
+            fields_outcome(&world.fields, &world.complex, &world.star, world.p, world.examiner.chosen, &outcome);
+            envelope = larger(envelope, outcome_error(&world.fields, &outcome));
+            contract(&world, &outcome);
+            done++;
+        }
+        double truth = overlay_error(&world);
+        printf("# %s: %d contractions, overlay %g, envelope %g\n", names[k], done, truth, envelope);
+        CHECK(done > 20 && envelope > 2 * limit);
+        CHECK(truth <= limit * (1 + 1e-6) && truth > 0.8 * limit);
+        close_world(&world);
+    }
+}
+
+int main(void)
+{
+    RUN(test_what_the_envelope_accepts);
+    RUN(test_one_contraction);
+    RUN(test_a_sequence);
+    return test_end();
+}
