@@ -43,6 +43,7 @@ export class Controls {
   // `actions`: { look(view), viewNormal(), ranges(), isosurfaceRange() }
   constructor(store, info, actions) {
     Object.assign(this, { store, info, actions });
+    this.opened = 'inside'; // what the boundary became when it was opened
     options(byId('map'), mapNames);
     options(byId('field'), info.fields.map((f) => [f.name, f.name]));
     options(byId('isosurface-field'), [['', 'as coloured'], ...info.fields.map((f) => [f.name, f.name])]);
@@ -151,13 +152,14 @@ export class Controls {
 
   // ---- layers
 
-  // What lies inside is hidden by a solid boundary: the first such layer opens it, the last one closes it again.
+  // What lies inside is hidden by a solid boundary: the first such layer opens it, or takes it away; the last one brings it back.
   setInner(patch) {
     const before = this.store.state;
     const inner = (s) => s.slices.length + s.isosurfaces.length + (s.volume ? 1 : 0);
     const after = { ...before, ...patch };
-    if (!inner(before) && inner(after) && before.surface === 'solid') patch.surface = 'inside';
-    if (inner(before) && !inner(after) && before.surface === 'inside') patch.surface = 'solid';
+    const opened = patch.volume ? 'off' : 'inside';
+    if (!inner(before) && inner(after) && before.surface === 'solid') this.opened = patch.surface = opened;
+    if (inner(before) && !inner(after) && before.surface === this.opened) patch.surface = 'solid';
     this.store.set(patch);
   }
 

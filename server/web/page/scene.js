@@ -206,6 +206,12 @@ export class Scene extends EventTarget {
           if (value < low) low = value;
           if (value > high) high = value;
         }
+    if (this.grid && this.state.volume)
+      for (let i = 0; i < this.grid.values.length; i++)
+        if (this.grid.inside[i]) {
+          low = Math.min(low, this.grid.values[i]);
+          high = Math.max(high, this.grid.values[i]);
+        }
     return low <= high ? [low, high] : null;
   }
 

@@ -29,7 +29,7 @@ export const defaults = Object.freeze({
   clip: null, // { normal, at }
   volume: false,
   volumeSize: 96,
-  opacity: [[0, 0], [0.25, 0.02], [1, 0.6]], // the volume's: fractions of the colours' range
+  opacity: [[0, 0], [0.08, 0.005], [0.3, 0.08], [1, 0.9]], // the volume's: fractions of the colours' range
   // the view
   background: 'auto', // auto, white, black, grey
   parallel: false,

@@ -129,7 +129,7 @@ function tellShown() {
   if (!now) return;
   const error = errorOf(now, state.field, measure);
   const span = fieldOf(info, state.field).range;
-  put('shown-error', percent(error), error ? `± ${significant(error * (span[1] - span[0]), 3)}` : 'exact');
+  put('shown-error', percent(error), error ? `± ${significant(error * (span[1] - span[0]), 2)}` : 'exact');
   put('shown-tets', count(now.tets), percent(now.tets / info.tets));
   put('shown-level', String(level), `of ${info.levels.length - 1}`);
   byId('download').href = `/v1/meshes/${encodeURIComponent(id)}/${info.cid}/levels/${level}/mesh.vtu`;

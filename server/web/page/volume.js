@@ -55,9 +55,9 @@ export class VolumeLayer {
     this.mapper.setInputData(this.image);
     this.mapper.setSampleDistance(0.7 * Math.min(...grid.spacing));
     this.mapper.setMaximumSamplesPerRay(2000);
-    // an opacity of the editor holds for a sixteenth of the longest side, whatever the grid
+    // an opacity of the editor holds for a hundredth of the longest side, whatever the grid
     const longest = Math.max(...grid.spacing.map((s, i) => s * grid.dims[i]));
-    for (const component of [0, 1]) this.actor.getProperty().setScalarOpacityUnitDistance(component, longest / 16);
+    for (const component of [0, 1]) this.actor.getProperty().setScalarOpacityUnitDistance(component, longest / 100);
   }
 
   // Opacities of the editor's points, which are fractions of the colours' range.
