@@ -2,6 +2,8 @@
 /*
  * What libmicrohttpd 0.9.75 does and what is done about it:
  * - it decodes paths and cuts them at %00: the request target is taken raw, from the URI log callback;
+ * - what it refuses itself it refuses as HTML, which cannot be replaced (test_protocol.py has the list): it gets more memory for
+ *   a connection than a request may take, so that those that are somewhat too long are refused here;
  * - it accepts bodies with Content-Length and Transfer-Encoding at once, and without strict checks no Host: any body and
  *   any broken framing is refused here and ends the connection;
  * - a 304 gets the length of the body that it is queued with: that body is queued with it, or one of its length, and is not
@@ -33,6 +35,7 @@ struct http {
 };
 
 enum {
+    ANSWER_BYTES = 4096,  // of a connection's memory, for headers of answers and for requests a little too long to be told so
     MOST_DRAINED = 65536, // bytes of a refused body that are read so that the client sees the refusal
     MOST_COPIED = 16384,  // bytes of a file that are sooner copied than sent by sendfile
 };
@@ -73,6 +76,14 @@ static void wake(struct cache_waiter *waiter)
         MHD_resume_connection(call->connection);
 }
 
+/* The library goes on to parse the query, for which each parameter takes some of the connection's memory; where that is full
+ * the client hears nothing until the time-out. In its copy of the target it is to find no parameters. */
+static void hide_parameters(const char *target)
+{
+    for (char *separator = strchr(target, '?'); separator; separator = strchr(separator, '&'))
+        *separator = '_';
+}
+
 static void *on_target(void *opaque, const char *target, struct MHD_Connection *connection)
 {
     struct http *http = opaque;
@@ -81,6 +92,7 @@ static void *on_target(void *opaque, const char *target, struct MHD_Connection *
         free(call);
         return NULL; // the handler closes the connection
     }
+    hide_parameters(target);
     call->http = http;
     call->connection = connection;
     call->started = monotonic_seconds();
@@ -120,10 +132,16 @@ static enum MHD_Result count_header(void *opaque, enum MHD_ValueKind kind, const
 
 /* No request here has a body; and two lengths, or a length beside a transfer coding, are how requests are smuggled. The
  * library checks none of this, or answers with HTML sent twice where it does. */
-static unsigned refuse_framing(struct MHD_Connection *connection, const char *version, const char **why)
+static unsigned refuse_framing(const struct call *call, const char *version, const char **why)
 {
     struct framing framing = {0};
-    MHD_get_connection_values(connection, MHD_HEADER_KIND, count_header, &framing);
+    MHD_get_connection_values(call->connection, MHD_HEADER_KIND, count_header, &framing);
+    const union MHD_ConnectionInfo *size = MHD_get_connection_info(call->connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
+    if (size && size->header_size > call->http->options.header_bytes) {
+        bool target = strlen(call->target) > call->http->options.header_bytes / 2;
+        *why = target ? "the request's target is too long" : "the request's headers are too long";
+        return target ? 414 : 431;
+    }
     bool one = strcmp(version, "HTTP/1.1") == 0, zero = strcmp(version, "HTTP/1.0") == 0;
     if (!one && !zero)
         *why = "only HTTP/1.0 and HTTP/1.1 are spoken here";
@@ -156,7 +174,7 @@ static void take_headers(struct call *call, const char *method, const char *vers
                            : strcmp(method, "HEAD") == 0    ? METHOD_HEAD
                            : strcmp(method, "OPTIONS") == 0 ? METHOD_OPTIONS
                                                             : METHOD_OTHER;
-    call->request.refused = refuse_framing(call->connection, version, &call->request.why_refused);
+    call->request.refused = refuse_framing(call, version, &call->request.why_refused);
     if (call->request.refused || call->request.method == METHOD_OTHER) // a body may be announced that never comes
         MHD_set_connection_option(call->connection, MHD_CONNECTION_OPTION_TIMEOUT, 1u);
     call->given_id = id && good_id(id);
@@ -415,7 +433,7 @@ enum tetlod_status http_start(struct http **out, const struct http_options *opti
     http->daemon = MHD_start_daemon(
         MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_NO_LISTEN_SOCKET | MHD_USE_ITC | MHD_ALLOW_SUSPEND_RESUME, 0, NULL, NULL,
         on_request, http, MHD_OPTION_CONNECTION_LIMIT, per_thread * options->threads, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
-        options->header_bytes, MHD_OPTION_CONNECTION_TIMEOUT, options->idle_seconds,
+        options->header_bytes + ANSWER_BYTES, MHD_OPTION_CONNECTION_TIMEOUT, options->idle_seconds,
         MHD_OPTION_URI_LOG_CALLBACK, on_target, http, MHD_OPTION_UNESCAPE_CALLBACK, keep_escapes, http,
         MHD_OPTION_NOTIFY_COMPLETED, on_completed, http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http,
         MHD_OPTION_ARRAY, more, MHD_OPTION_END);

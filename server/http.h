@@ -15,7 +15,7 @@ struct http_options {
     struct gate *gate;
     unsigned threads;
     size_t connections;
-    size_t header_bytes;    /* memory of a connection: request line and headers must fit */
+    size_t header_bytes;    /* of a request: its first line and headers */
     unsigned idle_seconds;  /* without a byte in either direction */
     void (*access)(void *opaque, const char *line); /* a JSON object for each answer; may be NULL */
     void *access_opaque;

@@ -152,7 +152,7 @@ static void set_defaults(struct server_options *options)
     options->threads = options->threads ? options->threads : parallel_cores();
     options->cache_bytes = options->cache_bytes ? options->cache_bytes : (uint64_t)256 << 20;
     options->connections = options->connections ? options->connections : 4096;
-    options->header_bytes = options->header_bytes ? options->header_bytes : 16384;
+    options->header_bytes = options->header_bytes ? options->header_bytes : 8192;
     options->idle_seconds = options->idle_seconds > 0 ? options->idle_seconds : 30;
     options->drain_seconds = options->drain_seconds > 0 ? options->drain_seconds : 10;
     options->scan_seconds = options->scan_seconds > 0 ? options->scan_seconds : 2;

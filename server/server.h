@@ -19,7 +19,7 @@ struct server_options {
     uint64_t cache_bytes;        /* of answers that were made [256 MiB] */
     size_t connections;          /* at a time [4096] */
     size_t connections_per_address; /* [no limit] */
-    size_t header_bytes;         /* request line and headers of a request [16 KiB] */
+    size_t header_bytes;         /* request line and headers of a request [8 KiB] */
     double idle_seconds;         /* for a request to arrive, and for a reader that stalls [30] */
     double drain_seconds;        /* for answers in progress when stopping [10] */
     double scan_seconds;         /* between looks at the paths [2] */

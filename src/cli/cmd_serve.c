@@ -28,7 +28,7 @@ static const char help[] =
     "  --cache BYTES           memory for answers that were made (default 256M)\n"
     "  --connections N         at a time (default 4096)\n"
     "  --per-address N         connections of one address at a time (default: no limit; not behind a proxy)\n"
-    "  --header-bytes BYTES    request line and headers of a request (default 16K)\n"
+    "  --header-bytes BYTES    request line and headers of a request (default 8K)\n"
     "  --timeout SECONDS       for a request to arrive, and for a reader that stalls (default 30)\n"
     "  --drain SECONDS         for answers in progress when stopping (default 10)\n"
     "  --scan SECONDS          between looks at the paths (default 2)\n"
@@ -114,7 +114,7 @@ static bool take_option(struct settings *settings, int option, const char *value
         server->connections_per_address = (size_t)count;
         return taken;
     case 'b':
-        taken = take_count("header-bytes", value, 4096, (uint64_t)1 << 33, &count);
+        taken = take_count("header-bytes", value, 1024, (uint64_t)1 << 33, &count);
         server->header_bytes = (size_t)count;
         return taken;
     case 'T':

@@ -144,6 +144,48 @@ def test_expect_continue():
     assert statuses(received)[-1] == 405 and closed, received
 
 
+def refusal(received):
+    """How the first answer in these bytes refuses: its status and whether it is a problem that says so."""
+    head, _, body = received.partition(b'\r\n\r\n')
+    found = re.match(rb'HTTP/1\.1 (\d{3}) ', head)
+    if not found:
+        return 'nothing'
+    if b'application/problem+json' not in head:
+        return 'HTML %d' % int(found[1])
+    assert json.loads(body)['status'] == int(found[1]), received
+    return int(found[1])
+
+
+def test_refusals_are_problems():
+    """All but the few that libmicrohttpd makes itself: those that its parser meets before a request reaches us."""
+    get, chunked = b'GET /healthz HTTP/1.1\r\n' + HOST, b'POST /healthz HTTP/1.1\r\n' + HOST + b'Transfer-Encoding: chunked\r\n\r\n'
+    ours = {
+        b'GET /nothing HTTP/1.1\r\n' + HOST + b'\r\n': 404, b'DELETE / HTTP/1.1\r\n' + HOST + b'\r\n': 405, b'GET / HTTP/1.1\r\n\r\n': 400,
+        get + HOST + b'\r\n': 400, get + b'a b: c\r\n\r\n': 400, get + b'Content-Length: 5\r\n\r\nhello': 413,
+        get + b'Content-Length: 0\r\nContent-Length: 0\r\n\r\n': 413, chunked + b'0\r\n\r\n': 405,
+        b'GET /' + b'a' * 9000 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 414, b'GET /?' + b'a&' * 4500 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 414,
+        get + b'X: ' + b'a' * 9000 + b'\r\n\r\n': 431}
+    theirs = {
+        b'GET /healthz\r\n' + HOST + b'\r\n': 'HTML 400', get + b'abc\r\n\r\n': 'HTML 400', b'GET / HTTP/9.9\r\n' + HOST + b'\r\n': 'HTML 505',
+        get + b'Content-Length: +0\r\n\r\n': 'HTML 400', get + b'Content-Length: 99999999999999999999\r\n\r\n': 'HTML 413',
+        chunked + b'zz\r\n': 'HTML 400', chunked + b'F' * 20 + b'\r\n': 'HTML 413', chunked + b'1;' + b'a' * 40000: 'HTML 500',
+        b'GET /' + b'a' * 40000 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 'HTML 414', get + b'X: ' + b'a' * 40000 + b'\r\n\r\n': 'HTML 431',
+        get + b'X: a\r\n' * 1000 + b'\r\n': 'HTML 431', get + b'Transfer-Encoding: x\r\n\r\n': 'nothing'}
+    for data, wanted in ours.items():
+        assert refusal(server.raw(data)[0]) == wanted, (data[:100], wanted)
+    for data, least in theirs.items():
+        received, closed = server.raw(data)
+        assert closed and refusal(received) in (least, 'nothing', *range(400, 600)), (data[:100], received[:300])
+
+
+def test_many_parameters():
+    """They are refused or ignored at once, however many."""
+    for count in (100, 300, 1000, 3000):
+        start = time.monotonic()
+        found = one(ask(b'GET /v1/meshes/x/mesh?' + b'a&' * count + b' HTTP/1.1'))
+        assert found == 404 and time.monotonic() - start < 1.5 * SLOW, (count, found)
+
+
 def test_long_requests():
     for size, allowed in ((20000, (414,)), (100000, (414,))):
         found = statuses(ask(b'GET /' + b'a' * size + b' HTTP/1.1')[0])
@@ -397,6 +439,6 @@ def test_metrics():
 with Server(FOLDER) as server:
     run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths, test_traversal,
          test_nul_does_not_cut, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue,
-         test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
+         test_refusals_are_problems, test_many_parameters, test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
          test_coding, test_embedding, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses,
          test_graceful_stop, test_access_log, test_metrics])
