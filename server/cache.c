@@ -90,17 +90,27 @@ static void unlist(struct cache *cache, struct cache_entry *entry)
     drop_reference(cache, entry);
 }
 
-/* Drops what nobody holds until `bytes` more fit. */
+static bool fits(const struct cache *cache, uint64_t used, uint64_t bytes)
+{
+    return used <= cache->capacity && bytes <= cache->capacity - used;
+}
+
+/* Drops what nobody holds, the oldest first, until `bytes` more fit; nothing if they would not. */
 static bool make_room(struct cache *cache, uint64_t bytes)
 {
-    struct cache_entry *entry = cache->oldest;
-    while (entry && bytes > cache->capacity - (cache->used < cache->capacity ? cache->used : cache->capacity)) {
+    uint64_t left = cache->used;
+    struct cache_entry *end = cache->oldest, *entry = cache->oldest;
+    for (; end && !fits(cache, left, bytes); end = end->newer)
+        left -= end->references == 1 ? end->bytes : 0;
+    if (!fits(cache, left, bytes))
+        return false;
+    while (entry != end) {
         struct cache_entry *next = entry->newer;
         if (entry->references == 1)
             unlist(cache, entry);
         entry = next;
     }
-    return cache->used <= cache->capacity && bytes <= cache->capacity - cache->used;
+    return true;
 }
 
 void cache_free(struct cache *cache)

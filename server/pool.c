@@ -77,6 +77,14 @@ bool pool_submit(struct pool *pool, void (*work)(void *context), void *context)
     return room;
 }
 
+bool pool_stopping(struct pool *pool)
+{
+    pthread_mutex_lock(&pool->lock);
+    bool stopping = pool->stopping;
+    pthread_mutex_unlock(&pool->lock);
+    return stopping;
+}
+
 void pool_stop(struct pool *pool)
 {
     if (!pool)

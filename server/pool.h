@@ -15,6 +15,9 @@ TETLOD_CHECKED enum tetlod_status pool_start(struct pool **out, unsigned threads
 /* False if the queue is full or the pool stopped; then nothing was taken. */
 bool pool_submit(struct pool *pool, void (*work)(void *context), void *context);
 
+/* Whether pool_stop was called: work that waits for something should give up. */
+bool pool_stopping(struct pool *pool);
+
 /* Runs what is queued to its end, then ends the threads; from then on nothing is taken. Once. */
 void pool_stop(struct pool *pool);
 void pool_free(struct pool *pool);

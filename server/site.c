@@ -178,12 +178,27 @@ struct task {
     struct cache *cache;
     struct cache_entry *entry; /* held */
     struct recipe recipe;
+    struct pool *pool; /* that runs it; NULL: the asking thread does, which must not wait */
 };
+
+static const double PATIENCE = 5; // seconds until readers must have let go of enough
+static const struct timespec PAUSE = {0, 5000000};
+
+/* Makes room for a value, if need be when readers have let go of others. */
+static enum tetlod_status reserve(const struct task *task)
+{
+    double until = monotonic_seconds() + PATIENCE;
+    enum tetlod_status status;
+    while ((status = cache_reserve(task->cache, task->entry, task->recipe.bytes)) == TETLOD_ERR_LIMIT && task->pool &&
+           !pool_stopping(task->pool) && monotonic_seconds() < until)
+        nanosleep(&PAUSE, NULL);
+    return status;
+}
 
 /* Makes room for a value and makes it. Only what is being made takes room, so that waiting work keeps out nobody. */
 static enum tetlod_status make_in_room(const struct task *task, struct cache_value *value, struct tetlod_error *failure)
 {
-    switch (cache_reserve(task->cache, task->entry, task->recipe.bytes)) {
+    switch (reserve(task)) {
     case TETLOD_OK:
         return task->recipe.make(task->recipe.context, value, failure);
     case TETLOD_ERR_ARGUMENT:
@@ -225,7 +240,7 @@ static void start(struct site *site, struct cache *cache, struct cache_entry *en
         give_up(cache, entry, recipe, TETLOD_ERR_NOMEM, "the server is out of memory");
         return;
     }
-    *task = (struct task){cache, entry, *recipe};
+    *task = (struct task){cache, entry, *recipe, here ? NULL : site->pool};
     cache_hold(cache, entry);
     if (here)
         run_task(task);
