@@ -216,15 +216,19 @@ fuzz: deps-check
 	build/fuzz/tests/fuzz/$$t -max_total_time=$(TIME) -rss_limit_mb=4096 -timeout=20 -artifact_prefix=build/fuzz/found/$$t/ build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
 
 
-## bench-server: stored bytes against nginx, levels that are not cached; bench-soak: a minute of mixed load
-.PHONY: bench-server bench-soak
-BENCHES += bench-server bench-soak
+## bench-server: stored bytes against nginx, levels that are not cached, memory; bench-soak: a minute of mixed load; bench-hostile: a million hostile requests
+.PHONY: bench-server bench-soak bench-hostile
+BENCHES += bench-server bench-soak bench-hostile
 bench-server: deps-bench
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/server.py $(BINARY) 2 5
 bench-soak: deps-bench
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/soak.py $(BINARY) $(TIME)
+bench-hostile: deps-bench
+	$(Q)$(MAKE) --no-print-directory all
+	@rm -rf build/scratch/bench-hostile; mkdir -p build/scratch/bench-hostile
+	@cd build/scratch/bench-hostile && HOSTILE=1000000 TETLOD=$(CURDIR)/$(BINARY) ROOT=$(CURDIR) SCRATCH=$$PWD CONFIG=release python3 $(CURDIR)/tests/http/test_hostile.py
 
 ## bench-format: sizes and speeds of streams against tests/bench/format_sizes.csv (BLUNT=folder of the blunt fin; UPDATE=1 takes over)
 .PHONY: bench-format

@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """Minutes of mixed load: 2,000 keep-alive connections that ask for cached answers now and then, beside levels that must be made,
-ranges, answers broken off and malformed requests. No well-formed request may see an error, memory must stay flat.
+ranges, answers broken off and malformed requests. No well-formed request may see an error, memory must stay flat
+(within 5 %), and of the cached answers 99 % must come within 20 ms.
 
 usage: soak.py TETLOD [SECONDS [STREAM]]: loopback only. Prints latencies of the cached answers and the memory, as JSON at the end.
 """

@@ -106,16 +106,24 @@ def attack(seed, cid, count, found, problems):
         sent += len(batch)
         if MARK in received or b'root:x:' in received:
             problems.append(('a file leaked', batch))
+        found['HTML'] = found.get('HTML', 0) + received.count(b'<html><head>')  # libmicrohttpd's own: test_protocol.py
+        found['connections'] = found.get('connections', 0) + 1
         for status in re.findall(rb'(?:^|\n)HTTP/1\.[01] (\d+) ', received):
             found[int(status)] = found.get(int(status), 0) + 1
             if int(status) not in KNOWN:
                 problems.append((status, batch))
 
 
+def descriptors():
+    return len(os.listdir('/proc/%d/fd' % server.process.pid))
+
+
 def test_hostile_requests():
     cid = server.json('/v1/meshes/fin')['cid']
     found, problems, threads = {}, [], []
+    before = descriptors()
     workers = 8
+    started = time.monotonic()
     for i in range(workers):
         threads.append(threading.Thread(target=attack, args=(SEED * 1000 + i, cid, COUNT // workers, found, problems)))
         threads[-1].start()
@@ -127,11 +135,16 @@ def test_hostile_requests():
         time.sleep(0.1)
     for thread in threads:
         thread.join()
-    print('# %d requests, seed %d: %s; a good one waited %.0f ms at most' % (COUNT, SEED, dict(sorted(found.items())), slowest * 1e3))
+    print('# %d requests in %.0f s, seed %d: %s; a good one waited %.0f ms at most' % (
+        COUNT, time.monotonic() - started, SEED, ', '.join('%s: %d' % pair for pair in sorted(found.items(), key=str)), slowest * 1e3))
     assert not problems, problems[:3]
     assert server.process.poll() is None and server.get('/healthz')[0] == 200
     assert found.get(200) and found.get(400) and found.get(404) and found.get(405), found
     assert slowest < 5 * SLOW, slowest
+    until = time.monotonic() + 10 * SLOW  # none of the connections hangs: after the time-out they are gone
+    while descriptors() > before and time.monotonic() < until:
+        time.sleep(0.1)
+    assert descriptors() <= before, (before, descriptors())
 
 
 def test_it_ends_well():
