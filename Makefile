@@ -156,7 +156,12 @@ $(B)/tetlod.1: $(BINARY) src/cli/man.py
 	$(Q)python3 src/cli/man.py $(BINARY) > $@
 
 $(B)/tests/unit/%: $(B)/tests/unit/%.o $(call objects,$(SUPPORT_SRC)) $(INTERNAL) $(LIBTETLOD)
-	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
+	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $(filter-out $(LIBTETLOD),$^) $(LIBTETLOD) $(PACKAGE_LIBS)
+
+# The browser's module, natively
+VIEW_OBJECTS := $(call objects,$(wildcard $(WEB_DIR)/wasm/*.c))
+OBJECTS += $(VIEW_OBJECTS)
+$(B)/tests/unit/test_view: $(VIEW_OBJECTS)
 
 $(B)/tests/bench/%: $(B)/tests/bench/%.o $(call objects,$(SUPPORT_SRC)) $(INTERNAL) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)

@@ -7,8 +7,6 @@
 #include "format/fail.h"
 #include "server/web/wasm/view.h"
 
-VIEW_EXPORT(view_describe) const char *view_describe(struct view *view);
-
 static void put(struct tetlodi_buffer *out, const char *text)
 {
     tetlodi_put_block(out, text, strlen(text));
@@ -98,7 +96,6 @@ static void put_level(struct tetlodi_buffer *out, const struct tetlod_info *info
     put(out, "}");
 }
 
-/* NULL: out of memory. */
 const char *view_describe(struct view *view)
 {
     const struct tetlod_info *info = view_info(view);

@@ -7,20 +7,6 @@
 #include "server/web/wasm/view.h"
 #include "src/util/array.h"
 
-/* What a part has beside points, values and triangles. */
-enum { WITH_LINES = 1, WITH_NORMALS = 2 };
-
-VIEW_EXPORT(view_shade) void view_shade(struct view *view, uint32_t field, int32_t component);
-VIEW_EXPORT(view_part) const struct view_part *view_part(const struct view *view);
-VIEW_EXPORT(view_surface) uint32_t view_surface(struct view *view, uint32_t with);
-VIEW_EXPORT(view_clip) uint32_t view_clip(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz);
-VIEW_EXPORT(view_slice) uint32_t view_slice(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz);
-VIEW_EXPORT(view_isosurface) uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32_t component, double value);
-VIEW_EXPORT(view_resample) uint32_t view_resample(struct view *view, uint32_t size);
-VIEW_EXPORT(view_grid) const struct cut_grid *view_grid(const struct view *view);
-VIEW_EXPORT(view_probe) uint32_t view_probe(struct view *view, double x, double y, double z);
-VIEW_EXPORT(view_probed) const double *view_probed(const struct view *view);
-
 enum tetlod_status view_begin_pictures(struct view *view)
 {
     uint32_t vertices = view->shown.vertex_count;
@@ -134,7 +120,6 @@ static enum tetlod_status finish_cut(struct view *view, uint32_t with)
     return draw(view, &view->cut, with);
 }
 
-/* The surface of what is behind a plane. */
 uint32_t view_clip(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz)
 {
     TETLOD_TRY(find_boundary(view));
@@ -161,7 +146,6 @@ uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32
 
 /* ---- values at points ---- */
 
-/* The value that colours, on a grid over the stream's bounds. */
 uint32_t view_resample(struct view *view, uint32_t size)
 {
     const struct tetlod_info *info = view_info(view);
@@ -174,7 +158,6 @@ const struct cut_grid *view_grid(const struct view *view)
     return &view->grid;
 }
 
-/* Which tetrahedron a point is in, or is as good as in: the page knows points of the surface in float32 only. */
 uint32_t view_probe(struct view *view, double x, double y, double z)
 {
     const struct tetlod_info *info = view_info(view);

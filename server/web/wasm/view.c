@@ -11,20 +11,6 @@
 /* wasm32 addresses 4 GiB, of which the pictures need a part. */
 static const uint64_t MOST_BYTES = (uint64_t)3 << 30;
 
-VIEW_EXPORT(view_allocate) void *view_allocate(uint32_t size);
-VIEW_EXPORT(view_release) void view_release(void *block);
-VIEW_EXPORT(view_new) struct view *view_new(void);
-VIEW_EXPORT(view_add) uint32_t view_add(struct view *view, const void *bytes, uint32_t size);
-VIEW_EXPORT(view_message) const char *view_message(const struct view *view);
-VIEW_EXPORT(view_open) uint32_t view_open(struct view *view, const uint32_t *fields, uint32_t count);
-VIEW_EXPORT(view_ready) uint32_t view_ready(const struct view *view);
-VIEW_EXPORT(view_seek) uint32_t view_seek(struct view *view, uint32_t level);
-VIEW_EXPORT(view_mesh) const struct tetlod_mesh *view_mesh(const struct view *view);
-VIEW_EXPORT(view_centre) const double *view_centre(const struct view *view);
-VIEW_EXPORT(view_move) uint32_t view_move(struct view *view, uint32_t level);
-VIEW_EXPORT(view_place) void view_place(struct view *view, double t);
-VIEW_EXPORT(view_rest) uint32_t view_rest(struct view *view);
-
 void *view_allocate(uint32_t size)
 {
     return malloc(size ? size : 1);
@@ -35,7 +21,6 @@ void view_release(void *block)
     free(block);
 }
 
-/* One per module; it goes with the module's memory. */
 struct view *view_new(void)
 {
     const struct tetlod_options options = {sizeof options, MOST_BYTES};
@@ -85,7 +70,6 @@ static void show(struct view *view, const double *positions, const uint32_t *cor
     view->shown.corners = (uint32_t *)(uintptr_t)corners;
 }
 
-/* The cursor's own arrays are what is shown. */
 uint32_t view_rest(struct view *view)
 {
     view->moving = false;
@@ -201,8 +185,6 @@ static enum tetlod_status find_origins(struct view *view, uint32_t level)
     return status;
 }
 
-/* Shows a copy of the cursor's mesh that can move from and to a coarser level's shape. If there is no room for it, the
- * cursor's own is shown. */
 uint32_t view_move(struct view *view, uint32_t level)
 {
     TETLOD_TRY(view_rest(view));
@@ -221,7 +203,6 @@ static void blend(double *out, const double *from, const double *to, size_t coun
         out[i] = from[i] + t * (to[i] - from[i]);
 }
 
-/* Shows the mesh at t of the move: 0 has the coarser level's shape and values, 1 the finer one's. */
 void view_place(struct view *view, double t)
 {
     if (!view->moving)

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * What the browser's worker holds of one stream: the bytes that have come, a cursor, and the mesh that is shown. That is the
- * cursor's own, or a copy on its way between two levels, while the cursor goes on. The functions are the module's exports;
- * server/web/client/tetlod.js calls them. Numbers are 32-bit words or doubles, arrays are addresses in the module's memory.
+ * cursor's own, or a copy on its way between two levels, while the cursor goes on. server/web/client/tetlod.js
+ * calls the exports: numbers are 32-bit words or doubles, arrays are addresses in the module's memory.
  */
 #ifndef TETLOD_VIEW_H
 #define TETLOD_VIEW_H
@@ -49,6 +49,60 @@ struct view {
     struct tetlodi_buffer text;
     struct tetlod_error error;
 };
+
+/* ---- exports. Those that can fail return an enum tetlod_status, which view_message explains ---- */
+
+VIEW_EXPORT(view_allocate) void *view_allocate(uint32_t size);
+VIEW_EXPORT(view_release) void view_release(void *block);
+
+/* One per module; it goes with the module's memory. NULL: out of memory. */
+VIEW_EXPORT(view_new) struct view *view_new(void);
+VIEW_EXPORT(view_message) const char *view_message(const struct view *view);
+
+/* The next bytes of the stream; TETLOD_MORE until the index is there. */
+VIEW_EXPORT(view_add) uint32_t view_add(struct view *view, const void *bytes, uint32_t size);
+/* The index as JSON; NULL: out of memory. */
+VIEW_EXPORT(view_describe) const char *view_describe(struct view *view);
+/* The finest level that is there whole, or TETLOD_NONE. */
+VIEW_EXPORT(view_ready) uint32_t view_ready(const struct view *view);
+
+/* Decodes level 0, with these fields (count 0: all); then moves to others. After a failure the cursor is at the last level that could be decoded. */
+VIEW_EXPORT(view_open) uint32_t view_open(struct view *view, const uint32_t *fields, uint32_t count);
+VIEW_EXPORT(view_seek) uint32_t view_seek(struct view *view, uint32_t level);
+VIEW_EXPORT(view_mesh) const struct tetlod_mesh *view_mesh(const struct view *view);
+VIEW_EXPORT(view_centre) const double *view_centre(const struct view *view);
+
+/* Shows a copy of the cursor's mesh that can move from and to a coarser level's shape. If there is no room for it, the
+ * cursor's own is shown. */
+VIEW_EXPORT(view_move) uint32_t view_move(struct view *view, uint32_t level);
+/* Shows the mesh at t of the move: 0 has the coarser level's shape and values, 1 the finer one's. */
+VIEW_EXPORT(view_place) void view_place(struct view *view, double t);
+/* Shows the cursor's own mesh. */
+VIEW_EXPORT(view_rest) uint32_t view_rest(struct view *view);
+
+/* What a part has beside points, values and triangles. */
+enum { WITH_LINES = 1, WITH_NORMALS = 2 };
+
+/* The value that colours, of the mesh as it is now; component -1: the magnitude. */
+VIEW_EXPORT(view_shade) void view_shade(struct view *view, uint32_t field, int32_t component);
+/* Each makes view_part. */
+VIEW_EXPORT(view_surface) uint32_t view_surface(struct view *view, uint32_t with);
+VIEW_EXPORT(view_clip) /* the surface of what is behind a plane */
+uint32_t view_clip(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz);
+VIEW_EXPORT(view_slice)
+uint32_t view_slice(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz);
+VIEW_EXPORT(view_isosurface)
+uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32_t component, double value);
+VIEW_EXPORT(view_part) const struct view_part *view_part(const struct view *view);
+/* The value that colours, on a grid over the stream's bounds: view_grid. */
+VIEW_EXPORT(view_resample) uint32_t view_resample(struct view *view, uint32_t size);
+VIEW_EXPORT(view_grid) const struct cut_grid *view_grid(const struct view *view);
+/* Which tetrahedron a point is in, or is as good as in: the page knows points of the surface in float32 only. TETLOD_NONE, or its values
+ * are in view_probed: a number for each component of each field, NaN for those that are not decoded. */
+VIEW_EXPORT(view_probe) uint32_t view_probe(struct view *view, double x, double y, double z);
+VIEW_EXPORT(view_probed) const double *view_probed(const struct view *view);
+
+/* ---- within the module ---- */
 
 const struct tetlod_info *view_info(const struct view *view);
 

@@ -1,0 +1,140 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* What the browser's module does, natively: so that sanitizers see it. What it gives is held against the library by
+ * tests/web/test_decoder.mjs. */
+#include <stdlib.h>
+
+#include "server/web/wasm/view.h"
+#include "tests/test.h"
+
+enum { SIZE = 1 << 16, MOST_VIEWS = 64 };
+static struct view *views[MOST_VIEWS]; /* they are never freed, as in the module: kept for the leak checker */
+static size_t view_count;
+static unsigned char bytes[SIZE];
+
+static struct view *view_of(const char *name, uint32_t *size)
+{
+    char path[4096];
+    snprintf(path, sizeof path, "%s/tests/golden/%s.tetlod", getenv("ROOT") ? getenv("ROOT") : ".", name);
+    FILE *file = fopen(path, "rb");
+    *size = file ? (uint32_t)fread(bytes, 1, sizeof bytes, file) : 0;
+    if (file)
+        fclose(file);
+    return *size && view_count < MOST_VIEWS ? views[view_count++] = view_new() : NULL;
+}
+
+static struct view *open_view(const char *name)
+{
+    uint32_t size;
+    struct view *view = view_of(name, &size);
+    return view && view_add(view, bytes, size) == TETLOD_OK && view_open(view, NULL, 0) == TETLOD_OK ? view : NULL;
+}
+
+static void draw_all(struct view *view)
+{
+    const struct tetlod_info *info = view_info(view);
+    double c[3];
+    for (int i = 0; i < 3; i++)
+        c[i] = (info->bounds[0][i] + info->bounds[1][i]) / 2;
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        view_shade(view, f, f ? -1 : 0);
+        CHECK_INT(view_isosurface(view, WITH_NORMALS, f, 0, (info->fields[f].range[0] + info->fields[f].range[1]) / 2), TETLOD_OK);
+    }
+    CHECK_INT(view_surface(view, WITH_LINES | WITH_NORMALS), TETLOD_OK);
+    CHECK(!view_part(view)->triangle_count == !view_part(view)->line_count); // levels of soups may have no faces
+    CHECK(!view_part(view)->point_count || view_part(view)->normals);
+    CHECK_INT(view_surface(view, 0), TETLOD_OK);
+    CHECK(!view_part(view)->line_count && !view_part(view)->normals);
+    CHECK_INT(view_clip(view, WITH_LINES, c[0], c[1], c[2], 1, 2, 3), TETLOD_OK);
+    CHECK_INT(view_slice(view, WITH_LINES | WITH_NORMALS, c[0], c[1], c[2], 0, 0, 1), TETLOD_OK);
+    CHECK_INT(view_resample(view, 9), TETLOD_OK);
+    uint32_t tet = view_probe(view, c[0], c[1], c[2]);
+    CHECK(tet == TETLOD_NONE || tet < view->shown.tet_count);
+    CHECK_INT(view_probe(view, info->bounds[1][0] + 100, 0, 0), TETLOD_NONE);
+}
+
+static void test_every_level_moves_and_is_drawn(void)
+{
+    static const char *const names[] = {"one_tet", "grid_float32", "grid_12_bit", "holes_float32", "soup_float64", "kept_order"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        struct view *view = open_view(names[i]);
+        REQUIRE(view);
+        uint32_t levels = view_info(view)->level_count;
+        draw_all(view);
+        for (uint32_t k = 1; k < levels; k++) {
+            CHECK_INT(view_seek(view, k), TETLOD_OK);
+            CHECK_INT(view_move(view, k - 1), TETLOD_OK);
+            if (k + 1 < levels)
+                CHECK_INT(view_seek(view, k + 1), TETLOD_OK); // what moves is a copy
+            view_place(view, 0.5);
+            draw_all(view);
+            view_place(view, 0);
+            draw_all(view);
+            CHECK_INT(view_seek(view, k), TETLOD_OK);
+            CHECK_INT(view_rest(view), TETLOD_OK);
+            draw_all(view);
+        }
+        for (uint32_t k = levels; k-- > 0;) {
+            CHECK_INT(view_seek(view, k), TETLOD_OK);
+            draw_all(view);
+        }
+        CHECK_INT(view_mesh(view)->level, 0);
+        CHECK(strstr(view_describe(view), view_info(view)->cid) != NULL);
+    }
+}
+
+static void test_some_fields(void)
+{
+    const uint32_t second = 1;
+    uint32_t size;
+    struct view *view = view_of("grid_float32", &size);
+    REQUIRE(view);
+    CHECK_INT(view_add(view, bytes, size), TETLOD_OK);
+    CHECK_INT(view_open(view, &second, 1), TETLOD_OK);
+    CHECK_INT(view_seek(view, 3), TETLOD_OK);
+    CHECK_INT(view_move(view, 1), TETLOD_OK);
+    view_place(view, 0.25);
+    draw_all(view); // a field that is not decoded counts as 0
+    view_place(view, 1);
+    double p[3] = {0};
+    for (int i = 0; i < 12; i++)
+        p[i % 3] += view->shown.positions[3 * view->shown.corners[i / 3] + i % 3] / 4;
+    CHECK(view_probe(view, p[0], p[1], p[2]) != TETLOD_NONE);
+    CHECK(isnan(view_probed(view)[0]) && !isnan(view_probed(view)[1]));
+}
+
+static void test_bytes_one_by_one_and_bad_ones(void)
+{
+    uint32_t size;
+    struct view *view = view_of("grid_float32", &size);
+    REQUIRE(view);
+    uint32_t status = TETLOD_MORE;
+    CHECK_INT(view_ready(view), TETLOD_NONE);
+    for (uint32_t i = 0; i < size; i++) {
+        status = view_add(view, bytes + i, 1);
+        CHECK(status == TETLOD_OK || status == TETLOD_MORE);
+    }
+    CHECK_INT(status, TETLOD_OK);
+    CHECK_INT(view_ready(view), view_info(view)->level_count - 1);
+    struct view *other = view_of("grid_float32", &size);
+    REQUIRE(other);
+    uint64_t damaged = view_info(view)->levels[2].offset + 5;
+    bytes[damaged] ^= 16;
+    CHECK_INT(view_add(other, bytes, size), TETLOD_OK);
+    CHECK_INT(view_open(other, NULL, 0), TETLOD_OK);
+    CHECK_INT(view_seek(other, 3), TETLOD_ERR_CHECKSUM);
+    CHECK(strstr(view_message(other), "checksum") != NULL);
+    CHECK_INT(view_mesh(other)->level, 1);
+    draw_all(other);
+    struct view *none = view_of("grid_float32", &size);
+    REQUIRE(none);
+    memset(bytes, 'x', 100);
+    CHECK_INT(view_add(none, bytes, 100), TETLOD_ERR_NOT_TETLOD);
+}
+
+int main(void)
+{
+    RUN(test_every_level_moves_and_is_drawn);
+    RUN(test_some_fields);
+    RUN(test_bytes_one_by_one_and_bad_ones);
+    return test_end();
+}
