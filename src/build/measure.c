@@ -12,8 +12,8 @@
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-/* Samples 0 .. vertices-1 are the vertices; tetrahedron t has SAMPLES_PER_TET more. */
-enum { SAMPLES_PER_TET = 2, MOST_OVERLAP = 128, CHUNK = 4096 };
+/* Samples 0 .. vertices-1 are the vertices; tetrahedron t has MEASURE_PER_TET more. */
+enum { MOST_OVERLAP = 128, CHUNK = 4096 };
 
 struct measure {
     const struct tetmesh *original; /* borrowed */
@@ -76,9 +76,7 @@ static uint64_t position_hash(const double p[3])
     return mix(bits[0] + 0x9e3779b97f4a7c15ull * bits[1] + 0xc2b2ae3d27d4eb4full * bits[2]);
 }
 
-/* Weights of a point in a tetrahedron: the centroid, or random ones that follow from its corners' positions, so that a mesh
- * is sampled alike in whatever order it lists its vertices, tetrahedra and corners. */
-static void sample_weights(const struct tetmesh *mesh, const uint32_t corners[4], unsigned which, double weights[4])
+void measure_sample_weights(const struct tetmesh *mesh, const uint32_t corners[4], unsigned which, double weights[4])
 {
     uint64_t hashes[4], sum = 0;
     double total = 0;
@@ -105,9 +103,9 @@ static bool sample_place(const struct measure *measure, size_t sample, struct pl
         return !measure->hollow[sample];
     }
     size_t k = sample - mesh->vertex_count;
-    uint32_t tet = (uint32_t)(k / SAMPLES_PER_TET);
+    uint32_t tet = (uint32_t)(k / MEASURE_PER_TET);
     memcpy(out->vertices, mesh->corners + 4 * (size_t)tet, sizeof out->vertices);
-    sample_weights(mesh, out->vertices, k % SAMPLES_PER_TET, out->weights);
+    measure_sample_weights(mesh, out->vertices, k % MEASURE_PER_TET, out->weights);
     return !measure->degenerate[tet];
 }
 
@@ -168,7 +166,7 @@ static uint32_t walk_start(const struct comparison *c, size_t sample)
     if (host != TETLOD_NONE && c->forest->image[host] != TETLOD_NONE)
         return c->forest->image[host];
     if (host == TETLOD_NONE && sample >= measure->original->vertex_count)
-        host = (uint32_t)((sample - measure->original->vertex_count) / SAMPLES_PER_TET);
+        host = (uint32_t)((sample - measure->original->vertex_count) / MEASURE_PER_TET);
     if (host != TETLOD_NONE)
         vertex = measure->original->corners[4 * (size_t)host];
     return c->locator.tet_of[c->forest->standing[vertex]];
@@ -329,7 +327,7 @@ void measure_free(struct measure *measure)
 enum tetlod_status measure_new(struct measure **out, const struct tetmesh *original, const uint32_t *fields,
                                uint32_t field_count, struct tetlod_error *error)
 {
-    size_t samples = original->vertex_count + SAMPLES_PER_TET * (size_t)original->tet_count;
+    size_t samples = original->vertex_count + MEASURE_PER_TET * (size_t)original->tet_count;
     struct measure *measure = array_zero(1, sizeof *measure);
     *out = NULL;
     if (!measure)
@@ -368,7 +366,7 @@ enum tetlod_status measure_new(struct measure **out, const struct tetmesh *origi
     for (size_t sample = 0; sample < samples; sample++)
         measure->hosts[sample] = sample < original->vertex_count
                                      ? TETLOD_NONE
-                                     : (uint32_t)((sample - original->vertex_count) / SAMPLES_PER_TET);
+                                     : (uint32_t)((sample - original->vertex_count) / MEASURE_PER_TET);
     *out = measure;
     return TETLOD_OK;
 }
@@ -408,7 +406,7 @@ static enum tetlod_status find_ambiguous(struct measure *measure, unsigned threa
     uint8_t *of_tets = measure->ambiguous + mesh->vertex_count;
     for (int round = 0; round < 3; round++) // from tetrahedra to vertices to tetrahedra to vertices
         for (size_t c = 0; c < 4 * (size_t)mesh->tet_count; c++) {
-            uint8_t *vertex = &measure->ambiguous[mesh->corners[c]], *tet = of_tets + c / 4 * SAMPLES_PER_TET;
+            uint8_t *vertex = &measure->ambiguous[mesh->corners[c]], *tet = of_tets + c / 4 * MEASURE_PER_TET;
             if (round % 2 == 0)
                 *vertex |= measure->degenerate[c / 4] | tet[0] | tet[1];
             else

@@ -9,9 +9,15 @@
 
 #include "src/mesh/tetmesh.h"
 
+enum { MEASURE_PER_TET = 2 };
+
 struct measured {
     double sampled, rms; /* in the field's units; the largest over its components at each point */
 };
+
+/* Weights of sample `which` < MEASURE_PER_TET in a tetrahedron: the centroid, or random ones that follow from its corners'
+ * positions, so that a mesh is sampled alike in whatever order it lists its vertices, tetrahedra and corners. */
+void measure_sample_weights(const struct tetmesh *mesh, const uint32_t corners[4], unsigned which, double weights[4]);
 
 struct measure;
 struct forest_level;

@@ -197,5 +197,5 @@ double metric_key(enum metric metric, const struct trial *trial, uint32_t remove
 {
     if (metric_has_quadrics(metric))
         return trial->cost / ((double)removed * removed);
-    return metric == METRIC_ENVELOPE ? trial->error / (removed * sqrt(removed)) : trial->error;
+    return metric == METRIC_SVA ? trial->error : trial->error / (removed * sqrt(removed));
 }

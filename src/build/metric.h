@@ -11,12 +11,19 @@ enum metric {
     METRIC_SVA,      /* error and key: the thesis's accumulated prediction */
     METRIC_FIELD_QUADRIC, /* error: the envelope's; key: field quadric / removed^2; the value is the quadric's best */
     METRIC_QUADRIC,       /* the same with Garland and Heckbert's generalised quadric */
+    METRIC_MEASURED,      /* error: the true one at samples (samples.h); key: error / removed^1.5 */
 };
 
 /* Do its contractions have an optimal position of their own? */
 static inline bool metric_has_quadrics(enum metric metric)
 {
     return metric == METRIC_FIELD_QUADRIC || metric == METRIC_QUADRIC;
+}
+
+/* Is a contraction within the limit only if its certified error is? */
+static inline bool metric_is_certified(enum metric metric)
+{
+    return metric != METRIC_SVA && metric != METRIC_MEASURED;
 }
 
 /* A final vertex position that is tried. */

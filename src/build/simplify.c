@@ -7,6 +7,7 @@
 #include "format/fail.h"
 #include "src/build/exact.h"
 #include "src/build/queue.h"
+#include "src/build/samples.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
@@ -26,6 +27,7 @@ struct judge {
     struct star star;
     struct metric_scratch scratch;
     struct examiner examiner; /* of the exact limit */
+    struct sampler sampler; /* of the measured metric */
     struct tetlod_error error;
     enum tetlod_status status;
 };
@@ -37,6 +39,7 @@ struct run {
     struct fields *fields;
     struct boundary boundary;
     struct overlaps overlaps; /* of the exact limit */
+    struct samples samples; /* of the measured metric */
     struct judge *judges; /* [judge_count]; the first is the one that contracts */
     unsigned judge_count;
     struct queue queue, waiting;
@@ -106,9 +109,30 @@ static void remember_witnesses(struct queue_entry *entry, const uint32_t witness
     entry->witness[entry->witness_count++] = witness[1];
 }
 
+/* Errors of trials on the judge's star. */
+static enum tetlod_status try_all(const struct run *run, struct judge *judge, double horizon, struct trial *trials,
+                                  uint32_t count)
+{
+    if (run->options->metric == METRIC_MEASURED)
+        return samples_try(&run->samples, &judge->sampler, run->complex, run->fields, &judge->star, run->limit, horizon,
+                           trials, count, &judge->error);
+    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, horizon, trials, count);
+    return TETLOD_OK;
+}
+
+/* The values that they have assigned to the drivers at the first of them. */
+static void take_assigned(const struct run *run, const struct judge *judge)
+{
+    if (run->options->metric == METRIC_MEASURED)
+        samples_assigned(&judge->sampler, run->fields, 0, run->assigned);
+    else
+        metric_assigned(&judge->scratch, run->fields, 0, run->assigned);
+}
+
 /* The best candidate of the judge's star: its error in *out_error (INFINITY: none is possible; above the limit: a lower
  * bound), its key in entry->value. */
-static void best_candidate(const struct run *run, struct judge *judge, struct queue_entry *entry, double *out_error)
+static enum tetlod_status best_candidate(const struct run *run, struct judge *judge, struct queue_entry *entry,
+                                         double *out_error)
 {
     struct trial trials[MOST_TRIALS];
     uint32_t vertices = judge->star.simplex_count, count = candidates_count(vertices, run->options->candidates);
@@ -120,8 +144,7 @@ static void best_candidate(const struct run *run, struct judge *judge, struct qu
     }
     trials[count].possible = optimum_position(run, &judge->star, trials[count].position);
     count += trials[count].possible;
-    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star,
-               is_exact(run) ? INFINITY : HORIZON * run->limit, trials, count);
+    TETLOD_TRY(try_all(run, judge, is_exact(run) ? INFINITY : HORIZON * run->limit, trials, count));
     *out_error = INFINITY;
     for (uint32_t c = 0; c < count; c++) {
         if (entry->refused & UINT32_C(1) << c)
@@ -140,6 +163,7 @@ static void best_candidate(const struct run *run, struct judge *judge, struct qu
         }
     }
     entry->value = best;
+    return TETLOD_OK;
 }
 
 static uint32_t vertex_count(const struct queue_entry *entry)
@@ -168,7 +192,7 @@ static enum tetlod_status evaluate(const struct run *run, struct judge *judge, s
     entry->witness_count = entry->refused = 0;
     entry->bound = INFINITY;
     TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
-    best_candidate(run, judge, entry, &error);
+    TETLOD_TRY(best_candidate(run, judge, entry, &error));
     *out_allowed = error <= run->limit;
     entry->value = *out_allowed ? entry->value : error;
     return TETLOD_OK;
@@ -292,7 +316,7 @@ static enum tetlod_status refuse(struct run *run, struct queue_entry entry, doub
 /* The limit as a driver's own error, for errors that are above it by rounding only; else no limit. */
 static double rounded_limit(const struct run *run, const struct driver *driver)
 {
-    return run->options->metric != METRIC_SVA ? run->limit / driver->weight : INFINITY;
+    return metric_is_certified(run->options->metric) ? run->limit / driver->weight : INFINITY;
 }
 
 /* The exact limit refuses a fresh entry's candidate: the next best one's turn comes, or the entry waits. */
@@ -304,7 +328,10 @@ static enum tetlod_status refuse_candidate(struct run *run, struct queue_entry e
     entry.refused |= UINT32_C(1) << entry.candidate;
     entry.bound = smaller(entry.bound, bound);
     remember_witnesses(&entry, (uint32_t[]){first, witness[1] == TETLOD_NONE ? first : witness[1]});
-    best_candidate(run, run->judges, &entry, &none);
+    if (best_candidate(run, run->judges, &entry, &none) != TETLOD_OK) {
+        *run->error = run->judges->error;
+        return run->error->status;
+    }
     bool left = isfinite(entry.value);
     entry.value = left ? entry.value : entry.bound;
     return file(run, &entry, left);
@@ -345,9 +372,13 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     if (!holds)
         return refuse(run, *entry, INFINITY);
     struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
-    metric_try(run->options->metric, &run->judges->scratch, run->fields, run->complex, star,
-               is_exact(run) ? INFINITY : run->limit, &trial, 1);
-    metric_assigned(&run->judges->scratch, run->fields, 0, run->assigned);
+    if (try_all(run, run->judges, is_exact(run) ? INFINITY : run->limit, &trial, 1) != TETLOD_OK) {
+        *run->error = run->judges->error;
+        return run->error->status;
+    }
+    if (run->options->metric == METRIC_MEASURED && (!trial.possible || trial.error > run->limit))
+        return refuse(run, *entry, trial.possible ? trial.error : INFINITY);
+    take_assigned(run, run->judges);
     bool filed = false;
     if (is_exact(run))
         TETLOD_TRY(examine(run, entry, p, &filed));
@@ -355,9 +386,11 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
         return TETLOD_OK;
     fields_outcome(run->fields, run->complex, star, p, run->assigned, run->outcome);
     double certified = outcome_error(run->fields, run->outcome);
-    if (run->options->metric != METRIC_SVA && !is_exact(run) && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
+    if (metric_is_certified(run->options->metric) && !is_exact(run) && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
         return refuse(run, *entry, certified);
     fields_contract(run->fields, run->complex, star, p, run->outcome);
+    if (run->options->metric == METRIC_MEASURED)
+        samples_contract(&run->samples, &run->judges->sampler, run->fields, star, trial.error);
     TETLOD_TRY(complex_contract(run->complex, star, p, run->error));
     boundary_update(&run->boundary, run->complex, v, moved);
     for (uint32_t d = 0; d < run->fields->driver_count; d++) {
@@ -553,6 +586,7 @@ static enum tetlod_status make_judges(struct run *run)
         TETLOD_TRY(metric_init(&run->judges[j].scratch, run->fields, run->error));
         if (is_exact(run))
             TETLOD_TRY(examiner_init(&run->judges[j].examiner, run->complex, run->fields, run->error));
+        TETLOD_TRY(sampler_init(&run->judges[j].sampler, run->fields, run->error));
     }
     return TETLOD_OK;
 }
@@ -563,6 +597,7 @@ static void free_judges(struct run *run)
         star_fini(&run->judges[j].star);
         metric_fini(&run->judges[j].scratch);
         examiner_fini(&run->judges[j].examiner);
+        sampler_fini(&run->judges[j].sampler);
     }
     free(run->judges);
 }
@@ -581,6 +616,8 @@ enum tetlod_status simplify(struct simplification *out, const struct tetmesh *me
     TETLOD_TRY_DONE(boundary_init(&run.boundary, &out->complex, options->boundary_angle, options->boundary_limit, error));
     if (options->certify == CERTIFY_EXACT)
         TETLOD_TRY_DONE(overlaps_init(&run.overlaps, mesh, error));
+    if (options->metric == METRIC_MEASURED)
+        TETLOD_TRY_DONE(samples_init(&run.samples, mesh, &out->complex, &out->fields, error));
     TETLOD_TRY_DONE(make_judges(&run));
     run.certified = array_zero(3 * (size_t)out->fields.driver_count, sizeof(double));
     run.outcome = array_new(out->fields.driver_count, sizeof *run.outcome);
@@ -592,6 +629,7 @@ enum tetlod_status simplify(struct simplification *out, const struct tetmesh *me
 done:
     boundary_fini(&run.boundary);
     overlaps_fini(&run.overlaps);
+    samples_fini(&run.samples);
     free_judges(&run);
     queue_fini(&run.queue);
     queue_fini(&run.waiting);

@@ -35,8 +35,9 @@ static const char help[] =
     "      --certify HOW       what holds the error: fast (default), a bound that is carried along; exact, the exact maximum\n"
     "                          over the whole domain: far fewer tetrahedra for the same error, in several times the time\n"
     "      --metric M          what orders the contractions: envelope (default of fast), the carried bound; field-quadric\n"
-    "                          (Cignoni and others; default of exact) or quadric (Garland and Heckbert); or sva, the\n"
-    "                          accumulated prediction of scalar value assignment, which then is the limit, too\n"
+    "                          (Cignoni and others; default of exact) or quadric (Garland and Heckbert); or what then is\n"
+    "                          the limit, too: sva, the accumulated prediction of scalar value assignment; measured, the\n"
+    "                          true error at samples ('sampled')\n"
     "      --contract KIND     what is contracted: edge (default), face, tet, or hybrid, all three in one queue\n"
     "      --candidates N      final vertex positions tried on a simplex: its vertices first, then its middle, then more\n"
     "                          between, up to 7 on an edge or a face and 19 on a tetrahedron (default: 3, 4 and 5)\n"
@@ -94,7 +95,8 @@ static bool on_progress(void *opaque, enum build_phase phase, double done)
 static const char *const metric_names[] = {[METRIC_ENVELOPE] = "envelope",
                                            [METRIC_SVA] = "sva",
                                            [METRIC_FIELD_QUADRIC] = "field-quadric",
-                                           [METRIC_QUADRIC] = "quadric"};
+                                           [METRIC_QUADRIC] = "quadric",
+                                           [METRIC_MEASURED] = "measured"};
 
 static bool parse_metric(const char *text, enum metric *out)
 {
@@ -103,7 +105,7 @@ static bool parse_metric(const char *text, enum metric *out)
             *out = (enum metric)i;
             return true;
         }
-    cli_usage("build", "--metric is one of envelope, sva, field-quadric, quadric, not '%s'", text);
+    cli_usage("build", "--metric is one of envelope, sva, field-quadric, quadric, measured, not '%s'", text);
     return false;
 }
 
@@ -491,8 +493,9 @@ static int run(int argc, char **argv)
         return EXIT_USAGE;
     if (request.build.certify == CERTIFY_EXACT && !request.ordered)
         request.build.metric = METRIC_FIELD_QUADRIC;
-    if (request.build.certify == CERTIFY_EXACT && request.build.metric == METRIC_SVA)
-        return cli_usage("build", "--metric sva has a limit of its own; leave out --certify exact");
+    if (request.build.certify == CERTIFY_EXACT && !metric_is_certified(request.build.metric))
+        return cli_usage("build", "--metric %s has a limit of its own; leave out --certify exact",
+                         metric_names[request.build.metric]);
     char output[4096];
     request.input = argv[optind];
     if (!request.build.threads)

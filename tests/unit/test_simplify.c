@@ -219,6 +219,64 @@ static void test_samples_exactly(void)
     check_exact("delta", 2, METRIC_FIELD_QUADRIC, CONTRACT_EDGES, 0.02);
 }
 
+static void test_samples_by_measured_error(void)
+{
+    check_sample("cube", 5, METRIC_MEASURED, CONTRACT_EDGES, 60);
+    check_sample("torus", 3, METRIC_MEASURED, CONTRACT_EDGES, 1500);
+    check_sample("fin", 4, METRIC_MEASURED, CONTRACT_EDGES | CONTRACT_FACES | CONTRACT_TETS, 500);
+}
+
+/* What is left within 2 % by a metric; and for the measured one, are all fields that drive within it when measured anew? */
+static void left_within(const struct tetmesh *mesh, enum metric metric, uint32_t fields, uint32_t *out_left)
+{
+    static const uint32_t controlled[2] = {0, 1};
+    struct simplification s;
+    struct forest forest;
+    struct forest_level level;
+    struct measure *measure;
+    struct measured measured[2];
+    struct simplify_options options = usual(mesh);
+    double domain, range[2], nearest = 0;
+    *out_left = 0;
+    options.metric = metric;
+    options.max_error = 0.02;
+    REQUIRE(simplify(&s, mesh, controlled, fields, (double[]){1, 0.5}, &options, NULL) == TETLOD_OK);
+    REQUIRE(forest_init(&forest, &s, mesh, NULL) == TETLOD_OK);
+    REQUIRE(forest_level(&forest, s.complex.contraction_count, &level, NULL) == TETLOD_OK);
+    REQUIRE(measure_new(&measure, mesh, controlled, fields, NULL) == TETLOD_OK);
+    CHECK_INT(measure_mesh(measure, &level.mesh, controlled, 2, measured, &domain, NULL), TETLOD_OK);
+    for (uint32_t f = 0; f < fields && metric == METRIC_MEASURED; f++) {
+        point_field_range(&mesh->fields[f], mesh->vertex_count, range);
+        double error = measured[f].sampled / (range[1] - range[0]), most = f ? 0.01 : 0.02;
+        nearest = larger(nearest, error / most);
+        if (error > most)
+            TEST_FAIL("field %u: the error is %.12g, to be at most %g", f, error, most);
+    }
+    CHECK(nearest > 0.5 || metric != METRIC_MEASURED);
+    *out_left = s.complex.tets_alive;
+    measure_free(measure);
+    forest_level_fini(&level);
+    forest_fini(&forest);
+    simplification_fini(&s);
+}
+
+static void test_measured_limit_holds(void)
+{
+    for (int i = 0; i < 3; i++) {
+        struct tetmesh mesh = {0};
+        if (i == 0)
+            make_jittered(&mesh, 6, 31);
+        else
+            REQUIRE(sample_find(i == 1 ? "torus" : "fin")->make(&mesh, 4, NULL) == TETLOD_OK);
+        uint32_t fields = i == 2 ? 2 : 1, envelope, measured;
+        left_within(&mesh, METRIC_ENVELOPE, fields, &envelope);
+        left_within(&mesh, METRIC_MEASURED, fields, &measured);
+        if (measured >= envelope)
+            TEST_FAIL("mesh %d: %u tetrahedra are left, by the envelope %u", i, measured, envelope);
+        tetmesh_fini(&mesh);
+    }
+}
+
 static void test_faces_and_tetrahedra(void)
 {
     check_sample("cube", 5, METRIC_ENVELOPE, CONTRACT_EDGES | CONTRACT_FACES | CONTRACT_TETS, 60);
@@ -281,6 +339,7 @@ static void check_threads(enum metric metric, enum certify certify)
 static void test_threads_do_not_matter(void)
 {
     check_threads(METRIC_ENVELOPE, CERTIFY_FAST);
+    check_threads(METRIC_MEASURED, CERTIFY_FAST);
     check_threads(METRIC_FIELD_QUADRIC, CERTIFY_EXACT);
 }
 
@@ -345,6 +404,8 @@ int main(void)
     RUN(test_samples_by_envelope);
     RUN(test_samples_by_prediction);
     RUN(test_samples_exactly);
+    RUN(test_samples_by_measured_error);
+    RUN(test_measured_limit_holds);
     RUN(test_faces_and_tetrahedra);
     RUN(test_jittered);
     RUN(test_reversed);
