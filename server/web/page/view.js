@@ -28,6 +28,7 @@ const stillness = matchMedia('(prefers-reduced-motion: reduce)');
 const store = new Store(fromFragment(location.hash));
 let stream, info, scene, controls, compass, handles, probe;
 let level = -1; // the stream's, which the words tell
+let early = null; // pictures that came before there was where to draw them
 let drawn = -1; // the picture's, when it has come to rest
 let seen = null; // the magnitude's range so far: the index has ranges of components only
 
@@ -81,7 +82,7 @@ const setBackground = () => {
 
 // ---- what the worker is to make
 
-const show = coalesced(() => {
+function showNow() {
   const { state } = store;
   const [low, high] = isosurfaceRange();
   const { field, component } = isosurfacesOf(info, state);
@@ -96,7 +97,9 @@ const show = coalesced(() => {
     volume: state.volume ? { size: state.volumeSize } : null,
     morph: state.smooth && !stillness.matches,
   });
-});
+}
+
+const show = coalesced(showNow);
 
 const refine = coalesced(async () => {
   const { state } = store;
@@ -113,6 +116,7 @@ const refine = coalesced(async () => {
 // ---- what is shown, in words
 
 function tellShown() {
+  if (!controls) return;
   const { state } = store;
   const now = info.levels[level];
   byId('shown').classList.toggle('busy', level !== wantedLevel(info, state));
@@ -169,7 +173,12 @@ function tellFailure(message) {
   notice('error', message, { failed: true, seconds: 0, children: [again] });
 }
 
-function takePictures({ detail: pictures }) {
+function takePictures(event) {
+  if (!controls) {
+    early = event;
+    return;
+  }
+  const pictures = event.detail;
   byId('loading').hidden = true;
   scene.update(pictures, store.state);
   const visible = scene.visibleRange();
@@ -315,19 +324,26 @@ function valid(state) {
   return { ...state, field: (info.fields.find((f) => f.controlled) ?? info.fields[0]).name };
 }
 
-async function start() {
-  document.title = `${name} · tetlod`;
-  byId('name').textContent = name;
-  // the first bytes are on their way while vtk.js and the graphics start, which takes longest
-  const opened = TetlodStream.open(address, { on: { retry: tellRetry } });
-  const ready = import('./scene.js').then(({ Scene }) => {
-    scene = new Scene(byId('picture'));
-    setBackground();
-  });
-  [stream] = await Promise.all([opened, ready]);
+async function openStream() {
+  stream = await TetlodStream.open(address, { on: { retry: tellRetry } });
   info = stream.info;
   if (!info.fields.length) throw new Error('this stream has no fields to colour it by');
   store.state = valid(store.state);
+  follow();
+  showNow();
+}
+
+async function openScene() {
+  const { Scene } = await import('./scene.js');
+  scene = new Scene(byId('picture'));
+  setBackground();
+}
+
+async function start() {
+  document.title = `${name} · tetlod`;
+  byId('name').textContent = name;
+  // the first picture is made while vtk.js and the graphics start, which takes longest
+  await Promise.all([openStream(), openScene()]);
   scene.setBounds(info.bounds);
   if (store.state.camera) scene.setCamera(store.state.camera);
   compass = new Compass(byId('compass'), (view) => scene.look(view));
@@ -335,7 +351,7 @@ async function start() {
   controls = new Controls(store, info, { look: (view) => scene.look(view), viewNormal, ranges: colorRange, isosurfaceRange });
   probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, store.state));
   byId('download').hidden = Boolean(file);
-  follow();
+  if (early) takePictures(early);
   watchScene();
   watch();
   bindActions();
