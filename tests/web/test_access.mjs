@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Whether everybody can use the page: by keyboard alone, with contrast, on a small screen, without motion.
 import assert from 'node:assert/strict';
-import { launch, openPage, firstPicture, run, settled } from './browser.mjs';
+import { launch, openPage, firstPicture, settled } from './browser.mjs';
 import { program, sampleStream } from './hosts.mjs';
+import { run } from './tap.mjs';
 
 const server = await program([sampleStream().path]);
 const browser = await launch();

@@ -3,8 +3,9 @@
 import assert from 'node:assert/strict';
 import { writeFileSync } from 'node:fs';
 import { join } from 'node:path';
-import { launch, openPage, firstPicture, pictureFigures, run, settled } from './browser.mjs';
+import { launch, openPage, firstPicture, pictureFigures, settled } from './browser.mjs';
 import { program, sampleStream, SCRATCH } from './hosts.mjs';
+import { run } from './tap.mjs';
 
 const { path, bytes } = sampleStream();
 const browser = await launch();
