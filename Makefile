@@ -125,9 +125,11 @@ $(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h) Makefi
 	@echo "  WASM $@"
 	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(WASM_SRC)
 
-$(CLIENT)/package.json: $(WASM) $(CLIENT_SRC)
+# The worker is one file: three loads one after the other would keep it waiting
+$(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC)
 	@rm -rf $(@D) && mkdir -p $(@D)
-	$(Q)cp $(WASM) $(CLIENT_SRC) $(@D)
+	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/worker.js
+	$(Q)cp $(WASM) $(filter-out %/worker.js %/engine.js,$(CLIENT_SRC)) $(@D)
 
 build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
 	@echo "  WEB $(WEB_DIR)"

@@ -38,10 +38,10 @@ export class Engine {
 
   // ---- what the page asks
 
-  async open({ module, url, fields, retries, target }) {
+  async open({ module, url, fields, retries, target, early }) {
     const onRetry = (detail) => this.#emit('retry', detail);
     this.#source = new Source(url, { signal: this.#stop.signal, retries, onRetry });
-    const [compiled, described] = await Promise.all([module, this.#source.start()]);
+    const [compiled, described] = await Promise.all([module, Promise.resolve(early).then((found) => this.#source.start(found))]);
     this.#view = await View.create(compiled);
     // the description says what the index will: then the first request asks for all that the target needs
     const first = described && target ? described.levels[chooseLevel(described, target)].bytes : 1;

@@ -47,6 +47,12 @@ async function failureOf(answer) {
   return passes ? new Retry(message, retryAfter(answer.headers)) : new FetchError(message);
 }
 
+/** Is it a stream of a server, which has a description and immutable URLs? Everything else is a file. */
+export const isServed = (url) => /\/v1\/meshes\/[^/]+\/?$/.test(new URL(url).pathname);
+
+/** The description of a stream of a server, as an answer. */
+export const askDescription = (url, options) => fetch(url, { ...options, headers: { Accept: 'application/json' } });
+
 export class Source {
   #url; #signal; #retries; #onRetry;
   #routes = null;  // of the server: {level, records}, URL templates
@@ -65,20 +71,20 @@ export class Source {
     this.#onRetry = onRetry;
   }
 
-  /** Finds out what serves the stream: /v1/meshes/{id} describes it, which is returned, everything else is a file. */
-  async start() {
-    if (!/\/v1\/meshes\/[^/]+\/?$/.test(new URL(this.#url).pathname)) return null;
-    return this.#persist(async () => {
-      const answer = await this.#fetch(this.#url, { headers: { Accept: 'application/json' } });
-      const described = await answer.json().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
-      const { levels, links } = described;
-      if (!levels || !links) throw new FetchError(`${this.#url} does not describe a stream`);
-      const absolute = (link) => new URL(link.replace(/[{}]/g, (c) => (c === '{' ? '%7B' : '%7D')), answer.url).href;
-      const template = (link) => absolute(link.replace(/\{\?.*?\}/, '')).replaceAll('%7B', '{').replaceAll('%7D', '}');
-      this.#levels = levels;
-      this.#routes = { level: template(links.level), records: template(links.records), stream: absolute(links.stream) };
-      return described;
+  /** Takes the description of a stream that a server has, or asks for it; null for a file. `early`: {url, described}, if it is there. */
+  async start(early) {
+    if (!isServed(this.#url)) return null;
+    const { url, described } = early ?? await this.#persist(async () => {
+      const answer = await this.#check(() => askDescription(this.#url, { signal: this.#signal }));
+      const json = await answer.json().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
+      return { url: answer.url, described: json };
     });
+    const { levels, links } = described;
+    if (!levels || !links) throw new FetchError(`${this.#url} does not describe a stream`);
+    const absolute = (link) => new URL(link.replace(/\{\?.*?\}/, ''), url).href.replaceAll('%7B', '{').replaceAll('%7D', '}');
+    this.#levels = levels;
+    this.#routes = { level: absolute(links.level), records: absolute(links.records), stream: absolute(links.stream) };
+    return described;
   }
 
   /** The next bytes from `position` on, at least one, of which those before `until` are needed. */
@@ -145,10 +151,14 @@ export class Source {
     throw new Retry(`${this.#url}: the answer ended ${this.#end - this.#at} bytes too early`);
   }
 
-  async #fetch(url, options = {}) {
+  #fetch(url, options = {}) {
+    return this.#check(() => fetch(url, { ...options, signal: this.#signal }), url);
+  }
+
+  async #check(ask, url = this.#url) {
     let answer;
     try {
-      answer = await fetch(url, { ...options, signal: this.#signal });
+      answer = await ask();
     } catch (error) {
       throw new Retry(`${url}: ${error.cause?.message || error.message}`);
     }

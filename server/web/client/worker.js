@@ -23,8 +23,14 @@ async function moduleOf(wasm) {
   return compile(await (await import(files)).readFile(new URL(wasm)));
 }
 
+// The page asks for the description while the worker starts, and tells it as soon as it is there.
+let tellDescription;
+const description = new Promise((resolve) => { tellDescription = resolve; });
+
 const actions = {
-  open: (options) => engine.open({ ...options, module: moduleOf(options.wasm ?? new URL('./tetlod.wasm', import.meta.url).href) }),
+  open: ({ wasm = new URL('./tetlod.wasm', import.meta.url).href, ...options }) =>
+    engine.open({ ...options, module: moduleOf(wasm), early: description }),
+  describe: (found) => tellDescription(found),
   refineTo: (target, id) => engine.refineTo(target, id),
   abort: (id) => engine.abort(id),
   mesh: () => engine.mesh(),
@@ -45,4 +51,3 @@ async function hear({ action, id, argument }) {
 
 if (port.on) port.on('message', hear);
 else port.onmessage = ({ data }) => hear(data);
-post({ ready: true });
