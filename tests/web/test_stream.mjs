@@ -297,10 +297,14 @@ async function picturesOfEveryStep() {
   stream.addEventListener('pictures', ({ detail }) => pictures.push(detail));
   const value = (info.fields[0].range[0] + info.fields[0].range[1]) / 2;
   await stream.show({ field: name, surface: true, slices: [{ origin: centre, normal: [0, 0, 1] }], isosurfaces: [{ value }] });
-  await stream.refineTo({ level: middle });
+  const moves = () => pictures.some(({ level, t }) => level > 0 && t > 0 && t < 1);
+  for (let i = 0; i < 5 && !moves(); i++) { // a machine that is busy may see a jump
+    await stream.refineTo({ level: 0 });
+    pictures.splice(0, pictures.length - 1);
+    await stream.refineTo({ level: middle });
+  }
   assert.equal(pictures.at(-1).level, middle);
-  const moves = pictures.filter(({ level }) => level > 0);
-  assert.ok(moves.some(({ t }) => t > 0 && t < 1), 'levels move');
+  assert.ok(moves(), 'levels move');
   let level = -1;
   let t = 1;
   for (const picture of pictures) {
