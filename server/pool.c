@@ -3,6 +3,7 @@
 
 #include <pthread.h>
 #include <stdlib.h>
+#include <sys/resource.h>
 
 #include "format/fail.h"
 #include "src/util/array.h"
@@ -22,9 +23,17 @@ struct pool {
     pthread_t *ids;
 };
 
+/* Below the threads that answer: what is there already shall not wait for what is being made. (On Linux this is the calling
+ * thread's alone.) */
+static void step_back(void)
+{
+    setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + 5); // where it is not allowed, they are equals
+}
+
 static void *run(void *argument)
 {
     struct pool *pool = argument;
+    step_back();
     pthread_mutex_lock(&pool->lock);
     for (;;) {
         while (!pool->count && !pool->stopping)

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Streams over HTTP: the catalogue, the mesh of an error, levels, records, stored bytes, surfaces; VTK reads what is sent."""
 import concurrent.futures
+import contextlib
 import json
 import os
 import re
 import shutil
+import signal
+import socket
 import subprocess
 import time
 import urllib.parse
@@ -289,6 +292,7 @@ def test_not_modified_without_making():
                 assert again.get('content-length', head['content-length']) == head['content-length'], (path, again)
         received, closed = fresh.raw(b'GET %s HTTP/1.1\r\nHost: x\r\nIf-None-Match: *\r\n\r\n' % paths[0].encode())
         assert received.endswith(b'\r\n\r\n') and received.count(b'\r\n\r\n') == 1 and closed, received  # no last chunk
+        assert fresh.get(base + '/levels/9/mesh.tetlod')[0] == fresh.get(base + '/records/3-9')[0] == fresh.get(base + '/stream')[0] == 200
         assert metric('tetlod_levels_made_total', fresh) == 0 and metric('tetlod_streams_decoded_total', fresh) == 0
 
 
@@ -442,7 +446,6 @@ def test_replaced_stream():
 
 
 def test_reload_signal():
-    import signal
     folder = os.path.join(SCRATCH, 'signalled')
     os.makedirs(folder, exist_ok=True)
     with Server(folder, '--scan', '1000') as waiting:
@@ -450,6 +453,50 @@ def test_reload_signal():
         assert waiting.get('/v1/meshes/late')[0] == 404
         waiting.process.send_signal(signal.SIGHUP)
         wait_for(lambda: waiting.get('/v1/meshes/late')[0] == 200, 10)
+
+
+def read_answer(connection):
+    """The length of the body that was announced, and of what came until the end."""
+    received = b''
+    while some := connection.recv(65536):
+        received += some
+    head, _, body = received.partition(b'\r\n\r\n')
+    assert head.startswith(b'HTTP/1.1 200'), head
+    return int(re.search(rb'\r\nContent-Length: (\d+)', head)[1]), len(body)
+
+
+def test_stop_during_answers():
+    """Whoever has asked gets the whole answer, whether it is being sent or still being made; nobody else gets in."""
+    stream, path = os.path.join(SCRATCH, 'larger.tetlod'), os.path.join(SCRATCH, 'stop.sock')
+    make_stream('fin', stream, 16)  # as text more than the buffers of a Unix socket hold
+    with Server(stream, '--drain', '20', '--quiet', '--listen', 'unix:' + path) as ending, socket.socket(socket.AF_UNIX) as slow, ending.connect() as patient:
+        told = ending.json('/v1/meshes/larger')
+        request = b'GET /v1/meshes/larger/%s/levels/%d/mesh.%%s HTTP/1.1\r\nHost: x\r\n\r\n' % (told['cid'].encode(), len(told['levels']) - 1)
+        slow.settimeout(20 * SLOW)
+        slow.connect(path)
+        slow.sendall(request % b'vtk')
+        assert slow.recv(12, socket.MSG_PEEK) == b'HTTP/1.1 200'
+        patient.sendall(request % b'vtu')
+        time.sleep(0.05)
+        ending.process.send_signal(signal.SIGTERM)
+        announced, got = read_answer(patient)
+        assert got == announced
+        assert ending.process.poll() is None  # for the slow one
+        with contextlib.suppress(OSError):
+            assert not ending.raw(b'GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n')[0]
+        announced, got = read_answer(slow)
+        assert got == announced > 300000
+        start = time.monotonic()
+        ending.stop()
+        assert time.monotonic() - start < 5 * SLOW
+
+
+def test_server_timing():
+    path = base + '/levels/5/mesh.vtk'
+    pattern = r'cache;desc=(hit|miss), extract;dur=[\d.]+, make;dur=[\d.]+'
+    with Server(FOLDER) as fresh:
+        found = [re.fullmatch(pattern, fresh.get(path)[1]['server-timing'])[1] for _ in range(3)]
+    assert found == ['miss', 'hit', 'hit']
 
 
 def test_what_is_no_stream():
@@ -500,4 +547,4 @@ with Server(FOLDER) as server:
     run([test_catalogue, test_description, test_level_for_error, test_level_for_budget, test_bad_questions,
          test_every_level_is_the_cursors, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
          test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
-         test_small_cache, test_replaced_stream, test_reload_signal, test_what_is_no_stream, test_damaged_stream])
+         test_small_cache, test_replaced_stream, test_reload_signal, test_stop_during_answers, test_server_timing, test_what_is_no_stream, test_damaged_stream])

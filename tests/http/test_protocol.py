@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """HTTP itself: what libmicrohttpd gets wrong or leaves to us, request by request."""
+import http.client
 import json
 import os
 import re
@@ -397,8 +398,39 @@ def test_addresses():
             connection.sendall(b'GET /healthz HTTP/1.1\r\n' + HOST + b'Connection: close\r\n\r\n')
             assert connection.recv(100).startswith(b'HTTP/1.1 200')
     assert not os.path.exists(path)
-    with Server(FOLDER, '--metrics', '127.0.0.1:0', '--listen', '127.0.0.1:0') as apart:
+    with Server(FOLDER, '--listen', '127.0.0.1:0', '--listen', '[::1]:0', '--quiet') as three:
+        second, third = (three.process.stdout.readline().decode() for _ in range(2))
+        for url in (second, third):
+            found = re.match(r'http://\[?([^]]*?)\]?:(\d+)/$', url)
+            connection = http.client.HTTPConnection(found[1], int(found[2]), timeout=10 * SLOW)
+            connection.request('GET', '/healthz')
+            assert connection.getresponse().status == 200, url
+            connection.close()
+        assert '[::1]' in third
+
+
+def test_metrics_apart():
+    with socket.socket() as probe:
+        probe.bind(('127.0.0.1', 0))
+        port = probe.getsockname()[1]
+    with Server(FOLDER, '--metrics', '127.0.0.1:%d' % port) as apart:
         assert apart.get('/metrics')[0] == 404
+        connection = http.client.HTTPConnection('127.0.0.1', port, timeout=10 * SLOW)
+        connection.request('GET', '/metrics')
+        text = connection.getresponse().read().decode()
+        assert re.search(r'^tetlod_requests_total{route="/metrics",status="404"} 1$', text, re.M), text
+        connection.close()
+
+
+def test_threads():
+    """As many HTTP threads, and as many that make meshes, as asked for, beside the main one, the acceptor and the keeper."""
+    def threads(count):
+        with Server(FOLDER, '--threads', str(count)) as server_of:
+            return len(os.listdir('/proc/%d/task' % server_of.process.pid))
+
+    assert threads(5) - threads(2) == 6
+    with Server(FOLDER, '--threads', '1') as alone:
+        assert [alone.get('/healthz')[0] for _ in range(5)] == [200] * 5
 
 
 def test_graceful_stop():
@@ -440,5 +472,5 @@ with Server(FOLDER) as server:
     run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths, test_traversal,
          test_nul_does_not_cut, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue,
          test_refusals_are_problems, test_many_parameters, test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
-         test_coding, test_embedding, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses,
+         test_coding, test_embedding, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses, test_metrics_apart, test_threads,
          test_graceful_stop, test_access_log, test_metrics])

@@ -113,6 +113,12 @@ static void test_answers(void)
     CHECK_INT(get(&f, "/v1/meshes/x", NULL), 404);
     CHECK_TEXT(f.response.media_type, "application/problem+json");
     CHECK_INT(get(&f, "/metrics", NULL), 404); // not on this site
+    CHECK_INT(get(&f, "/readyz", NULL), 200);
+    atomic_store(&f.site.draining, true);
+    CHECK_INT(get(&f, "/readyz", NULL), 503);
+    CHECK_TEXT(response_find_header(&f.response, "Retry-After"), "1");
+    CHECK_INT(get(&f, "/healthz", NULL), 200);
+    atomic_store(&f.site.draining, false);
     close_fixture(&f);
 }
 
