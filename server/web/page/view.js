@@ -336,6 +336,7 @@ async function openStream() {
 async function openScene() {
   const { Scene } = await import('./scene.js');
   scene = new Scene(byId('picture'));
+  if (!scene.view.get3DContext()) throw new Error('this browser has no WebGL, which draws the picture');
   setBackground();
 }
 
