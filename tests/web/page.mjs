@@ -106,6 +106,14 @@ async function what_is_wrong_is_said() {
   const other = await openPage(browser, origin);
   await other.goto(`${origin}view/nothing`);
   await other.getByText("there is no mesh 'nothing'").waitFor();
+  await other.addInitScript(() => {
+    const plain = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+      return kind.startsWith('webgl') ? null : plain.call(this, kind, ...rest);
+    };
+  });
+  await other.goto(`${origin}view/fin`);
+  await other.getByText('this browser has no WebGL 2').waitFor();
   await other.context().close();
 }
 

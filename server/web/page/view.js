@@ -335,8 +335,12 @@ async function openStream() {
 
 async function openScene() {
   const { Scene } = await import('./scene.js');
-  scene = new Scene(byId('picture'));
-  if (!scene.view.get3DContext()) throw new Error('this browser has no WebGL, which draws the picture');
+  try {
+    scene = new Scene(byId('picture'));
+    scene.view.get3DContext();
+  } catch (error) {
+    throw document.createElement('canvas').getContext('webgl2') ? error : new Error('this browser has no WebGL 2, which draws the picture');
+  }
   setBackground();
 }
 
