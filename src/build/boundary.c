@@ -141,46 +141,15 @@ bool boundary_allows(const struct boundary *boundary, const struct complex *comp
 }
 
 double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
-                      const double p[3])
+                      const double p[3], struct shift *shift)
 {
-    double before = 0, to_new[4] = {INFINITY, INFINITY, INFINITY, INFINITY}, to_old = INFINITY;
-    bool any = false;
-    for (uint32_t i = 0; i < star->tet_count; i++)
-        for (unsigned f = 0; f < 4; f++) {
-            const uint32_t *corners = complex->corners + 4 * (size_t)star->tets[i];
-            if (!complex_boundary_face(complex, star->tets[i], f) || star->moving[i] == f)
-                continue;
-            const double *q[3], *r[3];
-            double old_normal[3], new_normal[3], weights[3];
-            int inside = 0;
-            any = true;
-            for (int k = 0; k < 3; k++) {
-                uint32_t corner = corners[tet_faces[f][k]];
-                r[k] = q[k] = complex->positions + 3 * (size_t)corner;
-                for (uint32_t s = 0; s < star->simplex_count; s++)
-                    if (corner == star->simplex[s]) {
-                        r[k] = p;
-                        inside++;
-                    }
-                before = fmax(before, boundary->moved[corner]);
-            }
-            to_old = fmin(to_old, triangle_distance2(p, q[0], q[1], q[2], weights));
-            if (inside > 1)
-                continue; // it vanishes
-            if (!triangle_normal(r[0], r[1], r[2], new_normal) || !triangle_normal(q[0], q[1], q[2], old_normal) ||
-                dot(new_normal, old_normal) < boundary->cosine)
-                return INFINITY;
-            for (uint32_t s = 0; s < star->simplex_count; s++)
-                to_new[s] = fmin(to_new[s], triangle_distance2(complex->positions + 3 * (size_t)star->simplex[s], r[0],
-                                                               r[1], r[2], weights));
-        }
-    if (!any)
-        return 0;
-    double step2 = to_old;
+    if (!shift_map(shift, complex, star, p, boundary->cosine))
+        return INFINITY;
+    double moved = larger(shift_least(shift, boundary->moved, 1), 0);
     for (uint32_t s = 0; s < star->simplex_count; s++)
-        if (complex->flags[star->simplex[s]] & VERTEX_BOUNDARY)
-            step2 = fmax(step2, to_new[s]);
-    return before + sqrt(step2);
+        if (distance_squared(complex->positions + 3 * (size_t)star->simplex[s], p) == 0)
+            moved = larger(moved, boundary->moved[star->simplex[s]]);
+    return moved;
 }
 
 void boundary_update(struct boundary *boundary, const struct complex *complex, uint32_t vertex, double moved)

@@ -7,7 +7,7 @@
 #ifndef TETLOD_BOUNDARY_H
 #define TETLOD_BOUNDARY_H
 
-#include "src/build/complex.h"
+#include "src/build/shift.h"
 
 enum boundary_kind { BOUNDARY_CORNER, BOUNDARY_CREASE, BOUNDARY_SMOOTH };
 
@@ -27,10 +27,10 @@ void boundary_fini(struct boundary *boundary);
 bool boundary_allows(const struct boundary *boundary, const struct complex *complex, const struct star *star,
                      const double weights[4], const double p[3]);
 
-/* How far the surface of the star would have moved from the original one in all, or infinity if a boundary face would turn
- * by more than the angle. 0 for a star without moving boundary faces. */
+/* How far the boundary at the result would be from the original one in all, INFINITY if it cannot be mapped or turns by more
+ * than the angle; and the map. */
 double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
-                      const double p[3]);
+                      const double p[3], struct shift *shift);
 
 /* After a contraction: the kinds of its result and of the boundary vertices around it anew. */
 void boundary_update(struct boundary *boundary, const struct complex *complex, uint32_t vertex, double moved);

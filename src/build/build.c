@@ -12,8 +12,9 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-/* How far the boundary may move while it counts as kept: rounding of positions, as a fraction of the diagonal. */
-static const double BOUNDARY_KEPT = 1e-6;
+/* How far the boundary may move while it counts as kept, as a fraction of the diagonal: by rounding, and where the exact limit
+ * speaks of one domain (PROOF.md, 8). */
+static const double BOUNDARY_KEPT = 1e-12, BOUNDARY_OF_EXACT = 1e-6;
 
 struct build {
     const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised */
@@ -81,6 +82,9 @@ static enum tetlod_status contract(struct build *build)
         controlled[i] = options->controls[i].field;
         limits[i] = options->controls[i].limit > 0 ? options->controls[i].limit / widest : 1;
     }
+    double domain_error = larger(options->domain_error, BOUNDARY_KEPT);
+    if (options->certify == CERTIFY_EXACT)
+        domain_error = smaller(domain_error, BOUNDARY_OF_EXACT);
     struct simplify_options simplify_options = {
         .metric = options->metric,
         .certify = options->certify,
@@ -89,7 +93,7 @@ static enum tetlod_status contract(struct build *build)
         .max_error = widest > 0 ? smaller(widest, options->max_error) : options->max_error,
         .min_tets = options->min_tets,
         .boundary_angle = options->boundary_angle,
-        .boundary_limit = BOUNDARY_KEPT * mesh_diagonal(build->original),
+        .boundary_limit = domain_error * mesh_diagonal(build->original),
         .growth = options->growth,
         .threads = options->threads,
         .progress = options->progress ? contract_progress : NULL,
@@ -129,6 +133,8 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
         mark_errors(build, mark, f, errors);
         errors[TETLOD_SAMPLED] = measured[f].sampled * scale;
         errors[TETLOD_RMS] = measured[f].rms * scale;
+        if (!isnan(errors[TETLOD_MAX])) // a point outside is certified at another point than the closest (PROOF.md, 5)
+            errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], measured[f].outside * scale);
         for (int m = 0; m < TETLOD_MEASURES && finer; m++)
             errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);
     }
@@ -150,6 +156,7 @@ static enum tetlod_status measure_mark(struct build *build, struct forest *fores
     if (status != TETLOD_OK)
         return status;
     struct tetlodi_write_level *out = &build->levels[build->sequence.mark_count - 1 - mark];
+    domain = larger(domain, build->sequence.marks[mark].moved);
     file_errors(build, mark, measured);
     *out = (struct tetlodi_write_level){
         contractions, diagonal > 0 ? domain / diagonal : 0,

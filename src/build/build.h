@@ -26,6 +26,7 @@ struct build_options {
     double max_error;        /* fraction of the range */
     uint32_t min_tets;
     double boundary_angle;   /* degrees */
+    double domain_error;     /* most that the boundary may move, a fraction of the diagonal */
     double growth;           /* > 1 */
     int compression;         /* effort, 1 .. 22 */
     bool keep_order;         /* store the mesh's own numbering */

@@ -7,7 +7,7 @@
 #ifndef TETLOD_FIELDS_H
 #define TETLOD_FIELDS_H
 
-#include "src/build/complex.h"
+#include "src/build/shift.h"
 #include "src/build/quadric.h"
 
 struct driver {
@@ -59,10 +59,10 @@ struct outcome {
     double value, upper, lower, predicted;
 };
 
-/* The outcome of contracting a star to p, for every driver, with rigorous bounds. `assigned` is its metric's
+/* The outcome of contracting a star to p, which maps its boundary by the shift, for every driver, with rigorous bounds. `assigned` is its metric's
  * value, or NaN for scalar value assignment. */
 void fields_outcome(const struct fields *fields, const struct complex *complex, const struct star *star,
-                    const double p[3], const double *assigned, struct outcome *out);
+                    const struct shift *shift, const double p[3], const double *assigned, struct outcome *out);
 
 /* The worst weighted error of an outcome, as a fraction of the range. */
 double outcome_error(const struct fields *fields, const struct outcome *outcome);

@@ -143,15 +143,22 @@ static bool any_left(const struct trial *trials, uint32_t count, double limit)
 }
 
 void metric_try(enum metric metric, struct metric_scratch *scratch, const struct fields *fields,
-                const struct complex *complex, const struct star *star, double limit, struct trial *trials,
-                uint32_t count)
+                const struct complex *complex, const struct star *star, const struct shift *shift, double limit,
+                struct trial *trials, uint32_t count)
 {
     for (uint32_t t = 0; t < count; t++) {
         trials[t].error = trials[t].cost = 0;
         trials[t].witness[0] = trials[t].witness[1] = TETLOD_NONE;
     }
-    for (uint32_t i = 0; i < fields->driver_count * MOST_TRIALS; i++)
-        scratch->bounds[i] = (struct metric_bounds){{INFINITY, -INFINITY}, {TETLOD_NONE, TETLOD_NONE}, NAN};
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        struct metric_bounds bounds = {{INFINITY, -INFINITY}, {TETLOD_NONE, TETLOD_NONE}, NAN};
+        if (shift && metric != METRIC_SVA) {
+            bounds.value[0] = shift_greatest(shift, fields->drivers[d].lower);
+            bounds.value[1] = shift_least(shift, fields->drivers[d].upper, 0);
+        }
+        for (uint32_t t = 0; t < count; t++)
+            scratch->bounds[d * MOST_TRIALS + t] = bounds;
+    }
     for (uint32_t i = 0; i < star->tet_count && any_left(trials, count, limit); i++) {
         const uint32_t *corners = complex->corners + 4 * (size_t)star->tets[i];
         struct tet_affine affine;
@@ -170,6 +177,18 @@ void metric_try(enum metric metric, struct metric_scratch *scratch, const struct
                   inherited(metric, &fields->drivers[d], star), trials, count, scratch->bounds + d * MOST_TRIALS);
     }
     assign(metric, scratch, fields, star, limit, trials, count);
+}
+
+void metric_demand(const struct metric_scratch *scratch, const struct fields *fields, const struct shift *shift,
+                   uint32_t trial, double *io_error)
+{
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct driver *driver = &fields->drivers[d];
+        const double *bounds = scratch->bounds[d * MOST_TRIALS + trial].value;
+        double least = smaller(bounds[0], shift_greatest(shift, driver->lower));
+        double greatest = larger(bounds[1], shift_least(shift, driver->upper, 0));
+        *io_error = larger(*io_error, (greatest - least) / 2 * driver->scale * driver->weight);
+    }
 }
 
 void metric_assigned(const struct metric_scratch *scratch, const struct fields *fields, uint32_t trial, double *out)

@@ -28,6 +28,7 @@ struct judge {
     struct metric_scratch scratch;
     struct examiner examiner; /* of the exact limit */
     struct sampler sampler; /* of the measured metric */
+    struct shift shift;
     struct tetlod_error error;
     enum tetlod_status status;
 };
@@ -44,6 +45,7 @@ struct run {
     unsigned judge_count;
     struct queue queue, waiting;
     double limit;               /* of the current rung */
+    double moved;               /* running maximum of how far the boundary moved */
     double *certified, *predicted; /* [driver_count] running maxima */
     double *assigned;              /* [driver_count] of the contraction at hand, as is its outcome */
     struct outcome *outcome;
@@ -110,13 +112,14 @@ static void remember_witnesses(struct queue_entry *entry, const uint32_t witness
 }
 
 /* Errors of trials on the judge's star. */
-static enum tetlod_status try_all(const struct run *run, struct judge *judge, double horizon, struct trial *trials,
-                                  uint32_t count)
+static enum tetlod_status try_all(const struct run *run, struct judge *judge, const struct shift *shift, double horizon,
+                                  struct trial *trials, uint32_t count)
 {
     if (run->options->metric == METRIC_MEASURED)
         return samples_try(&run->samples, &judge->sampler, run->complex, run->fields, &judge->star, run->limit, horizon,
                            trials, count, &judge->error);
-    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, horizon, trials, count);
+    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, shift, horizon, trials,
+               count);
     return TETLOD_OK;
 }
 
@@ -127,6 +130,20 @@ static void take_assigned(const struct run *run, const struct judge *judge)
         samples_assigned(&judge->sampler, run->fields, 0, run->assigned);
     else
         metric_assigned(&judge->scratch, run->fields, 0, run->assigned);
+}
+
+/* Lets the boundary have its say on a trial that the fields allow: it may forbid it, or demand more of the values. */
+static void ask_boundary(const struct run *run, struct judge *judge, struct queue_entry *entry, struct trial *trial,
+                         uint32_t number)
+{
+    double before = trial->error;
+    double moved = boundary_moves(&run->boundary, run->complex, &judge->star, trial->position, &judge->shift);
+    if (!(moved <= run->boundary.limit))
+        trial->error = INFINITY;
+    else if (metric_is_certified(run->options->metric) && !is_exact(run))
+        metric_demand(&judge->scratch, run->fields, &judge->shift, number, &trial->error);
+    if (trial->error > before)
+        entry->witness_count = QUEUE_WITNESSES + 1;
 }
 
 /* The best candidate of the judge's star: its error in *out_error (INFINITY: none is possible; above the limit: a lower
@@ -144,7 +161,7 @@ static enum tetlod_status best_candidate(const struct run *run, struct judge *ju
     }
     trials[count].possible = optimum_position(run, &judge->star, trials[count].position);
     count += trials[count].possible;
-    TETLOD_TRY(try_all(run, judge, is_exact(run) ? INFINITY : HORIZON * run->limit, trials, count));
+    TETLOD_TRY(try_all(run, judge, NULL, is_exact(run) ? INFINITY : HORIZON * run->limit, trials, count));
     *out_error = INFINITY;
     for (uint32_t c = 0; c < count; c++) {
         if (entry->refused & UINT32_C(1) << c)
@@ -155,6 +172,8 @@ static enum tetlod_status best_candidate(const struct run *run, struct judge *ju
             continue;
         }
         trials[c].error = is_exact(run) ? 0 : trials[c].error; // the exact limit is looked at only when its turn comes
+        if (trials[c].error <= run->limit)
+            ask_boundary(run, judge, entry, &trials[c], c);
         *out_error = smaller(*out_error, trials[c].error);
         double key = metric_key(run->options->metric, &trials[c], judge->star.removed_count);
         if (trials[c].error <= run->limit && key < best) {
@@ -360,19 +379,20 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     double p[3];
     bool holds;
     struct star *star = &run->judges->star;
+    struct shift *shift = &run->judges->shift;
     TETLOD_TRY(star_gather(star, run->complex, entry->vertices, vertex_count(entry), run->error));
     if (entry->candidate < candidates_count(star->simplex_count, run->options->candidates))
         candidate_position(run->complex, star, entry->candidate, p);
     else if (!optimum_position(run, star, p))
         return refuse(run, *entry, INFINITY);
-    double moved = boundary_moves(&run->boundary, run->complex, star, p);
+    double moved = boundary_moves(&run->boundary, run->complex, star, p, shift);
     if (!(moved <= run->boundary.limit) || !star_fits(star, run->complex, p))
         return refuse(run, *entry, INFINITY);
     TETLOD_TRY(star_link_condition(star, run->complex, &holds, run->error));
     if (!holds)
         return refuse(run, *entry, INFINITY);
     struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
-    if (try_all(run, run->judges, is_exact(run) ? INFINITY : run->limit, &trial, 1) != TETLOD_OK) {
+    if (try_all(run, run->judges, shift, is_exact(run) ? INFINITY : run->limit, &trial, 1) != TETLOD_OK) {
         *run->error = run->judges->error;
         return run->error->status;
     }
@@ -384,7 +404,7 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
         TETLOD_TRY(examine(run, entry, p, &filed));
     if (filed)
         return TETLOD_OK;
-    fields_outcome(run->fields, run->complex, star, p, run->assigned, run->outcome);
+    fields_outcome(run->fields, run->complex, star, shift, p, run->assigned, run->outcome);
     double certified = outcome_error(run->fields, run->outcome);
     if (metric_is_certified(run->options->metric) && !is_exact(run) && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
         return refuse(run, *entry, certified);
@@ -393,6 +413,7 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
         samples_contract(&run->samples, &run->judges->sampler, run->fields, star, trial.error);
     TETLOD_TRY(complex_contract(run->complex, star, p, run->error));
     boundary_update(&run->boundary, run->complex, v, moved);
+    run->moved = larger(run->moved, moved);
     for (uint32_t d = 0; d < run->fields->driver_count; d++) {
         const struct driver *driver = &run->fields->drivers[d];
         double above = driver->upper[v] - run->outcome[d].value, below = run->outcome[d].value - driver->lower[v];
@@ -410,7 +431,8 @@ static enum tetlod_status mark(struct run *run)
 {
     struct simplification *out = run->out;
     size_t count = out->mark_count, drivers = run->fields->driver_count;
-    struct mark now = {run->complex->contraction_count, run->complex->vertices_alive, run->complex->tets_alive};
+    struct mark now = {run->complex->contraction_count, run->complex->vertices_alive, run->complex->tets_alive,
+                       run->moved};
     if (count && out->marks[count - 1].contractions == now.contractions)
         return TETLOD_OK;
     void *marks = out->marks, *certified = out->mark_certified, *predicted = out->mark_predicted;

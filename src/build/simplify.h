@@ -35,6 +35,7 @@ struct simplify_options {
 /* A moment of the sequence that may become a level. */
 struct mark {
     uint32_t contractions, vertices, tets;
+    double moved; /* most that the boundary moved so far, in units of length: a bound (PROOF.md, 5) */
 };
 
 struct simplification {

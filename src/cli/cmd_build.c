@@ -43,7 +43,10 @@ static const char help[] =
     "                          between, up to 7 on an edge or a face and 19 on a tetrahedron (default: 3, 4 and 5)\n"
     "      --max-error E       stop at this error, a fraction of the range: 0.1 or 10% (default 1)\n"
     "      --min-tets N        stop at that many tetrahedra\n"
-    "      --boundary-angle D  degrees within which boundary faces count as one plane (default 0.01)\n"
+    "      --domain-error E    how far the boundary may move from the original's in all, a fraction of the diagonal\n"
+    "                          (default 0.001; exact: at most 0.000001); 0: only planar boundary is simplified\n"
+    "      --boundary-angle D  degrees by which boundary faces may turn and still count as one smooth surface; edges that\n"
+    "                          turn more are creases, and are kept (default 30)\n"
     "      --growth G          vertices of a level / vertices of the one below (default 1.05)\n"
     "      --position-bits N   round coordinates to N bits across the bounds, 1 .. 30 (default: lossless)\n"
     "      --field-bits N      round values to N bits across the range\n"
@@ -205,6 +208,8 @@ static bool parse_option(struct request *request, int option, const char *value)
         return true;
     case 'b':
         return cli_parse_number(&command_build, "boundary-angle", value, 0, &build->boundary_angle);
+    case 'd':
+        return cli_parse_fraction(&command_build, "domain-error", value, &build->domain_error);
     case 'g':
         return parse_growth(value, &build->growth);
     case 'P':
@@ -320,11 +325,11 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
     json_t *fields = json_array(), *object = NULL;
     for (uint32_t i = 0; i < count && fields; i++)
         json_array_append_new(fields, json_string(mesh->fields[controls[i].field].name));
-    object = json_pack("{s:s, s:s, s:{s:o, s:s, s:s, s:s, s:i, s:f, s:i, s:f, s:f}}", "program", "tetlod " TETLOD_VERSION_STRING,
+    object = json_pack("{s:s, s:s, s:{s:o, s:s, s:s, s:s, s:i, s:f, s:i, s:f, s:f, s:f}}", "program", "tetlod " TETLOD_VERSION_STRING,
                        "input", base_name(request->input), "options", "field", fields, "metric",
                        metric_names[build->metric], "certify", certify_names[build->certify], "contract", request->contract, "candidates", (int)build->candidates,
                        "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
-                       build->boundary_angle, "growth", build->growth);
+                       build->boundary_angle, "domain_error", build->domain_error, "growth", build->growth);
     if (object && request->nan_fill) {
         json_t *fill = request->fill.kind == NAN_FILL_VALUE ? json_real(request->fill.value) : json_string("neighbours");
         json_object_set_new(json_object_get(object, "options"), "nan_fill", fill);
@@ -465,7 +470,8 @@ static int run(int argc, char **argv)
         {"certify", required_argument, NULL, 'C'},
         {"candidates", required_argument, NULL, 'n'},
         {"max-error", required_argument, NULL, 'e'},  {"min-tets", required_argument, NULL, 't'},
-        {"boundary-angle", required_argument, NULL, 'b'}, {"growth", required_argument, NULL, 'g'},
+        {"boundary-angle", required_argument, NULL, 'b'}, {"domain-error", required_argument, NULL, 'd'},
+        {"growth", required_argument, NULL, 'g'},
         {"position-bits", required_argument, NULL, 'P'}, {"field-bits", required_argument, NULL, 'F'},
         {"position-error", required_argument, NULL, 'p'}, {"field-error", required_argument, NULL, 'E'},
         {"keep-order", no_argument, NULL, 'K'},        {"compress", required_argument, NULL, 'z'},
@@ -478,7 +484,8 @@ static int run(int argc, char **argv)
                                         .contract = CONTRACT_EDGES,
                                         .max_error = 1,
                                         .min_tets = 1,
-                                        .boundary_angle = 0.01,
+                                        .boundary_angle = 30,
+                                        .domain_error = 1e-3,
                                         .growth = 1.05,
                                         .compression = 19}};
     bool forced = false;

@@ -252,6 +252,22 @@ def compare():
            abs(raised['errors']['rms'] - .1) < 1e-6 and raised['domain_error'] < 1e-9, raised)
 
 
+def domain():
+    """The boundary moves within what is allowed, which is worth it, and every level says how far."""
+    succeeds('sample: torus', 'sample', 'torus', '--size', '5', '-o', 'ring.vtu')
+    left = {}
+    for limit in '0', '0.2%', '1%':
+        succeeds('build: --domain-error %s' % limit, 'build', 'ring.vtu', '--domain-error', limit, '-o', 'ring.tetlod', '--quiet')
+        succeeds('verify: --domain-error %s' % limit, 'verify', 'ring.tetlod', '--against', 'ring.vtu')
+        levels = info('ring.tetlod')['levels']
+        left[limit] = min(l['tets'] for l in levels if l['errors']['temperature']['max'] <= .05)
+        report('info: the domain error is within %s' % limit, levels[0]['domain_error'] <= float(limit.strip('%')) / 100 + 1e-12,
+               levels[0])
+    report('build: the more the boundary may move, the fewer tetrahedra are left', left['1%'] < .7 * left['0.2%'] and
+           left['0.2%'] < left['0'], left)
+    fails('build: a domain error that is no fraction', 2, ['domain-error'], 'build', 'ring.vtu', '--domain-error', '-1')
+
+
 # ---- fields and meshes
 
 
@@ -562,6 +578,7 @@ samples()
 shape_of_json()
 extract()
 compare()
+domain()
 fields()
 contraction_kinds()
 certified_exactly()
