@@ -171,6 +171,26 @@ async function waitsAsTheServerAsks() {
   host.close();
 }
 
+async function waitsForADescriptionToo() {
+  const folder = join(SCRATCH, 'exploded');
+  execFileSync(TETLOD, ['explode', path, '-o', folder], { stdio: 'ignore' });
+  const host = await folderHost(folder);
+  const times = [];
+  host.fault = (request, response) => {
+    times.push(performance.now());
+    if (times.length === 1) response.writeHead(503, { 'Retry-After': '2' }).end();
+    return times.length === 1;
+  };
+  const retries = [];
+  const stream = await TetlodStream.open(`${host.origin}/v1/meshes/fin`, { on: { retry: ({ detail }) => retries.push(detail) } });
+  assert.equal(retries.length, 1);
+  assert.ok(times[1] - times[0] >= 1990, `${times[1] - times[0]} ms`);
+  stream.close();
+  host.fault = (request, response) => response.writeHead(200, { 'Content-Type': 'application/json' }).end('{}');
+  await assert.rejects(TetlodStream.open(`${host.origin}/v1/meshes/fin`), /does not describe a stream/);
+  host.close();
+}
+
 async function givesUpAndGoesOnLater() {
   const host = await fileHost(bytes);
   const errors = [];
@@ -357,5 +377,5 @@ async function picturesOfEveryStep() {
 }
 
 await run([theServersRoutes, goesOnToATargetAtOnce, levelsAreChosenAsTheServerDoes, aFileByRanges, aFileWithoutRange, explodedFiles, brokenConnectionsLoseNothing,
-  waitsAsTheServerAsks, givesUpAndGoesOnLater, aServerThatIsKilledAndStartsAgain, aDamagedStream, aStreamThatEndsTooEarly,
+  waitsAsTheServerAsks, waitsForADescriptionToo, givesUpAndGoesOnLater, aServerThatIsKilledAndStartsAgain, aDamagedStream, aStreamThatEndsTooEarly,
   aFileThatChanges, whatIsNotAStream, requestsEndEarly, picturesOfEveryStep]);

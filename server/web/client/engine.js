@@ -38,14 +38,14 @@ export class Engine {
 
   // ---- what the page asks
 
-  async open({ module, url, fields, retries, target, early }) {
+  async open({ module, url, fields, retries, target, first }) {
     const onRetry = (detail) => this.#emit('retry', detail);
     this.#source = new Source(url, { signal: this.#stop.signal, retries, onRetry });
-    const [compiled, described] = await Promise.all([module, Promise.resolve(early).then((found) => this.#source.start(found))]);
+    const [compiled, described] = await Promise.all([module, first.then((found) => this.#source.start(found))]);
     this.#view = await View.create(compiled);
     // the description says what the index will: then the first request asks for all that the target needs
-    const first = described && target ? described.levels[chooseLevel(described, target)].bytes : 1;
-    for (let until = first; ; until = Math.max(first, 2 * this.#received))
+    const needed = described && target ? described.levels[chooseLevel(described, target)].bytes : 1;
+    for (let until = needed; ; until = Math.max(needed, 2 * this.#received))
       if (await this.#receive(until)) break;
     this.#info = this.#view.describe();
     if (fields) this.#fields = fields.map((name) => this.#fieldIndex(name));

@@ -50,8 +50,30 @@ async function failureOf(answer) {
 /** Is it a stream of a server, which has a description and immutable URLs? Everything else is a file. */
 export const isServed = (url) => /\/v1\/meshes\/[^/]+\/?$/.test(new URL(url).pathname);
 
-/** The description of a stream of a server, as an answer. */
-export const askDescription = (url, options) => fetch(url, { ...options, headers: { Accept: 'application/json' } });
+// An answer that is fine, or why it is not. A browser does not say that a host forbids other origins: the message has to.
+async function ask(url, options) {
+  let answer;
+  try {
+    answer = await fetch(url, options);
+  } catch (error) {
+    const foreign = globalThis.location && new URL(url).origin !== location.origin;
+    const hint = foreign ? ' (is the host there, and does it allow other origins?)' : '';
+    throw new Retry(`${url}: ${error.cause?.message || error.message}${hint}`);
+  }
+  if (answer.ok) return answer;
+  throw await failureOf(answer);
+}
+
+/** Asks a server once for the description of a stream: {url, described}, or {failure}; Source.start takes it from there. */
+export async function describe(url, signal) {
+  try {
+    const answer = await ask(url, { headers: { Accept: 'application/json' }, signal });
+    const described = await answer.json().catch((error) => { throw new Retry(`${url}: ${error.message}`); });
+    return { url: answer.url, described };
+  } catch ({ message, after }) {
+    return { failure: { message, after } };
+  }
+}
 
 export class Source {
   #url; #signal; #retries; #onRetry;
@@ -71,13 +93,15 @@ export class Source {
     this.#onRetry = onRetry;
   }
 
-  /** Takes the description of a stream that a server has, or asks for it; null for a file. `early`: {url, described}, if it is there. */
-  async start(early) {
+  /** Takes up the first attempt to get the description of a stream that a server has; null for a file. */
+  async start(first) {
     if (!isServed(this.#url)) return null;
-    const { url, described } = early ?? await this.#persist(async () => {
-      const answer = await this.#check(() => askDescription(this.#url, { signal: this.#signal }));
-      const json = await answer.json().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
-      return { url: answer.url, described: json };
+    const { url, described } = await this.#persist(async () => {
+      const found = first ?? await describe(this.#url, this.#signal);
+      first = null;
+      if (!found.failure) return found;
+      const { message, after } = found.failure;
+      throw after === undefined ? new FetchError(message) : new Retry(message, after);
     });
     const { levels, links } = described;
     if (!levels || !links) throw new FetchError(`${this.#url} does not describe a stream`);
@@ -152,18 +176,7 @@ export class Source {
   }
 
   #fetch(url, options = {}) {
-    return this.#check(() => fetch(url, { ...options, signal: this.#signal }), url);
-  }
-
-  async #check(ask, url = this.#url) {
-    let answer;
-    try {
-      answer = await ask();
-    } catch (error) {
-      throw new Retry(`${url}: ${error.cause?.message || error.message}`);
-    }
-    if (answer.ok) return answer;
-    throw await failureOf(answer);
+    return ask(url, { ...options, signal: this.#signal });
   }
 
   #take(answer, at, end) {

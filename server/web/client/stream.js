@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // TetlodStream: a stream that refines and coarsens, in a worker of its own. README.md describes it.
 
-import { askDescription, isServed } from './network.js';
+import { describe, isServed } from './network.js';
 
 // node 18 has no CustomEvent
 const CustomEvent = globalThis.CustomEvent ?? class extends Event {
@@ -32,17 +32,6 @@ function errorOf({ name, message, status }) {
   return made;
 }
 
-// The description {url, described}, if the first attempt gets it; else the worker asks again and says what is wrong.
-async function describe(url, signal) {
-  if (!isServed(url)) return null;
-  try {
-    const answer = await askDescription(url, { signal });
-    return answer.ok ? { url: answer.url, described: await answer.json() } : null;
-  } catch {
-    return null;
-  }
-}
-
 // A frame is seen when the next one begins; pages that are hidden have no frames, nor has node.
 const nextFrame = (call) =>
   (typeof requestAnimationFrame === 'function' && !document.hidden ? requestAnimationFrame(call) : setTimeout(call, 16));
@@ -66,9 +55,9 @@ export class TetlodStream extends EventTarget {
     signal?.addEventListener('abort', stop, { once: true });
     try {
       const absolute = new URL(url, globalThis.location?.href).href;
-      const early = describe(absolute, signal); // while the worker starts
+      const first = isServed(absolute) ? describe(absolute, signal) : Promise.resolve(null); // while the worker starts
       stream.#worker = listen(await startWorker(), (message) => stream.#hear(message), (error) => stream.#end(error));
-      early.then((found) => stream.#send({ action: 'describe', argument: found }));
+      first.then((found) => stream.#send({ action: 'describe', argument: found }));
       stream.info = await stream.#call('open', { url: absolute, target, fields, retries, wasm: wasm && String(wasm) });
     } catch (error) {
       stream.close();

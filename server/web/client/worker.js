@@ -29,7 +29,7 @@ const description = new Promise((resolve) => { tellDescription = resolve; });
 
 const actions = {
   open: ({ wasm = new URL('./tetlod.wasm', import.meta.url).href, ...options }) =>
-    engine.open({ ...options, module: moduleOf(wasm), early: description }),
+    engine.open({ ...options, module: moduleOf(wasm), first: description }),
   describe: (found) => tellDescription(found),
   refineTo: (target, id) => engine.refineTo(target, id),
   abort: (id) => engine.abort(id),
