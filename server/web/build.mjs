@@ -1,33 +1,33 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// node build.mjs OUT WASM: bundles the page into the folder OUT: the entries below with what they share in chunks, and the
-// files that are taken as they are, the codec's WebAssembly among them.
+// node build.mjs OUT WASM: bundles the page into the folder OUT: the pages' modules with what they share in chunks, the
+// worker, and the files that are taken as they are, the codec's WebAssembly among them.
 import { cpSync, mkdirSync, readFileSync, readdirSync, renameSync, rmSync, writeFileSync } from 'node:fs';
 import { basename, dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { build } from 'esbuild';
 
 const here = dirname(fileURLToPath(import.meta.url));
-const entries = ['page/catalogue.js', 'page/view.js', 'client/worker.js'];
+const pages = ['page/catalogue.js', 'page/view.js'];
 const [, , out, wasm] = process.argv;
 const made = `${out}.new`;
 
 rmSync(made, { recursive: true, force: true });
 mkdirSync(made, { recursive: true });
-const { metafile } = await build({
+const options = {
   absWorkingDir: here,
-  entryPoints: entries,
   entryNames: '[name]',
   chunkNames: 'chunk-[hash]',
   bundle: true,
-  splitting: true,
   minify: true,
   format: 'esm',
   target: 'es2022',
   legalComments: 'none',
   outdir: fileURLToPath(new URL(made, `file://${process.cwd()}/`)),
   logLevel: 'warning',
-  metafile: true,
-});
+};
+const { metafile } = await build({ ...options, entryPoints: pages, splitting: true, metafile: true });
+// the worker is one file: it is asked for late, and would ask for the rest later still
+await build({ ...options, entryPoints: ['client/worker.js'] });
 for (const name of readdirSync(join(here, 'page')))
   if (/\.(html|css|svg)$/.test(name)) cpSync(join(here, 'page', name), join(made, name));
 
