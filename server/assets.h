@@ -13,6 +13,7 @@ struct embedded_file {
     const char *path; /* "/", "/page.css", ... */
     const char *media_type;
     const char *hash; /* of the content, hex */
+    bool named_by_content; /* another content has another path */
     struct embedded_bytes coded[CODINGS];
 };
 

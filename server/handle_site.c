@@ -40,15 +40,17 @@ enum outcome handle_asset(struct exchange *exchange, const struct embedded_file 
     content_policy(exchange->site, response);
     response_header_text(response, "X-Content-Type-Options", "nosniff");
     response_header_text(response, "Link", "</openapi.json>; rel=\"service-desc\"");
-    cache_revalidate(response);
+    if (asset->named_by_content)
+        cache_forever(response);
+    else
+        cache_revalidate(response);
     return ANSWERED;
 }
 
 /* Which stream the page shows, and how, it reads from its own address. */
 enum outcome handle_view(struct exchange *exchange)
 {
-    const struct embedded_file *page = assets_find("/view.html");
-    return handle_asset(exchange, page ? page : assets_find("/"));
+    return handle_asset(exchange, assets_find("/view.html"));
 }
 
 enum outcome handle_health(struct exchange *exchange)

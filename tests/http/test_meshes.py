@@ -491,6 +491,39 @@ def test_stop_during_answers():
         assert time.monotonic() - start < 5 * SLOW
 
 
+def ask_at_once(busy, paths):
+    """The status of each, by number; who is refused is told when to come again."""
+    found = {200: [], 503: []}
+    with contextlib.ExitStack() as stack:
+        asking = [stack.enter_context(busy.connect()) for _ in paths]
+        for connection, path in zip(asking, paths):
+            connection.sendall(b'GET %s HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n' % path.encode())
+        for connection, path in zip(asking, paths):
+            connection.settimeout(60 * SLOW)
+            received = b''
+            while some := connection.recv(65536):
+                received += some
+            found[int(received[9:12])].append(path)
+            assert received[9:12] == b'200' or b'\r\nRetry-After: 1\r\n' in received and b'application/problem+json' in received, received
+    return found
+
+
+def test_overload():
+    """More to be made than can wait is refused for now, and answered later; nothing is lost."""
+    stream = os.path.join(SCRATCH, 'larger.tetlod')  # of the test before
+    with Server(stream, '--threads', '1', '--quiet') as busy:
+        told = busy.json('/v1/meshes/larger')
+        base_path = '/v1/meshes/larger/%s/levels/' % told['cid']
+        slices = base_path + '%d/slice.vtp?normal=0,0,1&origin=%%d,0,%%d' % (len(told['levels']) - 1)
+        busy.get(base_path + '0/mesh.vtu')
+        for attempt in range(5):  # where we ask more slowly than it makes, none is refused
+            found = ask_at_once(busy, [slices % (attempt, number) for number in range(600)])
+            if found[503]:
+                break
+        assert found[503] and len(found[200]) > 256, {status: len(paths) for status, paths in found.items()}
+        assert all(busy.get(path)[0] == 200 for path in found[503][:20])
+
+
 def test_server_timing():
     path = base + '/levels/5/mesh.vtk'
     pattern = r'cache;desc=(hit|miss), extract;dur=[\d.]+, make;dur=[\d.]+'
@@ -547,4 +580,4 @@ with Server(FOLDER) as server:
     run([test_catalogue, test_description, test_level_for_error, test_level_for_budget, test_bad_questions,
          test_every_level_is_the_cursors, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
          test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
-         test_small_cache, test_replaced_stream, test_reload_signal, test_stop_during_answers, test_server_timing, test_what_is_no_stream, test_damaged_stream])
+         test_small_cache, test_replaced_stream, test_reload_signal, test_stop_during_answers, test_overload, test_server_timing, test_what_is_no_stream, test_damaged_stream])

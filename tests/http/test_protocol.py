@@ -281,21 +281,45 @@ def test_embedding():
     """What embed.py makes of a folder: media types, the codings that are smaller, tags by content."""
     folder = os.path.join(SCRATCH, 'assets')
     os.makedirs(os.path.join(folder, 'deep'))
-    for name, data in (('a.wasm', b'\0asm' * 100), ('deep/index.html', b'x'), ('b.js', b'same ' * 50), ('c.mjs', b'same ' * 50)):
+    for name, data in (('a.wasm', b'\0asm' * 100), ('deep/index.html', b'x'), ('b.js', b'same ' * 50), ('c.mjs', b'same ' * 50), ('chunk-0A1B2C3D.js', b'')):
         with open(os.path.join(folder, name), 'wb') as file:
             file.write(data)
     embed = [sys.executable, os.path.join(ROOT, 'server', 'embed.py'), os.path.join(SCRATCH, 'embedded'), folder]
     subprocess.run(embed, check=True)
     with open(os.path.join(SCRATCH, 'embedded', 'embedded.c')) as file:
-        rows = {row[0]: row[1:] for row in re.findall(r'{"(.*?)", "(.*?)", "(.*?)", (.*)},', file.read())}
-    assert set(rows) == {'/a.wasm', '/deep/', '/b.js', '/c.mjs'}, rows
-    assert rows['/a.wasm'][0] == 'application/wasm' and rows['/a.wasm'][2].count('_end') == 3
-    assert rows['/deep/'][2].count('_end') == 1  # one byte does not become smaller
+        rows = {row[0]: row[1:] for row in re.findall(r'{"(.*?)", "(.*?)", "(.*?)", (\w+), (.*)},', file.read())}
+    assert set(rows) == {'/a.wasm', '/deep/', '/b.js', '/c.mjs', '/chunk-0A1B2C3D.js'}, rows
+    assert rows['/a.wasm'][0] == 'application/wasm' and rows['/a.wasm'][3].count('_end') == 3
+    assert rows['/deep/'][3].count('_end') == 1  # one byte does not become smaller
     assert rows['/b.js'][1] == rows['/c.mjs'][1] != rows['/a.wasm'][1]
+    assert [name for name in rows if rows[name][2] == 'true'] == ['/chunk-0A1B2C3D.js']
     with open(os.path.join(folder, 'd.exe'), 'wb'):
         pass
     done = subprocess.run(embed, stderr=subprocess.PIPE)
     assert done.returncode == 1 and b'media type' in done.stderr
+
+
+def test_assets():
+    """What the page loads is there, with its media type, and kept for good where its name tells its content."""
+    seen, todo = {}, ['/', '/view/x']
+    while todo:
+        path = todo.pop()
+        status, head, body = server.get(path)
+        assert status == 200, path
+        seen[path] = head
+        for name in re.findall(r'["\']\.?(/[\w-]+\.(?:js|css|wasm|svg))["\']', body.decode('latin-1')):
+            if name not in seen and name not in todo:
+                todo.append(name)
+    assert any(name.endswith('.wasm') for name in seen) and any('/chunk-' in name for name in seen), list(seen)
+    for path, head in seen.items():
+        forever = re.search(r'-[0-9A-Z]{8}\.js$', path)
+        assert ('immutable' in head['cache-control']) == bool(forever) and ('no-cache' in head['cache-control']) != bool(forever), (path, head)
+        if path.endswith('.wasm'):
+            assert head['content-type'] == 'application/wasm'
+        if int(head['content-length']) > 2000:
+            for coding in ('gzip', 'zstd'):
+                assert server.get(path, Accept_Encoding=coding)[1]['content-encoding'] == coding, path
+        assert server.get(path, If_None_Match=head['etag'])[0] == 304
 
 
 def policy(text):
@@ -477,5 +501,5 @@ with Server(FOLDER) as server:
     run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths, test_traversal,
          test_nul_does_not_cut, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue,
          test_refusals_are_problems, test_many_parameters, test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
-         test_coding, test_embedding, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses, test_metrics_apart, test_threads,
+         test_coding, test_embedding, test_assets, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses, test_metrics_apart, test_threads,
          test_graceful_stop, test_access_log, test_metrics])
