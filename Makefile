@@ -271,13 +271,17 @@ check-tsan: deps-check
 	@/usr/bin/python3 tests/run.py --only http/ tsan
 	@/usr/bin/python3 tests/run.py --only test_cache tsan
 
-## figures: the pictures of the README, from the program's output
+## figures: the pictures of the README, from the program's output (BLUNT=folder of the blunt fin: those of it, too)
 .PHONY: figures
 figures: deps-check all
 	@mkdir -p build/figures samples/figures
 	$(BINARY) sample fin -o build/figures/fin.vtu
 	$(BINARY) build build/figures/fin.vtu -o build/figures/fin.tetlod --quiet
 	/usr/bin/python3 tests/figures/level_sequence.py $(BINARY) build/figures/fin.tetlod samples/figures/fin_levels.png --field Pressure --width 230
+ifdef BLUNT
+	$(BINARY) build $(BLUNT)/bluntfinxyz.bin --q $(BLUNT)/bluntfinq.bin --field Pressure --carry Pressure -o build/figures/blunt.tetlod --quiet
+	TETLOD=$(BINARY) node tests/figures/blunt_fin.mjs build/figures/blunt.tetlod samples/figures
+endif
 
 ## install: into $(DESTDIR)$(PREFIX); uninstall removes it again
 .PHONY: install uninstall
