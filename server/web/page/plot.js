@@ -72,9 +72,12 @@ export class Plot {
     const powers = [];
     for (let e = Math.floor(Math.log10(this.most)); 10 ** e >= this.least * 0.999; e--) powers.push(10 ** e);
     const every = Math.ceil(powers.length / 5);
-    const rows = powers.filter((_, i) => i % every === 0).map((p) => [this.y(p), percent(p, 1).replace('\u202f', '')]);
+    const few = powers.length < 3; // then halves and fifths between them, too
+    const values = few ? [...powers, 10 ** Math.floor(Math.log10(this.least))].flatMap((p) => [5 * p, 2 * p, p]) : powers.filter((_, i) => i % every === 0);
+    const rows = values.filter((v) => v <= this.most && v >= this.least).map((v) => [this.y(v), percent(v, 1).replace('\u202f', '')]);
     if (this.levels.at(-1).error === 0) rows.push([this.y(0), '0']);
-    return rows.flatMap(([y, text]) => [
+    const apart = rows.filter(([y], i) => rows.slice(i + 1).every(([other]) => Math.abs(other - y) > 12));
+    return apart.flatMap(([y, text]) => [
       svg('line', { class: 'grid', x1: box.left, x2: this.width - box.right, y1: y, y2: y }),
       svg('text', { x: box.left - 6, y: y + 3.5, 'text-anchor': 'end' }, text),
     ]);
