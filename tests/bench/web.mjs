@@ -109,10 +109,10 @@ async function refineOver([url, error]) {
   const { TetlodStream } = await import('./stream.js');
   const began = performance.now();
   const stream = await TetlodStream.open(url, { target: { error } });
-  const { level } = await stream.refineTo({ error });
+  await stream.refineTo({ error });
   const seconds = (performance.now() - began) / 1000;
   stream.close();
-  return { seconds, bytes: stream.info.levels[level].bytes };
+  return seconds;
 }
 
 async function download(url) {
@@ -159,11 +159,18 @@ report(`cube 60: isosurface and slice (${cube.triangles} triangles), median`, 10
 report('cube 60: longest that the page was blocked', cube.blocked, 'ms', 50);
 
 const [slowServer, slowFiles] = await Promise.all([slowLink(server.port), slowLink(Number(new URL(files.origin).port))]);
-console.log(`over 10 Mbit/s with a round trip of ${2 * oneWay} ms, ${name}, certified error:`);
-const downloaded = await inPage(download, `http://127.0.0.1:${slowFiles}/fin.vtu`);
+// The median of some runs: others use this machine, too.
+async function median(work, argument) {
+  const runs = [];
+  for (let i = 0; i < 5; i++) runs.push(await inPage(work, argument));
+  return runs.sort((x, y) => x - y)[2];
+}
+
+console.log(`over 10 Mbit/s with a round trip of ${2 * oneWay} ms, ${name}, certified error, medians of 5:`);
+const downloaded = await median(download, `http://127.0.0.1:${slowFiles}/fin.vtu`);
 for (const error of [0.05, 0.01, 0.001]) {
-  const { seconds, bytes } = await inPage(refineOver, [`http://127.0.0.1:${slowServer}/v1/meshes/fin`, error]);
-  report(`  to ${100 * error} % (${bytes} bytes)`, seconds, 's');
+  const seconds = await median(refineOver, [`http://127.0.0.1:${slowServer}/v1/meshes/fin`, error]);
+  report(`  to ${100 * error} %`, seconds, 's');
   report('    sooner than the whole VTU by', downloaded / seconds, 'times', error === 0.01 ? 5 : undefined, true);
 }
 report(`  the whole VTU with zlib (${statSync(vtu).size} bytes)`, downloaded, 's');

@@ -24,7 +24,7 @@ export class Engine {
   #request = null;    // {id, level, resolve, reject} of refineTo
   #spec = null; #dirty = false;
   #decoding = 0;      // milliseconds since the last level was announced
-  #frameTime = 0;     // milliseconds of the last pictures
+  #frameTime = 0;     // milliseconds of the last pictures, as they are made while the mesh moves
   #surfaceOf = '';    // what the page has the triangles of
   #seen = null;       // resolves when the page has seen the last pictures
   #bells = [];        // of loops that wait
@@ -89,7 +89,7 @@ export class Engine {
   show(spec) {
     const before = this.#spec;
     this.#spec = spec && this.#checkSpec(spec);
-    if (!before?.surface) this.#surfaceOf = -1;
+    if (!before?.surface) this.#surfaceOf = '';
     this.#dirty = true;
     this.#wake();
   }
@@ -325,15 +325,21 @@ export class Engine {
     return this.#view.surface({ lines, keep });
   }
 
-  #draw(t) {
-    const { shade, component, edges: lines, slices, isosurfaces, volume } = this.#spec;
+  #draw() {
+    const { shade, component, edges: lines, slices, isosurfaces } = this.#spec;
     if (shade >= 0) this.#view.shade(shade, component);
     return {
       surface: this.#drawSurface(),
       slices: slices.map(({ origin, normal }) => this.#view.slice(origin, normal, { lines })),
       isosurfaces: isosurfaces.map((iso) => this.#view.isosurface(iso.field, iso.component, iso.value, { normals: true })),
-      volume: volume && t === 1 ? this.#view.resample(volume.size) : volume && undefined, // not while it moves
     };
+  }
+
+  // A grid takes too long to be made while the mesh moves: undefined then, null where none is wanted.
+  #drawVolume(t) {
+    const { volume } = this.#spec;
+    if (!volume) return null;
+    return t === 1 ? this.#view.resample(volume.size) : undefined;
   }
 
   // Makes the pictures at t of a move (1: at rest) and waits until they are seen.
@@ -343,10 +349,12 @@ export class Engine {
     const started = performance.now();
     if (this.#moved === this.#shown) this.#view.place(t);
     else this.#rest();
-    const picture = this.#draw(t);
+    const parts = this.#draw();
     this.#frameTime = performance.now() - started;
+    const volume = this.#drawVolume(t);
+    const seconds = (performance.now() - started) / 1000;
     const seen = new Promise((resolve) => { this.#seen = resolve; });
-    this.#emit('pictures', { level: this.#shown, t, origin: this.#view.centre, ...picture, seconds: this.#frameTime / 1000 });
+    this.#emit('pictures', { level: this.#shown, t, origin: this.#view.centre, ...parts, volume, seconds });
     await this.#workUntil(seen);
   }
 
