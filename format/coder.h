@@ -43,7 +43,7 @@ struct tetlodi_coder {
 /* Sets `count` models to even odds. */
 void tetlodi_bits_init(struct tetlodi_bit *bits, size_t count);
 
-/* `slowest` 4..7: the least step of learning is 1/2^slowest. */
+/* `slowest` 5..7: the least step of learning is 1/2^slowest. */
 void tetlodi_decode_start(struct tetlodi_coder *coder, unsigned slowest, const uint8_t *bytes, size_t size);
 void tetlodi_encode_start(struct tetlodi_coder *coder, unsigned slowest, struct tetlodi_memory *memory); /* keeps its buffer */
 void tetlodi_encode_finish(struct tetlodi_coder *coder);                               /* bytes, size are the frame */

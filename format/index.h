@@ -16,7 +16,7 @@ enum {
     MOST_METADATA = 1 << 20,
     MOST_INDEX = 1 << 28,
     MOST_BITS = 30,
-    LEAST_SLOWEST = 4,
+    LEAST_SLOWEST = 5,
     MOST_SLOWEST = 7,
     MOST_EXPANSION = 1024, /* vertices or tetrahedra that a level adds per byte of its geometry, and one byte more */
 };

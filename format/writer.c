@@ -667,7 +667,7 @@ static void set_columns(struct writer *w)
         w->index.scales[c] = w->columns[c].scale;
 }
 
-static enum tetlod_status allocate(struct writer *w)
+static enum tetlod_status allocate(struct writer *w, unsigned slowest)
 {
     const struct tetlodi_write_input *in = w->in;
     size_t parts = in->field_count + (size_t)1;
@@ -686,7 +686,7 @@ static enum tetlod_status allocate(struct writer *w)
     w->stored = calloc(parts * in->level_count, sizeof *w->stored);
     w->index.info.field_count = in->field_count;
     w->index.info.level_count = in->level_count;
-    w->index.slowest = MOST_SLOWEST;
+    w->index.slowest = slowest;
     bool done = w->parent && w->range && w->position && w->slot_at && w->meeting_begin && w->waiting && w->node_at &&
                 w->original_of && w->columns && w->codes && w->stored && tetlodi_index_allocate(&w->index);
     if (!done)
@@ -719,23 +719,51 @@ static void release(struct writer *w)
     tetlodi_index_fini(&w->index);
 }
 
+/* All frames and the index, in memory. */
+static enum tetlod_status encode(struct writer *w, unsigned slowest)
+{
+    TETLOD_TRY(check_input(w));
+    TETLOD_TRY(allocate(w, slowest));
+    TETLOD_TRY(link_parents(w));
+    number_leaves(w);
+    TETLOD_TRY(encode_columns(w));
+    TETLOD_TRY(list_meetings(w));
+    TETLOD_TRY(write_levels(w));
+    if (w->in->keep_order)
+        TETLOD_TRY(write_order(w));
+    fill_info(w);
+    return TETLOD_OK;
+}
+
+/* The rate of learning that makes the smallest frames: all are tried. */
+static enum tetlod_status choose_slowest(const struct tetlodi_write_input *input, unsigned *out, struct tetlod_error *error)
+{
+    uint64_t least = UINT64_MAX;
+    for (unsigned slowest = LEAST_SLOWEST; slowest <= MOST_SLOWEST; slowest++) {
+        struct writer w = {.in = input, .error = error};
+        enum tetlod_status status = encode(&w, slowest);
+        uint64_t size = w.order.size;
+        for (size_t i = 0; i < (input->field_count + (size_t)1) * input->level_count && status == TETLOD_OK; i++)
+            size += w.stored[i].size;
+        release(&w);
+        if (status != TETLOD_OK)
+            return status;
+        *out = size < least ? slowest : *out;
+        least = size < least ? size : least;
+    }
+    return TETLOD_OK;
+}
+
 enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const struct tetlodi_sink *sink,
                                  struct tetlod_error *error)
 {
     struct writer w = {.in = input, .error = error};
-    enum tetlod_status status;
-    TETLOD_TRY_DONE(check_input(&w));
-    TETLOD_TRY_DONE(allocate(&w));
-    TETLOD_TRY_DONE(link_parents(&w));
-    number_leaves(&w);
-    TETLOD_TRY_DONE(encode_columns(&w));
-    TETLOD_TRY_DONE(list_meetings(&w));
-    TETLOD_TRY_DONE(write_levels(&w));
-    if (input->keep_order)
-        TETLOD_TRY_DONE(write_order(&w));
-    fill_info(&w);
-    TETLOD_TRY_DONE(write_file(&w, sink));
-done:
+    unsigned slowest = MOST_SLOWEST;
+    if (input->compression >= EFFORT_ALL_RATES)
+        TETLOD_TRY(choose_slowest(input, &slowest, error));
+    enum tetlod_status status = encode(&w, slowest);
+    if (status == TETLOD_OK)
+        status = write_file(&w, sink);
     release(&w);
     return status;
 }

@@ -30,6 +30,8 @@ struct tetlodi_write_level {
     const double *errors; /* [field_count * TETLOD_MEASURES]; NaN: not known */
 };
 
+enum { EFFORT_ALL_RATES = 10 };
+
 /* Everything is borrowed for the call. Positions and values are exactly representable in their type. */
 struct tetlodi_write_input {
     uint32_t vertices, tets, contractions;
@@ -45,7 +47,7 @@ struct tetlodi_write_input {
     const struct tetlodi_write_level *levels; /* coarse to fine: levels[0] is the base mesh */
     uint64_t degenerate_tets, inverted_tets, unused_points;
     const char *metadata; /* a JSON object, NUL-terminated */
-    int compression;      /* effort, 1..22 */
+    int compression;      /* effort, 1..22; from EFFORT_ALL_RATES on it takes four times as long for the last bytes */
     int keep_order;       /* store the numbering of vertices, tetrahedra and corners above */
 };
 

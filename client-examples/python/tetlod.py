@@ -114,7 +114,7 @@ class Stream:
 
     def _parse(self, data, offset):
         self.vertices, self.tets, levels, fields, slowest, reserved = data.take('IIIHBB')
-        require(levels >= 1 and 4 <= slowest <= 7 and reserved == 0, 'the index is damaged')
+        require(levels >= 1 and 5 <= slowest <= 7 and reserved == 0, 'the index is damaged')
         self.seen_most = (1 << slowest) - 2
         bounds = data.take('6d')
         self.bounds = [list(bounds[:3]), list(bounds[3:])]

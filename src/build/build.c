@@ -116,7 +116,7 @@ static void mark_errors(const struct build *build, uint32_t mark, uint32_t field
             continue;
         size_t i = (size_t)mark * fields->driver_count + d;
         double rounding = build->rounding ? build->rounding[field] * fields->drivers[d].scale : 0;
-        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], build->sequence.mark_certified[i] + rounding);
+        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], fmin(build->sequence.mark_certified[i] + rounding, 1));
         errors[TETLOD_PREDICTED] = fmax(errors[TETLOD_PREDICTED], build->sequence.mark_predicted[i]);
     }
 }
@@ -259,9 +259,7 @@ static enum tetlod_status quantise(struct build *build)
     build->rounding = array_new(build->mesh->field_count, sizeof *build->rounding);
     if (!build->rounding)
         return tetlodi_fail_nomem(build->error, "the fields", build->mesh->field_count * sizeof *build->rounding);
-    for (uint32_t f = 0; f < build->mesh->field_count; f++)
-        build->rounding[f] = quantise_bound(build->mesh, build->original, f);
-    return TETLOD_OK;
+    return quantise_bounds(build->mesh, build->original, build->options->threads, build->rounding, build->error);
 }
 
 enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_options *options,

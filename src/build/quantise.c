@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/mesh/tet_geom.h"
+#include "src/build/overlay.h"
 #include "src/util/array.h"
 
 bool quantise_wanted(const struct quantise_options *options)
@@ -107,52 +107,35 @@ enum tetlod_status quantise_mesh(struct tetmesh *out, const struct tetmesh *mesh
     return TETLOD_OK;
 }
 
-/* Length of a linear function's gradient on a tetrahedron; infinite if it is degenerate. */
-static double steepness(const double *const p[4], const double s[4])
-{
-    double volume6 = tet_volume6(p[0], p[1], p[2], p[3]), g[3] = {0, 0, 0}, e[3][3];
-    if (tet_orientation(p[0], p[1], p[2], p[3]) == 0)
-        return INFINITY;
-    for (int k = 0; k < 3; k++)
-        for (int i = 0; i < 3; i++)
-            e[k][i] = p[k + 1][i] - p[0][i];
-    for (int k = 0; k < 3; k++) {
-        const double *a = e[(k + 1) % 3], *b = e[(k + 2) % 3];
-        double difference = (s[k + 1] - s[0]) / volume6;
-        g[0] += difference * (a[1] * b[2] - a[2] * b[1]);
-        g[1] += difference * (a[2] * b[0] - a[0] * b[2]);
-        g[2] += difference * (a[0] * b[1] - a[1] * b[0]);
-    }
-    return sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
-}
-
-static double steepest(const struct tetmesh *mesh, const struct point_field *field)
+/* The most that a value moved by. */
+static double changed_by(const struct point_field *now, const struct point_field *before, uint32_t vertices)
 {
     double most = 0;
-    for (size_t t = 0; t < mesh->tet_count; t++)
-        for (uint32_t c = 0; c < field->components; c++) {
-            const double *p[4];
-            double s[4];
-            for (size_t k = 0; k < 4; k++) {
-                size_t v = mesh->corners[4 * t + k];
-                p[k] = mesh->positions + 3 * v;
-                s[k] = field->values[v * field->components + c];
-            }
-            if (s[0] != s[1] || s[0] != s[2] || s[0] != s[3])
-                most = fmax(most, steepness(p, s));
-        }
+    for (size_t i = 0; i < (size_t)vertices * now->components; i++)
+        most = fmax(most, fabs(now->values[i] - before->values[i]));
     return most;
 }
 
-double quantise_bound(const struct tetmesh *copy, const struct tetmesh *mesh, uint32_t field)
+/* Where vertices have moved, thin tetrahedra may have moved by all of their height: only the overlay tells what that does. */
+enum tetlod_status quantise_bounds(const struct tetmesh *copy, const struct tetmesh *mesh, unsigned threads, double *out,
+                                   struct tetlod_error *error)
 {
-    const struct point_field *now = &copy->fields[field], *before = &mesh->fields[field];
-    double moved2 = 0, changed = 0, range[2];
-    for (size_t v = 0; v < mesh->vertex_count; v++)
-        moved2 = fmax(moved2, distance_squared(copy->positions + 3 * v, mesh->positions + 3 * v));
-    for (size_t i = 0; i < (size_t)mesh->vertex_count * now->components; i++)
-        changed = fmax(changed, fabs(now->values[i] - before->values[i]));
-    point_field_range(before, mesh->vertex_count, range);
-    double bound = changed + (moved2 > 0 ? sqrt(moved2) * steepest(copy, now) : 0);
-    return fmin(bound * (1 + 1e-9), range[1] - range[0]);
+    uint32_t *fields = array_new(mesh->field_count, sizeof *fields);
+    struct overlay_report report;
+    enum tetlod_status status = TETLOD_OK;
+    if (!fields)
+        return tetlodi_fail_nomem(error, "the fields", mesh->field_count * sizeof *fields);
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        fields[f] = f;
+        out[f] = changed_by(&copy->fields[f], &mesh->fields[f], mesh->vertex_count);
+    }
+    if (memcmp(copy->positions, mesh->positions, mesh->vertex_count * 3 * sizeof *copy->positions) != 0)
+        status = overlay_max(copy, fields, mesh, fields, mesh->field_count, threads, out, &report, error);
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        double range[2];
+        point_field_range(&mesh->fields[f], mesh->vertex_count, range);
+        out[f] = fmin(out[f] * (1 + 1e-9), range[1] - range[0]);
+    }
+    free(fields);
+    return status;
 }

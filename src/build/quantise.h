@@ -20,8 +20,8 @@ bool quantise_wanted(const struct quantise_options *options);
 TETLOD_CHECKED enum tetlod_status quantise_mesh(struct tetmesh *out, const struct tetmesh *mesh,
                                                 const struct quantise_options *options, struct tetlod_error *error);
 
-/* A bound of |field of the copy - field of the mesh| over the domain: what values moved by, and what moving positions changes
- * where the field is steepest; at most the range. */
-double quantise_bound(const struct tetmesh *copy, const struct tetmesh *mesh, uint32_t field);
+/* out[field]: a bound of |field of the copy - field of the mesh| over the domain, at most the range. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status quantise_bounds(const struct tetmesh *copy, const struct tetmesh *mesh, unsigned threads,
+                                                  double *out, struct tetlod_error *error);
 
 #endif

@@ -103,7 +103,7 @@ static uint32_t code_all(struct tetlodi_coder *coder, uint64_t random)
 
 static void test_range_coder(void)
 {
-    for (unsigned slowest = 4; slowest <= 7; slowest++) {
+    for (unsigned slowest = 5; slowest <= 7; slowest++) {
         struct tetlodi_memory memory = {0, UINT64_MAX};
         struct tetlodi_coder encoder = {0}, decoder;
         tetlodi_encode_start(&encoder, slowest, &memory);
@@ -115,6 +115,34 @@ static void test_range_coder(void)
         TETLODI_FREE(&memory, encoder.bytes, encoder.capacity);
         CHECK_INT(memory.used, 0);
     }
+}
+
+/* However sure a model is, it can be wrong: no bit is impossible, in particular at the fastest rate. */
+static void test_surprises(void)
+{
+    for (unsigned slowest = 5; slowest <= 7; slowest++)
+        for (int usual = 0; usual < 2; usual++) {
+            struct tetlodi_memory memory = {0, 1 << 20};
+            struct tetlodi_coder coders[2] = {0};
+            int wrong = 0;
+            for (int k = 0; k < 2; k++) {
+                struct tetlodi_bit model;
+                tetlodi_bits_init(&model, 1);
+                if (k)
+                    tetlodi_decode_start(&coders[1], slowest, coders[0].bytes, coders[0].size);
+                else
+                    tetlodi_encode_start(&coders[0], slowest, &memory);
+                for (int i = 0; i < 5000; i++) {
+                    int bit = i % 2500 == 2499 ? !usual : usual;
+                    wrong += code_bit(&coders[k], &model, bit) != bit;
+                }
+                if (!k)
+                    tetlodi_encode_finish(&coders[0]);
+            }
+            CHECK_INT(wrong, 0);
+            CHECK_INT(coders[0].failed, 0);
+            TETLODI_FREE(&memory, coders[0].bytes, coders[0].capacity);
+        }
 }
 
 /* A million bits that are expected cost next to nothing. */
@@ -140,6 +168,7 @@ int main(void)
     RUN(test_codes_of_steps);
     RUN(test_rings);
     RUN(test_range_coder);
+    RUN(test_surprises);
     RUN(test_costs);
     return test_end();
 }
