@@ -244,6 +244,19 @@ bench-format: deps-bench
 	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_format
 	@/usr/bin/python3 tests/bench/bench_format.py $(BINARY) $(B)/tests/bench/bench_format tests/bench/format_sizes.csv
 
+## bench-thesis: the thesis's Tables 4.1 and 4.2 beside ours; bench-builder: percent of tetrahedra left, by metric and mesh (BLUNT=folder of the blunt fin)
+.PHONY: bench-thesis bench-builder
+BENCHES += bench-thesis bench-builder
+bench-thesis bench-builder: bench-%: deps-build
+	$(Q)$(MAKE) --no-print-directory all
+	@python3 tests/bench/$*.py $(BINARY)
+
+## bench-certificate: 100 random levels of all samples and the blunt fin (BLUNT=folder), 200,000 points each, against what is promised of them
+.PHONY: bench-certificate
+BENCHES += bench-certificate
+bench-certificate: $(B)/tests/unit/test_certificate
+	@CERTIFICATE=1 ROOT=$(CURDIR) $<
+
 ## bench-cut: what pictures of 511,104 tetrahedra take, natively and as WebAssembly
 .PHONY: bench-cut
 BENCHES += bench-cut

@@ -13,6 +13,8 @@
 #include "src/sample/sample.h"
 #include "tests/test.h"
 
+static const struct shift no_shift; /* the edge is inside */
+
 static const double line_x[4] = {0, 1, 3, 4}, line_s[4] = {0, 1, 2, 1};
 
 /* A line of `edges` edges, thickened. */
@@ -125,12 +127,12 @@ static void try_assignment(struct tetmesh *mesh, const struct trial *places, uin
     uint32_t edge[2] = {vertex_at(mesh, 1, 2, 2), vertex_at(mesh, 3, 2, 2)};
     REQUIRE(star_gather(&star, &complex, edge, 2, NULL) == TETLOD_OK);
     memcpy(trials, places, count * sizeof *places);
-    metric_try(METRIC_SVA, &scratch, &fields, &complex, &star, INFINITY, trials, count);
+    metric_try(METRIC_SVA, &scratch, &fields, &complex, &star, NULL, INFINITY, trials, count);
     for (uint32_t t = 0; t < count; t++) {
         double assigned;
         metric_assigned(&scratch, &fields, t, &assigned);
         CHECK(trials[t].possible);
-        fields_outcome(&fields, &complex, &star, trials[t].position, &assigned, &outcome);
+        fields_outcome(&fields, &complex, &star, &no_shift, trials[t].position, &assigned, &outcome);
         errors[t] = trials[t].error / fields.drivers[0].scale;
         values[t] = outcome.value;
         CHECK_NEAR(outcome.predicted, errors[t], 1e-9);
