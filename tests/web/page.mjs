@@ -128,6 +128,15 @@ async function nothing_went_wrong() {
   assert.deepEqual([page.complaints, page.strangers], [[], []]);
 }
 
+async function the_base_mesh_is_a_target() {
+  const coarse = await openPage(browser, origin);
+  await coarse.goto(`${origin}view/fin#error=1`);
+  await settled(coarse);
+  assert.equal(await coarse.evaluate(() => window.tetlod.level), 0);
+  assert.match(await coarse.locator('#shown-level').innerText(), /^0 of/);
+  await coarse.context().close();
+}
+
 async function what_is_loaded_is_small() {
   const all = await openPage(browser, origin);
   await all.goto(`${origin}view/fin#volume=1&error=0.2`);
@@ -144,4 +153,4 @@ async function what_is_loaded_is_small() {
 
 await run([catalogue_lists_streams, viewer_shows_a_picture, refines_and_coarsens, state_is_in_the_url, a_slice_is_dragged, the_value_under_the_pointer,
   a_picture_is_saved, what_is_wrong_is_said, every_control_has_a_name, nothing_went_wrong,
-  what_is_loaded_is_small]);
+  the_base_mesh_is_a_target, what_is_loaded_is_small]);

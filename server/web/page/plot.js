@@ -36,9 +36,9 @@ export class Plot {
     this.levels = levels;
     this.total = total;
     const errors = levels.map((l) => l.error).filter((e) => e > 0);
-    this.most = Math.max(...errors, 1e-12);
-    this.least = Math.min(...errors, this.most);
-    this.floor = this.least / (this.most / this.least) ** 0.12;
+    this.most = errors.length ? Math.max(...errors) : 1;
+    this.least = errors.length ? Math.min(...errors) : 1;
+    this.floor = this.least / Math.max(3, (this.most / this.least) ** 0.12);
     this.point.setAttribute('aria-valuemax', levels.length - 1);
     this.draw();
   }

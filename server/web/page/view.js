@@ -186,6 +186,9 @@ function takePictures(event) {
     seen = seen ? [Math.min(seen[0], visible[0]), Math.max(seen[1], visible[1])] : visible;
   if (store.state.range === 'visible' || seen) recolor();
   drawn = pictures.t === 1 ? pictures.level : -1;
+  if (level === pictures.level) return;
+  level = pictures.level; // the base: nothing was refined to get there
+  tellShown();
 }
 
 function follow() {
