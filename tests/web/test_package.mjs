@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The package in a browser: its worker, its module under a strict policy, its example.
+// The package: by its name in node, and in a browser its worker, its module under a strict policy, its example.
 import assert from 'node:assert/strict';
 import { createHash } from 'node:crypto';
-import { cpSync, readFileSync, writeFileSync } from 'node:fs';
+import { execFile } from 'node:child_process';
+import { cpSync, existsSync, mkdirSync, readFileSync, symlinkSync, writeFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { join, resolve } from 'node:path';
 import { pathToFileURL } from 'node:url';
+import { promisify } from 'node:util';
 import { launch, openPage } from './browser.mjs';
 import { ROOT, SCRATCH, fileHost, folderHost, program, sampleStream } from './hosts.mjs';
 import { run } from './tap.mjs';
@@ -97,4 +99,32 @@ async function rangesOfOneUrl() {
   host.close();
 }
 
-await run([rangesOfOneUrl, bundlesAndShowsTheExample, worksUnderAStrictPolicy]);
+// As `npm install` of the folder leaves it.
+async function resolvesByItsName() {
+  const project = join(SCRATCH, 'project');
+  mkdirSync(join(project, 'node_modules'), { recursive: true });
+  symlinkSync(resolve(ROOT, 'build/client'), join(project, 'node_modules/tetlod'));
+  const files = await fileHost(readFileSync(path));
+  writeFileSync(join(project, 'main.mjs'), `import { TetlodStream } from 'tetlod';
+    import { View } from 'tetlod/codec';
+    const stream = await TetlodStream.open('${files.url}');
+    await stream.refineTo({ tets: 5000 });
+    const { tets } = await stream.mesh();
+    console.log(JSON.stringify([typeof View.create, tets.length / 4, stream.info.levels[stream.level].tets]));
+    stream.close();`);
+  // a stream that is closed keeps nothing alive: the program ends
+  const { stdout } = await promisify(execFile)('node', ['main.mjs'], { cwd: project, timeout: 60000 });
+  const [made, tets, expected] = JSON.parse(stdout);
+  assert.equal(made, 'function');
+  assert.ok(tets === expected && tets <= 5000);
+  files.close();
+  const { version, exports } = JSON.parse(readFileSync(resolve(ROOT, 'build/client/package.json')));
+  assert.match(readFileSync(resolve(ROOT, 'format/tetlod.h'), 'utf8'), new RegExp(`TETLOD_VERSION_STRING "${version}"`));
+  for (const target of Object.values(exports).flatMap((value) => (typeof value === 'string' ? value : Object.values(value))))
+    assert.ok(existsSync(resolve(ROOT, 'build/client', target)), target);
+  const types = readFileSync(resolve(ROOT, 'build/client/stream.d.ts'), 'utf8');
+  const members = Object.getOwnPropertyNames(TetlodStream.prototype).filter((name) => name !== 'constructor');
+  for (const name of members) assert.match(types, new RegExp(`\\b${name}\\(`), `stream.d.ts has ${name}`);
+}
+
+await run([resolvesByItsName, rangesOfOneUrl, bundlesAndShowsTheExample, worksUnderAStrictPolicy]);
