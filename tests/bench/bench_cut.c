@@ -15,7 +15,7 @@ enum { TIMES = 5 };
 
 struct picture {
     struct tetmesh mesh;
-    double *plane, *shell; /* functions to cut at zero */
+    double *plane, *shell, *noise; /* functions to cut at zero; noise cuts nearly every tetrahedron, the most work there can be */
     struct cut boundary, cut;
     struct cut_grid grid;
     float *points, *normals;
@@ -57,6 +57,7 @@ static void make_vertices(struct picture *p, uint32_t side, const uint32_t *ids)
         }
         p->plane[ids[v]] = at[0] + 0.7 * at[1] + 0.4 * at[2] - 1.03;
         p->shell[ids[v]] = r2 - 0.16;
+        p->noise[ids[v]] = random32(&state) - 2147483648.0;
     }
 }
 
@@ -70,6 +71,7 @@ static void make_mesh(struct picture *p, uint32_t side)
     p->mesh.corners = need(array_new(p->mesh.tet_count, 4 * sizeof(uint32_t)));
     p->plane = need(array_new(count, sizeof(double)));
     p->shell = need(array_new(count, sizeof(double)));
+    p->noise = need(array_new(count, sizeof(double)));
     for (uint32_t v = 0; v < count; v++) { // near ones stay near, as in a stream
         uint32_t other = v < 512 ? v : v - random32(&state) % 512;
         ids[v] = v;
@@ -124,6 +126,12 @@ static void slice_lines(struct picture *p)
 static void isosurface(struct picture *p)
 {
     must(cut_zero(&p->mesh, p->shell, &p->cut, &p->error), p);
+    p->found = p->cut.triangle_count;
+}
+
+static void isosurface_of_noise(struct picture *p)
+{
+    must(cut_zero(&p->mesh, p->noise, &p->cut, &p->error), p);
     p->found = p->cut.triangle_count;
 }
 
@@ -193,6 +201,7 @@ int main(int argc, char **argv)
     measure(&p, "isosurface", isosurface);
     measure(&p, "points, normals", normals);
     measure(&p, "clip", clip);
+    measure(&p, "noise", isosurface_of_noise);
     measure(&p, "resample 64^3", resample_64);
     measure(&p, "resample 128^3", resample_128);
     measure(&p, "probe", probe);
@@ -203,6 +212,7 @@ int main(int argc, char **argv)
     free(p.normals);
     free(p.plane);
     free(p.shell);
+    free(p.noise);
     tetmesh_fini(&p.mesh);
     return 0;
 }
