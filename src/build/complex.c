@@ -121,8 +121,8 @@ static int link_euler(struct complex *complex, uint32_t v)
     return (int)neighbours - (int)((3 * tets + boundary_faces) / 2) + (int)tets;
 }
 
-/* Freezes vertices whose link is neither a sphere nor a disc. */
-static enum tetlod_status freeze_non_manifold(struct complex *complex, struct tetlod_error *error)
+/* Marks vertices whose link is neither a sphere nor a disc. */
+static enum tetlod_status mark_singular(struct complex *complex, struct tetlod_error *error)
 {
     size_t corners = 4 * (size_t)complex->tet_count;
     uint32_t *parent = array_new(corners, sizeof *parent);
@@ -138,7 +138,7 @@ static enum tetlod_status freeze_non_manifold(struct complex *complex, struct te
             fans[complex->corners[i]]++;
     for (uint32_t v = 0; v < complex->vertex_count; v++)
         if (fans[v] != 1 || link_euler(complex, v) != (complex->flags[v] & VERTEX_BOUNDARY ? 1 : 2))
-            complex->flags[v] |= VERTEX_FROZEN;
+            complex->flags[v] |= VERTEX_SINGULAR;
     free(parent);
     free(fans);
     return TETLOD_OK;
@@ -181,10 +181,25 @@ enum tetlod_status complex_init(struct complex *complex, const struct tetmesh *m
     }
     mark_boundary(complex);
     orient(complex);
-    status = freeze_non_manifold(complex, error);
+    status = mark_singular(complex, error);
     if (status != TETLOD_OK)
         complex_fini(complex);
     return status;
+}
+
+bool complex_thaw(struct complex *complex, uint32_t v)
+{
+    const uint32_t *tets = complex->pool + complex->star_begin[v];
+    const double *p[4];
+    if (!(complex->flags[v] & VERTEX_FROZEN))
+        return false;
+    for (uint32_t i = 0; i < complex->star_count[v]; i++) {
+        corner_positions(complex, tets[i], p);
+        if (tet_orientation(p[0], p[1], p[2], p[3]) != complex->orientation)
+            return false;
+    }
+    complex->flags[v] &= (uint8_t)~VERTEX_FROZEN;
+    return true;
 }
 
 void complex_round_position(const struct complex *complex, double p[3])
@@ -342,12 +357,12 @@ enum tetlod_status complex_contract(struct complex *complex, const struct star *
             complex->corners[4 * (size_t)star->tets[i] + star->moving[i]] = v;
             tets[kept++] = star->tets[i];
         }
-    uint8_t boundary = 0;
+    uint8_t inherited = 0;
     for (uint32_t s = 0; s < star->simplex_count; s++) {
-        boundary |= complex->flags[star->simplex[s]] & VERTEX_BOUNDARY;
+        inherited |= complex->flags[star->simplex[s]] & (VERTEX_BOUNDARY | VERTEX_FROZEN);
         complex->flags[star->simplex[s]] &= s ? 0 : 0xff;
     }
-    complex->flags[v] |= boundary;
+    complex->flags[v] |= inherited;
     memcpy(complex->positions + 3 * (size_t)v, p, 24);
     complex->changed[v] = complex->born[v] = now;
     complex->vertices_alive -= star->simplex_count - 1;

@@ -18,7 +18,8 @@
 enum {
     VERTEX_ALIVE = 1,
     VERTEX_BOUNDARY = 2,
-    VERTEX_FROZEN = 4, /* corner of a degenerate or inverted tetrahedron, or not a manifold point: never contracted */
+    VERTEX_FROZEN = 4, /* corner of a degenerate or inverted tetrahedron: contracted only with a vertex at the same point */
+    VERTEX_SINGULAR = 8, /* not a manifold point: never contracted */
 };
 
 struct complex {
@@ -69,6 +70,7 @@ struct star {
     uint32_t simplex[4];
     uint32_t simplex_count;
     uint32_t tet_count, removed_count;
+    bool still; /* the simplex's vertices are at one point: contracting it moves nothing */
     size_t capacity;
     uint32_t *tets;
     uint8_t *moving;  /* the corner that moves, or STAR_REMOVED */
@@ -98,6 +100,9 @@ TETLOD_CHECKED enum tetlod_status star_link_condition(struct star *star, struct 
 TETLOD_CHECKED enum tetlod_status complex_contract(struct complex *complex, const struct star *star, const double p[3],
                                                    struct tetlod_error *error);
 
+/* Is a frozen vertex free now, for its last degenerate or inverted tetrahedron is gone? Then it is no longer frozen. */
+bool complex_thaw(struct complex *complex, uint32_t v);
+
 /* p rounded to the mesh's position type. */
 void complex_round_position(const struct complex *complex, double p[3]);
 
@@ -113,7 +118,7 @@ struct tet_affine {
     double size2;   /* longest edge, squared */
 };
 
-/* Not for degenerate tetrahedra: their vertices are frozen, so that no star to contract has one. */
+/* Not for degenerate tetrahedra: their vertices are frozen, so that no star that moves has one. */
 void complex_affine(const struct complex *complex, uint32_t tet, struct tet_affine *out);
 
 /* Is face f of the tetrahedron on the boundary? */

@@ -182,13 +182,17 @@ double field_round(const struct working_field *field, uint32_t component, double
 }
 
 /* What one function's interpolants over the star say at p: their least and greatest values. With `rigorous`, each widened by
- * a bound of its rounding error (PROOF.md, rounding). */
+ * a bound of its rounding error (PROOF.md, rounding). Where nothing moves, it is what the simplex's vertices have. */
 static void extremes(const struct complex *complex, const struct star *star, const double *values, size_t stride,
                      const double p[3], bool rigorous, double out[2])
 {
     out[0] = INFINITY;
     out[1] = -INFINITY;
-    for (uint32_t i = 0; i < star->tet_count; i++) {
+    for (uint32_t s = 0; s < star->simplex_count && star->still; s++) {
+        out[0] = smaller(out[0], values[star->simplex[s] * stride]);
+        out[1] = larger(out[1], values[star->simplex[s] * stride]);
+    }
+    for (uint32_t i = 0; i < star->tet_count && !star->still; i++) {
         struct tet_affine affine;
         complex_affine(complex, star->tets[i], &affine);
         const uint32_t *corners = complex->corners + 4 * (size_t)star->tets[i];

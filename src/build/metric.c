@@ -152,14 +152,18 @@ void metric_try(enum metric metric, struct metric_scratch *scratch, const struct
     }
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         struct metric_bounds bounds = {{INFINITY, -INFINITY}, {TETLOD_NONE, TETLOD_NONE}, NAN};
+        for (uint32_t s = 0; s < star->simplex_count && star->still; s++) {
+            bounds.value[0] = smaller(bounds.value[0], fields->drivers[d].lower[star->simplex[s]]);
+            bounds.value[1] = larger(bounds.value[1], fields->drivers[d].upper[star->simplex[s]]);
+        }
         if (shift && metric != METRIC_SVA) {
-            bounds.value[0] = shift_greatest(shift, fields->drivers[d].lower);
-            bounds.value[1] = shift_least(shift, fields->drivers[d].upper, 0);
+            bounds.value[0] = smaller(bounds.value[0], shift_greatest(shift, fields->drivers[d].lower));
+            bounds.value[1] = larger(bounds.value[1], shift_least(shift, fields->drivers[d].upper, 0));
         }
         for (uint32_t t = 0; t < count; t++)
             scratch->bounds[d * MOST_TRIALS + t] = bounds;
     }
-    for (uint32_t i = 0; i < star->tet_count && any_left(trials, count, limit); i++) {
+    for (uint32_t i = 0; i < star->tet_count && !star->still && any_left(trials, count, limit); i++) {
         const uint32_t *corners = complex->corners + 4 * (size_t)star->tets[i];
         struct tet_affine affine;
         complex_affine(complex, star->tets[i], &affine);

@@ -49,8 +49,8 @@ struct run {
     double *certified, *predicted; /* [driver_count] running maxima */
     double *assigned;              /* [driver_count] of the contraction at hand, as is its outcome */
     struct outcome *outcome;
-    uint32_t *link;
-    size_t link_capacity;
+    uint32_t *link, *thawed;
+    size_t link_capacity, thawed_capacity;
     struct tetlod_error *error;
 };
 
@@ -193,12 +193,19 @@ static uint32_t vertex_count(const struct queue_entry *entry)
     return count;
 }
 
-static bool contractible(const struct complex *complex, const struct queue_entry *entry)
+/* Frozen vertices only with vertices at the same point, under the envelope: that needs no interpolant (PROOF.md, 6). */
+static bool contractible(const struct run *run, const struct queue_entry *entry)
 {
-    for (uint32_t i = 0; i < vertex_count(entry); i++)
-        if (complex->flags[entry->vertices[i]] & VERTEX_FROZEN)
+    const struct complex *complex = run->complex;
+    const double *first = complex->positions + 3 * (size_t)entry->vertices[0];
+    bool still = run->options->metric != METRIC_MEASURED && !is_exact(run), frozen = false;
+    for (uint32_t i = 0; i < vertex_count(entry); i++) {
+        if (complex->flags[entry->vertices[i]] & VERTEX_SINGULAR)
             return false;
-    return true;
+        frozen |= complex->flags[entry->vertices[i]] & VERTEX_FROZEN;
+        still &= distance_squared(first, complex->positions + 3 * (size_t)entry->vertices[i]) == 0;
+    }
+    return still || !frozen;
 }
 
 /* Evaluates a simplex as it is now. *out_allowed: the limit allows it, and entry->value is its key; else it is a lower bound
@@ -228,7 +235,7 @@ static enum tetlod_status file(struct run *run, const struct queue_entry *entry,
 static enum tetlod_status evaluate_and_file(struct run *run, struct queue_entry *entry)
 {
     bool allowed;
-    if (!contractible(run->complex, entry))
+    if (!contractible(run, entry))
         return TETLOD_OK;
     if (evaluate(run, run->judges, entry, &allowed) != TETLOD_OK) {
         *run->error = run->judges->error;
@@ -280,7 +287,7 @@ static enum tetlod_status file_simplex(struct run *run, uint32_t v, const uint32
     }
     if (!first)
         return evaluate_and_file(run, &entry);
-    return entry.vertices[0] == v && contractible(run->complex, &entry) ? file(run, &entry, false) : TETLOD_OK;
+    return entry.vertices[0] == v && contractible(run, &entry) ? file(run, &entry, false) : TETLOD_OK;
 }
 
 static enum tetlod_status list_edges(struct run *run, uint32_t v, bool first)
@@ -321,6 +328,18 @@ static enum tetlod_status list_simplices(struct run *run, uint32_t v, bool first
         TETLOD_TRY(list_edges(run, v, first));
     if (run->options->contract & ~CONTRACT_EDGES)
         TETLOD_TRY(list_larger(run, v, first));
+    return TETLOD_OK;
+}
+
+/* After a contraction at one point: lists the simplices of the vertices around it that are free now. */
+static enum tetlod_status thaw(struct run *run, uint32_t v)
+{
+    size_t count = 0;
+    TETLOD_TRY(complex_link_vertices(run->complex, v, &run->thawed, &run->thawed_capacity, &count, run->error));
+    complex_thaw(run->complex, v);
+    for (size_t i = 0; i < count; i++)
+        if (complex_thaw(run->complex, run->thawed[i]))
+            TETLOD_TRY(list_simplices(run, run->thawed[i], false));
     return TETLOD_OK;
 }
 
@@ -422,6 +441,8 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
         run->certified[d] = larger(run->certified[d], smaller(certain, 1)); // values never leave the range
         run->predicted[d] = fmax(run->predicted[d], driver->predicted[v] * driver->scale);
     }
+    if (star->still)
+        TETLOD_TRY(thaw(run, v));
     return list_simplices(run, v, false);
 }
 
@@ -658,6 +679,7 @@ done:
     free(run.certified);
     free(run.outcome);
     free(run.link);
+    free(run.thawed);
     if (status != TETLOD_OK)
         simplification_fini(out);
     return status;

@@ -50,6 +50,10 @@ enum tetlod_status star_gather(struct star *star, const struct complex *complex,
         most += complex->star_count[simplex[s]];
     }
     star->simplex_count = simplex_count;
+    star->still = true;
+    for (uint32_t s = 1; s < simplex_count; s++)
+        star->still &= distance_squared(complex->positions + 3 * (size_t)simplex[0],
+                                        complex->positions + 3 * (size_t)simplex[s]) == 0;
     star->tet_count = star->removed_count = 0;
     if (!reserve(star, most))
         return tetlodi_fail_nomem(error, "a star", most * 5);
@@ -107,7 +111,7 @@ void complex_affine(const struct complex *complex, uint32_t tet, struct tet_affi
 bool star_fits(const struct star *star, const struct complex *complex, const double p[3])
 {
     for (uint32_t i = 0; i < star->tet_count; i++) {
-        if (star->moving[i] == STAR_REMOVED)
+        if (star->moving[i] == STAR_REMOVED || star->still)
             continue;
         const double *q[4];
         for (int c = 0; c < 4; c++)

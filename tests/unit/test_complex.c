@@ -123,7 +123,7 @@ static uint32_t pick_simplex(const struct complex *complex, uint64_t *random, ui
         return 0;
     for (uint32_t s = 0; s < count; s++) {
         simplex[s] = complex->corners[4 * t + (first + s) % 4];
-        if (complex->flags[simplex[s]] & VERTEX_FROZEN)
+        if (complex->flags[simplex[s]] & (VERTEX_FROZEN | VERTEX_SINGULAR))
             return 0;
     }
     return count;
@@ -393,7 +393,7 @@ static void test_frozen(void)
     struct tetmesh mesh = {.vertex_count = 10, .tet_count = 3, .positions = p, .corners = corners};
     REQUIRE(complex_init(&complex, &mesh, NULL) == TETLOD_OK);
     for (uint32_t v = 0; v < 10; v++)
-        CHECK_INT(!!(complex.flags[v] & VERTEX_FROZEN), v < 2 || v > 5);
+        CHECK_INT(!!(complex.flags[v] & (VERTEX_FROZEN | VERTEX_SINGULAR)), v < 2 || v > 5);
     CHECK_INT(complex.degenerate_tets, 1);
     CHECK_INT(complex.inverted_tets, 0);
     complex_fini(&complex);

@@ -83,7 +83,7 @@ static bool pick(struct world *world)
         simplex[s] = complex->corners[4 * (size_t)tet + (first + s) % 4];
         flags |= complex->flags[simplex[s]];
     }
-    if (flags & VERTEX_FROZEN || star_gather(&world->star, complex, simplex, count, NULL) != TETLOD_OK)
+    if (flags & (VERTEX_FROZEN | VERTEX_SINGULAR) || star_gather(&world->star, complex, simplex, count, NULL) != TETLOD_OK)
         return false;
     const double *weights = candidates_weights(count, candidate), *a = complex->positions + 3 * (size_t)simplex[0];
     bool free = !(flags & VERTEX_BOUNDARY) && gen_random(&world->random) % 4 == 0, whole = false, holds;
