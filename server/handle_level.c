@@ -16,18 +16,19 @@ static enum tetlod_status write_mesh(const void *choice, const struct tetmesh *m
     return format->write(mesh, &sink, error);
 }
 
-static uint64_t mesh_file_bytes(const struct tetlod_info *info, uint32_t level, const struct mesh_format *format)
+/* At most: both formats are binary. */
+static uint64_t mesh_file_bytes(const struct tetlod_info *info, uint32_t level)
 {
     uint64_t components = 3;
     for (uint32_t f = 0; f < info->field_count; f++)
         components += info->fields[f].components;
-    return info->levels[level].vertices * components * format->number_bytes + info->levels[level].tets * (uint64_t)format->tet_bytes + 4096;
+    return info->levels[level].vertices * components * 8 + info->levels[level].tets * (uint64_t)25 + 4096;
 }
 
 static enum outcome answer_mesh(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_format *format)
 {
     const struct tetlod_info *info = dataset_info(dataset);
-    const struct level_answer answer = {level, format->name, format->media_type, mesh_file_bytes(info, level, format),
+    const struct level_answer answer = {level, format->name, format->media_type, mesh_file_bytes(info, level),
                                         write_mesh, format, sizeof *format};
     if (format->write)
         return answer_from_level(exchange, dataset, &answer);

@@ -179,7 +179,7 @@ enum outcome handle_stream_info(struct exchange *exchange)
     snprintf(key, sizeof key, "%s/info/%s/%s", dataset_info(dataset)->cid, coding_name(coding), dataset_id(dataset));
     const struct cache_value *value;
     const struct recipe recipe = {make_info, free_info_context, context,
-                                  1024 * (uint64_t)(1 + dataset_info(dataset)->level_count)};
+                                  1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), PATIENCE};
     enum outcome outcome = obtain(exchange, exchange->site->cache, key, &recipe, &value);
     if (value) {
         respond_body(exchange, value, &(struct representation){"application/json", coding, dataset_info(dataset)->cid});

@@ -10,10 +10,10 @@
 #include "src/util/array.h"
 
 const struct mesh_format mesh_formats[] = {
-    {"vtu", "application/vnd.vtk.vtu", io_write_vtu_plain, 8, 25},
-    {"vtk", "application/vnd.vtk", io_write_vtk, 25, 50},
-    {"tetlod", "application/vnd.tetlod", NULL, 0, 0},
-    {NULL, NULL, NULL, 0, 0},
+    {"vtu", "application/vnd.vtk.vtu", io_write_vtu_plain},
+    {"vtk", "application/vnd.vtk", io_write_vtk},
+    {"tetlod", "application/vnd.tetlod", NULL},
+    {NULL, NULL, NULL},
 };
 
 const struct mesh_format *mesh_format_find(const char *name)
@@ -120,7 +120,7 @@ enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, c
     /* Two streams with the same content are decoded once; the id keeps their keys apart where files come and go. */
     char key[ID_CAPACITY + 40];
     snprintf(key, sizeof key, "%s/%s", info->cid, dataset_id(dataset));
-    const struct recipe recipe = {decode_make, decode_free, decode, 64 * (uint64_t)info->vertices + 16 * (uint64_t)info->tets};
+    const struct recipe recipe = {decode_make, decode_free, decode, 64 * (uint64_t)info->vertices + 16 * (uint64_t)info->tets, PATIENCE};
     enum outcome outcome = obtain(exchange, exchange->site->forests, key, &recipe, &value);
     if (value)
         *out = value->data;

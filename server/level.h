@@ -12,7 +12,6 @@
 struct mesh_format {
     const char *name, *media_type;
     enum tetlod_status (*write)(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error);
-    unsigned number_bytes, tet_bytes; /* at most, of a coordinate or value, and of a tetrahedron */
 };
 
 extern const struct mesh_format mesh_formats[]; /* ends with a NULL name */

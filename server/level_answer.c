@@ -76,7 +76,7 @@ static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dat
     *making = (struct making){exchange->site, request_pin(exchange->request, forests), forest, answer->write, answer->level, coding};
     memcpy(making->choice, answer->choice, answer->choice_size);
     cache_hold(forests, making->forest_entry);
-    const struct recipe recipe = {make, making_free, making, making_bytes(dataset_info(dataset), answer)};
+    const struct recipe recipe = {make, making_free, making, making_bytes(dataset_info(dataset), answer), PATIENCE};
     return obtain(exchange, exchange->site->cache, key, &recipe, out);
 }
 

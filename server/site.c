@@ -179,18 +179,17 @@ struct task {
     struct cache_entry *entry; /* held */
     struct recipe recipe;
     struct pool *pool; /* that runs it; NULL: the asking thread does, which must not wait */
+    double until;      /* when it gives up waiting for room */
 };
 
-static const double PATIENCE = 5; // seconds until readers must have let go of enough
 static const struct timespec PAUSE = {0, 5000000};
 
 /* Makes room for a value, if need be when readers have let go of others. */
 static enum tetlod_status reserve(const struct task *task)
 {
-    double until = monotonic_seconds() + PATIENCE;
     enum tetlod_status status;
     while ((status = cache_reserve(task->cache, task->entry, task->recipe.bytes)) == TETLOD_ERR_LIMIT && task->pool &&
-           !pool_stopping(task->pool) && monotonic_seconds() < until)
+           !pool_stopping(task->pool) && monotonic_seconds() < task->until)
         nanosleep(&PAUSE, NULL);
     return status;
 }
@@ -240,7 +239,7 @@ static void start(struct site *site, struct cache *cache, struct cache_entry *en
         give_up(cache, entry, recipe, TETLOD_ERR_NOMEM, "the server is out of memory");
         return;
     }
-    *task = (struct task){cache, entry, *recipe, here ? NULL : site->pool};
+    *task = (struct task){cache, entry, *recipe, here ? NULL : site->pool, monotonic_seconds() + recipe->patience};
     cache_hold(cache, entry);
     if (here)
         run_task(task);

@@ -54,8 +54,11 @@ struct recipe {
     enum tetlod_status (*make)(void *context, struct cache_value *out, struct tetlod_error *error);
     void (*free)(void *context);
     void *context;
-    uint64_t bytes; /* memory that making it takes */
+    uint64_t bytes;  /* memory that making it takes */
+    double patience; /* seconds from now until readers must have let go of enough */
 };
+
+#define PATIENCE 5.0
 
 /* The value of a key, made where it is not there. ANSWERED with *out NULL: the response says why there is none. The recipe's
  * context is taken over. */

@@ -2,7 +2,7 @@
 /*
  * Stored bytes of a stream. libmicrohttpd sends what is in memory with the header in one call, and files in pieces of
  * 128 KiB after the header: up to a few megabytes memory is faster (tests/bench/server.py), so that records and prefixes
- * go through the cache and only what is larger, and ranges, go from the file.
+ * go through the cache; what is larger, ranges, and what finds no room there go from the file.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -100,7 +100,8 @@ static enum outcome read_spans(struct exchange *exchange, struct dataset *datase
     *context = (struct stored_context){dataset_hold(dataset), count, size};
     for (size_t i = 0; i < count; i++)
         context->spans[i] = spans[i];
-    const struct recipe recipe = {read_stored, stored_context_free, context, size + size / 2}; // as it grows
+    const struct recipe recipe = {read_stored, stored_context_free, context, size + size / 2 /* as it grows */,
+                                  count > 1 ? PATIENCE : 0};
     return obtain(exchange, exchange->site->cache, key, &recipe, out);
 }
 
@@ -128,8 +129,14 @@ enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, 
                             const char *etag)
 {
     const struct span span = {offset, size};
-    if (size <= MOST_CACHED && !request_header(exchange->request, "Range"))
-        return respond_spans(exchange, dataset, &span, 1, etag);
+    struct response *response = exchange->response;
+    if (size <= MOST_CACHED && !request_header(exchange->request, "Range")) {
+        enum outcome outcome = respond_spans(exchange, dataset, &span, 1, etag);
+        if (outcome == WAITING || response->status == 200)
+            return outcome;
+        response_release(response); // no room in the cache; where something else is wrong, it is with the file as well
+        response->header_count = 0;
+    }
     respond_file(exchange, dataset, offset, size, etag);
     return ANSWERED;
 }

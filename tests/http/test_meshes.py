@@ -406,6 +406,33 @@ def test_small_cache():
         assert small.get(at + '%d/mesh.tetlod' % last)[0] == 200
 
 
+def test_cache_held_by_slow_readers():
+    """Who reads slowly holds room: others wait for it for a while and are told to come again; stored bytes need none of it."""
+    stream, path = os.path.join(SCRATCH, 'held.tetlod'), os.path.join(SCRATCH, 'held.sock')
+    make_stream('fin', stream, 16)  # its mesh is more than the buffers of a Unix socket hold
+    with Server(stream, '--cache', '2M', '--quiet', '--listen', 'unix:' + path) as small, contextlib.ExitStack() as stack:
+        told = small.json('/v1/meshes/held')
+        at, last = '/v1/meshes/held/%s/' % told['cid'], len(told['levels']) - 1
+        for level in range(last, last - 8, -1):
+            slow = stack.enter_context(socket.socket(socket.AF_UNIX))
+            slow.settimeout(20 * SLOW)
+            slow.connect(path)
+            slow.sendall(b'GET %slevels/%d/mesh.vtk HTTP/1.1\r\nHost: x\r\n\r\n' % (at.encode(), level))
+            if slow.recv(12, socket.MSG_PEEK) != b'HTTP/1.1 200':
+                break  # these hold it all
+        start = time.monotonic()
+        status, head, body = small.get(at + 'levels/%d/mesh.vtk' % level)
+        assert status == 503 and head['retry-after'] == '1' and b'being read' in body, (status, body[:300])
+        assert 4 < time.monotonic() - start < 10 * SLOW
+        with open(stream, 'rb') as file:
+            whole = file.read()
+        assert small.get(at + 'stream')[2] == whole
+        first, end = told['levels'][0]['bytes'], told['levels'][last]['bytes']
+        assert small.get(at + 'records/0-%d' % last)[2] == whole[first:end]
+        stack.close()
+        wait_for(lambda: small.get(at + 'levels/%d/mesh.vtk' % level)[0] == 200, 20)
+
+
 def wait_for(condition, seconds):
     until = time.monotonic() + seconds * SLOW
     while not condition():
@@ -468,7 +495,7 @@ def read_answer(connection):
 def test_stop_during_answers():
     """Whoever has asked gets the whole answer, whether it is being sent or still being made; nobody else gets in."""
     stream, path = os.path.join(SCRATCH, 'larger.tetlod'), os.path.join(SCRATCH, 'stop.sock')
-    make_stream('fin', stream, 16)  # as text more than the buffers of a Unix socket hold
+    make_stream('fin', stream, 16)  # its mesh is more than the buffers of a Unix socket hold
     with Server(stream, '--drain', '20', '--quiet', '--listen', 'unix:' + path) as ending, socket.socket(socket.AF_UNIX) as slow, ending.connect() as patient:
         told = ending.json('/v1/meshes/larger')
         request = b'GET /v1/meshes/larger/%s/levels/%d/mesh.%%s HTTP/1.1\r\nHost: x\r\n\r\n' % (told['cid'].encode(), len(told['levels']) - 1)
@@ -522,6 +549,18 @@ def test_overload():
                 break
         assert found[503] and len(found[200]) > 256, {status: len(paths) for status, paths in found.items()}
         assert all(busy.get(path)[0] == 200 for path in found[503][:20])
+
+
+def test_writes_nothing():
+    """No file is open for writing, but what it was given for its messages; streams are open for reading."""
+    process, streams = server.process.pid, 0
+    for fd in os.listdir('/proc/%d/fd' % process):
+        path = os.readlink('/proc/%d/fd/%s' % (process, fd))
+        if path.startswith('/') and int(fd) > 2:
+            with open('/proc/%d/fdinfo/%s' % (process, fd)) as about:
+                assert int(re.search(r'flags:\s*([0-7]+)', about.read())[1], 8) & 3 == os.O_RDONLY, path
+            streams += path.endswith('.tetlod')
+    assert streams == 2
 
 
 def test_server_timing():
@@ -580,4 +619,4 @@ with Server(FOLDER) as server:
     run([test_catalogue, test_description, test_level_for_error, test_level_for_budget, test_bad_questions,
          test_every_level_is_the_cursors, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
          test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
-         test_small_cache, test_replaced_stream, test_reload_signal, test_stop_during_answers, test_overload, test_server_timing, test_what_is_no_stream, test_damaged_stream])
+         test_small_cache, test_cache_held_by_slow_readers, test_replaced_stream, test_reload_signal, test_stop_during_answers, test_overload, test_writes_nothing, test_server_timing, test_what_is_no_stream, test_damaged_stream])
