@@ -171,7 +171,7 @@ const downloaded = await median(download, `http://127.0.0.1:${slowFiles}/fin.vtu
 for (const error of [0.05, 0.01, 0.001]) {
   const seconds = await median(refineOver, [`http://127.0.0.1:${slowServer}/v1/meshes/fin`, error]);
   report(`  to ${100 * error} %`, seconds, 's');
-  report('    sooner than the whole VTU by', downloaded / seconds, 'times', error === 0.01 ? 5 : undefined, true);
+  report('    sooner than the whole VTU by', downloaded / seconds, 'times', BLUNT && error === 0.01 ? 5 : undefined, true);
 }
 report(`  the whole VTU with zlib (${statSync(vtu).size} bytes)`, downloaded, 's');
 await browser.close();
