@@ -313,11 +313,11 @@ static int64_t interpolate(const struct tetlodi_recorder *recorder, const struct
     if (where->tet == TETLOD_NONE)
         return column->codes[v * n + component];
     const uint32_t *others = recorder->star.others[where->tet], *link = recorder->star.link;
-    const double *values = column->values + component;
-    double own = values[v * n];
-    double value = own + where->weights[0] * (values[link[others[0]] * n] - own);
-    value = value + where->weights[1] * (values[link[others[1]] * n] - own);
-    value = value + where->weights[2] * (values[link[others[2]] * n] - own);
+    double own = scale_value(&column->scale, 0, column->codes[v * n + component]), value = own;
+    for (int k = 0; k < 3; k++) {
+        double other = scale_value(&column->scale, 0, column->codes[link[others[k]] * n + component]);
+        value = value + where->weights[k] * (other - own);
+    }
     return isfinite(value) ? scale_code(&column->scale, 0, value) : column->codes[v * n + component];
 }
 
@@ -559,6 +559,8 @@ static uint32_t put_tets(struct tetlodi_recorder *recorder, uint32_t child)
             continue;
         uint32_t *corners = replay->corners + 4 * ((size_t)replay->tets + count++);
         tetlodi_star_between(star, replay, e, child, corners);
+        for (int c = 0; c < 4; c++)
+            __builtin_prefetch(replay->stars + corners[c]);
         if (star->made[e] == MADE_FLIPPED) {
             uint32_t swap = corners[0];
             corners[0] = corners[1];

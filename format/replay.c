@@ -188,6 +188,8 @@ static int add_tets(struct tetlodi_replay *replay, uint32_t first, uint32_t coun
     if (!count) // there may be no corners at all
         return 1;
     const uint32_t *corner = replay->corners + 4 * (size_t)first, *end = corner + 4 * (size_t)count;
+    for (const uint32_t *c = corner; c < end; c++)
+        __builtin_prefetch(replay->pool + replay->stars[*c].at + replay->stars[*c].size);
     for (; corner < end; corner++) {
         struct tetlodi_star *star = &replay->stars[*corner];
         if (star->size == star->room && !star_room(replay, star, star->size + 1))

@@ -72,19 +72,19 @@ static uint32_t number_link(struct tetlodi_star_view *view, const uint32_t *corn
     return count;
 }
 
-/* The link's positions, and soon its fields' values: they are far apart in large meshes. */
+/* The link's positions, from codes: values, as well, would be as many misses of the cache again in large meshes. What is soon
+ * wanted of the fields is fetched at the same time. */
 static void gather(struct tetlodi_star_view *view, const struct tetlodi_replay *replay)
 {
     const struct tetlodi_column *columns = replay->columns;
     for (uint32_t f = 0; f < replay->column_count; f++)
-        for (uint32_t i = 0; i < view->link_count; i++) {
-            size_t at = (size_t)view->link[i] * columns[f].components;
-            __builtin_prefetch(columns[f].codes + at);
-            __builtin_prefetch(columns[f].values + at);
-        }
+        for (uint32_t i = 0; i < view->link_count; i++)
+            __builtin_prefetch(columns[f].codes + (size_t)view->link[i] * columns[f].components);
     for (uint32_t i = 0; i < view->link_count; i++) {
-        memcpy(view->positions[i], columns->values + (size_t)view->link[i] * 3, sizeof view->positions[i]);
-        memcpy(view->codes[i], columns->codes + (size_t)view->link[i] * 3, sizeof view->codes[i]);
+        int64_t *codes = view->codes[i];
+        memcpy(codes, columns->codes + (size_t)view->link[i] * 3, sizeof view->codes[i]);
+        for (unsigned axis = 0; axis < 3; axis++)
+            view->positions[i][axis] = scale_value(&columns->scale, axis, codes[axis]);
     }
 }
 
