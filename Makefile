@@ -237,12 +237,12 @@ bench-hostile: deps-bench
 	@rm -rf build/scratch/bench-hostile; mkdir -p build/scratch/bench-hostile
 	@cd build/scratch/bench-hostile && HOSTILE=1000000 TETLOD=$(CURDIR)/$(BINARY) ROOT=$(CURDIR) SCRATCH=$$PWD CONFIG=release python3 $(CURDIR)/tests/http/test_hostile.py
 
-## bench-format: sizes and speeds of streams against tests/bench/format_sizes.csv (BLUNT=folder of the blunt fin; UPDATE=1 takes over)
+## bench-format: sizes of streams, by column, and speeds against tests/bench/format_sizes.csv (BLUNT=folder of the blunt fin; UPDATE=1 takes over)
 .PHONY: bench-format
 BENCHES += bench-format
 bench-format: deps-bench
-	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_format
-	@/usr/bin/python3 tests/bench/bench_format.py $(BINARY) $(B)/tests/bench/bench_format tests/bench/format_sizes.csv
+	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_format $(B)/tests/bench/bench_columns
+	@/usr/bin/python3 tests/bench/bench_format.py $(BINARY) $(B)/tests/bench tests/bench/format_sizes.csv
 
 ## bench-thesis: the thesis's Tables 4.1 and 4.2 beside ours; bench-builder: percent of tetrahedra left, by metric and mesh (BLUNT=folder of the blunt fin)
 .PHONY: bench-thesis bench-builder

@@ -15,6 +15,11 @@
  * in registers. */
 #define TETLODI_INLINE static inline __attribute__((always_inline))
 
+/* tests/bench counts what is spent on what: a bit under a model that had a chance of so many 65536ths, or plain bits. */
+#ifndef TETLODI_COUNT
+#define TETLODI_COUNT(model, chance, plain) ((void)0)
+#endif
+
 /* Bits needed to write a number: 0 for 0, 64 for the largest. */
 static inline unsigned bit_length(uint64_t value)
 {
@@ -87,6 +92,7 @@ TETLODI_INLINE int code_bit(struct tetlodi_coder *coder, struct tetlodi_bit *mod
     } else {
         coder->range = bound;
     }
+    TETLODI_COUNT(model, bit ? 65536u - model->p : model->p, 0);
     bit_update(model, coder->seen_most, bit);
     coder_refill(coder);
     return bit;
@@ -95,6 +101,7 @@ TETLODI_INLINE int code_bit(struct tetlodi_coder *coder, struct tetlodi_bit *mod
 /* `count` <= 16 bits without a model. */
 TETLODI_INLINE uint32_t code_plain(struct tetlodi_coder *coder, unsigned count, uint32_t value)
 {
+    TETLODI_COUNT(NULL, 0, count);
     coder->range >>= count;
     if (coder->encoding) {
         coder->low += (uint64_t)coder->range * value;

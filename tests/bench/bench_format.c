@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * What a stream takes and how fast it is replayed: bench_format FILE.tetlod [POSITION_BITS FIELD_BITS] prints one line of
+ * What a stream takes and how fast it is replayed: bench_format FILE.tetlod OUT [POSITION_BITS FIELD_BITS] writes it once
+ * more to OUT, rounded if bits are given, and prints one line of
  * comma-separated values: name, bits per tetrahedron in all, of geometry frames, of field frames, of header and index, then
  * millions of tetrahedra a second decoded, undone and redone, milliseconds for a level near 50,000 tetrahedra, bytes of
  * memory per tetrahedron.
@@ -80,21 +81,25 @@ int main(int argc, char **argv)
     struct tetlod_file *file, *again;
     struct recode recode;
     struct memory_sink memory = {0};
-    FILE *in = argc > 1 ? fopen(argv[1], "rb") : NULL;
-    if (!in || tetlod_open_fd(&file, fileno(in), NULL, &error) != TETLOD_OK) {
-        fprintf(stderr, "usage: bench_format FILE.tetlod [POSITION_BITS FIELD_BITS]\n");
+    FILE *in = argc > 2 ? fopen(argv[1], "rb") : NULL, *out = argc > 2 ? fopen(argv[2], "wb") : NULL;
+    if (!in || !out || tetlod_open_fd(&file, fileno(in), NULL, &error) != TETLOD_OK) {
+        fprintf(stderr, "usage: bench_format FILE.tetlod OUT [POSITION_BITS FIELD_BITS]\n");
         return 2;
     }
     if (recode_read(&recode, file, &error) != TETLOD_OK)
         fail(&error);
-    if (argc > 3)
-        recode_quantise(&recode, (unsigned)atoi(argv[2]), (unsigned)atoi(argv[3]));
+    if (argc > 4)
+        recode_quantise(&recode, (unsigned)atoi(argv[3]), (unsigned)atoi(argv[4]));
     struct tetlodi_sink sink = memory_sink(&memory);
     if (tetlodi_write(&recode.input, &sink, &error) != TETLOD_OK ||
         tetlod_open_memory(&again, memory.bytes, memory.size, NULL, &error) != TETLOD_OK)
         fail(&error);
+    if (fwrite(memory.bytes, 1, memory.size, out) != memory.size || fclose(out) != 0) {
+        perror(argv[2]);
+        return 1;
+    }
     const char *name = strrchr(argv[1], '/') ? strrchr(argv[1], '/') + 1 : argv[1];
-    printf("%.*s %s", (int)strcspn(name, "."), name, argc > 3 ? argv[2] : "lossless");
+    printf("%.*s %s", (int)strcspn(name, "."), name, argc > 4 ? argv[3] : "lossless");
     print_sizes(again);
     print_speed(again);
     tetlod_close(again);

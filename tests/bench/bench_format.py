@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sizes and speeds of the format, beside what else the same mesh takes. Usage: bench_format.py TETLOD BENCH_FORMAT SIZES.csv
+"""Sizes and speeds of the format, beside what else the same mesh takes. Usage: bench_format.py TETLOD FOLDER-OF-PROGRAMS SIZES.csv
 
 The fin sample always; PLOT3D's blunt fin (the usual grid and solution) if BLUNT names its folder. The sizes are compared with the committed
 table, and written to it with UPDATE=1.
@@ -13,6 +13,7 @@ import tempfile
 
 tetlod, bench, table = sys.argv[1:4]
 HEADER = 'stream,bits/tet,geometry,fields,header and index'
+COLUMNS = 'which split,labels,tetrahedra,base mesh,positions,field values'
 
 
 def run(*command):
@@ -50,21 +51,23 @@ def main():
         if os.path.exists(os.path.join(blunt, 'bluntfinxyz.bin')):
             inputs.append(('blunt', [os.path.join(blunt, 'bluntfinxyz.bin'), '--q', os.path.join(blunt, 'bluntfinq.bin'),
                                      '--field', 'Pressure', '--carry', 'Pressure']))
-        print(HEADER + ',Mtets/s decoded,undone,redone,ms a level near 50000,bytes/tet')
+        print(HEADER + ',' + COLUMNS + ',Mtets/s decoded,undone,redone,ms a level near 50000,bytes/tet')
         for name, options in inputs:
             stream = os.path.join(folder, name + '.tetlod')
             run(tetlod, 'build', *options, '-o', stream, '--quiet')
             for bits in ([], ['16', '16']):
-                line = run(bench, stream, *bits).decode().strip()
-                rows.append(line)
-                print(line)
+                again = os.path.join(folder, 'again.tetlod')
+                values = run(os.path.join(bench, 'bench_format'), stream, again, *bits).decode().strip().split(',')
+                values[5:5] = run(os.path.join(bench, 'bench_columns'), again).decode().strip().split(',')
+                rows.append(','.join(values))
+                print(rows[-1])
             import json
             info = json.loads(run(tetlod, 'info', stream, '--json'))
             packed, plain, _ = others(folder, stream, info['tets'])
             print('# %s: gzip -9 of VTU %.1f, zstd -19 of its arrays %.1f bits/tet' % (name, packed, plain))
-    sizes = [','.join(row.split(',')[:5]) for row in rows]
+    sizes = [','.join(row.split(',')[:11]) for row in rows]
     if os.environ.get('UPDATE'):
-        open(table, 'w').write('\n'.join([HEADER] + sizes) + '\n')
+        open(table, 'w').write('\n'.join([HEADER + ',' + COLUMNS] + sizes) + '\n')
     known = dict(line.split(',', 1) for line in open(table).read().splitlines())
     for row in sizes:
         name, now = row.split(',', 1)
