@@ -7,66 +7,15 @@ import os
 import signal
 import struct
 import subprocess
-import sys
 import time
 import zlib
 
 import numpy as np
 import vtk
-from vtk.util.numpy_support import vtk_to_numpy
 
-TETLOD, SCRATCH, ROOT = os.environ['TETLOD'], os.environ['SCRATCH'], os.environ['ROOT']
-CONFIG = os.environ.get('CONFIG', 'release')
-DATA = os.path.join(ROOT, '..', 'shared', 'data')
+from common import CONFIG, DATA, TETLOD, fails, finish, info, path, read_vtu, report, succeeds, tetlod
+
 MEASURES = ['max', 'sampled', 'rms', 'predicted']
-count = failed = 0
-
-
-def report(name, good, detail='', skip=None):
-    global count, failed
-    count += 1
-    failed += not good
-    print('%s %d - %s%s' % ('ok' if good else 'not ok', count, name, ' # SKIP ' + skip if skip else ''))
-    if not good:
-        print('# %s' % str(detail)[:2000].replace('\n', '\n# '))
-    sys.stdout.flush()
-
-
-def path(name):
-    return os.path.join(SCRATCH, name)
-
-
-def tetlod(*arguments, **more):
-    return subprocess.run([TETLOD, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                          cwd=SCRATCH, **more)
-
-
-def succeeds(name, *arguments):
-    done = tetlod(*arguments)
-    report(name, done.returncode == 0, done)
-    return done
-
-
-def fails(name, code, words, *arguments):
-    """Exit status `code`, one line that has all the words in it, nothing on standard output."""
-    done = tetlod(*arguments)
-    message = done.stderr.decode(errors='replace')
-    good = done.returncode == code and message.count('\n') == 1 and message.startswith('tetlod') and not done.stdout
-    report(name, good and all(word in message for word in words), (done, words))
-
-
-def info(name):
-    return json.loads(tetlod('info', '--json', name).stdout)
-
-
-def read_vtu(name):
-    reader = vtk.vtkXMLUnstructuredGridReader()
-    reader.SetFileName(path(name))
-    reader.Update()
-    grid = reader.GetOutput()
-    data = grid.GetPointData()
-    fields = {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)) for i in range(data.GetNumberOfArrays())}
-    return vtk_to_numpy(grid.GetPoints().GetData()), vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4), fields
 
 
 def odd(order):
@@ -590,5 +539,4 @@ damaged()
 against()
 forged()
 blunt_fin()
-print('1..%d' % count)
-sys.exit(failed != 0)
+finish()

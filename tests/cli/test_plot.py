@@ -3,28 +3,16 @@
 """`tetlod plot` and `tetlod compare` as a user meets them."""
 import json
 import os
-import subprocess
 import xml.etree.ElementTree as ET
 
-TETLOD, SCRATCH = os.environ['TETLOD'], os.environ['SCRATCH']
+import common
+from common import finish, path, report
+
 SVG = '{http://www.w3.org/2000/svg}'
-count = 0
-
-
-def report(name, good, detail=''):
-    global count
-    count += 1
-    print('%s %d - %s' % ('ok' if good else 'not ok', count, name))
-    if not good:
-        print('# %s' % (detail,))
-
-
-def path(name):
-    return os.path.join(SCRATCH, name)
 
 
 def tetlod(*arguments):
-    return subprocess.run([TETLOD, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return common.tetlod(*arguments, text=True)
 
 
 def curves(root):
@@ -104,13 +92,14 @@ def main():
     tetlod('sample', 'cube', '--size', '6', '-o', path('in.vtu'))
     done = tetlod('build', path('in.vtu'), '-o', path('a & <b>.tetlod'), '--quiet')
     if done.returncode:
-        return report('a stream is built', False, done)
+        report('a stream is built', False, done)
+        finish()
     info = json.loads(tetlod('info', path('a & <b>.tetlod'), '--json').stdout)
     plots(info)
     plot_refusals()
     compares(info)
     ranges()
-    print('1..%d' % count)
+    finish()
 
 
 main()

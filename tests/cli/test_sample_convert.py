@@ -5,34 +5,16 @@ import os
 import resource
 import signal
 import subprocess
-import sys
 import time
 
 import numpy as np
 import vtk
 from vtk.util.numpy_support import vtk_to_numpy
 
-TETLOD, SCRATCH, ROOT = os.environ['TETLOD'], os.environ['SCRATCH'], os.environ['ROOT']
+from common import DATA, TETLOD, finish, path, report, tetlod
+
 SAMPLES = {'cube': (9261, 48000), 'fin': (9025, 38880), 'torus': (4050, 19200), 'shell': (3612, 18000),
            'delta': (8598, 43416)}
-count = failed = 0
-
-
-def report(name, good, detail='', skip=None):
-    global count, failed
-    count += 1
-    failed += not good
-    print('%s %d - %s%s' % ('ok' if good else 'not ok', count, name, ' # SKIP ' + skip if skip else ''))
-    if not good:
-        print('# %s' % (detail,))
-
-
-def path(name):
-    return os.path.join(SCRATCH, name)
-
-
-def tetlod(*arguments, **more):
-    return subprocess.run([TETLOD, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more)
 
 
 def read(name):
@@ -77,14 +59,13 @@ def usage():
             ('no input', ['convert', '-o', 'x.vtu'], 'INPUT'), ('two inputs', ['convert', 'a', 'b', '-o', 'x.vtu'], 'INPUT'),
             ('unknown option', ['convert', '--fast', 'a', '-o', 'x.vtu'], '--fast'),
             ('option without value', ['convert', 'a', '-o'], '-o')):
-        done = tetlod(*arguments, cwd=SCRATCH)
+        done = tetlod(*arguments)
         message = done.stderr.decode()
         report('usage: ' + name, done.returncode == 2 and mentions in message and message.count('\n') == 1, done)
 
 
 def blunt_fin():
-    folder = os.path.join(ROOT, '..', 'shared', 'data')
-    grid, solution = (os.path.join(folder, name) for name in ('bluntfinxyz.bin', 'bluntfinq.bin'))
+    grid, solution = (os.path.join(DATA, name) for name in ('bluntfinxyz.bin', 'bluntfinq.bin'))
     if not os.path.exists(grid) or not os.path.exists(solution):
         report('convert: NASA blunt fin', True, skip='its files are not there')
         return
@@ -184,5 +165,4 @@ blunt_fin()
 plot3d()
 stream()
 output()
-print('1..%d' % count)
-sys.exit(failed != 0)
+finish()
