@@ -6,14 +6,14 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/build/forest.h"
+#include "src/build/ancestry.h"
 #include "src/build/measure.h"
 #include "src/build/samples.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-/* How far the boundary may move while it counts as kept, as a fraction of the diagonal: by rounding, and where the exact limit
- * speaks of one domain (PROOF.md, 8). */
+/* How far the boundary may move while it counts as kept, as a fraction of the diagonal: by rounding, and where the limit
+ * speaks of one domain: the exact one (PROOF.md, 8), and the true error at samples, which are to stay inside. */
 static const double BOUNDARY_KEPT = 1e-12, BOUNDARY_OF_EXACT = 1e-6;
 
 struct build {
@@ -83,7 +83,7 @@ static enum tetlod_status contract(struct build *build)
         limits[i] = options->controls[i].limit > 0 ? options->controls[i].limit / widest : 1;
     }
     double domain_error = larger(options->domain_error, BOUNDARY_KEPT);
-    if (options->certify == CERTIFY_EXACT)
+    if (options->certify == CERTIFY_EXACT || options->metric == METRIC_MEASURED)
         domain_error = smaller(domain_error, BOUNDARY_OF_EXACT);
     struct simplify_options simplify_options = {
         .metric = options->metric,
@@ -140,19 +140,19 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
     }
 }
 
-static enum tetlod_status measure_mark(struct build *build, struct forest *forest, struct measure *measure,
+static enum tetlod_status measure_mark(struct build *build, struct ancestry *ancestry, struct measure *measure,
                                        uint32_t mark, struct measured *measured, double diagonal)
 {
     uint32_t contractions = build->sequence.marks[mark].contractions;
-    struct forest_level level;
+    struct ancestry_level level;
     double domain;
-    TETLOD_TRY(forest_level(forest, contractions, &level, build->error));
+    TETLOD_TRY(ancestry_level(ancestry, contractions, &level, build->error));
     enum tetlod_status status;
     if (build->rounding)
         status = measure_mesh(measure, &level.mesh, NULL, build->options->threads, measured, &domain, build->error);
     else
         status = measure_level(measure, &level, contractions, build->options->threads, measured, &domain, build->error);
-    forest_level_fini(&level);
+    ancestry_level_fini(&level);
     if (status != TETLOD_OK)
         return status;
     struct tetlodi_write_level *out = &build->levels[build->sequence.mark_count - 1 - mark];
@@ -167,7 +167,7 @@ static enum tetlod_status measure_mark(struct build *build, struct forest *fores
 static enum tetlod_status measure_marks(struct build *build)
 {
     uint32_t marks = build->sequence.mark_count, fields = build->mesh->field_count;
-    struct forest forest = {0};
+    struct ancestry ancestry = {0};
     struct measure *measure = NULL;
     struct measured *measured = array_new(fields, sizeof *measured);
     double diagonal = mesh_diagonal(build->mesh), finer = 0;
@@ -176,10 +176,10 @@ static enum tetlod_status measure_marks(struct build *build)
     build->errors = array_new((size_t)marks * fields, TETLOD_MEASURES * sizeof(double));
     if (!measured || !build->levels || !build->errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
-    TETLOD_TRY_DONE(forest_init(&forest, &build->sequence, build->mesh, build->error));
+    TETLOD_TRY_DONE(ancestry_init(&ancestry, &build->sequence, build->mesh, build->error));
     TETLOD_TRY_DONE(measure_new(&measure, build->original, NULL, build->mesh->field_count, build->error));
     for (uint32_t mark = 0; mark < marks; mark++) {
-        TETLOD_TRY_DONE(measure_mark(build, &forest, measure, mark, measured, diagonal));
+        TETLOD_TRY_DONE(measure_mark(build, &ancestry, measure, mark, measured, diagonal));
         double *domain = &build->levels[marks - 1 - mark].domain_error;
         *domain = finer = larger(*domain, finer);
         if (build->options->progress &&
@@ -187,7 +187,7 @@ static enum tetlod_status measure_marks(struct build *build)
             TETLOD_TRY_DONE(tetlodi_fail(build->error, TETLOD_ERR_CANCELLED, "cancelled"));
     }
 done:
-    forest_fini(&forest);
+    ancestry_fini(&ancestry);
     measure_free(measure);
     free(measured);
     return status;

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/build/forest.h"
+#include "src/build/ancestry.h"
 #include "src/mesh/locate.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
@@ -36,7 +36,7 @@ struct comparison {
     struct measure *measure;
     const struct tetmesh *level;
     const uint32_t *level_fields;     /* NULL: all in order */
-    const struct forest_level *forest; /* NULL: the meshes have nothing in common */
+    const struct ancestry_level *ancestry; /* NULL: the meshes have nothing in common */
     struct locator locator;           /* of the level */
     const uint32_t *points;           /* of the domain error's half at hand */
     const struct tetmesh *from;
@@ -142,11 +142,11 @@ static void compare_places(const struct comparison *c, const struct place *origi
 static bool host_unchanged(const struct comparison *c, uint32_t host)
 {
     const struct measure *measure = c->measure;
-    uint32_t tet = c->forest->image[host];
+    uint32_t tet = c->ancestry->image[host];
     if (tet == TETLOD_NONE)
         return false;
     for (int i = 0; i < 4; i++)
-        if (c->forest->nodes[c->level->corners[4 * (size_t)tet + i]] >=
+        if (c->ancestry->nodes[c->level->corners[4 * (size_t)tet + i]] >=
             measure->original->vertex_count + measure->contractions)
             return false;
     return true;
@@ -164,13 +164,13 @@ static uint32_t walk_start(const struct comparison *c, size_t sample)
 {
     const struct measure *measure = c->measure;
     uint32_t host = measure->hosts[sample], vertex = (uint32_t)sample;
-    if (host != TETLOD_NONE && c->forest->image[host] != TETLOD_NONE)
-        return c->forest->image[host];
+    if (host != TETLOD_NONE && c->ancestry->image[host] != TETLOD_NONE)
+        return c->ancestry->image[host];
     if (host == TETLOD_NONE && sample >= measure->original->vertex_count)
         host = (uint32_t)((sample - measure->original->vertex_count) / MEASURE_PER_TET);
     if (host != TETLOD_NONE)
         vertex = measure->original->corners[4 * (size_t)host];
-    return c->locator.tet_of[c->forest->standing[vertex]];
+    return c->locator.tet_of[c->ancestry->standing[vertex]];
 }
 
 /* `near` is a tetrahedron of the level in which to begin to look; the one in which the sample was found becomes it. */
@@ -181,23 +181,23 @@ static void compare_sample(const struct comparison *c, size_t sample, uint32_t *
     struct place original, level;
     if (!sample_place(measure, sample, &original))
         return;
-    if (c->forest && sample < measure->original->vertex_count && c->forest->nodes[c->forest->standing[sample]] == sample)
+    if (c->ancestry && sample < measure->original->vertex_count && c->ancestry->nodes[c->ancestry->standing[sample]] == sample)
         return; // a vertex that is still there has no error, whatever else lies at the same point
-    if (c->forest && measure->hosts[sample] != TETLOD_NONE && host_unchanged(c, measure->hosts[sample]))
+    if (c->ancestry && measure->hosts[sample] != TETLOD_NONE && host_unchanged(c, measure->hosts[sample]))
         return;
     double p[3];
     for (int d = 0; d < 3; d++)
         p[d] = place_value(measure->original->positions, 3, (uint32_t)d, &original);
     uint32_t found = TETLOD_NONE;
-    if (c->forest || !measure->ambiguous[sample])
-        found = locator_walk(&c->locator, c->forest ? walk_start(c, sample) : *near, p, level.weights);
+    if (c->ancestry || !measure->ambiguous[sample])
+        found = locator_walk(&c->locator, c->ancestry ? walk_start(c, sample) : *near, p, level.weights);
     measure->hosts[sample] = TETLOD_NONE;
     measure->outside[sample] = false;
-    if (found != TETLOD_NONE && (c->forest || strictly_inside(level.weights))) {
+    if (found != TETLOD_NONE && (c->ancestry || strictly_inside(level.weights))) {
         memcpy(level.vertices, c->level->corners + 4 * (size_t)found, sizeof level.vertices);
         compare_places(c, &original, &level, true, errors);
         *near = found;
-        measure->hosts[sample] = c->forest ? c->forest->origin[found] : TETLOD_NONE;
+        measure->hosts[sample] = c->ancestry ? c->ancestry->origin[found] : TETLOD_NONE;
         return;
     }
     uint32_t tets[MOST_OVERLAP], count = locator_find(&c->locator, p, tets, MOST_OVERLAP);
@@ -433,10 +433,10 @@ static enum tetlod_status compare(struct comparison *c, unsigned threads, struct
     return status;
 }
 
-enum tetlod_status measure_level(struct measure *measure, const struct forest_level *level, uint32_t contractions,
+enum tetlod_status measure_level(struct measure *measure, const struct ancestry_level *level, uint32_t contractions,
                                  unsigned threads, struct measured *out, double *out_domain, struct tetlod_error *error)
 {
-    struct comparison c = {.measure = measure, .level = &level->mesh, .forest = level};
+    struct comparison c = {.measure = measure, .level = &level->mesh, .ancestry = level};
     enum tetlod_status status = compare(&c, threads, out, out_domain, error);
     measure->contractions = contractions;
     return status;

@@ -21,7 +21,7 @@ struct measured {
 void measure_sample_weights(const struct tetmesh *mesh, const uint32_t corners[4], unsigned which, double weights[4]);
 
 struct measure;
-struct forest_level;
+struct ancestry_level;
 
 /* Prepares to compare with a mesh, which is borrowed: its fields `fields[i]`, i < count (borrowed; NULL: all, count is then
  * field_count). ERR_NOMEM, ERR_LIMIT. */
@@ -38,7 +38,7 @@ TETLOD_CHECKED enum tetlod_status measure_mesh(struct measure *measure, const st
 
 /* Compares a level of the original's own sequence, from fine to coarse: what a level has not changed is not measured again.
  * `contractions` done at this level; no less than in the last call. Not to be mixed with measure_mesh. */
-TETLOD_CHECKED enum tetlod_status measure_level(struct measure *measure, const struct forest_level *level,
+TETLOD_CHECKED enum tetlod_status measure_level(struct measure *measure, const struct ancestry_level *level,
                                                 uint32_t contractions, unsigned threads, struct measured *out,
                                                 double *out_domain, struct tetlod_error *error);
 

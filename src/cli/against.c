@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/build/forest.h"
+#include "src/build/ancestry.h"
 #include "src/build/measure.h"
 #include "src/build/overlay.h"
 #include "src/build/same.h"
@@ -34,7 +34,7 @@ struct against {
     double diagonal;
     struct measure *measure;
     struct tetmesh finest;
-    struct forest_level level; /* at hand */
+    struct ancestry_level level; /* at hand */
     uint32_t *parents;         /* [slot] */
 };
 
@@ -87,7 +87,7 @@ static bool same_slot(const struct tetmesh *a, const struct tetmesh *b, size_t v
  * that measure_level holds them against then, and below those of later steps. */
 static void step(struct against *a, const struct tetmesh *from, uint32_t number)
 {
-    struct forest_level *level = &a->level;
+    struct ancestry_level *level = &a->level;
     uint32_t n = a->finest.vertex_count, slots = level->mesh.vertex_count, made = n + number - 1;
     for (uint32_t v = 0; v < n; v++)
         level->standing[v] = v < slots ? v : level->standing[a->parents[v]];
@@ -244,7 +244,7 @@ enum tetlod_status against_check(const struct tetlod_file *file, struct tetlod_c
     status = check_levels(&a);
 done:
     measure_free(a.measure);
-    forest_level_fini(&a.level);
+    ancestry_level_fini(&a.level);
     tetmesh_fini(&a.finest);
     free(a.parents);
     free(a.fields);

@@ -44,7 +44,7 @@ static const char help[] =
     "      --max-error E       stop at this error, a fraction of the range: 0.1 or 10% (default 1)\n"
     "      --min-tets N        stop at that many tetrahedra\n"
     "      --domain-error E    how far the boundary may move from the original's in all, a fraction of the diagonal\n"
-    "                          (default 0.001; exact: at most 0.000001); 0: only planar boundary is simplified\n"
+    "                          (default 0.001; exact, measured: at most 0.000001); 0: only planar boundary is simplified\n"
     "      --boundary-angle D  degrees by which boundary faces may turn and still count as one smooth surface; edges that\n"
     "                          turn more are creases, and are kept (default 30)\n"
     "      --growth G          vertices of a level / vertices of the one below (default 1.05)\n"

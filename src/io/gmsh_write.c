@@ -5,7 +5,7 @@
 
 #include "format/fail.h"
 #include "src/io/formats.h"
-#include "src/io/put.h"
+#include "src/util/put.h"
 
 enum { VOLUME = 3, VOLUME_TAG = 1, GMSH_TET = 4 };
 

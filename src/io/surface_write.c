@@ -7,7 +7,7 @@
 
 #include "format/fail.h"
 #include "src/io/formats.h"
-#include "src/io/put.h"
+#include "src/util/put.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"

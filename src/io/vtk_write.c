@@ -5,7 +5,7 @@
 
 #include "format/fail.h"
 #include "src/io/io.h"
-#include "src/io/put.h"
+#include "src/util/put.h"
 
 enum { VTK_TETRA = 10 };
 

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/io/put.h"
+#include "src/util/put.h"
 #include "src/util/utf8.h"
 
 /* Okabe and Ito's colours, which are told apart whatever one's colour vision; dashes for black and white. */

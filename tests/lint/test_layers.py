@@ -18,7 +18,7 @@ LAYERS = {
     'src/sample': MESHES,
     'src/cut': MESHES,
     'src/build': MESHES,
-    'src/report': MESHES + ['src/io/put.h'],
+    'src/report': MESHES,
     'server': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'format/reader.h'],
     'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
     'src/cli': MESHES + ['src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/build/', 'server/server.h'],

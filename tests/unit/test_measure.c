@@ -4,7 +4,7 @@
 
 #include <stdlib.h>
 
-#include "src/build/forest.h"
+#include "src/build/ancestry.h"
 #include "src/sample/sample.h"
 #include "tests/gen.h"
 #include "tests/test.h"
@@ -167,25 +167,25 @@ static void test_levels_of_a_sequence(void)
     struct simplify_options options = {.metric = METRIC_ENVELOPE, .contract = CONTRACT_EDGES, .max_error = 1, .min_tets = 1,
                                        .boundary_angle = 0.01, .boundary_limit = 1e-6, .growth = 1.3, .threads = 1};
     struct simplification s;
-    struct forest forest;
+    struct ancestry ancestry;
     struct measure *steps;
     REQUIRE(simplify(&s, &mesh, first_field, 1, NULL, &options, NULL) == TETLOD_OK);
-    REQUIRE(forest_init(&forest, &s, &mesh, NULL) == TETLOD_OK);
+    REQUIRE(ancestry_init(&ancestry, &s, &mesh, NULL) == TETLOD_OK);
     REQUIRE(measure_new(&steps, &mesh, NULL, mesh.field_count, NULL) == TETLOD_OK);
     for (uint32_t m = 0; m < s.mark_count; m++) {
-        struct forest_level level;
+        struct ancestry_level level;
         struct measured step;
         double domain[2];
-        REQUIRE(forest_level(&forest, s.marks[m].contractions, &level, NULL) == TETLOD_OK);
+        REQUIRE(ancestry_level(&ancestry, s.marks[m].contractions, &level, NULL) == TETLOD_OK);
         CHECK_INT(measure_level(steps, &level, s.marks[m].contractions, 2, &step, &domain[0], NULL), TETLOD_OK);
         struct measured whole = compare(&mesh, &level.mesh, 2, &domain[1]);
         CHECK_NEAR(step.sampled, whole.sampled, 1e-9 * 125);
         CHECK_NEAR(step.rms, whole.rms, 1e-9 * 125);
         CHECK_NEAR(domain[0], domain[1], 1e-9);
-        forest_level_fini(&level);
+        ancestry_level_fini(&level);
     }
     measure_free(steps);
-    forest_fini(&forest);
+    ancestry_fini(&ancestry);
     simplification_fini(&s);
     tetmesh_fini(&mesh);
 }

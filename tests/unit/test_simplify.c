@@ -7,7 +7,7 @@
 
 #include <stdlib.h>
 
-#include "src/build/forest.h"
+#include "src/build/ancestry.h"
 #include "src/build/measure.h"
 #include "src/mesh/locate.h"
 #include "src/mesh/mesh_check.h"
@@ -163,19 +163,19 @@ static void check_level(const struct tetmesh *original, const struct mesh_report
 static void check_sequence(const struct tetmesh *mesh, const struct simplify_options *options, uint32_t most)
 {
     struct simplification s;
-    struct forest forest;
+    struct ancestry ancestry;
     struct mesh_report start = look(mesh);
     double range[2];
     REQUIRE(simplify(&s, mesh, (uint32_t[]){0}, 1, NULL, options, NULL) == TETLOD_OK);
-    REQUIRE(forest_init(&forest, &s, mesh, NULL) == TETLOD_OK);
+    REQUIRE(ancestry_init(&ancestry, &s, mesh, NULL) == TETLOD_OK);
     point_field_range(&mesh->fields[0], mesh->vertex_count, range);
     CHECK_INT(s.marks[0].contractions, 0);
     CHECK_INT(s.marks[s.mark_count - 1].contractions, s.complex.contraction_count);
     if (s.complex.tets_alive > most)
         TEST_FAIL("%u tetrahedra are left, not at most %u", s.complex.tets_alive, most);
     for (uint32_t m = 0; m < s.mark_count; m++) {
-        struct forest_level level;
-        REQUIRE(forest_level(&forest, s.marks[m].contractions, &level, NULL) == TETLOD_OK);
+        struct ancestry_level level;
+        REQUIRE(ancestry_level(&ancestry, s.marks[m].contractions, &level, NULL) == TETLOD_OK);
         CHECK_INT(level.mesh.vertex_count, s.marks[m].vertices);
         CHECK_INT(level.mesh.tet_count, s.marks[m].tets);
         check_level(mesh, &start, &level.mesh, s.marks[m].moved);
@@ -191,9 +191,9 @@ static void check_sequence(const struct tetmesh *mesh, const struct simplify_opt
             double far = s.marks[m].moved * (1 + 1e-9) + 1e-12 * mesh_diagonal(mesh);
             CHECK(boundary_distance(mesh, &level.mesh) <= far && boundary_distance(&level.mesh, mesh) <= far);
         }
-        forest_level_fini(&level);
+        ancestry_level_fini(&level);
     }
-    forest_fini(&forest);
+    ancestry_fini(&ancestry);
     simplification_fini(&s);
 }
 
@@ -319,8 +319,8 @@ static void left_within(const struct tetmesh *mesh, enum metric metric, uint32_t
 {
     static const uint32_t controlled[2] = {0, 1};
     struct simplification s;
-    struct forest forest;
-    struct forest_level level;
+    struct ancestry ancestry;
+    struct ancestry_level level;
     struct measure *measure;
     struct measured measured[2];
     struct simplify_options options = usual(mesh);
@@ -329,8 +329,8 @@ static void left_within(const struct tetmesh *mesh, enum metric metric, uint32_t
     options.metric = metric;
     options.max_error = 0.02;
     REQUIRE(simplify(&s, mesh, controlled, fields, (double[]){1, 0.5}, &options, NULL) == TETLOD_OK);
-    REQUIRE(forest_init(&forest, &s, mesh, NULL) == TETLOD_OK);
-    REQUIRE(forest_level(&forest, s.complex.contraction_count, &level, NULL) == TETLOD_OK);
+    REQUIRE(ancestry_init(&ancestry, &s, mesh, NULL) == TETLOD_OK);
+    REQUIRE(ancestry_level(&ancestry, s.complex.contraction_count, &level, NULL) == TETLOD_OK);
     REQUIRE(measure_new(&measure, mesh, controlled, fields, NULL) == TETLOD_OK);
     CHECK_INT(measure_mesh(measure, &level.mesh, controlled, 2, measured, &domain, NULL), TETLOD_OK);
     for (uint32_t f = 0; f < fields && metric == METRIC_MEASURED; f++) {
@@ -343,8 +343,8 @@ static void left_within(const struct tetmesh *mesh, enum metric metric, uint32_t
     CHECK(nearest > 0.5 || metric != METRIC_MEASURED);
     *out_left = s.complex.tets_alive;
     measure_free(measure);
-    forest_level_fini(&level);
-    forest_fini(&forest);
+    ancestry_level_fini(&level);
+    ancestry_fini(&ancestry);
     simplification_fini(&s);
 }
 

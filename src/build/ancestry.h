@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* The mesh at any moment of the contraction sequence, by filter and map: a tetrahedron's corners are the living ancestors
  * of its original vertices, and it is there while they are four. */
-#ifndef TETLOD_FOREST_H
-#define TETLOD_FOREST_H
+#ifndef TETLOD_ANCESTRY_H
+#define TETLOD_ANCESTRY_H
 
 #include "src/build/simplify.h"
 
-struct forest {
+struct ancestry {
     const struct simplification *sequence; /* borrowed */
     const struct tetmesh *original;        /* borrowed */
     uint32_t *parent;                      /* [node] or TETLOD_NONE */
@@ -14,7 +14,7 @@ struct forest {
     uint32_t contractions;                 /* the moment; it only rises */
 };
 
-struct forest_level {
+struct ancestry_level {
     struct tetmesh mesh;
     uint32_t *nodes;  /* [vertex] */
     uint32_t *origin; /* [tet] number in the original */
@@ -22,13 +22,13 @@ struct forest_level {
     uint32_t *standing; /* [original vertex] the vertex of the level that it has become part of */
 };
 
-TETLOD_CHECKED enum tetlod_status forest_init(struct forest *forest, const struct simplification *sequence,
+TETLOD_CHECKED enum tetlod_status ancestry_init(struct ancestry *ancestry, const struct simplification *sequence,
                                               const struct tetmesh *original, struct tetlod_error *error);
-void forest_fini(struct forest *forest);
+void ancestry_fini(struct ancestry *ancestry);
 
 /* The mesh after `contractions` contractions, which is no less than in the last call. O(n). */
-TETLOD_CHECKED enum tetlod_status forest_level(struct forest *forest, uint32_t contractions, struct forest_level *out,
+TETLOD_CHECKED enum tetlod_status ancestry_level(struct ancestry *ancestry, uint32_t contractions, struct ancestry_level *out,
                                                struct tetlod_error *error);
-void forest_level_fini(struct forest_level *level);
+void ancestry_level_fini(struct ancestry_level *level);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/build/forest.h"
+#include "src/build/ancestry.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -7,53 +7,53 @@
 #include "format/fail.h"
 #include "src/util/array.h"
 
-enum tetlod_status forest_init(struct forest *forest, const struct simplification *sequence,
+enum tetlod_status ancestry_init(struct ancestry *ancestry, const struct simplification *sequence,
                                const struct tetmesh *original, struct tetlod_error *error)
 {
     const struct complex *complex = &sequence->complex;
     uint32_t n = original->vertex_count, nodes = n + complex->contraction_count;
-    *forest = (struct forest){sequence, original, array_new(nodes, sizeof(uint32_t)), array_new(n, sizeof(uint32_t)), 0};
-    if (!forest->parent || !forest->ancestor) {
-        forest_fini(forest);
-        return tetlodi_fail_nomem(error, "the forest", 4 * ((uint64_t)nodes + n));
+    *ancestry = (struct ancestry){sequence, original, array_new(nodes, sizeof(uint32_t)), array_new(n, sizeof(uint32_t)), 0};
+    if (!ancestry->parent || !ancestry->ancestor) {
+        ancestry_fini(ancestry);
+        return tetlodi_fail_nomem(error, "the ancestry", 4 * ((uint64_t)nodes + n));
     }
-    memset(forest->parent, 0xff, nodes * sizeof(uint32_t));
+    memset(ancestry->parent, 0xff, nodes * sizeof(uint32_t));
     for (uint32_t c = 0; c < complex->contraction_count; c++)
         for (int i = 0; i < 4; i++)
             if (complex->children[4 * (size_t)c + i] != TETLOD_NONE)
-                forest->parent[complex->children[4 * (size_t)c + i]] = n + c;
+                ancestry->parent[complex->children[4 * (size_t)c + i]] = n + c;
     for (uint32_t v = 0; v < n; v++)
-        forest->ancestor[v] = v;
+        ancestry->ancestor[v] = v;
     return TETLOD_OK;
 }
 
-void forest_fini(struct forest *forest)
+void ancestry_fini(struct ancestry *ancestry)
 {
-    free(forest->parent);
-    free(forest->ancestor);
-    *forest = (struct forest){0};
+    free(ancestry->parent);
+    free(ancestry->ancestor);
+    *ancestry = (struct ancestry){0};
 }
 
-void forest_level_fini(struct forest_level *level)
+void ancestry_level_fini(struct ancestry_level *level)
 {
     tetmesh_fini(&level->mesh);
     free(level->nodes);
     free(level->origin);
     free(level->image);
     free(level->standing);
-    *level = (struct forest_level){0};
+    *level = (struct ancestry_level){0};
 }
 
-static void climb(struct forest *forest, uint32_t contractions)
+static void climb(struct ancestry *ancestry, uint32_t contractions)
 {
-    uint32_t n = forest->original->vertex_count, first_later = n + contractions;
+    uint32_t n = ancestry->original->vertex_count, first_later = n + contractions;
     for (uint32_t v = 0; v < n; v++) {
-        uint32_t node = forest->ancestor[v], up;
-        while ((up = forest->parent[node]) < first_later) // TETLOD_NONE is greater, too
+        uint32_t node = ancestry->ancestor[v], up;
+        while ((up = ancestry->parent[node]) < first_later) // TETLOD_NONE is greater, too
             node = up;
-        forest->ancestor[v] = node;
+        ancestry->ancestor[v] = node;
     }
-    forest->contractions = contractions;
+    ancestry->contractions = contractions;
 }
 
 static bool four_different(const uint32_t c[4])
@@ -61,27 +61,27 @@ static bool four_different(const uint32_t c[4])
     return c[0] != c[1] && c[0] != c[2] && c[0] != c[3] && c[1] != c[2] && c[1] != c[3] && c[2] != c[3];
 }
 
-static uint32_t count_alive(const struct forest *forest)
+static uint32_t count_alive(const struct ancestry *ancestry)
 {
     uint32_t alive = 0;
-    for (size_t t = 0; t < forest->original->tet_count; t++) {
-        const uint32_t *corners = forest->original->corners + 4 * t;
+    for (size_t t = 0; t < ancestry->original->tet_count; t++) {
+        const uint32_t *corners = ancestry->original->corners + 4 * t;
         uint32_t c[4];
         for (int i = 0; i < 4; i++)
-            c[i] = forest->ancestor[corners[i]];
+            c[i] = ancestry->ancestor[corners[i]];
         alive += four_different(c);
     }
     return alive;
 }
 
 /* Numbers the living nodes in the order of the first tetrahedron that has them. */
-static void fill_tets(const struct forest *forest, struct forest_level *level, uint32_t *number)
+static void fill_tets(const struct ancestry *ancestry, struct ancestry_level *level, uint32_t *number)
 {
     struct tetmesh *mesh = &level->mesh;
-    for (uint32_t t = 0; t < forest->original->tet_count; t++) {
+    for (uint32_t t = 0; t < ancestry->original->tet_count; t++) {
         uint32_t c[4];
         for (int i = 0; i < 4; i++)
-            c[i] = forest->ancestor[forest->original->corners[4 * (size_t)t + i]];
+            c[i] = ancestry->ancestor[ancestry->original->corners[4 * (size_t)t + i]];
         level->image[t] = TETLOD_NONE;
         if (!four_different(c))
             continue;
@@ -107,16 +107,16 @@ static void fill_rows(double *out, const double *original, const double *made, u
     }
 }
 
-enum tetlod_status forest_level(struct forest *forest, uint32_t contractions, struct forest_level *out,
+enum tetlod_status ancestry_level(struct ancestry *ancestry, uint32_t contractions, struct ancestry_level *out,
                                 struct tetlod_error *error)
 {
-    const struct tetmesh *original = forest->original;
-    const struct simplification *sequence = forest->sequence;
+    const struct tetmesh *original = ancestry->original;
+    const struct simplification *sequence = ancestry->sequence;
     uint32_t n = original->vertex_count, nodes = n + sequence->complex.contraction_count;
     uint32_t *number = array_new(nodes, sizeof *number); // [node] vertex of the level, or TETLOD_NONE
-    climb(forest, contractions);
-    uint32_t tets = count_alive(forest);
-    *out = (struct forest_level){.nodes = array_new(n, sizeof(uint32_t)),
+    climb(ancestry, contractions);
+    uint32_t tets = count_alive(ancestry);
+    *out = (struct ancestry_level){.nodes = array_new(n, sizeof(uint32_t)),
                                  .origin = array_new(tets, sizeof(uint32_t)),
                                  .image = array_new(original->tet_count, sizeof(uint32_t)),
                                  .standing = array_new(n, sizeof(uint32_t))};
@@ -126,9 +126,9 @@ enum tetlod_status forest_level(struct forest *forest, uint32_t contractions, st
     if (!out->nodes || !out->origin || !out->image || !out->standing || !out->mesh.corners || !number)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a level", 4 * ((uint64_t)n + 6 * (uint64_t)tets + nodes)));
     memset(number, 0xff, nodes * sizeof *number);
-    fill_tets(forest, out, number);
+    fill_tets(ancestry, out, number);
     for (uint32_t v = 0; v < n; v++)
-        out->standing[v] = number[forest->ancestor[v]];
+        out->standing[v] = number[ancestry->ancestor[v]];
     uint32_t count = out->mesh.vertex_count;
     out->mesh.positions = array_new(count, 3 * sizeof(double));
     if (!out->mesh.positions)
@@ -143,6 +143,6 @@ enum tetlod_status forest_level(struct forest *forest, uint32_t contractions, st
 done:
     free(number);
     if (status != TETLOD_OK)
-        forest_level_fini(out);
+        ancestry_level_fini(out);
     return status;
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/io/put.h"
+#include "src/util/put.h"
 
 #include <stdarg.h>
 #include <stdio.h>
