@@ -6,6 +6,7 @@
     cursor = stream.cursor()                      # at level 0; fields=['Pressure'] decodes only that one
     cursor.seek(stream.level_for_error(0.01))     # up by replaying records, down by undoing them
     cursor.positions, cursor.tets, cursor.field('Pressure')
+    stream.order()                                # the original's own numbering, of a stream built with --keep-order
 
 From a shell: python3 tetlod.py FILE_OR_URL [--error E | --level K] [-o OUT.npz]
 """
@@ -141,7 +142,7 @@ class Stream:
             level['bytes'] = offset
             self.levels.append(level)
             self.frames.append(frames)
-        self.order = (offset, order_size, order_crc)
+        self._order = (offset, order_size, order_crc)
         self.metadata = json.loads(data.text(data.take('I')) or '{}')
         require(data.at == len(data.data) and offset + order_size == self.bytes, 'the index is damaged')
         require(self.levels[-1]['tets'] == self.tets, 'the levels do not lead to the original')
@@ -152,6 +153,36 @@ class Stream:
         require(len(data) == size, 'level %d: the stream ends too early' % level)
         require(zlib.crc32(data) == crc, 'level %d is damaged' % level)
         return data
+
+    def order(self):
+        """The original's own numbering (SPEC 10): numbers there of the finest level's vertices and tetrahedra, and for each
+        tetrahedron which of its corners are the original's first to fourth. None if the stream does not keep it."""
+        offset, size, crc = self._order
+        if not size:
+            return None
+        data = self._read(offset, size)
+        require(len(data) == size and zlib.crc32(data) == crc, 'the order is damaged or cut off')
+        coder, first, second = Coder(self.seen_most), bits(4), [bits(4) for _ in range(4)]
+        coder.start(data)
+        numbers = []
+        for count in (self.vertices, self.tets):
+            models, expected, seen = Number(), 0, np.zeros(count, dtype=bool)
+            found = np.empty(count, dtype=np.uint32)
+            for i in range(count):
+                number = expected + coder.number(models, 0)
+                require(0 <= number < count and not seen[number], 'the order is none')
+                seen[number] = True
+                found[i], expected = number, number + 1
+            numbers.append(found)
+        corners = np.empty((self.tets, 4), dtype=np.uint8)
+        for t in range(self.tets):
+            i = coder.tree(first, 2)
+            j = coder.tree(second[i], 2)
+            require(i != j, 'the order is none')
+            k, m = [c for c in range(4) if c != i and c != j]
+            odd = ((i > j) + (i > k) + (i > m) + (j > k) + (j > m)) % 2
+            corners[t] = (i, j, m, k) if odd else (i, j, k, m)
+        return numbers[0], numbers[1], corners
 
     def field_index(self, name):
         for i, field in enumerate(self.fields):

@@ -17,4 +17,25 @@ check "the stream verifies" "grep -q ok verify.txt"
 check "a stream without it says how to get one" "[ $? = 2 ] && grep -q -- --keep-order message.txt && [ ! -e none.vtu ]"
 "$TETLOD" extract kept.tetlod --original-order --level 0 -o none.vtu 2>message.txt
 check "a coarser level has no original order" "[ $? = 2 ] && [ ! -e none.vtu ]"
+cat >order.py <<'END'
+import os, sys
+sys.path.insert(0, os.path.join(os.environ['ROOT'], 'client-examples/python'))
+import numpy as np, tetlod, vtk
+from vtk.util.numpy_support import vtk_to_numpy
+reader = vtk.vtkXMLUnstructuredGridReader()
+reader.SetFileName('cube.vtu')
+reader.Update()
+grid = reader.GetOutput()
+stream = tetlod.open('kept.tetlod')
+cursor = stream.cursor().seek(len(stream.levels) - 1)
+vertices, tets, corners = stream.order()
+positions, cells = np.empty_like(cursor.positions), np.empty_like(cursor.tets)
+positions[vertices] = cursor.positions
+cells[tets] = vertices[np.take_along_axis(cursor.tets, corners.astype(np.intp), 1)]
+assert np.array_equal(positions, vtk_to_numpy(grid.GetPoints().GetData()))
+assert np.array_equal(cells.ravel(), vtk_to_numpy(grid.GetCells().GetConnectivityArray()))
+assert tetlod.open('other.tetlod').order() is None
+print('same')
+END
+check "the Python decoder gives the input's arrays too" "/usr/bin/python3 order.py | grep -q same"
 echo "1..$number"
