@@ -117,7 +117,7 @@ $(B)/%.o: %.c $(B)/flags
 $(NODE_MODULES): $(WEB_DIR)/package.json $(WEB_DIR)/package-lock.json
 	@command -v npm >/dev/null || { echo "make: node and npm are missing (run: make deps-build)" >&2; exit 1; }
 	@echo "  NPM $(WEB_DIR)"
-	$(Q)cd $(WEB_DIR) && npm ci --ignore-scripts --no-audit --no-fund --silent && touch node_modules/.package-lock.json
+	$(Q)cd $(WEB_DIR) && npm ci --ignore-scripts --no-audit --no-fund --loglevel=error >/dev/null && touch node_modules/.package-lock.json
 
 $(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h) Makefile
 	@mkdir -p $(@D)

@@ -160,8 +160,10 @@ def system():
         return
     nobody = 65534
     os.chmod(SCRATCH, 0o777)
-    if subprocess.run([TETLOD, '--version'], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                      preexec_fn=lambda: os.setuid(nobody)).returncode:
+    try:
+        subprocess.run([TETLOD, '--version'], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True,
+                       preexec_fn=lambda: os.setuid(nobody))
+    except (PermissionError, subprocess.CalledProcessError):
         print('ok - unreadable file # SKIP another user cannot run the program here')
     else:
         check('unreadable file', 1, [unreadable], 'Permission denied', as_user=nobody)

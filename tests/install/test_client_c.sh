@@ -16,7 +16,11 @@ LD_LIBRARY_PATH="$there/usr/lib" ./shared "$ROOT/tests/golden/grid_float32.tetlo
 ./static "$ROOT/tests/golden/grid_float32.tetlod" 0 >static.txt 2>&1
 check "both give the same level" "grep -q 'level [0-9]*: ' shared.txt && cmp shared.txt static.txt"
 check "the fed stream ends at the finest level" "tail -1 static.txt | grep -q 'level 8 is there'"
-check "the header is C++ as well" "echo '#include <tetlod.h>' | cc -x c++ -fsyntax-only \$(pkg-config --cflags tetlod) - 2>/dev/null || ! command -v c++ >/dev/null"
+if command -v c++ >/dev/null; then
+    check "the header is C++ as well" "echo '#include <tetlod.h>' | c++ -x c++ -fsyntax-only \$(pkg-config --cflags tetlod) -"
+else
+    echo "ok $((number += 1)) - the header is C++ as well # SKIP there is no C++ compiler"
+fi
 make -C "$ROOT" --no-print-directory uninstall DESTDIR="$there" PREFIX=/usr >/dev/null 2>&1
 check "make uninstall leaves no file" "[ -z \"\$(find '$there' -type f -o -type l)\" ]"
 echo "1..$number"

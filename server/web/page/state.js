@@ -128,13 +128,13 @@ export class Store extends EventTarget {
     const changed = Object.keys(patch).filter((key) => !same(patch[key], this.state[key]));
     if (!changed.length) return;
     this.state = { ...this.state, ...patch };
-    this.dispatchEvent(new CustomEvent('change', { detail: { changed: new Set(changed) } }));
+    this.dispatchEvent(Object.assign(new Event('change'), { changed: new Set(changed) }));
   }
 
   // Calls `react(state)` now and whenever one of the keys changes.
   watch(keys, react) {
     this.addEventListener('change', (event) => {
-      if (keys.some((key) => event.detail.changed.has(key))) react(this.state);
+      if (keys.some((key) => event.changed.has(key))) react(this.state);
     });
     react(this.state);
   }
