@@ -8,6 +8,7 @@
 #include "format/fail.h"
 #include "src/build/ancestry.h"
 #include "src/build/measure.h"
+#include "src/build/patch.h"
 #include "src/build/samples.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
@@ -42,6 +43,8 @@ static enum tetlod_status check_memory(const struct build *build)
                       fields_bytes(mesh, build->options->control_count) + mesh->vertex_count * (uint64_t)7 * 56;
     if (build->options->metric == METRIC_MEASURED)
         needed += samples_bytes(mesh, build->options->control_count);
+    if (build->options->certify == CERTIFY_EXACT)
+        needed += overlaps_bytes(mesh->vertex_count, mesh->tet_count, build->options->threads);
     if (!build->options->memory || needed <= build->options->memory)
         return TETLOD_OK;
     return tetlodi_fail(build->error, TETLOD_ERR_LIMIT,

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/build/exact.h"
 
+#include <assert.h>
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -41,7 +42,7 @@ void examiner_fini(struct examiner *examiner)
     free(examiner->level);
     free(examiner->original);
     free(examiner->points);
-    free(examiner->cones);
+    free(examiner->places);
     free(examiner->constants);
     *examiner = (struct examiner){0};
 }
@@ -56,42 +57,60 @@ static bool room(double **array, size_t *capacity, size_t needed)
     return done;
 }
 
-static bool cone_room(struct examiner *examiner, size_t needed)
+static bool place_room(struct examiner *examiner, size_t needed)
 {
-    void *grown = examiner->cones;
-    bool done = array_reserve(&grown, &examiner->cone_capacity, needed, sizeof *examiner->cones);
-    examiner->cones = grown;
+    void *grown = examiner->places;
+    bool done = array_reserve(&grown, &examiner->place_capacity, needed, sizeof *examiner->places);
+    examiner->places = grown;
     return done;
 }
 
-enum tetlod_status exact_take_up(struct examiner *examiner, const struct overlaps *overlaps,
-                                 const struct complex *complex, const struct fields *fields, const struct star *star,
-                                 struct tetlod_error *error)
+enum tetlod_status exact_take_up(struct examiner *examiner, const struct complex *complex, const struct fields *fields,
+                                 const struct star *star, struct tetlod_error *error)
 {
     struct patch *patch = &examiner->patch;
-    TETLOD_TRY(patch_gather(patch, overlaps, complex, star, error));
-    size_t links = patch->link_count, vertices = patch->vertex_count;
-    if (!room(&examiner->level, &examiner->level_capacity, links * fields->driver_count) ||
-        !room(&examiner->original, &examiner->original_capacity, vertices * fields->driver_count))
-        return tetlodi_fail_nomem(error, "the exact limit", (links + vertices) * fields->driver_count * 8);
+    TETLOD_TRY(patch_take_up(patch, complex, star, error));
+    size_t links = patch->link_count;
+    if (!room(&examiner->level, &examiner->level_capacity, links * fields->driver_count))
+        return tetlodi_fail_nomem(error, "the exact limit", links * fields->driver_count * 8);
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         const struct driver *driver = &fields->drivers[d];
-        const struct working_field *now = &fields->fields[driver->field];
-        const struct point_field *then = &overlaps->mesh->fields[driver->field];
+        const struct working_field *field = &fields->fields[driver->field];
         for (size_t l = 0; l < links; l++)
-            examiner->level[d * links + l] = now->values[(size_t)patch->link[l] * now->components + driver->component];
-        for (size_t v = 0; v < vertices; v++)
-            examiner->original[d * vertices + v] =
-                then->values[(size_t)patch->vertices[v] * then->components + driver->component];
+            examiner->level[d * links + l] =
+                field->values[(size_t)patch->link[l] * field->components + driver->component];
     }
+    return TETLOD_OK;
+}
+
+static double original_value(const struct overlaps *overlaps, const struct driver *driver, uint32_t vertex)
+{
+    const struct point_field *field = &overlaps->mesh->fields[driver->field];
+    return field->values[(size_t)vertex * field->components + driver->component];
+}
+
+static enum tetlod_status gather(struct examiner *examiner, const struct overlaps *overlaps, const struct fields *fields,
+                                 const struct star *star, bool *out_few, struct tetlod_error *error)
+{
+    struct patch *patch = &examiner->patch;
+    bool before = patch->gathered;
+    TETLOD_TRY(patch_gather(patch, overlaps, star, out_few, error));
+    size_t vertices = patch->vertex_count;
+    if (!room(&examiner->original, &examiner->original_capacity, vertices * fields->driver_count))
+        return tetlodi_fail_nomem(error, "the exact limit", vertices * fields->driver_count * 8);
+    for (uint32_t d = 0; d < fields->driver_count && !before; d++)
+        for (size_t v = 0; v < vertices; v++)
+            examiner->original[d * vertices + v] = original_value(overlaps, &fields->drivers[d], patch->vertices[v]);
     return TETLOD_OK;
 }
 
 /* ---- intervals */
 
+static const struct sentinel nowhere = {TETLOD_NONE, {TETLOD_NONE, TETLOD_NONE}, 0};
+
 static struct critical end_of_range(double value)
 {
-    return (struct critical){1, -value, TETLOD_NONE, true};
+    return (struct critical){1, -value, nowhere, true};
 }
 
 /* The limit at which two bounds of s' from below and above meet, and where. */
@@ -105,14 +124,14 @@ static double meet(const struct critical *low, const struct critical *high, doub
 
 /* Takes a corner of the overlay into account. Where nothing is left the limit rises as far as it has to: what it then is, is a
  * lower bound. */
-static void narrow(struct interval *interval, double weight, double constant, uint32_t cone)
+static void narrow(struct interval *interval, double weight, double constant, const struct sentinel *where)
 {
     double limit = interval->limit;
     if (fabs(weight * interval->low + constant) <= limit && fabs(weight * interval->high + constant) <= limit)
         return;
     if (!(weight > LEAST_WEIGHT))
         return;
-    struct critical here = {weight, constant, cone, false};
+    struct critical here = {weight, constant, *where, false};
     double low = (-limit - constant) / weight, high = (limit - constant) / weight;
     if (low > interval->low) {
         interval->low = low;
@@ -135,29 +154,37 @@ static void narrow(struct interval *interval, double weight, double constant, ui
     }
 }
 
+/* May the limits that the intervals need still be below the horizon? */
+static bool hopeful(const struct examiner *examiner, const struct fields *fields, double horizon)
+{
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct interval *interval = &examiner->intervals[d];
+        double factor = fields->drivers[d].scale * fields->drivers[d].weight;
+        if (interval->limit > interval->asked && interval->limit * factor >= horizon)
+            return false;
+    }
+    return true;
+}
+
 /* One corner of the overlay, whose constants are in examiner->constants. False: it is hopeless, or there is no memory (then
  * point_count is SIZE_MAX). */
-static bool add_point(struct examiner *examiner, const struct fields *fields, double weight, uint32_t cone,
-                      double horizon)
+static bool add_point(struct examiner *examiner, const struct fields *fields, double weight,
+                      const struct sentinel *where, double horizon)
 {
     size_t width = 1 + (size_t)fields->driver_count;
     if (!room(&examiner->points, &examiner->point_capacity, (examiner->point_count + 1) * width) ||
-        !cone_room(examiner, examiner->point_count + 1)) {
+        !place_room(examiner, examiner->point_count + 1)) {
         examiner->point_count = SIZE_MAX;
         return false;
     }
-    examiner->cones[examiner->point_count] = cone;
+    examiner->places[examiner->point_count] = *where;
     double *point = examiner->points + width * examiner->point_count++;
-    bool hope = true;
     point[0] = weight;
     for (uint32_t d = 0; d < fields->driver_count; d++) {
-        const struct driver *driver = &fields->drivers[d];
         point[1 + d] = examiner->constants[d];
-        narrow(&examiner->intervals[d], weight, examiner->constants[d], cone);
-        hope &= examiner->intervals[d].limit <= examiner->intervals[d].asked ||
-                examiner->intervals[d].limit * driver->scale * driver->weight < horizon;
+        narrow(&examiner->intervals[d], weight, examiner->constants[d], where);
     }
-    return hope;
+    return hopeful(examiner, fields, horizon);
 }
 
 /* The intervals before any point: the range. What rounding may hide is taken off the limit. */
@@ -213,7 +240,7 @@ static bool at_vertex(const struct examination *e, uint32_t v)
     if (p[0] == patch->apex[0] && p[1] == patch->apex[1] && p[2] == patch->apex[2]) {
         for (uint32_t d = 0; d < e->fields->driver_count; d++)
             examiner->constants[d] = -examiner->original[d * vertices + v];
-        return add_point(examiner, e->fields, 1, TETLOD_NONE, e->horizon);
+        return add_point(examiner, e->fields, 1, &nowhere, e->horizon);
     }
     uint32_t f = patch_cone_of(patch, v);
     if (f == TETLOD_NONE)
@@ -228,7 +255,8 @@ static bool at_vertex(const struct examination *e, uint32_t v)
             constant += cone->scale[k] * row[cone->walls[k]] * examiner->level[d * links + cone->link[k]];
         examiner->constants[d] = constant;
     }
-    return add_point(examiner, e->fields, weight, cone->tet, e->horizon);
+    const struct sentinel here = {cone->tet, {patch->vertices[v], patch->vertices[v]}, 0};
+    return add_point(examiner, e->fields, weight, &here, e->horizon);
 }
 
 /* Where the edge from vertex a to vertex b crosses the plane of wall w, if that is in the wall. */
@@ -264,7 +292,8 @@ static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_
             constant += weights[k] * level[cone->link[k]];
         examiner->constants[d] = constant;
     }
-    return add_point(examiner, e->fields, weight, cone->tet, e->horizon);
+    const struct sentinel here = {cone->tet, {patch->vertices[a], patch->vertices[b]}, (float)t};
+    return add_point(examiner, e->fields, weight, &here, e->horizon);
 }
 
 /* Where the spoke to a link vertex crosses the original face of three vertices. In the plane of the distances from two walls
@@ -306,7 +335,8 @@ static bool at_face(const struct examination *e, uint32_t link, const uint32_t f
             constant -= weights[k] * original[face[k]];
         examiner->constants[d] = constant;
     }
-    return add_point(examiner, e->fields, weight, cone->tet, e->horizon);
+    const struct sentinel here = {cone->tet, {TETLOD_NONE, TETLOD_NONE}, 0};
+    return add_point(examiner, e->fields, weight, &here, e->horizon);
 }
 
 /* v' where it is no original vertex: in any original that holds it. */
@@ -333,7 +363,7 @@ static bool at_apex(const struct examination *e)
                 examiner->constants[d] -=
                     weights[c] * examiner->original[d * (size_t)patch->vertex_count + patch->corners[t][c]];
         }
-        return add_point(examiner, e->fields, 1, TETLOD_NONE, e->horizon);
+        return add_point(examiner, e->fields, 1, &nowhere, e->horizon);
     }
     return true;
 }
@@ -415,6 +445,39 @@ static bool at_spokes(const struct examination *e)
     return true;
 }
 
+/* The sentinels of the star, all of which are points that must hold. False: hopeless. */
+static bool ask_sentinels(const struct examination *e)
+{
+    struct examiner *examiner = e->examiner;
+    struct patch *patch = &examiner->patch;
+    for (size_t i = 0; i < SENTINELS * (size_t)e->star->tet_count; i++) {
+        struct sentinel here = e->overlaps->sentinels[SENTINELS * (size_t)e->star->tets[i / SENTINELS] + i % SENTINELS];
+        double p[3], weights[3], weight, t = here.along;
+        if (here.ends[0] == TETLOD_NONE)
+            continue;
+        const double *a = e->overlaps->mesh->positions + 3 * (size_t)here.ends[0],
+                     *b = e->overlaps->mesh->positions + 3 * (size_t)here.ends[1];
+        for (int k = 0; k < 3; k++)
+            p[k] = (1 - t) * a[k] + t * b[k];
+        uint32_t f = patch_cone_at(patch, e->complex, p, weights, &weight);
+        if (f == TETLOD_NONE || !(weight > 0))
+            continue;
+        for (uint32_t d = 0; d < e->fields->driver_count; d++) {
+            const struct driver *driver = &e->fields->drivers[d];
+            double constant = -(1 - t) * original_value(e->overlaps, driver, here.ends[0]) -
+                              t * original_value(e->overlaps, driver, here.ends[1]);
+            for (int k = 0; k < 3; k++)
+                constant += weights[k] * examiner->level[d * (size_t)patch->link_count + patch->cones[f].link[k]];
+            examiner->constants[d] = constant;
+        }
+        here.tet = patch->cones[f].tet;
+        add_point(examiner, e->fields, weight, &here, INFINITY);
+        if (examiner->point_count == SIZE_MAX)
+            return false;
+    }
+    return hopeful(examiner, e->fields, e->horizon);
+}
+
 /* All corners of the overlay, those first that are most likely to refuse. False: hopeless, or out of memory. */
 static bool look_everywhere(const struct examination *e)
 {
@@ -455,7 +518,7 @@ static void raise_limits(struct examiner *examiner, const struct fields *fields)
             }
             if (!worst)
                 break;
-            narrow(interval, worst[0], worst[1 + d], examiner->cones[(size_t)(worst - examiner->points) / width]);
+            narrow(interval, worst[0], worst[1 + d], &examiner->places[(size_t)(worst - examiner->points) / width]);
         }
     }
 }
@@ -470,8 +533,8 @@ static bool refused(const struct examiner *examiner, const struct fields *fields
         if (interval->limit <= interval->asked || bound <= out->error)
             continue;
         out->error = bound;
-        out->witness[0] = interval->lowest.cone;
-        out->witness[1] = interval->highest.cone;
+        out->witness[0] = interval->lowest.where;
+        out->witness[1] = interval->highest.where;
     }
     return out->error > 0;
 }
@@ -516,14 +579,22 @@ enum tetlod_status exact_examine(struct examiner *examiner, const struct overlap
                                  struct finding *out, struct tetlod_error *error)
 {
     const struct examination e = {examiner, overlaps, complex, fields, star, horizon};
-    bool sound;
-    *out = (struct finding){.error = INFINITY, .witness = {TETLOD_NONE, TETLOD_NONE}};
-    TETLOD_TRY(patch_look(&examiner->patch, overlaps, complex, p, &sound, error));
-    if (!sound)
+    bool good;
+    *out = (struct finding){.error = INFINITY, .witness = {nowhere, nowhere}};
+    TETLOD_TRY(patch_look(&examiner->patch, complex, p, &good, error));
+    if (!good)
         return TETLOD_OK;
     open_intervals(examiner, fields, limit);
     examiner->point_count = 0;
-    look_everywhere(&e);
+    bool hope = ask_sentinels(&e) && examiner->point_count != SIZE_MAX;
+    if (hope) {
+        TETLOD_TRY(gather(examiner, overlaps, fields, star, &good, error));
+        if (!good)
+            return TETLOD_OK;
+        open_intervals(examiner, fields, limit);
+        examiner->point_count = 0;
+        look_everywhere(&e);
+    }
     if (examiner->point_count == SIZE_MAX)
         return tetlodi_fail_nomem(error, "the exact limit", examiner->point_capacity * 8);
     raise_limits(examiner, fields);
@@ -533,7 +604,14 @@ enum tetlod_status exact_examine(struct examiner *examiner, const struct overlap
 }
 
 enum tetlod_status exact_contract(struct examiner *examiner, struct overlaps *overlaps, const struct complex *complex,
-                                  const struct star *star, struct tetlod_error *error)
+                                  const struct star *star, const double p[3], struct tetlod_error *error)
 {
-    return patch_hand_on(&examiner->patch, overlaps, complex, star, error);
+    struct patch *patch = &examiner->patch;
+    bool sound, few;
+    TETLOD_TRY(patch_take_up(patch, complex, star, error));
+    TETLOD_TRY(patch_look(patch, complex, p, &sound, error));
+    TETLOD_TRY(patch_gather(patch, overlaps, star, &few, error));
+    assert(sound && few);
+    patch_rows(patch, overlaps, 0, patch->vertex_count);
+    return patch_hand_on(patch, overlaps, complex, star, error);
 }

@@ -14,7 +14,7 @@
 /* |weight * s' + constant| is the difference at a corner of the overlay. */
 struct critical {
     double weight, constant;
-    uint32_t cone; /* TETLOD_NONE: at v' itself, whatever the star */
+    struct sentinel where; /* no tetrahedron: at v' itself, whatever the star */
     bool fixed;    /* no corner but an end of the field's range, which no limit moves */
 };
 
@@ -35,14 +35,14 @@ struct examiner {
     double *points;             /* [point][1 + driver] weights and constants of all corners of the overlay */
     double *constants;          /* [driver] of the one at hand */
     double *chosen, *errors;    /* [driver] */
-    uint32_t *cones;            /* [point] that it is in, of the level */
-    size_t level_capacity, original_capacity, point_capacity, cone_capacity, point_count;
+    struct sentinel *places;    /* [point] */
+    size_t level_capacity, original_capacity, point_capacity, place_capacity, point_count;
 };
 
 struct finding {
     bool allowed;
     double error;        /* fraction of the range of the worst weighted driver; if not allowed, a lower bound of it */
-    uint32_t witness[2]; /* if not allowed: while these tetrahedra stay as they are, so does the bound; TETLOD_NONE: it always does */
+    struct sentinel witness[2]; /* if not allowed: while their tetrahedra stay as they are, so does the bound; without one it always does */
 };
 
 TETLOD_CHECKED enum tetlod_status examiner_init(struct examiner *examiner, const struct complex *complex,
@@ -50,9 +50,9 @@ TETLOD_CHECKED enum tetlod_status examiner_init(struct examiner *examiner, const
 void examiner_fini(struct examiner *examiner);
 
 /* Takes up a gathered star. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status exact_take_up(struct examiner *examiner, const struct overlaps *overlaps,
-                                                const struct complex *complex, const struct fields *fields,
-                                                const struct star *star, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status exact_take_up(struct examiner *examiner, const struct complex *complex,
+                                                const struct fields *fields, const struct star *star,
+                                                struct tetlod_error *error);
 
 /* May the star that was taken up be contracted to p, where no tetrahedron flips, with an error of at most `limit`? `wanted`
  * [driver] are the values that it should have: it gets the nearest that are allowed, in examiner->chosen, and then the error
@@ -63,9 +63,9 @@ TETLOD_CHECKED enum tetlod_status exact_examine(struct examiner *examiner, const
                                                 double limit, double horizon, struct finding *out,
                                                 struct tetlod_error *error);
 
-/* After exact_examine has allowed p, before the contraction: follows it. ERR_NOMEM. */
+/* Before the contraction of a star to p, which exact_examine has allowed: follows it. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status exact_contract(struct examiner *examiner, struct overlaps *overlaps,
                                                  const struct complex *complex, const struct star *star,
-                                                 struct tetlod_error *error);
+                                                 const double p[3], struct tetlod_error *error);
 
 #endif

@@ -70,7 +70,10 @@ static double choose_value(enum metric metric, const struct fields *fields, cons
     if (!metric_has_quadrics(metric))
         return field_round(field, driver->component, middle);
     normalise_position(fields, trial->position, p);
-    trial->cost += quadric_least_at(quadric, p, &s);
+    double cost = quadric_least_at(quadric, p, &s), weight = quadric_weight(quadric);
+    trial->cost += cost;
+    if (isinf(limit) && weight > 0)
+        trial->error = larger(trial->error, sqrt(cost / weight) * driver->weight);
     if (driver->scale > 0 && isfinite(s)) {
         double room = larger(limit / (driver->scale * driver->weight) - (bounds[1] - bounds[0]) / 2, 0);
         middle = smaller(larger(s / driver->scale, middle - room), middle + room);
@@ -163,6 +166,7 @@ void metric_try(enum metric metric, struct metric_scratch *scratch, const struct
         for (uint32_t t = 0; t < count; t++)
             scratch->bounds[d * MOST_TRIALS + t] = bounds;
     }
+    bool bounded = isfinite(limit) || !metric_has_quadrics(metric); // quadrics alone need no bounds
     for (uint32_t i = 0; i < star->tet_count && !star->still && any_left(trials, count, limit); i++) {
         const uint32_t *corners = complex->corners + 4 * (size_t)star->tets[i];
         struct tet_affine affine;
@@ -176,7 +180,7 @@ void metric_try(enum metric metric, struct metric_scratch *scratch, const struct
                 trials[t].witness[0] = trials[t].witness[1] = star->tets[i];
             }
         }
-        for (uint32_t d = 0; d < fields->driver_count; d++)
+        for (uint32_t d = 0; d < fields->driver_count && bounded; d++)
             widen(metric, fields, &fields->drivers[d], &affine, corners, star->tets[i], limit,
                   inherited(metric, &fields->drivers[d], star), trials, count, scratch->bounds + d * MOST_TRIALS);
     }

@@ -30,7 +30,8 @@ static inline bool metric_is_certified(enum metric metric)
 struct trial {
     double position[3];
     bool possible; /* in: worth trying; out: no re-attached tetrahedron flips there (nearly exact: star_fits decides) */
-    double error;  /* out: fraction of the range, of the worst weighted driver; above the limit: a lower bound of it */
+    double error;  /* out: fraction of the range, of the worst weighted driver; above the limit: a lower bound of it; without a
+                      limit, and with quadrics, an estimate: the root of their mean */
     double cost;   /* out: the quadric's least value at the position, where the metric has quadrics */
     uint32_t witness[2]; /* out: while these tetrahedra stay as they are, it stays impossible, or its error that great */
 };

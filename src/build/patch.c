@@ -32,19 +32,28 @@ enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh
                                   .pool = array_new(2 * tets, sizeof *overlaps->pool),
                                   .pool_size = tets,
                                   .pool_capacity = 2 * tets,
+                                  .sentinels = array_new(tets, SENTINELS * sizeof *overlaps->sentinels),
                                   .host = array_new(mesh->vertex_count, sizeof *overlaps->host)};
-    if (!overlaps->begin || !overlaps->count || !overlaps->pool || !overlaps->host) {
+    if (!overlaps->begin || !overlaps->count || !overlaps->pool || !overlaps->sentinels || !overlaps->host) {
         overlaps_fini(overlaps);
-        return tetlodi_fail_nomem(error, "the overlaps", tets * 20 + mesh->vertex_count * (uint64_t)4);
+        return tetlodi_fail_nomem(error, "the overlaps", tets * (20 + SENTINELS * sizeof *overlaps->sentinels) + mesh->vertex_count * (uint64_t)4);
     }
     for (uint32_t t = 0; t < tets; t++) {
         overlaps->begin[t] = t;
         overlaps->count[t] = 1;
         overlaps->pool[t] = t;
+        for (int i = 0; i < SENTINELS; i++)
+            overlaps->sentinels[SENTINELS * (size_t)t + (size_t)i].ends[0] = TETLOD_NONE;
         for (int c = 0; c < 4; c++)
             overlaps->host[mesh->corners[4 * (size_t)t + (size_t)c]] = t;
     }
     return TETLOD_OK;
+}
+
+uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets, unsigned threads)
+{
+    return tets * (uint64_t)(12 + 8 * sizeof(uint32_t) + SENTINELS * sizeof(struct sentinel)) + vertices * (uint64_t)4 +
+           threads * (tets * (uint64_t)8 + vertices * (uint64_t)16);
 }
 
 void overlaps_fini(struct overlaps *overlaps)
@@ -52,8 +61,21 @@ void overlaps_fini(struct overlaps *overlaps)
     free(overlaps->begin);
     free(overlaps->count);
     free(overlaps->pool);
+    free(overlaps->sentinels);
     free(overlaps->host);
     *overlaps = (struct overlaps){0};
+}
+
+void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel)
+{
+    if (sentinel->tet == TETLOD_NONE || sentinel->ends[0] == TETLOD_NONE)
+        return;
+    struct sentinel *own = overlaps->sentinels + SENTINELS * (size_t)sentinel->tet;
+    int last = 0;
+    while (last < SENTINELS - 1 && (own[last].ends[0] != sentinel->ends[0] || own[last].ends[1] != sentinel->ends[1]))
+        last++;
+    memmove(own + 1, own, (size_t)last * sizeof *own);
+    own[0] = *sentinel;
 }
 
 /* ---- memory */
@@ -215,15 +237,13 @@ static bool gather_walls(struct patch *patch)
     return true;
 }
 
-enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex,
-                                const struct star *star, struct tetlod_error *error)
+enum tetlod_status patch_take_up(struct patch *patch, const struct complex *complex, const struct star *star,
+                                 struct tetlod_error *error)
 {
     patch->epoch++;
-    patch->edge_count = 0;
-    if (gather_tets(patch, overlaps, star) && gather_vertices(patch, overlaps) && gather_cones(patch, complex, star) &&
-        gather_walls(patch))
-        return TETLOD_OK;
-    return no_room(error);
+    patch->edge_count = patch->vertex_count = patch->tet_count = 0;
+    patch->gathered = false;
+    return gather_cones(patch, complex, star) && gather_walls(patch) ? TETLOD_OK : no_room(error);
 }
 
 enum tetlod_status patch_edges(struct patch *patch, struct tetlod_error *error)
@@ -283,14 +303,18 @@ static const double *link_position(const struct patch *patch, const struct compl
     return complex->positions + 3 * (size_t)patch->link[link];
 }
 
-static void find_reach(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex)
+/* Widens the reach to a distance, and with it what rounding may come to. */
+static void reach_out(struct patch *patch, double reach)
 {
-    double reach2 = 0;
-    for (uint32_t v = 0; v < patch->vertex_count; v++)
-        reach2 = larger(reach2, distance_squared(patch->apex, patch_position(patch, overlaps, v)));
-    for (uint32_t l = 0; l < patch->link_count; l++)
-        reach2 = larger(reach2, distance_squared(patch->apex, link_position(patch, complex, l)));
-    patch->reach = sqrt(reach2);
+    double ratio = reach / patch->reach;
+    if (!(ratio > 1))
+        return;
+    patch->reach = reach;
+    patch->condition *= ratio;
+    for (uint32_t w = 0; w < patch->wall_count; w++)
+        patch->walls[w].tolerance *= ratio;
+    for (uint32_t f = 0; f < patch->cone_count; f++)
+        patch->cones[f].tolerance *= ratio;
 }
 
 /* The walls' planes. */
@@ -366,25 +390,26 @@ static void look_at_spokes(struct patch *patch)
         }
 }
 
-enum tetlod_status patch_look(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex,
-                              const double p[3], bool *out_sound, struct tetlod_error *error)
+enum tetlod_status patch_look(struct patch *patch, const struct complex *complex, const double p[3], bool *out_sound,
+                              struct tetlod_error *error)
 {
-    size_t walls = patch->wall_count, vertices = patch->vertex_count, cones = patch->cone_count;
+    size_t walls = patch->wall_count, cones = patch->cone_count;
     size_t words = patch->words = (patch->wall_count + 63) / 64;
+    double reach2 = 0;
     memcpy(patch->apex, p, sizeof patch->apex);
-    *out_sound = walls * vertices <= MOST_ROWS;
-    if (!*out_sound)
-        return TETLOD_OK;
+    *out_sound = true;
     if (!room(patch, NORMALS, &patch->normals, 3 * walls, sizeof *patch->normals) ||
-        !room(patch, ROWS, &patch->rows, walls * vertices, sizeof *patch->rows) ||
-        !room(patch, SIGNS, &patch->signs, SIDES * words * vertices, sizeof *patch->signs) ||
+        !room(patch, ROWS, &patch->rows, walls, sizeof *patch->rows) ||
+        !room(patch, SIGNS, &patch->signs, SIDES * words, sizeof *patch->signs) ||
         !room(patch, CONE_WALLS, &patch->cone_walls, words * cones, sizeof *patch->cone_walls) ||
         !room(patch, CONE_SIGNS, &patch->cone_signs, words * cones, sizeof *patch->cone_signs) ||
         !room(patch, SPOKE_WALLS, &patch->spoke_walls, words * patch->link_count, sizeof *patch->spoke_walls) ||
         !room(patch, SPOKE_CONE, &patch->spoke_cone, patch->link_count, sizeof *patch->spoke_cone))
         return no_room(error);
+    for (uint32_t l = 0; l < patch->link_count; l++)
+        reach2 = larger(reach2, distance_squared(patch->apex, link_position(patch, complex, l)));
+    patch->reach = sqrt(reach2);
     patch->condition = 0;
-    find_reach(patch, overlaps, complex);
     look_at_walls(patch, complex);
     for (uint32_t f = 0; f < cones && *out_sound; f++)
         *out_sound = look_at_cone(patch, complex, f);
@@ -392,35 +417,58 @@ enum tetlod_status patch_look(struct patch *patch, const struct overlaps *overla
     return TETLOD_OK;
 }
 
-void patch_rows(struct patch *patch, const struct overlaps *overlaps, uint32_t begin, uint32_t end)
+enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *overlaps, const struct star *star,
+                                bool *out_few, struct tetlod_error *error)
+{
+    size_t walls = patch->wall_count;
+    double reach2 = 0;
+    if (!patch->gathered && (!gather_tets(patch, overlaps, star) || !gather_vertices(patch, overlaps)))
+        return no_room(error);
+    patch->gathered = true;
+    *out_few = walls * patch->vertex_count <= MOST_ROWS;
+    if (*out_few && (!room(patch, ROWS, &patch->rows, walls * patch->vertex_count, sizeof *patch->rows) ||
+                     !room(patch, SIGNS, &patch->signs, SIDES * (size_t)patch->words * patch->vertex_count,
+                           sizeof *patch->signs)))
+        return no_room(error);
+    for (uint32_t v = 0; v < patch->vertex_count; v++)
+        reach2 = larger(reach2, distance_squared(patch->apex, patch_position(patch, overlaps, v)));
+    reach_out(patch, sqrt(reach2));
+    return TETLOD_OK;
+}
+
+static void make_row(const struct patch *patch, const double p[3], double *row, uint64_t *signs)
 {
     size_t walls = patch->wall_count;
     const double *nx = patch->normals, *ny = nx + walls, *nz = ny + walls;
-    for (uint32_t v = begin; v < end; v++) {
-        double *row = patch->rows + v * walls, r[3];
-        uint64_t *signs = patch->signs + (size_t)v * SIDES * patch->words;
-        subtract(patch_position(patch, overlaps, v), patch->apex, r);
-        for (size_t w = 0; w < walls; w++)
-            row[w] = nx[w] * r[0] + ny[w] * r[1] + nz[w] * r[2];
-        for (uint32_t word = 0; word < patch->words; word++) {
-            size_t first = (size_t)64 * word, last = first + 64 < walls ? first + 64 : walls;
-            uint64_t positive = 0, low = 0, high = 0;
-            for (size_t w = first; w < last; w++) {
-                double tolerance = patch->walls[w].tolerance;
-                positive |= (uint64_t)(row[w] >= (patch->walls[w].outer ? -tolerance : 0)) << (w - first);
-                low |= (uint64_t)(row[w] <= tolerance) << (w - first);
-                high |= (uint64_t)(row[w] >= -tolerance) << (w - first);
-            }
-            signs[POSITIVE * patch->words + word] = positive;
-            signs[MAYBE_NOT_POSITIVE * patch->words + word] = low;
-            signs[MAYBE_NOT_NEGATIVE * patch->words + word] = high;
+    double r[3];
+    subtract(p, patch->apex, r);
+    for (size_t w = 0; w < walls; w++)
+        row[w] = nx[w] * r[0] + ny[w] * r[1] + nz[w] * r[2];
+    for (uint32_t word = 0; word < patch->words; word++) {
+        size_t first = (size_t)64 * word, last = first + 64 < walls ? first + 64 : walls;
+        uint64_t positive = 0, low = 0, high = 0;
+        for (size_t w = first; w < last; w++) {
+            double tolerance = patch->walls[w].tolerance;
+            positive |= (uint64_t)(row[w] >= (patch->walls[w].outer ? -tolerance : 0)) << (w - first);
+            low |= (uint64_t)(row[w] <= tolerance) << (w - first);
+            high |= (uint64_t)(row[w] >= -tolerance) << (w - first);
         }
+        signs[POSITIVE * patch->words + word] = positive;
+        signs[MAYBE_NOT_POSITIVE * patch->words + word] = low;
+        signs[MAYBE_NOT_NEGATIVE * patch->words + word] = high;
     }
 }
 
-uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex)
+void patch_rows(struct patch *patch, const struct overlaps *overlaps, uint32_t begin, uint32_t end)
 {
-    const uint64_t *signs = patch_side(patch, vertex, POSITIVE);
+    for (uint32_t v = begin; v < end; v++)
+        make_row(patch, patch_position(patch, overlaps, v), patch->rows + (size_t)v * patch->wall_count,
+                 patch->signs + (size_t)v * SIDES * patch->words);
+}
+
+/* The cone whose signs a vertex has. */
+static uint32_t find_cone(const struct patch *patch, const uint64_t *signs)
+{
     for (uint32_t f = 0; f < patch->cone_count; f++) {
         const uint64_t *walls = patch->cone_walls + (size_t)f * patch->words,
                        *inside = patch->cone_signs + (size_t)f * patch->words;
@@ -430,9 +478,30 @@ uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex)
         if (!differ)
             return f;
     }
+    return TETLOD_NONE;
+}
+
+uint32_t patch_cone_at(struct patch *patch, const struct complex *complex, const double p[3], double weights[3],
+                       double *apex_weight)
+{
+    make_row(patch, p, patch->rows, patch->signs); // of vertex 0, whose turn comes later
+    uint32_t f = find_cone(patch, patch->signs);
+    if (f == TETLOD_NONE)
+        return f;
+    const struct cone *cone = &patch->cones[f];
+    *apex_weight = cone->apex * cone_height(cone, patch, complex, p);
+    for (int k = 0; k < 3; k++)
+        weights[k] = cone->scale[k] * patch->rows[cone->walls[k]];
+    return f;
+}
+
+uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex)
+{
+    uint32_t best = find_cone(patch, patch_side(patch, vertex, POSITIVE));
+    if (best != TETLOD_NONE)
+        return best;
     // rounding may leave a sliver between cones: the cone that it is least outside of
     const double *row = patch->rows + (size_t)vertex * patch->wall_count;
-    uint32_t best = TETLOD_NONE;
     double most = -1e-9;
     for (uint32_t f = 0; f < patch->cone_count; f++) {
         const struct cone *cone = &patch->cones[f];

@@ -12,6 +12,15 @@
 
 #include "src/build/complex.h"
 
+/* A point on an edge of the original, and the tetrahedron of the level that it is in; `ends` may be twice the same vertex, or
+ * TETLOD_NONE: no such point. */
+struct sentinel {
+    uint32_t tet, ends[2];
+    float along; /* 0 .. 1 */
+};
+
+enum { SENTINELS = 2 };
+
 /* Which original tetrahedra overlap which of the level. */
 struct overlaps {
     const struct tetmesh *mesh; /* the original, borrowed */
@@ -19,6 +28,7 @@ struct overlaps {
     uint32_t *count;            /* [tet of the level] */
     uint32_t *pool;
     size_t pool_size, pool_capacity;
+    struct sentinel *sentinels; /* [tet of the level][SENTINELS] points near which contractions were refused of late */
     uint32_t *host;             /* [original vertex] the tetrahedron of the level that it is in: a hint, what to look at first */
 };
 
@@ -26,6 +36,12 @@ struct overlaps {
 TETLOD_CHECKED enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh,
                                                 struct tetlod_error *error);
 void overlaps_fini(struct overlaps *overlaps);
+
+/* Bytes that they take with as many threads, about. */
+uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets, unsigned threads);
+
+/* Sets up a sentinel. */
+void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel);
 
 /* On which side of a wall's plane a vertex is: that it counts to, and, rounding in doubt, where it may be. */
 enum { POSITIVE, MAYBE_NOT_POSITIVE, MAYBE_NOT_NEGATIVE, SIDES };
@@ -53,6 +69,7 @@ enum { PATCH_PARTS = 24 };
 
 struct patch {
     /* the originals */
+    bool gathered;
     uint32_t tet_count, vertex_count, inside_count, edge_count;
     uint32_t *tets;              /* of the original */
     uint32_t (*corners)[4];      /* [tet] vertices */
@@ -64,7 +81,7 @@ struct patch {
     struct wall *walls;
     struct cone *cones;
     /* seen from `apex` */
-    double apex[3], reach;       /* no point of the patch or the link is farther from it */
+    double apex[3], reach;       /* no vertex of the link is farther from it, nor of the originals once these are gathered */
     double condition;            /* the largest of the cones': (longest edge)^2 * reach / 6V */
     uint32_t words;              /* of a set of walls */
     double *normals;             /* [3][wall] */
@@ -86,16 +103,23 @@ TETLOD_CHECKED enum tetlod_status patch_init(struct patch *patch, const struct c
                                              struct tetlod_error *error);
 void patch_fini(struct patch *patch);
 
-/* Takes up what lies under a gathered star. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *overlaps,
-                                               const struct complex *complex, const struct star *star,
-                                               struct tetlod_error *error);
+/* Takes up a gathered star, without the originals under it. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status patch_take_up(struct patch *patch, const struct complex *complex,
+                                                const struct star *star, struct tetlod_error *error);
 
-/* Looks at it from p: walls and cones, but no rows yet. *out_sound: every cone has a volume, and all is not too much.
- * ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status patch_look(struct patch *patch, const struct overlaps *overlaps,
-                                             const struct complex *complex, const double p[3], bool *out_sound,
-                                             struct tetlod_error *error);
+/* Looks at it from p. *out_sound: every cone has a volume. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status patch_look(struct patch *patch, const struct complex *complex, const double p[3],
+                                             bool *out_sound, struct tetlod_error *error);
+
+/* The cone that a point on an original edge is in, found without the originals, or TETLOD_NONE; its weights at the link
+ * vertices, and at v'. */
+uint32_t patch_cone_at(struct patch *patch, const struct complex *complex, const double p[3], double weights[3],
+                       double *apex_weight);
+
+/* Gathers the originals under the star, if they are not there yet, and makes room for their rows. *out_few: they are not too
+ * many. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *overlaps,
+                                               const struct star *star, bool *out_few, struct tetlod_error *error);
 
 /* Computes the rows of vertices begin .. end-1. */
 void patch_rows(struct patch *patch, const struct overlaps *overlaps, uint32_t begin, uint32_t end);

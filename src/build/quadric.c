@@ -53,6 +53,11 @@ void quadric_add_distance(double quadric[QUADRIC_SIZE], const double points[4][4
     add_square(quadric, v, weight);
 }
 
+double quadric_weight(const double quadric[QUADRIC_SIZE])
+{
+    return quadric[at(3, 3)];
+}
+
 double quadric_at(const double quadric[QUADRIC_SIZE], const double p[3], double s)
 {
     const double v[5] = {p[0], p[1], p[2], s, 1};

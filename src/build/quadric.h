@@ -20,6 +20,9 @@ void quadric_add_distance(double quadric[QUADRIC_SIZE], const double points[4][4
 /* The value that makes the quadric least at p, and that least. 0 at any s: s is left as it is. */
 double quadric_least_at(const double quadric[QUADRIC_SIZE], const double p[3], double *s);
 
+/* The sum of the weights of the value: a quadric over it is a mean square difference of values. */
+double quadric_weight(const double quadric[QUADRIC_SIZE]);
+
 /* The quadric at (p, s). */
 double quadric_at(const double quadric[QUADRIC_SIZE], const double p[3], double s);
 

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/fail.h"
 #include "src/build/exact.h"
@@ -15,8 +16,13 @@
 /* Trials are followed to this multiple of the limit, so that most of what waits is not looked at on the next rungs. */
 static const double HORIZON = 2;
 
-/* The same of the exact limit. */
+/* The same of the exact limit, which is dear to ask. */
 static const double EXACT_HORIZON = 1.1;
+
+/* Above this multiple of the limit, the root mean square that the quadric expects tells that the exact limit will refuse (hardly
+ * one in a hundred that it allows has more than 1.4): it waits unasked. Less is asked between the rungs that levels are
+ * named after. */
+static const double CHANCE = 1, CHANCE_NAMED = 1.4;
 
 /* What a contraction may be above the limit by the rounding of its bounds: it still counts as the limit. Exact ties with
  * round limits are common in regular meshes. */
@@ -33,6 +39,18 @@ struct judge {
     enum tetlod_status status;
 };
 
+/* A simplex whose turn has come under the exact limit. */
+struct work {
+    struct queue_entry entry;
+    enum { FILED, REFUSED, ALLOWED } outcome; /* it has a key; it waits; it may be contracted, as far as the error goes */
+    double *values, *errors;                  /* [driver_count] */
+    struct sentinel witnesses[8];             /* points that refused candidates */
+    uint32_t witness_count;
+};
+
+/* So many are examined at a time, on as many threads as there are. */
+enum { BATCH = 32 };
+
 struct run {
     const struct simplify_options *options;
     struct simplification *out;
@@ -44,8 +62,13 @@ struct run {
     struct judge *judges; /* [judge_count]; the first is the one that contracts */
     unsigned judge_count;
     struct queue queue, waiting;
+    struct queue fresh;         /* of the exact limit: simplices that are not evaluated yet */
+    struct work *works;         /* [BATCH] */
+    double batch_key;           /* the least in the queue behind the batch */
+    double *work_values;        /* [BATCH][2][driver_count] values and errors */
     double limit;               /* of the current rung */
     double moved;               /* running maximum of how far the boundary moved */
+    double chance;              /* what the estimate of an error may be above it to have a chance under the exact limit */
     double *certified, *predicted; /* [driver_count] running maxima */
     double *assigned;              /* [driver_count] of the contraction at hand, as is its outcome */
     struct outcome *outcome;
@@ -124,12 +147,12 @@ static enum tetlod_status try_all(const struct run *run, struct judge *judge, co
 }
 
 /* The values that they have assigned to the drivers at the first of them. */
-static void take_assigned(const struct run *run, const struct judge *judge)
+static void take_assigned(const struct run *run, const struct judge *judge, double *values)
 {
     if (run->options->metric == METRIC_MEASURED)
-        samples_assigned(&judge->sampler, run->fields, 0, run->assigned);
+        samples_assigned(&judge->sampler, run->fields, 0, values);
     else
-        metric_assigned(&judge->scratch, run->fields, 0, run->assigned);
+        metric_assigned(&judge->scratch, run->fields, 0, values);
 }
 
 /* Lets the boundary have its say on a trial that the fields allow: it may forbid it, or demand more of the values. */
@@ -171,7 +194,8 @@ static enum tetlod_status best_candidate(const struct run *run, struct judge *ju
             entry->refused |= UINT32_C(1) << c;
             continue;
         }
-        trials[c].error = is_exact(run) ? 0 : trials[c].error; // the exact limit is looked at only when its turn comes
+        if (is_exact(run)) // it is asked only when the candidate's turn comes, if that has a chance
+            trials[c].error = metric_has_quadrics(run->options->metric) ? trials[c].error / run->chance : 0;
         if (trials[c].error <= run->limit)
             ask_boundary(run, judge, entry, &trials[c], c);
         *out_error = smaller(*out_error, trials[c].error);
@@ -285,9 +309,11 @@ static enum tetlod_status file_simplex(struct run *run, uint32_t v, const uint32
             entry.vertices[at] = entry.vertices[at - 1];
         entry.vertices[at] = others[i];
     }
-    if (!first)
+    if (!first && !is_exact(run))
         return evaluate_and_file(run, &entry);
-    return entry.vertices[0] == v && contractible(run, &entry) ? file(run, &entry, false) : TETLOD_OK;
+    if (!first && contractible(run, &entry) && !queue_append(&run->fresh, &entry))
+        return tetlodi_fail_nomem(run->error, "the queue", run->fresh.capacity * sizeof entry);
+    return first && entry.vertices[0] == v && contractible(run, &entry) ? file(run, &entry, false) : TETLOD_OK;
 }
 
 static enum tetlod_status list_edges(struct run *run, uint32_t v, bool first)
@@ -357,93 +383,182 @@ static double rounded_limit(const struct run *run, const struct driver *driver)
     return metric_is_certified(run->options->metric) ? run->limit / driver->weight : INFINITY;
 }
 
-/* The exact limit refuses a fresh entry's candidate: the next best one's turn comes, or the entry waits. */
-static enum tetlod_status refuse_candidate(struct run *run, struct queue_entry entry, double bound,
-                                           const uint32_t witness[2])
+/* Where the entry's candidate is, and how far the boundary then has moved in all, by judge->shift. False: it cannot be had. */
+static bool find_place(const struct run *run, struct judge *judge, const struct queue_entry *entry, double p[3],
+                       double *moved)
 {
-    double none;
-    uint32_t first = witness[0] == TETLOD_NONE ? witness[1] : witness[0];
-    entry.refused |= UINT32_C(1) << entry.candidate;
-    entry.bound = smaller(entry.bound, bound);
-    remember_witnesses(&entry, (uint32_t[]){first, witness[1] == TETLOD_NONE ? first : witness[1]});
-    if (best_candidate(run, run->judges, &entry, &none) != TETLOD_OK) {
-        *run->error = run->judges->error;
-        return run->error->status;
-    }
-    bool left = isfinite(entry.value);
-    entry.value = left ? entry.value : entry.bound;
-    return file(run, &entry, left);
-}
-
-/* Asks the exact limit about the star of the first judge; *out_filed: it refuses, and the entry is dealt with. */
-static enum tetlod_status examine(struct run *run, const struct queue_entry *entry, const double p[3], bool *out_filed)
-{
-    struct judge *judge = run->judges;
-    struct finding finding;
-    TETLOD_TRY(exact_take_up(&judge->examiner, &run->overlaps, run->complex, run->fields, &judge->star, run->error));
-    TETLOD_TRY(exact_examine(&judge->examiner, &run->overlaps, run->complex, run->fields, &judge->star, p, run->assigned,
-                             run->limit, EXACT_HORIZON * run->limit, &finding, run->error));
-    *out_filed = !finding.allowed;
-    if (*out_filed)
-        return refuse_candidate(run, *entry, finding.error, finding.witness);
-    for (uint32_t d = 0; d < run->fields->driver_count; d++)
-        run->assigned[d] = judge->examiner.chosen[d];
-    return exact_contract(&judge->examiner, &run->overlaps, run->complex, &judge->star, run->error);
-}
-
-/* Does a fresh entry, unless a check that is made only now refuses it. */
-static enum tetlod_status contract(struct run *run, const struct queue_entry *entry)
-{
-    uint32_t v = entry->vertices[0];
-    double p[3];
-    bool holds;
-    struct star *star = &run->judges->star;
-    struct shift *shift = &run->judges->shift;
-    TETLOD_TRY(star_gather(star, run->complex, entry->vertices, vertex_count(entry), run->error));
+    const struct star *star = &judge->star;
     if (entry->candidate < candidates_count(star->simplex_count, run->options->candidates))
         candidate_position(run->complex, star, entry->candidate, p);
     else if (!optimum_position(run, star, p))
-        return refuse(run, *entry, INFINITY);
-    double moved = boundary_moves(&run->boundary, run->complex, star, p, shift);
-    if (!(moved <= run->boundary.limit) || !star_fits(star, run->complex, p))
-        return refuse(run, *entry, INFINITY);
-    TETLOD_TRY(star_link_condition(star, run->complex, &holds, run->error));
-    if (!holds)
-        return refuse(run, *entry, INFINITY);
-    struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
-    if (try_all(run, run->judges, shift, is_exact(run) ? INFINITY : run->limit, &trial, 1) != TETLOD_OK) {
-        *run->error = run->judges->error;
-        return run->error->status;
-    }
-    if (run->options->metric == METRIC_MEASURED && (!trial.possible || trial.error > run->limit))
-        return refuse(run, *entry, trial.possible ? trial.error : INFINITY);
-    take_assigned(run, run->judges);
-    bool filed = false;
-    if (is_exact(run))
-        TETLOD_TRY(examine(run, entry, p, &filed));
-    if (filed)
-        return TETLOD_OK;
-    fields_outcome(run->fields, run->complex, star, shift, p, run->assigned, run->outcome);
-    double certified = outcome_error(run->fields, run->outcome);
-    if (metric_is_certified(run->options->metric) && !is_exact(run) && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
-        return refuse(run, *entry, certified);
+        return false;
+    *moved = boundary_moves(&run->boundary, run->complex, star, p, &judge->shift);
+    return *moved <= run->boundary.limit && star_fits(star, run->complex, p);
+}
+
+/* Contracts what all checks have accepted; `errors` are what the drivers' are certified to be. */
+static enum tetlod_status perform(struct run *run, const struct star *star, const double p[3], double moved,
+                                  const double *errors)
+{
+    uint32_t v = star->simplex[0];
     fields_contract(run->fields, run->complex, star, p, run->outcome);
-    if (run->options->metric == METRIC_MEASURED)
-        samples_contract(&run->samples, &run->judges->sampler, run->fields, star, trial.error);
     TETLOD_TRY(complex_contract(run->complex, star, p, run->error));
     boundary_update(&run->boundary, run->complex, v, moved);
     run->moved = larger(run->moved, moved);
     for (uint32_t d = 0; d < run->fields->driver_count; d++) {
         const struct driver *driver = &run->fields->drivers[d];
-        double above = driver->upper[v] - run->outcome[d].value, below = run->outcome[d].value - driver->lower[v];
-        double most = is_exact(run) ? run->judges->examiner.errors[d] : larger(above, below);
-        double certain = smaller(most * driver->scale, rounded_limit(run, driver));
+        double certain = smaller(errors[d] * driver->scale, rounded_limit(run, driver));
         run->certified[d] = larger(run->certified[d], smaller(certain, 1)); // values never leave the range
         run->predicted[d] = fmax(run->predicted[d], driver->predicted[v] * driver->scale);
     }
     if (star->still)
         TETLOD_TRY(thaw(run, v));
     return list_simplices(run, v, false);
+}
+
+/* Does a fresh entry, unless a check that is made only now refuses it. */
+static enum tetlod_status contract(struct run *run, const struct queue_entry *entry)
+{
+    double p[3], moved;
+    bool holds;
+    struct judge *judge = run->judges;
+    struct star *star = &judge->star;
+    TETLOD_TRY(star_gather(star, run->complex, entry->vertices, vertex_count(entry), run->error));
+    if (!find_place(run, judge, entry, p, &moved))
+        return refuse(run, *entry, INFINITY);
+    TETLOD_TRY(star_link_condition(star, run->complex, &holds, run->error));
+    if (!holds)
+        return refuse(run, *entry, INFINITY);
+    struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
+    if (try_all(run, judge, &judge->shift, run->limit, &trial, 1) != TETLOD_OK) {
+        *run->error = judge->error;
+        return run->error->status;
+    }
+    if (run->options->metric == METRIC_MEASURED && (!trial.possible || trial.error > run->limit))
+        return refuse(run, *entry, trial.possible ? trial.error : INFINITY);
+    take_assigned(run, judge, run->assigned);
+    fields_outcome(run->fields, run->complex, star, &judge->shift, p, run->assigned, run->outcome);
+    double certified = outcome_error(run->fields, run->outcome);
+    if (metric_is_certified(run->options->metric) && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
+        return refuse(run, *entry, certified);
+    if (run->options->metric == METRIC_MEASURED)
+        samples_contract(&run->samples, &judge->sampler, run->fields, star, trial.error);
+    for (uint32_t d = 0; d < run->fields->driver_count; d++)
+        run->assigned[d] = larger(run->outcome[d].upper - run->outcome[d].value,
+                                  run->outcome[d].value - run->outcome[d].lower);
+    return perform(run, star, p, moved, run->assigned);
+}
+
+/* ---- the exact limit */
+
+/* The values that the metric would give the drivers at p. */
+static enum tetlod_status find_values(const struct run *run, struct judge *judge, const double p[3], double *values)
+{
+    struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
+    TETLOD_TRY(try_all(run, judge, &judge->shift, INFINITY, &trial, 1));
+    take_assigned(run, judge, values);
+    return TETLOD_OK;
+}
+
+/* The entry's candidate is refused; its next best is chosen. *out_left: there is one. */
+static enum tetlod_status next_candidate(const struct run *run, struct judge *judge, struct queue_entry *entry,
+                                         const struct finding *finding, bool *out_left)
+{
+    double estimate;
+    uint32_t a = finding->witness[0].tet, b = finding->witness[1].tet;
+    entry->refused |= UINT32_C(1) << entry->candidate;
+    entry->bound = smaller(entry->bound, finding->error);
+    remember_witnesses(entry, (uint32_t[]){a == TETLOD_NONE ? b : a, b == TETLOD_NONE ? a : b});
+    TETLOD_TRY(best_candidate(run, judge, entry, &estimate));
+    entry->bound = smaller(entry->bound, estimate);
+    *out_left = isfinite(entry->value);
+    return TETLOD_OK;
+}
+
+/* Examines a fresh entry's candidates, best first, until one is allowed or it is not its turn any more. Changes nothing but the judge and the work. */
+static enum tetlod_status examine(const struct run *run, struct judge *judge, struct work *work)
+{
+    struct queue_entry *entry = &work->entry;
+    bool taken_up = false;
+    work->witness_count = 0;
+    TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
+    do {
+        struct finding finding = {.error = INFINITY, .witness = {{.tet = TETLOD_NONE}, {.tet = TETLOD_NONE}}};
+        double p[3], moved;
+        bool left;
+        if (find_place(run, judge, entry, p, &moved)) {
+            TETLOD_TRY(find_values(run, judge, p, work->values));
+            if (!taken_up)
+                TETLOD_TRY(exact_take_up(&judge->examiner, run->complex, run->fields, &judge->star, &judge->error));
+            taken_up = true;
+            TETLOD_TRY(exact_examine(&judge->examiner, &run->overlaps, run->complex, run->fields, &judge->star, p,
+                                     work->values, run->limit, EXACT_HORIZON * run->limit, &finding, &judge->error));
+        } else
+            entry->witness_count = QUEUE_WITNESSES + 1;
+        if (finding.allowed) {
+            memcpy(work->values, judge->examiner.chosen, run->fields->driver_count * sizeof(double));
+            memcpy(work->errors, judge->examiner.errors, run->fields->driver_count * sizeof(double));
+            work->outcome = ALLOWED;
+            return TETLOD_OK;
+        }
+        work->outcome = REFUSED;
+        for (int i = 0; i < 2 && work->witness_count < 8; i++)
+            work->witnesses[work->witness_count++] = finding.witness[i];
+        TETLOD_TRY(next_candidate(run, judge, entry, &finding, &left));
+        if (!left) {
+            entry->value = entry->bound;
+            return TETLOD_OK;
+        }
+    } while (entry->value <= run->batch_key);
+    work->outcome = FILED; // others come before its next candidate
+    return TETLOD_OK;
+}
+
+static void work_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct run *run = context;
+    struct judge *judge = &run->judges[worker];
+    for (size_t i = begin; i < end && judge->status == TETLOD_OK; i++) {
+        struct work *work = &run->works[i];
+        bool allowed;
+        if (!stale(run->complex, &work->entry)) {
+            judge->status = examine(run, judge, work);
+            continue;
+        }
+        work->witness_count = 0;
+        judge->status = evaluate(run, judge, &work->entry, &allowed);
+        work->outcome = allowed ? FILED : REFUSED;
+    }
+}
+
+/* Contracts an entry that was allowed, if nothing else of its batch is in the way. */
+static enum tetlod_status contract_exactly(struct run *run, const struct work *work)
+{
+    double p[3], moved;
+    bool holds;
+    struct star *star = &run->judges->star;
+    const struct queue_entry *entry = &work->entry;
+    if (obsolete(run->complex, entry))
+        return TETLOD_OK;
+    if (stale(run->complex, entry))
+        return file(run, entry, true);
+    TETLOD_TRY(star_gather(star, run->complex, entry->vertices, vertex_count(entry), run->error));
+    TETLOD_TRY(star_link_condition(star, run->complex, &holds, run->error));
+    if (!holds || !find_place(run, run->judges, entry, p, &moved))
+        return refuse(run, *entry, INFINITY);
+    fields_outcome(run->fields, run->complex, star, &run->judges->shift, p, work->values, run->outcome);
+    TETLOD_TRY(exact_contract(&run->judges->examiner, &run->overlaps, run->complex, star, p, run->error));
+    return perform(run, star, p, moved, work->errors);
+}
+
+static enum tetlod_status first_failure(struct run *run)
+{
+    for (unsigned j = 0; j < run->judge_count; j++)
+        if (run->judges[j].status != TETLOD_OK) {
+            *run->error = run->judges[j].error;
+            return run->judges[j].status;
+        }
+    return TETLOD_OK;
 }
 
 /* ---- marks and rungs */
@@ -515,7 +630,7 @@ static enum tetlod_status climb(struct run *run)
     return TETLOD_OK;
 }
 
-enum verdict { STAYS, LOOK, ALLOWED };
+enum verdict { STAYS, LOOK, MOVES };
 
 struct rescan {
     struct run *run;
@@ -531,7 +646,7 @@ static void rescan_range(void *context, unsigned worker, size_t begin, size_t en
         bool allowed = false;
         if (rescan->verdicts[i] == LOOK)
             judge->status = evaluate(rescan->run, judge, &rescan->entries[i], &allowed);
-        rescan->verdicts[i] = allowed ? ALLOWED : STAYS;
+        rescan->verdicts[i] = allowed ? MOVES : STAYS;
     }
 }
 
@@ -553,26 +668,74 @@ static enum tetlod_status rescan(struct run *run, bool *out_any)
         waiting.entries[kept++] = *entry;
     }
     parallel_for(run->judge_count, kept, 512, rescan_range, &rescan);
-    for (unsigned j = 0; j < run->judge_count && status == TETLOD_OK; j++)
-        if ((status = run->judges[j].status) != TETLOD_OK)
-            *run->error = run->judges[j].error;
+    status = first_failure(run);
     run->waiting.count = 0; // what still waits is put back over what has been read
     for (size_t i = 0; i < kept && status == TETLOD_OK; i++)
-        status = file(run, &waiting.entries[i], rescan.verdicts[i] == ALLOWED);
+        status = file(run, &waiting.entries[i], rescan.verdicts[i] == MOVES);
     free(rescan.verdicts);
     *out_any = run->queue.count > 0;
     return status;
 }
 
+/* Gives the simplices that the last contractions have made their keys. */
+static enum tetlod_status file_fresh(struct run *run)
+{
+    struct queue *fresh = &run->fresh;
+    struct rescan rescan = {run, fresh->entries, array_new(fresh->count, 1)};
+    enum tetlod_status status;
+    if (!rescan.verdicts)
+        return tetlodi_fail_nomem(run->error, "the queue", fresh->count);
+    memset(rescan.verdicts, LOOK, fresh->count);
+    parallel_for(run->judge_count, fresh->count, 16, rescan_range, &rescan);
+    status = first_failure(run);
+    for (size_t i = 0; i < fresh->count && status == TETLOD_OK; i++)
+        status = file(run, &fresh->entries[i], rescan.verdicts[i] == MOVES);
+    fresh->count = 0;
+    free(rescan.verdicts);
+    return status;
+}
+
+/* The same under the exact limit: it is asked about a batch at a time. */
+static enum tetlod_status climb_exactly(struct run *run)
+{
+    while (run->queue.count && !finished(run)) {
+        size_t count = 0;
+        while (run->queue.count && count < BATCH) {
+            run->works[count].entry = queue_pop(&run->queue);
+            count += !obsolete(run->complex, &run->works[count].entry);
+        }
+        run->batch_key = run->queue.count ? run->queue.entries[0].value : INFINITY;
+        parallel_for(run->judge_count, count, 1, work_range, run);
+        TETLOD_TRY(first_failure(run));
+        for (size_t i = 0; i < count; i++) {
+            uint32_t before = run->complex->contraction_count;
+            for (uint32_t k = 0; k < run->works[i].witness_count; k++)
+                overlaps_watch(&run->overlaps, &run->works[i].witnesses[k]);
+            if (run->works[i].outcome == ALLOWED && !finished(run))
+                TETLOD_TRY(contract_exactly(run, &run->works[i]));
+            else
+                TETLOD_TRY(file(run, &run->works[i].entry, run->works[i].outcome != REFUSED));
+            if (run->complex->contraction_count == before)
+                continue;
+            TETLOD_TRY(report(run));
+            if (shrunk_since_mark(run) >= run->options->growth)
+                TETLOD_TRY(mark(run));
+        }
+        TETLOD_TRY(file_fresh(run));
+    }
+    return TETLOD_OK;
+}
+
 /* One rung: contract, look again, until nothing moves any more. */
-static enum tetlod_status rung(struct run *run, double limit)
+static enum tetlod_status rung(struct run *run, double limit, bool named)
 {
     bool any;
     run->limit = limit;
+    run->chance = named ? CHANCE_NAMED : CHANCE;
     TETLOD_TRY(rescan(run, &any));
     for (int round = 0; any && !finished(run) && round < 4; round++) {
         uint32_t before = run->complex->contraction_count;
-        TETLOD_TRY(climb(run));
+        TETLOD_TRY(is_exact(run) ? climb_exactly(run) : climb(run));
         if (run->complex->contraction_count == before)
             break;
         TETLOD_TRY(rescan(run, &any));
@@ -607,7 +770,7 @@ static enum tetlod_status run_ladder(struct run *run)
     for (uint32_t v = 0; v < run->complex->vertex_count; v++)
         TETLOD_TRY(list_simplices(run, v, true));
     for (;;) {
-        TETLOD_TRY(rung(run, limit));
+        TETLOD_TRY(rung(run, limit, named));
         double shrunk = shrunk_since_mark(run);
         if (shrunk > (named ? 1 : sqrt(run->options->growth)))
             TETLOD_TRY(mark(run));
@@ -634,6 +797,20 @@ static enum tetlod_status make_judges(struct run *run)
     return TETLOD_OK;
 }
 
+static enum tetlod_status make_works(struct run *run, const struct tetmesh *mesh)
+{
+    size_t drivers = run->fields->driver_count;
+    run->works = array_zero(BATCH, sizeof *run->works);
+    run->work_values = array_new(2 * BATCH * drivers, sizeof *run->work_values);
+    if (!run->works || !run->work_values)
+        return tetlodi_fail_nomem(run->error, "the works", BATCH * (sizeof *run->works + 16 * drivers));
+    for (size_t i = 0; i < BATCH; i++) {
+        run->works[i].values = run->work_values + 2 * i * drivers;
+        run->works[i].errors = run->works[i].values + drivers;
+    }
+    return overlaps_init(&run->overlaps, mesh, run->error);
+}
+
 static void free_judges(struct run *run)
 {
     for (unsigned j = 0; j < run->judge_count && run->judges; j++) {
@@ -658,7 +835,7 @@ enum tetlod_status simplify(struct simplification *out, const struct tetmesh *me
         TETLOD_TRY_DONE(fields_init_quadrics(&out->fields, &out->complex, options->metric == METRIC_QUADRIC, error));
     TETLOD_TRY_DONE(boundary_init(&run.boundary, &out->complex, options->boundary_angle, options->boundary_limit, error));
     if (options->certify == CERTIFY_EXACT)
-        TETLOD_TRY_DONE(overlaps_init(&run.overlaps, mesh, error));
+        TETLOD_TRY_DONE(make_works(&run, mesh));
     if (options->metric == METRIC_MEASURED)
         TETLOD_TRY_DONE(samples_init(&run.samples, mesh, &out->complex, &out->fields, error));
     TETLOD_TRY_DONE(make_judges(&run));
@@ -676,6 +853,9 @@ done:
     free_judges(&run);
     queue_fini(&run.queue);
     queue_fini(&run.waiting);
+    queue_fini(&run.fresh);
+    free(run.works);
+    free(run.work_values);
     free(run.certified);
     free(run.outcome);
     free(run.link);

@@ -105,7 +105,7 @@ static bool pick(struct world *world)
 static struct finding examine(struct world *world, double wanted, double limit)
 {
     struct finding finding = {.error = NAN};
-    if (exact_take_up(&world->examiner, &world->overlaps, &world->complex, &world->fields, &world->star, NULL) != TETLOD_OK ||
+    if (exact_take_up(&world->examiner, &world->complex, &world->fields, &world->star, NULL) != TETLOD_OK ||
         exact_examine(&world->examiner, &world->overlaps, &world->complex, &world->fields, &world->star, world->p, &wanted,
                       limit, INFINITY, &finding, NULL) != TETLOD_OK)
         TEST_FAIL("out of memory");
@@ -114,7 +114,7 @@ static struct finding examine(struct world *world, double wanted, double limit)
 
 static void contract(struct world *world, struct outcome *outcome)
 {
-    CHECK_INT(exact_contract(&world->examiner, &world->overlaps, &world->complex, &world->star, NULL), TETLOD_OK);
+    CHECK_INT(exact_contract(&world->examiner, &world->overlaps, &world->complex, &world->star, world->p, NULL), TETLOD_OK);
     fields_contract(&world->fields, &world->complex, &world->star, world->p, outcome);
     CHECK_INT(complex_contract(&world->complex, &world->star, world->p, NULL), TETLOD_OK);
     boundary_update(&world->boundary, &world->complex, world->star.simplex[0], 0);
