@@ -44,3 +44,18 @@ const double *candidates_weights(uint32_t vertices, uint32_t candidate)
 {
     return vertices == 2 ? on_edge[candidate] : vertices == 3 ? on_face[candidate] : on_tet[candidate];
 }
+
+void candidate_position(const struct complex *complex, const struct star *star, uint32_t candidate, double p[3])
+{
+    const double *weights = candidates_weights(star->simplex_count, candidate);
+    const double *first = complex->positions + 3 * (size_t)star->simplex[0];
+    p[0] = p[1] = p[2] = 0;
+    for (uint32_t s = 0; s < star->simplex_count; s++) {
+        const double *at = complex->positions + 3 * (size_t)star->simplex[s];
+        for (int i = 0; i < 3; i++)
+            p[i] = weights[s] == 1 ? at[i] : p[i] + weights[s] * (at[i] - first[i]) + (s ? 0 : first[i]);
+        if (weights[s] == 1)
+            return;
+    }
+    complex_round_position(complex, p);
+}

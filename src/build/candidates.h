@@ -3,7 +3,7 @@
 #ifndef TETLOD_CANDIDATES_H
 #define TETLOD_CANDIDATES_H
 
-#include <stdint.h>
+#include "src/build/complex.h"
 
 enum { MOST_CANDIDATES = 19, MOST_TRIALS = MOST_CANDIDATES + 1 }; /* one more: a metric's own optimum */
 
@@ -13,5 +13,8 @@ uint32_t candidates_count(uint32_t vertices, uint32_t wanted);
 
 /* The weights of one of them. */
 const double *candidates_weights(uint32_t vertices, uint32_t candidate);
+
+/* A candidate's position, as the mesh's type can hold it. At a vertex it is the vertex, bit for bit. */
+void candidate_position(const struct complex *complex, const struct star *star, uint32_t candidate, double p[3]);
 
 #endif

@@ -7,7 +7,8 @@
 
 #include "format/fail.h"
 #include "src/build/exact.h"
-#include "src/build/queue.h"
+#include "src/build/entry.h"
+#include "src/build/ladder.h"
 #include "src/build/samples.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
@@ -82,22 +83,6 @@ static bool is_exact(const struct run *run)
     return run->options->certify == CERTIFY_EXACT;
 }
 
-/* A candidate's position, as the mesh's type can hold it. At a vertex it is the vertex, bit for bit. */
-static void candidate_position(const struct complex *complex, const struct star *star, uint32_t candidate, double p[3])
-{
-    const double *weights = candidates_weights(star->simplex_count, candidate);
-    const double *first = complex->positions + 3 * (size_t)star->simplex[0];
-    p[0] = p[1] = p[2] = 0;
-    for (uint32_t s = 0; s < star->simplex_count; s++) {
-        const double *at = complex->positions + 3 * (size_t)star->simplex[s];
-        for (int i = 0; i < 3; i++)
-            p[i] = weights[s] == 1 ? at[i] : p[i] + weights[s] * (at[i] - first[i]) + (s ? 0 : first[i]);
-        if (weights[s] == 1)
-            return;
-    }
-    complex_round_position(complex, p);
-}
-
 /* The metric's own optimum for a simplex inside the domain, near enough to it to be worth a trial. It is tried behind the
  * candidates. */
 static bool optimum_position(const struct run *run, const struct star *star, double p[3])
@@ -118,20 +103,6 @@ static bool optimum_position(const struct run *run, const struct star *star, dou
         reach2 = larger(reach2, distance_squared(at, complex->positions + 3 * (size_t)star->simplex[0]));
     }
     return far2 < 9 * reach2;
-}
-
-/* A simplex waits for all its candidates' witnesses; too many make the whole unknown. A candidate that the boundary forbids
- * has none: it stays forbidden. */
-static void remember_witnesses(struct queue_entry *entry, const uint32_t witness[2])
-{
-    if (witness[0] == TETLOD_NONE)
-        return;
-    if (entry->witness_count + 2 > QUEUE_WITNESSES) {
-        entry->witness_count = QUEUE_WITNESSES + 1;
-        return;
-    }
-    entry->witness[entry->witness_count++] = witness[0];
-    entry->witness[entry->witness_count++] = witness[1];
 }
 
 /* Errors of trials on the judge's star. */
@@ -209,14 +180,6 @@ static enum tetlod_status best_candidate(const struct run *run, struct judge *ju
     return TETLOD_OK;
 }
 
-static uint32_t vertex_count(const struct queue_entry *entry)
-{
-    uint32_t count = 2;
-    while (count < 4 && entry->vertices[count] != TETLOD_NONE)
-        count++;
-    return count;
-}
-
 /* Frozen vertices only with vertices at the same point, under the envelope: that needs no interpolant (PROOF.md, 6). */
 static bool contractible(const struct run *run, const struct queue_entry *entry)
 {
@@ -266,34 +229,6 @@ static enum tetlod_status evaluate_and_file(struct run *run, struct queue_entry 
         return run->judges->error.status;
     }
     return file(run, entry, allowed);
-}
-
-/* An entry is obsolete when a vertex is gone or was made anew since (its simplices were filed again then). */
-static bool obsolete(const struct complex *complex, const struct queue_entry *entry)
-{
-    for (uint32_t i = 0; i < 4 && entry->vertices[i] != TETLOD_NONE; i++)
-        if (!complex_alive(complex, entry->vertices[i]) || complex->born[entry->vertices[i]] > entry->stamp)
-            return true;
-    return false;
-}
-
-static bool stale(const struct complex *complex, const struct queue_entry *entry)
-{
-    for (uint32_t i = 0; i < 4 && entry->vertices[i] != TETLOD_NONE; i++)
-        if (complex->changed[entry->vertices[i]] > entry->stamp)
-            return true;
-    return false;
-}
-
-/* Could what kept an entry waiting have changed? */
-static bool may_have_eased(const struct complex *complex, const struct queue_entry *entry)
-{
-    if (!stale(complex, entry))
-        return false;
-    bool eased = entry->witness_count > QUEUE_WITNESSES;
-    for (uint32_t i = 0; i < entry->witness_count && !eased; i++)
-        eased = complex->tet_changed[entry->witness[i]] > entry->stamp;
-    return eased;
 }
 
 /* ---- which simplices there are */
@@ -741,25 +676,6 @@ static enum tetlod_status rung(struct run *run, double limit, bool named)
         TETLOD_TRY(rescan(run, &any));
     }
     return TETLOD_OK;
-}
-
-/* The ladder: 1, 2, 5 of every decade with four steps between, from 10^-6 to 1; the last is the greatest error asked for. */
-static double next_limit(double limit, double most, bool *out_named)
-{
-    enum { STEPS = 5 };
-    static const double named[4] = {1, 2, 5, 10};
-    double decade = pow(10, floor(log10(limit * (1 + 1e-9)))), next = 0;
-    *out_named = false;
-    for (int i = 0; i < 3 && !next; i++)
-        for (int k = 1; k <= STEPS && !next; k++) {
-            double step = named[i] * decade * pow(named[i + 1] / named[i], (double)k / STEPS);
-            if (step > limit * (1 + 1e-6)) {
-                next = k == STEPS ? named[i + 1] * decade : step;
-                *out_named = k == STEPS;
-            }
-        }
-    *out_named |= next >= most;
-    return fmin(next, most);
 }
 
 static enum tetlod_status run_ladder(struct run *run)
