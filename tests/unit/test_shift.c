@@ -1,0 +1,113 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The map between a star's old and new boundary, on a pyramid that is flattened and on curved samples. */
+#include "src/build/shift.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "src/mesh/tet_geom.h"
+#include "src/sample/sample.h"
+#include "tests/gen.h"
+#include "tests/test.h"
+
+/* A square with a raised middle, over a point below: contracting the middle to a corner leaves the flat square. */
+static void test_pyramid(void)
+{
+    double positions[] = {0, 0, 0.25, 1, 1, 0, -1, 1, 0, -1, -1, 0, 1, -1, 0, 0, 0, -1};
+    uint32_t corners[] = {0, 1, 2, 5, 0, 2, 3, 5, 0, 3, 4, 5, 0, 4, 1, 5};
+    struct tetmesh mesh = {.vertex_count = 6, .tet_count = 4, .position_type = TETLOD_FLOAT64, .positions = positions,
+                           .corners = corners};
+    struct complex complex;
+    struct star star = {0};
+    static struct shift shift;
+    double values[6] = {7, 3, 2, 5, 2, 0};
+    REQUIRE(complex_init(&complex, &mesh, NULL) == TETLOD_OK);
+    REQUIRE(star_gather(&star, &complex, (uint32_t[]){0, 1}, 2, NULL) == TETLOD_OK);
+    REQUIRE(shift_map(&shift, &complex, &star, positions + 3, 0.5));
+    CHECK_INT(shift.count, 1); // the middle, half way along the new edge from corner 1 to corner 3
+    CHECK_NEAR(shift.points[0].apex, 0.5, 1e-12);
+    CHECK_NEAR(shift.points[0].distance, 0.25, 1e-12);
+    CHECK_NEAR(shift_least(&shift, values, 0), 9, 1e-12);      // (9 + 5) / 2 is the 7 that was there
+    CHECK_NEAR(shift_least(&shift, values, 4), 11, 1e-12);     // and (11 + 5) / 2 is 1 more
+    CHECK_NEAR(shift_greatest(&shift, values), 9, 1e-12);
+    CHECK(shift_least(&shift, values, 0) >= 9 && shift_greatest(&shift, values) <= 9);
+    CHECK(!shift_map(&shift, &complex, &star, positions + 3, 0.99)); // the faces turn by 14 degrees
+    star_fini(&star);
+    complex_fini(&complex);
+}
+
+/* Of the points of a map of a curved boundary: both ends are convex combinations, the distance is that between them, and the bounds
+ * are the least that do. */
+static void check_points(const struct shift *shift, const struct complex *complex, const double p[3], uint64_t *random)
+{
+    double *values = malloc(complex->vertex_count * sizeof *values);
+    REQUIRE(values);
+    for (uint32_t v = 0; v < complex->vertex_count; v++)
+        values[v] = (double)(gen_random(random) >> 11) * 0x1p-53;
+    double least = shift_least(shift, values, 0.5), tightest = INFINITY;
+    for (uint32_t i = 0; i < shift->count; i++) {
+        const struct shift_point *at = &shift->points[i];
+        double from[4] = {0, 0, 0, 0}, to[4] = {p[0] * at->apex, p[1] * at->apex, p[2] * at->apex, least * at->apex};
+        double sums[2] = {0, at->apex}, distance2 = 0;
+        for (int k = 0; k < 5; k++) {
+            uint32_t v = k < 3 ? at->from[k] : at->to[k - 3];
+            double weight = k < 3 ? at->from_weights[k] : at->to_weights[k - 3], *sum = k < 3 ? from : to;
+            CHECK(weight >= -1e-12);
+            sums[k >= 3] += weight;
+            for (int d = 0; d < 3; d++)
+                sum[d] += weight * complex->positions[3 * v + (uint32_t)d];
+            sum[3] += weight * values[v];
+        }
+        for (int d = 0; d < 3; d++)
+            distance2 += (to[d] - from[d]) * (to[d] - from[d]);
+        CHECK(at->apex > 0);
+        CHECK_NEAR(sums[0], 1, 1e-12);
+        CHECK_NEAR(sums[1], 1, 1e-12);
+        CHECK_NEAR(at->distance, sqrt(distance2), 1e-9);
+        CHECK(to[3] >= from[3] + 0.5 * at->distance - 1e-12);
+        tightest = smaller(tightest, to[3] - from[3] - 0.5 * at->distance);
+    }
+    CHECK(!shift->count || tightest < 1e-9);
+    free(values);
+}
+
+static void test_curved(void)
+{
+    static const char *const names[] = {"torus", "shell"};
+    static struct shift shift;
+    for (int i = 0; i < 2; i++) {
+        struct tetmesh mesh = {0};
+        struct complex complex;
+        struct star star = {0};
+        uint64_t random = 3;
+        uint32_t mapped = 0, crossed = 0;
+        REQUIRE(sample_find(names[i])->make(&mesh, 4, NULL) == TETLOD_OK);
+        REQUIRE(complex_init(&complex, &mesh, NULL) == TETLOD_OK);
+        for (uint32_t t = 0; t < mesh.tet_count; t++)
+            for (unsigned f = 0; f < 4; f++) {
+                if (!complex_boundary_face(&complex, t, f))
+                    continue;
+                uint32_t a = mesh.corners[4 * t + tet_faces[f][t % 3]], b = mesh.corners[4 * t + tet_faces[f][(t + 1) % 3]];
+                double p[3], half = t % 2 ? 0.5 : 0;
+                for (uint32_t d = 0; d < 3; d++)
+                    p[d] = mesh.positions[3 * a + d] + half * (mesh.positions[3 * b + d] - mesh.positions[3 * a + d]);
+                REQUIRE(star_gather(&star, &complex, (uint32_t[]){a, b}, 2, NULL) == TETLOD_OK);
+                if (!shift_map(&shift, &complex, &star, p, 0.5))
+                    continue;
+                mapped++;
+                crossed += shift.count > 3;
+                check_points(&shift, &complex, p, &random);
+            }
+        CHECK(mapped > 100 && crossed > 50);
+        star_fini(&star);
+        complex_fini(&complex);
+        tetmesh_fini(&mesh);
+    }
+}
+
+int main(void)
+{
+    RUN(test_pyramid);
+    RUN(test_curved);
+    return test_end();
+}
