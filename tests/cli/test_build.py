@@ -4,7 +4,6 @@
 import hashlib
 import json
 import os
-import signal
 import struct
 import subprocess
 import time
@@ -379,24 +378,26 @@ def determinism():
 
 
 def killed():
-    """A build that is killed leaves nothing in its folder, and what was there before stays."""
+    """A build that is killed leaves its folder as it was, or, killed while it ends, with the whole new stream: never anything else."""
     os.makedirs(path('kill'), exist_ok=True)
     tetlod('sample', 'cube', '--size', '12' if CONFIG == 'release' else '6', '-o', 'big.vtu')
+    tetlod('build', 'big.vtu', '-o', 'whole.tetlod', '--quiet')
+    whole = open(path('whole.tetlod'), 'rb').read()
     for name, older in ('a killed build leaves no file', None), ('a killed build leaves the older file', b'older'):
         problems, stopped = [], 0
         for delay in .02, .1, .2, .4, .8:
+            if os.path.exists(path('kill/out.tetlod')):
+                os.remove(path('kill/out.tetlod'))
             if older:
                 open(path('kill/out.tetlod'), 'wb').write(older)
             build = subprocess.Popen([TETLOD, 'build', '../big.vtu', '-o', 'out.tetlod', '--quiet'], cwd=path('kill'))
             time.sleep(delay)
             build.kill()
-            if build.wait() != -signal.SIGKILL:  # it was faster
-                os.remove(path('kill/out.tetlod'))
-                continue
-            stopped += 1
-            left = os.listdir(path('kill'))
-            if left != (['out.tetlod'] if older else []) or older and open(path('kill/out.tetlod'), 'rb').read() != older:
-                problems.append((delay, left))
+            build.wait()
+            left = {file: open(path('kill/' + file), 'rb').read() for file in os.listdir(path('kill'))}
+            stopped += left.get('out.tetlod') == older
+            if left not in ({'out.tetlod': older} if older else {}, {'out.tetlod': whole}):
+                problems.append((delay, {file: len(bytes) for file, bytes in left.items()}))
         report(name, stopped > 0 and not problems, (stopped, problems))
 
 
