@@ -3,29 +3,23 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/triangle.h"
+#include "src/mesh/vector.h"
 #include "src/util/array.h"
 
 static const double degree = 3.14159265358979323846 / 180;
-
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 
 /* The unit normal of the triangle; false if it has no area. */
 static bool triangle_normal(const double *p, const double *q, const double *r, double out[3])
 {
     double a[3], b[3];
-    for (int i = 0; i < 3; i++) {
-        a[i] = q[i] - p[i];
-        b[i] = r[i] - p[i];
-    }
-    for (int i = 0; i < 3; i++)
-        out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+    subtract(q, p, a);
+    subtract(r, p, b);
+    cross(a, b, out);
     double length = sqrt(dot(out, out));
     if (!(length * length > 1e-24 * dot(a, a) * dot(b, b)))
         return false;
@@ -69,10 +63,10 @@ static void classify(struct boundary *boundary, const struct complex *complex, u
             if (!face_normal(complex, tets[i], f, normal) || !join_group(boundary, groups, &count, normal))
                 return;
         }
-    for (int i = 0; i < 3; i++)
-        direction[i] = count == 1 ? groups[0][i]
-                                  : groups[0][(i + 1) % 3] * groups[1][(i + 2) % 3] -
-                                        groups[0][(i + 2) % 3] * groups[1][(i + 1) % 3];
+    if (count == 1)
+        memcpy(direction, groups[0], sizeof direction);
+    else
+        cross(groups[0], groups[1], direction);
     double length = sqrt(dot(direction, direction));
     if (!(length > 0))
         return;

@@ -8,6 +8,7 @@
 
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
+#include "src/mesh/vector.h"
 #include "src/util/array.h"
 
 /* A star whose rows would be longer in all is left alone: it is no good anyway. */
@@ -280,23 +281,6 @@ enum tetlod_status patch_edges(struct patch *patch, struct tetlod_error *error)
 }
 
 /* ---- looking */
-
-static void subtract(const double *a, const double *b, double out[3])
-{
-    for (int i = 0; i < 3; i++)
-        out[i] = a[i] - b[i];
-}
-
-static void cross(const double a[3], const double b[3], double out[3])
-{
-    for (int i = 0; i < 3; i++)
-        out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
-}
-
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 
 static const double *link_position(const struct patch *patch, const struct complex *complex, uint32_t link)
 {

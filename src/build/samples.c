@@ -7,6 +7,7 @@
 #include "format/fail.h"
 #include "src/build/measure.h"
 #include "src/mesh/tet_geom.h"
+#include "src/mesh/vector.h"
 #include "src/util/array.h"
 
 /* The limit is held by this much more, so that who measures again, in another order of operations, finds it held. */
@@ -42,11 +43,6 @@ struct attempt {
     uint32_t cone_count, cone; /* the one in which the last sample was */
     struct demand *demands;    /* [driver] */
 };
-
-static inline double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 
 /* ---- the samples */
 
@@ -196,8 +192,7 @@ static bool make_cone(struct cone *cone, const struct complex *complex, uint32_t
         }
     for (j = 0; j < 3; j++) {
         const double *u = e[(j + 1) % 3], *v = e[(j + 2) % 3];
-        for (int d = 0; d < 3; d++)
-            cone->rows[j][d] = u[(d + 1) % 3] * v[(d + 2) % 3] - u[(d + 2) % 3] * v[(d + 1) % 3];
+        cross(u, v, cone->rows[j]);
         size2 = larger(size2, larger(dot(u, u), distance_squared(u, v)));
     }
     double volume6 = dot(e[0], cone->rows[0]), inverse = 1 / volume6;

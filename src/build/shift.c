@@ -5,6 +5,7 @@
 #include <math.h>
 
 #include "src/mesh/tet_geom.h"
+#include "src/mesh/vector.h"
 
 /* Faces of both patches are at least this steep: the cosine of their normals with the direction of the map. */
 static const double LEAST_SLOPE = 0.2;
@@ -31,11 +32,6 @@ struct work {
     double direction[3], axes[2][3];
 };
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 static double cross2(const double a[2], const double b[2])
 {
     return a[0] * b[1] - a[1] * b[0];
@@ -51,22 +47,11 @@ static bool same(const double a[3], const double b[3])
     return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
 }
 
-static void normal(const double *p, const double *q, const double *r, double out[3])
-{
-    double a[3], b[3];
-    for (int i = 0; i < 3; i++) {
-        a[i] = q[i] - p[i];
-        b[i] = r[i] - p[i];
-    }
-    for (int i = 0; i < 3; i++)
-        out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
-}
-
 /* The face's normal now, or after the contraction. */
 static void face_normal(const struct work *work, const struct face *face, bool after, double out[3])
 {
-    normal(after ? work->p : position(work, face->corners[0]), position(work, face->corners[1]),
-           position(work, face->corners[2]), out);
+    triangle_cross(after ? work->p : position(work, face->corners[0]), position(work, face->corners[1]),
+                   position(work, face->corners[2]), out);
 }
 
 /* Takes in a boundary face if one of its contracted corners moves. False: too many. */
@@ -143,8 +128,7 @@ static void choose_axes(struct work *work)
     double *u = work->axes[0], *v = work->axes[1], size = sqrt(1 - d[least] * d[least]);
     for (int i = 0; i < 3; i++)
         u[i] = ((i == least) - d[least] * d[i]) / size;
-    for (int i = 0; i < 3; i++)
-        v[i] = d[(i + 1) % 3] * u[(i + 2) % 3] - d[(i + 2) % 3] * u[(i + 1) % 3];
+    cross(d, u, v);
 }
 
 static void flatten(struct work *work)

@@ -7,6 +7,7 @@
 
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
+#include "src/mesh/vector.h"
 #include "src/util/array.h"
 
 /* Barycentric weights of corners 1..3 as linear functions of the vector from corner 0. */
@@ -39,24 +40,16 @@ void cut_grid_cover(struct cut_grid *grid, const double low[3], const double hig
     }
 }
 
-static void cross(const double u[3], const double v[3], double out[3])
-{
-    out[0] = u[1] * v[2] - u[2] * v[1];
-    out[1] = u[2] * v[0] - u[0] * v[2];
-    out[2] = u[0] * v[1] - u[1] * v[0];
-}
-
 /* False for a degenerate tetrahedron. `far` is the largest coordinate, which rounding is relative to. */
 static bool make_frame(struct frame *frame, double far)
 {
     const double *const *p = frame->p;
     double(*gradients)[3] = frame->gradients, edges[3][3];
     for (int c = 0; c < 3; c++)
-        for (int i = 0; i < 3; i++)
-            edges[c][i] = p[c + 1][i] - p[0][i];
+        subtract(p[c + 1], p[0], edges[c]);
     for (int c = 0; c < 3; c++) // the gradient of a weight is normal to the opposite face
         cross(edges[(c + 1) % 3], edges[(c + 2) % 3], gradients[c + 1]);
-    double volume6 = edges[0][0] * gradients[1][0] + edges[0][1] * gradients[1][1] + edges[0][2] * gradients[1][2];
+    double volume6 = dot(edges[0], gradients[1]);
     double size2 = tet_size_squared(p[0], p[1], p[2], p[3]);
     if (!(volume6 * volume6 > TET_DEGENERATE * TET_DEGENERATE * size2 * size2 * size2))
         return false;

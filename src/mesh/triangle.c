@@ -4,11 +4,7 @@
 #include <math.h>
 
 #include "src/mesh/tet_geom.h"
-
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+#include "src/mesh/vector.h"
 
 static double on_segment(const double *p, const double *a, const double *b, double *t)
 {
@@ -38,8 +34,7 @@ double triangle_distance2(const double *p, const double *a, const double *b, con
         v[i] = c[i] - a[i];
         w[i] = p[i] - a[i];
     }
-    for (int i = 0; i < 3; i++)
-        n[i] = u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3];
+    cross(u, v, n);
     double area2 = dot(n, n);
     if (area2 == 0)
         return best;
