@@ -19,6 +19,20 @@ def report(name, good, detail='', skip=None):
     sys.stdout.flush()
 
 
+def report_problem(name, problem):
+    """`problem` is what is wrong, or None."""
+    report(name, problem is None, problem)
+
+
+def case(name, function, *arguments):
+    """Reports a function that returns what is wrong, or None, or raises."""
+    try:
+        problem = function(*arguments)
+    except Exception as raised:
+        problem = repr(raised)
+    report_problem(name, problem)
+
+
 def finish():
     print('1..%d' % len(results))
     sys.exit(not all(results))
@@ -39,6 +53,13 @@ def tetlod(*arguments, **more):
                           cwd=SCRATCH, **more)
 
 
+def must(*arguments):
+    """Raises what tetlod says, should it fail."""
+    done = tetlod(*arguments)
+    if done.returncode:
+        raise RuntimeError('%s: exit %d: %s' % (' '.join(arguments), done.returncode, done.stderr.decode()))
+
+
 def succeeds(name, *arguments):
     done = tetlod(*arguments)
     report(name, done.returncode == 0, done)
@@ -57,14 +78,23 @@ def info(name):
     return json.loads(tetlod('info', '--json', name).stdout)
 
 
-def read_vtu(name):
-    """Points, tetrahedra, fields."""
+def read_grid(name):
+    """As VTK reads a .vtu or .vtk file."""
     import vtk
-    from vtk.util.numpy_support import vtk_to_numpy
-    reader = vtk.vtkXMLUnstructuredGridReader()
+    legacy = name.endswith('.vtk')
+    reader = vtk.vtkUnstructuredGridReader() if legacy else vtk.vtkXMLUnstructuredGridReader()
+    if legacy:
+        reader.ReadAllScalarsOn()
+        reader.ReadAllFieldsOn()
     reader.SetFileName(path(name))
     reader.Update()
-    grid = reader.GetOutput()
+    return reader.GetOutput()
+
+
+def read_vtu(name):
+    """Points, tetrahedra, fields."""
+    from vtk.util.numpy_support import vtk_to_numpy
+    grid = read_grid(name)
     data = grid.GetPointData()
     fields = {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)) for i in range(data.GetNumberOfArrays())}
     return vtk_to_numpy(grid.GetPoints().GetData()), vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4), fields

@@ -5,31 +5,11 @@ import os
 import re
 import struct
 import subprocess
-import sys
 import zlib
 
-TETLOD, SCRATCH = os.environ['TETLOD'], os.environ['SCRATCH']
+from common import SCRATCH, TETLOD, finish, must, path, report_problem, write
+
 COMMANDS = {'convert': '.vtu', 'build': '.tetlod'}
-count = failed = 0
-
-
-def report(name, problem):
-    global count, failed
-    count += 1
-    failed += problem is not None
-    print('%s %d - %s' % ('ok' if problem is None else 'not ok', count, name))
-    if problem is not None:
-        print('# %s' % problem)
-
-
-def path(name):
-    return os.path.join(SCRATCH, name)
-
-
-def write(name, content):
-    with open(path(name), 'wb') as file:
-        file.write(content if isinstance(content, bytes) else content.encode())
-    return path(name)
 
 
 def run(command, arguments, as_user=None):
@@ -63,7 +43,7 @@ def check(name, wanted, arguments, mentions='', commands=None, as_user=None):
             problem = 'the message does not name the file: %r' % message
         elif not problem and code and mentions not in message:
             problem = 'the message does not say %r: %r' % (mentions, message)
-        report('%s: %s' % (command, name), problem)
+        report_problem('%s: %s' % (command, name), problem)
 
 
 VTU = '''<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian"{attributes}>
@@ -105,9 +85,9 @@ def vtk(file, **changes):
 
 def contents():
     code, problem, message = run('convert', [vtu('good.vtu')])
-    report('the mesh that the others spoil is good', problem or (message if code else None))
+    report_problem('the mesh that the others spoil is good', problem or (message if code else None))
     code, problem, message = run('convert', [vtk('good.vtk')])
-    report('the legacy mesh that the others spoil is good', problem or (message if code else None))
+    report_problem('the legacy mesh that the others spoil is good', problem or (message if code else None))
     check('NaN coordinate', 3, [vtu('nan.vtu', positions='0 0 0 1 0 0 0 nan 0 0 0 1')], 'point 2')
     check('infinite coordinate', 3, [vtu('inf.vtu', positions='0 0 0 1 0 0 0 1 0 0 0 inf')], 'point 3')
     check('NaN value', 3, [vtu('nanvalue.vtu', field='1 nan 3 4')], 'field s')
@@ -187,9 +167,9 @@ def plot3d():
     check('PLOT3D: solution of a VTU', 3, [vtu('good.vtu'), '--q', write('good.q', solution)], 'only PLOT3D')
     missing = path('nowhere.q')
     code, problem, message = run('convert', [good, '--q', missing])
-    report('convert: PLOT3D: missing solution', problem or (None if code == 1 and missing in message else message))
+    report_problem('convert: PLOT3D: missing solution', problem or (None if code == 1 and missing in message else message))
     code, problem, message = run('convert', [good, '--q', path('good.q')])
-    report('the PLOT3D files that the others spoil are good', problem or (message if code else None))
+    report_problem('the PLOT3D files that the others spoil are good', problem or (message if code else None))
 
 
 GMSH = '''$MeshFormat
@@ -227,7 +207,7 @@ def other_formats():
     def gmsh(file, **changes):
         return write(file, GMSH.format(**dict(GOOD_GMSH, **changes)))
     code, problem, message = run('convert', [gmsh('good.msh')])
-    report('the Gmsh file that the others spoil is good', problem or (message if code else None))
+    report_problem('the Gmsh file that the others spoil is good', problem or (message if code else None))
     check('Gmsh: version', 3, [gmsh('version.msh', version='4.0')], '2.2 and 4.1')
     check('Gmsh: a point twice', 3, [gmsh('twice.msh', last='3')], 'point 3')
     check('Gmsh: a point that is not there', 3, [gmsh('missing.msh', last='5')], 'point 4')
@@ -237,7 +217,7 @@ def other_formats():
     mesh = write('good.mesh', MEDIT.format(dimension=3, tets='1\n1 2 3 4 0'))
     solution = write('good.sol', SOL.format(count=4, type=1))
     code, problem, message = run('convert', [mesh, '--q', solution])
-    report('the Medit files that the others spoil are good', problem or (message if code else None))
+    report_problem('the Medit files that the others spoil are good', problem or (message if code else None))
     check('Medit: dimension', 3, [write('flat.mesh', MEDIT.format(dimension=2, tets='1\n1 2 3 4 0'))], 'line 2')
     check('Medit: index', 3, [write('index.mesh', MEDIT.format(dimension=3, tets='1\n1 2 3 5 0'))], 'line 11')
     check('Medit: count', 3, [write('count.mesh', MEDIT.format(dimension=3, tets='900'))], 'truncated')
@@ -246,7 +226,7 @@ def other_formats():
     node = '4 3 0 0\n0 0 0 0\n1 1 0 0\n2 0 1 0\n3 0 0 {z}\n'
     write('good.node', node.format(z=1))
     code, problem, message = run('convert', [write('good.ele', '1 4 0\n0 0 1 2 3\n')])
-    report('the TetGen files that the others spoil are good', problem or (message if code else None))
+    report_problem('the TetGen files that the others spoil are good', problem or (message if code else None))
     write('bad.node', node.format(z='x'))
     write('bad.ele', '1 4 0\n0 0 1 2 3\n')
     check('TetGen: not a number', 3, [path('bad.node')], 'line 5')
@@ -254,13 +234,13 @@ def other_formats():
     check('TetGen: index', 3, [path('good.node')], 'point 9')
     write('alone.node', node.format(z=1))
     code, problem, message = run('convert', [path('alone.node')])
-    report('TetGen: one file of the two', problem or (None if code == 1 and 'alone.ele' in message else message))
+    report_problem('TetGen: one file of the two', problem or (None if code == 1 and 'alone.ele' in message else message))
 
 
 def truncated():
     """Cut at many lengths. What may be cut off without harm is the end of the XML, or digits of the last number."""
-    subprocess.run([TETLOD, 'sample', 'cube', '--size', '3', '-o', path('whole.vtu')], check=True)
-    subprocess.run([TETLOD, 'convert', path('whole.vtu'), '-o', path('whole.vtk')], check=True)
+    must('sample', 'cube', '--size', '3', '-o', path('whole.vtu'))
+    must('convert', path('whole.vtu'), '-o', path('whole.vtk'))
     cases = {'appended VTU': (open(path('whole.vtu'), 'rb').read(), '.vtu', b'\n  </AppendedData>'),
              'binary legacy VTK': (open(path('whole.vtk'), 'rb').read(), '.vtk', b'\n'),
              'ascii VTU': (VTU.format(**GOOD).encode(), '.vtu', b'\n'),
@@ -278,7 +258,7 @@ def truncated():
             problem = problem or (None if code == 3 else 'cut at %d of %d: exit %d %r' % (length, len(content), code, message))
             if problem:
                 break
-        report('%s cut at %d lengths' % (name, tried), problem)
+        report_problem('%s cut at %d lengths' % (name, tried), problem)
 
 
 def no_field():
@@ -305,5 +285,4 @@ plot3d()
 other_formats()
 no_field()
 truncated()
-print('1..%d' % count)
-sys.exit(failed != 0)
+finish()

@@ -2,65 +2,26 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Files that meshio writes are read exactly, what tetlod writes for Gmsh and as a surface meshio reads; and the formats by
 hand where meshio does not write them."""
-import os
-import subprocess
-import sys
-
 import numpy as np
 
-TETLOD, SCRATCH = os.environ['TETLOD'], os.environ['SCRATCH']
-count = failed = 0
+from common import case, finish, must, path, read_vtu, report
+
 try:
     import meshio
 except ImportError:
-    print('ok 1 - meshio # SKIP python3-meshio is not installed\n1..1')
-    sys.exit(0)
-
-
-def case(name, function, *arguments):
-    global count, failed
-    count += 1
-    try:
-        problem = function(*arguments)
-    except Exception as raised:
-        problem = repr(raised)
-    failed += problem is not None
-    print('%s %d - %s' % ('ok' if problem is None else 'not ok', count, name))
-    if problem is not None:
-        print('# %s' % problem)
-
-
-def path(name):
-    return os.path.join(SCRATCH, name)
-
-
-def convert(*arguments):
-    done = subprocess.run([TETLOD, 'convert', *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    if done.returncode:
-        raise RuntimeError('exit %d: %s' % (done.returncode, done.stderr.decode()))
+    report('meshio', True, skip='python3-meshio is not installed')
+    finish()
 
 
 def sample(with_fields=True):
     """A cube of tetrahedra with fields of one, three and nine components."""
-    subprocess.run([TETLOD, 'sample', 'cube', '--size', '4', '-o', path('cube.vtu')], check=True)
+    must('sample', 'cube', '--size', '4', '-o', path('cube.vtu'))
     points, tets = read_vtu('cube.vtu')[:2]
     random = np.random.default_rng(7)
     points = points.astype(float) + random.random(points.shape) * 0.1
     fields = {'heat': random.standard_normal(len(points)), 'wind': random.standard_normal((len(points), 3)),
               'stress': random.standard_normal((len(points), 9))} if with_fields else {}
     return meshio.Mesh(points, [('tetra', tets), ('triangle', tets[:5, :3])], point_data=fields)
-
-
-def read_vtu(name):
-    import vtk
-    from vtk.util.numpy_support import vtk_to_numpy
-    reader = vtk.vtkXMLUnstructuredGridReader()
-    reader.SetFileName(path(name))
-    reader.Update()
-    grid = reader.GetOutput()
-    data = grid.GetPointData()
-    return (vtk_to_numpy(grid.GetPoints().GetData()), vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4),
-            {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)) for i in range(data.GetNumberOfArrays())})
 
 
 def compare(mesh, name, tolerance=0):
@@ -77,7 +38,7 @@ def compare(mesh, name, tolerance=0):
 
 def read_case(extension, mesh, tolerance=0, **options):
     mesh.write(path('in' + extension), **options)
-    convert(path('in' + extension), '-o', path('out.vtu'))
+    must('convert', path('in' + extension), '-o', path('out.vtu'))
     return compare(mesh, 'out.vtu', tolerance)
 
 
@@ -90,7 +51,7 @@ def medit_case(mesh, solution):
             file.write('MeshVersionFormatted 2\nDimension 3\n# values\nSolAtVertices\n%d\n2 1 2\n' % len(rows))
             file.write('\n'.join(' '.join(repr(float(v)) for v in row) for row in rows) + '\nEnd\n')
         arguments = ['--q', path('in.sol')]
-    convert(path('in.mesh'), *arguments, '-o', path('out.vtu'))
+    must('convert', path('in.mesh'), *arguments, '-o', path('out.vtu'))
     fields = {'solution': mesh.point_data['heat'], 'solution_2': mesh.point_data['wind']} if solution else {}
     return compare(meshio.Mesh(mesh.points, mesh.cells, point_data=fields), 'out.vtu', 1e-12)
 
@@ -106,7 +67,7 @@ def tetgen_case(mesh, first, asked):
         file.write('%d 4 1\n' % len(tets))
         for i, t in enumerate(tets):
             file.write('%d %d %d %d %d 7\n' % (i + first, *(t + first)))
-    convert(path('in' + asked), '-o', path('out.vtu'))
+    must('convert', path('in' + asked), '-o', path('out.vtu'))
     return compare(meshio.Mesh(mesh.points, mesh.cells, point_data={'attribute': heat, 'attribute_2': wind}), 'out.vtu')
 
 
@@ -152,7 +113,7 @@ def gmsh_by_hand(version):
     values = '\n'.join('%d %d' % (t, 10 * t) for t in sorted(points))
     with open(path('in.msh'), 'w') as file:
         file.write(GMSH_BY_HAND % (version, nodes, elements, values))
-    convert(path('in.msh'), '-o', path('out.vtu'))
+    must('convert', path('in.msh'), '-o', path('out.vtu'))
     got, tets, fields = read_vtu('out.vtu')
     good = (np.array_equal(got, list(points.values())[:4]) and np.array_equal(tets, [[0, 1, 2, 3]])
             and np.array_equal(fields['a name'], [70, 30, 120, 90]))
@@ -166,7 +127,7 @@ def hexahedra_case(extension, **options):
     cells = [('hexahedron', [[0, 1, 4, 3, 6, 7, 10, 9], [1, 2, 5, 4, 7, 8, 11, 10]]),
              ('wedge', [[2, 12, 5, 8, 13, 11]]), ('pyramid', [[6, 7, 10, 9, 14]])]
     meshio.Mesh(points, cells).write(path('in' + extension), **options)
-    convert(path('in' + extension), '-o', path('out.vtu'))
+    must('convert', path('in' + extension), '-o', path('out.vtu'))
     p, tets, _ = read_vtu('out.vtu')
     p = p.astype(float)[tets]
     volume = np.einsum('ij,ij->i', p[:, 1] - p[:, 0], np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 0])) / 6
@@ -176,17 +137,17 @@ def hexahedra_case(extension, **options):
 
 def write_gmsh_case(mesh):
     mesh.write(path('in.vtu'))
-    convert(path('in.vtu'), '-o', path('out.msh'))
+    must('convert', path('in.vtu'), '-o', path('out.msh'))
     got = meshio.read(path('out.msh'))
     good = np.array_equal(got.points, mesh.points) and np.array_equal(got.cells_dict['tetra'], mesh.cells_dict['tetra'])
     wrong = [f for f in mesh.point_data if not np.array_equal(got.point_data[f], mesh.point_data[f])]
-    convert(path('out.msh'), '-o', path('again.vtu'))
+    must('convert', path('out.msh'), '-o', path('again.vtu'))
     return compare(mesh, 'again.vtu') if good and not wrong else 'meshio reads %s %s' % (got, wrong)
 
 
 def surface_case(extension):
-    subprocess.run([TETLOD, 'sample', 'shell', '-o', path('shell.vtu')], check=True)
-    convert(path('shell.vtu'), '-o', path('out' + extension))
+    must('sample', 'shell', '-o', path('shell.vtu'))
+    must('convert', path('shell.vtu'), '-o', path('out' + extension))
     surface = meshio.read(path('out' + extension))
     p = surface.points[surface.cells_dict['triangle']].astype(float)
     volume = np.einsum('ij,ij->i', p[:, 0], np.cross(p[:, 1], p[:, 2])).sum() / 6
@@ -232,8 +193,7 @@ def main():
     case('written gmsh', write_gmsh_case, mesh)
     case('written stl', surface_case, '.stl')
     case('written ply', surface_case, '.ply')
-    print('1..%d' % count)
-    return failed != 0
+    finish()
 
 
-sys.exit(main())
+main()

@@ -1,46 +1,13 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """Files that VTK writes, in every mode, are read exactly; what tetlod writes, VTK reads exactly."""
-import os
-import subprocess
-import sys
-
 import numpy as np
 import vtk
 from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
-TETLOD, SCRATCH = os.environ['TETLOD'], os.environ['SCRATCH']
+from common import case, finish, must, path, read_grid
+
 vtk.vtkObject.GlobalWarningDisplayOff()
-count = failed = 0
-
-
-def report(name, problem):
-    global count, failed
-    count += 1
-    failed += problem is not None
-    print('%s %d - %s' % ('ok' if problem is None else 'not ok', count, name))
-    if problem is not None:
-        print('# %s' % problem)
-
-
-def path(name):
-    return os.path.join(SCRATCH, name)
-
-
-def tetlod(*arguments):
-    done = subprocess.run([TETLOD, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    if done.returncode:
-        raise RuntimeError('%s: exit %d: %s' % (' '.join(arguments), done.returncode, done.stderr.decode()))
-
-
-def read(name):
-    reader = vtk.vtkUnstructuredGridReader() if name.endswith('.vtk') else vtk.vtkXMLUnstructuredGridReader()
-    if name.endswith('.vtk'):
-        reader.ReadAllScalarsOn()
-        reader.ReadAllFieldsOn()
-    reader.SetFileName(path(name))
-    reader.Update()
-    return reader.GetOutput()
 
 
 def points_of(grid):
@@ -112,13 +79,6 @@ def compare(wanted, got, order=list):
     return None
 
 
-def case(name, function):
-    try:
-        report(name, function())
-    except Exception as problem:
-        report(name, repr(problem))
-
-
 def vtu_case(grid, mode, compressor, header, order, block):
     writer = vtk.vtkXMLUnstructuredGridWriter()
     writer.SetInputData(grid)
@@ -142,8 +102,8 @@ def vtu_case(grid, mode, compressor, header, order, block):
         writer.SetByteOrderToLittleEndian()
     writer.SetBlockSize(block)
     assert writer.Write()
-    tetlod('convert', path('in.vtu'), '-o', path('out.vtu'))
-    return compare(grid, read('out.vtu'))
+    must('convert', path('in.vtu'), '-o', path('out.vtu'))
+    return compare(grid, read_grid('out.vtu'))
 
 
 def legacy_case(grid, version, binary):
@@ -153,8 +113,8 @@ def legacy_case(grid, version, binary):
     writer.SetFileVersion(version)
     writer.SetFileTypeToBinary() if binary else writer.SetFileTypeToASCII()
     assert writer.Write()
-    tetlod('convert', path('in.vtk'), '-o', path('out.vtu'))
-    return compare(read('in.vtk'), read('out.vtu'))
+    must('convert', path('in.vtk'), '-o', path('out.vtu'))
+    return compare(read_grid('in.vtk'), read_grid('out.vtu'))
 
 
 def with_everything():
@@ -193,8 +153,8 @@ def everything_case(binary, version):
     writer.SetFileVersion(version)
     writer.SetFileTypeToBinary() if binary else writer.SetFileTypeToASCII()
     assert writer.Write()
-    tetlod('convert', path('in.vtk'), '-o', path('out.vtu'))
-    a, b = fields_of(read('in.vtk')), fields_of(read('out.vtu'))
+    must('convert', path('in.vtk'), '-o', path('out.vtu'))
+    a, b = fields_of(read_grid('in.vtk')), fields_of(read_grid('out.vtu'))
     if sorted(a) != sorted(b):
         return 'fields %s, not %s' % (sorted(b), sorted(a))
     wrong = [name for name in a if not np.array_equal(a[name].astype(float), b[name].astype(float))]
@@ -236,8 +196,8 @@ def write_structured(kind, binary):
 
 def structured_case(kind, binary):
     points = write_structured(kind, binary)
-    tetlod('convert', path('in.vtk'), '-o', path('out.vtu'))
-    grid = read('out.vtu')
+    must('convert', path('in.vtk'), '-o', path('out.vtu'))
+    grid = read_grid('out.vtu')
     tets = tets_of(grid)
     if not np.allclose(points_of(grid), points, atol=1e-6) or len(tets) != 5 * 2 * 3 * 4:
         return '%d points, %d tetrahedra' % (len(points_of(grid)), len(tets))
@@ -285,8 +245,8 @@ def mixed_case():
     writer.SetInputData(grid)
     writer.SetFileName(path('in.vtu'))
     assert writer.Write()
-    tetlod('convert', path('in.vtu'), '-o', path('out.vtu'))
-    got = read('out.vtu')
+    must('convert', path('in.vtu'), '-o', path('out.vtu'))
+    got = read_grid('out.vtu')
     tets, points = tets_of(got), points_of(got)
     volume = volumes(points, tets)
     wanted = 12 + 1 / 3 + abs(volume[0])  # the first one is the tetrahedron, as it was
@@ -315,8 +275,8 @@ def quadratic_case():
     writer.SetInputData(grid)
     writer.SetFileName(path('in.vtu'))
     assert writer.Write()
-    tetlod('convert', path('in.vtu'), '-o', path('out.vtu'))
-    got = read('out.vtu')
+    must('convert', path('in.vtu'), '-o', path('out.vtu'))
+    got = read_grid('out.vtu')
     good = len(points_of(got)) == 4 and np.array_equal(tets_of(got), [[0, 1, 2, 3]])
     return None if good else 'not the tetrahedron of its corners'
 
@@ -339,8 +299,8 @@ def pieces_case():
     piece = texts[1][texts[1].index('<Piece'):texts[1].index('</Piece>') + len('</Piece>')]
     both = texts[0].replace('</Piece>', '</Piece>\n    <Piece NumberOfPoints="0" NumberOfCells="0"></Piece>\n' + piece)
     open(path('in.vtu'), 'w').write(both)
-    tetlod('convert', path('in.vtu'), '-o', path('out.vtu'))
-    return compare(append.GetOutput(), read('out.vtu'), order=sorted)
+    must('convert', path('in.vtu'), '-o', path('out.vtu'))
+    return compare(append.GetOutput(), read_grid('out.vtu'), order=sorted)
 
 
 def written_case(precision, extension):
@@ -350,12 +310,12 @@ def written_case(precision, extension):
     writer.SetInputData(grid)
     writer.SetFileName(path('in.vtu'))
     assert writer.Write()
-    tetlod('convert', path('in.vtu'), '-o', path('out' + extension))
-    problem = compare(grid, read('out' + extension))
+    must('convert', path('in.vtu'), '-o', path('out' + extension))
+    problem = compare(grid, read_grid('out' + extension))
     if problem:
         return 'VTK: ' + problem
-    tetlod('convert', path('out' + extension), '-o', path('again.vtu'))
-    return compare(grid, read('again.vtu'))
+    must('convert', path('out' + extension), '-o', path('again.vtu'))
+    return compare(grid, read_grid('again.vtu'))
 
 
 BY_HAND = '''<VTKFile type="UnstructuredGrid" version="%s" byte_order="LittleEndian"%s>
@@ -370,8 +330,8 @@ BY_HAND = '''<VTKFile type="UnstructuredGrid" version="%s" byte_order="LittleEnd
 
 def by_hand_case(version, attributes, format_name, points):
     open(path('in.vtu'), 'w').write(BY_HAND % (version, attributes, format_name, points))
-    tetlod('convert', path('in.vtu'), '-o', path('out.vtu'))
-    got = read('out.vtu')
+    must('convert', path('in.vtu'), '-o', path('out.vtu'))
+    got = read_grid('out.vtu')
     wanted = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
     good = np.array_equal(points_of(got), wanted) and np.array_equal(fields_of(got)['n'], [1, -2, 3, 4])
     return None if good and np.array_equal(tets_of(got), [[0, 1, 2, 3]]) else 'not what was written'
@@ -427,8 +387,7 @@ def main():
         for extension in '.vtu', '.vtk':
             case('written %s %s' % (extension, np.dtype(precision)), lambda: written_case(precision, extension))
     by_hand_cases()
-    print('1..%d' % count)
-    return failed != 0
+    finish()
 
 
-sys.exit(main())
+main()
