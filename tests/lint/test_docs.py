@@ -4,23 +4,11 @@
 import glob
 import os
 import re
-import subprocess
 
-ROOT, TETLOD = os.environ['ROOT'], os.environ['TETLOD']
+from common import ROOT, finish, output, report
+
+TETLOD = os.environ['TETLOD']
 OPTION = re.compile(r'(?<![\w-])--[a-z][a-z0-9-]*')
-failures = 0
-
-
-def report(name, found):
-    global failures
-    failures += bool(found)
-    print('%s - %s' % ('not ok' if found else 'ok', name))
-    for line in found:
-        print('# ' + line)
-
-
-def output(*command):
-    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
 def read(path):
@@ -109,8 +97,7 @@ def main():
     check_targets()
     check_commands(help_of)
     check_paths()
-    return 1 if failures else 0
+    finish()
 
 
-if __name__ == '__main__':
-    raise SystemExit(main())
+main()

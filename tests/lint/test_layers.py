@@ -5,7 +5,8 @@ import glob
 import os
 import re
 
-ROOT = os.environ['ROOT']
+from common import ROOT, finish, report
+
 # folder: what it may include beside itself and libc; a name that ends in / is a folder. CONTRIBUTING.md says why.
 FORMAT = ['format/tetlod.h', 'format/fail.h', 'format/writer.h']
 ARRAYS = FORMAT + ['src/util/']
@@ -34,15 +35,6 @@ PACKAGES = {
 }
 BANNED = re.compile(r'(?<![\w.>])(strcpy|strcat|sprintf|vsprintf|sscanf|atoi|atol|atof|strtok|gets|alloca)\s*\(')
 SPEAKS = re.compile(r'(?<![\w.>])(printf|vprintf|puts|putchar|perror|exit|_exit|abort|signal|sigaction)\s*\(|\b(stdout|stderr)\b')
-failures = 0
-
-
-def report(name, found):
-    global failures
-    failures += bool(found)
-    print('%s - %s' % ('not ok' if found else 'ok', name))
-    for line in found:
-        print('# ' + line)
 
 
 def code_of(text):
@@ -102,8 +94,7 @@ def main():
     report('nothing outside src/cli prints, exits or takes signals', speaking)
     report('no file is too long to read', long_files)
     report('every source names its licence first', licence)
-    return 1 if failures else 0
+    finish()
 
 
-if __name__ == '__main__':
-    raise SystemExit(main())
+main()

@@ -8,23 +8,11 @@ import re
 import shutil
 import subprocess
 
-ROOT, CONFIG = os.environ['ROOT'], os.environ['CONFIG']
-BUILT = os.path.join(ROOT, 'build', CONFIG)
+from common import ROOT, finish, output, report
+
+BUILT = os.path.join(ROOT, 'build', os.environ['CONFIG'])
 # The signal handler's flag, which only a global can be
 MUTABLE = {'cmd_serve.o'}
-failures = 0
-
-
-def report(name, found):
-    global failures
-    failures += bool(found)
-    print('%s - %s' % ('not ok' if found else 'ok', name))
-    for line in found:
-        print('# ' + line)
-
-
-def output(*command):
-    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
 def complaint(compiler, language, standard, header):
@@ -83,4 +71,4 @@ def check_data():
 check_headers()
 check_exports()
 check_data()
-raise SystemExit(1 if failures else 0)
+finish()
