@@ -22,6 +22,7 @@ static json_t *links_of(const struct tetlod_info *info, const char *name)
     } all[] = {
         {"self", "", false},
         {"mesh", "/mesh{?error,abs_error,level,tets,bytes,field,measure,format}", false},
+        {"prefix", "/prefix{?error,abs_error,level,tets,bytes,field,measure,fields}", false},
         {"level", "/levels/{level}/mesh.{format}", true},
         {"surface", "/levels/{level}/surface.{format}", true},
         {"isosurface", "/levels/{level}/isosurface.{format}{?field,value}", true},

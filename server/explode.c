@@ -20,7 +20,7 @@
 #include "src/util/array.h"
 #include "src/util/file.h"
 
-enum { PATH_CAPACITY = 4096, COPY = 1 << 16 };
+enum { PATH_CAPACITY = 4096, COPY = 1 << 16, OPENING = 1 << 15 };
 
 struct tree {
     const char *folder;
@@ -126,6 +126,8 @@ static enum tetlod_status write_stream(const struct tree *tree, struct dataset *
     TETLOD_TRY(write_json(tree, output, describe_stream(info, id)));
     TETLOD_TRY(begin(tree, &output, "%s/%s/stream", id, info->cid));
     TETLOD_TRY(copy_bytes(tree, output, fd, 0, info->bytes));
+    TETLOD_TRY(begin(tree, &output, "%s/prefix", id)); // whatever is asked for: a beginning that a client goes on from
+    TETLOD_TRY(copy_bytes(tree, output, fd, 0, info->levels[tetlod_level_for_bytes(info, OPENING)].end));
     TETLOD_TRY(begin(tree, &output, "%s/%s/levels/0/mesh.tetlod", id, info->cid));
     TETLOD_TRY(copy_bytes(tree, output, fd, 0, info->levels[0].end));
     for (uint32_t k = 1; k < info->level_count; k++) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Which level an error, a size or a number asks for: the redirection to its immutable URL. */
+/* Which level an error, a size or a number asks for: the redirection to its immutable URL, or the stream's bytes up to it. */
 #include <inttypes.h>
 #include <jansson.h>
 #include <math.h>
@@ -227,33 +227,66 @@ static void redirect(struct exchange *exchange, const struct dataset *dataset, c
     cache_revalidate(response);
 }
 
-static void answer_mesh(struct exchange *exchange, const struct dataset *dataset)
+/* The level that the query asks for; false: answered. */
+static bool ask_level(struct exchange *exchange, const struct dataset *dataset, struct choice *choice, uint32_t *out)
 {
-    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "format", NULL};
     const struct tetlod_info *info = dataset_info(dataset);
-    struct choice choice = {0};
-    if (!check_parameters(exchange, names) || !parse_budget(exchange, &choice) || !parse_amount(exchange, info, &choice) ||
-        !parse_field(exchange, info, &choice) || !parse_measure(exchange, info, &choice) ||
-        !parse_format(exchange, &choice))
-        return;
-    uint32_t level = choose_level(info, &choice);
-    if (level != TETLOD_NONE) {
-        redirect(exchange, dataset, &choice, level);
-        return;
-    }
+    if (!parse_budget(exchange, choice) || !parse_amount(exchange, info, choice) || !parse_field(exchange, info, choice) ||
+        !parse_measure(exchange, info, choice))
+        return false;
+    *out = choose_level(info, choice);
+    if (*out != TETLOD_NONE)
+        return true;
     response_problem(exchange->response, 422, target_of(exchange),
                      "no level has an error of at most %s: the stream is not lossless, its finest level has %s (fractions of the range)",
-                     choice.text, dataset_level_errors(dataset, info->level_count - 1));
+                     choice->text, dataset_level_errors(dataset, info->level_count - 1));
+    return false;
 }
 
-enum outcome handle_mesh(struct exchange *exchange)
+static enum outcome answer_mesh(struct exchange *exchange, struct dataset *dataset)
+{
+    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "format", NULL};
+    struct choice choice = {0};
+    uint32_t level;
+    if (check_parameters(exchange, names) && ask_level(exchange, dataset, &choice, &level) && parse_format(exchange, &choice))
+        redirect(exchange, dataset, &choice, level);
+    return ANSWERED;
+}
+
+/* Stored bytes cost nothing to choose: a client's first request is answered without a redirection. */
+static enum outcome answer_prefix(struct exchange *exchange, struct dataset *dataset)
+{
+    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "fields", NULL};
+    struct choice choice = {0};
+    uint32_t level;
+    if (!check_parameters(exchange, names) || !ask_level(exchange, dataset, &choice, &level))
+        return ANSWERED;
+    enum outcome outcome = respond_prefix(exchange, dataset, level);
+    if (outcome == ANSWERED && exchange->response->status == 200) {
+        level_headers(exchange->response, dataset, level);
+        cache_revalidate(exchange->response);
+    }
+    return outcome;
+}
+
+static enum outcome of_dataset(struct exchange *exchange, enum outcome (*answer)(struct exchange *, struct dataset *))
 {
     struct dataset *dataset = catalogue_find(exchange->site->catalogue, exchange->captures[0]);
     if (!dataset) {
         respond_no_mesh(exchange);
         return ANSWERED;
     }
-    answer_mesh(exchange, dataset);
+    enum outcome outcome = answer(exchange, dataset);
     dataset_release(dataset);
-    return ANSWERED;
+    return outcome;
+}
+
+enum outcome handle_mesh(struct exchange *exchange)
+{
+    return of_dataset(exchange, answer_mesh);
+}
+
+enum outcome handle_prefix(struct exchange *exchange)
+{
+    return of_dataset(exchange, answer_prefix);
 }

@@ -32,6 +32,9 @@ void level_headers(struct response *response, const struct dataset *dataset, uin
 /* The stream that the first two captures (id, cid) name, held; NULL after a 404. */
 struct dataset *captured_dataset(struct exchange *exchange);
 
+/* The stream's bytes up to a level; of the fields' frames those that the query's `fields` names, if it is there. */
+enum outcome respond_prefix(struct exchange *exchange, struct dataset *dataset, uint32_t level);
+
 /* A level's number; false after a 400. */
 bool parse_level(struct exchange *exchange, const struct tetlod_info *info, const char *text, uint32_t *out);
 

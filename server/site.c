@@ -19,6 +19,7 @@ const struct route site_routes[] = {
     {"/v1/meshes", handle_catalogue},
     {"/v1/meshes/{id}", handle_stream_info},
     {"/v1/meshes/{id}/mesh", handle_mesh},
+    {"/v1/meshes/{id}/prefix", handle_prefix},
     {"/v1/meshes/{id}/{cid}/stream", handle_stream},
     {"/v1/meshes/{id}/{cid}/records/{from}-{to}", handle_records},
     {"/v1/meshes/{id}/{cid}/levels/{level}/mesh.{format}", handle_level_mesh},

@@ -92,7 +92,8 @@ void respond_body(struct exchange *exchange, const struct cache_value *value, co
 /* Prepares the answer 304 if the client has this representation already, so that it need not be made or read. */
 bool respond_unchanged(struct exchange *exchange, const struct representation *representation, uint64_t size);
 
-/* Answers with stored bytes of a stream: from the cache where they are not many, straight from the file otherwise. */
+/* Answers with stored bytes of a stream: from the cache where they are not many, straight from the file otherwise. How long
+ * others may keep them, the caller says. */
 enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, uint64_t offset, uint64_t size,
                             const char *etag);
 
@@ -123,6 +124,7 @@ enum outcome handle_metrics(struct exchange *exchange);
 enum outcome handle_catalogue(struct exchange *exchange);
 enum outcome handle_stream_info(struct exchange *exchange);
 enum outcome handle_mesh(struct exchange *exchange);
+enum outcome handle_prefix(struct exchange *exchange);
 enum outcome handle_level_mesh(struct exchange *exchange);
 enum outcome handle_surface(struct exchange *exchange);
 enum outcome handle_isosurface(struct exchange *exchange);

@@ -85,7 +85,6 @@ static void respond_file(struct exchange *exchange, struct dataset *dataset, uin
     response->size = size;
     response->ranges = true;
     snprintf(response->etag, sizeof response->etag, "\"%s\"", etag);
-    cache_forever(response);
 }
 
 static enum outcome read_spans(struct exchange *exchange, struct dataset *dataset, const struct span *spans, size_t count,
@@ -114,14 +113,10 @@ enum outcome respond_spans(struct exchange *exchange, struct dataset *dataset, c
     uint64_t size = 0;
     for (size_t i = 0; i < count; i++)
         size += spans[i].size;
-    if (!value && respond_unchanged(exchange, &representation, size))
-        cache_forever(exchange->response);
-    else if (!value)
+    if (!value && !respond_unchanged(exchange, &representation, size))
         outcome = read_spans(exchange, dataset, spans, count, size, etag, &value);
-    if (value) {
+    if (value)
         respond_body(exchange, value, &representation);
-        cache_forever(exchange->response);
-    }
     return outcome;
 }
 

@@ -215,6 +215,7 @@ def test_plain_files():
         paths = [at + '/stream', at + '/levels/0/mesh.tetlod', at + '/records/0-1', at + '/records/7-8']
         wanted = {path: server.get(path)[2] for path in paths}
         catalogue = server.json('/v1/meshes')
+        opening = server.get('/v1/meshes/fin/prefix?bytes=32K')[2]
     for path, body in wanted.items():
         with open(www + path, 'rb') as file:
             assert file.read() == body, path
@@ -246,6 +247,8 @@ def test_plain_files():
         for level in (0, 4, 2):
             client.seek(level)
             assert len(client.tets) == described['levels'][level]['tets']
+        answer, body = ask('/v1/meshes/fin/prefix?error=0.01')
+        assert answer.status == 200 and body == opening and answer.getheader('Cache-Control') == 'no-cache'
         answer, body = ask(paths[0], Range='bytes=5-9')
         assert answer.status == 206 and body == wanted[paths[0]][5:10]
         assert ask('/v1/meshes/nothing')[0].status == 404

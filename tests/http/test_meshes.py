@@ -240,6 +240,28 @@ def test_records_of_some_fields():
     problem(base + '/records/0-1?fields=,', 400)
 
 
+def test_prefix():
+    """What mesh?format=tetlod redirects to, at once; some fields' frames alone where that is asked."""
+    whole = server.get(base + '/stream')[2]
+    for query in ('error=0.01&measure=sampled', 'level=0', 'tets=500', 'bytes=9000', 'abs_error=0.1&field=Pressure&measure=rms'):
+        level, _ = level_of(query + '&format=tetlod')
+        status, head, body = server.get('/v1/meshes/fin/prefix?' + query)
+        assert status == 200 and body == whole[:info['levels'][level]['bytes']], (query, status)
+        assert int(head['tetlod-level']) == level and head['cache-control'] == 'no-cache', head
+        assert head['etag'] == server.get('%s/levels/%d/mesh.tetlod' % (base, level))[1]['etag']
+        assert server.get('/v1/meshes/fin/prefix?' + query, If_None_Match=head['etag'])[0] == 304
+    start = info['levels'][0]['offset']
+    geometry = server.get('/v1/meshes/fin/prefix?level=3&fields=')[2]
+    assert geometry.startswith(whole[:start])
+    assert geometry.endswith(server.get(base + '/records/2-3?fields=')[2]) and len(geometry) < info['levels'][3]['bytes']
+    names = ','.join(field['name'] for field in info['fields'])
+    assert server.get('/v1/meshes/fin/prefix?level=3&fields=' + names)[2] == whole[:info['levels'][3]['bytes']]
+    problem('/v1/meshes/fin/prefix', 400)
+    problem('/v1/meshes/fin/prefix?level=0&format=vtu', 400)
+    problem('/v1/meshes/fin/prefix?level=0&fields=x', 400)
+    problem('/v1/meshes/nothing/prefix?level=0', 404)
+
+
 def test_ranges():
     path = base + '/stream'
     _, head, whole = server.get(path)
@@ -618,5 +640,5 @@ with Server(FOLDER) as server:
     base = '/v1/meshes/fin/' + info['cid']
     run([test_catalogue, test_description, test_level_for_error, test_level_for_budget, test_bad_questions,
          test_every_level_is_the_cursors, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
-         test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
+         test_prefix, test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
          test_small_cache, test_cache_held_by_slow_readers, test_replaced_stream, test_reload_signal, test_stop_during_answers, test_overload, test_writes_nothing, test_server_timing, test_what_is_no_stream, test_damaged_stream])

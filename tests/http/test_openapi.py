@@ -94,15 +94,15 @@ def check(path, asked, **headers):
 def test_every_operation():
     cid = server.json('/v1/meshes/fin')['cid']
     for path in document['paths']:
-        changes = {'error': '0.1'} if path.endswith('/mesh') else {}
+        changes = {'error': '0.1'} if path.endswith(('/mesh', '/prefix')) else {}
         status = check(path, concrete(path, cid, **changes))
         assert status == (303 if path.endswith('/mesh') else 200), (path, status)
         if '304' in document['paths'][path]['get']['responses']:
-            asked = concrete(path, cid)
+            asked = concrete(path, cid, **changes)
             assert check(path, asked, If_None_Match=server.get(asked)[1]['etag']) == 304
         if '416' in document['paths'][path]['get']['responses']:
-            assert check(path, concrete(path, cid), Range='bytes=0-3') == 206
-            assert check(path, concrete(path, cid), Range='bytes=999999999-') == 416
+            assert check(path, concrete(path, cid, **changes), Range='bytes=0-3') == 206
+            assert check(path, concrete(path, cid, **changes), Range='bytes=999999999-') == 416
         if '404' in document['paths'][path]['get']['responses'] and '{id}' in path:
             assert check(path, concrete(path, cid, id='nothing')) == 404
         if '{cid}' in path:

@@ -38,16 +38,15 @@ export class Engine {
 
   // ---- what the page asks
 
-  async open({ module, url, fields, retries, target, first }) {
+  async open({ module, url, fields, retries, target }) {
     const onRetry = (detail) => this.#emit('retry', detail);
-    this.#source = new Source(url, { signal: this.#stop.signal, retries, onRetry });
-    const [compiled, described] = await Promise.all([module, first.then((found) => this.#source.start(found))]);
-    this.#view = await View.create(compiled);
-    // the description says what the index will: then the first request asks for all that the target needs
-    const needed = described && target ? described.levels[chooseLevel(described, target)].bytes : 1;
-    for (let until = needed; ; until = Math.max(needed, 2 * this.#received))
-      if (await this.#receive(until)) break;
+    this.#source = new Source(url, { target, signal: this.#stop.signal, retries, onRetry });
+    const first = this.#source.read(0, 1); // while the module is compiled
+    first.catch(() => {});
+    this.#view = await View.create(await module);
+    for (let reading = first; !await this.#receive(1, reading);) reading = undefined;
     this.#info = this.#view.describe();
+    this.#source.cid = this.#info.cid;
     if (fields) this.#fields = fields.map((name) => this.#fieldIndex(name));
     if (target) this.#goal = chooseLevel(this.#info, target);
     const base = this.#info.levels[0].bytes;
@@ -132,8 +131,8 @@ export class Engine {
   // ---- bytes
 
   // One more piece of the stream; true once the index is there.
-  async #receive(until) {
-    const bytes = await this.#source.read(this.#received, until);
+  async #receive(until, reading = this.#source.read(this.#received, until)) {
+    const bytes = await reading;
     const opened = this.#view.add(bytes);
     this.#received += bytes.length;
     this.#emit('progress', { received: this.#received, total: Math.max(until, this.#received) });

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The bytes of a stream in order, from the server's routes or from any host of files; one request at a time.
 
-const FIRST = 16384;    // header and index of most streams
-const OPENING = 32768;  // of the first levels, if more is not needed yet
+const OPENING = 32768;  // header, index and first levels of most streams, if more is not needed yet
+const FIRST = 65536;    // of a file whose index is not known, if there is a target: as long on its way as its first answer is awaited
 const LEAST = 1 << 17;  // that one request may ask for, if so much is needed; later ones as much as all before them, up to
 const MOST = 1 << 20;
 const longest = 30_000; // milliseconds without a byte, and between two attempts at most a third of it
@@ -47,8 +47,8 @@ async function failureOf(answer) {
   return passes ? new Retry(message, retryAfter(answer.headers)) : new FetchError(message);
 }
 
-/** Is it a stream of a server, which has a description and immutable URLs? Everything else is a file. */
-export const isServed = (url) => /\/v1\/meshes\/[^/]+\/?$/.test(new URL(url).pathname);
+// Is it a stream of a server, which has a description and immutable URLs? Everything else is a file.
+const isServed = (url) => /\/v1\/meshes\/[^/]+\/?$/.test(new URL(url).pathname);
 
 // An answer that is fine, or why it is not. A browser does not say that a host forbids other origins: the message has to.
 async function ask(url, options) {
@@ -64,61 +64,58 @@ async function ask(url, options) {
   throw await failureOf(answer);
 }
 
-/** Asks a server once for the description of a stream: {url, described}, or {failure}; Source.start takes it from there. */
-export async function describe(url, signal) {
-  try {
-    const answer = await ask(url, { headers: { Accept: 'application/json' }, signal });
-    const described = await answer.json().catch((error) => { throw new Retry(`${url}: ${error.message}`); });
-    return { url: answer.url, described };
-  } catch ({ message, after }) {
-    return { failure: { message, after } };
-  }
+const budgets = { error: 'error', absError: 'abs_error', level: 'level', tets: 'tets', bytes: 'bytes' };
+
+// The query of a server's prefix for a target. It takes one budget; of several, the first levels are a beginning.
+function queryOf(target = {}) {
+  const given = Object.keys(budgets).filter((key) => target[key] !== undefined);
+  const query = new URLSearchParams(given.length === 1 ? { [budgets[given[0]]]: target[given[0]] } : { bytes: OPENING });
+  for (const key of ['field', 'measure']) if (target[key] !== undefined) query.set(key, target[key]);
+  return query;
 }
 
 export class Source {
   #url; #signal; #retries; #onRetry;
-  #routes = null;  // of the server: {level, records}, URL templates
-  #levels = null;  // that the server has described
-  #reader = null;  // of the answer that is being read
-  #at = 0;         // of the stream: the next byte that it gives
-  #end = 0;        // of what was asked for; Infinity: unknown
-  #whole = false;  // Range is ignored: the answer is all of the file
-  #validator = ''; // of the file that ranges are of
+  #query;            // of a server's prefix: what the first request asks for
+  #least;            // of a file: bytes that its first request asks for
+  #served;           // by a server's routes; else ranges of a file
+  #early = null;     // a server's description: the first attempt to get it, which is on its way together with the first bytes
+  #routes = null;    // of the server: {level, records, stream}, URL templates
+  #answer = null;    // {reader, at, end} that is being read: at its next byte of the stream; end Infinity: unknown
+  #ahead = null;     // {at, answer}: the one after it, asked for already
+  #validator = '';   // of the file that ranges are of
+  cid = '';          // of the stream, once it is known: all bytes must be of the same one
+  levels = null;     // {offset, bytes}: of the server's, or set to what comes without some fields
 
   /** `onRetry({attempt, delay, message})` is told of every failure that is tried again. */
-  constructor(url, { signal, retries = 8, onRetry = () => {} } = {}) {
+  constructor(url, { target, signal, retries = 8, onRetry = () => {} } = {}) {
     this.#url = url;
+    this.#served = isServed(url);
+    this.#query = queryOf(target);
+    this.#least = target ? FIRST : OPENING;
     this.#signal = signal;
     this.#retries = retries;
     this.#onRetry = onRetry;
-  }
-
-  /** Takes up the first attempt to get the description of a stream that a server has; null for a file. */
-  async start(first) {
-    if (!isServed(this.#url)) return null;
-    const { url, described } = await this.#persist(async () => {
-      const found = first ?? await describe(this.#url, this.#signal);
-      first = null;
-      if (!found.failure) return found;
-      const { message, after } = found.failure;
-      throw after === undefined ? new FetchError(message) : new Retry(message, after);
-    });
-    const { levels, links } = described;
-    if (!levels || !links) throw new FetchError(`${this.#url} does not describe a stream`);
-    const absolute = (link) => new URL(link.replace(/\{\?.*?\}/, ''), url).href.replaceAll('%7B', '{').replaceAll('%7D', '}');
-    this.#levels = levels;
-    this.#routes = { level: absolute(links.level), records: absolute(links.records), stream: absolute(links.stream) };
-    return described;
+    if (!this.#served) return;
+    this.#early = this.#askDescription();
+    this.#early.catch(() => {}); // whoever needs it hears of it
   }
 
   /** The next bytes from `position` on, at least one, of which those before `until` are needed. */
   read(position, until) {
-    return this.#persist(() => this.#next(position, until));
+    return this.#persist(async () => {
+      try {
+        return await this.#next(position, until);
+      } catch (error) {
+        this.#drop();
+        throw error;
+      }
+    });
   }
 
-  /** Ends the request under way, unless the bytes after it would have to be asked for from the start. */
+  /** Ends the requests under way, unless the bytes after them would have to be asked for from the start. */
   pause() {
-    if (!this.#whole) this.#drop();
+    if (this.#answer?.end !== Infinity) this.#drop();
   }
 
   close() {
@@ -126,9 +123,9 @@ export class Source {
   }
 
   #drop() {
-    this.#reader?.cancel().catch(() => {});
-    this.#reader = null;
-    this.#whole = false;
+    if (this.#answer?.at < this.#answer?.end) this.#answer.reader.cancel().catch(() => {}); // else its connection may be used again
+    this.#ahead?.answer.then(({ reader }) => reader.cancel()).catch(() => {});
+    this.#answer = this.#ahead = null;
   }
 
   async #persist(attemptOnce) {
@@ -136,7 +133,6 @@ export class Source {
       try {
         return await attemptOnce();
       } catch (error) {
-        this.#drop();
         if (this.#signal?.aborted) throw this.#signal.reason;
         if (!(error instanceof Retry)) throw error;
         if (attempt > this.#retries) throw new FetchError(`${error.message} (${attempt} attempts)`);
@@ -148,46 +144,98 @@ export class Source {
   }
 
   async #next(position, until) {
-    if (this.#reader && (this.#at > position || position >= this.#end)) this.#drop();
-    if (!this.#reader) await (this.#routes ? this.#askRoutes(position, until) : this.#askRange(position, until));
+    if (this.#answer && position >= this.#answer.end) this.#answer = null;
+    if (this.#answer?.at > position || (this.#ahead && this.#ahead.at < position)) this.#drop();
+    this.#answer ??= await this.#take(position, until);
+    const answer = this.#answer;
+    if (until > answer.end && !this.#ahead) this.#askAhead(answer.end, until);
     for (;;) {
-      const chunk = await this.#chunk();
-      const from = this.#at;
-      this.#at += chunk.length;
-      if (this.#at > position) return from < position ? chunk.subarray(position - from) : chunk;
+      const chunk = await this.#chunk(answer);
+      const from = answer.at;
+      answer.at += chunk.length;
+      if (answer.at > position) return from < position ? chunk.subarray(position - from) : chunk;
     }
   }
 
+  #take(position, until) {
+    const ahead = this.#ahead;
+    this.#ahead = null;
+    return ahead?.answer ?? this.#ask(position, until);
+  }
+
+  // The link would be idle for a round trip if the next request waited for the end of this answer.
+  #askAhead(at, until) {
+    const answer = this.#ask(at, until);
+    answer.catch(() => {}); // it is heard of when its bytes are needed
+    this.#ahead = { at, answer };
+  }
+
   // What the answer gives next. An answer that is over too early, or silent for long, has failed.
-  async #chunk() {
+  async #chunk({ reader, at, end }) {
     let timer;
     const silence = new Promise((_, reject) => {
       timer = setTimeout(() => reject(new Retry(`${this.#url}: no byte came for ${longest / 1000} s`)), longest);
     });
     try {
-      const reading = this.#reader.read().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
+      const reading = reader.read().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
       const { done, value } = await Promise.race([reading, silence]);
       if (!done) return value;
     } finally {
       clearTimeout(timer);
     }
-    if (this.#end === Infinity) throw new FetchError(`the stream ends too early: ${this.#url} has only ${this.#at} bytes`);
-    throw new Retry(`${this.#url}: the answer ended ${this.#end - this.#at} bytes too early`);
+    if (end === Infinity) throw new FetchError(`the stream ends too early: ${this.#url} has only ${at} bytes`);
+    throw new Retry(`${this.#url}: the answer ended ${end - at} bytes too early`);
   }
 
   #fetch(url, options = {}) {
     return ask(url, { ...options, signal: this.#signal });
   }
 
-  #take(answer, at, end) {
-    this.#reader = answer.body.getReader();
-    this.#at = at;
-    this.#end = end;
+  async #ask(position, until) {
+    if (!this.#served) return this.#askRange(position, until);
+    return (!position && await this.#askPrefix()) || this.#askRoutes(position, until);
+  }
+
+  // All that the target needs in one answer; null where the server does not know that, or no such level.
+  async #askPrefix() {
+    const url = new URL(this.#url);
+    url.pathname = url.pathname.replace(/\/?$/, '/prefix');
+    url.search = this.#query;
+    try {
+      const answer = await this.#fetch(url);
+      const end = Number(answer.headers.get('Content-Length'));
+      if (end > 0 && !/^text\//.test(answer.headers.get('Content-Type') ?? '')) return { reader: answer.body.getReader(), at: 0, end };
+      await answer.body?.cancel();
+    } catch (error) {
+      if (!(error instanceof FetchError)) throw error;
+    }
+    return null;
+  }
+
+  async #askDescription() {
+    const answer = await this.#fetch(this.#url, { headers: { Accept: 'application/json' } });
+    const { cid, levels, links } = await answer.json().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
+    if (!levels || !links) throw new FetchError(`${this.#url} does not describe a stream`);
+    const absolute = (link) => new URL(link.replace(/\{\?.*?\}/, ''), answer.url).href.replaceAll('%7B', '{').replaceAll('%7D', '}');
+    return { cid, levels, routes: { level: absolute(links.level), records: absolute(links.records), stream: absolute(links.stream) } };
+  }
+
+  async #findRoutes() {
+    const { cid, levels, routes } = await this.#persist(() => {
+      const early = this.#early;
+      this.#early = null;
+      return early ?? this.#askDescription();
+    });
+    if (this.cid && this.cid !== cid) throw new FetchError(`${this.#url} has changed; open it again`);
+    this.cid = cid;
+    this.levels ??= levels;
+    this.#routes = routes;
   }
 
   // Prefixes and records are immutable and each has its URL: browsers and proxies keep them whole.
   async #askRoutes(position, until) {
-    const levels = this.#levels;
+    if (!this.#routes) await this.#findRoutes();
+    const { levels } = this;
     const most = position + Math.min(Math.max(position, LEAST), MOST);
     const needed = position ? until : Math.max(until, OPENING);
     const first = levels.findIndex((level) => position < level.bytes);
@@ -198,30 +246,27 @@ export class Source {
     const path = first ? records.replace('{from}', first - 1).replace('{to}', last)
       : level.replace('{level}', last).replace('{format}', 'tetlod');
     try {
-      this.#take(await this.#fetch(path), first ? levels[first].offset : 0, levels[last].bytes);
+      const answer = await this.#fetch(path);
+      return { reader: answer.body.getReader(), at: first ? levels[first].offset : 0, end: levels[last].bytes };
     } catch (error) {
       if (last === first || !(error instanceof FetchError)) throw error;
       // on a host of files there are the whole stream and single levels, nothing between
-      this.#routes = null;
+      this.#served = false;
       this.#url = stream;
-      await this.#askRange(position, until);
+      return this.#askRange(position, until);
     }
   }
 
   // Any host of files. no-store: browsers' caches of ranges of one URL are a source of errors.
   async #askRange(position, until) {
-    const end = Math.max(until, position ? 0 : FIRST);
-    const answer = await this.#fetch(this.#url, { headers: { Range: `bytes=${position}-${end - 1}` }, cache: 'no-store' });
-    const validator = answer.headers.get('ETag') ?? answer.headers.get('Last-Modified') ?? '';
+    const last = Math.max(until, position ? 0 : this.#least) - 1;
+    const { status, headers, body } = await this.#fetch(this.#url, { headers: { Range: `bytes=${position}-${last}` }, cache: 'no-store' });
+    const validator = headers.get('ETag') ?? headers.get('Last-Modified') ?? '';
     if (this.#validator && validator !== this.#validator) throw new FetchError(`${this.#url} has changed; open it again`);
     this.#validator = validator;
-    if (answer.status !== 206) {
-      this.#whole = true;
-      this.#take(answer, 0, Infinity);
-      return;
-    }
-    const [, start, stop] = /^bytes (\d+)-(\d+)\//.exec(answer.headers.get('Content-Range') ?? '') ?? [];
-    this.#take(answer, start === undefined ? position : Number(start), stop === undefined ? end : Number(stop) + 1);
-    if (this.#at > position) throw new FetchError(`${this.#url}: the server sent bytes from ${this.#at} on, not from ${position}`);
+    if (status !== 206) return { reader: body.getReader(), at: 0, end: Infinity };
+    const [, start = position, stop = last] = /^bytes (\d+)-(\d+)\//.exec(headers.get('Content-Range') ?? '') ?? [];
+    if (start > position) throw new FetchError(`${this.#url}: the server sent bytes from ${start} on, not from ${position}`);
+    return { reader: body.getReader(), at: Number(start), end: Number(stop) + 1 };
   }
 }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // TetlodStream: a stream that refines and coarsens, in a worker of its own. README.md describes it.
 
-import { describe, isServed } from './network.js';
-
 // node 18 has no CustomEvent
 const CustomEvent = globalThis.CustomEvent ?? class extends Event {
   constructor(name, { detail }) {
@@ -55,9 +53,7 @@ export class TetlodStream extends EventTarget {
     signal?.addEventListener('abort', stop, { once: true });
     try {
       const absolute = new URL(url, globalThis.location?.href).href;
-      const first = isServed(absolute) ? describe(absolute, signal) : Promise.resolve(null); // while the worker starts
       stream.#worker = listen(await startWorker(), (message) => stream.#hear(message), (error) => stream.#end(error));
-      first.then((found) => stream.#send({ action: 'describe', argument: found }));
       stream.info = await stream.#call('open', { url: absolute, target, fields, retries, wasm: wasm && String(wasm) });
     } catch (error) {
       stream.close();

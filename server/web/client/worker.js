@@ -23,14 +23,8 @@ async function moduleOf(wasm) {
   return compile(await (await import(files)).readFile(new URL(wasm)));
 }
 
-// The page asks for the description while the worker starts, and tells it as soon as it is there.
-let tellDescription;
-const description = new Promise((resolve) => { tellDescription = resolve; });
-
 const actions = {
-  open: ({ wasm = new URL('./tetlod.wasm', import.meta.url).href, ...options }) =>
-    engine.open({ ...options, module: moduleOf(wasm), first: description }),
-  describe: (found) => tellDescription(found),
+  open: ({ wasm = new URL('./tetlod.wasm', import.meta.url).href, ...options }) => engine.open({ ...options, module: moduleOf(wasm) }),
   refineTo: (target, id) => engine.refineTo(target, id),
   abort: (id) => engine.abort(id),
   mesh: () => engine.mesh(),
