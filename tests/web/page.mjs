@@ -95,6 +95,28 @@ async function the_value_under_the_pointer() {
   found[2].replaceAll('\u2212', '-').split(', ').map(Number).forEach((x, i) => assert.ok(x >= low[i] - 1e-3 && x <= high[i] + 1e-3, found[2]));
 }
 
+// The index has the range of a vector's components; the colours have that of its length.
+async function lengths_have_a_range_of_their_own() {
+  const other = await openPage(browser, origin);
+  await other.goto(`${origin}view/fin#error=0&smooth=0&field=Velocity`);
+  await settled(other);
+  const { low, high, range, of } = await other.evaluate(async () => {
+    const { stream } = window.tetlod;
+    const { Velocity } = (await stream.mesh()).fields;
+    const lengths = Array.from({ length: Velocity.length / 3 }, (_, i) => Math.hypot(...Velocity.subarray(3 * i, 3 * i + 3)));
+    return {
+      low: document.getElementById('low').value, high: document.getElementById('high').value,
+      range: [Math.min(...lengths), Math.max(...lengths)], of: stream.info.fields.find((f) => f.name === 'Velocity').range,
+    };
+  });
+  assert.notDeepEqual(range, of);
+  // coarser levels were on the way: what they had may reach a little further
+  assert.ok(Number(low) <= range[0] + 1e-3 * range[1] && Math.abs(Number(high) - range[1]) < 0.02 * range[1], `${low} to ${high}, not ${range}`);
+  await other.locator('#component').selectOption('0');
+  await other.waitForFunction((most) => Number(document.getElementById('high').value) === Number(most.toPrecision(4)), of[1]);
+  await other.context().close();
+}
+
 async function a_picture_is_saved() {
   const [download] = await Promise.all([page.waitForEvent('download'), page.locator('#screenshot').click()]);
   assert.match(download.suggestedFilename(), /^fin-\d+\.png$/);
@@ -153,5 +175,5 @@ async function what_is_loaded_is_small() {
 }
 
 await run([catalogue_lists_streams, viewer_shows_a_picture, refines_and_coarsens, state_is_in_the_url, a_slice_is_dragged, the_value_under_the_pointer,
-  a_picture_is_saved, what_is_wrong_is_said, every_control_has_a_name, nothing_went_wrong,
+  lengths_have_a_range_of_their_own, a_picture_is_saved, what_is_wrong_is_said, every_control_has_a_name, nothing_went_wrong,
   the_base_mesh_is_a_target, what_is_loaded_is_small]);

@@ -8,7 +8,7 @@ import { run } from './tap.mjs';
 const load = (name) => import(pathToFileURL(join(process.env.ROOT ?? '.', 'server/web/page', name)));
 const { Store, defaults, fromFragment, toFragment } = await load('state.js');
 const { errorSpan, measureFor, wantedLevel } = await load('levels.js');
-const { clipToWindow, dot, pickPart, planeOf, planeOutline } = await load('geometry.js');
+const { clipToWindow, dot, linesBehind, pickPart, planeOf, planeOutline, sidesOf } = await load('geometry.js');
 const { bytes, count, parseNumber, percent, significant, ticks } = await load('numbers.js');
 
 function a_state_survives_its_fragment() {
@@ -94,6 +94,22 @@ function the_nearest_triangle_is_picked() {
   assert.equal(pickPart(part, [1, 1, 5], [0, 0, 1]), null);
 }
 
+// A tetrahedron with triangles outward, and one of its sides and a line of nothing left out.
+function lines_of_the_far_walls() {
+  const part = {
+    points: Float32Array.from([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]),
+    triangles: Uint32Array.from([0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3]),
+    lines: Uint32Array.from([1, 0, 2, 3, 0, 3, 1, 2, 3, 1]), // not 0–2
+  };
+  const sides = sidesOf(part);
+  assert.deepEqual([...sides], [-1, 3, 0, 0, 4, 2, 3, 1, 4, -1, 2, 1]);
+  const seen = (eye, parallel) => [...linesBehind(part, sides, eye, parallel)];
+  assert.deepEqual(seen([0, 0, 1], true), [2, 3, 1, 2, 3, 1]); // looking up, only the slope is seen from behind
+  assert.deepEqual(seen([0, 0, -1], true), [1, 0, 1, 2]); // looking down, only the floor
+  assert.deepEqual(seen([-1, -1, -1], false), [2, 3, 1, 2, 3, 1]);
+  assert.deepEqual(seen([0.1, 0.1, 0.1], false), [...part.lines]); // from within, all
+}
+
 function numbers_as_people_read_them() {
   assert.equal(count(187395), '187\u202f395');
   assert.deepEqual([0, 0.01, 0.0012345, 1].map((x) => percent(x)), ['0', '1\u202f%', '0.123\u202f%', '100\u202f%']);
@@ -106,4 +122,4 @@ function numbers_as_people_read_them() {
 }
 
 await run([a_state_survives_its_fragment, a_broken_fragment_gives_defaults, a_store_tells_what_changed, the_wanted_level, planes_cross_the_bounds,
-  polygons_end_at_the_window, the_nearest_triangle_is_picked, numbers_as_people_read_them]);
+  polygons_end_at_the_window, the_nearest_triangle_is_picked, lines_of_the_far_walls, numbers_as_people_read_them]);

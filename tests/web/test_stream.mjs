@@ -372,6 +372,9 @@ async function picturesOfEveryStep() {
   }
   assert.equal(pictures.at(-1).level, middle);
   assert.ok(moves(), 'levels move');
+  for (const { shade } of pictures) assert.deepEqual([shade.field, shade.component], [name, 0]);
+  const { fields: { [name]: values } } = await stream.mesh();
+  assert.deepEqual(pictures.at(-1).shade.range, [Math.min(...values), Math.max(...values)]);
   let level = -1;
   let t = 1;
   for (const picture of pictures) {

@@ -326,8 +326,9 @@ export class Engine {
 
   #draw() {
     const { shade, component, edges: lines, slices, isosurfaces } = this.#spec;
-    if (shade >= 0) this.#view.shade(shade, component);
+    const { name } = this.#info.fields[shade] ?? {};
     return {
+      shade: shade < 0 ? null : { field: name, component: component < 0 ? 'magnitude' : component, range: this.#view.shade(shade, component) },
       surface: this.#drawSurface(),
       slices: slices.map(({ origin, normal }) => this.#view.slice(origin, normal, { lines })),
       isosurfaces: isosurfaces.map((iso) => this.#view.isosurface(iso.field, iso.component, iso.value, { normals: true })),

@@ -138,9 +138,10 @@ export class View {
     this.#check(this.#code.view_rest(this.#view));
   }
 
-  /** Chooses the value that colours parts; component -1 is the magnitude. It holds for the mesh as it is shown now. */
+  /** Chooses the value that colours parts; component -1 is the magnitude. It holds for the mesh as it is shown now, whose
+   *  least and greatest value it returns. */
   shade(field, component) {
-    this.#code.view_shade(this.#view, field, component);
+    return [...this.#doubles(this.#code.view_shade(this.#view, field, component), 2)];
   }
 
   // `lines`, `normals`: what the part has beside points, values and triangles; `keep`: without triangles and lines.

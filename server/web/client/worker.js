@@ -36,6 +36,7 @@ const actions = {
 
 async function hear({ action, id, argument }) {
   try {
+    if (action === 'open') post({ event: 'started', detail: null });
     const value = await actions[action](argument, id);
     if (id !== undefined) post({ id, value });
   } catch (error) {

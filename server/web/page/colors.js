@@ -31,3 +31,9 @@ export function colorTable(map, reversed, size) {
 
 export const cssGradient = (map, reversed, direction) =>
   `linear-gradient(${direction}, ${colorTable(map, reversed, 17).map((c) => `rgb(${c})`).join(', ')})`;
+
+// The colour of lines over a colour: lighter on dark ones, darker on light ones.
+export function lineColor(color) {
+  const light = 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2];
+  return color.map((c) => Math.round(light < 72 ? 0.55 * c + 0.45 * 255 : 0.3 * c));
+}

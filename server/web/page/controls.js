@@ -47,13 +47,12 @@ export class Controls {
     options(byId('map'), mapNames);
     options(byId('field'), info.fields.map((f) => [f.name, f.name]));
     options(byId('isosurface-field'), [['', 'as coloured'], ...info.fields.map((f) => [f.name, f.name])]);
-    bindPlain(store);
-    this.bindDetail();
-    this.bindColors();
-    this.bindLayers();
-    this.bindVolume();
-    this.bindView();
-    this.describe();
+  }
+
+  // What makes the panel, each a short piece of work.
+  parts() {
+    return [() => bindPlain(this.store), () => this.bindDetail(), () => this.bindColors(), () => this.bindLayers(), () => this.bindVolume(),
+      () => this.bindView(), () => this.describe()];
   }
 
   // ---- detail

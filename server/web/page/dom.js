@@ -33,3 +33,6 @@ export function coalesced(draw) {
     });
   };
 }
+
+// Lets what else waits for this thread go first: a long piece of work in steps.
+export const pause = () => globalThis.scheduler?.yield?.() ?? new Promise((resolve) => setTimeout(resolve));

@@ -85,3 +85,35 @@ export function pickPart(part, from, direction, facing = 0) {
   }
   return found && { ...found, point: add(from, direction, best) };
 }
+
+// Which of `lines` (pairs of points) each side of each triangle is, three to a triangle; -1: none of them.
+export function sidesOf({ triangles, lines, points }) {
+  const firsts = new Uint32Array(points.length / 3 + 1); // lines by their lesser end, one run after another
+  for (let l = 0; l < lines.length; l += 2) firsts[Math.min(lines[l], lines[l + 1]) + 1]++;
+  for (let v = 1; v < firsts.length; v++) firsts[v] += firsts[v - 1];
+  const room = firsts.slice();
+  const sorted = new Uint32Array(lines.length / 2);
+  for (let l = 0; l < lines.length; l += 2) sorted[room[Math.min(lines[l], lines[l + 1])]++] = l / 2;
+  return Int32Array.from(triangles, (a, i) => {
+    const b = triangles[i % 3 === 2 ? i - 2 : i + 1];
+    const [low, high] = a < b ? [a, b] : [b, a];
+    for (let k = firsts[low]; k < firsts[low + 1]; k++)
+      if (lines[2 * sorted[k]] + lines[2 * sorted[k] + 1] === low + high) return sorted[k];
+    return -1;
+  });
+}
+
+// The lines of a part that are sides of triangles seen from behind. `eye` is where the viewer is, or where he looks if that
+// is `parallel`; `sides` of sidesOf.
+export function linesBehind({ points, triangles, lines }, sides, eye, parallel) {
+  const wanted = new Uint8Array(lines.length / 2);
+  for (let t = 0; t < triangles.length; t += 3) {
+    const [a, b, c] = [3 * triangles[t], 3 * triangles[t + 1], 3 * triangles[t + 2]];
+    const ux = points[b] - points[a], uy = points[b + 1] - points[a + 1], uz = points[b + 2] - points[a + 2];
+    const vx = points[c] - points[a], vy = points[c + 1] - points[a + 1], vz = points[c + 2] - points[a + 2];
+    const [ex, ey, ez] = parallel ? eye : [points[a] - eye[0], points[a + 1] - eye[1], points[a + 2] - eye[2]];
+    if (ex * (uy * vz - uz * vy) + ey * (uz * vx - ux * vz) + ez * (ux * vy - uy * vx) <= 0) continue;
+    for (let k = t; k < t + 3; k++) if (sides[k] >= 0) wanted[sides[k]] = 1;
+  }
+  return lines.filter((_, i) => wanted[i >> 1]);
+}

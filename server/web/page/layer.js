@@ -5,6 +5,7 @@ import vtkDataArray from '@kitware/vtk.js/Common/Core/DataArray.js';
 import vtkPolyData from '@kitware/vtk.js/Common/DataModel/PolyData.js';
 import vtkActor from '@kitware/vtk.js/Rendering/Core/Actor.js';
 import vtkMapper from '@kitware/vtk.js/Rendering/Core/Mapper.js';
+import { add, linesBehind, sidesOf } from './geometry.js';
 
 const polygonOffset = 1; // vtkMapper's Resolve.PolygonOffset
 
@@ -41,18 +42,20 @@ export function makeActor(renderer, lookup) {
 }
 
 export class Layer {
-  // `flat`: without light, so that colours are exactly the map's
-  constructor(renderer, lookup, flat) {
+  // `flat`: without light, so that colours are exactly the map's. `lines`: the colours of lines on them
+  constructor(renderer, lookup, lines, flat) {
     this.renderer = renderer;
     this.part = null;
     this.triangles = makeActor(renderer, lookup);
-    this.lines = makeActor(renderer, null);
+    this.lines = makeActor(renderer, lines);
     this.showLines = false;
     this.visible = true;
+    this.offset = [0, 0, 0];
+    this.behind = null; // where from, if only lines of what is seen from behind are shown
     this.triangles.mapper.setRelativeCoincidentTopologyPolygonOffsetParameters(1, 1);
     this.lines.mapper.setRelativeCoincidentTopologyLineOffsetParameters(-1, -1);
     this.triangles.actor.getProperty().set({ lighting: !flat, ambient: 0.45, diffuse: 0.55, specular: 0 });
-    this.lines.actor.getProperty().set({ lighting: false, lineWidth: 1 });
+    this.lines.actor.getProperty().set({ lighting: false, lineWidth: 1, opacity: 0.6 });
   }
 
   // A message that leaves triangles or lines out means the last ones.
@@ -73,33 +76,52 @@ export class Layer {
   color(logarithmic) {
     if (!this.part) return;
     const values = logarithmic ? logarithms(this.part.values) : this.part.values;
-    const { data } = this.triangles;
-    data.getPointData().setScalars(vtkDataArray.newInstance({ name: 'values', values, numberOfComponents: 1 }));
-    data.modified();
+    const scalars = vtkDataArray.newInstance({ name: 'values', values, numberOfComponents: 1 });
+    for (const { data } of [this.triangles, this.lines]) {
+      data.getPointData().setScalars(scalars);
+      data.modified();
+    }
   }
 
   // What is there and wanted is visible; lines are only handed to vtk.js while they are.
   refresh() {
     const there = Boolean(this.part?.triangles?.length) && this.visible;
     const lined = there && this.showLines && Boolean(this.part.lines?.length);
-    // a boundary's triangles are faces of cells: vtk.js draws their edges itself
-    this.triangles.actor.getProperty().setEdgeVisibility(there && this.showLines && !this.part.lines);
     this.triangles.actor.setVisibility(there);
     this.lines.actor.setVisibility(lined);
     if (!lined) return;
     const { data } = this.lines;
     data.getPoints().setData(this.part.points, 3);
-    if (this.drawnLines !== this.part.lines) data.getLines().setData(cells(this.part.lines, 2), 1);
-    this.drawnLines = this.part.lines;
+    this.drawLines(this.behind ? this.linesBehind() : this.part.lines);
     data.modified();
   }
 
-  setEdgeColor(color, opacity) {
-    this.lines.actor.getProperty().set({ color, opacity });
-    this.triangles.actor.getProperty().set({ edgeColor: color, edgeOpacity: opacity });
+  drawLines(lines) {
+    if (this.drawnLines === lines) return;
+    this.lines.data.getLines().setData(cells(lines, 2), 1);
+    this.lines.data.modified();
+    this.drawnLines = lines;
+  }
+
+  linesBehind() {
+    const { part, sides } = this;
+    if (sides?.triangles !== part.triangles || sides.lines !== part.lines)
+      this.sides = { triangles: part.triangles, lines: part.lines, of: sidesOf(part) };
+    return linesBehind(part, this.sides.of, ...this.behind);
+  }
+
+  // Lines of triangles that are seen from behind only, from `eye` ([place or direction, parallel]); null: all. True if that changes the picture.
+  showBehind(eye) {
+    this.behind = eye && [add(eye[0], this.offset, eye[1] ? 0 : -1), eye[1]];
+    if (!this.lines.actor.getVisibility()) return false;
+    const lines = this.behind ? this.linesBehind() : this.part.lines;
+    if (lines.length === this.drawnLines.length && lines.every((x, i) => x === this.drawnLines[i])) return false;
+    this.drawLines(lines);
+    return true;
   }
 
   place(offset) {
+    this.offset = offset;
     for (const { actor } of [this.triangles, this.lines]) actor.setPosition(...offset);
   }
 

@@ -3,7 +3,7 @@
 
 import { sized } from './canvas.js';
 import { colorTable } from './colors.js';
-import { significant, ticks } from './numbers.js';
+import { clamp, significant, ticks } from './numbers.js';
 
 const margin = 26;
 const top = 24;
@@ -29,12 +29,11 @@ export function drawScalarBar(canvas, { title, low, high, log, map, reversed, ma
   context.fill();
   context.fillStyle = context.strokeStyle = color;
   context.font = `11.5px ${fontFamily}`;
-  for (const value of log ? decades(low, high) : ticks(low, high, Math.max(3, Math.floor(long / 70)))) {
-    const x = place(value);
+  for (const { value, text, x } of labels({ low, high, log }, place, (t) => context.measureText(t).width, width)) {
     context.globalAlpha = 0.7;
-    context.fillRect(Math.round(x), top + thick, 1, 4);
+    context.fillRect(Math.round(clamp(place(value), margin, margin + long - 1)), top + thick, 1, 4);
     context.globalAlpha = 1;
-    context.fillText(significant(value, 4), x, top + thick + 15);
+    context.fillText(text, x, top + thick + 15);
   }
   for (const value of marks) {
     const x = place(value);
@@ -47,9 +46,23 @@ export function drawScalarBar(canvas, { title, low, high, log, map, reversed, ma
   }
 }
 
+// Powers of ten, with twice and five times them where they are few.
 function decades(low, high) {
   const powers = [];
-  for (let e = Math.ceil(Math.log10(low) - 1e-9); e <= Math.log10(high) + 1e-9; e++) powers.push(10 ** e);
-  if (powers.length >= 2) return powers;
-  return [...new Set([low, Math.sqrt(low * high), high])];
+  for (let e = Math.floor(Math.log10(low)); e <= Math.log10(high); e++) powers.push(10 ** e);
+  const all = powers.length > 3 ? powers : [...powers, ...powers.flatMap((p) => [2 * p, 5 * p])];
+  return all.filter((v) => v > low && v < high);
+}
+
+// The ends, and the round values between them that have room: { value, text, x }.
+function labels({ low, high, log }, place, widthOf, width) {
+  const round = log ? decades(low, high) : ticks(low, high, Math.max(2, Math.floor(width / 80)));
+  const taken = [];
+  for (const value of [low, high, ...round]) {
+    const text = significant(value, 4);
+    const half = widthOf(text) / 2;
+    const x = clamp(place(value), half + 2, width - half - 2);
+    if (taken.every((other) => Math.abs(other.x - x) > other.half + half + 8)) taken.push({ value, text, x, half });
+  }
+  return taken;
 }

@@ -9,7 +9,7 @@ import vtkRenderer from '@kitware/vtk.js/Rendering/Core/Renderer.js';
 import vtkRenderWindow from '@kitware/vtk.js/Rendering/Core/RenderWindow.js';
 import vtkInteractor from '@kitware/vtk.js/Rendering/Core/RenderWindowInteractor.js';
 import vtkOpenGLRenderWindow from '@kitware/vtk.js/Rendering/OpenGL/RenderWindow.js';
-import { colorTable } from './colors.js';
+import { colorTable, lineColor } from './colors.js';
 import { coalesced } from './dom.js';
 import { add, corners, cross, middle, pickPart, scale, unit } from './geometry.js';
 import { Layer, cells, makeActor } from './layer.js';
@@ -30,6 +30,13 @@ export const views = {
   '-z': [[0, 0, -1], [0, 1, 0]],
   oblique: [[0.62, -0.66, 0.42], [0, 0, 1]],
 };
+
+// All at once: vtk.js sorts and compares all points for each that is added.
+function fillLookup(lookup, table, low, high) {
+  const at = (i) => low + ((high - low) * i) / (table.length - 1);
+  lookup.setNodes(table.map(([r, g, b], i) => ({ x: at(i), r: r / 255, g: g / 255, b: b / 255, midpoint: 0.5, sharpness: 0 })));
+  lookup.setMappingRange(low, high);
+}
 
 // The twelve edges of the bounds: where the volume lies when its boundary is not drawn.
 function boxLines(renderer, bounds) {
@@ -59,8 +66,9 @@ export class Scene extends EventTarget {
     this.view.setContainer(container);
     this.window.addView(this.view);
     this.lookup = vtkColorTransferFunction.newInstance();
+    this.lineLookup = vtkColorTransferFunction.newInstance();
     this.box = null;
-    this.surface = new Layer(this.renderer, this.lookup, false);
+    this.surface = new Layer(this.renderer, this.lookup, this.lineLookup, false);
     this.slices = [];
     this.isosurfaces = [];
     this.volume = null;
@@ -89,13 +97,23 @@ export class Scene extends EventTarget {
     this.interactor.bindEvents(this.container);
     const style = vtkInteractorStyle.newInstance();
     this.interactor.setInteractorStyle(style);
-    this.interactor.onRenderEvent(() => this.dispatchEvent(new Event('render')));
+    this.interactor.onRenderEvent(() => {
+      if (this.surface.showBehind(this.eye())) this.render();
+      this.dispatchEvent(new Event('render'));
+    });
     for (const event of ['onEndInteractionEvent', 'onEndMouseWheelEvent', 'onEndAnimation'])
       (style[event] ?? this.interactor[event])?.(() => this.cameraRests());
   }
 
   cameraRests() {
     this.dispatchEvent(new Event('camera'));
+  }
+
+  // Where the boundary is seen from, if only its far walls are shown.
+  eye() {
+    const camera = this.renderer.getActiveCamera();
+    const parallel = camera.getParallelProjection();
+    return this.state?.surface === 'inside' ? [parallel ? camera.getDirectionOfProjection() : camera.getPosition(), parallel] : null;
   }
 
   aspect() {
@@ -131,7 +149,7 @@ export class Scene extends EventTarget {
   updateList(name, parts, logarithmic, flat) {
     if (!parts) return;
     while (this[name].length > parts.length) this[name].pop().remove();
-    while (this[name].length < parts.length) this[name].push(new Layer(this.renderer, this.lookup, flat));
+    while (this[name].length < parts.length) this[name].push(new Layer(this.renderer, this.lookup, this.lineLookup, flat));
     this[name].forEach((layer, i) => layer.update(parts[i], logarithmic));
   }
 
@@ -157,7 +175,6 @@ export class Scene extends EventTarget {
     for (const isosurface of this.isosurfaces) isosurface.triangles.actor.getProperty().setOpacity(state.isosurfaceOpacity);
     for (const layer of this.layers()) {
       layer.place(this.offset);
-      layer.setEdgeColor(this.edgeColor, 0.55);
       layer.refresh();
     }
     this.renderer.getActiveCamera().setParallelProjection(state.parallel);
@@ -174,10 +191,8 @@ export class Scene extends EventTarget {
   // Colours from `low` to `high`, which are logarithms if the state says so.
   recolor(state, low, high) {
     const table = colorTable(state.map, state.reversed, 65);
-    this.lookup.removeAllPoints();
-    table.forEach(([r, g, b], i) => this.lookup.addRGBPoint(low + ((high - low) * i) / 64, r / 255, g / 255, b / 255));
-    this.lookup.setMappingRange(low, high);
-    this.lookup.updateRange();
+    fillLookup(this.lookup, table, low, high);
+    fillLookup(this.lineLookup, table.map(lineColor), low, high);
     this.range = [low, high];
     this.volume?.shade(state.opacity, this.range);
     this.render();

@@ -5,7 +5,7 @@ import { TetlodStream } from '../client/stream.js';
 import { Compass } from './compass.js';
 import { mapNames } from './colors.js';
 import { Controls } from './controls.js';
-import { byId, coalesced, element } from './dom.js';
+import { byId, coalesced, element, pause } from './dom.js';
 import { planeOf } from './geometry.js';
 import { Handles } from './handles.js';
 import { bindKeys, listKeys } from './keys.js';
@@ -27,16 +27,20 @@ const address = file ?? `/v1/meshes/${encodeURIComponent(id)}`;
 const stillness = matchMedia('(prefers-reduced-motion: reduce)');
 const store = new Store(fromFragment(location.hash));
 let stream, info, scene, controls, compass, handles, probe;
+let tellPictured;
+const pictured = new Promise((resolve) => { tellPictured = resolve; }); // the first picture is on the screen
 let level = -1; // the stream's, which the words tell
 let early = null; // pictures that came before there was where to draw them
 let drawn = -1; // the picture's, when it has come to rest
-let seen = null; // the magnitude's range so far: the index has ranges of components only
+let shade = null; // { field, component, range } of the picture's colours
 
 // ---- colours and their range
 
+// The index has ranges of components; that of their length is the picture's.
 function dataRange() {
   const { range } = fieldOf(info, store.state.field);
-  return componentOf(info, store.state) === 'magnitude' ? seen ?? [0, Math.max(...range.map(Math.abs)) || 1] : range;
+  const isDrawn = shade?.field === store.state.field && shade.component === 'magnitude';
+  return componentOf(info, store.state) === 'magnitude' ? (isDrawn ? shade.range : [0, Math.max(...range.map(Math.abs)) || 1]) : range;
 }
 
 // What isosurfaces are fractions of; it must not change while the stream comes.
@@ -65,13 +69,15 @@ const drawBar = coalesced(() => {
   });
 });
 
-const recolor = coalesced(() => {
+function recolorNow() {
   const range = colorRange();
   const [low, high] = store.state.log ? range.map(Math.log10) : range;
   scene.recolor(store.state, low, high);
-  controls.setRange(range);
+  controls?.setRange(range);
   drawBar();
-});
+}
+
+const recolor = coalesced(recolorNow);
 
 const setBackground = () => {
   const stage = byId('stage');
@@ -101,13 +107,17 @@ function showNow() {
 
 const show = coalesced(showNow);
 
+function targetOf({ error, maxTets, maxBytes }) {
+  const target = { error };
+  if (maxTets) target.tets = maxTets;
+  if (maxBytes) target.bytes = maxBytes;
+  return target;
+}
+
 const refine = coalesced(async () => {
   const { state } = store;
-  const target = { error: state.error, field: state.field, measure: measureFor(info, state) };
-  if (state.maxTets) target.tets = state.maxTets;
-  if (state.maxBytes) target.bytes = state.maxBytes;
   try {
-    await stream.refineTo(target);
+    await stream.refineTo({ ...targetOf(state), field: state.field, measure: measureFor(info, state) });
   } catch (error) {
     if (error.name !== 'AbortError') tellFailure(error.message);
   }
@@ -158,6 +168,10 @@ function countFrames() {
 
 // ---- from the stream
 
+function tellLoading({ detail: { received } }) {
+  byId('loading').textContent = `Loading… ${bytes(received)}`;
+}
+
 function tellRetry({ detail: { message, delay, attempt } }) {
   notice('retry', `${message}; trying again in ${significant(delay, 2)} s (${attempt})`, { failed: true, seconds: 0 });
 }
@@ -173,18 +187,25 @@ function tellFailure(message) {
   notice('error', message, { failed: true, seconds: 0, children: [again] });
 }
 
+// Colours follow what is drawn. A vector's lengths are known as they come; their range only grows, so that colours do not flicker.
+function takeShade({ field, component, range: [low, high] }) {
+  const fresh = field !== shade?.field || component !== shade.component;
+  const [least, most] = fresh ? [Infinity, -Infinity] : shade.range;
+  const grown = low < least || high > most;
+  if (fresh || grown) shade = { field, component, range: [Math.min(low, least), Math.max(high, most)] };
+  if (fresh || (grown && component === 'magnitude') || store.state.range === 'visible') recolorNow();
+}
+
 function takePictures(event) {
-  if (!controls) {
+  if (!scene?.box) {
     early = event;
     return;
   }
   const pictures = event.detail;
   byId('loading').hidden = true;
+  scene.addEventListener('render', tellPictured, { once: true });
   scene.update(pictures, store.state);
-  const visible = scene.visibleRange();
-  if (visible && componentOf(info, store.state) === 'magnitude')
-    seen = seen ? [Math.min(seen[0], visible[0]), Math.max(seen[1], visible[1])] : visible;
-  if (store.state.range === 'visible' || seen) recolor();
+  takeShade(pictures.shade);
   drawn = pictures.t === 1 ? pictures.level : -1;
   if (level === pictures.level) return;
   level = pictures.level; // the base: nothing was refined to get there
@@ -216,8 +237,7 @@ const remember = (() => {
 })();
 
 function watch() {
-  store.watch(['field', 'component'], () => (seen = null));
-  store.watch(['map', 'reversed', 'range', 'low', 'high', 'log', 'field', 'component', 'isosurfaces', 'isosurfaceField'], recolor);
+  store.watch(['map', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'], recolor);
   store.watch(['log'], (state) => scene.setLogarithmic(state.log));
   store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'clip', 'volume', 'volumeSize', 'smooth'], show);
   store.watch(['error', 'measure', 'field', 'maxTets', 'maxBytes'], () => {
@@ -327,8 +347,12 @@ function valid(state) {
   return { ...state, field: (info.fields.find((f) => f.controlled) ?? info.fields[0]).name };
 }
 
-async function openStream() {
-  stream = await TetlodStream.open(address, { on: { retry: tellRetry } });
+const opening = (target, started) => TetlodStream.open(address, { target, on: { retry: tellRetry, progress: tellLoading, started } });
+
+// The target goes with the first request, so that its bytes come at once; a link may ask for a measure that is not there.
+async function openStream(started) {
+  stream = await opening(targetOf(store.state), started)
+    .catch((error) => (error instanceof RangeError ? opening(undefined, started) : Promise.reject(error)));
   info = stream.info;
   if (!info.fields.length) throw new Error('this stream has no fields to colour it by');
   store.state = valid(store.state);
@@ -336,35 +360,62 @@ async function openStream() {
   showNow();
 }
 
-async function openScene() {
-  const { Scene } = await import('./scene.js');
+function openScene({ Scene }) {
   try {
     scene = new Scene(byId('picture'));
     scene.view.get3DContext();
   } catch (error) {
     throw document.createElement('canvas').getContext('webgl2') ? error : new Error('this browser has no WebGL 2, which draws the picture');
   }
+}
+
+// The first picture is made while vtk.js and the graphics start, which takes longest. Making the graphics' context stops
+// this thread, and with it a worker that is not running yet.
+async function open() {
+  const code = import('./scene.js');
+  let opened;
+  const running = new Promise((resolve) => { opened = openStream(resolve); });
+  await Promise.race([running, opened]);
+  await Promise.all([opened, code.then(openScene)]);
+}
+
+function firstPicture() {
+  scene.setBounds(info.bounds);
+  if (store.state.camera) scene.setCamera(store.state.camera);
   setBackground();
+  if (early) takePictures(early);
+  return pictured;
+}
+
+// Everything around the picture, in pieces that let others in between.
+async function openPanel() {
+  compass = new Compass(byId('compass'), (view) => scene.look(view));
+  handles = new Handles(byId('handles'), scene, planes);
+  probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, store.state));
+  watchScene();
+  await pause();
+  const made = new Controls(store, info, { look: (view) => scene.look(view), viewNormal, ranges: colorRange, isosurfaceRange });
+  for (const build of made.parts()) {
+    build();
+    await pause();
+  }
+  controls = made;
+  watch();
+  await pause();
+  bindActions();
+  countFrames();
+  tellShown();
+  byId('download').hidden = Boolean(file);
+  byId('controls').inert = false;
 }
 
 async function start() {
   document.title = `${name} · tetlod`;
   byId('name').textContent = name;
-  // the first picture is made while vtk.js and the graphics start, which takes longest
-  await Promise.all([openStream(), openScene()]);
-  scene.setBounds(info.bounds);
-  if (store.state.camera) scene.setCamera(store.state.camera);
-  compass = new Compass(byId('compass'), (view) => scene.look(view));
-  handles = new Handles(byId('handles'), scene, planes);
-  controls = new Controls(store, info, { look: (view) => scene.look(view), viewNormal, ranges: colorRange, isosurfaceRange });
-  probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, store.state));
-  byId('download').hidden = Boolean(file);
-  if (early) takePictures(early);
-  watchScene();
-  watch();
-  bindActions();
-  countFrames();
-  byId('controls').inert = false;
+  await open();
+  await firstPicture();
+  performance.mark('tetlod-picture');
+  await openPanel();
   // what tests look at
   window.tetlod = {
     stream,

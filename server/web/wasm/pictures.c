@@ -41,9 +41,17 @@ static void take_values(const struct view *view, uint32_t field, int32_t compone
     }
 }
 
-void view_shade(struct view *view, uint32_t field, int32_t component)
+const double *view_shade(struct view *view, uint32_t field, int32_t component)
 {
+    double low = INFINITY, high = -INFINITY;
     take_values(view, field, component, view->shade);
+    for (uint32_t v = 0; v < view->shown.vertex_count; v++) {
+        low = view->shade[v] < low ? view->shade[v] : low;
+        high = view->shade[v] > high ? view->shade[v] : high;
+    }
+    view->shade_range[0] = low;
+    view->shade_range[1] = high;
+    return view->shade_range;
 }
 
 static void take_distances(const struct view *view, double ox, double oy, double oz, double nx, double ny, double nz)

@@ -39,6 +39,7 @@ struct view {
     bool moving;                     /* from those below, not from the cursor */
     struct tetmesh from, to, between; /* a move: its ends, and where it is; the corners are `to`'s */
     double *shade, *function;        /* [vertex_count] the value that colours, the function whose zero set is cut */
+    double shade_range[2];
     double *probed;                  /* a value for each component of each field */
     double centre[3];                /* that points are relative to */
     struct cut boundary;             /* of the mesh that is shown, if `has_boundary`; and its lines */
@@ -83,8 +84,8 @@ VIEW_EXPORT(view_rest) uint32_t view_rest(struct view *view);
 /* What a part has beside points, values and triangles. */
 enum { WITH_LINES = 1, WITH_NORMALS = 2 };
 
-/* The value that colours, of the mesh as it is now; component -1: the magnitude. */
-VIEW_EXPORT(view_shade) void view_shade(struct view *view, uint32_t field, int32_t component);
+/* The value that colours, of the mesh as it is now; component -1: the magnitude. Returns its least and greatest. */
+VIEW_EXPORT(view_shade) const double *view_shade(struct view *view, uint32_t field, int32_t component);
 /* Each makes view_part. */
 VIEW_EXPORT(view_surface) uint32_t view_surface(struct view *view, uint32_t with);
 VIEW_EXPORT(view_clip) /* the surface of what is behind a plane */
