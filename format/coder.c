@@ -30,50 +30,52 @@ void tetlodi_decode_start(struct tetlodi_coder *coder, unsigned slowest, const u
         coder->code = coder->code << 8 | (coder->at < coder->end ? *coder->at++ : 0u);
 }
 
-void tetlodi_encode_start(struct tetlodi_coder *coder, unsigned slowest, struct tetlodi_memory *memory)
+void tetlodi_encode_start(struct tetlodi_coder *coder, unsigned slowest, struct tetlodi_encoder *encoder,
+                          struct tetlodi_memory *memory)
 {
-    *coder = (struct tetlodi_coder){.encoding = 1, .range = UINT32_MAX, .memory = memory, .bytes = coder->bytes,
-                                    .seen_most = (1u << slowest) - 2, .capacity = coder->capacity};
+    *encoder = (struct tetlodi_encoder){.memory = memory, .bytes = encoder->bytes, .capacity = encoder->capacity};
+    *coder = (struct tetlodi_coder){.encoder = encoder, .range = UINT32_MAX, .seen_most = (1u << slowest) - 2};
 }
 
-static void put(struct tetlodi_coder *coder, uint8_t byte)
+static void put(struct tetlodi_encoder *encoder, uint8_t byte)
 {
-    if (coder->failed || !TETLODI_ROOM(coder->memory, coder->bytes, coder->capacity, coder->size + 1)) {
-        coder->failed = 1;
+    if (encoder->failed || !TETLODI_ROOM(encoder->memory, encoder->bytes, encoder->capacity, encoder->size + 1)) {
+        encoder->failed = 1;
         return;
     }
-    coder->bytes[coder->size++] = byte;
+    encoder->bytes[encoder->size++] = byte;
 }
 
-void tetlodi_encode_shift(struct tetlodi_coder *coder)
+void tetlodi_encode_shift(struct tetlodi_encoder *encoder)
 {
-    uint8_t top = (uint8_t)(coder->low >> 24);
-    uint8_t carry = (uint8_t)(coder->low >> 32);
-    if (!coder->pending) {
-        coder->first = top;
+    uint8_t top = (uint8_t)(encoder->low >> 24);
+    uint8_t carry = (uint8_t)(encoder->low >> 32);
+    if (!encoder->pending) {
+        encoder->first = top;
     } else if (top != 0xff || carry) {
-        put(coder, (uint8_t)(coder->first + carry));
-        while (--coder->pending)
-            put(coder, (uint8_t)(0xff + carry));
-        coder->first = top;
+        put(encoder, (uint8_t)(encoder->first + carry));
+        while (--encoder->pending)
+            put(encoder, (uint8_t)(0xff + carry));
+        encoder->first = top;
     }
-    coder->pending++;
-    coder->low = (coder->low & 0x00ffffff) << 8;
+    encoder->pending++;
+    encoder->low = (encoder->low & 0x00ffffff) << 8;
 }
 
 void tetlodi_encode_finish(struct tetlodi_coder *coder)
 {
+    struct tetlodi_encoder *encoder = coder->encoder;
     /* Of the numbers in [low, low + range) the one with most trailing zero bits. */
-    uint64_t last = coder->low + coder->range - 1;
+    uint64_t last = encoder->low + coder->range - 1;
     for (unsigned zeros = 32; zeros--;) {
         uint64_t value = last >> zeros << zeros;
-        if (value >= coder->low) {
-            coder->low = value;
+        if (value >= encoder->low) {
+            encoder->low = value;
             break;
         }
     }
     for (int i = 0; i < 5; i++)
-        tetlodi_encode_shift(coder);
-    while (coder->size && !coder->bytes[coder->size - 1])
-        coder->size--;
+        tetlodi_encode_shift(encoder);
+    while (encoder->size && !encoder->bytes[encoder->size - 1])
+        encoder->size--;
 }

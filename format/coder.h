@@ -12,7 +12,7 @@
 #include "format/memory.h"
 
 /* Loops that code much have the coder in a local variable and are compiled once for each direction, so that a decoder's is
- * in registers. */
+ * in registers: no call takes the address of a coder that decodes. */
 #define TETLODI_INLINE static inline __attribute__((always_inline))
 
 /* tests/bench counts what is spent on what: a bit under a model that had a chance of so many 65536ths, or plain bits. */
@@ -31,18 +31,23 @@ struct tetlodi_bit {
     uint16_t p, seen;
 };
 
-struct tetlodi_coder {
-    int encoding, bad; /* bad: the frame holds what no encoder writes */
-    unsigned seen_most; /* bits after which a model learns no slower */
-    uint32_t range, code;
-    const uint8_t *at, *end; /* decoder: borrowed */
-    uint64_t low;            /* encoder, from here on */
-    uint64_t pending;        /* bytes of 0xff, and the one before them, that a carry may still change */
-    uint8_t first;           /* that one */
+/* What an encoder has besides. */
+struct tetlodi_encoder {
+    uint64_t low;
+    uint64_t pending; /* bytes of 0xff, and the one before them, that a carry may still change */
+    uint8_t first;    /* that one */
     struct tetlodi_memory *memory;
     uint8_t *bytes; /* owned */
     size_t size, capacity;
     int failed; /* out of memory */
+};
+
+struct tetlodi_coder {
+    struct tetlodi_encoder *encoder; /* borrowed; NULL in a decoder */
+    const uint8_t *at, *end;         /* decoder: borrowed */
+    uint32_t range, code;
+    unsigned seen_most; /* bits after which a model learns no slower */
+    int bad;            /* the frame holds what no encoder writes */
 };
 
 /* Sets `count` models to even odds. */
@@ -50,29 +55,20 @@ void tetlodi_bits_init(struct tetlodi_bit *bits, size_t count);
 
 /* `slowest` 5..7: the least step of learning is 1/2^slowest. */
 void tetlodi_decode_start(struct tetlodi_coder *coder, unsigned slowest, const uint8_t *bytes, size_t size);
-void tetlodi_encode_start(struct tetlodi_coder *coder, unsigned slowest, struct tetlodi_memory *memory); /* keeps its buffer */
-void tetlodi_encode_finish(struct tetlodi_coder *coder);                               /* bytes, size are the frame */
-void tetlodi_encode_shift(struct tetlodi_coder *coder);                                /* gives out the top byte */
+void tetlodi_encode_start(struct tetlodi_coder *coder, unsigned slowest, struct tetlodi_encoder *encoder,
+                          struct tetlodi_memory *memory);      /* the encoder keeps its buffer */
+void tetlodi_encode_finish(struct tetlodi_coder *coder);       /* the encoder's bytes, size are the frame */
+void tetlodi_encode_shift(struct tetlodi_encoder *encoder);    /* gives out the top byte */
 
 /* The step of adaptation: 1/2, 1/4, ... down to 1/128, by how many bits were seen. */
 extern const uint8_t tetlodi_bit_shift[128];
 
-TETLODI_INLINE void bit_update(struct tetlodi_bit *model, unsigned seen_most, int bit)
-{
-    unsigned shift = tetlodi_bit_shift[model->seen];
-    if (bit)
-        model->p = (uint16_t)(model->p - (model->p >> shift));
-    else
-        model->p = (uint16_t)(model->p + ((65536u - model->p) >> shift));
-    model->seen = (uint16_t)(model->seen + (model->seen < seen_most));
-}
-
 TETLODI_INLINE void coder_refill(struct tetlodi_coder *coder)
 {
-    while (coder->range < 1u << 24) {
+    while (__builtin_expect(coder->range < 1u << 24, 0)) {
         coder->range <<= 8;
-        if (coder->encoding)
-            tetlodi_encode_shift(coder);
+        if (coder->encoder)
+            tetlodi_encode_shift(coder->encoder);
         else
             coder->code = coder->code << 8 | (coder->at < coder->end ? *coder->at++ : 0u);
     }
@@ -80,20 +76,23 @@ TETLODI_INLINE void coder_refill(struct tetlodi_coder *coder)
 
 TETLODI_INLINE int code_bit(struct tetlodi_coder *coder, struct tetlodi_bit *model, int bit)
 {
-    uint32_t bound = (coder->range >> 12) * (uint32_t)(model->p >> 4);
-    if (!coder->encoding)
+    unsigned p = model->p, seen = model->seen, shift = tetlodi_bit_shift[seen];
+    uint32_t bound = (coder->range >> 12) * (uint32_t)(p >> 4);
+    if (!coder->encoder)
         bit = coder->code >= bound;
-    if (bit) {
-        if (coder->encoding)
-            coder->low += bound;
+    TETLODI_COUNT(model, bit ? 65536u - p : p, 0);
+    model->seen = (uint16_t)(seen + (seen < coder->seen_most));
+    if (bit) { // one branch for all that a bit decides: a right guess lets the next bit begin early
+        if (coder->encoder)
+            coder->encoder->low += bound;
         else
             coder->code -= bound;
         coder->range -= bound;
+        model->p = (uint16_t)(p - (p >> shift));
     } else {
         coder->range = bound;
+        model->p = (uint16_t)(p + ((65536u - p) >> shift));
     }
-    TETLODI_COUNT(model, bit ? 65536u - model->p : model->p, 0);
-    bit_update(model, coder->seen_most, bit);
     coder_refill(coder);
     return bit;
 }
@@ -103,8 +102,8 @@ TETLODI_INLINE uint32_t code_plain(struct tetlodi_coder *coder, unsigned count, 
 {
     TETLODI_COUNT(NULL, 0, count);
     coder->range >>= count;
-    if (coder->encoding) {
-        coder->low += (uint64_t)coder->range * value;
+    if (coder->encoder) {
+        coder->encoder->low += (uint64_t)coder->range * value;
     } else {
         uint32_t most = (1u << count) - 1;
         value = coder->code / coder->range;

@@ -22,8 +22,7 @@ struct corner2 {
 /* Corners `k` but the vertex of tetrahedra i and i + 1 of the star, its last one twice if it is odd. */
 TETLODI_INLINE struct corner2 corner2(const struct tetlodi_star_view *star, uint32_t i, int k)
 {
-    const double *p = star->positions[star->others[i][k]];
-    const double *q = star->positions[star->others[i + (i + 1 < star->size)][k]];
+    const double *p = star->positions[star->others[i][k]], *q = star->positions[star->others[i + (i + 1 < star->size)][k]];
     return (struct corner2){{p[0], q[0]}, {p[1], q[1]}, {p[2], q[2]}};
 }
 
@@ -138,9 +137,10 @@ struct reach {
 
 static struct reach reach(const struct tetlodi_star_view *star, int64_t own, unsigned axis)
 {
+    const int64_t *codes = star->axis_codes[axis];
     int64_t least = own, most = own;
     for (uint32_t i = 0; i < star->link_count; i++) {
-        int64_t code = star->codes[i][axis];
+        int64_t code = codes[i];
         least = code < least ? code : least;
         most = code > most ? code : most;
     }
@@ -150,14 +150,14 @@ static struct reach reach(const struct tetlodi_star_view *star, int64_t own, uns
 /* The next code of the link's from `code` on to one side, along an axis; `code` itself if there is none. */
 static int64_t next_code(const struct tetlodi_star_view *star, unsigned axis, int64_t code, int negative)
 {
-    int64_t end = negative ? INT64_MIN : INT64_MAX, best = end, found = code;
-    for (uint32_t i = 0; i < star->link_count; i++) {
-        int64_t other = star->codes[i][axis];
-        int nearer = negative ? (other < code) & (other >= best) : (other > code) & (other <= best);
-        best = nearer ? other : best;
-        found = nearer ? other : found;
+    const int64_t *codes = star->axis_codes[axis];
+    int64_t mirror = negative ? -1 : 0, from = code ^ mirror, best = INT64_MAX; // no code of a finite number, nor its mirror
+    for (uint32_t i = 0, count = star->link_count; i < count; i++) {
+        int64_t other = codes[i] ^ mirror;
+        other = other > from ? other : INT64_MAX;
+        best = other < best ? other : best;
     }
-    return found;
+    return best == INT64_MAX ? code : best ^ mirror;
 }
 
 /* Meshes made of layers: the child is level with a vertex of the link, the one of so many ranks to this side. */
@@ -195,7 +195,7 @@ TETLODI_INLINE int64_t code_step(struct tetlodi_coder *coder, struct tetlodi_ste
     unsigned side = link.high / 2 > link.low ? 4 : link.low / 2 > link.high ? 0 : link.high > link.low ? 3 : 2;
     int negative = code_bit(coder, &models->side[side], value < 0);
     unsigned room = bit_length(negative ? link.low : link.high), length;
-    unsigned rank = coder->encoding ? rank_of(star, axis, own, (int64_t)((uint64_t)own + (uint64_t)value), negative) : 0;
+    unsigned rank = coder->encoder ? rank_of(star, axis, own, (int64_t)((uint64_t)own + (uint64_t)value), negative) : 0;
     trail->level = (unsigned)code_bit(coder, &models->level[trail->level], rank < 64);
     if (trail->level) {
         int64_t code = own;
@@ -225,7 +225,7 @@ TETLODI_INLINE void positions_inline(struct tetlodi_recorder *recorder, const st
     const struct tetlodi_scale *scale = &column->scale;
     const int64_t *own = column->codes + (size_t)record->vertex * 3;
     unsigned width = scale_width(scale), placement = 0;
-    local.encoding = encoding;
+    local.encoder = encoding ? local.encoder : NULL;
     if (encoding)
         placement = choose_placement(record, recorder->codes, column);
     placement = code_tree(coder, models->placement, 2, placement);
@@ -255,7 +255,7 @@ TETLODI_INLINE void positions_inline(struct tetlodi_recorder *recorder, const st
 
 static void code_positions(struct tetlodi_recorder *recorder, const struct tetlodi_record *record)
 {
-    if (recorder->coders->encoding)
+    if (recorder->coders->encoder)
         positions_inline(recorder, record, 1);
     else
         positions_inline(recorder, record, 0);
@@ -345,7 +345,7 @@ TETLODI_INLINE void field_inline(struct tetlodi_recorder *recorder, uint32_t fie
     const struct tetlodi_column *column = &recorder->replay->columns[field];
     struct tetlodi_coder coder = recorder->coders[field]; // in registers
     unsigned width = scale_width(&column->scale);
-    coder.encoding = encoding;
+    coder.encoder = encoding ? coder.encoder : NULL;
     for (unsigned c = 0; c < column->components; c++, codes++) {
         unsigned context = extent(&recorder->star, column, c);
         for (uint32_t i = 0; i < children; i++) {
@@ -367,7 +367,7 @@ static void code_fields(struct tetlodi_recorder *recorder, const struct tetlodi_
     locate_children(recorder, record, where);
     int64_t(*codes)[4] = recorder->codes + 3;
     for (uint32_t f = 1; f < replay->column_count; codes += replay->columns[f++].components) {
-        if (recorder->coders[f].encoding)
+        if (recorder->coders[f].encoder)
             field_inline(recorder, f, record->children, where, codes, 1);
         else
             field_inline(recorder, f, record->children, where, codes, 0);
@@ -402,7 +402,8 @@ static void geometry_contexts(struct tetlodi_star_view *star, const double *posi
     struct pair pair;
     pair_init(&pair, positions + (size_t)star->vertex * 3, positions + (size_t)child * 3);
     const double *a = pair.a, *b = pair.b, *d = pair.along, *m = pair.middle3, *s = pair.steps;
-    uint8_t *contexts = star->contexts, *place = star->place;
+    const uint32_t *corners = star->corners;
+    uint8_t *contexts = star->contexts;
     for (uint32_t i = 0, size = star->size; i < size; i += 2) {
         struct corner2 p0 = corner2(star, i, 0), p1 = corner2(star, i, 1), p2 = corner2(star, i, 2);
         pair2 ux = p1.x - p0.x, uy = p1.y - p0.y, uz = p1.z - p0.z;
@@ -412,7 +413,7 @@ static void geometry_contexts(struct tetlodi_star_view *star, const double *posi
         pair2 of_b = (nx * (b[0] - p0.x) + ny * (b[1] - p0.y)) + nz * (b[2] - p0.z);
         pair2 near = ((((p0.x + p1.x) + p2.x) - m[0]) * d[0] + (((p0.y + p1.y) + p2.y) - m[1]) * d[1]) +
                      (((p0.z + p1.z) + p2.z) - m[2]) * d[2];
-        pair2 sign = {place[i] & 1 ? -1 : 1, place[i + 1] & 1 ? -1 : 1};
+        pair2 sign = {1 - 2 * (int)(corners[i] & 1), 1 - 2 * (int)(corners[i + (i + 1 < size)] & 1)};
         mask2 passed = (near > s[0]) + (near > s[1]) + (near > s[2]) + (near > s[3]) + (near > s[4]) + (near > s[5]) +
                        (near > s[6]);
         mask2 context = ((of_a * sign < 0) & 8) + ((of_b * sign < 0) & 16) - passed;
@@ -429,7 +430,7 @@ TETLODI_INLINE void code_labels_inline(struct tetlodi_coder *all, struct tetlodi
                                       int encoding)
 {
     struct tetlodi_coder coder = *all; // in registers
-    coder.encoding = encoding;
+    coder.encoder = encoding ? coder.encoder : NULL;
     const uint32_t(*edges)[3] = (const uint32_t(*)[3])star->edges;
     const uint8_t *contexts = star->contexts;
     uint8_t *all_seen = star->seen, *labels = star->labels;
@@ -451,7 +452,7 @@ static void code_labels(struct tetlodi_recorder *recorder, uint32_t child, unsig
     struct tetlodi_star_view *star = &recorder->star;
     struct tetlodi_bit *models = recorder->models->label + at_first * 320;
     geometry_contexts(star, recorder->replay->columns[0].values, child);
-    if (recorder->coders->encoding)
+    if (recorder->coders->encoder)
         code_labels_inline(recorder->coders, models, star, 1);
     else
         code_labels_inline(recorder->coders, models, star, 0);
@@ -553,10 +554,13 @@ static uint32_t put_tets(struct tetlodi_recorder *recorder, uint32_t child)
     size_t most = (size_t)replay->tets + star->edge_count + star->extra_count;
     if (!TETLODI_ROOM(replay->memory, replay->corners, replay->corners_capacity, 4 * most))
         return TETLOD_NONE;
-    uint32_t count = 0;
-    for (uint32_t e = 0; e < star->edge_count; e++) {
-        if (star->made[e] == NOT_MADE)
-            continue;
+    uint32_t count = 0, made = 0;
+    for (uint32_t e = 0; e < star->edge_count; e++) { // few are made, and which cannot be foretold
+        star->edge[made] = star->edge[e];
+        star->made[made] = star->made[e];
+        made += star->made[e] != NOT_MADE;
+    }
+    for (uint32_t e = 0; e < made; e++) {
         uint32_t *corners = replay->corners + 4 * ((size_t)replay->tets + count++);
         tetlodi_star_between(star, replay, e, child, corners);
         for (int c = 0; c < 4; c++)
@@ -692,7 +696,7 @@ TETLODI_INLINE int step_inline(struct tetlodi_recorder *recorder, uint32_t end, 
     struct tetlodi_bit(*models)[16] = recorder->models->splits;
     const struct tetlodi_star *stars = recorder->replay->stars;
     uint32_t v = recorder->walk, level_start = recorder->level_start;
-    coder.encoding = encoding;
+    coder.encoder = encoding ? coder.encoder : NULL;
     for (;; v++) {
         uint32_t size = stars[v].size / 4;
         split = code_bit(&coder, &models[v >= level_start][size < 15 ? size : 15], split);

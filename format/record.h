@@ -39,17 +39,19 @@ enum { NOT_MADE = 0, MADE = 1, MADE_FLIPPED = 2 };           /* a tetrahedron co
 /* The star of a vertex laid out to be split. */
 struct tetlodi_star_view {
     uint32_t vertex, size, link_count, edge_count, extra_count;
-    uint32_t *tets, (*others)[3], (*edges)[3]; /* others: the corners but the vertex, by number in the link */
-    uint8_t *place, *labels, *contexts;        /* which corner the vertex is; 1: goes with the child */
-    uint32_t *link;                            /* vertices */
-    double (*positions)[3];                    /* theirs */
-    int64_t (*codes)[3];
+    const uint32_t *corners;           /* the star in the replay's pool, until it is split: 4 * tetrahedron + which the vertex is */
+    uint32_t (*others)[3], (*edges)[3]; /* others: the corners but the vertex, by number in the link */
+    uint8_t *labels, *contexts;         /* label 1: goes with the child */
+    uint32_t *link;                     /* vertices */
+    double (*positions)[4];             /* theirs; the fourth is unused */
+    int64_t *codes, *axis_codes[3];     /* theirs, axis by axis */
     struct tetlodi_link_edge *edge;
     uint8_t *seen, *made;    /* of edges */
     uint32_t (*extras)[2];   /* vertices */
-    uint32_t *mark, *table;  /* numbers in the link of vertices, of edges */
-    size_t tets_capacity, others_capacity, edges_capacity, place_capacity, labels_capacity, contexts_capacity, link_capacity,
-        positions_capacity, codes_capacity, edge_capacity, seen_capacity, made_capacity, extras_capacity, mark_capacity,
+    uint32_t *mark, *table;  /* numbers in the link of vertices, from first_mark on; of edges */
+    uint32_t first_mark;
+    size_t others_capacity, edges_capacity, labels_capacity, contexts_capacity, link_capacity, positions_capacity,
+        codes_capacity, edge_capacity, seen_capacity, made_capacity, extras_capacity, mark_capacity,
         table_capacity;
 };
 

@@ -118,7 +118,7 @@ int tetlodi_replay_base(struct tetlodi_replay *replay)
             return 0;
     for (size_t i = 0; i < (size_t)replay->tets * 4; i++) {
         struct tetlodi_star *star = &stars[replay->corners[i]];
-        replay->pool[star->at + star->size++] = (uint32_t)(i / 4);
+        replay->pool[star->at + star->size++] = (uint32_t)i;
     }
     replay->all_vertices = replay->vertices;
     replay->all_tets = replay->tets;
@@ -162,17 +162,15 @@ static uint32_t labels_at(const struct tetlodi_replay *replay, size_t at, uint32
 }
 
 /* Moves those of a star's tetrahedra that are labelled to its vertex's child. How many stay. */
-static uint32_t deal_out(struct tetlodi_replay *replay, uint32_t *all, uint32_t size, uint32_t *theirs, uint32_t vertex,
-                         uint32_t child)
+static uint32_t deal_out(struct tetlodi_replay *replay, uint32_t *all, uint32_t size, uint32_t *theirs, uint32_t child)
 {
     uint32_t kept = 0;
     for (uint32_t start = 0; start < size; start += 32) {
         uint32_t end = size - start < 32 ? size : start + 32, labels = labels_at(replay, replay->label + start, size - start);
         for (uint32_t goes = labels; goes; goes &= goes - 1) {
-            uint32_t t = all[start + (uint32_t)__builtin_ctz(goes)], *corners = replay->corners + 4 * (size_t)t;
-            for (int c = 0; c < 4; c++)
-                corners[c] = corners[c] == vertex ? child : corners[c];
-            *theirs++ = t;
+            uint32_t corner = all[start + (uint32_t)__builtin_ctz(goes)];
+            replay->corners[corner] = child;
+            *theirs++ = corner;
         }
         for (uint32_t i = start; i < end; i++, labels >>= 1) {
             all[kept] = all[i];
@@ -187,14 +185,14 @@ static int add_tets(struct tetlodi_replay *replay, uint32_t first, uint32_t coun
 {
     if (!count) // there may be no corners at all
         return 1;
-    const uint32_t *corner = replay->corners + 4 * (size_t)first, *end = corner + 4 * (size_t)count;
-    for (const uint32_t *c = corner; c < end; c++)
-        __builtin_prefetch(replay->pool + replay->stars[*c].at + replay->stars[*c].size);
-    for (; corner < end; corner++) {
-        struct tetlodi_star *star = &replay->stars[*corner];
+    const uint32_t *corners = replay->corners + 4 * (size_t)first;
+    for (uint32_t c = 0; c < 4 * count; c++)
+        __builtin_prefetch(replay->pool + replay->stars[corners[c]].at + replay->stars[corners[c]].size);
+    for (uint32_t c = 0; c < 4 * count; c++) {
+        struct tetlodi_star *star = &replay->stars[corners[c]];
         if (star->size == star->room && !star_room(replay, star, star->size + 1))
             return 0;
-        replay->pool[star->at + star->size++] = first + (uint32_t)(corner - replay->corners - 4 * (size_t)first) / 4;
+        replay->pool[star->at + star->size++] = 4 * first + c;
     }
     return 1;
 }
@@ -211,7 +209,7 @@ int tetlodi_replay_apply(struct tetlodi_replay *replay)
     if (!run_take(replay, moved + added, other))
         return 0;
     other->size = moved;
-    star->size = deal_out(replay, replay->pool + star->at, size, replay->pool + other->at, v, child);
+    star->size = deal_out(replay, replay->pool + star->at, size, replay->pool + other->at, child);
     replay->label += size;
     replay->vertices++;
     replay->splits++;
@@ -232,7 +230,7 @@ static void drop_tets(struct tetlodi_replay *replay, uint32_t count)
         const uint32_t *corners = replay->corners + 4 * (size_t)t;
         for (int c = 4; c--;) {
             struct tetlodi_star *star = &replay->stars[corners[c]];
-            star->size -= star->size && replay->pool[star->at + star->size - 1] == t;
+            star->size -= star->size && replay->pool[star->at + star->size - 1] / 4 == t;
         }
     }
 }
@@ -253,9 +251,7 @@ int tetlodi_replay_undo(struct tetlodi_replay *replay)
         if (kept && all[kept - 1] > theirs[moved - 1]) {
             all[--at] = all[--kept];
         } else {
-            uint32_t *corners = replay->corners + 4 * (size_t)theirs[--moved];
-            for (int c = 0; c < 4; c++)
-                corners[c] = corners[c] == child ? v : corners[c];
+            replay->corners[theirs[--moved]] = v;
             all[--at] = theirs[moved];
         }
     }

@@ -21,7 +21,7 @@ struct tetlodi_column {
 };
 
 struct tetlodi_star {
-    uint32_t at, size, room; /* tetrahedra pool[at .. at + size), ascending */
+    uint32_t at, size, room; /* pool[at .. at + size), ascending: 4 * tetrahedron + which of its corners the vertex is */
 };
 
 enum { STAR_CLASSES = 128 };

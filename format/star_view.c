@@ -8,67 +8,56 @@ enum { LINK_SMALL = 256 };
 
 static int room(struct tetlodi_star_view *view, struct tetlodi_memory *memory, size_t size, size_t vertices)
 {
-    size_t edges = 3 * size + 1, marks = view->mark_capacity, links = view->link_capacity; // one is written in vain
-    if (!TETLODI_ROOM(memory, view->tets, view->tets_capacity, size + 1) ||
-        !TETLODI_ROOM(memory, view->others, view->others_capacity, size + 1) ||
+    size_t edges = 3 * size + 1, marks = view->mark_capacity; // one is written in vain
+    if (!TETLODI_ROOM(memory, view->others, view->others_capacity, size + 1) ||
         !TETLODI_ROOM(memory, view->edges, view->edges_capacity, size + 1) ||
-        !TETLODI_ROOM(memory, view->place, view->place_capacity, size + 1) ||
         !TETLODI_ROOM(memory, view->labels, view->labels_capacity, size + 1) ||
         !TETLODI_ROOM(memory, view->contexts, view->contexts_capacity, size + 1) ||
         !TETLODI_ROOM(memory, view->link, view->link_capacity, edges) ||
         !TETLODI_ROOM(memory, view->positions, view->positions_capacity, edges) ||
-        !TETLODI_ROOM(memory, view->codes, view->codes_capacity, edges) ||
+        !TETLODI_ROOM(memory, view->codes, view->codes_capacity, 3 * edges) ||
         !TETLODI_ROOM(memory, view->edge, view->edge_capacity, edges) ||
         !TETLODI_ROOM(memory, view->seen, view->seen_capacity, edges) ||
         !TETLODI_ROOM(memory, view->made, view->made_capacity, edges) ||
         !TETLODI_ROOM(memory, view->mark, view->mark_capacity, vertices))
         return 0;
-    if (view->link_capacity > links)
-        memset(view->link + links, 0, (view->link_capacity - links) * sizeof *view->link);
     if (view->mark_capacity > marks)
         memset(view->mark + marks, 0, (view->mark_capacity - marks) * sizeof *view->mark);
+    if (!view->first_mark || UINT32_MAX - view->first_mark < edges) { // marks of stars before would look like new ones
+        memset(view->mark, 0, view->mark_capacity * sizeof *view->mark);
+        view->first_mark = 1;
+    }
     return 1;
 }
 
-/* Corners of a tetrahedron but one, in order; which one that is. A table, as any branch would be a guess. */
-static inline unsigned take_others(const uint32_t corners[4], uint32_t vertex, uint32_t others[3])
+/* The number of a link vertex, in the order in which they are met. Each star has marks of its own, higher than all before,
+ * so that none are cleared. Which are new cannot be foretold: all are written behind the last, some are counted. */
+static inline uint32_t number_vertex(uint32_t *mark, uint32_t first, uint32_t *link, uint32_t *count, uint32_t vertex)
 {
-    static const uint8_t rest[4][4] = {{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}};
-    unsigned place = (unsigned)(corners[1] == vertex) + 2 * (unsigned)(corners[2] == vertex) +
-                     3 * (unsigned)(corners[3] == vertex);
-    others[0] = corners[rest[place][0]];
-    others[1] = corners[rest[place][1]];
-    others[2] = corners[rest[place][2]];
-    return place;
-}
-
-/* The number of a link vertex, in the order in which they are met. Marks are never cleared: one counts if the link says so
- * too (Briggs and Torczon 1993). Which are new cannot be foretold: all are written behind the last, some are counted. */
-static inline uint32_t number_vertex(uint32_t *mark, uint32_t *link, uint32_t *count, uint32_t vertex)
-{
-    uint32_t n = mark[vertex], end = *count, fresh = (uint32_t)(n >= end) | (uint32_t)(link[n] != vertex);
-    n = fresh ? end : n;
-    mark[vertex] = n;
+    uint32_t known = mark[vertex] - first, end = *count, n = known < end ? known : end;
+    mark[vertex] = first + n;
     link[end] = vertex;
-    *count = end + fresh;
+    *count = end + (known >= end);
     return n;
 }
 
-static uint32_t number_link(struct tetlodi_star_view *view, const uint32_t *corners)
+/* The corners but the vertex, in order. */
+static uint32_t number_link(struct tetlodi_star_view *view, const uint32_t *all)
 {
-    uint32_t *mark = view->mark, *link = view->link, *tets = view->tets, (*others)[3] = view->others, count = 0;
-    uint32_t vertex = view->vertex, size = view->size;
-    uint8_t *place = view->place;
-    place[size] = 0; // they are gone through in pairs
+    static const uint8_t rest[4][4] = {{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}};
+    uint32_t *mark = view->mark, first = view->first_mark, *link = view->link, (*others)[3] = view->others, count = 0;
+    const uint32_t *corners = view->corners;
+    uint32_t size = view->size;
     for (uint32_t i = 0; i < size; i++)
-        __builtin_prefetch(corners + 4 * (size_t)tets[i]);
+        __builtin_prefetch(all + corners[i]);
     for (uint32_t i = 0; i < size; i++) {
-        uint32_t other[3];
-        place[i] = (uint8_t)take_others(corners + 4 * (size_t)tets[i], vertex, other);
-        others[i][0] = number_vertex(mark, link, &count, other[0]);
-        others[i][1] = number_vertex(mark, link, &count, other[1]);
-        others[i][2] = number_vertex(mark, link, &count, other[2]);
+        const uint32_t *tet = all + (corners[i] & ~3u);
+        const uint8_t *which = rest[corners[i] & 3];
+        others[i][0] = number_vertex(mark, first, link, &count, tet[which[0]]);
+        others[i][1] = number_vertex(mark, first, link, &count, tet[which[1]]);
+        others[i][2] = number_vertex(mark, first, link, &count, tet[which[2]]);
     }
+    view->first_mark += count;
     return count;
 }
 
@@ -77,14 +66,18 @@ static uint32_t number_link(struct tetlodi_star_view *view, const uint32_t *corn
 static void gather(struct tetlodi_star_view *view, const struct tetlodi_replay *replay)
 {
     const struct tetlodi_column *columns = replay->columns;
+    uint32_t count = view->link_count;
     for (uint32_t f = 0; f < replay->column_count; f++)
-        for (uint32_t i = 0; i < view->link_count; i++)
+        for (uint32_t i = 0; i < count; i++)
             __builtin_prefetch(columns[f].codes + (size_t)view->link[i] * columns[f].components);
-    for (uint32_t i = 0; i < view->link_count; i++) {
-        int64_t *codes = view->codes[i];
-        memcpy(codes, columns->codes + (size_t)view->link[i] * 3, sizeof view->codes[i]);
-        for (unsigned axis = 0; axis < 3; axis++)
+    for (unsigned axis = 0; axis < 3; axis++)
+        view->axis_codes[axis] = view->codes + (size_t)axis * count;
+    for (uint32_t i = 0; i < count; i++) {
+        const int64_t *codes = columns->codes + (size_t)view->link[i] * 3;
+        for (unsigned axis = 0; axis < 3; axis++) {
+            view->axis_codes[axis][i] = codes[axis];
             view->positions[i][axis] = scale_value(&columns->scale, axis, codes[axis]);
+        }
     }
 }
 
@@ -147,7 +140,7 @@ int tetlodi_star_lay_out(struct tetlodi_star_view *view, const struct tetlodi_re
     view->vertex = vertex;
     view->size = star->size;
     view->extra_count = 0;
-    memcpy(view->tets, replay->pool + star->at, star->size * sizeof *view->tets);
+    view->corners = replay->pool + star->at;
     view->link_count = number_link(view, replay->corners);
     gather(view, replay);
     int small = view->link_count <= LINK_SMALL;
@@ -174,29 +167,26 @@ void tetlodi_star_ends(const struct tetlodi_star_view *view, uint32_t e, uint32_
 void tetlodi_star_between(const struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t e,
                           uint32_t child, uint32_t corners[4])
 {
-    uint32_t tet = view->edge[e].first / 3;
-    unsigned place = view->place[tet], opposite = view->edge[e].first % 3;
-    opposite += opposite >= place;
-    int goes = view->labels[tet];
-    memcpy(corners, replay->corners + 4 * (size_t)view->tets[tet], 4 * sizeof *corners);
-    corners[place] = goes ? child : view->vertex;
-    corners[opposite] = goes ? view->vertex : child;
-    /* Across the face that both share, the orientation turns: the two corners of the edge change places. */
-    unsigned first = 0;
-    while (first == place || first == opposite)
-        first++;
-    unsigned second = 6 - place - opposite - first;
-    uint32_t swap = corners[first];
-    corners[first] = corners[second];
-    corners[second] = swap;
+    /* By which corner the vertex is and which other one is not on the edge: where the corners come from. Across the face that
+     * both share, the orientation turns: the two corners of the edge change places. */
+    static const uint8_t from[4][3][4] = {{{0, 1, 3, 2}, {0, 3, 2, 1}, {0, 2, 1, 3}},
+                                          {{0, 1, 3, 2}, {3, 1, 2, 0}, {2, 1, 0, 3}},
+                                          {{0, 3, 2, 1}, {3, 1, 2, 0}, {1, 0, 2, 3}},
+                                          {{0, 2, 1, 3}, {2, 1, 0, 3}, {1, 0, 2, 3}}};
+    uint32_t first = view->edge[e].first, tet = first / 3, place = view->corners[tet] & 3, opposite = first % 3;
+    const uint32_t *old = replay->corners + (view->corners[tet] & ~3u);
+    const uint8_t *which = from[place][opposite];
+    for (int c = 0; c < 4; c++)
+        corners[c] = old[which[c]];
+    uint32_t either = view->vertex ^ child, stays = view->labels[tet] ? child : view->vertex;
+    corners[place] = stays;
+    corners[opposite + (opposite >= place)] = stays ^ either;
 }
 
 void tetlodi_star_fini(struct tetlodi_star_view *view, struct tetlodi_memory *memory)
 {
-    TETLODI_FREE(memory, view->tets, view->tets_capacity);
     TETLODI_FREE(memory, view->others, view->others_capacity);
     TETLODI_FREE(memory, view->edges, view->edges_capacity);
-    TETLODI_FREE(memory, view->place, view->place_capacity);
     TETLODI_FREE(memory, view->labels, view->labels_capacity);
     TETLODI_FREE(memory, view->contexts, view->contexts_capacity);
     TETLODI_FREE(memory, view->link, view->link_capacity);

@@ -22,13 +22,12 @@ static inline int64_t code_from_double(double value)
 {
     uint64_t bits;
     memcpy(&bits, &value, sizeof bits);
-    uint64_t magnitude = bits & INT64_MAX;
-    return bits >> 63 ? -1 - (int64_t)magnitude : (int64_t)magnitude;
+    return (int64_t)(bits ^ (0 - (bits >> 63)) >> 1); // -1 - m has the bits of m turned
 }
 
 static inline double code_to_double(int64_t code)
 {
-    uint64_t bits = code < 0 ? (uint64_t)(-1 - code) | UINT64_C(1) << 63 : (uint64_t)code;
+    uint64_t bits = (uint64_t)code ^ (0 - ((uint64_t)code >> 63)) >> 1;
     double value;
     memcpy(&value, &bits, sizeof value);
     return value;
@@ -38,13 +37,12 @@ static inline int64_t code_from_float(float value)
 {
     uint32_t bits;
     memcpy(&bits, &value, sizeof bits);
-    uint32_t magnitude = bits & INT32_MAX;
-    return bits >> 31 ? -1 - (int64_t)magnitude : (int64_t)magnitude;
+    return (int32_t)(bits ^ (0 - (bits >> 31)) >> 1);
 }
 
 static inline float code_to_float(int64_t code)
 {
-    uint32_t bits = code < 0 ? (uint32_t)(-1 - code) | UINT32_C(1) << 31 : (uint32_t)code;
+    uint32_t bits = (uint32_t)code ^ (0 - ((uint32_t)code >> 31)) >> 1;
     float value;
     memcpy(&value, &bits, sizeof value);
     return value;

@@ -45,6 +45,7 @@ struct writer {
     struct tetlodi_memory memory;
     struct tetlodi_replay replay;
     struct tetlodi_recorder recorder;
+    struct tetlodi_encoder *encoders; /* [column] */
     struct tetlodi_buffer *stored; /* [level * (1 + field_count)] */
     struct tetlodi_buffer order;
     struct tetlodi_index index;
@@ -308,7 +309,7 @@ static enum tetlod_status code_base(struct writer *w, struct base *base)
 static void start_coders(struct writer *w)
 {
     for (uint32_t c = 0; c < w->replay.column_count; c++)
-        tetlodi_encode_start(&w->recorder.coders[c], w->index.slowest, &w->memory);
+        tetlodi_encode_start(&w->recorder.coders[c], w->index.slowest, &w->encoders[c], &w->memory);
 }
 
 /* Closes the level's coders and keeps what they have written. */
@@ -325,14 +326,14 @@ static enum tetlod_status store_level(struct writer *w, uint32_t level)
     memcpy(w->index.errors + (size_t)level * w->in->field_count * TETLOD_MEASURES, in->errors,
            w->in->field_count * TETLOD_MEASURES * sizeof(double));
     for (uint32_t part = 0; part < parts; part++) {
-        struct tetlodi_coder *coder = &w->recorder.coders[part];
+        struct tetlodi_encoder *encoder = &w->encoders[part];
         struct tetlodi_buffer *stored = &w->stored[(size_t)level * parts + part];
-        tetlodi_encode_finish(coder);
-        tetlodi_put_block(stored, coder->bytes, coder->size);
+        tetlodi_encode_finish(&w->recorder.coders[part]);
+        tetlodi_put_block(stored, encoder->bytes, encoder->size);
         /* Zero bytes change nothing; a reader wants so many of them as go with what it has to make room for. */
         while (!part && !stored->failed && (vertices > tets ? vertices : tets) > MOST_EXPANSION * (1 + (uint64_t)stored->size))
             tetlodi_put(stored, 0, 1);
-        if (coder->failed || stored->failed)
+        if (encoder->failed || stored->failed)
             return out_of_memory(w);
         if (stored->size > UINT32_MAX)
             return tetlodi_fail(w->error, TETLOD_ERR_LIMIT, "level %u takes more than 4 GB; use a smaller --growth", level);
@@ -466,7 +467,7 @@ static int plan_split(void *opaque, struct tetlodi_star_view *star, unsigned num
     struct writer *w = opaque;
     uint32_t node = w->children[number], child = w->replay.vertices, count = 0;
     for (uint32_t i = 0; i < star->size; i++) {
-        const uint32_t *leaves = w->in->corners + 4 * (size_t)w->original_of[star->tets[i]];
+        const uint32_t *leaves = w->in->corners + 4 * (size_t)w->original_of[star->corners[i] / 4];
         star->labels[i] = below(w, leaves[0], node) || below(w, leaves[1], node) || below(w, leaves[2], node) ||
                           below(w, leaves[3], node);
     }
@@ -540,20 +541,21 @@ static void order_of_corners(const struct writer *w, uint32_t tet, uint8_t out[4
 static enum tetlod_status write_order(struct writer *w)
 {
     struct tetlodi_order order = {w->in->vertices, w->in->tets, w->node_at, w->original_of, malloc(4 * (size_t)w->in->tets)};
-    struct tetlodi_coder coder = {0};
+    struct tetlodi_coder coder;
+    struct tetlodi_encoder encoder = {0};
     if (!order.corners)
         return out_of_memory(w);
     for (uint32_t t = 0; t < order.tet_count; t++)
         order_of_corners(w, t, order.corners + 4 * (size_t)t);
-    tetlodi_encode_start(&coder, w->index.slowest, &w->memory);
+    tetlodi_encode_start(&coder, w->index.slowest, &encoder, &w->memory);
     tetlodi_order_code(&coder, &order);
     tetlodi_encode_finish(&coder);
-    tetlodi_put_block(&w->order, coder.bytes, coder.size);
-    if (!coder.size)
+    tetlodi_put_block(&w->order, encoder.bytes, encoder.size);
+    if (!encoder.size)
         tetlodi_put(&w->order, 0, 1); // a size of 0 would mean that there is none
     w->index.order = (struct tetlodi_frame){0, (uint32_t)w->order.size, tetlodi_crc32(w->order.bytes, w->order.size)};
-    int failed = coder.failed || w->order.failed;
-    TETLODI_FREE(&w->memory, coder.bytes, coder.capacity);
+    int failed = encoder.failed || w->order.failed;
+    TETLODI_FREE(&w->memory, encoder.bytes, encoder.capacity);
     free(order.corners);
     return failed ? out_of_memory(w) : TETLOD_OK;
 }
@@ -683,12 +685,13 @@ static enum tetlod_status allocate(struct writer *w, unsigned slowest)
     w->original_of = malloc(in->tets * sizeof *w->original_of);
     w->columns = calloc(parts, sizeof *w->columns);
     w->codes = calloc(parts, sizeof *w->codes);
+    w->encoders = calloc(parts, sizeof *w->encoders);
     w->stored = calloc(parts * in->level_count, sizeof *w->stored);
     w->index.info.field_count = in->field_count;
     w->index.info.level_count = in->level_count;
     w->index.slowest = slowest;
     bool done = w->parent && w->range && w->position && w->slot_at && w->meeting_begin && w->waiting && w->node_at &&
-                w->original_of && w->columns && w->codes && w->stored && tetlodi_index_allocate(&w->index);
+                w->original_of && w->columns && w->codes && w->encoders && w->stored && tetlodi_index_allocate(&w->index);
     if (!done)
         return out_of_memory(w);
     set_columns(w);
@@ -705,14 +708,14 @@ static void release(struct writer *w)
         tetlodi_buffer_fini(&w->stored[i]);
     for (size_t c = 0; c <= w->in->field_count && w->codes; c++)
         free(w->codes[c]);
-    for (size_t c = 0; c <= w->in->field_count && w->recorder.coders; c++)
-        TETLODI_FREE(&w->memory, w->recorder.coders[c].bytes, w->recorder.coders[c].capacity);
+    for (size_t c = 0; c <= w->in->field_count && w->encoders; c++)
+        TETLODI_FREE(&w->memory, w->encoders[c].bytes, w->encoders[c].capacity);
     tetlodi_recorder_fini(&w->recorder);
     if (w->replay.memory)
         tetlodi_replay_fini(&w->replay);
     void *const owned[] = {w->parent,  w->range,   w->position,    w->slot_at, w->meeting_begin, w->meeting,
                            w->waiting, w->node_at, w->original_of, w->arrived, w->columns,       w->codes,
-                           w->stored};
+                           w->stored,  w->encoders};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     tetlodi_buffer_fini(&w->order);

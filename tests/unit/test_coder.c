@@ -92,10 +92,10 @@ static uint32_t code_all(struct tetlodi_coder *coder, uint64_t random)
         int64_t value = value_of(&random);
         int rare = gen_random(&random) % 4096 == 0;
         unsigned plain = (unsigned)(gen_random(&random) & 0x7ff);
-        wrong += code_number(coder, models, 3, coder->encoding ? value : 0) != value;
-        wrong += code_bit(coder, &bits[0], coder->encoding ? rare : 0) != rare;
-        wrong += code_plain(coder, 11, coder->encoding ? plain : 0) != plain;
-        wrong += code_tree(coder, bits, 3, coder->encoding ? plain & 7 : 0) != (plain & 7);
+        wrong += code_number(coder, models, 3, coder->encoder ? value : 0) != value;
+        wrong += code_bit(coder, &bits[0], coder->encoder ? rare : 0) != rare;
+        wrong += code_plain(coder, 11, coder->encoder ? plain : 0) != plain;
+        wrong += code_tree(coder, bits, 3, coder->encoder ? plain & 7 : 0) != (plain & 7);
     }
     free(models);
     return wrong;
@@ -105,10 +105,11 @@ static void test_range_coder(void)
 {
     for (unsigned slowest = 5; slowest <= 7; slowest++) {
         struct tetlodi_memory memory = {0, UINT64_MAX};
-        struct tetlodi_coder encoder = {0}, decoder;
-        tetlodi_encode_start(&encoder, slowest, &memory);
-        CHECK_INT(code_all(&encoder, slowest), 0);
-        tetlodi_encode_finish(&encoder);
+        struct tetlodi_coder coder, decoder;
+        struct tetlodi_encoder encoder = {0};
+        tetlodi_encode_start(&coder, slowest, &encoder, &memory);
+        CHECK_INT(code_all(&coder, slowest), 0);
+        tetlodi_encode_finish(&coder);
         tetlodi_decode_start(&decoder, slowest, encoder.bytes, encoder.size);
         CHECK_INT(code_all(&decoder, slowest), 0);
         CHECK_INT(decoder.bad, 0);
@@ -123,15 +124,16 @@ static void test_surprises(void)
     for (unsigned slowest = 5; slowest <= 7; slowest++)
         for (int usual = 0; usual < 2; usual++) {
             struct tetlodi_memory memory = {0, 1 << 20};
-            struct tetlodi_coder coders[2] = {0};
+            struct tetlodi_coder coders[2];
+            struct tetlodi_encoder encoder = {0};
             int wrong = 0;
             for (int k = 0; k < 2; k++) {
                 struct tetlodi_bit model;
                 tetlodi_bits_init(&model, 1);
                 if (k)
-                    tetlodi_decode_start(&coders[1], slowest, coders[0].bytes, coders[0].size);
+                    tetlodi_decode_start(&coders[1], slowest, encoder.bytes, encoder.size);
                 else
-                    tetlodi_encode_start(&coders[0], slowest, &memory);
+                    tetlodi_encode_start(&coders[0], slowest, &encoder, &memory);
                 for (int i = 0; i < 5000; i++) {
                     int bit = i % 2500 == 2499 ? !usual : usual;
                     wrong += code_bit(&coders[k], &model, bit) != bit;
@@ -140,8 +142,8 @@ static void test_surprises(void)
                     tetlodi_encode_finish(&coders[0]);
             }
             CHECK_INT(wrong, 0);
-            CHECK_INT(coders[0].failed, 0);
-            TETLODI_FREE(&memory, coders[0].bytes, coders[0].capacity);
+            CHECK_INT(encoder.failed, 0);
+            TETLODI_FREE(&memory, encoder.bytes, encoder.capacity);
         }
 }
 
@@ -149,13 +151,14 @@ static void test_surprises(void)
 static void test_costs(void)
 {
     struct tetlodi_memory memory = {0, UINT64_MAX};
-    struct tetlodi_coder encoder = {0};
+    struct tetlodi_coder coder;
+    struct tetlodi_encoder encoder = {0};
     struct tetlodi_bit bit;
     tetlodi_bits_init(&bit, 1);
-    tetlodi_encode_start(&encoder, 7, &memory);
+    tetlodi_encode_start(&coder, 7, &encoder, &memory);
     for (int i = 0; i < 1000000; i++)
-        code_bit(&encoder, &bit, 0);
-    tetlodi_encode_finish(&encoder);
+        code_bit(&coder, &bit, 0);
+    tetlodi_encode_finish(&coder);
     CHECK(encoder.size < 400);
     TETLODI_FREE(&memory, encoder.bytes, encoder.capacity);
 }
