@@ -140,15 +140,15 @@ int tetlodi_replay_log_labels(struct tetlodi_replay *replay, const uint8_t *labe
     if (!TETLODI_ROOM(replay->memory, replay->labels, replay->labels_capacity, (replay->label + count) / 8 + 5))
         return 0;
     uint8_t *byte = replay->labels + (replay->label >> 3);
-    unsigned have = replay->label & 7, bits = *byte & ((1u << have) - 1);
-    for (uint32_t i = 0; i < count; i++) {
-        bits |= (unsigned)labels[i] << have++;
-        if (have == 8) {
-            *byte++ = (uint8_t)bits;
-            bits = have = 0;
-        }
+    unsigned have = replay->label & 7;
+    for (uint32_t start = 0; start < count; start += 32, byte += 4) {
+        uint64_t bits = 0;
+        for (uint32_t i = count - start < 32 ? count : start + 32; i-- > start;)
+            bits = bits << 1 | labels[i];
+        bits = bits << have | (*byte & ((1u << have) - 1));
+        for (int i = 0; i < 5; i++)
+            byte[i] = (uint8_t)(bits >> 8 * i);
     }
-    *byte = (uint8_t)bits;
     return 1;
 }
 

@@ -70,14 +70,16 @@ static void gather(struct tetlodi_star_view *view, const struct tetlodi_replay *
     for (uint32_t f = 0; f < replay->column_count; f++)
         for (uint32_t i = 0; i < count; i++)
             __builtin_prefetch(columns[f].codes + (size_t)view->link[i] * columns[f].components);
-    for (unsigned axis = 0; axis < 3; axis++)
-        view->axis_codes[axis] = view->codes + (size_t)axis * count;
+    int64_t *x = view->codes, *y = x + count, *z = y + count;
+    view->axis_codes[0] = x;
+    view->axis_codes[1] = y;
+    view->axis_codes[2] = z;
     for (uint32_t i = 0; i < count; i++) {
         const int64_t *codes = columns->codes + (size_t)view->link[i] * 3;
-        for (unsigned axis = 0; axis < 3; axis++) {
-            view->axis_codes[axis][i] = codes[axis];
-            view->positions[i][axis] = scale_value(&columns->scale, axis, codes[axis]);
-        }
+        double *position = view->positions[i];
+        position[0] = scale_value(&columns->scale, 0, x[i] = codes[0]);
+        position[1] = scale_value(&columns->scale, 1, y[i] = codes[1]);
+        position[2] = scale_value(&columns->scale, 2, z[i] = codes[2]);
     }
 }
 
