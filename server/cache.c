@@ -20,7 +20,7 @@ struct cache_entry {
     uint64_t bytes;       /* charged */
     struct cache_value value;
     struct tetlod_error failure;
-    struct cache_waiter *waiters;
+    struct waiter *waiters;
     struct cache_entry *chain, *newer, *older;
 };
 
@@ -224,21 +224,17 @@ void cache_finish(struct cache *cache, struct cache_entry *entry, const struct c
         entry->failure = *failure;
     entry->bytes = ENTRY_BYTES + entry->value.size;
     cache->used += entry->bytes;
-    struct cache_waiter *waiter = entry->waiters;
+    struct waiter *waiter = entry->waiters;
     entry->waiters = NULL;
     atomic_store(&entry->finished, true);
     if (!value && entry->listed)
         unlist(cache, entry); // the caller still holds it
     make_room(cache, 0);
     pthread_mutex_unlock(&cache->lock);
-    while (waiter) {
-        struct cache_waiter *next = waiter->next; // its storage is gone once it is woken
-        waiter->wake(waiter);
-        waiter = next;
-    }
+    wake_all(waiter);
 }
 
-bool cache_wait(struct cache *cache, struct cache_entry *entry, struct cache_waiter *waiter)
+bool cache_wait(struct cache *cache, struct cache_entry *entry, struct waiter *waiter)
 {
     pthread_mutex_lock(&cache->lock);
     bool coming = !atomic_load(&entry->finished);
@@ -266,19 +262,6 @@ const struct cache_value *cache_value(const struct cache_entry *entry, struct te
 const char *cache_key(const struct cache_entry *entry)
 {
     return entry->key;
-}
-
-void cache_drop(struct cache *cache, const char *prefix)
-{
-    pthread_mutex_lock(&cache->lock);
-    struct cache_entry *entry = cache->oldest;
-    while (entry) {
-        struct cache_entry *next = entry->newer;
-        if (strncmp(entry->key, prefix, strlen(prefix)) == 0)
-            unlist(cache, entry);
-        entry = next;
-    }
-    pthread_mutex_unlock(&cache->lock);
 }
 
 void cache_get_stats(struct cache *cache, struct cache_stats *out)

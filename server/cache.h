@@ -13,6 +13,7 @@
 #include <stdbool.h>
 
 #include "format/tetlod.h"
+#include "server/waiter.h"
 
 struct cache;
 struct cache_entry;
@@ -21,12 +22,6 @@ struct cache_value {
     void *data; /* owned by the entry */
     size_t size;
     void (*free)(void *data);
-};
-
-/* Is told when an entry is finished, once, from the finisher's thread. Its storage is the caller's until then. */
-struct cache_waiter {
-    void (*wake)(struct cache_waiter *waiter);
-    struct cache_waiter *next;
 };
 
 struct cache_stats {
@@ -56,8 +51,8 @@ TETLOD_CHECKED enum tetlod_status cache_reserve(struct cache *cache, struct cach
 void cache_finish(struct cache *cache, struct cache_entry *entry, const struct cache_value *value,
                   const struct tetlod_error *failure);
 
-/* Registers a waiter; false if the entry is finished already and nobody will be woken. */
-bool cache_wait(struct cache *cache, struct cache_entry *entry, struct cache_waiter *waiter);
+/* Registers a waiter for the end of an entry's making; false if the entry is finished already and nobody will be woken. */
+bool cache_wait(struct cache *cache, struct cache_entry *entry, struct waiter *waiter);
 
 bool cache_finished(const struct cache_entry *entry);
 
@@ -65,9 +60,6 @@ bool cache_finished(const struct cache_entry *entry);
 const struct cache_value *cache_value(const struct cache_entry *entry, struct tetlod_error *failure);
 
 const char *cache_key(const struct cache_entry *entry);
-
-/* Forgets all keys that start with `prefix` (what is being read stays with its readers). */
-void cache_drop(struct cache *cache, const char *prefix);
 
 void cache_get_stats(struct cache *cache, struct cache_stats *out);
 

@@ -341,3 +341,16 @@ size_t catalogue_count(struct catalogue *catalogue)
     pthread_mutex_unlock(&catalogue->lock);
     return count;
 }
+
+uint64_t catalogue_memory(struct catalogue *catalogue)
+{
+    uint64_t bytes = 0;
+    pthread_mutex_lock(&catalogue->lock);
+    for (size_t i = 0; i < catalogue->table.count; i++)
+        if (catalogue->table.entries[i].dataset)
+            bytes += decoding_bytes(dataset_decoding(catalogue->table.entries[i].dataset));
+    for (struct replaced *kept = catalogue->replaced; kept; kept = kept->next)
+        bytes += decoding_bytes(dataset_decoding(kept->dataset));
+    pthread_mutex_unlock(&catalogue->lock);
+    return bytes;
+}

@@ -40,4 +40,7 @@ struct dataset **catalogue_list(struct catalogue *catalogue, size_t *out_count);
 
 size_t catalogue_count(struct catalogue *catalogue);
 
+/* Memory of the streams that are decoded, current and replaced. */
+uint64_t catalogue_memory(struct catalogue *catalogue);
+
 #endif

@@ -7,6 +7,7 @@
 #include <time.h>
 
 #include "format/tetlod.h"
+#include "server/decoding.h"
 
 enum { ID_CAPACITY = 129 }; // 128 bytes and the NUL
 
@@ -31,8 +32,11 @@ const char *dataset_level_errors(const struct dataset *dataset, uint32_t level);
 
 int dataset_fd(const struct dataset *dataset);
 
-/* One thread at a time may replay it. */
+/* Its own decoding replays it. */
 struct tetlod_file *dataset_file(struct dataset *dataset);
+
+/* The stream in memory, as far as it was asked for. */
+struct decoding *dataset_decoding(struct dataset *dataset);
 
 /* False once the bytes were written over in place: then nothing of it may be sent any more. */
 bool dataset_intact(const struct dataset *dataset);

@@ -1,6 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "server/forest.h"
 
+#include <assert.h>
+#include <stdatomic.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -14,51 +17,68 @@ struct column {
     size_t offset; /* in a row */
 };
 
-struct counts {
-    uint32_t vertices, tets;
+/* What a slot holds from `level` on; `previous` is the version before, of the same slot. */
+struct version {
+    uint32_t level, previous;
 };
+
+struct stage {
+    uint32_t level, vertices, tets;
+    uint32_t *corners; /* [4 * tets] */
+    uint32_t *newest;  /* [vertices] versions */
+};
+
+enum { STAGE_GROWTH = 4 }; // stages together take a third more than the finest alone
 
 struct forest {
-    uint32_t level_count, column_count, slots, tets;
-    struct counts *levels;
+    struct tetlod_file *file; /* borrowed */
+    uint32_t column_count;
     struct column *columns; /* the position, then the fields */
     size_t row_size;
+    uint32_t stage_count;
+    struct stage *stages;
+    /* How many are there. Set last: who sees a stage sees all that its levels need, which is never written again. */
+    atomic_uint stages_there;
+    atomic_uint_fast64_t bytes;
     uint32_t *parents; /* [slots] */
-    uint32_t *corners; /* [4 * tets], of the finest level */
+    struct version *versions; /* in order of time; at most two for each slot */
+    unsigned char *rows;      /* [row_size] for each version, and one for the next */
+    /* The decoding thread's: */
+    struct tetlod_cursor *cursor; /* NULL while nothing is decoded */
+    uint32_t next_level;
     size_t version_count;
-    size_t *first_version;   /* [slots + 1] */
-    uint32_t *version_level; /* from which it is valid */
-    unsigned char *rows;     /* [row_size * version_count] */
+    uint32_t *newest; /* [slots] version of a slot */
 };
 
-/* What grows while the levels are replayed: versions in order of time. */
-struct history {
-    size_t count, slot_cap, level_cap, row_cap;
-    uint32_t *slot, *level;
-    unsigned char *rows;
-    size_t *last; /* [slots] newest version of a slot */
-};
+static void stop_decoding(struct forest *forest)
+{
+    tetlod_cursor_free(forest->cursor);
+    forest->cursor = NULL;
+}
 
 void forest_free(struct forest *forest)
 {
     if (!forest)
         return;
+    stop_decoding(forest);
     for (uint32_t c = 0; forest->columns && c < forest->column_count; c++)
         free(forest->columns[c].name);
+    for (uint32_t s = 0; forest->stages && s < forest->stage_count; s++) {
+        free(forest->stages[s].corners);
+        free(forest->stages[s].newest);
+    }
     free(forest->columns);
-    free(forest->levels);
+    free(forest->stages);
     free(forest->parents);
-    free(forest->corners);
-    free(forest->first_version);
-    free(forest->version_level);
+    free(forest->versions);
     free(forest->rows);
+    free(forest->newest);
     free(forest);
 }
 
 uint64_t forest_bytes(const struct forest *forest)
 {
-    return (uint64_t)forest->slots * (4 + sizeof(size_t)) + (uint64_t)forest->tets * 16 +
-           (uint64_t)forest->version_count * (4 + forest->row_size);
+    return atomic_load_explicit(&forest->bytes, memory_order_relaxed);
 }
 
 static size_t width_of(enum tetlod_type type)
@@ -66,19 +86,11 @@ static size_t width_of(enum tetlod_type type)
     return type == TETLOD_FLOAT32 ? 4 : 8;
 }
 
-static bool describe(struct forest *forest, const struct tetlod_info *info)
+static bool describe_columns(struct forest *forest, const struct tetlod_info *info)
 {
-    forest->level_count = info->level_count;
     forest->column_count = 1 + info->field_count;
-    forest->slots = info->vertices;
-    forest->tets = info->tets;
-    forest->levels = array_new(info->level_count, sizeof *forest->levels);
     forest->columns = array_zero(forest->column_count, sizeof *forest->columns);
-    forest->parents = array_new(forest->slots, sizeof *forest->parents);
-    forest->corners = array_new(forest->tets, 4 * sizeof *forest->corners);
-    if (!forest->levels || !forest->columns || !forest->parents || !forest->corners)
-        return false;
-    for (uint32_t c = 0; c < forest->column_count; c++) {
+    for (uint32_t c = 0; forest->columns && c < forest->column_count; c++) {
         struct column *column = &forest->columns[c];
         const struct tetlod_field *field = c ? &info->fields[c - 1] : NULL;
         column->components = field ? field->components : 3;
@@ -88,7 +100,46 @@ static bool describe(struct forest *forest, const struct tetlod_info *info)
             return false;
         forest->row_size += column->components * width_of(column->type);
     }
-    return true;
+    return forest->columns != NULL;
+}
+
+/* A stage is the finest level that is at most some times as large as the stage before, or the next level. */
+static bool choose_stages(struct forest *forest, const struct tetlod_info *info)
+{
+    forest->stages = array_zero(info->level_count, sizeof *forest->stages);
+    for (uint32_t k = 0; forest->stages && k < info->level_count; k++) {
+        const struct tetlod_level *level = &info->levels[k];
+        uint32_t n = forest->stage_count;
+        bool room = n > 1 && level->tets <= (uint64_t)STAGE_GROWTH * forest->stages[n - 2].tets;
+        if (!room)
+            forest->stage_count++;
+        forest->stages[forest->stage_count - 1] = (struct stage){k, level->vertices, level->tets, NULL, NULL};
+    }
+    return forest->stages != NULL;
+}
+
+/* Each record gives one vertex other contents and brings at least one new vertex: two versions for a slot at most. */
+static size_t most_versions(const struct tetlod_info *info)
+{
+    return 2 * (size_t)info->vertices;
+}
+
+enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    struct forest *forest = array_zero(1, sizeof *forest);
+    *out = NULL;
+    if (most_versions(info) > UINT32_MAX || !forest || !describe_columns(forest, info) || !choose_stages(forest, info) ||
+        !(forest->parents = array_new(info->vertices, sizeof *forest->parents)) ||
+        !(forest->newest = array_new(info->vertices, sizeof *forest->newest)) ||
+        !(forest->versions = array_new(most_versions(info), sizeof *forest->versions)) ||
+        !(forest->rows = array_new(most_versions(info) + 1, forest->row_size))) {
+        forest_free(forest);
+        return tetlodi_fail_nomem(error, "a stream in memory", 16 * (uint64_t)info->tets);
+    }
+    forest->file = file;
+    *out = forest;
+    return TETLOD_OK;
 }
 
 static void pack_row(const struct forest *forest, const struct tetlod_mesh *mesh, uint32_t slot, unsigned char *row)
@@ -107,114 +158,93 @@ static void pack_row(const struct forest *forest, const struct tetlod_mesh *mesh
     }
 }
 
-static bool add_version(struct history *history, size_t row_size, uint32_t slot, uint32_t level, const unsigned char *row)
+/* Takes what a level brought: new slots, and the slots whose contents are others. Levels grow geometrically, so that
+ * looking at every slot at every level is some twenty looks a slot. */
+static void take_level(struct forest *forest, const struct tetlod_mesh *mesh)
 {
-    size_t count = history->count + 1;
-    if (!array_reserve((void **)&history->slot, &history->slot_cap, count, sizeof *history->slot) ||
-        !array_reserve((void **)&history->level, &history->level_cap, count, sizeof *history->level) ||
-        !array_reserve((void **)&history->rows, &history->row_cap, count, row_size))
-        return false;
-    history->slot[count - 1] = slot;
-    history->level[count - 1] = level;
-    memcpy(history->rows + (count - 1) * row_size, row, row_size);
-    history->last[slot] = count - 1;
-    history->count = count;
-    return true;
+    uint32_t level = forest->next_level++, known = level ? tetlod_info(forest->file)->levels[level - 1].vertices : 0;
+    size_t count = forest->version_count, size = forest->row_size;
+    for (uint32_t v = 0; v < mesh->vertices; v++) {
+        unsigned char *row = forest->rows + count * size;
+        pack_row(forest, mesh, v, row);
+        if (v < known && memcmp(row, forest->rows + forest->newest[v] * size, size) == 0)
+            continue;
+        assert(count < most_versions(tetlod_info(forest->file)) && (!level || v < known || mesh->parents[v] < v));
+        forest->versions[count] = (struct version){level, v < known ? forest->newest[v] : TETLOD_NONE};
+        forest->newest[v] = (uint32_t)count++;
+        if (v >= known)
+            forest->parents[v] = mesh->parents[v];
+    }
+    forest->version_count = count;
 }
 
-/* Takes what level `level` brought: new slots, and the slots whose contents are others. Levels grow geometrically, so
- * that looking at every slot at every level is some twenty looks a slot. */
-static enum tetlod_status take_level(struct forest *forest, struct history *history, const struct tetlod_mesh *mesh,
-                                     uint32_t level, unsigned char *row, struct tetlod_error *error)
+static uint64_t bytes_there(const struct forest *forest, uint32_t stages)
 {
-    uint32_t known = level ? forest->levels[level - 1].vertices : 0;
-    if (mesh->vertices > forest->slots || mesh->tets > forest->tets || mesh->vertices < known)
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "level %u has more than the finest level", level);
-    forest->levels[level] = (struct counts){mesh->vertices, mesh->tets};
-    for (uint32_t v = 0; v < mesh->vertices; v++) {
-        pack_row(forest, mesh, v, row);
-        if (v < known && memcmp(row, history->rows + history->last[v] * forest->row_size, forest->row_size) == 0)
-            continue;
-        if (!add_version(history, forest->row_size, v, level, row))
-            return tetlodi_fail_nomem(error, "a stream in memory", (history->count + 1) * (uint64_t)forest->row_size);
-        if (v < known)
-            continue;
-        forest->parents[v] = mesh->parents[v];
-        if (level && mesh->parents[v] >= v)
-            return tetlodi_fail(error, TETLOD_ERR_STREAM, "level %u: a vertex comes before its parent", level);
-    }
+    const struct stage *last = &forest->stages[stages - 1];
+    uint64_t bytes = last->vertices * (uint64_t)sizeof *forest->parents +
+                     forest->version_count * (uint64_t)(sizeof *forest->versions + forest->row_size);
+    for (uint32_t s = 0; s < stages; s++)
+        bytes += forest->stages[s].tets * (uint64_t)16 + forest->stages[s].vertices * (uint64_t)sizeof *forest->newest;
+    return bytes;
+}
+
+static enum tetlod_status make_room(struct stage *stage, struct tetlod_error *error)
+{
+    if (!stage->corners)
+        stage->corners = array_new(stage->tets, 4 * sizeof *stage->corners);
+    if (!stage->newest)
+        stage->newest = array_new(stage->vertices, sizeof *stage->newest);
+    return stage->corners && stage->newest ? TETLOD_OK
+                                           : tetlodi_fail_nomem(error, "a stream in memory", 16 * (uint64_t)stage->tets);
+}
+
+/* Makes the levels up to a stage, at which the decoder stands, visible to other threads. */
+static void publish(struct forest *forest, struct stage *stage, const struct tetlod_mesh *mesh)
+{
+    uint32_t there = (uint32_t)(stage - forest->stages) + 1;
+    memcpy(stage->corners, mesh->corners, stage->tets * 4 * sizeof *stage->corners);
+    memcpy(stage->newest, forest->newest, stage->vertices * sizeof *stage->newest);
+    atomic_store_explicit(&forest->bytes, bytes_there(forest, there), memory_order_relaxed);
+    atomic_store_explicit(&forest->stages_there, there, memory_order_release);
+}
+
+static enum tetlod_status take_next(struct forest *forest, struct tetlod_error *error)
+{
+    struct tetlod_mesh mesh;
+    struct stage *stage = &forest->stages[atomic_load_explicit(&forest->stages_there, memory_order_relaxed)];
+    uint32_t level = forest->next_level;
+    const struct tetlod_level *expected = &tetlod_info(forest->file)->levels[level];
+    if (!forest->cursor)
+        TETLOD_TRY(tetlod_cursor_new(&forest->cursor, forest->file, NULL, 0, error));
+    TETLOD_TRY(tetlod_cursor_seek(forest->cursor, level, error));
+    tetlod_cursor_mesh(forest->cursor, &mesh);
+    if (mesh.vertices != expected->vertices || mesh.tets != expected->tets)
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "level %u is not as large as the index says", level);
+    if (level == stage->level)
+        TETLOD_TRY(make_room(stage, error));
+    take_level(forest, &mesh);
+    if (level == stage->level)
+        publish(forest, stage, &mesh);
     return TETLOD_OK;
 }
 
-/* History by time becomes versions by slot: a stable counting sort. */
-static bool sort_versions(struct forest *forest, const struct history *history)
+enum tetlod_status forest_grow(struct forest *forest, struct tetlod_error *error)
 {
-    forest->version_count = history->count;
-    forest->first_version = array_zero((size_t)forest->slots + 2, sizeof *forest->first_version);
-    forest->version_level = array_new(history->count, sizeof *forest->version_level);
-    forest->rows = array_new(history->count, forest->row_size);
-    if (!forest->first_version || !forest->version_level || !forest->rows)
-        return false;
-    size_t *next = forest->first_version + 1; // one ahead: ends as the slots' first versions
-    for (size_t i = 0; i < history->count; i++)
-        next[history->slot[i] + 1]++;
-    for (uint32_t v = 0; v < forest->slots; v++)
-        next[v + 1] += next[v];
-    for (size_t i = 0; i < history->count; i++) {
-        size_t place = next[history->slot[i]]++;
-        forest->version_level[place] = history->level[i];
-        memcpy(forest->rows + place * forest->row_size, history->rows + i * forest->row_size, forest->row_size);
+    enum tetlod_status status = take_next(forest, error);
+    bool whole = status == TETLOD_OK && forest->next_level == tetlod_info(forest->file)->level_count;
+    if (status != TETLOD_OK || whole)
+        stop_decoding(forest);
+    if (whole) {
+        free(forest->newest);
+        forest->newest = NULL;
     }
-    return true;
-}
-
-static enum tetlod_status replay(struct forest *forest, struct history *history, struct tetlod_cursor *cursor,
-                                 struct tetlod_error *error)
-{
-    enum tetlod_status status = TETLOD_OK;
-    struct tetlod_mesh mesh;
-    unsigned char *row = array_new(forest->row_size, 1);
-    history->last = array_new(forest->slots, sizeof *history->last);
-    if (!row || !history->last)
-        status = tetlodi_fail_nomem(error, "a stream in memory", (uint64_t)forest->slots * sizeof *history->last);
-    for (uint32_t level = 0; status == TETLOD_OK && level < forest->level_count; level++) {
-        status = tetlod_cursor_seek(cursor, level, error);
-        if (status != TETLOD_OK)
-            break;
-        tetlod_cursor_mesh(cursor, &mesh);
-        status = take_level(forest, history, &mesh, level, row, error);
-    }
-    free(row);
-    TETLOD_TRY(status);
-    if (mesh.vertices != forest->slots || mesh.tets != forest->tets)
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "the finest level is not as large as the index says");
-    memcpy(forest->corners, mesh.corners, (size_t)forest->tets * 4 * sizeof *forest->corners);
-    return sort_versions(forest, history) ? TETLOD_OK : tetlodi_fail_nomem(error, "a stream in memory", history->count);
-}
-
-enum tetlod_status forest_build(struct forest **out, struct tetlod_file *file, struct tetlod_error *error)
-{
-    struct tetlod_cursor *cursor = NULL;
-    struct history history = {0};
-    struct forest *forest = array_zero(1, sizeof *forest);
-    enum tetlod_status status;
-    *out = NULL;
-    if (!forest || !describe(forest, tetlod_info(file)))
-        status = tetlodi_fail_nomem(error, "a stream in memory", 16 * (uint64_t)tetlod_info(file)->tets);
-    else
-        status = tetlod_cursor_new(&cursor, file, NULL, 0, error);
-    if (status == TETLOD_OK)
-        status = replay(forest, &history, cursor, error);
-    tetlod_cursor_free(cursor);
-    free(history.slot);
-    free(history.level);
-    free(history.rows);
-    free(history.last);
-    if (status == TETLOD_OK)
-        *out = forest;
-    else
-        forest_free(forest);
     return status;
+}
+
+uint32_t forest_levels(const struct forest *forest)
+{
+    uint32_t there = atomic_load_explicit(&forest->stages_there, memory_order_acquire);
+    return there ? forest->stages[there - 1].level + 1 : 0;
 }
 
 static void unpack_row(const struct forest *forest, const unsigned char *row, uint32_t slot, struct tetmesh *mesh)
@@ -233,11 +263,11 @@ static void unpack_row(const struct forest *forest, const unsigned char *row, ui
     }
 }
 
-static enum tetlod_status allocate_mesh(const struct forest *forest, uint32_t level, struct tetmesh *mesh,
+static enum tetlod_status allocate_mesh(const struct forest *forest, const struct tetlod_level *level, struct tetmesh *mesh,
                                         struct tetlod_error *error)
 {
-    mesh->vertex_count = forest->levels[level].vertices;
-    mesh->tet_count = forest->levels[level].tets;
+    mesh->vertex_count = level->vertices;
+    mesh->tet_count = level->tets;
     mesh->position_type = forest->columns[0].type;
     mesh->positions = array_new(mesh->vertex_count, 3 * sizeof *mesh->positions);
     mesh->corners = array_new(mesh->tet_count, 4 * sizeof *mesh->corners);
@@ -249,31 +279,35 @@ static enum tetlod_status allocate_mesh(const struct forest *forest, uint32_t le
     return TETLOD_OK;
 }
 
-static void map_corners(const struct forest *forest, uint32_t *standing, struct tetmesh *mesh)
+static void map_corners(const struct forest *forest, const struct stage *stage, uint32_t *standing, struct tetmesh *mesh)
 {
     uint32_t count = mesh->vertex_count;
-    for (uint32_t v = 0; v < forest->slots; v++)
+    for (uint32_t v = 0; v < stage->vertices; v++)
         standing[v] = v < count ? v : standing[forest->parents[v]];
-    const uint32_t *leaves = forest->corners;
+    const uint32_t *descendants = stage->corners;
     uint32_t *corners = mesh->corners;
     for (size_t i = 0; i < (size_t)mesh->tet_count * 4; i++)
-        corners[i] = standing[leaves[i]];
+        corners[i] = standing[descendants[i]];
 }
 
 enum tetlod_status forest_mesh(const struct forest *forest, uint32_t level, struct tetmesh *out,
                                struct tetlod_error *error)
 {
+    const struct stage *stage = forest->stages;
+    assert(level < forest_levels(forest));
+    while (stage->level < level)
+        stage++;
     *out = (struct tetmesh){0};
-    uint32_t *standing = array_new(forest->slots, sizeof *standing);
-    enum tetlod_status status = allocate_mesh(forest, level, out, error);
+    uint32_t *standing = array_new(stage->vertices, sizeof *standing);
+    enum tetlod_status status = allocate_mesh(forest, &tetlod_info(forest->file)->levels[level], out, error);
     if (status == TETLOD_OK && !standing)
-        status = tetlodi_fail_nomem(error, "a level", (uint64_t)forest->slots * sizeof *standing);
+        status = tetlodi_fail_nomem(error, "a level", (uint64_t)stage->vertices * sizeof *standing);
     if (status == TETLOD_OK) {
-        map_corners(forest, standing, out);
+        map_corners(forest, stage, standing, out);
         for (uint32_t v = 0; v < out->vertex_count; v++) {
-            size_t version = forest->first_version[v], end = forest->first_version[v + 1];
-            while (version + 1 < end && forest->version_level[version + 1] <= level)
-                version++;
+            uint32_t version = stage->newest[v];
+            while (forest->versions[version].level > level)
+                version = forest->versions[version].previous;
             unpack_row(forest, forest->rows + version * forest->row_size, v, out);
         }
     } else

@@ -1,11 +1,15 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A stream in memory, in the form from which any level is filtered and mapped without replay (no locks: it never changes).
+ * A stream in memory, in the form from which any level is filtered and mapped without replay.
  *
  * Vertices are slots in order of arrival. When slot v splits, one child keeps the slot and the other gets a new one whose
  * parent is v: so parent[v] < v, level k has the slots 0 .. n_k - 1, and the tetrahedra of level k are the first t_k in
- * order of arrival. A corner of the finest level stands at level k for its nearest ancestor below n_k. What a slot holds
- * (position, values) changes when it splits: each slot has a list of versions, each with the level from which it is valid.
+ * order of arrival. A corner of a finer level stands at level k for its nearest ancestor below n_k. What a slot holds
+ * (position, values) changes when it splits: each slot has a chain of versions, each with the level from which it is valid.
+ *
+ * Corners are kept of some levels, the stages, each at most some times as large as the one before: a level is mapped from the
+ * stage above it, in O(level), and is there as soon as that stage is decoded. What is there never changes: levels are read
+ * by any number of threads while one decodes further, without locks.
  */
 #ifndef TETLOD_SERVER_FOREST_H
 #define TETLOD_SERVER_FOREST_H
@@ -15,14 +19,21 @@
 
 struct forest;
 
-/* Replays the whole stream once. Afterwards the file is not needed. */
-TETLOD_CHECKED enum tetlod_status forest_build(struct forest **out, struct tetlod_file *file, struct tetlod_error *error);
+/* Nothing is decoded yet. The file is borrowed. */
+TETLOD_CHECKED enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, struct tetlod_error *error);
 void forest_free(struct forest *forest);
 
+/* Decodes one level more, one thread at a time. What only decoding needs is gone after the finest level and
+ * after a failure; then what is there stays, and the next call tries again. */
+TETLOD_CHECKED enum tetlod_status forest_grow(struct forest *forest, struct tetlod_error *error);
+
+/* How many levels are there: a thread that was told so may ask for their meshes. */
+uint32_t forest_levels(const struct forest *forest);
+
+/* Memory that what is there takes. */
 uint64_t forest_bytes(const struct forest *forest);
 
-/* The mesh of a level, vertices and tetrahedra in the cursor's order; `out` is the caller's to tetmesh_fini. O(level), and
- * one pass over the slots' parents. */
+/* The mesh of a level that is there, vertices and tetrahedra in the cursor's order; `out` is the caller's to tetmesh_fini. */
 TETLOD_CHECKED enum tetlod_status forest_mesh(const struct forest *forest, uint32_t level, struct tetmesh *out,
                                               struct tetlod_error *error);
 

@@ -81,13 +81,12 @@ enum outcome handle_ready(struct exchange *exchange)
 enum outcome handle_metrics(struct exchange *exchange)
 {
     struct site *site = exchange->site;
-    struct cache_stats cache, forests;
+    struct cache_stats cache;
     struct buffer text = {0};
     cache_get_stats(site->cache, &cache);
-    cache_get_stats(site->forests, &forests);
     const struct metrics_gauge gauges[] = {
         {"tetlod_streams", "gauge", "Streams that are served", (double)catalogue_count(site->catalogue)},
-        {"tetlod_stream_memory_bytes", "gauge", "Memory of decoded streams", (double)forests.bytes},
+        {"tetlod_stream_memory_bytes", "gauge", "Memory of decoded streams", (double)catalogue_memory(site->catalogue)},
         {"tetlod_cache_bytes", "gauge", "Memory of cached answers", (double)cache.bytes},
         {"tetlod_cache_entries", "gauge", "Cached answers", (double)cache.entries},
         {"tetlod_cache_hits_total", "counter", "Answers found in the cache", (double)cache.hits},

@@ -48,7 +48,7 @@ struct call {
     struct http *http;
     char *target;
     struct request request;
-    struct cache_waiter waiter;
+    struct waiter waiter;
     struct MHD_Connection *connection;
     struct peer *peer;
     atomic_int state;
@@ -69,7 +69,7 @@ static const char *find_header(void *opaque, const char *name)
     return MHD_lookup_connection_value(call->connection, MHD_HEADER_KIND, name);
 }
 
-static void wake(struct cache_waiter *waiter)
+static void wake(struct waiter *waiter)
 {
     struct call *call = (struct call *)(void *)((char *)waiter - offsetof(struct call, waiter));
     if (atomic_exchange(&call->state, WOKEN) == SUSPENDED)

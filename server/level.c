@@ -78,51 +78,63 @@ bool parse_level(struct exchange *exchange, const struct tetlod_info *info, cons
 /* ---- the stream in memory ---- */
 
 struct decode {
-    struct dataset *dataset;
-    struct metrics *metrics;
+    struct site *site;
+    struct dataset *dataset; /* held */
 };
 
-static void decode_free(void *opaque)
+static bool stopping(void *pool)
+{
+    return pool_stopping(pool);
+}
+
+static void decode(void *opaque)
 {
     struct decode *decode = opaque;
+    uint32_t finest = dataset_info(decode->dataset)->level_count - 1;
+    enum tetlod_status status = decoding_run(dataset_decoding(decode->dataset), finest, stopping, decode->site->decoders, NULL);
+    if (status == TETLOD_OK)
+        metrics_count(decode->site->metrics, METRIC_STREAMS_DECODED);
     dataset_release(decode->dataset);
     free(decode);
 }
 
-static void free_forest(void *data)
+/* Who asked has been registered as waiting: on failure it is woken and hears why. */
+static void start_decoding(struct site *site, struct dataset *dataset)
 {
-    forest_free(data);
-}
-
-static enum tetlod_status decode_make(void *opaque, struct cache_value *out, struct tetlod_error *error)
-{
-    struct decode *decode = opaque;
-    struct forest *forest;
-    enum tetlod_status status = forest_build(&forest, dataset_file(decode->dataset), error);
-    if (status != TETLOD_OK)
-        return status;
-    metrics_count(decode->metrics, METRIC_STREAMS_DECODED);
-    *out = (struct cache_value){forest, (size_t)forest_bytes(forest), free_forest};
-    return TETLOD_OK;
-}
-
-enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, const struct forest **out)
-{
-    const struct tetlod_info *info = dataset_info(dataset);
-    const struct cache_value *value;
-    struct decode *decode = array_new(1, sizeof *decode);
-    *out = NULL;
-    if (!decode) {
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-        return ANSWERED;
+    struct tetlod_error failure = {.status = TETLOD_ERR_LIMIT, .message = "the server has too much to do"};
+    struct decode *context = array_new(1, sizeof *context);
+    if (context) {
+        *context = (struct decode){site, dataset_hold(dataset)};
+        if (pool_submit(site->decoders, decode, context))
+            return;
+        dataset_release(dataset);
+        free(context);
     }
-    *decode = (struct decode){dataset_hold(dataset), exchange->site->metrics};
-    /* Two streams with the same content are decoded once; the id keeps their keys apart where files come and go. */
-    char key[ID_CAPACITY + 40];
-    snprintf(key, sizeof key, "%s/%s", info->cid, dataset_id(dataset));
-    const struct recipe recipe = {decode_make, decode_free, decode, 64 * (uint64_t)info->vertices + 16 * (uint64_t)info->tets, PATIENCE};
-    enum outcome outcome = obtain(exchange, exchange->site->forests, key, &recipe, &value);
-    if (value)
-        *out = value->data;
-    return outcome;
+    decoding_cancel(dataset_decoding(dataset), &failure);
+}
+
+enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct forest **out)
+{
+    struct request *request = exchange->request;
+    struct decoding *decoding = dataset_decoding(dataset);
+    bool here = !request->waiter || !exchange->site->decoders;
+    struct tetlod_error failure = {0};
+    if ((*out = decoding_find(decoding, level)))
+        return ANSWERED;
+    enum decoding_state state = decoding_ask(decoding, level, request->waited_for_stream, here ? NULL : request->waiter, &failure);
+    if (state == DECODING_MINE && here)
+        state = decoding_run(decoding, level, NULL, NULL, &failure) == TETLOD_OK ? DECODING_READY : DECODING_FAILED;
+    else if (state == DECODING_MINE)
+        start_decoding(exchange->site, dataset);
+    if (state == DECODING_READY)
+        *out = decoding_find(decoding, level);
+    else if (state == DECODING_FAILED)
+        respond_failure(exchange, &failure);
+    else if (here)
+        response_problem(exchange->response, 503, request->target, "this stream is being decoded");
+    else {
+        request->waited = request->waited_for_stream = true;
+        return WAITING;
+    }
+    return ANSWERED;
 }

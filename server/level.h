@@ -5,7 +5,6 @@
 
 #include <jansson.h>
 
-#include "server/forest.h"
 #include "server/site.h"
 
 /* A file format of an answer. `write` is NULL for the stream's own prefix. */
@@ -51,7 +50,7 @@ struct level_answer {
 
 enum outcome answer_from_level(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer);
 
-/* The stream in memory, decoded if it is not yet. */
-enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, const struct forest **out);
+/* The stream in memory, decoded up to a level if it is not yet. It is the dataset's. */
+enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct forest **out);
 
 #endif

@@ -11,7 +11,7 @@
 /* One of them on its way to a worker. */
 struct making {
     struct site *site;
-    struct cache_entry *forest_entry; /* held */
+    struct dataset *dataset; /* held */
     const struct forest *forest;
     enum tetlod_status (*write)(const void *choice, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error);
     uint32_t level;
@@ -22,7 +22,7 @@ struct making {
 static void making_free(void *opaque)
 {
     struct making *making = opaque;
-    cache_release(making->site->forests, making->forest_entry);
+    dataset_release(making->dataset);
     free(making);
 }
 
@@ -62,10 +62,9 @@ static uint64_t making_bytes(const struct tetlod_info *info, const struct level_
 static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer,
                                   enum coding coding, const char *key, const struct cache_value **out)
 {
-    struct cache *forests = exchange->site->forests;
     const struct forest *forest;
     *out = NULL;
-    enum outcome outcome = obtain_forest(exchange, dataset, &forest);
+    enum outcome outcome = obtain_forest(exchange, dataset, answer->level, &forest);
     if (!forest)
         return outcome;
     struct making *making = malloc(sizeof *making + answer->choice_size);
@@ -73,9 +72,8 @@ static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dat
         response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
         return ANSWERED;
     }
-    *making = (struct making){exchange->site, request_pin(exchange->request, forests), forest, answer->write, answer->level, coding};
+    *making = (struct making){exchange->site, dataset_hold(dataset), forest, answer->write, answer->level, coding};
     memcpy(making->choice, answer->choice, answer->choice_size);
-    cache_hold(forests, making->forest_entry);
     const struct recipe recipe = {make, making_free, making, making_bytes(dataset_info(dataset), answer), PATIENCE};
     return obtain(exchange, exchange->site->cache, key, &recipe, out);
 }

@@ -143,14 +143,6 @@ const char *request_header(const struct request *request, const char *name)
     return request->header ? request->header(request->opaque, name) : NULL;
 }
 
-struct cache_entry *request_pin(const struct request *request, const struct cache *cache)
-{
-    for (size_t i = 0; i < REQUEST_PINS; i++)
-        if (request->pins[i].entry && request->pins[i].cache == cache)
-            return request->pins[i].entry;
-    return NULL;
-}
-
 void request_unpin(struct request *request)
 {
     for (size_t i = 0; i < REQUEST_PINS; i++)

@@ -17,9 +17,10 @@ struct request {
     void *opaque;
     unsigned refused;        /* status for a request whose body or framing is refused, or 0 */
     const char *why_refused;
-    /* What to wake when an entry that the answer needs is finished; NULL: the caller's thread makes it instead. */
-    struct cache_waiter *waiter;
+    /* What to wake when something that the answer needs is there; NULL: the caller's thread makes it instead. */
+    struct waiter *waiter;
     bool waited; /* it has been woken at least once */
+    bool waited_for_stream; /* to be decoded */
     /* Entries that this request has asked for: kept until its answer is sent, so that each is found again and a body that
      * lies in one stays. */
     struct {
@@ -88,9 +89,6 @@ const char *status_title(unsigned status);
 
 /* A request header, or NULL. */
 const char *request_header(const struct request *request, const char *name);
-
-/* The pinned entry of a cache; there is one at most of each that is asked. */
-struct cache_entry *request_pin(const struct request *request, const struct cache *cache);
 
 /* Lets go of all pins. */
 void request_unpin(struct request *request);

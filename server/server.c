@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Lifecycle. Threads: an acceptor, which spreads connections over the HTTP threads; those; workers for what takes longer
- * than a connection's thread may wait; a keeper, which looks at the files and at late connections.
+ * than a connection's thread may wait, and decoders for what takes longer than that; a keeper, which looks at the files and
+ * at late connections.
  */
 #define _GNU_SOURCE
 #include "server/server.h"
@@ -202,7 +203,6 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
         server->routes[routes] = "/";
     site->metrics = server->routes ? metrics_new(server->routes) : NULL;
     site->cache = cache_new(options->cache_bytes);
-    site->forests = cache_new(UINT64_MAX);
     site->serve_metrics = !options->metrics;
     long descriptors = sysconf(_SC_OPEN_MAX);
     const struct gate_options limits = {
@@ -212,10 +212,11 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
         .descriptors = descriptors > 0 && descriptors < MOST_DESCRIPTORS ? (size_t)descriptors : MOST_DESCRIPTORS,
     };
     server->gate = gate_new(&limits);
-    if (!site->metrics || !site->cache || !site->forests || !server->gate)
+    if (!site->metrics || !site->cache || !server->gate)
         return tetlodi_fail_nomem(error, "the server", 0);
     TETLOD_TRY(take_origins(server, error));
     TETLOD_TRY(pool_start(&site->pool, options->threads, QUEUE, error));
+    TETLOD_TRY(pool_start(&site->decoders, options->threads, QUEUE, error));
     const struct catalogue_options catalogue = {
         .paths = options->paths,
         .path_count = options->path_count,
@@ -367,13 +368,14 @@ void server_stop(struct server *server)
     if (server->gate)
         drain(server);
     stop_keeper(server);
-    pool_stop(server->site.pool); // wakes all who wait: a suspended connection could not be ended
+    pool_stop(server->site.decoders); // these wake all who wait: a suspended connection could not be ended
+    pool_stop(server->site.pool);
     http_stop(server->metrics_http);
     http_stop(server->http);
+    pool_free(server->site.decoders);
     pool_free(server->site.pool);
     gate_free(server->gate);
     cache_free(server->site.cache);
-    cache_free(server->site.forests);
     catalogue_close(server->site.catalogue);
     metrics_free(server->site.metrics);
     free(server->routes);

@@ -14,9 +14,9 @@
 
 struct site {
     struct catalogue *catalogue;
-    struct cache *cache;   /* finished answers */
-    struct cache *forests; /* streams in memory, by content id */
-    struct pool *pool;     /* NULL: work is done by the asking thread */
+    struct cache *cache; /* finished answers */
+    struct pool *pool;     /* makes answers; NULL: the asking thread does */
+    struct pool *decoders; /* decode streams, which takes longer; NULL: the asking thread does */
     struct metrics *metrics;
     const char *stream_origins; /* where else the page may load streams from: text of the policy, or NULL */
     bool serve_metrics; /* at /metrics; else only on an address of its own */

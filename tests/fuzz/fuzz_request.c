@@ -17,10 +17,9 @@ static struct site *make_site(void)
         return &site;
     const struct catalogue_options options = {0};
     site.cache = cache_new(1 << 20);
-    site.forests = cache_new(1 << 20);
     site.metrics = metrics_new(routes);
     site.serve_metrics = true;
-    if (!site.cache || !site.forests || !site.metrics ||
+    if (!site.cache || !site.metrics ||
         catalogue_open(&site.catalogue, &options, NULL) != TETLOD_OK)
         abort();
     return &site;

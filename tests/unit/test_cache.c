@@ -88,25 +88,6 @@ static void test_held_stays(void)
     cache_free(cache);
 }
 
-static void test_dropped_while_read(void)
-{
-    struct cache *cache = cache_new(5000);
-    enum tetlod_status status;
-    struct cache_stats stats;
-    freed = 0;
-    struct cache_entry *read = make(cache, "x/1", 1000, &status);
-    put(cache, "x/2", 1000);
-    put(cache, "y/1", 1000);
-    cache_drop(cache, "x/");
-    CHECK_INT(freed, 1);
-    CHECK(!has(cache, "x/1") && has(cache, "y/1"));
-    cache_get_stats(cache, &stats);
-    CHECK(stats.bytes >= 2000); // what is being read counts
-    cache_release(cache, read);
-    CHECK_INT(freed, 2);
-    cache_free(cache);
-}
-
 /* ---- many threads, few keys ---- */
 
 enum { THREADS = 8, ROUNDS = 2000, KEYS = 5 };
@@ -117,13 +98,13 @@ struct storm {
 };
 
 struct sleeper {
-    struct cache_waiter waiter;
+    struct waiter waiter;
     pthread_mutex_t lock;
     pthread_cond_t woken;
     bool awake;
 };
 
-static void wake(struct cache_waiter *waiter)
+static void wake(struct waiter *waiter)
 {
     struct sleeper *sleeper = (struct sleeper *)(void *)waiter;
     pthread_mutex_lock(&sleeper->lock);
@@ -196,7 +177,6 @@ int main(void)
 {
     RUN(test_least_recently_used_goes);
     RUN(test_held_stays);
-    RUN(test_dropped_while_read);
     RUN(test_storm);
     return test_end();
 }

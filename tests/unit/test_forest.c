@@ -18,15 +18,12 @@ static int same_mesh(const struct tetmesh *ours, const struct tetlod_mesh *their
            memcmp(ours->fields[1].values, theirs->fields[1], vertices * 16) == 0;
 }
 
-static void check_levels(struct tetlod_file *file, const struct gen_options *options)
+/* Every level below `levels` is the cursor's. */
+static void check_levels(const struct forest *forest, struct tetlod_cursor *cursor, uint32_t levels,
+                         const struct gen_options *options)
 {
-    struct forest *forest;
-    struct tetlod_cursor *cursor;
     struct tetlod_mesh theirs;
     struct tetmesh ours;
-    uint32_t levels = tetlod_info(file)->level_count;
-    REQUIRE(forest_build(&forest, file, NULL) == TETLOD_OK);
-    REQUIRE(tetlod_cursor_new(&cursor, file, NULL, 0, NULL) == TETLOD_OK);
     for (uint32_t i = 0; i < 2 * levels; i++) {
         uint32_t level = i < levels ? i : 2 * levels - 1 - i; // up by replaying, down by undoing
         REQUIRE(tetlod_cursor_seek(cursor, level, NULL) == TETLOD_OK);
@@ -36,7 +33,27 @@ static void check_levels(struct tetlod_file *file, const struct gen_options *opt
             TEST_FAIL("kind %d, seed %d, arity %u: level %u differs", (int)options->kind, (int)options->seed, options->arity, level);
         tetmesh_fini(&ours);
     }
-    CHECK(forest_bytes(forest) > 16ull * tetlod_info(file)->tets);
+}
+
+/* All levels that are there, whenever there are more, are right. */
+static void check_growth(struct tetlod_file *file, const struct gen_options *options)
+{
+    struct forest *forest;
+    struct tetlod_cursor *cursor;
+    uint32_t stages = 0;
+    REQUIRE(forest_new(&forest, file, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_cursor_new(&cursor, file, NULL, 0, NULL) == TETLOD_OK);
+    for (uint32_t grown = 0, levels = 0; grown < tetlod_info(file)->level_count; grown++) {
+        REQUIRE(forest_grow(forest, NULL) == TETLOD_OK);
+        CHECK(forest_levels(forest) == levels || forest_levels(forest) == grown + 1);
+        if (forest_levels(forest) == levels)
+            continue;
+        levels = forest_levels(forest);
+        stages++;
+        check_levels(forest, cursor, levels, options);
+    }
+    CHECK_INT(forest_levels(forest), tetlod_info(file)->level_count);
+    CHECK(stages >= 2 && forest_bytes(forest) > 16ull * tetlod_info(file)->tets);
     tetlod_cursor_free(cursor);
     forest_free(forest);
 }
@@ -50,7 +67,7 @@ static void check_sequence(const struct gen_options *options)
     REQUIRE(gen_make(&recode, options));
     if (tetlodi_write(&recode.input, &sink, NULL) == TETLOD_OK &&
         tetlod_open_memory(&file, memory.bytes, memory.size, NULL, NULL) == TETLOD_OK)
-        check_levels(file, options);
+        check_growth(file, options);
     else
         TEST_FAIL("kind %d, seed %d: no stream", (int)options->kind, (int)options->seed);
     tetlod_close(file);
