@@ -28,7 +28,7 @@ struct stage {
     uint32_t *newest;  /* [vertices] versions */
 };
 
-enum { STAGE_GROWTH = 4 }; // stages together take a third more than the finest alone
+enum { STAGE_GROWTH = 4 };
 
 struct forest {
     struct tetlod_file *file; /* borrowed */
@@ -103,18 +103,20 @@ static bool describe_columns(struct forest *forest, const struct tetlod_info *in
     return forest->columns != NULL;
 }
 
-/* A stage is the finest level that is at most some times as large as the stage before, or the next level. */
+/* The finest level is a stage, and below a stage the finest level that is no more than a quarter of it: so no level is mapped
+ * from more than four times its size, and all stages together take a third more than the finest. */
 static bool choose_stages(struct forest *forest, const struct tetlod_info *info)
 {
+    uint32_t first = info->level_count;
     forest->stages = array_zero(info->level_count, sizeof *forest->stages);
-    for (uint32_t k = 0; forest->stages && k < info->level_count; k++) {
+    for (uint32_t k = info->level_count; forest->stages && k-- > 0;) {
         const struct tetlod_level *level = &info->levels[k];
-        uint32_t n = forest->stage_count;
-        bool room = n > 1 && level->tets <= (uint64_t)STAGE_GROWTH * forest->stages[n - 2].tets;
-        if (!room)
-            forest->stage_count++;
-        forest->stages[forest->stage_count - 1] = (struct stage){k, level->vertices, level->tets, NULL, NULL};
+        if (k + 1 == info->level_count || (uint64_t)STAGE_GROWTH * level->tets <= forest->stages[first].tets)
+            forest->stages[--first] = (struct stage){k, level->vertices, level->tets, NULL, NULL};
     }
+    forest->stage_count = info->level_count - first;
+    for (uint32_t s = 0; forest->stages && s < forest->stage_count; s++)
+        forest->stages[s] = forest->stages[first + s];
     return forest->stages != NULL;
 }
 
@@ -158,24 +160,32 @@ static void pack_row(const struct forest *forest, const struct tetlod_mesh *mesh
     }
 }
 
-/* Takes what a level brought: new slots, and the slots whose contents are others. Levels grow geometrically, so that
- * looking at every slot at every level is some twenty looks a slot. */
+/* Notes what a slot holds at the level being taken. */
+static void add_version(struct forest *forest, const struct tetlod_mesh *mesh, uint32_t slot, uint32_t previous)
+{
+    size_t count = forest->version_count, size = forest->row_size;
+    unsigned char *row = forest->rows + count * size;
+    pack_row(forest, mesh, slot, row);
+    if (previous != TETLOD_NONE && memcmp(row, forest->rows + previous * size, size) == 0)
+        return;
+    assert(count < most_versions(tetlod_info(forest->file)));
+    forest->versions[count] = (struct version){forest->next_level, previous};
+    forest->newest[slot] = (uint32_t)count;
+    forest->version_count++;
+}
+
+/* Takes what a level brought: new slots, and other contents of slots that have split, which are parents of new ones. */
 static void take_level(struct forest *forest, const struct tetlod_mesh *mesh)
 {
-    uint32_t level = forest->next_level++, known = level ? tetlod_info(forest->file)->levels[level - 1].vertices : 0;
-    size_t count = forest->version_count, size = forest->row_size;
-    for (uint32_t v = 0; v < mesh->vertices; v++) {
-        unsigned char *row = forest->rows + count * size;
-        pack_row(forest, mesh, v, row);
-        if (v < known && memcmp(row, forest->rows + forest->newest[v] * size, size) == 0)
-            continue;
-        assert(count < most_versions(tetlod_info(forest->file)) && (!level || v < known || mesh->parents[v] < v));
-        forest->versions[count] = (struct version){level, v < known ? forest->newest[v] : TETLOD_NONE};
-        forest->newest[v] = (uint32_t)count++;
-        if (v >= known)
-            forest->parents[v] = mesh->parents[v];
+    uint32_t level = forest->next_level, known = level ? tetlod_info(forest->file)->levels[level - 1].vertices : 0;
+    for (uint32_t v = known; v < mesh->vertices; v++) {
+        uint32_t parent = forest->parents[v] = mesh->parents[v];
+        assert(!level || parent < v);
+        if (parent < known && forest->versions[forest->newest[parent]].level < level)
+            add_version(forest, mesh, parent, forest->newest[parent]);
+        add_version(forest, mesh, v, TETLOD_NONE);
     }
-    forest->version_count = count;
+    forest->next_level++;
 }
 
 static uint64_t bytes_there(const struct forest *forest, uint32_t stages)
@@ -202,7 +212,8 @@ static enum tetlod_status make_room(struct stage *stage, struct tetlod_error *er
 static void publish(struct forest *forest, struct stage *stage, const struct tetlod_mesh *mesh)
 {
     uint32_t there = (uint32_t)(stage - forest->stages) + 1;
-    memcpy(stage->corners, mesh->corners, stage->tets * 4 * sizeof *stage->corners);
+    if (stage->tets) // else there may be no corners at all
+        memcpy(stage->corners, mesh->corners, stage->tets * 4 * sizeof *stage->corners);
     memcpy(stage->newest, forest->newest, stage->vertices * sizeof *stage->newest);
     atomic_store_explicit(&forest->bytes, bytes_there(forest, there), memory_order_relaxed);
     atomic_store_explicit(&forest->stages_there, there, memory_order_release);

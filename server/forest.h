@@ -7,7 +7,7 @@
  * order of arrival. A corner of a finer level stands at level k for its nearest ancestor below n_k. What a slot holds
  * (position, values) changes when it splits: each slot has a chain of versions, each with the level from which it is valid.
  *
- * Corners are kept of some levels, the stages, each at most some times as large as the one before: a level is mapped from the
+ * Corners are kept of some levels, the stages, each some four times as large as the one before: a level is mapped from the
  * stage above it, in O(level), and is there as soon as that stage is decoded. What is there never changes: levels are read
  * by any number of threads while one decodes further, without locks.
  */

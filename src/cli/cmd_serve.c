@@ -27,7 +27,7 @@ static const char help[] =
     "  --metrics ADDR:PORT     serve /metrics there and not with the rest\n"
     "  --stream-origin ORIGIN  the page may also load streams from there, such as https://data.example.org; may be repeated\n"
     "                          (default: from this server alone)\n"
-    "  --threads N             HTTP threads, and as many that make meshes (default: one per core)\n"
+    "  --threads N             HTTP threads, as many that make meshes, as many that decode (default: one per core)\n"
     "  --cache BYTES           memory for answers that were made (default 256M)\n"
     "  --connections N         at a time (default 4096)\n"
     "  --per-address N         connections of one address at a time (default: no limit; not behind a proxy)\n"

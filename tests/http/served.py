@@ -97,6 +97,15 @@ class Server:
                 return received, True
 
 
+def eventually(condition, seconds=60):
+    """Waits until a condition holds, however slow the machine; what it gives then. Fails with what it gave last."""
+    end = time.monotonic() + seconds * SLOW
+    while not (value := condition()):
+        assert time.monotonic() < end, 'it did not come to this in time: %r' % (value,)
+        time.sleep(0.02)
+    return value
+
+
 def statuses(received):
     """Of the answers that a client would find in these bytes. (libmicrohttpd sends the head of its own refusals twice;
     the second one is body to the client.)"""

@@ -20,7 +20,7 @@ from vtkmodules.vtkIOGeometry import vtkGLTFReader, vtkSTLReader
 from vtkmodules.vtkIOLegacy import vtkUnstructuredGridReader
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader
 
-from served import SCRATCH, SLOW, TETLOD, Server, run
+from served import SCRATCH, SLOW, TETLOD, Server, eventually, run
 
 FOLDER = os.path.join(SCRATCH, 'streams')
 FIN = os.path.join(FOLDER, 'fin.tetlod')
@@ -615,21 +615,38 @@ def test_what_is_no_stream():
 
 
 def test_damaged_stream():
-    """An index that is right over bytes that are not: what must be decoded is refused, all else goes on."""
+    """An index that is right over bytes that are not: levels below the damage are served, for they do not wait for it; levels
+    that must be decoded from it are refused; all else goes on."""
     folder = os.path.join(SCRATCH, 'damaged')
     os.makedirs(folder, exist_ok=True)
     with open(FIN, 'rb') as file:
         stream = bytearray(file.read())
+    finest = len(info['levels']) - 1
     stream[-5] ^= 0xff
     save(os.path.join('damaged', 'bad.tetlod'), bytes(stream))
     shutil.copy(FIN, os.path.join(folder, 'good.tetlod'))
     with Server(folder) as damaged:
-        cid = damaged.json('/v1/meshes/bad')['cid']
+        levels = '/v1/meshes/bad/%s/levels/' % info['cid']
         for _ in range(2):
-            status, head, body = damaged.get('/v1/meshes/bad/%s/levels/0/mesh.vtu' % cid)
+            status, head, body = damaged.get(levels + '%d/mesh.vtu' % finest)
             assert status == 500 and head['content-type'] == 'application/problem+json', (status, body)
-        assert damaged.get('/v1/meshes/bad/%s/levels/0/mesh.tetlod' % cid)[0] == 200
-        assert damaged.get('/v1/meshes/good/%s/levels/0/mesh.vtu' % cid)[0] == 200
+            for level in (0, finest // 4):
+                assert damaged.get(levels + '%d/mesh.vtu' % level)[2] == server.get('%s/levels/%d/mesh.vtu' % (base, level))[2]
+        assert damaged.get(levels + '%d/mesh.tetlod' % finest)[0] == 200
+        assert damaged.get('/v1/meshes/good/%s/levels/%d/mesh.vtu' % (info['cid'], finest))[0] == 200
+        eventually(lambda: b'\ntetlod_streams_decoded_total 1\n' in damaged.get('/metrics')[2])
+
+
+def test_levels_while_decoding():
+    """All levels asked for at once of a stream that nobody has asked for before, by more clients than threads, are the same as
+    one by one later; it is decoded once."""
+    paths = ['%s/levels/%d/mesh.vtk' % (base, level) for level in range(len(info['levels']))]
+    with Server(FOLDER, '--threads', '3') as fresh:
+        with concurrent.futures.ThreadPoolExecutor(12) as clients:
+            found = list(clients.map(fresh.get, paths[::-1]))[::-1]
+        eventually(lambda: b'\ntetlod_streams_decoded_total 1\n' in fresh.get('/metrics')[2])
+    for path, (status, _, body) in zip(paths, found):
+        assert status == 200 and body == server.get(path)[2], (path, status)
 
 
 os.makedirs(FOLDER, exist_ok=True)
@@ -639,6 +656,6 @@ with Server(FOLDER) as server:
     info = server.json('/v1/meshes/fin')
     base = '/v1/meshes/fin/' + info['cid']
     run([test_catalogue, test_description, test_level_for_error, test_level_for_budget, test_bad_questions,
-         test_every_level_is_the_cursors, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
+         test_every_level_is_the_cursors, test_levels_while_decoding, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
          test_prefix, test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
          test_small_cache, test_cache_held_by_slow_readers, test_replaced_stream, test_reload_signal, test_stop_during_answers, test_overload, test_writes_nothing, test_server_timing, test_what_is_no_stream, test_damaged_stream])
