@@ -461,11 +461,10 @@ static void code_labels(struct tetlodi_recorder *recorder, uint32_t child, unsig
 /* Whether the tetrahedron between a vertex and its child at a boundary face would be a positive one. */
 static unsigned positive_between(const struct tetlodi_recorder *recorder, uint32_t e, uint32_t child)
 {
-    const double *positions = recorder->replay->columns[0].values;
-    uint32_t corners[4];
-    tetlodi_star_between(&recorder->star, recorder->replay, e, child, corners);
-    const double *p0 = positions + (size_t)corners[0] * 3, *p1 = positions + (size_t)corners[1] * 3,
-                 *p2 = positions + (size_t)corners[2] * 3, *p3 = positions + (size_t)corners[3] * 3;
+    const double *positions = recorder->replay->columns[0].values, *points[4];
+    tetlodi_star_between_points(&recorder->star, e, positions + (size_t)recorder->star.vertex * 3,
+                                positions + (size_t)child * 3, points);
+    const double *p0 = points[0], *p1 = points[1], *p2 = points[2], *p3 = points[3];
     double ax = p1[0] - p0[0], ay = p1[1] - p0[1], az = p1[2] - p0[2];
     double bx = p2[0] - p0[0], by = p2[1] - p0[1], bz = p2[2] - p0[2];
     double cx = p3[0] - p0[0], cy = p3[1] - p0[1], cz = p3[2] - p0[2];
@@ -493,22 +492,33 @@ static int code_boundary(struct tetlodi_recorder *recorder, uint32_t e, uint32_t
     return code_bit(recorder->coders, &recorder->models->boundary[context], star->made[e] != NOT_MADE);
 }
 
+/* Keeps an edge in the list if a tetrahedron comes back at it. Few do, and which cannot be foretold: no branch. */
+TETLODI_INLINE uint32_t keep_edge(struct tetlodi_star_view *star, uint32_t kept, uint32_t e, unsigned made)
+{
+    star->edge[kept] = star->edge[e];
+    star->made[kept] = (uint8_t)made;
+    return kept + (made != NOT_MADE);
+}
+
+/* Codes at which edges tetrahedra come back, and leaves these in the list. */
 static void code_edges(struct tetlodi_recorder *recorder, uint32_t child, unsigned at_first)
 {
     struct tetlodi_star_view *star = &recorder->star;
-    const struct tetlodi_link_edge *edge = star->edge;
-    uint8_t *made = star->made, *seen = star->seen;
+    uint32_t kept = 0;
     for (uint32_t e = 0, count = star->edge_count; e < count; e++) {
-        made[e] |= seen[e] == LABELS_DIFFER;
-        if (edge[e].first == edge[e].last)
-            made[e] = (uint8_t)code_boundary(recorder, e, child, at_first);
+        unsigned made = star->made[e] | (star->seen[e] == LABELS_DIFFER);
+        if (star->edge[e].first == star->edge[e].last)
+            made = (unsigned)code_boundary(recorder, e, child, at_first);
+        kept = keep_edge(star, kept, e, made);
     }
+    star->edge_count = kept;
 }
 
 static void code_edges_irregular(struct tetlodi_recorder *recorder, uint32_t child, unsigned at_first)
 {
     struct tetlodi_star_view *star = &recorder->star;
     struct tetlodi_geometry_models *models = recorder->models;
+    uint32_t kept = 0;
     for (uint32_t e = 0; e < star->edge_count; e++) {
         unsigned differ = star->seen[e] == LABELS_DIFFER;
         int made = star->made[e] != NOT_MADE, flip = star->made[e] == MADE_FLIPPED;
@@ -517,8 +527,9 @@ static void code_edges_irregular(struct tetlodi_recorder *recorder, uint32_t chi
         else
             made = code_bit(recorder->coders, &models->made[differ], made);
         flip = made && code_bit(recorder->coders, &models->flip, flip);
-        star->made[e] = !made ? NOT_MADE : flip ? MADE_FLIPPED : MADE;
+        kept = keep_edge(star, kept, e, !made ? NOT_MADE : flip ? MADE_FLIPPED : MADE);
     }
+    star->edge_count = kept;
 }
 
 /* Tetrahedra (vertex, child, x, y) that no edge of the link implies, or that are there more than once. */
@@ -554,13 +565,8 @@ static uint32_t put_tets(struct tetlodi_recorder *recorder, uint32_t child)
     size_t most = (size_t)replay->tets + star->edge_count + star->extra_count;
     if (!TETLODI_ROOM(replay->memory, replay->corners, replay->corners_capacity, 4 * most))
         return TETLOD_NONE;
-    uint32_t count = 0, made = 0;
-    for (uint32_t e = 0; e < star->edge_count; e++) { // few are made, and which cannot be foretold
-        star->edge[made] = star->edge[e];
-        star->made[made] = star->made[e];
-        made += star->made[e] != NOT_MADE;
-    }
-    for (uint32_t e = 0; e < made; e++) {
+    uint32_t count = 0;
+    for (uint32_t e = 0; e < star->edge_count; e++) {
         uint32_t *corners = replay->corners + 4 * ((size_t)replay->tets + count++);
         tetlodi_star_between(star, replay, e, child, corners);
         for (int c = 0; c < 4; c++)

@@ -166,23 +166,37 @@ void tetlodi_star_ends(const struct tetlodi_star_view *view, uint32_t e, uint32_
     ends[1] = others[2 - (opposite == 2)];
 }
 
+/* By which corner the vertex is and which other one is not on the edge: where the corners of the tetrahedron between come
+ * from. Across the face that both share, the orientation turns: the two corners of the edge change places. */
+static const uint8_t between_from[4][3][4] = {{{0, 1, 3, 2}, {0, 3, 2, 1}, {0, 2, 1, 3}},
+                                              {{0, 1, 3, 2}, {3, 1, 2, 0}, {2, 1, 0, 3}},
+                                              {{0, 3, 2, 1}, {3, 1, 2, 0}, {1, 0, 2, 3}},
+                                              {{0, 2, 1, 3}, {2, 1, 0, 3}, {1, 0, 2, 3}}};
+
 void tetlodi_star_between(const struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t e,
                           uint32_t child, uint32_t corners[4])
 {
-    /* By which corner the vertex is and which other one is not on the edge: where the corners come from. Across the face that
-     * both share, the orientation turns: the two corners of the edge change places. */
-    static const uint8_t from[4][3][4] = {{{0, 1, 3, 2}, {0, 3, 2, 1}, {0, 2, 1, 3}},
-                                          {{0, 1, 3, 2}, {3, 1, 2, 0}, {2, 1, 0, 3}},
-                                          {{0, 3, 2, 1}, {3, 1, 2, 0}, {1, 0, 2, 3}},
-                                          {{0, 2, 1, 3}, {2, 1, 0, 3}, {1, 0, 2, 3}}};
     uint32_t first = view->edge[e].first, tet = first / 3, place = view->corners[tet] & 3, opposite = first % 3;
     const uint32_t *old = replay->corners + (view->corners[tet] & ~3u);
-    const uint8_t *which = from[place][opposite];
+    const uint8_t *from = between_from[place][opposite];
     for (int c = 0; c < 4; c++)
-        corners[c] = old[which[c]];
-    uint32_t either = view->vertex ^ child, stays = view->labels[tet] ? child : view->vertex;
-    corners[place] = stays;
-    corners[opposite + (opposite >= place)] = stays ^ either;
+        corners[c] = old[from[c]];
+    int goes = view->labels[tet];
+    corners[place] = goes ? child : view->vertex;
+    corners[opposite + (opposite >= place)] = goes ? view->vertex : child;
+}
+
+void tetlodi_star_between_points(const struct tetlodi_star_view *view, uint32_t e, const double *vertex, const double *child,
+                                 const double *points[4])
+{
+    static const uint8_t other[4][4] = {{0, 0, 1, 2}, {0, 0, 1, 2}, {0, 1, 0, 2}, {0, 1, 2, 0}}; // which a corner is but `place`
+    uint32_t first = view->edge[e].first, tet = first / 3, place = view->corners[tet] & 3, opposite = first % 3;
+    const uint8_t *from = between_from[place][opposite];
+    for (int c = 0; c < 4; c++)
+        points[c] = view->positions[view->others[tet][other[place][from[c]]]];
+    int goes = view->labels[tet];
+    points[place] = goes ? child : vertex;
+    points[opposite + (opposite >= place)] = goes ? vertex : child;
 }
 
 void tetlodi_star_fini(struct tetlodi_star_view *view, struct tetlodi_memory *memory)

@@ -16,4 +16,8 @@ void tetlodi_star_ends(const struct tetlodi_star_view *view, uint32_t e, uint32_
 void tetlodi_star_between(const struct tetlodi_star_view *view, const struct tetlodi_replay *replay, uint32_t e,
                           uint32_t child, uint32_t corners[4]);
 
+/* Their positions, with the vertex's and the child's. */
+void tetlodi_star_between_points(const struct tetlodi_star_view *view, uint32_t e, const double *vertex, const double *child,
+                                 const double *points[4]);
+
 #endif
