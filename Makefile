@@ -77,7 +77,7 @@ WEB_SRC := $(sort $(shell find $(WEB_DIR) -name node_modules -prune -o -type f -
 WEB := build/web
 # The codec and its geometry as WebAssembly, for the page and for clients of their own: package of ES modules in build/client
 WASM_CC ?= clang-14
-WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -ftls-model=local-exec -std=c11 -O3 -ffp-contract=off \
+WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O3 -ffp-contract=off \
     -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS)
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) src/mesh/tetmesh.c src/util/array.c

@@ -69,10 +69,10 @@ export interface Spec {
   isosurfaces?: { field?: string; component?: Component; value: number }[];
   /** Lines of the cells in surface and slices. */
   edges?: boolean;
-  /** The surface is that of what is behind the plane. */
+  /** Everything is of what is behind the plane; the surface is closed there. */
   clip?: { origin: Point; normal: Point } | null;
-  /** A grid with so many points along its longest side. */
-  volume?: { size: number } | null;
+  /** A grid with so many points along its longest side, of the values or of their decimal logarithms. */
+  volume?: { size: number; logarithmic?: boolean } | null;
   /** Whether a change of the level is a move (the default) or a jump. */
   morph?: boolean;
 }
@@ -91,9 +91,11 @@ export interface Grid {
   dims: Point;
   origin: Point;
   spacing: Point;
-  /** x fastest; 0 outside. */
-  values: Float32Array;
-  inside: Uint8Array;
+  /** x fastest, two for each point: the value, and how much of it is seen, 0 outside and before the clip plane, else 1. */
+  voxels: Float32Array;
+  /** Of the values inside. */
+  range: [number, number];
+  logarithmic: boolean;
 }
 
 export interface Pictures {

@@ -110,11 +110,11 @@ static bool cut_tet(const struct tetmesh *mesh, const double *values, const uint
 }
 
 /* Which vertices are below is asked often and far apart: a byte each stays in the cache. */
-static bool classify(const struct tetmesh *mesh, const double *values, struct cut *out)
+static bool classify(uint32_t count, const double *values, struct cut *out)
 {
-    if (!array_reserve((void **)&out->below, &out->below_cap, mesh->vertex_count, 1))
+    if (!array_reserve((void **)&out->below, &out->below_cap, count, 1))
         return false;
-    for (uint32_t v = 0; v < mesh->vertex_count; v++)
+    for (uint32_t v = 0; v < count; v++)
         out->below[v] = values[v] < 0;
     return true;
 }
@@ -134,10 +134,20 @@ static bool add_zero(const struct tetmesh *mesh, const double *values, struct cu
 enum tetlod_status cut_zero(const struct tetmesh *mesh, const double *values, struct cut *out, struct tetlod_error *error)
 {
     cut_empty(out);
-    return cut_result(classify(mesh, values, out) && add_zero(mesh, values, out), out, error);
+    return cut_result(classify(mesh->vertex_count, values, out) && add_zero(mesh, values, out), out, error);
 }
 
 /* ---- the surface of a part ---- */
+
+static bool append_line(struct cut *cut, uint32_t a, uint32_t b)
+{
+    size_t count = (size_t)cut->line_count + 1;
+    if (!array_reserve((void **)&cut->lines, &cut->line_cap, count, 2 * sizeof *cut->lines))
+        return false;
+    cut->lines[2 * (size_t)cut->line_count] = a;
+    cut->lines[2 * (size_t)cut->line_count++ + 1] = b;
+    return true;
+}
 
 /* What is below of a triangle of the boundary: nothing, a triangle, a quadrilateral or all. */
 static bool clip_triangle(const uint32_t corners[3], const double *values, struct cut *out)
@@ -159,13 +169,37 @@ enum tetlod_status cut_clip(const struct tetmesh *mesh, const struct cut *bounda
                             struct tetlod_error *error)
 {
     cut_empty(out);
-    bool made = classify(mesh, values, out) && add_zero(mesh, values, out);
+    bool made = classify(mesh->vertex_count, values, out) && add_zero(mesh, values, out);
     for (size_t t = 0; made && t < boundary->triangle_count; t++) {
         const uint32_t *triangle = boundary->triangles + 3 * t;
         const uint32_t corners[3] = {boundary->ends[2 * (size_t)triangle[0]], boundary->ends[2 * (size_t)triangle[1]],
                                      boundary->ends[2 * (size_t)triangle[2]]};
         made = clip_triangle(corners, values, out);
     }
+    return cut_result(made, out, error);
+}
+
+/* What is below of a line. */
+static bool trim_line(const uint32_t ends[2], const double *values, struct cut *out)
+{
+    uint32_t v[2];
+    if (!out->below[ends[0]] && !out->below[ends[1]])
+        return true;
+    for (int i = 0; i < 2; i++)
+        if (!(out->below[ends[i]] ? vertex_between(out, ends[i], ends[i], values, &v[i])
+                                  : crossing(out, ends[1 - i], ends[i], values, &v[i])))
+            return false;
+    return v[0] == v[1] || append_line(out, v[0], v[1]);
+}
+
+enum tetlod_status cut_trim(const struct cut *surface, const double *values, struct cut *out, struct tetlod_error *error)
+{
+    cut_empty(out);
+    bool made = classify(surface->vertex_count, values, out);
+    for (size_t t = 0; made && t < surface->triangle_count; t++)
+        made = clip_triangle(surface->triangles + 3 * t, values, out);
+    for (size_t l = 0; made && l < surface->line_count; l++)
+        made = trim_line(surface->lines + 2 * l, values, out);
     return cut_result(made, out, error);
 }
 
@@ -196,13 +230,8 @@ static bool add_line(struct cut *cut, uint32_t a, uint32_t b)
         return false;
     if (!fresh)
         return true;
-    size_t count = (size_t)cut->line_count + 1;
-    if (!array_reserve((void **)&cut->lines, &cut->line_cap, count, 2 * sizeof *cut->lines))
-        return false;
-    *number = cut->line_count++;
-    cut->lines[2 * (count - 1)] = a;
-    cut->lines[2 * (count - 1) + 1] = b;
-    return true;
+    *number = cut->line_count;
+    return append_line(cut, a, b);
 }
 
 enum tetlod_status cut_lines(struct cut *cut, const double *values, struct tetlod_error *error)

@@ -39,6 +39,11 @@ TETLOD_CHECKED enum tetlod_status cut_zero(const struct tetmesh *mesh, const dou
 TETLOD_CHECKED enum tetlod_status cut_clip(const struct tetmesh *mesh, const struct cut *boundary, const double *values,
                                            struct cut *out, struct tetlod_error *error);
 
+/* Triangles and lines of another surface, as far as they are where the function with these values at that surface's vertices is
+ * negative. `out`'s vertices lie between two of that surface. */
+TETLOD_CHECKED enum tetlod_status cut_trim(const struct cut *surface, const double *values, struct cut *out,
+                                           struct tetlod_error *error);
+
 /* Fills `lines` with the edges of the cells in the surface, each once: edges of the mesh, and where the zero set meets
  * faces. `values` are those of the function; a boundary has none. */
 TETLOD_CHECKED enum tetlod_status cut_lines(struct cut *cut, const double *values, struct tetlod_error *error);

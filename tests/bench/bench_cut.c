@@ -3,6 +3,7 @@
  * How long pictures of a mesh take: bench_cut [SIDE] cuts a cube of SIDE^3 cells of six tetrahedra (44: 511,104), its vertices
  * moved and numbered at random, and prints milliseconds, the least of five. Also built for WebAssembly (`make bench-cut`).
  */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <time.h>
@@ -18,6 +19,7 @@ struct picture {
     double *plane, *shell, *noise; /* functions to cut at zero; noise cuts nearly every tetrahedron, the most work there can be */
     struct cut boundary, cut;
     struct cut_grid grid;
+    struct cut_voxels voxels;
     float *points, *normals;
     struct tetlod_error error;
     size_t found; /* so that nothing is left out */
@@ -158,7 +160,7 @@ static void resample(struct picture *p, uint32_t size)
     must(cut_resample(&p->mesh, p->shell, &p->grid, &p->error), p);
     p->found = 0;
     for (size_t i = 0; i < (size_t)size * size * size; i++)
-        p->found += p->grid.inside[i];
+        p->found += !isnan(p->grid.values[i]);
 }
 
 static void resample_64(struct picture *p)
@@ -169,6 +171,13 @@ static void resample_64(struct picture *p)
 static void resample_128(struct picture *p)
 {
     resample(p, 128);
+}
+
+static void voxels(struct picture *p)
+{
+    static const struct cut_plane clip = {{0.5, 0.5, 0.5}, {1, 2, 3}};
+    must(cut_make_voxels(&p->grid, true, &clip, &p->voxels, &p->error), p);
+    p->found = (size_t)p->grid.dims[0] * p->grid.dims[1] * p->grid.dims[2];
 }
 
 static void probe(struct picture *p)
@@ -204,10 +213,12 @@ int main(int argc, char **argv)
     measure(&p, "noise", isosurface_of_noise);
     measure(&p, "resample 64^3", resample_64);
     measure(&p, "resample 128^3", resample_128);
+    measure(&p, "voxels of that", voxels);
     measure(&p, "probe", probe);
     cut_fini(&p.boundary);
     cut_fini(&p.cut);
     cut_grid_fini(&p.grid);
+    cut_voxels_fini(&p.voxels);
     free(p.points);
     free(p.normals);
     free(p.plane);

@@ -257,6 +257,46 @@ static void test_clip(void)
     tetmesh_fini(&mesh);
 }
 
+/* A section and the part of it behind another plane, whose area and length of lines are known. */
+static void check_trim(const struct tetmesh *mesh, const double normal[3], double offset, double wanted_area, bool all_lines)
+{
+    struct cut surface = {0}, part = {0};
+    double *function = plane_values(mesh, (const double[]){0, 0, 1}, 0.3), total[3], area;
+    REQUIRE(cut_zero(mesh, function, &surface, NULL) == TETLOD_OK && cut_lines(&surface, function, NULL) == TETLOD_OK);
+    double *points = calloc(surface.vertex_count, 3 * sizeof *points);
+    for (uint32_t v = 0; v < surface.vertex_count; v++)
+        surface_point(mesh, &surface, v, points + 3 * (size_t)v);
+    const struct tetmesh flat = {.vertex_count = surface.vertex_count, .positions = points};
+    double *distances = plane_values(&flat, normal, offset);
+    REQUIRE(cut_trim(&surface, distances, &part, NULL) == TETLOD_OK);
+    area_vector(&flat, &part, total, &area);
+    CHECK_NEAR(area, wanted_area, 1e-12);
+    CHECK_NEAR(total[2], wanted_area, 1e-12); // none is turned over
+    for (uint32_t v = 0; v < part.vertex_count; v++)
+        CHECK(cut_value(&part, v, distances, 1, 0) < 1e-14);
+    CHECK(all_lines ? part.line_count == surface.line_count : part.line_count < surface.line_count);
+    for (size_t i = 0; i < 2 * (size_t)part.line_count; i++)
+        CHECK(part.lines[i] < part.vertex_count);
+    free(function);
+    free(distances);
+    free(points);
+    cut_fini(&surface);
+    cut_fini(&part);
+}
+
+static void test_trim(void)
+{
+    struct tetmesh mesh;
+    make_cube(&mesh);
+    check_trim(&mesh, (const double[]){1, 0, 0}, 0.4, 0.4, false);
+    check_trim(&mesh, (const double[]){1, 0, 0}, 0.5, 0.5, false); // through vertices of the section
+    check_trim(&mesh, (const double[]){1, 1, 0}, 0.7, 0.7 * 0.7 / 2, false);
+    check_trim(&mesh, (const double[]){0, -1, 0}, -0.9, 0.1, false);
+    check_trim(&mesh, (const double[]){1, 0, 0}, 2, 1, true); // all of it
+    check_trim(&mesh, (const double[]){1, 0, 0}, -1, 0, false);
+    tetmesh_fini(&mesh);
+}
+
 /* Moves every vertex inside the cube: tetrahedra of all shapes, none of them inverted. */
 static void jitter(struct tetmesh *mesh, double most)
 {
@@ -338,6 +378,7 @@ int main(void)
     RUN(test_inverted_tets);
     RUN(test_lines);
     RUN(test_clip);
+    RUN(test_trim);
     RUN(test_isosurface_normals);
     RUN(test_boundary_of_overfull_faces);
     return test_end();

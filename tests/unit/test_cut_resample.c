@@ -73,7 +73,7 @@ static void check_cube(uint32_t n, double scale, double shift, double move, uint
     double worst = 0, bound = 1e-6 * (5 + 5 * (scale + fabs(shift))); // float32
     for (size_t i = 0; i < count_of(&grid); i++) {
         point_of(&grid, i, p);
-        missed += !grid.inside[i];
+        missed += isnan(grid.values[i]) != 0;
         worst = larger(worst, fabs(grid.values[i] - linear(p)));
     }
     CHECK_INT(missed, 0);
@@ -109,10 +109,8 @@ static void test_flat_tets_are_skipped(void)
     REQUIRE(cut_resample(&mesh, values, &grid, NULL) == TETLOD_OK);
     for (size_t i = 0; i < count_of(&grid); i++) {
         point_of(&grid, i, p);
-        if (grid.inside[i])
+        if (!isnan(grid.values[i]))
             CHECK_NEAR(grid.values[i], linear(p), 1e-5);
-        else
-            CHECK(grid.values[i] == 0);
     }
     free(values);
     cut_grid_fini(&grid);
@@ -135,11 +133,46 @@ static void test_outside(void)
             double p[3];
             point_of(&grid, i, p);
             bool inside = p[0] >= 0 && p[1] >= 0 && p[2] >= 0 && p[0] + p[1] + p[2] <= 1;
-            CHECK_INT(grid.inside[i], inside);
-            CHECK_NEAR(grid.values[i], inside ? p[0] + 2 * p[1] + 4 * p[2] : 0, 1e-6);
+            CHECK_INT(!isnan(grid.values[i]), inside);
+            if (inside)
+                CHECK_NEAR(grid.values[i], p[0] + 2 * p[1] + 4 * p[2], 1e-6);
         }
     }
     cut_grid_fini(&grid);
+}
+
+/* One tetrahedron in a grid around it: what is outside is hidden and takes a neighbour's value, a plane fades over one step. */
+static void test_voxels(void)
+{
+    const double corners[12] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+    uint32_t ids[4] = {0, 1, 2, 3};
+    double values[4] = {1, 10, 100, 1000};
+    struct tetmesh mesh = {.vertex_count = 4, .tet_count = 1, .positions = (double *)(uintptr_t)corners, .corners = ids};
+    const struct cut_plane clip = {{0.25, 0, 0}, {2, 0, 0}};
+    struct cut_grid grid = {0};
+    struct cut_voxels voxels = {0};
+    cut_grid_cover(&grid, (const double[]){-0.5, -0.5, -0.5}, (const double[]){1.5, 1.5, 1.5}, 33);
+    REQUIRE(cut_resample(&mesh, values, &grid, NULL) == TETLOD_OK);
+    for (int k = 0; k < 3; k++) {
+        REQUIRE(cut_make_voxels(&grid, k == 1, k == 2 ? &clip : NULL, &voxels, NULL) == TETLOD_OK);
+        for (size_t i = 0; i < count_of(&grid); i++) {
+            double p[3], value = voxels.pairs[2 * i], seen = voxels.pairs[2 * i + 1];
+            point_of(&grid, i, p);
+            bool inside = p[0] >= 0 && p[1] >= 0 && p[2] >= 0 && p[0] + p[1] + p[2] <= 1;
+            if (inside) {
+                double there = 1 + 9 * p[0] + 99 * p[1] + 999 * p[2];
+                CHECK_NEAR(value, k == 1 ? log10(there) : there, 1e-3);
+                CHECK_NEAR(seen, k < 2 || p[0] < 0.21 ? 1 : p[0] < 0.26 ? 0.5 : 0, 1e-6);
+            } else
+                CHECK(seen == 0 && value >= voxels.range[0] && value <= voxels.range[1]);
+        }
+        CHECK_NEAR(voxels.range[0], k == 1 ? 0 : 1, 1e-6);
+        CHECK_NEAR(voxels.range[1], k == 1 ? 3 : 1000, 1e-3);
+    }
+    size_t rim = 8 + 33 * (8 + 33 * 24) - 1; // beside the last corner, whose value is the largest
+    CHECK_NEAR(voxels.pairs[2 * rim], 1000, 1e-3);
+    cut_grid_fini(&grid);
+    cut_voxels_fini(&voxels);
 }
 
 static void test_cover(void)
@@ -194,6 +227,7 @@ int main(void)
     RUN(test_no_point_is_missed);
     RUN(test_flat_tets_are_skipped);
     RUN(test_outside);
+    RUN(test_voxels);
     RUN(test_cover);
     RUN(test_probe);
     return test_end();

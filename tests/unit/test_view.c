@@ -44,9 +44,13 @@ static void draw_all(struct view *view)
     CHECK(!view_part(view)->point_count || view_part(view)->normals);
     CHECK_INT(view_surface(view, 0), TETLOD_OK);
     CHECK(!view_part(view)->line_count && !view_part(view)->normals);
-    CHECK_INT(view_clip(view, WITH_LINES, c[0], c[1], c[2], 1, 2, 3), TETLOD_OK);
+    view_clip(view, c[0], c[1], c[2], 1, 2, 3);
+    CHECK_INT(view_surface(view, WITH_LINES), TETLOD_OK);
     CHECK_INT(view_slice(view, WITH_LINES | WITH_NORMALS, c[0], c[1], c[2], 0, 0, 1), TETLOD_OK);
-    CHECK_INT(view_resample(view, 9), TETLOD_OK);
+    CHECK_INT(view_resample(view, 9, 0), TETLOD_OK);
+    view_unclip(view);
+    CHECK_INT(view_slice(view, WITH_LINES | WITH_NORMALS, c[0], c[1], c[2], 0, 0, 1), TETLOD_OK);
+    CHECK_INT(view_resample(view, 9, 1), TETLOD_OK);
     uint32_t tet = view_probe(view, c[0], c[1], c[2]);
     CHECK(tet == TETLOD_NONE || tet < view->shown.tet_count);
     CHECK_INT(view_probe(view, info->bounds[1][0] + 100, 0, 0), TETLOD_NONE);

@@ -154,7 +154,9 @@ async function partsAreWhereTheyShouldBe() {
   const normal = [1, -0.5, 0.25];
   const behind = (p) => dot(p, normal) - dot(centre, normal);
   const slice = view.slice(centre, normal, { lines: true });
-  const clipped = view.clip(centre, normal, { lines: true });
+  view.clip({ origin: centre, normal });
+  const clipped = view.surface({ lines: true });
+  view.clip(null);
   const whole = view.surface({ lines: true });
   assert.ok(slice.values.length && clipped.triangles.length && clipped.values.length !== whole.values.length);
   for (let v = 0; v < slice.values.length; v++) assert.ok(Math.abs(behind(point(slice.points, v))) < 1e-5);
@@ -174,6 +176,77 @@ async function partsAreWhereTheyShouldBe() {
   for (let v = 0; v < iso.values.length; v++) assert.ok(Math.abs(dot(point(iso.normals, v), point(iso.normals, v)) - 1) < 1e-5);
 }
 
+const sum = (part, of) => Array.from({ length: part.triangles.length / 3 }, (_, t) => of(...part.triangles.subarray(3 * t, 3 * t + 3))).reduce((a, b) => a + b, 0);
+
+function areaOf(part) {
+  return sum(part, (...corners) => {
+    const [a, b, c] = corners.map((v) => point(part.points, v));
+    const u = b.map((x, i) => x - a[i]);
+    const v = c.map((x, i) => x - a[i]);
+    return Math.hypot(u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]) / 2;
+  });
+}
+
+// Both sides of a plane together are the whole, of slices and isosurfaces; and each is on its side, with the values that it had.
+async function clippedPartsAddUp() {
+  const { view, fields, centre } = await oneLevel();
+  const [low, high] = fields[0].range;
+  const value = low + 0.4 * (high - low);
+  const normal = [1, 0.3, -0.2];
+  const makers = [() => view.slice(centre, [0, 0, 1], { lines: true, normals: true }), () => view.isosurface(0, 0, value, { lines: true, normals: true })];
+  for (const make of makers) {
+    view.clip(null);
+    const whole = make();
+    const halves = [1, -1].map((sign) => {
+      const towards = normal.map((x) => sign * x);
+      view.clip({ origin: centre, normal: towards });
+      const part = make();
+      for (let v = 0; v < part.values.length; v++) {
+        assert.ok(dot(point(part.points, v), towards) - dot(centre, towards) < 1e-5);
+        assert.ok(Math.abs(Math.hypot(...point(part.normals, v)) - 1) < 0.5);
+      }
+      assert.ok(part.lines.length && part.lines.every((v) => v < part.values.length));
+      assert.ok(part.triangles.length && part.triangles.every((v) => v < part.values.length));
+      return part;
+    });
+    assert.ok(halves.every((part) => areaOf(part) > 0.01 * areaOf(whole)));
+    assert.ok(Math.abs(areaOf(halves[0]) + areaOf(halves[1]) - areaOf(whole)) < 1e-4 * areaOf(whole));
+    const mean = (part) => sum(part, (a, b, c) => part.values[a] + part.values[b] + part.values[c]);
+    assert.ok(mean(whole) > 0 && Math.min(...halves[0].values, ...halves[1].values) >= Math.min(...whole.values) - 1e-6);
+  }
+  view.clip(null);
+}
+
+async function volumesAreClippedAndLogarithmic() {
+  const { view, centre } = await oneLevel();
+  view.clip(null);
+  const plain = view.resample(24, false);
+  const logarithmic = view.resample(24, true);
+  const normal = [0.6, 0.8, 0];
+  view.clip({ origin: centre, normal });
+  const clipped = view.resample(24, false);
+  view.clip(null);
+  const { dims, origin, spacing, voxels } = plain;
+  let hidden = 0;
+  let least = Infinity;
+  for (let i = 0; i < voxels.length / 2; i++) {
+    const at = [i % dims[0], Math.floor(i / dims[0]) % dims[1], Math.floor(i / dims[0] / dims[1])].map((n, k) => origin[k] + n * spacing[k]);
+    const distance = dot(at, normal) - dot(centre, normal);
+    const step = dot(spacing, normal);
+    const seen = voxels[2 * i + 1];
+    assert.ok(seen === 0 || seen === 1);
+    assert.equal(clipped.voxels[2 * i], voxels[2 * i]);
+    assert.ok(Math.abs(clipped.voxels[2 * i + 1] - seen * Math.min(Math.max(0.5 - distance / step, 0), 1)) < 1e-5);
+    hidden += seen && distance > step;
+    if (!seen) continue;
+    least = Math.min(least, voxels[2 * i]);
+    assert.ok(Math.abs(logarithmic.voxels[2 * i] - Math.log10(voxels[2 * i])) < 1e-5);
+  }
+  assert.ok(hidden > 50);
+  assert.equal(plain.range[0], least);
+  assert.ok(Math.abs(logarithmic.range[0] - Math.log10(least)) < 1e-5 && logarithmic.logarithmic && !plain.logarithmic);
+}
+
 async function probesAndGridsAgreeWithTheMesh() {
   const { view, fields, low, high, mesh } = await oneLevel();
   for (const tet of [0, 7, 100]) {
@@ -185,19 +258,20 @@ async function probesAndGridsAgreeWithTheMesh() {
       mean(mesh.fields[name], components).forEach((x, c) => assert.ok(Math.abs(x - found.values[name][c]) < 1e-9));
   }
   assert.equal(view.probe(high.map((x, i) => x + (x - low[i])), fields), null);
-  const { dims, origin, spacing, values, inside } = view.resample(20);
+  const { dims, origin, spacing, voxels } = view.resample(20, false);
+  const count = dims[0] * dims[1] * dims[2];
   assert.equal(Math.max(...dims), 20);
-  assert.equal(values.length, dims[0] * dims[1] * dims[2]);
+  assert.equal(voxels.length, 2 * count);
   const [{ name, range }] = fields;
   let compared = 0;
-  for (let i = 0; i < values.length; i++) {
+  for (let i = 0; i < count; i++) {
     const at = [i % dims[0], Math.floor(i / dims[0]) % dims[1], Math.floor(i / dims[0] / dims[1])];
     const found = view.probe(at.map((n, k) => origin[k] + n * spacing[k]), fields);
-    if (!inside[i] || !found) continue;
+    if (!voxels[2 * i + 1] || !found) continue;
     compared++;
-    assert.ok(Math.abs(found.values[name][0] - values[i]) < 1e-4 * (range[1] - range[0]), `grid point ${at}`);
+    assert.ok(Math.abs(found.values[name][0] - voxels[2 * i]) < 1e-4 * (range[1] - range[0]), `grid point ${at}`);
   }
-  assert.ok(compared > values.length / 4);
+  assert.ok(compared > count / 4);
 }
 
 // wasm32 ends at 4 GiB: that is an error that says so, not a crash. The memory is reserved, never touched.
@@ -223,4 +297,4 @@ async function memoryHasAnEnd() {
 }
 
 await run([everyGoldenStreamEveryLevelUpAndDown, bytesInAnyPieces, onlySomeFields, damageSaysWhere, aMoveEndsAtBothLevels,
-  partsAreWhereTheyShouldBe, probesAndGridsAgreeWithTheMesh, memoryHasAnEnd]);
+  partsAreWhereTheyShouldBe, clippedPartsAddUp, volumesAreClippedAndLogarithmic, probesAndGridsAgreeWithTheMesh, memoryHasAnEnd]);

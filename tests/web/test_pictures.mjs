@@ -19,6 +19,8 @@ const states = {
   slice: 'error=0&surface=off&slices=y@0.3;z@0.2',
   isosurfaces: 'error=0&surface=inside&isosurfaces=0.3,0.6',
   clip: 'error=0&clip=x@0.4&edges=1',
+  clipped_parts: 'error=0&surface=off&slices=z@0.2&isosurfaces=0.3,0.6&clip=0,1,1@0.3',
+  clipped_volume: 'error=0&surface=off&volume=1&volumeSize=48&log=1&clip=1,0,-1@0.55&opacity=0:0,0.3:0.01,1:0.4',
   volume: 'error=0&surface=off&volume=1&volumeSize=48&opacity=0:0,0.3:0.01,1:0.4',
 };
 const stream = join(SCRATCH, 'fin.tetlod');

@@ -314,18 +314,15 @@ export class Engine {
   #drawSurface() {
     const { surface, clip, edges: lines } = this.#spec;
     if (!surface) return null;
-    if (clip) {
-      this.#surfaceOf = '';
-      return this.#view.clip(clip.origin, clip.normal, { lines });
-    }
-    const key = `${this.#shown} ${lines}`;
-    const keep = key === this.#surfaceOf;
+    const key = clip ? '' : `${this.#shown} ${lines}`; // a clipped one has other triangles each time
+    const keep = key && key === this.#surfaceOf;
     this.#surfaceOf = key;
     return this.#view.surface({ lines, keep });
   }
 
   #draw() {
-    const { shade, component, edges: lines, slices, isosurfaces } = this.#spec;
+    const { shade, component, edges: lines, slices, isosurfaces, clip } = this.#spec;
+    this.#view.clip(clip);
     const { name } = this.#info.fields[shade] ?? {};
     return {
       shade: shade < 0 ? null : { field: name, component: component < 0 ? 'magnitude' : component, range: this.#view.shade(shade, component) },
@@ -339,7 +336,7 @@ export class Engine {
   #drawVolume(t) {
     const { volume } = this.#spec;
     if (!volume) return null;
-    return t === 1 ? this.#view.resample(volume.size) : undefined;
+    return t === 1 ? this.#view.resample(volume.size, volume.logarithmic) : undefined;
   }
 
   // Makes the pictures at t of a move (1: at rest) and waits until they are seen.

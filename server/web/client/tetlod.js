@@ -159,14 +159,15 @@ export class View {
     return part;
   }
 
+  /** From now on pictures are of what is behind a plane {origin, normal}, or of everything (null). */
+  clip(plane) {
+    if (plane) this.#code.view_clip(this.#view, ...plane.origin, ...plane.normal);
+    else this.#code.view_unclip(this.#view);
+  }
+
   /** The boundary; its triangles and lines are the same all the way of a move. */
   surface(options) {
     return this.#part(options, (flags) => this.#code.view_surface(this.#view, flags));
-  }
-
-  /** The surface of what is behind a plane. */
-  clip(origin, normal, options) {
-    return this.#part(options, (flags) => this.#code.view_clip(this.#view, flags, ...origin, ...normal));
   }
 
   slice(origin, normal, options) {
@@ -177,18 +178,17 @@ export class View {
     return this.#part(options, (flags) => this.#code.view_isosurface(this.#view, flags, field, component, value));
   }
 
-  /** The value that colours, on a grid over the bounds with `size` points along the longest side. */
-  resample(size) {
-    this.#check(this.#code.view_resample(this.#view, size));
-    const at = this.#code.view_grid(this.#view) >>> 0;
-    const dims = [...this.#words(at, 3)];
-    const place = [...this.#doubles(at + 16, 6)];
-    const [values, inside] = this.#words(at + 64, 2);
-    const count = dims[0] * dims[1] * dims[2];
+  /** The value that colours, or its logarithm, on a grid over the bounds with `size` points along the longest side. */
+  resample(size, logarithmic) {
+    this.#check(this.#code.view_resample(this.#view, size, logarithmic ? 1 : 0));
+    const grid = this.#code.view_grid(this.#view) >>> 0;
+    const voxels = this.#code.view_voxels(this.#view) >>> 0;
+    const dims = [...this.#words(grid, 3)];
+    const place = [...this.#doubles(grid + 16, 6)];
     return {
-      dims, origin: place.slice(0, 3), spacing: place.slice(3),
-      values: this.#floats(values, count).slice(),
-      inside: new Uint8Array(this.#code.memory.buffer, inside, count).slice(),
+      dims, origin: place.slice(0, 3), spacing: place.slice(3), logarithmic: Boolean(logarithmic),
+      voxels: this.#floats(this.#words(voxels, 1)[0], 2 * dims[0] * dims[1] * dims[2]).slice(),
+      range: [...this.#floats(voxels + 4, 2)],
     };
   }
 

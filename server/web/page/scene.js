@@ -141,7 +141,7 @@ export class Scene extends EventTarget {
     this.updateList('isosurfaces', pictures.isosurfaces, state.log, false);
     if (pictures.volume !== undefined) {
       this.grid = pictures.volume;
-      this.volume?.update(this.grid, state.log);
+      this.volume?.update(this.grid);
     }
     this.restyle(state);
   }
@@ -159,7 +159,7 @@ export class Scene extends EventTarget {
     const { VolumeLayer } = await this.loading;
     if (this.volume) return;
     this.volume = new VolumeLayer(this.renderer, this.lookup);
-    this.volume.update(this.grid, this.state.log);
+    this.volume.update(this.grid);
     this.restyle(this.state);
   }
 
@@ -200,7 +200,6 @@ export class Scene extends EventTarget {
 
   setLogarithmic(logarithmic) {
     for (const layer of this.layers()) layer.color(logarithmic);
-    this.volume?.update(this.grid, logarithmic);
     this.render();
   }
 
@@ -221,12 +220,11 @@ export class Scene extends EventTarget {
           if (value < low) low = value;
           if (value > high) high = value;
         }
-    if (this.grid && this.state.volume)
-      for (let i = 0; i < this.grid.values.length; i++)
-        if (this.grid.inside[i]) {
-          low = Math.min(low, this.grid.values[i]);
-          high = Math.max(high, this.grid.values[i]);
-        }
+    if (this.grid && this.state.volume) {
+      const [least, most] = this.grid.logarithmic ? this.grid.range.map((x) => 10 ** x) : this.grid.range;
+      low = Math.min(low, least);
+      high = Math.max(high, most);
+    }
     return low <= high ? [low, high] : null;
   }
 

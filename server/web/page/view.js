@@ -100,7 +100,7 @@ function showNow() {
     slices: state.slices.map((p) => planeOf(info.bounds, p)),
     isosurfaces: state.isosurfaces.map((f) => ({ field, component, value: low + f * (high - low) })),
     clip: state.clip && planeOf(info.bounds, state.clip),
-    volume: state.volume ? { size: state.volumeSize } : null,
+    volume: state.volume ? { size: state.volumeSize, logarithmic: state.log } : null,
     morph: state.smooth && !stillness.matches,
   });
 }
@@ -239,7 +239,7 @@ const remember = (() => {
 function watch() {
   store.watch(['map', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'], recolor);
   store.watch(['log'], (state) => scene.setLogarithmic(state.log));
-  store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'clip', 'volume', 'volumeSize', 'smooth'], show);
+  store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'clip', 'volume', 'volumeSize', 'log', 'smooth'], show);
   store.watch(['error', 'measure', 'field', 'maxTets', 'maxBytes'], () => {
     refine();
     tellShown();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Direct volume rendering of the grid that the worker resamples. A voxel has two components: its value, which takes colour
-// and opacity from the transfer functions, and whether it is inside the mesh, which multiplies the opacity: nothing shines
-// outside, and the rim is as sharp as the grid is.
+// and opacity from the transfer functions, and how much of it is seen, which multiplies the opacity: nothing shines
+// outside of the mesh and before the clip plane, and the rim is as sharp as the grid is.
 
 import '@kitware/vtk.js/Rendering/OpenGL/Profiles/Volume.js';
 import vtkDataArray from '@kitware/vtk.js/Common/Core/DataArray.js';
@@ -40,13 +40,11 @@ export class VolumeLayer {
   }
 
   // null is no grid
-  update(grid, logarithmic) {
-    this.grid = grid;
+  update(grid) {
     this.actor.setVisibility(Boolean(grid));
     if (!grid) return;
-    const { values, low, high } = voxels(grid, logarithmic);
-    const scalars = vtkDataArray.newInstance({ name: 'values', values, numberOfComponents: 2 });
-    scalars.setRange({ min: low, max: high }, 0);
+    const scalars = vtkDataArray.newInstance({ name: 'values', values: grid.voxels, numberOfComponents: 2 });
+    scalars.setRange({ min: grid.range[0], max: grid.range[1] }, 0);
     scalars.setRange({ min: 0, max: 1 }, 1);
     this.image.set({ origin: [...grid.origin], spacing: [...grid.spacing] });
     this.image.setDimensions(...grid.dims);
@@ -69,34 +67,4 @@ export class VolumeLayer {
   place(offset) {
     this.actor.setPosition(...offset);
   }
-}
-
-// Value and mask side by side. Voxels just outside take a neighbour's value: interpolated up to the rim, it stays what it is.
-function voxels({ values, inside, dims: [nx, ny, nz] }, logarithmic) {
-  const pairs = new Float32Array(2 * values.length);
-  let low = Infinity;
-  let high = -Infinity;
-  for (let i = 0; i < values.length; i++) {
-    if (!inside[i]) continue;
-    const value = logarithmic ? Math.log10(Math.max(values[i], 1e-38)) : values[i];
-    if (value < low) low = value;
-    if (value > high) high = value;
-    pairs[2 * i] = value;
-    pairs[2 * i + 1] = 1;
-  }
-  const steps = [1, nx, nx * ny];
-  for (let z = 0, i = 0; z < nz; z++)
-    for (let y = 0; y < ny; y++)
-      for (let x = 0; x < nx; x++, i++) {
-        if (inside[i]) continue;
-        let from = -1;
-        if (x > 0 && inside[i - 1]) from = i - 1;
-        else if (x < nx - 1 && inside[i + 1]) from = i + 1;
-        else if (y > 0 && inside[i - steps[1]]) from = i - steps[1];
-        else if (y < ny - 1 && inside[i + steps[1]]) from = i + steps[1];
-        else if (z > 0 && inside[i - steps[2]]) from = i - steps[2];
-        else if (z < nz - 1 && inside[i + steps[2]]) from = i + steps[2];
-        pairs[2 * i] = from < 0 ? low : pairs[2 * from];
-      }
-  return low <= high ? { values: pairs, low, high } : { values: pairs, low: 0, high: 1 };
 }

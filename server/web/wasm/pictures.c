@@ -76,9 +76,18 @@ static bool reserve_points(struct view_part *part, uint32_t count, bool normals)
            (!normals || array_reserve((void **)&part->normal_room, &part->normal_cap, 3 * (size_t)count, sizeof *part->normals));
 }
 
-static enum tetlod_status draw(struct view *view, const struct cut *cut, uint32_t with)
+static void take_counts(struct view_part *part, const struct cut *cut, uint32_t with)
 {
-    struct view_part *part = &view->part;
+    part->point_count = cut->vertex_count;
+    part->triangle_count = cut->triangle_count;
+    part->triangles = cut->triangles;
+    part->line_count = with & WITH_LINES ? cut->line_count : 0;
+    part->lines = cut->lines;
+    part->normals = with & WITH_NORMALS ? part->normal_room : NULL;
+}
+
+static enum tetlod_status draw(struct view *view, const struct cut *cut, uint32_t with, struct view_part *part)
+{
     if (!reserve_points(part, cut->vertex_count, with & WITH_NORMALS))
         return tetlodi_fail_nomem(&view->error, "a picture", 16 * (uint64_t)cut->vertex_count);
     for (uint32_t v = 0; v < cut->vertex_count; v++) {
@@ -86,16 +95,60 @@ static enum tetlod_status draw(struct view *view, const struct cut *cut, uint32_
             part->points[3 * (size_t)v + i] = (float)(cut_value(cut, v, view->shown.positions, 3, i) - view->centre[i]);
         part->values[v] = (float)cut_value(cut, v, view->shade, 1, 0);
     }
-    part->point_count = cut->vertex_count;
-    part->triangle_count = cut->triangle_count;
-    part->triangles = cut->triangles;
-    part->line_count = with & WITH_LINES ? cut->line_count : 0;
-    part->lines = cut->lines;
-    part->normals = with & WITH_NORMALS ? part->normal_room : NULL;
+    take_counts(part, cut, with);
     if (part->normals)
         cut_normals(cut, part->points, part->normals);
     return TETLOD_OK;
 }
+
+/* ---- what is behind a plane ---- */
+
+void view_clip(struct view *view, double ox, double oy, double oz, double nx, double ny, double nz)
+{
+    view->clips = true;
+    view->clip = (struct cut_plane){{ox, oy, oz}, {nx, ny, nz}};
+}
+
+void view_unclip(struct view *view)
+{
+    view->clips = false;
+}
+
+/* An array of the whole surface at the vertices of the trimmed one. */
+static void blend_floats(const struct cut *trimmed, const float *from, uint32_t components, float *out)
+{
+    for (size_t v = 0; v < trimmed->vertex_count; v++) {
+        const float *a = from + (size_t)trimmed->ends[2 * v] * components, *b = from + (size_t)trimmed->ends[2 * v + 1] * components;
+        for (uint32_t i = 0; i < components; i++)
+            out[v * components + i] = a[i] + (float)trimmed->along[v] * (b[i] - a[i]);
+    }
+}
+
+/* The view's part is what is behind the plane of `whole`, which was drawn of the view's cut. */
+static enum tetlod_status trim(struct view *view, uint32_t with)
+{
+    const struct view_part *whole = &view->whole;
+    const double *n = view->clip.normal, *o = view->clip.origin;
+    struct view_part *part = &view->part;
+    if (!array_reserve((void **)&view->distances, &view->distance_cap, whole->point_count, sizeof *view->distances))
+        return tetlodi_fail_nomem(&view->error, "a picture", 8 * (uint64_t)whole->point_count);
+    for (size_t v = 0; v < whole->point_count; v++) {
+        view->distances[v] = 0;
+        for (size_t i = 0; i < 3; i++)
+            view->distances[v] += n[i] * (whole->points[3 * v + i] + view->centre[i] - o[i]);
+    }
+    TETLOD_TRY(cut_trim(&view->cut, view->distances, &view->trimmed, &view->error));
+    if (!reserve_points(part, view->trimmed.vertex_count, with & WITH_NORMALS))
+        return tetlodi_fail_nomem(&view->error, "a picture", 16 * (uint64_t)view->trimmed.vertex_count);
+    take_counts(part, &view->trimmed, with);
+    blend_floats(&view->trimmed, whole->points, 3, part->points);
+    blend_floats(&view->trimmed, whole->values, 1, part->values);
+    if (part->normals)
+        blend_floats(&view->trimmed, whole->normals, 3, part->normals);
+    return TETLOD_OK;
+}
+
+/* ---- the boundary ---- */
 
 /* Of the mesh at the end of a move: its triangles and lines are the same all the way. */
 static enum tetlod_status find_boundary(struct view *view)
@@ -111,29 +164,41 @@ static enum tetlod_status find_boundary(struct view *view)
     return TETLOD_OK;
 }
 
+/* The boundary as far as it is behind the clip plane, closed by the section there. */
+static enum tetlod_status clip_surface(struct view *view, uint32_t with)
+{
+    const double *o = view->clip.origin, *n = view->clip.normal;
+    take_distances(view, o[0], o[1], o[2], n[0], n[1], n[2]);
+    TETLOD_TRY(cut_clip(&view->shown, &view->boundary, view->function, &view->cut, &view->error));
+    if (with & WITH_LINES)
+        TETLOD_TRY(cut_lines(&view->cut, view->function, &view->error));
+    return draw(view, &view->cut, with, &view->part);
+}
+
 uint32_t view_surface(struct view *view, uint32_t with)
 {
     TETLOD_TRY(find_boundary(view));
+    if (view->clips)
+        return clip_surface(view, with);
     if (with & WITH_LINES && !view->has_lines) {
         TETLOD_TRY(cut_lines(&view->boundary, NULL, &view->error));
         view->has_lines = true;
     }
-    return draw(view, &view->boundary, with);
+    return draw(view, &view->boundary, with, &view->part);
 }
+
+/* ---- sections and isosurfaces ---- */
 
 static enum tetlod_status finish_cut(struct view *view, uint32_t with)
 {
     if (with & WITH_LINES)
         TETLOD_TRY(cut_lines(&view->cut, view->function, &view->error));
-    return draw(view, &view->cut, with);
-}
-
-uint32_t view_clip(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz)
-{
-    TETLOD_TRY(find_boundary(view));
-    take_distances(view, ox, oy, oz, nx, ny, nz);
-    TETLOD_TRY(cut_clip(&view->shown, &view->boundary, view->function, &view->cut, &view->error));
-    return finish_cut(view, with);
+    else
+        view->cut.line_count = 0;
+    if (!view->clips)
+        return draw(view, &view->cut, with, &view->part);
+    TETLOD_TRY(draw(view, &view->cut, with, &view->whole));
+    return trim(view, with);
 }
 
 uint32_t view_slice(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz)
@@ -154,11 +219,17 @@ uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32
 
 /* ---- values at points ---- */
 
-uint32_t view_resample(struct view *view, uint32_t size)
+uint32_t view_resample(struct view *view, uint32_t size, uint32_t logarithmic)
 {
     const struct tetlod_info *info = view_info(view);
     cut_grid_cover(&view->grid, info->bounds[0], info->bounds[1], size);
-    return cut_resample(&view->shown, view->shade, &view->grid, &view->error);
+    TETLOD_TRY(cut_resample(&view->shown, view->shade, &view->grid, &view->error));
+    return cut_make_voxels(&view->grid, logarithmic, view->clips ? &view->clip : NULL, &view->voxels, &view->error);
+}
+
+const struct cut_voxels *view_voxels(const struct view *view)
+{
+    return &view->voxels;
 }
 
 const struct cut_grid *view_grid(const struct view *view)

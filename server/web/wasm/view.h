@@ -44,9 +44,14 @@ struct view {
     double centre[3];                /* that points are relative to */
     struct cut boundary;             /* of the mesh that is shown, if `has_boundary`; and its lines */
     bool has_boundary, has_lines;
-    struct cut cut;
-    struct view_part part;
+    bool clips;
+    struct cut_plane clip;
+    struct cut cut, trimmed;         /* a section or isosurface; what is behind the clip plane of it, if `clips` */
+    double *distances;               /* [cut.vertex_count] from that plane */
+    size_t distance_cap;
+    struct view_part whole, part;
     struct cut_grid grid;
+    struct cut_voxels voxels;
     struct tetlodi_buffer text;
     struct tetlod_error error;
 };
@@ -86,18 +91,20 @@ enum { WITH_LINES = 1, WITH_NORMALS = 2 };
 
 /* The value that colours, of the mesh as it is now; component -1: the magnitude. Returns its least and greatest. */
 VIEW_EXPORT(view_shade) const double *view_shade(struct view *view, uint32_t field, int32_t component);
+/* From now on pictures are of what is behind a plane; or of everything again. */
+VIEW_EXPORT(view_clip) void view_clip(struct view *view, double ox, double oy, double oz, double nx, double ny, double nz);
+VIEW_EXPORT(view_unclip) void view_unclip(struct view *view);
 /* Each makes view_part. */
 VIEW_EXPORT(view_surface) uint32_t view_surface(struct view *view, uint32_t with);
-VIEW_EXPORT(view_clip) /* the surface of what is behind a plane */
-uint32_t view_clip(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz);
 VIEW_EXPORT(view_slice)
 uint32_t view_slice(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz);
 VIEW_EXPORT(view_isosurface)
 uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32_t component, double value);
 VIEW_EXPORT(view_part) const struct view_part *view_part(const struct view *view);
-/* The value that colours, on a grid over the stream's bounds: view_grid. */
-VIEW_EXPORT(view_resample) uint32_t view_resample(struct view *view, uint32_t size);
+/* The value that colours, or its logarithm, on a grid over the stream's bounds: view_grid and view_voxels. */
+VIEW_EXPORT(view_resample) uint32_t view_resample(struct view *view, uint32_t size, uint32_t logarithmic);
 VIEW_EXPORT(view_grid) const struct cut_grid *view_grid(const struct view *view);
+VIEW_EXPORT(view_voxels) const struct cut_voxels *view_voxels(const struct view *view);
 /* Which tetrahedron a point is in, or is as good as in: the page knows points of the surface in float32 only. TETLOD_NONE, or its values
  * are in view_probed: a number for each component of each field, NaN for those that are not decoded. */
 VIEW_EXPORT(view_probe) uint32_t view_probe(struct view *view, double x, double y, double z);
