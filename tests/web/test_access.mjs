@@ -115,6 +115,36 @@ async function a_small_screen_is_enough() {
   }
 }
 
+// Figures of any length have room: those of the finest level that is not exact are the longest.
+async function figures_do_not_overlap() {
+  for (const viewport of [{ width: 1200, height: 800 }, { width: 700, height: 360 }, { width: 360, height: 640 }]) {
+    const page = await open(viewer, { viewport });
+    await page.evaluate(() => {
+      const { stream, set } = window.tetlod;
+      set({ error: Math.min(...stream.info.levels.map((l) => l.errors.Pressure.max).filter((e) => e > 0)) });
+    });
+    await settled(page);
+    const over = await page.evaluate(() => [...document.querySelectorAll('#shown dd')].flatMap((e) => {
+      const text = document.createRange();
+      text.selectNodeContents(e);
+      const room = e.parentElement.getBoundingClientRect().right - text.getBoundingClientRect().right;
+      return room < 0 ? [`${e.innerText}: ${room}`] : [];
+    }));
+    assert.deepEqual(over, [], JSON.stringify(viewport));
+    await page.context().close();
+  }
+}
+
+// On a wide and low screen the controls are beside the picture, on a high one under it.
+async function the_picture_keeps_most_of_the_screen() {
+  for (const viewport of [{ width: 740, height: 360 }, { width: 390, height: 800 }, { width: 1200, height: 800 }]) {
+    const page = await open(viewer, { viewport });
+    const { width, height } = await page.locator('#stage').boundingBox();
+    assert.ok(width * height > 0.5 * viewport.width * viewport.height, `${width} x ${height} of ${JSON.stringify(viewport)}`);
+    await page.context().close();
+  }
+}
+
 async function levels_jump_where_motion_is_unwanted() {
   const page = await open(viewer, { reducedMotion: 'reduce' });
   await page.evaluate(() => {
@@ -129,6 +159,7 @@ async function levels_jump_where_motion_is_unwanted() {
   await page.context().close();
 }
 
-await run([every_control_is_reached_by_tab, text_has_contrast, a_small_screen_is_enough, levels_jump_where_motion_is_unwanted]);
+await run([every_control_is_reached_by_tab, text_has_contrast, a_small_screen_is_enough, figures_do_not_overlap, the_picture_keeps_most_of_the_screen,
+  levels_jump_where_motion_is_unwanted]);
 await browser.close();
 await server.stop();

@@ -25,22 +25,26 @@ function bindPlain(store) {
   }
 }
 
-// A text field for a number: what cannot be read falls back to what holds.
+// A text field for a number: what cannot be read falls back to what holds. It follows what holds unless somebody types.
 function bindNumber(input, read, write) {
+  let typing = false;
+  input.addEventListener('input', () => (typing = true));
+  input.addEventListener('blur', () => (typing = false));
   input.addEventListener('change', () => {
+    typing = false;
     const value = parseNumber(input.value);
     if (Number.isFinite(value)) write(value);
     input.value = read();
   });
   return () => {
-    if (document.activeElement !== input) input.value = read();
+    if (!typing) input.value = read();
   };
 }
 
 const plain = (x, digits = 4) => significant(x, digits).replaceAll('\u202f', '').replaceAll('\u2212', '-');
 
 export class Controls {
-  // `actions`: { look(view), viewNormal(), ranges(), isosurfaceRange() }
+  // `actions`: { look(view), viewNormal(), ranges(), isosurfaceRange(), isosurfaceSpan() }
   constructor(store, info, actions) {
     Object.assign(this, { store, info, actions });
     this.opened = 'inside'; // what the boundary became when it was opened
@@ -147,6 +151,7 @@ export class Controls {
   setRange(range) {
     this.shownRange = range;
     for (const update of this.followRange) update();
+    this.listIsosurfaces(this.store.state.isosurfaces);
   }
 
   // ---- layers
@@ -172,7 +177,15 @@ export class Controls {
 
   addIsosurface() {
     const { isosurfaces } = this.store.state;
-    this.setInner({ isosurfaces: [...isosurfaces, [0.5, 0.25, 0.75, 0.1, 0.9].find((x) => !isosurfaces.includes(x)) ?? 0.5] });
+    const [low, high] = this.isosurfaceSpan();
+    const places = [0.5, 0.25, 0.75, 0.1, 0.9].map((x) => low + x * (high - low));
+    this.setInner({ isosurfaces: [...isosurfaces, places.find((x) => !isosurfaces.includes(x)) ?? places[0]] });
+  }
+
+  // The fractions that have isosurfaces, as far as is known: lengths of vectors reach over a part of what they could.
+  isosurfaceSpan() {
+    const [low, high] = this.actions.isosurfaceRange();
+    return this.actions.isosurfaceSpan().map((value) => clamp((value - low) / (high - low || 1), 0, 1));
   }
 
   bindLayers() {
@@ -231,12 +244,16 @@ export class Controls {
   listIsosurfaces(values) {
     const { store, info } = this;
     const [low, high] = this.actions.isosurfaceRange();
+    const span = () => {
+      const [least, most] = this.isosurfaceSpan();
+      return { least, length: most - least || 1 };
+    };
     const change = (i, value) => store.set({ isosurfaces: store.state.isosurfaces.map((v, k) => (k === i ? clamp(value, 0, 1) : v)) });
     const rows = this.rows(byId('isosurfaces'), values.length, (i) => {
       const slider = element('input', { type: 'range', min: 0, max: 1000, ariaLabel: `Isosurface ${i + 1}: value` });
       const number = element('input', { className: 'number', inputMode: 'decimal', autocomplete: 'off', ariaLabel: `Isosurface ${i + 1}: value` });
       const remove = element('button', { type: 'button', className: 'remove', ariaLabel: `Remove isosurface ${i + 1}` }, '×');
-      slider.addEventListener('input', () => change(i, slider.value / 1000));
+      slider.addEventListener('input', () => change(i, span().least + (slider.value / 1000) * span().length));
       number.addEventListener('change', () => {
         const [from, to] = this.actions.isosurfaceRange();
         const value = parseNumber(number.value);
@@ -249,7 +266,7 @@ export class Controls {
     byId('isosurface-field-row').hidden = info.fields.length < 2;
     rows.forEach((row, i) => {
       const [slider, number] = row.children;
-      slider.value = 1000 * values[i];
+      slider.value = (1000 * (values[i] - span().least)) / span().length;
       if (document.activeElement !== number) number.value = plain(low + values[i] * (high - low));
     });
   }

@@ -13,6 +13,7 @@ import { colorTable, lineColor } from './colors.js';
 import { coalesced } from './dom.js';
 import { add, corners, cross, middle, pickPart, scale, unit } from './geometry.js';
 import { Layer, cells, makeActor } from './layer.js';
+import { clamp } from './numbers.js';
 
 const surfaceStyles = {
   solid: { opacity: 1, frontfaceCulling: false },
@@ -37,6 +38,10 @@ function fillLookup(lookup, table, low, high) {
   lookup.setNodes(table.map(([r, g, b], i) => ({ x: at(i), r: r / 255, g: g / 255, b: b / 255, midpoint: 0.5, sharpness: 0 })));
   lookup.setMappingRange(low, high);
 }
+
+const borders = { side: 24, top: 48, bottom: 80 }; // pixels that the volume leaves to what lies over the picture
+
+const boundsOf = ([low, high]) => [low[0], high[0], low[1], high[1], low[2], high[2]]; // vtk's order
 
 // The twelve edges of the bounds: where the volume lies when its boundary is not drawn.
 function boxLines(renderer, bounds) {
@@ -83,10 +88,11 @@ export class Scene extends EventTarget {
   }
 
   // The middle of the bounds is the scene's origin: 32 bits are enough for what is near it.
-  setBounds(bounds) {
+  setBounds(bounds, parallel) {
     this.centre = middle(bounds);
     this.bounds = bounds.map((corner) => add(corner, this.centre, -1));
     this.box = boxLines(this.renderer, this.bounds);
+    this.renderer.getActiveCamera().setParallelProjection(parallel);
     this.look('oblique');
   }
 
@@ -124,7 +130,9 @@ export class Scene extends EventTarget {
   resize() {
     const { width, height } = this.container.getBoundingClientRect();
     // what fits, fits the shorter side
-    this.renderer.getActiveCamera().setUseHorizontalViewAngle(width < height);
+    const camera = this.renderer.getActiveCamera();
+    camera.setUseHorizontalViewAngle(width < height);
+    camera.setWindowCenter(0, (borders.top - borders.bottom) / Math.max(height, 1));
     this.pixels = Math.min(window.devicePixelRatio || 1, 2);
     this.view.setSize(Math.max(1, Math.round(width * this.pixels)), Math.max(1, Math.round(height * this.pixels)));
     this.render();
@@ -177,7 +185,7 @@ export class Scene extends EventTarget {
       layer.place(this.offset);
       layer.refresh();
     }
-    this.renderer.getActiveCamera().setParallelProjection(state.parallel);
+    this.setParallel(state.parallel);
     if (state.volume) this.loadVolume();
     this.volume?.place(scale(this.centre, -1));
     this.volume?.shade(state.opacity, this.range);
@@ -232,12 +240,15 @@ export class Scene extends EventTarget {
 
   camera() {
     const camera = this.renderer.getActiveCamera();
-    return [...camera.getPosition(), ...camera.getFocalPoint(), ...camera.getViewUp()];
+    const place = [...camera.getPosition(), ...camera.getFocalPoint(), ...camera.getViewUp()];
+    return camera.getParallelProjection() ? [...place, camera.getParallelScale()] : place;
   }
 
-  setCamera(nine) {
+  // As camera() gave it.
+  setCamera(place) {
     const camera = this.renderer.getActiveCamera();
-    camera.set({ position: nine.slice(0, 3), focalPoint: nine.slice(3, 6), viewUp: nine.slice(6, 9) });
+    camera.set({ position: place.slice(0, 3), focalPoint: place.slice(3, 6), viewUp: place.slice(6, 9) });
+    if (place[9]) camera.setParallelScale(place[9]);
     this.afterCamera();
   }
 
@@ -247,12 +258,39 @@ export class Scene extends EventTarget {
     const centre = middle(this.bounds);
     const camera = this.renderer.getActiveCamera();
     camera.set({ focalPoint: centre, position: add(centre, unit(direction)), viewUp: up });
-    const [low, high] = this.bounds;
-    this.renderer.resetCamera([low[0], high[0], low[1], high[1], low[2], high[2]]);
-    camera.zoom(1.05);
-    camera.setParallelScale(camera.getParallelScale() / Math.min(1, this.aspect()));
+    this.renderer.resetCamera(boundsOf(this.bounds));
+    for (let i = 0; i < 6; i++) this.enlarge(1 / this.overflow());
     this.afterCamera();
     this.cameraRests();
+  }
+
+  // How far the bounds reach, as a fraction of the room that the title and the scalar bar leave.
+  overflow() {
+    const { width, height } = this.container.getBoundingClientRect();
+    const { side, top, bottom } = borders;
+    const [roomX, roomY] = [width / 2 - side, (height - top - bottom) / 2];
+    const far = corners(this.bounds).map((corner) => {
+      const { x, y } = this.toScreen(corner);
+      return Math.max(Math.abs(x - width / 2) / roomX, Math.abs(y - top - roomY) / roomY);
+    });
+    return clamp(Math.max(...far), 0.2, 5);
+  }
+
+  enlarge(factor) {
+    const camera = this.renderer.getActiveCamera();
+    if (camera.getParallelProjection()) camera.setParallelScale(camera.getParallelScale() / factor);
+    else camera.dolly(factor);
+  }
+
+  // What was as large as now stays so.
+  setParallel(parallel) {
+    const camera = this.renderer.getActiveCamera();
+    if (camera.getParallelProjection() === parallel) return;
+    const half = Math.tan((camera.getViewAngle() * Math.PI) / 360) / (camera.getUseHorizontalViewAngle() ? this.aspect() : 1);
+    if (parallel) camera.setParallelScale(camera.getDistance() * half);
+    else camera.dolly((camera.getDistance() * half) / camera.getParallelScale());
+    camera.setParallelProjection(parallel);
+    this.afterCamera();
   }
 
   turn(azimuth, elevation) {
@@ -265,9 +303,7 @@ export class Scene extends EventTarget {
   }
 
   zoom(factor) {
-    const camera = this.renderer.getActiveCamera();
-    if (camera.getParallelProjection()) camera.setParallelScale(camera.getParallelScale() / factor);
-    else camera.dolly(factor);
+    this.enlarge(factor);
     this.afterCamera();
     this.cameraRests();
   }
@@ -282,8 +318,7 @@ export class Scene extends EventTarget {
   }
 
   afterCamera() {
-    const [low, high] = this.bounds;
-    this.renderer.resetCameraClippingRange([low[0], high[0], low[1], high[1], low[2], high[2]]);
+    this.renderer.resetCameraClippingRange(boundsOf(this.bounds));
     this.renderer.updateLightsGeometryToFollowCamera();
     this.render();
   }

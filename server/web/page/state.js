@@ -34,7 +34,7 @@ export const defaults = Object.freeze({
   background: 'auto', // auto, white, black, grey
   parallel: false,
   smooth: true, // levels pass into one another
-  camera: null, // [position, focal point, view up] as nine numbers
+  camera: null, // position, focal point and view up as nine numbers; a tenth is the height of a parallel projection
 });
 
 const numbers = (text) => text.split(',').map(Number);
@@ -92,7 +92,7 @@ const codecs = {
   parallel: flag,
   smooth: flag,
   camera: {
-    read: (t) => (numbers(t).length === 9 && numbers(t).every(Number.isFinite) ? numbers(t) : undefined),
+    read: (t) => ([9, 10].includes(numbers(t).length) && numbers(t).every(Number.isFinite) ? numbers(t) : undefined),
     write: (c) => c.map(round).join(','),
   },
 };

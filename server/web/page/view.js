@@ -50,10 +50,18 @@ function isosurfaceRange() {
   return component === 'magnitude' ? [0, Math.sqrt(components) * Math.max(...range.map(Math.abs))] : range;
 }
 
+// Where there are isosurfaces, as far as is known.
+function isosurfaceSpan() {
+  const { colored, component } = isosurfacesOf(info, store.state);
+  return colored && component === 'magnitude' ? dataRange() : isosurfaceRange();
+}
+
 // The colours' range as values; a logarithm needs positive ones.
 function colorRange() {
   const { range, low, high, log } = store.state;
   let [from, to] = range === 'manual' ? [low, high] : (range === 'visible' && scene.visibleRange()) || dataRange();
+  if (from > to) [from, to] = [to, from];
+  if (from === to) to = from + (Math.abs(from) * 1e-6 || 1); // a constant has one colour
   if (log && !(from > 0)) from = to > 0 ? to / 1000 : 1e-3;
   if (log && !(to > from)) to = 10 * from;
   return [from, to];
@@ -207,6 +215,7 @@ function takePictures(event) {
   scene.update(pictures, store.state);
   takeShade(pictures.shade);
   drawn = pictures.t === 1 ? pictures.level : -1;
+  if (pictures.t === 1) probe?.look();
   if (level === pictures.level) return;
   level = pictures.level; // the base: nothing was refined to get there
   tellShown();
@@ -380,7 +389,7 @@ async function open() {
 }
 
 function firstPicture() {
-  scene.setBounds(info.bounds);
+  scene.setBounds(info.bounds, store.state.parallel);
   if (store.state.camera) scene.setCamera(store.state.camera);
   setBackground();
   if (early) takePictures(early);
@@ -394,7 +403,7 @@ async function openPanel() {
   probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, store.state));
   watchScene();
   await pause();
-  const made = new Controls(store, info, { look: (view) => scene.look(view), viewNormal, ranges: colorRange, isosurfaceRange });
+  const made = new Controls(store, info, { look: (view) => scene.look(view), viewNormal, ranges: colorRange, isosurfaceRange, isosurfaceSpan });
   for (const build of made.parts()) {
     build();
     await pause();

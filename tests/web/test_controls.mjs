@@ -1,0 +1,416 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Every control of the viewer does what it says: in the state, in the picture, in what leaves the page.
+import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
+import { launch, openPage, firstPicture, settled } from './browser.mjs';
+import { program, sampleStream } from './hosts.mjs';
+import { run } from './tap.mjs';
+
+const server = await program([sampleStream().path]);
+const browser = await launch();
+const page = await openPage(browser, server.url, { viewport: { width: 800, height: 560 }, permissions: ['clipboard-read', 'clipboard-write'] });
+
+async function open(state, on = page) {
+  await on.goto('about:blank');
+  await on.goto(`${server.url}view/fin#smooth=0&error=0.05${state}`);
+  await firstPicture(on);
+  await settled(on);
+}
+
+const state = () => page.evaluate(() => window.tetlod.state);
+const until = (check, argument) => page.waitForFunction(check, argument);
+const becomes = (key, value) => until(([k, v]) => JSON.stringify(window.tetlod.state[k]) === JSON.stringify(v), [key, value]);
+const enter = async (id, text) => {
+  await page.locator(`#${id}`).fill(text);
+  await page.locator(`#${id}`).press('Enter');
+};
+const infoOf = () => page.evaluate(() => window.tetlod.stream.info);
+
+// The picture as it is when nothing moves any more: two captures in a row that are the same.
+async function picture() {
+  await settled(page);
+  return page.evaluate(async () => {
+    const shot = async () => (await window.tetlod.scene.capture()).src;
+    let last = await shot();
+    for (;;) {
+      await new Promise((done) => setTimeout(done, 60));
+      const next = await shot();
+      if (next === last) return next;
+      last = next;
+    }
+  });
+}
+
+// Runs `act` and waits until the picture is another one.
+async function changesThePicture(what, act) {
+  const before = await picture();
+  await act();
+  const after = await picture();
+  assert.ok(after !== before, `${what} leaves the picture as it was`);
+  return after;
+}
+
+async function the_error_has_a_slider_and_two_fields() {
+  await open('');
+  const { levels, fields } = await infoOf();
+  const [low, high] = fields[0].range;
+  await enter('error-percent', '2');
+  await becomes('error', 0.02);
+  assert.equal(await page.locator('#error-absolute').inputValue(), String(Number((0.02 * (high - low)).toPrecision(4))));
+  await enter('error-absolute', String(0.01 * (high - low)));
+  assert.ok(Math.abs((await state()).error - 0.01) < 1e-9);
+  await enter('error-percent', 'nonsense');
+  assert.equal(await page.locator('#error-percent').inputValue(), '1');
+  // equal steps of the slider are equal factors of the error; its right end is the finest level
+  const at = async (position) => {
+    await page.locator('#error').fill(String(position));
+    return (await state()).error;
+  };
+  const [a, b, c] = [await at(200), await at(400), await at(600)];
+  assert.ok(Math.abs(a / b - b / c) < 0.02 * (b / c) && a / b > 1.5, `${[a, b, c]}`);
+  assert.equal(await at(1000), 0);
+  await settled(page);
+  assert.equal(await page.evaluate(() => window.tetlod.level), levels.length - 1);
+}
+
+async function budgets_limit_the_level() {
+  await open('&error=0');
+  await page.getByText('Budgets').click();
+  const { levels } = await infoOf();
+  await enter('max-tets', '5000');
+  await settled(page);
+  const level = await page.evaluate(() => window.tetlod.level);
+  assert.ok(levels[level].tets <= 5000 && levels[level + 1].tets > 5000);
+  await enter('max-bytes', '0.03');
+  await settled(page);
+  assert.ok(levels[await page.evaluate(() => window.tetlod.level)].bytes <= 30000);
+  for (const id of ['max-tets', 'max-bytes']) await page.locator(`#${id}`).fill('');
+  await settled(page);
+  assert.equal(await page.evaluate(() => window.tetlod.level), levels.length - 1);
+}
+
+async function measures_are_chosen() {
+  await open('');
+  const certified = await page.evaluate(() => window.tetlod.level);
+  await page.locator('#measure').selectOption('rms');
+  await settled(page);
+  assert.ok(await page.evaluate(() => window.tetlod.level) < certified, 'a mean square allows a coarser level');
+  assert.match(await page.locator('#shown').innerText(), /RMS error/);
+}
+
+async function the_plot_is_dragged() {
+  await open('');
+  const { x, y, width, height } = await page.locator('#plot').boundingBox();
+  const before = await page.evaluate(() => window.tetlod.level);
+  const point = await page.locator('#plot-point').boundingBox();
+  await page.mouse.move(point.x + 6, point.y + 6);
+  await page.mouse.down();
+  await page.mouse.move(x + 0.85 * width, y + 0.6 * height, { steps: 4 });
+  await page.mouse.up();
+  await settled(page);
+  const fine = await page.evaluate(() => window.tetlod.level);
+  assert.ok(fine > before + 5, `${before} to ${fine}`);
+  await page.locator('#plot-point').press('Home');
+  await settled(page);
+  assert.equal(await page.evaluate(() => window.tetlod.level), 0);
+  assert.match(await page.locator('#plot-point').getAttribute('aria-valuetext'), /^level 0: error [\d.]+\u202f%, [\d.]+\u202fkB$/);
+}
+
+async function fields_and_components() {
+  await open('');
+  const density = await changesThePicture('another field', () => page.locator('#field').selectOption('Density'));
+  await page.locator('#field').selectOption('Velocity');
+  await page.locator('#component').waitFor();
+  const pictures = [density];
+  for (const component of ['magnitude', '0', '1', '2']) {
+    await page.locator('#component').selectOption(component);
+    pictures.push(await picture());
+  }
+  assert.equal(new Set(pictures).size, 5);
+  await page.locator('#field').selectOption('Pressure');
+  assert.ok(await page.locator('#component').isHidden());
+}
+
+async function ranges_of_the_colours() {
+  await open('&error=0.05&clip=x@0.25');
+  const fields = () => Promise.all(['low', 'high'].map(async (id) => Number(await page.locator(`#${id}`).inputValue())));
+  const data = await fields();
+  await changesThePicture('the visible range', () => page.locator('#range').selectOption('visible'));
+  const visible = await fields();
+  assert.ok(visible[0] >= data[0] && visible[1] <= data[1] && visible[1] - visible[0] < data[1] - data[0], `${visible} of ${data}`);
+  await changesThePicture('a range by hand', async () => {
+    await enter('high', '2');
+    await enter('low', '1.5');
+  });
+  assert.deepEqual(await page.evaluate(() => [window.tetlod.state.range, window.tetlod.state.low, window.tetlod.state.high]), ['manual', 1.5, 2]);
+  assert.equal(await page.locator('#range').inputValue(), 'manual');
+  const become = (wanted) => until((values) => ['low', 'high'].every((id, i) => Number(document.getElementById(id).value) === values[i]), wanted);
+  await enter('low', '7'); // above the highest: the range is from 2 to 7
+  await become([2, 7]);
+  await page.locator('#range').selectOption('data');
+  await become(data);
+}
+
+async function logarithm_map_and_direction() {
+  await open('');
+  const plain = await picture();
+  const log = await changesThePicture('a logarithm', () => page.locator('#log').check());
+  await changesThePicture('the reversed map', () => page.locator('#reversed').check());
+  await page.locator('#reversed').uncheck();
+  await page.locator('#log').uncheck();
+  assert.equal(await picture(), plain, 'and back');
+  const looks = [plain, log];
+  for (const { value } of await page.locator('#map option').evaluateAll((all) => all.map(({ value }) => ({ value })))) {
+    await page.locator('#map').selectOption(value);
+    looks.push(await picture());
+  }
+  assert.equal(new Set(looks).size, looks.length - 1, 'every map looks different'); // the first one is the plain one
+}
+
+async function a_logarithm_of_what_is_not_positive() {
+  await open('&field=Velocity&component=2&log=1');
+  const [low, high] = await Promise.all(['low', 'high'].map((id) => page.locator(`#${id}`).inputValue()));
+  assert.ok(Number(low) > 0 && Number(high) > Number(low), `${low} to ${high}`);
+  await page.locator('#component').selectOption('0');
+  await picture();
+  assert.deepEqual(page.complaints, []);
+}
+
+async function layers_are_drawn() {
+  await open('');
+  for (const surface of ['inside', 'glass', 'off', 'solid']) await changesThePicture(`boundary ${surface}`, () => page.locator('#surface').selectOption(surface));
+  await changesThePicture('wireframe', () => page.locator('#edges').check());
+  await page.locator('#edges').uncheck();
+  for (const axis of ['x', 'y', 'z', 'view']) await changesThePicture(`slice ${axis}`, () => page.locator(`[data-slice=${axis}]`).click());
+  assert.equal((await state()).slices.length, 4);
+  assert.equal((await state()).surface, 'inside', 'a solid boundary opens for what is inside');
+  await changesThePicture('edges on slices', () => page.locator('#slice-edges').uncheck());
+  await changesThePicture('a slice that is moved', () => page.getByLabel('Slice 1: place', { exact: true }).fill('200'));
+  await page.getByLabel('Slice 1: place in percent').fill('30 %');
+  await page.getByLabel('Slice 1: place in percent').press('Enter');
+  assert.equal((await state()).slices[0].at, 0.3);
+  await page.getByLabel('Slice 2: across').selectOption('x');
+  assert.deepEqual((await state()).slices[1].normal, [1, 0, 0]);
+  for (let i = 0; i < 4; i++) await page.getByLabel('Remove slice 1').click();
+  assert.equal((await state()).surface, 'solid', 'and closes again');
+  for (const axis of ['x', 'y', 'z', 'view']) await changesThePicture(`clip ${axis}`, () => page.locator(`[data-clip=${axis}]`).click());
+  await changesThePicture('the other side', () => page.getByLabel('Keep the other side').click());
+  await changesThePicture('no clip', () => page.getByLabel('Remove clip 1').click());
+}
+
+async function isosurfaces_are_drawn() {
+  await open('');
+  await changesThePicture('an isosurface', () => page.locator('#add-isosurface').click());
+  await page.locator('#add-isosurface').click();
+  assert.deepEqual((await state()).isosurfaces, [0.5, 0.25]);
+  await changesThePicture('its value', () => page.getByLabel('Isosurface 1: value').first().fill('300'));
+  const number = page.getByLabel('Isosurface 2: value').last();
+  await number.fill('2');
+  await number.press('Enter');
+  const { fields } = await infoOf();
+  const [low, high] = fields[0].range;
+  assert.ok(Math.abs((await state()).isosurfaces[1] - (2 - low) / (high - low)) < 1e-9);
+  await changesThePicture('isosurfaces of another field', () => page.locator('#isosurface-field').selectOption('Density'));
+  await changesThePicture('opacity', () => page.locator('#isosurface-opacity').fill('40'));
+  await page.getByLabel('Remove isosurface 1').click();
+  await changesThePicture('none', () => page.getByLabel('Remove isosurface 1').click());
+  assert.equal((await state()).surface, 'solid');
+  // lengths of vectors reach over a part of what they could: the first isosurface is where there is one
+  await open('&field=Velocity');
+  await changesThePicture('an isosurface of the length', () => page.locator('#add-isosurface').click());
+  const value = Number(await page.getByLabel('Isosurface 1: value').last().inputValue());
+  const [least, most] = await page.evaluate(() => ['low', 'high'].map((id) => Number(document.getElementById(id).value)));
+  assert.ok(Math.abs(value - (least + most) / 2) < 1e-3 * most, `${value} of ${least} to ${most}`);
+  assert.equal(await page.getByLabel('Isosurface 1: value').first().inputValue(), '500');
+}
+
+async function a_volume_is_rendered() {
+  await open('');
+  await page.locator('#volume').check();
+  await until(() => window.tetlod.scene.volume?.actor.getVisibility());
+  const before = await picture();
+  const editor = await page.locator('#transfer').boundingBox();
+  await page.mouse.dblclick(editor.x + 0.6 * editor.width, editor.y + 0.2 * editor.height);
+  assert.equal((await state()).opacity.length, 5);
+  assert.ok(await picture() !== before, 'opacities are seen');
+  await page.locator('#transfer circle').nth(3).press('Delete');
+  assert.equal((await state()).opacity.length, 4);
+  await page.locator('#transfer circle').nth(1).press('ArrowUp');
+  await changesThePicture('voxels', () => page.locator('#volume-size').selectOption('48'));
+  await page.locator('#volume').uncheck();
+  await until(() => !window.tetlod.scene.volume.actor.getVisibility());
+  assert.equal((await state()).surface, 'solid');
+}
+
+async function the_camera_and_the_background() {
+  await open('');
+  const seen = [];
+  for (const look of ['+x', '-x', '+y', '-y', '+z', '-z', 'oblique']) {
+    await page.locator(`[data-look="${look}"]`).click();
+    seen.push(await picture());
+    const inside = await page.evaluate(() => {
+      const { scene } = window.tetlod;
+      const { width, height } = document.getElementById('picture').getBoundingClientRect();
+      const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => scene.toScreen([0, 1, 2].map((k) => scene.bounds[(i >> k) & 1][k])));
+      return corners.every(({ x, y }) => x > 0 && x < width && y > 30 && y < height - 70);
+    });
+    assert.ok(inside, `${look} shows everything, clear of title and scalar bar`);
+  }
+  assert.equal(new Set(seen).size, 7);
+  await changesThePicture('parallel projection', () => page.locator('#parallel').check());
+  await page.locator('#picture').press('+');
+  const zoomed = (await state()).camera;
+  assert.equal(zoomed.length, 10, 'the height of a parallel projection is part of the state');
+  for (const background of ['white', 'grey', 'black']) await changesThePicture(background, () => page.locator('#background').selectOption(background));
+  await page.locator('#reset').click();
+  const { error, surface, background, parallel } = await state();
+  assert.deepEqual({ error, surface, background, parallel }, { error: 0.01, surface: 'solid', background: 'auto', parallel: false });
+  assert.equal(await page.evaluate(() => document.getElementById('error-percent').value), '1');
+}
+
+async function a_link_shows_the_same() {
+  await open('&field=Velocity&component=1&range=manual&low=-1&high=2&map=magma&reversed=1&surface=glass&edges=1&slices=x@0.3;0.6,0,0.8@0.5'
+    + '&isosurfaces=0.3&isosurfaceField=Pressure&isosurfaceOpacity=0.5&clip=z@0.8&background=black&parallel=1');
+  await page.locator('#picture').focus();
+  for (const key of ['ArrowLeft', 'ArrowUp', '+']) await page.keyboard.press(key);
+  const camera = (await state()).camera;
+  await until((c) => location.hash.includes(`camera=${c}`), String(Number(camera[0].toPrecision(5))));
+  await page.locator('#copy-link').click();
+  await page.getByText('The link to this picture is copied.').waitFor();
+  const link = await page.evaluate(() => navigator.clipboard.readText());
+  const [there, was] = [await picture(), await state()];
+  const other = await openPage(browser, server.url);
+  await other.goto(link);
+  await firstPicture(other);
+  await settled(other);
+  const restored = await other.evaluate(() => window.tetlod.state);
+  assert.deepEqual({ ...restored, camera: null }, { ...was, camera: null });
+  restored.camera.forEach((c, i) => assert.ok(Math.abs(c - camera[i]) < 1e-3, `${restored.camera} is not ${camera}`));
+  await other.context().close();
+  assert.ok(there.length > 1000);
+}
+
+async function what_leaves_the_page() {
+  await open('');
+  const download = async (id) => {
+    const [file] = await Promise.all([page.waitForEvent('download'), page.locator(`#${id}`).click()]);
+    return { name: file.suggestedFilename(), bytes: readFileSync(await file.path()) };
+  };
+  const { level, tets } = await page.evaluate(() => window.tetlod.stream.info.levels[window.tetlod.level]);
+  const mesh = await download('download');
+  assert.equal(mesh.name, `fin-${level}.vtu`);
+  assert.match(mesh.bytes.subarray(0, 2000).toString('latin1'), new RegExp(`NumberOfCells="${tets}"`));
+  const shot = await download('screenshot');
+  assert.equal(shot.name, `fin-${level}.png`);
+  assert.deepEqual([...shot.bytes.subarray(1, 4)], [...Buffer.from('PNG')]);
+  const { width, height } = await page.locator('#stage').boundingBox();
+  assert.deepEqual([shot.bytes.readUInt32BE(16), shot.bytes.readUInt32BE(20)], [Math.round(width), Math.round(height)]);
+}
+
+async function the_whole_screen_and_the_panel() {
+  await open('');
+  await page.locator('#fullscreen').click();
+  await until(() => document.fullscreenElement);
+  await page.locator('#fullscreen').click();
+  await until(() => !document.fullscreenElement);
+  const before = await page.locator('#picture').boundingBox();
+  await page.locator('#panel-toggle').click();
+  await until((width) => document.getElementById('picture').getBoundingClientRect().width > width + 200, before.width);
+  assert.equal(await page.locator('#panel-toggle').getAttribute('aria-expanded'), 'false');
+  assert.ok(await page.locator('#error').isHidden());
+  await page.keyboard.press('h');
+  await until((width) => document.getElementById('picture').getBoundingClientRect().width === width, before.width);
+  const light = await picture();
+  await page.locator('#theme').click();
+  assert.equal(await page.evaluate(() => document.documentElement.dataset.theme), 'dark');
+  assert.ok(await picture() !== light, 'the picture follows the page');
+  await page.locator('#theme').click();
+  await page.locator('#help-open').click();
+  assert.ok(await page.locator('#help').isVisible());
+  await page.keyboard.press('Escape');
+  assert.ok(await page.locator('#help').isHidden());
+}
+
+// Every key that the help lists does something that can be seen in the state or on the page.
+async function keys_do_what_the_help_says() {
+  await open('');
+  await page.locator('#picture').focus();
+  await page.keyboard.press('?');
+  const listed = await page.locator('#keys kbd').allInnerTexts();
+  await page.keyboard.press('Escape');
+  await page.evaluate(() => {
+    window.open = () => null;
+    window.snapshot = () => JSON.stringify([window.tetlod.state, window.tetlod.scene.camera(), document.body.className, document.documentElement.dataset.theme,
+      Boolean(document.fullscreenElement), document.getElementById('help').open, document.getElementById('notices').innerText]);
+  });
+  const names = { '←': 'ArrowLeft', '↑': 'ArrowUp', '→': 'ArrowRight', '↓': 'ArrowDown', '−': '-', '?': '?' };
+  for (const text of listed.filter((t) => t !== 'double-click')) {
+    const key = names[text] ?? text.toLowerCase();
+    await page.locator('#picture').focus();
+    const before = await page.evaluate(() => window.snapshot());
+    await page.keyboard.press(key);
+    await until((was) => window.snapshot() !== was, before).catch(() => assert.fail(`'${key}' does nothing`));
+    if (key === '?') await page.keyboard.press('Escape');
+  }
+  assert.ok(listed.length > 25, `${listed}`);
+}
+
+async function values_are_probed() {
+  await open('&field=Velocity&slices=z@0.5&surface=off');
+  const box = await page.locator('#picture').boundingBox();
+  await page.mouse.move(box.x + box.width / 2, box.y + 0.56 * box.height);
+  await page.locator('#probe').getByText(/Pressure [\d.]+/).waitFor();
+  const text = await page.locator('#probe').innerText();
+  assert.match(text, /^\|Velocity\| [\d.]+/);
+  const [, value] = /\|Velocity\| ([\d.e\u2212]+)/.exec(text);
+  const hit = await page.evaluate(async () => {
+    const { probe, stream } = window.tetlod;
+    return (await stream.probe(probe.world(probe.hit))).values.Velocity;
+  });
+  assert.ok(Math.abs(Math.hypot(...hit) - Number(value)) < 0.1 * Math.hypot(...hit) + 0.05, `${value} is not the length of ${hit}`);
+  // without anything under the pointer any more, nothing is said
+  await page.keyboard.press('z');
+  await until(() => document.getElementById('probe').hidden);
+}
+
+async function fingers_turn_and_probe() {
+  const touch = await openPage(browser, server.url, { viewport: { width: 390, height: 800 }, hasTouch: true, isMobile: true });
+  await open('', touch);
+  const box = await touch.locator('#picture').boundingBox();
+  await touch.touchscreen.tap(box.x + box.width / 2, box.y + box.height / 2);
+  await touch.locator('#probe').waitFor();
+  const cdp = await touch.context().newCDPSession(touch);
+  const camera = () => touch.evaluate(() => window.tetlod.scene.camera());
+  const before = await camera();
+  const fingers = (type, points) => cdp.send('Input.dispatchTouchEvent', { type, touchPoints: points.map(([x, y], id) => ({ x: box.x + x, y: box.y + y, id })) });
+  await fingers('touchStart', [[150, 200]]);
+  for (let i = 1; i <= 5; i++) await fingers('touchMove', [[150 + 12 * i, 200 + 4 * i]]);
+  await fingers('touchEnd', []);
+  await touch.waitForFunction((was) => JSON.stringify(window.tetlod.scene.camera()) !== was, JSON.stringify(before));
+  const far = ([x, y, z, fx, fy, fz]) => Math.hypot(x - fx, y - fy, z - fz);
+  const turned = await camera();
+  assert.ok(Math.abs(far(turned) / far(before) - 1) < 1e-3, 'one finger turns');
+  await fingers('touchStart', [[150, 200], [250, 200]]);
+  for (let i = 1; i <= 6; i++) await fingers('touchMove', [[150 - 8 * i, 200], [250 + 8 * i, 200]]);
+  await fingers('touchEnd', []);
+  await touch.waitForFunction((was) => {
+    const [x, y, z, fx, fy, fz] = window.tetlod.scene.camera();
+    return Math.hypot(x - fx, y - fy, z - fz) < 0.9 * was;
+  }, far(turned));
+  await touch.locator('#error').scrollIntoViewIfNeeded();
+  const slider = await touch.locator('#error').boundingBox();
+  await touch.touchscreen.tap(slider.x + 0.8 * slider.width, slider.y + slider.height / 2);
+  await touch.waitForFunction(() => window.tetlod.state.error < 0.01);
+  await touch.context().close();
+}
+
+async function nothing_was_complained_of() {
+  assert.deepEqual([page.complaints, page.strangers], [[], []]);
+}
+
+const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
+  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, layers_are_drawn, isosurfaces_are_drawn, a_volume_is_rendered,
+  the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
+  values_are_probed, fingers_turn_and_probe, nothing_was_complained_of];
+const { ONLY } = process.env;
+await run(ONLY ? tests.filter((test) => test.name.includes(ONLY)) : tests);
