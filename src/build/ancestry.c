@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/mesh/adjacency.h"
 #include "src/util/array.h"
 
 enum tetlod_status ancestry_init(struct ancestry *ancestry, const struct simplification *sequence,
@@ -12,10 +13,19 @@ enum tetlod_status ancestry_init(struct ancestry *ancestry, const struct simplif
 {
     const struct complex *complex = &sequence->complex;
     uint32_t n = original->vertex_count, nodes = n + complex->contraction_count;
-    *ancestry = (struct ancestry){sequence, original, array_new(nodes, sizeof(uint32_t)), array_new(n, sizeof(uint32_t)), 0};
-    if (!ancestry->parent || !ancestry->ancestor) {
+    *ancestry = (struct ancestry){.sequence = sequence,
+                                  .original = original,
+                                  .parent = array_new(nodes, sizeof(uint32_t)),
+                                  .ancestor = array_new(n, sizeof(uint32_t)),
+                                  .neighbours = array_new(original->tet_count, 4 * sizeof(uint32_t))};
+    enum tetlod_status status = TETLOD_OK;
+    if (!ancestry->parent || !ancestry->ancestor || !ancestry->neighbours)
+        status = tetlodi_fail_nomem(error, "the ancestry", 4 * ((uint64_t)nodes + n + 4 * (uint64_t)original->tet_count));
+    if (status == TETLOD_OK)
+        status = adjacency_build(original->corners, original->tet_count, n, ancestry->neighbours, NULL, error);
+    if (status != TETLOD_OK) {
         ancestry_fini(ancestry);
-        return tetlodi_fail_nomem(error, "the ancestry", 4 * ((uint64_t)nodes + n));
+        return status;
     }
     memset(ancestry->parent, 0xff, nodes * sizeof(uint32_t));
     for (uint32_t c = 0; c < complex->contraction_count; c++)
@@ -31,6 +41,7 @@ void ancestry_fini(struct ancestry *ancestry)
 {
     free(ancestry->parent);
     free(ancestry->ancestor);
+    free(ancestry->neighbours);
     *ancestry = (struct ancestry){0};
 }
 
@@ -41,6 +52,7 @@ void ancestry_level_fini(struct ancestry_level *level)
     free(level->origin);
     free(level->image);
     free(level->standing);
+    free(level->neighbours);
     *level = (struct ancestry_level){0};
 }
 
@@ -97,6 +109,28 @@ static void fill_tets(const struct ancestry *ancestry, struct ancestry_level *le
     }
 }
 
+/* Through a tetrahedron that is gone: by the face `slot` one comes in and, as that face has three different corners, exactly one of
+ * them is the corner across it as well. The faces across these two corners have become one. */
+static uint32_t pass_through(const struct ancestry *ancestry, uint32_t slot)
+{
+    const uint32_t *corners = ancestry->original->corners + (slot & ~(size_t)3);
+    for (uint32_t c = 0; c < 4; c++)
+        if (c != (slot & 3) && ancestry->ancestor[corners[c]] == ancestry->ancestor[corners[slot & 3]])
+            return ancestry->neighbours[(slot & ~UINT32_C(3)) + c];
+    return TETLOD_NONE;
+}
+
+/* What is across each face now: what was there at the last moment or, where that is gone, what is behind it. */
+static void join_neighbours(struct ancestry *ancestry, struct ancestry_level *level)
+{
+    for (size_t slot = 0; slot < 4 * (size_t)level->mesh.tet_count; slot++) {
+        uint32_t *across = &ancestry->neighbours[4 * (size_t)level->origin[slot / 4] + slot % 4];
+        while (*across != TETLOD_NONE && level->image[*across / 4] == TETLOD_NONE)
+            *across = pass_through(ancestry, *across);
+        level->neighbours[slot] = *across == TETLOD_NONE ? TETLOD_NONE : 4 * level->image[*across / 4] + *across % 4;
+    }
+}
+
 static void fill_rows(double *out, const double *original, const double *made, uint32_t width, const uint32_t *nodes,
                       uint32_t count, uint32_t vertices)
 {
@@ -119,14 +153,16 @@ enum tetlod_status ancestry_level(struct ancestry *ancestry, uint32_t contractio
     *out = (struct ancestry_level){.nodes = array_new(n, sizeof(uint32_t)),
                                  .origin = array_new(tets, sizeof(uint32_t)),
                                  .image = array_new(original->tet_count, sizeof(uint32_t)),
-                                 .standing = array_new(n, sizeof(uint32_t))};
+                                 .standing = array_new(n, sizeof(uint32_t)),
+                                 .neighbours = array_new(tets, 4 * sizeof(uint32_t))};
     out->mesh.position_type = original->position_type;
     out->mesh.corners = array_new(tets, 4 * sizeof(uint32_t));
     enum tetlod_status status = TETLOD_OK;
-    if (!out->nodes || !out->origin || !out->image || !out->standing || !out->mesh.corners || !number)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a level", 4 * ((uint64_t)n + 6 * (uint64_t)tets + nodes)));
+    if (!out->nodes || !out->origin || !out->image || !out->standing || !out->neighbours || !out->mesh.corners || !number)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a level", 4 * ((uint64_t)n + 10 * (uint64_t)tets + nodes)));
     memset(number, 0xff, nodes * sizeof *number);
     fill_tets(ancestry, out, number);
+    join_neighbours(ancestry, out);
     for (uint32_t v = 0; v < n; v++)
         out->standing[v] = number[ancestry->ancestor[v]];
     uint32_t count = out->mesh.vertex_count;

@@ -12,6 +12,8 @@ struct ancestry {
     uint32_t *parent;                      /* [node] or TETLOD_NONE */
     uint32_t *ancestor;                    /* [original vertex] living node at the current moment */
     uint32_t contractions;                 /* the moment; it only rises */
+    uint32_t *neighbours;                  /* [4 * original tet] across each face, as adjacency_build has it: of those that
+                                              are there at the moment; of others when they were there last */
 };
 
 struct ancestry_level {
@@ -20,6 +22,7 @@ struct ancestry_level {
     uint32_t *origin; /* [tet] number in the original */
     uint32_t *image;  /* [original tet] tetrahedron of the level, or TETLOD_NONE */
     uint32_t *standing; /* [original vertex] the vertex of the level that it has become part of */
+    uint32_t *neighbours; /* [4 * tet] as adjacency_build makes them; NULL: not known */
 };
 
 TETLOD_CHECKED enum tetlod_status ancestry_init(struct ancestry *ancestry, const struct simplification *sequence,

@@ -148,7 +148,7 @@ static enum tetlod_status measure_mark(struct build *build, struct ancestry *anc
 {
     uint32_t contractions = build->sequence.marks[mark].contractions;
     struct ancestry_level level;
-    double domain;
+    double domain = build->sequence.marks[mark].moved;
     TETLOD_TRY(ancestry_level(ancestry, contractions, &level, build->error));
     enum tetlod_status status;
     if (build->rounding)

@@ -25,8 +25,10 @@ struct measure {
     uint8_t *outside;   /* [sample] the level at hand does not hold it */
     uint8_t *degenerate; /* [tet] */
     uint8_t *hollow;     /* [vertex] all of its tetrahedra are degenerate: no interpolant has its value */
-    uint32_t *boundary; /* original's boundary vertices */
-    uint32_t boundary_count, contractions;
+    uint32_t contractions;
+    uint32_t *nearest;      /* [vertex] 4 * tet + face that became the level's boundary near this vertex of the original's, or
+                               TETLOD_NONE */
+    double domain;          /* the largest domain error of the sequence's levels so far */
     struct locator locator; /* of the original */
     uint8_t *ambiguous; /* [sample] the original may have several values there; NULL: not known yet */
 };
@@ -37,10 +39,11 @@ struct comparison {
     const struct tetmesh *level;
     const uint32_t *level_fields;     /* NULL: all in order */
     const struct ancestry_level *ancestry; /* NULL: the meshes have nothing in common */
+    uint8_t *unchanged;               /* [original tet] its image looks as it did at the last level */
     struct locator locator;           /* of the level */
+    double enough;                    /* of the domain error: smaller distances do not matter */
     const uint32_t *points;           /* of the domain error's half at hand */
     const struct tetmesh *from;
-    const struct locator *to;
     double *distances;
 };
 
@@ -93,21 +96,26 @@ void measure_sample_weights(const struct tetmesh *mesh, const uint32_t corners[4
         weights[i] /= total;
 }
 
-/* The sample as a place in the original. False: there is none, the original has no interpolant there. */
-static bool sample_place(const struct measure *measure, size_t sample, struct place *out)
+/* Has the original an interpolant there? */
+static bool sample_counts(const struct measure *measure, size_t sample)
+{
+    size_t vertices = measure->original->vertex_count;
+    return sample < vertices ? !measure->hollow[sample] : !measure->degenerate[(sample - vertices) / MEASURE_PER_TET];
+}
+
+/* The sample as a place in the original. */
+static void sample_place(const struct measure *measure, size_t sample, struct place *out)
 {
     const struct tetmesh *mesh = measure->original;
     *out = (struct place){{0}, {0}};
     if (sample < mesh->vertex_count) {
         out->vertices[0] = (uint32_t)sample;
         out->weights[0] = 1;
-        return !measure->hollow[sample];
+        return;
     }
     size_t k = sample - mesh->vertex_count;
-    uint32_t tet = (uint32_t)(k / MEASURE_PER_TET);
-    memcpy(out->vertices, mesh->corners + 4 * (size_t)tet, sizeof out->vertices);
+    memcpy(out->vertices, mesh->corners + 4 * (k / MEASURE_PER_TET), sizeof out->vertices);
     measure_sample_weights(mesh, out->vertices, k % MEASURE_PER_TET, out->weights);
-    return !measure->degenerate[tet];
 }
 
 static double place_value(const double *values, uint32_t width, uint32_t component, const struct place *place)
@@ -138,18 +146,28 @@ static void compare_places(const struct comparison *c, const struct place *origi
     }
 }
 
-/* Does what held the sample still look as it did at the last level? */
-static bool host_unchanged(const struct comparison *c, uint32_t host)
+/* Which of the original's tetrahedra look as they did at the last level? */
+static void find_unchanged(struct comparison *c)
 {
-    const struct measure *measure = c->measure;
-    uint32_t tet = c->ancestry->image[host];
-    if (tet == TETLOD_NONE)
+    uint32_t last = c->measure->original->vertex_count + c->measure->contractions;
+    memset(c->unchanged, 0, c->measure->original->tet_count);
+    for (uint32_t t = 0; t < c->level->tet_count; t++) {
+        bool unchanged = true;
+        for (int i = 0; i < 4; i++)
+            unchanged &= c->ancestry->nodes[c->level->corners[4 * (size_t)t + i]] < last;
+        c->unchanged[c->ancestry->origin[t]] = unchanged;
+    }
+}
+
+/* Is the sample's error what it was? A vertex that is still there has none, whatever else lies at the same point. */
+static bool settled(const struct comparison *c, size_t sample)
+{
+    if (!c->ancestry)
         return false;
-    for (int i = 0; i < 4; i++)
-        if (c->ancestry->nodes[c->level->corners[4 * (size_t)tet + i]] >=
-            measure->original->vertex_count + measure->contractions)
-            return false;
-    return true;
+    if (sample < c->measure->original->vertex_count && c->ancestry->nodes[c->ancestry->standing[sample]] == sample)
+        return true;
+    uint32_t host = c->measure->hosts[sample];
+    return host != TETLOD_NONE && c->unchanged[host];
 }
 
 /* Well inside: no other tetrahedron has the point, unless the mesh overlaps itself. */
@@ -179,13 +197,10 @@ static void compare_sample(const struct comparison *c, size_t sample, uint32_t *
     struct measure *measure = c->measure;
     double *errors = measure->errors + sample * measure->field_count;
     struct place original, level;
-    if (!sample_place(measure, sample, &original))
-        return;
-    if (c->ancestry && sample < measure->original->vertex_count && c->ancestry->nodes[c->ancestry->standing[sample]] == sample)
-        return; // a vertex that is still there has no error, whatever else lies at the same point
-    if (c->ancestry && measure->hosts[sample] != TETLOD_NONE && host_unchanged(c, measure->hosts[sample]))
+    if (!sample_counts(measure, sample) || settled(c, sample))
         return;
     double p[3];
+    sample_place(measure, sample, &original);
     for (int d = 0; d < 3; d++)
         p[d] = place_value(measure->original->positions, 3, (uint32_t)d, &original);
     uint32_t found = TETLOD_NONE;
@@ -228,8 +243,7 @@ static void summarise(const struct measure *measure, struct measured *out)
     memset(out, 0, measure->field_count * sizeof *out);
     for (size_t sample = 0; sample < measure->sample_count; sample++) {
         const double *errors = measure->errors + sample * measure->field_count;
-        struct place place;
-        if (!sample_place(measure, sample, &place))
+        if (!sample_counts(measure, sample))
             continue;
         counted++;
         for (uint32_t f = 0; f < measure->field_count; f++) {
@@ -249,67 +263,94 @@ static void summarise(const struct measure *measure, struct measured *out)
 
 /* ---- domain error */
 
+/* The original's boundary remembers which face of its tetrahedra has become the one that is near. */
+static double distance_to_level(const struct comparison *c, uint32_t v)
+{
+    uint32_t *nearest = &c->measure->nearest[v], face = *nearest;
+    if (c->ancestry && face != TETLOD_NONE) {
+        if (c->unchanged[face / 4])
+            return 0; // or what it was at the last level
+        uint32_t tet = c->ancestry->image[face / 4];
+        face = tet == TETLOD_NONE ? tet : 4 * tet + face % 4;
+    }
+    double distance = locator_distance(&c->locator, c->measure->original->positions + 3 * (size_t)v, c->enough, &face);
+    *nearest = !c->ancestry || face == TETLOD_NONE ? TETLOD_NONE : 4 * c->ancestry->origin[face / 4] + face % 4;
+    return distance;
+}
+
 static void measure_distances(void *context, unsigned worker, size_t begin, size_t end)
 {
     (void)worker;
     const struct comparison *c = context;
-    struct place place;
-    for (size_t i = begin; i < end; i++)
-        c->distances[i] = locator_closest(c->to, c->from->positions + 3 * (size_t)c->points[i], &place);
+    for (size_t i = begin; i < end; i++) {
+        uint32_t v = c->points[i], face = TETLOD_NONE;
+        c->distances[i] = c->from == c->level ? locator_distance(&c->measure->locator, c->level->positions + 3 * (size_t)v,
+                                                                 c->enough, &face)
+                                              : distance_to_level(c, v);
+    }
 }
 
-/* The vertices of a mesh's boundary, once each. */
-static enum tetlod_status boundary_vertices(const struct locator *locator, uint32_t vertex_count, uint32_t **out,
-                                            uint32_t *out_count, struct tetlod_error *error)
+/* Has a boundary vertex of either mesh no distance, or one that counted at the last level? Vertices that the contractions have left
+ * where they were are in both boundaries; others of the level were made once. */
+static bool counted(const struct comparison *c, const struct tetmesh *from, uint32_t v)
 {
-    uint8_t *seen = array_zero(vertex_count, 1);
-    uint32_t most = 3 * locator->triangle_count < vertex_count ? 3 * locator->triangle_count : vertex_count;
+    uint32_t vertices = c->measure->original->vertex_count;
+    if (!c->ancestry)
+        return false;
+    if (from == c->level)
+        return c->ancestry->nodes[v] < vertices + c->measure->contractions;
+    return c->ancestry->nodes[c->ancestry->standing[v]] == v;
+}
+
+/* Appends the vertices of a mesh's boundary, once each, but for those that have counted. */
+static enum tetlod_status boundary_vertices(const struct comparison *c, const struct tetmesh *mesh,
+                                            const struct locator *locator, uint32_t *out, uint32_t *out_count,
+                                            struct tetlod_error *error)
+{
+    uint8_t *seen = array_zero(mesh->vertex_count, 1);
     *out_count = 0;
-    *out = array_new(most, sizeof **out);
-    if (!seen || !*out) {
-        free(seen);
-        return tetlodi_fail_nomem(error, "the boundary", 5 * (uint64_t)vertex_count);
-    }
+    if (!seen)
+        return tetlodi_fail_nomem(error, "the boundary", mesh->vertex_count);
     for (size_t i = 0; i < 3 * (size_t)locator->triangle_count; i++) {
         uint32_t v = locator->triangles[i];
-        if (!seen[v])
-            (*out)[(*out_count)++] = v;
+        if (!seen[v] && !counted(c, mesh, v))
+            out[(*out_count)++] = v;
         seen[v] = 1;
     }
     free(seen);
     return TETLOD_OK;
 }
 
-static enum tetlod_status largest_distance(struct comparison *c, const struct tetmesh *from, const uint32_t *points,
-                                           uint32_t count, const struct locator *to, unsigned threads, double *io_most,
-                                           struct tetlod_error *error)
+/* Raises *io_most to the largest distance of a mesh's boundary vertices from the other's boundary. */
+static enum tetlod_status largest_distance(struct comparison *c, const struct tetmesh *from, const struct locator *of,
+                                           unsigned threads, double *io_most, struct tetlod_error *error)
 {
+    uint32_t count = 0, *points = array_new(from->vertex_count, sizeof *points);
+    enum tetlod_status status = TETLOD_OK;
+    c->distances = array_new(from->vertex_count, sizeof *c->distances);
+    if (!points || !c->distances)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "distances", 12 * (uint64_t)from->vertex_count));
+    TETLOD_TRY_DONE(boundary_vertices(c, from, of, points, &count, error));
+    c->enough = *io_most;
     c->from = from;
     c->points = points;
-    c->to = to;
-    c->distances = array_new(count, sizeof(double));
-    if (!c->distances)
-        return tetlodi_fail_nomem(error, "distances", 8 * (uint64_t)count);
     parallel_for(threads, count, 256, measure_distances, c);
     for (uint32_t i = 0; i < count; i++)
         *io_most = larger(*io_most, c->distances[i]);
+done:
+    free(points);
     free(c->distances);
-    return TETLOD_OK;
+    return status;
 }
 
-static enum tetlod_status domain_error(struct comparison *c, unsigned threads, double *out, struct tetlod_error *error)
+static enum tetlod_status domain_error(struct comparison *c, unsigned threads, double *io_most, struct tetlod_error *error)
 {
     struct measure *measure = c->measure;
-    uint32_t *points = NULL, count = 0;
-    *out = 0;
-    enum tetlod_status status = largest_distance(c, measure->original, measure->boundary, measure->boundary_count,
-                                                 &c->locator, threads, out, error);
-    if (status == TETLOD_OK)
-        status = boundary_vertices(&c->locator, c->level->vertex_count, &points, &count, error);
-    if (status == TETLOD_OK)
-        status = largest_distance(c, c->level, points, count, &measure->locator, threads, out, error);
-    free(points);
-    return status;
+    *io_most = larger(*io_most, measure->domain);
+    TETLOD_TRY(largest_distance(c, measure->original, &measure->locator, threads, io_most, error));
+    TETLOD_TRY(largest_distance(c, c->level, &c->locator, threads, io_most, error));
+    measure->domain = c->ancestry ? *io_most : 0;
+    return TETLOD_OK;
 }
 
 /* ---- the whole */
@@ -323,8 +364,8 @@ void measure_free(struct measure *measure)
     free(measure->outside);
     free(measure->degenerate);
     free(measure->hollow);
-    free(measure->boundary);
     free(measure->ambiguous);
+    free(measure->nearest);
     locator_fini(&measure->locator);
     free(measure);
 }
@@ -343,23 +384,22 @@ enum tetlod_status measure_new(struct measure **out, const struct tetmesh *origi
                                 .sample_count = samples,
                                 .errors = array_zero(samples * field_count, sizeof(double)),
                                 .hosts = array_new(samples, sizeof(uint32_t)),
+                                .nearest = array_new(original->vertex_count, sizeof(uint32_t)),
                                 .outside = array_zero(samples, 1),
                                 .degenerate = array_zero(original->tet_count, 1),
                                 .hollow = array_new(original->vertex_count, 1)};
     enum tetlod_status status = TETLOD_OK;
-    if (!measure->errors || !measure->hosts || !measure->outside || !measure->degenerate || !measure->hollow)
+    if (!measure->errors || !measure->hosts || !measure->nearest || !measure->outside || !measure->degenerate || !measure->hollow)
         status = tetlodi_fail_nomem(error, "samples", samples * (8 * (uint64_t)field_count + 4));
     if (status == TETLOD_OK)
         status = locator_init(&measure->locator, original->positions, original->vertex_count, original->corners,
                               original->tet_count, error);
-    if (status == TETLOD_OK)
-        status = boundary_vertices(&measure->locator, original->vertex_count, &measure->boundary,
-                                   &measure->boundary_count, error);
     if (status != TETLOD_OK) {
         measure_free(measure);
         return status;
     }
     memset(measure->hollow, 1, original->vertex_count);
+    memset(measure->nearest, 0xff, original->vertex_count * sizeof(uint32_t));
     for (size_t t = 0; t < original->tet_count; t++) {
         const uint32_t *corners = original->corners + 4 * t;
         const double *p[4];
@@ -387,8 +427,9 @@ static void look_for_overlap(void *context, unsigned worker, size_t begin, size_
         struct place place;
         uint32_t tets[MOST_OVERLAP], inside = 0;
         double p[3], weights[4];
-        if (!sample_place(measure, sample, &place))
+        if (!sample_counts(measure, sample))
             continue;
+        sample_place(measure, sample, &place);
         for (int d = 0; d < 3; d++)
             p[d] = place_value(measure->original->positions, 3, (uint32_t)d, &place);
         uint32_t count = locator_find(&measure->locator, p, tets, MOST_OVERLAP);
@@ -421,24 +462,46 @@ static enum tetlod_status find_ambiguous(struct measure *measure, unsigned threa
     return TETLOD_OK;
 }
 
-static enum tetlod_status compare(struct comparison *c, unsigned threads, struct measured *out, double *out_domain,
+static enum tetlod_status compare(struct comparison *c, unsigned threads, struct measured *out, double *io_domain,
                                   struct tetlod_error *error)
 {
-    TETLOD_TRY(locator_init(&c->locator, c->level->positions, c->level->vertex_count, c->level->corners,
-                            c->level->tet_count, error));
     parallel_for(threads, c->measure->sample_count, CHUNK, compare_samples, c);
     summarise(c->measure, out);
-    enum tetlod_status status = domain_error(c, threads, out_domain, error);
-    locator_fini(&c->locator);
-    return status;
+    return domain_error(c, threads, io_domain, error);
+}
+
+/* The level's tetrahedra lie where the original's do: its locator takes over their order. */
+static enum tetlod_status locate_level(struct comparison *c, unsigned threads, struct tetlod_error *error)
+{
+    const struct tetmesh *level = c->level;
+    const struct bvh *original = &c->measure->locator.tets;
+    if (!c->ancestry->neighbours)
+        return locator_init(&c->locator, level->positions, level->vertex_count, level->corners, level->tet_count, error);
+    uint32_t count = 0, *order = array_new(level->tet_count, sizeof *order);
+    if (!order)
+        return tetlodi_fail_nomem(error, "a locator", 4 * (uint64_t)level->tet_count);
+    for (uint32_t i = 0; i < original->count; i++)
+        if (c->ancestry->image[original->order[i]] != TETLOD_NONE)
+            order[count++] = c->ancestry->image[original->order[i]];
+    return locator_init_known(&c->locator, level->positions, level->vertex_count, level->corners, level->tet_count,
+                              c->ancestry->neighbours, order, threads, error);
 }
 
 enum tetlod_status measure_level(struct measure *measure, const struct ancestry_level *level, uint32_t contractions,
-                                 unsigned threads, struct measured *out, double *out_domain, struct tetlod_error *error)
+                                 unsigned threads, struct measured *out, double *io_domain, struct tetlod_error *error)
 {
     struct comparison c = {.measure = measure, .level = &level->mesh, .ancestry = level};
-    enum tetlod_status status = compare(&c, threads, out, out_domain, error);
+    enum tetlod_status status = TETLOD_OK;
+    c.unchanged = array_new(measure->original->tet_count, 1);
+    if (!c.unchanged)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", measure->original->tet_count));
+    find_unchanged(&c);
+    TETLOD_TRY_DONE(locate_level(&c, threads, error));
+    status = compare(&c, threads, out, io_domain, error);
     measure->contractions = contractions;
+done:
+    locator_fini(&c.locator);
+    free(c.unchanged);
     return status;
 }
 
@@ -448,5 +511,9 @@ enum tetlod_status measure_mesh(struct measure *measure, const struct tetmesh *m
     struct comparison c = {.measure = measure, .level = mesh, .level_fields = fields};
     if (!measure->ambiguous)
         TETLOD_TRY(find_ambiguous(measure, threads, error));
-    return compare(&c, threads, out, out_domain, error);
+    TETLOD_TRY(locator_init(&c.locator, mesh->positions, mesh->vertex_count, mesh->corners, mesh->tet_count, error));
+    *out_domain = 0;
+    enum tetlod_status status = compare(&c, threads, out, out_domain, error);
+    locator_fini(&c.locator);
+    return status;
 }

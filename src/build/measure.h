@@ -37,10 +37,12 @@ TETLOD_CHECKED enum tetlod_status measure_mesh(struct measure *measure, const st
                                                double *out_domain, struct tetlod_error *error);
 
 /* Compares a level of the original's own sequence, from fine to coarse: what a level has not changed is not measured again.
- * `contractions` done at this level; no less than in the last call. Not to be mixed with measure_mesh. */
+ * `contractions` done at this level; no less than in the last call. *io_domain comes in as what the domain error is known to be
+ * at least (0: nothing), which spares the search for boundary points that are nearer, and is raised to the largest of this and all
+ * finer levels. Not to be mixed with measure_mesh. */
 TETLOD_CHECKED enum tetlod_status measure_level(struct measure *measure, const struct ancestry_level *level,
                                                 uint32_t contractions, unsigned threads, struct measured *out,
-                                                double *out_domain, struct tetlod_error *error);
+                                                double *io_domain, struct tetlod_error *error);
 
 /* Diagonal of the bounding box. */
 double mesh_diagonal(const struct tetmesh *mesh);

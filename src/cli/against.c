@@ -105,6 +105,7 @@ static enum tetlod_status measure_this(struct against *a, uint32_t k, double *ou
     const struct tetlod_info *info = tetlod_info(a->file);
     struct tetmesh above = a->level.mesh;
     uint32_t number = info->level_count - 1 - k;
+    *out_domain = 0;
     a->level.mesh = (struct tetmesh){0};
     enum tetlod_status status = tetlod_cursor_seek(a->cursor, k, a->error);
     if (status == TETLOD_OK)

@@ -8,6 +8,7 @@
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
+#include "src/util/parallel.h"
 
 struct coded {
     uint64_t code;
@@ -84,19 +85,37 @@ static void join_boxes(float *out, const float *a, const float *b)
     }
 }
 
-static void fill_boxes(struct bvh *bvh, const double *positions, const uint32_t *primitives, unsigned vertices)
+struct filling {
+    struct bvh *bvh;
+    const double *positions;
+    const uint32_t *primitives;
+    unsigned vertices;
+};
+
+static void fill_leaves(void *context, unsigned worker, size_t begin, size_t end)
 {
-    for (uint32_t leaf = 0; leaf <= bvh->leaf_first; leaf++) { // leaf_first + 1 leaves
+    const struct filling *filling = context;
+    struct bvh *bvh = filling->bvh;
+    (void)worker;
+    for (size_t leaf = begin; leaf < end; leaf++) {
         double box[6] = {INFINITY, INFINITY, INFINITY, -INFINITY, -INFINITY, -INFINITY}, one[6];
         for (uint64_t i = (uint64_t)leaf * BVH_LEAF; i < bvh->count && i < ((uint64_t)leaf + 1) * BVH_LEAF; i++) {
-            primitive_box(positions, primitives + (size_t)bvh->order[i] * vertices, vertices, one);
+            primitive_box(filling->positions, filling->primitives + (size_t)bvh->order[i] * filling->vertices,
+                          filling->vertices, one);
             for (int d = 0; d < 3; d++) {
                 box[d] = smaller(box[d], one[d]);
                 box[d + 3] = larger(box[d + 3], one[d + 3]);
             }
         }
-        store_box(bvh->boxes + 6 * ((size_t)bvh->leaf_first + leaf), box);
+        store_box(bvh->boxes + 6 * (bvh->leaf_first + leaf), box);
     }
+}
+
+static void fill_boxes(struct bvh *bvh, const double *positions, const uint32_t *primitives, unsigned vertices,
+                       unsigned threads)
+{
+    struct filling filling = {bvh, positions, primitives, vertices};
+    parallel_for(threads, (size_t)bvh->leaf_first + 1, 1024, fill_leaves, &filling); // leaf_first + 1 leaves
     for (uint32_t node = bvh->leaf_first; node-- > 0;)
         join_boxes(bvh->boxes + 6 * (size_t)node, bvh->boxes + 6 * (2 * (size_t)node + 1),
                    bvh->boxes + 6 * (2 * (size_t)node + 2));
@@ -105,22 +124,33 @@ static void fill_boxes(struct bvh *bvh, const double *positions, const uint32_t 
 enum tetlod_status bvh_build(struct bvh *bvh, const double *positions, const uint32_t *primitives, uint32_t count,
                              unsigned vertices_per_primitive, struct tetlod_error *error)
 {
-    uint32_t leaves = 1, needed = count / BVH_LEAF + 1;
-    while (leaves < needed)
-        leaves *= 2;
-    *bvh = (struct bvh){count, leaves - 1, array_new(count, sizeof(uint32_t)),
-                        array_new(2 * (size_t)leaves - 1, 6 * sizeof(float))};
+    uint32_t *order = array_new(count, sizeof *order);
     struct coded *coded = array_new(count, sizeof *coded);
-    if (!bvh->order || !bvh->boxes || !coded) {
+    if (!order || !coded) {
+        free(order);
         free(coded);
-        bvh_fini(bvh);
         return tetlodi_fail_nomem(error, "a box hierarchy", (uint64_t)count * (sizeof *coded + 16));
     }
     morton_order(coded, positions, primitives, count, vertices_per_primitive);
     for (uint32_t i = 0; i < count; i++)
-        bvh->order[i] = coded[i].primitive;
+        order[i] = coded[i].primitive;
     free(coded);
-    fill_boxes(bvh, positions, primitives, vertices_per_primitive);
+    return bvh_build_ordered(bvh, positions, primitives, count, vertices_per_primitive, order, 1, error);
+}
+
+enum tetlod_status bvh_build_ordered(struct bvh *bvh, const double *positions, const uint32_t *primitives,
+                                     uint32_t count, unsigned vertices_per_primitive, uint32_t *order, unsigned threads,
+                                     struct tetlod_error *error)
+{
+    uint32_t leaves = 1, needed = count / BVH_LEAF + 1;
+    while (leaves < needed)
+        leaves *= 2;
+    *bvh = (struct bvh){count, leaves - 1, order, array_new(2 * (size_t)leaves - 1, 6 * sizeof(float))};
+    if (!bvh->boxes) {
+        bvh_fini(bvh);
+        return tetlodi_fail_nomem(error, "a box hierarchy", (uint64_t)leaves * 48);
+    }
+    fill_boxes(bvh, positions, primitives, vertices_per_primitive, threads);
     return TETLOD_OK;
 }
 

@@ -17,6 +17,11 @@ enum { BVH_LEAF = 4, BVH_DEPTH = 40 };
 /* Over `count` primitives with the given corner points each (3 or 4 vertices). ERR_NOMEM. O(n log n). */
 TETLOD_CHECKED enum tetlod_status bvh_build(struct bvh *bvh, const double *positions, const uint32_t *primitives,
                                             uint32_t count, unsigned vertices_per_primitive, struct tetlod_error *error);
+
+/* The same with an order that keeps neighbours together, which it takes over (also when it fails). O(n). */
+TETLOD_CHECKED enum tetlod_status bvh_build_ordered(struct bvh *bvh, const double *positions, const uint32_t *primitives,
+                                                    uint32_t count, unsigned vertices_per_primitive, uint32_t *order,
+                                                    unsigned threads, struct tetlod_error *error);
 void bvh_fini(struct bvh *bvh);
 
 /* Square of the distance of p from a node's box; 0 inside. */
