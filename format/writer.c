@@ -19,6 +19,9 @@
 
 enum { MOST_CHILDREN = 4 };
 
+/* The rate of learning that makes the smallest streams from some 1,000 vertices on, or within 1/1000 of them. */
+enum { USUAL_SLOWEST = 6 };
+
 struct range {
     uint32_t begin, end;
 };
@@ -761,7 +764,7 @@ enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const 
                                  struct tetlod_error *error)
 {
     struct writer w = {.in = input, .error = error};
-    unsigned slowest = MOST_SLOWEST;
+    unsigned slowest = USUAL_SLOWEST;
     if (input->compression >= EFFORT_ALL_RATES)
         TETLOD_TRY(choose_slowest(input, &slowest, error));
     enum tetlod_status status = encode(&w, slowest);

@@ -30,7 +30,7 @@ struct tetlodi_write_level {
     const double *errors; /* [field_count * TETLOD_MEASURES]; NaN: not known */
 };
 
-enum { EFFORT_ALL_RATES = 10 };
+enum { EFFORT_ALL_RATES = 20 };
 
 /* Everything is borrowed for the call. Positions and values are exactly representable in their type. */
 struct tetlodi_write_input {

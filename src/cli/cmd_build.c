@@ -53,7 +53,7 @@ static const char help[] =
     "      --position-error E, --field-error E   as many bits as keep it: a fraction of the diagonal, of the range\n"
     "                          (rounding is in every error that the stream states)\n"
     "      --keep-order        store the input's numbering too, for tetlod extract --original-order\n"
-    "      --compress N        1 fast .. 22 small (default 19): from 10 on the coder's rates of learning are all tried\n"
+    "      --compress N        1 fast .. 22 small (default 19): from 20 on the coder's rates of learning are all tried\n"
     "      --threads N         0 (default): all cores; the bytes do not depend on it\n"
     "      --memory BYTES      refuse what needs more; K, M, G may follow\n"
     "      --json              print the stream's index, and times and memory, as JSON\n"

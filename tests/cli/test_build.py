@@ -498,6 +498,16 @@ def forged():
           'forged.tetlod', '--against', 'fin.vtu', '--quiet')
 
 
+def compression():
+    """All of the coder's rates of learning give no more bytes than the usual one, and hardly fewer."""
+    size = {}
+    for effort in '1', '19', '22':
+        succeeds('compress %s' % effort, 'build', 'fin.vtu', '--field', 'Pressure', '-o', 'effort.tetlod', '--compress', effort, '--quiet')
+        succeeds('compress %s: verify' % effort, 'verify', 'effort.tetlod', '--quiet')
+        size[effort] = os.path.getsize(path('effort.tetlod'))
+    report('compress: more effort, no more bytes, within 0.1 %', .999 * size['19'] <= size['22'] <= size['19'] <= size['1'], size)
+
+
 def blunt_fin():
     name = 'the blunt fin'
     grid, solution = os.path.join(DATA, 'bluntfinxyz.bin'), os.path.join(DATA, 'bluntfinq.bin')
@@ -539,5 +549,6 @@ killed()
 damaged()
 against()
 forged()
+compression()
 blunt_fin()
 finish()

@@ -160,34 +160,54 @@ static void test_order_does_not_matter(void)
 }
 
 /* Level by level, where only what has changed is measured again, gives what measuring each level anew gives. */
-static void test_levels_of_a_sequence(void)
+static void check_levels(const char *sample, uint32_t size, double boundary_limit)
 {
     struct tetmesh mesh = {0};
-    make(&mesh, "cube", 5);
+    make(&mesh, sample, size);
     struct simplify_options options = {.metric = METRIC_ENVELOPE, .contract = CONTRACT_EDGES, .max_error = 1, .min_tets = 1,
-                                       .boundary_angle = 0.01, .boundary_limit = 1e-6, .growth = 1.3, .threads = 1};
+                                       .boundary_angle = 30, .boundary_limit = boundary_limit * mesh_diagonal(&mesh),
+                                       .growth = 1.3, .threads = 1};
     struct simplification s;
     struct ancestry ancestry;
-    struct measure *steps;
+    struct measure *steps[2];
+    double range[2], most = 0, diagonal = mesh_diagonal(&mesh);
+    point_field_range(&mesh.fields[0], mesh.vertex_count, range);
     REQUIRE(simplify(&s, &mesh, first_field, 1, NULL, &options, NULL) == TETLOD_OK);
     REQUIRE(ancestry_init(&ancestry, &s, &mesh, NULL) == TETLOD_OK);
-    REQUIRE(measure_new(&steps, &mesh, NULL, mesh.field_count, NULL) == TETLOD_OK);
+    for (int i = 0; i < 2; i++)
+        REQUIRE(measure_new(&steps[i], &mesh, NULL, mesh.field_count, NULL) == TETLOD_OK);
     for (uint32_t m = 0; m < s.mark_count; m++) {
         struct ancestry_level level;
-        struct measured step;
-        double domain[2];
+        struct measured step[2];
+        double domain[3] = {0, s.marks[m].moved, 0}; // measured; with what the contraction has proved; anew
         REQUIRE(ancestry_level(&ancestry, s.marks[m].contractions, &level, NULL) == TETLOD_OK);
-        CHECK_INT(measure_level(steps, &level, s.marks[m].contractions, 2, &step, &domain[0], NULL), TETLOD_OK);
-        struct measured whole = compare(&mesh, &level.mesh, 2, &domain[1]);
-        CHECK_NEAR(step.sampled, whole.sampled, 1e-9 * 125);
-        CHECK_NEAR(step.rms, whole.rms, 1e-9 * 125);
-        CHECK_NEAR(domain[0], domain[1], 1e-9);
+        for (int i = 0; i < 2; i++)
+            CHECK_INT(measure_level(steps[i], &level, s.marks[m].contractions, 2, &step[i], &domain[i], NULL), TETLOD_OK);
+        struct measured whole = compare(&mesh, &level.mesh, 2, &domain[2]);
+        most = domain[2] > most ? domain[2] : most;
+        CHECK(memcmp(&step[0], &step[1], sizeof step[0]) == 0);
+        CHECK_NEAR(step[0].sampled, whole.sampled, 1e-9 * (range[1] - range[0]));
+        CHECK_NEAR(step[0].rms, whole.rms, 1e-9 * (range[1] - range[0]));
+        CHECK_NEAR(domain[0], most, 1e-12 * diagonal);
+        CHECK_NEAR(domain[1], most > s.marks[m].moved ? most : s.marks[m].moved, 1e-12 * diagonal);
         ancestry_level_fini(&level);
     }
-    measure_free(steps);
+    CHECK((most > 1e-6 * diagonal) == (boundary_limit > 1e-6));
+    for (int i = 0; i < 2; i++)
+        measure_free(steps[i]);
     ancestry_fini(&ancestry);
     simplification_fini(&s);
     tetmesh_fini(&mesh);
+}
+
+static void test_levels_of_a_sequence(void)
+{
+    check_levels("cube", 5, 1e-6);
+}
+
+static void test_levels_with_a_boundary_that_moves(void)
+{
+    check_levels("torus", 4, 1e-2);
 }
 
 int main(void)
@@ -200,5 +220,6 @@ int main(void)
     RUN(test_threads_do_not_matter);
     RUN(test_order_does_not_matter);
     RUN(test_levels_of_a_sequence);
+    RUN(test_levels_with_a_boundary_that_moves);
     return test_end();
 }

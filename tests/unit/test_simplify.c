@@ -9,6 +9,7 @@
 
 #include "src/build/ancestry.h"
 #include "src/build/measure.h"
+#include "src/mesh/adjacency.h"
 #include "src/mesh/locate.h"
 #include "src/mesh/mesh_check.h"
 #include "src/mesh/tet_geom.h"
@@ -159,6 +160,17 @@ static void check_level(const struct tetmesh *original, const struct mesh_report
     }
 }
 
+/* Neighbours that are handed on from level to level are those of the level's faces. */
+static void check_neighbours(const struct ancestry_level *level)
+{
+    size_t slots = 4 * (size_t)level->mesh.tet_count;
+    uint32_t *built = malloc(slots * sizeof *built);
+    REQUIRE(built);
+    CHECK_INT(adjacency_build(level->mesh.corners, level->mesh.tet_count, level->mesh.vertex_count, built, NULL, NULL), TETLOD_OK);
+    CHECK(memcmp(built, level->neighbours, slots * sizeof *built) == 0);
+    free(built);
+}
+
 /* Simplifies by the first field and checks every mark. `most`: no more tetrahedra may be left at the end. */
 static void check_sequence(const struct tetmesh *mesh, const struct simplify_options *options, uint32_t most)
 {
@@ -179,6 +191,7 @@ static void check_sequence(const struct tetmesh *mesh, const struct simplify_opt
         CHECK_INT(level.mesh.vertex_count, s.marks[m].vertices);
         CHECK_INT(level.mesh.tet_count, s.marks[m].tets);
         check_level(mesh, &start, &level.mesh, s.marks[m].moved);
+        check_neighbours(&level);
         CHECK(s.marks[m].moved <= options->boundary_limit && (!m || s.marks[m].moved >= s.marks[m - 1].moved));
         CHECK(!m || s.mark_certified[m] >= s.mark_certified[m - 1]);
         CHECK(!m || s.mark_predicted[m] >= s.mark_predicted[m - 1]);
