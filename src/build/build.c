@@ -41,6 +41,8 @@ static enum tetlod_status check_memory(const struct build *build)
     const struct tetmesh *mesh = build->mesh;
     uint64_t needed = complex_bytes(mesh->vertex_count, mesh->tet_count) +
                       fields_bytes(mesh, build->options->control_count) + mesh->vertex_count * (uint64_t)7 * 56;
+    if (build->options->metric != METRIC_MEASURED && build->options->certify != CERTIFY_EXACT)
+        needed += mesh->tet_count * (uint64_t)build->options->control_count * sizeof(struct envelope);
     if (build->options->metric == METRIC_MEASURED)
         needed += samples_bytes(mesh, build->options->control_count);
     if (build->options->certify == CERTIFY_EXACT)

@@ -12,7 +12,7 @@
 
 uint64_t complex_bytes(uint32_t vertices, uint32_t tets)
 {
-    uint64_t per_vertex = 24 + 1 + 4 + 4 + 8 + 4 + 4 + 4 + 16 + 24 + 8, per_tet = 16 + 16 + 4 + 2 * 16;
+    uint64_t per_vertex = 24 + 1 + 4 + 4 + 8 + 4 + 4 + 4 + 16 + 24 + 8, per_tet = 16 + 16 + 4 + 8 + 2 * 16;
     return vertices * per_vertex + tets * per_tet;
 }
 
@@ -21,7 +21,8 @@ void complex_fini(struct complex *complex)
     void *const owned[] = {complex->positions,  complex->corners,    complex->neighbours,    complex->flags,
                            complex->changed,    complex->born,       complex->pool,          complex->star_begin,
                            complex->star_count, complex->star_capacity, complex->node,       complex->children,
-                           complex->node_positions, complex->local,  complex->epoch_of, complex->tet_changed};
+                           complex->node_positions, complex->local,  complex->epoch_of, complex->tet_changed,
+                           complex->least_volume6};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     *complex = (struct complex){0};
@@ -36,6 +37,7 @@ static bool allocate(struct complex *complex)
     complex->flags = array_zero(n, 1);
     complex->changed = array_zero(n, sizeof(uint32_t));
     complex->tet_changed = array_zero(m, sizeof(uint32_t));
+    complex->least_volume6 = array_new(m, sizeof(double));
     complex->born = array_zero(n, sizeof(uint32_t));
     complex->pool_size = 4 * m;
     complex->pool_capacity = 6 * m;
@@ -50,13 +52,22 @@ static bool allocate(struct complex *complex)
     complex->epoch_of = array_zero(n, sizeof(uint32_t));
     return complex->positions && complex->corners && complex->neighbours && complex->flags && complex->changed &&
            complex->born && complex->pool && complex->star_begin && complex->star_count && complex->star_capacity &&
-           complex->node && complex->children && complex->tet_changed && complex->node_positions && complex->local && complex->epoch_of;
+           complex->node && complex->children && complex->tet_changed && complex->least_volume6 &&
+           complex->node_positions && complex->local && complex->epoch_of;
 }
 
 static void corner_positions(const struct complex *complex, uint32_t tet, const double *p[4])
 {
     for (int c = 0; c < 4; c++)
         p[c] = complex->positions + 3 * (size_t)complex->corners[4 * (size_t)tet + c];
+}
+
+static void set_least_volume(struct complex *complex, uint32_t tet)
+{
+    const double *p[4];
+    corner_positions(complex, tet, p);
+    double size2 = tet_size_squared(p[0], p[1], p[2], p[3]);
+    complex->least_volume6[tet] = TET_DEGENERATE * size2 * sqrt(size2);
 }
 
 /* The orientation of most of the volume is the mesh's; what has none, or the other, is frozen. */
@@ -67,6 +78,7 @@ static void orient(struct complex *complex)
     for (uint32_t t = 0; t < complex->tet_count; t++) {
         corner_positions(complex, t, p);
         volume += tet_volume6(p[0], p[1], p[2], p[3]);
+        set_least_volume(complex, t);
     }
     complex->orientation = volume < 0 ? -1 : 1;
     for (uint32_t t = 0; t < complex->tet_count; t++) {
@@ -360,12 +372,15 @@ enum tetlod_status complex_contract(struct complex *complex, const struct star *
     uint8_t inherited = 0;
     for (uint32_t s = 0; s < star->simplex_count; s++) {
         inherited |= complex->flags[star->simplex[s]] & (VERTEX_BOUNDARY | VERTEX_FROZEN);
+        complex->changed[star->simplex[s]] = now;
         complex->flags[star->simplex[s]] &= s ? 0 : 0xff;
     }
     complex->flags[v] |= inherited;
     memcpy(complex->positions + 3 * (size_t)v, p, 24);
-    complex->changed[v] = complex->born[v] = now;
+    complex->born[v] = now;
     complex->vertices_alive -= star->simplex_count - 1;
+    for (uint32_t i = 0; i < kept; i++)
+        set_least_volume(complex, tets[i]);
     log_contraction(complex, star);
     return TETLOD_OK;
 }

@@ -29,8 +29,9 @@ struct complex {
     uint32_t *corners;    /* [4 * tet] slots; the first is TETLOD_NONE when the tetrahedron is gone */
     uint32_t *neighbours; /* [4 * tet] as adjacency_build makes them */
     uint8_t *flags;       /* [slot] VERTEX_... */
-    uint32_t *changed;    /* [slot] contractions done when its star last changed */
+    uint32_t *changed;    /* [slot] contractions done when its star last changed, or it died */
     uint32_t *tet_changed; /* [tet] contractions done when it was last removed or re-attached */
+    double *least_volume6; /* [tet] below it, one of its size is degenerate */
     uint32_t *born;       /* [slot] contractions done when it last became a contraction's result */
     enum tetlod_type position_type;
     struct grid position_grid[3];
@@ -85,6 +86,11 @@ void star_fini(struct star *star);
 /* Gathers the star of a simplex of two to four distinct living vertices. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status star_gather(struct star *star, const struct complex *complex, const uint32_t *simplex,
                                               uint32_t simplex_count, struct tetlod_error *error);
+
+/* The same of the listed tetrahedra alone: those of them that are in the star. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status star_gather_some(struct star *star, const struct complex *complex,
+                                                   const uint32_t *simplex, uint32_t simplex_count, const uint32_t *tets,
+                                                   uint32_t tet_count, struct tetlod_error *error);
 
 /* Would every re-attached tetrahedron be well oriented and not degenerate with the moving corner at p? Exact up to the
  * relative tolerance TET_DEGENERATE, which is far above the rounding of the test. */

@@ -31,6 +31,7 @@ void fields_fini(struct fields *fields)
         free(fields->drivers[d].lower);
         free(fields->drivers[d].predicted);
         free(fields->drivers[d].quadrics);
+        free(fields->drivers[d].envelopes);
     }
     free(fields->fields);
     free(fields->drivers);
@@ -70,6 +71,7 @@ static bool init_driver(struct driver *driver, const struct fields *fields, cons
                               array_new(n, sizeof(double)),
                               array_new(n, sizeof(double)),
                               array_zero(n, sizeof(double)),
+                              NULL,
                               NULL};
     if (!driver->upper || !driver->lower || !driver->predicted)
         return false;

@@ -10,6 +10,11 @@
 #include "src/build/shift.h"
 #include "src/build/quadric.h"
 
+/* The interpolants of L and U in a tetrahedron: their values at its first corner, and their gradients. */
+struct envelope {
+    double value[2], gradient[2][3];
+};
+
 struct driver {
     uint32_t field, component;
     double scale;  /* 1 / the field's range; 0 for a constant field */
@@ -17,6 +22,7 @@ struct driver {
     double *upper, *lower; /* [slot] */
     double *predicted;     /* [slot] in the field's units */
     double *quadrics;      /* [QUADRIC_SIZE * slot] in normalised positions and values, or NULL */
+    struct envelope *envelopes; /* [tet], kept by the metric, or NULL */
 };
 
 struct working_field {

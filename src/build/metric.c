@@ -20,36 +20,81 @@ void metric_fini(struct metric_scratch *scratch)
     *scratch = (struct metric_scratch){0};
 }
 
-/* A linear function on a tetrahedron: its value at the affine map's origin, and its gradient. */
-struct interpolant {
-    double value, gradient[3];
-};
+/* ---- what the tetrahedra say */
 
-static struct interpolant interpolate(const struct tet_affine *affine, const uint32_t *corners, const double *values,
-                                      size_t stride)
+/* They are asked many times more often than they change. */
+static void set_envelope(const struct fields *fields, struct driver *driver, const struct complex *complex, uint32_t tet,
+                         enum metric metric)
 {
-    double f0 = values[corners[0] * stride], d1 = values[corners[1] * stride] - f0,
-           d2 = values[corners[2] * stride] - f0, d3 = values[corners[3] * stride] - f0;
-    struct interpolant out = {f0, {0}};
-    for (int i = 0; i < 3; i++)
-        out.gradient[i] = affine->gradient[0][i] * d1 + affine->gradient[1][i] * d2 + affine->gradient[2][i] * d3;
-    return out;
+    const struct working_field *field = &fields->fields[driver->field];
+    const uint32_t *corners = complex->corners + 4 * (size_t)tet;
+    struct tet_affine affine;
+    complex_affine(complex, tet, &affine);
+    for (int side = 0; side < 2; side++) {
+        const double *values = metric == METRIC_SVA ? field->values + driver->component : side ? driver->upper : driver->lower;
+        size_t stride = metric == METRIC_SVA ? field->components : 1;
+        double f0 = values[corners[0] * stride], d1 = values[corners[1] * stride] - f0,
+               d2 = values[corners[2] * stride] - f0, d3 = values[corners[3] * stride] - f0;
+        driver->envelopes[tet].value[side] = f0;
+        for (int i = 0; i < 3; i++)
+            driver->envelopes[tet].gradient[side][i] =
+                affine.gradient[0][i] * d1 + affine.gradient[1][i] * d2 + affine.gradient[2][i] * d3;
+    }
 }
 
-static inline double at(const struct interpolant *f, const double r[3])
+enum tetlod_status metric_init_envelopes(enum metric metric, struct fields *fields, const struct complex *complex,
+                                         struct tetlod_error *error)
 {
-    return f->value + f->gradient[0] * r[0] + f->gradient[1] * r[1] + f->gradient[2] * r[2];
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        struct driver *driver = &fields->drivers[d];
+        driver->envelopes = array_new(complex->tet_count, sizeof *driver->envelopes);
+        if (!driver->envelopes)
+            return tetlodi_fail_nomem(error, "the envelopes", complex->tet_count * sizeof *driver->envelopes);
+        for (uint32_t t = 0; t < complex->tet_count; t++)
+            set_envelope(fields, driver, complex, t, metric);
+    }
+    return TETLOD_OK;
 }
 
-/* With its corner `moving` at the trial, would the tetrahedron be well oriented? By that corner's barycentric coordinate. */
-static bool fits(const struct tet_affine *affine, unsigned moving, const double r[3])
+void metric_update_envelopes(enum metric metric, struct fields *fields, const struct complex *complex, uint32_t vertex)
 {
-    double lambda[4];
-    for (int j = 0; j < 3; j++)
-        lambda[j + 1] = affine->gradient[j][0] * r[0] + affine->gradient[j][1] * r[1] + affine->gradient[j][2] * r[2];
-    lambda[0] = 1 - lambda[1] - lambda[2] - lambda[3];
-    return lambda[moving] * affine->volume6 > TET_DEGENERATE * affine->size2 * sqrt(affine->size2);
+    const uint32_t *tets = complex->pool + complex->star_begin[vertex];
+    for (uint32_t d = 0; d < fields->driver_count && fields->drivers[d].envelopes; d++)
+        for (uint32_t i = 0; i < complex->star_count[vertex]; i++)
+            set_envelope(fields, &fields->drivers[d], complex, tets[i], metric);
 }
+
+static inline double at(const struct envelope *envelope, int side, const double r[3])
+{
+    const double *gradient = envelope->gradient[side];
+    return envelope->value[side] + gradient[0] * r[0] + gradient[1] * r[1] + gradient[2] * r[2];
+}
+
+/* With its corner `moving` at them, is the tetrahedron well oriented? Trials at which it is not are impossible. */
+static void try_fits(const struct complex *complex, uint32_t tet, unsigned moving, struct trial *trials, uint32_t count)
+{
+    const uint32_t *corners = complex->corners + 4 * (size_t)tet;
+    const double *q[3];
+    double a[3], b[3], n[3];
+    for (int k = 0; k < 3; k++)
+        q[k] = complex->positions + 3 * (size_t)corners[tet_faces[moving][k]];
+    for (int i = 0; i < 3; i++) {
+        a[i] = (q[1][i] - q[0][i]) * complex->orientation;
+        b[i] = q[2][i] - q[0][i];
+    }
+    for (int i = 0; i < 3; i++) // outwards
+        n[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+    for (uint32_t t = 0; t < count; t++) {
+        const double *p = trials[t].position;
+        double volume6 = n[0] * (q[0][0] - p[0]) + n[1] * (q[0][1] - p[1]) + n[2] * (q[0][2] - p[2]);
+        if (!trials[t].possible || volume6 > complex->least_volume6[tet])
+            continue;
+        trials[t].possible = false;
+        trials[t].witness[0] = trials[t].witness[1] = tet;
+    }
+}
+
+/* ---- trials */
 
 /* What contracting the simplex inherits (thesis 4.1: the errors of its vertices add up). */
 static double inherited(enum metric metric, const struct driver *driver, const struct star *star)
@@ -103,23 +148,18 @@ static void assign(enum metric metric, struct metric_scratch *scratch, const str
 }
 
 /* Takes one tetrahedron's interpolants into a driver's bounds; a trial that gets above the limit drops out. */
-static void widen(enum metric metric, const struct fields *fields, const struct driver *driver,
-                  const struct tet_affine *affine, const uint32_t *corners, uint32_t tet, double limit, double before,
+static void widen(const struct driver *driver, const double *origin, uint32_t tet, double limit, double before,
                   struct trial *trials, uint32_t count, struct metric_bounds *bounds)
 {
-    const struct working_field *field = &fields->fields[driver->field];
+    const struct envelope *envelope = &driver->envelopes[tet];
     double factor = driver->scale * driver->weight;
-    bool envelope = metric != METRIC_SVA;
-    struct interpolant upper = interpolate(affine, corners, envelope ? driver->upper : field->values + driver->component,
-                                           envelope ? 1 : field->components);
-    struct interpolant lower = envelope ? interpolate(affine, corners, driver->lower, 1) : upper;
     for (uint32_t t = 0; t < count; t++) {
         if (!trials[t].possible || trials[t].error > limit)
             continue;
         double r[3];
         for (int i = 0; i < 3; i++)
-            r[i] = trials[t].position[i] - affine->origin[i];
-        double least = at(&lower, r), greatest = at(&upper, r);
+            r[i] = trials[t].position[i] - origin[i];
+        double least = at(envelope, 0, r), greatest = at(envelope, 1, r);
         if (least < bounds[t].value[0]) {
             bounds[t].value[0] = least;
             bounds[t].tet[0] = tet;
@@ -168,21 +208,16 @@ void metric_try(enum metric metric, struct metric_scratch *scratch, const struct
     }
     bool bounded = isfinite(limit) || !metric_has_quadrics(metric); // quadrics alone need no bounds
     for (uint32_t i = 0; i < star->tet_count && !star->still && any_left(trials, count, limit); i++) {
-        const uint32_t *corners = complex->corners + 4 * (size_t)star->tets[i];
-        struct tet_affine affine;
-        complex_affine(complex, star->tets[i], &affine);
-        for (uint32_t t = 0; t < count && star->moving[i] != STAR_REMOVED; t++) {
-            double r[3];
-            for (int k = 0; k < 3; k++)
-                r[k] = trials[t].position[k] - affine.origin[k];
-            if (trials[t].possible && !fits(&affine, star->moving[i], r)) {
-                trials[t].possible = false;
-                trials[t].witness[0] = trials[t].witness[1] = star->tets[i];
-            }
+        uint32_t tet = star->tets[i], ahead = star->tets[i + 4 < star->tet_count ? i + 4 : i];
+        const double *origin = complex->positions + 3 * (size_t)complex->corners[4 * (size_t)tet];
+        __builtin_prefetch(&complex->least_volume6[ahead]);
+        if (star->moving[i] != STAR_REMOVED)
+            try_fits(complex, tet, star->moving[i], trials, count);
+        for (uint32_t d = 0; d < fields->driver_count && bounded; d++) {
+            __builtin_prefetch(&fields->drivers[d].envelopes[ahead]);
+            widen(&fields->drivers[d], origin, tet, limit, inherited(metric, &fields->drivers[d], star), trials, count,
+                  scratch->bounds + d * MOST_TRIALS);
         }
-        for (uint32_t d = 0; d < fields->driver_count && bounded; d++)
-            widen(metric, fields, &fields->drivers[d], &affine, corners, star->tets[i], limit,
-                  inherited(metric, &fields->drivers[d], star), trials, count, scratch->bounds + d * MOST_TRIALS);
     }
     assign(metric, scratch, fields, star, limit, trials, count);
 }

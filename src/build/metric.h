@@ -43,6 +43,13 @@ struct metric_bounds {
     double assigned; /* the value given to the driver; NaN: scalar value assignment */
 };
 
+/* Gives the drivers their envelopes, which trials that have a limit need. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status metric_init_envelopes(enum metric metric, struct fields *fields,
+                                                        const struct complex *complex, struct tetlod_error *error);
+
+/* Brings the envelopes in a contraction's new star up to date. */
+void metric_update_envelopes(enum metric metric, struct fields *fields, const struct complex *complex, uint32_t vertex);
+
 struct metric_scratch {
     struct metric_bounds *bounds; /* [driver * MOST_CANDIDATES] */
 };

@@ -63,6 +63,7 @@ struct run {
     struct judge *judges; /* [judge_count]; the first is the one that contracts */
     unsigned judge_count;
     struct queue queue, waiting;
+    struct queue_entry last;    /* that was listed after a contraction */
     struct queue fresh;         /* of the exact limit: simplices that are not evaluated yet */
     struct work *works;         /* [BATCH] */
     double batch_key;           /* the least in the queue behind the batch */
@@ -105,15 +106,20 @@ static bool optimum_position(const struct run *run, const struct star *star, dou
     return far2 < 9 * reach2;
 }
 
+/* Trials are followed up to here. */
+static double horizon(const struct run *run)
+{
+    return is_exact(run) ? INFINITY : HORIZON * run->limit;
+}
+
 /* Errors of trials on the judge's star. */
-static enum tetlod_status try_all(const struct run *run, struct judge *judge, const struct shift *shift, double horizon,
+static enum tetlod_status try_all(const struct run *run, struct judge *judge, const struct shift *shift, double most,
                                   struct trial *trials, uint32_t count)
 {
     if (run->options->metric == METRIC_MEASURED)
-        return samples_try(&run->samples, &judge->sampler, run->complex, run->fields, &judge->star, run->limit, horizon,
+        return samples_try(&run->samples, &judge->sampler, run->complex, run->fields, &judge->star, run->limit, most,
                            trials, count, &judge->error);
-    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, shift, horizon, trials,
-               count);
+    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, shift, most, trials, count);
     return TETLOD_OK;
 }
 
@@ -140,23 +146,27 @@ static void ask_boundary(const struct run *run, struct judge *judge, struct queu
         entry->witness_count = QUEUE_WITNESSES + 1;
 }
 
-/* The best candidate of the judge's star: its error in *out_error (INFINITY: none is possible; above the limit: a lower
- * bound), its key in entry->value. */
-static enum tetlod_status best_candidate(const struct run *run, struct judge *judge, struct queue_entry *entry,
-                                         double *out_error)
+/* Tries all candidates on the judge's star. Returns how many there are. */
+static enum tetlod_status try_candidates(const struct run *run, struct judge *judge, struct trial *trials,
+                                         uint32_t *out_count)
 {
-    struct trial trials[MOST_TRIALS];
     uint32_t vertices = judge->star.simplex_count, count = candidates_count(vertices, run->options->candidates);
-    double best = INFINITY;
     for (uint32_t c = 0; c < count; c++) {
         candidate_position(run->complex, &judge->star, c, trials[c].position);
         trials[c].possible = boundary_allows(&run->boundary, run->complex, &judge->star, candidates_weights(vertices, c),
                                              trials[c].position);
     }
     trials[count].possible = optimum_position(run, &judge->star, trials[count].position);
-    count += trials[count].possible;
-    TETLOD_TRY(try_all(run, judge, NULL, is_exact(run) ? INFINITY : HORIZON * run->limit, trials, count));
-    *out_error = INFINITY;
+    *out_count = count += trials[count].possible;
+    return try_all(run, judge, NULL, horizon(run), trials, count);
+}
+
+/* The best of the candidates that were tried on the judge's star: its error is returned (INFINITY: none is possible; above the limit:
+ * a lower bound), its key is in entry->value. */
+static double best_trial(const struct run *run, struct judge *judge, struct queue_entry *entry, struct trial *trials,
+                         uint32_t count)
+{
+    double best = INFINITY, least = INFINITY;
     for (uint32_t c = 0; c < count; c++) {
         if (entry->refused & UINT32_C(1) << c)
             continue;
@@ -169,7 +179,7 @@ static enum tetlod_status best_candidate(const struct run *run, struct judge *ju
             trials[c].error = metric_has_quadrics(run->options->metric) ? trials[c].error / run->chance : 0;
         if (trials[c].error <= run->limit)
             ask_boundary(run, judge, entry, &trials[c], c);
-        *out_error = smaller(*out_error, trials[c].error);
+        least = smaller(least, trials[c].error);
         double key = metric_key(run->options->metric, &trials[c], judge->star.removed_count);
         if (trials[c].error <= run->limit && key < best) {
             best = key;
@@ -177,6 +187,38 @@ static enum tetlod_status best_candidate(const struct run *run, struct judge *ju
         }
     }
     entry->value = best;
+    return least;
+}
+
+/* The best candidate of the judge's star, as best_trial has it. */
+static enum tetlod_status best_candidate(const struct run *run, struct judge *judge, struct queue_entry *entry,
+                                         double *out_error)
+{
+    struct trial trials[MOST_TRIALS];
+    uint32_t count;
+    TETLOD_TRY(try_candidates(run, judge, trials, &count));
+    *out_error = best_trial(run, judge, entry, trials, count);
+    return TETLOD_OK;
+}
+
+/* Is the simplex refused beyond the horizon by tetrahedra alone that have refused it, or its like, before? Most that waits is, and its
+ * star need not be gathered. Then the entry's value is a lower bound of its error. */
+static enum tetlod_status refused_by(const struct run *run, struct judge *judge, struct queue_entry *entry,
+                                     const uint32_t *tets, uint32_t tet_count, bool *out_refused)
+{
+    struct trial trials[MOST_TRIALS];
+    uint32_t count;
+    *out_refused = false;
+    TETLOD_TRY(star_gather_some(&judge->star, run->complex, entry->vertices, vertex_count(entry), tets, tet_count,
+                                &judge->error));
+    if (!judge->star.tet_count || judge->star.still)
+        return TETLOD_OK;
+    TETLOD_TRY(try_candidates(run, judge, trials, &count));
+    for (uint32_t c = 0; c < count; c++)
+        if (trials[c].possible && !(trials[c].error > horizon(run)))
+            return TETLOD_OK;
+    entry->value = best_trial(run, judge, entry, trials, count);
+    *out_refused = true;
     return TETLOD_OK;
 }
 
@@ -201,9 +243,17 @@ static enum tetlod_status evaluate(const struct run *run, struct judge *judge, s
                                    bool *out_allowed)
 {
     double error;
+    uint32_t known = entry->witness_count <= QUEUE_WITNESSES ? entry->witness_count : 0, tets[QUEUE_WITNESSES];
+    bool refused = false;
+    memcpy(tets, entry->witness, known * sizeof *tets);
     entry->stamp = run->complex->contraction_count;
     entry->witness_count = entry->refused = 0;
     entry->bound = INFINITY;
+    *out_allowed = false;
+    if (known && run->options->metric != METRIC_MEASURED && !is_exact(run))
+        TETLOD_TRY(refused_by(run, judge, entry, tets, known, &refused));
+    if (refused)
+        return TETLOD_OK;
     TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
     TETLOD_TRY(best_candidate(run, judge, entry, &error));
     *out_allowed = error <= run->limit;
@@ -244,8 +294,13 @@ static enum tetlod_status file_simplex(struct run *run, uint32_t v, const uint32
             entry.vertices[at] = entry.vertices[at - 1];
         entry.vertices[at] = others[i];
     }
-    if (!first && !is_exact(run))
-        return evaluate_and_file(run, &entry);
+    if (!first && !is_exact(run)) { // what refused the last one, if it is at v, may refuse this one
+        entry.witness_count = run->last.witness_count;
+        memcpy(entry.witness, run->last.witness, sizeof entry.witness);
+        TETLOD_TRY(evaluate_and_file(run, &entry));
+        run->last = entry;
+        return TETLOD_OK;
+    }
     if (!first && contractible(run, &entry) && !queue_append(&run->fresh, &entry))
         return tetlodi_fail_nomem(run->error, "the queue", run->fresh.capacity * sizeof entry);
     return first && entry.vertices[0] == v && contractible(run, &entry) ? file(run, &entry, false) : TETLOD_OK;
@@ -338,6 +393,7 @@ static enum tetlod_status perform(struct run *run, const struct star *star, cons
     uint32_t v = star->simplex[0];
     fields_contract(run->fields, run->complex, star, p, run->outcome);
     TETLOD_TRY(complex_contract(run->complex, star, p, run->error));
+    metric_update_envelopes(run->options->metric, run->fields, run->complex, v);
     boundary_update(&run->boundary, run->complex, v, moved);
     run->moved = larger(run->moved, moved);
     for (uint32_t d = 0; d < run->fields->driver_count; d++) {
@@ -565,7 +621,7 @@ static enum tetlod_status climb(struct run *run)
     return TETLOD_OK;
 }
 
-enum verdict { STAYS, LOOK, MOVES };
+enum verdict { GONE, STAYS, MOVES };
 
 struct rescan {
     struct run *run;
@@ -576,11 +632,19 @@ struct rescan {
 static void rescan_range(void *context, unsigned worker, size_t begin, size_t end)
 {
     const struct rescan *rescan = context;
+    const struct run *run = rescan->run;
     struct judge *judge = &rescan->run->judges[worker];
     for (size_t i = begin; i < end && judge->status == TETLOD_OK; i++) {
+        struct queue_entry *entry = &rescan->entries[i];
         bool allowed = false;
-        if (rescan->verdicts[i] == LOOK)
-            judge->status = evaluate(rescan->run, judge, &rescan->entries[i], &allowed);
+        rescan->verdicts[i] = STAYS;
+        if (entry->value > run->limit && !stale(run->complex, entry)) // most
+            continue;
+        rescan->verdicts[i] = GONE;
+        if (obsolete(run->complex, entry))
+            continue;
+        if (entry->value <= run->limit || may_have_eased(run->complex, entry))
+            judge->status = evaluate(run, judge, entry, &allowed);
         rescan->verdicts[i] = allowed ? MOVES : STAYS;
     }
 }
@@ -589,27 +653,33 @@ static void rescan_range(void *context, unsigned worker, size_t begin, size_t en
  * things are now, so that the threads do not matter. */
 static enum tetlod_status rescan(struct run *run, bool *out_any)
 {
-    struct queue waiting = run->waiting;
-    struct rescan rescan = {run, waiting.entries, array_new(waiting.count, 1)};
-    enum tetlod_status status = TETLOD_OK;
-    size_t kept = 0;
+    struct queue *waiting = &run->waiting;
+    struct rescan rescan = {run, waiting->entries, array_new(waiting->count, 1)};
     if (!rescan.verdicts)
-        return tetlodi_fail_nomem(run->error, "the queue", waiting.count);
-    for (size_t i = 0; i < waiting.count; i++) {
-        struct queue_entry *entry = &waiting.entries[i];
-        if (obsolete(run->complex, entry))
+        return tetlodi_fail_nomem(run->error, "the queue", waiting->count);
+    parallel_for(run->judge_count, waiting->count, 512, rescan_range, &rescan);
+    enum tetlod_status status = first_failure(run);
+    for (size_t i = waiting->count; i-- > 0 && status == TETLOD_OK;) {
+        if (rescan.verdicts[i] == STAYS)
             continue;
-        rescan.verdicts[kept] = entry->value <= run->limit || may_have_eased(run->complex, entry) ? LOOK : STAYS;
-        waiting.entries[kept++] = *entry;
+        if (rescan.verdicts[i] == MOVES)
+            status = file(run, &waiting->entries[i], true);
+        waiting->entries[i] = waiting->entries[--waiting->count]; // the last one, which stays, takes its place
     }
-    parallel_for(run->judge_count, kept, 512, rescan_range, &rescan);
-    status = first_failure(run);
-    run->waiting.count = 0; // what still waits is put back over what has been read
-    for (size_t i = 0; i < kept && status == TETLOD_OK; i++)
-        status = file(run, &waiting.entries[i], rescan.verdicts[i] == MOVES);
     free(rescan.verdicts);
     *out_any = run->queue.count > 0;
     return status;
+}
+
+static void fresh_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    const struct rescan *rescan = context;
+    struct judge *judge = &rescan->run->judges[worker];
+    for (size_t i = begin; i < end && judge->status == TETLOD_OK; i++) {
+        bool allowed = false;
+        judge->status = evaluate(rescan->run, judge, &rescan->entries[i], &allowed);
+        rescan->verdicts[i] = allowed ? MOVES : STAYS;
+    }
 }
 
 /* Gives the simplices that the last contractions have made their keys. */
@@ -620,8 +690,7 @@ static enum tetlod_status file_fresh(struct run *run)
     enum tetlod_status status;
     if (!rescan.verdicts)
         return tetlodi_fail_nomem(run->error, "the queue", fresh->count);
-    memset(rescan.verdicts, LOOK, fresh->count);
-    parallel_for(run->judge_count, fresh->count, 16, rescan_range, &rescan);
+    parallel_for(run->judge_count, fresh->count, 16, fresh_range, &rescan);
     status = first_failure(run);
     for (size_t i = 0; i < fresh->count && status == TETLOD_OK; i++)
         status = file(run, &fresh->entries[i], rescan.verdicts[i] == MOVES);
@@ -697,6 +766,11 @@ static enum tetlod_status run_ladder(struct run *run)
     return mark(run);
 }
 
+static bool asks_envelopes(const struct simplify_options *options)
+{
+    return options->metric != METRIC_MEASURED && !(options->certify == CERTIFY_EXACT && metric_has_quadrics(options->metric));
+}
+
 static enum tetlod_status make_judges(struct run *run)
 {
     unsigned threads = run->options->threads ? run->options->threads : 1;
@@ -749,6 +823,8 @@ enum tetlod_status simplify(struct simplification *out, const struct tetmesh *me
     TETLOD_TRY_DONE(fields_init(&out->fields, mesh, controlled, controlled_count, limits, error));
     if (metric_has_quadrics(options->metric))
         TETLOD_TRY_DONE(fields_init_quadrics(&out->fields, &out->complex, options->metric == METRIC_QUADRIC, error));
+    if (asks_envelopes(options))
+        TETLOD_TRY_DONE(metric_init_envelopes(options->metric, &out->fields, &out->complex, error));
     TETLOD_TRY_DONE(boundary_init(&run.boundary, &out->complex, options->boundary_angle, options->boundary_limit, error));
     if (options->certify == CERTIFY_EXACT)
         TETLOD_TRY_DONE(make_works(&run, mesh));

@@ -41,22 +41,50 @@ static inline unsigned corners_at(const uint32_t corners[4], uint32_t vertex)
 
 static const uint8_t corner_number[16] = {0, 0, 1, 0, 2, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0};
 
+/* The simplex, and room for so many tetrahedra. */
+static enum tetlod_status begin(struct star *star, const struct complex *complex, const uint32_t *simplex,
+                                uint32_t simplex_count, size_t most, struct tetlod_error *error)
+{
+    const double *first = complex->positions + 3 * (size_t)simplex[0];
+    star->still = true;
+    for (uint32_t s = 0; s < simplex_count; s++) {
+        star->simplex[s] = simplex[s];
+        star->still &= distance_squared(first, complex->positions + 3 * (size_t)simplex[s]) == 0;
+    }
+    star->simplex_count = simplex_count;
+    star->tet_count = star->removed_count = 0;
+    return reserve(star, most) ? TETLOD_OK : tetlodi_fail_nomem(error, "a star", most * 5);
+}
+
+enum tetlod_status star_gather_some(struct star *star, const struct complex *complex, const uint32_t *simplex,
+                                    uint32_t simplex_count, const uint32_t *tets, uint32_t tet_count,
+                                    struct tetlod_error *error)
+{
+    TETLOD_TRY(begin(star, complex, simplex, simplex_count, tet_count, error));
+    for (uint32_t i = 0; i < tet_count; i++) {
+        const uint32_t *corners = complex->corners + 4 * (size_t)tets[i];
+        unsigned inside = 0, count = 0;
+        for (uint32_t s = 0; s < simplex_count && corners[0] != TETLOD_NONE; s++) {
+            unsigned at = corners_at(corners, simplex[s]);
+            inside |= at;
+            count += at != 0;
+        }
+        if (!count)
+            continue;
+        star->tets[star->tet_count] = tets[i];
+        star->moving[star->tet_count++] = count > 1 ? STAR_REMOVED : corner_number[inside];
+        star->removed_count += count > 1;
+    }
+    return TETLOD_OK;
+}
+
 enum tetlod_status star_gather(struct star *star, const struct complex *complex, const uint32_t *simplex,
                                uint32_t simplex_count, struct tetlod_error *error)
 {
     size_t most = 0;
-    for (uint32_t s = 0; s < simplex_count; s++) {
-        star->simplex[s] = simplex[s];
+    for (uint32_t s = 0; s < simplex_count; s++)
         most += complex->star_count[simplex[s]];
-    }
-    star->simplex_count = simplex_count;
-    star->still = true;
-    for (uint32_t s = 1; s < simplex_count; s++)
-        star->still &= distance_squared(complex->positions + 3 * (size_t)simplex[0],
-                                        complex->positions + 3 * (size_t)simplex[s]) == 0;
-    star->tet_count = star->removed_count = 0;
-    if (!reserve(star, most))
-        return tetlodi_fail_nomem(error, "a star", most * 5);
+    TETLOD_TRY(begin(star, complex, simplex, simplex_count, most, error));
     for (uint32_t s = 0; s < simplex_count; s++) {
         const uint32_t *tets = complex->pool + complex->star_begin[simplex[s]], count = complex->star_count[simplex[s]];
         for (uint32_t i = 0; i < count; i++) {

@@ -124,6 +124,7 @@ static void try_assignment(struct tetmesh *mesh, const struct trial *places, uin
     REQUIRE(complex_init(&complex, mesh, NULL) == TETLOD_OK);
     REQUIRE(fields_init(&fields, mesh, (uint32_t[]){0}, 1, NULL, NULL) == TETLOD_OK);
     REQUIRE(metric_init(&scratch, &fields, NULL) == TETLOD_OK);
+    REQUIRE(metric_init_envelopes(METRIC_SVA, &fields, &complex, NULL) == TETLOD_OK);
     uint32_t edge[2] = {vertex_at(mesh, 1, 2, 2), vertex_at(mesh, 3, 2, 2)};
     REQUIRE(star_gather(&star, &complex, edge, 2, NULL) == TETLOD_OK);
     memcpy(trials, places, count * sizeof *places);
