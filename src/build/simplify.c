@@ -6,18 +6,13 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/build/exact.h"
-#include "src/build/entry.h"
+#include "src/build/judge.h"
 #include "src/build/ladder.h"
-#include "src/build/samples.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-/* Trials are followed to this multiple of the limit, so that most of what waits is not looked at on the next rungs. */
-static const double HORIZON = 2;
-
-/* The same of the exact limit, which is dear to ask. */
+/* What the exact limit refuses is followed to this multiple of it. */
 static const double EXACT_HORIZON = 1.1;
 
 /* Above this multiple of the limit, the root mean square that the quadric expects tells that the exact limit will refuse (hardly
@@ -28,238 +23,6 @@ static const double CHANCE = 1, CHANCE_NAMED = 1.4;
 /* What a contraction may be above the limit by the rounding of its bounds: it still counts as the limit. Exact ties with
  * round limits are common in regular meshes. */
 static const double ROUNDING = 1e-9;
-
-/* What evaluating a simplex needs: one a thread. */
-struct judge {
-    struct star star;
-    struct metric_scratch scratch;
-    struct examiner examiner; /* of the exact limit */
-    struct sampler sampler; /* of the measured metric */
-    struct shift shift;
-    struct tetlod_error error;
-    enum tetlod_status status;
-};
-
-/* A simplex whose turn has come under the exact limit. */
-struct work {
-    struct queue_entry entry;
-    enum { FILED, REFUSED, ALLOWED } outcome; /* it has a key; it waits; it may be contracted, as far as the error goes */
-    double *values, *errors;                  /* [driver_count] */
-    struct sentinel witnesses[8];             /* points that refused candidates */
-    uint32_t witness_count;
-};
-
-/* So many are examined at a time, on as many threads as there are. */
-enum { BATCH = 32 };
-
-struct run {
-    const struct simplify_options *options;
-    struct simplification *out;
-    struct complex *complex;
-    struct fields *fields;
-    struct boundary boundary;
-    struct overlaps overlaps; /* of the exact limit */
-    struct samples samples; /* of the measured metric */
-    struct judge *judges; /* [judge_count]; the first is the one that contracts */
-    unsigned judge_count;
-    struct queue queue, waiting;
-    struct queue_entry last;    /* that was listed after a contraction */
-    struct queue fresh;         /* of the exact limit: simplices that are not evaluated yet */
-    struct work *works;         /* [BATCH] */
-    double batch_key;           /* the least in the queue behind the batch */
-    double *work_values;        /* [BATCH][2][driver_count] values and errors */
-    double limit;               /* of the current rung */
-    double moved;               /* running maximum of how far the boundary moved */
-    double chance;              /* what the estimate of an error may be above it to have a chance under the exact limit */
-    double *certified, *predicted; /* [driver_count] running maxima */
-    double *assigned;              /* [driver_count] of the contraction at hand, as is its outcome */
-    struct outcome *outcome;
-    uint32_t *link, *thawed;
-    size_t link_capacity, thawed_capacity;
-    struct tetlod_error *error;
-};
-
-static bool is_exact(const struct run *run)
-{
-    return run->options->certify == CERTIFY_EXACT;
-}
-
-/* The metric's own optimum for a simplex inside the domain, near enough to it to be worth a trial. It is tried behind the
- * candidates. */
-static bool optimum_position(const struct run *run, const struct star *star, double p[3])
-{
-    const struct complex *complex = run->complex;
-    double reach2 = 0, far2 = 0;
-    if (!metric_has_quadrics(run->options->metric))
-        return false;
-    for (uint32_t s = 0; s < star->simplex_count; s++)
-        if (complex->flags[star->simplex[s]] & VERTEX_BOUNDARY)
-            return false;
-    if (!metric_optimum(run->fields, star, p))
-        return false;
-    complex_round_position(complex, p);
-    for (uint32_t s = 0; s < star->simplex_count; s++) {
-        const double *at = complex->positions + 3 * (size_t)star->simplex[s];
-        far2 = larger(far2, distance_squared(at, p));
-        reach2 = larger(reach2, distance_squared(at, complex->positions + 3 * (size_t)star->simplex[0]));
-    }
-    return far2 < 9 * reach2;
-}
-
-/* Trials are followed up to here. */
-static double horizon(const struct run *run)
-{
-    return is_exact(run) ? INFINITY : HORIZON * run->limit;
-}
-
-/* Errors of trials on the judge's star. */
-static enum tetlod_status try_all(const struct run *run, struct judge *judge, const struct shift *shift, double most,
-                                  struct trial *trials, uint32_t count)
-{
-    if (run->options->metric == METRIC_MEASURED)
-        return samples_try(&run->samples, &judge->sampler, run->complex, run->fields, &judge->star, run->limit, most,
-                           trials, count, &judge->error);
-    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, shift, most, trials, count);
-    return TETLOD_OK;
-}
-
-/* The values that they have assigned to the drivers at the first of them. */
-static void take_assigned(const struct run *run, const struct judge *judge, double *values)
-{
-    if (run->options->metric == METRIC_MEASURED)
-        samples_assigned(&judge->sampler, run->fields, 0, values);
-    else
-        metric_assigned(&judge->scratch, run->fields, 0, values);
-}
-
-/* Lets the boundary have its say on a trial that the fields allow: it may forbid it, or demand more of the values. */
-static void ask_boundary(const struct run *run, struct judge *judge, struct queue_entry *entry, struct trial *trial,
-                         uint32_t number)
-{
-    double before = trial->error;
-    double moved = boundary_moves(&run->boundary, run->complex, &judge->star, trial->position, &judge->shift);
-    if (!(moved <= run->boundary.limit))
-        trial->error = INFINITY;
-    else if (metric_is_certified(run->options->metric) && !is_exact(run))
-        metric_demand(&judge->scratch, run->fields, &judge->shift, number, &trial->error);
-    if (trial->error > before)
-        entry->witness_count = QUEUE_WITNESSES + 1;
-}
-
-/* Tries all candidates on the judge's star. Returns how many there are. */
-static enum tetlod_status try_candidates(const struct run *run, struct judge *judge, struct trial *trials,
-                                         uint32_t *out_count)
-{
-    uint32_t vertices = judge->star.simplex_count, count = candidates_count(vertices, run->options->candidates);
-    for (uint32_t c = 0; c < count; c++) {
-        candidate_position(run->complex, &judge->star, c, trials[c].position);
-        trials[c].possible = boundary_allows(&run->boundary, run->complex, &judge->star, candidates_weights(vertices, c),
-                                             trials[c].position);
-    }
-    trials[count].possible = optimum_position(run, &judge->star, trials[count].position);
-    *out_count = count += trials[count].possible;
-    return try_all(run, judge, NULL, horizon(run), trials, count);
-}
-
-/* The best of the candidates that were tried on the judge's star: its error is returned (INFINITY: none is possible; above the limit:
- * a lower bound), its key is in entry->value. */
-static double best_trial(const struct run *run, struct judge *judge, struct queue_entry *entry, struct trial *trials,
-                         uint32_t count)
-{
-    double best = INFINITY, least = INFINITY;
-    for (uint32_t c = 0; c < count; c++) {
-        if (entry->refused & UINT32_C(1) << c)
-            continue;
-        remember_witnesses(entry, trials[c].witness);
-        if (!trials[c].possible) {
-            entry->refused |= UINT32_C(1) << c;
-            continue;
-        }
-        if (is_exact(run)) // it is asked only when the candidate's turn comes, if that has a chance
-            trials[c].error = metric_has_quadrics(run->options->metric) ? trials[c].error / run->chance : 0;
-        if (trials[c].error <= run->limit)
-            ask_boundary(run, judge, entry, &trials[c], c);
-        least = smaller(least, trials[c].error);
-        double key = metric_key(run->options->metric, &trials[c], judge->star.removed_count);
-        if (trials[c].error <= run->limit && key < best) {
-            best = key;
-            entry->candidate = c;
-        }
-    }
-    entry->value = best;
-    return least;
-}
-
-/* The best candidate of the judge's star, as best_trial has it. */
-static enum tetlod_status best_candidate(const struct run *run, struct judge *judge, struct queue_entry *entry,
-                                         double *out_error)
-{
-    struct trial trials[MOST_TRIALS];
-    uint32_t count;
-    TETLOD_TRY(try_candidates(run, judge, trials, &count));
-    *out_error = best_trial(run, judge, entry, trials, count);
-    return TETLOD_OK;
-}
-
-/* Is the simplex refused beyond the horizon by tetrahedra alone that have refused it, or its like, before? Most that waits is, and its
- * star need not be gathered. Then the entry's value is a lower bound of its error. */
-static enum tetlod_status refused_by(const struct run *run, struct judge *judge, struct queue_entry *entry,
-                                     const uint32_t *tets, uint32_t tet_count, bool *out_refused)
-{
-    struct trial trials[MOST_TRIALS];
-    uint32_t count;
-    *out_refused = false;
-    TETLOD_TRY(star_gather_some(&judge->star, run->complex, entry->vertices, vertex_count(entry), tets, tet_count,
-                                &judge->error));
-    if (!judge->star.tet_count || judge->star.still)
-        return TETLOD_OK;
-    TETLOD_TRY(try_candidates(run, judge, trials, &count));
-    for (uint32_t c = 0; c < count; c++)
-        if (trials[c].possible && !(trials[c].error > horizon(run)))
-            return TETLOD_OK;
-    entry->value = best_trial(run, judge, entry, trials, count);
-    *out_refused = true;
-    return TETLOD_OK;
-}
-
-/* Frozen vertices only with vertices at the same point, under the envelope: that needs no interpolant (PROOF.md, 6). */
-static bool contractible(const struct run *run, const struct queue_entry *entry)
-{
-    const struct complex *complex = run->complex;
-    const double *first = complex->positions + 3 * (size_t)entry->vertices[0];
-    bool still = run->options->metric != METRIC_MEASURED && !is_exact(run), frozen = false;
-    for (uint32_t i = 0; i < vertex_count(entry); i++) {
-        if (complex->flags[entry->vertices[i]] & VERTEX_SINGULAR)
-            return false;
-        frozen |= complex->flags[entry->vertices[i]] & VERTEX_FROZEN;
-        still &= distance_squared(first, complex->positions + 3 * (size_t)entry->vertices[i]) == 0;
-    }
-    return still || !frozen;
-}
-
-/* Evaluates a simplex as it is now. *out_allowed: the limit allows it, and entry->value is its key; else it is a lower bound
- * of its error. Changes nothing but the judge. */
-static enum tetlod_status evaluate(const struct run *run, struct judge *judge, struct queue_entry *entry,
-                                   bool *out_allowed)
-{
-    double error;
-    uint32_t known = entry->witness_count <= QUEUE_WITNESSES ? entry->witness_count : 0, tets[QUEUE_WITNESSES];
-    bool refused = false;
-    memcpy(tets, entry->witness, known * sizeof *tets);
-    entry->stamp = run->complex->contraction_count;
-    entry->witness_count = entry->refused = 0;
-    entry->bound = INFINITY;
-    *out_allowed = false;
-    if (known && run->options->metric != METRIC_MEASURED && !is_exact(run))
-        TETLOD_TRY(refused_by(run, judge, entry, tets, known, &refused));
-    if (refused)
-        return TETLOD_OK;
-    TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
-    TETLOD_TRY(best_candidate(run, judge, entry, &error));
-    *out_allowed = error <= run->limit;
-    entry->value = *out_allowed ? entry->value : error;
-    return TETLOD_OK;
-}
 
 /* Into the queue, or with those that wait for a higher rung. */
 static enum tetlod_status file(struct run *run, const struct queue_entry *entry, bool allowed)
@@ -272,9 +35,9 @@ static enum tetlod_status file(struct run *run, const struct queue_entry *entry,
 static enum tetlod_status evaluate_and_file(struct run *run, struct queue_entry *entry)
 {
     bool allowed;
-    if (!contractible(run, entry))
+    if (!judge_may(run, entry))
         return TETLOD_OK;
-    if (evaluate(run, run->judges, entry, &allowed) != TETLOD_OK) {
+    if (judge_evaluate(run, run->judges, entry, &allowed) != TETLOD_OK) {
         *run->error = run->judges->error;
         return run->judges->error.status;
     }
@@ -301,9 +64,9 @@ static enum tetlod_status file_simplex(struct run *run, uint32_t v, const uint32
         run->last = entry;
         return TETLOD_OK;
     }
-    if (!first && contractible(run, &entry) && !queue_append(&run->fresh, &entry))
+    if (!first && judge_may(run, &entry) && !queue_append(&run->fresh, &entry))
         return tetlodi_fail_nomem(run->error, "the queue", run->fresh.capacity * sizeof entry);
-    return first && entry.vertices[0] == v && contractible(run, &entry) ? file(run, &entry, false) : TETLOD_OK;
+    return first && entry.vertices[0] == v && judge_may(run, &entry) ? file(run, &entry, false) : TETLOD_OK;
 }
 
 static enum tetlod_status list_edges(struct run *run, uint32_t v, bool first)
@@ -373,19 +136,6 @@ static double rounded_limit(const struct run *run, const struct driver *driver)
     return metric_is_certified(run->options->metric) ? run->limit / driver->weight : INFINITY;
 }
 
-/* Where the entry's candidate is, and how far the boundary then has moved in all, by judge->shift. False: it cannot be had. */
-static bool find_place(const struct run *run, struct judge *judge, const struct queue_entry *entry, double p[3],
-                       double *moved)
-{
-    const struct star *star = &judge->star;
-    if (entry->candidate < candidates_count(star->simplex_count, run->options->candidates))
-        candidate_position(run->complex, star, entry->candidate, p);
-    else if (!optimum_position(run, star, p))
-        return false;
-    *moved = boundary_moves(&run->boundary, run->complex, star, p, &judge->shift);
-    return *moved <= run->boundary.limit && star_fits(star, run->complex, p);
-}
-
 /* Contracts what all checks have accepted; `errors` are what the drivers' are certified to be. */
 static enum tetlod_status perform(struct run *run, const struct star *star, const double p[3], double moved,
                                   const double *errors)
@@ -415,19 +165,19 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     struct judge *judge = run->judges;
     struct star *star = &judge->star;
     TETLOD_TRY(star_gather(star, run->complex, entry->vertices, vertex_count(entry), run->error));
-    if (!find_place(run, judge, entry, p, &moved))
+    if (!judge_place(run, judge, entry, p, &moved))
         return refuse(run, *entry, INFINITY);
     TETLOD_TRY(star_link_condition(star, run->complex, &holds, run->error));
     if (!holds)
         return refuse(run, *entry, INFINITY);
     struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
-    if (try_all(run, judge, &judge->shift, run->limit, &trial, 1) != TETLOD_OK) {
+    if (judge_try(run, judge, &judge->shift, run->limit, &trial, 1) != TETLOD_OK) {
         *run->error = judge->error;
         return run->error->status;
     }
     if (run->options->metric == METRIC_MEASURED && (!trial.possible || trial.error > run->limit))
         return refuse(run, *entry, trial.possible ? trial.error : INFINITY);
-    take_assigned(run, judge, run->assigned);
+    judge_assigned(run, judge, run->assigned);
     fields_outcome(run->fields, run->complex, star, &judge->shift, p, run->assigned, run->outcome);
     double certified = outcome_error(run->fields, run->outcome);
     if (metric_is_certified(run->options->metric) && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
@@ -446,8 +196,8 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
 static enum tetlod_status find_values(const struct run *run, struct judge *judge, const double p[3], double *values)
 {
     struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
-    TETLOD_TRY(try_all(run, judge, &judge->shift, INFINITY, &trial, 1));
-    take_assigned(run, judge, values);
+    TETLOD_TRY(judge_try(run, judge, &judge->shift, INFINITY, &trial, 1));
+    judge_assigned(run, judge, values);
     return TETLOD_OK;
 }
 
@@ -460,7 +210,7 @@ static enum tetlod_status next_candidate(const struct run *run, struct judge *ju
     entry->refused |= UINT32_C(1) << entry->candidate;
     entry->bound = smaller(entry->bound, finding->error);
     remember_witnesses(entry, (uint32_t[]){a == TETLOD_NONE ? b : a, b == TETLOD_NONE ? a : b});
-    TETLOD_TRY(best_candidate(run, judge, entry, &estimate));
+    TETLOD_TRY(judge_best(run, judge, entry, &estimate));
     entry->bound = smaller(entry->bound, estimate);
     *out_left = isfinite(entry->value);
     return TETLOD_OK;
@@ -477,7 +227,7 @@ static enum tetlod_status examine(const struct run *run, struct judge *judge, st
         struct finding finding = {.error = INFINITY, .witness = {{.tet = TETLOD_NONE}, {.tet = TETLOD_NONE}}};
         double p[3], moved;
         bool left;
-        if (find_place(run, judge, entry, p, &moved)) {
+        if (judge_place(run, judge, entry, p, &moved)) {
             TETLOD_TRY(find_values(run, judge, p, work->values));
             if (!taken_up)
                 TETLOD_TRY(exact_take_up(&judge->examiner, run->complex, run->fields, &judge->star, &judge->error));
@@ -517,7 +267,7 @@ static void work_range(void *context, unsigned worker, size_t begin, size_t end)
             continue;
         }
         work->witness_count = 0;
-        judge->status = evaluate(run, judge, &work->entry, &allowed);
+        judge->status = judge_evaluate(run, judge, &work->entry, &allowed);
         work->outcome = allowed ? FILED : REFUSED;
     }
 }
@@ -535,7 +285,7 @@ static enum tetlod_status contract_exactly(struct run *run, const struct work *w
         return file(run, entry, true);
     TETLOD_TRY(star_gather(star, run->complex, entry->vertices, vertex_count(entry), run->error));
     TETLOD_TRY(star_link_condition(star, run->complex, &holds, run->error));
-    if (!holds || !find_place(run, run->judges, entry, p, &moved))
+    if (!holds || !judge_place(run, run->judges, entry, p, &moved))
         return refuse(run, *entry, INFINITY);
     fields_outcome(run->fields, run->complex, star, &run->judges->shift, p, work->values, run->outcome);
     TETLOD_TRY(exact_contract(&run->judges->examiner, &run->overlaps, run->complex, star, p, run->error));
@@ -644,7 +394,7 @@ static void rescan_range(void *context, unsigned worker, size_t begin, size_t en
         if (obsolete(run->complex, entry))
             continue;
         if (entry->value <= run->limit || may_have_eased(run->complex, entry))
-            judge->status = evaluate(run, judge, entry, &allowed);
+            judge->status = judge_evaluate(run, judge, entry, &allowed);
         rescan->verdicts[i] = allowed ? MOVES : STAYS;
     }
 }
@@ -677,7 +427,7 @@ static void fresh_range(void *context, unsigned worker, size_t begin, size_t end
     struct judge *judge = &rescan->run->judges[worker];
     for (size_t i = begin; i < end && judge->status == TETLOD_OK; i++) {
         bool allowed = false;
-        judge->status = evaluate(rescan->run, judge, &rescan->entries[i], &allowed);
+        judge->status = judge_evaluate(rescan->run, judge, &rescan->entries[i], &allowed);
         rescan->verdicts[i] = allowed ? MOVES : STAYS;
     }
 }
