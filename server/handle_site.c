@@ -181,7 +181,7 @@ enum outcome handle_stream_info(struct exchange *exchange)
                                   1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), PATIENCE};
     enum outcome outcome = obtain(exchange, exchange->site->cache, key, &recipe, &value);
     if (value) {
-        respond_body(exchange, value, &(struct representation){"application/json", coding, dataset_info(dataset)->cid});
+        respond_body(exchange, value, &(struct representation){.media_type = "application/json", .coding = coding, .etag = dataset_info(dataset)->cid});
         cache_revalidate(exchange->response);
     }
     return outcome;

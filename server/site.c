@@ -363,7 +363,8 @@ static void respond_representation(struct response *response, const struct repre
     print_etag(representation, response->etag);
     if (coding)
         response_header_text(response, "Content-Encoding", coding_name(coding));
-    response_header_text(response, "Vary", "Accept-Encoding");
+    if (!representation->alone)
+        response_header_text(response, "Vary", "Accept-Encoding");
 }
 
 void respond_body(struct exchange *exchange, const struct cache_value *value, const struct representation *representation)

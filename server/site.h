@@ -84,6 +84,7 @@ struct representation {
     const char *media_type; /* static */
     enum coding coding;
     const char *etag; /* without quotes and without coding */
+    bool alone;       /* it is not sent in other codings */
 };
 
 /* Answers with a cached value that is pinned, and says where it came from. */

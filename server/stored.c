@@ -107,7 +107,7 @@ static enum outcome read_spans(struct exchange *exchange, struct dataset *datase
 enum outcome respond_spans(struct exchange *exchange, struct dataset *dataset, const struct span *spans, size_t count,
                            const char *etag)
 {
-    const struct representation representation = {"application/vnd.tetlod", CODING_IDENTITY, etag};
+    const struct representation representation = {.media_type = "application/vnd.tetlod", .etag = etag, .alone = true};
     const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, etag);
     enum outcome outcome = ANSWERED;
     uint64_t size = 0;
