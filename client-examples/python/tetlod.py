@@ -11,12 +11,15 @@
 From a shell: python3 tetlod.py FILE_OR_URL [--error E | --level K] [-o OUT.npz]
 """
 import hashlib
+import itertools
 import json
 import math
 import struct
 import sys
 import urllib.request
 import zlib
+from bisect import bisect_left
+from operator import itemgetter
 
 import numpy as np
 
@@ -24,6 +27,7 @@ MAGIC = b'\x89TLD\r\n\x1a\n'
 MEASURES = ('max', 'sampled', 'rms', 'predicted')
 SHIFT = [(seen + 1).bit_length() for seen in range(127)]
 NONE = None
+FLOAT32, FLOAT64, UINT32, UINT64 = (struct.Struct('<' + form) for form in 'fdIQ')
 
 
 class StreamError(ValueError):
@@ -64,6 +68,8 @@ class Scale:
         for i in range(axes if self.bits else 0):
             self.origin[i], self.step[i] = data.take('dd')
         self.width = self.bits or (64 if self.type else 32)
+        self.as_float, self.as_int = (FLOAT64, UINT64) if self.type else (FLOAT32, UINT32)
+        self.most = (1 << (63 if self.type else 31)) - 1  # a float's bits without the sign
 
     def code(self, value, axis=0):
         """The code nearest to a value."""
@@ -71,25 +77,17 @@ class Scale:
             most = (1 << self.bits) - 1
             code = math.floor((value - self.origin[axis]) / self.step[axis] + 0.5)
             return min(max(code, 0), most)
-        if self.type:
-            bits = struct.unpack('<Q', struct.pack('<d', value))[0]
-            sign = 63
-        else:
-            try:
-                bits = struct.unpack('<I', struct.pack('<f', value))[0]
-            except OverflowError:
-                bits = 0x7f800000 if value > 0 else 0xff800000
-            sign = 31
-        magnitude = bits & ((1 << sign) - 1)
-        return -1 - magnitude if bits >> sign else magnitude
+        try:
+            bits = self.as_int.unpack(self.as_float.pack(value))[0]
+        except OverflowError:  # of float32
+            bits = 0x7f800000 if value > 0 else 0xff800000
+        return bits if bits <= self.most else -1 - (bits & self.most)
 
     def value(self, code, axis=0):
         if self.bits:
             value = self.origin[axis] + self.step[axis] * float(code)
-            return struct.unpack('<f', struct.pack('<f', value))[0] if self.type == 0 else value
-        form, sign = ('<Qd', 63) if self.type else ('<If', 31)
-        bits = (-1 - code) | 1 << sign if code < 0 else code
-        return struct.unpack('<' + form[2], struct.pack('<' + form[1], bits))[0]
+            return value if self.type else FLOAT32.unpack(FLOAT32.pack(value))[0]
+        return self.as_float.unpack(self.as_int.pack(code if code >= 0 else ~code | self.most + 1))[0]
 
     def offset(self, base, difference):
         """The code at a difference from another, in a ring of `width` bits."""
@@ -280,9 +278,27 @@ class Coder:
         return value
 
     def tree(self, models, depth):
-        node = 1
-        for _ in range(depth):
-            node = node << 1 | self.bit(models, node)
+        chances, counts = models
+        width, code, most, node = self.range, self.code, self.seen_most, 1
+        for _ in range(depth):  # bit(models, node), written out: most of the time goes here
+            p, seen = chances[node], counts[node]
+            bound = (width >> 12) * (p >> 4)
+            if seen < most:
+                counts[node] = seen + 1
+            if code >= bound:
+                code -= bound
+                width -= bound
+                chances[node] = p - (p >> SHIFT[seen])
+                node += node + 1
+            else:
+                width = bound
+                chances[node] = p + ((65536 - p) >> SHIFT[seen])
+                node += node
+            if width < 0x1000000:
+                self.code = code
+                self._refill(width)
+                width, code = self.range, self.code
+        self.range, self.code = width, code
         return node - (1 << depth)
 
     def below(self, tops, length):
@@ -348,7 +364,9 @@ class Column:
         return component if self.part == 0 else 0
 
 
-NEIGHBOURS = ((0, 1, 2, 3), (4, 5, 6, 6), (7, 8, 8, 8), (9, 9, 9, 9))
+# By the labels of three edges' earlier tetrahedra, two bits each (1: one stays, 2: one goes): SPEC 7.3's table
+NEIGHBOURS = [((0, 1, 2, 3), (4, 5, 6, 6), (7, 8, 8, 8), (9, 9, 9, 9))[bin(n & 0b010101).count('1')][bin(n & 0b101010).count('1')]
+              for n in range(64)]
 STEPS = (-6.0, -2.5, -0.75, 0.0, 0.75, 2.5, 6.0)
 
 
@@ -461,7 +479,7 @@ class Cursor:
     def _apply(self, vertex, labels, added):
         child, star = self.count, self.stars[vertex]
         tets = self.tets_list
-        moved = [t for t, label in zip(star, labels) if label]
+        moved = list(itertools.compress(star, labels))
         self.stars[vertex] = [t for t, label in zip(star, labels) if not label]
         for t in moved:
             corners = tets[t]
@@ -581,74 +599,99 @@ class Cursor:
     def _decode_level(self, level):
         to = self.stream.levels[level]
         self._start(level)
-        walk, start, coder = 0, self.count, self.coders[0]
+        walk, start = 0, self.count
         while self.count < to['vertices']:
+            walk = self._walk(walk, start)
             require(walk < self.count, 'level %d has fewer records than its index says' % level)
-            models = self.models.splits[walk >= start]
-            if coder.bit(models, min(len(self.stars[walk]) // 4, 15)):
-                self._record(walk, to)
-            else:
-                walk += 1
+            self._record(walk, to)
         require(self.tet_count == to['tets'], 'level %d has other tetrahedra than its index says' % level)
         self.decoded = level
         self.ends.append(self.done)
 
+    def _walk(self, walk, start):
+        """The next vertex from `walk` on that splits, or the number of vertices (SPEC 7.1)."""
+        coder, stars, end = self.coders[0], self.stars, self.count
+        width, code, most = coder.range, coder.code, coder.seen_most
+        while walk < end:
+            chances, counts = self.models.splits[walk >= start]
+            i = len(stars[walk]) >> 2
+            if i > 15:
+                i = 15
+            p, seen = chances[i], counts[i]  # coder.bit, written out
+            bound = (width >> 12) * (p >> 4)
+            if seen < most:
+                counts[i] = seen + 1
+            splits = code >= bound
+            if splits:
+                code -= bound
+                width -= bound
+                chances[i] = p - (p >> SHIFT[seen])
+            else:
+                width = bound
+                chances[i] = p + ((65536 - p) >> SHIFT[seen])
+                walk += 1
+            if width < 0x1000000:
+                coder.code = code
+                coder._refill(width)
+                width, code = coder.range, coder.code
+            if splits:
+                break
+        coder.range, coder.code = width, code
+        return walk
+
     def _lay_out(self, vertex):
-        """The star: per tetrahedron its corner's place, the others, its three link edges; the link's vertices in order."""
-        star, edges, ends, link = [], {}, [], {}
-        for i, t in enumerate(self.stars[vertex]):
-            corners = self.tets_list[t]
-            place = corners.index(vertex)
-            x, y, z = others = corners[:place] + corners[place + 1:]
-            mine = []
-            for c, (p, q) in enumerate(((y, z), (x, z), (x, y))):
-                key = (p, q) if p < q else (q, p)
-                e = edges.get(key)
-                if e is None:
-                    e = edges[key] = len(ends)
-                    ends.append([i, c, 0, 0])  # first tetrahedron, its corner opposite, tetrahedra, labels seen
-                ends[e][2] += 1
-                mine.append(e)
-            star.append((t, place, others, mine))
-            for v in others:
-                link[v] = True
-        return star, ends, list(link)
+        """The star: per tetrahedron which of its corners the vertex is, and the others; what takes the link's out of a list."""
+        star, link, tets = [], {}, self.tets_list
+        for t in self.stars[vertex]:
+            a, b, c, d = tets[t]
+            if a == vertex:
+                star.append((0, b, c, d))
+                link[b] = link[c] = link[d] = True
+            elif b == vertex:
+                star.append((1, a, c, d))
+                link[a] = link[c] = link[d] = True
+            elif c == vertex:
+                star.append((2, a, b, d))
+                link[a] = link[b] = link[d] = True
+            else:
+                star.append((3, a, b, c))
+                link[a] = link[b] = link[c] = True
+        return star, itemgetter(*link) if link else lambda values: ()
 
     def _record(self, vertex, to):
         coder, models, columns = self.coders[0], self.models, self.columns
-        star, ends, link = self._lay_out(vertex)
+        star, link = self._lay_out(vertex)
         children = 2 + coder.tree(models.arity, 2)
         require(children <= 4 and self.count + children - 1 <= to['vertices'], 'a record makes too many vertices')
         codes = self._positions(vertex, children, link)
         first_stays = all(codes[d][0] == columns[0].codes[d][vertex] for d in range(3))
-        points = [[columns[0].scale.value(codes[d][i], d) for d in range(3)] for i in range(children)]
-        self._fields(vertex, children, star, link, codes, points)
+        values = [[columns[0].scale.value(code, d) for code in codes[d]] for d in range(3)]
+        points = list(zip(*values))
+        self._fields(vertex, children, star, link, codes, values, points)
         row, at = [], 0
         for column in columns:
             for c in range(column.components):
-                values = [column.scale.value(code, column.axis(c)) for code in codes[at]]
-                require(all(map(math.isfinite, values)), 'a record holds a value that is not finite')
-                row += [codes[at][0], values[0]]
+                require(all(map(math.isfinite, values[at])), 'a record holds a value that is not finite')
+                row += [codes[at][0], values[at][0]]
                 column.codes[c].extend(codes[at][1:])
-                column.values[c].extend(values[1:])
+                column.values[c].extend(values[at][1:])
                 at += 1
         self._exchange(vertex, row)
         splits = []
         for i in range(1, children):
             if i > 1:
-                star, ends, link = self._lay_out(vertex)
-            splits.append(self._split(vertex, star, ends, points[0], points[i], first_stays, to))
+                star, link = self._lay_out(vertex)
+            splits.append(self._split(vertex, star, points[0], points[i], first_stays, to))
         self.log.append((vertex, row, splits))
         self.done += 1
 
     # ---- positions (SPEC 7.2)
 
-    def _step(self, axis, vertex, own, link, trail):
-        coder, models, codes = self.coders[0], self.models.step[axis], self.columns[0].codes[axis]
+    def _step(self, axis, own, near, trail):
+        coder, models = self.coders[0], self.models.step[axis]
         if coder.bit(models.none, trail[0]):
             return 0
-        near = [codes[v] for v in link]
-        low, high = own - min(near + [own]), max(near + [own]) - own
+        low, high = max(own - min(near, default=own), 0), max(max(near, default=own) - own, 0)
         side = 4 if high // 2 > low else 0 if low // 2 > high else 3 if high > low else 2
         negative = coder.bit(models.side, side)
         room = (low if negative else high).bit_length()
@@ -672,9 +715,10 @@ class Cursor:
         require(placement < 3, 'a record holds what no writer writes')
         trails, result = [[0, 0] for _ in range(4)], []
         for axis in range(3):
-            own, codes, scale = column.codes[axis][vertex], [0] * children, column.scale
+            known, codes, scale = column.codes[axis], [0] * children, column.scale
+            own, near = known[vertex], link(known)
             for i in range(0 if placement == 2 else 1, children):
-                codes[i] = scale.offset(own, self._step(axis, vertex, own, link, trails[i]))
+                codes[i] = scale.offset(own, self._step(axis, own, near, trails[i]))
             if placement == 0:
                 codes[0] = own
             elif placement == 1:
@@ -696,8 +740,7 @@ class Cursor:
         vx, vy, vz = X[vertex], Y[vertex], Z[vertex]
         px, py, pz = point[0] - vx, point[1] - vy, point[2] - vz
         best, found = -math.inf, None
-        for _, _, others, _ in star:
-            i, j, k = others
+        for _, i, j, k in star:
             ax, ay, az = X[i] - vx, Y[i] - vy, Z[i] - vz
             bx, by, bz = X[j] - vx, Y[j] - vy, Z[j] - vz
             cx, cy, cz = X[k] - vx, Y[k] - vy, Z[k] - vz
@@ -713,12 +756,12 @@ class Cursor:
             least = w1 if w1 < least else least
             least = w2 if w2 < least else least
             if least > best:
-                best, found = least, (others, (w0, w1, w2))
+                best, found = least, (i, j, k, w0, w1, w2)
                 if best >= 0:
                     break
         return found
 
-    def _fields(self, vertex, children, star, link, codes, points):
+    def _fields(self, vertex, children, star, link, codes, all_values, points):
         if len(self.columns) == 1:
             return
         own = [self.columns[0].codes[d][vertex] for d in range(3)]
@@ -729,64 +772,89 @@ class Cursor:
             for c in range(column.components):
                 known, values = column.codes[c], column.values[c]
                 mine, here = known[vertex], values[vertex]
-                context = max((abs(known[v] - mine) for v in link), default=0).bit_length()
+                near = link(known) or (mine,)
+                context = max(max(near) - mine, mine - min(near)).bit_length()
                 result = []
                 for i in range(children):
                     base = mine
                     if where[i]:
-                        others, w = where[i]
-                        value = here + w[0] * (values[others[0]] - here)
-                        value = value + w[1] * (values[others[1]] - here)
-                        value = value + w[2] * (values[others[2]] - here)
+                        p, q, r, w0, w1, w2 = where[i]
+                        value = here + w0 * (values[p] - here)
+                        value = value + w1 * (values[q] - here)
+                        value = value + w2 * (values[r] - here)
                         base = scale.code(value) if math.isfinite(value) else mine
                     result.append(scale.offset(base, coder.number(column.child[i > 0], context)))
                 codes.append(result)
+                all_values.append([scale.value(code) for code in result])
 
     # ---- labels and tetrahedra (SPEC 7.3, 7.4)
 
-    def _labels(self, star, ends, a, b, first_stays):
+    def _labels(self, star, a, b, first_stays):
+        """The label of each tetrahedron of the star, and the link's edges in the order in which they are met: of each
+        8 * (3 * the place of its first tetrahedron + which of that one's other corners is not on it), 4 if there are more
+        tetrahedra than that one, 2 if one goes, 1 if one stays."""
         X, Y, Z = self.columns[0].values
-        coder, models = self.coders[0], self.models.label
+        coder, (chances, counts), vertices = self.coders[0], self.models.label, self.count
+        width, code, most = coder.range, coder.code, coder.seen_most
         a0, a1, a2 = a
         b0, b1, b2 = b
         d0, d1, d2 = b0 - a0, b1 - a1, b2 - a2
         m0, m1, m2 = 1.5 * (a0 + b0), 1.5 * (a1 + b1), 1.5 * (a2 + b2)
         length2 = (d0 * d0 + d1 * d1) + d2 * d2
         bounds = [s * length2 for s in STEPS]
-        labels, base = [], 320 if first_stays else 0
-        for _, place, (i, j, k), edges in star:
-            x, y, z = X[i], Y[i], Z[i]
-            ux, uy, uz = X[j] - x, Y[j] - y, Z[j] - z
-            vx, vy, vz = X[k] - x, Y[k] - y, Z[k] - z
+        labels, edges, base = [], {}, 320 if first_stays else 0
+        known = edges.get
+        for tet, (place, i, j, k) in enumerate(star):
+            x, y, z, xj, yj, zj, xk, yk, zk = X[i], Y[i], Z[i], X[j], Y[j], Z[j], X[k], Y[k], Z[k]
+            ux, uy, uz, vx, vy, vz = xj - x, yj - y, zj - z, xk - x, yk - y, zk - z
             nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
             va = (nx * (a0 - x) + ny * (a1 - y)) + nz * (a2 - z)
             vb = (nx * (b0 - x) + ny * (b1 - y)) + nz * (b2 - z)
-            if place % 2 == 0:
-                sides = (va < 0) + 2 * (vb < 0)
+            if place & 1:
+                va, vb = -va, -vb
+            nearer = ((((x + xj) + xk) - m0) * d0 + (((y + yj) + yk) - m1) * d1) + (((z + zj) + zk) - m2) * d2
+            n = base + 10 * bisect_left(bounds, nearer)
+            if va < 0:
+                n += 80
+            if vb < 0:
+                n += 160
+            key0 = j * vertices + k if j < k else k * vertices + j
+            key1 = i * vertices + k if i < k else k * vertices + i
+            key2 = i * vertices + j if i < j else j * vertices + i
+            edge0, edge1, edge2 = known(key0), known(key1), known(key2)
+            edge0 = 24 * tet if edge0 is NONE else edge0 | 4
+            edge1 = 24 * tet + 8 if edge1 is NONE else edge1 | 4
+            edge2 = 24 * tet + 16 if edge2 is NONE else edge2 | 4
+            n += NEIGHBOURS[(edge0 & 3) << 4 | (edge1 & 3) << 2 | edge2 & 3]
+            p, seen = chances[n], counts[n]  # coder.bit, written out
+            bound = (width >> 12) * (p >> 4)
+            if seen < most:
+                counts[n] = seen + 1
+            if code >= bound:
+                code -= bound
+                width -= bound
+                chances[n] = p - (p >> SHIFT[seen])
+                labels.append(1)
+                mark = 2
             else:
-                sides = (va > 0) + 2 * (vb > 0)
-            nearer = (((x + X[j]) + X[k]) - m0) * d0 + (((y + Y[j]) + Y[k]) - m1) * d1
-            nearer = nearer + (((z + Z[j]) + Z[k]) - m2) * d2
-            step = 0
-            while step < 7 and nearer > bounds[step]:
-                step += 1
-            stay = go = 0
-            for e in edges:
-                seen = ends[e][3]
-                stay += seen & 1
-                go += seen >> 1
-            label = coder.bit(models, base + (sides * 8 + step) * 10 + NEIGHBOURS[stay][go])
-            labels.append(label)
-            for e in edges:
-                ends[e][3] |= 1 << label
-        return labels
+                width = bound
+                chances[n] = p + ((65536 - p) >> SHIFT[seen])
+                labels.append(0)
+                mark = 1
+            if width < 0x1000000:
+                coder.code = code
+                coder._refill(width)
+                width, code = coder.range, coder.code
+            edges[key0], edges[key1], edges[key2] = edge0 | mark, edge1 | mark, edge2 | mark
+        coder.range, coder.code = width, code
+        return labels, edges.values()
 
-    def _between(self, star, vertex, child, end, labels):
-        i, c, _, _ = end
-        t, place, _, _ = star[i]
+    def _between(self, star, vertex, child, edge, labels):
+        i, c = divmod(edge >> 3, 3)
+        place = star[i][0]
         opposite = c + (c >= place)
         own, other = (child, vertex) if labels[i] else (vertex, child)
-        return replaced(self.tets_list[t], place, opposite, own, other)
+        return replaced(self.tets_list[self.stars[vertex][i]], place, opposite, own, other)
 
     def _positive(self, corners):
         X, Y, Z = self.columns[0].values
@@ -797,23 +865,23 @@ class Cursor:
         nx, ny, nz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
         return (ax * nx + ay * ny) + az * nz > 0
 
-    def _split(self, vertex, star, ends, a, b, first_stays, to):
+    def _split(self, vertex, star, a, b, first_stays, to):
         coder, models, child = self.coders[0], self.models, self.count
-        labels = self._labels(star, ends, a, b, first_stays)
+        labels, edges = self._labels(star, a, b, first_stays)
         irregular = coder.bit(models.irregular)
         added = []
-        for end in ends:
-            corners, differ = None, end[3] == 3
-            if end[2] == 1:
-                corners = self._between(star, vertex, child, end, labels)
-                context = (first_stays * 2 + labels[end[0]]) * 2 + self._positive(corners)
+        for edge in edges:
+            corners, differ = None, edge & 3 == 3
+            if not edge & 4:
+                corners = self._between(star, vertex, child, edge, labels)
+                context = (first_stays * 2 + labels[edge // 24]) * 2 + self._positive(corners)
                 made = coder.bit(models.boundary, context)
             elif irregular:
                 made = coder.bit(models.made, int(differ))
             else:
                 made = differ
             if made:
-                corners = corners or self._between(star, vertex, child, end, labels)
+                corners = corners or self._between(star, vertex, child, edge, labels)
                 if irregular and coder.bit(models.flip):
                     corners[0], corners[1] = corners[1], corners[0]
                 added.append(corners)
