@@ -14,17 +14,18 @@ import hashlib
 import itertools
 import json
 import math
+import operator
 import struct
 import sys
 import urllib.request
 import zlib
 from bisect import bisect_left
-from operator import itemgetter
 
 import numpy as np
 
 MAGIC = b'\x89TLD\r\n\x1a\n'
 MEASURES = ('max', 'sampled', 'rms', 'predicted')
+FLOAT32_END = float(2**128 - 2**103)  # what is below is a float32, or rounds to one
 SHIFT = [(seen + 1).bit_length() for seen in range(127)]
 NONE = None
 FLOAT32, FLOAT64, UINT32, UINT64 = (struct.Struct('<' + form) for form in 'fdIQ')
@@ -67,6 +68,9 @@ class Scale:
         self.origin, self.step = [0.0] * axes, [0.0] * axes
         for i in range(axes if self.bits else 0):
             self.origin[i], self.step[i] = data.take('dd')
+            require(math.isfinite(self.origin[i]) and self.step[i] > 0, 'numbers of an unknown kind')
+            last = self.origin[i] + self.step[i] * float((1 << self.bits) - 1)
+            require(math.isfinite(last) and (self.type or abs(last) < FLOAT32_END), 'numbers of an unknown kind')
         self.width = self.bits or (64 if self.type else 32)
         self.as_float, self.as_int = (FLOAT64, UINT64) if self.type else (FLOAT32, UINT32)
         self.most = (1 << (63 if self.type else 31)) - 1  # a float's bits without the sign
@@ -104,7 +108,7 @@ class Stream:
         _, major, _, required, _, index_size, index_crc, reserved, self.bytes, cid, reserved2, crc = fields
         require(zlib.crc32(header[:60]) == crc, 'the header is damaged')
         require(major == 1 and required == 0, 'the stream needs a newer reader')
-        require(reserved == 0 and reserved2 == 0, 'the header contradicts itself')
+        require(reserved == 0 and reserved2 == 0 and index_size <= 1 << 28, 'the header contradicts itself')
         index = read(64, index_size)
         require(len(index) == index_size and zlib.crc32(index) == index_crc, 'the index is damaged')
         require(hashlib.sha256(header[:40] + index).digest()[:16] == cid, 'the content id is another')
@@ -113,10 +117,13 @@ class Stream:
 
     def _parse(self, data, offset):
         self.vertices, self.tets, levels, fields, slowest, reserved = data.take('IIIHBB')
-        require(levels >= 1 and 5 <= slowest <= 7 and reserved == 0, 'the index is damaged')
+        require(1 <= levels <= 65536 and fields <= 256 and 5 <= slowest <= 7 and reserved == 0, 'the index is damaged')
+        require(len(data.data) >= levels * (24 + 40 * fields), 'the index ends too early')
+        require(self.vertices < 0xffffffff and self.tets <= 1 << 30, 'the stream is beyond the limits of the format')
         self.seen_most = (1 << slowest) - 2
         bounds = data.take('6d')
         self.bounds = [list(bounds[:3]), list(bounds[3:])]
+        require(all(map(math.isfinite, bounds)) and all(map(operator.le, *self.bounds)), 'the index has bounds that are none')
         self.degenerate_tets, self.inverted_tets, self.unused_points = data.take('QQQ')
         order_size, order_crc = data.take('II')
         self.scales = [Scale(data, 3)]
@@ -124,6 +131,8 @@ class Stream:
         for _ in range(fields):
             self.scales.append(Scale(data, 1))
             components, flags, low, high, size = data.take('BBddH')
+            require(1 <= components <= 64, 'a field of too many components or none')
+            require(math.isfinite(low) and math.isfinite(high) and low <= high, 'a field without a range')
             self.fields.append({'name': data.text(size), 'components': components, 'controlled': bool(flags & 1),
                                 'range': [low, high], 'type': 'float64' if self.scales[-1].type else 'float32'})
         self.levels, self.frames = [], []
@@ -138,12 +147,31 @@ class Stream:
                 frames.append((offset, size, crc))
                 offset += size
             level['bytes'] = offset
+            self._check_level(level, self.levels[-1] if self.levels else None, frames[0][1])
             self.levels.append(level)
             self.frames.append(frames)
         self._order = (offset, order_size, order_crc)
-        self.metadata = json.loads(data.text(data.take('I')) or '{}')
+        size = data.take('I')
+        require(size <= 1 << 20, 'the index is damaged')
+        self._metadata = data.text(size)
         require(data.at == len(data.data) and offset + order_size == self.bytes, 'the index is damaged')
-        require(self.levels[-1]['tets'] == self.tets, 'the levels do not lead to the original')
+        finest = self.levels[-1]
+        require(finest['vertices'] == self.vertices and finest['tets'] == self.tets > 0, 'the levels do not lead to the original')
+
+    @property
+    def metadata(self):
+        return json.loads(self._metadata or '{}')
+
+    @staticmethod
+    def _check_level(level, coarser, geometry_bytes):
+        vertices, tets = level['vertices'], level['tets']
+        if coarser:
+            require(vertices > coarser['vertices'] and tets >= coarser['tets'], 'levels that do not grow')
+            vertices, tets = vertices - coarser['vertices'], tets - coarser['tets']
+        require(max(vertices, tets) <= 1024 * (geometry_bytes + 1), 'levels of more than their bytes can hold')
+        for name, errors in level['errors'].items():
+            for measure, error in errors.items():  # NaN: not known
+                require(not error < 0 and not (coarser and error > coarser['errors'][name][measure]), 'errors that grow with the level')
 
     def frame(self, level, part):
         offset, size, crc = self.frames[level][part]
@@ -656,7 +684,7 @@ class Cursor:
             else:
                 star.append((3, a, b, c))
                 link[a] = link[b] = link[c] = True
-        return star, itemgetter(*link) if link else lambda values: ()
+        return star, operator.itemgetter(*link) if link else lambda values: ()
 
     def _record(self, vertex, to):
         coder, models, columns = self.coders[0], self.models, self.columns
@@ -886,7 +914,9 @@ class Cursor:
                     corners[0], corners[1] = corners[1], corners[0]
                 added.append(corners)
         if irregular:
-            for _ in range(coder.number(models.extra, 0)):
+            count = coder.number(models.extra, 0)
+            require(0 <= count <= to['tets'] - self.tet_count, 'a record brings back too many tetrahedra')
+            for _ in range(count):
                 x, y = coder.number(models.extra, 1), coder.number(models.extra, 1)
                 require(0 <= x < child and 0 <= y < child and len({x, y, vertex}) == 3, 'a record names a wrong vertex')
                 added.append([vertex, child, x, y])

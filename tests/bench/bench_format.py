@@ -1,17 +1,19 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Sizes and speeds of the format, beside what else the same mesh takes. Usage: bench_format.py TETLOD FOLDER-OF-PROGRAMS SIZES.csv
+"""Sizes and speeds of the format, beside what else the same mesh takes. Usage: bench_format.py TETLOD FOLDER-OF-PROGRAMS SIZES.csv CACHE
 
-The fin sample always; PLOT3D's blunt fin (the usual grid and solution) if BLUNT names its folder. The sizes are compared with the committed
-table, and written to it with UPDATE=1.
+The fin sample and the cube of 60^3 * 6 tetrahedra always; PLOT3D's blunt fin (the usual grid and solution) if BLUNT names its folder. The
+cube's stream takes minutes to contract: it is kept in the folder CACHE, and only coded anew (remove it after a change of the builder).
+The sizes are compared with the committed table, and written to it with UPDATE=1.
 """
 import gzip
+import json
 import os
 import subprocess
 import sys
 import tempfile
 
-tetlod, bench, table = sys.argv[1:4]
+tetlod, bench, table, cache = sys.argv[1:5]
 HEADER = 'stream,bits/tet,geometry,fields,header and index'
 COLUMNS = 'which split,labels,tetrahedra,base mesh,positions,field values'
 
@@ -37,39 +39,55 @@ def others(folder, stream, tets):
         for array in arrays:
             file.write(array.tobytes())
     packed = gzip.compress(open(mesh, 'rb').read(), 9)
-    return 8 * len(packed) / tets, 8 * len(run('zstd', '-19', '-c', '-q', raw)) / tets, grid.GetNumberOfCells()
+    return 8 * len(packed) / tets, 8 * len(run('zstd', '-19', '-c', '-q', raw)) / tets
+
+
+def build(folder, name, options):
+    stream = os.path.join(folder, name + '.tetlod')
+    if not os.path.exists(stream):
+        run(tetlod, 'build', *options, '-o', stream, '--quiet')
+    return stream
+
+
+def streams(folder):
+    """Names and streams of what is measured."""
+    fin, cube = os.path.join(folder, 'fin.vtu'), os.path.join(folder, 'cube.vtu')
+    run(tetlod, 'sample', 'fin', '-o', fin)
+    yield 'fin', build(folder, 'fin', [fin])
+    blunt = os.environ.get('BLUNT', '')
+    if os.path.exists(os.path.join(blunt, 'bluntfinxyz.bin')):
+        yield 'blunt', build(folder, 'blunt', [os.path.join(blunt, 'bluntfinxyz.bin'), '--q', os.path.join(blunt, 'bluntfinq.bin'),
+                                               '--field', 'Pressure', '--carry', 'Pressure'])
+    run(tetlod, 'sample', 'cube', '--size', '60', '-o', cube)
+    os.makedirs(cache, exist_ok=True)
+    yield 'cube60', build(cache, 'cube60', [cube])
+
+
+def measure(folder, stream, bits):
+    """A row's values: sizes, sizes of columns, speeds."""
+    again = os.path.join(folder, 'again.tetlod')
+    values = run(os.path.join(bench, 'bench_format'), stream, again, *bits).decode().strip().split(',')
+    values[5:5] = run(os.path.join(bench, 'bench_columns'), again).decode().strip().split(',')
+    return values
 
 
 def main():
     rows = []
     with tempfile.TemporaryDirectory() as folder:
-        inputs = []
-        fin = os.path.join(folder, 'fin.vtu')
-        run(tetlod, 'sample', 'fin', '-o', fin)
-        inputs.append(('fin', [fin]))
-        blunt = os.environ.get('BLUNT', '')
-        if os.path.exists(os.path.join(blunt, 'bluntfinxyz.bin')):
-            inputs.append(('blunt', [os.path.join(blunt, 'bluntfinxyz.bin'), '--q', os.path.join(blunt, 'bluntfinq.bin'),
-                                     '--field', 'Pressure', '--carry', 'Pressure']))
-        print(HEADER + ',' + COLUMNS + ',Mtets/s decoded,undone,redone,ms a level near 50000,bytes/tet')
-        for name, options in inputs:
-            stream = os.path.join(folder, name + '.tetlod')
-            run(tetlod, 'build', *options, '-o', stream, '--quiet')
+        print(HEADER + ',' + COLUMNS + ',Mtets/s decoded,undone,redone,ms a level near 50000,bytes/tet', flush=True)
+        for name, stream in streams(folder):
             for bits in ([], ['16', '16']):
-                again = os.path.join(folder, 'again.tetlod')
-                values = run(os.path.join(bench, 'bench_format'), stream, again, *bits).decode().strip().split(',')
-                values[5:5] = run(os.path.join(bench, 'bench_columns'), again).decode().strip().split(',')
-                rows.append(','.join(values))
-                print(rows[-1])
-            import json
-            info = json.loads(run(tetlod, 'info', stream, '--json'))
-            packed, plain, _ = others(folder, stream, info['tets'])
-            print('# %s: gzip -9 of VTU %.1f, zstd -19 of its arrays %.1f bits/tet' % (name, packed, plain))
-    sizes = [','.join(row.split(',')[:11]) for row in rows]
+                values = measure(folder, stream, bits)
+                rows.append(','.join(values[:11]))
+                print(','.join(values), flush=True)
+            packed, plain = others(folder, stream, json.loads(run(tetlod, 'info', stream, '--json'))['tets'])
+            for what, size in (('gzip -9 of VTU', packed), ('zstd -19 of its arrays', plain)):
+                rows.append('%s %s,%.2f' % (name, what, size) + 9 * ',')
+                print(rows[-1], flush=True)
     if os.environ.get('UPDATE'):
-        open(table, 'w').write('\n'.join([HEADER + ',' + COLUMNS] + sizes) + '\n')
+        open(table, 'w').write('\n'.join([HEADER + ',' + COLUMNS] + rows) + '\n')
     known = dict(line.split(',', 1) for line in open(table).read().splitlines())
-    for row in sizes:
+    for row in rows:
         name, now = row.split(',', 1)
         if known.get(name) != now:
             print('# %s was %s, is %s (UPDATE=1 takes it over)' % (name, known.get(name, 'not there'), now))

@@ -4,7 +4,9 @@
 import glob
 import hashlib
 import os
+import subprocess
 import sys
+import zlib
 
 import numpy as np
 
@@ -53,9 +55,43 @@ def damage(path):
     return found == len(places)
 
 
+def sealed(data):
+    """A stream whose header and index were changed, with the checksums that go with them."""
+    data = bytearray(data)
+    index = data[64:64 + int.from_bytes(data[20:24], 'little')]
+    data[24:28] = zlib.crc32(index).to_bytes(4, 'little')
+    data[40:56] = hashlib.sha256(data[:40] + index).digest()[:16]
+    data[60:64] = zlib.crc32(data[:60]).to_bytes(4, 'little')
+    return bytes(data)
+
+
+def same_verdicts(path, stride):
+    """Header and index with a byte changed are accepted or refused by both decoders."""
+    data, scratch, differ = open(path, 'rb').read(), os.path.join(os.environ['SCRATCH'], 'changed.tetlod'), 0
+    assert sealed(data) == data
+    for i in range(8, 64 + int.from_bytes(data[20:24], 'little'), stride):
+        changed = bytearray(data)
+        changed[i] ^= (0x80, 0x01, 0x50)[i % 3]
+        changed = sealed(changed)
+        with open(scratch, 'wb') as file:
+            file.write(changed)
+        accepted = subprocess.run([os.environ['TETLOD'], 'info', scratch], stdout=subprocess.DEVNULL,
+                                  stderr=subprocess.DEVNULL).returncode == 0
+        try:
+            tetlod.open(changed)
+            differ += not accepted
+        except tetlod.StreamError:
+            differ += accepted
+    return differ == 0
+
+
 number = 0
 for path in sorted(glob.glob(os.path.join(ROOT, 'tests', 'golden', '*.tetlod'))):
     number += 1
     print('%s %d - Python agrees on %s' % ('ok' if check(path) else 'not ok', number, os.path.basename(path)))
-print('%s %d - Python notices damage' % ('ok' if damage(os.path.join(ROOT, 'tests/golden/one_tet.tetlod')) else 'not ok',
-                                         number + 1))
+golden = os.path.join(ROOT, 'tests', 'golden')
+for verdict, what in ((damage(os.path.join(golden, 'one_tet.tetlod')), 'Python notices damage'),
+                      (same_verdicts(os.path.join(golden, 'one_tet.tetlod'), 1), 'Python refuses what C refuses, of one level'),
+                      (same_verdicts(os.path.join(golden, 'grid_12_bit.tetlod'), 7), 'Python refuses what C refuses, of several')):
+    number += 1
+    print('%s %d - %s' % ('ok' if verdict else 'not ok', number, what))
