@@ -129,7 +129,7 @@ $(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h) Makefi
 $(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC)
 	@rm -rf $(@D) && mkdir -p $(@D)
 	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/worker.js
-	$(Q)cp $(WASM) $(filter-out %/worker.js %/engine.js,$(CLIENT_SRC)) $(@D)
+	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js choose.js),$(CLIENT_SRC)) $(@D)
 
 build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
 	@echo "  WEB $(WEB_DIR)"

@@ -213,6 +213,12 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_feed_new(struct tetlod_feed 
 /* Frees the file too; its cursors must be freed before. */
 TETLOD_API void tetlod_feed_free(struct tetlod_feed *feed);
 
+/* Before the first bytes: what will be added is header and index, and of every level the frames of its geometry and of the
+ * fields with these names, nothing of others (SPEC 3; a server's `prefix` and `records` with `fields`). The names are copied.
+ * Cursors can open with these fields only. ERR_NOMEM; if there is no such field, tetlod_feed_add says ERR_FIELD. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_feed_select(struct tetlod_feed *feed, const char *const *names,
+                                                                uint32_t count, struct tetlod_error *error);
+
 /* Copies `size` bytes. TETLOD_MORE until the index is complete, then OK; or as tetlod_open. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_feed_add(struct tetlod_feed *feed, const void *bytes, size_t size,
                                                              struct tetlod_error *error);
@@ -222,6 +228,9 @@ TETLOD_API struct tetlod_file *tetlod_feed_file(const struct tetlod_feed *feed);
 
 /* The finest level that is there whole, or TETLOD_NONE. */
 TETLOD_API uint32_t tetlod_feed_level(const struct tetlod_feed *feed);
+
+/* How many bytes have to be added for a level, once the index is there: the length of its prefix without what is not selected. */
+TETLOD_API uint64_t tetlod_feed_bytes(const struct tetlod_feed *feed, uint32_t level);
 
 #ifdef __cplusplus
 }

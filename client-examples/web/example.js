@@ -17,7 +17,8 @@ const actor = vtkActor.newInstance();
 mapper.setInputData(surface);
 actor.setMapper(mapper);
 
-const stream = await TetlodStream.open(url, { on: { retry: ({ detail }) => { said.value = detail.message; } } });
+const target = { error: 0.001, tets: 500_000 };
+const stream = await TetlodStream.open(url, { target, on: { retry: ({ detail }) => { said.value = detail.message; } } });
 const [field] = stream.info.fields;
 mapper.setScalarRange(...field.range);
 
@@ -37,4 +38,3 @@ stream.addEventListener('pictures', ({ detail: { level, origin, surface: { point
   said.value = `level ${level}: ${tets} tetrahedra, ${Math.round(bytes / 1024)} KiB`;
 });
 await stream.show({ field: field.name, surface: true });
-await stream.refineTo({ error: 0.001, tets: 500_000 });

@@ -126,6 +126,7 @@ export class TetlodStream extends EventTarget {
   static open(url: string | URL, options?: {
     /** Goes on to this at once, as refineTo does; its bytes come with the first ones. */
     target?: Target;
+    /** Names of the fields to decode; a server leaves the others' data out. */
     fields?: string[];
     signal?: AbortSignal;
     retries?: number;

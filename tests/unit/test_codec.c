@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
+#include "format/reader.h"
 #include "format/writer.h"
 #include "tests/gen.h"
 #include "tests/memory_sink.h"
@@ -269,6 +270,70 @@ static void test_origins(void)
     stream_close(&s);
 }
 
+/* The stream without the frames of all fields but one, as a server sends it. */
+static struct tetlodi_buffer frames_of(const struct stream *s, uint32_t field)
+{
+    const struct tetlodi_index *index = &s->file->index;
+    uint32_t parts = 1 + index->info.field_count;
+    struct tetlodi_buffer out = {0};
+    tetlodi_put_block(&out, s->memory.bytes, (size_t)index->info.levels[0].offset);
+    for (uint32_t i = 0; i < index->info.level_count * parts; i++)
+        if (i % parts == 0 || i % parts == 1 + field)
+            tetlodi_put_block(&out, s->memory.bytes + index->frames[i].offset, index->frames[i].size);
+    return out;
+}
+
+/* What is selected decodes as from the whole stream, as soon as its own bytes are there. */
+static void test_feed_of_one_field(void)
+{
+    struct stream s;
+    struct gen_options options = {GEN_HOLES, 6, 3, 6, 3, TETLOD_FLOAT64, 0};
+    REQUIRE(stream_open(&s, &options));
+    const struct tetlod_info *info = tetlod_info(s.file);
+    REQUIRE(info->field_count > 1);
+    for (uint32_t field = 0; field < info->field_count; field++)
+        for (size_t piece = 1; piece < 4000; piece = piece * 3 + 1) {
+            struct tetlodi_buffer part = frames_of(&s, field);
+            struct tetlod_feed *feed;
+            struct tetlod_cursor *cursor = NULL;
+            struct tetlod_error error = {0};
+            struct tetlod_mesh mesh, whole;
+            uint32_t wrong = 0, level = TETLOD_NONE;
+            REQUIRE(!part.failed && part.size < s.memory.size && tetlod_feed_new(&feed, NULL, &error) == TETLOD_OK);
+            REQUIRE(tetlod_feed_select(feed, &info->fields[field].name, 1, &error) == TETLOD_OK);
+            for (size_t at = 0; at < part.size; at += piece) {
+                size_t size = part.size - at < piece ? part.size - at : piece;
+                wrong += tetlod_feed_add(feed, part.bytes + at, size, &error) > TETLOD_MORE;
+                level = tetlod_feed_level(feed);
+                if (level == TETLOD_NONE)
+                    continue;
+                wrong += tetlod_feed_bytes(feed, level) > at + size;
+                wrong += level + 1 < info->level_count && tetlod_feed_bytes(feed, level + 1) <= at + size;
+                if (!cursor)
+                    wrong += tetlod_cursor_new(&cursor, tetlod_feed_file(feed), &field, 1, &error) != TETLOD_OK;
+                wrong += tetlod_cursor_seek(cursor, level, &error) != TETLOD_OK;
+            }
+            CHECK_INT(level, info->level_count - 1);
+            CHECK_INT(wrong, 0);
+            CHECK_INT(tetlod_feed_bytes(feed, level), part.size);
+            REQUIRE(cursor && tetlod_cursor_seek(s.cursor, level, &error) == TETLOD_OK);
+            tetlod_cursor_mesh(cursor, &mesh);
+            tetlod_cursor_mesh(s.cursor, &whole);
+            CHECK(memcmp(mesh.corners, whole.corners, 16 * (size_t)whole.tets) == 0);
+            CHECK(memcmp(mesh.fields[field], whole.fields[field], 8 * (size_t)whole.vertices * info->fields[field].components) == 0);
+            tetlod_cursor_free(cursor);
+            tetlod_feed_free(feed);
+            tetlodi_buffer_fini(&part);
+        }
+    struct tetlod_feed *feed;
+    struct tetlod_error error;
+    const char *none = "nothing";
+    REQUIRE(tetlod_feed_new(&feed, NULL, NULL) == TETLOD_OK && tetlod_feed_select(feed, &none, 1, NULL) == TETLOD_OK);
+    CHECK_INT(tetlod_feed_add(feed, s.memory.bytes, s.memory.size, &error), TETLOD_ERR_FIELD);
+    tetlod_feed_free(feed);
+    stream_close(&s);
+}
+
 /* Fed in pieces of any size: each level can be had as soon as its last byte is there, and not before. */
 static void test_feed(void)
 {
@@ -406,6 +471,7 @@ int main(void)
     RUN(test_selected_fields);
     RUN(test_origins);
     RUN(test_feed);
+    RUN(test_feed_of_one_field);
     RUN(test_truncated);
     RUN(test_damaged);
     RUN(test_sequences_that_are_none);

@@ -26,7 +26,7 @@ static struct view *open_view(const char *name)
 {
     uint32_t size;
     struct view *view = view_of(name, &size);
-    return view && view_add(view, bytes, size) == TETLOD_OK && view_open(view, NULL, 0) == TETLOD_OK ? view : NULL;
+    return view && view_add(view, bytes, size) == TETLOD_OK && view_open(view, NULL, TETLOD_NONE) == TETLOD_OK ? view : NULL;
 }
 
 static void draw_all(struct view *view)
@@ -124,7 +124,7 @@ static void test_bytes_one_by_one_and_bad_ones(void)
     uint64_t damaged = view_info(view)->levels[2].offset + 5;
     bytes[damaged] ^= 16;
     CHECK_INT(view_add(other, bytes, size), TETLOD_OK);
-    CHECK_INT(view_open(other, NULL, 0), TETLOD_OK);
+    CHECK_INT(view_open(other, NULL, TETLOD_NONE), TETLOD_OK);
     CHECK_INT(view_seek(other, 3), TETLOD_ERR_CHECKSUM);
     CHECK(strstr(view_message(other), "checksum") != NULL);
     CHECK_INT(view_mesh(other)->level, 1);

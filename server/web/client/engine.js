@@ -40,13 +40,16 @@ export class Engine {
 
   async open({ module, url, fields, retries, target }) {
     const onRetry = (detail) => this.#emit('retry', detail);
-    this.#source = new Source(url, { target, signal: this.#stop.signal, retries, onRetry });
+    this.#source = new Source(url, { target, fields, signal: this.#stop.signal, retries, onRetry });
     const first = this.#source.read(0, 1); // while the module is compiled
     first.catch(() => {});
     this.#view = await View.create(await module);
+    await first;
+    if (this.#source.partial) this.#view.select(fields);
     for (let reading = first; !await this.#receive(1, reading);) reading = undefined;
     this.#info = this.#view.describe();
     this.#source.cid = this.#info.cid;
+    if (this.#source.partial) this.#source.levels = this.#info.levels;
     if (fields) this.#fields = fields.map((name) => this.#fieldIndex(name));
     if (target) this.#goal = chooseLevel(this.#info, target);
     const base = this.#info.levels[0].bytes;

@@ -66,16 +66,21 @@ async function ask(url, options) {
 
 const budgets = { error: 'error', absError: 'abs_error', level: 'level', tets: 'tets', bytes: 'bytes' };
 
+// '+' stands for itself in the server's queries: no URLSearchParams.
+const query = (values) => Object.entries(values).map(([key, value]) => `${key}=${encodeURIComponent(value)}`).join('&');
+
 // The query of a server's prefix for a target. It takes one budget; of several, the first levels are a beginning.
-function queryOf(target = {}) {
+function prefixQuery({ field, measure, ...target } = {}, fields) {
   const given = Object.keys(budgets).filter((key) => target[key] !== undefined);
-  const query = new URLSearchParams(given.length === 1 ? { [budgets[given[0]]]: target[given[0]] } : { bytes: OPENING });
-  for (const key of ['field', 'measure']) if (target[key] !== undefined) query.set(key, target[key]);
-  return query;
+  return query({
+    ...(given.length === 1 ? { [budgets[given[0]]]: target[given[0]] } : { bytes: OPENING }),
+    ...(field !== undefined && { field }), ...(measure !== undefined && { measure }), ...(fields !== undefined && { fields }),
+  });
 }
 
 export class Source {
   #url; #signal; #retries; #onRetry;
+  #fields;           // names of those that are wanted, separated by commas; undefined: all
   #query;            // of a server's prefix: what the first request asks for
   #least;            // of a file: bytes that its first request asks for
   #served;           // by a server's routes; else ranges of a file
@@ -84,14 +89,16 @@ export class Source {
   #answer = null;    // {reader, at, end} that is being read: at its next byte of the stream; end Infinity: unknown
   #ahead = null;     // {at, answer}: the one after it, asked for already
   #validator = '';   // of the file that ranges are of
+  partial = false;   // the server leaves out other fields: offsets and lengths are of what it sends
   cid = '';          // of the stream, once it is known: all bytes must be of the same one
   levels = null;     // {offset, bytes}: of the server's, or set to what comes without some fields
 
   /** `onRetry({attempt, delay, message})` is told of every failure that is tried again. */
-  constructor(url, { target, signal, retries = 8, onRetry = () => {} } = {}) {
+  constructor(url, { target, fields, signal, retries = 8, onRetry = () => {} } = {}) {
     this.#url = url;
     this.#served = isServed(url);
-    this.#query = queryOf(target);
+    if (fields && !fields.some((name) => name.includes(','))) this.#fields = fields.join();
+    this.#query = prefixQuery(target, this.#fields);
     this.#least = target ? FIRST : OPENING;
     this.#signal = signal;
     this.#retries = retries;
@@ -193,7 +200,10 @@ export class Source {
 
   async #ask(position, until) {
     if (!this.#served) return this.#askRange(position, until);
-    return (!position && await this.#askPrefix()) || this.#askRoutes(position, until);
+    const begins = !position || (this.partial && !this.levels); // without the index nobody knows where its records are
+    const answer = begins && await this.#askPrefix();
+    if (!answer && position && begins) throw new FetchError(`${this.#url} has changed; open it again`);
+    return answer || this.#askRoutes(position, until);
   }
 
   // All that the target needs in one answer; null where the server does not know that, or no such level.
@@ -204,7 +214,10 @@ export class Source {
     try {
       const answer = await this.#fetch(url);
       const end = Number(answer.headers.get('Content-Length'));
-      if (end > 0 && !/^text\//.test(answer.headers.get('Content-Type') ?? '')) return { reader: answer.body.getReader(), at: 0, end };
+      if (end > 0 && !/^text\//.test(answer.headers.get('Content-Type') ?? '')) {
+        this.partial = this.#fields !== undefined && answer.headers.has('Tetlod-Level'); // hosts of files know no queries
+        return { reader: answer.body.getReader(), at: 0, end };
+      }
       await answer.body?.cancel();
     } catch (error) {
       if (!(error instanceof FetchError)) throw error;
@@ -243,13 +256,14 @@ export class Source {
     let last = first;
     while (last + 1 < levels.length && levels[last].bytes < needed && levels[last + 1].bytes <= most) last++;
     const { level, records, stream } = this.#routes;
-    const path = first ? records.replace('{from}', first - 1).replace('{to}', last)
+    const some = this.partial ? `?${query({ fields: this.#fields })}` : '';
+    const path = first ? records.replace('{from}', first - 1).replace('{to}', last) + some
       : level.replace('{level}', last).replace('{format}', 'tetlod');
     try {
       const answer = await this.#fetch(path);
       return { reader: answer.body.getReader(), at: first ? levels[first].offset : 0, end: levels[last].bytes };
     } catch (error) {
-      if (last === first || !(error instanceof FetchError)) throw error;
+      if (last === first || this.partial || !(error instanceof FetchError)) throw error;
       // on a host of files there are the whole stream and single levels, nothing between
       this.#served = false;
       this.#url = stream;

@@ -66,6 +66,12 @@ export class View {
     }
   }
 
+  /** Before the first bytes: they leave out all fields but those with these names. */
+  select(names) {
+    const bytes = new TextEncoder().encode(names.map((name) => `${name}\0`).join(''));
+    this.#check(this.#lend(bytes, (address) => this.#code.view_select(this.#view, address, names.length)));
+  }
+
   /** Adds the next bytes of the stream. True once the index is there. */
   add(bytes) {
     const status = this.#lend(bytes, (address) => this.#code.view_add(this.#view, address, bytes.byteLength));
@@ -88,7 +94,7 @@ export class View {
   /** Decodes the base mesh. `fields` are indices; null: all. */
   open(fields) {
     const list = Uint32Array.from(fields ?? []);
-    this.#check(this.#lend(list, (address) => this.#code.view_open(this.#view, address, list.length)));
+    this.#check(this.#lend(list, (address) => this.#code.view_open(this.#view, address, fields ? list.length : NONE)));
   }
 
   /** Replays or undoes to a level. After a failure the view is at the last level that could be decoded. */

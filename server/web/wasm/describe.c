@@ -82,15 +82,17 @@ static void put_errors(struct tetlodi_buffer *out, const struct tetlod_info *inf
     put(out, "}");
 }
 
-static void put_level(struct tetlodi_buffer *out, const struct tetlod_info *info, uint32_t k)
+/* Offset and bytes are of what comes: without fields that are left out. */
+static void put_level(struct tetlodi_buffer *out, const struct view *view, uint32_t k)
 {
+    const struct tetlod_info *info = view_info(view);
     const struct tetlod_level *level = &info->levels[k];
     put(out, k ? ",{\"level\":" : "{\"level\":");
     put_number(out, k);
     put_member(out, "vertices", level->vertices);
     put_member(out, "tets", level->tets);
-    put_member(out, "offset", (double)level->offset);
-    put_member(out, "bytes", (double)level->end);
+    put_member(out, "offset", k ? (double)tetlod_feed_bytes(view->feed, k - 1) : (double)level->offset);
+    put_member(out, "bytes", (double)tetlod_feed_bytes(view->feed, k));
     put_member(out, "domainError", level->domain_error);
     put_errors(out, info, level);
     put(out, "}");
@@ -119,7 +121,7 @@ const char *view_describe(struct view *view)
     }
     put(out, "],\"levels\":[");
     for (uint32_t k = 0; k < info->level_count; k++)
-        put_level(out, info, k);
+        put_level(out, view, k);
     put(out, "],\"metadata\":");
     put(out, info->metadata_size ? info->metadata : "{}");
     tetlodi_put_block(out, "}", 2); // with the NUL

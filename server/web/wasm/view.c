@@ -36,6 +36,18 @@ const char *view_message(const struct view *view)
     return view->error.message;
 }
 
+uint32_t view_select(struct view *view, const char *names, uint32_t count)
+{
+    const char **list = array_new(count, sizeof *list);
+    if (!list)
+        return tetlodi_fail_nomem(&view->error, "a selection of fields", count);
+    for (uint32_t i = 0; i < count; i++, names += strlen(names) + 1)
+        list[i] = names;
+    enum tetlod_status status = tetlod_feed_select(view->feed, list, count, &view->error);
+    free(list);
+    return status;
+}
+
 uint32_t view_add(struct view *view, const void *bytes, uint32_t size)
 {
     return tetlod_feed_add(view->feed, bytes, size, &view->error);
@@ -102,7 +114,7 @@ static enum tetlod_status add_fields(struct view *view, struct tetmesh *mesh)
 uint32_t view_open(struct view *view, const uint32_t *fields, uint32_t count)
 {
     struct tetlod_file *file = tetlod_feed_file(view->feed);
-    TETLOD_TRY(tetlod_cursor_new(&view->cursor, file, count ? fields : NULL, count, &view->error));
+    TETLOD_TRY(tetlod_cursor_new(&view->cursor, file, count != TETLOD_NONE ? fields : NULL, count, &view->error));
     struct tetmesh *all[] = {&view->shown, &view->from, &view->to, &view->between};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         TETLOD_TRY(add_fields(view, all[i]));

@@ -65,6 +65,8 @@ VIEW_EXPORT(view_release) void view_release(void *block);
 VIEW_EXPORT(view_new) struct view *view_new(void);
 VIEW_EXPORT(view_message) const char *view_message(const struct view *view);
 
+/* Before them: they leave out all fields but these, `count` names that each end with NUL (tetlod_feed_select). */
+VIEW_EXPORT(view_select) uint32_t view_select(struct view *view, const char *names, uint32_t count);
 /* The next bytes of the stream; TETLOD_MORE until the index is there. */
 VIEW_EXPORT(view_add) uint32_t view_add(struct view *view, const void *bytes, uint32_t size);
 /* The index as JSON; NULL: out of memory. */
@@ -72,7 +74,7 @@ VIEW_EXPORT(view_describe) const char *view_describe(struct view *view);
 /* The finest level that is there whole, or TETLOD_NONE. */
 VIEW_EXPORT(view_ready) uint32_t view_ready(const struct view *view);
 
-/* Decodes level 0, with these fields (count 0: all); then moves to others. After a failure the cursor is at the last level that could be decoded. */
+/* Decodes level 0, with these fields (count TETLOD_NONE: all); then moves to others. After a failure the cursor is at the last level that could be decoded. */
 VIEW_EXPORT(view_open) uint32_t view_open(struct view *view, const uint32_t *fields, uint32_t count);
 VIEW_EXPORT(view_seek) uint32_t view_seek(struct view *view, uint32_t level);
 VIEW_EXPORT(view_mesh) const struct tetlod_mesh *view_mesh(const struct view *view);
