@@ -56,6 +56,8 @@ static void make_grid(struct maker *m)
                     if (m->options->kind == GEN_GRID || below(m, 3))
                         add_tet(m, corners);
                 }
+    if (!m->tets) // nothing but holes
+        add_tet(m, (uint32_t[4]){0, 1, 1 + side, 1 + side + side * side});
 }
 
 static void make_soup(struct maker *m)

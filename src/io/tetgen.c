@@ -66,7 +66,7 @@ static enum tetlod_status read_nodes(struct tetmesh *mesh, struct file *f, int64
     TETLOD_TRY(take_header(f, header, 4));
     if (header[1] != 3)
         return fail(f, "the dimension should be 3");
-    if (header[2] > MOST_ATTRIBUTES || (header[2] && header[0] > (f->rest.end - f->rest.at) / 2 / header[2]))
+    if (header[2] > MOST_ATTRIBUTES || (header[2] && (header[0] ? header[0] : 1) > (f->rest.end - f->rest.at) / 2 / header[2]))
         return fail(f, "the file ends too early for these attributes; is it truncated?");
     TETLOD_TRY(assemble_points(mesh, (uint64_t)header[0], TETLOD_FLOAT64, f->error));
     for (int64_t a = 0; a < header[2]; a++)
