@@ -43,6 +43,7 @@ void examiner_fini(struct examiner *examiner)
     free(examiner->original);
     free(examiner->points);
     free(examiner->places);
+    free(examiner->sets);
     free(examiner->constants);
     *examiner = (struct examiner){0};
 }
@@ -57,12 +58,17 @@ static bool room(double **array, size_t *capacity, size_t needed)
     return done;
 }
 
-static bool place_room(struct examiner *examiner, size_t needed)
+/* Room for one more point. */
+static bool point_room(struct examiner *examiner, size_t width)
 {
     void *grown = examiner->places;
-    bool done = array_reserve(&grown, &examiner->place_capacity, needed, sizeof *examiner->places);
+    if (examiner->point_count < examiner->place_capacity)
+        return true;
+    if (!room(&examiner->points, &examiner->point_capacity, 2 * (examiner->point_count + 16) * width) ||
+        !array_reserve(&grown, &examiner->place_capacity, examiner->point_count + 1, sizeof *examiner->places))
+        return false;
     examiner->places = grown;
-    return done;
+    return true;
 }
 
 enum tetlod_status exact_take_up(struct examiner *examiner, const struct complex *complex, const struct fields *fields,
@@ -71,6 +77,7 @@ enum tetlod_status exact_take_up(struct examiner *examiner, const struct complex
     struct patch *patch = &examiner->patch;
     TETLOD_TRY(patch_take_up(patch, complex, star, error));
     size_t links = patch->link_count;
+    examiner->recent_count = 0;
     if (!room(&examiner->level, &examiner->level_capacity, links * fields->driver_count))
         return tetlodi_fail_nomem(error, "the exact limit", links * fields->driver_count * 8);
     for (uint32_t d = 0; d < fields->driver_count; d++) {
@@ -123,14 +130,14 @@ static double meet(const struct critical *low, const struct critical *high, doub
 }
 
 /* Takes a corner of the overlay into account. Where nothing is left the limit rises as far as it has to: what it then is, is a
- * lower bound. */
-static void narrow(struct interval *interval, double weight, double constant, const struct sentinel *where)
+ * lower bound. True: it has risen. */
+static bool narrow(struct interval *interval, double weight, double constant, const struct sentinel *where)
 {
     double limit = interval->limit;
     if (fabs(weight * interval->low + constant) <= limit && fabs(weight * interval->high + constant) <= limit)
-        return;
+        return false;
     if (!(weight > LEAST_WEIGHT))
-        return;
+        return false;
     struct critical here = {weight, constant, *where, false};
     double low = (-limit - constant) / weight, high = (limit - constant) / weight;
     if (low > interval->low) {
@@ -141,20 +148,20 @@ static void narrow(struct interval *interval, double weight, double constant, co
         interval->high = high;
         interval->highest = here;
     }
-    if (interval->low > interval->high) {
-        double at;
-        double raised = meet(&interval->lowest, &interval->highest, &at);
-        if (at < interval->range[0] || at > interval->range[1]) {
-            *(at < interval->range[0] ? &interval->lowest : &interval->highest) =
-                end_of_range(interval->range[at > interval->range[1]]);
-            raised = meet(&interval->lowest, &interval->highest, &at);
-        }
-        interval->limit = larger(limit, raised);
-        interval->low = interval->high = at;
+    if (interval->low <= interval->high)
+        return false;
+    double at, raised = meet(&interval->lowest, &interval->highest, &at);
+    if (at < interval->range[0] || at > interval->range[1]) {
+        *(at < interval->range[0] ? &interval->lowest : &interval->highest) =
+            end_of_range(interval->range[at > interval->range[1]]);
+        raised = meet(&interval->lowest, &interval->highest, &at);
     }
+    interval->limit = larger(limit, raised);
+    interval->low = interval->high = at;
+    return true;
 }
 
-/* May the limits that the intervals need still be below the horizon? */
+/* May the limits that the intervals need still be below the horizon? Below a horizon of 0: is nothing refused so far? */
 static bool hopeful(const struct examiner *examiner, const struct fields *fields, double horizon)
 {
     for (uint32_t d = 0; d < fields->driver_count; d++) {
@@ -172,8 +179,8 @@ static bool add_point(struct examiner *examiner, const struct fields *fields, do
                       const struct sentinel *where, double horizon)
 {
     size_t width = 1 + (size_t)fields->driver_count;
-    if (!room(&examiner->points, &examiner->point_capacity, (examiner->point_count + 1) * width) ||
-        !place_room(examiner, examiner->point_count + 1)) {
+    bool risen = false;
+    if (!point_room(examiner, width)) {
         examiner->point_count = SIZE_MAX;
         return false;
     }
@@ -182,9 +189,9 @@ static bool add_point(struct examiner *examiner, const struct fields *fields, do
     point[0] = weight;
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         point[1 + d] = examiner->constants[d];
-        narrow(&examiner->intervals[d], weight, examiner->constants[d], where);
+        risen |= narrow(&examiner->intervals[d], weight, examiner->constants[d], where);
     }
-    return hopeful(examiner, fields, horizon);
+    return !risen || hopeful(examiner, fields, horizon);
 }
 
 /* The intervals before any point: the range. What rounding may hide is taken off the limit. */
@@ -313,10 +320,11 @@ static bool at_face(const struct examination *e, uint32_t link, const uint32_t f
     }
     if (sum == 0)
         return true;
+    for (int k = 0; k < 3; k++)
+        if (!(weights[k] * (sum < 0 ? -1 : 1) >= -BEYOND * fabs(sum)))
+            return true;
     for (int k = 0; k < 3; k++) {
         weights[k] /= sum;
-        if (!(weights[k] >= -BEYOND))
-            return true;
         const double *p = patch_position(patch, e->overlaps, face[k]);
         for (int i = 0; i < 3; i++)
             x[i] += weights[k] * p[i];
@@ -380,105 +388,173 @@ static bool is_original(const struct examination *e)
     return false;
 }
 
-/* Are both ends of an edge outside of one of the cone's walls? */
-static inline bool beside(const struct patch *patch, const uint32_t edge[2], uint32_t f)
+/* Are both ends of an edge outside of one of the cone's walls? `a` and `b` are their sets of sides. */
+static inline bool beside(const struct patch *patch, const uint64_t *a, const uint64_t *b, uint32_t f)
 {
-    const uint64_t *a = patch_side(patch, edge[0], 0), *b = patch_side(patch, edge[1], 0),
-                   *walls = patch->cone_walls + (size_t)f * patch->words,
-                   *inside = patch->cone_signs + (size_t)f * patch->words;
     uint32_t words = patch->words, low = MAYBE_NOT_POSITIVE * words, high = MAYBE_NOT_NEGATIVE * words;
+    const uint64_t *walls = patch->cone_walls + (size_t)f * words, *inside = patch->cone_signs + (size_t)f * words;
     uint64_t outside = 0;
     for (uint32_t word = 0; word < words; word++)
-        outside |= walls[word] & ((inside[word] & ~(a[high + word] | b[high + word])) |
-                                  (~inside[word] & ~(a[low + word] | b[low + word])));
+        outside |= (inside[word] & ~(a[high + word] | b[high + word])) |
+                   ((walls[word] ^ inside[word]) & ~(a[low + word] | b[low + word]));
     return outside;
 }
 
 static bool at_edges(const struct examination *e)
 {
     const struct patch *patch = &e->examiner->patch;
-    for (uint32_t i = 0; i < patch->edge_count; i++)
+    for (uint32_t i = 0; i < patch->edge_count; i++) {
+        const uint32_t *edge = patch->edges[i];
+        const uint64_t *a = patch_side(patch, edge[0], POSITIVE), *b = patch_side(patch, edge[1], POSITIVE);
         for (uint32_t word = 0; word < patch->words; word++)
-            for (uint64_t bits = patch_side(patch, patch->edges[i][0], POSITIVE)[word] ^
-                                 patch_side(patch, patch->edges[i][1], POSITIVE)[word];
-                 bits; bits &= bits - 1) {
+            for (uint64_t bits = a[word] ^ b[word]; bits; bits &= bits - 1) {
                 uint32_t w = 64 * word + (uint32_t)__builtin_ctzll(bits);
-                if (!beside(patch, patch->edges[i], patch->walls[w].cones[0]) &&
-                    !beside(patch, patch->edges[i], patch->walls[w].cones[1]) &&
-                    !at_wall(e, patch->edges[i][0], patch->edges[i][1], w))
+                const struct wall *wall = &patch->walls[w];
+                if (!beside(patch, a, b, wall->cones[0]) && !beside(patch, a, b, wall->cones[1]) &&
+                    !at_wall(e, edge[0], edge[1], w))
                     return false;
             }
+    }
     return true;
 }
 
-/* May the corners lie on both sides of every wall that meets in the spoke? */
-static bool around(const struct patch *patch, const uint32_t *corners, int count, uint32_t link)
+/* The walls that an original may lie on both sides of. */
+static inline void both_sides(const struct patch *patch, const uint32_t corners[4], uint64_t *out)
 {
-    const uint64_t *walls = patch->spoke_walls + (size_t)link * patch->words;
-    uint64_t missing = 0;
     for (uint32_t word = 0; word < patch->words; word++) {
         uint64_t low = 0, high = 0;
-        for (int c = 0; c < count; c++) {
+        for (int c = 0; c < 4; c++) {
             low |= patch_side(patch, corners[c], MAYBE_NOT_POSITIVE)[word];
             high |= patch_side(patch, corners[c], MAYBE_NOT_NEGATIVE)[word];
         }
-        missing |= walls[word] & ~(low & high);
+        out[word] = low & high;
     }
+}
+
+/* Are all walls that meet in the spoke among those? */
+static inline bool around(const struct patch *patch, const uint64_t *both, uint32_t link)
+{
+    const uint64_t *walls = patch->spoke_walls + (size_t)link * patch->words;
+    uint64_t missing = 0;
+    for (uint32_t word = 0; word < patch->words; word++)
+        missing |= walls[word] & ~both[word];
     return !missing;
+}
+
+/* The same of an original face. */
+static inline bool face_around(const struct patch *patch, const uint32_t face[3], uint32_t link)
+{
+    const uint64_t *a = patch_side(patch, face[0], 0), *b = patch_side(patch, face[1], 0), *c = patch_side(patch, face[2], 0),
+                   *walls = patch->spoke_walls + (size_t)link * patch->words;
+    uint32_t words = patch->words, low = MAYBE_NOT_POSITIVE * words, high = MAYBE_NOT_NEGATIVE * words;
+    uint64_t missing = 0;
+    for (uint32_t word = 0; word < words; word++)
+        missing |= walls[word] & ~((a[low + word] | b[low + word] | c[low + word]) &
+                                   (a[high + word] | b[high + word] | c[high + word]));
+    return !missing;
+}
+
+/* A face, whichever of its two tetrahedra it is seen from. There are no more vertices than MOST_ROWS. */
+static inline uint64_t face_key(const uint32_t face[3])
+{
+    uint64_t a = face[0], b = face[1], c = face[2], least = a < b ? a : b, greatest = a < b ? b : a;
+    uint64_t low = c < least ? c : least, high = c > greatest ? c : greatest;
+    return (low << 42) + ((a + b + c - low - high) << 21) + high;
+}
+
+/* The faces that may cross a spoke, each once. `sets` are the originals' walls of both sides, `met` is room for their faces. */
+static bool at_spoke(const struct examination *e, uint32_t link, const uint64_t *sets, uint64_t *met)
+{
+    const struct patch *patch = &e->examiner->patch;
+    size_t met_count = 0;
+    for (uint32_t t = 0; t < patch->tet_count; t++) {
+        if (!around(patch, sets + (size_t)t * patch->words, link))
+            continue;
+        for (int f = 0; f < 4; f++) {
+            uint32_t face[3];
+            for (int k = 0; k < 3; k++)
+                face[k] = patch->corners[t][tet_faces[f][k]];
+            if (!face_around(patch, face, link))
+                continue;
+            uint64_t key = face_key(face);
+            size_t i = 0;
+            while (i < met_count && met[i] != key)
+                i++;
+            if (i < met_count)
+                continue;
+            met[met_count++] = key;
+            if (!at_face(e, link, face))
+                return false;
+        }
+    }
+    return true;
 }
 
 static bool at_spokes(const struct examination *e)
 {
-    const struct patch *patch = &e->examiner->patch;
-    for (uint32_t t = 0; t < patch->tet_count; t++)
-        for (uint32_t link = 0; link < patch->link_count; link++) {
-            if (!around(patch, patch->corners[t], 4, link))
-                continue;
-            for (int f = 0; f < 4; f++) {
-                uint32_t face[3];
-                for (int k = 0; k < 3; k++)
-                    face[k] = patch->corners[t][tet_faces[f][k]];
-                if (around(patch, face, 3, link) && !at_face(e, link, face))
-                    return false;
-            }
-        }
+    struct examiner *examiner = e->examiner;
+    const struct patch *patch = &examiner->patch;
+    size_t tets = patch->tet_count;
+    void *grown = examiner->sets;
+    if (!array_reserve(&grown, &examiner->set_capacity, tets * (patch->words + 4), sizeof *examiner->sets)) {
+        examiner->point_count = SIZE_MAX;
+        return false;
+    }
+    examiner->sets = grown;
+    for (size_t t = 0; t < tets; t++)
+        both_sides(patch, patch->corners[t], examiner->sets + t * patch->words);
+    for (uint32_t link = 0; link < patch->link_count; link++)
+        if (!at_spoke(e, link, examiner->sets, examiner->sets + tets * patch->words))
+            return false;
     return true;
 }
 
-/* The sentinels of the star, all of which are points that must hold. False: hopeless. */
-static bool ask_sentinels(const struct examination *e)
+/* A sentinel is a point of the overlay that must hold wherever v' is. False: no memory. */
+static bool ask_sentinel(const struct examination *e, struct sentinel here)
 {
     struct examiner *examiner = e->examiner;
     struct patch *patch = &examiner->patch;
-    for (size_t i = 0; i < SENTINELS * (size_t)e->star->tet_count; i++) {
-        struct sentinel here = e->overlaps->sentinels[SENTINELS * (size_t)e->star->tets[i / SENTINELS] + i % SENTINELS];
-        double p[3], weights[3], weight, t = here.along;
-        if (here.ends[0] == TETLOD_NONE)
-            continue;
-        const double *a = e->overlaps->mesh->positions + 3 * (size_t)here.ends[0],
-                     *b = e->overlaps->mesh->positions + 3 * (size_t)here.ends[1];
+    double p[3], weights[3], weight, t = here.along;
+    if (here.ends[0] == TETLOD_NONE)
+        return true;
+    const double *a = e->overlaps->mesh->positions + 3 * (size_t)here.ends[0],
+                 *b = e->overlaps->mesh->positions + 3 * (size_t)here.ends[1];
+    for (int k = 0; k < 3; k++)
+        p[k] = (1 - t) * a[k] + t * b[k];
+    uint32_t f = patch_cone_at(patch, e->complex, p, weights, &weight);
+    if (f == TETLOD_NONE || !(weight > 0))
+        return true;
+    for (uint32_t d = 0; d < e->fields->driver_count; d++) {
+        const struct driver *driver = &e->fields->drivers[d];
+        double constant = -(1 - t) * original_value(e->overlaps, driver, here.ends[0]) -
+                          t * original_value(e->overlaps, driver, here.ends[1]);
         for (int k = 0; k < 3; k++)
-            p[k] = (1 - t) * a[k] + t * b[k];
-        uint32_t f = patch_cone_at(patch, e->complex, p, weights, &weight);
-        if (f == TETLOD_NONE || !(weight > 0))
-            continue;
-        for (uint32_t d = 0; d < e->fields->driver_count; d++) {
-            const struct driver *driver = &e->fields->drivers[d];
-            double constant = -(1 - t) * original_value(e->overlaps, driver, here.ends[0]) -
-                              t * original_value(e->overlaps, driver, here.ends[1]);
-            for (int k = 0; k < 3; k++)
-                constant += weights[k] * examiner->level[d * (size_t)patch->link_count + patch->cones[f].link[k]];
-            examiner->constants[d] = constant;
-        }
-        here.tet = patch->cones[f].tet;
-        add_point(examiner, e->fields, weight, &here, INFINITY);
-        if (examiner->point_count == SIZE_MAX)
-            return false;
+            constant += weights[k] * examiner->level[d * (size_t)patch->link_count + patch->cones[f].link[k]];
+        examiner->constants[d] = constant;
     }
+    here.tet = patch->cones[f].tet;
+    add_point(examiner, e->fields, weight, &here, INFINITY);
+    return examiner->point_count != SIZE_MAX;
+}
+
+/* What refused the star's other candidates, then the sentinels of its tetrahedra. False: hopeless, or no memory. */
+static bool ask_sentinels(const struct examination *e)
+{
+    const struct examiner *examiner = e->examiner;
+    for (uint32_t i = 0; i < examiner->recent_count; i++)
+        if (!ask_sentinel(e, examiner->recent[i]))
+            return false;
+    if (!hopeful(examiner, e->fields, e->horizon))
+        return false;
+    for (uint32_t i = 0; i < e->star->tet_count; i++)
+        for (size_t k = 0; k < SENTINELS; k++)
+            if (!ask_sentinel(e, e->overlaps->sentinels[SENTINELS * (size_t)e->star->tets[i] + k]))
+                return false;
     return hopeful(examiner, e->fields, e->horizon);
 }
 
-/* All corners of the overlay, those first that are most likely to refuse. False: hopeless, or out of memory. */
+/* All corners of the overlay, kind by kind, the cheapest first: once one kind refuses, the next need not be asked. False:
+ * hopeless, or out of memory. */
 static bool look_everywhere(const struct examination *e)
 {
     struct patch *patch = &e->examiner->patch;
@@ -489,12 +565,14 @@ static bool look_everywhere(const struct examination *e)
         if (!at_vertex(e, v))
             return false;
     }
+    if (!hopeful(e->examiner, e->fields, 0))
+        return false;
     struct tetlod_error error;
     if (patch_edges(patch, &error) != TETLOD_OK) {
         e->examiner->point_count = SIZE_MAX;
         return false;
     }
-    return at_edges(e) && at_spokes(e);
+    return at_edges(e) && hopeful(e->examiner, e->fields, 0) && at_spokes(e);
 }
 
 /* ---- the finding */
@@ -600,6 +678,8 @@ enum tetlod_status exact_examine(struct examiner *examiner, const struct overlap
     raise_limits(examiner, fields);
     if (!refused(examiner, fields, out))
         settle(examiner, fields, wanted, limit, out);
+    for (int i = 0; i < 2 && examiner->recent_count < RECENT; i++)
+        examiner->recent[examiner->recent_count++] = out->witness[i];
     return TETLOD_OK;
 }
 

@@ -27,16 +27,21 @@ struct interval {
     struct critical lowest, highest; /* that say so */
 };
 
+enum { RECENT = 8 };
+
 /* One thread's. */
 struct examiner {
     struct patch patch;
+    struct sentinel recent[RECENT]; /* points that refused the star's candidates so far */
+    uint32_t recent_count;
     struct interval *intervals; /* [driver] */
     double *level, *original;   /* [driver][link], [driver][vertex] values */
     double *points;             /* [point][1 + driver] weights and constants of all corners of the overlay */
     double *constants;          /* [driver] of the one at hand */
     double *chosen, *errors;    /* [driver] */
     struct sentinel *places;    /* [point] */
-    size_t level_capacity, original_capacity, point_capacity, place_capacity, point_count;
+    uint64_t *sets;             /* scratch */
+    size_t level_capacity, original_capacity, point_capacity, place_capacity, set_capacity, point_count;
 };
 
 struct finding {
