@@ -242,7 +242,7 @@ static bool at_vertex(const struct examination *e, uint32_t v)
 {
     struct examiner *examiner = e->examiner;
     const struct patch *patch = &examiner->patch;
-    const double *p = patch_position(patch, e->overlaps, v), *row = patch->rows + (size_t)v * patch->wall_count;
+    const double *p = patch_position(patch, e->overlaps, v), *row = patch_row(patch, v);
     size_t links = patch->link_count, vertices = patch->vertex_count;
     if (p[0] == patch->apex[0] && p[1] == patch->apex[1] && p[2] == patch->apex[2]) {
         for (uint32_t d = 0; d < e->fields->driver_count; d++)
@@ -272,7 +272,7 @@ static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_
     struct examiner *examiner = e->examiner;
     const struct patch *patch = &examiner->patch;
     const struct cone *cone = &patch->cones[patch->walls[w].cones[0]];
-    const double *from = patch->rows + (size_t)a * patch->wall_count, *to = patch->rows + (size_t)b * patch->wall_count;
+    const double *from = patch_row(patch, a), *to = patch_row(patch, b);
     double between = from[w] - to[w], t = between != 0 ? from[w] / between : 0, s, x[3], weights[3], sum = 0;
     t = smaller(larger(t, 0), 1);
     s = 1 - t;
@@ -313,8 +313,7 @@ static bool at_face(const struct examination *e, uint32_t link, const uint32_t f
     uint32_t place = patch->spoke_cone[link][1], u = cone->walls[(place + 1) % 3], v = cone->walls[(place + 2) % 3];
     double weights[3], sum = 0, x[3] = {0, 0, 0}, off[2] = {0, 0};
     for (int k = 0; k < 3; k++) {
-        const double *from = patch->rows + (size_t)face[(k + 1) % 3] * patch->wall_count,
-                     *to = patch->rows + (size_t)face[(k + 2) % 3] * patch->wall_count;
+        const double *from = patch_row(patch, face[(k + 1) % 3]), *to = patch_row(patch, face[(k + 2) % 3]);
         weights[k] = from[u] * to[v] - from[v] * to[u];
         sum += weights[k];
     }
@@ -328,8 +327,8 @@ static bool at_face(const struct examination *e, uint32_t link, const uint32_t f
         const double *p = patch_position(patch, e->overlaps, face[k]);
         for (int i = 0; i < 3; i++)
             x[i] += weights[k] * p[i];
-        off[0] += weights[k] * patch->rows[(size_t)face[k] * patch->wall_count + u];
-        off[1] += weights[k] * patch->rows[(size_t)face[k] * patch->wall_count + v];
+        off[0] += weights[k] * patch_row(patch, face[k])[u];
+        off[1] += weights[k] * patch_row(patch, face[k])[v];
     }
     if (fabs(off[0] * cone->scale[(place + 1) % 3]) > BEYOND || fabs(off[1] * cone->scale[(place + 2) % 3]) > BEYOND)
         return true; // the spoke lies in the face: where it leaves that, it crosses others
@@ -553,6 +552,12 @@ static bool ask_sentinels(const struct examination *e)
     return hopeful(examiner, e->fields, e->horizon);
 }
 
+/* Is the next kind of corners asked, too? Not if one has refused, unless the whole bound is wanted. */
+static bool goes_on(const struct examination *e)
+{
+    return isinf(e->horizon) || hopeful(e->examiner, e->fields, 0);
+}
+
 /* All corners of the overlay, kind by kind, the cheapest first: once one kind refuses, the next need not be asked. False:
  * hopeless, or out of memory. */
 static bool look_everywhere(const struct examination *e)
@@ -565,14 +570,14 @@ static bool look_everywhere(const struct examination *e)
         if (!at_vertex(e, v))
             return false;
     }
-    if (!hopeful(e->examiner, e->fields, 0))
+    if (!goes_on(e))
         return false;
     struct tetlod_error error;
     if (patch_edges(patch, &error) != TETLOD_OK) {
         e->examiner->point_count = SIZE_MAX;
         return false;
     }
-    return at_edges(e) && hopeful(e->examiner, e->fields, 0) && at_spokes(e);
+    return at_edges(e) && goes_on(e) && at_spokes(e);
 }
 
 /* ---- the finding */

@@ -295,8 +295,10 @@ static void reach_out(struct patch *patch, double reach)
         return;
     patch->reach = reach;
     patch->condition *= ratio;
-    for (uint32_t w = 0; w < patch->wall_count; w++)
-        patch->walls[w].tolerance *= ratio;
+    for (uint32_t w = 0; w < patch->wall_count; w++) {
+        patch->tolerances[w] *= ratio;
+        patch->thresholds[w] *= ratio;
+    }
     for (uint32_t f = 0; f < patch->cone_count; f++)
         patch->cones[f].tolerance *= ratio;
 }
@@ -305,14 +307,21 @@ static void reach_out(struct patch *patch, double reach)
 static void look_at_walls(struct patch *patch, const struct complex *complex)
 {
     for (uint32_t w = 0; w < patch->wall_count; w++) {
-        struct wall *wall = &patch->walls[w];
+        const struct wall *wall = &patch->walls[w];
         double a[3], b[3], n[3];
         subtract(link_position(patch, complex, wall->link[0]), patch->apex, a);
         subtract(link_position(patch, complex, wall->link[1]), patch->apex, b);
         cross(a, b, n);
-        wall->tolerance = PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * patch->reach;
+        patch->tolerances[w] = PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * patch->reach;
+        patch->thresholds[w] = wall->outer ? -patch->tolerances[w] : 0;
         for (int i = 0; i < 3; i++)
-            patch->normals[(size_t)i * patch->wall_count + w] = n[i];
+            patch->normals[(size_t)i * patch->stride + w] = n[i];
+    }
+    for (uint32_t w = patch->wall_count; w < patch->stride; w++) { // idle ones have nothing on any side
+        patch->tolerances[w] = -1;
+        patch->thresholds[w] = INFINITY;
+        for (size_t i = 0; i < 3; i++)
+            patch->normals[i * patch->stride + w] = 0;
     }
 }
 
@@ -344,7 +353,7 @@ static bool look_at_cone(struct patch *patch, const struct complex *complex, uin
     for (int k = 0; k < 3; k++) {
         uint32_t w = cone->walls[k];
         double *n = patch->normals + w, r[3];
-        size_t stride = patch->wall_count;
+        size_t stride = patch->stride;
         subtract(p[k], patch->apex, r);
         double distance = n[0] * r[0] + n[stride] * r[1] + n[2 * stride] * r[2];
         if (distance == 0)
@@ -377,19 +386,21 @@ static void look_at_spokes(struct patch *patch)
 enum tetlod_status patch_look(struct patch *patch, const struct complex *complex, const double p[3], bool *out_sound,
                               struct tetlod_error *error)
 {
-    size_t walls = patch->wall_count, cones = patch->cone_count;
+    size_t cones = patch->cone_count, stride = patch->stride = (patch->wall_count + PATCH_LANES - 1) / PATCH_LANES * PATCH_LANES;
     size_t words = patch->words = (patch->wall_count + 63) / 64;
     double reach2 = 0;
     memcpy(patch->apex, p, sizeof patch->apex);
     *out_sound = true;
-    if (!room(patch, NORMALS, &patch->normals, 3 * walls, sizeof *patch->normals) ||
-        !room(patch, ROWS, &patch->rows, walls, sizeof *patch->rows) ||
+    if (!room(patch, NORMALS, &patch->normals, 5 * stride, sizeof *patch->normals) ||
+        !room(patch, ROWS, &patch->rows, stride, sizeof *patch->rows) ||
         !room(patch, SIGNS, &patch->signs, SIDES * words, sizeof *patch->signs) ||
         !room(patch, CONE_WALLS, &patch->cone_walls, words * cones, sizeof *patch->cone_walls) ||
         !room(patch, CONE_SIGNS, &patch->cone_signs, words * cones, sizeof *patch->cone_signs) ||
         !room(patch, SPOKE_WALLS, &patch->spoke_walls, words * patch->link_count, sizeof *patch->spoke_walls) ||
         !room(patch, SPOKE_CONE, &patch->spoke_cone, patch->link_count, sizeof *patch->spoke_cone))
         return no_room(error);
+    patch->tolerances = patch->normals + 3 * stride;
+    patch->thresholds = patch->tolerances + stride;
     for (uint32_t l = 0; l < patch->link_count; l++)
         reach2 = larger(reach2, distance_squared(patch->apex, link_position(patch, complex, l)));
     patch->reach = sqrt(reach2);
@@ -404,13 +415,12 @@ enum tetlod_status patch_look(struct patch *patch, const struct complex *complex
 enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *overlaps, const struct star *star,
                                 bool *out_few, struct tetlod_error *error)
 {
-    size_t walls = patch->wall_count;
     double reach2 = 0;
     if (!patch->gathered && (!gather_tets(patch, overlaps, star) || !gather_vertices(patch, overlaps)))
         return no_room(error);
     patch->gathered = true;
-    *out_few = walls * patch->vertex_count <= MOST_ROWS;
-    if (*out_few && (!room(patch, ROWS, &patch->rows, walls * patch->vertex_count, sizeof *patch->rows) ||
+    *out_few = (size_t)patch->stride * patch->vertex_count <= MOST_ROWS;
+    if (*out_few && (!room(patch, ROWS, &patch->rows, (size_t)patch->stride * patch->vertex_count, sizeof *patch->rows) ||
                      !room(patch, SIGNS, &patch->signs, SIDES * (size_t)patch->words * patch->vertex_count,
                            sizeof *patch->signs)))
         return no_room(error);
@@ -420,33 +430,48 @@ enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *over
     return TETLOD_OK;
 }
 
+/* As many walls at a time; a comparison gives all bits of a lane. */
+typedef double lanes __attribute__((vector_size(PATCH_LANES * sizeof(double))));
+typedef uint64_t lane_bits __attribute__((vector_size(PATCH_LANES * sizeof(uint64_t))));
+
+#define LOAD(array) (*(const struct unaligned *)(const void *)(array)).lanes
+
+struct unaligned {
+    lanes lanes;
+} __attribute__((packed, aligned(8), may_alias));
+
+/* The distances from up to 64 walls, and their signs. */
+static void make_word(const struct patch *patch, const double r[3], double *row, size_t first, size_t last, uint64_t *signs)
+{
+    const double *nx = patch->normals, *ny = nx + patch->stride, *nz = ny + patch->stride;
+    lane_bits positives = {0}, nears = {0}, bit = {1, 2};
+    for (size_t w = first; w < last; w += PATCH_LANES, bit <<= PATCH_LANES) {
+        lanes distance = LOAD(nx + w) * r[0] + LOAD(ny + w) * r[1] + LOAD(nz + w) * r[2], tolerance = LOAD(patch->tolerances + w);
+        memcpy(row + w, &distance, sizeof distance);
+        positives |= (lane_bits)(distance >= LOAD(patch->thresholds + w)) & bit;
+        nears |= (lane_bits)((distance <= tolerance) & (distance >= -tolerance)) & bit;
+    }
+    uint64_t positive = positives[0] | positives[1],
+             near = nears[0] | nears[1], all = ~(uint64_t)0 >> (64 - (last - first));
+    signs[POSITIVE * patch->words] = positive;
+    signs[MAYBE_NOT_POSITIVE * patch->words] = (~positive & all) | near;
+    signs[MAYBE_NOT_NEGATIVE * patch->words] = positive | near;
+}
+
 static void make_row(const struct patch *patch, const double p[3], double *row, uint64_t *signs)
 {
-    size_t walls = patch->wall_count;
-    const double *nx = patch->normals, *ny = nx + walls, *nz = ny + walls;
     double r[3];
     subtract(p, patch->apex, r);
-    for (size_t w = 0; w < walls; w++)
-        row[w] = nx[w] * r[0] + ny[w] * r[1] + nz[w] * r[2];
     for (uint32_t word = 0; word < patch->words; word++) {
-        size_t first = (size_t)64 * word, last = first + 64 < walls ? first + 64 : walls;
-        uint64_t positive = 0, low = 0, high = 0;
-        for (size_t w = first; w < last; w++) {
-            double tolerance = patch->walls[w].tolerance;
-            positive |= (uint64_t)(row[w] >= (patch->walls[w].outer ? -tolerance : 0)) << (w - first);
-            low |= (uint64_t)(row[w] <= tolerance) << (w - first);
-            high |= (uint64_t)(row[w] >= -tolerance) << (w - first);
-        }
-        signs[POSITIVE * patch->words + word] = positive;
-        signs[MAYBE_NOT_POSITIVE * patch->words + word] = low;
-        signs[MAYBE_NOT_NEGATIVE * patch->words + word] = high;
+        size_t first = (size_t)64 * word, last = first + 64 < patch->stride ? first + 64 : patch->stride;
+        make_word(patch, r, row, first, last, signs + word);
     }
 }
 
 void patch_rows(struct patch *patch, const struct overlaps *overlaps, uint32_t begin, uint32_t end)
 {
     for (uint32_t v = begin; v < end; v++)
-        make_row(patch, patch_position(patch, overlaps, v), patch->rows + (size_t)v * patch->wall_count,
+        make_row(patch, patch_position(patch, overlaps, v), patch->rows + (size_t)v * patch->stride,
                  patch->signs + (size_t)v * SIDES * patch->words);
 }
 
@@ -485,7 +510,7 @@ uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex)
     if (best != TETLOD_NONE)
         return best;
     // rounding may leave a sliver between cones: the cone that it is least outside of
-    const double *row = patch->rows + (size_t)vertex * patch->wall_count;
+    const double *row = patch_row(patch, vertex);
     double most = -1e-9;
     for (uint32_t f = 0; f < patch->cone_count; f++) {
         const struct cone *cone = &patch->cones[f];

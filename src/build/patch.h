@@ -50,7 +50,6 @@ struct wall {
     uint32_t link[2];   /* numbers of its vertices in the link */
     uint32_t cones[2];  /* that it bounds; the same twice on the boundary */
     bool outer;         /* it lies on the boundary */
-    double tolerance;   /* of its distances' rounding */
 };
 
 struct cone {
@@ -65,7 +64,7 @@ struct cone {
 };
 
 /* One thread's. Numbers of vertices, link vertices, walls and cones are the patch's own. */
-enum { PATCH_PARTS = 24 };
+enum { PATCH_PARTS = 24, PATCH_LANES = 2 };
 
 struct patch {
     /* the originals */
@@ -84,8 +83,11 @@ struct patch {
     double apex[3], reach;       /* no vertex of the link is farther from it, nor of the originals once these are gathered */
     double condition;            /* the largest of the cones': (longest edge)^2 * reach / 6V */
     uint32_t words;              /* of a set of walls */
-    double *normals;             /* [3][wall] */
-    double *rows;                /* [vertex][wall] distances from the walls' planes, scaled */
+    uint32_t stride;             /* of rows: the walls, and idle ones up to a multiple of PATCH_LANES */
+    double *normals;             /* [3][stride] of the walls */
+    double *tolerances;          /* [stride] of the distances' rounding */
+    double *thresholds;          /* [stride] distances from there on count as positive */
+    double *rows;                /* [vertex][stride] distances from the walls' planes, scaled */
     uint64_t *signs;             /* [vertex][SIDES][words] sets of walls */
     uint64_t *cone_walls, *cone_signs; /* [cone][words] its walls, and the signs inside it */
     uint64_t *spoke_walls;       /* [link][words] the walls that meet there, but those on the boundary */
@@ -138,6 +140,11 @@ TETLOD_CHECKED enum tetlod_status patch_hand_on(struct patch *patch, struct over
 static inline const double *patch_position(const struct patch *patch, const struct overlaps *overlaps, uint32_t vertex)
 {
     return overlaps->mesh->positions + 3 * (size_t)patch->vertices[vertex];
+}
+
+static inline const double *patch_row(const struct patch *patch, uint32_t vertex)
+{
+    return patch->rows + (size_t)vertex * patch->stride;
 }
 
 /* A vertex's set of walls. */
