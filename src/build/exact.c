@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/build/exact.h"
 
-#include <assert.h>
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -688,15 +687,8 @@ enum tetlod_status exact_examine(struct examiner *examiner, const struct overlap
     return TETLOD_OK;
 }
 
-enum tetlod_status exact_contract(struct examiner *examiner, struct overlaps *overlaps, const struct complex *complex,
-                                  const struct star *star, const double p[3], struct tetlod_error *error)
+enum tetlod_status exact_hand_on(struct examiner *examiner, const struct overlaps *overlaps, const struct complex *complex,
+                                 struct handover *out, struct tetlod_error *error)
 {
-    struct patch *patch = &examiner->patch;
-    bool sound, few;
-    TETLOD_TRY(patch_take_up(patch, complex, star, error));
-    TETLOD_TRY(patch_look(patch, complex, p, &sound, error));
-    TETLOD_TRY(patch_gather(patch, overlaps, star, &few, error));
-    assert(sound && few);
-    patch_rows(patch, overlaps, 0, patch->vertex_count);
-    return patch_hand_on(patch, overlaps, complex, star, error);
+    return patch_hand_on(&examiner->patch, overlaps, complex, out, error);
 }

@@ -69,9 +69,9 @@ TETLOD_CHECKED enum tetlod_status exact_examine(struct examiner *examiner, const
                                                 double limit, double horizon, struct finding *out,
                                                 struct tetlod_error *error);
 
-/* Before the contraction of a star to p, which exact_examine has allowed: follows it. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status exact_contract(struct examiner *examiner, struct overlaps *overlaps,
-                                                 const struct complex *complex, const struct star *star,
-                                                 const double p[3], struct tetlod_error *error);
+/* After exact_examine has allowed a contraction: what it leaves to its cones, for overlaps_take. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status exact_hand_on(struct examiner *examiner, const struct overlaps *overlaps,
+                                                const struct complex *complex, struct handover *out,
+                                                struct tetlod_error *error);
 
 #endif

@@ -29,6 +29,7 @@ struct work {
     double *values, *errors;                  /* [driver_count] */
     struct sentinel witnesses[8];             /* points that refused candidates */
     uint32_t witness_count;
+    struct handover handover;                 /* of what is allowed */
 };
 
 /* So many are examined at a time, on as many threads as there are. */

@@ -527,23 +527,17 @@ uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex)
 
 /* ---- handing on */
 
-/* Is an original on the other side of one of the cone's planes? Those on the boundary do not count: a cone is taken to reach
- * beyond them, so that nothing is lost where the boundary has moved. */
-static bool apart(const struct patch *patch, uint32_t t, const uint64_t *under, uint32_t f)
+/* Is an original, of whose corners those are the sets of walls that all may be on the negative side of, and on the positive,
+ * on the other side of one of the cone's planes? Those on the boundary do not count: a cone is taken to reach beyond them, so
+ * that nothing is lost where the boundary has moved. */
+static inline bool apart(const struct patch *patch, const uint64_t *sides, const uint64_t *under, uint32_t f)
 {
-    const struct cone *cone = &patch->cones[f];
-    const uint32_t *corners = patch->corners[t];
-    if (!cone->outer && under[f / 64] >> f % 64 & 1)
-        return true;
-    for (int k = 0; k < 3; k++) {
-        uint32_t w = cone->walls[k], word = w / 64;
-        unsigned side = cone->scale[k] > 0 ? MAYBE_NOT_POSITIVE : MAYBE_NOT_NEGATIVE;
-        uint64_t all = patch_side(patch, corners[0], side)[word] & patch_side(patch, corners[1], side)[word] &
-                       patch_side(patch, corners[2], side)[word] & patch_side(patch, corners[3], side)[word];
-        if (!patch->walls[w].outer && all >> w % 64 & 1)
-            return true;
-    }
-    return false;
+    const uint64_t *walls = patch->cone_walls + (size_t)f * patch->words, *inside = patch->cone_signs + (size_t)f * patch->words;
+    uint64_t outside = patch->cones[f].outer ? 0 : under[f / 64] >> f % 64 & 1;
+    for (uint32_t word = 0; word < patch->words; word++)
+        outside |= ((inside[word] & sides[word]) | ((walls[word] ^ inside[word]) & sides[patch->words + word])) &
+                   ~patch->outer_walls[word];
+    return outside;
 }
 
 static bool on_boundary(const struct patch *patch, const struct cone *cone)
@@ -579,6 +573,105 @@ static bool apart_by_original(const struct patch *patch, const struct overlaps *
     return false;
 }
 
+/* What patch_hand_on keeps of every original, and of the vertices before them. */
+struct sets {
+    uint32_t under_words;  /* of a set of cones */
+    uint64_t *vertex_under, *under, *sides;
+};
+
+static bool handover_room(struct handover *handover, size_t needed)
+{
+    void *grown = handover->numbers;
+    bool done = array_reserve(&grown, &handover->capacity, handover->count + needed, sizeof *handover->numbers);
+    handover->numbers = grown;
+    return done;
+}
+
+/* The originals that may overlap a cone become its list. */
+static bool hand_on_to(const struct patch *patch, const struct overlaps *overlaps, const struct complex *complex, uint32_t f,
+                       const struct sets *sets, struct handover *handover)
+{
+    const struct cone *cone = &patch->cones[f];
+    if (!handover_room(handover, 2 + (size_t)patch->tet_count))
+        return false;
+    uint32_t *list = handover->numbers + handover->count + 2, count = 0;
+    for (size_t t = 0; t < patch->tet_count; t++)
+        if (!apart(patch, sets->sides + 2 * t * patch->words, sets->under + t * sets->under_words, f) &&
+            (on_boundary(patch, cone) || !apart_by_original(patch, overlaps, complex, patch->tets[t], cone)))
+            list[count++] = patch->tets[t];
+    list[-2] = cone->tet;
+    list[-1] = count;
+    handover->count += 2 + (size_t)count;
+    return true;
+}
+
+/* Under which link faces vertices, and originals with all their corners, are; in doubt they are. And on which sides of the
+ * walls originals may be with all their corners. */
+static bool find_sets(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex, struct sets *out)
+{
+    size_t vertices = patch->vertex_count, tets = patch->tet_count, words = (patch->cone_count + 63) / 64, walls = patch->words;
+    if (!room(patch, UNDER, &patch->under, (vertices + tets) * words + 2 * tets * walls + walls, sizeof *patch->under))
+        return false;
+    uint64_t *under = patch->under;
+    *out = (struct sets){(uint32_t)words, under, under + vertices * words, under + (vertices + tets) * words};
+    patch->outer_walls = out->sides + 2 * tets * walls;
+    memset(under, 0, vertices * words * sizeof *under);
+    memset(patch->outer_walls, 0, walls * sizeof *under);
+    for (uint32_t w = 0; w < patch->wall_count; w++)
+        patch->outer_walls[w / 64] |= (uint64_t)patch->walls[w].outer << w % 64;
+    for (uint32_t v = 0; v < vertices; v++)
+        for (uint32_t f = 0; f < patch->cone_count; f++) {
+            const struct cone *cone = &patch->cones[f];
+            double height = cone_height(cone, patch, complex, patch_position(patch, overlaps, v));
+            under[v * words + f / 64] |= (uint64_t)(height <= cone->tolerance) << f % 64;
+        }
+    for (size_t t = 0; t < tets; t++) {
+        const uint32_t *corners = patch->corners[t];
+        uint64_t *sides = out->sides + 2 * t * walls;
+        for (size_t word = 0; word < words; word++)
+            out->under[t * words + word] = under[corners[0] * words + word] & under[corners[1] * words + word] &
+                                           under[corners[2] * words + word] & under[corners[3] * words + word];
+        for (size_t word = 0; word < walls; word++) {
+            sides[word] = sides[walls + word] = ~(uint64_t)0;
+            for (int c = 0; c < 4; c++) {
+                sides[word] &= patch_side(patch, corners[c], MAYBE_NOT_POSITIVE)[word];
+                sides[walls + word] &= patch_side(patch, corners[c], MAYBE_NOT_NEGATIVE)[word];
+            }
+        }
+    }
+    return true;
+}
+
+enum tetlod_status patch_hand_on(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex,
+                                 struct handover *out, struct tetlod_error *error)
+{
+    struct sets sets;
+    out->count = 0;
+    out->cone_count = patch->cone_count;
+    if (!find_sets(patch, overlaps, complex, &sets))
+        return no_room(error);
+    for (uint32_t f = 0; f < patch->cone_count; f++)
+        if (!hand_on_to(patch, overlaps, complex, f, &sets, out))
+            return no_room(error);
+    if (!handover_room(out, 2 * (size_t)patch->vertex_count))
+        return no_room(error);
+    for (uint32_t v = 0; v < patch->vertex_count; v++) {
+        uint32_t f = patch_cone_of(patch, v), host = f == TETLOD_NONE ? f : patch->cones[f].tet;
+        if (v >= patch->inside_count &&
+            (f == TETLOD_NONE || !(cone_height(&patch->cones[f], patch, complex, patch_position(patch, overlaps, v)) > 0)))
+            continue;
+        out->numbers[out->count++] = patch->vertices[v];
+        out->numbers[out->count++] = host;
+    }
+    return TETLOD_OK;
+}
+
+void handover_fini(struct handover *handover)
+{
+    free(handover->numbers);
+    *handover = (struct handover){0};
+}
+
 /* Room for `needed` more in the pool: compacts it if half of it is not in use any more. */
 static bool pool_room(struct overlaps *overlaps, size_t needed)
 {
@@ -603,66 +696,23 @@ static bool pool_room(struct overlaps *overlaps, size_t needed)
     return true;
 }
 
-/* The originals that may overlap a cone become its list. */
-static bool hand_on_to(const struct patch *patch, struct overlaps *overlaps, const struct complex *complex, uint32_t f,
-                       uint32_t words)
+enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star, const struct handover *handover,
+                                 struct tetlod_error *error)
 {
-    const struct cone *cone = &patch->cones[f];
-    if (!pool_room(overlaps, patch->tet_count))
-        return false;
-    uint32_t *list = overlaps->pool + overlaps->pool_size, count = 0;
-    for (uint32_t t = 0; t < patch->tet_count; t++)
-        if (!apart(patch, t, patch->under + (patch->vertex_count + (size_t)t) * words, f) &&
-            (on_boundary(patch, cone) || !apart_by_original(patch, overlaps, complex, patch->tets[t], cone)))
-            list[count++] = patch->tets[t];
-    overlaps->begin[cone->tet] = overlaps->pool_size;
-    overlaps->count[cone->tet] = count;
-    overlaps->pool_size += count;
-    return true;
-}
-
-/* Which vertices, and then which originals with all their corners, are under the link faces; in doubt they are. */
-static bool find_under(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex, uint32_t words)
-{
-    size_t rows = (size_t)patch->vertex_count + patch->tet_count;
-    if (!room(patch, UNDER, &patch->under, rows * words, sizeof *patch->under))
-        return false;
-    uint64_t *under = patch->under, *tets = under + (size_t)patch->vertex_count * words;
-    memset(under, 0, (size_t)patch->vertex_count * words * sizeof *under);
-    for (uint32_t v = 0; v < patch->vertex_count; v++)
-        for (uint32_t f = 0; f < patch->cone_count; f++) {
-            const struct cone *cone = &patch->cones[f];
-            double height = cone_height(cone, patch, complex, patch_position(patch, overlaps, v));
-            under[(size_t)v * words + f / 64] |= (uint64_t)(height <= cone->tolerance) << f % 64;
-        }
-    for (uint32_t t = 0; t < patch->tet_count; t++)
-        for (uint32_t word = 0; word < words; word++) {
-            const uint32_t *corners = patch->corners[t];
-            tets[(size_t)t * words + word] =
-                under[(size_t)corners[0] * words + word] & under[(size_t)corners[1] * words + word] &
-                under[(size_t)corners[2] * words + word] & under[(size_t)corners[3] * words + word];
-        }
-    return true;
-}
-
-enum tetlod_status patch_hand_on(struct patch *patch, struct overlaps *overlaps, const struct complex *complex,
-                                 const struct star *star, struct tetlod_error *error)
-{
-    uint32_t words = (patch->cone_count + 63) / 64;
-    if (!find_under(patch, overlaps, complex, words))
-        return no_room(error);
+    const uint32_t *numbers = handover->numbers, *end = numbers + handover->count;
     for (uint32_t i = 0; i < star->tet_count; i++)
         overlaps->count[star->tets[i]] = 0;
-    for (uint32_t f = 0; f < patch->cone_count; f++)
-        if (!hand_on_to(patch, overlaps, complex, f, words))
-            return no_room(error);
-    for (uint32_t v = 0; v < patch->vertex_count; v++) {
-        uint32_t f = patch_cone_of(patch, v);
-        if (f != TETLOD_NONE &&
-            (v < patch->inside_count || cone_height(&patch->cones[f], patch, complex, patch_position(patch, overlaps, v)) > 0))
-            overlaps->host[patch->vertices[v]] = patch->cones[f].tet;
-        else if (v < patch->inside_count)
-            overlaps->host[patch->vertices[v]] = TETLOD_NONE;
+    if (!pool_room(overlaps, handover->count))
+        return no_room(error);
+    for (uint32_t f = 0; f < handover->cone_count; f++) {
+        uint32_t tet = numbers[0], count = numbers[1];
+        memcpy(overlaps->pool + overlaps->pool_size, numbers + 2, count * sizeof *numbers);
+        overlaps->begin[tet] = overlaps->pool_size;
+        overlaps->count[tet] = count;
+        overlaps->pool_size += count;
+        numbers += 2 + (size_t)count;
     }
+    for (; numbers < end; numbers += 2)
+        overlaps->host[numbers[0]] = numbers[1];
     return TETLOD_OK;
 }

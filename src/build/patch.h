@@ -32,6 +32,13 @@ struct overlaps {
     uint32_t *host;             /* [original vertex] the tetrahedron of the level that it is in: a hint, what to look at first */
 };
 
+/* What a contraction leaves to its cones: of each its tetrahedron of the level, how many originals it has, and these; then
+ * vertices of the original and the tetrahedra that they are in. */
+struct handover {
+    uint32_t *numbers, cone_count;
+    size_t count, capacity;
+};
+
 /* For the complex of the mesh before its first contraction. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh,
                                                 struct tetlod_error *error);
@@ -97,7 +104,8 @@ struct patch {
     struct patch_slot *table; /* of edges */
     size_t table_size;
     uint32_t *pairs;          /* [link * link] number of the wall there, plus 1; all 0 between stars */
-    uint64_t *under;          /* [vertex or tet][words of a set of cones] under whose link face it is, of patch_hand_on */
+    uint64_t *under;          /* sets of patch_hand_on */
+    uint64_t *outer_walls;    /* the last of them: the walls on the boundary */
     size_t capacity[PATCH_PARTS];
 };
 
@@ -132,10 +140,16 @@ uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex);
 /* Lists the edges of the patch. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status patch_edges(struct patch *patch, struct tetlod_error *error);
 
-/* After the rows of all vertices, and before the contraction: hands the originals of the star on to its cones. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status patch_hand_on(struct patch *patch, struct overlaps *overlaps,
-                                                const struct complex *complex, const struct star *star,
+/* After the rows of all vertices: finds the lists that the star's cones will have. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status patch_hand_on(struct patch *patch, const struct overlaps *overlaps,
+                                                const struct complex *complex, struct handover *out,
                                                 struct tetlod_error *error);
+
+void handover_fini(struct handover *handover);
+
+/* With the contraction of a star that has not changed since: takes its lists over. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star,
+                                                const struct handover *handover, struct tetlod_error *error);
 
 static inline const double *patch_position(const struct patch *patch, const struct overlaps *overlaps, uint32_t vertex)
 {

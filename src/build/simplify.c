@@ -240,7 +240,7 @@ static enum tetlod_status examine(const struct run *run, struct judge *judge, st
             memcpy(work->values, judge->examiner.chosen, run->fields->driver_count * sizeof(double));
             memcpy(work->errors, judge->examiner.errors, run->fields->driver_count * sizeof(double));
             work->outcome = ALLOWED;
-            return TETLOD_OK;
+            return exact_hand_on(&judge->examiner, &run->overlaps, run->complex, &work->handover, &judge->error);
         }
         work->outcome = REFUSED;
         for (int i = 0; i < 2 && work->witness_count < 8; i++)
@@ -288,7 +288,7 @@ static enum tetlod_status contract_exactly(struct run *run, const struct work *w
     if (!holds || !judge_place(run, run->judges, entry, p, &moved))
         return refuse(run, *entry, INFINITY);
     fields_outcome(run->fields, run->complex, star, &run->judges->shift, p, work->values, run->outcome);
-    TETLOD_TRY(exact_contract(&run->judges->examiner, &run->overlaps, run->complex, star, p, run->error));
+    TETLOD_TRY(overlaps_take(&run->overlaps, star, &work->handover, run->error));
     return perform(run, star, p, moved, work->errors);
 }
 
@@ -596,6 +596,8 @@ done:
     queue_fini(&run.queue);
     queue_fini(&run.waiting);
     queue_fini(&run.fresh);
+    for (size_t i = 0; i < BATCH && run.works; i++)
+        handover_fini(&run.works[i].handover);
     free(run.works);
     free(run.work_values);
     free(run.certified);

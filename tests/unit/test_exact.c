@@ -114,7 +114,10 @@ static struct finding examine(struct world *world, double wanted, double limit)
 
 static void contract(struct world *world, struct outcome *outcome)
 {
-    CHECK_INT(exact_contract(&world->examiner, &world->overlaps, &world->complex, &world->star, world->p, NULL), TETLOD_OK);
+    struct handover handover = {0};
+    CHECK_INT(exact_hand_on(&world->examiner, &world->overlaps, &world->complex, &handover, NULL), TETLOD_OK);
+    CHECK_INT(overlaps_take(&world->overlaps, &world->star, &handover, NULL), TETLOD_OK);
+    handover_fini(&handover);
     fields_contract(&world->fields, &world->complex, &world->star, world->p, outcome);
     CHECK_INT(complex_contract(&world->complex, &world->star, world->p, NULL), TETLOD_OK);
     boundary_update(&world->boundary, &world->complex, world->star.simplex[0], 0);
