@@ -223,12 +223,15 @@ fuzz: deps-check
 	build/fuzz/tests/fuzz/$$t -max_total_time=$(TIME) -rss_limit_mb=4096 -timeout=20 -artifact_prefix=build/fuzz/found/$$t/ build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
 
 
-## bench-server: stored bytes against nginx, levels that are not cached, memory; bench-soak: a minute of mixed load; bench-hostile: a million hostile requests
-.PHONY: bench-server bench-soak bench-hostile
-BENCHES += bench-server bench-soak bench-hostile
+## bench-server: stored bytes against nginx, levels that are not cached, memory; bench-opening: the first answers of ten million tetrahedra; bench-soak: a minute of mixed load; bench-hostile: a million hostile requests
+.PHONY: bench-server bench-opening bench-soak bench-hostile
+BENCHES += bench-server bench-opening bench-soak bench-hostile
 bench-server: deps-bench
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/server.py $(BINARY) 2 5
+bench-opening: deps-build
+	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/tile_stream
+	@python3 tests/bench/opening.py $(BINARY) $(B)/tests/bench/tile_stream
 bench-soak: deps-bench
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/soak.py $(BINARY) $(TIME)
