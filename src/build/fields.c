@@ -279,13 +279,23 @@ static void contract_field(struct working_field *field, const struct complex *co
     }
 }
 
+/* All components of a field drive, or none. */
+static bool drives(const struct fields *fields, uint32_t field)
+{
+    for (uint32_t d = 0; d < fields->driver_count; d++)
+        if (fields->drivers[d].field == field)
+            return true;
+    return false;
+}
+
 void fields_contract(struct fields *fields, const struct complex *complex, const struct star *star, const double p[3],
                      const struct outcome *outcome)
 {
     uint32_t c = complex->contraction_count, v = star->simplex[0];
     for (uint32_t f = 0; f < fields->count; f++) {
         struct working_field *field = &fields->fields[f];
-        contract_field(field, complex, star, p, field->node_values + (size_t)c * field->components);
+        if (!drives(fields, f))
+            contract_field(field, complex, star, p, field->node_values + (size_t)c * field->components);
     }
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         struct driver *driver = &fields->drivers[d];

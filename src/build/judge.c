@@ -10,6 +10,9 @@
 /* Trials are followed to this multiple of the limit, so that most of what waits is not looked at on the next rungs. */
 static const double HORIZON = 2;
 
+/* So many tetrahedra around each vertex of a simplex are asked before its whole star is gathered. */
+enum { AROUND = 4 };
+
 /* The metric's own optimum for a simplex inside the domain, near enough to it to be worth a trial. It is tried behind the
  * candidates. */
 static bool optimum_position(const struct run *run, const struct star *star, double p[3])
@@ -124,15 +127,30 @@ enum tetlod_status judge_best(const struct run *run, struct judge *judge, struct
     return TETLOD_OK;
 }
 
-/* Is the simplex refused beyond the horizon by tetrahedra alone that have refused it, or its like, before? Most that waits is, and its
- * star need not be gathered. Then the entry's value is a lower bound of its error. */
-static enum tetlod_status refused_by(const struct run *run, struct judge *judge, struct queue_entry *entry,
-                                     const uint32_t *tets, uint32_t tet_count, bool *out_refused)
+/* Tetrahedra that are likely to refuse a simplex: those that have refused it, or its like, before, and some all around each of its
+ * vertices. */
+static uint32_t likely_tets(const struct complex *complex, const struct queue_entry *entry, uint32_t *tets)
+{
+    uint32_t count = entry->witness_count <= QUEUE_WITNESSES ? entry->witness_count : 0;
+    memcpy(tets, entry->witness, count * sizeof *tets);
+    for (uint32_t i = 0; i < AROUND; i++)
+        for (uint32_t s = 0; s < vertex_count(entry); s++) {
+            uint32_t v = entry->vertices[s];
+            tets[count++] = complex->pool[complex->star_begin[v] + (uint64_t)i * complex->star_count[v] / AROUND];
+        }
+    return count;
+}
+
+/* Is the simplex refused beyond the horizon by these alone? Most that waits is, and its star need not be gathered. Then the entry's
+ * value is a lower bound of its error. */
+static enum tetlod_status refused_early(const struct run *run, struct judge *judge, struct queue_entry *entry,
+                                        bool *out_refused)
 {
     struct trial trials[MOST_TRIALS];
-    uint32_t count;
+    uint32_t tets[QUEUE_WITNESSES + 4 * AROUND], count = likely_tets(run->complex, entry, tets);
     *out_refused = false;
-    TETLOD_TRY(star_gather_some(&judge->star, run->complex, entry->vertices, vertex_count(entry), tets, tet_count,
+    entry->witness_count = 0;
+    TETLOD_TRY(star_gather_some(&judge->star, run->complex, entry->vertices, vertex_count(entry), tets, count,
                                 &judge->error));
     if (!judge->star.tet_count || judge->star.still)
         return TETLOD_OK;
@@ -163,17 +181,16 @@ enum tetlod_status judge_evaluate(const struct run *run, struct judge *judge, st
                                   bool *out_allowed)
 {
     double error;
-    uint32_t known = entry->witness_count <= QUEUE_WITNESSES ? entry->witness_count : 0, tets[QUEUE_WITNESSES];
     bool refused = false;
-    memcpy(tets, entry->witness, known * sizeof *tets);
     entry->stamp = run->complex->contraction_count;
-    entry->witness_count = entry->refused = 0;
+    entry->refused = 0;
     entry->bound = INFINITY;
     *out_allowed = false;
-    if (known && run->options->metric != METRIC_MEASURED && !is_exact(run))
-        TETLOD_TRY(refused_by(run, judge, entry, tets, known, &refused));
+    if (run->options->metric != METRIC_MEASURED && !is_exact(run))
+        TETLOD_TRY(refused_early(run, judge, entry, &refused));
     if (refused)
         return TETLOD_OK;
+    entry->witness_count = 0;
     TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
     TETLOD_TRY(judge_best(run, judge, entry, &error));
     *out_allowed = error <= run->limit;
