@@ -121,6 +121,30 @@ async function download(url) {
   return (performance.now() - began) / 1000;
 }
 
+// ---- the viewer
+
+/** Opens the viewer as somebody does who has not been there: {seconds, bytes} of the first picture, {ours, graphics}: milliseconds of processor
+ *  time of the longest task of the page's thread, and of the one in which the browser makes the graphics' context. */
+async function openViewer(id) {
+  const page = await openPage(browser, server.url);
+  const tracing = await page.context().newCDPSession(page);
+  const events = [];
+  tracing.on('Tracing.dataCollected', ({ value }) => events.push(...value));
+  await tracing.send('Tracing.start', { transferMode: 'ReportEvents', traceConfig: { includedCategories: ['toplevel', 'blink.user_timing'] } });
+  await page.goto(`${server.url}view/${id}`);
+  await page.waitForFunction(() => window.tetlod?.settled);
+  const [picture] = await page.evaluate(() => performance.getEntriesByName('tetlod-picture').map(({ startTime, detail }) => ({ startTime, ...detail })));
+  const complete = new Promise((resolve) => tracing.once('Tracing.tracingComplete', resolve));
+  await tracing.send('Tracing.end');
+  await complete;
+  await page.context().close();
+  const made = events.find(({ name }) => name === 'tetlod-graphics');
+  const tasks = events.filter((e) => e.name === 'ThreadControllerImpl::RunTask' && e.tdur && e.pid === made.pid && e.tid === made.tid);
+  const isGraphics = ({ ts, dur }) => ts <= made.ts && made.ts <= ts + dur;
+  const longest = (of) => Math.max(0, ...of.map(({ tdur }) => tdur / 1000));
+  return { seconds: picture.startTime / 1000, bytes: picture.received, ours: longest(tasks.filter((t) => !isGraphics(t))), graphics: longest(tasks.filter(isGraphics)) };
+}
+
 // ---- the report
 
 function report(what, value, unit, floor, atLeast = false) {
@@ -154,6 +178,14 @@ const cube = await inPage(draw, `${server.url}v1/meshes/cube60`);
 report(`cube 60: to ${cube.tets} tetrahedra, with its surface`, cube.seconds, 's');
 report(`cube 60: isosurface and slice (${cube.triangles} triangles), median`, 1000 * cube.cut, 'ms', 250);
 report('cube 60: longest that the page was blocked', cube.blocked, 'ms', 50);
+
+const visits = [];
+for (let i = 0; i < 5; i++) visits.push(await openViewer('fin'));
+const middle = (key) => visits.map((visit) => visit[key]).sort((a, b) => a - b)[visits.length >> 1];
+report(`viewer, ${name}: first picture after navigation, median of 5`, middle('seconds'), 's', 1);
+report(`viewer, ${name}: bytes of the mesh until then`, middle('bytes') / 1000, 'kB', 100);
+report('viewer: longest task of its thread at start, processor time', middle('ours'), 'ms', 50);
+report("viewer: the browser's making of the graphics' context, processor time", middle('graphics'), 'ms');
 
 const [slowServer, slowFiles] = await Promise.all([slowLink(server.port), slowLink(Number(new URL(files.origin).port))]);
 // The median of some runs: others use this machine, too.

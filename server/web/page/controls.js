@@ -68,7 +68,7 @@ export class Controls {
     slider.addEventListener('input', () => store.set({ error: this.errorAt(Number(slider.value)) }));
     const follow = [
       bindNumber(byId('error-percent'), () => plain(100 * store.state.error), (x) => store.set({ error: clamp(x / 100, 0, 1) })),
-      bindNumber(byId('error-absolute'), () => plain(store.state.error * spanOf(fieldOf(info, store.state.field))),
+      bindNumber(byId('error-absolute'), () => plain(store.state.error * spanOf(fieldOf(info, store.state.field)), 3),
         (x) => store.set({ error: clamp(x / (spanOf(fieldOf(info, store.state.field)) || 1), 0, 1) })),
       bindNumber(byId('max-tets'), () => store.state.maxTets || '', (x) => store.set({ maxTets: Math.max(0, Math.round(x)) })),
       bindNumber(byId('max-bytes'), () => (store.state.maxBytes ? plain(store.state.maxBytes / 1e6) : ''), (x) => store.set({ maxBytes: Math.max(0, x * 1e6) })),

@@ -181,7 +181,7 @@ function tellLoading({ detail: { received } }) {
 }
 
 function tellRetry({ detail: { message, delay, attempt } }) {
-  notice('retry', `${message}; trying again in ${significant(delay, 2)} s (${attempt})`, { failed: true, seconds: 0 });
+  notice('retry', `${message}; trying again in ${significant(delay, 2)} s (attempt ${attempt})`, { failed: true, seconds: 0 });
 }
 
 // What is decoded stays in the picture; a network may have come back.
@@ -376,6 +376,8 @@ function openScene({ Scene }) {
   } catch (error) {
     throw document.createElement('canvas').getContext('webgl2') ? error : new Error('this browser has no WebGL 2, which draws the picture');
   }
+  performance.mark('tetlod-graphics');
+  setBackground();
 }
 
 // The first picture is made while vtk.js and the graphics start, which takes longest. Making the graphics' context stops
@@ -391,7 +393,6 @@ async function open() {
 function firstPicture() {
   scene.setBounds(info.bounds, store.state.parallel);
   if (store.state.camera) scene.setCamera(store.state.camera);
-  setBackground();
   if (early) takePictures(early);
   return pictured;
 }
@@ -423,7 +424,7 @@ async function start() {
   byId('name').textContent = name;
   await open();
   await firstPicture();
-  performance.mark('tetlod-picture');
+  performance.mark('tetlod-picture', { detail: { received: stream.received } });
   await openPanel();
   // what tests look at
   window.tetlod = {
@@ -441,5 +442,6 @@ try {
   await start();
 } catch (error) {
   byId('loading').hidden = true;
-  notice('error', `${name} cannot be shown: ${error.message}`, { failed: true, seconds: 0 });
+  const all = file ? [] : [element('a', { href: '/' }, 'All streams')];
+  notice('error', `${name} cannot be shown: ${error.message}`, { failed: true, seconds: 0, children: all });
 }
