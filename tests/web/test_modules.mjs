@@ -9,6 +9,7 @@ const load = (name) => import(pathToFileURL(join(process.env.ROOT ?? '.', 'serve
 const { Store, defaults, fromFragment, toFragment } = await load('state.js');
 const { errorSpan, measureFor, wantedLevel } = await load('levels.js');
 const { clipToWindow, dot, linesBehind, pickPart, planeOf, planeOutline, sidesOf } = await load('geometry.js');
+const { colorTable, lineColor, mapNames } = await load('colors.js');
 const { bytes, count, parseNumber, percent, significant, ticks } = await load('numbers.js');
 
 function a_state_survives_its_fragment() {
@@ -110,6 +111,20 @@ function lines_of_the_far_walls() {
   assert.deepEqual(seen([0.1, 0.1, 0.1], false), [...part.lines]); // from within, all
 }
 
+// Contrast as WCAG 2 computes it, of lines that let a third of the colour through.
+function lines_are_seen_on_every_colour() {
+  const light = (color) => {
+    const [r, g, b] = color.map((c) => (c / 255 <= 0.04045 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4));
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  for (const [map] of mapNames)
+    for (const color of colorTable(map, false, 65)) {
+      const line = lineColor(color).map((c, i) => 0.65 * c + 0.35 * color[i]);
+      const [low, high] = [light(color), light(line)].sort((a, b) => a - b);
+      assert.ok((high + 0.05) / (low + 0.05) >= 1.85, `${map} ${color}: ${(high + 0.05) / (low + 0.05)}`);
+    }
+}
+
 function numbers_as_people_read_them() {
   assert.equal(count(187395), '187\u202f395');
   assert.deepEqual([0, 0.01, 0.0012345, 1].map((x) => percent(x)), ['0', '1\u202f%', '0.123\u202f%', '100\u202f%']);
@@ -122,4 +137,5 @@ function numbers_as_people_read_them() {
 }
 
 await run([a_state_survives_its_fragment, a_broken_fragment_gives_defaults, a_store_tells_what_changed, the_wanted_level, planes_cross_the_bounds,
-  polygons_end_at_the_window, the_nearest_triangle_is_picked, lines_of_the_far_walls, numbers_as_people_read_them]);
+  polygons_end_at_the_window, the_nearest_triangle_is_picked, lines_of_the_far_walls,
+  lines_are_seen_on_every_colour, numbers_as_people_read_them]);
