@@ -20,7 +20,6 @@ void cut_fini(struct cut *cut)
 void cut_empty(struct cut *cut)
 {
     cut->vertex_count = cut->triangle_count = cut->line_count = 0;
-    pairs_clear(&cut->pairs);
 }
 
 enum tetlod_status cut_result(bool made, const struct cut *cut, struct tetlod_error *error)
@@ -109,10 +108,12 @@ static bool cut_tet(const struct tetmesh *mesh, const double *values, const uint
     return cut_add_triangle(out, v[0], v[flip ? 2 : 1], v[flip ? 1 : 2]);
 }
 
-/* Which vertices are below is asked often and far apart: a byte each stays in the cache. */
-static bool classify(uint32_t count, const double *values, struct cut *out)
+/* A cut begins: no vertex is between two others yet. Which are below is asked often and far apart: a byte each stays in the
+ * cache. */
+static bool begin(uint32_t count, const double *values, struct cut *out)
 {
-    if (!array_reserve((void **)&out->below, &out->below_cap, count, 1))
+    cut_empty(out);
+    if (!pairs_clear(&out->pairs, count) || !array_reserve((void **)&out->below, &out->below_cap, count, 1))
         return false;
     for (uint32_t v = 0; v < count; v++)
         out->below[v] = values[v] < 0;
@@ -133,8 +134,7 @@ static bool add_zero(const struct tetmesh *mesh, const double *values, struct cu
 
 enum tetlod_status cut_zero(const struct tetmesh *mesh, const double *values, struct cut *out, struct tetlod_error *error)
 {
-    cut_empty(out);
-    return cut_result(classify(mesh->vertex_count, values, out) && add_zero(mesh, values, out), out, error);
+    return cut_result(begin(mesh->vertex_count, values, out) && add_zero(mesh, values, out), out, error);
 }
 
 /* ---- the surface of a part ---- */
@@ -168,8 +168,7 @@ static bool clip_triangle(const uint32_t corners[3], const double *values, struc
 enum tetlod_status cut_clip(const struct tetmesh *mesh, const struct cut *boundary, const double *values, struct cut *out,
                             struct tetlod_error *error)
 {
-    cut_empty(out);
-    bool made = classify(mesh->vertex_count, values, out) && add_zero(mesh, values, out);
+    bool made = begin(mesh->vertex_count, values, out) && add_zero(mesh, values, out);
     for (size_t t = 0; made && t < boundary->triangle_count; t++) {
         const uint32_t *triangle = boundary->triangles + 3 * t;
         const uint32_t corners[3] = {boundary->ends[2 * (size_t)triangle[0]], boundary->ends[2 * (size_t)triangle[1]],
@@ -194,8 +193,7 @@ static bool trim_line(const uint32_t ends[2], const double *values, struct cut *
 
 enum tetlod_status cut_trim(const struct cut *surface, const double *values, struct cut *out, struct tetlod_error *error)
 {
-    cut_empty(out);
-    bool made = classify(surface->vertex_count, values, out);
+    bool made = begin(surface->vertex_count, values, out);
     for (size_t t = 0; made && t < surface->triangle_count; t++)
         made = clip_triangle(surface->triangles + 3 * t, values, out);
     for (size_t l = 0; made && l < surface->line_count; l++)
@@ -236,8 +234,7 @@ static bool add_line(struct cut *cut, uint32_t a, uint32_t b)
 
 enum tetlod_status cut_lines(struct cut *cut, const double *values, struct tetlod_error *error)
 {
-    bool made = true;
-    pairs_clear(&cut->pairs);
+    bool made = pairs_clear(&cut->pairs, cut->vertex_count);
     cut->line_count = 0;
     for (size_t i = 0; made && i < 3 * (size_t)cut->triangle_count; i++) {
         uint32_t a = cut->triangles[i], b = cut->triangles[i % 3 == 2 ? i - 2 : i + 1];

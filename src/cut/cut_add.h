@@ -5,7 +5,7 @@
 
 #include "src/cut/cut.h"
 
-/* No vertices, triangles, lines and pairs; the memory stays. */
+/* No vertices, triangles and lines; the memory stays. */
 void cut_empty(struct cut *cut);
 
 /* False: out of memory. */
