@@ -2,7 +2,6 @@
 #include "src/cut/pairs.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 #include "format/tetlod.h"
 #include "src/util/array.h"
@@ -12,7 +11,8 @@ bool pairs_clear(struct pairs *pairs, uint32_t vertex_count)
     pairs->count = 0;
     if (!array_reserve((void **)&pairs->first, &pairs->first_cap, vertex_count, sizeof *pairs->first))
         return false;
-    memset(pairs->first, 0xff, vertex_count * sizeof *pairs->first); // TETLOD_NONE
+    for (uint32_t v = 0; v < vertex_count; v++)
+        pairs->first[v] = TETLOD_NONE;
     return true;
 }
 

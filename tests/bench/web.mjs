@@ -35,22 +35,37 @@ function makeStreams() {
   return make('fin.vtu', TETLOD, 'extract', stream, '--quiet', '-o'); // zlib
 }
 
+// Writes pieces at their times; null ends. In order: timers that are late are not.
+function deliverTo(socket) {
+  const pieces = [];
+  const deliver = () => {
+    const piece = pieces.shift();
+    if (piece) socket.write(piece);
+    else socket.end();
+  };
+  return (time, piece) => {
+    pieces.push(piece);
+    setTimeout(deliver, time - performance.now());
+  };
+}
+
 /** A link to a port of this machine that all its connections share. A new one costs a round trip more. */
 function slowLink(port) {
   let free = 0;
   const server = createServer((near) => {
     const far = connect(port, '127.0.0.1');
     const opened = performance.now();
-    const later = (time, call) => setTimeout(call, time - performance.now());
-    near.on('data', (bytes) => later(Math.max(performance.now(), opened + 2 * oneWay) + oneWay, () => far.write(bytes)));
+    const up = deliverTo(far);
+    const down = deliverTo(near);
+    near.on('data', (bytes) => up(Math.max(performance.now(), opened + 2 * oneWay) + oneWay, bytes));
     far.on('data', (bytes) => {
       for (let at = 0; at < bytes.length; at += 5840) {
         const piece = bytes.subarray(at, at + 5840);
         free = Math.max(free, performance.now()) + piece.length / rate;
-        later(free + oneWay, () => near.write(piece));
+        down(free + oneWay, piece);
       }
     });
-    far.on('end', () => later(free + oneWay + 1, () => near.end()));
+    far.on('end', () => down(free + oneWay, null));
     near.on('close', () => far.destroy());
     for (const socket of [near, far]) socket.on('error', () => socket.destroy());
   });
