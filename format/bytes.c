@@ -39,8 +39,7 @@ void tetlodi_buffer_fini(struct tetlodi_buffer *buffer)
     *buffer = (struct tetlodi_buffer){0};
 }
 
-/* Room for more, which counts as written; NULL: out of memory. */
-static uint8_t *extend(struct tetlodi_buffer *buffer, size_t size)
+void tetlodi_put_block(struct tetlodi_buffer *buffer, const void *block, size_t size)
 {
     if (!buffer->failed && size > buffer->capacity - buffer->size) {
         size_t capacity = buffer->capacity + buffer->capacity / 2 + size + 256;
@@ -50,23 +49,9 @@ static uint8_t *extend(struct tetlodi_buffer *buffer, size_t size)
         buffer->capacity = grown ? capacity : buffer->capacity;
     }
     if (buffer->failed || !size)
-        return NULL;
+        return;
+    memcpy(buffer->bytes + buffer->size, block, size);
     buffer->size += size;
-    return buffer->bytes + buffer->size - size;
-}
-
-void tetlodi_put_block(struct tetlodi_buffer *buffer, const void *block, size_t size)
-{
-    uint8_t *room = extend(buffer, size);
-    if (room)
-        memcpy(room, block, size);
-}
-
-void tetlodi_put_zeros(struct tetlodi_buffer *buffer, size_t size)
-{
-    uint8_t *room = extend(buffer, size);
-    if (room)
-        memset(room, 0, size);
 }
 
 void tetlodi_put(struct tetlodi_buffer *buffer, uint64_t value, unsigned width)

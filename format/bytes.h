@@ -29,6 +29,5 @@ void tetlodi_buffer_fini(struct tetlodi_buffer *buffer);
 void tetlodi_put(struct tetlodi_buffer *buffer, uint64_t value, unsigned width);
 void tetlodi_put_f64(struct tetlodi_buffer *buffer, double value);
 void tetlodi_put_block(struct tetlodi_buffer *buffer, const void *block, size_t size);
-void tetlodi_put_zeros(struct tetlodi_buffer *buffer, size_t size);
 
 #endif

@@ -7,12 +7,14 @@
 #include "format/reader.h"
 
 struct tetlod_feed {
-    struct tetlodi_buffer bytes; /* the stream; zeros where frames are left out */
+    struct tetlodi_buffer bytes; /* what was added */
+    uint64_t end;                /* of the stream as far as it is there; further on if frames are left out */
     struct tetlod_options options;
     struct tetlod_file *file;
     bool selects;
     struct tetlodi_buffer names; /* of the selected fields, each ended by NUL */
     bool *skipped;               /* [1 + field_count], if it selects: what is left out of every level */
+    uint64_t *left_out;          /* [frames + 1] bytes that are left out before each */
     size_t frame;                /* that the next byte belongs to */
 };
 
@@ -28,20 +30,51 @@ enum tetlod_status tetlod_feed_new(struct tetlod_feed **out, const struct tetlod
     return TETLOD_OK;
 }
 
+static void close_file(struct tetlod_feed *feed)
+{
+    tetlod_close(feed->file);
+    free(feed->skipped);
+    free(feed->left_out);
+    feed->file = NULL;
+    feed->skipped = NULL;
+    feed->left_out = NULL;
+}
+
 void tetlod_feed_free(struct tetlod_feed *feed)
 {
     if (!feed)
         return;
-    tetlod_close(feed->file);
+    close_file(feed);
     tetlodi_buffer_fini(&feed->bytes);
     tetlodi_buffer_fini(&feed->names);
-    free(feed->skipped);
     free(feed);
 }
 
+/* The first frame that ends behind one of the stream's bytes. */
+static size_t frame_at(const struct tetlodi_index *index, uint64_t offset)
+{
+    size_t low = 0, high = index->info.level_count * (1 + (size_t)index->info.field_count);
+    while (low < high) {
+        size_t middle = low + (high - low) / 2;
+        if (index->frames[middle].offset + index->frames[middle].size <= offset)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* A part of the stream that is there by `end`, if it is not left out. */
 static enum tetlod_status read_fed(void *opaque, uint64_t offset, void *buffer, size_t size)
 {
     const struct tetlod_feed *feed = opaque;
+    if (feed->left_out) {
+        const struct tetlodi_index *index = &feed->file->index;
+        size_t frame = frame_at(index, offset), part = frame % (1 + (size_t)index->info.field_count);
+        if (feed->skipped[part] && size)
+            return TETLOD_ERR_FIELD;
+        offset -= feed->left_out[frame];
+    }
     memcpy(buffer, feed->bytes.bytes + offset, size);
     return TETLOD_OK;
 }
@@ -55,22 +88,27 @@ enum tetlod_status tetlod_feed_select(struct tetlod_feed *feed, const char *cons
     return feed->names.failed ? tetlodi_fail_nomem(error, "the names of fields", feed->names.size) : TETLOD_OK;
 }
 
-/* Which frames of a level are left out. */
+/* Which frames of a level are left out, and how many bytes before each frame of the stream. */
 static enum tetlod_status find_skipped(struct tetlod_feed *feed, struct tetlod_error *error)
 {
-    const struct tetlod_info *info = tetlod_info(feed->file);
-    feed->skipped = malloc((1 + (size_t)info->field_count) * sizeof *feed->skipped);
-    if (!feed->skipped)
-        return tetlodi_fail_nomem(error, "a selection of fields", info->field_count);
-    for (uint32_t part = 0; part <= info->field_count; part++)
+    const struct tetlodi_index *index = &feed->file->index;
+    size_t parts = 1 + (size_t)index->info.field_count, frames = index->info.level_count * parts;
+    feed->skipped = malloc(parts * sizeof *feed->skipped);
+    feed->left_out = malloc((frames + 1) * sizeof *feed->left_out);
+    if (!feed->skipped || !feed->left_out)
+        return tetlodi_fail_nomem(error, "a selection of fields", frames * sizeof *feed->left_out);
+    for (size_t part = 0; part < parts; part++)
         feed->skipped[part] = part > 0;
     for (size_t at = 0; at < feed->names.size; at += strlen((const char *)feed->names.bytes + at) + 1) {
         const char *name = (const char *)feed->names.bytes + at;
-        uint32_t field = tetlod_field_index(info, name);
+        uint32_t field = tetlod_field_index(&index->info, name);
         if (field == TETLOD_NONE)
             return tetlodi_fail(error, TETLOD_ERR_FIELD, "the stream has no field '%.128s'", name);
         feed->skipped[1 + field] = false;
     }
+    feed->left_out[0] = 0;
+    for (size_t i = 0; i < frames; i++)
+        feed->left_out[i + 1] = feed->left_out[i] + (feed->skipped[i % parts] ? index->frames[i].size : 0);
     return TETLOD_OK;
 }
 
@@ -92,11 +130,11 @@ static enum tetlod_status put(struct tetlod_feed *feed, const uint8_t *bytes, si
     if (size > most - (feed->bytes.size < most ? feed->bytes.size : most))
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the stream is longer than the %llu bytes allowed",
                             (unsigned long long)most);
-    if (bytes)
-        tetlodi_put_block(&feed->bytes, bytes, size);
-    else
-        tetlodi_put_zeros(&feed->bytes, size);
-    return feed->bytes.failed ? tetlodi_fail_nomem(error, "the stream", feed->bytes.size + (uint64_t)size) : TETLOD_OK;
+    tetlodi_put_block(&feed->bytes, bytes, size);
+    if (feed->bytes.failed)
+        return tetlodi_fail_nomem(error, "the stream", feed->bytes.size + (uint64_t)size);
+    feed->end += size;
+    return TETLOD_OK;
 }
 
 /* Takes what belongs to header and index, and opens the file when that is all. */
@@ -114,23 +152,27 @@ static enum tetlod_status take_index(struct tetlod_feed *feed, const uint8_t **b
         *bytes += taken;
         *size -= taken;
     }
-    const struct tetlod_source source = {read_fed, feed, feed->bytes.size};
+    const struct tetlod_source source = {read_fed, feed, feed->end};
     TETLOD_TRY(tetlod_open(&feed->file, &source, &feed->options, error));
-    return feed->selects ? find_skipped(feed, error) : TETLOD_OK;
+    enum tetlod_status status = feed->selects ? find_skipped(feed, error) : TETLOD_OK;
+    if (status != TETLOD_OK)
+        close_file(feed);
+    return status;
 }
 
-/* Puts bytes into the frames that they are of, and zeros into those between. */
+/* Takes bytes for the frames that they are of, and passes those between. */
 static enum tetlod_status take_frames(struct tetlod_feed *feed, const uint8_t *bytes, size_t size, struct tetlod_error *error)
 {
     const struct tetlodi_index *index = &feed->file->index;
     size_t parts = 1 + (size_t)index->info.field_count;
     for (; feed->frame < index->info.level_count * parts; feed->frame++) {
         const struct tetlodi_frame *frame = &index->frames[feed->frame];
-        size_t rest = (size_t)(frame->offset + frame->size - feed->bytes.size), taken = rest < size ? rest : size;
+        uint64_t rest = frame->offset + frame->size - feed->end;
         if (feed->skipped[feed->frame % parts]) {
-            TETLOD_TRY(put(feed, NULL, rest, error));
+            feed->end += rest;
             continue;
         }
+        size_t taken = rest < size ? (size_t)rest : size;
         TETLOD_TRY(put(feed, bytes, taken, error));
         bytes += taken;
         size -= taken;
@@ -146,7 +188,7 @@ enum tetlod_status tetlod_feed_add(struct tetlod_feed *feed, const void *bytes, 
     if (!feed->file)
         TETLOD_TRY(take_index(feed, &at, &size, error));
     TETLOD_TRY(feed->selects ? take_frames(feed, at, size, error) : put(feed, at, size, error));
-    feed->file->source.size = feed->bytes.size;
+    feed->file->source.size = feed->end;
     return TETLOD_OK;
 }
 
@@ -159,18 +201,14 @@ uint32_t tetlod_feed_level(const struct tetlod_feed *feed)
 {
     uint32_t level = TETLOD_NONE;
     const struct tetlod_info *info = feed->file ? tetlod_info(feed->file) : NULL;
-    for (uint32_t k = 0; info && k < info->level_count && info->levels[k].end <= feed->bytes.size; k++)
+    for (uint32_t k = 0; info && k < info->level_count && info->levels[k].end <= feed->end; k++)
         level = k;
     return level;
 }
 
 uint64_t tetlod_feed_bytes(const struct tetlod_feed *feed, uint32_t level)
 {
-    const struct tetlodi_index *index = &feed->file->index;
-    size_t parts = 1 + (size_t)index->info.field_count, count = (level + (size_t)1) * parts;
-    uint64_t bytes = index->info.levels[level].end;
-    for (size_t i = 0; feed->selects && i < count; i++)
-        if (feed->skipped[i % parts])
-            bytes -= index->frames[i].size;
-    return bytes;
+    const struct tetlod_info *info = tetlod_info(feed->file);
+    size_t frames = (level + (size_t)1) * (1 + (size_t)info->field_count);
+    return info->levels[level].end - (feed->left_out ? feed->left_out[frames] : 0);
 }

@@ -52,6 +52,30 @@ static void check_order(const struct tetlod_file *file, const struct tetlod_info
     free(corners);
 }
 
+/* In pieces, as from the network: all of them, or as if they were what belongs to one field. */
+static void feed_fuzz(const uint8_t *bytes, size_t size, const struct tetlod_options *options, const char *field)
+{
+    struct tetlod_feed *feed;
+    struct tetlod_cursor *cursor = NULL;
+    uint32_t none = 0, count = 0;
+    demand(tetlod_feed_new(&feed, options, NULL) == TETLOD_OK);
+    demand(!field || tetlod_feed_select(feed, &field, 1, NULL) == TETLOD_OK);
+    for (size_t at = 0, piece = size / 3 + 1; at < size; at += piece) {
+        enum tetlod_status status = tetlod_feed_add(feed, bytes + at, size - at < piece ? size - at : piece, NULL);
+        uint32_t level = tetlod_feed_level(feed);
+        if ((status != TETLOD_OK && status != TETLOD_MORE) || level == TETLOD_NONE)
+            continue;
+        demand(tetlod_feed_bytes(feed, level) <= at + piece);
+        count = field ? 1 : tetlod_info(tetlod_feed_file(feed))->field_count;
+        if (!cursor && tetlod_cursor_new(&cursor, tetlod_feed_file(feed), field ? &none : NULL, count, NULL) != TETLOD_OK)
+            break;
+        if (tetlod_cursor_seek(cursor, level < 16 ? level : 16, NULL) != TETLOD_OK)
+            break;
+    }
+    tetlod_cursor_free(cursor);
+    tetlod_feed_free(feed);
+}
+
 void stream_fuzz(const uint8_t *bytes, size_t size)
 {
     struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = 64 << 20};
@@ -62,6 +86,9 @@ void stream_fuzz(const uint8_t *bytes, size_t size)
         return;
     const struct tetlod_info *info = tetlod_info(file);
     check_order(file, info);
+    feed_fuzz(bytes, size, &options, NULL);
+    if (info->field_count)
+        feed_fuzz(bytes, size, &options, info->fields[0].name);
     if (tetlod_cursor_new(&cursor, file, NULL, 0, &error) == TETLOD_OK) {
         uint64_t base = check_mesh(cursor, info);
         uint32_t reached = 0;

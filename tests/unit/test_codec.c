@@ -325,11 +325,24 @@ static void test_feed_of_one_field(void)
             tetlod_feed_free(feed);
             tetlodi_buffer_fini(&part);
         }
+    /* What is left out takes no memory, and says what it is. */
     struct tetlod_feed *feed;
     struct tetlod_error error;
+    struct tetlod_cursor *cursor;
+    struct tetlodi_buffer part = frames_of(&s, 0);
+    const struct tetlod_options narrow = {.struct_size = sizeof narrow, .max_bytes = part.size};
+    const uint32_t other = 1;
+    REQUIRE(tetlod_feed_new(&feed, &narrow, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_feed_select(feed, &info->fields[0].name, 1, NULL) == TETLOD_OK);
+    CHECK_INT(tetlod_feed_add(feed, part.bytes, part.size, &error), TETLOD_OK);
+    CHECK_INT(tetlod_cursor_new(&cursor, tetlod_feed_file(feed), &other, 1, &error), TETLOD_ERR_FIELD);
+    tetlod_feed_free(feed);
+    tetlodi_buffer_fini(&part);
     const char *none = "nothing";
     REQUIRE(tetlod_feed_new(&feed, NULL, NULL) == TETLOD_OK && tetlod_feed_select(feed, &none, 1, NULL) == TETLOD_OK);
     CHECK_INT(tetlod_feed_add(feed, s.memory.bytes, s.memory.size, &error), TETLOD_ERR_FIELD);
+    CHECK_INT(tetlod_feed_add(feed, s.memory.bytes, 1, &error), TETLOD_ERR_FIELD);
+    CHECK(!tetlod_feed_file(feed));
     tetlod_feed_free(feed);
     stream_close(&s);
 }
