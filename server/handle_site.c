@@ -174,14 +174,15 @@ enum outcome handle_stream_info(struct exchange *exchange)
         return ANSWERED;
     }
     *context = (struct info_context){dataset, coding};
-    char key[256];
+    char key[256], etag[64];
+    snprintf(etag, sizeof etag, "%s-" TETLOD_VERSION_STRING, dataset_info(dataset)->cid); // what it says may differ from version to version
     snprintf(key, sizeof key, "%s/info/%s/%s", dataset_info(dataset)->cid, coding_name(coding), dataset_id(dataset));
     const struct cache_value *value;
     const struct recipe recipe = {make_info, free_info_context, context,
                                   1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), PATIENCE};
     enum outcome outcome = obtain(exchange, exchange->site->cache, key, &recipe, &value);
     if (value) {
-        respond_body(exchange, value, &(struct representation){.media_type = "application/json", .coding = coding, .etag = dataset_info(dataset)->cid});
+        respond_body(exchange, value, &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
         cache_revalidate(exchange->response);
     }
     return outcome;
@@ -194,18 +195,16 @@ enum outcome handle_catalogue(struct exchange *exchange)
     size_t count = 0;
     struct dataset **list = catalogue_list(exchange->site->catalogue, &count);
     json_t *meshes = json_array();
-    uint64_t hash = 0xcbf29ce484222325u;
     for (size_t i = 0; list && i < count; i++) {
         json_array_append_new(meshes, describe_in_catalogue(dataset_info(list[i]), dataset_id(list[i])));
-        for (const char *c = dataset_id(list[i]); *c; c++)
-            hash = (hash ^ (unsigned char)*c) * 0x100000001b3u;
-        for (const char *c = dataset_info(list[i])->cid; *c; c++)
-            hash = (hash ^ (unsigned char)*c) * 0x100000001b3u;
         dataset_release(list[i]);
     }
     free(list);
     json_t *object = json_pack("{s:o}", "meshes", meshes);
     char *text = object ? json_dumps(object, INFO_JSON_FLAGS | JSON_INDENT(1)) : NULL;
+    uint64_t hash = 0xcbf29ce484222325u; // FNV-1a
+    for (const char *c = text; c && *c; c++)
+        hash = (hash ^ (unsigned char)*c) * 0x100000001b3u;
     struct buffer buffer = {0};
     bool made = list && text && buffer_append(&buffer, text, strlen(text)) == TETLOD_OK &&
                 buffer_encode(&buffer, coding, NULL) == TETLOD_OK;

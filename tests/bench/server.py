@@ -134,7 +134,7 @@ def uncached_levels(port, at, levels):
     waited."""
     near = sorted(levels, key=lambda level: abs(level['tets'] - 38000))[:9]
     rows = []
-    fetch(port, at + '/levels/0/mesh.vtu')  # the stream is decoded
+    fetch(port, at + '/levels/%d/surface.stl' % (len(levels) - 1))  # the stream is decoded
     for level in near:
         start = time.perf_counter()
         _, head = fetch(port, at + '/levels/%d/mesh.vtu' % level['level'])
@@ -168,6 +168,8 @@ def memory(folder, stream):
         with open(script, 'w') as file:
             file.write(MIX % ('/v1/meshes/%s/%s' % (name, told['cid']), len(told['levels']) - 1))
         fetch(port, '/v1/meshes/%s/%s/levels/0/mesh.vtu' % (name, told['cid']))
+        while b'\ntetlod_streams_decoded_total 1\n' not in fetch(port, '/metrics')[0]:
+            time.sleep(0.05)
         with open('/proc/%d/clear_refs' % server.pid, 'w') as file:
             file.write('5')  # the peak from now on: decoding the stream takes more for a moment
         subprocess.run(['wrk', '-t%d' % CORES, '-c%d' % CONNECTIONS, '-d%ds' % max(8, 4 * SECONDS), '--timeout', '60s', '-s', script,
