@@ -621,6 +621,20 @@ static bool refused(const struct examiner *examiner, const struct fields *fields
     return out->error > 0;
 }
 
+/* The value whose differences at the corners of the overlay have the least sum of squares: it leaves contractions beside it
+ * more room than the quadric's best does. */
+static double fitting(const struct examiner *examiner, const struct fields *fields, uint32_t d)
+{
+    size_t width = 1 + (size_t)fields->driver_count;
+    double products = 0, squares = 0;
+    for (size_t i = 0; i < examiner->point_count; i++) {
+        const double *point = examiner->points + width * i;
+        products += point[0] * point[1 + d];
+        squares += point[0] * point[0];
+    }
+    return squares > 0 ? -products / squares : 0;
+}
+
 /* The number of the field's type in the interval that is nearest to the wanted one, if there is one. */
 static double choose(const struct examiner *examiner, const struct fields *fields, uint32_t d, double wanted)
 {
@@ -637,14 +651,14 @@ static double choose(const struct examiner *examiner, const struct fields *field
 }
 
 /* The values, and the errors with them. */
-static void settle(struct examiner *examiner, const struct fields *fields, const double *wanted, double limit,
-                   struct finding *out)
+static void settle(struct examiner *examiner, const struct fields *fields, double limit, struct finding *out)
 {
     size_t width = 1 + (size_t)fields->driver_count;
     out->error = 0;
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         const struct driver *driver = &fields->drivers[d];
-        double value = examiner->chosen[d] = choose(examiner, fields, d, wanted[d]), most = 0;
+        double value = choose(examiner, fields, d, fitting(examiner, fields, d)), most = 0;
+        examiner->chosen[d] = value;
         for (size_t i = 0; i < examiner->point_count; i++) {
             const double *point = examiner->points + width * i;
             most = larger(most, fabs(point[0] * value + point[1 + d]));
@@ -657,8 +671,8 @@ static void settle(struct examiner *examiner, const struct fields *fields, const
 
 enum tetlod_status exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
                                  const struct complex *complex, const struct fields *fields, const struct star *star,
-                                 const double p[3], const double *wanted, double limit, double horizon,
-                                 struct finding *out, struct tetlod_error *error)
+                                 const double p[3], double limit, double horizon, struct finding *out,
+                                 struct tetlod_error *error)
 {
     const struct examination e = {examiner, overlaps, complex, fields, star, horizon};
     bool good;
@@ -681,7 +695,7 @@ enum tetlod_status exact_examine(struct examiner *examiner, const struct overlap
         return tetlodi_fail_nomem(error, "the exact limit", examiner->point_capacity * 8);
     raise_limits(examiner, fields);
     if (!refused(examiner, fields, out))
-        settle(examiner, fields, wanted, limit, out);
+        settle(examiner, fields, limit, out);
     for (int i = 0; i < 2 && examiner->recent_count < RECENT; i++)
         examiner->recent[examiner->recent_count++] = out->witness[i];
     return TETLOD_OK;

@@ -59,15 +59,13 @@ TETLOD_CHECKED enum tetlod_status exact_take_up(struct examiner *examiner, const
                                                 const struct fields *fields, const struct star *star,
                                                 struct tetlod_error *error);
 
-/* May the star that was taken up be contracted to p, where no tetrahedron flips, with an error of at most `limit`? `wanted`
- * [driver] are the values that it should have: it gets the nearest that are allowed, in examiner->chosen, and then the error
- * of each driver, rounding included, is in examiner->errors. A bound is followed to `horizon` at most, and only if
- * that is INFINITY beyond the kind of corners that refused first. ERR_NOMEM. */
+/* May the star that was taken up be contracted to p, where no tetrahedron flips, with an error of at most `limit`? Then
+ * the drivers' values are in examiner->chosen, and the error of each, rounding included, is in examiner->errors. A bound is
+ * followed to `horizon` at most, and only if that is INFINITY beyond the kind of corners that refused first. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
                                                 const struct complex *complex, const struct fields *fields,
-                                                const struct star *star, const double p[3], const double *wanted,
-                                                double limit, double horizon, struct finding *out,
-                                                struct tetlod_error *error);
+                                                const struct star *star, const double p[3], double limit,
+                                                double horizon, struct finding *out, struct tetlod_error *error);
 
 /* After exact_examine has allowed a contraction: what it leaves to its cones, for overlaps_take. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status exact_hand_on(struct examiner *examiner, const struct overlaps *overlaps,
