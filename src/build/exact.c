@@ -387,9 +387,9 @@ static bool is_original(const struct examination *e)
 }
 
 /* Are both ends of an edge outside of one of the cone's walls? `a` and `b` are their sets of sides. */
-static inline bool beside(const struct patch *patch, const uint64_t *a, const uint64_t *b, uint32_t f)
+static inline bool beside(const struct patch *patch, uint32_t words, const uint64_t *a, const uint64_t *b, uint32_t f)
 {
-    uint32_t words = patch->words, low = MAYBE_NOT_POSITIVE * words, high = MAYBE_NOT_NEGATIVE * words;
+    uint32_t low = MAYBE_NOT_POSITIVE * words, high = MAYBE_NOT_NEGATIVE * words;
     const uint64_t *walls = patch->cone_walls + (size_t)f * words, *inside = patch->cone_signs + (size_t)f * words;
     uint64_t outside = 0;
     for (uint32_t word = 0; word < words; word++)
@@ -398,21 +398,28 @@ static inline bool beside(const struct patch *patch, const uint64_t *a, const ui
     return outside;
 }
 
+/* Inlined where `words` is known. */
+static inline __attribute__((always_inline)) bool at_edge(const struct examination *e, const uint32_t edge[2], uint32_t words)
+{
+    const struct patch *patch = &e->examiner->patch;
+    const uint64_t *a = patch->signs + (size_t)edge[0] * SIDES * words, *b = patch->signs + (size_t)edge[1] * SIDES * words;
+    for (uint32_t word = 0; word < words; word++)
+        for (uint64_t bits = a[word] ^ b[word]; bits; bits &= bits - 1) {
+            uint32_t w = 64 * word + (uint32_t)__builtin_ctzll(bits);
+            const struct wall *wall = &patch->walls[w];
+            if (!beside(patch, words, a, b, wall->cones[0]) && !beside(patch, words, a, b, wall->cones[1]) &&
+                !at_wall(e, edge[0], edge[1], w))
+                return false;
+        }
+    return true;
+}
+
 static bool at_edges(const struct examination *e)
 {
     const struct patch *patch = &e->examiner->patch;
-    for (uint32_t i = 0; i < patch->edge_count; i++) {
-        const uint32_t *edge = patch->edges[i];
-        const uint64_t *a = patch_side(patch, edge[0], POSITIVE), *b = patch_side(patch, edge[1], POSITIVE);
-        for (uint32_t word = 0; word < patch->words; word++)
-            for (uint64_t bits = a[word] ^ b[word]; bits; bits &= bits - 1) {
-                uint32_t w = 64 * word + (uint32_t)__builtin_ctzll(bits);
-                const struct wall *wall = &patch->walls[w];
-                if (!beside(patch, a, b, wall->cones[0]) && !beside(patch, a, b, wall->cones[1]) &&
-                    !at_wall(e, edge[0], edge[1], w))
-                    return false;
-            }
-    }
+    for (uint32_t i = 0; i < patch->edge_count; i++)
+        if (!(patch->words == 1 ? at_edge(e, patch->edges[i], 1) : at_edge(e, patch->edges[i], patch->words)))
+            return false;
     return true;
 }
 

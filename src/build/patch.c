@@ -22,6 +22,10 @@ struct patch_slot {
     uint32_t epoch, edge;
 };
 
+struct patch_number {
+    uint32_t epoch, number;
+};
+
 /* ---- which originals overlap which tetrahedra */
 
 enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh, struct tetlod_error *error)
@@ -104,11 +108,10 @@ enum tetlod_status patch_init(struct patch *patch, const struct complex *complex
     size_t tets = complex->tet_count, vertices = complex->vertex_count;
     *patch = (struct patch){.tet_epoch = array_zero(tets, sizeof(uint32_t)),
                             .star_epoch = array_zero(tets, sizeof(uint32_t)),
-                            .vertex_epoch = array_zero(vertices, sizeof(uint32_t)),
-                            .vertex_number = array_new(vertices, sizeof(uint32_t)),
+                            .vertex_number = array_zero(vertices, sizeof *patch->vertex_number),
                             .slot_epoch = array_zero(vertices, sizeof(uint32_t)),
                             .slot_number = array_new(vertices, sizeof(uint32_t))};
-    if (patch->tet_epoch && patch->star_epoch && patch->vertex_epoch && patch->vertex_number && patch->slot_epoch &&
+    if (patch->tet_epoch && patch->star_epoch && patch->vertex_number && patch->slot_epoch &&
         patch->slot_number)
         return TETLOD_OK;
     patch_fini(patch);
@@ -121,7 +124,7 @@ void patch_fini(struct patch *patch)
                      patch->walls,        patch->cones,        patch->normals,     patch->rows,        patch->signs,
                      patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spoke_cone,  patch->table,
                      patch->pairs,        patch->under,       patch->tet_epoch,   patch->star_epoch,
-                     patch->vertex_epoch, patch->vertex_number, patch->slot_epoch, patch->slot_number};
+                     patch->vertex_number, patch->slot_epoch, patch->slot_number};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     *patch = (struct patch){0};
@@ -155,26 +158,30 @@ static bool gather_tets(struct patch *patch, const struct overlaps *overlaps, co
 /* Numbers the originals' vertices, those that the star hosts first. */
 static bool gather_vertices(struct patch *patch, const struct overlaps *overlaps)
 {
-    patch->vertex_count = 0;
-    if (!room(patch, VERTICES, &patch->vertices, 4 * (size_t)patch->tet_count, sizeof *patch->vertices))
+    static const uint32_t outside = (uint32_t)1 << 31; // a number among those that it does not host
+    size_t most = 4 * (size_t)patch->tet_count;
+    if (!room(patch, VERTICES, &patch->vertices, 2 * most, sizeof *patch->vertices))
         return false;
-    for (int pass = 0; pass < 2; pass++) {
-        for (uint32_t t = 0; t < patch->tet_count; t++)
-            for (int c = 0; c < 4; c++) {
-                uint32_t v = overlaps->mesh->corners[4 * (size_t)patch->tets[t] + (size_t)c];
-                if (patch->vertex_epoch[v] == patch->epoch) {
-                    patch->corners[t][c] = patch->vertex_number[v];
-                    continue;
-                }
-                if (!pass && (overlaps->host[v] == TETLOD_NONE || patch->star_epoch[overlaps->host[v]] != patch->epoch))
-                    continue;
-                patch->vertex_epoch[v] = patch->epoch;
-                patch->corners[t][c] = patch->vertex_number[v] = patch->vertex_count;
-                patch->vertices[patch->vertex_count++] = v;
-            }
-        if (!pass)
-            patch->inside_count = patch->vertex_count;
+    uint32_t *corners = patch->corners[0], *others = patch->vertices + most, inside_count = 0, other_count = 0;
+    for (size_t i = 0; i < most; i++) {
+        uint32_t v = overlaps->mesh->corners[4 * (size_t)patch->tets[i / 4] + i % 4];
+        struct patch_number *number = &patch->vertex_number[v];
+        if (number->epoch != patch->epoch) {
+            uint32_t host = overlaps->host[v];
+            bool inside = host != TETLOD_NONE && patch->star_epoch[host] == patch->epoch;
+            *number = (struct patch_number){patch->epoch, inside ? inside_count : other_count | outside};
+            if (inside)
+                patch->vertices[inside_count++] = v;
+            else
+                others[other_count++] = v;
+        }
+        corners[i] = number->number;
     }
+    for (size_t i = 0; i < most; i++)
+        corners[i] = corners[i] & outside ? (corners[i] & ~outside) + inside_count : corners[i];
+    memmove(patch->vertices + inside_count, others, other_count * sizeof *others);
+    patch->inside_count = inside_count;
+    patch->vertex_count = inside_count + other_count;
     return true;
 }
 

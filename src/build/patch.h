@@ -100,7 +100,8 @@ struct patch {
     uint64_t *spoke_walls;       /* [link][words] the walls that meet there, but those on the boundary */
     uint32_t (*spoke_cone)[2];   /* [link] a cone there, and the link vertex's place in it */
     /* scratch */
-    uint32_t epoch, *tet_epoch, *star_epoch, *vertex_epoch, *vertex_number, *slot_epoch, *slot_number;
+    uint32_t epoch, *tet_epoch, *star_epoch, *slot_epoch, *slot_number;
+    struct patch_number *vertex_number; /* [original vertex] */
     struct patch_slot *table; /* of edges */
     size_t table_size;
     uint32_t *pairs;          /* [link * link] number of the wall there, plus 1; all 0 between stars */
