@@ -448,18 +448,21 @@ struct unaligned {
 } __attribute__((packed, aligned(8), may_alias));
 
 /* The distances from up to 64 walls, and their signs. */
-static void make_word(const struct patch *patch, const double r[3], double *row, size_t first, size_t last, uint64_t *signs)
+static inline void make_word(const struct patch *patch, const double r[3], double *row, size_t first, size_t last,
+                             uint64_t *signs)
 {
-    const double *nx = patch->normals, *ny = nx + patch->stride, *nz = ny + patch->stride;
+    const double *nx = patch->normals, *ny = nx + patch->stride, *nz = ny + patch->stride, *tolerances = patch->tolerances,
+                 *thresholds = patch->thresholds;
+    const lanes x = {r[0], r[0]}, y = {r[1], r[1]}, z = {r[2], r[2]};
     lane_bits positives = {0}, nears = {0}, bit = {1, 2};
     for (size_t w = first; w < last; w += PATCH_LANES, bit <<= PATCH_LANES) {
-        lanes distance = LOAD(nx + w) * r[0] + LOAD(ny + w) * r[1] + LOAD(nz + w) * r[2], tolerance = LOAD(patch->tolerances + w);
+        lanes distance = LOAD(nx + w) * x + LOAD(ny + w) * y + LOAD(nz + w) * z, tolerance = LOAD(tolerances + w);
         memcpy(row + w, &distance, sizeof distance);
-        positives |= (lane_bits)(distance >= LOAD(patch->thresholds + w)) & bit;
-        nears |= (lane_bits)((distance <= tolerance) & (distance >= -tolerance)) & bit;
+        positives |= (lane_bits)(distance >= LOAD(thresholds + w)) & bit;
+        nears |= (lane_bits)(distance <= tolerance) & (lane_bits)(distance >= -tolerance) & bit;
     }
-    uint64_t positive = positives[0] | positives[1],
-             near = nears[0] | nears[1], all = ~(uint64_t)0 >> (64 - (last - first));
+    uint64_t positive = positives[0] | positives[1], near = nears[0] | nears[1],
+             all = ~(uint64_t)0 >> (64 - (last - first));
     signs[POSITIVE * patch->words] = positive;
     signs[MAYBE_NOT_POSITIVE * patch->words] = (~positive & all) | near;
     signs[MAYBE_NOT_NEGATIVE * patch->words] = positive | near;
