@@ -55,7 +55,7 @@ export class Layer {
     this.triangles.mapper.setRelativeCoincidentTopologyPolygonOffsetParameters(1, 1);
     this.lines.mapper.setRelativeCoincidentTopologyLineOffsetParameters(-1, -1);
     this.triangles.actor.getProperty().set({ lighting: !flat, ambient: 0.45, diffuse: 0.55, specular: 0 });
-    this.lines.actor.getProperty().set({ lighting: false, lineWidth: 1, opacity: 0.65 });
+    this.lines.actor.getProperty().set({ lighting: false, lineWidth: 1 });
   }
 
   // A message that leaves triangles or lines out means the last ones.

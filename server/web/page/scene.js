@@ -80,7 +80,7 @@ export class Scene extends EventTarget {
     this.grid = null;
     this.state = null;
     this.range = [0, 1];
-    this.edgeColor = [0, 0, 0];
+    this.boxColor = [0, 0, 0];
     this.render = coalesced(() => this.interactor.render());
     this.startInteraction();
     new ResizeObserver(() => this.resize()).observe(container);
@@ -177,7 +177,7 @@ export class Scene extends EventTarget {
     this.surface.visible = Boolean(style);
     this.surface.showLines = state.edges;
     this.box.setVisibility(state.surface !== 'solid' || Boolean(state.clip));
-    this.box.getProperty().set({ color: this.edgeColor, opacity: 0.3 });
+    this.box.getProperty().setColor(...this.boxColor);
     if (style) this.surface.triangles.actor.getProperty().set(style);
     for (const slice of this.slices) slice.showLines = state.sliceEdges;
     for (const isosurface of this.isosurfaces) isosurface.triangles.actor.getProperty().setOpacity(state.isosurfaceOpacity);
@@ -214,7 +214,8 @@ export class Scene extends EventTarget {
   setBackground(color) {
     this.renderer.setBackground(...color);
     const light = 0.3 * color[0] + 0.59 * color[1] + 0.11 * color[2] > 0.5;
-    this.edgeColor = light ? [0.1, 0.13, 0.18] : [0.86, 0.89, 0.93];
+    const ink = light ? [0.1, 0.13, 0.18] : [0.86, 0.89, 0.93];
+    this.boxColor = color.map((c, i) => 0.7 * c + 0.3 * ink[i]); // opaque: what is translucent is drawn in passes of its own
     this.render();
   }
 
