@@ -106,7 +106,7 @@ export interface Pictures {
   surface: Part | null;
   slices: Part[];
   isosurfaces: Part[];
-  /** Absent while the mesh moves. */
+  /** Absent while the mesh moves, and where it is the same as in the last message. */
   volume?: Grid | null;
   seconds: number;
 }

@@ -244,6 +244,14 @@ async function volumesAreClippedAndLogarithmic() {
   }
   assert.ok(hidden > 50);
   assert.equal(plain.range[0], least);
+  // a grid is kept while it is that of the same mesh and values
+  assert.deepEqual(view.resample(24, false), plain);
+  view.shade(1, 0);
+  assert.notDeepEqual(view.resample(24, false).voxels, voxels);
+  view.seek(1);
+  assert.deepEqual(view.resample(24, false).range, [0, 0]); // no value is chosen
+  view.shade(0, 0);
+  assert.ok(view.resample(24, false).range[1] > 0);
   assert.ok(Math.abs(logarithmic.range[0] - Math.log10(least)) < 1e-5 && logarithmic.logarithmic && !plain.logarithmic);
 }
 

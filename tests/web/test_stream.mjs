@@ -462,6 +462,11 @@ async function picturesOfEveryStep() {
   for (let i = 0; i < 50; i++) stream.show({ ...everything, slices: [{ origin: centre.map((x) => x + i * 1e-3), normal: [0, 0, 1] }] });
   while (!pictures.some(({ slices }) => Math.abs(slices[0].points[2] - centre[2] - 0.049) < 1e-6)) await heard(stream, 'pictures');
   assert.ok(pictures.length < 10);
+  assert.ok(pictures.every(({ volume }) => volume === undefined)); // it is the same
+  for (const change of [{ clip: null }, { volume: { size: 17 } }, { volume: { size: 17, logarithmic: true } }, { component: 'magnitude', field: 'Velocity' }]) {
+    stream.show(Object.assign(everything, change));
+    while (!(await heard(stream, 'pictures')).volume);
+  }
   await assert.rejects(stream.show({ field: name, volume: { size: 1e6 } }), /volume.size is from/);
   await assert.rejects(stream.show({ field: 'Speed' }), /no field 'Speed'/);
   await assert.rejects(stream.show({ field: name, component: 7 }), /component is one of/);

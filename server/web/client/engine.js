@@ -26,6 +26,7 @@ export class Engine {
   #decoding = 0;      // milliseconds since the last level was announced
   #frameTime = 0;     // milliseconds of the last pictures, as they are made while the mesh moves
   #surfaceOf = '';    // what the page has the triangles of
+  #volumeOf = '';     // what the page has a volume of
   #seen = null;       // resolves when the page has seen the last pictures
   #bells = [];        // of loops that wait
   #turn = new MessageChannel(); // lets messages in between two pieces of work
@@ -92,6 +93,7 @@ export class Engine {
     const before = this.#spec;
     this.#spec = spec && this.#checkSpec(spec);
     if (!before?.surface) this.#surfaceOf = '';
+    if (!before?.volume) this.#volumeOf = '';
     this.#dirty = true;
     this.#wake();
   }
@@ -335,11 +337,14 @@ export class Engine {
     };
   }
 
-  // A grid takes too long to be made while the mesh moves: undefined then, null where none is wanted.
+  // A grid takes too long to be made while the mesh moves: undefined then and where it is the same, null where none is wanted.
   #drawVolume(t) {
-    const { volume } = this.#spec;
+    const { volume, shade, component, clip } = this.#spec;
     if (!volume) return null;
-    return t === 1 ? this.#view.resample(volume.size, volume.logarithmic) : undefined;
+    const key = JSON.stringify([this.#shown, volume.size, volume.logarithmic, shade, component, clip]);
+    if (t < 1 || key === this.#volumeOf) return undefined;
+    this.#volumeOf = key;
+    return this.#view.resample(volume.size, volume.logarithmic);
   }
 
   // Makes the pictures at t of a move (1: at rest) and waits until they are seen.

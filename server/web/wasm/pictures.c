@@ -17,6 +17,8 @@ enum tetlod_status view_begin_pictures(struct view *view)
     if (function)
         view->function = function;
     view->has_boundary = view->has_lines = false;
+    view->grid_size = 0;
+    view->shade_field = TETLOD_NONE;
     if (!shade || !function)
         return tetlodi_fail_nomem(&view->error, "a picture", 16 * (uint64_t)vertices);
     for (uint32_t v = 0; v < vertices; v++)
@@ -45,6 +47,10 @@ const double *view_shade(struct view *view, uint32_t field, int32_t component)
 {
     double low = INFINITY, high = -INFINITY;
     take_values(view, field, component, view->shade);
+    if (field != view->shade_field || component != view->shade_component)
+        view->grid_size = 0;
+    view->shade_field = field;
+    view->shade_component = component;
     for (uint32_t v = 0; v < view->shown.vertex_count; v++) {
         low = view->shade[v] < low ? view->shade[v] : low;
         high = view->shade[v] > high ? view->shade[v] : high;
@@ -222,8 +228,12 @@ uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32
 uint32_t view_resample(struct view *view, uint32_t size, uint32_t logarithmic)
 {
     const struct tetlod_info *info = view_info(view);
-    cut_grid_cover(&view->grid, info->bounds[0], info->bounds[1], size);
-    TETLOD_TRY(cut_resample(&view->shown, view->shade, &view->grid, &view->error));
+    if (size != view->grid_size) { // a clip plane that is dragged needs no other grid
+        view->grid_size = 0;
+        cut_grid_cover(&view->grid, info->bounds[0], info->bounds[1], size);
+        TETLOD_TRY(cut_resample(&view->shown, view->shade, &view->grid, &view->error));
+        view->grid_size = size;
+    }
     return cut_make_voxels(&view->grid, logarithmic, view->clips ? &view->clip : NULL, &view->voxels, &view->error);
 }
 

@@ -220,6 +220,7 @@ void view_place(struct view *view, double t)
     if (!view->moving)
         return;
     bool arrived = t >= 1;
+    view->grid_size = 0;
     const struct tetmesh *to = &view->to, *at = arrived ? to : &view->between;
     size_t vertices = view->shown.vertex_count;
     show(view, at->positions, to->corners);

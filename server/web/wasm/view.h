@@ -40,6 +40,8 @@ struct view {
     struct tetmesh from, to, between; /* a move: its ends, and where it is; the corners are `to`'s */
     double *shade, *function;        /* [vertex_count] the value that colours, the function whose zero set is cut */
     double shade_range[2];
+    uint32_t shade_field;
+    int32_t shade_component;
     double *probed;                  /* a value for each component of each field */
     double centre[3];                /* that points are relative to */
     struct cut boundary;             /* of the mesh that is shown, if `has_boundary`; and its lines */
@@ -51,6 +53,7 @@ struct view {
     size_t distance_cap;
     struct view_part whole, part;
     struct cut_grid grid;
+    uint32_t grid_size;              /* that it was made with, of the mesh and shade that are shown; 0: of others */
     struct cut_voxels voxels;
     struct tetlodi_buffer text;
     struct tetlod_error error;
