@@ -88,6 +88,18 @@ static double place_error(const struct locator *locator, const struct place *pla
     return fabs(sqrt(distance_squared(at, p)) - distance) + fabs(sum - 1) + (least(place->weights) < -1e-12);
 }
 
+/* What is near enough may be anywhere on the boundary but is no nearer than it is; without that, and from any guess, the distance. */
+static bool distances_agree(const struct locator *locator, const double p[3], double distance)
+{
+    uint32_t face = TETLOD_NONE, guess = locator->faces[0];
+    double near = locator_distance(locator, p, 2 * distance, &guess);
+    bool right = locator_distance(locator, p, 0, &face) == distance && near >= distance && near <= 2 * distance;
+    guess = face; // the right one
+    right &= locator_distance(locator, p, distance, &guess) <= distance * (1 + 1e-12) && guess == face;
+    guess = locator->faces[locator->triangle_count - 1];
+    return right && locator_distance(locator, p, distance / 2, &guess) == distance;
+}
+
 static void check_point(const struct locator *locator, const double p[3], double size, unsigned *wrong)
 {
     uint32_t all[64], found[64], count = find_all(locator, p, all, 64);
@@ -106,6 +118,7 @@ static void check_point(const struct locator *locator, const double p[3], double
     struct place place;
     double distance = locator_closest(locator, p, &place);
     wrong[2] += !(fabs(distance - closest_of_all(locator, p)) <= 1e-9 * size);
+    wrong[2] += !distances_agree(locator, p, distance);
     wrong[3] += !(place_error(locator, &place, distance, p) <= 1e-9 * size + 1e-9);
 }
 
