@@ -485,10 +485,14 @@ void patch_rows(struct patch *patch, const struct overlaps *overlaps, uint32_t b
                  patch->signs + (size_t)v * SIDES * patch->words);
 }
 
-/* The cone whose signs a vertex has. */
+/* The cone whose signs a vertex has. Most stars have no more walls than a word has bits. */
 static uint32_t find_cone(const struct patch *patch, const uint64_t *signs)
 {
-    for (uint32_t f = 0; f < patch->cone_count; f++) {
+    const uint64_t *one_walls = patch->cone_walls, *one_inside = patch->cone_signs;
+    for (uint32_t f = 0; f < patch->cone_count && patch->words == 1; f++)
+        if ((signs[0] & one_walls[f]) == one_inside[f])
+            return f;
+    for (uint32_t f = 0; f < patch->cone_count && patch->words > 1; f++) {
         const uint64_t *walls = patch->cone_walls + (size_t)f * patch->words,
                        *inside = patch->cone_signs + (size_t)f * patch->words;
         uint64_t differ = 0;

@@ -533,6 +533,7 @@ static enum tetlod_status climb_exactly(struct run *run)
                 TETLOD_TRY(contract_exactly(run, &run->works[i]));
             else
                 TETLOD_TRY(file(run, &run->works[i].entry, run->works[i].outcome != REFUSED));
+            handover_fini(&run->works[i].handover); // they are large where stars are
             if (run->complex->contraction_count == before)
                 continue;
             TETLOD_TRY(report(run));
