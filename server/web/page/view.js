@@ -27,6 +27,7 @@ const address = file ?? `/v1/meshes/${encodeURIComponent(id)}`;
 const stillness = matchMedia('(prefers-reduced-motion: reduce)');
 const store = new Store(fromFragment(location.hash));
 let stream, info, scene, controls, compass, handles, probe;
+const workerPatience = 50; // milliseconds
 let tellPictured;
 const pictured = new Promise((resolve) => { tellPictured = resolve; }); // the first picture is on the screen
 let level = -1; // the stream's, which the words tell
@@ -381,12 +382,13 @@ function openScene({ Scene }) {
 }
 
 // The first picture is made while vtk.js and the graphics start, which takes longest. Making the graphics' context stops
-// this thread, and with it a worker that is not running yet.
+// this thread, and with it a worker that is not running yet: one that is about to is waited for, a slow one is not.
 async function open() {
   const code = import('./scene.js');
   let opened;
   const running = new Promise((resolve) => { opened = openStream(resolve); });
-  await Promise.race([running, opened]);
+  const patience = code.then(() => new Promise((resolve) => setTimeout(resolve, workerPatience)));
+  await Promise.race([running, opened, patience]);
   await Promise.all([opened, code.then(openScene)]);
 }
 
@@ -410,6 +412,7 @@ async function openPanel() {
     await pause();
   }
   controls = made;
+  controls.setRange(colorRange());
   watch();
   await pause();
   bindActions();
