@@ -7,6 +7,7 @@
 
 #include "format/checksum.h"
 #include "format/fail.h"
+#include "format/utf8.h"
 
 enum { CID_AT = 40, CID_SIZE = 16, CRC_AT = 60, FIELD_CONTROLLED = 1 };
 
@@ -196,6 +197,8 @@ static const char *contradiction(const struct tetlodi_index *index)
     const struct tetlod_level *finest = &info->levels[info->level_count - 1];
     if (finest->vertices != info->vertices || finest->tets != info->tets || info->tets == 0)
         return "levels that do not lead to the original";
+    if (info->vertices == UINT32_MAX || info->tets > MOST_TETS)
+        return "more vertices or tetrahedra than a stream can hold";
     return NULL;
 }
 
@@ -249,9 +252,11 @@ static const char *get_text(struct tetlodi_bytes *in, size_t size, char **text)
     return start;
 }
 
-static void decode_fields(struct tetlodi_index *index, struct tetlodi_bytes *in, char **text)
+/* False: a name that is none. */
+static bool decode_fields(struct tetlodi_index *index, struct tetlodi_bytes *in, char **text)
 {
     struct tetlod_info *info = &index->info;
+    bool named = true;
     for (uint32_t f = 0; f < info->field_count; f++) {
         struct tetlod_field *field = &index->fields[f];
         get_scale(in, &index->scales[1 + f], 1);
@@ -261,8 +266,11 @@ static void decode_fields(struct tetlodi_index *index, struct tetlodi_bytes *in,
         field->range[0] = tetlodi_get_f64(in);
         field->range[1] = tetlodi_get_f64(in);
         info->lossless &= index->scales[1 + f].bits == 0;
-        field->name = get_text(in, (size_t)tetlodi_get(in, 2), text);
+        size_t size = (size_t)tetlodi_get(in, 2);
+        field->name = get_text(in, size, text);
+        named &= size && !in->failed && tetlodi_plain_text(field->name, size);
     }
+    return named;
 }
 
 enum tetlod_status tetlodi_index_decode(struct tetlodi_index *index, const void *bytes, size_t size,
@@ -297,12 +305,12 @@ enum tetlod_status tetlodi_index_decode(struct tetlodi_index *index, const void 
     get_scale(&in, &index->scales[0], 3);
     info->position_type = index->scales[0].type;
     info->lossless = index->scales[0].bits == 0;
-    decode_fields(index, &in, &text);
+    bool named = decode_fields(index, &in, &text);
     decode_levels(index, &in, first_offset);
     info->metadata_size = (size_t)tetlodi_get(&in, 4);
     info->metadata_size = info->metadata_size > MOST_METADATA ? MOST_METADATA : info->metadata_size;
     info->metadata = get_text(&in, info->metadata_size, &text);
-    const char *wrong = in.failed ? "less than it should" : in.left ? "more than it should" : contradiction(index);
+    const char *wrong = in.failed ? "less than it should" : in.left ? "more than it should" : named ? contradiction(index) : "a field without a name";
     if (!wrong)
         return TETLOD_OK;
     tetlodi_index_fini(index);

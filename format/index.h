@@ -10,6 +10,7 @@ enum {
     HEADER_SIZE = 64,
     FORMAT_MAJOR = 1,
     FORMAT_MINOR = 0,
+    MOST_TETS = 1 << 30,
     MOST_FIELDS = 256,
     MOST_COMPONENTS = 64,
     MOST_LEVELS = 65536,

@@ -16,6 +16,7 @@
 #include "format/index.h"
 #include "format/order.h"
 #include "format/star_view.h"
+#include "format/utf8.h"
 
 enum { MOST_CHILDREN = 4 };
 
@@ -632,7 +633,8 @@ static enum tetlod_status check_input(const struct writer *w)
 {
     const struct tetlodi_write_input *in = w->in;
     const char *wrong = NULL;
-    if (!in->vertices || !in->tets || !in->level_count || in->field_count > MOST_FIELDS || in->level_count > MOST_LEVELS)
+    if (!in->vertices || !in->tets || !in->level_count || in->field_count > MOST_FIELDS || in->level_count > MOST_LEVELS ||
+        in->vertices == UINT32_MAX || in->tets > MOST_TETS)
         wrong = "there is nothing in it, or too much";
     else if (in->levels[in->level_count - 1].contractions != 0 || in->levels[0].contractions != in->contractions)
         wrong = "its levels do not lead from the base mesh to the original";
@@ -644,6 +646,8 @@ static enum tetlod_status check_input(const struct writer *w)
     for (uint32_t f = 0; f < in->field_count && !wrong; f++)
         if (in->fields[f].components < 1 || in->fields[f].components > MOST_COMPONENTS || strlen(in->fields[f].name) > 4096)
             wrong = "a field has too many components or too long a name";
+        else if (!*in->fields[f].name || !tetlodi_plain_text(in->fields[f].name, strlen(in->fields[f].name)))
+            wrong = "a field's name is empty or not plain UTF-8";
     for (size_t t = 0; t < in->tets && !wrong; t++)
         for (int c = 0; c < 4 && !wrong; c++) {
             if (in->corners[4 * t + (size_t)c] >= in->vertices)

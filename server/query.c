@@ -7,41 +7,14 @@
 #include <string.h>
 #include <strings.h>
 
+#include "format/utf8.h"
+
 static int hex_digit(char c)
 {
     if (c >= '0' && c <= '9')
         return c - '0';
     c = (char)(c | 0x20);
     return c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
-}
-
-/* Length of the UTF-8 sequence at text, 0 if it is not one (overlong forms, surrogates and beyond U+10FFFF included). */
-static size_t utf8_length(const unsigned char *text, size_t left)
-{
-    unsigned char first = text[0];
-    if (first < 0x80)
-        return 1;
-    size_t length = first >= 0xc2 && first < 0xe0 ? 2 : first >= 0xe0 && first < 0xf0 ? 3 : first >= 0xf0 && first < 0xf5 ? 4 : 0;
-    if (!length || length > left)
-        return 0;
-    for (size_t i = 1; i < length; i++)
-        if ((text[i] & 0xc0) != 0x80)
-            return 0;
-    unsigned char second = text[1];
-    bool wrong = (first == 0xe0 && second < 0xa0) || (first == 0xed && second >= 0xa0) || (first == 0xf0 && second < 0x90) ||
-                 (first == 0xf4 && second >= 0x90);
-    return wrong ? 0 : length;
-}
-
-static bool is_plain_text(const char *text, size_t size)
-{
-    const unsigned char *bytes = (const unsigned char *)text;
-    for (size_t i = 0, length; i < size; i += length) {
-        length = utf8_length(bytes + i, size - i);
-        if (!length || bytes[i] < 0x20 || bytes[i] == 0x7f)
-            return false;
-    }
-    return true;
 }
 
 bool percent_decode(const char *text, size_t size, char *out, size_t capacity)
@@ -65,7 +38,7 @@ bool percent_decode(const char *text, size_t size, char *out, size_t capacity)
         out[used++] = c;
     }
     out[used] = 0;
-    return is_plain_text(out, used);
+    return tetlodi_plain_text(out, used);
 }
 
 bool percent_encode(const char *text, char *out, size_t capacity)

@@ -15,6 +15,7 @@ import itertools
 import json
 import math
 import operator
+import re
 import struct
 import sys
 import urllib.request
@@ -28,6 +29,7 @@ MEASURES = ('max', 'sampled', 'rms', 'predicted')
 FLOAT32_END = float(2**128 - 2**103)  # what is below is a float32, or rounds to one
 SHIFT = [(seen + 1).bit_length() for seen in range(127)]
 NONE = None
+NOT_IN_NAMES = re.compile('[\x00-\x1f\x7f-\x9f\ufffe\uffff]')
 FLOAT32, FLOAT64, UINT32, UINT64 = (struct.Struct('<' + form) for form in 'fdIQ')
 
 
@@ -53,10 +55,18 @@ class Bytes:
         self.at += size
         return values if len(values) > 1 else values[0]
 
-    def text(self, size):
+    def text(self, size, errors='replace'):
         require(self.at + size <= len(self.data), 'the index ends too early')
         self.at += size
-        return self.data[self.at - size:self.at].decode('utf-8', 'replace')
+        return self.data[self.at - size:self.at].decode('utf-8', errors)
+
+    def name(self, size):
+        try:
+            name = self.text(size, 'strict')
+        except UnicodeDecodeError:
+            name = ''
+        require(name and not NOT_IN_NAMES.search(name), 'a field without a name')
+        return name
 
 
 class Scale:
@@ -133,7 +143,7 @@ class Stream:
             components, flags, low, high, size = data.take('BBddH')
             require(1 <= components <= 64, 'a field of too many components or none')
             require(math.isfinite(low) and math.isfinite(high) and low <= high, 'a field without a range')
-            self.fields.append({'name': data.text(size), 'components': components, 'controlled': bool(flags & 1),
+            self.fields.append({'name': data.name(size), 'components': components, 'controlled': bool(flags & 1),
                                 'range': [low, high], 'type': 'float64' if self.scales[-1].type else 'float32'})
         self.levels, self.frames = [], []
         for k in range(levels):

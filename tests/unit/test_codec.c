@@ -466,6 +466,15 @@ static void test_sequences_that_are_none(void)
     corners[1] = 27;
     CHECK_INT(tetlodi_write(&recode.input, &sink, &error), TETLOD_ERR_ARGUMENT);
     recode.input.corners = good_corners;
+    struct tetlodi_write_field fields[2];
+    memcpy(fields, recode.input.fields, recode.input.field_count * sizeof *fields);
+    recode.input.fields = fields;
+    const char *const no_names[] = {"", "a\nb", "\xff", "\xc2\x85", "caf\xc3"}, *good_name = fields[0].name;
+    for (size_t i = 0; i < sizeof no_names / sizeof *no_names; i++) {
+        fields[0].name = no_names[i];
+        CHECK_INT(tetlodi_write(&recode.input, &sink, &error), TETLOD_ERR_ARGUMENT);
+    }
+    fields[0].name = good_name;
     recode.levels[1].contractions = recode.levels[0].contractions;
     CHECK_INT(tetlodi_write(&recode.input, &sink, &error), TETLOD_ERR_ARGUMENT);
     CHECK_INT(memory.size, 0);
