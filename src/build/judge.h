@@ -34,7 +34,7 @@ struct work {
 };
 
 /* So many are examined at a time, on as many threads as there are. */
-enum { BATCH = 32 };
+enum { BATCH = 128 };
 
 struct run {
     const struct simplify_options *options;
