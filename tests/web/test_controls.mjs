@@ -30,6 +30,9 @@ const infoOf = () => page.evaluate(() => window.tetlod.stream.info);
 async function picture() {
   await settled(page);
   return page.evaluate(async () => {
+    const frame = () => new Promise(requestAnimationFrame);
+    await frame(); // colours and opacities change in the next one
+    await frame();
     const shot = async () => (await window.tetlod.scene.capture()).src;
     let last = await shot();
     for (;;) {

@@ -278,13 +278,13 @@ export class Engine {
   }
 
   // The spec with indices for names.
-  #checkSpec({ field, component, surface = false, edges = false, slices = [], isosurfaces = [], clip = null, volume = null, morph = true }) {
+  #checkSpec({ field, component, surface = false, edges = false, slices = [], isosurfaces = [], clip = null, volume = null, morph = true, tag = null }) {
     const shade = field === undefined ? -1 : this.#fieldIndex(field);
     const of = (name) => (name === undefined ? shade : this.#fieldIndex(name));
     if (shade < 0 && isosurfaces.some((iso) => iso.field === undefined)) throw new RangeError('an isosurface needs a field');
     if (volume && !(volume.size >= 2 && volume.size <= 512)) throw new RangeError(`volume.size is from 2 to 512, not ${volume.size}`);
     return {
-      surface, edges, slices, clip, volume, morph, shade,
+      surface, edges, slices, clip, volume, morph, tag, shade,
       component: shade < 0 ? 0 : this.#component(shade, component),
       isosurfaces: isosurfaces.map((iso) => ({
         field: of(iso.field), value: iso.value,
@@ -359,7 +359,7 @@ export class Engine {
     const volume = this.#drawVolume(t);
     const seconds = (performance.now() - started) / 1000;
     const seen = new Promise((resolve) => { this.#seen = resolve; });
-    this.#emit('pictures', { level: this.#shown, t, origin: this.#view.centre, ...parts, volume, seconds });
+    this.#emit('pictures', { tag: this.#spec.tag, level: this.#shown, t, origin: this.#view.centre, ...parts, volume, seconds });
     await this.#workUntil(seen);
   }
 

@@ -31,8 +31,9 @@ const workerPatience = 50; // milliseconds
 let tellPictured;
 const pictured = new Promise((resolve) => { tellPictured = resolve; }); // the first picture is on the screen
 let level = -1; // the stream's, which the words tell
+let asked = 0; // changes of what the worker is to make
 let early = null; // pictures that came before there was where to draw them
-let drawn = -1; // the picture's, when it has come to rest
+let drawn = -1; // the picture's, when it has come to rest and is what was asked for
 let shade = null; // { field, component, range } of the picture's colours
 
 // ---- colours and their range
@@ -111,6 +112,7 @@ function showNow() {
     clip: state.clip && planeOf(info.bounds, state.clip),
     volume: state.volume ? { size: state.volumeSize, logarithmic: state.log } : null,
     morph: state.smooth && !stillness.matches,
+    tag: asked,
   });
 }
 
@@ -215,7 +217,7 @@ function takePictures(event) {
   scene.addEventListener('render', tellPictured, { once: true });
   scene.update(pictures, store.state);
   takeShade(pictures.shade);
-  drawn = pictures.t === 1 ? pictures.level : -1;
+  drawn = pictures.t === 1 && pictures.tag === asked ? pictures.level : -1;
   if (pictures.t === 1) probe?.look();
   if (level === pictures.level) return;
   level = pictures.level; // the base: nothing was refined to get there
@@ -249,7 +251,11 @@ const remember = (() => {
 function watch() {
   store.watch(['map', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'], recolor);
   store.watch(['log'], (state) => scene.setLogarithmic(state.log));
-  store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'clip', 'volume', 'volumeSize', 'log', 'smooth'], show);
+  store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'clip', 'volume', 'volumeSize', 'log', 'smooth'], () => {
+    drawn = -1;
+    asked++;
+    show();
+  });
   store.watch(['error', 'measure', 'field', 'maxTets', 'maxBytes'], () => {
     refine();
     tellShown();
