@@ -8,6 +8,7 @@
 
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
+#include "src/mesh/vector.h"
 #include "src/util/array.h"
 
 /* A point this near to the link leaves s' as good as free; what its error comes to is counted all the same. */
@@ -15,6 +16,9 @@ static const double LEAST_WEIGHT = 1e-9;
 
 /* Points this far beyond a wall or a face still count: they are at it, but for rounding. */
 static const double BEYOND = 1e-9;
+
+/* A crossing of a spoke and a face is this fraction of the patch's reach off at most, or the spoke lies in the face. */
+static const double IN_FACE = 1e-6;
 
 /* Half of what a contraction may be above the limit by rounding (simplify.c). */
 static const double ROUNDING = 5e-10;
@@ -278,11 +282,11 @@ static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_
     for (int k = 0; k < 3; k++) {
         uint32_t other = cone->walls[k];
         weights[k] = other == w ? 0 : cone->scale[k] * (s * from[other] + t * to[other]);
-        if (weights[k] < -BEYOND)
+        if (weights[k] < -patch->beyond)
             return true;
         sum += weights[k];
     }
-    if (sum > 1 + BEYOND)
+    if (sum > 1 + patch->beyond)
         return true;
     const double *p = patch_position(patch, e->overlaps, a), *q = patch_position(patch, e->overlaps, b);
     for (int i = 0; i < 3; i++)
@@ -302,36 +306,52 @@ static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_
     return add_point(examiner, e->fields, weight, &here, e->horizon);
 }
 
-/* Where the spoke to a link vertex crosses the original face of three vertices. In the plane of the distances from two walls
- * that meet in the spoke, the spoke is the origin; is it in the triangle? */
+/* Where the spoke is the origin: is it in the triangle? Then its barycentric weights, as exact as they can be had. They are too
+ * far off where the spoke lies in the face; where it leaves that, it crosses others (PROOF.md, 8). */
+static bool triangle_holds(const double p[3][2], double reach, double weights[3])
+{
+    double sum = 0, off[2];
+    for (int k = 0; k < 3; k++) {
+        const double *a = p[(k + 1) % 3], *b = p[(k + 2) % 3];
+        weights[k] = a[0] * b[1] - a[1] * b[0];
+        sum += weights[k];
+    }
+    if (sum == 0)
+        return false;
+    for (int k = 0; k < 3; k++) {
+        weights[k] /= sum;
+        if (!(weights[k] >= -BEYOND))
+            return false;
+    }
+    for (int round = 0; round < 2; round++) {
+        for (int i = 0; i < 2; i++)
+            off[i] = weights[0] * p[0][i] + weights[1] * p[1][i] + weights[2] * p[2][i];
+        for (int k = 0; k < 3 && !round; k++) {
+            const double *a = p[(k + 1) % 3], *b = p[(k + 2) % 3];
+            weights[k] += ((a[0] - b[0]) * off[1] - (a[1] - b[1]) * off[0]) / sum;
+        }
+    }
+    return fabs(off[0]) <= IN_FACE * reach && fabs(off[1]) <= IN_FACE * reach;
+}
+
+/* Where the spoke to a link vertex crosses the original face of three vertices. */
 static bool at_face(const struct examination *e, uint32_t link, const uint32_t face[3])
 {
     struct examiner *examiner = e->examiner;
     const struct patch *patch = &examiner->patch;
-    const struct cone *cone = &patch->cones[patch->spoke_cone[link][0]];
-    uint32_t place = patch->spoke_cone[link][1], u = cone->walls[(place + 1) % 3], v = cone->walls[(place + 2) % 3];
-    double weights[3], sum = 0, x[3] = {0, 0, 0}, off[2] = {0, 0};
+    const struct spoke *spoke = &patch->spokes[link];
+    double across[3][2], along[3], weights[3], weight = 1;
     for (int k = 0; k < 3; k++) {
-        const double *from = patch_row(patch, face[(k + 1) % 3]), *to = patch_row(patch, face[(k + 2) % 3]);
-        weights[k] = from[u] * to[v] - from[v] * to[u];
-        sum += weights[k];
+        double r[3];
+        subtract(patch_position(patch, e->overlaps, face[k]), patch->apex, r);
+        across[k][0] = dot(spoke->across[0], r);
+        across[k][1] = dot(spoke->across[1], r);
+        along[k] = dot(spoke->along, r);
     }
-    if (sum == 0)
+    if (!triangle_holds(across, patch->reach, weights))
         return true;
     for (int k = 0; k < 3; k++)
-        if (!(weights[k] * (sum < 0 ? -1 : 1) >= -BEYOND * fabs(sum)))
-            return true;
-    for (int k = 0; k < 3; k++) {
-        weights[k] /= sum;
-        const double *p = patch_position(patch, e->overlaps, face[k]);
-        for (int i = 0; i < 3; i++)
-            x[i] += weights[k] * p[i];
-        off[0] += weights[k] * patch_row(patch, face[k])[u];
-        off[1] += weights[k] * patch_row(patch, face[k])[v];
-    }
-    if (fabs(off[0] * cone->scale[(place + 1) % 3]) > BEYOND || fabs(off[1] * cone->scale[(place + 2) % 3]) > BEYOND)
-        return true; // the spoke lies in the face: where it leaves that, it crosses others
-    double weight = cone->apex * cone_height(cone, patch, e->complex, x);
+        weight -= weights[k] * along[k];
     if (!(weight > 0) || weight > 1 + BEYOND)
         return true;
     for (uint32_t d = 0; d < e->fields->driver_count; d++) {
@@ -341,37 +361,39 @@ static bool at_face(const struct examination *e, uint32_t link, const uint32_t f
             constant -= weights[k] * original[face[k]];
         examiner->constants[d] = constant;
     }
-    const struct sentinel here = {cone->tet, {TETLOD_NONE, TETLOD_NONE}, 0};
+    const struct sentinel here = {patch->cones[spoke->cone].tet, {TETLOD_NONE, TETLOD_NONE}, 0};
     return add_point(examiner, e->fields, weight, &here, e->horizon);
 }
 
-/* v' where it is no original vertex: in any original that holds it. */
+/* v' where it is no original vertex: in the original that it is least outside of. */
 static bool at_apex(const struct examination *e)
 {
     struct examiner *examiner = e->examiner;
     const struct patch *patch = &examiner->patch;
     const double *at = patch->apex;
+    double most = -INFINITY;
     for (uint32_t t = 0; t < patch->tet_count; t++) {
         const double *p[4];
         for (int c = 0; c < 4; c++)
             p[c] = patch_position(patch, e->overlaps, patch->corners[t][c]);
         double weights[4] = {tet_volume6(at, p[1], p[2], p[3]), tet_volume6(p[0], at, p[2], p[3]),
                              tet_volume6(p[0], p[1], at, p[3]), tet_volume6(p[0], p[1], p[2], at)};
-        double volume = weights[0] + weights[1] + weights[2] + weights[3];
-        bool inside = true;
+        double volume = weights[0] + weights[1] + weights[2] + weights[3], least = INFINITY;
         for (int c = 0; c < 4; c++)
-            inside &= (weights[c] /= volume) >= -BEYOND;
-        if (!inside)
+            least = smaller(least, weights[c] /= volume);
+        if (!(least > most))
             continue;
+        most = least;
         for (uint32_t d = 0; d < e->fields->driver_count; d++) {
             examiner->constants[d] = 0;
             for (int c = 0; c < 4; c++)
                 examiner->constants[d] -=
                     weights[c] * examiner->original[d * (size_t)patch->vertex_count + patch->corners[t][c]];
         }
-        return add_point(examiner, e->fields, 1, &nowhere, e->horizon);
+        if (most >= 0)
+            break;
     }
-    return true;
+    return most == -INFINITY || add_point(examiner, e->fields, 1, &nowhere, e->horizon);
 }
 
 static bool is_original(const struct examination *e)

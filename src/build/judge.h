@@ -54,6 +54,7 @@ struct run {
     double *work_values;        /* [BATCH][2][driver_count] values and errors */
     double limit;               /* of the current rung */
     double moved;               /* running maximum of how far the boundary moved */
+    bool named;                 /* levels are named after it */
     double chance;              /* what the estimate of an error may be above it to have a chance under the exact limit */
     double *certified, *predicted; /* [driver_count] running maxima */
     double *assigned;              /* [driver_count] of the contraction at hand, as is its outcome */

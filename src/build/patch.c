@@ -18,6 +18,9 @@ static const size_t MOST_ROWS = (size_t)1 << 21;
  * the three lengths that they are made of wrong at most (PROOF.md, section 8). */
 static const double PLANE_ROUNDING = 16 * DBL_EPSILON;
 
+/* Points this far beyond a wall count, at least. */
+static const double BEYOND = 1e-9;
+
 struct patch_slot {
     uint32_t epoch, edge;
 };
@@ -86,7 +89,7 @@ void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel)
 /* ---- memory */
 
 enum part { TETS, CORNERS, VERTICES, EDGES, LINK, WALLS, CONES, NORMALS, ROWS, SIGNS, CONE_WALLS, CONE_SIGNS, SPOKE_WALLS,
-            SPOKE_CONE, TABLE, PAIRS, UNDER };
+            SPOKES, TABLE, PAIRS, UNDER };
 
 /* Room for that many elements in an array of the patch; `array` points to its pointer. */
 static bool room(struct patch *patch, enum part part, void *array, size_t needed, size_t size)
@@ -122,7 +125,7 @@ void patch_fini(struct patch *patch)
 {
     void *owned[] = {patch->tets,         patch->corners,      patch->vertices,    patch->edges,       patch->link,
                      patch->walls,        patch->cones,        patch->normals,     patch->rows,        patch->signs,
-                     patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spoke_cone,  patch->table,
+                     patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spokes,      patch->table,
                      patch->pairs,        patch->under,       patch->tet_epoch,   patch->star_epoch,
                      patch->vertex_number, patch->slot_epoch, patch->slot_number};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
@@ -294,6 +297,21 @@ static const double *link_position(const struct patch *patch, const struct compl
     return complex->positions + 3 * (size_t)patch->link[link];
 }
 
+/* Of a vector that is not 0. */
+static void perpendiculars(const double d[3], double out[2][3])
+{
+    int least = fabs(d[1]) < fabs(d[0]) ? 1 : 0;
+    least = fabs(d[2]) < fabs(d[least]) ? 2 : least;
+    const double axis[3] = {least == 0, least == 1, least == 2};
+    cross(d, axis, out[0]);
+    cross(d, out[0], out[1]);
+    for (int i = 0; i < 2; i++) {
+        double length = sqrt(dot(out[i], out[i]));
+        for (int k = 0; k < 3; k++)
+            out[i][k] /= length;
+    }
+}
+
 /* Widens the reach to a distance, and with it what rounding may come to. */
 static void reach_out(struct patch *patch, double reach)
 {
@@ -377,17 +395,23 @@ static bool look_at_cone(struct patch *patch, const struct complex *complex, uin
     return true;
 }
 
-static void look_at_spokes(struct patch *patch)
+static void look_at_spokes(struct patch *patch, const struct complex *complex)
 {
     memset(patch->spoke_walls, 0, (size_t)patch->link_count * patch->words * sizeof(uint64_t));
     for (uint32_t w = 0; w < patch->wall_count; w++)
         for (int i = 0; i < 2 && !patch->walls[w].outer; i++)
             patch->spoke_walls[(size_t)patch->walls[w].link[i] * patch->words + w / 64] |= (uint64_t)1 << w % 64;
     for (uint32_t f = 0; f < patch->cone_count; f++)
-        for (uint32_t k = 0; k < 3; k++) {
-            patch->spoke_cone[patch->cones[f].link[k]][0] = f;
-            patch->spoke_cone[patch->cones[f].link[k]][1] = k;
-        }
+        for (uint32_t k = 0; k < 3; k++)
+            patch->spokes[patch->cones[f].link[k]].cone = f;
+    for (uint32_t l = 0; l < patch->link_count; l++) {
+        struct spoke *spoke = &patch->spokes[l];
+        subtract(link_position(patch, complex, l), patch->apex, spoke->along);
+        perpendiculars(spoke->along, spoke->across);
+        double length2 = dot(spoke->along, spoke->along);
+        for (int i = 0; i < 3; i++)
+            spoke->along[i] /= length2;
+    }
 }
 
 enum tetlod_status patch_look(struct patch *patch, const struct complex *complex, const double p[3], bool *out_sound,
@@ -404,7 +428,7 @@ enum tetlod_status patch_look(struct patch *patch, const struct complex *complex
         !room(patch, CONE_WALLS, &patch->cone_walls, words * cones, sizeof *patch->cone_walls) ||
         !room(patch, CONE_SIGNS, &patch->cone_signs, words * cones, sizeof *patch->cone_signs) ||
         !room(patch, SPOKE_WALLS, &patch->spoke_walls, words * patch->link_count, sizeof *patch->spoke_walls) ||
-        !room(patch, SPOKE_CONE, &patch->spoke_cone, patch->link_count, sizeof *patch->spoke_cone))
+        !room(patch, SPOKES, &patch->spokes, patch->link_count, sizeof *patch->spokes))
         return no_room(error);
     patch->tolerances = patch->normals + 3 * stride;
     patch->thresholds = patch->tolerances + stride;
@@ -415,7 +439,7 @@ enum tetlod_status patch_look(struct patch *patch, const struct complex *complex
     look_at_walls(patch, complex);
     for (uint32_t f = 0; f < cones && *out_sound; f++)
         *out_sound = look_at_cone(patch, complex, f);
-    look_at_spokes(patch);
+    look_at_spokes(patch, complex);
     return TETLOD_OK;
 }
 
@@ -434,6 +458,7 @@ enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *over
     for (uint32_t v = 0; v < patch->vertex_count; v++)
         reach2 = larger(reach2, distance_squared(patch->apex, patch_position(patch, overlaps, v)));
     reach_out(patch, sqrt(reach2));
+    patch->beyond = BEYOND + PLANE_ROUNDING * patch->condition;
     return TETLOD_OK;
 }
 
@@ -525,7 +550,7 @@ uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex)
         return best;
     // rounding may leave a sliver between cones: the cone that it is least outside of
     const double *row = patch_row(patch, vertex);
-    double most = -1e-9;
+    double most = -patch->beyond;
     for (uint32_t f = 0; f < patch->cone_count; f++) {
         const struct cone *cone = &patch->cones[f];
         double least = INFINITY;

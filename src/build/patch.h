@@ -70,6 +70,12 @@ struct cone {
     double tolerance;   /* of normal . (p - link[0]) */
 };
 
+struct spoke {
+    uint32_t cone;        /* one that it bounds */
+    double across[2][3];  /* two directions of length 1, perpendicular to it and each other */
+    double along[3];      /* along . (p - v') is 0 at v' and 1 at the link vertex */
+};
+
 /* One thread's. Numbers of vertices, link vertices, walls and cones are the patch's own. */
 enum { PATCH_PARTS = 24, PATCH_LANES = 2 };
 
@@ -89,6 +95,7 @@ struct patch {
     /* seen from `apex` */
     double apex[3], reach;       /* no vertex of the link is farther from it, nor of the originals once these are gathered */
     double condition;            /* the largest of the cones': (longest edge)^2 * reach / 6V */
+    double beyond;               /* a point counts that is this far outside of a wall, in weights: by rounding it may be inside */
     uint32_t words;              /* of a set of walls */
     uint32_t stride;             /* of rows: the walls, and idle ones up to a multiple of PATCH_LANES */
     double *normals;             /* [3][stride] of the walls */
@@ -98,7 +105,7 @@ struct patch {
     uint64_t *signs;             /* [vertex][SIDES][words] sets of walls */
     uint64_t *cone_walls, *cone_signs; /* [cone][words] its walls, and the signs inside it */
     uint64_t *spoke_walls;       /* [link][words] the walls that meet there, but those on the boundary */
-    uint32_t (*spoke_cone)[2];   /* [link] a cone there, and the link vertex's place in it */
+    struct spoke *spokes;        /* [link] */
     /* scratch */
     uint32_t epoch, *tet_epoch, *star_epoch, *slot_epoch, *slot_number;
     struct patch_number *vertex_number; /* [original vertex] */

@@ -13,7 +13,12 @@
 #include "src/util/parallel.h"
 
 /* What the exact limit refuses is followed to this multiple of it. */
-static const double EXACT_HORIZON = 1.1;
+static const double EXACT_HORIZON = 1.2;
+
+/* What all candidates fail by little may succeed between them: so many more positions are asked, by steps that begin with this
+ * fraction of the edge, and are halved so often. */
+enum { MOST_SEARCHED = 40, HALVINGS = 3 };
+static const double FIRST_STEP = 0.25;
 
 /* Above this multiple of the limit, the root mean square that the quadric expects tells that the exact limit will refuse (hardly
  * one in a hundred that it allows has more than 1.4): it waits unasked. Less is asked between the rungs that levels are
@@ -222,16 +227,69 @@ static enum tetlod_status ask(const struct run *run, struct judge *judge, struct
     return exact_hand_on(&judge->examiner, &run->overlaps, run->complex, &work->handover, &judge->error);
 }
 
+/* Where a step from p leads to: along the simplex's first edge or along an axis, forwards or back. */
+static void step_from(const struct run *run, const struct star *star, const double from[3], int direction, double step,
+                      double p[3])
+{
+    const double *a = run->complex->positions + 3 * (size_t)star->simplex[0],
+                 *b = run->complex->positions + 3 * (size_t)star->simplex[1];
+    double length = sqrt(distance_squared(a, b)) * (direction % 2 ? -step : step);
+    for (int i = 0; i < 3; i++)
+        p[i] = from[i] + (direction / 2 == 3 ? (direction % 2 ? -step : step) * (b[i] - a[i])
+                                             : direction / 2 == i ? length : 0);
+    complex_round_position(run->complex, p);
+}
+
+/* May the star be contracted to a position that is none of the candidates? */
+static bool may_go(const struct run *run, struct judge *judge, const double p[3])
+{
+    static const double anywhere[4] = {0.25, 0.25, 0.25, 0.25};
+    return boundary_allows(&run->boundary, run->complex, &judge->star, anywhere, p) &&
+           boundary_moves(&run->boundary, run->complex, &judge->star, p, &judge->shift) <= run->boundary.limit &&
+           star_fits(&judge->star, run->complex, p);
+}
+
+/* All candidates are refused, the one at work->position by the least, `error`: goes on from there, each step to where less is
+ * needed, until that is allowed. */
+static enum tetlod_status search(const struct run *run, struct judge *judge, struct work *work, double error)
+{
+    enum { DIRECTIONS = 8 };
+    double from[3], step = FIRST_STEP;
+    int asked = 0;
+    memcpy(from, work->position, sizeof from);
+    for (int halving = 0; halving <= HALVINGS; halving++, step /= 2)
+        for (int direction = 0, failed = 0; failed < DIRECTIONS && asked < MOST_SEARCHED;) {
+            struct finding finding = {.error = INFINITY};
+            step_from(run, &judge->star, from, direction, step, work->position);
+            if (may_go(run, judge, work->position)) {
+                asked++;
+                TETLOD_TRY(ask(run, judge, work, error, &finding));
+            }
+            if (finding.allowed)
+                return TETLOD_OK;
+            if (finding.error < error) {
+                error = finding.error;
+                memcpy(from, work->position, sizeof from);
+                failed = 0;
+            } else {
+                direction = (direction + 1) % DIRECTIONS;
+                failed++;
+            }
+        }
+    return TETLOD_OK;
+}
+
 /* Examines a fresh entry's candidates, best first, until one is allowed or it is not its turn any more. Changes nothing but the judge and the work. */
 static enum tetlod_status examine(const struct run *run, struct judge *judge, struct work *work)
 {
     struct queue_entry *entry = &work->entry;
-    double horizon = EXACT_HORIZON * run->limit, moved;
+    double horizon = EXACT_HORIZON * run->limit, least = INFINITY, nearest[3], moved;
     work->witness_count = 0;
     TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
     TETLOD_TRY(exact_take_up(&judge->examiner, run->complex, run->fields, &judge->star, &judge->error));
     do {
         struct finding finding = {.error = INFINITY, .witness = {{.tet = TETLOD_NONE}, {.tet = TETLOD_NONE}}};
+        double key = entry->value;
         bool left;
         work->outcome = REFUSED;
         if (judge_place(run, judge, entry, work->position, &moved))
@@ -240,11 +298,19 @@ static enum tetlod_status examine(const struct run *run, struct judge *judge, st
             entry->witness_count = QUEUE_WITNESSES + 1;
         if (finding.allowed)
             return TETLOD_OK;
+        if (finding.error < least) {
+            least = finding.error;
+            memcpy(nearest, work->position, sizeof nearest);
+        }
         for (int i = 0; i < 2 && work->witness_count < 8; i++)
             work->witnesses[work->witness_count++] = finding.witness[i];
         TETLOD_TRY(next_candidate(run, judge, entry, &finding, &left));
+        if (!left && run->named && least < horizon) {
+            memcpy(work->position, nearest, sizeof nearest);
+            TETLOD_TRY(search(run, judge, work, least));
+        }
         if (!left) {
-            entry->value = entry->bound;
+            entry->value = work->outcome == ALLOWED ? key : entry->bound;
             return TETLOD_OK;
         }
     } while (entry->value <= run->batch_key);
@@ -484,6 +550,7 @@ static enum tetlod_status rung(struct run *run, double limit, bool named)
 {
     bool any;
     run->limit = limit;
+    run->named = named;
     run->chance = named ? CHANCE_NAMED : CHANCE;
     TETLOD_TRY(rescan(run, &any));
     for (int round = 0; any && !finished(run) && round < 4; round++) {
