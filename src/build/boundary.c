@@ -134,6 +134,22 @@ bool boundary_allows(const struct boundary *boundary, const struct complex *comp
     return true;
 }
 
+void boundary_follow(const struct boundary *boundary, const struct complex *complex, const struct star *star,
+                     double vector[3])
+{
+    for (uint32_t s = 0; s < star->simplex_count; s++) {
+        uint32_t v = star->simplex[s];
+        const float *d = boundary->directions + 3 * (size_t)v;
+        if (!(complex->flags[v] & VERTEX_BOUNDARY))
+            continue;
+        double along = d[0] * vector[0] + d[1] * vector[1] + d[2] * vector[2];
+        for (int i = 0; i < 3; i++)
+            vector[i] = boundary->kinds[v] == BOUNDARY_SMOOTH   ? vector[i] - along * d[i]
+                        : boundary->kinds[v] == BOUNDARY_CREASE ? along * d[i]
+                                                                : 0;
+    }
+}
+
 double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
                       const double p[3], struct shift *shift)
 {

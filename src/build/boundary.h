@@ -27,6 +27,10 @@ void boundary_fini(struct boundary *boundary);
 bool boundary_allows(const struct boundary *boundary, const struct complex *complex, const struct star *star,
                      const double weights[4], const double p[3]);
 
+/* Leaves of a vector what the boundary lets the gathered simplex's result follow, to first order. */
+void boundary_follow(const struct boundary *boundary, const struct complex *complex, const struct star *star,
+                     double vector[3]);
+
 /* How far the boundary at the result would be from the original one in all, INFINITY if it cannot be mapped or turns by more
  * than the angle; and the map. */
 double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,

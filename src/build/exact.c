@@ -46,6 +46,7 @@ void examiner_fini(struct examiner *examiner)
     free(examiner->original);
     free(examiner->points);
     free(examiner->places);
+    free(examiner->cones);
     free(examiner->sets);
     free(examiner->constants);
     *examiner = (struct examiner){0};
@@ -71,6 +72,10 @@ static bool point_room(struct examiner *examiner, size_t width)
         !array_reserve(&grown, &examiner->place_capacity, examiner->point_count + 1, sizeof *examiner->places))
         return false;
     examiner->places = grown;
+    grown = examiner->cones;
+    if (!array_reserve(&grown, &examiner->cone_capacity, examiner->place_capacity, sizeof *examiner->cones))
+        return false;
+    examiner->cones = grown;
     return true;
 }
 
@@ -178,7 +183,7 @@ static bool hopeful(const struct examiner *examiner, const struct fields *fields
 
 /* One corner of the overlay, whose constants are in examiner->constants. False: it is hopeless, or there is no memory (then
  * point_count is SIZE_MAX). */
-static bool add_point(struct examiner *examiner, const struct fields *fields, double weight,
+static bool add_point(struct examiner *examiner, const struct fields *fields, double weight, uint32_t cone,
                       const struct sentinel *where, double horizon)
 {
     size_t width = 1 + (size_t)fields->driver_count;
@@ -188,6 +193,7 @@ static bool add_point(struct examiner *examiner, const struct fields *fields, do
         return false;
     }
     examiner->places[examiner->point_count] = *where;
+    examiner->cones[examiner->point_count] = cone;
     double *point = examiner->points + width * examiner->point_count++;
     point[0] = weight;
     for (uint32_t d = 0; d < fields->driver_count; d++) {
@@ -238,6 +244,7 @@ struct examination {
     const struct fields *fields;
     const struct star *star;
     double horizon;
+    bool whole;
 };
 
 /* An original vertex in a cone of the star, v' as well if it is one. */
@@ -250,7 +257,7 @@ static bool at_vertex(const struct examination *e, uint32_t v)
     if (p[0] == patch->apex[0] && p[1] == patch->apex[1] && p[2] == patch->apex[2]) {
         for (uint32_t d = 0; d < e->fields->driver_count; d++)
             examiner->constants[d] = -examiner->original[d * vertices + v];
-        return add_point(examiner, e->fields, 1, &nowhere, e->horizon);
+        return add_point(examiner, e->fields, 1, TETLOD_NONE, &nowhere, e->horizon);
     }
     uint32_t f = patch_cone_of(patch, v);
     if (f == TETLOD_NONE)
@@ -266,7 +273,7 @@ static bool at_vertex(const struct examination *e, uint32_t v)
         examiner->constants[d] = constant;
     }
     const struct sentinel here = {cone->tet, {patch->vertices[v], patch->vertices[v]}, 0};
-    return add_point(examiner, e->fields, weight, &here, e->horizon);
+    return add_point(examiner, e->fields, weight, f, &here, e->horizon);
 }
 
 /* Where the edge from vertex a to vertex b crosses the plane of wall w, if that is in the wall. */
@@ -303,7 +310,7 @@ static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_
         examiner->constants[d] = constant;
     }
     const struct sentinel here = {cone->tet, {patch->vertices[a], patch->vertices[b]}, (float)t};
-    return add_point(examiner, e->fields, weight, &here, e->horizon);
+    return add_point(examiner, e->fields, weight, patch->walls[w].cones[0], &here, e->horizon);
 }
 
 /* Where the spoke is the origin: is it in the triangle? Then its barycentric weights, as exact as they can be had. They are too
@@ -362,7 +369,7 @@ static bool at_face(const struct examination *e, uint32_t link, const uint32_t f
         examiner->constants[d] = constant;
     }
     const struct sentinel here = {patch->cones[spoke->cone].tet, {TETLOD_NONE, TETLOD_NONE}, 0};
-    return add_point(examiner, e->fields, weight, &here, e->horizon);
+    return add_point(examiner, e->fields, weight, spoke->cone, &here, e->horizon);
 }
 
 /* v' where it is no original vertex: in the original that it is least outside of. */
@@ -393,7 +400,7 @@ static bool at_apex(const struct examination *e)
         if (most >= 0)
             break;
     }
-    return most == -INFINITY || add_point(examiner, e->fields, 1, &nowhere, e->horizon);
+    return most == -INFINITY || add_point(examiner, e->fields, 1, TETLOD_NONE, &nowhere, e->horizon);
 }
 
 static bool is_original(const struct examination *e)
@@ -560,7 +567,7 @@ static bool ask_sentinel(const struct examination *e, struct sentinel here)
         examiner->constants[d] = constant;
     }
     here.tet = patch->cones[f].tet;
-    add_point(examiner, e->fields, weight, &here, INFINITY);
+    add_point(examiner, e->fields, weight, f, &here, INFINITY);
     return examiner->point_count != SIZE_MAX;
 }
 
@@ -583,7 +590,7 @@ static bool ask_sentinels(const struct examination *e)
 /* Is the next kind of corners asked, too? Not if one has refused, unless the whole bound is wanted. */
 static bool goes_on(const struct examination *e)
 {
-    return isinf(e->horizon) || hopeful(e->examiner, e->fields, 0);
+    return e->whole || hopeful(e->examiner, e->fields, 0);
 }
 
 /* All corners of the overlay, kind by kind, the cheapest first: once one kind refuses, the next need not be asked. False:
@@ -700,10 +707,10 @@ static void settle(struct examiner *examiner, const struct fields *fields, doubl
 
 enum tetlod_status exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
                                  const struct complex *complex, const struct fields *fields, const struct star *star,
-                                 const double p[3], double limit, double horizon, struct finding *out,
+                                 const double p[3], double limit, double horizon, bool whole, struct finding *out,
                                  struct tetlod_error *error)
 {
-    const struct examination e = {examiner, overlaps, complex, fields, star, horizon};
+    const struct examination e = {examiner, overlaps, complex, fields, star, horizon, whole};
     bool good;
     *out = (struct finding){.error = INFINITY, .witness = {nowhere, nowhere}};
     TETLOD_TRY(patch_look(&examiner->patch, complex, p, &good, error));

@@ -40,8 +40,9 @@ struct examiner {
     double *constants;          /* [driver] of the one at hand */
     double *chosen, *errors;    /* [driver] */
     struct sentinel *places;    /* [point] */
+    uint32_t *cones;            /* [point] that it is in; TETLOD_NONE: at v' */
     uint64_t *sets;             /* scratch */
-    size_t level_capacity, original_capacity, point_capacity, place_capacity, set_capacity, point_count;
+    size_t level_capacity, original_capacity, point_capacity, place_capacity, cone_capacity, set_capacity, point_count;
 };
 
 struct finding {
@@ -61,11 +62,12 @@ TETLOD_CHECKED enum tetlod_status exact_take_up(struct examiner *examiner, const
 
 /* May the star that was taken up be contracted to p, where no tetrahedron flips, with an error of at most `limit`? Then
  * the drivers' values are in examiner->chosen, and the error of each, rounding included, is in examiner->errors. A bound is
- * followed to `horizon` at most, and only if that is INFINITY beyond the kind of corners that refused first. ERR_NOMEM. */
+ * followed to `horizon` at most, and only if `whole` beyond the kind of corners that refused first. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
                                                 const struct complex *complex, const struct fields *fields,
                                                 const struct star *star, const double p[3], double limit,
-                                                double horizon, struct finding *out, struct tetlod_error *error);
+                                                double horizon, bool whole, struct finding *out,
+                                                struct tetlod_error *error);
 
 /* After exact_examine has allowed a contraction: what it leaves to its cones, for overlaps_take. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status exact_hand_on(struct examiner *examiner, const struct overlaps *overlaps,

@@ -6,6 +6,7 @@
 #ifndef TETLOD_JUDGE_H
 #define TETLOD_JUDGE_H
 
+#include "src/build/descent.h"
 #include "src/build/entry.h"
 #include "src/build/exact.h"
 #include "src/build/samples.h"
@@ -16,6 +17,7 @@ struct judge {
     struct star star;
     struct metric_scratch scratch;
     struct examiner examiner; /* of the exact limit */
+    struct descent descent;   /* of the same */
     struct sampler sampler; /* of the measured metric */
     struct shift shift;
     struct tetlod_error error;

@@ -15,10 +15,11 @@
 /* What the exact limit refuses is followed to this multiple of it. */
 static const double EXACT_HORIZON = 1.2;
 
-/* What all candidates fail by little may succeed between them: so many more positions are asked, by steps that begin with this
- * fraction of the edge, and are halved so often. */
-enum { MOST_SEARCHED = 40, HALVINGS = 3 };
-static const double FIRST_STEP = 0.25;
+/* What all candidates fail by little may succeed between them: so many steps are made, each halved as often at most. */
+enum { MOST_STEPS = 6, HALVINGS = 1 };
+
+/* After the first step they are given up above this multiple of the limit. */
+static const double NEAR = 1.1;
 
 /* Above this multiple of the limit, the root mean square that the quadric expects tells that the exact limit will refuse (hardly
  * one in a hundred that it allows has more than 1.4): it waits unasked. Less is asked between the rungs that levels are
@@ -214,30 +215,17 @@ static enum tetlod_status next_candidate(const struct run *run, struct judge *ju
 
 /* Asks the exact limit about the work's position on the star that was taken up. */
 static enum tetlod_status ask(const struct run *run, struct judge *judge, struct work *work, double horizon,
-                              struct finding *out)
+                              bool whole, struct finding *out)
 {
     size_t size = run->fields->driver_count * sizeof(double);
     TETLOD_TRY(exact_examine(&judge->examiner, &run->overlaps, run->complex, run->fields, &judge->star, work->position,
-                             run->limit, horizon, out, &judge->error));
+                             run->limit, horizon, whole, out, &judge->error));
     if (!out->allowed)
         return TETLOD_OK;
     memcpy(work->values, judge->examiner.chosen, size);
     memcpy(work->errors, judge->examiner.errors, size);
     work->outcome = ALLOWED;
     return exact_hand_on(&judge->examiner, &run->overlaps, run->complex, &work->handover, &judge->error);
-}
-
-/* Where a step from p leads to: along the simplex's first edge or along an axis, forwards or back. */
-static void step_from(const struct run *run, const struct star *star, const double from[3], int direction, double step,
-                      double p[3])
-{
-    const double *a = run->complex->positions + 3 * (size_t)star->simplex[0],
-                 *b = run->complex->positions + 3 * (size_t)star->simplex[1];
-    double length = sqrt(distance_squared(a, b)) * (direction % 2 ? -step : step);
-    for (int i = 0; i < 3; i++)
-        p[i] = from[i] + (direction / 2 == 3 ? (direction % 2 ? -step : step) * (b[i] - a[i])
-                                             : direction / 2 == i ? length : 0);
-    complex_round_position(run->complex, p);
 }
 
 /* May the star be contracted to a position that is none of the candidates? */
@@ -249,33 +237,32 @@ static bool may_go(const struct run *run, struct judge *judge, const double p[3]
            star_fits(&judge->star, run->complex, p);
 }
 
-/* All candidates are refused, the one at work->position by the least, `error`: goes on from there, each step to where less is
- * needed, until that is allowed. */
-static enum tetlod_status search(const struct run *run, struct judge *judge, struct work *work, double error)
+static _Atomic long c_search, c_ask, c_good;
+#include <stdio.h>
+static void pr(void){fprintf(stderr,"searches %ld asks %ld good %ld\n",c_search,c_ask,c_good);}
+/* All candidates are refused, the one at work->position by the least: goes on from there, each step to where less is needed,
+ * until that is allowed or not near enough. */
+static enum tetlod_status search(const struct run *run, struct judge *judge, struct work *work)
 {
-    enum { DIRECTIONS = 8 };
-    double from[3], step = FIRST_STEP;
-    int asked = 0;
-    memcpy(from, work->position, sizeof from);
-    for (int halving = 0; halving <= HALVINGS; halving++, step /= 2)
-        for (int direction = 0, failed = 0; failed < DIRECTIONS && asked < MOST_SEARCHED;) {
-            struct finding finding = {.error = INFINITY};
-            step_from(run, &judge->star, from, direction, step, work->position);
-            if (may_go(run, judge, work->position)) {
-                asked++;
-                TETLOD_TRY(ask(run, judge, work, error, &finding));
-            }
-            if (finding.allowed)
-                return TETLOD_OK;
-            if (finding.error < error) {
-                error = finding.error;
-                memcpy(from, work->position, sizeof from);
-                failed = 0;
-            } else {
-                direction = (direction + 1) % DIRECTIONS;
-                failed++;
-            }
+    struct finding finding;
+    double from[3], step[3], horizon = EXACT_HORIZON * run->limit;
+    TETLOD_TRY(ask(run, judge, work, horizon, true, &finding)); if (!c_search++) atexit(pr);
+    for (int steps = 0; steps < MOST_STEPS && !finding.allowed && finding.error < horizon; steps++) {
+        double best = finding.error;
+        memcpy(from, work->position, sizeof from);
+        TETLOD_TRY(descent_step(&judge->descent, &judge->examiner, &run->boundary, run->complex, run->fields, &judge->star,
+                                step, &judge->error));
+        for (int halving = 0; halving <= HALVINGS && !(finding.error < best); halving++) {
+            for (int i = 0; i < 3; i++)
+                work->position[i] = from[i] + step[i] / (1 << halving);
+            complex_round_position(run->complex, work->position);
+            if (may_go(run, judge, work->position))
+                {c_ask++;TETLOD_TRY(ask(run, judge, work, best, true, &finding)); c_good += finding.allowed; }
         }
+        if (!(finding.error < best))
+            break;
+        horizon = NEAR * run->limit;
+    }
     return TETLOD_OK;
 }
 
@@ -293,7 +280,7 @@ static enum tetlod_status examine(const struct run *run, struct judge *judge, st
         bool left;
         work->outcome = REFUSED;
         if (judge_place(run, judge, entry, work->position, &moved))
-            TETLOD_TRY(ask(run, judge, work, horizon, &finding));
+            TETLOD_TRY(ask(run, judge, work, horizon, false, &finding));
         else
             entry->witness_count = QUEUE_WITNESSES + 1;
         if (finding.allowed)
@@ -307,7 +294,7 @@ static enum tetlod_status examine(const struct run *run, struct judge *judge, st
         TETLOD_TRY(next_candidate(run, judge, entry, &finding, &left));
         if (!left && run->named && least < horizon) {
             memcpy(work->position, nearest, sizeof nearest);
-            TETLOD_TRY(search(run, judge, work, least));
+            TETLOD_TRY(search(run, judge, work));
         }
         if (!left) {
             entry->value = work->outcome == ALLOWED ? key : entry->bound;
@@ -624,6 +611,7 @@ static void free_judges(struct run *run)
         metric_fini(&run->judges[j].scratch);
         examiner_fini(&run->judges[j].examiner);
         sampler_fini(&run->judges[j].sampler);
+        descent_fini(&run->judges[j].descent);
     }
     free(run->judges);
 }

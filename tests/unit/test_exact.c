@@ -129,7 +129,7 @@ static struct finding examine(struct world *world, double limit)
     struct finding finding = {.error = NAN};
     if (exact_take_up(&world->examiner, &world->complex, &world->fields, &world->star, NULL) != TETLOD_OK ||
         exact_examine(&world->examiner, &world->overlaps, &world->complex, &world->fields, &world->star, world->p,
-                      limit, INFINITY, &finding, NULL) != TETLOD_OK)
+                      limit, INFINITY, true, &finding, NULL) != TETLOD_OK)
         TEST_FAIL("out of memory");
     return finding;
 }
