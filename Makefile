@@ -35,7 +35,7 @@ TETLOD_CFLAGS := -std=c11 -I. -D_POSIX_C_SOURCE=200809L -pthread -fPIC -fvisibil
 TETLOD_LDFLAGS := -pthread
 FUZZER :=
 ifeq ($(config),release)
-TETLOD_CFLAGS += -O2
+TETLOD_CFLAGS += -O3
 else ifeq ($(config),debug)
 TETLOD_CFLAGS += -O0 -DTETLOD_DEBUG
 else ifeq ($(config),asan)

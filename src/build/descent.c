@@ -20,33 +20,48 @@ static const double STIFFNESS = 0.05;
 /* A step is no longer than this fraction of the star: the differences are not linear for long. */
 static const double LONGEST_STEP = 0.5;
 
+/* One driver's part of the problem. With the step x and the change c of the value, the difference at a corner becomes
+ * residual + w (c - gradient . x), w its weight of v'. */
+struct descent_driver {
+    double factor;     /* of its differences: it makes them fractions of the range, worst weighted */
+    double *gradients; /* [cone, then their mean][3] of the level, as far as the boundary lets v' follow */
+    double *residuals, *weights; /* [corner] */
+    double ww, wr, wg[3];        /* weighted sums of w w, w residual, w w gradient */
+};
+
 void descent_fini(struct descent *descent)
 {
-    free(descent->gradients);
-    free(descent->residuals);
+    free(descent->drivers);
+    free(descent->numbers);
     *descent = (struct descent){0};
 }
 
-static bool room(double **array, size_t *capacity, size_t needed)
+static bool room(void *array, size_t *capacity, size_t needed, size_t size)
 {
-    void *grown = *array;
-    bool done = array_reserve(&grown, capacity, needed, sizeof(double));
-    *array = grown;
+    void *grown;
+    memcpy(&grown, array, sizeof grown);
+    bool done = array_reserve(&grown, capacity, needed, size);
+    memcpy(array, &grown, sizeof grown);
     return done;
 }
 
-/* A driver's value at v' for which the largest difference is least. */
-static double best_value(const struct examiner *examiner, uint32_t d)
+static double weight_of(const struct examiner *examiner, const struct fields *fields, const struct descent_driver *driver,
+                        size_t corner)
 {
-    return (examiner->intervals[d].low + examiner->intervals[d].high) / 2;
+    return driver->factor * examiner->points[(1 + (size_t)fields->driver_count) * corner];
 }
 
-/* The gradients of one driver in the cones, and their mean, which serves v' itself. */
+/* v' itself is in all cones. */
+static const double *gradient_at(const struct examiner *examiner, const struct descent_driver *driver, size_t corner)
+{
+    uint32_t cone = examiner->cones[corner];
+    return driver->gradients + 3 * (size_t)(cone == TETLOD_NONE ? examiner->patch.cone_count : cone);
+}
+
 static void make_gradients(const struct examiner *examiner, const struct boundary *boundary, const struct complex *complex,
-                           const struct star *star, uint32_t d, double *gradients)
+                           const struct star *star, const double *level, double value, double *gradients)
 {
     const struct patch *patch = &examiner->patch;
-    const double *level = examiner->level + d * (size_t)patch->link_count, value = best_value(examiner, d);
     double *mean = gradients + 3 * (size_t)patch->cone_count;
     memset(mean, 0, 3 * sizeof *mean);
     for (uint32_t f = 0; f < patch->cone_count; f++) {
@@ -63,106 +78,114 @@ static void make_gradients(const struct examiner *examiner, const struct boundar
     }
 }
 
-/* The sums of one driver's equations. */
-struct sums {
-    double ww, wr, wg[3]; /* of weights w of v', residuals r, changes g = w gradient */
-};
-
-/* Adds a driver's points to the matrix (its upper triangle, by rows) and the right side of the step's equations, with the change of
- * the value eliminated. */
-static struct sums add_driver(const struct examiner *examiner, double factor, uint32_t width, const double *gradients,
-                              const double *residuals, const double *weights, double matrix[6], double right[3])
+/* Takes up a driver, at the value with which the largest difference is least. Returns that. */
+static double open_driver(struct descent_driver *driver, const struct examiner *examiner, const struct boundary *boundary,
+                          const struct complex *complex, const struct fields *fields, const struct star *star, uint32_t d)
 {
-    struct sums s = {0};
+    double value = (examiner->intervals[d].low + examiner->intervals[d].high) / 2, most = 0;
+    driver->factor = fields->drivers[d].scale * fields->drivers[d].weight;
+    make_gradients(examiner, boundary, complex, star, examiner->level + d * (size_t)examiner->patch.link_count, value,
+                   driver->gradients);
     for (size_t i = 0; i < examiner->point_count; i++) {
-        double w = factor * examiner->points[width * i], r = residuals[i], own = weights[i], g[3];
-        uint32_t cone = examiner->cones[i] == TETLOD_NONE ? examiner->patch.cone_count : examiner->cones[i];
-        for (int k = 0; k < 3; k++)
-            g[k] = w * gradients[3 * (size_t)cone + (size_t)k];
-        s.ww += own * w * w;
-        s.wr += own * w * r;
-        for (int k = 0, at = 0; k < 3; k++) {
-            s.wg[k] += own * w * g[k];
-            right[k] += own * g[k] * r;
-            for (int j = k; j < 3; j++)
-                matrix[at++] += own * g[k] * g[j];
-        }
-    }
-    for (int k = 0, at = 0; k < 3 && s.ww > 0; k++) {
-        right[k] -= s.wg[k] * s.wr / s.ww;
-        for (int j = k; j < 3; j++)
-            matrix[at++] -= s.wg[k] * s.wg[j] / s.ww;
-    }
-    return s;
-}
-
-static void solve(const double m[6], double stiffness, const double right[3], double x[3])
-{
-    const double rows[3][3] = {{m[0] + stiffness, m[1], m[2]}, {m[1], m[3] + stiffness, m[4]}, {m[2], m[4], m[5] + stiffness}};
-    double minors[3];
-    for (int i = 0; i < 3; i++)
-        x[i] = 0;
-    cross(rows[1], rows[2], minors);
-    double determinant = dot(rows[0], minors);
-    for (int i = 0; i < 3 && determinant > 0; i++) { // the inverse of a symmetric matrix has the crosses of its rows as rows
-        cross(rows[(i + 1) % 3], rows[(i + 2) % 3], minors);
-        x[i] = dot(minors, right) / determinant;
-    }
-}
-
-/* What a step and a change of the value leave of a driver's differences; the weights grow with it. Returns the largest. */
-static double reweigh(const struct examiner *examiner, double factor, uint32_t width, const double *gradients,
-                      const double *residuals, const double step[3], double change, double scale, double *weights)
-{
-    double most = 0;
-    for (size_t i = 0; i < examiner->point_count; i++) {
-        uint32_t cone = examiner->cones[i] == TETLOD_NONE ? examiner->patch.cone_count : examiner->cones[i];
-        double w = factor * examiner->points[width * i];
-        double left = fabs(residuals[i] + w * (change - dot(gradients + 3 * (size_t)cone, step)));
-        weights[i] *= left * scale;
-        most = larger(most, left);
+        double constant = examiner->points[(1 + (size_t)fields->driver_count) * i + 1 + d];
+        driver->residuals[i] = weight_of(examiner, fields, driver, i) * value + driver->factor * constant;
+        driver->weights[i] = fabs(driver->residuals[i]);
+        most = larger(most, driver->weights[i]);
     }
     return most;
 }
 
+/* Adds a driver to the step's equations, the change of its value eliminated: to the matrix' upper triangle, row by row, and to the
+ * right side. Returns the sum of its weights. */
+static double add_equations(struct descent_driver *driver, const struct examiner *examiner, const struct fields *fields,
+                            double matrix[6], double right[3])
+{
+    double total = 0;
+    driver->ww = driver->wr = driver->wg[0] = driver->wg[1] = driver->wg[2] = 0;
+    for (size_t i = 0; i < examiner->point_count; i++) {
+        const double *gradient = gradient_at(examiner, driver, i);
+        double w = weight_of(examiner, fields, driver, i), own = driver->weights[i], r = driver->residuals[i];
+        total += own;
+        driver->ww += own * w * w;
+        driver->wr += own * w * r;
+        for (int k = 0, at = 0; k < 3; k++) {
+            double along = own * w * gradient[k];
+            driver->wg[k] += along * w;
+            right[k] += along * r;
+            for (int j = k; j < 3; j++)
+                matrix[at++] += along * w * gradient[j];
+        }
+    }
+    for (int k = 0, at = 0; k < 3 && driver->ww > 0; k++) {
+        right[k] -= driver->wg[k] * driver->wr / driver->ww;
+        for (int j = k; j < 3; j++)
+            matrix[at++] -= driver->wg[k] * driver->wg[j] / driver->ww;
+    }
+    return total;
+}
+
+/* Solves (matrix + stiffness) x = right. */
+static void solve(const double m[6], double stiffness, const double right[3], double x[3])
+{
+    const double rows[3][3] = {{m[0] + stiffness, m[1], m[2]}, {m[1], m[3] + stiffness, m[4]}, {m[2], m[4], m[5] + stiffness}};
+    double minors[3];
+    cross(rows[1], rows[2], minors);
+    double determinant = dot(rows[0], minors);
+    for (int i = 0; i < 3; i++) { // of a symmetric matrix' inverse these are the rows
+        cross(rows[(i + 1) % 3], rows[(i + 2) % 3], minors);
+        x[i] = determinant > 0 ? dot(minors, right) / determinant : 0;
+    }
+}
+
+/* What the step, with the change of the value that is best there, leaves of a driver's differences: weights grow with it. Returns the
+ * largest. */
+static double reweigh(struct descent_driver *driver, const struct examiner *examiner, const struct fields *fields,
+                      const double step[3], double most)
+{
+    double change = driver->ww > 0 ? (dot(driver->wg, step) - driver->wr) / driver->ww : 0, largest = 0;
+    for (size_t i = 0; i < examiner->point_count; i++) {
+        double left = fabs(driver->residuals[i] + weight_of(examiner, fields, driver, i) *
+                                                      (change - dot(gradient_at(examiner, driver, i), step)));
+        driver->weights[i] *= left / most;
+        largest = larger(largest, left);
+    }
+    return largest;
+}
+
+static bool make_room(struct descent *descent, const struct examiner *examiner, uint32_t drivers)
+{
+    size_t gradients = 3 * ((size_t)examiner->patch.cone_count + 1), points = examiner->point_count;
+    if (!room(&descent->drivers, &descent->driver_capacity, drivers, sizeof *descent->drivers) ||
+        !room(&descent->numbers, &descent->number_capacity, drivers * (gradients + 2 * points), sizeof *descent->numbers))
+        return false;
+    double *next = descent->numbers;
+    for (uint32_t d = 0; d < drivers; d++, next += gradients + 2 * points)
+        descent->drivers[d] = (struct descent_driver){
+            .gradients = next, .residuals = next + gradients, .weights = next + gradients + points};
+    return true;
+}
+
 enum tetlod_status descent_step(struct descent *descent, const struct examiner *examiner, const struct boundary *boundary,
                                 const struct complex *complex, const struct fields *fields, const struct star *star,
-                                double out_step[3], struct tetlod_error *error)
+                                double out_step[3], double *out_error, struct tetlod_error *error)
 {
-    const struct patch *patch = &examiner->patch;
-    size_t points = examiner->point_count, drivers = fields->driver_count, each = 3 * ((size_t)patch->cone_count + 1);
-    uint32_t width = 1 + fields->driver_count;
-    if (!room(&descent->gradients, &descent->gradient_capacity, drivers * each) ||
-        !room(&descent->residuals, &descent->residual_capacity, 2 * drivers * points))
-        return tetlodi_fail_nomem(error, "the exact limit", 16 * drivers * points);
-    double *weights = descent->residuals + drivers * points, most = 0;
-    for (uint32_t d = 0; d < drivers; d++) {
-        double factor = fields->drivers[d].scale * fields->drivers[d].weight, value = best_value(examiner, d);
-        make_gradients(examiner, boundary, complex, star, d, descent->gradients + d * each);
-        for (size_t i = 0; i < points; i++) {
-            const double *point = examiner->points + width * i;
-            descent->residuals[d * points + i] = factor * (point[0] * value + point[1 + d]);
-            weights[d * points + i] = fabs(descent->residuals[d * points + i]);
-            most = larger(most, weights[d * points + i]);
-        }
-    }
+    double most = 0, reach = examiner->patch.reach, longest = LONGEST_STEP * reach;
+    if (!make_room(descent, examiner, fields->driver_count))
+        return tetlodi_fail_nomem(error, "the exact limit", 16 * examiner->point_count);
+    for (uint32_t d = 0; d < fields->driver_count; d++)
+        most = larger(most, open_driver(&descent->drivers[d], examiner, boundary, complex, fields, star, d));
+    *out_error = most;
+    memset(out_step, 0, 3 * sizeof *out_step);
     for (int round = 0; round < ROUNDS && most > 0; round++) {
-        double matrix[6] = {0}, right[3] = {0}, total = 0, left = 0;
-        struct sums sums[drivers];
-        for (uint32_t d = 0; d < drivers; d++)
-            sums[d] = add_driver(examiner, fields->drivers[d].scale * fields->drivers[d].weight, width,
-                                 descent->gradients + d * each, descent->residuals + d * points, weights + d * points, matrix, right);
-        for (size_t i = 0; i < drivers * points; i++)
-            total += weights[i];
-        solve(matrix, total * STIFFNESS * STIFFNESS * most * most / (patch->reach * patch->reach), right, out_step);
-        for (uint32_t d = 0; d < drivers; d++) {
-            double change = sums[d].ww > 0 ? (dot(sums[d].wg, out_step) - sums[d].wr) / sums[d].ww : 0;
-            left = larger(left, reweigh(examiner, fields->drivers[d].scale * fields->drivers[d].weight, width,
-                                        descent->gradients + d * each, descent->residuals + d * points, out_step, change,
-                                        1 / most, weights + d * points));
-        }
+        double matrix[6] = {0}, right[3] = {0}, total = 0;
+        for (uint32_t d = 0; d < fields->driver_count; d++)
+            total += add_equations(&descent->drivers[d], examiner, fields, matrix, right);
+        solve(matrix, total * STIFFNESS * STIFFNESS * most * most / (reach * reach), right, out_step);
+        *out_error = 0;
+        for (uint32_t d = 0; d < fields->driver_count; d++)
+            *out_error = larger(*out_error, reweigh(&descent->drivers[d], examiner, fields, out_step, most));
     }
-    double length = sqrt(dot(out_step, out_step)), longest = LONGEST_STEP * patch->reach;
+    double length = sqrt(dot(out_step, out_step));
     for (int i = 0; i < 3 && length > longest; i++)
         out_step[i] *= longest / length;
     return TETLOD_OK;

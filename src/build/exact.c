@@ -17,8 +17,9 @@ static const double LEAST_WEIGHT = 1e-9;
 /* Points this far beyond a wall or a face still count: they are at it, but for rounding. */
 static const double BEYOND = 1e-9;
 
-/* A crossing of a spoke and a face is this fraction of the patch's reach off at most, or the spoke lies in the face. */
+/* A crossing of a spoke and a face is off a wall by this fraction of the patch's reach at most, or the spoke lies in the face. */
 static const double IN_FACE = 1e-6;
+enum { REFINEMENTS = 3 };
 
 /* Half of what a contraction may be above the limit by rounding (simplify.c). */
 static const double ROUNDING = 5e-10;
@@ -313,52 +314,57 @@ static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_
     return add_point(examiner, e->fields, weight, patch->walls[w].cones[0], &here, e->horizon);
 }
 
-/* Where the spoke is the origin: is it in the triangle? Then its barycentric weights, as exact as they can be had. They are too
- * far off where the spoke lies in the face; where it leaves that, it crosses others (PROOF.md, 8). */
-static bool triangle_holds(const double p[3][2], double reach, double weights[3])
+/* Is the origin in the triangle, which turns counterclockwise? Then its barycentric weights, as exact as they can be had, and how
+ * far they are off: refined until that is within `tolerance`. */
+static bool triangle_holds(const double p[3][2], const double tolerance[2], double weights[3], double off[2])
 {
-    double sum = 0, off[2];
+    double sum = 0;
     for (int k = 0; k < 3; k++) {
         const double *a = p[(k + 1) % 3], *b = p[(k + 2) % 3];
         weights[k] = a[0] * b[1] - a[1] * b[0];
         sum += weights[k];
     }
-    if (sum == 0)
-        return false;
-    for (int k = 0; k < 3; k++) {
-        weights[k] /= sum;
-        if (!(weights[k] >= -BEYOND))
+    for (int k = 0; k < 3; k++)
+        if (!(sum > 0 && weights[k] >= -BEYOND * sum))
             return false;
-    }
-    for (int round = 0; round < 2; round++) {
+    for (int k = 0; k < 3; k++)
+        weights[k] /= sum;
+    for (int refined = 0;; refined++) {
         for (int i = 0; i < 2; i++)
             off[i] = weights[0] * p[0][i] + weights[1] * p[1][i] + weights[2] * p[2][i];
-        for (int k = 0; k < 3 && !round; k++) {
+        if (refined == REFINEMENTS || (fabs(off[0]) <= tolerance[0] && fabs(off[1]) <= tolerance[1]))
+            return true;
+        for (int k = 0; k < 3; k++) {
             const double *a = p[(k + 1) % 3], *b = p[(k + 2) % 3];
             weights[k] += ((a[0] - b[0]) * off[1] - (a[1] - b[1]) * off[0]) / sum;
         }
     }
-    return fabs(off[0]) <= IN_FACE * reach && fabs(off[1]) <= IN_FACE * reach;
 }
 
-/* Where the spoke to a link vertex crosses the original face of three vertices. */
+/* Where the spoke to a link vertex crosses the original face of three vertices. In the plane of the distances from two walls
+ * that meet in the spoke, the spoke is the origin. */
 static bool at_face(const struct examination *e, uint32_t link, const uint32_t face[3])
 {
     struct examiner *examiner = e->examiner;
     const struct patch *patch = &examiner->patch;
     const struct spoke *spoke = &patch->spokes[link];
-    double across[3][2], along[3], weights[3], weight = 1;
-    for (int k = 0; k < 3; k++) {
-        double r[3];
-        subtract(patch_position(patch, e->overlaps, face[k]), patch->apex, r);
-        across[k][0] = dot(spoke->across[0], r);
-        across[k][1] = dot(spoke->across[1], r);
-        along[k] = dot(spoke->along, r);
-    }
-    if (!triangle_holds(across, patch->reach, weights))
-        return true;
+    const double *tip = e->complex->positions + 3 * (size_t)patch->link[link];
+    const double tolerance[2] = {patch->tolerances[spoke->walls[0]], patch->tolerances[spoke->walls[1]]};
+    double across[3][2], weights[3], off[2], along[3], x[3] = {0, 0, 0};
     for (int k = 0; k < 3; k++)
-        weight -= weights[k] * along[k];
+        for (int i = 0; i < 2; i++)
+            across[k][i] = patch_row(patch, face[k])[spoke->walls[i]];
+    if (!triangle_holds(across, tolerance, weights, off))
+        return true;
+    for (int i = 0; i < 2; i++)
+        if (fabs(off[i]) > IN_FACE * patch->reach * patch->walls[spoke->walls[i]].length)
+            return true; // the spoke lies in the face: where it leaves that, it crosses others (PROOF.md, 8)
+    for (int k = 0; k < 3; k++)
+        for (int i = 0; i < 3; i++)
+            x[i] += weights[k] * patch_position(patch, e->overlaps, face[k])[i];
+    subtract(tip, patch->apex, along);
+    subtract(tip, x, x);
+    double weight = dot(along, x) / dot(along, along);
     if (!(weight > 0) || weight > 1 + BEYOND)
         return true;
     for (uint32_t d = 0; d < e->fields->driver_count; d++) {
@@ -488,19 +494,11 @@ static inline bool face_around(const struct patch *patch, const uint32_t face[3]
     return !missing;
 }
 
-/* A face, whichever of its two tetrahedra it is seen from. There are no more vertices than MOST_ROWS. */
-static inline uint64_t face_key(const uint32_t face[3])
-{
-    uint64_t a = face[0], b = face[1], c = face[2], least = a < b ? a : b, greatest = a < b ? b : a;
-    uint64_t low = c < least ? c : least, high = c > greatest ? c : greatest;
-    return (low << 42) + ((a + b + c - low - high) << 21) + high;
-}
-
-/* The faces that may cross a spoke, each once. `sets` are the originals' walls of both sides, `met` is room for their faces. */
-static bool at_spoke(const struct examination *e, uint32_t link, const uint64_t *sets, uint64_t *met)
+/* The faces that may cross a spoke: from one of their two tetrahedra they are seen to turn one way, from the other the other way,
+ * so that each counts once. `sets` are the originals' walls of both sides. */
+static bool at_spoke(const struct examination *e, uint32_t link, const uint64_t *sets)
 {
     const struct patch *patch = &e->examiner->patch;
-    size_t met_count = 0;
     for (uint32_t t = 0; t < patch->tet_count; t++) {
         if (!around(patch, sets + (size_t)t * patch->words, link))
             continue;
@@ -508,16 +506,7 @@ static bool at_spoke(const struct examination *e, uint32_t link, const uint64_t 
             uint32_t face[3];
             for (int k = 0; k < 3; k++)
                 face[k] = patch->corners[t][tet_faces[f][k]];
-            if (!face_around(patch, face, link))
-                continue;
-            uint64_t key = face_key(face);
-            size_t i = 0;
-            while (i < met_count && met[i] != key)
-                i++;
-            if (i < met_count)
-                continue;
-            met[met_count++] = key;
-            if (!at_face(e, link, face))
+            if (face_around(patch, face, link) && !at_face(e, link, face))
                 return false;
         }
     }
@@ -530,7 +519,7 @@ static bool at_spokes(const struct examination *e)
     const struct patch *patch = &examiner->patch;
     size_t tets = patch->tet_count;
     void *grown = examiner->sets;
-    if (!array_reserve(&grown, &examiner->set_capacity, tets * (patch->words + 4), sizeof *examiner->sets)) {
+    if (!array_reserve(&grown, &examiner->set_capacity, tets * patch->words, sizeof *examiner->sets)) {
         examiner->point_count = SIZE_MAX;
         return false;
     }
@@ -538,7 +527,7 @@ static bool at_spokes(const struct examination *e)
     for (size_t t = 0; t < tets; t++)
         both_sides(patch, patch->corners[t], examiner->sets + t * patch->words);
     for (uint32_t link = 0; link < patch->link_count; link++)
-        if (!at_spoke(e, link, examiner->sets, examiner->sets + tets * patch->words))
+        if (!at_spoke(e, link, examiner->sets))
             return false;
     return true;
 }

@@ -12,7 +12,7 @@
 #include "src/util/array.h"
 
 /* A star whose rows would be longer in all is left alone: it is no good anyway. */
-static const size_t MOST_ROWS = (size_t)1 << 21;
+static const size_t MOST_ROWS = (size_t)1 << 19;
 
 /* Distances from a plane through v', and heights over a link face, are this many units in the last place of the product of
  * the three lengths that they are made of wrong at most (PROOF.md, section 8). */
@@ -20,6 +20,9 @@ static const double PLANE_ROUNDING = 16 * DBL_EPSILON;
 
 /* Points this far beyond a wall count, at least. */
 static const double BEYOND = 1e-9;
+
+/* A star in which all walls at a spoke are one plane but for this is left alone: nothing is exact across them. */
+static const double LEAST_SINE = 1e-3;
 
 struct patch_slot {
     uint32_t epoch, edge;
@@ -89,7 +92,7 @@ void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel)
 /* ---- memory */
 
 enum part { TETS, CORNERS, VERTICES, EDGES, LINK, WALLS, CONES, NORMALS, ROWS, SIGNS, CONE_WALLS, CONE_SIGNS, SPOKE_WALLS,
-            SPOKES, TABLE, PAIRS, UNDER };
+            SPOKES, TABLE, PAIRS, ORIGINAL_SIDES };
 
 /* Room for that many elements in an array of the patch; `array` points to its pointer. */
 static bool room(struct patch *patch, enum part part, void *array, size_t needed, size_t size)
@@ -126,7 +129,7 @@ void patch_fini(struct patch *patch)
     void *owned[] = {patch->tets,         patch->corners,      patch->vertices,    patch->edges,       patch->link,
                      patch->walls,        patch->cones,        patch->normals,     patch->rows,        patch->signs,
                      patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spokes,      patch->table,
-                     patch->pairs,        patch->under,       patch->tet_epoch,   patch->star_epoch,
+                     patch->pairs,        patch->sides,       patch->tet_epoch,   patch->star_epoch,
                      patch->vertex_number, patch->slot_epoch, patch->slot_number};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
@@ -297,21 +300,6 @@ static const double *link_position(const struct patch *patch, const struct compl
     return complex->positions + 3 * (size_t)patch->link[link];
 }
 
-/* Of a vector that is not 0. */
-static void perpendiculars(const double d[3], double out[2][3])
-{
-    int least = fabs(d[1]) < fabs(d[0]) ? 1 : 0;
-    least = fabs(d[2]) < fabs(d[least]) ? 2 : least;
-    const double axis[3] = {least == 0, least == 1, least == 2};
-    cross(d, axis, out[0]);
-    cross(d, out[0], out[1]);
-    for (int i = 0; i < 2; i++) {
-        double length = sqrt(dot(out[i], out[i]));
-        for (int k = 0; k < 3; k++)
-            out[i][k] /= length;
-    }
-}
-
 /* Widens the reach to a distance, and with it what rounding may come to. */
 static void reach_out(struct patch *patch, double reach)
 {
@@ -337,6 +325,7 @@ static void look_at_walls(struct patch *patch, const struct complex *complex)
         subtract(link_position(patch, complex, wall->link[0]), patch->apex, a);
         subtract(link_position(patch, complex, wall->link[1]), patch->apex, b);
         cross(a, b, n);
+        patch->walls[w].length = sqrt(dot(n, n));
         patch->tolerances[w] = PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * patch->reach;
         patch->thresholds[w] = wall->outer ? -patch->tolerances[w] : 0;
         for (int i = 0; i < 3; i++)
@@ -395,23 +384,29 @@ static bool look_at_cone(struct patch *patch, const struct complex *complex, uin
     return true;
 }
 
-static void look_at_spokes(struct patch *patch, const struct complex *complex)
+/* Of the walls that meet in a spoke the two neighbours that are least alike. False if all are almost one plane. */
+static bool look_at_spokes(struct patch *patch, const struct complex *complex)
 {
     memset(patch->spoke_walls, 0, (size_t)patch->link_count * patch->words * sizeof(uint64_t));
     for (uint32_t w = 0; w < patch->wall_count; w++)
         for (int i = 0; i < 2 && !patch->walls[w].outer; i++)
             patch->spoke_walls[(size_t)patch->walls[w].link[i] * patch->words + w / 64] |= (uint64_t)1 << w % 64;
+    for (uint32_t l = 0; l < patch->link_count; l++)
+        patch->spokes[l].sine = 0;
     for (uint32_t f = 0; f < patch->cone_count; f++)
-        for (uint32_t k = 0; k < 3; k++)
-            patch->spokes[patch->cones[f].link[k]].cone = f;
-    for (uint32_t l = 0; l < patch->link_count; l++) {
-        struct spoke *spoke = &patch->spokes[l];
-        subtract(link_position(patch, complex, l), patch->apex, spoke->along);
-        perpendiculars(spoke->along, spoke->across);
-        double length2 = dot(spoke->along, spoke->along);
-        for (int i = 0; i < 3; i++)
-            spoke->along[i] /= length2;
-    }
+        for (int k = 0; k < 3; k++) {
+            const struct cone *cone = &patch->cones[f];
+            struct spoke *spoke = &patch->spokes[cone->link[k]];
+            uint32_t u = cone->walls[(k + 1) % 3], v = cone->walls[(k + 2) % 3];
+            double length = sqrt(distance_squared(patch->apex, link_position(patch, complex, cone->link[k])));
+            double sine = fabs(length / cone->scale[k]) / (patch->walls[u].length * patch->walls[v].length);
+            if (sine > spoke->sine)
+                *spoke = (struct spoke){f, {u, v}, sine};
+        }
+    for (uint32_t l = 0; l < patch->link_count; l++)
+        if (!(patch->spokes[l].sine > LEAST_SINE))
+            return false;
+    return true;
 }
 
 enum tetlod_status patch_look(struct patch *patch, const struct complex *complex, const double p[3], bool *out_sound,
@@ -439,7 +434,7 @@ enum tetlod_status patch_look(struct patch *patch, const struct complex *complex
     look_at_walls(patch, complex);
     for (uint32_t f = 0; f < cones && *out_sound; f++)
         *out_sound = look_at_cone(patch, complex, f);
-    look_at_spokes(patch, complex);
+    *out_sound = *out_sound && look_at_spokes(patch, complex);
     return TETLOD_OK;
 }
 
@@ -567,12 +562,12 @@ uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex)
 /* ---- handing on */
 
 /* Is an original, of whose corners those are the sets of walls that all may be on the negative side of, and on the positive,
- * on the other side of one of the cone's planes? Those on the boundary do not count: a cone is taken to reach beyond them, so
- * that nothing is lost where the boundary has moved. */
-static inline bool apart(const struct patch *patch, const uint64_t *sides, const uint64_t *under, uint32_t f)
+ * on the other side of one of the cone's walls? Those on the boundary do not count, nor does a link face there: a cone is taken to
+ * reach beyond them, so that nothing is lost where the boundary has moved. */
+static inline bool outside_walls(const struct patch *patch, const uint64_t *sides, uint32_t f)
 {
     const uint64_t *walls = patch->cone_walls + (size_t)f * patch->words, *inside = patch->cone_signs + (size_t)f * patch->words;
-    uint64_t outside = patch->cones[f].outer ? 0 : under[f / 64] >> f % 64 & 1;
+    uint64_t outside = 0;
     for (uint32_t word = 0; word < patch->words; word++)
         outside |= ((inside[word] & sides[word]) | ((walls[word] ^ inside[word]) & sides[patch->words + word])) &
                    ~patch->outer_walls[word];
@@ -583,6 +578,16 @@ static bool on_boundary(const struct patch *patch, const struct cone *cone)
 {
     return cone->outer || patch->walls[cone->walls[0]].outer || patch->walls[cone->walls[1]].outer ||
            patch->walls[cone->walls[2]].outer;
+}
+
+/* Is the original behind the cone's link face? */
+static bool behind(const struct patch *patch, const struct overlaps *overlaps, const struct complex *complex, size_t tet,
+                   const struct cone *cone)
+{
+    for (int c = 0; c < 4; c++)
+        if (cone->outer || cone_height(cone, patch, complex, patch_position(patch, overlaps, patch->corners[tet][c])) > cone->tolerance)
+            return false;
+    return true;
 }
 
 /* Is the cone on the other side of one of the original's planes? */
@@ -612,12 +617,6 @@ static bool apart_by_original(const struct patch *patch, const struct overlaps *
     return false;
 }
 
-/* What patch_hand_on keeps of every original, and of the vertices before them. */
-struct sets {
-    uint32_t under_words;  /* of a set of cones */
-    uint64_t *vertex_under, *under, *sides;
-};
-
 static bool handover_room(struct handover *handover, size_t needed)
 {
     void *grown = handover->numbers;
@@ -628,14 +627,14 @@ static bool handover_room(struct handover *handover, size_t needed)
 
 /* The originals that may overlap a cone become its list. */
 static bool hand_on_to(const struct patch *patch, const struct overlaps *overlaps, const struct complex *complex, uint32_t f,
-                       const struct sets *sets, struct handover *handover)
+                       struct handover *handover)
 {
     const struct cone *cone = &patch->cones[f];
     if (!handover_room(handover, 2 + (size_t)patch->tet_count))
         return false;
     uint32_t *list = handover->numbers + handover->count + 2, count = 0;
     for (size_t t = 0; t < patch->tet_count; t++)
-        if (!apart(patch, sets->sides + 2 * t * patch->words, sets->under + t * sets->under_words, f) &&
+        if (!outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, overlaps, complex, t, cone) &&
             (on_boundary(patch, cone) || !apart_by_original(patch, overlaps, complex, patch->tets[t], cone)))
             list[count++] = patch->tets[t];
     list[-2] = cone->tet;
@@ -644,32 +643,19 @@ static bool hand_on_to(const struct patch *patch, const struct overlaps *overlap
     return true;
 }
 
-/* Under which link faces vertices, and originals with all their corners, are; in doubt they are. And on which sides of the
- * walls originals may be with all their corners. */
-static bool find_sets(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex, struct sets *out)
+/* On which sides of the walls originals may be with all their corners. */
+static bool find_sides(struct patch *patch)
 {
-    size_t vertices = patch->vertex_count, tets = patch->tet_count, words = (patch->cone_count + 63) / 64, walls = patch->words;
-    if (!room(patch, UNDER, &patch->under, (vertices + tets) * words + 2 * tets * walls + walls, sizeof *patch->under))
+    size_t tets = patch->tet_count, walls = patch->words;
+    if (!room(patch, ORIGINAL_SIDES, &patch->sides, (2 * tets + 1) * walls, sizeof *patch->sides))
         return false;
-    uint64_t *under = patch->under;
-    *out = (struct sets){(uint32_t)words, under, under + vertices * words, under + (vertices + tets) * words};
-    patch->outer_walls = out->sides + 2 * tets * walls;
-    memset(under, 0, vertices * words * sizeof *under);
-    memset(patch->outer_walls, 0, walls * sizeof *under);
+    patch->outer_walls = patch->sides + 2 * tets * walls;
+    memset(patch->outer_walls, 0, walls * sizeof *patch->sides);
     for (uint32_t w = 0; w < patch->wall_count; w++)
         patch->outer_walls[w / 64] |= (uint64_t)patch->walls[w].outer << w % 64;
-    for (uint32_t v = 0; v < vertices; v++)
-        for (uint32_t f = 0; f < patch->cone_count; f++) {
-            const struct cone *cone = &patch->cones[f];
-            double height = cone_height(cone, patch, complex, patch_position(patch, overlaps, v));
-            under[v * words + f / 64] |= (uint64_t)(height <= cone->tolerance) << f % 64;
-        }
     for (size_t t = 0; t < tets; t++) {
         const uint32_t *corners = patch->corners[t];
-        uint64_t *sides = out->sides + 2 * t * walls;
-        for (size_t word = 0; word < words; word++)
-            out->under[t * words + word] = under[corners[0] * words + word] & under[corners[1] * words + word] &
-                                           under[corners[2] * words + word] & under[corners[3] * words + word];
+        uint64_t *sides = patch->sides + 2 * t * walls;
         for (size_t word = 0; word < walls; word++) {
             sides[word] = sides[walls + word] = ~(uint64_t)0;
             for (int c = 0; c < 4; c++) {
@@ -684,13 +670,12 @@ static bool find_sets(struct patch *patch, const struct overlaps *overlaps, cons
 enum tetlod_status patch_hand_on(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex,
                                  struct handover *out, struct tetlod_error *error)
 {
-    struct sets sets;
     out->count = 0;
     out->cone_count = patch->cone_count;
-    if (!find_sets(patch, overlaps, complex, &sets))
+    if (!find_sides(patch))
         return no_room(error);
     for (uint32_t f = 0; f < patch->cone_count; f++)
-        if (!hand_on_to(patch, overlaps, complex, f, &sets, out))
+        if (!hand_on_to(patch, overlaps, complex, f, out))
             return no_room(error);
     if (!handover_room(out, 2 * (size_t)patch->vertex_count))
         return no_room(error);

@@ -57,6 +57,7 @@ struct wall {
     uint32_t link[2];   /* numbers of its vertices in the link */
     uint32_t cones[2];  /* that it bounds; the same twice on the boundary */
     bool outer;         /* it lies on the boundary */
+    double length;      /* of its normal */
 };
 
 struct cone {
@@ -71,9 +72,8 @@ struct cone {
 };
 
 struct spoke {
-    uint32_t cone;        /* one that it bounds */
-    double across[2][3];  /* two directions of length 1, perpendicular to it and each other */
-    double along[3];      /* along . (p - v') is 0 at v' and 1 at the link vertex */
+    uint32_t cone, walls[2]; /* one that it bounds, and that one's walls that meet in it */
+    double sine;             /* of the angle between these walls */
 };
 
 /* One thread's. Numbers of vertices, link vertices, walls and cones are the patch's own. */
@@ -112,7 +112,7 @@ struct patch {
     struct patch_slot *table; /* of edges */
     size_t table_size;
     uint32_t *pairs;          /* [link * link] number of the wall there, plus 1; all 0 between stars */
-    uint64_t *under;          /* sets of patch_hand_on */
+    uint64_t *sides;          /* [original][2][words] of patch_hand_on: the walls that all its corners may be on the negative side of, on the positive */
     uint64_t *outer_walls;    /* the last of them: the walls on the boundary */
     size_t capacity[PATCH_PARTS];
 };

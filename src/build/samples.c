@@ -273,7 +273,7 @@ static double value_of(const struct fields *fields, const struct driver *driver,
 static void take_sample(const struct fields *fields, const double *row, struct attempt *attempt, double limit,
                         struct trial *trial, double *parts)
 {
-    double r[3] = {row[0] - trial->position[0], row[1] - trial->position[1], row[2] - trial->position[2]}, l[3];
+    double r[3] = {row[0] - trial->position[0], row[1] - trial->position[1], row[2] - trial->position[2]}, l[3] = {0};
     find_cone(attempt->cones, attempt->cone_count, r, &attempt->cone, l);
     const struct cone *in = &attempt->cones[attempt->cone];
     double w = larger(1 - l[0] - l[1] - l[2], 0);

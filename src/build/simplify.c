@@ -15,11 +15,10 @@
 /* What the exact limit refuses is followed to this multiple of it. */
 static const double EXACT_HORIZON = 1.2;
 
-/* What all candidates fail by little may succeed between them: so many steps are made, each halved as often at most. */
-enum { MOST_STEPS = 6, HALVINGS = 1 };
-
-/* After the first step they are given up above this multiple of the limit. */
-static const double NEAR = 1.1;
+/* What all candidates fail by little may succeed between them: so many steps are made, each halved as often at most, while what is
+ * expected of the next is below this multiple of the limit, and what the last one came to below that. */
+enum { MOST_STEPS = 12, HALVINGS = 2 };
+static const double HOPE = 1.2, NEAR = 1.1;
 
 /* Above this multiple of the limit, the root mean square that the quadric expects tells that the exact limit will refuse (hardly
  * one in a hundred that it allows has more than 1.4): it waits unasked. Less is asked between the rungs that levels are
@@ -237,31 +236,28 @@ static bool may_go(const struct run *run, struct judge *judge, const double p[3]
            star_fits(&judge->star, run->complex, p);
 }
 
-static _Atomic long c_search, c_ask, c_good;
-#include <stdio.h>
-static void pr(void){fprintf(stderr,"searches %ld asks %ld good %ld\n",c_search,c_ask,c_good);}
 /* All candidates are refused, the one at work->position by the least: goes on from there, each step to where less is needed,
- * until that is allowed or not near enough. */
+ * until that is allowed or there is no hope. */
 static enum tetlod_status search(const struct run *run, struct judge *judge, struct work *work)
 {
     struct finding finding;
-    double from[3], step[3], horizon = EXACT_HORIZON * run->limit;
-    TETLOD_TRY(ask(run, judge, work, horizon, true, &finding)); if (!c_search++) atexit(pr);
-    for (int steps = 0; steps < MOST_STEPS && !finding.allowed && finding.error < horizon; steps++) {
+    double from[3], step[3], expected, most = EXACT_HORIZON * run->limit;
+    TETLOD_TRY(ask(run, judge, work, most, true, &finding));
+    for (int steps = 0; steps < MOST_STEPS && !finding.allowed && finding.error < most; steps++) {
         double best = finding.error;
         memcpy(from, work->position, sizeof from);
         TETLOD_TRY(descent_step(&judge->descent, &judge->examiner, &run->boundary, run->complex, run->fields, &judge->star,
-                                step, &judge->error));
-        for (int halving = 0; halving <= HALVINGS && !(finding.error < best); halving++) {
+                                step, &expected, &judge->error));
+        for (int halving = 0; halving <= HALVINGS && expected < HOPE * run->limit && !(finding.error < best); halving++) {
             for (int i = 0; i < 3; i++)
                 work->position[i] = from[i] + step[i] / (1 << halving);
             complex_round_position(run->complex, work->position);
             if (may_go(run, judge, work->position))
-                {c_ask++;TETLOD_TRY(ask(run, judge, work, best, true, &finding)); c_good += finding.allowed; }
+                TETLOD_TRY(ask(run, judge, work, best, true, &finding));
         }
         if (!(finding.error < best))
             break;
-        horizon = NEAR * run->limit;
+        most = NEAR * run->limit;
     }
     return TETLOD_OK;
 }

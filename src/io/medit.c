@@ -82,7 +82,7 @@ static enum tetlod_status read_dimension(struct medit *m)
 
 static enum tetlod_status read_vertices(struct medit *m)
 {
-    uint64_t count;
+    uint64_t count = 0;
     int64_t reference;
     TETLOD_TRY(take_count(m, 4, &count));
     if (m->mesh->positions)
@@ -98,7 +98,7 @@ static enum tetlod_status read_vertices(struct medit *m)
 
 static enum tetlod_status read_cells(struct medit *m, unsigned char type, unsigned corners)
 {
-    uint64_t count;
+    uint64_t count = 0;
     int64_t corner[8], reference;
     TETLOD_TRY(take_count(m, corners + 1, &count));
     for (uint64_t c = 0; c < count; c++) {
