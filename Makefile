@@ -60,7 +60,7 @@ PACKAGE_LIBS = $(shell $(PKG_CONFIG) --libs $(PACKAGES)) -lm
 
 # ---- sources and what is made of them
 FORMAT_SRC := $(sort $(wildcard format/*.c))
-LIBRARY_SRC := $(sort $(filter-out src/cli/%,$(wildcard src/*/*.c)))
+LIBRARY_SRC := $(sort $(filter-out src/cli/%,$(wildcard src/*/*.c src/*/*/*.c)))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
 SERVER_SRC := $(sort $(wildcard server/*.c))
 SUPPORT_SRC := $(sort $(wildcard tests/*.c))

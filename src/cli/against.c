@@ -6,10 +6,10 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/build/ancestry.h"
-#include "src/build/measure.h"
-#include "src/build/overlay.h"
-#include "src/build/same.h"
+#include "src/log/ancestry.h"
+#include "src/measure/measure.h"
+#include "src/measure/overlay.h"
+#include "src/measure/same.h"
 #include "src/report/level_mesh.h"
 #include "src/util/array.h"
 

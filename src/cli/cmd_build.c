@@ -9,8 +9,8 @@
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "src/build/build.h"
-#include "src/build/simplify.h"
+#include "src/pipeline/build.h"
+#include "src/simplify/simplify.h"
 #include "src/cli/cli.h"
 #include "src/cli/progress.h"
 #include "src/io/io.h"

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
-#include "src/build/measure.h"
-#include "src/build/overlay.h"
+#include "src/measure/measure.h"
+#include "src/measure/overlay.h"
 #include "src/cli/cli.h"
 #include "src/io/io.h"
 #include "src/report/info_json.h"

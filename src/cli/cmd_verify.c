@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "src/build/build.h"
+#include "src/pipeline/build.h"
 #include "src/cli/against.h"
 #include "src/cli/cli.h"
 #include "src/cli/progress.h"

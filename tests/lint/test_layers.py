@@ -18,11 +18,15 @@ LAYERS = {
     'src/io': MESHES,
     'src/sample': MESHES,
     'src/cut': MESHES,
-    'src/build': MESHES,
+    'src/simplify': MESHES + ['src/simplify/exact/', 'src/measure/measure.h'],
+    'src/simplify/exact': MESHES + ['src/simplify/'],
+    'src/log': MESHES + ['src/simplify/simplify.h'],
+    'src/measure': MESHES + ['src/log/ancestry.h'],
+    'src/pipeline': MESHES + ['src/simplify/', 'src/log/', 'src/measure/'],
     'src/report': MESHES,
     'server': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'format/reader.h'],
     'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
-    'src/cli': MESHES + ['src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/build/', 'server/server.h'],
+    'src/cli': MESHES + ['src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'server/server.h'],
 }
 LIBC = set('''assert ctype dirent errno fcntl float getopt inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
     stdint stdio stdlib string strings time unistd sys/mman sys/resource sys/stat sys/types'''.split())

@@ -7,9 +7,9 @@
  */
 #include <stdlib.h>
 
-#include "src/build/build.h"
-#include "src/build/measure.h"
-#include "src/build/simplify.h"
+#include "src/pipeline/build.h"
+#include "src/measure/measure.h"
+#include "src/simplify/simplify.h"
 #include "src/io/io.h"
 #include "src/mesh/locate.h"
 #include "src/mesh/mesh_check.h"

@@ -3,7 +3,7 @@
  * The complex while it is contracted: after every contraction its neighbours and stars are those of a rebuild, and its
  * topology is the original's; the link condition against its definition.
  */
-#include "src/build/complex.h"
+#include "src/simplify/complex.h"
 
 #include <stdlib.h>
 

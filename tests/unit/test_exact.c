@@ -3,13 +3,13 @@
  * The exact limit on random contractions: what the envelope accepts it accepts; its error of one contraction is the overlay's
  * largest difference, and of many an upper bound of it; what it refuses for a limit has no value within that limit.
  */
-#include "src/build/exact.h"
+#include "src/simplify/exact/exact.h"
 
 #include <stdlib.h>
 
-#include "src/build/boundary.h"
-#include "src/build/candidates.h"
-#include "src/build/overlay.h"
+#include "src/simplify/boundary.h"
+#include "src/simplify/candidates.h"
+#include "src/measure/overlay.h"
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/vector.h"
 #include "src/sample/sample.h"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Scalar value assignment, envelope and prediction of one contraction, from their definitions. */
-#include "src/build/fields.h"
+#include "src/simplify/fields.h"
 
 #include <stdlib.h>
 

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Errors that are known beforehand. */
-#include "src/build/measure.h"
+#include "src/measure/measure.h"
 
 #include <stdlib.h>
 
-#include "src/build/ancestry.h"
+#include "src/log/ancestry.h"
 #include "src/sample/sample.h"
 #include "tests/gen.h"
 #include "tests/test.h"

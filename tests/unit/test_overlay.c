@@ -2,7 +2,7 @@
 /* The exact maximum over an overlay: known answers, and never below what dense sampling of any two meshes finds. */
 #include <stdlib.h>
 
-#include "src/build/overlay.h"
+#include "src/measure/overlay.h"
 #include "src/mesh/locate.h"
 #include "src/sample/sample.h"
 #include "tests/gen.h"

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* The heap gives its entries in one order, whatever order they came in. */
-#include "src/build/queue.h"
+#include "src/simplify/queue.h"
 
 #include <stdlib.h>
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* The map between a star's old and new boundary, on a pyramid that is flattened and on curved samples. */
-#include "src/build/shift.h"
+#include "src/simplify/shift.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -3,12 +3,12 @@
  * Contraction sequences of small meshes: every level is a sound mesh of the same domain, certified errors are upper bounds,
  * and the sequence does not depend on the number of threads.
  */
-#include "src/build/simplify.h"
+#include "src/simplify/simplify.h"
 
 #include <stdlib.h>
 
-#include "src/build/ancestry.h"
-#include "src/build/measure.h"
+#include "src/log/ancestry.h"
+#include "src/measure/measure.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/locate.h"
 #include "src/mesh/mesh_check.h"

@@ -7,8 +7,8 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
-#include "src/build/metric.h"
-#include "src/build/overlay.h"
+#include "src/simplify/metric.h"
+#include "src/measure/overlay.h"
 #include "src/mesh/tet_geom.h"
 #include "src/sample/sample.h"
 #include "tests/test.h"

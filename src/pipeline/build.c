@@ -1,0 +1,291 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/pipeline/build.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/log/ancestry.h"
+#include "src/measure/measure.h"
+#include "src/simplify/exact/patch.h"
+#include "src/simplify/samples.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+/* How far the boundary may move while it counts as kept, as a fraction of the diagonal: by rounding, and where the limit
+ * speaks of one domain: the exact one (PROOF.md, 8), and the true error at samples, which are to stay inside. */
+static const double BOUNDARY_KEPT = 1e-12, BOUNDARY_OF_EXACT = 1e-6;
+
+struct build {
+    const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised */
+    const struct tetmesh *original; /* that errors are about */
+    struct tetmesh rounded;
+    double *rounding;               /* [field] bound of what rounding changed, if quantised */
+    const struct build_options *options;
+    struct simplification sequence;
+    struct tetlodi_write_level *levels; /* coarse to fine */
+    double *errors;                     /* [mark][field][measure], fine to coarse */
+    struct tetlod_error *error;
+};
+
+static bool contract_progress(void *opaque, double done)
+{
+    const struct build *build = opaque;
+    return build->options->progress(build->options->progress_opaque, BUILD_CONTRACT, done);
+}
+
+/* What the contraction needs at its peak, about: the complex, the fields and a queue of seven edges a vertex. */
+static enum tetlod_status check_memory(const struct build *build)
+{
+    const struct tetmesh *mesh = build->mesh;
+    uint64_t needed = complex_bytes(mesh->vertex_count, mesh->tet_count) +
+                      fields_bytes(mesh, build->options->control_count) + mesh->vertex_count * (uint64_t)7 * 56;
+    if (build->options->metric != METRIC_MEASURED && build->options->certify != CERTIFY_EXACT)
+        needed += mesh->tet_count * (uint64_t)build->options->control_count * sizeof(struct envelope);
+    if (build->options->metric == METRIC_MEASURED)
+        needed += samples_bytes(mesh, build->options->control_count);
+    if (build->options->certify == CERTIFY_EXACT)
+        needed += overlaps_bytes(mesh->vertex_count, mesh->tet_count, build->options->threads);
+    if (!build->options->memory || needed <= build->options->memory)
+        return TETLOD_OK;
+    return tetlodi_fail(build->error, TETLOD_ERR_LIMIT,
+                        "it needs about %llu MB, more than --memory allows (%llu MB); carry fewer fields or raise it",
+                        (unsigned long long)(needed >> 20) + 1, (unsigned long long)(build->options->memory >> 20));
+}
+
+/* An error is a fraction of the range: one that overflows, or whose reciprocal does, would hide every error (PROOF.md, 7). */
+static enum tetlod_status check_ranges(const struct build *build)
+{
+    for (uint32_t i = 0; i < build->options->control_count; i++) {
+        const struct point_field *field = &build->mesh->fields[build->options->controls[i].field];
+        double range[2];
+        point_field_range(field, build->mesh->vertex_count, range);
+        double width = range[1] - range[0];
+        if (!isfinite(width) || (width > 0 && !isfinite(1 / width)))
+            return tetlodi_fail(build->error, TETLOD_ERR_MESH,
+                                "field '%.60s' has the range %g .. %g, too %s for errors relative to it; scale its values",
+                                field->name, range[0], range[1], width > 1 ? "wide" : "narrow");
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status contract(struct build *build)
+{
+    const struct build_options *options = build->options;
+    uint32_t *controlled = array_new(options->control_count, sizeof *controlled);
+    double *limits = array_new(options->control_count, sizeof *limits);
+    if (!controlled || !limits) {
+        free(controlled);
+        free(limits);
+        return tetlodi_fail_nomem(build->error, "the controlled fields", options->control_count * 12);
+    }
+    double widest = 0; // limits are relative to the widest one, which the ladder's rungs mean
+    for (uint32_t i = 0; i < options->control_count; i++)
+        widest = larger(widest, options->controls[i].limit);
+    for (uint32_t i = 0; i < options->control_count; i++) {
+        controlled[i] = options->controls[i].field;
+        limits[i] = options->controls[i].limit > 0 ? options->controls[i].limit / widest : 1;
+    }
+    double domain_error = larger(options->domain_error, BOUNDARY_KEPT);
+    if (options->certify == CERTIFY_EXACT || options->metric == METRIC_MEASURED)
+        domain_error = smaller(domain_error, BOUNDARY_OF_EXACT);
+    struct simplify_options simplify_options = {
+        .metric = options->metric,
+        .certify = options->certify,
+        .contract = options->contract,
+        .candidates = options->candidates,
+        .max_error = widest > 0 ? smaller(widest, options->max_error) : options->max_error,
+        .min_tets = options->min_tets,
+        .boundary_angle = options->boundary_angle,
+        .boundary_limit = domain_error * mesh_diagonal(build->original),
+        .growth = options->growth,
+        .threads = options->threads,
+        .progress = options->progress ? contract_progress : NULL,
+        .progress_opaque = build,
+    };
+    enum tetlod_status status = simplify(&build->sequence, build->mesh, controlled, options->control_count, limits,
+                                         &simplify_options, build->error);
+    free(controlled);
+    free(limits);
+    return status;
+}
+
+/* The certified and the predicted error of a field at a mark: its worst component's. NaN if it does not drive. */
+static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, double *errors)
+{
+    const struct fields *fields = &build->sequence.fields;
+    errors[TETLOD_MAX] = errors[TETLOD_PREDICTED] = NAN;
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        if (fields->drivers[d].field != field)
+            continue;
+        size_t i = (size_t)mark * fields->driver_count + d;
+        double rounding = build->rounding ? build->rounding[field] * fields->drivers[d].scale : 0;
+        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], fmin(build->sequence.mark_certified[i] + rounding, 1));
+        errors[TETLOD_PREDICTED] = fmax(errors[TETLOD_PREDICTED], build->sequence.mark_predicted[i]);
+    }
+}
+
+/* Fills one mark's errors, each no less than the finer mark's: a level promises that no finer one has a larger error. */
+static void file_errors(const struct build *build, uint32_t mark, const struct measured *measured)
+{
+    uint32_t fields = build->mesh->field_count;
+    for (uint32_t f = 0; f < fields; f++) {
+        double *errors = build->errors + ((size_t)mark * fields + f) * TETLOD_MEASURES, range[2];
+        const double *finer = mark ? errors - fields * TETLOD_MEASURES : NULL;
+        point_field_range(&build->original->fields[f], build->original->vertex_count, range);
+        double scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
+        mark_errors(build, mark, f, errors);
+        errors[TETLOD_SAMPLED] = measured[f].sampled * scale;
+        errors[TETLOD_RMS] = measured[f].rms * scale;
+        if (!isnan(errors[TETLOD_MAX])) // a point outside is certified at another point than the closest (PROOF.md, 5)
+            errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], measured[f].outside * scale);
+        for (int m = 0; m < TETLOD_MEASURES && finer; m++)
+            errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);
+    }
+}
+
+static enum tetlod_status measure_mark(struct build *build, struct ancestry *ancestry, struct measure *measure,
+                                       uint32_t mark, struct measured *measured, double diagonal)
+{
+    uint32_t contractions = build->sequence.marks[mark].contractions;
+    struct ancestry_level level;
+    double domain = build->sequence.marks[mark].moved;
+    TETLOD_TRY(ancestry_level(ancestry, contractions, &level, build->error));
+    enum tetlod_status status;
+    if (build->rounding)
+        status = measure_mesh(measure, &level.mesh, NULL, build->options->threads, measured, &domain, build->error);
+    else
+        status = measure_level(measure, &level, contractions, build->options->threads, measured, &domain, build->error);
+    ancestry_level_fini(&level);
+    if (status != TETLOD_OK)
+        return status;
+    struct tetlodi_write_level *out = &build->levels[build->sequence.mark_count - 1 - mark];
+    domain = larger(domain, build->sequence.marks[mark].moved);
+    file_errors(build, mark, measured);
+    *out = (struct tetlodi_write_level){
+        contractions, diagonal > 0 ? domain / diagonal : 0,
+        build->errors + (size_t)mark * build->mesh->field_count * TETLOD_MEASURES};
+    return TETLOD_OK;
+}
+
+static enum tetlod_status measure_marks(struct build *build)
+{
+    uint32_t marks = build->sequence.mark_count, fields = build->mesh->field_count;
+    struct ancestry ancestry = {0};
+    struct measure *measure = NULL;
+    struct measured *measured = array_new(fields, sizeof *measured);
+    double diagonal = mesh_diagonal(build->mesh), finer = 0;
+    enum tetlod_status status = TETLOD_OK;
+    build->levels = array_new(marks, sizeof *build->levels);
+    build->errors = array_new((size_t)marks * fields, TETLOD_MEASURES * sizeof(double));
+    if (!measured || !build->levels || !build->errors)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
+    TETLOD_TRY_DONE(ancestry_init(&ancestry, &build->sequence, build->mesh, build->error));
+    TETLOD_TRY_DONE(measure_new(&measure, build->original, NULL, build->mesh->field_count, build->error));
+    for (uint32_t mark = 0; mark < marks; mark++) {
+        TETLOD_TRY_DONE(measure_mark(build, &ancestry, measure, mark, measured, diagonal));
+        double *domain = &build->levels[marks - 1 - mark].domain_error;
+        *domain = finer = larger(*domain, finer);
+        if (build->options->progress &&
+            !build->options->progress(build->options->progress_opaque, BUILD_MEASURE, (mark + 1.0) / marks))
+            TETLOD_TRY_DONE(tetlodi_fail(build->error, TETLOD_ERR_CANCELLED, "cancelled"));
+    }
+done:
+    ancestry_fini(&ancestry);
+    measure_free(measure);
+    free(measured);
+    return status;
+}
+
+static bool is_controlled(const struct build *build, uint32_t field)
+{
+    for (uint32_t i = 0; i < build->options->control_count; i++)
+        if (build->options->controls[i].field == field)
+            return true;
+    return false;
+}
+
+static enum tetlod_status encode(struct build *build, const struct tetlodi_sink *sink)
+{
+    const struct tetmesh *mesh = build->mesh;
+    const struct complex *complex = &build->sequence.complex;
+    struct tetlodi_write_field *fields = array_new(mesh->field_count, sizeof *fields);
+    if (!fields)
+        return tetlodi_fail_nomem(build->error, "the fields", mesh->field_count * sizeof *fields);
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        const struct point_field *field = &mesh->fields[f];
+        fields[f] = (struct tetlodi_write_field){.name = field->name,
+                                                 .components = field->components,
+                                                 .type = field->type,
+                                                 .controlled = is_controlled(build, f),
+                                                 .values = field->values,
+                                                 .node_values = build->sequence.fields.fields[f].node_values};
+        fields[f].bits = field->grid.bits;
+        fields[f].origin = field->grid.origin;
+        fields[f].step = field->grid.step;
+        point_field_range(&build->original->fields[f], mesh->vertex_count, fields[f].range);
+    }
+    struct tetlodi_write_input input = {.vertices = mesh->vertex_count,
+                                        .tets = mesh->tet_count,
+                                        .contractions = complex->contraction_count,
+                                        .position_type = mesh->position_type,
+                                        .positions = mesh->positions,
+                                        .corners = mesh->corners,
+                                        .children = complex->children,
+                                        .node_positions = complex->node_positions,
+                                        .field_count = mesh->field_count,
+                                        .level_count = build->sequence.mark_count,
+                                        .fields = fields,
+                                        .levels = build->levels,
+                                        .degenerate_tets = complex->degenerate_tets,
+                                        .inverted_tets = complex->inverted_tets,
+                                        .unused_points = mesh->unused_points,
+                                        .metadata = build->options->metadata,
+                                        .compression = build->options->compression,
+                                        .keep_order = build->options->keep_order};
+    input.position_bits = mesh->position_grid[0].bits;
+    for (int i = 0; i < 3; i++) {
+        input.position_origin[i] = mesh->position_grid[i].origin;
+        input.position_step[i] = mesh->position_grid[i].step;
+    }
+    if (build->options->progress)
+        build->options->progress(build->options->progress_opaque, BUILD_ENCODE, 0);
+    enum tetlod_status status = tetlodi_write(&input, sink, build->error);
+    free(fields);
+    return status;
+}
+
+/* Rounds a copy of the mesh, to be contracted in its place. */
+static enum tetlod_status quantise(struct build *build)
+{
+    TETLOD_TRY(quantise_mesh(&build->rounded, build->mesh, &build->options->quantise, build->error));
+    build->mesh = &build->rounded;
+    build->rounding = array_new(build->mesh->field_count, sizeof *build->rounding);
+    if (!build->rounding)
+        return tetlodi_fail_nomem(build->error, "the fields", build->mesh->field_count * sizeof *build->rounding);
+    return quantise_bounds(build->mesh, build->original, build->options->threads, build->rounding, build->error);
+}
+
+enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_options *options,
+                                const struct tetlodi_sink *sink, struct build_report *report, struct tetlod_error *error)
+{
+    struct build build = {.mesh = mesh, .original = mesh, .options = options, .error = error};
+    enum tetlod_status status;
+    TETLOD_TRY_DONE(check_memory(&build));
+    if (quantise_wanted(&options->quantise))
+        TETLOD_TRY_DONE(quantise(&build));
+    TETLOD_TRY_DONE(check_ranges(&build));
+    TETLOD_TRY_DONE(contract(&build));
+    TETLOD_TRY_DONE(measure_marks(&build));
+    TETLOD_TRY_DONE(encode(&build, sink));
+    *report = (struct build_report){build.sequence.complex.contraction_count, build.sequence.mark_count,
+                                    build.sequence.complex.degenerate_tets, build.sequence.complex.inverted_tets};
+done:
+    simplification_fini(&build.sequence);
+    tetmesh_fini(&build.rounded);
+    free(build.rounding);
+    free(build.levels);
+    free(build.errors);
+    return status;
+}

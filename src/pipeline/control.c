@@ -1,0 +1,116 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Which fields drive the contraction. */
+#include <ctype.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/pipeline/build.h"
+#include "src/util/array.h"
+
+static double derived_value(const double *row, uint32_t components, uint32_t component)
+{
+    if (component != TETLOD_NONE)
+        return row[component];
+    double sum = 0;
+    for (uint32_t c = 0; c < components; c++)
+        sum += row[c] * row[c];
+    return sqrt(sum);
+}
+
+/* Adds the magnitude (component TETLOD_NONE) or a component of a field as a field of its own, once. */
+static enum tetlod_status derive(struct tetmesh *mesh, uint32_t field, uint32_t component, const char *name,
+                                 uint32_t *out, struct tetlod_error *error)
+{
+    *out = tetmesh_find_field(mesh, name);
+    if (*out != TETLOD_NONE)
+        return TETLOD_OK;
+    enum tetlod_type type = mesh->fields[field].type;
+    TETLOD_TRY(tetmesh_add_field(mesh, name, 1, type, error));
+    const struct point_field *from = &mesh->fields[field];
+    *out = mesh->field_count - 1;
+    for (size_t v = 0; v < mesh->vertex_count; v++) {
+        double value = derived_value(from->values + v * from->components, from->components, component);
+        mesh->fields[*out].values[v] = type == TETLOD_FLOAT32 ? (float)value : value;
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status no_such_field(const struct tetmesh *mesh, const char *text, struct tetlod_error *error)
+{
+    char names[160] = "";
+    size_t used = 0;
+    for (uint32_t f = 0; f < mesh->field_count && used < sizeof names; f++)
+        used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", f ? ", " : "", mesh->fields[f].name);
+    return tetlodi_fail(error, TETLOD_ERR_FIELD, "there is no field '%.60s'; there is %s", text, names);
+}
+
+static bool is_limit(const char *text, double *out)
+{
+    char *end;
+    if (!strpbrk(text, ".%e") || !isdigit((unsigned char)*text))
+        return false;
+    *out = strtod(text, &end) * (strchr(text, '%') ? 0.01 : 1);
+    return (*end == 0 || strcmp(end, "%") == 0) && *out > 0 && isfinite(*out);
+}
+
+/* Which part of a field the text behind its colon means. False: none. */
+static bool part_of(const struct point_field *field, const char *text, uint32_t *component)
+{
+    char *end;
+    *component = TETLOD_NONE;
+    if (strcmp(text, "mag") == 0)
+        return true;
+    unsigned long number = strtoul(text, &end, 10);
+    *component = (uint32_t)number;
+    return isdigit((unsigned char)*text) && *end == 0 && number < field->components;
+}
+
+enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, struct build_control *out,
+                                       struct tetlod_error *error)
+{
+    char *name = strdup(text), *colon;
+    if (!name)
+        return tetlodi_fail_nomem(error, "a field's name", strlen(text));
+    uint32_t component;
+    enum tetlod_status status = TETLOD_OK;
+    *out = (struct build_control){tetmesh_find_field(mesh, name), 0};
+    if (out->field == TETLOD_NONE && (colon = strrchr(name, ':')) && is_limit(colon + 1, &out->limit)) {
+        *colon = 0;
+        out->field = tetmesh_find_field(mesh, name);
+    }
+    if (out->field == TETLOD_NONE && (colon = strrchr(name, ':'))) {
+        *colon = 0;
+        uint32_t whole = tetmesh_find_field(mesh, name);
+        bool there = whole != TETLOD_NONE && part_of(&mesh->fields[whole], colon + 1, &component);
+        *colon = ':';
+        if (there)
+            status = derive(mesh, whole, component, name, &out->field, error);
+    }
+    if (status == TETLOD_OK && out->field == TETLOD_NONE)
+        status = no_such_field(mesh, name, error);
+    free(name);
+    return status;
+}
+
+enum tetlod_status build_control_default(struct tetmesh *mesh, struct build_control *out, struct tetlod_error *error)
+{
+    *out = (struct build_control){0, 0};
+    if (!mesh->field_count)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "it has no point field; give it one, or convert its cell data to point data");
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        if (mesh->fields[f].components == 1) {
+            out->field = f;
+            return TETLOD_OK;
+        }
+    size_t length = strlen(mesh->fields[0].name) + sizeof ":mag";
+    char *name = array_new(length, 1);
+    if (!name)
+        return tetlodi_fail_nomem(error, "a field's name", length);
+    snprintf(name, length, "%s:mag", mesh->fields[0].name);
+    enum tetlod_status status = derive(mesh, 0, TETLOD_NONE, name, &out->field, error);
+    free(name);
+    return status;
+}

@@ -1,0 +1,141 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/pipeline/quantise.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/measure/overlay.h"
+#include "src/util/array.h"
+
+bool quantise_wanted(const struct quantise_options *options)
+{
+    return options->position_bits || options->field_bits || options->position_error > 0 || options->field_error > 0;
+}
+
+static void bounds_of(const double *values, size_t count, size_t stride, double range[2])
+{
+    range[0] = range[1] = values[0];
+    for (size_t i = 1; i < count; i++) {
+        range[0] = fmin(range[0], values[i * stride]);
+        range[1] = fmax(range[1], values[i * stride]);
+    }
+}
+
+/* A grid from end to end of a range. What has no extent still gets a step. */
+static struct grid make_grid(const double range[2], unsigned bits)
+{
+    double most = (double)((UINT32_C(1) << bits) - 1), step = range[1] / most - range[0] / most;
+    return (struct grid){bits, range[0], step > 0 ? step : fmax(fabs(range[0]), 1) * 1e-12};
+}
+
+/* The fewest bits for which half a step is at most `error`, a fraction of the extent. 0: none are enough. */
+static unsigned bits_for(double error)
+{
+    for (unsigned bits = 1; bits <= QUANTISE_MOST_BITS; bits++)
+        if (0.5 / (double)((UINT32_C(1) << bits) - 1) <= error)
+            return bits;
+    return 0;
+}
+
+static unsigned choose_bits(unsigned bits, double error)
+{
+    return bits ? bits : error > 0 ? bits_for(error) : 0;
+}
+
+static void round_positions(struct tetmesh *mesh, unsigned bits)
+{
+    for (unsigned axis = 0; axis < 3; axis++) {
+        double range[2];
+        bounds_of(mesh->positions + axis, mesh->vertex_count, 3, range);
+        mesh->position_grid[axis] = make_grid(range, bits);
+        for (size_t v = 0; v < mesh->vertex_count; v++) {
+            double *x = &mesh->positions[3 * v + axis];
+            *x = grid_round(&mesh->position_grid[axis], mesh->position_type, *x);
+        }
+    }
+}
+
+static void round_field(struct point_field *field, uint32_t vertices, unsigned bits)
+{
+    double range[2];
+    point_field_range(field, vertices, range);
+    field->grid = make_grid(range, bits);
+    for (size_t i = 0; i < (size_t)vertices * field->components; i++)
+        field->values[i] = grid_round(&field->grid, field->type, field->values[i]);
+}
+
+static enum tetlod_status copy_mesh(struct tetmesh *out, const struct tetmesh *mesh, struct tetlod_error *error)
+{
+    *out = (struct tetmesh){.vertex_count = mesh->vertex_count,
+                            .tet_count = mesh->tet_count,
+                            .position_type = mesh->position_type,
+                            .unused_points = mesh->unused_points};
+    out->positions = array_new(mesh->vertex_count, 3 * sizeof(double));
+    out->corners = array_new(mesh->tet_count, 4 * sizeof(uint32_t));
+    if (!out->positions || !out->corners)
+        return tetlodi_fail_nomem(error, "the rounded mesh", (uint64_t)mesh->vertex_count * 24);
+    memcpy(out->positions, mesh->positions, mesh->vertex_count * 3 * sizeof(double));
+    memcpy(out->corners, mesh->corners, mesh->tet_count * 4 * sizeof(uint32_t));
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        const struct point_field *field = &mesh->fields[f];
+        TETLOD_TRY(tetmesh_add_field(out, field->name, field->components, field->type, error));
+        memcpy(out->fields[f].values, field->values, (size_t)mesh->vertex_count * field->components * sizeof(double));
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status quantise_mesh(struct tetmesh *out, const struct tetmesh *mesh, const struct quantise_options *options,
+                                 struct tetlod_error *error)
+{
+    unsigned position_bits = choose_bits(options->position_bits, options->position_error);
+    unsigned field_bits = choose_bits(options->field_bits, options->field_error);
+    enum tetlod_status status = copy_mesh(out, mesh, error);
+    if (status == TETLOD_OK &&
+        ((options->position_error > 0 && !position_bits) || (options->field_error > 0 && !field_bits)))
+        status = tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "quantising to that error needs more than %d bits; leave it lossless",
+                              QUANTISE_MOST_BITS);
+    if (status != TETLOD_OK) {
+        tetmesh_fini(out);
+        return status;
+    }
+    if (position_bits)
+        round_positions(out, position_bits);
+    for (uint32_t f = 0; f < out->field_count && field_bits; f++)
+        round_field(&out->fields[f], out->vertex_count, field_bits);
+    return TETLOD_OK;
+}
+
+/* The most that a value moved by. */
+static double changed_by(const struct point_field *now, const struct point_field *before, uint32_t vertices)
+{
+    double most = 0;
+    for (size_t i = 0; i < (size_t)vertices * now->components; i++)
+        most = fmax(most, fabs(now->values[i] - before->values[i]));
+    return most;
+}
+
+/* Where vertices have moved, thin tetrahedra may have moved by all of their height: only the overlay tells what that does. */
+enum tetlod_status quantise_bounds(const struct tetmesh *copy, const struct tetmesh *mesh, unsigned threads, double *out,
+                                   struct tetlod_error *error)
+{
+    uint32_t *fields = array_new(mesh->field_count, sizeof *fields);
+    struct overlay_report report;
+    enum tetlod_status status = TETLOD_OK;
+    if (!fields)
+        return tetlodi_fail_nomem(error, "the fields", mesh->field_count * sizeof *fields);
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        fields[f] = f;
+        out[f] = changed_by(&copy->fields[f], &mesh->fields[f], mesh->vertex_count);
+    }
+    if (memcmp(copy->positions, mesh->positions, mesh->vertex_count * 3 * sizeof *copy->positions) != 0)
+        status = overlay_max(copy, fields, mesh, fields, mesh->field_count, threads, out, &report, error);
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        double range[2];
+        point_field_range(&mesh->fields[f], mesh->vertex_count, range);
+        out[f] = fmin(out[f] * (1 + 1e-9), range[1] - range[0]);
+    }
+    free(fields);
+    return status;
+}

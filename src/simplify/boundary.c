@@ -1,0 +1,181 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/simplify/boundary.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/mesh/tet_geom.h"
+#include "src/mesh/triangle.h"
+#include "src/mesh/vector.h"
+#include "src/util/array.h"
+
+static const double degree = 3.14159265358979323846 / 180;
+
+/* The unit normal of the triangle; false if it has no area. */
+static bool triangle_normal(const double *p, const double *q, const double *r, double out[3])
+{
+    double a[3], b[3];
+    subtract(q, p, a);
+    subtract(r, p, b);
+    cross(a, b, out);
+    double length = sqrt(dot(out, out));
+    if (!(length * length > 1e-24 * dot(a, a) * dot(b, b)))
+        return false;
+    for (int i = 0; i < 3; i++)
+        out[i] /= length;
+    return true;
+}
+
+static bool face_normal(const struct complex *complex, uint32_t tet, unsigned face, double out[3])
+{
+    const double *p[3];
+    for (int i = 0; i < 3; i++)
+        p[i] = complex->positions + 3 * (size_t)complex->corners[4 * (size_t)tet + tet_faces[face][i]];
+    return triangle_normal(p[0], p[1], p[2], out);
+}
+
+/* Sorts a normal into one of two groups; false if it belongs to neither or has no direction. */
+static bool join_group(const struct boundary *boundary, double groups[2][3], int *count, const double normal[3])
+{
+    for (int g = 0; g < *count; g++)
+        if (dot(groups[g], normal) >= boundary->cosine)
+            return true;
+    if (*count == 2)
+        return false;
+    for (int i = 0; i < 3; i++)
+        groups[*count][i] = normal[i];
+    (*count)++;
+    return true;
+}
+
+static void classify(struct boundary *boundary, const struct complex *complex, uint32_t v)
+{
+    const uint32_t *tets = complex->pool + complex->star_begin[v];
+    double groups[2][3] = {{0}}, normal[3], direction[3];
+    int count = 0;
+    boundary->kinds[v] = BOUNDARY_CORNER;
+    for (uint32_t i = 0; i < complex->star_count[v]; i++)
+        for (unsigned f = 0; f < 4; f++) {
+            if (!complex_boundary_face(complex, tets[i], f) || complex->corners[4 * (size_t)tets[i] + f] == v)
+                continue;
+            if (!face_normal(complex, tets[i], f, normal) || !join_group(boundary, groups, &count, normal))
+                return;
+        }
+    if (count == 1)
+        memcpy(direction, groups[0], sizeof direction);
+    else
+        cross(groups[0], groups[1], direction);
+    double length = sqrt(dot(direction, direction));
+    if (!(length > 0))
+        return;
+    for (int i = 0; i < 3; i++)
+        boundary->directions[3 * (size_t)v + i] = (float)(direction[i] / length);
+    boundary->kinds[v] = count == 1 ? BOUNDARY_SMOOTH : BOUNDARY_CREASE;
+}
+
+enum tetlod_status boundary_init(struct boundary *boundary, const struct complex *complex, double angle_degrees,
+                                 double limit, struct tetlod_error *error)
+{
+    size_t n = complex->vertex_count;
+    *boundary = (struct boundary){cos(angle_degrees * degree), sin(angle_degrees * degree), limit, array_zero(n, 1),
+                                  array_zero(n, 3 * sizeof(float)), array_zero(n, sizeof(double))};
+    if (!boundary->kinds || !boundary->directions || !boundary->moved) {
+        boundary_fini(boundary);
+        return tetlodi_fail_nomem(error, "the boundary", n * 21);
+    }
+    for (uint32_t v = 0; v < n; v++)
+        if (complex->flags[v] & VERTEX_BOUNDARY)
+            classify(boundary, complex, v);
+    return TETLOD_OK;
+}
+
+void boundary_fini(struct boundary *boundary)
+{
+    free(boundary->kinds);
+    free(boundary->directions);
+    free(boundary->moved);
+    *boundary = (struct boundary){0};
+}
+
+static bool vertex_may_move(const struct boundary *boundary, const struct complex *complex, uint32_t v,
+                            const double p[3])
+{
+    const double *from = complex->positions + 3 * (size_t)v;
+    double step[3] = {p[0] - from[0], p[1] - from[1], p[2] - from[2]}, length2 = dot(step, step);
+    if (length2 == 0)
+        return true;
+    const float *d = boundary->directions + 3 * (size_t)v;
+    double along = d[0] * step[0] + d[1] * step[1] + d[2] * step[2];
+    double slope2 = boundary->sine * boundary->sine * length2 + boundary->limit * boundary->limit * 1e-6;
+    switch ((enum boundary_kind)boundary->kinds[v]) {
+    case BOUNDARY_SMOOTH:
+        return along * along <= slope2;
+    case BOUNDARY_CREASE:
+        return length2 - along * along <= slope2;
+    case BOUNDARY_CORNER:
+        break;
+    }
+    return false;
+}
+
+bool boundary_allows(const struct boundary *boundary, const struct complex *complex, const struct star *star,
+                     const double weights[4], const double p[3])
+{
+    bool touches = false;
+    for (uint32_t s = 0; s < star->simplex_count; s++)
+        touches |= complex->flags[star->simplex[s]] & VERTEX_BOUNDARY;
+    for (uint32_t s = 0; s < star->simplex_count && touches; s++) {
+        uint32_t v = star->simplex[s];
+        if (complex->flags[v] & VERTEX_BOUNDARY ? !vertex_may_move(boundary, complex, v, p) : weights[s] != 0)
+            return false;
+    }
+    return true;
+}
+
+void boundary_follow(const struct boundary *boundary, const struct complex *complex, const struct star *star,
+                     double vector[3])
+{
+    for (uint32_t s = 0; s < star->simplex_count; s++) {
+        uint32_t v = star->simplex[s];
+        const float *d = boundary->directions + 3 * (size_t)v;
+        if (!(complex->flags[v] & VERTEX_BOUNDARY))
+            continue;
+        double along = d[0] * vector[0] + d[1] * vector[1] + d[2] * vector[2];
+        for (int i = 0; i < 3; i++)
+            vector[i] = boundary->kinds[v] == BOUNDARY_SMOOTH   ? vector[i] - along * d[i]
+                        : boundary->kinds[v] == BOUNDARY_CREASE ? along * d[i]
+                                                                : 0;
+    }
+}
+
+double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
+                      const double p[3], struct shift *shift)
+{
+    if (!shift_map(shift, complex, star, p, boundary->cosine))
+        return INFINITY;
+    double moved = larger(shift_least(shift, boundary->moved, 1), 0);
+    for (uint32_t s = 0; s < star->simplex_count; s++)
+        if (distance_squared(complex->positions + 3 * (size_t)star->simplex[s], p) == 0)
+            moved = larger(moved, boundary->moved[star->simplex[s]]);
+    return moved;
+}
+
+void boundary_update(struct boundary *boundary, const struct complex *complex, uint32_t vertex, double moved)
+{
+    if (!(complex->flags[vertex] & VERTEX_BOUNDARY))
+        return;
+    const uint32_t *tets = complex->pool + complex->star_begin[vertex];
+    boundary->moved[vertex] = moved;
+    classify(boundary, complex, vertex);
+    for (uint32_t i = 0; i < complex->star_count[vertex]; i++)
+        for (unsigned f = 0; f < 4; f++) {
+            const uint32_t *corners = complex->corners + 4 * (size_t)tets[i];
+            if (!complex_boundary_face(complex, tets[i], f) || corners[f] == vertex)
+                continue;
+            for (int k = 0; k < 3; k++)
+                if (corners[tet_faces[f][k]] != vertex)
+                    classify(boundary, complex, corners[tet_faces[f][k]]);
+        }
+}

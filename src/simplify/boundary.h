@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Keeping the boundary (thesis 4.2.2). A boundary vertex is smooth if all its boundary faces have about one normal, on a
+ * crease if they have two, in two groups, else a corner. A smooth vertex may move in its plane, one on a crease along it, a
+ * corner stays. How far the surface has moved in all is carried along and limited.
+ */
+#ifndef TETLOD_BOUNDARY_H
+#define TETLOD_BOUNDARY_H
+
+#include "src/simplify/shift.h"
+
+enum boundary_kind { BOUNDARY_CORNER, BOUNDARY_CREASE, BOUNDARY_SMOOTH };
+
+struct boundary {
+    double cosine, sine; /* of the angle within which normals count as one */
+    double limit;        /* most that the surface may move, in units of length */
+    uint8_t *kinds;      /* [slot] enum boundary_kind, of boundary vertices */
+    float *directions;   /* [3 * slot] a smooth vertex's normal, a crease's direction */
+    double *moved;       /* [slot] how far the surface at the vertex may be from the original one */
+};
+
+TETLOD_CHECKED enum tetlod_status boundary_init(struct boundary *boundary, const struct complex *complex,
+                                                double angle_degrees, double limit, struct tetlod_error *error);
+void boundary_fini(struct boundary *boundary);
+
+/* May the gathered simplex be contracted to p = sum of weights times its vertices, as far as each vertex's kind says? */
+bool boundary_allows(const struct boundary *boundary, const struct complex *complex, const struct star *star,
+                     const double weights[4], const double p[3]);
+
+/* Leaves of a vector what the boundary lets the gathered simplex's result follow, to first order. */
+void boundary_follow(const struct boundary *boundary, const struct complex *complex, const struct star *star,
+                     double vector[3]);
+
+/* How far the boundary at the result would be from the original one in all, INFINITY if it cannot be mapped or turns by more
+ * than the angle; and the map. */
+double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
+                      const double p[3], struct shift *shift);
+
+/* After a contraction: the kinds of its result and of the boundary vertices around it anew. */
+void boundary_update(struct boundary *boundary, const struct complex *complex, uint32_t vertex, double moved);
+
+#endif

@@ -1,0 +1,733 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/simplify/exact/exact.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/mesh/tet_geom.h"
+#include "src/mesh/vector.h"
+#include "src/util/array.h"
+
+/* A point this near to the link leaves s' as good as free; what its error comes to is counted all the same. */
+static const double LEAST_WEIGHT = 1e-9;
+
+/* Points this far beyond a wall or a face still count: they are at it, but for rounding. */
+static const double BEYOND = 1e-9;
+
+/* A crossing of a spoke and a face is off a wall by this fraction of the patch's reach at most, or the spoke lies in the face. */
+static const double IN_FACE = 1e-6;
+enum { REFINEMENTS = 3 };
+
+/* Half of what a contraction may be above the limit by rounding (simplify.c). */
+static const double ROUNDING = 5e-10;
+
+enum tetlod_status examiner_init(struct examiner *examiner, const struct complex *complex, const struct fields *fields,
+                                 struct tetlod_error *error)
+{
+    size_t drivers = fields->driver_count;
+    *examiner = (struct examiner){.intervals = array_new(drivers, sizeof *examiner->intervals),
+                                  .constants = array_new(3 * drivers, sizeof(double))};
+    if (!examiner->intervals || !examiner->constants) {
+        examiner_fini(examiner);
+        return tetlodi_fail_nomem(error, "the exact limit", drivers * (24 + sizeof *examiner->intervals));
+    }
+    examiner->chosen = examiner->constants + drivers;
+    examiner->errors = examiner->chosen + drivers;
+    return patch_init(&examiner->patch, complex, error);
+}
+
+void examiner_fini(struct examiner *examiner)
+{
+    patch_fini(&examiner->patch);
+    free(examiner->intervals);
+    free(examiner->level);
+    free(examiner->original);
+    free(examiner->points);
+    free(examiner->places);
+    free(examiner->cones);
+    free(examiner->sets);
+    free(examiner->constants);
+    *examiner = (struct examiner){0};
+}
+
+/* ---- values */
+
+static bool room(double **array, size_t *capacity, size_t needed)
+{
+    void *grown = *array;
+    bool done = array_reserve(&grown, capacity, needed, sizeof(double));
+    *array = grown;
+    return done;
+}
+
+/* Room for one more point. */
+static bool point_room(struct examiner *examiner, size_t width)
+{
+    void *grown = examiner->places;
+    if (examiner->point_count < examiner->place_capacity)
+        return true;
+    if (!room(&examiner->points, &examiner->point_capacity, 2 * (examiner->point_count + 16) * width) ||
+        !array_reserve(&grown, &examiner->place_capacity, examiner->point_count + 1, sizeof *examiner->places))
+        return false;
+    examiner->places = grown;
+    grown = examiner->cones;
+    if (!array_reserve(&grown, &examiner->cone_capacity, examiner->place_capacity, sizeof *examiner->cones))
+        return false;
+    examiner->cones = grown;
+    return true;
+}
+
+enum tetlod_status exact_take_up(struct examiner *examiner, const struct complex *complex, const struct fields *fields,
+                                 const struct star *star, struct tetlod_error *error)
+{
+    struct patch *patch = &examiner->patch;
+    TETLOD_TRY(patch_take_up(patch, complex, star, error));
+    size_t links = patch->link_count;
+    examiner->recent_count = 0;
+    if (!room(&examiner->level, &examiner->level_capacity, links * fields->driver_count))
+        return tetlodi_fail_nomem(error, "the exact limit", links * fields->driver_count * 8);
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct driver *driver = &fields->drivers[d];
+        const struct working_field *field = &fields->fields[driver->field];
+        for (size_t l = 0; l < links; l++)
+            examiner->level[d * links + l] =
+                field->values[(size_t)patch->link[l] * field->components + driver->component];
+    }
+    return TETLOD_OK;
+}
+
+static double original_value(const struct overlaps *overlaps, const struct driver *driver, uint32_t vertex)
+{
+    const struct point_field *field = &overlaps->mesh->fields[driver->field];
+    return field->values[(size_t)vertex * field->components + driver->component];
+}
+
+static enum tetlod_status gather(struct examiner *examiner, const struct overlaps *overlaps, const struct fields *fields,
+                                 const struct star *star, bool *out_few, struct tetlod_error *error)
+{
+    struct patch *patch = &examiner->patch;
+    bool before = patch->gathered;
+    TETLOD_TRY(patch_gather(patch, overlaps, star, out_few, error));
+    size_t vertices = patch->vertex_count;
+    if (!room(&examiner->original, &examiner->original_capacity, vertices * fields->driver_count))
+        return tetlodi_fail_nomem(error, "the exact limit", vertices * fields->driver_count * 8);
+    for (uint32_t d = 0; d < fields->driver_count && !before; d++)
+        for (size_t v = 0; v < vertices; v++)
+            examiner->original[d * vertices + v] = original_value(overlaps, &fields->drivers[d], patch->vertices[v]);
+    return TETLOD_OK;
+}
+
+/* ---- intervals */
+
+static const struct sentinel nowhere = {TETLOD_NONE, {TETLOD_NONE, TETLOD_NONE}, 0};
+
+static struct critical end_of_range(double value)
+{
+    return (struct critical){1, -value, nowhere, true};
+}
+
+/* The limit at which two bounds of s' from below and above meet, and where. */
+static double meet(const struct critical *low, const struct critical *high, double *at)
+{
+    double moving = (low->fixed ? 0 : high->weight) + (high->fixed ? 0 : low->weight);
+    double limit = (high->constant * low->weight - low->constant * high->weight) / moving;
+    *at = ((low->fixed ? 0 : -limit) - low->constant) / low->weight;
+    return limit;
+}
+
+/* Takes a corner of the overlay into account. Where nothing is left the limit rises as far as it has to: what it then is, is a
+ * lower bound. True: it has risen. */
+static bool narrow(struct interval *interval, double weight, double constant, const struct sentinel *where)
+{
+    double limit = interval->limit;
+    if (fabs(weight * interval->low + constant) <= limit && fabs(weight * interval->high + constant) <= limit)
+        return false;
+    if (!(weight > LEAST_WEIGHT))
+        return false;
+    struct critical here = {weight, constant, *where, false};
+    double low = (-limit - constant) / weight, high = (limit - constant) / weight;
+    if (low > interval->low) {
+        interval->low = low;
+        interval->lowest = here;
+    }
+    if (high < interval->high) {
+        interval->high = high;
+        interval->highest = here;
+    }
+    if (interval->low <= interval->high)
+        return false;
+    double at, raised = meet(&interval->lowest, &interval->highest, &at);
+    if (at < interval->range[0] || at > interval->range[1]) {
+        *(at < interval->range[0] ? &interval->lowest : &interval->highest) =
+            end_of_range(interval->range[at > interval->range[1]]);
+        raised = meet(&interval->lowest, &interval->highest, &at);
+    }
+    interval->limit = larger(limit, raised);
+    interval->low = interval->high = at;
+    return true;
+}
+
+/* May the limits that the intervals need still be below the horizon? Below a horizon of 0: is nothing refused so far? */
+static bool hopeful(const struct examiner *examiner, const struct fields *fields, double horizon)
+{
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct interval *interval = &examiner->intervals[d];
+        double factor = fields->drivers[d].scale * fields->drivers[d].weight;
+        if (interval->limit > interval->asked && interval->limit * factor >= horizon)
+            return false;
+    }
+    return true;
+}
+
+/* One corner of the overlay, whose constants are in examiner->constants. False: it is hopeless, or there is no memory (then
+ * point_count is SIZE_MAX). */
+static bool add_point(struct examiner *examiner, const struct fields *fields, double weight, uint32_t cone,
+                      const struct sentinel *where, double horizon)
+{
+    size_t width = 1 + (size_t)fields->driver_count;
+    bool risen = false;
+    if (!point_room(examiner, width)) {
+        examiner->point_count = SIZE_MAX;
+        return false;
+    }
+    examiner->places[examiner->point_count] = *where;
+    examiner->cones[examiner->point_count] = cone;
+    double *point = examiner->points + width * examiner->point_count++;
+    point[0] = weight;
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        point[1 + d] = examiner->constants[d];
+        risen |= narrow(&examiner->intervals[d], weight, examiner->constants[d], where);
+    }
+    return !risen || hopeful(examiner, fields, horizon);
+}
+
+/* The intervals before any point: the range. What rounding may hide is taken off the limit. */
+static void open_intervals(struct examiner *examiner, const struct fields *fields, double limit)
+{
+    const struct patch *patch = &examiner->patch;
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct driver *driver = &fields->drivers[d];
+        const double *range = fields->fields[driver->field].component_range[driver->component];
+        double least = INFINITY, greatest = -INFINITY;
+        for (size_t l = 0; l < patch->link_count; l++) {
+            double value = examiner->level[d * (size_t)patch->link_count + l];
+            least = smaller(least, value);
+            greatest = larger(greatest, value);
+        }
+        for (size_t v = 0; v < patch->vertex_count; v++) {
+            double value = examiner->original[d * (size_t)patch->vertex_count + v];
+            least = smaller(least, value);
+            greatest = larger(greatest, value);
+        }
+        double factor = driver->scale * driver->weight, own = factor > 0 ? limit / factor : INFINITY;
+        double slack = 64 * DBL_EPSILON * (patch->condition * (greatest - least) + fabs(least) + fabs(greatest));
+        examiner->errors[d] = slack;
+        examiner->intervals[d] = (struct interval){own * (1 + ROUNDING) - slack,
+                                                   own * (1 + ROUNDING) - slack,
+                                                   range[0],
+                                                   range[1],
+                                                   {range[0], range[1]},
+                                                   end_of_range(range[0]),
+                                                   end_of_range(range[1])};
+    }
+}
+
+/* ---- the corners of the overlay */
+
+/* What an examination works on. */
+struct examination {
+    struct examiner *examiner;
+    const struct overlaps *overlaps;
+    const struct complex *complex;
+    const struct fields *fields;
+    const struct star *star;
+    double horizon;
+    bool whole;
+};
+
+/* An original vertex in a cone of the star, v' as well if it is one. */
+static bool at_vertex(const struct examination *e, uint32_t v)
+{
+    struct examiner *examiner = e->examiner;
+    const struct patch *patch = &examiner->patch;
+    const double *p = patch_position(patch, e->overlaps, v), *row = patch_row(patch, v);
+    size_t links = patch->link_count, vertices = patch->vertex_count;
+    if (p[0] == patch->apex[0] && p[1] == patch->apex[1] && p[2] == patch->apex[2]) {
+        for (uint32_t d = 0; d < e->fields->driver_count; d++)
+            examiner->constants[d] = -examiner->original[d * vertices + v];
+        return add_point(examiner, e->fields, 1, TETLOD_NONE, &nowhere, e->horizon);
+    }
+    uint32_t f = patch_cone_of(patch, v);
+    if (f == TETLOD_NONE)
+        return true;
+    const struct cone *cone = &patch->cones[f];
+    double weight = cone->apex * cone_height(cone, patch, e->complex, p);
+    if (!(weight > 0))
+        return true;
+    for (uint32_t d = 0; d < e->fields->driver_count; d++) {
+        double constant = -examiner->original[d * vertices + v];
+        for (int k = 0; k < 3; k++)
+            constant += cone->scale[k] * row[cone->walls[k]] * examiner->level[d * links + cone->link[k]];
+        examiner->constants[d] = constant;
+    }
+    const struct sentinel here = {cone->tet, {patch->vertices[v], patch->vertices[v]}, 0};
+    return add_point(examiner, e->fields, weight, f, &here, e->horizon);
+}
+
+/* Where the edge from vertex a to vertex b crosses the plane of wall w, if that is in the wall. */
+static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_t w)
+{
+    struct examiner *examiner = e->examiner;
+    const struct patch *patch = &examiner->patch;
+    const struct cone *cone = &patch->cones[patch->walls[w].cones[0]];
+    const double *from = patch_row(patch, a), *to = patch_row(patch, b);
+    double between = from[w] - to[w], t = between != 0 ? from[w] / between : 0, s, x[3], weights[3], sum = 0;
+    t = smaller(larger(t, 0), 1);
+    s = 1 - t;
+    for (int k = 0; k < 3; k++) {
+        uint32_t other = cone->walls[k];
+        weights[k] = other == w ? 0 : cone->scale[k] * (s * from[other] + t * to[other]);
+        if (weights[k] < -patch->beyond)
+            return true;
+        sum += weights[k];
+    }
+    if (sum > 1 + patch->beyond)
+        return true;
+    const double *p = patch_position(patch, e->overlaps, a), *q = patch_position(patch, e->overlaps, b);
+    for (int i = 0; i < 3; i++)
+        x[i] = s * p[i] + t * q[i];
+    double weight = cone->apex * cone_height(cone, patch, e->complex, x);
+    if (!(weight > 0))
+        return true;
+    for (uint32_t d = 0; d < e->fields->driver_count; d++) {
+        const double *level = examiner->level + d * (size_t)patch->link_count,
+                     *original = examiner->original + d * (size_t)patch->vertex_count;
+        double constant = -s * original[a] - t * original[b];
+        for (int k = 0; k < 3; k++)
+            constant += weights[k] * level[cone->link[k]];
+        examiner->constants[d] = constant;
+    }
+    const struct sentinel here = {cone->tet, {patch->vertices[a], patch->vertices[b]}, (float)t};
+    return add_point(examiner, e->fields, weight, patch->walls[w].cones[0], &here, e->horizon);
+}
+
+/* Is the origin in the triangle, which turns counterclockwise? Then its barycentric weights, as exact as they can be had, and how
+ * far they are off: refined until that is within `tolerance`. */
+static bool triangle_holds(const double p[3][2], const double tolerance[2], double weights[3], double off[2])
+{
+    double sum = 0;
+    for (int k = 0; k < 3; k++) {
+        const double *a = p[(k + 1) % 3], *b = p[(k + 2) % 3];
+        weights[k] = a[0] * b[1] - a[1] * b[0];
+        sum += weights[k];
+    }
+    for (int k = 0; k < 3; k++)
+        if (!(sum > 0 && weights[k] >= -BEYOND * sum))
+            return false;
+    for (int k = 0; k < 3; k++)
+        weights[k] /= sum;
+    for (int refined = 0;; refined++) {
+        for (int i = 0; i < 2; i++)
+            off[i] = weights[0] * p[0][i] + weights[1] * p[1][i] + weights[2] * p[2][i];
+        if (refined == REFINEMENTS || (fabs(off[0]) <= tolerance[0] && fabs(off[1]) <= tolerance[1]))
+            return true;
+        for (int k = 0; k < 3; k++) {
+            const double *a = p[(k + 1) % 3], *b = p[(k + 2) % 3];
+            weights[k] += ((a[0] - b[0]) * off[1] - (a[1] - b[1]) * off[0]) / sum;
+        }
+    }
+}
+
+/* Where the spoke to a link vertex crosses the original face of three vertices. In the plane of the distances from two walls
+ * that meet in the spoke, the spoke is the origin. */
+static bool at_face(const struct examination *e, uint32_t link, const uint32_t face[3])
+{
+    struct examiner *examiner = e->examiner;
+    const struct patch *patch = &examiner->patch;
+    const struct spoke *spoke = &patch->spokes[link];
+    const double *tip = e->complex->positions + 3 * (size_t)patch->link[link];
+    const double tolerance[2] = {patch->tolerances[spoke->walls[0]], patch->tolerances[spoke->walls[1]]};
+    double across[3][2], weights[3], off[2], along[3], x[3] = {0, 0, 0};
+    for (int k = 0; k < 3; k++)
+        for (int i = 0; i < 2; i++)
+            across[k][i] = patch_row(patch, face[k])[spoke->walls[i]];
+    if (!triangle_holds(across, tolerance, weights, off))
+        return true;
+    for (int i = 0; i < 2; i++)
+        if (fabs(off[i]) > IN_FACE * patch->reach * patch->walls[spoke->walls[i]].length)
+            return true; // the spoke lies in the face: where it leaves that, it crosses others (PROOF.md, 8)
+    for (int k = 0; k < 3; k++)
+        for (int i = 0; i < 3; i++)
+            x[i] += weights[k] * patch_position(patch, e->overlaps, face[k])[i];
+    subtract(tip, patch->apex, along);
+    subtract(tip, x, x);
+    double weight = dot(along, x) / dot(along, along);
+    if (!(weight > 0) || weight > 1 + BEYOND)
+        return true;
+    for (uint32_t d = 0; d < e->fields->driver_count; d++) {
+        const double *original = examiner->original + d * (size_t)patch->vertex_count;
+        double constant = (1 - weight) * examiner->level[d * (size_t)patch->link_count + link];
+        for (int k = 0; k < 3; k++)
+            constant -= weights[k] * original[face[k]];
+        examiner->constants[d] = constant;
+    }
+    const struct sentinel here = {patch->cones[spoke->cone].tet, {TETLOD_NONE, TETLOD_NONE}, 0};
+    return add_point(examiner, e->fields, weight, spoke->cone, &here, e->horizon);
+}
+
+/* v' where it is no original vertex: in the original that it is least outside of. */
+static bool at_apex(const struct examination *e)
+{
+    struct examiner *examiner = e->examiner;
+    const struct patch *patch = &examiner->patch;
+    const double *at = patch->apex;
+    double most = -INFINITY;
+    for (uint32_t t = 0; t < patch->tet_count; t++) {
+        const double *p[4];
+        for (int c = 0; c < 4; c++)
+            p[c] = patch_position(patch, e->overlaps, patch->corners[t][c]);
+        double weights[4] = {tet_volume6(at, p[1], p[2], p[3]), tet_volume6(p[0], at, p[2], p[3]),
+                             tet_volume6(p[0], p[1], at, p[3]), tet_volume6(p[0], p[1], p[2], at)};
+        double volume = weights[0] + weights[1] + weights[2] + weights[3], least = INFINITY;
+        for (int c = 0; c < 4; c++)
+            least = smaller(least, weights[c] /= volume);
+        if (!(least > most))
+            continue;
+        most = least;
+        for (uint32_t d = 0; d < e->fields->driver_count; d++) {
+            examiner->constants[d] = 0;
+            for (int c = 0; c < 4; c++)
+                examiner->constants[d] -=
+                    weights[c] * examiner->original[d * (size_t)patch->vertex_count + patch->corners[t][c]];
+        }
+        if (most >= 0)
+            break;
+    }
+    return most == -INFINITY || add_point(examiner, e->fields, 1, TETLOD_NONE, &nowhere, e->horizon);
+}
+
+static bool is_original(const struct examination *e)
+{
+    const struct complex *complex = e->complex;
+    for (uint32_t s = 0; s < e->star->simplex_count; s++) {
+        uint32_t slot = e->star->simplex[s];
+        if (complex->node[slot] < complex->vertex_count &&
+            memcmp(complex->positions + 3 * (size_t)slot, e->examiner->patch.apex, 24) == 0)
+            return true;
+    }
+    return false;
+}
+
+/* Are both ends of an edge outside of one of the cone's walls? `a` and `b` are their sets of sides. */
+static inline bool beside(const struct patch *patch, uint32_t words, const uint64_t *a, const uint64_t *b, uint32_t f)
+{
+    uint32_t low = MAYBE_NOT_POSITIVE * words, high = MAYBE_NOT_NEGATIVE * words;
+    const uint64_t *walls = patch->cone_walls + (size_t)f * words, *inside = patch->cone_signs + (size_t)f * words;
+    uint64_t outside = 0;
+    for (uint32_t word = 0; word < words; word++)
+        outside |= (inside[word] & ~(a[high + word] | b[high + word])) |
+                   ((walls[word] ^ inside[word]) & ~(a[low + word] | b[low + word]));
+    return outside;
+}
+
+/* Inlined where `words` is known. */
+static inline __attribute__((always_inline)) bool at_edge(const struct examination *e, const uint32_t edge[2], uint32_t words)
+{
+    const struct patch *patch = &e->examiner->patch;
+    const uint64_t *a = patch->signs + (size_t)edge[0] * SIDES * words, *b = patch->signs + (size_t)edge[1] * SIDES * words;
+    for (uint32_t word = 0; word < words; word++)
+        for (uint64_t bits = a[word] ^ b[word]; bits; bits &= bits - 1) {
+            uint32_t w = 64 * word + (uint32_t)__builtin_ctzll(bits);
+            const struct wall *wall = &patch->walls[w];
+            if (!beside(patch, words, a, b, wall->cones[0]) && !beside(patch, words, a, b, wall->cones[1]) &&
+                !at_wall(e, edge[0], edge[1], w))
+                return false;
+        }
+    return true;
+}
+
+static bool at_edges(const struct examination *e)
+{
+    const struct patch *patch = &e->examiner->patch;
+    for (uint32_t i = 0; i < patch->edge_count; i++)
+        if (!(patch->words == 1 ? at_edge(e, patch->edges[i], 1) : at_edge(e, patch->edges[i], patch->words)))
+            return false;
+    return true;
+}
+
+/* The walls that an original may lie on both sides of. */
+static inline void both_sides(const struct patch *patch, const uint32_t corners[4], uint64_t *out)
+{
+    for (uint32_t word = 0; word < patch->words; word++) {
+        uint64_t low = 0, high = 0;
+        for (int c = 0; c < 4; c++) {
+            low |= patch_side(patch, corners[c], MAYBE_NOT_POSITIVE)[word];
+            high |= patch_side(patch, corners[c], MAYBE_NOT_NEGATIVE)[word];
+        }
+        out[word] = low & high;
+    }
+}
+
+/* Are all walls that meet in the spoke among those? */
+static inline bool around(const struct patch *patch, const uint64_t *both, uint32_t link)
+{
+    const uint64_t *walls = patch->spoke_walls + (size_t)link * patch->words;
+    uint64_t missing = 0;
+    for (uint32_t word = 0; word < patch->words; word++)
+        missing |= walls[word] & ~both[word];
+    return !missing;
+}
+
+/* The same of an original face. */
+static inline bool face_around(const struct patch *patch, const uint32_t face[3], uint32_t link)
+{
+    const uint64_t *a = patch_side(patch, face[0], 0), *b = patch_side(patch, face[1], 0), *c = patch_side(patch, face[2], 0),
+                   *walls = patch->spoke_walls + (size_t)link * patch->words;
+    uint32_t words = patch->words, low = MAYBE_NOT_POSITIVE * words, high = MAYBE_NOT_NEGATIVE * words;
+    uint64_t missing = 0;
+    for (uint32_t word = 0; word < words; word++)
+        missing |= walls[word] & ~((a[low + word] | b[low + word] | c[low + word]) &
+                                   (a[high + word] | b[high + word] | c[high + word]));
+    return !missing;
+}
+
+/* The faces that may cross a spoke: from one of their two tetrahedra they are seen to turn one way, from the other the other way,
+ * so that each counts once. `sets` are the originals' walls of both sides. */
+static bool at_spoke(const struct examination *e, uint32_t link, const uint64_t *sets)
+{
+    const struct patch *patch = &e->examiner->patch;
+    for (uint32_t t = 0; t < patch->tet_count; t++) {
+        if (!around(patch, sets + (size_t)t * patch->words, link))
+            continue;
+        for (int f = 0; f < 4; f++) {
+            uint32_t face[3];
+            for (int k = 0; k < 3; k++)
+                face[k] = patch->corners[t][tet_faces[f][k]];
+            if (face_around(patch, face, link) && !at_face(e, link, face))
+                return false;
+        }
+    }
+    return true;
+}
+
+static bool at_spokes(const struct examination *e)
+{
+    struct examiner *examiner = e->examiner;
+    const struct patch *patch = &examiner->patch;
+    size_t tets = patch->tet_count;
+    void *grown = examiner->sets;
+    if (!array_reserve(&grown, &examiner->set_capacity, tets * patch->words, sizeof *examiner->sets)) {
+        examiner->point_count = SIZE_MAX;
+        return false;
+    }
+    examiner->sets = grown;
+    for (size_t t = 0; t < tets; t++)
+        both_sides(patch, patch->corners[t], examiner->sets + t * patch->words);
+    for (uint32_t link = 0; link < patch->link_count; link++)
+        if (!at_spoke(e, link, examiner->sets))
+            return false;
+    return true;
+}
+
+/* A sentinel is a point of the overlay that must hold wherever v' is. False: no memory. */
+static bool ask_sentinel(const struct examination *e, struct sentinel here)
+{
+    struct examiner *examiner = e->examiner;
+    struct patch *patch = &examiner->patch;
+    double p[3], weights[3], weight, t = here.along;
+    if (here.ends[0] == TETLOD_NONE)
+        return true;
+    const double *a = e->overlaps->mesh->positions + 3 * (size_t)here.ends[0],
+                 *b = e->overlaps->mesh->positions + 3 * (size_t)here.ends[1];
+    for (int k = 0; k < 3; k++)
+        p[k] = (1 - t) * a[k] + t * b[k];
+    uint32_t f = patch_cone_at(patch, e->complex, p, weights, &weight);
+    if (f == TETLOD_NONE || !(weight > 0))
+        return true;
+    for (uint32_t d = 0; d < e->fields->driver_count; d++) {
+        const struct driver *driver = &e->fields->drivers[d];
+        double constant = -(1 - t) * original_value(e->overlaps, driver, here.ends[0]) -
+                          t * original_value(e->overlaps, driver, here.ends[1]);
+        for (int k = 0; k < 3; k++)
+            constant += weights[k] * examiner->level[d * (size_t)patch->link_count + patch->cones[f].link[k]];
+        examiner->constants[d] = constant;
+    }
+    here.tet = patch->cones[f].tet;
+    add_point(examiner, e->fields, weight, f, &here, INFINITY);
+    return examiner->point_count != SIZE_MAX;
+}
+
+/* What refused the star's other candidates, then the sentinels of its tetrahedra. False: hopeless, or no memory. */
+static bool ask_sentinels(const struct examination *e)
+{
+    const struct examiner *examiner = e->examiner;
+    for (uint32_t i = 0; i < examiner->recent_count; i++)
+        if (!ask_sentinel(e, examiner->recent[i]))
+            return false;
+    if (!hopeful(examiner, e->fields, e->horizon))
+        return false;
+    for (uint32_t i = 0; i < e->star->tet_count; i++)
+        for (size_t k = 0; k < SENTINELS; k++)
+            if (!ask_sentinel(e, e->overlaps->sentinels[SENTINELS * (size_t)e->star->tets[i] + k]))
+                return false;
+    return hopeful(examiner, e->fields, e->horizon);
+}
+
+/* Is the next kind of corners asked, too? Not if one has refused, unless the whole bound is wanted. */
+static bool goes_on(const struct examination *e)
+{
+    return e->whole || hopeful(e->examiner, e->fields, 0);
+}
+
+/* All corners of the overlay, kind by kind, the cheapest first: once one kind refuses, the next need not be asked. False:
+ * hopeless, or out of memory. */
+static bool look_everywhere(const struct examination *e)
+{
+    struct patch *patch = &e->examiner->patch;
+    if (!is_original(e) && !at_apex(e))
+        return false;
+    for (uint32_t v = 0; v < patch->vertex_count; v++) {
+        patch_rows(patch, e->overlaps, v, v + 1);
+        if (!at_vertex(e, v))
+            return false;
+    }
+    if (!goes_on(e))
+        return false;
+    struct tetlod_error error;
+    if (patch_edges(patch, &error) != TETLOD_OK) {
+        e->examiner->point_count = SIZE_MAX;
+        return false;
+    }
+    return at_edges(e) && goes_on(e) && at_spokes(e);
+}
+
+/* ---- the finding */
+
+/* What is left of the points raises the limit of an empty interval to what it is: each time by the worst of them. */
+static void raise_limits(struct examiner *examiner, const struct fields *fields)
+{
+    size_t width = 1 + (size_t)fields->driver_count;
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        struct interval *interval = &examiner->intervals[d];
+        for (int round = 0; round < 20 && interval->limit > interval->asked; round++) {
+            const double *worst = NULL;
+            double most = interval->limit * (1 + 1e-9);
+            for (size_t i = 0; i < examiner->point_count; i++) {
+                const double *point = examiner->points + width * i;
+                double error = fabs(point[0] * interval->low + point[1 + d]);
+                if (error > most) {
+                    most = error;
+                    worst = point;
+                }
+            }
+            if (!worst)
+                break;
+            narrow(interval, worst[0], worst[1 + d], &examiner->places[(size_t)(worst - examiner->points) / width]);
+        }
+    }
+}
+
+static bool refused(const struct examiner *examiner, const struct fields *fields, struct finding *out)
+{
+    out->error = 0;
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct interval *interval = &examiner->intervals[d];
+        const struct driver *driver = &fields->drivers[d];
+        double bound = interval->limit * driver->scale * driver->weight;
+        if (interval->limit <= interval->asked || bound <= out->error)
+            continue;
+        out->error = bound;
+        out->witness[0] = interval->lowest.where;
+        out->witness[1] = interval->highest.where;
+    }
+    return out->error > 0;
+}
+
+/* The value whose differences at the corners of the overlay have the least sum of squares: it leaves contractions beside it
+ * more room than the quadric's best does. */
+static double fitting(const struct examiner *examiner, const struct fields *fields, uint32_t d)
+{
+    size_t width = 1 + (size_t)fields->driver_count;
+    double products = 0, squares = 0;
+    for (size_t i = 0; i < examiner->point_count; i++) {
+        const double *point = examiner->points + width * i;
+        products += point[0] * point[1 + d];
+        squares += point[0] * point[0];
+    }
+    return squares > 0 ? -products / squares : 0;
+}
+
+/* The number of the field's type in the interval that is nearest to the wanted one, if there is one. */
+static double choose(const struct examiner *examiner, const struct fields *fields, uint32_t d, double wanted)
+{
+    const struct interval *interval = &examiner->intervals[d];
+    const struct driver *driver = &fields->drivers[d];
+    const struct working_field *field = &fields->fields[driver->field];
+    double nearest = smaller(larger(wanted, interval->low), interval->high);
+    double rounded = field_round(field, driver->component, nearest);
+    if (rounded < interval->low || rounded > interval->high) // a step inwards
+        rounded = field_round(field, driver->component, 2 * nearest - rounded);
+    if (rounded < interval->low || rounded > interval->high)
+        rounded = field_round(field, driver->component, (interval->low + interval->high) / 2);
+    return rounded;
+}
+
+/* The values, and the errors with them. */
+static void settle(struct examiner *examiner, const struct fields *fields, double limit, struct finding *out)
+{
+    size_t width = 1 + (size_t)fields->driver_count;
+    out->error = 0;
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct driver *driver = &fields->drivers[d];
+        double value = choose(examiner, fields, d, fitting(examiner, fields, d)), most = 0;
+        examiner->chosen[d] = value;
+        for (size_t i = 0; i < examiner->point_count; i++) {
+            const double *point = examiner->points + width * i;
+            most = larger(most, fabs(point[0] * value + point[1 + d]));
+        }
+        examiner->errors[d] += most;
+        out->error = larger(out->error, examiner->errors[d] * driver->scale * driver->weight);
+    }
+    out->allowed = out->error <= limit * (1 + 2 * ROUNDING);
+}
+
+enum tetlod_status exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
+                                 const struct complex *complex, const struct fields *fields, const struct star *star,
+                                 const double p[3], double limit, double horizon, bool whole, struct finding *out,
+                                 struct tetlod_error *error)
+{
+    const struct examination e = {examiner, overlaps, complex, fields, star, horizon, whole};
+    bool good;
+    *out = (struct finding){.error = INFINITY, .witness = {nowhere, nowhere}};
+    TETLOD_TRY(patch_look(&examiner->patch, complex, p, &good, error));
+    if (!good)
+        return TETLOD_OK;
+    open_intervals(examiner, fields, limit);
+    examiner->point_count = 0;
+    bool hope = ask_sentinels(&e) && examiner->point_count != SIZE_MAX;
+    if (hope) {
+        TETLOD_TRY(gather(examiner, overlaps, fields, star, &good, error));
+        if (!good)
+            return TETLOD_OK;
+        open_intervals(examiner, fields, limit);
+        examiner->point_count = 0;
+        look_everywhere(&e);
+    }
+    if (examiner->point_count == SIZE_MAX)
+        return tetlodi_fail_nomem(error, "the exact limit", examiner->point_capacity * 8);
+    raise_limits(examiner, fields);
+    if (!refused(examiner, fields, out))
+        settle(examiner, fields, limit, out);
+    for (int i = 0; i < 2 && examiner->recent_count < RECENT; i++)
+        examiner->recent[examiner->recent_count++] = out->witness[i];
+    return TETLOD_OK;
+}
+
+enum tetlod_status exact_hand_on(struct examiner *examiner, const struct overlaps *overlaps, const struct complex *complex,
+                                 struct handover *out, struct tetlod_error *error)
+{
+    return patch_hand_on(&examiner->patch, overlaps, complex, out, error);
+}

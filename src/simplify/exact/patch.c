@@ -1,0 +1,742 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/simplify/exact/patch.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/mesh/tet_geom.h"
+#include "src/mesh/vector.h"
+#include "src/util/array.h"
+
+/* A star whose rows would be longer in all is left alone: it is no good anyway. */
+static const size_t MOST_ROWS = (size_t)1 << 19;
+
+/* Distances from a plane through v', and heights over a link face, are this many units in the last place of the product of
+ * the three lengths that they are made of wrong at most (PROOF.md, section 8). */
+static const double PLANE_ROUNDING = 16 * DBL_EPSILON;
+
+/* Points this far beyond a wall count, at least. */
+static const double BEYOND = 1e-9;
+
+/* A star in which all walls at a spoke are one plane but for this is left alone: nothing is exact across them. */
+static const double LEAST_SINE = 1e-3;
+
+struct patch_slot {
+    uint32_t epoch, edge;
+};
+
+struct patch_number {
+    uint32_t epoch, number;
+};
+
+/* ---- which originals overlap which tetrahedra */
+
+enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh, struct tetlod_error *error)
+{
+    size_t tets = mesh->tet_count;
+    *overlaps = (struct overlaps){.mesh = mesh,
+                                  .begin = array_new(tets, sizeof *overlaps->begin),
+                                  .count = array_new(tets, sizeof *overlaps->count),
+                                  .pool = array_new(2 * tets, sizeof *overlaps->pool),
+                                  .pool_size = tets,
+                                  .pool_capacity = 2 * tets,
+                                  .sentinels = array_new(tets, SENTINELS * sizeof *overlaps->sentinels),
+                                  .host = array_new(mesh->vertex_count, sizeof *overlaps->host)};
+    if (!overlaps->begin || !overlaps->count || !overlaps->pool || !overlaps->sentinels || !overlaps->host) {
+        overlaps_fini(overlaps);
+        return tetlodi_fail_nomem(error, "the overlaps", tets * (20 + SENTINELS * sizeof *overlaps->sentinels) + mesh->vertex_count * (uint64_t)4);
+    }
+    for (uint32_t t = 0; t < tets; t++) {
+        overlaps->begin[t] = t;
+        overlaps->count[t] = 1;
+        overlaps->pool[t] = t;
+        for (int i = 0; i < SENTINELS; i++)
+            overlaps->sentinels[SENTINELS * (size_t)t + (size_t)i].ends[0] = TETLOD_NONE;
+        for (int c = 0; c < 4; c++)
+            overlaps->host[mesh->corners[4 * (size_t)t + (size_t)c]] = t;
+    }
+    return TETLOD_OK;
+}
+
+uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets, unsigned threads)
+{
+    return tets * (uint64_t)(12 + 8 * sizeof(uint32_t) + SENTINELS * sizeof(struct sentinel)) + vertices * (uint64_t)4 +
+           threads * (tets * (uint64_t)8 + vertices * (uint64_t)16);
+}
+
+void overlaps_fini(struct overlaps *overlaps)
+{
+    free(overlaps->begin);
+    free(overlaps->count);
+    free(overlaps->pool);
+    free(overlaps->sentinels);
+    free(overlaps->host);
+    *overlaps = (struct overlaps){0};
+}
+
+void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel)
+{
+    if (sentinel->tet == TETLOD_NONE || sentinel->ends[0] == TETLOD_NONE)
+        return;
+    struct sentinel *own = overlaps->sentinels + SENTINELS * (size_t)sentinel->tet;
+    int last = 0;
+    while (last < SENTINELS - 1 && (own[last].ends[0] != sentinel->ends[0] || own[last].ends[1] != sentinel->ends[1]))
+        last++;
+    memmove(own + 1, own, (size_t)last * sizeof *own);
+    own[0] = *sentinel;
+}
+
+/* ---- memory */
+
+enum part { TETS, CORNERS, VERTICES, EDGES, LINK, WALLS, CONES, NORMALS, ROWS, SIGNS, CONE_WALLS, CONE_SIGNS, SPOKE_WALLS,
+            SPOKES, TABLE, PAIRS, ORIGINAL_SIDES };
+
+/* Room for that many elements in an array of the patch; `array` points to its pointer. */
+static bool room(struct patch *patch, enum part part, void *array, size_t needed, size_t size)
+{
+    void *elements;
+    memcpy(&elements, array, sizeof elements);
+    bool done = array_reserve(&elements, &patch->capacity[part], needed, size);
+    memcpy(array, &elements, sizeof elements);
+    return done;
+}
+
+static enum tetlod_status no_room(struct tetlod_error *error)
+{
+    return tetlodi_fail_nomem(error, "the originals under a star", 1 << 20);
+}
+
+enum tetlod_status patch_init(struct patch *patch, const struct complex *complex, struct tetlod_error *error)
+{
+    size_t tets = complex->tet_count, vertices = complex->vertex_count;
+    *patch = (struct patch){.tet_epoch = array_zero(tets, sizeof(uint32_t)),
+                            .star_epoch = array_zero(tets, sizeof(uint32_t)),
+                            .vertex_number = array_zero(vertices, sizeof *patch->vertex_number),
+                            .slot_epoch = array_zero(vertices, sizeof(uint32_t)),
+                            .slot_number = array_new(vertices, sizeof(uint32_t))};
+    if (patch->tet_epoch && patch->star_epoch && patch->vertex_number && patch->slot_epoch &&
+        patch->slot_number)
+        return TETLOD_OK;
+    patch_fini(patch);
+    return tetlodi_fail_nomem(error, "the originals under a star", tets * 8 + vertices * 16);
+}
+
+void patch_fini(struct patch *patch)
+{
+    void *owned[] = {patch->tets,         patch->corners,      patch->vertices,    patch->edges,       patch->link,
+                     patch->walls,        patch->cones,        patch->normals,     patch->rows,        patch->signs,
+                     patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spokes,      patch->table,
+                     patch->pairs,        patch->sides,       patch->tet_epoch,   patch->star_epoch,
+                     patch->vertex_number, patch->slot_epoch, patch->slot_number};
+    for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
+        free(owned[i]);
+    *patch = (struct patch){0};
+}
+
+/* ---- gathering */
+
+/* The originals under the star's tetrahedra, each once; those under the ones that are removed first, for v' is likely there. */
+static bool gather_tets(struct patch *patch, const struct overlaps *overlaps, const struct star *star)
+{
+    size_t most = 0;
+    for (uint32_t i = 0; i < star->tet_count; i++) {
+        most += overlaps->count[star->tets[i]];
+        patch->star_epoch[star->tets[i]] = patch->epoch;
+    }
+    patch->tet_count = 0;
+    if (!room(patch, TETS, &patch->tets, most, sizeof *patch->tets))
+        return false;
+    for (int pass = 0; pass < 2; pass++)
+        for (uint32_t i = 0; i < star->tet_count; i++) {
+            const uint32_t *list = overlaps->pool + overlaps->begin[star->tets[i]];
+            for (uint32_t k = 0; k < overlaps->count[star->tets[i]] && (star->moving[i] == STAR_REMOVED) == !pass; k++) {
+                if (patch->tet_epoch[list[k]] != patch->epoch)
+                    patch->tets[patch->tet_count++] = list[k];
+                patch->tet_epoch[list[k]] = patch->epoch;
+            }
+        }
+    return room(patch, CORNERS, &patch->corners, patch->tet_count, sizeof *patch->corners);
+}
+
+/* Numbers the originals' vertices, those that the star hosts first. */
+static bool gather_vertices(struct patch *patch, const struct overlaps *overlaps)
+{
+    static const uint32_t outside = (uint32_t)1 << 31; // a number among those that it does not host
+    size_t most = 4 * (size_t)patch->tet_count;
+    if (!room(patch, VERTICES, &patch->vertices, 2 * most, sizeof *patch->vertices))
+        return false;
+    uint32_t *corners = patch->corners[0], *others = patch->vertices + most, inside_count = 0, other_count = 0;
+    for (size_t i = 0; i < most; i++) {
+        uint32_t v = overlaps->mesh->corners[4 * (size_t)patch->tets[i / 4] + i % 4];
+        struct patch_number *number = &patch->vertex_number[v];
+        if (number->epoch != patch->epoch) {
+            uint32_t host = overlaps->host[v];
+            bool inside = host != TETLOD_NONE && patch->star_epoch[host] == patch->epoch;
+            *number = (struct patch_number){patch->epoch, inside ? inside_count : other_count | outside};
+            if (inside)
+                patch->vertices[inside_count++] = v;
+            else
+                others[other_count++] = v;
+        }
+        corners[i] = number->number;
+    }
+    for (size_t i = 0; i < most; i++)
+        corners[i] = corners[i] & outside ? (corners[i] & ~outside) + inside_count : corners[i];
+    memmove(patch->vertices + inside_count, others, other_count * sizeof *others);
+    patch->inside_count = inside_count;
+    patch->vertex_count = inside_count + other_count;
+    return true;
+}
+
+static uint32_t link_number(struct patch *patch, uint32_t slot)
+{
+    if (patch->slot_epoch[slot] != patch->epoch) {
+        patch->slot_epoch[slot] = patch->epoch;
+        patch->slot_number[slot] = patch->link_count;
+        patch->link[patch->link_count++] = slot;
+    }
+    return patch->slot_number[slot];
+}
+
+/* A cone for every re-attached tetrahedron. */
+static bool gather_cones(struct patch *patch, const struct complex *complex, const struct star *star)
+{
+    uint32_t most = star->tet_count - star->removed_count;
+    patch->link_count = patch->cone_count = 0;
+    if (!room(patch, CONES, &patch->cones, most, sizeof *patch->cones) ||
+        !room(patch, LINK, &patch->link, 3 * (size_t)most, sizeof *patch->link))
+        return false;
+    for (uint32_t i = 0; i < star->tet_count; i++) {
+        if (star->moving[i] == STAR_REMOVED)
+            continue;
+        struct cone *cone = &patch->cones[patch->cone_count++];
+        cone->tet = star->tets[i];
+        cone->outer = complex_boundary_face(complex, cone->tet, star->moving[i]);
+        for (int k = 0; k < 3; k++)
+            cone->link[k] =
+                link_number(patch, complex->corners[4 * (size_t)cone->tet + tet_faces[star->moving[i]][k]]);
+    }
+    return true;
+}
+
+/* A wall for every edge of the link. */
+static bool gather_walls(struct patch *patch)
+{
+    size_t links = patch->link_count, before = patch->capacity[PAIRS];
+    patch->wall_count = 0;
+    if (!room(patch, PAIRS, &patch->pairs, links * links, sizeof *patch->pairs) ||
+        !room(patch, WALLS, &patch->walls, 3 * (size_t)patch->cone_count, sizeof *patch->walls))
+        return false;
+    memset(patch->pairs + before, 0, (patch->capacity[PAIRS] - before) * sizeof *patch->pairs);
+    for (uint32_t f = 0; f < patch->cone_count; f++)
+        for (int k = 0; k < 3; k++) {
+            uint32_t a = patch->cones[f].link[(k + 1) % 3], b = patch->cones[f].link[(k + 2) % 3];
+            uint32_t *pair = &patch->pairs[a < b ? a * links + b : b * links + a];
+            if (!*pair) {
+                patch->walls[patch->wall_count] = (struct wall){.link = {a, b}, .cones = {f, f}, .outer = true};
+                *pair = ++patch->wall_count;
+            } else {
+                patch->walls[*pair - 1].cones[1] = f;
+                patch->walls[*pair - 1].outer = false;
+            }
+            patch->cones[f].walls[k] = *pair - 1;
+        }
+    for (uint32_t w = 0; w < patch->wall_count; w++) {
+        uint32_t a = patch->walls[w].link[0], b = patch->walls[w].link[1];
+        patch->pairs[a < b ? a * links + b : b * links + a] = 0;
+    }
+    return true;
+}
+
+enum tetlod_status patch_take_up(struct patch *patch, const struct complex *complex, const struct star *star,
+                                 struct tetlod_error *error)
+{
+    patch->epoch++;
+    patch->edge_count = patch->vertex_count = patch->tet_count = 0;
+    patch->gathered = false;
+    return gather_cones(patch, complex, star) && gather_walls(patch) ? TETLOD_OK : no_room(error);
+}
+
+enum tetlod_status patch_edges(struct patch *patch, struct tetlod_error *error)
+{
+    size_t most = 6 * (size_t)patch->tet_count, size = 64;
+    if (patch->edge_count)
+        return TETLOD_OK;
+    while (size < most)
+        size *= 2;
+    if (size > patch->table_size) {
+        free(patch->table);
+        patch->table = array_zero(size, sizeof *patch->table);
+        patch->table_size = patch->table ? size : 0;
+    }
+    if (!patch->table || !room(patch, EDGES, &patch->edges, most, sizeof *patch->edges))
+        return no_room(error);
+    for (uint32_t t = 0; t < patch->tet_count; t++)
+        for (int e = 0; e < 6; e++) {
+            uint32_t a = patch->corners[t][tet_edges[e][0]], b = patch->corners[t][tet_edges[e][1]];
+            uint32_t least = a < b ? a : b, greatest = a < b ? b : a;
+            size_t at = (least * (size_t)2654435761u + greatest * (size_t)40503u) & (size - 1);
+            for (; patch->table[at].epoch == patch->epoch; at = (at + 1) & (size - 1)) {
+                const uint32_t *edge = patch->edges[patch->table[at].edge];
+                if (edge[0] == least && edge[1] == greatest)
+                    break;
+            }
+            if (patch->table[at].epoch == patch->epoch)
+                continue;
+            patch->table[at] = (struct patch_slot){patch->epoch, patch->edge_count};
+            patch->edges[patch->edge_count][0] = least;
+            patch->edges[patch->edge_count++][1] = greatest;
+        }
+    return TETLOD_OK;
+}
+
+/* ---- looking */
+
+static const double *link_position(const struct patch *patch, const struct complex *complex, uint32_t link)
+{
+    return complex->positions + 3 * (size_t)patch->link[link];
+}
+
+/* Widens the reach to a distance, and with it what rounding may come to. */
+static void reach_out(struct patch *patch, double reach)
+{
+    double ratio = reach / patch->reach;
+    if (!(ratio > 1))
+        return;
+    patch->reach = reach;
+    patch->condition *= ratio;
+    for (uint32_t w = 0; w < patch->wall_count; w++) {
+        patch->tolerances[w] *= ratio;
+        patch->thresholds[w] *= ratio;
+    }
+    for (uint32_t f = 0; f < patch->cone_count; f++)
+        patch->cones[f].tolerance *= ratio;
+}
+
+/* The walls' planes. */
+static void look_at_walls(struct patch *patch, const struct complex *complex)
+{
+    for (uint32_t w = 0; w < patch->wall_count; w++) {
+        const struct wall *wall = &patch->walls[w];
+        double a[3], b[3], n[3];
+        subtract(link_position(patch, complex, wall->link[0]), patch->apex, a);
+        subtract(link_position(patch, complex, wall->link[1]), patch->apex, b);
+        cross(a, b, n);
+        patch->walls[w].length = sqrt(dot(n, n));
+        patch->tolerances[w] = PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * patch->reach;
+        patch->thresholds[w] = wall->outer ? -patch->tolerances[w] : 0;
+        for (int i = 0; i < 3; i++)
+            patch->normals[(size_t)i * patch->stride + w] = n[i];
+    }
+    for (uint32_t w = patch->wall_count; w < patch->stride; w++) { // idle ones have nothing on any side
+        patch->tolerances[w] = -1;
+        patch->thresholds[w] = INFINITY;
+        for (size_t i = 0; i < 3; i++)
+            patch->normals[i * patch->stride + w] = 0;
+    }
+}
+
+/* The weights in a cone; a wall on the boundary is turned so that the star is on its positive side. False if the cone has no
+ * volume. */
+static bool look_at_cone(struct patch *patch, const struct complex *complex, uint32_t f)
+{
+    struct cone *cone = &patch->cones[f];
+    const double *p[3];
+    double a[3], b[3];
+    for (int k = 0; k < 3; k++)
+        p[k] = link_position(patch, complex, cone->link[k]);
+    subtract(p[1], p[0], a);
+    subtract(p[2], p[0], b);
+    cross(a, b, cone->normal);
+    cone->tolerance = PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * 2 * patch->reach;
+    double height = cone_height(cone, patch, complex, patch->apex), size2 = tet_size_squared(patch->apex, p[0], p[1], p[2]);
+    if (height < 0) {
+        height = -height;
+        for (int i = 0; i < 3; i++)
+            cone->normal[i] = -cone->normal[i];
+    }
+    if (!(height > 0))
+        return false;
+    cone->apex = 1 / height;
+    patch->condition = larger(patch->condition, size2 * patch->reach / height);
+    memset(patch->cone_walls + (size_t)f * patch->words, 0, patch->words * sizeof(uint64_t));
+    memset(patch->cone_signs + (size_t)f * patch->words, 0, patch->words * sizeof(uint64_t));
+    for (int k = 0; k < 3; k++) {
+        uint32_t w = cone->walls[k];
+        double *n = patch->normals + w, r[3];
+        size_t stride = patch->stride;
+        subtract(p[k], patch->apex, r);
+        double distance = n[0] * r[0] + n[stride] * r[1] + n[2 * stride] * r[2];
+        if (distance == 0)
+            return false;
+        if (distance < 0 && patch->walls[w].outer) {
+            distance = -distance;
+            for (int i = 0; i < 3; i++)
+                n[(size_t)i * stride] = -n[(size_t)i * stride];
+        }
+        cone->scale[k] = 1 / distance;
+        patch->cone_walls[(size_t)f * patch->words + w / 64] |= (uint64_t)1 << w % 64;
+        patch->cone_signs[(size_t)f * patch->words + w / 64] |= (uint64_t)(distance > 0) << w % 64;
+    }
+    return true;
+}
+
+/* Of the walls that meet in a spoke the two neighbours that are least alike. False if all are almost one plane. */
+static bool look_at_spokes(struct patch *patch, const struct complex *complex)
+{
+    memset(patch->spoke_walls, 0, (size_t)patch->link_count * patch->words * sizeof(uint64_t));
+    for (uint32_t w = 0; w < patch->wall_count; w++)
+        for (int i = 0; i < 2 && !patch->walls[w].outer; i++)
+            patch->spoke_walls[(size_t)patch->walls[w].link[i] * patch->words + w / 64] |= (uint64_t)1 << w % 64;
+    for (uint32_t l = 0; l < patch->link_count; l++)
+        patch->spokes[l].sine = 0;
+    for (uint32_t f = 0; f < patch->cone_count; f++)
+        for (int k = 0; k < 3; k++) {
+            const struct cone *cone = &patch->cones[f];
+            struct spoke *spoke = &patch->spokes[cone->link[k]];
+            uint32_t u = cone->walls[(k + 1) % 3], v = cone->walls[(k + 2) % 3];
+            double length = sqrt(distance_squared(patch->apex, link_position(patch, complex, cone->link[k])));
+            double sine = fabs(length / cone->scale[k]) / (patch->walls[u].length * patch->walls[v].length);
+            if (sine > spoke->sine)
+                *spoke = (struct spoke){f, {u, v}, sine};
+        }
+    for (uint32_t l = 0; l < patch->link_count; l++)
+        if (!(patch->spokes[l].sine > LEAST_SINE))
+            return false;
+    return true;
+}
+
+enum tetlod_status patch_look(struct patch *patch, const struct complex *complex, const double p[3], bool *out_sound,
+                              struct tetlod_error *error)
+{
+    size_t cones = patch->cone_count, stride = patch->stride = (patch->wall_count + PATCH_LANES - 1) / PATCH_LANES * PATCH_LANES;
+    size_t words = patch->words = (patch->wall_count + 63) / 64;
+    double reach2 = 0;
+    memcpy(patch->apex, p, sizeof patch->apex);
+    *out_sound = true;
+    if (!room(patch, NORMALS, &patch->normals, 5 * stride, sizeof *patch->normals) ||
+        !room(patch, ROWS, &patch->rows, stride, sizeof *patch->rows) ||
+        !room(patch, SIGNS, &patch->signs, SIDES * words, sizeof *patch->signs) ||
+        !room(patch, CONE_WALLS, &patch->cone_walls, words * cones, sizeof *patch->cone_walls) ||
+        !room(patch, CONE_SIGNS, &patch->cone_signs, words * cones, sizeof *patch->cone_signs) ||
+        !room(patch, SPOKE_WALLS, &patch->spoke_walls, words * patch->link_count, sizeof *patch->spoke_walls) ||
+        !room(patch, SPOKES, &patch->spokes, patch->link_count, sizeof *patch->spokes))
+        return no_room(error);
+    patch->tolerances = patch->normals + 3 * stride;
+    patch->thresholds = patch->tolerances + stride;
+    for (uint32_t l = 0; l < patch->link_count; l++)
+        reach2 = larger(reach2, distance_squared(patch->apex, link_position(patch, complex, l)));
+    patch->reach = sqrt(reach2);
+    patch->condition = 0;
+    look_at_walls(patch, complex);
+    for (uint32_t f = 0; f < cones && *out_sound; f++)
+        *out_sound = look_at_cone(patch, complex, f);
+    *out_sound = *out_sound && look_at_spokes(patch, complex);
+    return TETLOD_OK;
+}
+
+enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *overlaps, const struct star *star,
+                                bool *out_few, struct tetlod_error *error)
+{
+    double reach2 = 0;
+    if (!patch->gathered && (!gather_tets(patch, overlaps, star) || !gather_vertices(patch, overlaps)))
+        return no_room(error);
+    patch->gathered = true;
+    *out_few = (size_t)patch->stride * patch->vertex_count <= MOST_ROWS;
+    if (*out_few && (!room(patch, ROWS, &patch->rows, (size_t)patch->stride * patch->vertex_count, sizeof *patch->rows) ||
+                     !room(patch, SIGNS, &patch->signs, SIDES * (size_t)patch->words * patch->vertex_count,
+                           sizeof *patch->signs)))
+        return no_room(error);
+    for (uint32_t v = 0; v < patch->vertex_count; v++)
+        reach2 = larger(reach2, distance_squared(patch->apex, patch_position(patch, overlaps, v)));
+    reach_out(patch, sqrt(reach2));
+    patch->beyond = BEYOND + PLANE_ROUNDING * patch->condition;
+    return TETLOD_OK;
+}
+
+/* As many walls at a time; a comparison gives all bits of a lane. */
+typedef double lanes __attribute__((vector_size(PATCH_LANES * sizeof(double))));
+typedef uint64_t lane_bits __attribute__((vector_size(PATCH_LANES * sizeof(uint64_t))));
+
+#define LOAD(array) (*(const struct unaligned *)(const void *)(array)).lanes
+
+struct unaligned {
+    lanes lanes;
+} __attribute__((packed, aligned(8), may_alias));
+
+/* The distances from up to 64 walls, and their signs. */
+static inline void make_word(const struct patch *patch, const double r[3], double *row, size_t first, size_t last,
+                             uint64_t *signs)
+{
+    const double *nx = patch->normals, *ny = nx + patch->stride, *nz = ny + patch->stride, *tolerances = patch->tolerances,
+                 *thresholds = patch->thresholds;
+    const lanes x = {r[0], r[0]}, y = {r[1], r[1]}, z = {r[2], r[2]};
+    lane_bits positives = {0}, nears = {0}, bit = {1, 2};
+    for (size_t w = first; w < last; w += PATCH_LANES, bit <<= PATCH_LANES) {
+        lanes distance = LOAD(nx + w) * x + LOAD(ny + w) * y + LOAD(nz + w) * z, tolerance = LOAD(tolerances + w);
+        memcpy(row + w, &distance, sizeof distance);
+        positives |= (lane_bits)(distance >= LOAD(thresholds + w)) & bit;
+        nears |= (lane_bits)(distance <= tolerance) & (lane_bits)(distance >= -tolerance) & bit;
+    }
+    uint64_t positive = positives[0] | positives[1], near = nears[0] | nears[1],
+             all = ~(uint64_t)0 >> (64 - (last - first));
+    signs[POSITIVE * patch->words] = positive;
+    signs[MAYBE_NOT_POSITIVE * patch->words] = (~positive & all) | near;
+    signs[MAYBE_NOT_NEGATIVE * patch->words] = positive | near;
+}
+
+static void make_row(const struct patch *patch, const double p[3], double *row, uint64_t *signs)
+{
+    double r[3];
+    subtract(p, patch->apex, r);
+    for (uint32_t word = 0; word < patch->words; word++) {
+        size_t first = (size_t)64 * word, last = first + 64 < patch->stride ? first + 64 : patch->stride;
+        make_word(patch, r, row, first, last, signs + word);
+    }
+}
+
+void patch_rows(struct patch *patch, const struct overlaps *overlaps, uint32_t begin, uint32_t end)
+{
+    for (uint32_t v = begin; v < end; v++)
+        make_row(patch, patch_position(patch, overlaps, v), patch->rows + (size_t)v * patch->stride,
+                 patch->signs + (size_t)v * SIDES * patch->words);
+}
+
+/* The cone whose signs a vertex has. Most stars have no more walls than a word has bits. */
+static uint32_t find_cone(const struct patch *patch, const uint64_t *signs)
+{
+    const uint64_t *one_walls = patch->cone_walls, *one_inside = patch->cone_signs;
+    for (uint32_t f = 0; f < patch->cone_count && patch->words == 1; f++)
+        if ((signs[0] & one_walls[f]) == one_inside[f])
+            return f;
+    for (uint32_t f = 0; f < patch->cone_count && patch->words > 1; f++) {
+        const uint64_t *walls = patch->cone_walls + (size_t)f * patch->words,
+                       *inside = patch->cone_signs + (size_t)f * patch->words;
+        uint64_t differ = 0;
+        for (uint32_t word = 0; word < patch->words; word++)
+            differ |= (signs[word] & walls[word]) ^ inside[word];
+        if (!differ)
+            return f;
+    }
+    return TETLOD_NONE;
+}
+
+uint32_t patch_cone_at(struct patch *patch, const struct complex *complex, const double p[3], double weights[3],
+                       double *apex_weight)
+{
+    make_row(patch, p, patch->rows, patch->signs); // of vertex 0, whose turn comes later
+    uint32_t f = find_cone(patch, patch->signs);
+    if (f == TETLOD_NONE)
+        return f;
+    const struct cone *cone = &patch->cones[f];
+    *apex_weight = cone->apex * cone_height(cone, patch, complex, p);
+    for (int k = 0; k < 3; k++)
+        weights[k] = cone->scale[k] * patch->rows[cone->walls[k]];
+    return f;
+}
+
+uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex)
+{
+    uint32_t best = find_cone(patch, patch_side(patch, vertex, POSITIVE));
+    if (best != TETLOD_NONE)
+        return best;
+    // rounding may leave a sliver between cones: the cone that it is least outside of
+    const double *row = patch_row(patch, vertex);
+    double most = -patch->beyond;
+    for (uint32_t f = 0; f < patch->cone_count; f++) {
+        const struct cone *cone = &patch->cones[f];
+        double least = INFINITY;
+        for (int k = 0; k < 3; k++)
+            least = smaller(least, cone->scale[k] * row[cone->walls[k]]);
+        if (least > most) {
+            most = least;
+            best = f;
+        }
+    }
+    return best;
+}
+
+/* ---- handing on */
+
+/* Is an original, of whose corners those are the sets of walls that all may be on the negative side of, and on the positive,
+ * on the other side of one of the cone's walls? Those on the boundary do not count, nor does a link face there: a cone is taken to
+ * reach beyond them, so that nothing is lost where the boundary has moved. */
+static inline bool outside_walls(const struct patch *patch, const uint64_t *sides, uint32_t f)
+{
+    const uint64_t *walls = patch->cone_walls + (size_t)f * patch->words, *inside = patch->cone_signs + (size_t)f * patch->words;
+    uint64_t outside = 0;
+    for (uint32_t word = 0; word < patch->words; word++)
+        outside |= ((inside[word] & sides[word]) | ((walls[word] ^ inside[word]) & sides[patch->words + word])) &
+                   ~patch->outer_walls[word];
+    return outside;
+}
+
+static bool on_boundary(const struct patch *patch, const struct cone *cone)
+{
+    return cone->outer || patch->walls[cone->walls[0]].outer || patch->walls[cone->walls[1]].outer ||
+           patch->walls[cone->walls[2]].outer;
+}
+
+/* Is the original behind the cone's link face? */
+static bool behind(const struct patch *patch, const struct overlaps *overlaps, const struct complex *complex, size_t tet,
+                   const struct cone *cone)
+{
+    for (int c = 0; c < 4; c++)
+        if (cone->outer || cone_height(cone, patch, complex, patch_position(patch, overlaps, patch->corners[tet][c])) > cone->tolerance)
+            return false;
+    return true;
+}
+
+/* Is the cone on the other side of one of the original's planes? */
+static bool apart_by_original(const struct patch *patch, const struct overlaps *overlaps, const struct complex *complex,
+                              uint32_t tet, const struct cone *cone)
+{
+    const uint32_t *corners = overlaps->mesh->corners + 4 * (size_t)tet;
+    const double *q[4] = {patch->apex, link_position(patch, complex, cone->link[0]),
+                          link_position(patch, complex, cone->link[1]), link_position(patch, complex, cone->link[2])};
+    for (int f = 0; f < 4; f++) {
+        const double *p[3];
+        double a[3], b[3], r[3], n[3];
+        for (int k = 0; k < 3; k++)
+            p[k] = overlaps->mesh->positions + 3 * (size_t)corners[tet_faces[f][k]];
+        subtract(p[1], p[0], a);
+        subtract(p[2], p[0], b);
+        cross(a, b, n);
+        subtract(overlaps->mesh->positions + 3 * (size_t)corners[f], p[0], r);
+        double inside = dot(n, r) > 0 ? 1 : -1, most = -INFINITY;
+        for (int c = 0; c < 4; c++) {
+            subtract(q[c], p[0], r);
+            most = larger(most, inside * dot(n, r));
+        }
+        if (most <= PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * 2 * patch->reach)
+            return true;
+    }
+    return false;
+}
+
+static bool handover_room(struct handover *handover, size_t needed)
+{
+    void *grown = handover->numbers;
+    bool done = array_reserve(&grown, &handover->capacity, handover->count + needed, sizeof *handover->numbers);
+    handover->numbers = grown;
+    return done;
+}
+
+/* The originals that may overlap a cone become its list. */
+static bool hand_on_to(const struct patch *patch, const struct overlaps *overlaps, const struct complex *complex, uint32_t f,
+                       struct handover *handover)
+{
+    const struct cone *cone = &patch->cones[f];
+    if (!handover_room(handover, 2 + (size_t)patch->tet_count))
+        return false;
+    uint32_t *list = handover->numbers + handover->count + 2, count = 0;
+    for (size_t t = 0; t < patch->tet_count; t++)
+        if (!outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, overlaps, complex, t, cone) &&
+            (on_boundary(patch, cone) || !apart_by_original(patch, overlaps, complex, patch->tets[t], cone)))
+            list[count++] = patch->tets[t];
+    list[-2] = cone->tet;
+    list[-1] = count;
+    handover->count += 2 + (size_t)count;
+    return true;
+}
+
+/* On which sides of the walls originals may be with all their corners. */
+static bool find_sides(struct patch *patch)
+{
+    size_t tets = patch->tet_count, walls = patch->words;
+    if (!room(patch, ORIGINAL_SIDES, &patch->sides, (2 * tets + 1) * walls, sizeof *patch->sides))
+        return false;
+    patch->outer_walls = patch->sides + 2 * tets * walls;
+    memset(patch->outer_walls, 0, walls * sizeof *patch->sides);
+    for (uint32_t w = 0; w < patch->wall_count; w++)
+        patch->outer_walls[w / 64] |= (uint64_t)patch->walls[w].outer << w % 64;
+    for (size_t t = 0; t < tets; t++) {
+        const uint32_t *corners = patch->corners[t];
+        uint64_t *sides = patch->sides + 2 * t * walls;
+        for (size_t word = 0; word < walls; word++) {
+            sides[word] = sides[walls + word] = ~(uint64_t)0;
+            for (int c = 0; c < 4; c++) {
+                sides[word] &= patch_side(patch, corners[c], MAYBE_NOT_POSITIVE)[word];
+                sides[walls + word] &= patch_side(patch, corners[c], MAYBE_NOT_NEGATIVE)[word];
+            }
+        }
+    }
+    return true;
+}
+
+enum tetlod_status patch_hand_on(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex,
+                                 struct handover *out, struct tetlod_error *error)
+{
+    out->count = 0;
+    out->cone_count = patch->cone_count;
+    if (!find_sides(patch))
+        return no_room(error);
+    for (uint32_t f = 0; f < patch->cone_count; f++)
+        if (!hand_on_to(patch, overlaps, complex, f, out))
+            return no_room(error);
+    if (!handover_room(out, 2 * (size_t)patch->vertex_count))
+        return no_room(error);
+    for (uint32_t v = 0; v < patch->vertex_count; v++) {
+        uint32_t f = patch_cone_of(patch, v), host = f == TETLOD_NONE ? f : patch->cones[f].tet;
+        if (v >= patch->inside_count &&
+            (f == TETLOD_NONE || !(cone_height(&patch->cones[f], patch, complex, patch_position(patch, overlaps, v)) > 0)))
+            continue;
+        out->numbers[out->count++] = patch->vertices[v];
+        out->numbers[out->count++] = host;
+    }
+    return TETLOD_OK;
+}
+
+void handover_fini(struct handover *handover)
+{
+    free(handover->numbers);
+    *handover = (struct handover){0};
+}
+
+/* Room for `needed` more in the pool: compacts it if half of it is not in use any more. */
+static bool pool_room(struct overlaps *overlaps, size_t needed)
+{
+    if (overlaps->pool_size + needed <= overlaps->pool_capacity)
+        return true;
+    size_t live = 0, tets = overlaps->mesh->tet_count;
+    for (size_t t = 0; t < tets; t++)
+        live += overlaps->count[t];
+    size_t capacity = live + live / 2 + needed + 1024;
+    uint32_t *pool = array_new(capacity, sizeof *pool);
+    if (!pool)
+        return false;
+    overlaps->pool_size = 0;
+    for (size_t t = 0; t < tets; t++) {
+        memcpy(pool + overlaps->pool_size, overlaps->pool + overlaps->begin[t], overlaps->count[t] * sizeof *pool);
+        overlaps->begin[t] = overlaps->pool_size;
+        overlaps->pool_size += overlaps->count[t];
+    }
+    free(overlaps->pool);
+    overlaps->pool = pool;
+    overlaps->pool_capacity = capacity;
+    return true;
+}
+
+enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star, const struct handover *handover,
+                                 struct tetlod_error *error)
+{
+    const uint32_t *numbers = handover->numbers, *end = numbers + handover->count;
+    for (uint32_t i = 0; i < star->tet_count; i++)
+        overlaps->count[star->tets[i]] = 0;
+    if (!pool_room(overlaps, handover->count))
+        return no_room(error);
+    for (uint32_t f = 0; f < handover->cone_count; f++) {
+        uint32_t tet = numbers[0], count = numbers[1];
+        memcpy(overlaps->pool + overlaps->pool_size, numbers + 2, count * sizeof *numbers);
+        overlaps->begin[tet] = overlaps->pool_size;
+        overlaps->count[tet] = count;
+        overlaps->pool_size += count;
+        numbers += 2 + (size_t)count;
+    }
+    for (; numbers < end; numbers += 2)
+        overlaps->host[numbers[0]] = numbers[1];
+    return TETLOD_OK;
+}

@@ -1,0 +1,186 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The part of the original mesh that a star covers, seen from where the star is to be contracted to.
+ *
+ * Every tetrahedron of the level has a list of the original ones that overlap it. A star's patch is the union of its lists. A
+ * contraction to v' makes a cone from v' over every link face; between two cones stands a wall, the triangle of v' and an edge
+ * of the link; where walls meet is a spoke, the edge from v' to a vertex of the link. All there is to know of an original
+ * vertex is on which side of every wall's plane it is, and how far: one row of numbers, whose signs as bits cull.
+ */
+#ifndef TETLOD_PATCH_H
+#define TETLOD_PATCH_H
+
+#include "src/simplify/complex.h"
+
+/* A point on an edge of the original, and the tetrahedron of the level that it is in; `ends` may be twice the same vertex, or
+ * TETLOD_NONE: no such point. */
+struct sentinel {
+    uint32_t tet, ends[2];
+    float along; /* 0 .. 1 */
+};
+
+enum { SENTINELS = 2 };
+
+/* Which original tetrahedra overlap which of the level. */
+struct overlaps {
+    const struct tetmesh *mesh; /* the original, borrowed */
+    size_t *begin;              /* [tet of the level] its list in the pool */
+    uint32_t *count;            /* [tet of the level] */
+    uint32_t *pool;
+    size_t pool_size, pool_capacity;
+    struct sentinel *sentinels; /* [tet of the level][SENTINELS] points near which contractions were refused of late */
+    uint32_t *host;             /* [original vertex] the tetrahedron of the level that it is in: a hint, what to look at first */
+};
+
+/* What a contraction leaves to its cones: of each its tetrahedron of the level, how many originals it has, and these; then
+ * vertices of the original and the tetrahedra that they are in. */
+struct handover {
+    uint32_t *numbers, cone_count;
+    size_t count, capacity;
+};
+
+/* For the complex of the mesh before its first contraction. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh,
+                                                struct tetlod_error *error);
+void overlaps_fini(struct overlaps *overlaps);
+
+/* Bytes that they take with as many threads, about. */
+uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets, unsigned threads);
+
+/* Sets up a sentinel. */
+void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel);
+
+/* On which side of a wall's plane a vertex is: that it counts to, and, rounding in doubt, where it may be. */
+enum { POSITIVE, MAYBE_NOT_POSITIVE, MAYBE_NOT_NEGATIVE, SIDES };
+
+struct wall {
+    uint32_t link[2];   /* numbers of its vertices in the link */
+    uint32_t cones[2];  /* that it bounds; the same twice on the boundary */
+    bool outer;         /* it lies on the boundary */
+    double length;      /* of its normal */
+};
+
+struct cone {
+    uint32_t tet;       /* of the level */
+    uint32_t link[3];
+    uint32_t walls[3];  /* opposite these */
+    bool outer;         /* its link face lies on the boundary */
+    double normal[3];   /* of the link face, inwards */
+    double scale[3];    /* weight of link[i] at p = scale[i] * distance of p from walls[i] */
+    double apex;        /* weight of v' at p = apex * normal . (p - link[0]) */
+    double tolerance;   /* of normal . (p - link[0]) */
+};
+
+struct spoke {
+    uint32_t cone, walls[2]; /* one that it bounds, and that one's walls that meet in it */
+    double sine;             /* of the angle between these walls */
+};
+
+/* One thread's. Numbers of vertices, link vertices, walls and cones are the patch's own. */
+enum { PATCH_PARTS = 24, PATCH_LANES = 2 };
+
+struct patch {
+    /* the originals */
+    bool gathered;
+    uint32_t tet_count, vertex_count, inside_count, edge_count;
+    uint32_t *tets;              /* of the original */
+    uint32_t (*corners)[4];      /* [tet] vertices */
+    uint32_t *vertices;          /* of the original; those hosted by the star first */
+    uint32_t (*edges)[2];        /* once each, after patch_edges */
+    /* the star */
+    uint32_t link_count, wall_count, cone_count;
+    uint32_t *link;              /* slots */
+    struct wall *walls;
+    struct cone *cones;
+    /* seen from `apex` */
+    double apex[3], reach;       /* no vertex of the link is farther from it, nor of the originals once these are gathered */
+    double condition;            /* the largest of the cones': (longest edge)^2 * reach / 6V */
+    double beyond;               /* a point counts that is this far outside of a wall, in weights: by rounding it may be inside */
+    uint32_t words;              /* of a set of walls */
+    uint32_t stride;             /* of rows: the walls, and idle ones up to a multiple of PATCH_LANES */
+    double *normals;             /* [3][stride] of the walls */
+    double *tolerances;          /* [stride] of the distances' rounding */
+    double *thresholds;          /* [stride] distances from there on count as positive */
+    double *rows;                /* [vertex][stride] distances from the walls' planes, scaled */
+    uint64_t *signs;             /* [vertex][SIDES][words] sets of walls */
+    uint64_t *cone_walls, *cone_signs; /* [cone][words] its walls, and the signs inside it */
+    uint64_t *spoke_walls;       /* [link][words] the walls that meet there, but those on the boundary */
+    struct spoke *spokes;        /* [link] */
+    /* scratch */
+    uint32_t epoch, *tet_epoch, *star_epoch, *slot_epoch, *slot_number;
+    struct patch_number *vertex_number; /* [original vertex] */
+    struct patch_slot *table; /* of edges */
+    size_t table_size;
+    uint32_t *pairs;          /* [link * link] number of the wall there, plus 1; all 0 between stars */
+    uint64_t *sides;          /* [original][2][words] of patch_hand_on: the walls that all its corners may be on the negative side of, on the positive */
+    uint64_t *outer_walls;    /* the last of them: the walls on the boundary */
+    size_t capacity[PATCH_PARTS];
+};
+
+TETLOD_CHECKED enum tetlod_status patch_init(struct patch *patch, const struct complex *complex,
+                                             struct tetlod_error *error);
+void patch_fini(struct patch *patch);
+
+/* Takes up a gathered star, without the originals under it. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status patch_take_up(struct patch *patch, const struct complex *complex,
+                                                const struct star *star, struct tetlod_error *error);
+
+/* Looks at it from p. *out_sound: every cone has a volume. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status patch_look(struct patch *patch, const struct complex *complex, const double p[3],
+                                             bool *out_sound, struct tetlod_error *error);
+
+/* The cone that a point on an original edge is in, found without the originals, or TETLOD_NONE; its weights at the link
+ * vertices, and at v'. */
+uint32_t patch_cone_at(struct patch *patch, const struct complex *complex, const double p[3], double weights[3],
+                       double *apex_weight);
+
+/* Gathers the originals under the star, if they are not there yet, and makes room for their rows. *out_few: they are not too
+ * many. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *overlaps,
+                                               const struct star *star, bool *out_few, struct tetlod_error *error);
+
+/* Computes the rows of vertices begin .. end-1. */
+void patch_rows(struct patch *patch, const struct overlaps *overlaps, uint32_t begin, uint32_t end);
+
+/* The cone whose directions from v' hold the vertex, or TETLOD_NONE where the star has none. It may be beyond the link. */
+uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex);
+
+/* Lists the edges of the patch. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status patch_edges(struct patch *patch, struct tetlod_error *error);
+
+/* After the rows of all vertices: finds the lists that the star's cones will have. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status patch_hand_on(struct patch *patch, const struct overlaps *overlaps,
+                                                const struct complex *complex, struct handover *out,
+                                                struct tetlod_error *error);
+
+void handover_fini(struct handover *handover);
+
+/* With the contraction of a star that has not changed since: takes its lists over. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star,
+                                                const struct handover *handover, struct tetlod_error *error);
+
+static inline const double *patch_position(const struct patch *patch, const struct overlaps *overlaps, uint32_t vertex)
+{
+    return overlaps->mesh->positions + 3 * (size_t)patch->vertices[vertex];
+}
+
+static inline const double *patch_row(const struct patch *patch, uint32_t vertex)
+{
+    return patch->rows + (size_t)vertex * patch->stride;
+}
+
+/* A vertex's set of walls. */
+static inline const uint64_t *patch_side(const struct patch *patch, uint32_t vertex, unsigned side)
+{
+    return patch->signs + ((size_t)vertex * SIDES + side) * patch->words;
+}
+
+/* Height of p over the cone's link face, scaled. */
+static inline double cone_height(const struct cone *cone, const struct patch *patch, const struct complex *complex,
+                                 const double p[3])
+{
+    const double *base = complex->positions + 3 * (size_t)patch->link[cone->link[0]];
+    return cone->normal[0] * (p[0] - base[0]) + cone->normal[1] * (p[1] - base[1]) + cone->normal[2] * (p[2] - base[2]);
+}
+
+#endif

@@ -1,0 +1,211 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/simplify/judge.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/mesh/tet_geom.h"
+
+/* Trials are followed to this multiple of the limit, so that most of what waits is not looked at on the next rungs. */
+static const double HORIZON = 2;
+
+/* So many tetrahedra around each vertex of a simplex are asked before its whole star is gathered. */
+enum { AROUND = 4 };
+
+/* The metric's own optimum for a simplex inside the domain, near enough to it to be worth a trial. It is tried behind the
+ * candidates. */
+static bool optimum_position(const struct run *run, const struct star *star, double p[3])
+{
+    const struct complex *complex = run->complex;
+    double reach2 = 0, far2 = 0;
+    if (!metric_has_quadrics(run->options->metric))
+        return false;
+    for (uint32_t s = 0; s < star->simplex_count; s++)
+        if (complex->flags[star->simplex[s]] & VERTEX_BOUNDARY)
+            return false;
+    if (!metric_optimum(run->fields, star, p))
+        return false;
+    complex_round_position(complex, p);
+    for (uint32_t s = 0; s < star->simplex_count; s++) {
+        const double *at = complex->positions + 3 * (size_t)star->simplex[s];
+        far2 = larger(far2, distance_squared(at, p));
+        reach2 = larger(reach2, distance_squared(at, complex->positions + 3 * (size_t)star->simplex[0]));
+    }
+    return far2 < 9 * reach2;
+}
+
+/* Trials are followed up to here. */
+static double horizon(const struct run *run)
+{
+    return is_exact(run) ? INFINITY : HORIZON * run->limit;
+}
+
+enum tetlod_status judge_try(const struct run *run, struct judge *judge, const struct shift *shift, double most,
+                             struct trial *trials, uint32_t count)
+{
+    if (run->options->metric == METRIC_MEASURED)
+        return samples_try(&run->samples, &judge->sampler, run->complex, run->fields, &judge->star, run->limit, most,
+                           trials, count, &judge->error);
+    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, shift, most, trials, count);
+    return TETLOD_OK;
+}
+
+void judge_assigned(const struct run *run, const struct judge *judge, double *values)
+{
+    if (run->options->metric == METRIC_MEASURED)
+        samples_assigned(&judge->sampler, run->fields, 0, values);
+    else
+        metric_assigned(&judge->scratch, run->fields, 0, values);
+}
+
+/* Lets the boundary have its say on a trial that the fields allow: it may forbid it, or demand more of the values. */
+static void ask_boundary(const struct run *run, struct judge *judge, struct queue_entry *entry, struct trial *trial,
+                         uint32_t number)
+{
+    double before = trial->error;
+    double moved = boundary_moves(&run->boundary, run->complex, &judge->star, trial->position, &judge->shift);
+    if (!(moved <= run->boundary.limit))
+        trial->error = INFINITY;
+    else if (metric_is_certified(run->options->metric) && !is_exact(run))
+        metric_demand(&judge->scratch, run->fields, &judge->shift, number, &trial->error);
+    if (trial->error > before)
+        entry->witness_count = QUEUE_WITNESSES + 1;
+}
+
+/* Tries all candidates on the judge's star. Returns how many there are. */
+static enum tetlod_status try_candidates(const struct run *run, struct judge *judge, struct trial *trials,
+                                         uint32_t *out_count)
+{
+    uint32_t vertices = judge->star.simplex_count, count = candidates_count(vertices, run->options->candidates);
+    for (uint32_t c = 0; c < count; c++) {
+        candidate_position(run->complex, &judge->star, c, trials[c].position);
+        trials[c].possible = boundary_allows(&run->boundary, run->complex, &judge->star, candidates_weights(vertices, c),
+                                             trials[c].position);
+    }
+    trials[count].possible = optimum_position(run, &judge->star, trials[count].position);
+    *out_count = count += trials[count].possible;
+    return judge_try(run, judge, NULL, horizon(run), trials, count);
+}
+
+/* The best of the candidates that were tried on the judge's star: its error is returned (INFINITY: none is possible; above the limit:
+ * a lower bound), its key is in entry->value. */
+static double best_trial(const struct run *run, struct judge *judge, struct queue_entry *entry, struct trial *trials,
+                         uint32_t count)
+{
+    double best = INFINITY, least = INFINITY;
+    for (uint32_t c = 0; c < count; c++) {
+        if (entry->refused & UINT32_C(1) << c)
+            continue;
+        remember_witnesses(entry, trials[c].witness);
+        if (!trials[c].possible) {
+            entry->refused |= UINT32_C(1) << c;
+            continue;
+        }
+        if (is_exact(run)) // it is asked only when the candidate's turn comes, if that has a chance
+            trials[c].error = metric_has_quadrics(run->options->metric) ? trials[c].error / run->chance : 0;
+        if (trials[c].error <= run->limit)
+            ask_boundary(run, judge, entry, &trials[c], c);
+        least = smaller(least, trials[c].error);
+        double key = metric_key(run->options->metric, &trials[c], judge->star.removed_count);
+        if (trials[c].error <= run->limit && key < best) {
+            best = key;
+            entry->candidate = c;
+        }
+    }
+    entry->value = best;
+    return least;
+}
+
+enum tetlod_status judge_best(const struct run *run, struct judge *judge, struct queue_entry *entry,
+                              double *out_error)
+{
+    struct trial trials[MOST_TRIALS];
+    uint32_t count;
+    TETLOD_TRY(try_candidates(run, judge, trials, &count));
+    *out_error = best_trial(run, judge, entry, trials, count);
+    return TETLOD_OK;
+}
+
+/* Tetrahedra that are likely to refuse a simplex: those that have refused it, or its like, before, and some all around each of its
+ * vertices. */
+static uint32_t likely_tets(const struct complex *complex, const struct queue_entry *entry, uint32_t *tets)
+{
+    uint32_t count = entry->witness_count <= QUEUE_WITNESSES ? entry->witness_count : 0;
+    memcpy(tets, entry->witness, count * sizeof *tets);
+    for (uint32_t i = 0; i < AROUND; i++)
+        for (uint32_t s = 0; s < vertex_count(entry); s++) {
+            uint32_t v = entry->vertices[s];
+            tets[count++] = complex->pool[complex->star_begin[v] + (uint64_t)i * complex->star_count[v] / AROUND];
+        }
+    return count;
+}
+
+/* Is the simplex refused beyond the horizon by these alone? Most that waits is, and its star need not be gathered. Then the entry's
+ * value is a lower bound of its error. */
+static enum tetlod_status refused_early(const struct run *run, struct judge *judge, struct queue_entry *entry,
+                                        bool *out_refused)
+{
+    struct trial trials[MOST_TRIALS];
+    uint32_t tets[QUEUE_WITNESSES + 4 * AROUND], count = likely_tets(run->complex, entry, tets);
+    *out_refused = false;
+    entry->witness_count = 0;
+    TETLOD_TRY(star_gather_some(&judge->star, run->complex, entry->vertices, vertex_count(entry), tets, count,
+                                &judge->error));
+    if (!judge->star.tet_count || judge->star.still)
+        return TETLOD_OK;
+    TETLOD_TRY(try_candidates(run, judge, trials, &count));
+    for (uint32_t c = 0; c < count; c++)
+        if (trials[c].possible && !(trials[c].error > horizon(run)))
+            return TETLOD_OK;
+    entry->value = best_trial(run, judge, entry, trials, count);
+    *out_refused = true;
+    return TETLOD_OK;
+}
+
+bool judge_may(const struct run *run, const struct queue_entry *entry)
+{
+    const struct complex *complex = run->complex;
+    const double *first = complex->positions + 3 * (size_t)entry->vertices[0];
+    bool still = run->options->metric != METRIC_MEASURED && !is_exact(run), frozen = false;
+    for (uint32_t i = 0; i < vertex_count(entry); i++) {
+        if (complex->flags[entry->vertices[i]] & VERTEX_SINGULAR)
+            return false;
+        frozen |= complex->flags[entry->vertices[i]] & VERTEX_FROZEN;
+        still &= distance_squared(first, complex->positions + 3 * (size_t)entry->vertices[i]) == 0;
+    }
+    return still || !frozen;
+}
+
+enum tetlod_status judge_evaluate(const struct run *run, struct judge *judge, struct queue_entry *entry,
+                                  bool *out_allowed)
+{
+    double error;
+    bool refused = false;
+    entry->stamp = run->complex->contraction_count;
+    entry->refused = 0;
+    entry->bound = INFINITY;
+    *out_allowed = false;
+    if (run->options->metric != METRIC_MEASURED && !is_exact(run))
+        TETLOD_TRY(refused_early(run, judge, entry, &refused));
+    if (refused)
+        return TETLOD_OK;
+    entry->witness_count = 0;
+    TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
+    TETLOD_TRY(judge_best(run, judge, entry, &error));
+    *out_allowed = error <= run->limit;
+    entry->value = *out_allowed ? entry->value : error;
+    return TETLOD_OK;
+}
+
+bool judge_place(const struct run *run, struct judge *judge, const struct queue_entry *entry, double p[3],
+                 double *moved)
+{
+    const struct star *star = &judge->star;
+    if (entry->candidate < candidates_count(star->simplex_count, run->options->candidates))
+        candidate_position(run->complex, star, entry->candidate, p);
+    else if (!optimum_position(run, star, p))
+        return false;
+    *moved = boundary_moves(&run->boundary, run->complex, star, p, &judge->shift);
+    return *moved <= run->boundary.limit && star_fits(star, run->complex, p);
+}

@@ -1,0 +1,670 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/simplify/simplify.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/simplify/judge.h"
+#include "src/simplify/ladder.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+#include "src/util/parallel.h"
+
+/* What the exact limit refuses is followed to this multiple of it. */
+static const double EXACT_HORIZON = 1.2;
+
+/* What all candidates fail by little may succeed between them: so many steps are made, each halved as often at most, while what is
+ * expected of the next is below this multiple of the limit, and what the last one came to below that. */
+enum { MOST_STEPS = 12, HALVINGS = 2 };
+static const double HOPE = 1.2, NEAR = 1.1;
+
+/* Above this multiple of the limit, the root mean square that the quadric expects tells that the exact limit will refuse (hardly
+ * one in a hundred that it allows has more than 1.4): it waits unasked. Less is asked between the rungs that levels are
+ * named after. */
+static const double CHANCE = 1, CHANCE_NAMED = 1.4;
+
+/* What a contraction may be above the limit by the rounding of its bounds: it still counts as the limit. Exact ties with
+ * round limits are common in regular meshes. */
+static const double ROUNDING = 1e-9;
+
+/* Into the queue, or with those that wait for a higher rung. */
+static enum tetlod_status file(struct run *run, const struct queue_entry *entry, bool allowed)
+{
+    if (allowed ? queue_push(&run->queue, entry) : queue_append(&run->waiting, entry))
+        return TETLOD_OK;
+    return tetlodi_fail_nomem(run->error, "the queue", run->queue.capacity * sizeof *entry);
+}
+
+static enum tetlod_status evaluate_and_file(struct run *run, struct queue_entry *entry)
+{
+    bool allowed;
+    if (!judge_may(run, entry))
+        return TETLOD_OK;
+    if (judge_evaluate(run, run->judges, entry, &allowed) != TETLOD_OK) {
+        *run->error = run->judges->error;
+        return run->judges->error.status;
+    }
+    return file(run, entry, allowed);
+}
+
+/* ---- which simplices there are */
+
+/* Files the simplex of v and up to three more vertices: at first with those that wait, later evaluated. Of the first listing
+ * each simplex is filed by its least vertex. */
+static enum tetlod_status file_simplex(struct run *run, uint32_t v, const uint32_t *others, int count, bool first)
+{
+    struct queue_entry entry = {.vertices = {v, TETLOD_NONE, TETLOD_NONE, TETLOD_NONE}};
+    for (int i = 0; i < count; i++) {
+        int at = i + 1;
+        for (; at > 0 && entry.vertices[at - 1] > others[i]; at--)
+            entry.vertices[at] = entry.vertices[at - 1];
+        entry.vertices[at] = others[i];
+    }
+    if (!first && !is_exact(run)) { // what refused the last one, if it is at v, may refuse this one
+        entry.witness_count = run->last.witness_count;
+        memcpy(entry.witness, run->last.witness, sizeof entry.witness);
+        TETLOD_TRY(evaluate_and_file(run, &entry));
+        run->last = entry;
+        return TETLOD_OK;
+    }
+    if (!first && judge_may(run, &entry) && !queue_append(&run->fresh, &entry))
+        return tetlodi_fail_nomem(run->error, "the queue", run->fresh.capacity * sizeof entry);
+    return first && entry.vertices[0] == v && judge_may(run, &entry) ? file(run, &entry, false) : TETLOD_OK;
+}
+
+static enum tetlod_status list_edges(struct run *run, uint32_t v, bool first)
+{
+    size_t count = 0;
+    TETLOD_TRY(complex_link_vertices(run->complex, v, &run->link, &run->link_capacity, &count, run->error));
+    for (size_t i = 0; i < count; i++)
+        TETLOD_TRY(file_simplex(run, v, &run->link[i], 1, first));
+    return TETLOD_OK;
+}
+
+/* Faces and tetrahedra by the tetrahedra of the star; a face by the first of its two. */
+static enum tetlod_status list_larger(struct run *run, uint32_t v, bool first)
+{
+    const struct complex *complex = run->complex;
+    for (uint32_t i = 0; i < complex->star_count[v]; i++) {
+        uint32_t tet = complex->pool[complex->star_begin[v] + i], others[3], opposite[3];
+        int count = 0;
+        for (uint32_t c = 0; c < 4; c++)
+            if (complex->corners[4 * (size_t)tet + c] != v) {
+                opposite[count] = complex->neighbours[4 * (size_t)tet + c];
+                others[count++] = complex->corners[4 * (size_t)tet + c];
+            }
+        for (int k = 0; k < 3 && run->options->contract & CONTRACT_FACES; k++) {
+            uint32_t pair[2] = {others[(k + 1) % 3], others[(k + 2) % 3]};
+            if (opposite[k] == TETLOD_NONE || opposite[k] / 4 > tet)
+                TETLOD_TRY(file_simplex(run, v, pair, 2, first));
+        }
+        if (run->options->contract & CONTRACT_TETS)
+            TETLOD_TRY(file_simplex(run, v, others, 3, first));
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status list_simplices(struct run *run, uint32_t v, bool first)
+{
+    if (run->options->contract & CONTRACT_EDGES)
+        TETLOD_TRY(list_edges(run, v, first));
+    if (run->options->contract & ~CONTRACT_EDGES)
+        TETLOD_TRY(list_larger(run, v, first));
+    return TETLOD_OK;
+}
+
+/* After a contraction at one point: lists the simplices of the vertices around it that are free now. */
+static enum tetlod_status thaw(struct run *run, uint32_t v)
+{
+    size_t count = 0;
+    TETLOD_TRY(complex_link_vertices(run->complex, v, &run->thawed, &run->thawed_capacity, &count, run->error));
+    complex_thaw(run->complex, v);
+    for (size_t i = 0; i < count; i++)
+        if (complex_thaw(run->complex, run->thawed[i]))
+            TETLOD_TRY(list_simplices(run, run->thawed[i], false));
+    return TETLOD_OK;
+}
+
+/* Puts an entry that a late check refuses among the waiting: until its star changes, or the limit reaches `error`. */
+static enum tetlod_status refuse(struct run *run, struct queue_entry entry, double error)
+{
+    entry.value = error;
+    entry.witness_count = QUEUE_WITNESSES + 1;
+    return file(run, &entry, false);
+}
+
+/* The limit as a driver's own error, for errors that are above it by rounding only; else no limit. */
+static double rounded_limit(const struct run *run, const struct driver *driver)
+{
+    return metric_is_certified(run->options->metric) ? run->limit / driver->weight : INFINITY;
+}
+
+/* Contracts what all checks have accepted; `errors` are what the drivers' are certified to be. */
+static enum tetlod_status perform(struct run *run, const struct star *star, const double p[3], double moved,
+                                  const double *errors)
+{
+    uint32_t v = star->simplex[0];
+    fields_contract(run->fields, run->complex, star, p, run->outcome);
+    TETLOD_TRY(complex_contract(run->complex, star, p, run->error));
+    metric_update_envelopes(run->options->metric, run->fields, run->complex, v);
+    boundary_update(&run->boundary, run->complex, v, moved);
+    run->moved = larger(run->moved, moved);
+    for (uint32_t d = 0; d < run->fields->driver_count; d++) {
+        const struct driver *driver = &run->fields->drivers[d];
+        double certain = smaller(errors[d] * driver->scale, rounded_limit(run, driver));
+        run->certified[d] = larger(run->certified[d], smaller(certain, 1)); // values never leave the range
+        run->predicted[d] = fmax(run->predicted[d], driver->predicted[v] * driver->scale);
+    }
+    if (star->still)
+        TETLOD_TRY(thaw(run, v));
+    return list_simplices(run, v, false);
+}
+
+/* Does a fresh entry, unless a check that is made only now refuses it. */
+static enum tetlod_status contract(struct run *run, const struct queue_entry *entry)
+{
+    double p[3], moved;
+    bool holds;
+    struct judge *judge = run->judges;
+    struct star *star = &judge->star;
+    TETLOD_TRY(star_gather(star, run->complex, entry->vertices, vertex_count(entry), run->error));
+    if (!judge_place(run, judge, entry, p, &moved))
+        return refuse(run, *entry, INFINITY);
+    TETLOD_TRY(star_link_condition(star, run->complex, &holds, run->error));
+    if (!holds)
+        return refuse(run, *entry, INFINITY);
+    struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
+    if (judge_try(run, judge, &judge->shift, run->limit, &trial, 1) != TETLOD_OK) {
+        *run->error = judge->error;
+        return run->error->status;
+    }
+    if (run->options->metric == METRIC_MEASURED && (!trial.possible || trial.error > run->limit))
+        return refuse(run, *entry, trial.possible ? trial.error : INFINITY);
+    judge_assigned(run, judge, run->assigned);
+    fields_outcome(run->fields, run->complex, star, &judge->shift, p, run->assigned, run->outcome);
+    double certified = outcome_error(run->fields, run->outcome);
+    if (metric_is_certified(run->options->metric) && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
+        return refuse(run, *entry, certified);
+    if (run->options->metric == METRIC_MEASURED)
+        samples_contract(&run->samples, &judge->sampler, run->fields, star, trial.error);
+    for (uint32_t d = 0; d < run->fields->driver_count; d++)
+        run->assigned[d] = larger(run->outcome[d].upper - run->outcome[d].value,
+                                  run->outcome[d].value - run->outcome[d].lower);
+    return perform(run, star, p, moved, run->assigned);
+}
+
+/* ---- the exact limit */
+
+/* The entry's candidate is refused; its next best is chosen. *out_left: there is one. */
+static enum tetlod_status next_candidate(const struct run *run, struct judge *judge, struct queue_entry *entry,
+                                         const struct finding *finding, bool *out_left)
+{
+    double estimate;
+    uint32_t a = finding->witness[0].tet, b = finding->witness[1].tet;
+    entry->refused |= UINT32_C(1) << entry->candidate;
+    entry->bound = smaller(entry->bound, finding->error);
+    remember_witnesses(entry, (uint32_t[]){a == TETLOD_NONE ? b : a, b == TETLOD_NONE ? a : b});
+    TETLOD_TRY(judge_best(run, judge, entry, &estimate));
+    entry->bound = smaller(entry->bound, estimate);
+    *out_left = isfinite(entry->value);
+    return TETLOD_OK;
+}
+
+/* Asks the exact limit about the work's position on the star that was taken up. */
+static enum tetlod_status ask(const struct run *run, struct judge *judge, struct work *work, double horizon,
+                              bool whole, struct finding *out)
+{
+    size_t size = run->fields->driver_count * sizeof(double);
+    TETLOD_TRY(exact_examine(&judge->examiner, &run->overlaps, run->complex, run->fields, &judge->star, work->position,
+                             run->limit, horizon, whole, out, &judge->error));
+    if (!out->allowed)
+        return TETLOD_OK;
+    memcpy(work->values, judge->examiner.chosen, size);
+    memcpy(work->errors, judge->examiner.errors, size);
+    work->outcome = ALLOWED;
+    return exact_hand_on(&judge->examiner, &run->overlaps, run->complex, &work->handover, &judge->error);
+}
+
+/* May the star be contracted to a position that is none of the candidates? */
+static bool may_go(const struct run *run, struct judge *judge, const double p[3])
+{
+    static const double anywhere[4] = {0.25, 0.25, 0.25, 0.25};
+    return boundary_allows(&run->boundary, run->complex, &judge->star, anywhere, p) &&
+           boundary_moves(&run->boundary, run->complex, &judge->star, p, &judge->shift) <= run->boundary.limit &&
+           star_fits(&judge->star, run->complex, p);
+}
+
+/* All candidates are refused, the one at work->position by the least: goes on from there, each step to where less is needed,
+ * until that is allowed or there is no hope. */
+static enum tetlod_status search(const struct run *run, struct judge *judge, struct work *work)
+{
+    struct finding finding;
+    double from[3], step[3], expected, most = EXACT_HORIZON * run->limit;
+    TETLOD_TRY(ask(run, judge, work, most, true, &finding));
+    for (int steps = 0; steps < MOST_STEPS && !finding.allowed && finding.error < most; steps++) {
+        double best = finding.error;
+        memcpy(from, work->position, sizeof from);
+        TETLOD_TRY(descent_step(&judge->descent, &judge->examiner, &run->boundary, run->complex, run->fields, &judge->star,
+                                step, &expected, &judge->error));
+        for (int halving = 0; halving <= HALVINGS && expected < HOPE * run->limit && !(finding.error < best); halving++) {
+            for (int i = 0; i < 3; i++)
+                work->position[i] = from[i] + step[i] / (1 << halving);
+            complex_round_position(run->complex, work->position);
+            if (may_go(run, judge, work->position))
+                TETLOD_TRY(ask(run, judge, work, best, true, &finding));
+        }
+        if (!(finding.error < best))
+            break;
+        most = NEAR * run->limit;
+    }
+    return TETLOD_OK;
+}
+
+/* Examines a fresh entry's candidates, best first, until one is allowed or it is not its turn any more. Changes nothing but the judge and the work. */
+static enum tetlod_status examine(const struct run *run, struct judge *judge, struct work *work)
+{
+    struct queue_entry *entry = &work->entry;
+    double horizon = EXACT_HORIZON * run->limit, least = INFINITY, nearest[3], moved;
+    work->witness_count = 0;
+    TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
+    TETLOD_TRY(exact_take_up(&judge->examiner, run->complex, run->fields, &judge->star, &judge->error));
+    do {
+        struct finding finding = {.error = INFINITY, .witness = {{.tet = TETLOD_NONE}, {.tet = TETLOD_NONE}}};
+        double key = entry->value;
+        bool left;
+        work->outcome = REFUSED;
+        if (judge_place(run, judge, entry, work->position, &moved))
+            TETLOD_TRY(ask(run, judge, work, horizon, false, &finding));
+        else
+            entry->witness_count = QUEUE_WITNESSES + 1;
+        if (finding.allowed)
+            return TETLOD_OK;
+        if (finding.error < least) {
+            least = finding.error;
+            memcpy(nearest, work->position, sizeof nearest);
+        }
+        for (int i = 0; i < 2 && work->witness_count < 8; i++)
+            work->witnesses[work->witness_count++] = finding.witness[i];
+        TETLOD_TRY(next_candidate(run, judge, entry, &finding, &left));
+        if (!left && run->named && least < horizon) {
+            memcpy(work->position, nearest, sizeof nearest);
+            TETLOD_TRY(search(run, judge, work));
+        }
+        if (!left) {
+            entry->value = work->outcome == ALLOWED ? key : entry->bound;
+            return TETLOD_OK;
+        }
+    } while (entry->value <= run->batch_key);
+    work->outcome = FILED; // others come before its next candidate
+    return TETLOD_OK;
+}
+
+static void work_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct run *run = context;
+    struct judge *judge = &run->judges[worker];
+    for (size_t i = begin; i < end && judge->status == TETLOD_OK; i++) {
+        struct work *work = &run->works[i];
+        bool allowed;
+        if (!stale(run->complex, &work->entry)) {
+            judge->status = examine(run, judge, work);
+            continue;
+        }
+        work->witness_count = 0;
+        judge->status = judge_evaluate(run, judge, &work->entry, &allowed);
+        work->outcome = allowed ? FILED : REFUSED;
+    }
+}
+
+/* Contracts an entry that was allowed, if nothing else of its batch is in the way. */
+static enum tetlod_status contract_exactly(struct run *run, const struct work *work)
+{
+    const double *p = work->position;
+    bool holds;
+    struct star *star = &run->judges->star;
+    const struct queue_entry *entry = &work->entry;
+    if (obsolete(run->complex, entry))
+        return TETLOD_OK;
+    if (stale(run->complex, entry))
+        return file(run, entry, true);
+    TETLOD_TRY(star_gather(star, run->complex, entry->vertices, vertex_count(entry), run->error));
+    TETLOD_TRY(star_link_condition(star, run->complex, &holds, run->error));
+    if (!holds)
+        return refuse(run, *entry, INFINITY);
+    double moved = boundary_moves(&run->boundary, run->complex, star, p, &run->judges->shift);
+    fields_outcome(run->fields, run->complex, star, &run->judges->shift, p, work->values, run->outcome);
+    TETLOD_TRY(overlaps_take(&run->overlaps, star, &work->handover, run->error));
+    return perform(run, star, p, moved, work->errors);
+}
+
+static enum tetlod_status first_failure(struct run *run)
+{
+    for (unsigned j = 0; j < run->judge_count; j++)
+        if (run->judges[j].status != TETLOD_OK) {
+            *run->error = run->judges[j].error;
+            return run->judges[j].status;
+        }
+    return TETLOD_OK;
+}
+
+/* ---- marks and rungs */
+
+static enum tetlod_status mark(struct run *run)
+{
+    struct simplification *out = run->out;
+    size_t count = out->mark_count, drivers = run->fields->driver_count;
+    struct mark now = {run->complex->contraction_count, run->complex->vertices_alive, run->complex->tets_alive,
+                       run->moved};
+    if (count && out->marks[count - 1].contractions == now.contractions)
+        return TETLOD_OK;
+    void *marks = out->marks, *certified = out->mark_certified, *predicted = out->mark_predicted;
+    bool room = array_reserve(&marks, &out->mark_capacity, count + 1, sizeof now);
+    out->marks = marks;
+    room = room && array_reserve(&certified, &out->certified_capacity, (count + 1) * drivers, sizeof(double));
+    out->mark_certified = certified;
+    room = room && array_reserve(&predicted, &out->predicted_capacity, (count + 1) * drivers, sizeof(double));
+    out->mark_predicted = predicted;
+    if (!room)
+        return tetlodi_fail_nomem(run->error, "the levels", (count + 1) * sizeof now);
+    out->marks[count] = now;
+    for (size_t d = 0; d < drivers; d++) {
+        out->mark_certified[count * drivers + d] = run->certified[d];
+        out->mark_predicted[count * drivers + d] = run->predicted[d];
+    }
+    out->mark_count++;
+    return TETLOD_OK;
+}
+
+static double shrunk_since_mark(const struct run *run)
+{
+    return run->out->marks[run->out->mark_count - 1].vertices / (double)run->complex->vertices_alive;
+}
+
+static bool finished(const struct run *run)
+{
+    return run->complex->tets_alive <= run->options->min_tets;
+}
+
+static enum tetlod_status report(struct run *run)
+{
+    const struct complex *complex = run->complex;
+    if (!run->options->progress || complex->contraction_count % 256)
+        return TETLOD_OK;
+    // vertices fall about as the logarithm of the limit rises; both together make a steady bar
+    double done = log((double)complex->vertex_count / complex->vertices_alive) / log(complex->vertex_count / 8.0 + 2);
+    if (run->options->progress(run->options->progress_opaque, fmin(done, 1)))
+        return TETLOD_OK;
+    return tetlodi_fail(run->error, TETLOD_ERR_CANCELLED, "cancelled");
+}
+
+/* All contractions that the limit allows. */
+static enum tetlod_status climb(struct run *run)
+{
+    while (run->queue.count && !finished(run)) {
+        struct queue_entry entry = queue_pop(&run->queue);
+        if (obsolete(run->complex, &entry))
+            continue;
+        if (stale(run->complex, &entry)) {
+            TETLOD_TRY(evaluate_and_file(run, &entry));
+            continue;
+        }
+        TETLOD_TRY(contract(run, &entry));
+        TETLOD_TRY(report(run));
+        if (shrunk_since_mark(run) >= run->options->growth)
+            TETLOD_TRY(mark(run));
+    }
+    return TETLOD_OK;
+}
+
+enum verdict { GONE, STAYS, MOVES };
+
+struct rescan {
+    struct run *run;
+    struct queue_entry *entries;
+    uint8_t *verdicts; /* enum verdict */
+};
+
+static void rescan_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    const struct rescan *rescan = context;
+    const struct run *run = rescan->run;
+    struct judge *judge = &rescan->run->judges[worker];
+    for (size_t i = begin; i < end && judge->status == TETLOD_OK; i++) {
+        struct queue_entry *entry = &rescan->entries[i];
+        bool allowed = false;
+        rescan->verdicts[i] = STAYS;
+        if (entry->value > run->limit && !stale(run->complex, entry)) // most
+            continue;
+        rescan->verdicts[i] = GONE;
+        if (obsolete(run->complex, entry))
+            continue;
+        if (entry->value <= run->limit || may_have_eased(run->complex, entry))
+            judge->status = judge_evaluate(run, judge, entry, &allowed);
+        rescan->verdicts[i] = allowed ? MOVES : STAYS;
+    }
+}
+
+/* Looks again at what waits: entries that the new limit may allow, and those whose bound may have changed. All of them as
+ * things are now, so that the threads do not matter. */
+static enum tetlod_status rescan(struct run *run, bool *out_any)
+{
+    struct queue *waiting = &run->waiting;
+    struct rescan rescan = {run, waiting->entries, array_new(waiting->count, 1)};
+    if (!rescan.verdicts)
+        return tetlodi_fail_nomem(run->error, "the queue", waiting->count);
+    parallel_for(run->judge_count, waiting->count, 512, rescan_range, &rescan);
+    enum tetlod_status status = first_failure(run);
+    for (size_t i = waiting->count; i-- > 0 && status == TETLOD_OK;) {
+        if (rescan.verdicts[i] == STAYS)
+            continue;
+        if (rescan.verdicts[i] == MOVES)
+            status = file(run, &waiting->entries[i], true);
+        waiting->entries[i] = waiting->entries[--waiting->count]; // the last one, which stays, takes its place
+    }
+    free(rescan.verdicts);
+    *out_any = run->queue.count > 0;
+    return status;
+}
+
+static void fresh_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    const struct rescan *rescan = context;
+    struct judge *judge = &rescan->run->judges[worker];
+    for (size_t i = begin; i < end && judge->status == TETLOD_OK; i++) {
+        bool allowed = false;
+        judge->status = judge_evaluate(rescan->run, judge, &rescan->entries[i], &allowed);
+        rescan->verdicts[i] = allowed ? MOVES : STAYS;
+    }
+}
+
+/* Gives the simplices that the last contractions have made their keys. */
+static enum tetlod_status file_fresh(struct run *run)
+{
+    struct queue *fresh = &run->fresh;
+    struct rescan rescan = {run, fresh->entries, array_new(fresh->count, 1)};
+    enum tetlod_status status;
+    if (!rescan.verdicts)
+        return tetlodi_fail_nomem(run->error, "the queue", fresh->count);
+    parallel_for(run->judge_count, fresh->count, 16, fresh_range, &rescan);
+    status = first_failure(run);
+    for (size_t i = 0; i < fresh->count && status == TETLOD_OK; i++)
+        status = file(run, &fresh->entries[i], rescan.verdicts[i] == MOVES);
+    fresh->count = 0;
+    free(rescan.verdicts);
+    return status;
+}
+
+/* The same under the exact limit: it is asked about a batch at a time. */
+static enum tetlod_status climb_exactly(struct run *run)
+{
+    while (run->queue.count && !finished(run)) {
+        size_t count = 0;
+        while (run->queue.count && count < BATCH) {
+            run->works[count].entry = queue_pop(&run->queue);
+            count += !obsolete(run->complex, &run->works[count].entry);
+        }
+        run->batch_key = run->queue.count ? run->queue.entries[0].value : INFINITY;
+        parallel_for(run->judge_count, count, 1, work_range, run);
+        TETLOD_TRY(first_failure(run));
+        for (size_t i = 0; i < count; i++) {
+            uint32_t before = run->complex->contraction_count;
+            for (uint32_t k = 0; k < run->works[i].witness_count; k++)
+                overlaps_watch(&run->overlaps, &run->works[i].witnesses[k]);
+            if (run->works[i].outcome == ALLOWED && !finished(run))
+                TETLOD_TRY(contract_exactly(run, &run->works[i]));
+            else
+                TETLOD_TRY(file(run, &run->works[i].entry, run->works[i].outcome != REFUSED));
+            handover_fini(&run->works[i].handover); // they are large where stars are
+            if (run->complex->contraction_count == before)
+                continue;
+            TETLOD_TRY(report(run));
+            if (shrunk_since_mark(run) >= run->options->growth)
+                TETLOD_TRY(mark(run));
+        }
+        TETLOD_TRY(file_fresh(run));
+    }
+    return TETLOD_OK;
+}
+
+/* One rung: contract, look again, until nothing moves any more. */
+static enum tetlod_status rung(struct run *run, double limit, bool named)
+{
+    bool any;
+    run->limit = limit;
+    run->named = named;
+    run->chance = named ? CHANCE_NAMED : CHANCE;
+    TETLOD_TRY(rescan(run, &any));
+    for (int round = 0; any && !finished(run) && round < 4; round++) {
+        uint32_t before = run->complex->contraction_count;
+        TETLOD_TRY(is_exact(run) ? climb_exactly(run) : climb(run));
+        if (run->complex->contraction_count == before)
+            break;
+        TETLOD_TRY(rescan(run, &any));
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status run_ladder(struct run *run)
+{
+    bool named = true;
+    double limit = fmin(1e-6, run->options->max_error);
+    TETLOD_TRY(mark(run));
+    for (uint32_t v = 0; v < run->complex->vertex_count; v++)
+        TETLOD_TRY(list_simplices(run, v, true));
+    for (;;) {
+        TETLOD_TRY(rung(run, limit, named));
+        double shrunk = shrunk_since_mark(run);
+        if (shrunk > (named ? 1 : sqrt(run->options->growth)))
+            TETLOD_TRY(mark(run));
+        if (finished(run) || limit >= run->options->max_error)
+            break;
+        limit = next_limit(limit, run->options->max_error, &named);
+    }
+    return mark(run);
+}
+
+static bool asks_envelopes(const struct simplify_options *options)
+{
+    return options->metric != METRIC_MEASURED && !(options->certify == CERTIFY_EXACT && metric_has_quadrics(options->metric));
+}
+
+static enum tetlod_status make_judges(struct run *run)
+{
+    unsigned threads = run->options->threads ? run->options->threads : 1;
+    run->judge_count = threads < PARALLEL_MOST_THREADS ? threads : PARALLEL_MOST_THREADS;
+    run->judges = array_zero(run->judge_count, sizeof *run->judges);
+    if (!run->judges)
+        return tetlodi_fail_nomem(run->error, "the threads", run->judge_count * sizeof *run->judges);
+    for (unsigned j = 0; j < run->judge_count; j++) {
+        TETLOD_TRY(metric_init(&run->judges[j].scratch, run->fields, run->error));
+        if (is_exact(run))
+            TETLOD_TRY(examiner_init(&run->judges[j].examiner, run->complex, run->fields, run->error));
+        TETLOD_TRY(sampler_init(&run->judges[j].sampler, run->fields, run->error));
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status make_works(struct run *run, const struct tetmesh *mesh)
+{
+    size_t drivers = run->fields->driver_count;
+    run->works = array_zero(BATCH, sizeof *run->works);
+    run->work_values = array_new(2 * BATCH * drivers, sizeof *run->work_values);
+    if (!run->works || !run->work_values)
+        return tetlodi_fail_nomem(run->error, "the works", BATCH * (sizeof *run->works + 16 * drivers));
+    for (size_t i = 0; i < BATCH; i++) {
+        run->works[i].values = run->work_values + 2 * i * drivers;
+        run->works[i].errors = run->works[i].values + drivers;
+    }
+    return overlaps_init(&run->overlaps, mesh, run->error);
+}
+
+static void free_judges(struct run *run)
+{
+    for (unsigned j = 0; j < run->judge_count && run->judges; j++) {
+        star_fini(&run->judges[j].star);
+        metric_fini(&run->judges[j].scratch);
+        examiner_fini(&run->judges[j].examiner);
+        sampler_fini(&run->judges[j].sampler);
+        descent_fini(&run->judges[j].descent);
+    }
+    free(run->judges);
+}
+
+enum tetlod_status simplify(struct simplification *out, const struct tetmesh *mesh, const uint32_t *controlled,
+                            uint32_t controlled_count, const double *limits, const struct simplify_options *options,
+                            struct tetlod_error *error)
+{
+    *out = (struct simplification){0};
+    struct run run = {.options = options, .out = out, .complex = &out->complex, .fields = &out->fields, .error = error};
+    enum tetlod_status status;
+    TETLOD_TRY_DONE(complex_init(&out->complex, mesh, error));
+    TETLOD_TRY_DONE(fields_init(&out->fields, mesh, controlled, controlled_count, limits, error));
+    if (metric_has_quadrics(options->metric))
+        TETLOD_TRY_DONE(fields_init_quadrics(&out->fields, &out->complex, options->metric == METRIC_QUADRIC, error));
+    if (asks_envelopes(options))
+        TETLOD_TRY_DONE(metric_init_envelopes(options->metric, &out->fields, &out->complex, error));
+    TETLOD_TRY_DONE(boundary_init(&run.boundary, &out->complex, options->boundary_angle, options->boundary_limit, error));
+    if (options->certify == CERTIFY_EXACT)
+        TETLOD_TRY_DONE(make_works(&run, mesh));
+    if (options->metric == METRIC_MEASURED)
+        TETLOD_TRY_DONE(samples_init(&run.samples, mesh, &out->complex, &out->fields, error));
+    TETLOD_TRY_DONE(make_judges(&run));
+    run.certified = array_zero(3 * (size_t)out->fields.driver_count, sizeof(double));
+    run.outcome = array_new(out->fields.driver_count, sizeof *run.outcome);
+    if (!run.certified || !run.outcome)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the drivers", 56 * (uint64_t)out->fields.driver_count));
+    run.predicted = run.certified + out->fields.driver_count;
+    run.assigned = run.predicted + out->fields.driver_count;
+    status = run_ladder(&run);
+done:
+    boundary_fini(&run.boundary);
+    overlaps_fini(&run.overlaps);
+    samples_fini(&run.samples);
+    free_judges(&run);
+    queue_fini(&run.queue);
+    queue_fini(&run.waiting);
+    queue_fini(&run.fresh);
+    for (size_t i = 0; i < BATCH && run.works; i++)
+        handover_fini(&run.works[i].handover);
+    free(run.works);
+    free(run.work_values);
+    free(run.certified);
+    free(run.outcome);
+    free(run.link);
+    free(run.thawed);
+    if (status != TETLOD_OK)
+        simplification_fini(out);
+    return status;
+}
+
+void simplification_fini(struct simplification *simplification)
+{
+    complex_fini(&simplification->complex);
+    fields_fini(&simplification->fields);
+    free(simplification->marks);
+    free(simplification->mark_certified);
+    free(simplification->mark_predicted);
+    *simplification = (struct simplification){0};
+}

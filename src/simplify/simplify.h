@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The contraction sequence. The error limit rises along a ladder of rungs; on each rung all contractions that the limit
+ * allows are done in the order of the metric's key, so that one sequence serves every error. The queue is lazy: an entry
+ * whose star has changed is evaluated again when it surfaces, and what a rung refused is looked at again on the next.
+ */
+#ifndef TETLOD_SIMPLIFY_H
+#define TETLOD_SIMPLIFY_H
+
+#include "src/simplify/boundary.h"
+#include "src/simplify/metric.h"
+
+enum { CONTRACT_EDGES = 1, CONTRACT_FACES = 2, CONTRACT_TETS = 4 };
+
+enum certify {
+    CERTIFY_FAST,  /* the metric's own limit: the envelope, or what it predicts */
+    CERTIFY_EXACT, /* the exact maximum; the metric only orders */
+};
+
+struct simplify_options {
+    enum metric metric;
+    enum certify certify;
+    unsigned contract;     /* CONTRACT_... of the kinds of simplices */
+    uint32_t candidates;   /* final vertex positions tried on each (candidates_count) */
+    double max_error;      /* fraction of the range */
+    uint32_t min_tets;
+    double boundary_angle; /* degrees */
+    double boundary_limit; /* units of length */
+    double growth;         /* vertices of a level / vertices of the one below */
+    unsigned threads;      /* of the rescans; the result does not depend on it */
+    bool (*progress)(void *opaque, double done); /* 0..1; false cancels; may be NULL */
+    void *progress_opaque;
+};
+
+/* A moment of the sequence that may become a level. */
+struct mark {
+    uint32_t contractions, vertices, tets;
+    double moved; /* most that the boundary moved so far, in units of length: a bound (PROOF.md, 5) */
+};
+
+struct simplification {
+    struct complex complex;
+    struct fields fields;
+    uint32_t mark_count;
+    struct mark *marks;      /* fine to coarse; the first is the original, the last the end */
+    double *mark_certified;  /* [driver_count * mark] running maximum of the certified error */
+    double *mark_predicted;  /* [driver_count * mark] running maximum of the prediction */
+    size_t mark_capacity, certified_capacity, predicted_capacity;
+};
+
+/* Contracts the mesh. `controlled` and `limits` as in fields_init. */
+TETLOD_CHECKED enum tetlod_status simplify(struct simplification *out, const struct tetmesh *mesh,
+                                           const uint32_t *controlled, uint32_t controlled_count, const double *limits,
+                                           const struct simplify_options *options, struct tetlod_error *error);
+void simplification_fini(struct simplification *simplification);
+
+#endif
