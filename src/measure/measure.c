@@ -126,6 +126,15 @@ static double place_value(const double *values, uint32_t width, uint32_t compone
     return sum;
 }
 
+/* A field there, less a value: so that rounding is about what varies, not about how far from zero it does. */
+static double place_rise(const struct point_field *field, uint32_t component, const struct place *place, double base)
+{
+    double sum = 0;
+    for (int i = 0; i < 4; i++)
+        sum += place->weights[i] * (field->values[(size_t)place->vertices[i] * field->components + component] - base);
+    return sum;
+}
+
 /* ---- one sample */
 
 /* The difference at a place of the original and one of the level, largest over components, for each field: taken if it is
@@ -138,9 +147,10 @@ static void compare_places(const struct comparison *c, const struct place *origi
         const struct point_field *a = &measure->original->fields[measure->fields ? measure->fields[f] : f];
         const struct point_field *b = &c->level->fields[c->level_fields ? c->level_fields[f] : f];
         double worst = 0;
-        for (uint32_t k = 0; k < a->components; k++)
-            worst = larger(worst, fabs(place_value(b->values, b->components, k, level) -
-                                       place_value(a->values, a->components, k, original)));
+        for (uint32_t k = 0; k < a->components; k++) {
+            double base = a->values[(size_t)original->vertices[0] * a->components + k];
+            worst = larger(worst, fabs(place_rise(b, k, level, base) - place_rise(a, k, original, base)));
+        }
         if (first || worst < errors[f])
             errors[f] = worst;
     }
