@@ -111,8 +111,9 @@ static enum tetlod_status contract(struct build *build)
     return status;
 }
 
-/* The certified and the predicted error of a field at a mark: its worst component's. NaN if it does not drive. */
-static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, double *errors)
+/* The certified and the predicted error of a field at a mark, as fractions of the original's range: its worst component's. NaN if it
+ * does not drive. */
+static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, double scale, double *errors)
 {
     const struct fields *fields = &build->sequence.fields;
     errors[TETLOD_MAX] = errors[TETLOD_PREDICTED] = NAN;
@@ -120,8 +121,10 @@ static void mark_errors(const struct build *build, uint32_t mark, uint32_t field
         if (fields->drivers[d].field != field)
             continue;
         size_t i = (size_t)mark * fields->driver_count + d;
-        double rounding = build->rounding ? build->rounding[field] * fields->drivers[d].scale : 0;
-        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], fmin(build->sequence.mark_certified[i] + rounding, 1));
+        double rounding = build->rounding ? build->rounding[field] * scale : 0, certified = build->sequence.mark_certified[i];
+        if (build->rounding && fields->drivers[d].scale > 0) // is relative to the rounded field's range
+            certified *= scale / fields->drivers[d].scale;
+        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], fmin(certified + rounding, 1));
         errors[TETLOD_PREDICTED] = fmax(errors[TETLOD_PREDICTED], build->sequence.mark_predicted[i]);
     }
 }
@@ -135,11 +138,11 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
         const double *finer = mark ? errors - fields * TETLOD_MEASURES : NULL;
         point_field_range(&build->original->fields[f], build->original->vertex_count, range);
         double scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
-        mark_errors(build, mark, f, errors);
+        mark_errors(build, mark, f, scale, errors);
         errors[TETLOD_SAMPLED] = measured[f].sampled * scale;
         errors[TETLOD_RMS] = measured[f].rms * scale;
-        if (!isnan(errors[TETLOD_MAX])) // a point outside is certified at another point than the closest (PROOF.md, 5)
-            errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], measured[f].outside * scale);
+        if (!isnan(errors[TETLOD_MAX])) // where the boundary moved it is proved for another point than it is measured at (PROOF.md, 5)
+            errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);
         for (int m = 0; m < TETLOD_MEASURES && finer; m++)
             errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);
     }
@@ -239,7 +242,7 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .fields = fields,
                                         .levels = build->levels,
                                         .degenerate_tets = complex->degenerate_tets,
-                                        .inverted_tets = complex->inverted_tets,
+                                        .inverted_tets = complex->inverted_tets + complex->folded_tets,
                                         .unused_points = mesh->unused_points,
                                         .metadata = build->options->metadata,
                                         .compression = build->options->compression,
@@ -280,7 +283,8 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     TETLOD_TRY_DONE(measure_marks(&build));
     TETLOD_TRY_DONE(encode(&build, sink));
     *report = (struct build_report){build.sequence.complex.contraction_count, build.sequence.mark_count,
-                                    build.sequence.complex.degenerate_tets, build.sequence.complex.inverted_tets};
+                                    build.sequence.complex.degenerate_tets, build.sequence.complex.inverted_tets,
+                                    build.sequence.complex.folded_tets};
 done:
     simplification_fini(&build.sequence);
     tetmesh_fini(&build.rounded);
