@@ -3,7 +3,13 @@
 // told apart with the common forms of colour blindness.
 
 import { interpolateCividis, interpolateGreys, interpolateInferno, interpolateMagma, interpolatePlasma, interpolatePuOr, interpolateRdBu,
-  interpolateViridis } from 'd3-scale-chromatic';
+  interpolateTurbo, interpolateViridis } from 'd3-scale-chromatic';
+
+// Straight from the first colour to the middle one, then to the last.
+const between = (low, centre, high) => (t) => {
+  const [from, to, x] = t < 0.5 ? [low, centre, 2 * t] : [centre, high, 2 * t - 1];
+  return `rgb(${from.map((c, i) => Math.round(c + x * (to[i] - c)))})`;
+};
 
 const maps = {
   viridis: ['Viridis', interpolateViridis],
@@ -11,6 +17,8 @@ const maps = {
   inferno: ['Inferno', interpolateInferno],
   magma: ['Magma', interpolateMagma],
   plasma: ['Plasma', interpolatePlasma],
+  turbo: ['Turbo', interpolateTurbo],
+  coolWarm: ['Cool to warm, diverging', between([59, 76, 192], [221, 221, 221], [180, 4, 38])],
   blueRed: ['Blue to red, diverging', (t) => interpolateRdBu(1 - t)],
   orangePurple: ['Orange to purple, diverging', interpolatePuOr],
   grey: ['Grey', (t) => interpolateGreys(1 - t)],
