@@ -43,5 +43,5 @@ export const cssGradient = (map, reversed, direction) =>
 // The colour of lines over a colour: lighter on dark ones, darker on light ones.
 export function lineColor(color) {
   const light = 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2];
-  return color.map((c) => Math.round(light < 92 ? 0.61 * c + 0.39 * 255 : 0.45 * c));
+  return color.map((c) => Math.round(light < 84 ? 0.61 * c + 0.39 * 255 : 0.45 * c));
 }

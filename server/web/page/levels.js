@@ -50,7 +50,7 @@ const bytesPerTet = 170;
 export const memoryOf = (tets) => tets * bytesPerTet;
 
 // Where no budget is set, an eighth of the device's memory; browsers that do not tell it have 4 GB at least today.
-export const defaultTets = () => Math.floor(((navigator.deviceMemory ?? 4) * 2 ** 30) / 8 / bytesPerTet);
+export const defaultTets = () => Math.floor(((globalThis.navigator?.deviceMemory ?? 4) * 2 ** 30) / 8 / bytesPerTet);
 
 // The error to ask for so that a level is the answer: levels of the same error are the same to the target.
 export const errorForLevel = (info, state, k) => errorOf(info.levels[k], targetFieldOf(info, state), measureFor(info, state));
