@@ -151,7 +151,7 @@ function askForMore() {
   const wanted = info.levels[levelForError(info, state)];
   if (state.maxTets || wanted.tets <= defaultTets()) return;
   notice('budget', `${state.error ? percent(state.error) : 'The original'} needs ${count(wanted.tets)} tetrahedra and about ${bytes(memoryOf(wanted.tets))} of memory.`,
-    { seconds: 0, children: [button('Load it', () => store.set({ maxTets: wanted.tets }))] });
+    { seconds: 0, place: 'asks', children: [button('Load it', () => store.set({ maxTets: wanted.tets }))] });
 }
 
 // A drawn field that the stream does not control has an error of its own; what it takes to limit that, too, is asked.
@@ -163,7 +163,7 @@ function askForField() {
   const wanted = info.levels[levelForError(info, { ...state, errorField: state.field })];
   if (level >= 0 && errorOf(info.levels[level], state.field, measure) <= state.error) return;
   notice('field', `${state.field} is not controlled: the error shown is measured. ${percent(state.error)} of it takes ${count(wanted.tets)} tetrahedra, ${bytes(wanted.bytes)}.`,
-    { seconds: 0, children: [button('Load it', () => store.set({ errorField: state.field }))] });
+    { seconds: 0, place: 'asks', children: [button('Load it', () => store.set({ errorField: state.field }))] });
 }
 
 // ---- what is shown, in words
