@@ -29,7 +29,7 @@ const { metafile } = await build({ ...options, entryPoints: pages, splitting: tr
 // the worker is one file: it is asked for late, and would ask for the rest later still
 await build({ ...options, entryPoints: ['client/worker.js'] });
 for (const name of readdirSync(join(here, 'page')))
-  if (/\.(html|css|svg)$/.test(name)) cpSync(join(here, 'page', name), join(made, name));
+  if (/\.(html|css|svg)$/.test(name) || name === 'guard.js') cpSync(join(here, 'page', name), join(made, name));
 
 // The viewer's page names what view.js will load, so that nothing waits for it.
 const outputs = Object.entries(metafile.outputs);
