@@ -36,9 +36,13 @@ for (const name of readdirSync(join(here, 'page')))
 const outputs = Object.entries(metafile.outputs);
 const [scene, { imports }] = outputs.find(([, output]) => output.entryPoint === 'page/scene.js');
 const preloads = [scene, ...imports.filter(({ kind }) => kind === 'import-statement').map(({ path }) => path)]
-  .map((path) => `<link rel="modulepreload" href="/${basename(path)}">`);
+  .map((path) => `<link rel="modulepreload" href="./${basename(path)}">`);
 const view = join(made, 'view.html');
-writeFileSync(view, readFileSync(view, 'utf8').replace('</title>\n', `</title>\n${preloads.join('\n')}\n`));
+const page = readFileSync(view, 'utf8').replace('</title>\n', `</title>\n${preloads.join('\n')}\n`);
+writeFileSync(view, page);
+// The same page for /view/{id}: what it loads lies one folder up, wherever the site begins.
+mkdirSync(join(made, 'view'));
+writeFileSync(join(made, 'view/index.html'), page.replaceAll('="./', '="../'));
 cpSync(wasm, join(made, 'tetlod.wasm'));
 rmSync(out, { recursive: true, force: true });
 renameSync(made, out);

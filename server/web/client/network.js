@@ -232,7 +232,8 @@ export class Source {
     const answer = await this.#fetch(this.#url, { headers: { Accept: 'application/json' } });
     const { cid, levels, links } = await answer.json().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
     if (!levels || !links) throw new FetchError(`${this.#url} does not describe a stream`);
-    const absolute = (link) => new URL(link.replace(/\{\?.*?\}/, ''), answer.url).href.replaceAll('%7B', '{').replaceAll('%7D', '}');
+    const base = answer.url.replace(/\/(index\.json)?$/, ''); // hosts of files may add it
+    const absolute = (link) => new URL(link.replace(/\{\?.*?\}/, ''), base).href.replaceAll('%7B', '{').replaceAll('%7D', '}');
     return { cid, levels, routes: { level: absolute(links.level), records: absolute(links.records), stream: absolute(links.stream) } };
   }
 

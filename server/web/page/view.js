@@ -19,11 +19,12 @@ import { copyLink, savePicture } from './share.js';
 import { Store, fromFragment, toFragment } from './state.js';
 import { switchTheme, themes } from './theme.js';
 
-// /view/{id} on a server; ?stream=URL is any stream that can be fetched
-const id = decodeURIComponent(location.pathname.split('/')[2] ?? '');
+// view/{id} on a server; ?stream=URL is any stream that can be fetched. This module lies at the root of the site.
+const root = new URL('.', import.meta.url);
+const id = decodeURIComponent(/^view\/(.*)$/.exec(location.pathname.slice(root.pathname.length))?.[1] ?? '');
 const file = new URLSearchParams(location.search).get('stream');
 const name = id || new URL(file, location).pathname.split('/').pop().replace(/\.tetlod$/, '');
-const address = file ?? `/v1/meshes/${encodeURIComponent(id)}`;
+const address = file ?? new URL(`v1/meshes/${encodeURIComponent(id)}`, root).href;
 
 const stillness = matchMedia('(prefers-reduced-motion: reduce)');
 const store = new Store(fromFragment(location.hash));
@@ -190,7 +191,7 @@ function tellShown() {
   put('shown-error', percent(error), error ? `± ${significant(error * (span[1] - span[0]), 2)}` : 'exact');
   put('shown-tets', count(now.tets), percent(now.tets / info.tets));
   put('shown-level', String(level), `of ${info.levels.length - 1}`);
-  byId('download').href = `/v1/meshes/${encodeURIComponent(id)}/${info.cid}/levels/${level}/mesh.vtu`;
+  byId('download').href = `${address}/${info.cid}/levels/${level}/mesh.vtu`;
   byId('download').download = `${name}-${level}.vtu`;
 }
 
@@ -490,6 +491,6 @@ try {
   await start();
 } catch (error) {
   byId('loading').hidden = true;
-  const all = file ? [] : [element('a', { href: '/' }, 'All streams')];
+  const all = file ? [] : [element('a', { href: root.href }, 'All streams')];
   notice('error', `${name} cannot be shown: ${error.message}`, { failed: true, seconds: 0, children: all });
 }
