@@ -25,7 +25,6 @@ void fields_fini(struct fields *fields)
         free(fields->fields[f].middles);
         free(fields->fields[f].component_range);
         free(fields->fields[f].values);
-        free(fields->fields[f].node_values);
     }
     for (uint32_t d = 0; d < fields->driver_count && fields->drivers; d++) {
         free(fields->drivers[d].upper);
@@ -55,9 +54,8 @@ static bool init_field(struct working_field *field, const struct point_field *fr
                                     .middles = array_new(k, sizeof(double)),
                                     .component_range = array_new(k, 2 * sizeof(double)),
                                     .values = array_new(vertices * k, sizeof(double)),
-                                    .node_values = array_new(vertices * k, sizeof(double)),
                                     .grid = from->grid};
-    if (!field->middles || !field->component_range || !field->values || !field->node_values)
+    if (!field->middles || !field->component_range || !field->values)
         return false;
     for (size_t c = 0; c < k; c++) {
         double *range = field->component_range[c];
@@ -309,16 +307,17 @@ static bool drives(const struct fields *fields, uint32_t field)
 void fields_contract(struct fields *fields, const struct complex *complex, const struct star *star, const double p[3],
                      const struct outcome *outcome)
 {
-    uint32_t c = complex->contraction_count, v = star->simplex[0];
+    const struct log_field *log = complex->log.fields; // of the contraction that complex_contract will log
+    uint32_t c = complex->log.count, v = star->simplex[0];
     for (uint32_t f = 0; f < fields->count; f++) {
         struct working_field *field = &fields->fields[f];
         if (!drives(fields, f))
-            contract_field(field, complex, star, p, field->node_values + (size_t)c * field->components);
+            contract_field(field, complex, star, p, log[f].values + (size_t)c * field->components);
     }
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         struct driver *driver = &fields->drivers[d];
         struct working_field *field = &fields->fields[driver->field];
-        field->node_values[(size_t)c * field->components + driver->component] = outcome[d].value;
+        log[driver->field].values[(size_t)c * field->components + driver->component] = outcome[d].value;
         driver->upper[v] = outcome[d].upper;
         driver->lower[v] = outcome[d].lower;
         driver->predicted[v] = outcome[d].predicted;
@@ -330,7 +329,7 @@ void fields_contract(struct fields *fields, const struct complex *complex, const
     }
     for (uint32_t f = 0; f < fields->count; f++) {
         struct working_field *field = &fields->fields[f];
-        double *now = field->values + (size_t)v * field->components, *node = field->node_values + (size_t)c * field->components;
+        double *now = field->values + (size_t)v * field->components, *node = log[f].values + (size_t)c * field->components;
         for (uint32_t k = 0; k < field->components; k++) {
             now[k] = node[k];
             node[k] += field->middles[k];

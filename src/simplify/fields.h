@@ -29,10 +29,9 @@ struct driver {
 struct working_field {
     uint32_t components;
     enum tetlod_type type;
-    double *middles;              /* [components] what all numbers here are less, but for the nodes' values */
+    double *middles;              /* [components] what all numbers here, but not the log's, are less */
     double (*component_range)[2]; /* [components] of the original: assigned values stay inside */
     double *values;               /* [components * slot] */
-    double *node_values;          /* [components * contraction] as the stream has them */
     struct grid grid;
 };
 
@@ -75,7 +74,7 @@ void fields_outcome(const struct fields *fields, const struct complex *complex, 
 /* The worst weighted error of an outcome, as a fraction of the range. */
 double outcome_error(const struct fields *fields, const struct outcome *outcome);
 
-/* Makes it so, before complex_contract; what does not drive is assigned by scalar value assignment (thesis 3.3). */
+/* Makes it so, before complex_contract, and logs it; what does not drive is assigned by scalar value assignment (thesis 3.3). */
 void fields_contract(struct fields *fields, const struct complex *complex, const struct star *star, const double p[3],
                      const struct outcome *outcome);
 
