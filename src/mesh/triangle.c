@@ -2,6 +2,7 @@
 #include "src/mesh/triangle.h"
 
 #include <math.h>
+#include <stdbool.h>
 
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/vector.h"
@@ -46,4 +47,57 @@ double triangle_distance2(const double *p, const double *a, const double *b, con
     weights[1] = s;
     weights[2] = r;
     return height * height / area2;
+}
+
+/* The square of the distance of two segments. */
+static double segments_distance2(const double *a, const double *b, const double *c, const double *d)
+{
+    double u[3], v[3], w[3], t, best;
+    subtract(b, a, u);
+    subtract(d, c, v);
+    subtract(a, c, w);
+    double uu = dot(u, u), uv = dot(u, v), vv = dot(v, v), uw = dot(u, w), vw = dot(v, w), area2 = uu * vv - uv * uv;
+    best = smaller(smaller(on_segment(a, c, d, &t), on_segment(b, c, d, &t)),
+                   smaller(on_segment(c, a, b, &t), on_segment(d, a, b, &t)));
+    double r = uv * vw - vv * uw, s = uu * vw - uv * uw;
+    if (!(area2 > 0) || r < 0 || r > area2 || s < 0 || s > area2)
+        return best;
+    double sum = 0;
+    for (int i = 0; i < 3; i++) {
+        double x = w[i] + r / area2 * u[i] - s / area2 * v[i];
+        sum += x * x;
+    }
+    return smaller(best, sum);
+}
+
+/* Does the segment from a to b cross the triangle? */
+static bool crosses(const double *a, const double *b, const double *const q[3])
+{
+    double n[3], r[3], x[3], weights[3], scale = 0;
+    triangle_cross(q[0], q[1], q[2], n);
+    subtract(a, q[0], r);
+    double from = dot(n, r);
+    subtract(b, q[0], r);
+    double to = dot(n, r);
+    if (!((from <= 0 && to >= 0) || (from >= 0 && to <= 0)) || from == to)
+        return false;
+    for (int i = 0; i < 3; i++) {
+        x[i] = a[i] + from / (from - to) * (b[i] - a[i]);
+        scale = larger(scale, fabs(b[i] - a[i]));
+    }
+    return triangle_distance2(x, q[0], q[1], q[2], weights) <= 1e-24 * scale * scale;
+}
+
+double triangles_distance2(const double *const p[3], const double *const q[3])
+{
+    double best = INFINITY, weights[3];
+    for (int i = 0; i < 3; i++) {
+        if (crosses(p[i], p[(i + 1) % 3], q) || crosses(q[i], q[(i + 1) % 3], p))
+            return 0;
+        best = smaller(best, smaller(triangle_distance2(p[i], q[0], q[1], q[2], weights),
+                                     triangle_distance2(q[i], p[0], p[1], p[2], weights)));
+        for (int k = 0; k < 3; k++)
+            best = smaller(best, segments_distance2(p[i], p[(i + 1) % 3], q[k], q[(k + 1) % 3]));
+    }
+    return best;
 }

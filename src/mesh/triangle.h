@@ -6,4 +6,7 @@
 /* Square of the distance of p from the triangle, and the weights of its corners at the closest point. */
 double triangle_distance2(const double *p, const double *a, const double *b, const double *c, double weights[3]);
 
+/* The square of the distance of two triangles, 0 if they meet. */
+double triangles_distance2(const double *const p[3], const double *const q[3]);
+
 #endif

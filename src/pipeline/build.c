@@ -91,6 +91,7 @@ static enum tetlod_status contract(struct build *build)
         .min_tets = options->min_tets,
         .boundary_angle = options->boundary_angle,
         .boundary_limit = domain_error * mesh_diagonal(build->original),
+        .boundary_least = BOUNDARY_KEPT * mesh_diagonal(build->original),
         .growth = options->growth,
         .threads = options->threads,
         .progress = options->progress ? contract_progress : NULL,

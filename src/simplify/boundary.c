@@ -9,6 +9,7 @@
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/triangle.h"
 #include "src/mesh/vector.h"
+#include "src/simplify/clearance.h"
 #include "src/util/array.h"
 
 static const double degree = 3.14159265358979323846 / 180;
@@ -76,15 +77,23 @@ static void classify(struct boundary *boundary, const struct complex *complex, u
 }
 
 enum tetlod_status boundary_init(struct boundary *boundary, const struct complex *complex, double angle_degrees,
-                                 double limit, struct tetlod_error *error)
+                                 double limit, double least, struct tetlod_error *error)
 {
     size_t n = complex->vertex_count;
     *boundary = (struct boundary){cos(angle_degrees * degree), sin(angle_degrees * degree), limit, array_zero(n, 1),
-                                  array_zero(n, 3 * sizeof(float)), array_zero(n, sizeof(double))};
-    if (!boundary->kinds || !boundary->directions || !boundary->moved) {
+                                  array_zero(n, 3 * sizeof(float)), array_zero(n, sizeof(double)),
+                                  array_new(n, sizeof(double))};
+    enum tetlod_status status = TETLOD_OK;
+    if (!boundary->kinds || !boundary->directions || !boundary->moved || !boundary->most)
+        status = tetlodi_fail_nomem(error, "the boundary", n * 29);
+    if (status == TETLOD_OK)
+        status = clearance_find(complex, limit, boundary->most, error);
+    if (status != TETLOD_OK) {
         boundary_fini(boundary);
-        return tetlodi_fail_nomem(error, "the boundary", n * 21);
+        return status;
     }
+    for (uint32_t v = 0; v < n; v++)
+        boundary->most[v] = larger(boundary->most[v], least);
     for (uint32_t v = 0; v < n; v++)
         if (complex->flags[v] & VERTEX_BOUNDARY)
             classify(boundary, complex, v);
@@ -96,6 +105,7 @@ void boundary_fini(struct boundary *boundary)
     free(boundary->kinds);
     free(boundary->directions);
     free(boundary->moved);
+    free(boundary->most);
     *boundary = (struct boundary){0};
 }
 
@@ -150,24 +160,71 @@ void boundary_follow(const struct boundary *boundary, const struct complex *comp
     }
 }
 
+enum { STAYS, CONTRACTED, MOVES };
+
+static int part_in(const struct complex *complex, const struct star *star, const double p[3], uint32_t v)
+{
+    for (uint32_t s = 0; s < star->simplex_count; s++)
+        if (star->simplex[s] == v)
+            return distance_squared(complex->positions + 3 * (size_t)v, p) == 0 ? CONTRACTED : MOVES;
+    return STAYS;
+}
+
+/* How far the faces that a contraction moves may be from the original boundary at most, and how far their rim is already. */
+static void look_at_patch(const struct boundary *boundary, const struct complex *complex, const struct star *star,
+                          const double p[3], double *most, double *rim)
+{
+    *most = boundary->limit;
+    *rim = 0;
+    for (uint32_t s = 0; s < star->simplex_count; s++)
+        *most = smaller(*most, boundary->most[star->simplex[s]]);
+    for (uint32_t i = 0; i < star->tet_count; i++)
+        for (unsigned f = 0; f < 4; f++) {
+            const uint32_t *corners = complex->corners + 4 * (size_t)star->tets[i];
+            bool moves = false;
+            if (!complex_boundary_face(complex, star->tets[i], f) || star->moving[i] == f)
+                continue;
+            for (int k = 0; k < 3; k++)
+                moves |= part_in(complex, star, p, corners[tet_faces[f][k]]) == MOVES;
+            for (int k = 0; k < 3 && moves; k++) {
+                uint32_t v = corners[tet_faces[f][k]];
+                *most = smaller(*most, boundary->most[v]);
+                if (part_in(complex, star, p, v) == STAYS)
+                    *rim = larger(*rim, boundary->moved[v]);
+            }
+        }
+}
+
 double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
                       const double p[3], struct shift *shift)
 {
+    double most, rim;
     if (!shift_map(shift, complex, star, p, boundary->cosine))
         return INFINITY;
     double moved = larger(shift_least(shift, boundary->moved, 1), 0);
     for (uint32_t s = 0; s < star->simplex_count; s++)
         if (distance_squared(complex->positions + 3 * (size_t)star->simplex[s], p) == 0)
             moved = larger(moved, boundary->moved[star->simplex[s]]);
-    return moved;
+    if (!shift->count || !(moved <= boundary->limit))
+        return moved;
+    look_at_patch(boundary, complex, star, p, &most, &rim);
+    return moved <= most && rim <= most ? moved : INFINITY;
 }
 
-void boundary_update(struct boundary *boundary, const struct complex *complex, uint32_t vertex, double moved)
+double boundary_most(const struct boundary *boundary, const struct complex *complex, const struct star *star, const double p[3])
+{
+    double most, rim;
+    look_at_patch(boundary, complex, star, p, &most, &rim);
+    return most;
+}
+
+void boundary_update(struct boundary *boundary, const struct complex *complex, uint32_t vertex, double moved, double most)
 {
     if (!(complex->flags[vertex] & VERTEX_BOUNDARY))
         return;
     const uint32_t *tets = complex->pool + complex->star_begin[vertex];
     boundary->moved[vertex] = moved;
+    boundary->most[vertex] = most;
     classify(boundary, complex, vertex);
     for (uint32_t i = 0; i < complex->star_count[vertex]; i++)
         for (unsigned f = 0; f < 4; f++) {

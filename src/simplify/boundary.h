@@ -2,7 +2,8 @@
 /*
  * Keeping the boundary (thesis 4.2.2). A boundary vertex is smooth if all its boundary faces have about one normal, on a
  * crease if they have two, in two groups, else a corner. A smooth vertex may move in its plane, one on a crease along it, a
- * corner stays. How far the surface has moved in all is carried along and limited.
+ * corner stays. How far the surface has moved in all is carried along and limited: by an option, and by the distance to other parts
+ * of the boundary.
  */
 #ifndef TETLOD_BOUNDARY_H
 #define TETLOD_BOUNDARY_H
@@ -17,10 +18,13 @@ struct boundary {
     uint8_t *kinds;      /* [slot] enum boundary_kind, of boundary vertices */
     float *directions;   /* [3 * slot] a smooth vertex's normal, a crease's direction */
     double *moved;       /* [slot] how far the surface at the vertex may be from the original one */
+    double *most;        /* [slot] how far it may be at most, anywhere on the faces around the vertex */
 };
 
+/* The boundary may move by `limit`, and by less near other parts of it, but `least` everywhere. ERR_NOMEM, ERR_LIMIT. */
 TETLOD_CHECKED enum tetlod_status boundary_init(struct boundary *boundary, const struct complex *complex,
-                                                double angle_degrees, double limit, struct tetlod_error *error);
+                                                double angle_degrees, double limit, double least,
+                                                struct tetlod_error *error);
 void boundary_fini(struct boundary *boundary);
 
 /* May the gathered simplex be contracted to p = sum of weights times its vertices, as far as each vertex's kind says? */
@@ -31,12 +35,15 @@ bool boundary_allows(const struct boundary *boundary, const struct complex *comp
 void boundary_follow(const struct boundary *boundary, const struct complex *complex, const struct star *star,
                      double vector[3]);
 
-/* How far the boundary at the result would be from the original one in all, INFINITY if it cannot be mapped or turns by more
- * than the angle; and the map. */
+/* How far the boundary at the result would be from the original one in all, INFINITY if it cannot be mapped, turns by more than the
+ * angle or comes too near to another part of it; and the map. */
 double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
                       const double p[3], struct shift *shift);
 
-/* After a contraction: the kinds of its result and of the boundary vertices around it anew. */
-void boundary_update(struct boundary *boundary, const struct complex *complex, uint32_t vertex, double moved);
+/* Before a contraction: how far its result may be from the original boundary at most. */
+double boundary_most(const struct boundary *boundary, const struct complex *complex, const struct star *star, const double p[3]);
+
+/* After a contraction: what is known of its result, and the kinds of it and of the boundary vertices around it anew. */
+void boundary_update(struct boundary *boundary, const struct complex *complex, uint32_t vertex, double moved, double most);
 
 #endif

@@ -146,10 +146,11 @@ static enum tetlod_status perform(struct run *run, const struct star *star, cons
                                   const double *errors)
 {
     uint32_t v = star->simplex[0];
+    double most = boundary_most(&run->boundary, run->complex, star, p);
     fields_contract(run->fields, run->complex, star, p, run->outcome);
     TETLOD_TRY(complex_contract(run->complex, star, p, run->error));
     metric_update_envelopes(run->options->metric, run->fields, run->complex, v);
-    boundary_update(&run->boundary, run->complex, v, moved);
+    boundary_update(&run->boundary, run->complex, v, moved, most);
     run->moved = larger(run->moved, moved);
     for (uint32_t d = 0; d < run->fields->driver_count; d++) {
         const struct driver *driver = &run->fields->drivers[d];
@@ -624,7 +625,8 @@ enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *m
         TETLOD_TRY_DONE(fields_init_quadrics(&fields, &complex, options->metric == METRIC_QUADRIC, error));
     if (asks_envelopes(options))
         TETLOD_TRY_DONE(metric_init_envelopes(options->metric, &fields, &complex, error));
-    TETLOD_TRY_DONE(boundary_init(&run.boundary, &complex, options->boundary_angle, options->boundary_limit, error));
+    TETLOD_TRY_DONE(boundary_init(&run.boundary, &complex, options->boundary_angle, options->boundary_limit,
+                                  options->boundary_least, error));
     if (options->certify == CERTIFY_EXACT)
         TETLOD_TRY_DONE(make_works(&run, mesh));
     if (options->metric == METRIC_MEASURED)

@@ -52,7 +52,7 @@ static bool open_world(struct world *world, const char *name, uint32_t size, uin
         mesh->fields[0].values[v] = sin(p[0] + 2 * p[1]) + p[2] * p[0] + 0.1 * unit_random(&world->random);
     }
     return fields_init(&world->fields, mesh, (uint32_t[]){0}, 1, NULL, NULL) == TETLOD_OK &&
-           boundary_init(&world->boundary, &world->complex, 0.01, 1e-9, NULL) == TETLOD_OK &&
+           boundary_init(&world->boundary, &world->complex, 0.01, 1e-9, 0, NULL) == TETLOD_OK &&
            overlaps_init(&world->overlaps, mesh, NULL) == TETLOD_OK &&
            examiner_init(&world->examiner, &world->complex, &world->fields, NULL) == TETLOD_OK;
 }
@@ -142,7 +142,7 @@ static void contract(struct world *world, struct outcome *outcome)
     handover_fini(&handover);
     fields_contract(&world->fields, &world->complex, &world->star, world->p, outcome);
     CHECK_INT(complex_contract(&world->complex, &world->star, world->p, NULL), TETLOD_OK);
-    boundary_update(&world->boundary, &world->complex, world->star.simplex[0], 0);
+    boundary_update(&world->boundary, &world->complex, world->star.simplex[0], 0, 1e-9);
 }
 
 /* The overlay's largest difference of the level from the original, as a fraction of the range. */
