@@ -269,13 +269,17 @@ def no_field():
                          '<Points>')
     legacy = VTK.format(**GOOD_VTK)
     legacy_cells = legacy[:legacy.index('POINT_DATA')] + 'CELL_DATA 1\nSCALARS c float\nLOOKUP_TABLE default\n7\n'
-    for name, content in (('no point field', write('bare.vtu', bare)), ('cell data only', write('celldata.vtu', cells)),
-                          ('legacy: cell data only', write('celldata.vtk', legacy_cells))):
-        check(name, 0, [content], commands=['convert'])
-        check(name, 3, [content], 'field', commands=['build'])
-    image = '# vtk DataFile Version 3.0\nt\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 3 3 3\nCELL_DATA 8\n' \
-            'SCALARS c float\nLOOKUP_TABLE default\n1 2 3 4 5 6 7 8\n'
-    check('legacy grid: cell data only', 3, [write('image.vtk', image)], 'POINT_DATA')
+    check('no point field', 0, [write('bare.vtu', bare)], commands=['convert'])
+    check('no point field', 3, [path('bare.vtu')], 'field', commands=['build'])
+    image = '# vtk DataFile Version 3.0\nt\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 3 3 3\n%s'
+    for name, content in (('cell data only', write('celldata.vtu', cells)),
+                          ('legacy: cell data only', write('celldata.vtk', legacy_cells)),
+                          ('legacy grid: cell data only', write('image.vtk', image % (
+                              'CELL_DATA 8\nSCALARS c float\nLOOKUP_TABLE default\n1 2 3 4 5 6 7 8\n')))):
+        check(name, 0, [content])
+    check('legacy grid: no data', 3, [write('image.vtk', image % '')], 'CELL_DATA')
+    check('legacy grid: too few cells', 3, [write('image.vtk', image % (
+        'CELL_DATA 7\nSCALARS c float\nLOOKUP_TABLE default\n1 2 3 4 5 6 7\n'))], 'there are 8')
     check('an unknown field', 3, [vtu('good.vtu'), '--field', 'heat'], 'heat', commands=['build'])
 
 

@@ -33,7 +33,7 @@ LIBC = set('''assert ctype dirent errno fcntl float getopt inttypes limits mallo
 SOCKETS = set('arpa/inet netdb netinet/in netinet/tcp poll sys/eventfd sys/random sys/socket sys/un'.split())
 # header: the folders that may know the library, or the files
 PACKAGES = {
-    'expat.h': ['src/io/'], 'zlib.h': ['src/io/', 'server/'], 'lz4.h': ['src/io/'], 'zstd.h': ['format/', 'server/'],
+    'expat.h': ['src/io/'], 'lzma.h': ['src/io/'], 'zlib.h': ['src/io/', 'server/'], 'lz4.h': ['src/io/'], 'zstd.h': ['format/', 'server/'],
     'jansson.h': ['src/report/', 'src/cli/', 'server/'],
     'microhttpd.h': ['server/server.c', 'server/http.c', 'server/message.c', 'server/message.h', 'server/listener.c'],
 }
