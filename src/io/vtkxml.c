@@ -135,7 +135,7 @@ enum tetlod_status vtkxml_read(struct blocks *out, const struct io_input *input,
     if (document.kind == VTKXML_POLYGONS && input->depth)
         report->flat_blocks++;
     else if (document.kind == VTKXML_POLYGONS)
-        status = tetlodi_fail(error, TETLOD_ERR_MESH, "holds polygons; only volumes can be read");
+        status = tetlodi_fail(error, TETLOD_ERR_MESH, "is PolyData, which holds polygons; only volumes can be read");
     else if (document.kind == VTKXML_MULTIBLOCK || document.kind == VTKXML_COLLECTION)
         status = read_parts(&document, out, input, report, error);
     else
