@@ -20,6 +20,7 @@ struct build {
     const struct tetmesh *original; /* that errors are about */
     struct tetmesh rounded;
     double *rounding;               /* [field] bound of what rounding changed, if quantised */
+    double rounded_by;              /* how far rounding has moved the boundary, in units of length */
     const struct build_options *options;
     struct contraction_log log;
     struct tetlodi_write_level *levels; /* coarse to fine */
@@ -146,7 +147,7 @@ static enum tetlod_status measure_mark(struct build *build, struct ancestry *anc
 {
     uint32_t contractions = build->log.marks[mark].contractions;
     struct ancestry_level level;
-    double domain = build->log.marks[mark].moved;
+    double moved = build->log.marks[mark].moved + build->rounded_by, domain = moved;
     TETLOD_TRY(ancestry_level(ancestry, contractions, &level, build->error));
     enum tetlod_status status;
     if (build->rounding)
@@ -157,7 +158,7 @@ static enum tetlod_status measure_mark(struct build *build, struct ancestry *anc
     if (status != TETLOD_OK)
         return status;
     struct tetlodi_write_level *out = &build->levels[build->log.mark_count - 1 - mark];
-    domain = larger(domain, build->log.marks[mark].moved);
+    domain = larger(domain, moved);
     file_errors(build, mark, measured);
     *out = (struct tetlodi_write_level){
         contractions, diagonal > 0 ? domain / diagonal : 0,
@@ -171,7 +172,7 @@ static enum tetlod_status measure_marks(struct build *build)
     struct ancestry ancestry = {0};
     struct measure *measure = NULL;
     struct measured *measured = array_new(fields, sizeof *measured);
-    double diagonal = mesh_diagonal(build->mesh), finer = 0;
+    double diagonal = mesh_diagonal(build->original), finer = 0;
     enum tetlod_status status = TETLOD_OK;
     build->levels = array_new(marks, sizeof *build->levels);
     build->errors = array_new((size_t)marks * fields, TETLOD_MEASURES * sizeof(double));
@@ -260,6 +261,7 @@ static enum tetlod_status quantise(struct build *build)
     build->rounding = array_new(build->mesh->field_count, sizeof *build->rounding);
     if (!build->rounding)
         return tetlodi_fail_nomem(build->error, "the fields", build->mesh->field_count * sizeof *build->rounding);
+    build->rounded_by = quantise_moved(build->mesh, build->original);
     return quantise_bounds(build->mesh, build->original, build->options->threads, build->rounding, build->error);
 }
 

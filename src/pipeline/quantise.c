@@ -7,6 +7,7 @@
 
 #include "format/fail.h"
 #include "src/measure/overlay.h"
+#include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
 bool quantise_wanted(const struct quantise_options *options)
@@ -114,6 +115,14 @@ static double changed_by(const struct point_field *now, const struct point_field
     for (size_t i = 0; i < (size_t)vertices * now->components; i++)
         most = fmax(most, fabs(now->values[i] - before->values[i]));
     return most;
+}
+
+double quantise_moved(const struct tetmesh *copy, const struct tetmesh *mesh)
+{
+    double most2 = 0;
+    for (size_t v = 0; v < mesh->vertex_count; v++)
+        most2 = larger(most2, distance_squared(copy->positions + 3 * v, mesh->positions + 3 * v));
+    return sqrt(most2) * (1 + 1e-12);
 }
 
 /* Where vertices have moved, thin tetrahedra may have moved by all of their height: only the overlay tells what that does. */

@@ -20,6 +20,9 @@ bool quantise_wanted(const struct quantise_options *options);
 TETLOD_CHECKED enum tetlod_status quantise_mesh(struct tetmesh *out, const struct tetmesh *mesh,
                                                 const struct quantise_options *options, struct tetlod_error *error);
 
+/* The largest distance that rounding has moved a vertex: no point of the boundary has moved further. */
+double quantise_moved(const struct tetmesh *copy, const struct tetmesh *mesh);
+
 /* out[field]: a bound of |field of the copy - field of the mesh| over the domain, at most the range. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status quantise_bounds(const struct tetmesh *copy, const struct tetmesh *mesh, unsigned threads,
                                                   double *out, struct tetlod_error *error);
