@@ -421,19 +421,18 @@ enum tetlod_status measure_new(struct measure **out, const struct tetmesh *origi
     return TETLOD_OK;
 }
 
-/* Samples inside a tetrahedron that are well inside another one, too, or in none well. */
+/* Vertices that are well inside a tetrahedron; samples inside one that are well inside another, too, or in none well. */
 static void look_for_overlap(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct measure *measure = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        size_t sample = measure->original->vertex_count + i;
         struct place place;
         uint32_t tets[MOST_OVERLAP], inside = 0;
         double p[3], weights[4];
-        if (!sample_counts(measure, sample))
+        if (!sample_counts(measure, i))
             continue;
-        sample_place(measure, sample, &place);
+        sample_place(measure, i, &place);
         for (int d = 0; d < 3; d++)
             p[d] = place_value(measure->original->positions, 3, (uint32_t)d, &place);
         uint32_t count = locator_find(&measure->locator, p, tets, MOST_OVERLAP);
@@ -441,7 +440,7 @@ static void look_for_overlap(void *context, unsigned worker, size_t begin, size_
             locator_weights(&measure->locator, tets[k], p, weights);
             inside += strictly_inside(weights);
         }
-        measure->ambiguous[sample] |= inside != 1;
+        measure->ambiguous[i] |= inside != (i >= measure->original->vertex_count);
     }
 }
 
@@ -453,7 +452,7 @@ static enum tetlod_status find_ambiguous(struct measure *measure, unsigned threa
     measure->ambiguous = array_zero(measure->sample_count, 1);
     if (!measure->ambiguous)
         return tetlodi_fail_nomem(error, "samples", measure->sample_count);
-    parallel_for(threads, measure->sample_count - mesh->vertex_count, CHUNK, look_for_overlap, measure);
+    parallel_for(threads, measure->sample_count, CHUNK, look_for_overlap, measure);
     uint8_t *of_tets = measure->ambiguous + mesh->vertex_count;
     for (int round = 0; round < 3; round++) // from tetrahedra to vertices to tetrahedra to vertices
         for (size_t c = 0; c < 4 * (size_t)mesh->tet_count; c++) {

@@ -11,6 +11,7 @@
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/build.h"
 #include "src/report/level_mesh.h"
+#include "src/sample/sample.h"
 #include "src/util/array.h"
 #include "tests/gen.h"
 #include "tests/memory_sink.h"
@@ -108,18 +109,40 @@ static double point_error(const struct checked *c, const struct tetmesh *level, 
     return isinf(best) ? -1 : best;
 }
 
+/* The largest distance of points of either boundary, also inside faces, from the other. */
+static double boundary_distance(const struct locator locators[2], uint64_t *random)
+{
+    double most = 0;
+    for (int from = 0; from < 2; from++)
+        for (size_t f = 0; f < locators[from].triangle_count; f++) {
+            double weights[3], total = 0, p[3] = {0, 0, 0};
+            struct place place;
+            for (int k = 0; k < 3; k++)
+                total += weights[k] = unit_random(random) + 1e-9;
+            for (int k = 0; k < 3; k++)
+                for (int d = 0; d < 3; d++)
+                    p[d] += weights[k] / total *
+                            locators[from].positions[3 * (size_t)locators[from].triangles[3 * f + (size_t)k] + (size_t)d];
+            most = larger(most, locator_closest(&locators[!from], p, &place));
+        }
+    return most;
+}
+
 static void check_level(const struct checked *c, const struct tetlod_level *stored, uint32_t k, const struct tetmesh *level)
 {
     static const uint32_t fields[1] = {0};
     uint64_t random = k;
-    struct locator locator;
+    struct locator locators[2], *locator = &locators[1];
     struct overlay_report report;
     struct measure *measure;
     struct measured measured;
     double exact, domain, found = 0;
-    REQUIRE(locator_init(&locator, level->positions, level->vertex_count, level->corners, level->tet_count, NULL) == TETLOD_OK);
+    for (int i = 0; i < 2; i++) {
+        const struct tetmesh *mesh = i ? level : c->original;
+        REQUIRE(locator_init(&locators[i], mesh->positions, mesh->vertex_count, mesh->corners, mesh->tet_count, NULL) == TETLOD_OK);
+    }
     for (int i = 0; i < POINTS; i++)
-        found = larger(found, point_error(c, level, &locator, &random));
+        found = larger(found, point_error(c, level, locator, &random));
     REQUIRE(overlay_max(c->original, fields, level, fields, 1, 2, &exact, &report, NULL) == TETLOD_OK);
     REQUIRE(measure_new(&measure, c->original, fields, 1, NULL) == TETLOD_OK);
     REQUIRE(measure_mesh(measure, level, fields, 2, &measured, &domain, NULL) == TETLOD_OK);
@@ -129,10 +152,12 @@ static void check_level(const struct checked *c, const struct tetlod_level *stor
         TEST_FAIL("%s, level %u of %u tetrahedra: max is %.10g, sampled %.10g; at points %.10g, by the overlay %.10g, measured %.10g",
                   c->name, k, level->tet_count, stored->errors[TETLOD_MAX], stored->errors[TETLOD_SAMPLED], found / c->range,
                   exact / c->range, measured.sampled / c->range);
+    domain = larger(domain, boundary_distance(locators, &random));
     if (domain > stored->domain_error * c->diagonal * (1 + 1e-9) + 1e-13 * c->diagonal)
         TEST_FAIL("%s, level %u: its domain error is %g, stored is %g", c->name, k, domain / c->diagonal, stored->domain_error);
     measure_free(measure);
-    locator_fini(&locator);
+    locator_fini(&locators[0]);
+    locator_fini(&locators[1]);
 }
 
 static struct build_options usual(const struct build_control *control)
@@ -215,9 +240,52 @@ static void test_folds(void)
     }
 }
 
+/* Two bodies with a value each, which touch, overlap, or have a gap between them: the boundary of one must not be taken for the
+ * other's. */
+static void test_bodies(void)
+{
+    static const double corners[][3] = {{0, 0, 1}, {0.3, 0.2, 1}, {0, 0, 1.0005}, {0.25, 0.25, 0.75}};
+    const struct build_control control = {0};
+    for (int i = 0; i < 8; i++) {
+        struct build_options options = usual(&control);
+        struct build_report report;
+        struct tetmesh mesh;
+        REQUIRE(new_mesh(&mesh, 3));
+        add_block(&mesh, 3, origin, cube, 0.3, 1);
+        uint32_t first = mesh.vertex_count;
+        add_block(&mesh, 3, corners[i / 2], cube, 0.3, 2);
+        for (uint32_t v = 0; v < mesh.vertex_count; v++) {
+            double *p = mesh.positions + 3 * (size_t)v;
+            mesh.fields[0].values[v] = v >= first;
+            p[2] += 0.02 * sin(3 * p[0]) * cos(2 * p[1]); // no face is plane
+        }
+        options.domain_error = i % 2 ? 1e-3 : 0.03;
+        options.certify = i == 1 ? CERTIFY_EXACT : CERTIFY_FAST;
+        check("two bodies", &mesh, &options, &report);
+        tetmesh_fini(&mesh);
+    }
+}
+
+/* Rounding moves the boundary, too. */
+static void test_rounded_positions(void)
+{
+    const struct build_control control = {0};
+    for (unsigned bits = 5; bits < 10; bits += 2) {
+        struct build_options options = usual(&control);
+        struct build_report report;
+        struct tetmesh mesh = {0};
+        REQUIRE(sample_find("torus")->make(&mesh, 3, NULL) == TETLOD_OK);
+        options.quantise.position_bits = bits;
+        check("rounded positions", &mesh, &options, &report);
+        tetmesh_fini(&mesh);
+    }
+}
+
 int main(void)
 {
     RUN(test_far_from_zero);
     RUN(test_folds);
+    RUN(test_bodies);
+    RUN(test_rounded_positions);
     return test_end();
 }
