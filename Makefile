@@ -127,10 +127,11 @@ $(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h) Makefi
 	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(WASM_SRC)
 
 # The worker is one file: three loads one after the other would keep it waiting
-$(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC)
+$(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC) $(WEB_DIR)/inline.mjs LICENSE
 	@rm -rf $(@D) && mkdir -p $(@D)
 	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/worker.js
-	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js choose.js),$(CLIENT_SRC)) $(@D)
+	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js),$(CLIENT_SRC)) LICENSE $(@D)
+	$(Q)node $(WEB_DIR)/inline.mjs $(@D)/worker.js $(WASM) $(@D)/inline.js
 
 build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
 	@echo "  WEB $(WEB_DIR)"
