@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The catalogue as a page: key figures of each stream, and its levels as links to mesh files.
 
+import { takeDropped } from './choose_file.js';
 import { element } from './dom.js';
 import { bytes, count, percent } from './numbers.js';
 import './theme.js';
@@ -115,6 +116,17 @@ async function streamSection(item) {
   }
   return section;
 }
+
+// The viewer in place of the catalogue: a page that is gone to cannot be given a file.
+takeDropped(async (file) => {
+  globalThis.tetlodFile = file;
+  const page = new DOMParser().parseFromString(await (await fetch('view.html')).text(), 'text/html');
+  history.pushState(null, '', 'view.html');
+  addEventListener('popstate', () => location.reload());
+  document.head.replaceChildren(...page.head.querySelectorAll('title, meta, link[rel=stylesheet], link[rel=icon]'));
+  document.body.replaceWith(document.adoptNode(page.body));
+  await import('./view.js');
+});
 
 const meshesUrl = new URL('v1/meshes', location); // what the links are relative to
 const main = document.getElementById('streams');
