@@ -26,7 +26,13 @@ const root = new URL('.', import.meta.url);
 const id = decodeURIComponent(/^view\/(.*)$/.exec(location.pathname.slice(root.pathname.length))?.[1] ?? '');
 const file = new URLSearchParams(location.search).get('stream');
 const source = await (id ? new URL(`v1/meshes/${encodeURIComponent(id)}`, root).href : file ?? chooseFile());
-const name = id || decodeURIComponent(source.name ?? new URL(source, location).pathname.split('/').pop()).replace(/\.tetlod$/, '');
+const name = id || nameOf(source);
+
+// fin of …/fin.tetlod, and of …/fin/{content id}/stream
+function nameOf(from) {
+  const path = decodeURIComponent(from.name ?? new URL(from, location).pathname);
+  return /([^/]+)\/[0-9a-f]{32}\/stream$/.exec(path)?.[1] ?? path.split('/').pop().replace(/\.tetlod$/, '');
+}
 
 const stillness = matchMedia('(prefers-reduced-motion: reduce)');
 const store = new Store(fromFragment(location.hash));
