@@ -62,7 +62,7 @@ PACKAGE_LIBS = $(shell $(PKG_CONFIG) --libs $(PACKAGES)) -lm
 FORMAT_SRC := $(sort $(wildcard format/*.c))
 LIBRARY_SRC := $(sort $(filter-out src/cli/%,$(wildcard src/*/*.c src/*/*/*.c)))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
-SERVER_SRC := $(sort $(wildcard server/*.c))
+SERVER_SRC := $(sort $(wildcard server/*.c server/net/*.c server/answer/*.c server/store/*.c))
 SUPPORT_SRC := $(sort $(wildcard tests/*.c))
 UNIT_SRC := $(sort $(wildcard tests/unit/test_*.c))
 FUZZ_SRC := $(sort $(wildcard tests/fuzz/fuzz_*.c))
@@ -138,7 +138,7 @@ build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
 $(EMBEDDED_SRC): server/embed.py build/web.stamp server/api/openapi.json
 	$(Q)python3 server/embed.py $(@D) $(WEB) server/api
 
-$(EMBEDDED): $(EMBEDDED_SRC) server/assets.h $(B)/flags
+$(EMBEDDED): $(EMBEDDED_SRC) server/answer/assets.h $(B)/flags
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
 

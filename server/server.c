@@ -22,9 +22,12 @@
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "server/http.h"
-#include "server/listener.h"
+#include "server/answer/buffer.h"
+#include "server/answer/routes.h"
+#include "server/net/http.h"
+#include "server/net/listener.h"
 #include "src/util/array.h"
+#include "src/util/clock.h"
 #include "src/util/parallel.h"
 
 enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250, MOST_ORIGIN_BYTES = 240 };
