@@ -247,7 +247,7 @@ static uint64_t priority_of(double key, uint32_t slot)
     uint64_t bits;
     key += 0.0;
     memcpy(&bits, &key, sizeof bits);
-    return bits >> 51 << 32 | scramble(slot);
+    return (bits >> 46 << 32) | scramble(slot);
 }
 
 static void propose(const struct run *run, struct worker *worker, uint32_t slot, const struct candidate *candidate)
