@@ -14,7 +14,7 @@
 
 /* A vertex whose star has changed is evaluated again if this multiple of what it waited for is within the limit: a change rarely
  * eases it by more. */
-static const double EASED = 0.9;
+static const double EASED = 0.8;
 
 /* Times that a rung looks again at vertices whose stars have changed. */
 enum { MOST_PASSES = 3 };
