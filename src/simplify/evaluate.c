@@ -14,8 +14,8 @@
 #include "src/mesh/vector.h"
 #include "src/util/array.h"
 
-/* Errors are followed to this multiple of the limit, so that what waits is not looked at on the next rungs. */
-static const double HORIZON = 2;
+/* Errors are followed to this multiple of the limit and at least so far, so that what waits is not looked at on the next rungs. */
+static const double HORIZON = 2, LEAST_HORIZON = 0.01;
 
 /* Middles whose other half is examined in one evaluation; if more look good, the vertex is looked at again on the next rung. */
 enum { MOST_MIDDLES = 3 };
@@ -70,6 +70,11 @@ double assigned_error(const struct run *run, const struct worker *worker, double
 }
 
 /* ---- step 2 */
+
+static double horizon(const struct run *run)
+{
+    return larger(HORIZON * run->limit, LEAST_HORIZON);
+}
 
 static double key_of(double error, uint32_t removed)
 {
@@ -128,7 +133,7 @@ static uint32_t look_around(const struct run *run, struct worker *worker, struct
     struct hood *hood = &worker->hood;
     uint32_t count = 0;
     struct look look = {run->working->component_count, run->factors, numbers_of(run, worker, NUMBERS_GAP), 1,
-                        HORIZON * run->limit};
+                        horizon(run)};
     for (uint32_t n = 0; n < hood->count; n++) {
         bool end, middle;
         if (!allowed(run, hood, n, &end, &middle))
@@ -168,7 +173,7 @@ static bool set_bounds(const struct run *run, struct worker *worker, const struc
         double *rise = numbers_of(run, worker, NUMBERS_RISE);
         for (uint32_t f = 0; f < 2 * components; f++)
             rise[f] = working_row(working, other)[ROW_FIELDS + f] - own[ROW_FIELDS + f];
-        struct look look = {components, run->factors, numbers_of(run, worker, NUMBERS_GAP), 0.5, HORIZON * run->limit};
+        struct look look = {components, run->factors, numbers_of(run, worker, NUMBERS_GAP), 0.5, horizon(run)};
         struct half half = {upper, lower, rise, 0};
         if (!run->kernels->halfway(working, other, hood->vertex, &look, &half))
             return false;

@@ -3,7 +3,6 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "format/fail.h"
@@ -579,7 +578,7 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, options->boundary_angle, options->boundary_limit, error));
     TETLOD_TRY_DONE(allocate(&rounds));
     status = climb(&rounds);
-    log_finish(out);if(getenv("DBG")){uint64_t r[4]={0};for(unsigned w=0;w<crew_size(rounds.run.crew);w++)for(int i=0;i<4;i++)r[i]+=rounds.run.workers[w].refused[i];fprintf(stderr,"refused flip %lu link %lu boundary %lu rounding %lu rounds %u\n",r[0],r[1],r[2],r[3],rounds.run.round);}
+    log_finish(out);
 done:
     rounds_fini(&rounds);
     if (status != TETLOD_OK)

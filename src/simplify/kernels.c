@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What kernels_plain.c and kernels_avx2.c are made of: no include guard. */
+/* kernels_avx2.c is this file once more, under another name and for other processors. */
 #include "src/simplify/kernels.h"
 
 #include <float.h>
@@ -314,5 +314,17 @@ static bool weigh(struct weighing *weighing, const double p[3])
     return fits;
 }
 
-extern const struct kernels KERNELS;
+#if defined(KERNELS)
 const struct kernels KERNELS = {prepare, look, halfway, weigh};
+#else
+const struct kernels kernels_plain = {prepare, look, halfway, weigh};
+
+const struct kernels *kernels_choose(void)
+{
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2"))
+        return &kernels_avx2;
+#endif
+    return &kernels_plain;
+}
+#endif
