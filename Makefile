@@ -17,14 +17,14 @@ SOVERSION := $(firstword $(subst ., ,$(VERSION)))
 B := build/$(config)
 
 # ---- what must be installed, as Debian packages; `make deps` installs what is missing
-DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev \
+DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev \
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
 DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-jsonschema nginx-light varnish openssl chromium
 DEPS_BENCH := wrk nginx-light chromium
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
-PACKAGES := libzstd expat zlib liblz4 jansson libmicrohttpd
+PACKAGES := libzstd expat zlib liblz4 liblzma jansson libmicrohttpd
 WARNINGS := -Wall -Wextra -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wvla -Wundef -Wcast-qual -Wpointer-arith \
     -Wwrite-strings
 ifeq ($(werror),1)
@@ -35,7 +35,8 @@ TETLOD_CFLAGS := -std=c11 -I. -D_POSIX_C_SOURCE=200809L -pthread -fPIC -fvisibil
 TETLOD_LDFLAGS := -pthread
 FUZZER :=
 ifeq ($(config),release)
-TETLOD_CFLAGS += -O3
+# GCC 12 forgets a rounding to float and back where it vectorises such lines together (three coordinates of a point)
+TETLOD_CFLAGS += -O3 -fno-tree-slp-vectorize
 else ifeq ($(config),debug)
 TETLOD_CFLAGS += -O0 -DTETLOD_DEBUG
 else ifeq ($(config),asan)
@@ -129,10 +130,11 @@ $(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h) Makefi
 	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(WASM_SRC)
 
 # The worker is one file: three loads one after the other would keep it waiting
-$(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC)
+$(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC) $(WEB_DIR)/inline.mjs LICENSE
 	@rm -rf $(@D) && mkdir -p $(@D)
 	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/worker.js
-	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js choose.js),$(CLIENT_SRC)) $(@D)
+	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js),$(CLIENT_SRC)) LICENSE $(@D)
+	$(Q)node $(WEB_DIR)/inline.mjs $(@D)/worker.js $(WASM) $(@D)/inline.js
 
 build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
 	@echo "  WEB $(WEB_DIR)"
@@ -256,6 +258,19 @@ BENCHES += bench-thesis bench-builder
 bench-thesis bench-builder: bench-%: deps-build
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/$*.py $(BINARY)
+
+## attack: SEEDS random adversarial meshes with random options, held against an oracle (FIRST=seed to begin with)
+.PHONY: attack
+SEEDS ?= 2000
+FIRST ?= 1
+ATTACK := $(B)/tests/attack/attack
+ATTACK_OBJECTS := $(call objects,$(wildcard tests/attack/*.c)) $(B)/tests/recode.o
+OBJECTS += $(ATTACK_OBJECTS)
+$(ATTACK): $(ATTACK_OBJECTS) $(LIBTETLOD)
+	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ -lm
+attack: deps-build
+	$(Q)$(MAKE) --no-print-directory all $(ATTACK)
+	@python3 tests/attack/run.py $(ATTACK) $(BINARY) $(B)/attack $(SEEDS) $(FIRST)
 
 ## bench-certificate: 100 random levels of all samples and the blunt fin (BLUNT=folder), 200,000 points each, against what is promised of them
 .PHONY: bench-certificate
