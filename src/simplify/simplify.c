@@ -613,7 +613,7 @@ static enum tetlod_status log_drivers(const struct run *run)
 static bool in_rounds(const struct simplify_options *options)
 {
     return options->metric == METRIC_ENVELOPE && options->certify == CERTIFY_FAST && options->contract == CONTRACT_EDGES &&
-           (options->candidates == 0 || options->candidates == 3) && !getenv("OLD");
+           options->candidates == 0;
 }
 
 enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *mesh, const uint32_t *controlled,
