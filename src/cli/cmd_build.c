@@ -406,7 +406,9 @@ static void say(const struct request *request, const struct io_report *read, con
         uint64_t count;
         const char *what;
     } notes[] = {{report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
-                 {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"}};
+                 {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"},
+                 {report->folded_tets, "folded tetrahedra, on the same side of a face as their neighbour, carried along; no promise "
+                                       "is made inside them"}};
     for (size_t i = 0; i < sizeof notes / sizeof *notes; i++)
         if (notes[i].count)
             fprintf(stderr, "tetlod build: %" PRIu64 " %s\n", notes[i].count, notes[i].what);

@@ -83,6 +83,7 @@ static enum tetlod_status check_report(const struct verification *v, uint32_t le
         bool exactly;
     } counts[] = {{"inverted tetrahedra", now.inverted_tets, original->inverted_tets, false},
                   {"degenerate tetrahedra", now.degenerate_tets, original->degenerate_tets, false},
+                  {"faces with both tetrahedra on one side", now.same_side_faces, original->same_side_faces, false},
                   {"duplicate tetrahedra", now.duplicate_tets, original->duplicate_tets, false},
                   {"faces of more than two tetrahedra", now.overfull_faces, original->overfull_faces, false},
                   {"vertices that are no manifold points", now.singular_vertices, original->singular_vertices, false},
