@@ -15,6 +15,7 @@
 
 struct finder {
     struct working *working;
+    uint8_t *folded; /* [tet] */
     struct hood hoods[PARALLEL_MOST_THREADS];
     struct table pairs[PARALLEL_MOST_THREADS];
     uint32_t *parents[PARALLEL_MOST_THREADS]; /* [tet of the star] */
@@ -38,7 +39,11 @@ static void set_boundary(struct working *working, uint32_t tet, uint32_t opposit
             __atomic_fetch_or(&working->flags[corners[c]], VERTEX_BOUNDARY, __ATOMIC_RELAXED);
 }
 
-/* Faces of the slot and two greater ones that are not exactly two tetrahedra's. */
+/* What is known of a face while its tetrahedra are counted: how many there are, up to three, and how many list it upwards. */
+enum { FACE_TET = 1, FACE_TETS = 3, FACE_UPWARDS = 4 };
+
+/* Faces of the slot and two greater ones: those that are not exactly two tetrahedra's are on the boundary; those whose two
+ * list them in the same turn, for they lie on one side of it, are folds. */
 static bool find_faces(struct finder *finder, unsigned worker, uint32_t slot)
 {
     struct hood *hood = &finder->hoods[worker];
@@ -48,13 +53,16 @@ static bool find_faces(struct finder *finder, unsigned worker, uint32_t slot)
     for (int pass = 0; pass < 2; pass++)
         for (uint32_t t = 0; t < hood->tet_count; t++)
             for (int k = 0; k < 3; k++) {
-                uint32_t x = hood->slots[hood->corners[(k + 1) % 3][t]], y = hood->slots[hood->corners[(k + 2) % 3][t]];
-                if (x < slot || y < slot)
+                uint32_t x = hood->corners[(k + 1) % 3][t], y = hood->corners[(k + 2) % 3][t];
+                if (hood->slots[x] < slot || hood->slots[y] < slot)
                     continue;
-                uint32_t *count = table_at(pairs, pair_of(hood, t, k), 0);
-                *count += pass == 0;
-                if (pass == 1 && *count != 2)
+                uint32_t *face = table_at(pairs, pair_of(hood, t, k), 0), tets = *face & FACE_TETS;
+                if (pass == 0)
+                    *face += tets < FACE_TETS ? FACE_TET + (x < y) * FACE_UPWARDS : 0;
+                else if (tets != 2)
                     set_boundary(finder->working, hood->tets[t], hood->slots[hood->corners[k][t]]);
+                else if (*face != tets + FACE_UPWARDS)
+                    __atomic_store_n(&finder->folded[hood->tets[t]], 1, __ATOMIC_RELAXED);
             }
     return true;
 }
@@ -113,15 +121,61 @@ static void singular_range(void *context, unsigned worker, size_t begin, size_t 
             atomic_store(&finder->failed, true);
 }
 
+/* A tetrahedron that is folded over a neighbour is frozen with it, unless one of them is inverted, which is another matter. */
+static void freeze_folded(const struct finder *finder)
+{
+    struct working *working = finder->working;
+    for (uint32_t t = 0; t < working->tet_count; t++) {
+        if (!finder->folded[t] || !border_folded(working, t))
+            continue;
+        working->log->folded_tets++;
+        for (int c = 0; c < 4; c++)
+            working->flags[working->corners[t][c]] |= VERTEX_FROZEN;
+    }
+}
+
+/* Is the tetrahedron across the face opposite a corner on the same side of it, both well oriented? */
+static bool folded_at(const struct working *working, uint32_t tet, unsigned opposite)
+{
+    const uint32_t *own = working->corners[tet];
+    uint32_t first = own[tet_faces[opposite][0]], second = own[tet_faces[opposite][1]], third = own[tet_faces[opposite][2]];
+    const struct span *star = &working->stars[first];
+    for (uint32_t i = 0; i < star->count; i++) {
+        uint32_t other = working->pool[star->begin + i];
+        const uint32_t *corners = working->corners[other];
+        for (unsigned f = 0; f < 4 && other != tet && corners[0] != TETLOD_NONE; f++)
+            for (int k = 0; k < 3; k++)
+                if (corners[tet_faces[f][k]] == first && corners[tet_faces[f][(k + 1) % 3]] == second &&
+                    corners[tet_faces[f][(k + 2) % 3]] == third && working_orientation(working, other) > 0)
+                    return true;
+    }
+    return false;
+}
+
+bool border_folded(const struct working *working, uint32_t tet)
+{
+    if (working_orientation(working, tet) <= 0)
+        return false;
+    for (unsigned f = 0; f < 4; f++)
+        if (!(working->boundary_faces[tet] >> f & 1) && folded_at(working, tet, f))
+            return true;
+    return false;
+}
+
 enum tetlod_status border_find(struct working *working, struct crew *crew, struct tetlod_error *error)
 {
     struct finder *finder = array_zero(1, sizeof *finder);
     if (!finder)
         return tetlodi_fail_nomem(error, "the boundary", sizeof *finder);
     finder->working = working;
+    finder->folded = array_zero(working->tet_count, 1);
+    atomic_store(&finder->failed, !finder->folded);
     crew_run(crew, working->slot_count, 1024, find_range, finder);
     crew_run(crew, working->slot_count, 1024, singular_range, finder);
     bool failed = atomic_load(&finder->failed);
+    if (!failed)
+        freeze_folded(finder);
+    free(finder->folded);
     for (unsigned w = 0; w < PARALLEL_MOST_THREADS; w++) {
         hood_fini(&finder->hoods[w]);
         table_fini(&finder->pairs[w]);

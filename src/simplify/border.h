@@ -18,8 +18,12 @@ struct border {
     float *directions;   /* [3 * slot] a smooth vertex's normal, a crease's direction */
 };
 
-/* Finds the working mesh's boundary faces and vertices and those that are no manifold points. ERR_NOMEM. */
+/* Finds the working mesh's boundary faces and vertices, those that are no manifold points, and freezes those of folded tetrahedra.
+ * ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status border_find(struct working *working, struct crew *crew, struct tetlod_error *error);
+
+/* Do the tetrahedron and one that shares a face with it lie on the same side of that, both well oriented? Then they overlap. */
+bool border_folded(const struct working *working, uint32_t tet);
 
 TETLOD_CHECKED enum tetlod_status border_init(struct border *border, const struct working *working, double angle_degrees,
                                                double limit, struct tetlod_error *error);

@@ -59,10 +59,8 @@ double assigned_error(const struct run *run, const struct worker *worker, double
     double worst = 0;
     for (uint32_t c = 0; c < run->working->component_count; c++) {
         const struct controlled *component = &run->working->components[c];
-        double value = field_round(&run->working->fields[component->field], component->component,
-                                   component->middle + (upper[c] + lower[c]) / 2);
-        double less = value - component->middle;
-        worst = larger(worst, larger(upper[c] - less, less - lower[c]) * component->factor);
+        double value = field_round(&run->working->fields[component->field], component->component, (upper[c] + lower[c]) / 2);
+        worst = larger(worst, larger(upper[c] - value, value - lower[c]) * component->factor);
         if (values)
             values[c] = value;
     }

@@ -152,28 +152,29 @@ static bool is_controlled(const struct working *working, uint32_t field)
     return false;
 }
 
-/* Fields that are not controlled, by scalar value assignment (thesis 3.3); into the log. */
-static void carry_fields(const struct worker *worker, const struct working *working, const struct join *join, uint32_t record)
+/* Fields that are not controlled, by scalar value assignment (thesis 3.3). */
+static void carry_fields(const struct worker *worker, const struct working *working, const struct join *join)
 {
     for (uint32_t f = 0; f < working->field_count; f++) {
         const struct working_field *field = &working->fields[f];
         for (uint32_t c = 0; c < field->components && !is_controlled(working, f); c++)
-            working->log->fields[f].values[(size_t)record * field->components + c] =
-                carried_value(worker, working, join, field, c);
+            field->values[(size_t)join->kept * field->components + c] = carried_value(worker, working, join, field, c);
     }
 }
 
-static void set_values(const struct working *working, const struct join *join, uint32_t record)
+static void log_values(const struct working *working, const struct join *join, uint32_t record)
 {
     for (uint32_t f = 0; f < working->field_count; f++) {
-        size_t k = working->fields[f].components;
-        memcpy(working->fields[f].values + join->kept * k, working->log->fields[f].values + record * k, k * sizeof(double));
+        const struct working_field *field = &working->fields[f];
+        size_t k = field->components;
+        for (size_t c = 0; c < k; c++)
+            working->log->fields[f].values[record * k + c] = field->values[join->kept * k + c] + field->middles[c];
     }
 }
 
-/* Controlled fields: `values` by component; their predictions; into the log. */
-static void set_components(const struct run *run, const struct worker *worker, const struct join *join, uint32_t record,
-                           const double *values, double *predicted)
+/* Predictions of the controlled components, from the values that the fields still have; then their new values. */
+static void set_components(const struct run *run, const struct worker *worker, const struct join *join, const double *values,
+                           double *predicted)
 {
     const struct working *working = run->working;
     for (uint32_t c = 0; c < working->component_count; c++) {
@@ -184,7 +185,7 @@ static void set_components(const struct run *run, const struct worker *worker, c
         double before = component->predicted[join->kept] + component->predicted[join->dead];
         component->predicted[join->kept] = before + larger(range[1] - values[c], values[c] - range[0]);
         predicted[c] = component->predicted[join->kept] * component->scale;
-        working->log->fields[component->field].values[(size_t)record * field->components + component->component] = values[c];
+        field->values[(size_t)join->kept * field->components + component->component] = values[c];
     }
 }
 
@@ -294,13 +295,13 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
     const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
     for (uint32_t c = 0; c < working->component_count; c++) {
         const struct controlled *component = &working->components[c];
-        double less = values[c] - component->middle, most = larger(upper[c] - less, less - lower[c]);
+        double most = larger(upper[c] - values[c], values[c] - lower[c]);
         double named = component->factor > 0 ? run->limit / component->factor * component->scale : INFINITY;
         certified[c] = smaller(smaller(most * component->scale, named), 1); // within rounding of the limit is the limit
     }
-    carry_fields(worker, working, &join, record);
-    set_components(run, worker, &join, record, values, predicted);
-    set_values(working, &join, record);
+    carry_fields(worker, working, &join);
+    set_components(run, worker, &join, values, predicted);
+    log_values(working, &join, record);
     uint32_t *children = working->log->children + 4 * (size_t)record;
     children[0] = working->node[join.kept];
     children[1] = working->node[join.dead];

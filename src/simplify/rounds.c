@@ -347,7 +347,7 @@ static enum tetlod_status collect(struct rounds *rounds, bool thawing)
     return TETLOD_OK;
 }
 
-/* A frozen vertex whose last degenerate or inverted tetrahedron is gone is free. */
+/* A frozen vertex whose last degenerate, inverted or folded tetrahedron is gone is free. */
 static void thaw(struct rounds *rounds, uint32_t slot)
 {
     struct working *working = &rounds->working;
@@ -356,7 +356,7 @@ static void thaw(struct rounds *rounds, uint32_t slot)
         return;
     for (uint32_t i = 0; i < star->count; i++) {
         uint32_t tet = working->pool[star->begin + i];
-        if (!tet_gone(working, tet) && working_orientation(working, tet) <= 0)
+        if (!tet_gone(working, tet) && (working_orientation(working, tet) <= 0 || border_folded(working, tet)))
             return;
     }
     working->flags[slot] &= (uint8_t)~VERTEX_FROZEN;

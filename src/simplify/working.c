@@ -26,6 +26,7 @@ uint64_t working_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
 void working_fini(struct working *working)
 {
     for (uint32_t f = 0; f < working->field_count && working->fields; f++) {
+        free(working->fields[f].middles);
         free(working->fields[f].component_range);
         free(working->fields[f].values);
     }
@@ -138,36 +139,39 @@ static void freeze(struct working *working)
 static bool init_values(struct working *working, struct working_field *field, const struct point_field *from)
 {
     size_t k = from->components, n = working->slot_count;
-    *field = (struct working_field){from->components, from->type, array_new(k, 2 * sizeof(double)),
-                                    array_new(n * k, sizeof(double)), from->grid};
-    if (!field->component_range || !field->values)
+    *field = (struct working_field){.components = from->components,
+                                    .type = from->type,
+                                    .middles = array_new(k, sizeof(double)),
+                                    .component_range = array_new(k, 2 * sizeof(double)),
+                                    .values = array_new(n * k, sizeof(double)),
+                                    .grid = from->grid};
+    if (!field->middles || !field->component_range || !field->values)
         return false;
-    for (size_t c = 0; c < k; c++)
-        field->component_range[c][0] = field->component_range[c][1] = from->values[c];
-    for (size_t v = 0; v < n; v++)
-        for (size_t c = 0; c < k; c++) {
-            double value = from->values[working->node[v] * k + c], *range = field->component_range[c];
-            field->values[v * k + c] = value;
-            range[0] = smaller(range[0], value);
-            range[1] = larger(range[1], value);
+    for (size_t c = 0; c < k; c++) {
+        double *range = field->component_range[c];
+        range[0] = range[1] = from->values[c];
+        for (size_t v = 1; v < n; v++) {
+            range[0] = smaller(range[0], from->values[v * k + c]);
+            range[1] = larger(range[1], from->values[v * k + c]);
         }
+        double middle = field->middles[c] = field_middle(range);
+        for (size_t v = 0; v < n; v++)
+            field->values[v * k + c] = from->values[working->node[v] * k + c] - middle;
+        range[0] -= middle;
+        range[1] -= middle;
+    }
     return true;
 }
 
-/* U and L are the value less the middle, a step apart from it where the difference is not exact. */
 static bool init_component(struct working *working, uint32_t c)
 {
     struct controlled *component = &working->components[c];
     const struct working_field *field = &working->fields[component->field];
-    const double *range = field->component_range[component->component];
-    component->middle = range[0] + (range[1] - range[0]) / 2;
     component->predicted = array_zero(working->slot_count, sizeof(double));
     for (uint32_t v = 0; v < working->slot_count; v++) {
-        double value = field->values[(size_t)v * field->components + component->component];
-        double less = value - component->middle, back = less - value;
-        double lost = (value - (less - back)) - (component->middle + back), *row = working_row(working, v);
-        row[ROW_FIELDS + 2 * c] = lost == 0 ? less : nextafter(less, INFINITY);
-        row[ROW_FIELDS + 2 * c + 1] = lost == 0 ? less : nextafter(less, -INFINITY);
+        double *row = working_row(working, v);
+        row[ROW_FIELDS + 2 * c] = row[ROW_FIELDS + 2 * c + 1] =
+            field->values[(size_t)v * field->components + component->component];
     }
     return component->predicted != NULL;
 }

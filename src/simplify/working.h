@@ -6,8 +6,8 @@
  * result in the slot of one end and kills the other. A slot's node names its vertex in the contraction log. Every
  * tetrahedron is positive as listed (the mesh's own orientation is turned round if it is the other one), or has frozen corners.
  *
- * A slot's row holds what evaluating reads, together: the position; U and L of each controlled component, less the middle
- * of the component's range; and how far the boundary has moved there (PROOF.md, 2 and 5).
+ * A slot's row holds what evaluating reads, together: the position; U and L of each controlled component, less what
+ * its values are kept less (fields.h); and how far the boundary has moved there (PROOF.md, 2 and 5).
  *
  * The star of a slot is a list in a pool. A removed tetrahedron stays listed by the vertices around it until their lists are
  * pruned, because in a round other threads read those lists.
@@ -28,7 +28,6 @@ struct span {
 /* A component whose error is controlled. */
 struct controlled {
     uint32_t field, component;
-    double middle; /* of its range */
     double scale;  /* 1 / the field's range; 0 for a constant field */
     double factor; /* error times this is compared with the limit: scale, times limit of all / limit of the field */
     double *predicted; /* [slot] the thesis's accumulated error (4.1, 4.2.3) */
@@ -83,7 +82,7 @@ static inline unsigned corner_of(const uint32_t corners[4], uint32_t slot)
 }
 
 /* Takes over the mesh. The log is the mesh's (log_init); its controlled components and the degenerate and inverted tetrahedra are
- * filled in. `limits` (may be NULL) are multiples of the common limit. ERR_NOMEM. */
+ * filled in (border_find adds the folded ones). `limits` (may be NULL) are multiples of the common limit. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status working_init(struct working *working, const struct tetmesh *mesh,
                                                const uint32_t *controlled, uint32_t controlled_count, const double *limits,
                                                struct contraction_log *log, struct tetlod_error *error);
