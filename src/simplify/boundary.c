@@ -12,7 +12,25 @@
 #include "src/simplify/clearance.h"
 #include "src/util/array.h"
 
-static const double degree = 3.14159265358979323846 / 180;
+/* Taylor's series of an angle so small that ten terms are exact, then six times doubled. */
+void boundary_angle(double degrees, double *cosine, double *sine)
+{
+    enum { DOUBLINGS = 6, TERMS = 10 };
+    double x = degrees * (3.14159265358979323846 / 180) / (1 << DOUBLINGS), c = 1, s = x, c_term = 1, s_term = x;
+    for (int k = 1; k < TERMS; k++) {
+        c_term *= -x * x / ((2 * k - 1) * (2 * k));
+        s_term *= -x * x / ((2 * k) * (2 * k + 1));
+        c += c_term;
+        s += s_term;
+    }
+    for (int i = 0; i < DOUBLINGS; i++) {
+        double twice = 2 * s * c;
+        c = 1 - 2 * s * s;
+        s = twice;
+    }
+    *cosine = c;
+    *sine = s;
+}
 
 /* The unit normal of the triangle; false if it has no area. */
 static bool triangle_normal(const double *p, const double *q, const double *r, double out[3])
@@ -80,20 +98,22 @@ enum tetlod_status boundary_init(struct boundary *boundary, const struct complex
                                  double limit, double least, struct tetlod_error *error)
 {
     size_t n = complex->vertex_count;
-    *boundary = (struct boundary){cos(angle_degrees * degree), sin(angle_degrees * degree), limit, array_zero(n, 1),
-                                  array_zero(n, 3 * sizeof(float)), array_zero(n, sizeof(double)),
-                                  array_new(n, sizeof(double))};
+    *boundary = (struct boundary){.limit = limit,
+                                  .kinds = array_zero(n, 1),
+                                  .directions = array_zero(n, 3 * sizeof(float)),
+                                  .moved = array_zero(n, sizeof(double)),
+                                  .most = array_new(n, sizeof(double))};
+    boundary_angle(angle_degrees, &boundary->cosine, &boundary->sine);
     enum tetlod_status status = TETLOD_OK;
     if (!boundary->kinds || !boundary->directions || !boundary->moved || !boundary->most)
         status = tetlodi_fail_nomem(error, "the boundary", n * 29);
     if (status == TETLOD_OK)
-        status = clearance_find(complex, limit, boundary->most, error);
+        status = clearance_find(complex->positions, complex->vertex_count, complex->corners, complex->tet_count, limit, least,
+                                boundary->most, error);
     if (status != TETLOD_OK) {
         boundary_fini(boundary);
         return status;
     }
-    for (uint32_t v = 0; v < n; v++)
-        boundary->most[v] = larger(boundary->most[v], least);
     for (uint32_t v = 0; v < n; v++)
         if (complex->flags[v] & VERTEX_BOUNDARY)
             classify(boundary, complex, v);

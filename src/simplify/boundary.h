@@ -21,6 +21,9 @@ struct boundary {
     double *most;        /* [slot] how far it may be at most, anywhere on the faces around the vertex */
 };
 
+/* Cosine and sine of an angle, 0 .. 180 degrees: from the four operations, so that every machine has the same. */
+void boundary_angle(double degrees, double *cosine, double *sine);
+
 /* The boundary may move by `limit`, and by less near other parts of it, but `least` everywhere. ERR_NOMEM, ERR_LIMIT. */
 TETLOD_CHECKED enum tetlod_status boundary_init(struct boundary *boundary, const struct complex *complex,
                                                 double angle_degrees, double limit, double least,

@@ -2,6 +2,7 @@
 #include "src/simplify/clearance.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 
 #include "format/fail.h"
@@ -24,8 +25,8 @@ static const double INSIDE = 1e-9;
 enum { MOST_HOLDING = 64 };
 
 struct clearance {
-    const struct complex *complex;
     struct locator locator;
+    uint32_t vertex_count;
     uint32_t *body;   /* [vertex] the least vertex of its body, after settle */
     double *normals;  /* [3 * triangle] of length 1, or 0 */
     double *out;
@@ -41,15 +42,15 @@ static uint32_t root(uint32_t *body, uint32_t v)
 /* Vertices that tetrahedra join have the same body. */
 static void find_bodies(struct clearance *c)
 {
-    const struct complex *complex = c->complex;
-    for (uint32_t v = 0; v < complex->vertex_count; v++)
+    const uint32_t *corners = c->locator.corners;
+    for (uint32_t v = 0; v < c->vertex_count; v++)
         c->body[v] = v;
-    for (size_t t = 0; t < complex->tet_count; t++)
+    for (size_t t = 0; t < c->locator.tet_count; t++)
         for (int i = 1; i < 4; i++) {
-            uint32_t a = root(c->body, complex->corners[4 * t]), b = root(c->body, complex->corners[4 * t + (size_t)i]);
+            uint32_t a = root(c->body, corners[4 * t]), b = root(c->body, corners[4 * t + (size_t)i]);
             c->body[a < b ? b : a] = a < b ? a : b;
         }
-    for (uint32_t v = 0; v < complex->vertex_count; v++)
+    for (uint32_t v = 0; v < c->vertex_count; v++)
         c->body[v] = root(c->body, v);
 }
 
@@ -59,7 +60,7 @@ static void find_normals(struct clearance *c)
         const double *p[3];
         double *n = c->normals + 3 * (size_t)f;
         for (int k = 0; k < 3; k++)
-            p[k] = c->complex->positions + 3 * (size_t)c->locator.triangles[3 * (size_t)f + (size_t)k];
+            p[k] = c->locator.positions + 3 * (size_t)c->locator.triangles[3 * (size_t)f + (size_t)k];
         triangle_cross(p[0], p[1], p[2], n);
         double length = sqrt(dot(n, n));
         for (int i = 0; i < 3; i++)
@@ -86,7 +87,7 @@ static void triangle_box(const struct clearance *c, uint32_t f, double grown, do
         box[i] = INFINITY;
         box[i + 3] = -INFINITY;
         for (int k = 0; k < 3; k++) {
-            double x = c->complex->positions[3 * (size_t)c->locator.triangles[3 * (size_t)f + (size_t)k] + (size_t)i];
+            double x = c->locator.positions[3 * (size_t)c->locator.triangles[3 * (size_t)f + (size_t)k] + (size_t)i];
             box[i] = smaller(box[i], x - grown);
             box[i + 3] = larger(box[i + 3], x + grown);
         }
@@ -110,7 +111,7 @@ static double distance_of(const struct clearance *c, uint32_t f, double most)
     const double *p[3], *q[3];
     double box[6];
     for (int k = 0; k < 3; k++)
-        p[k] = c->complex->positions + 3 * (size_t)c->locator.triangles[3 * (size_t)f + (size_t)k];
+        p[k] = c->locator.positions + 3 * (size_t)c->locator.triangles[3 * (size_t)f + (size_t)k];
     triangle_box(c, f, most, box);
     stack[depth++] = 0;
     while (depth && most > 0) {
@@ -127,7 +128,7 @@ static double distance_of(const struct clearance *c, uint32_t f, double most)
             if (!another_part(c, f, bvh->order[i]))
                 continue;
             for (int k = 0; k < 3; k++)
-                q[k] = c->complex->positions + 3 * (size_t)c->locator.triangles[3 * (size_t)bvh->order[i] + (size_t)k];
+                q[k] = c->locator.positions + 3 * (size_t)c->locator.triangles[3 * (size_t)bvh->order[i] + (size_t)k];
             double distance = sqrt(triangles_distance2(p, q));
             if (distance >= most)
                 continue;
@@ -143,10 +144,10 @@ static bool overlapped(const struct clearance *c, uint32_t v)
 {
     uint32_t tets[MOST_HOLDING];
     double weights[4];
-    const double *p = c->complex->positions + 3 * (size_t)v;
+    const double *p = c->locator.positions + 3 * (size_t)v;
     uint32_t count = locator_find(&c->locator, p, tets, MOST_HOLDING);
     for (uint32_t i = 0; i < count; i++) {
-        const uint32_t *corners = c->complex->corners + 4 * (size_t)tets[i];
+        const uint32_t *corners = c->locator.corners + 4 * (size_t)tets[i];
         if (corners[0] != v && corners[1] != v && corners[2] != v && corners[3] != v &&
             locator_weights(&c->locator, tets[i], p, weights) > INSIDE)
             return true;
@@ -154,32 +155,39 @@ static bool overlapped(const struct clearance *c, uint32_t v)
     return count == MOST_HOLDING;
 }
 
-static void find_all(struct clearance *c, double most)
+static void find_all(struct clearance *c, double most, double least)
 {
-    for (uint32_t v = 0; v < c->complex->vertex_count; v++)
-        c->out[v] = c->complex->flags[v] & VERTEX_BOUNDARY && overlapped(c, v) ? 0 : most;
+    for (uint32_t v = 0; v < c->vertex_count; v++)
+        c->out[v] = most;
     for (uint32_t f = 0; f < c->locator.triangle_count; f++) {
         const uint32_t *corners = c->locator.triangles + 3 * (size_t)f;
         double share = SHARE * distance_of(c, f, most / SHARE);
         for (int k = 0; k < 3; k++)
             c->out[corners[k]] = smaller(c->out[corners[k]], share);
     }
+    for (size_t i = 0; i < 3 * (size_t)c->locator.triangle_count; i++) {
+        uint32_t v = c->locator.triangles[i];
+        if (c->out[v] > least && overlapped(c, v))
+            c->out[v] = least;
+    }
+    for (uint32_t v = 0; v < c->vertex_count; v++)
+        c->out[v] = larger(c->out[v], least);
 }
 
-enum tetlod_status clearance_find(const struct complex *complex, double most, double *out, struct tetlod_error *error)
+enum tetlod_status clearance_find(const double *positions, uint32_t vertex_count, const uint32_t *corners, uint32_t tet_count,
+                                  double most, double least, double *out, struct tetlod_error *error)
 {
-    struct clearance c = {.complex = complex, .out = out, .body = array_new(complex->vertex_count, sizeof(uint32_t))};
+    struct clearance c = {.vertex_count = vertex_count, .out = out, .body = array_new(vertex_count, sizeof(uint32_t))};
     enum tetlod_status status = TETLOD_OK;
     if (!c.body)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", complex->vertex_count * (uint64_t)4));
-    TETLOD_TRY_DONE(locator_init(&c.locator, complex->positions, complex->vertex_count, complex->corners, complex->tet_count,
-                                 error));
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", vertex_count * (uint64_t)4));
+    TETLOD_TRY_DONE(locator_init(&c.locator, positions, vertex_count, corners, tet_count, error));
     c.normals = array_new(c.locator.triangle_count, 3 * sizeof(double));
     if (!c.normals)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", c.locator.triangle_count * (uint64_t)24));
     find_bodies(&c);
     find_normals(&c);
-    find_all(&c, most);
+    find_all(&c, most, least);
 done:
     locator_fini(&c.locator);
     free(c.normals);
