@@ -14,6 +14,9 @@ static const double LEAST_SLOPE = 0.2;
 static const double GOOD_SLOPE = 0.9;
 enum { MOST_STEPS = 16 };
 
+/* A point whose weight at the result is less than that is on the rim: no value at the result helps there. */
+static const double ON_RIM = 1e-12;
+
 /* A face of the old patch; and if just one of its corners is contracted, the new face that it becomes. Corner 0 is contracted, and
  * `vanishes` says whether another one is. Positions in the plane of the map are relative to the result's. */
 struct face {
@@ -178,16 +181,29 @@ static bool add_point(struct shift *shift, const struct work *work, struct shift
     if (shift->count == SHIFT_MOST_POINTS)
         return false;
     for (int i = 0; i < 3; i++) {
-        double d = 0, *from = point.from_weights, *to = point.to_weights; // relative to the result
-        for (int k = 0; k < 3; k++)
-            d += from[k] * (position(work, point.from[k])[i] - work->p[i]);
-        for (int k = 0; k < 2; k++)
-            d -= to[k] * (position(work, point.to[k])[i] - work->p[i]);
+        double d = 0, size = 0, *from = point.from_weights, *to = point.to_weights; // relative to the result
+        for (int k = 0; k < 5; k++) {
+            double x = position(work, k < 3 ? point.from[k] : point.to[k - 3])[i] - work->p[i];
+            double part = k < 3 ? from[k] * x : -to[k - 3] * x;
+            d += part;
+            size += fabs(part);
+        }
+        d = fabs(d) + 8 * DBL_EPSILON * size; // it is what is left of larger terms
         sum += d * d;
     }
     point.distance = sqrt(sum);
     shift->points[shift->count++] = point;
     return true;
+}
+
+/* Weights that rounding has made negative become 0. */
+static void make_convex(double weights[3])
+{
+    double sum = 0;
+    for (int k = 0; k < 3; k++)
+        sum += weights[k] = larger(weights[k], 0);
+    for (int k = 0; k < 3; k++)
+        weights[k] /= sum;
 }
 
 /* Barycentric weights of a point of the plane in a triangle; their least is returned. */
@@ -216,6 +232,7 @@ static bool map_vertex(struct shift *shift, struct work *work, uint32_t vertex, 
         if (face->vanishes || !((least = weigh(moved, flat, weights)) > best))
             continue;
         best = least;
+        make_convex(weights);
         point.apex = weights[0];
         for (int k = 0; k < 2; k++) {
             point.to[k] = face->corners[k + 1];
@@ -236,6 +253,7 @@ static bool map_result(struct shift *shift, struct work *work)
         if (!(least > best))
             continue;
         best = least;
+        make_convex(weights);
         for (int k = 0; k < 3; k++) {
             point.from[k] = work->faces[f].corners[k];
             point.from_weights[k] = weights[k];
@@ -332,7 +350,10 @@ static double extreme(const struct shift *shift, const double *values, double pe
             needed += part;
             size += fabs(part);
         }
-        double rise = (needed + 16 * DBL_EPSILON * size) / at->apex;
+        needed += 16 * DBL_EPSILON * size;
+        if (at->apex < ON_RIM && needed <= 0)
+            continue;
+        double rise = at->apex < ON_RIM ? INFINITY : needed / at->apex;
         extreme = larger(extreme, sign * base + rise + 2 * DBL_EPSILON * (fabs(base) + fabs(rise)));
     }
     return sign * extreme;

@@ -15,8 +15,8 @@ enum { SHIFT_MOST_FACES = 256, SHIFT_MOST_POINTS = 1024 };
 struct shift_point {
     uint32_t from[3], to[2]; /* slots */
     double from_weights[3];  /* they sum to 1 */
-    double apex, to_weights[2]; /* of the result and of `to`; they sum to 1 */
-    double distance;
+    double apex, to_weights[2]; /* of the result and of `to`; they sum to 1, none is negative */
+    double distance;            /* widened by its rounding */
 };
 
 struct shift {
@@ -30,7 +30,7 @@ bool shift_map(struct shift *shift, const struct complex *complex, const struct 
                double cosine);
 
 /* The least value at the result with which, at every point of the map, the linear interpolant after is at least the one before
- * plus `per_distance` times the distance; -INFINITY: any will do. The bounds are widened by their rounding. */
+ * plus `per_distance` times the distance; -INFINITY: any will do; INFINITY: none does. The bounds are widened by their rounding. */
 double shift_least(const struct shift *shift, const double *values, double per_distance);
 
 /* The greatest value at the result with which the interpolant after is nowhere above the one before; INFINITY: any. */

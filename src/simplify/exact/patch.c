@@ -34,6 +34,18 @@ struct patch_number {
 
 /* ---- which originals overlap which tetrahedra */
 
+/* How much an interpolant's value changes at most over a unit of length, in units of what it varies in the tetrahedron. */
+static float slope_of(const struct tetmesh *mesh, uint32_t tet)
+{
+    const double *p[4];
+    for (int c = 0; c < 4; c++)
+        p[c] = mesh->positions + 3 * (size_t)mesh->corners[4 * (size_t)tet + (size_t)c];
+    if (tet_orientation(p[0], p[1], p[2], p[3]) == 0)
+        return 0;
+    double slope = tet_size_squared(p[0], p[1], p[2], p[3]) / fabs(tet_volume6(p[0], p[1], p[2], p[3]));
+    return nextafterf((float)slope, INFINITY);
+}
+
 enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh, struct tetlod_error *error)
 {
     size_t tets = mesh->tet_count;
@@ -43,16 +55,18 @@ enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh
                                   .pool = array_new(2 * tets, sizeof *overlaps->pool),
                                   .pool_size = tets,
                                   .pool_capacity = 2 * tets,
+                                  .slopes = array_new(tets, sizeof *overlaps->slopes),
                                   .sentinels = array_new(tets, SENTINELS * sizeof *overlaps->sentinels),
                                   .host = array_new(mesh->vertex_count, sizeof *overlaps->host)};
-    if (!overlaps->begin || !overlaps->count || !overlaps->pool || !overlaps->sentinels || !overlaps->host) {
+    if (!overlaps->begin || !overlaps->count || !overlaps->pool || !overlaps->slopes || !overlaps->sentinels || !overlaps->host) {
         overlaps_fini(overlaps);
-        return tetlodi_fail_nomem(error, "the overlaps", tets * (20 + SENTINELS * sizeof *overlaps->sentinels) + mesh->vertex_count * (uint64_t)4);
+        return tetlodi_fail_nomem(error, "the overlaps", tets * (24 + SENTINELS * sizeof *overlaps->sentinels) + mesh->vertex_count * (uint64_t)4);
     }
     for (uint32_t t = 0; t < tets; t++) {
         overlaps->begin[t] = t;
         overlaps->count[t] = 1;
         overlaps->pool[t] = t;
+        overlaps->slopes[t] = slope_of(mesh, t);
         for (int i = 0; i < SENTINELS; i++)
             overlaps->sentinels[SENTINELS * (size_t)t + (size_t)i].ends[0] = TETLOD_NONE;
         for (int c = 0; c < 4; c++)
@@ -63,7 +77,7 @@ enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh
 
 uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets, unsigned threads)
 {
-    return tets * (uint64_t)(12 + 8 * sizeof(uint32_t) + SENTINELS * sizeof(struct sentinel)) + vertices * (uint64_t)4 +
+    return tets * (uint64_t)(16 + 8 * sizeof(uint32_t) + SENTINELS * sizeof(struct sentinel)) + vertices * (uint64_t)4 +
            threads * (tets * (uint64_t)8 + vertices * (uint64_t)16);
 }
 
@@ -72,6 +86,7 @@ void overlaps_fini(struct overlaps *overlaps)
     free(overlaps->begin);
     free(overlaps->count);
     free(overlaps->pool);
+    free(overlaps->slopes);
     free(overlaps->sentinels);
     free(overlaps->host);
     *overlaps = (struct overlaps){0};
@@ -454,6 +469,8 @@ enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *over
         reach2 = larger(reach2, distance_squared(patch->apex, patch_position(patch, overlaps, v)));
     reach_out(patch, sqrt(reach2));
     patch->beyond = BEYOND + PLANE_ROUNDING * patch->condition;
+    for (uint32_t t = 0; t < patch->tet_count; t++) // the originals' own planes and weights are rounded, too
+        patch->condition = larger(patch->condition, overlaps->slopes[patch->tets[t]] * patch->reach);
     return TETLOD_OK;
 }
 

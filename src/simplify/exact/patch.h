@@ -28,6 +28,7 @@ struct overlaps {
     uint32_t *count;            /* [tet of the level] */
     uint32_t *pool;
     size_t pool_size, pool_capacity;
+    float *slopes;              /* [original tet] (longest edge)^2 / 6V, rounded up; 0: it has no volume */
     struct sentinel *sentinels; /* [tet of the level][SENTINELS] points near which contractions were refused of late */
     uint32_t *host;             /* [original vertex] the tetrahedron of the level that it is in: a hint, what to look at first */
 };
@@ -94,7 +95,7 @@ struct patch {
     struct cone *cones;
     /* seen from `apex` */
     double apex[3], reach;       /* no vertex of the link is farther from it, nor of the originals once these are gathered */
-    double condition;            /* the largest of the cones': (longest edge)^2 * reach / 6V */
+    double condition;            /* the largest of the cones', and of the originals' once these are gathered: (longest edge)^2 * reach / 6V */
     double beyond;               /* a point counts that is this far outside of a wall, in weights: by rounding it may be inside */
     uint32_t words;              /* of a set of walls */
     uint32_t stride;             /* of rows: the walls, and idle ones up to a multiple of PATCH_LANES */
