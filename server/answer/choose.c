@@ -187,16 +187,8 @@ static void redirect(struct exchange *exchange, const struct dataset *dataset, c
 {
     struct response *response = exchange->response;
     const struct tetlod_info *info = dataset_info(dataset);
-    char id[3 * ID_CAPACITY], path[HEADER_VALUE];
-    size_t size = percent_encode(dataset_id(dataset), id, sizeof id)
-                      ? (size_t)snprintf(path, sizeof path, "/v1/meshes/%s/%s/levels/%" PRIu32 "/mesh.%s", id, info->cid, level, choice->format)
-                      : sizeof path;
-    if (size >= sizeof path) {
-        response_problem(response, 500, target_of(exchange), "the mesh's id is too long for a header");
-        return;
-    }
     response_static(response, 303, "text/plain; charset=utf-8", "The mesh is at the address of the Location header.\n");
-    response_header_text(response, "Location", path);
+    response_header(response, "Location", "%s/levels/%" PRIu32 "/mesh.%s", info->cid, level, choice->format); // from .../mesh
     level_headers(response, dataset, level);
     cache_revalidate(response);
 }

@@ -17,6 +17,7 @@ struct site {
     struct pool *decoders; /* decode streams, which takes longer; NULL: the asking thread does */
     struct metrics *metrics;
     const char *stream_origins; /* where else the page may load streams from: text of the policy, or NULL */
+    const char *base_path; /* "/x/": where the site begins for its clients; NULL: "/" */
     bool serve_metrics; /* at /metrics; else only on an address of its own */
     atomic_bool draining;
 };
@@ -29,6 +30,7 @@ struct exchange {
     struct site *site;
     struct request *request;
     struct response *response;
+    const char *path;  /* below the base path, with its '/'; up to the query */
     const char *query; /* after '?', or NULL */
     char captures[CAPTURES][CAPTURE_CAPACITY]; /* decoded, in the order of the route's template */
 };

@@ -62,7 +62,7 @@ static enum tetlod_status read_stored(void *opaque, struct cache_value *out, str
     }
     if (!complete || !dataset_intact(context->dataset)) {
         buffer_fini(&buffer);
-        return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the stream's file was written over; ask /v1/meshes/%s for its content id",
+        return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the stream's file was written over; ask v1/meshes/%s for its content id",
                             dataset_id(context->dataset));
     }
     return body_take(&buffer, started, started, out, error);
@@ -78,7 +78,7 @@ static void respond_file(struct exchange *exchange, struct dataset *dataset, uin
     struct response *response = exchange->response;
     if (!dataset_intact(dataset)) {
         response_problem(response, 404, exchange->request->target,
-                         "the stream's file was written over; ask /v1/meshes/%s for its content id", dataset_id(dataset));
+                         "the stream's file was written over; ask v1/meshes/%s for its content id", dataset_id(dataset));
         return;
     }
     response->release = release_dataset;

@@ -83,7 +83,7 @@ const char *status_title(unsigned status)
         unsigned status;
         const char *title;
     } titles[] = {
-        {200, "OK"}, {204, "No Content"}, {206, "Partial Content"}, {303, "See Other"}, {304, "Not Modified"},
+        {200, "OK"}, {204, "No Content"}, {206, "Partial Content"}, {303, "See Other"}, {304, "Not Modified"}, {308, "Permanent Redirect"},
         {400, "Bad Request"}, {404, "Not Found"}, {405, "Method Not Allowed"}, {413, "Content Too Large"},
         {414, "URI Too Long"}, {416, "Range Not Satisfiable"}, {422, "Unprocessable Content"}, {431, "Request Header Fields Too Large"},
         {500, "Internal Server Error"}, {501, "Not Implemented"}, {503, "Service Unavailable"}, {505, "HTTP Version Not Supported"},
@@ -94,11 +94,20 @@ const char *status_title(unsigned status)
     return "Error";
 }
 
-static void put_problem(struct response *response, unsigned status, const char *instance, const char *name,
+/* A target as a reference that leads to it from itself: a proxy may have taken off the front of its path. */
+static json_t *relative_target(const char *target)
+{
+    size_t size = strcspn(target, "?");
+    while (size && target[size - 1] != '/')
+        size--;
+    return json_sprintf("./%s", target + size);
+}
+
+static void put_problem(struct response *response, unsigned status, const char *target, const char *name,
                         json_t *choices, const char *detail)
 {
-    json_t *problem = json_pack("{s:s, s:i, s:s, s:s}", "title", status_title(status), "status", (int)status, "detail",
-                                detail, "instance", instance);
+    json_t *problem = json_pack("{s:s, s:i, s:s, s:o}", "title", status_title(status), "status", (int)status, "detail",
+                                detail, "instance", relative_target(target));
     if (!problem) // an instance that is not UTF-8
         problem = json_pack("{s:s, s:i, s:s}", "title", status_title(status), "status", (int)status, "detail", detail);
     if (choices)
@@ -117,17 +126,17 @@ static void put_problem(struct response *response, unsigned status, const char *
     response_header_text(response, "Cache-Control", "no-store");
 }
 
-void response_problem(struct response *response, unsigned status, const char *instance, const char *format, ...)
+void response_problem(struct response *response, unsigned status, const char *target, const char *format, ...)
 {
     char detail[512];
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(detail, sizeof detail, format, arguments);
     va_end(arguments);
-    put_problem(response, status, instance, NULL, NULL, detail);
+    put_problem(response, status, target, NULL, NULL, detail);
 }
 
-void response_problem_choices(struct response *response, unsigned status, const char *instance, const char *name,
+void response_problem_choices(struct response *response, unsigned status, const char *target, const char *name,
                               json_t *choices, const char *format, ...)
 {
     char detail[512];
@@ -135,7 +144,7 @@ void response_problem_choices(struct response *response, unsigned status, const 
     va_start(arguments, format);
     vsnprintf(detail, sizeof detail, format, arguments);
     va_end(arguments);
-    put_problem(response, status, instance, name, choices, detail);
+    put_problem(response, status, target, name, choices, detail);
 }
 
 const char *request_header(const struct request *request, const char *name)

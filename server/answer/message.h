@@ -77,12 +77,12 @@ void response_owned(struct response *response, unsigned status, const char *medi
 
 struct json_t;
 
-/* Replaces what is there by a problem+json answer (RFC 9457). `instance` is the request target. */
-void response_problem(struct response *response, unsigned status, const char *instance, const char *format, ...)
+/* Replaces what is there by a problem+json answer (RFC 9457). `target` is the request's. */
+void response_problem(struct response *response, unsigned status, const char *target, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
 
 /* The same with an array of texts under `name` that says what would do; takes over the reference to `choices`. */
-void response_problem_choices(struct response *response, unsigned status, const char *instance, const char *name,
+void response_problem_choices(struct response *response, unsigned status, const char *target, const char *name,
                               struct json_t *choices, const char *format, ...) __attribute__((format(printf, 6, 7)));
 
 const char *status_title(unsigned status);

@@ -20,6 +20,16 @@ void cache_revalidate(struct response *response)
     response_header_text(response, "Cache-Control", "no-cache");
 }
 
+void link_description(struct exchange *exchange)
+{
+    char up[3 * 64] = "";
+    size_t used = 0;
+    for (const char *c = exchange->path + 1; *c && *c != '?' && used + 4 < sizeof up; c++)
+        if (*c == '/')
+            used += (size_t)snprintf(up + used, sizeof up - used, "../");
+    response_header(exchange->response, "Link", "<%sopenapi.json>; rel=\"service-desc\"", up);
+}
+
 enum outcome answer_immutable(struct exchange *exchange, enum outcome outcome)
 {
     if (outcome == ANSWERED && exchange->response->status == 200)
@@ -177,7 +187,7 @@ struct dataset *captured_dataset(struct exchange *exchange)
     json_t *cids = json_array();
     json_array_append_new(cids, json_string(dataset_info(current)->cid));
     response_problem_choices(exchange->response, 404, exchange->request->target, "cid", cids,
-                             "'%s' has another content id now; /v1/meshes/{id} tells which", id);
+                             "'%s' has another content id now; v1/meshes/{id} tells which", id);
     dataset_release(current);
     return NULL;
 }

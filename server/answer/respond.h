@@ -42,6 +42,9 @@ void respond_no_mesh(struct exchange *exchange);
 void cache_forever(struct response *response);
 void cache_revalidate(struct response *response);
 
+/* Adds the Link to the API's description, relative to the request's path. */
+void link_description(struct exchange *exchange);
+
 /* Passes an outcome on; a 200 may be kept forever. What is under a content id never changes. */
 enum outcome answer_immutable(struct exchange *exchange, enum outcome outcome);
 

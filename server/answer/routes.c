@@ -63,24 +63,53 @@ static const char *path_of(const char *target)
     return authority[size] == '/' ? authority + size : "/";
 }
 
-static enum outcome dispatch(struct exchange *exchange, const char *path)
+/* A path below the base path, with its '/'. A proxy may have taken the base off: then it is there already. */
+static const char *below_base(const struct site *site, const char *path)
+{
+    size_t size = site->base_path ? strlen(site->base_path) - 1 : 0; // without its last '/'
+    return strncmp(path, site->base_path ? site->base_path : "", size) == 0 && path[size] == '/' ? path + size : path;
+}
+
+/* Whether the path is the base path without its last '/': links of the page would lead elsewhere. */
+static bool is_bare_base(const struct site *site, const char *path, size_t size)
+{
+    size_t base = site->base_path ? strlen(site->base_path) - 1 : 0;
+    return base && size == base && strncmp(path, site->base_path, base) == 0;
+}
+
+/* Redirects to the base path with its last '/', by a relative reference. */
+static enum outcome answer_bare_base(struct exchange *exchange, const char *path, size_t size)
+{
+    const char *slash = path + size;
+    while (slash[-1] != '/')
+        slash--;
+    response_static(exchange->response, 308, "text/plain; charset=utf-8", "The site is at the address of the Location header.\n");
+    response_header(exchange->response, "Location", "%.*s/", (int)(path + size - slash), slash);
+    return ANSWERED;
+}
+
+static enum outcome dispatch(struct exchange *exchange, const char *target)
 {
     struct response *response = exchange->response;
+    const char *path = below_base(exchange->site, target);
     size_t size = strcspn(path, "?");
+    exchange->path = path;
     exchange->query = path[size] ? path + size + 1 : NULL;
     for (const struct route *route = site_routes; route->template; route++)
         if (match(route->template, path, size, exchange->captures)) {
             response->route = route->template;
             return route->handle(exchange);
         }
+    if (is_bare_base(exchange->site, path, size))
+        return answer_bare_base(exchange, path, size);
     const struct embedded_file *asset =
         percent_decode(path, size, exchange->captures[0], CAPTURE_CAPACITY) ? assets_find(exchange->captures[0]) : NULL;
-    if (asset) {
+    if (asset && strcmp(asset->path, "/view/") != 0) { // that one is /view/{id}'s
         response->route = page_route;
         return handle_asset(exchange, asset);
     }
     response_problem(response, 404, exchange->request->target,
-                     "there is nothing under this path; /openapi.json lists what there is");
+                     "there is nothing under this path; openapi.json at the root of the site lists what there is");
     return ANSWERED;
 }
 

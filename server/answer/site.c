@@ -42,7 +42,7 @@ enum outcome handle_asset(struct exchange *exchange, const struct embedded_file 
     response_header_text(response, "Vary", "Accept-Encoding");
     content_policy(exchange->site, response);
     response_header_text(response, "X-Content-Type-Options", "nosniff");
-    response_header_text(response, "Link", "</openapi.json>; rel=\"service-desc\"");
+    link_description(exchange);
     if (asset->named_by_content)
         cache_forever(response);
     else
@@ -53,7 +53,11 @@ enum outcome handle_asset(struct exchange *exchange, const struct embedded_file 
 /* Which stream the page shows, and how, it reads from its own address. */
 enum outcome handle_view(struct exchange *exchange)
 {
-    return handle_asset(exchange, assets_find("/view.html"));
+    const struct embedded_file *page = assets_find("/view/");
+    if (page)
+        return handle_asset(exchange, page);
+    response_problem(exchange->response, 404, exchange->request->target, "this program was built without the page (WEB=0)");
+    return ANSWERED;
 }
 
 enum outcome handle_health(struct exchange *exchange)
@@ -209,7 +213,7 @@ enum outcome handle_catalogue(struct exchange *exchange)
     snprintf(response->etag, sizeof response->etag, "\"%016llx%s%s\"", (unsigned long long)hash, coding ? "-" : "",
              coding_name(coding));
     response_header_text(response, "Vary", "Accept-Encoding");
-    response_header_text(response, "Link", "</openapi.json>; rel=\"service-desc\"");
+    link_description(exchange);
     cache_revalidate(response);
     return ANSWERED;
 }

@@ -8,7 +8,7 @@
 #include "server/answer/params.h"
 #include "src/report/info_json.h"
 
-/* Paths of what belongs to a stream; those with {} are templates (RFC 6570). */
+/* What belongs to a stream, relative to the description's URL; links with {} are templates (RFC 6570). */
 static json_t *links_of(const struct tetlod_info *info, const char *name)
 {
     char id[3 * ID_CAPACITY];
@@ -32,7 +32,7 @@ static json_t *links_of(const struct tetlod_info *info, const char *name)
     };
     for (size_t i = 0; links && i < sizeof all / sizeof *all; i++) {
         char path[640];
-        snprintf(path, sizeof path, "/v1/meshes/%s%s%s%s", id, all[i].content ? "/" : "", all[i].content ? cid : "",
+        snprintf(path, sizeof path, "%s%s%s%s", id, all[i].content ? "/" : "", all[i].content ? cid : "",
                  all[i].tail);
         json_object_set_new(links, all[i].name, json_string(path));
     }
@@ -54,7 +54,7 @@ json_t *describe_in_catalogue(const struct tetlod_info *info, const char *name)
     char id[3 * ID_CAPACITY], path[3 * ID_CAPACITY + 16];
     if (!percent_encode(name, id, sizeof id))
         return NULL;
-    snprintf(path, sizeof path, "/v1/meshes/%s", id);
+    snprintf(path, sizeof path, "meshes/%s", id);
     json_t *fields = json_array();
     for (uint32_t f = 0; f < info->field_count; f++)
         json_array_append_new(fields, json_string(info->fields[f].name));
