@@ -7,6 +7,7 @@ double tally_scale(const double a[2], const double b[2])
 {
     double least = a[0] < b[0] ? a[0] : b[0], greatest = a[1] > b[1] ? a[1] : b[1], half = greatest / 2 - least / 2;
     int exponent = -1000; // of half the range: the range itself may be no number
+    half = half > 0 ? half : fabs(greatest); // of a constant only the rounding is left
     if (half > 0)
         frexp(half, &exponent);
     exponent = exponent < -1000 ? -1000 : exponent;

@@ -59,6 +59,28 @@ static void test_raised_by_a_constant(void)
     tetmesh_fini(&b);
 }
 
+/* Fields of a constant, of tiny and of huge values: sums neither vanish nor overflow. */
+static void test_any_magnitude(void)
+{
+    static const double magnitudes[] = {1e-300, 1e-12, 1, 1e12, 1e300};
+    for (size_t i = 0; i < sizeof magnitudes / sizeof *magnitudes; i++)
+        for (int constant = 0; constant < 2; constant++) {
+            struct tetmesh a = {0}, b = {0};
+            double domain, magnitude = magnitudes[i];
+            make(&a, "cube", 3);
+            make(&b, "cube", 3);
+            for (uint32_t v = 0; v < b.vertex_count; v++) {
+                a.fields[0].values[v] = magnitude * (constant ? 1 : v % 3);
+                b.fields[0].values[v] = a.fields[0].values[v] + (constant ? 0 : magnitude);
+            }
+            struct measured m = compare(&a, &b, 2, &domain);
+            CHECK_NEAR(m.sampled, constant ? 0 : magnitude, 1e-12 * magnitude);
+            CHECK_NEAR(m.rms, constant ? 0 : magnitude, 1e-12 * magnitude);
+            tetmesh_fini(&a);
+            tetmesh_fini(&b);
+        }
+}
+
 /* One vertex raised: the largest difference is there. */
 static void test_raised_at_a_vertex(void)
 {
@@ -274,6 +296,7 @@ int main(void)
 {
     RUN(test_the_same);
     RUN(test_raised_by_a_constant);
+    RUN(test_any_magnitude);
     RUN(test_raised_at_a_vertex);
     RUN(test_displaced);
     RUN(test_coarse_against_fine);
