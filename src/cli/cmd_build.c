@@ -13,6 +13,7 @@
 #include "src/simplify/simplify.h"
 #include "src/cli/cli.h"
 #include "src/cli/progress.h"
+#include "src/cli/reading.h"
 #include "src/io/io.h"
 #include "src/report/info_json.h"
 #include "src/util/array.h"
@@ -25,11 +26,10 @@ static const char help[] =
     "Reads a mesh, contracts it and writes the stream of its levels: from a few tetrahedra to the original.\n"
     "\n"
     "  -o, --output OUT        the stream to write (default: INPUT's name with .tetlod in this folder)\n"
-    "      --q SOLUTION        the solution file of a PLOT3D grid\n"
-    "      --nan-fill V        values that are NaN become V, or with 'neighbours' the mean of the points around them, ring by\n"
-    "                          ring (default: they are refused)\n"
-    "      --field NAME        a field whose error drives the contraction; NAME:mag for a vector's magnitude, NAME:0 for\n"
-    "                          a component, NAME:0.01 (or :1%) for an error limit of its own; may be given several times\n"
+    READING_HELP
+    "      --field NAME        a field whose error drives the contraction; NAME:mag for a vector's magnitude (and the vector,\n"
+    "                          held so that its length is as exact as that), NAME:0 for a component, NAME:0.01 (or :1%)\n"
+    "                          for an error limit of its own, which rounding is inside of; may be given several times\n"
     "                          (default: the first scalar field)\n"
     "      --carry A,B         the fields to store (default: all); those of --field are always stored\n"
     "      --certify HOW       what holds the error: fast (default), a bound that is carried along; exact, the exact maximum\n"
@@ -64,12 +64,11 @@ static const char help[] =
 enum { MOST_FIELDS = 64 };
 
 struct request {
-    const char *input, *output, *solution, *carry, *contract;
+    const char *input, *output, *carry, *contract;
     const char *fields[MOST_FIELDS];
     uint32_t field_count;
     struct build_options build;
-    struct nan_fill fill;
-    const struct nan_fill *nan_fill; /* NULL: NaN is refused */
+    struct reading reading;
     uint64_t nan_filled;
     bool json, quiet, ordered; /* ordered: --metric is given */
     struct progress progress;
@@ -170,12 +169,6 @@ static bool parse_option(struct request *request, int option, const char *value)
     case 'o':
         request->output = value;
         return true;
-    case 'q':
-        request->solution = value;
-        return true;
-    case 'N':
-        request->nan_fill = &request->fill;
-        return cli_parse_nan_fill(&command_build, value, &request->fill);
     case 'f':
         if (request->field_count == MOST_FIELDS) {
             cli_usage("build", "at most %d --field", MOST_FIELDS);
@@ -235,7 +228,7 @@ static bool parse_option(struct request *request, int option, const char *value)
     case 'M':
         return cli_parse_count(&command_build, "memory", value, 1, UINT64_MAX, &build->memory);
     default:
-        return false;
+        return reading_option(&request->reading, &command_build, option, value);
     }
 }
 
@@ -306,6 +299,7 @@ static enum tetlod_status choose_fields(const struct request *request, struct te
                                     mesh->fields[controls[i].field].name);
     if (request->carry)
         drop_fields(mesh, request->carry, controls, *count);
+    build_controls_add_vectors(mesh, controls, count);
     return TETLOD_OK;
 }
 
@@ -330,8 +324,8 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
                        metric_names[build->metric], "certify", certify_names[build->certify], "contract", request->contract, "candidates", (int)build->candidates,
                        "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
                        build->boundary_angle, "domain_error", build->domain_error, "growth", build->growth);
-    if (object && request->nan_fill) {
-        json_t *fill = request->fill.kind == NAN_FILL_VALUE ? json_real(request->fill.value) : json_string("neighbours");
+    if (object && request->reading.options.nan_fill) {
+        json_t *fill = request->reading.fill.kind == NAN_FILL_VALUE ? json_real(request->reading.fill.value) : json_string("neighbours");
         json_object_set_new(json_object_get(object, "options"), "nan_fill", fill);
         json_object_set_new(object, "nan_filled", json_integer((json_int_t)request->nan_filled));
     }
@@ -404,21 +398,28 @@ static int print_json(const struct request *request, const struct build_report *
     return text ? EXIT_DONE : cli_fail(&error);
 }
 
+/* Whose error is held, where nobody said so, and which fields are off by what comes. */
+static void say_fields(const struct request *request, const struct tetmesh *mesh, const struct build_control *controls, uint32_t count)
+{
+    if (!request->field_count)
+        fprintf(stderr, "tetlod build: no --field is given: the error of '%s' is held down\n", mesh->fields[controls[0].field].name);
+    uint32_t others = mesh->field_count - count;
+    if (others)
+        fprintf(stderr, "tetlod build: %" PRIu32 " field%s not controlled: their error is measured, nothing holds it down (tetlod info)\n",
+                others, others == 1 ? " is" : "s are");
+}
+
 static void say(const struct request *request, const struct io_report *read, const struct tetmesh *mesh,
                 const struct build_report *report)
 {
-    if (request->quiet)
-        return;
+    reading_notes("build", read, mesh);
     const struct {
         uint64_t count;
         const char *what;
-    } notes[] = {{read->split_cells, "cells split into tetrahedra"},
-                 {read->skipped_cells, "cells without volume left out"},
-                 {read->skipped_arrays, "arrays left out: cell data, or not numbers"},
-                 {read->nan_filled, "NaN values filled"},
-                 {mesh->unused_points, "points that no tetrahedron uses left out"},
-                 {report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
-                 {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"}};
+    } notes[] = {{report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
+                 {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"},
+                 {report->folded_tets, "folded tetrahedra, on the same side of a face as their neighbour, carried along; no promise "
+                                       "is made inside them"}};
     for (size_t i = 0; i < sizeof notes / sizeof *notes; i++)
         if (notes[i].count)
             fprintf(stderr, "tetlod build: %" PRIu64 " %s\n", notes[i].count, notes[i].what);
@@ -432,11 +433,10 @@ static int build(struct request *request)
     struct tetlod_error error = {0};
     struct io_report read = {0};
     struct build_report report = {0};
-    struct build_control controls[MOST_FIELDS];
+    struct build_control controls[2 * MOST_FIELDS]; // a magnitude brings its vector
     uint32_t count;
     double started = clock_seconds(), read_seconds, write_seconds = 0;
-    struct io_read_options read_options = {.solution = request->solution, .nan_fill = request->nan_fill};
-    enum tetlod_status status = io_read(&mesh, request->input, &read_options, &read, &error);
+    enum tetlod_status status = io_read(&mesh, request->input, &request->reading.options, &read, &error);
     request->nan_filled = read.nan_filled;
     read_seconds = clock_seconds() - started;
     if (status != TETLOD_OK)
@@ -451,7 +451,10 @@ static int build(struct request *request)
         tetlodi_fail(&error, status, "%s%s%.200s", named ? "" : request->input, named ? "" : ": ", inner.message);
         result = cli_fail(&error);
     } else {
-        say(request, &read, &mesh, &report);
+        if (!request->quiet) {
+            say_fields(request, &mesh, controls, count);
+            say(request, &read, &mesh, &report);
+        }
         if (request->json)
             result = print_json(request, &report, read_seconds, write_seconds);
     }
@@ -463,8 +466,7 @@ static int run(int argc, char **argv)
 {
     enum { JSON = 256, PROGRESS, QUIET };
     static const struct option options[] = {
-        {"output", required_argument, NULL, 'o'},     {"q", required_argument, NULL, 'q'},
-        {"nan-fill", required_argument, NULL, 'N'},
+        {"output", required_argument, NULL, 'o'},     READING_OPTIONS,
         {"field", required_argument, NULL, 'f'},      {"carry", required_argument, NULL, 'c'},
         {"metric", required_argument, NULL, 'm'},     {"contract", required_argument, NULL, 'k'},
         {"certify", required_argument, NULL, 'C'},
@@ -493,7 +495,7 @@ static int run(int argc, char **argv)
         request.json |= option == JSON;
         request.quiet |= option == QUIET;
         forced |= option == PROGRESS;
-        if (option < JSON && !parse_option(&request, option, optarg))
+        if ((option < JSON || option >= READING_FIRST) && !parse_option(&request, option, optarg))
             return EXIT_USAGE;
     }
     if (!cli_operands(&command_build, argc, 1, "the INPUT mesh"))

@@ -34,7 +34,6 @@ struct comparison {
     size_t chunks;
     struct tally *tallies;        /* [field][chunk] */
     double *errors;               /* [thread][field * (TALLY_CHUNK + 1)] of a chunk's samples, and of one */
-    double *outside;              /* [thread][field] largest error outside */
     double enough;                /* of the domain error: smaller distances do not matter */
     const uint32_t *points;       /* of the domain error's half at hand */
     const struct tetmesh *from;
@@ -76,9 +75,11 @@ static void compare_places(const struct comparison *c, const struct place *origi
     for (uint32_t f = 0; f < c->measure->field_count; f++) {
         const struct point_field *a = original_field(c->measure, f), *b = level_field(c, f);
         double worst = 0;
-        for (uint32_t k = 0; k < a->components; k++)
-            worst = larger(worst, fabs(place_value(b->values, b->components, k, level) -
-                                       place_value(a->values, a->components, k, original)));
+        for (uint32_t k = 0; k < a->components; k++) {
+            double base = a->values[(size_t)original->vertices[0] * a->components + k];
+            worst = larger(worst, fabs(place_rise(b->values, b->components, k, level, base) -
+                                       place_rise(a->values, a->components, k, original, base)));
+        }
         if (first || worst < errors[f])
             errors[f] = worst;
     }
@@ -90,9 +91,8 @@ static bool strictly_inside(const double weights[4])
     return weights[0] > 1e-6 && weights[1] > 1e-6 && weights[2] > 1e-6 && weights[3] > 1e-6;
 }
 
-/* `near` is a tetrahedron of the level in which to begin to look; the one in which the sample was found becomes it. True: the
- * level does not hold the sample. */
-static bool compare_sample(const struct comparison *c, size_t sample, uint32_t *near, double *errors)
+/* `near` is a tetrahedron of the level in which to begin to look; the one in which the sample was found becomes it. */
+static void compare_sample(const struct comparison *c, size_t sample, uint32_t *near, double *errors)
 {
     const struct measure *measure = c->measure;
     struct place original, level;
@@ -105,7 +105,7 @@ static bool compare_sample(const struct comparison *c, size_t sample, uint32_t *
         memcpy(level.vertices, c->level->corners + 4 * (size_t)found, sizeof level.vertices);
         compare_places(c, &original, &level, true, errors);
         *near = found;
-        return false;
+        return;
     }
     uint32_t tets[MOST_OVERLAP], count = locator_find(&c->locator, p, tets, MOST_OVERLAP);
     for (uint32_t i = 0; i < count; i++) {
@@ -115,10 +115,9 @@ static bool compare_sample(const struct comparison *c, size_t sample, uint32_t *
     }
     *near = count ? tets[0] : *near;
     if (count)
-        return false;
+        return;
     locator_closest(&c->locator, p, &level);
     compare_places(c, &original, &level, true, errors);
-    return true;
 }
 
 static void compare_samples(void *context, unsigned worker, size_t begin, size_t end)
@@ -126,31 +125,26 @@ static void compare_samples(void *context, unsigned worker, size_t begin, size_t
     const struct comparison *c = context;
     uint32_t near = 0, fields = c->measure->field_count;
     double *errors = c->errors + (size_t)worker * fields * (TALLY_CHUNK + 1), *one = errors + fields * (size_t)TALLY_CHUNK;
-    double *outside = c->outside + (size_t)worker * fields;
     memset(errors, 0, (size_t)fields * TALLY_CHUNK * sizeof *errors);
     for (size_t sample = begin; sample < end; sample++) {
-        bool out = c->measure->counts[sample] && compare_sample(c, sample, &near, one);
-        for (uint32_t f = 0; f < fields && c->measure->counts[sample]; f++) {
+        if (!c->measure->counts[sample])
+            continue;
+        compare_sample(c, sample, &near, one);
+        for (uint32_t f = 0; f < fields; f++)
             errors[f * TALLY_CHUNK + sample - begin] = one[f];
-            outside[f] = out ? larger(outside[f], one[f]) : outside[f];
-        }
     }
     for (uint32_t f = 0; f < fields; f++)
         tally_add_up(errors + f * TALLY_CHUNK, end - begin, c->scales[f], &c->tallies[f * c->chunks + begin / TALLY_CHUNK]);
 }
 
-static void summarise(const struct comparison *c, unsigned threads, struct measured *out)
+static void summarise(const struct comparison *c, struct measured *out)
 {
     size_t counted = 0;
     uint32_t fields = c->measure->field_count;
     for (size_t sample = 0; sample < sample_count(c->measure->original); sample++)
         counted += c->measure->counts[sample];
-    for (uint32_t f = 0; f < fields; f++) {
-        out[f].outside = 0;
-        for (unsigned i = 0; i < threads; i++)
-            out[f].outside = larger(out[f].outside, c->outside[(size_t)i * fields + f]);
+    for (uint32_t f = 0; f < fields; f++)
         tally_result(c->tallies + f * c->chunks, c->chunks, c->scales[f], counted, &out[f].sampled, &out[f].rms);
-    }
 }
 
 /* ---- domain error */
@@ -321,17 +315,16 @@ enum tetlod_status measure_mesh(const struct measure *measure, const struct tetm
                            .level_fields = fields,
                            .scales = array_new(measure->field_count, sizeof(double)),
                            .chunks = tally_chunks(sample_count(original)),
-                           .errors = array_new(threads * (size_t)measure->field_count, (TALLY_CHUNK + 1) * sizeof(double)),
-                           .outside = array_zero(threads * (size_t)measure->field_count, sizeof(double))};
+                           .errors = array_new(threads * (size_t)measure->field_count, (TALLY_CHUNK + 1) * sizeof(double))};
     c.tallies = array_new(c.chunks * measure->field_count, sizeof(struct tally));
     enum tetlod_status status = TETLOD_OK;
     *out_domain = 0;
-    if (!c.scales || !c.tallies || !c.errors || !c.outside)
+    if (!c.scales || !c.tallies || !c.errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "sums", threads * (uint64_t)measure->field_count * sizeof(struct tally)));
     set_scales(&c);
     TETLOD_TRY_DONE(locator_init(&c.locator, mesh->positions, mesh->vertex_count, mesh->corners, mesh->tet_count, error));
     parallel_for(threads, sample_count(original), TALLY_CHUNK, compare_samples, &c);
-    summarise(&c, threads, out);
+    summarise(&c, out);
     TETLOD_TRY_DONE(largest_distance(&c, original, &measure->locator.surface, &c.locator.surface, threads, out_domain, error));
     status = largest_distance(&c, mesh, &c.locator.surface, &measure->locator.surface, threads, out_domain, error);
 done:
@@ -339,6 +332,5 @@ done:
     free(c.scales);
     free(c.tallies);
     free(c.errors);
-    free(c.outside);
     return status;
 }

@@ -10,7 +10,6 @@
 
 struct measured {
     double sampled, rms; /* in the field's units; the largest over its components at each point */
-    double outside;      /* as sampled, over points outside the level alone */
 };
 
 struct measure;

@@ -49,7 +49,6 @@ struct measure_levels {
     size_t samples, chunks;
     struct tally *tallies;  /* [field][chunk] */
     double *scales;         /* [field] of the tallies */
-    double *outside;        /* [field] largest error outside so far */
     uint8_t *dirty;         /* [chunk] a stray in it has another error */
     struct worker *workers; /* [threads] */
     size_t *strays;         /* samples outside at the level at hand, or to be looked for */
@@ -94,8 +93,10 @@ static void file_error(struct measure_levels *m, size_t sample, const struct poi
         const struct point_field *field = &m->original->fields[f];
         double worst = 0;
         for (uint32_t k = 0; k < field->components; k++, values += 4) {
-            double level = weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2] + weights[3] * values[3];
-            worst = larger(worst, fabs(level - place_value(field->values, field->components, k, &point->place)));
+            double base = field->values[(size_t)point->place.vertices[0] * field->components + k];
+            double level = weights[0] * (values[0] - base) + weights[1] * (values[1] - base) + weights[2] * (values[2] - base) +
+                           weights[3] * (values[3] - base);
+            worst = larger(worst, fabs(level - place_rise(field->values, field->components, k, &point->place, base)));
         }
         m->errors[f * m->samples + sample] = worst;
     }
@@ -242,11 +243,8 @@ static void file_strays(struct measure_levels *m)
     for (size_t i = 0; i < m->stray_count; i++) {
         size_t sample = m->strays[i];
         m->dirty[sample / TALLY_CHUNK] = 1;
-        if (m->hosts[sample] != HOST_OUTSIDE)
-            continue;
-        m->strays[kept++] = sample;
-        for (uint32_t f = 0; f < m->field_count; f++)
-            m->outside[f] = larger(m->outside[f], m->errors[f * m->samples + sample]);
+        if (m->hosts[sample] == HOST_OUTSIDE)
+            m->strays[kept++] = sample;
     }
     m->stray_count = kept;
     for (size_t chunk = 0; chunk < m->chunks; chunk++)
@@ -430,10 +428,8 @@ enum tetlod_status measure_levels_next(struct measure_levels *m, struct measured
         walker_reset(&m->workers[i].walker);
     parallel_for(m->threads, m->chunks, 1, update_samples, m);
     TETLOD_TRY_DONE(update_strays(m, error));
-    for (uint32_t f = 0; f < m->field_count; f++) {
+    for (uint32_t f = 0; f < m->field_count; f++)
         tally_result(m->tallies + f * m->chunks, m->chunks, m->scales[f], m->counted, &out[f].sampled, &out[f].rms);
-        out[f].outside = m->outside[f];
-    }
     TETLOD_TRY_DONE(update_domain(m, io_domain, error));
     m->started = true;
     status = compact(m, error);
@@ -527,12 +523,11 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
                                  .samples = samples,
                                  .chunks = chunks,
                                  .tallies = array_zero(chunks * fields, sizeof(struct tally)),
-                                 .outside = array_zero(fields, sizeof(double)),
                                  .dirty = array_new(chunks, 1),
                                  .made = array_zero(original->vertex_count, 1),
                                  .rounding = 1e-14 * mesh_diagonal(original),
                                  .displaced = is_displaced(original, coarsening)};
-    if (!m->hosts || !m->errors || !m->scales || !m->tallies || !m->outside || !m->dirty || !m->made)
+    if (!m->hosts || !m->errors || !m->scales || !m->tallies || !m->dirty || !m->made)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", measure_levels_bytes(original)));
     for (uint32_t f = 0; f < original->field_count; f++) {
         struct point_field level = {.components = coarsening->fields[f].components, .values = coarsening->fields[f].values};
@@ -562,7 +557,7 @@ void measure_levels_free(struct measure_levels *m)
     }
     mesh_surface_fini(&m->boundary);
     mesh_surface_fini(&m->surface);
-    void *const owned[] = {m->hosts, m->errors, m->scales, m->tallies, m->workers, m->strays, m->outside, m->dirty,
+    void *const owned[] = {m->hosts, m->errors, m->scales, m->tallies, m->workers, m->strays, m->dirty,
                            m->bound, m->nearest, m->distances, m->made, m->list, m};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);

@@ -22,8 +22,7 @@ void measure_levels_free(struct measure_levels *measure);
 /* Bytes that it takes beside the coarsening, about. */
 uint64_t measure_levels_bytes(const struct tetmesh *original);
 
-/* Measures the level that the coarsening is at: once at the finest level, then once after each step. out [field_count]: `outside`
- * is the largest of this and all finer levels. *io_domain comes in as what the domain error is known to be at
+/* Measures the level that the coarsening is at: once at the finest level, then once after each step. out [field_count]. *io_domain comes in as what the domain error is known to be at
  * least (0: nothing), which spares the search for boundary points that are nearer, and is raised to the largest of this and
  * all finer levels. May compact the coarsening. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status measure_levels_next(struct measure_levels *measure, struct measured *out, double *io_domain,

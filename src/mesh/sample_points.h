@@ -37,4 +37,13 @@ static inline double place_value(const double *values, uint32_t width, uint32_t 
     return sum;
 }
 
+/* The same less a value: so that rounding is about what varies, not about how far from zero it does. */
+static inline double place_rise(const double *values, uint32_t width, uint32_t component, const struct place *place, double base)
+{
+    double sum = 0;
+    for (int i = 0; i < 4; i++)
+        sum += place->weights[i] * (values[(size_t)place->vertices[i] * width + component] - base);
+    return sum;
+}
+
 #endif

@@ -9,6 +9,7 @@
 #include "src/log/coarsening.h"
 #include "src/measure/measure_levels.h"
 #include "src/mesh/tet_geom.h"
+#include "src/pipeline/limits.h"
 #include "src/util/array.h"
 
 /* How far the boundary may move while it counts as kept, as a fraction of the diagonal: by rounding, and where the limit
@@ -65,20 +66,8 @@ static enum tetlod_status check_ranges(const struct build *build)
 static enum tetlod_status contract(struct build *build)
 {
     const struct build_options *options = build->options;
-    uint32_t *controlled = array_new(options->control_count, sizeof *controlled);
-    double *limits = array_new(options->control_count, sizeof *limits);
-    if (!controlled || !limits) {
-        free(controlled);
-        free(limits);
-        return tetlodi_fail_nomem(build->error, "the controlled fields", options->control_count * 12);
-    }
-    double widest = 0; // limits are relative to the widest one, which the ladder's rungs mean
-    for (uint32_t i = 0; i < options->control_count; i++)
-        widest = larger(widest, options->controls[i].limit);
-    for (uint32_t i = 0; i < options->control_count; i++) {
-        controlled[i] = options->controls[i].field;
-        limits[i] = options->controls[i].limit > 0 ? options->controls[i].limit / widest : 1;
-    }
+    struct limits limits;
+    TETLOD_TRY(limits_set(&limits, options, build->original, build->rounding, build->error));
     double domain_error = larger(options->domain_error, BOUNDARY_KEPT);
     if (options->certify == CERTIFY_EXACT || options->metric == METRIC_MEASURED)
         domain_error = smaller(domain_error, BOUNDARY_OF_EXACT);
@@ -87,7 +76,7 @@ static enum tetlod_status contract(struct build *build)
         .certify = options->certify,
         .contract = options->contract,
         .candidates = options->candidates,
-        .max_error = widest > 0 ? smaller(widest, options->max_error) : options->max_error,
+        .max_error = limits.max_error,
         .min_tets = options->min_tets,
         .boundary_angle = options->boundary_angle,
         .boundary_limit = domain_error * mesh_diagonal(build->original),
@@ -96,15 +85,15 @@ static enum tetlod_status contract(struct build *build)
         .progress = options->progress ? contract_progress : NULL,
         .progress_opaque = build,
     };
-    enum tetlod_status status = simplify(&build->log, build->mesh, controlled, options->control_count, limits,
+    enum tetlod_status status = simplify(&build->log, build->mesh, limits.fields, options->control_count, limits.weights,
                                          &simplify_options, build->error);
-    free(controlled);
-    free(limits);
+    limits_fini(&limits);
     return status;
 }
 
-/* The certified and the predicted error of a field at a mark: its worst component's. NaN if it does not drive. */
-static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, double *errors)
+/* The certified and the predicted error of a field at a mark, as fractions of the original's range: its worst component's. NaN if it
+ * does not drive. */
+static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, double scale, double *errors)
 {
     const struct contraction_log *log = &build->log;
     errors[TETLOD_MAX] = errors[TETLOD_PREDICTED] = NAN;
@@ -112,8 +101,10 @@ static void mark_errors(const struct build *build, uint32_t mark, uint32_t field
         if (log->components[d].field != field)
             continue;
         size_t i = (size_t)mark * log->component_count + d;
-        double rounding = build->rounding ? build->rounding[field] * log->components[d].scale : 0;
-        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], fmin(log->certified[i] + rounding, 1));
+        double rounding = build->rounding ? build->rounding[field] * scale : 0, certified = log->certified[i];
+        if (build->rounding && log->components[d].scale > 0) // is relative to the rounded field's range
+            certified *= scale / log->components[d].scale;
+        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], fmin(certified + rounding, 1));
         errors[TETLOD_PREDICTED] = fmax(errors[TETLOD_PREDICTED], log->predicted[i]);
     }
 }
@@ -127,13 +118,36 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
         const double *finer = mark ? errors - fields * TETLOD_MEASURES : NULL;
         point_field_range(&build->original->fields[f], build->original->vertex_count, range);
         double scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
-        mark_errors(build, mark, f, errors);
+        mark_errors(build, mark, f, scale, errors);
         errors[TETLOD_SAMPLED] = measured[f].sampled * scale;
         errors[TETLOD_RMS] = measured[f].rms * scale;
-        if (!isnan(errors[TETLOD_MAX])) // a point outside is certified at another point than the closest (PROOF.md, 5)
-            errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], measured[f].outside * scale);
+        if (!isnan(errors[TETLOD_MAX])) // where the boundary moved it is proved for another point than it is measured at (PROOF.md, 5)
+            errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);
         for (int m = 0; m < TETLOD_MEASURES && finer; m++)
             errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);
+    }
+}
+
+static bool is_controlled(const struct build *build, uint32_t field)
+{
+    for (uint32_t i = 0; i < build->options->control_count; i++)
+        if (build->options->controls[i].field == field)
+            return true;
+    return false;
+}
+
+/* A component that drives as a field of its own is also in its vector: there its values are the same ones. */
+static void copy_components(struct build *build)
+{
+    const struct tetmesh *mesh = build->mesh;
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        uint32_t component, vector = build_control_source(build->original, f, &component);
+        if (vector == TETLOD_NONE || component == TETLOD_NONE || is_controlled(build, vector))
+            continue;
+        const struct point_field *to = &mesh->fields[vector];
+        for (size_t c = 0; c < build->log.count; c++)
+            build->log.fields[vector].values[c * to->components + component] =
+                grid_round(&to->grid, to->type, build->log.fields[f].values[c]);
     }
 }
 
@@ -179,14 +193,6 @@ done:
     return status;
 }
 
-static bool is_controlled(const struct build *build, uint32_t field)
-{
-    for (uint32_t i = 0; i < build->options->control_count; i++)
-        if (build->options->controls[i].field == field)
-            return true;
-    return false;
-}
-
 static enum tetlod_status encode(struct build *build, const struct tetlodi_sink *sink)
 {
     const struct tetmesh *mesh = build->mesh;
@@ -220,7 +226,7 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .fields = fields,
                                         .levels = build->levels,
                                         .degenerate_tets = log->degenerate_tets,
-                                        .inverted_tets = log->inverted_tets,
+                                        .inverted_tets = log->inverted_tets + log->folded_tets,
                                         .unused_points = mesh->unused_points,
                                         .metadata = build->options->metadata,
                                         .compression = build->options->compression,
@@ -258,10 +264,11 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
         TETLOD_TRY_DONE(quantise(&build));
     TETLOD_TRY_DONE(check_ranges(&build));
     TETLOD_TRY_DONE(contract(&build));
+    copy_components(&build);
     TETLOD_TRY_DONE(measure_marks(&build));
     TETLOD_TRY_DONE(encode(&build, sink));
-    *report = (struct build_report){build.log.count, build.log.mark_count,
-                                    build.log.degenerate_tets, build.log.inverted_tets};
+    *report = (struct build_report){build.log.count, build.log.mark_count, build.log.degenerate_tets,
+                                    build.log.inverted_tets, build.log.folded_tets};
 done:
     log_fini(&build.log);
     tetmesh_fini(&build.rounded);
