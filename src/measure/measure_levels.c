@@ -261,8 +261,8 @@ static enum tetlod_status update_strays(struct measure_levels *m, struct tetlod_
         if (worker->failed || !array_reserve(&strays, &m->stray_capacity, m->stray_count + worker->stray_count, sizeof *m->strays))
             return tetlodi_fail_nomem(error, "samples outside", m->stray_count * sizeof *m->strays);
         m->strays = strays;
-        memcpy(m->strays + m->stray_count, worker->strays, worker->stray_count * sizeof *m->strays);
-        m->stray_count += worker->stray_count;
+        for (size_t k = 0; k < worker->stray_count; k++)
+            m->strays[m->stray_count++] = worker->strays[k];
         worker->stray_count = 0;
     }
     if (!m->stray_count)
