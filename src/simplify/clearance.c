@@ -56,11 +56,11 @@ static void find_bodies(struct clearance *c)
 
 static void find_normals(struct clearance *c)
 {
-    for (uint32_t f = 0; f < c->locator.triangle_count; f++) {
+    for (uint32_t f = 0; f < c->locator.surface.count; f++) {
         const double *p[3];
         double *n = c->normals + 3 * (size_t)f;
         for (int k = 0; k < 3; k++)
-            p[k] = c->locator.positions + 3 * (size_t)c->locator.triangles[3 * (size_t)f + (size_t)k];
+            p[k] = c->locator.positions + 3 * (size_t)c->locator.surface.triangles[3 * (size_t)f + (size_t)k];
         triangle_cross(p[0], p[1], p[2], n);
         double length = sqrt(dot(n, n));
         for (int i = 0; i < 3; i++)
@@ -71,7 +71,7 @@ static void find_normals(struct clearance *c)
 /* Is face g another part of the boundary than f? */
 static bool another_part(const struct clearance *c, uint32_t f, uint32_t g)
 {
-    const uint32_t *a = c->locator.triangles + 3 * (size_t)f, *b = c->locator.triangles + 3 * (size_t)g;
+    const uint32_t *a = c->locator.surface.triangles + 3 * (size_t)f, *b = c->locator.surface.triangles + 3 * (size_t)g;
     if (c->body[a[0]] != c->body[b[0]])
         return true;
     for (int i = 0; i < 3; i++)
@@ -87,7 +87,7 @@ static void triangle_box(const struct clearance *c, uint32_t f, double grown, do
         box[i] = INFINITY;
         box[i + 3] = -INFINITY;
         for (int k = 0; k < 3; k++) {
-            double x = c->locator.positions[3 * (size_t)c->locator.triangles[3 * (size_t)f + (size_t)k] + (size_t)i];
+            double x = c->locator.positions[3 * (size_t)c->locator.surface.triangles[3 * (size_t)f + (size_t)k] + (size_t)i];
             box[i] = smaller(box[i], x - grown);
             box[i + 3] = larger(box[i + 3], x + grown);
         }
@@ -106,12 +106,12 @@ static bool meets_node(const struct bvh *bvh, uint32_t node, const double box[6]
 /* The distance of face f from the next other part, if that is below `most`; else `most`. */
 static double distance_of(const struct clearance *c, uint32_t f, double most)
 {
-    const struct bvh *bvh = &c->locator.surface;
+    const struct bvh *bvh = &c->locator.surface.boxes;
     uint32_t stack[BVH_DEPTH], depth = 0;
     const double *p[3], *q[3];
     double box[6];
     for (int k = 0; k < 3; k++)
-        p[k] = c->locator.positions + 3 * (size_t)c->locator.triangles[3 * (size_t)f + (size_t)k];
+        p[k] = c->locator.positions + 3 * (size_t)c->locator.surface.triangles[3 * (size_t)f + (size_t)k];
     triangle_box(c, f, most, box);
     stack[depth++] = 0;
     while (depth && most > 0) {
@@ -128,7 +128,7 @@ static double distance_of(const struct clearance *c, uint32_t f, double most)
             if (!another_part(c, f, bvh->order[i]))
                 continue;
             for (int k = 0; k < 3; k++)
-                q[k] = c->locator.positions + 3 * (size_t)c->locator.triangles[3 * (size_t)bvh->order[i] + (size_t)k];
+                q[k] = c->locator.positions + 3 * (size_t)c->locator.surface.triangles[3 * (size_t)bvh->order[i] + (size_t)k];
             double distance = sqrt(triangles_distance2(p, q));
             if (distance >= most)
                 continue;
@@ -159,14 +159,14 @@ static void find_all(struct clearance *c, double most, double least)
 {
     for (uint32_t v = 0; v < c->vertex_count; v++)
         c->out[v] = most;
-    for (uint32_t f = 0; f < c->locator.triangle_count; f++) {
-        const uint32_t *corners = c->locator.triangles + 3 * (size_t)f;
+    for (uint32_t f = 0; f < c->locator.surface.count; f++) {
+        const uint32_t *corners = c->locator.surface.triangles + 3 * (size_t)f;
         double share = SHARE * distance_of(c, f, most / SHARE);
         for (int k = 0; k < 3; k++)
             c->out[corners[k]] = smaller(c->out[corners[k]], share);
     }
-    for (size_t i = 0; i < 3 * (size_t)c->locator.triangle_count; i++) {
-        uint32_t v = c->locator.triangles[i];
+    for (size_t i = 0; i < 3 * (size_t)c->locator.surface.count; i++) {
+        uint32_t v = c->locator.surface.triangles[i];
         if (c->out[v] > least && overlapped(c, v))
             c->out[v] = least;
     }
@@ -182,9 +182,9 @@ enum tetlod_status clearance_find(const double *positions, uint32_t vertex_count
     if (!c.body)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", vertex_count * (uint64_t)4));
     TETLOD_TRY_DONE(locator_init(&c.locator, positions, vertex_count, corners, tet_count, error));
-    c.normals = array_new(c.locator.triangle_count, 3 * sizeof(double));
+    c.normals = array_new(c.locator.surface.count, 3 * sizeof(double));
     if (!c.normals)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", c.locator.triangle_count * (uint64_t)24));
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", c.locator.surface.count * (uint64_t)24));
     find_bodies(&c);
     find_normals(&c);
     find_all(&c, most, least);

@@ -114,7 +114,7 @@ static double boundary_distance(const struct locator locators[2], uint64_t *rand
 {
     double most = 0;
     for (int from = 0; from < 2; from++)
-        for (size_t f = 0; f < locators[from].triangle_count; f++) {
+        for (size_t f = 0; f < locators[from].surface.count; f++) {
             double weights[3], total = 0, p[3] = {0, 0, 0};
             struct place place;
             for (int k = 0; k < 3; k++)
@@ -122,7 +122,7 @@ static double boundary_distance(const struct locator locators[2], uint64_t *rand
             for (int k = 0; k < 3; k++)
                 for (int d = 0; d < 3; d++)
                     p[d] += weights[k] / total *
-                            locators[from].positions[3 * (size_t)locators[from].triangles[3 * f + (size_t)k] + (size_t)d];
+                            locators[from].positions[3 * (size_t)locators[from].surface.triangles[3 * f + (size_t)k] + (size_t)d];
             most = larger(most, locator_closest(&locators[!from], p, &place));
         }
     return most;
@@ -144,7 +144,7 @@ static void check_level(const struct checked *c, const struct tetlod_level *stor
     for (int i = 0; i < POINTS; i++)
         found = larger(found, point_error(c, level, locator, &random));
     REQUIRE(overlay_max(c->original, fields, level, fields, 1, 2, &exact, &report, NULL) == TETLOD_OK);
-    REQUIRE(measure_new(&measure, c->original, fields, 1, NULL) == TETLOD_OK);
+    REQUIRE(measure_new(&measure, c->original, fields, 1, 2, NULL) == TETLOD_OK);
     REQUIRE(measure_mesh(measure, level, fields, 2, &measured, &domain, NULL) == TETLOD_OK);
     double max = stored->errors[TETLOD_MAX] * (1 + 1e-9) + 1e-13;
     if (found > max * c->range || exact > max * c->range || measured.sampled > max * c->range ||
