@@ -24,19 +24,33 @@ struct dataset {
     char (*level_errors)[ERRORS_CAPACITY]; /* [level_count], printed once: every answer has one */
 };
 
+static bool take_identity(const struct stat *about, struct file_identity *out)
+{
+    *out = (struct file_identity){(uint64_t)about->st_dev, (uint64_t)about->st_ino, (uint64_t)about->st_size, about->st_mtim, about->st_ctim};
+    return S_ISREG(about->st_mode);
+}
+
 bool identity_of(int fd, struct file_identity *out)
 {
     struct stat about;
-    if (fstat(fd, &about) != 0 || !S_ISREG(about.st_mode))
-        return false;
-    *out = (struct file_identity){(uint64_t)about.st_dev, (uint64_t)about.st_ino, (uint64_t)about.st_size, about.st_mtim};
-    return true;
+    return fstat(fd, &about) == 0 && take_identity(&about, out);
+}
+
+bool identity_at(int folder, const char *path, struct file_identity *out)
+{
+    struct stat about;
+    return fstatat(folder, path, &about, 0) == 0 && take_identity(&about, out);
+}
+
+static bool same_time(const struct timespec *a, const struct timespec *b)
+{
+    return a->tv_sec == b->tv_sec && a->tv_nsec == b->tv_nsec;
 }
 
 bool identity_same(const struct file_identity *a, const struct file_identity *b)
 {
     return a->device == b->device && a->inode == b->inode && a->size == b->size &&
-           a->changed.tv_sec == b->changed.tv_sec && a->changed.tv_nsec == b->changed.tv_nsec;
+           same_time(&a->written, &b->written) && same_time(&a->changed, &b->changed);
 }
 
 static void print_errors(const struct tetlod_info *info, uint32_t level, char *out, size_t capacity)

@@ -14,7 +14,7 @@ enum { ID_CAPACITY = 129 }; // 128 bytes and the NUL
 /* Tells whether a file is still what was opened. */
 struct file_identity {
     uint64_t device, inode, size;
-    struct timespec changed;
+    struct timespec written, changed; /* the first can be set at will, the second not */
 };
 
 struct dataset;
@@ -41,7 +41,9 @@ struct decoding *dataset_decoding(struct dataset *dataset);
 /* False once the bytes were written over in place: then nothing of it may be sent any more. */
 bool dataset_intact(const struct dataset *dataset);
 
+/* False if it is not a regular file, or cannot be looked at. */
 bool identity_of(int fd, struct file_identity *out);
+bool identity_at(int folder, const char *path, struct file_identity *out);
 bool identity_same(const struct file_identity *a, const struct file_identity *b);
 const struct file_identity *dataset_identity(const struct dataset *dataset);
 
