@@ -35,7 +35,8 @@ TETLOD_CFLAGS := -std=c11 -I. -D_POSIX_C_SOURCE=200809L -pthread -fPIC -fvisibil
 TETLOD_LDFLAGS := -pthread
 FUZZER :=
 ifeq ($(config),release)
-TETLOD_CFLAGS += -O3
+# GCC 12 forgets a rounding to float and back where it vectorises such lines together (three coordinates of a point)
+TETLOD_CFLAGS += -O3 -fno-tree-slp-vectorize
 else ifeq ($(config),debug)
 TETLOD_CFLAGS += -O0 -DTETLOD_DEBUG
 else ifeq ($(config),asan)
@@ -253,6 +254,19 @@ BENCHES += bench-thesis bench-builder
 bench-thesis bench-builder: bench-%: deps-build
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/$*.py $(BINARY)
+
+## attack: SEEDS random adversarial meshes with random options, held against an oracle (FIRST=seed to begin with)
+.PHONY: attack
+SEEDS ?= 2000
+FIRST ?= 1
+ATTACK := $(B)/tests/attack/attack
+ATTACK_OBJECTS := $(call objects,$(wildcard tests/attack/*.c)) $(B)/tests/recode.o
+OBJECTS += $(ATTACK_OBJECTS)
+$(ATTACK): $(ATTACK_OBJECTS) $(LIBTETLOD)
+	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ -lm
+attack: deps-build
+	$(Q)$(MAKE) --no-print-directory all $(ATTACK)
+	@python3 tests/attack/run.py $(ATTACK) $(BINARY) $(B)/attack $(SEEDS) $(FIRST)
 
 ## bench-certificate: 100 random levels of all samples and the blunt fin (BLUNT=folder), 200,000 points each, against what is promised of them
 .PHONY: bench-certificate
