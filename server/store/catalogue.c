@@ -186,10 +186,18 @@ static enum tetlod_status keep_file(struct scan *scan, const char *path, int why
     return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot open: %s", path, strerror(why));
 }
 
+/* Opens a stream. One whose file changed though its content id did not is read whole: somebody may have written into it. */
 static enum tetlod_status open_stream(struct scan *scan, const char *path, int fd, struct entry *entry, struct tetlod_error *error)
 {
+    const struct entry *known = find_entry(&scan->catalogue->table, entry->id);
     struct tetlod_error inner = {0};
     enum tetlod_status status = dataset_open(&entry->dataset, entry->id, fd, &inner);
+    if (status == TETLOD_OK && known && known->dataset && strcmp(dataset_info(known->dataset)->cid, dataset_info(entry->dataset)->cid) == 0)
+        status = dataset_check(entry->dataset, &inner);
+    if (status != TETLOD_OK) {
+        dataset_release(entry->dataset);
+        entry->dataset = NULL;
+    }
     if (status == TETLOD_OK)
         say(scan->catalogue, "info", "%s: serving %s, content id %s", path, entry->id, dataset_info(entry->dataset)->cid);
     else if (!error)

@@ -13,7 +13,7 @@ enum { ID_CAPACITY = 129 }; // 128 bytes and the NUL
 
 /* Tells whether a file is still what was opened. */
 struct file_identity {
-    uint64_t device, inode, size;
+    uint64_t device, inode, size, links;
     struct timespec written, changed; /* the first can be set at will, the second not */
 };
 
@@ -37,6 +37,9 @@ struct tetlod_file *dataset_file(struct dataset *dataset);
 
 /* The stream in memory, as far as it was asked for. */
 struct decoding *dataset_decoding(struct dataset *dataset);
+
+/* Reads all and holds it against its digests. */
+TETLOD_CHECKED enum tetlod_status dataset_check(struct dataset *dataset, struct tetlod_error *error);
 
 /* False once the bytes were written over in place: then nothing of it may be sent any more. */
 bool dataset_intact(const struct dataset *dataset);
