@@ -17,14 +17,14 @@ SOVERSION := $(firstword $(subst ., ,$(VERSION)))
 B := build/$(config)
 
 # ---- what must be installed, as Debian packages; `make deps` installs what is missing
-DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev \
+DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev \
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
 DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-jsonschema nginx-light varnish openssl chromium
 DEPS_BENCH := wrk nginx-light chromium
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
-PACKAGES := libzstd expat zlib liblz4 jansson libmicrohttpd
+PACKAGES := libzstd expat zlib liblz4 liblzma jansson libmicrohttpd
 WARNINGS := -Wall -Wextra -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wvla -Wundef -Wcast-qual -Wpointer-arith \
     -Wwrite-strings
 ifeq ($(werror),1)
@@ -127,10 +127,11 @@ $(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h) Makefi
 	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(WASM_SRC)
 
 # The worker is one file: three loads one after the other would keep it waiting
-$(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC)
+$(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC) $(WEB_DIR)/inline.mjs LICENSE
 	@rm -rf $(@D) && mkdir -p $(@D)
 	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/worker.js
-	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js choose.js),$(CLIENT_SRC)) $(@D)
+	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js),$(CLIENT_SRC)) LICENSE $(@D)
+	$(Q)node $(WEB_DIR)/inline.mjs $(@D)/worker.js $(WASM) $(@D)/inline.js
 
 build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
 	@echo "  WEB $(WEB_DIR)"

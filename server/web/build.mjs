@@ -24,6 +24,7 @@ const options = {
   legalComments: 'none',
   outdir: fileURLToPath(new URL(made, `file://${process.cwd()}/`)),
   logLevel: 'warning',
+  external: ['./inline.js'], // the page's worker is beside it
 };
 const { metafile } = await build({ ...options, entryPoints: pages, splitting: true, metafile: true });
 // the worker is one file: it is asked for late, and would ask for the rest later still

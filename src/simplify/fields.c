@@ -22,6 +22,7 @@ uint64_t fields_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
 void fields_fini(struct fields *fields)
 {
     for (uint32_t f = 0; f < fields->count && fields->fields; f++) {
+        free(fields->fields[f].middles);
         free(fields->fields[f].component_range);
         free(fields->fields[f].values);
     }
@@ -37,14 +38,25 @@ void fields_fini(struct fields *fields)
     *fields = (struct fields){0};
 }
 
+/* What a component's values are kept less: nothing, unless all of them are so far from zero that no more than a factor of two is
+ * between any two of them and their middle. Then the differences are exact (Sterbenz). */
+static double choose_middle(const double range[2])
+{
+    double middle = range[0] / 2 + range[1] / 2;
+    return fabs(middle) > 2 * (range[1] - range[0]) ? middle : 0;
+}
+
 static bool init_field(struct working_field *field, const struct point_field *from, size_t vertices)
 {
     size_t k = from->components;
-    *field = (struct working_field){from->components, from->type, array_new(k, 2 * sizeof(double)),
-                                    array_new(vertices * k, sizeof(double)), from->grid};
-    if (!field->component_range || !field->values)
+    *field = (struct working_field){.components = from->components,
+                                    .type = from->type,
+                                    .middles = array_new(k, sizeof(double)),
+                                    .component_range = array_new(k, 2 * sizeof(double)),
+                                    .values = array_new(vertices * k, sizeof(double)),
+                                    .grid = from->grid};
+    if (!field->middles || !field->component_range || !field->values)
         return false;
-    memcpy(field->values, from->values, vertices * k * sizeof(double));
     for (size_t c = 0; c < k; c++) {
         double *range = field->component_range[c];
         range[0] = range[1] = vertices ? from->values[c] : 0;
@@ -52,6 +64,11 @@ static bool init_field(struct working_field *field, const struct point_field *fr
             range[0] = fmin(range[0], from->values[v * k + c]);
             range[1] = fmax(range[1], from->values[v * k + c]);
         }
+        double middle = field->middles[c] = choose_middle(range);
+        for (size_t v = 0; v < vertices; v++)
+            field->values[v * k + c] = from->values[v * k + c] - middle;
+        range[0] -= middle;
+        range[1] -= middle;
     }
     return true;
 }
@@ -177,7 +194,8 @@ enum tetlod_status fields_init_quadrics(struct fields *fields, const struct comp
 double field_round(const struct working_field *field, uint32_t component, double value)
 {
     const double *range = field->component_range[component];
-    value = grid_round(&field->grid, field->type, value);
+    double middle = field->middles[component];
+    value = grid_round(&field->grid, field->type, fmin(fmax(value, range[0]), range[1]) + middle) - middle;
     return fmin(fmax(value, range[0]), range[1]);
 }
 
@@ -311,7 +329,10 @@ void fields_contract(struct fields *fields, const struct complex *complex, const
     }
     for (uint32_t f = 0; f < fields->count; f++) {
         struct working_field *field = &fields->fields[f];
-        memcpy(field->values + (size_t)v * field->components, log[f].values + (size_t)c * field->components,
-               field->components * sizeof(double));
+        double *now = field->values + (size_t)v * field->components, *node = log[f].values + (size_t)c * field->components;
+        for (uint32_t k = 0; k < field->components; k++) {
+            now[k] = node[k];
+            node[k] += field->middles[k];
+        }
     }
 }
