@@ -118,6 +118,9 @@ $(B)/flags: FORCE
 .PHONY: FORCE
 FORCE:
 
+# The same arithmetic for processors that have it; the program asks which it runs on.
+$(B)/src/simplify/kernels_avx2.o: private TETLOD_CFLAGS += $(if $(filter x86_64%,$(shell $(CC) -dumpmachine)),-mavx2)
+
 $(B)/%.o: %.c $(B)/flags
 	@mkdir -p $(@D); $(if $(V),,echo "  CC  $<")
 	$(Q)$(CC) $(TETLOD_CFLAGS) $(PACKAGE_CFLAGS) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<

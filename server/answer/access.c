@@ -160,5 +160,5 @@ void access_headers(const struct site *site, const struct request *request, stru
     } else
         response_header_text(response, "Access-Control-Expose-Headers",
                              "ETag, Content-Range, Content-Length, Content-Encoding, Accept-Ranges, Location, Retry-After, Server-Timing, "
-                             "Tetlod-Level, Tetlod-Vertices, Tetlod-Tets, Tetlod-Error, X-Request-Id");
+                             "Tetlod-Level, Tetlod-Vertices, Tetlod-Tets, Tetlod-Error, Tetlod-Uncontrolled, X-Request-Id");
 }

@@ -38,9 +38,7 @@ void fields_fini(struct fields *fields)
     *fields = (struct fields){0};
 }
 
-/* What a component's values are kept less: nothing, unless all of them are so far from zero that no more than a factor of two is
- * between any two of them and their middle. Then the differences are exact (Sterbenz). */
-static double choose_middle(const double range[2])
+double field_middle(const double range[2])
 {
     double middle = range[0] / 2 + range[1] / 2;
     return fabs(middle) > 2 * (range[1] - range[0]) ? middle : 0;
@@ -64,7 +62,7 @@ static bool init_field(struct working_field *field, const struct point_field *fr
             range[0] = fmin(range[0], from->values[v * k + c]);
             range[1] = fmax(range[1], from->values[v * k + c]);
         }
-        double middle = field->middles[c] = choose_middle(range);
+        double middle = field->middles[c] = field_middle(range);
         for (size_t v = 0; v < vertices; v++)
             field->values[v * k + c] = from->values[v * k + c] - middle;
         range[0] -= middle;

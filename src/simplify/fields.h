@@ -78,6 +78,10 @@ double outcome_error(const struct fields *fields, const struct outcome *outcome)
 void fields_contract(struct fields *fields, const struct complex *complex, const struct star *star, const double p[3],
                      const struct outcome *outcome);
 
+/* What a component's values are kept less: nothing, unless all of them are so far from zero that no more than a factor of two is
+ * between any two of them and their middle. Then the differences are exact (Sterbenz). */
+double field_middle(const double range[2]);
+
 /* s, less the component's middle, as the field's type can hold it in the component's range. */
 double field_round(const struct working_field *field, uint32_t component, double value);
 

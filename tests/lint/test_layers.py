@@ -31,7 +31,7 @@ LAYERS = {
     'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
     'src/cli': MESHES + ['src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'server/server.h'],
 }
-LIBC = set('''assert ctype dirent errno fcntl float getopt inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
+LIBC = set('''assert ctype dirent errno fcntl float getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
     stdint stdio stdlib string strings time unistd sys/mman sys/resource sys/stat sys/types'''.split())
 SOCKETS = set('arpa/inet netdb netinet/in netinet/tcp poll sys/eventfd sys/random sys/socket sys/un'.split())
 # header: the folders that may know the library, or the files
