@@ -167,7 +167,8 @@ static bool build(struct attack *a)
     if (status == 0)
         return true;
     const char *text = said(a);
-    if (status != 3 || !(strstr(text, "too wide for") || strstr(text, "too narrow for") || strstr(text, "rounding")))
+    bool refused = status == 3 ? strstr(text, "too wide for") || strstr(text, "too narrow for") : status == 2 && strstr(text, "rounding alone");
+    if (!refused)
         found(a, "build", "exit status %d: %s", status, text);
     return false;
 }
