@@ -11,6 +11,7 @@ without the mutant.
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 
@@ -50,20 +51,40 @@ def targets_of(killers):
     return sorted(targets)
 
 
-def findings(killer):
-    """What a killer complains of: a set of short texts."""
-    environment = dict(os.environ, ROOT=TREE, TETLOD=os.path.join(TREE, 'build/release/tetlod'))
-    if not killer.startswith('attack'):
-        command = [os.path.join(TREE, 'build/release/tests', killer)]
-        if killer.startswith('cli/'):
-            command = ['python3', 'tests/run.py', '--only', killer, 'release']
-        done = subprocess.run(command, cwd=TREE, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=600)
-        return set(re.findall(r'^\W*not ok \d+ - (.*)', done.stdout.decode(errors='replace'), re.M)) or \
-            ({'exit status %d' % done.returncode} if done.returncode else set())
+def environment():
+    return dict(os.environ, ROOT=TREE, TETLOD=os.path.join(TREE, 'build/release/tetlod'))
+
+
+def red_tests(killer):
+    """Names of the tests of a program that fail."""
+    command = [os.path.join(TREE, 'build/release/tests', killer)]
+    if killer.startswith('cli/'):
+        command = ['python3', 'tests/run.py', '--only', killer, 'release']
+    done = subprocess.run(command, cwd=TREE, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=600)
+    return set(re.findall(r'^\W*not ok \d+ - (.*)', done.stdout.decode(errors='replace'), re.M)) or \
+        ({'exit status %d' % done.returncode} if done.returncode else set())
+
+
+def attack(killer, known):
+    """Findings of the attack that are not known: the first one is enough, unless nothing is known yet."""
     _, first, count = killer.split()
     command = ['python3', 'tests/attack/run.py', 'build/release/tests/attack/attack', 'build/release/tetlod', 'build/attack', count, first]
-    done = subprocess.run(command, cwd=TREE, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=1800)
-    return set(re.findall(r'^(seed \d+) .*?(\): [a-z ]*):', done.stdout.decode(errors='replace'), re.M))
+    found = set()
+    with subprocess.Popen(command, cwd=TREE, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                          errors='replace', start_new_session=True) as process:
+        for line in process.stdout:
+            match = re.match(r'(seed \d+) .*?\): ([a-z ]*):', line)
+            if match and match[1] + ': ' + match[2] not in (known or ()):
+                found.add(match[1] + ': ' + match[2])
+                if known is not None:
+                    os.killpg(process.pid, signal.SIGTERM)
+                    break
+    return found
+
+
+def findings(killer, known=None):
+    """What a killer complains of, apart from what is known."""
+    return attack(killer, known) if killer.startswith('attack') else red_tests(killer) - (known or set())
 
 
 class Line:
@@ -90,9 +111,9 @@ def try_mutant(mutant, before):
         if not built:
             return 'DOES NOT BUILD', said
         for killer in mutant['killers']:
-            new = findings(killer) - before[killer]
+            new = findings(killer, before[killer])
             if new:
-                return 'caught', '%s: %s' % (killer, ', '.join(sorted(''.join(n).replace('): ', ': ') for n in new))[:100])
+                return 'caught', '%s: %s' % (killer, ', '.join(sorted(new))[:100])
     return 'SURVIVES', mutant['why']
 
 
