@@ -97,7 +97,7 @@ static enum tetlod_status write_levels(const struct tree *tree, struct dataset *
     const struct tetlod_info *info = dataset_info(dataset);
     struct forest *forest = NULL;
     struct file_output *output;
-    enum tetlod_status status = forest_new(&forest, dataset_file(dataset), tree->error);
+    enum tetlod_status status = forest_new(&forest, dataset_file(dataset), info->level_count - 1, tree->error);
     while (status == TETLOD_OK && forest_levels(forest) < info->level_count)
         status = forest_grow(forest, tree->error);
     for (uint32_t k = 0; status == TETLOD_OK && k < info->level_count; k++) {

@@ -90,12 +90,14 @@ enum outcome handle_ready(struct exchange *exchange)
 enum outcome handle_metrics(struct exchange *exchange)
 {
     struct site *site = exchange->site;
-    struct cache_stats cache;
+    struct cache_stats cache, memory;
     struct buffer text = {0};
     cache_get_stats(site->cache, &cache);
+    cache_get_stats(site->memory, &memory);
     const struct metrics_gauge gauges[] = {
         {"tetlod_streams", "gauge", "Streams that are served", (double)catalogue_count(site->catalogue)},
-        {"tetlod_stream_memory_bytes", "gauge", "Memory of decoded streams", (double)catalogue_memory(site->catalogue)},
+        {"tetlod_stream_memory_bytes", "gauge", "Memory of decoded streams, and of answers too large for the cache", (double)memory.bytes},
+        {"tetlod_stream_memory_entries", "gauge", "How many there are", (double)memory.entries},
         {"tetlod_cache_bytes", "gauge", "Memory of cached answers", (double)cache.bytes},
         {"tetlod_cache_entries", "gauge", "Cached answers", (double)cache.entries},
         {"tetlod_cache_hits_total", "counter", "Answers found in the cache", (double)cache.hits},
@@ -173,7 +175,7 @@ enum outcome handle_stream_info(struct exchange *exchange)
     snprintf(key, sizeof key, "%s/info/%s/%s", dataset_info(dataset)->cid, coding_name(coding), dataset_id(dataset));
     const struct cache_value *value;
     const struct recipe recipe = {make_info, free_info_context, context,
-                                  1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), PATIENCE};
+                                  1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), PATIENCE, NULL};
     enum outcome outcome = obtain(exchange, exchange->site->cache, key, &recipe, &value);
     if (value) {
         respond_body(exchange, value, &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});

@@ -452,6 +452,23 @@ struct dataset *catalogue_find_content(struct catalogue *catalogue, const char *
     return dataset;
 }
 
+static bool is_content(const struct dataset *dataset, const char *cid, size_t size)
+{
+    return dataset && strlen(dataset_info(dataset)->cid) == size && memcmp(dataset_info(dataset)->cid, cid, size) == 0;
+}
+
+bool catalogue_has_content(struct catalogue *catalogue, const char *cid, size_t size)
+{
+    bool found = false;
+    pthread_mutex_lock(&catalogue->lock);
+    for (size_t i = 0; !found && i < catalogue->table.count; i++)
+        found = is_content(catalogue->table.entries[i].dataset, cid, size);
+    for (const struct replaced *kept = catalogue->replaced; !found && kept; kept = kept->next)
+        found = is_content(kept->dataset, cid, size);
+    pthread_mutex_unlock(&catalogue->lock);
+    return found;
+}
+
 size_t catalogue_troubles(struct catalogue *catalogue)
 {
     return atomic_load(&catalogue->troubles);
@@ -478,17 +495,4 @@ size_t catalogue_count(struct catalogue *catalogue)
         count += catalogue->table.entries[i].dataset != NULL;
     pthread_mutex_unlock(&catalogue->lock);
     return count;
-}
-
-uint64_t catalogue_memory(struct catalogue *catalogue)
-{
-    uint64_t bytes = 0;
-    pthread_mutex_lock(&catalogue->lock);
-    for (size_t i = 0; i < catalogue->table.count; i++)
-        if (catalogue->table.entries[i].dataset)
-            bytes += decoding_bytes(dataset_decoding(catalogue->table.entries[i].dataset));
-    for (struct replaced *kept = catalogue->replaced; kept; kept = kept->next)
-        bytes += decoding_bytes(dataset_decoding(kept->dataset));
-    pthread_mutex_unlock(&catalogue->lock);
-    return bytes;
 }

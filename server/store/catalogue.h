@@ -38,12 +38,12 @@ struct dataset *catalogue_find_content(struct catalogue *catalogue, const char *
 /* All current streams by id, each held, in an array that the caller frees; NULL if memory is out. */
 struct dataset **catalogue_list(struct catalogue *catalogue, size_t *out_count);
 
+/* Whether a stream with this content id is there, current or replaced. */
+bool catalogue_has_content(struct catalogue *catalogue, const char *cid, size_t size);
+
 /* How many files and folders the last scan could not look at. */
 size_t catalogue_troubles(struct catalogue *catalogue);
 
 size_t catalogue_count(struct catalogue *catalogue);
-
-/* Memory of the streams that are decoded, current and replaced. */
-uint64_t catalogue_memory(struct catalogue *catalogue);
 
 #endif

@@ -17,6 +17,7 @@ static struct site *make_site(void)
         return &site;
     const struct catalogue_options options = {0};
     site.cache = cache_new(1 << 20);
+    site.memory = cache_new(1 << 24);
     site.metrics = metrics_new(routes);
     site.serve_metrics = true;
     if (!site.cache || !site.metrics ||
