@@ -125,7 +125,7 @@ static void *run_acceptor(void *opaque)
 /* Whether what was made of a stream, and lies under its content id, may still be asked for. */
 static bool is_wanted(void *opaque, const char *key)
 {
-    return catalogue_has_content(opaque, key, strcspn(key, "-/"));
+    return strncmp(key, "catalogue/", 10) == 0 || catalogue_has_content(opaque, key, strcspn(key, "-/"));
 }
 
 /* Looks at the paths. This may hang where a network's file system does: nothing else is done by this thread. */
