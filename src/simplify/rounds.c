@@ -578,6 +578,9 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, options->boundary_angle, options->boundary_limit, error));
     TETLOD_TRY_DONE(allocate(&rounds));
     status = climb(&rounds);
+    for (unsigned w = 0; w < crew_size(rounds.run.crew); w++)
+        for (int r = 0; r < LOG_REFUSALS; r++)
+            out->refused[r] += rounds.run.workers[w].refused[r];
     log_finish(out);
 done:
     rounds_fini(&rounds);
