@@ -574,7 +574,9 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     if (!rounds.run.crew)
         TETLOD_TRY_DONE(no_memory(&rounds));
     TETLOD_TRY_DONE(working_init(&rounds.working, mesh, controlled, controlled_count, limits, out, error));
+    TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_find(&rounds.working, rounds.run.crew, error));
+    TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, options->boundary_angle, options->boundary_limit, error));
     TETLOD_TRY_DONE(allocate(&rounds));
     status = climb(&rounds);
