@@ -22,13 +22,13 @@ static const double SHARE = 0.2;
 /* A vertex is inside a tetrahedron if all its weights are above this. */
 static const double INSIDE = 1e-9;
 
-enum { MOST_HOLDING = 64 };
-
 struct clearance {
     struct locator locator;
     uint32_t vertex_count;
     uint32_t *body;   /* [vertex] the least vertex of its body, after settle */
     double *normals;  /* [3 * triangle] of length 1, or 0 */
+    uint32_t *holding; /* [holding_room] one more than any vertex has tetrahedra */
+    uint32_t holding_room;
     double *out;
 };
 
@@ -142,17 +142,30 @@ static double distance_of(const struct clearance *c, uint32_t f, double most)
 /* Is a boundary vertex inside a tetrahedron? Only where the mesh overlaps itself. */
 static bool overlapped(const struct clearance *c, uint32_t v)
 {
-    uint32_t tets[MOST_HOLDING];
     double weights[4];
     const double *p = c->locator.positions + 3 * (size_t)v;
-    uint32_t count = locator_find(&c->locator, p, tets, MOST_HOLDING);
+    uint32_t count = locator_find(&c->locator, p, c->holding, c->holding_room);
     for (uint32_t i = 0; i < count; i++) {
-        const uint32_t *corners = c->locator.corners + 4 * (size_t)tets[i];
+        const uint32_t *corners = c->locator.corners + 4 * (size_t)c->holding[i];
         if (corners[0] != v && corners[1] != v && corners[2] != v && corners[3] != v &&
-            locator_weights(&c->locator, tets[i], p, weights) > INSIDE)
+            locator_weights(&c->locator, c->holding[i], p, weights) > INSIDE)
             return true;
     }
-    return count == MOST_HOLDING;
+    return count == c->holding_room; // so many cannot all be its own
+}
+
+/* Room for all tetrahedra of any vertex and one more. */
+static bool make_holding(struct clearance *c)
+{
+    uint32_t *stars = array_zero(c->vertex_count, sizeof *stars);
+    for (size_t i = 0; stars && i < 4 * (size_t)c->locator.tet_count; i++) {
+        uint32_t count = ++stars[c->locator.corners[i]];
+        c->holding_room = count + 1 > c->holding_room ? count + 1 : c->holding_room;
+    }
+    bool done = stars;
+    free(stars);
+    c->holding = array_new(c->holding_room, sizeof *c->holding);
+    return done && c->holding;
 }
 
 static void find_all(struct clearance *c, double most, double least)
@@ -183,7 +196,7 @@ enum tetlod_status clearance_find(const double *positions, uint32_t vertex_count
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", vertex_count * (uint64_t)4));
     TETLOD_TRY_DONE(locator_init(&c.locator, positions, vertex_count, corners, tet_count, error));
     c.normals = array_new(c.locator.surface.count, 3 * sizeof(double));
-    if (!c.normals)
+    if (!make_holding(&c) || !c.normals)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", c.locator.surface.count * (uint64_t)24));
     find_bodies(&c);
     find_normals(&c);
@@ -191,6 +204,7 @@ enum tetlod_status clearance_find(const double *positions, uint32_t vertex_count
 done:
     locator_fini(&c.locator);
     free(c.normals);
+    free(c.holding);
     free(c.body);
     return status;
 }
