@@ -9,6 +9,8 @@
 #include "format/base.h"
 #include "format/fail.h"
 #include "format/reader.h"
+#include "format/record_fields.h"
+#include "format/tail.h"
 
 struct tetlod_cursor {
     struct tetlod_file *file; /* borrowed */
@@ -20,6 +22,7 @@ struct tetlod_cursor {
     struct tetlodi_recorder recorder;
     uint32_t *records; /* [level] in the log at the level's end, as far as decoded */
     uint32_t level, decoded; /* the level at hand, or the one below; the finest in the log */
+    int exact;               /* fields have the tail's values: level is the last */
     enum tetlod_status broken; /* why no level above `decoded` can be had */
     struct tetlod_error damage;
 };
@@ -44,9 +47,11 @@ static enum tetlod_status decode_base(struct tetlod_cursor *cursor, struct tetlo
     if (!tetlodi_replay_room(replay, base->vertices, base->tets))
         return tetlodi_no_room(&cursor->memory, error);
     TETLOD_TRY(tetlodi_base_connectivity(recorder, base->vertices, base->tets, NULL, error));
-    for (uint32_t c = 0; c < replay->column_count; c++) {
-        struct tetlodi_number *models = c ? &recorder->field_models[c - 1].corner : recorder->models->corner;
-        TETLOD_TRY(tetlodi_base_column(replay, &cursor->columns[c], &recorder->coders[c], models, c == 0, error));
+    TETLOD_TRY(tetlodi_base_column(replay, cursor->columns, recorder->coders, recorder->models->corner, NULL, error));
+    for (uint32_t c = 1; c < replay->column_count; c++) {
+        struct tetlodi_field_models *models = &recorder->field_models[c - 1];
+        tetlodi_copies_code(&recorder->coders[c], models, cursor->columns[c].components);
+        TETLOD_TRY(tetlodi_base_column(replay, &cursor->columns[c], &recorder->coders[c], &models->corner, models->copied, error));
     }
     return tetlodi_replay_base(replay) ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
 }
@@ -67,6 +72,44 @@ static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t 
     if (replay->tets != to->tets)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has %u tetrahedra, its index says %u", replay->tets, to->tets);
     return TETLOD_OK;
+}
+
+/* The tail: exact values beside those on the grid. */
+static enum tetlod_status decode_tail(struct tetlod_cursor *cursor, struct tetlod_error *error)
+{
+    const struct tetlodi_index *index = &cursor->file->index;
+    for (uint32_t c = 1; c < cursor->replay.column_count; c++) {
+        struct tetlodi_column *column = &cursor->columns[c];
+        size_t count = (size_t)cursor->replay.vertices * column->components;
+        if (!index->exact_later[cursor->parts[c] - 1])
+            continue;
+        if (!TETLODI_ROOM(&cursor->memory, column->other_values, column->other_capacity, count))
+            return tetlodi_no_room(&cursor->memory, error);
+        TETLOD_TRY(tetlodi_tail_code(&cursor->recorder.coders[c], column, cursor->replay.vertices, column->other_values, error));
+    }
+    return TETLOD_OK;
+}
+
+/* Exchanges the values on the grid and the exact ones. All records are applied. */
+static void exchange_exact(struct tetlod_cursor *cursor)
+{
+    for (uint32_t c = 1; c < cursor->replay.column_count; c++) {
+        struct tetlodi_column *column = &cursor->columns[c];
+        double *values = column->values;
+        size_t capacity = column->values_capacity;
+        if (!cursor->file->index.exact_later[cursor->parts[c] - 1])
+            continue;
+        column->values = column->other_values;
+        column->values_capacity = column->other_capacity;
+        column->other_values = values;
+        column->other_capacity = capacity;
+    }
+    cursor->exact = !cursor->exact;
+}
+
+static int is_tail(const struct tetlod_cursor *cursor, uint32_t level)
+{
+    return cursor->file->index.tail && level + 1 == cursor->file->index.info.level_count;
 }
 
 /* Takes back what of a damaged level was brought in, and remembers that it is damaged. */
@@ -96,7 +139,7 @@ static enum tetlod_status decode_level(struct tetlod_cursor *cursor, struct tetl
         return tetlodi_fail_nomem(error, "a level", columns * sizeof *frames);
     enum tetlod_status status = load_frames(cursor, level, frames, error);
     if (status == TETLOD_OK) {
-        status = decode_records(cursor, level, &inner);
+        status = is_tail(cursor, level) ? decode_tail(cursor, &inner) : decode_records(cursor, level, &inner);
         if (status == TETLOD_OK) {
             cursor->records[level] = cursor->replay.records;
             cursor->decoded = level;
@@ -208,8 +251,9 @@ void tetlod_cursor_free(struct tetlod_cursor *cursor)
 /* The level at hand, from the number of records applied. */
 static void settle(struct tetlod_cursor *cursor)
 {
-    uint32_t records = cursor->replay.records;
-    while (cursor->level < cursor->decoded && records >= cursor->records[cursor->level + 1])
+    uint32_t records = cursor->replay.records, finest = cursor->decoded - (is_tail(cursor, cursor->decoded) && !cursor->exact);
+    cursor->level = cursor->level < finest ? cursor->level : finest;
+    while (cursor->level < finest && records >= cursor->records[cursor->level + 1])
         cursor->level++;
     while (cursor->level && records < cursor->records[cursor->level])
         cursor->level--;
@@ -229,22 +273,30 @@ static enum tetlod_status extend(struct tetlod_cursor *cursor, struct tetlod_err
 enum tetlod_status tetlod_cursor_refine(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
     struct tetlodi_replay *replay = &cursor->replay;
-    if (replay->records == replay->all_records) {
+    if (replay->records == replay->all_records && !is_tail(cursor, cursor->decoded)) {
         if (cursor->decoded + 1 == cursor->file->index.info.level_count)
             return TETLOD_END;
         TETLOD_TRY(extend(cursor, error));
     }
-    if (!tetlodi_replay_forward(replay))
-        return tetlodi_no_room(&cursor->memory, error);
+    if (replay->records < replay->all_records) {
+        if (!tetlodi_replay_forward(replay))
+            return tetlodi_no_room(&cursor->memory, error);
+    } else if (cursor->exact) {
+        return TETLOD_END;
+    } else {
+        exchange_exact(cursor);
+    }
     settle(cursor);
     return TETLOD_OK;
 }
 
 enum tetlod_status tetlod_cursor_coarsen(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
-    if (!cursor->replay.records)
+    if (cursor->exact)
+        exchange_exact(cursor);
+    else if (!cursor->replay.records)
         return TETLOD_END;
-    if (!tetlodi_replay_back(&cursor->replay))
+    else if (!tetlodi_replay_back(&cursor->replay))
         return tetlodi_no_room(&cursor->memory, error);
     settle(cursor);
     return TETLOD_OK;
@@ -254,6 +306,8 @@ static enum tetlod_status move_to(struct tetlod_cursor *cursor, uint32_t level, 
 {
     struct tetlodi_replay *replay = &cursor->replay;
     uint32_t known = level < cursor->decoded ? level : cursor->decoded;
+    if (cursor->exact && !is_tail(cursor, level))
+        exchange_exact(cursor);
     while (replay->records < cursor->records[known])
         if (!tetlodi_replay_forward(replay))
             return tetlodi_no_room(&cursor->memory, error);
@@ -262,6 +316,8 @@ static enum tetlod_status move_to(struct tetlod_cursor *cursor, uint32_t level, 
             return tetlodi_no_room(&cursor->memory, error);
     while (cursor->decoded < level)
         TETLOD_TRY(decode_level(cursor, error));
+    if (!cursor->exact && is_tail(cursor, level))
+        exchange_exact(cursor);
     return TETLOD_OK;
 }
 
@@ -295,7 +351,8 @@ static void values_before(const struct tetlod_cursor *cursor, const struct tetlo
 {
     const struct tetlodi_replay *replay = &cursor->replay;
     size_t n = column->components;
-    memcpy(out, column->values, count * n * sizeof *out);
+    int exact = cursor->exact && column->other_values;
+    memcpy(out, exact ? column->other_values : column->values, count * n * sizeof *out);
     for (uint32_t split = replay->splits, record = replay->records; record > records;) {
         const struct tetlodi_split *log = &replay->log[--split];
         if (!(log->tets & SPLIT_FIRST))
@@ -319,7 +376,10 @@ enum tetlod_status tetlod_cursor_origins(const struct tetlod_cursor *cursor, uin
         size_t n = cursor->columns[c].components;
         if (!out)
             continue;
-        values_before(cursor, &cursor->columns[c], cursor->records[level], count, out);
+        if (level == cursor->level && cursor->exact)
+            memcpy(out, cursor->columns[c].values, count * n * sizeof *out);
+        else
+            values_before(cursor, &cursor->columns[c], cursor->records[level], count, out);
         for (uint32_t v = count; v < replay->vertices; v++) // a parent has a lower number: it is done
             memcpy(out + v * n, out + replay->parents[v] * n, n * sizeof *out);
     }

@@ -9,7 +9,7 @@
 #include "format/fail.h"
 #include "format/utf8.h"
 
-enum { CID_AT = 40, CID_SIZE = 16, CRC_AT = 60, FIELD_CONTROLLED = 1 };
+enum { CID_AT = 40, CID_SIZE = 16, CRC_AT = 60, FIELD_CONTROLLED = 1, FIELD_EXACT_LATER = 2, SCALE_FLOAT64 = 1, SCALE_NARROW = 2 };
 
 void tetlodi_index_fini(struct tetlodi_index *index)
 {
@@ -18,6 +18,7 @@ void tetlodi_index_fini(struct tetlodi_index *index)
     free(index->errors);
     free(index->scales);
     free(index->frames);
+    free(index->exact_later);
     free(index->text);
     *index = (struct tetlodi_index){0};
 }
@@ -30,11 +31,12 @@ bool tetlodi_index_allocate(struct tetlodi_index *index)
     index->errors = calloc(levels * (fields ? fields : 1), TETLOD_MEASURES * sizeof *index->errors);
     index->scales = calloc(1 + fields, sizeof *index->scales);
     index->frames = calloc(levels * (1 + fields), sizeof *index->frames);
+    index->exact_later = calloc(fields ? fields : 1, sizeof *index->exact_later);
     index->info.fields = index->fields;
     index->info.levels = index->levels;
     for (size_t k = 0; k < levels && index->levels; k++)
         index->levels[k].errors = index->errors + k * fields * TETLOD_MEASURES;
-    return index->fields && index->levels && index->errors && index->scales && index->frames;
+    return index->fields && index->levels && index->errors && index->scales && index->frames && index->exact_later;
 }
 
 /* ---- header */
@@ -66,6 +68,9 @@ enum tetlod_status tetlodi_header_decode(struct tetlodi_header *header, const ui
     unsigned major = (unsigned)tetlodi_get(&in, 2), minor = (unsigned)tetlodi_get(&in, 2);
     if (tetlodi_crc32(bytes, CRC_AT) != (uint32_t)(bytes[60] | bytes[61] << 8 | bytes[62] << 16 | (uint32_t)bytes[63] << 24))
         return tetlodi_fail(error, TETLOD_ERR_CHECKSUM, "the header is damaged: its checksum does not match");
+    if (major < FORMAT_MAJOR)
+        return tetlodi_fail(error, TETLOD_ERR_VERSION,
+                            "format %u.%u is the layout from before the first release; build the stream again", major, minor);
     if (major != FORMAT_MAJOR)
         return tetlodi_fail(error, TETLOD_ERR_VERSION, "format %u.%u, this program reads %d.x", major, minor, FORMAT_MAJOR);
     uint32_t required = (uint32_t)tetlodi_get(&in, 4);
@@ -98,7 +103,8 @@ void tetlodi_content_id(const uint8_t header[HEADER_SIZE], const void *index, si
 
 static void put_scale(struct tetlodi_buffer *out, const struct tetlodi_scale *scale, int axes)
 {
-    tetlodi_put(out, scale->type, 1);
+    int narrow = scale->original != scale->type;
+    tetlodi_put(out, (scale->original == TETLOD_FLOAT64 ? SCALE_FLOAT64 : 0) | (narrow ? SCALE_NARROW : 0), 1);
     tetlodi_put(out, scale->bits, 1);
     for (int i = 0; i < axes && scale->bits; i++) {
         tetlodi_put_f64(out, scale->origin[i]);
@@ -133,7 +139,7 @@ void tetlodi_index_encode(const struct tetlodi_index *index, struct tetlodi_buff
         size_t length = strlen(field->name);
         put_scale(out, &index->scales[1 + f], 1);
         tetlodi_put(out, field->components, 1);
-        tetlodi_put(out, field->controlled ? FIELD_CONTROLLED : 0, 1);
+        tetlodi_put(out, (field->controlled ? FIELD_CONTROLLED : 0) | (index->exact_later[f] ? FIELD_EXACT_LATER : 0), 1);
         tetlodi_put_f64(out, field->range[0]);
         tetlodi_put_f64(out, field->range[1]);
         tetlodi_put(out, length, 2);
@@ -164,6 +170,20 @@ static bool valid_scale(const struct tetlodi_scale *scale, int axes)
     return true;
 }
 
+/* The tail (SPEC 9.3): no mesh, and a frame for each field that it makes exact. */
+static const char *contradictory_tail(const struct tetlodi_index *index)
+{
+    const struct tetlod_info *info = &index->info;
+    const struct tetlodi_frame *frames = &index->frames[(size_t)(info->level_count - 1) * (info->field_count + 1)];
+    if (index->tail && frames[0].size)
+        return "a tail with a mesh of its own";
+    for (uint32_t f = 0; f < info->field_count; f++)
+        if ((index->exact_later[f] && (!index->tail || !index->scales[1 + f].bits)) ||
+            (index->tail && !index->exact_later[f] && frames[1 + f].size))
+            return "an exact tail that does not go with its fields";
+    return NULL;
+}
+
 /* What every index must be, beyond being complete. */
 static const char *contradiction(const struct tetlodi_index *index)
 {
@@ -173,7 +193,8 @@ static const char *contradiction(const struct tetlodi_index *index)
             return "bounds that are none";
     for (uint32_t f = 0; f <= info->field_count; f++) {
         const struct tetlodi_scale *scale = &index->scales[f];
-        if ((unsigned)scale->type > TETLOD_FLOAT64 || scale->bits > MOST_BITS || !valid_scale(scale, f ? 1 : 3))
+        if ((unsigned)scale->original > TETLOD_FLOAT64 || scale->type > scale->original || scale->bits > MOST_BITS ||
+            !valid_scale(scale, f ? 1 : 3))
             return "numbers of an unknown kind";
     }
     for (uint32_t f = 0; f < info->field_count; f++) {
@@ -183,9 +204,10 @@ static const char *contradiction(const struct tetlodi_index *index)
         if (!isfinite(field->range[0]) || !isfinite(field->range[1]) || field->range[0] > field->range[1])
             return "a field without a range";
     }
+    uint32_t tail = index->tail ? info->level_count - 1 : TETLOD_NONE;
     for (uint32_t k = 0; k < info->level_count; k++) {
         const struct tetlod_level *level = &info->levels[k], *coarser = k ? level - 1 : NULL;
-        if (coarser && (level->vertices <= coarser->vertices || level->tets < coarser->tets))
+        if (coarser && k != tail && (level->vertices <= coarser->vertices || level->tets < coarser->tets))
             return "levels that do not grow";
         uint64_t most = MOST_EXPANSION * (1 + (uint64_t)index->frames[(size_t)k * (info->field_count + 1)].size);
         if (level->vertices - (coarser ? coarser->vertices : 0) > most || level->tets - (coarser ? coarser->tets : 0) > most)
@@ -199,12 +221,14 @@ static const char *contradiction(const struct tetlodi_index *index)
         return "levels that do not lead to the original";
     if (info->vertices == UINT32_MAX || info->tets > MOST_TETS)
         return "more vertices or tetrahedra than a stream can hold";
-    return NULL;
+    return contradictory_tail(index);
 }
 
 static void get_scale(struct tetlodi_bytes *in, struct tetlodi_scale *scale, int axes)
 {
-    scale->type = (enum tetlod_type)tetlodi_get(in, 1);
+    unsigned type = (unsigned)tetlodi_get(in, 1);
+    scale->original = (enum tetlod_type)(type == 3 ? TETLOD_FLOAT64 : type); // 2, and what is above 3, is refused later
+    scale->type = type == 3 ? TETLOD_FLOAT32 : scale->original;
     scale->bits = (unsigned)tetlodi_get(in, 1);
     for (int i = 0; i < axes && scale->bits; i++) {
         scale->origin[i] = tetlodi_get_f64(in);
@@ -235,6 +259,8 @@ static void decode_levels(struct tetlodi_index *index, struct tetlodi_bytes *in,
             get_frame(in, &index->frames[(size_t)k * (info->field_count + 1) + i], &offset);
         level->end = offset;
     }
+    const struct tetlod_level *last = &info->levels[info->level_count - 1];
+    index->tail = info->level_count > 1 && last->vertices == last[-1].vertices && last->tets == last[-1].tets;
     index->order.offset = offset;
     info->bytes = offset + index->order.size;
     info->keeps_order = index->order.size > 0;
@@ -260,12 +286,14 @@ static bool decode_fields(struct tetlodi_index *index, struct tetlodi_bytes *in,
     for (uint32_t f = 0; f < info->field_count; f++) {
         struct tetlod_field *field = &index->fields[f];
         get_scale(in, &index->scales[1 + f], 1);
-        field->type = index->scales[1 + f].type;
+        field->type = index->scales[1 + f].original;
         field->components = (uint32_t)tetlodi_get(in, 1);
-        field->controlled = (tetlodi_get(in, 1) & FIELD_CONTROLLED) != 0;
+        unsigned flags = (unsigned)tetlodi_get(in, 1);
+        field->controlled = (flags & FIELD_CONTROLLED) != 0;
+        index->exact_later[f] = (flags & FIELD_EXACT_LATER) != 0;
         field->range[0] = tetlodi_get_f64(in);
         field->range[1] = tetlodi_get_f64(in);
-        info->lossless &= index->scales[1 + f].bits == 0;
+        info->lossless &= index->scales[1 + f].bits == 0 || index->exact_later[f];
         size_t size = (size_t)tetlodi_get(in, 2);
         field->name = get_text(in, size, text);
         named &= size && !in->failed && tetlodi_plain_text(field->name, size);
@@ -303,7 +331,7 @@ enum tetlod_status tetlodi_index_decode(struct tetlodi_index *index, const void 
     }
     char *text = index->text;
     get_scale(&in, &index->scales[0], 3);
-    info->position_type = index->scales[0].type;
+    info->position_type = index->scales[0].original;
     info->lossless = index->scales[0].bits == 0;
     bool named = decode_fields(index, &in, &text);
     decode_levels(index, &in, first_offset);

@@ -8,11 +8,10 @@
 
 enum {
     HEADER_SIZE = 64,
-    FORMAT_MAJOR = 1,
+    FORMAT_MAJOR = 2,
     FORMAT_MINOR = 0,
     MOST_TETS = 1 << 30,
     MOST_FIELDS = 256,
-    MOST_COMPONENTS = 64,
     MOST_LEVELS = 65536,
     MOST_METADATA = 1 << 20,
     MOST_INDEX = 1 << 28,
@@ -40,6 +39,8 @@ struct tetlodi_index {
     struct tetlodi_scale *scales; /* [1 + field_count] of positions, of the fields */
     struct tetlodi_frame *frames;
     struct tetlodi_frame order; /* size 0: not kept */
+    uint8_t *exact_later;       /* [field] coded on its grid, the tail has what makes it exact */
+    int tail;                   /* the last level has the mesh of the one before it, and the tails */
     unsigned slowest;           /* the coder's slowest step of learning, 1/2^slowest */
     char *text;     /* names and metadata */
 };

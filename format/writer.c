@@ -15,7 +15,9 @@
 #include "format/fail.h"
 #include "format/index.h"
 #include "format/order.h"
+#include "format/record_fields.h"
 #include "format/star_view.h"
+#include "format/tail.h"
 #include "format/utf8.h"
 
 enum { MOST_CHILDREN = 4 };
@@ -187,7 +189,7 @@ static enum tetlod_status list_meetings(struct writer *w)
 
 /* The codes of a column for all nodes. */
 static enum tetlod_status encode_column(struct writer *w, uint32_t c, const char *name, const double *values,
-                                        const double *node_values)
+                                        const double *node_values, int rounded)
 {
     const struct tetlodi_scale *scale = &w->columns[c].scale;
     size_t n = w->columns[c].components, originals = n * w->in->vertices, all = n * w->nodes;
@@ -199,7 +201,7 @@ static enum tetlod_status encode_column(struct writer *w, uint32_t c, const char
         unsigned axis = c ? 0 : (unsigned)(i % 3);
         int64_t code = scale_code(scale, axis, value);
         double back = scale_value(scale, axis, code);
-        if (!isfinite(value) || memcmp(&back, &value, sizeof value) != 0)
+        if (!isfinite(value) || (memcmp(&back, &value, sizeof value) != 0 && !(rounded && i < originals)))
             return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "%s: %.17g is not a number of its type", name, value);
         w->codes[c][i] = code;
     }
@@ -208,10 +210,10 @@ static enum tetlod_status encode_column(struct writer *w, uint32_t c, const char
 
 static enum tetlod_status encode_columns(struct writer *w)
 {
-    TETLOD_TRY(encode_column(w, 0, "positions", w->in->positions, w->in->node_positions));
+    TETLOD_TRY(encode_column(w, 0, "positions", w->in->positions, w->in->node_positions, 0));
     for (uint32_t f = 0; f < w->in->field_count; f++) {
         const struct tetlodi_write_field *field = &w->in->fields[f];
-        TETLOD_TRY(encode_column(w, 1 + f, field->name, field->values, field->node_values));
+        TETLOD_TRY(encode_column(w, 1 + f, field->name, field->values, field->node_values, field->exact_later));
     }
     return TETLOD_OK;
 }
@@ -287,6 +289,20 @@ static void set_codes(struct writer *w, uint32_t vertex, uint32_t node)
     }
 }
 
+/* Components whose codes are those of an earlier one in all nodes. */
+static void find_copies(const struct writer *w, uint32_t column, uint8_t *copied)
+{
+    size_t n = w->columns[column].components;
+    const int64_t *codes = w->codes[column];
+    for (size_t c = 1; c < n; c++)
+        for (size_t source = 0; source < c && copied[c] == c; source++) {
+            size_t node = 0;
+            while (node < w->nodes && codes[node * n + c] == codes[node * n + source])
+                node++;
+            copied[c] = (uint8_t)(node == w->nodes ? source : c);
+        }
+}
+
 static enum tetlod_status code_base(struct writer *w, struct base *base)
 {
     struct tetlodi_recorder *recorder = &w->recorder;
@@ -301,9 +317,13 @@ static enum tetlod_status code_base(struct writer *w, struct base *base)
     }
     for (uint32_t t = 0; t < base->guide.tets; t++)
         w->original_of[t] = base->tets[base->tet_order[t]];
-    for (uint32_t c = 0; c < w->replay.column_count; c++) {
-        struct tetlodi_number *models = c ? &recorder->field_models[c - 1].corner : recorder->models->corner;
-        TETLOD_TRY(tetlodi_base_column(&w->replay, &w->columns[c], &recorder->coders[c], models, c == 0, w->error));
+    TETLOD_TRY(tetlodi_base_column(&w->replay, w->columns, recorder->coders, recorder->models->corner, NULL, w->error));
+    for (uint32_t c = 1; c < w->replay.column_count; c++) {
+        struct tetlodi_field_models *models = &recorder->field_models[c - 1];
+        find_copies(w, c, models->copied);
+        tetlodi_copies_code(&recorder->coders[c], models, w->columns[c].components);
+        TETLOD_TRY(tetlodi_base_column(&w->replay, &w->columns[c], &recorder->coders[c], &models->corner, models->copied,
+                                       w->error));
     }
     return tetlodi_replay_base(&w->replay) ? TETLOD_OK : tetlodi_no_room(&w->memory, w->error);
 }
@@ -484,9 +504,11 @@ static int plan_split(void *opaque, struct tetlodi_star_view *star, unsigned num
 static enum tetlod_status write_record(struct writer *w, uint32_t slot)
 {
     uint32_t node = w->node_at[slot];
-    struct tetlodi_record record = {slot, order_children(w, node)};
+    struct tetlodi_record record = {.vertex = slot, .children = order_children(w, node)};
     int64_t(*codes)[4] = w->recorder.codes;
     TETLOD_TRY(list_arrivals(w, node));
+    for (uint32_t i = 0; i < record.children; i++)
+        record.leaves |= (unsigned)(w->children[i] < w->in->vertices) << i;
     for (uint32_t c = 0; c < w->replay.column_count; c++)
         for (size_t n = w->columns[c].components, k = 0; k < n; k++, codes++)
             for (uint32_t i = 0; i < record.children; i++)
@@ -512,6 +534,31 @@ static enum tetlod_status write_level(struct writer *w, uint32_t level)
     return store_level(w, level);
 }
 
+/* The exact values of a field, in the finest level's order. */
+static enum tetlod_status code_tail(struct writer *w, uint32_t field)
+{
+    const struct tetlodi_write_field *in = &w->in->fields[field];
+    size_t n = in->components;
+    double *exact = malloc((size_t)w->in->vertices * n * sizeof *exact);
+    if (!exact)
+        return out_of_memory(w);
+    for (uint32_t v = 0; v < w->in->vertices; v++)
+        memcpy(exact + v * n, in->values + w->node_at[v] * n, n * sizeof *exact);
+    enum tetlod_status status =
+        tetlodi_tail_code(&w->recorder.coders[1 + field], &w->columns[1 + field], w->in->vertices, exact, w->error);
+    free(exact);
+    return status;
+}
+
+static enum tetlod_status write_tail(struct writer *w, uint32_t level)
+{
+    start_coders(w);
+    for (uint32_t f = 0; f < w->in->field_count; f++)
+        if (w->in->fields[f].exact_later)
+            TETLOD_TRY(code_tail(w, f));
+    return store_level(w, level);
+}
+
 static enum tetlod_status write_levels(struct writer *w)
 {
     struct base base = {0};
@@ -526,7 +573,7 @@ static enum tetlod_status write_levels(struct writer *w)
     if (status == TETLOD_OK)
         status = store_level(w, 0);
     for (uint32_t level = 1; level < w->in->level_count && status == TETLOD_OK; level++)
-        status = write_level(w, level);
+        status = w->in->levels[level - 1].contractions ? write_level(w, level) : write_tail(w, level);
     return status;
 }
 
@@ -566,13 +613,18 @@ static enum tetlod_status write_order(struct writer *w)
 
 /* ---- the file */
 
+static enum tetlod_type original_type(const struct tetlodi_write_field *field)
+{
+    return field->was_float64 ? TETLOD_FLOAT64 : field->type;
+}
+
 static void fill_info(struct writer *w)
 {
     struct tetlod_info *info = &w->index.info;
     const struct tetlodi_write_input *in = w->in;
     info->vertices = in->vertices;
     info->tets = in->tets;
-    info->position_type = in->position_type;
+    info->position_type = w->columns[0].scale.original;
     info->lossless = in->position_bits == 0;
     info->degenerate_tets = in->degenerate_tets;
     info->inverted_tets = in->inverted_tets;
@@ -587,11 +639,11 @@ static void fill_info(struct writer *w)
         }
     }
     for (uint32_t f = 0; f < in->field_count; f++)
-        w->index.fields[f] = (struct tetlod_field){in->fields[f].name, in->fields[f].components, in->fields[f].type,
+        w->index.fields[f] = (struct tetlod_field){in->fields[f].name, in->fields[f].components, original_type(&in->fields[f]),
                                                    {in->fields[f].range[0], in->fields[f].range[1]},
                                                    in->fields[f].controlled};
     for (uint32_t f = 0; f < in->field_count; f++)
-        info->lossless &= in->fields[f].bits == 0;
+        info->lossless &= in->fields[f].bits == 0 || in->fields[f].exact_later;
 }
 
 static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink *sink)
@@ -629,6 +681,14 @@ done:
     return status;
 }
 
+static bool has_tail(const struct tetlodi_write_input *in)
+{
+    bool wanted = false;
+    for (uint32_t f = 0; f < in->field_count; f++)
+        wanted |= in->fields[f].exact_later != 0;
+    return wanted && in->level_count > 1 && in->levels[in->level_count - 2].contractions == 0;
+}
+
 static enum tetlod_status check_input(const struct writer *w)
 {
     const struct tetlodi_write_input *in = w->in;
@@ -641,11 +701,13 @@ static enum tetlod_status check_input(const struct writer *w)
     else if (strlen(in->metadata) > MOST_METADATA)
         wrong = "its metadata is too large";
     for (uint32_t k = 1; k < in->level_count && !wrong; k++)
-        if (in->levels[k].contractions >= in->levels[k - 1].contractions)
+        if (in->levels[k].contractions >= in->levels[k - 1].contractions && !(k + 1 == in->level_count && has_tail(in)))
             wrong = "its levels are not in order";
     for (uint32_t f = 0; f < in->field_count && !wrong; f++)
         if (in->fields[f].components < 1 || in->fields[f].components > MOST_COMPONENTS || strlen(in->fields[f].name) > 4096)
             wrong = "a field has too many components or too long a name";
+        else if (in->fields[f].exact_later && (!in->fields[f].bits || !has_tail(in)))
+            wrong = "a field is to be exact later without a grid or a level for it";
         else if (!*in->fields[f].name || !tetlodi_plain_text(in->fields[f].name, strlen(in->fields[f].name)))
             wrong = "a field's name is empty or not plain UTF-8";
     for (size_t t = 0; t < in->tets && !wrong; t++)
@@ -664,13 +726,15 @@ static void set_columns(struct writer *w)
     const struct tetlodi_write_input *in = w->in;
     w->columns[0].components = 3;
     w->columns[0].scale.type = in->position_type;
+    w->columns[0].scale.original = in->positions_were_float64 ? TETLOD_FLOAT64 : in->position_type;
     w->columns[0].scale.bits = in->position_bits;
     memcpy(w->columns[0].scale.origin, in->position_origin, sizeof in->position_origin);
     memcpy(w->columns[0].scale.step, in->position_step, sizeof in->position_step);
     for (uint32_t f = 0; f < in->field_count; f++) {
         const struct tetlodi_write_field *field = &in->fields[f];
         w->columns[1 + f].components = field->components;
-        w->columns[1 + f].scale = (struct tetlodi_scale){field->type, field->bits, {field->origin}, {field->step}};
+        w->columns[1 + f].scale = (struct tetlodi_scale){field->type, original_type(field), field->bits, {field->origin}, {field->step}};
+        w->index.exact_later[f] = field->exact_later != 0;
     }
     for (uint32_t c = 0; c <= in->field_count; c++)
         w->index.scales[c] = w->columns[c].scale;

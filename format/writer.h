@@ -16,16 +16,19 @@ struct tetlodi_write_field {
     const char *name;
     uint32_t components;
     enum tetlod_type type; /* values below are exactly representable in it */
+    int was_float64;       /* the original's type is float64 although `type`, float32, is enough for its values */
     int controlled;
     double range[2];
     const double *values;      /* [components * vertices], the original's */
     const double *node_values; /* [components * contractions], of the nodes that contractions made */
     unsigned bits;             /* 0: bit for bit. Else every value is (type)(origin + step * k) for a k of so many bits */
     double origin, step;
+    int exact_later;           /* with bits: only nodes' values are so. The original's are rounded, and exact in the last level */
 };
 
 struct tetlodi_write_level {
-    uint32_t contractions; /* done at this level; falls strictly with the level's number, 0 at the finest */
+    uint32_t contractions; /* done at this level; falls strictly with the level's number, 0 at the finest. Where fields are exact
+                              later there is one level more, with 0 as well: the exact tail */
     double domain_error;
     const double *errors; /* [field_count * TETLOD_MEASURES]; NaN: not known */
 };
@@ -36,6 +39,7 @@ enum { EFFORT_ALL_RATES = 20 };
 struct tetlodi_write_input {
     uint32_t vertices, tets, contractions;
     enum tetlod_type position_type;
+    int positions_were_float64; /* as a field's was_float64 */
     unsigned position_bits; /* as a field's, with an origin and a step for each axis */
     double position_origin[3], position_step[3];
     const double *positions;      /* [3 * vertices] */

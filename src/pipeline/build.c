@@ -11,6 +11,7 @@
 #include "src/simplify/exact/patch.h"
 #include "src/simplify/samples.h"
 #include "src/mesh/tet_geom.h"
+#include "src/pipeline/precision.h"
 #include "src/util/array.h"
 
 /* How far the boundary may move while it counts as kept, as a fraction of the diagonal: by rounding, and where the limit
@@ -19,9 +20,11 @@ static const double BOUNDARY_KEPT = 1e-12, BOUNDARY_OF_EXACT = 1e-6;
 
 struct build {
     const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised */
+    const struct tetmesh *coded;    /* the same with the values that levels have of it */
     const struct tetmesh *original; /* that errors are about */
     struct tetmesh rounded;
     double *rounding;               /* [field] bound of what rounding changed, if quantised */
+    struct precision precision;     /* if not */
     const struct build_options *options;
     struct simplification sequence;
     struct tetlodi_write_level *levels; /* coarse to fine */
@@ -121,7 +124,9 @@ static void mark_errors(const struct build *build, uint32_t mark, uint32_t field
             continue;
         size_t i = (size_t)mark * fields->driver_count + d;
         double rounding = build->rounding ? build->rounding[field] * fields->drivers[d].scale : 0;
-        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], fmin(build->sequence.mark_certified[i] + rounding, 1));
+        double least = build->precision.tail ? build->precision.rounding[field] * fields->drivers[d].scale : 0;
+        double error = larger(build->sequence.mark_certified[i] + rounding, least); // vertices that are left are rounded
+        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], fmin(error, 1));
         errors[TETLOD_PREDICTED] = fmax(errors[TETLOD_PREDICTED], build->sequence.mark_predicted[i]);
     }
 }
@@ -138,6 +143,10 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
         mark_errors(build, mark, f, errors);
         errors[TETLOD_SAMPLED] = measured[f].sampled * scale;
         errors[TETLOD_RMS] = measured[f].rms * scale;
+        if (build->precision.tail) { // what has not been contracted is not measured
+            errors[TETLOD_SAMPLED] = larger(errors[TETLOD_SAMPLED], build->precision.rounding[f] * scale);
+            errors[TETLOD_RMS] = larger(errors[TETLOD_RMS], build->precision.rounding_rms[f] * scale);
+        }
         if (!isnan(errors[TETLOD_MAX])) // a point outside is certified at another point than the closest (PROOF.md, 5)
             errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], measured[f].outside * scale);
         for (int m = 0; m < TETLOD_MEASURES && finer; m++)
@@ -169,6 +178,18 @@ static enum tetlod_status measure_mark(struct build *build, struct ancestry *anc
     return TETLOD_OK;
 }
 
+/* The last level: nothing is left of any error. */
+static void add_tail(struct build *build)
+{
+    uint32_t marks = build->sequence.mark_count, fields = build->mesh->field_count;
+    double *errors = build->errors + (size_t)marks * fields * TETLOD_MEASURES;
+    if (!build->precision.tail)
+        return;
+    for (uint32_t i = 0; i < fields * TETLOD_MEASURES; i++)
+        errors[i] = isnan(errors[i - (size_t)marks * fields * TETLOD_MEASURES]) ? NAN : 0;
+    build->levels[marks] = (struct tetlodi_write_level){0, 0, errors};
+}
+
 static enum tetlod_status measure_marks(struct build *build)
 {
     uint32_t marks = build->sequence.mark_count, fields = build->mesh->field_count;
@@ -177,11 +198,11 @@ static enum tetlod_status measure_marks(struct build *build)
     struct measured *measured = array_new(fields, sizeof *measured);
     double diagonal = mesh_diagonal(build->mesh), finer = 0;
     enum tetlod_status status = TETLOD_OK;
-    build->levels = array_new(marks, sizeof *build->levels);
-    build->errors = array_new((size_t)marks * fields, TETLOD_MEASURES * sizeof(double));
+    build->levels = array_new(marks + (size_t)1, sizeof *build->levels);
+    build->errors = array_new((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));
     if (!measured || !build->levels || !build->errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
-    TETLOD_TRY_DONE(ancestry_init(&ancestry, &build->sequence, build->mesh, build->error));
+    TETLOD_TRY_DONE(ancestry_init(&ancestry, &build->sequence, build->coded, build->error));
     TETLOD_TRY_DONE(measure_new(&measure, build->original, NULL, build->mesh->field_count, build->error));
     for (uint32_t mark = 0; mark < marks; mark++) {
         TETLOD_TRY_DONE(measure_mark(build, &ancestry, measure, mark, measured, diagonal));
@@ -191,6 +212,7 @@ static enum tetlod_status measure_marks(struct build *build)
             !build->options->progress(build->options->progress_opaque, BUILD_MEASURE, (mark + 1.0) / marks))
             TETLOD_TRY_DONE(tetlodi_fail(build->error, TETLOD_ERR_CANCELLED, "cancelled"));
     }
+    add_tail(build);
 done:
     ancestry_fini(&ancestry);
     measure_free(measure);
@@ -221,6 +243,8 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                                  .controlled = is_controlled(build, f),
                                                  .values = field->values,
                                                  .node_values = build->sequence.fields.fields[f].node_values};
+        fields[f].was_float64 = build->original->fields[f].type != field->type;
+        fields[f].exact_later = build->precision.tail && field->grid.bits > 0;
         fields[f].bits = field->grid.bits;
         fields[f].origin = field->grid.origin;
         fields[f].step = field->grid.step;
@@ -230,12 +254,13 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .tets = mesh->tet_count,
                                         .contractions = complex->contraction_count,
                                         .position_type = mesh->position_type,
+                                        .positions_were_float64 = build->original->position_type != mesh->position_type,
                                         .positions = mesh->positions,
                                         .corners = mesh->corners,
                                         .children = complex->children,
                                         .node_positions = complex->node_positions,
                                         .field_count = mesh->field_count,
-                                        .level_count = build->sequence.mark_count,
+                                        .level_count = build->sequence.mark_count + build->precision.tail,
                                         .fields = fields,
                                         .levels = build->levels,
                                         .degenerate_tets = complex->degenerate_tets,
@@ -256,11 +281,20 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
     return status;
 }
 
+/* Chooses what the levels' numbers are. */
+static enum tetlod_status fit_precision(struct build *build)
+{
+    TETLOD_TRY(precision_init(&build->precision, build->original, build->error));
+    build->mesh = &build->precision.exact;
+    build->coded = &build->precision.coded;
+    return TETLOD_OK;
+}
+
 /* Rounds a copy of the mesh, to be contracted in its place. */
 static enum tetlod_status quantise(struct build *build)
 {
     TETLOD_TRY(quantise_mesh(&build->rounded, build->mesh, &build->options->quantise, build->error));
-    build->mesh = &build->rounded;
+    build->mesh = build->coded = &build->rounded;
     build->rounding = array_new(build->mesh->field_count, sizeof *build->rounding);
     if (!build->rounding)
         return tetlodi_fail_nomem(build->error, "the fields", build->mesh->field_count * sizeof *build->rounding);
@@ -275,15 +309,18 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     TETLOD_TRY_DONE(check_memory(&build));
     if (quantise_wanted(&options->quantise))
         TETLOD_TRY_DONE(quantise(&build));
+    else
+        TETLOD_TRY_DONE(fit_precision(&build));
     TETLOD_TRY_DONE(check_ranges(&build));
     TETLOD_TRY_DONE(contract(&build));
     TETLOD_TRY_DONE(measure_marks(&build));
     TETLOD_TRY_DONE(encode(&build, sink));
-    *report = (struct build_report){build.sequence.complex.contraction_count, build.sequence.mark_count,
+    *report = (struct build_report){build.sequence.complex.contraction_count, build.sequence.mark_count + build.precision.tail,
                                     build.sequence.complex.degenerate_tets, build.sequence.complex.inverted_tets};
 done:
     simplification_fini(&build.sequence);
     tetmesh_fini(&build.rounded);
+    precision_fini(&build.precision);
     free(build.rounding);
     free(build.levels);
     free(build.errors);

@@ -10,6 +10,9 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
+/* A round value is no further from the best one than this part of the error that it may have. */
+enum { CHEAP_PART = 8 };
+
 uint64_t fields_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
 {
     uint64_t components = 0, drivers = 0;
@@ -46,20 +49,20 @@ static bool init_field(struct working_field *field, const struct point_field *fr
                                     from->grid};
     if (!field->component_range || !field->values || !field->node_values)
         return false;
-    memcpy(field->values, from->values, vertices * k * sizeof(double));
+    for (size_t i = 0; i < vertices * k; i++)
+        field->values[i] = grid_round(&field->grid, field->type, from->values[i]);
     for (size_t c = 0; c < k; c++) {
         double *range = field->component_range[c];
-        range[0] = range[1] = vertices ? from->values[c] : 0;
+        range[0] = range[1] = vertices ? field->values[c] : 0;
         for (size_t v = 1; v < vertices; v++) {
-            range[0] = fmin(range[0], from->values[v * k + c]);
-            range[1] = fmax(range[1], from->values[v * k + c]);
+            range[0] = fmin(range[0], field->values[v * k + c]);
+            range[1] = fmax(range[1], field->values[v * k + c]);
         }
     }
     return true;
 }
 
-static bool init_driver(struct driver *driver, const struct fields *fields, const struct tetmesh *mesh, uint32_t field,
-                        uint32_t component, double weight)
+static bool init_driver(struct driver *driver, const struct tetmesh *mesh, uint32_t field, uint32_t component, double weight)
 {
     size_t n = mesh->vertex_count, k = mesh->fields[field].components;
     double range[2];
@@ -76,7 +79,7 @@ static bool init_driver(struct driver *driver, const struct fields *fields, cons
     if (!driver->upper || !driver->lower || !driver->predicted)
         return false;
     for (size_t v = 0; v < n; v++)
-        driver->upper[v] = driver->lower[v] = fields->fields[field].values[v * k + component];
+        driver->upper[v] = driver->lower[v] = mesh->fields[field].values[v * k + component]; // exact: not on the grid
     return true;
 }
 
@@ -95,7 +98,7 @@ enum tetlod_status fields_init(struct fields *fields, const struct tetmesh *mesh
         done = init_field(&fields->fields[f], &mesh->fields[f], mesh->vertex_count);
     for (uint32_t i = 0, d = 0; i < controlled_count && done; i++)
         for (uint32_t c = 0; c < mesh->fields[controlled[i]].components && done; c++)
-            done = init_driver(&fields->drivers[d++], fields, mesh, controlled[i], c, limits ? 1 / limits[i] : 1);
+            done = init_driver(&fields->drivers[d++], mesh, controlled[i], c, limits ? 1 / limits[i] : 1);
     if (done)
         return TETLOD_OK;
     fields_fini(fields);
@@ -251,6 +254,53 @@ double outcome_error(const struct fields *fields, const struct outcome *outcome)
     return worst;
 }
 
+/* A value that costs few bits (SPEC 8) among those from `least` to `greatest`: that of a vertex of the star's simplex which is at p,
+ * the mean of all where p is in their middle, or the roundest number of the grid within `slack` of `middle`. */
+static double cheap_value(const struct complex *complex, const struct working_field *field, uint32_t component,
+                          const struct star *star, const double p[3], double middle, double least, double greatest,
+                          double slack)
+{
+    const double *values = field->values + component, *range = field->component_range[component];
+    double sum = 0, step = field->grid.step;
+    least = larger(least, range[0]);
+    greatest = smaller(greatest, range[1]);
+    for (uint32_t s = 0; s < star->simplex_count; s++) {
+        double value = values[(size_t)star->simplex[s] * field->components];
+        sum += value;
+        if (memcmp(complex->positions + 3 * (size_t)star->simplex[s], p, 3 * sizeof *p) == 0) {
+            if (value >= least && value <= greatest)
+                return value;
+            sum = NAN;
+        }
+    }
+    double mean = field_round(field, component, sum / star->simplex_count);
+    if (sum == sum && mean >= least && mean <= greatest)
+        return mean;
+    least = larger(least, middle - slack);
+    greatest = smaller(greatest, middle + slack);
+    double k = (middle - field->grid.origin) / step, round = middle;
+    for (double spacing = 2; field->grid.bits && spacing * step <= greatest - least; spacing *= 2) {
+        double value = field->grid.origin + step * (floor(k / spacing + 0.5) * spacing);
+        value = field->type == TETLOD_FLOAT32 ? (double)(float)value : value;
+        if (value >= least && value <= greatest)
+            round = value;
+    }
+    return round;
+}
+
+void fields_cheapen(const struct fields *fields, const struct complex *complex, const struct star *star, const double p[3],
+                    const double *errors, struct outcome *outcome)
+{
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct driver *driver = &fields->drivers[d];
+        const struct working_field *field = &fields->fields[driver->field];
+        struct outcome *of = &outcome[d];
+        if (driver->scale > 0)
+            of->value = cheap_value(complex, field, driver->component, star, p, of->value, of->upper - errors[d] / driver->scale,
+                                    of->lower + errors[d] / driver->scale, errors[d] / driver->scale / CHEAP_PART);
+    }
+}
+
 /* Least and greatest value at the star's vertices. */
 static void star_range(const struct complex *complex, const struct star *star, const double *values, size_t stride,
                        double out[2])
@@ -274,8 +324,11 @@ static void contract_field(struct working_field *field, const struct complex *co
     for (uint32_t c = 0; c < field->components; c++) {
         extremes(complex, star, field->values + c, field->components, p, false, range);
         double middle = (range[0] + range[1]) / 2;
+        double spread = (range[1] - range[0]) / 2;
         star_range(complex, star, field->values + c, field->components, range);
-        out[c] = field_round(field, c, smaller(larger(middle, range[0]), range[1]));
+        middle = field_round(field, c, smaller(larger(middle, range[0]), range[1]));
+        out[c] = cheap_value(complex, field, c, star, p, middle, larger(range[0], middle - spread),
+                             smaller(range[1], middle + spread), spread / CHEAP_PART);
     }
 }
 

@@ -70,6 +70,11 @@ struct outcome {
 void fields_outcome(const struct fields *fields, const struct complex *complex, const struct star *star,
                     const struct shift *shift, const double p[3], const double *assigned, struct outcome *out);
 
+/* Gives every driver a value that costs few bits and whose error is no larger than errors[driver], a fraction of its range, or than it
+ * is: what the sequence has come to already. */
+void fields_cheapen(const struct fields *fields, const struct complex *complex, const struct star *star, const double p[3],
+                    const double *errors, struct outcome *outcome);
+
 /* The worst weighted error of an outcome, as a fraction of the range. */
 double outcome_error(const struct fields *fields, const struct outcome *outcome);
 
