@@ -69,12 +69,18 @@ class Bytes:
         return name
 
 
+def in_ring(code, width, signed):
+    code &= (1 << width) - 1
+    return code - (1 << width) if signed and code >> (width - 1) else code
+
+
 class Scale:
     """How the numbers of one column are coded (SPEC 5)."""
 
     def __init__(self, data, axes):
-        self.type, self.bits = data.take('BB')
-        require(self.type <= 1 and self.bits <= 30, 'numbers of an unknown kind')
+        kind, self.bits = data.take('BB')
+        require(kind in (0, 1, 3) and self.bits <= 30, 'numbers of an unknown kind')
+        self.original, self.type = kind & 1, int(kind == 1)  # 3: float64 whose values are all float32 values
         self.origin, self.step = [0.0] * axes, [0.0] * axes
         for i in range(axes if self.bits else 0):
             self.origin[i], self.step[i] = data.take('dd')
@@ -91,6 +97,9 @@ class Scale:
             most = (1 << self.bits) - 1
             code = math.floor((value - self.origin[axis]) / self.step[axis] + 0.5)
             return min(max(code, 0), most)
+        return self.float_code(value)
+
+    def float_code(self, value):
         try:
             bits = self.as_int.unpack(self.as_float.pack(value))[0]
         except OverflowError:  # of float32
@@ -99,14 +108,22 @@ class Scale:
 
     def value(self, code, axis=0):
         if self.bits:
-            value = self.origin[axis] + self.step[axis] * float(code)
+            return self.rounded(self.origin[axis] + self.step[axis] * float(code))
+        return self.float_value(code)
+
+    def rounded(self, value):
+        """To the type of the codes."""
+        try:
             return value if self.type else FLOAT32.unpack(FLOAT32.pack(value))[0]
+        except OverflowError:
+            return math.copysign(math.inf, value)
+
+    def float_value(self, code):
         return self.as_float.unpack(self.as_int.pack(code if code >= 0 else ~code | self.most + 1))[0]
 
     def offset(self, base, difference):
         """The code at a difference from another, in a ring of `width` bits."""
-        code = (base + difference) & ((1 << self.width) - 1)
-        return code if self.bits or code >> (self.width - 1) == 0 else code - (1 << self.width)
+        return in_ring(base + difference, self.width, not self.bits)
 
 
 class Stream:
@@ -117,7 +134,8 @@ class Stream:
         fields = struct.unpack('<8sHHIIIIIQ16sII', header)
         _, major, _, required, _, index_size, index_crc, reserved, self.bytes, cid, reserved2, crc = fields
         require(zlib.crc32(header[:60]) == crc, 'the header is damaged')
-        require(major == 1 and required == 0, 'the stream needs a newer reader')
+        require(major != 1, 'format 1.x is the layout from before the first release; build the stream again')
+        require(major == 2 and required == 0, 'the stream needs a newer reader')
         require(reserved == 0 and reserved2 == 0 and index_size <= 1 << 28, 'the header contradicts itself')
         index = read(64, index_size)
         require(len(index) == index_size and zlib.crc32(index) == index_crc, 'the index is damaged')
@@ -144,7 +162,8 @@ class Stream:
             require(1 <= components <= 64, 'a field of too many components or none')
             require(math.isfinite(low) and math.isfinite(high) and low <= high, 'a field without a range')
             self.fields.append({'name': data.name(size), 'components': components, 'controlled': bool(flags & 1),
-                                'range': [low, high], 'type': 'float64' if self.scales[-1].type else 'float32'})
+                                'exact_later': bool(flags & 2), 'range': [low, high],
+                                'type': 'float64' if self.scales[-1].original else 'float32'})
         self.levels, self.frames = [], []
         for k in range(levels):
             vertices, tets, domain_error = data.take('IId')
@@ -157,9 +176,16 @@ class Stream:
                 frames.append((offset, size, crc))
                 offset += size
             level['bytes'] = offset
-            self._check_level(level, self.levels[-1] if self.levels else None, frames[0][1])
+            coarser = self.levels[-1] if self.levels else None
+            self.tail = k == levels - 1 and bool(coarser) and (vertices, tets) == (coarser['vertices'], coarser['tets'])
+            self._check_level(level, coarser, frames[0][1], self.tail)
             self.levels.append(level)
             self.frames.append(frames)
+        for part, field in enumerate(self.fields, 1):
+            size = self.frames[-1][part][1]
+            require(not field['exact_later'] or self.tail and self.scales[part].bits, 'an exact tail that does not go with its fields')
+            require(field['exact_later'] or not self.tail or not size, 'an exact tail that does not go with its fields')
+        require(not self.tail or not self.frames[-1][0][1], 'a tail with a mesh of its own')
         self._order = (offset, order_size, order_crc)
         size = data.take('I')
         require(size <= 1 << 20, 'the index is damaged')
@@ -173,10 +199,10 @@ class Stream:
         return json.loads(self._metadata or '{}')
 
     @staticmethod
-    def _check_level(level, coarser, geometry_bytes):
+    def _check_level(level, coarser, geometry_bytes, tail):
         vertices, tets = level['vertices'], level['tets']
         if coarser:
-            require(vertices > coarser['vertices'] and tets >= coarser['tets'], 'levels that do not grow')
+            require(tail or vertices > coarser['vertices'] and tets >= coarser['tets'], 'levels that do not grow')
             vertices, tets = vertices - coarser['vertices'], tets - coarser['tets']
         require(max(vertices, tets) <= 1024 * (geometry_bytes + 1), 'levels of more than their bytes can hold')
         for name, errors in level['errors'].items():
@@ -382,6 +408,7 @@ class Step:
 class Models:
     def __init__(self):
         self.splits = [bits(16), bits(16)]
+        self.leaf = [[bits(16), bits(16)] for _ in range(3)]
         self.arity, self.placement, self.label, self.irregular = bits(4), bits(4), bits(640), bits(1)
         self.boundary, self.made, self.flip, self.across, self.fresh = bits(16), bits(2), bits(1), bits(2), bits(1)
         self.step = [Step() for _ in range(3)]
@@ -396,7 +423,18 @@ class Column:
         for _ in range(components):
             self.codes.append([])
             self.values.append([])
-        self.child, self.corner = [Number(), Number()], Number()
+        self.child, self.corner = [[Number(), Number()], [Number(), Number()]], Number()
+        self.zeros, self.last_zeros = [bits(16) for _ in range(16)], [0] * components
+        self.kept, self.nudge = [bits(2), bits(2)], bits(4)
+        self.copied, self.exact = list(range(components)), None  # exact: values of the tail
+
+    def copies(self, coder):
+        """Which components repeat others (SPEC 9.2)."""
+        flag, source = bits(1), bits(64)
+        for c in range(1, self.components):
+            if coder.bit(flag):
+                self.copied[c] = coder.tree(source, 6)
+                require(self.copied[c] < c, 'a component repeats a later one')
 
     def axis(self, component):
         return component if self.part == 0 else 0
@@ -417,6 +455,56 @@ def replaced(corners, place, opposite, own, other):
     return out
 
 
+def middle_of(scale, axis, own, codes):
+    """The code of the first child if the vertex is in the middle of all (SPEC 7.2)."""
+    if scale.bits:
+        return min(max(own * len(codes) - sum(codes[1:]), 0), (1 << scale.bits) - 1)
+    value = scale.value(own, axis) * float(len(codes))
+    for code in codes[1:]:
+        value = value - scale.value(code, axis)
+    return scale.code(value, axis) if math.isfinite(value) else own
+
+
+POWERS = [float(10**i) for i in range(23)]
+
+
+class Numbers:
+    """What the exact values of a component are (SPEC 9.3): floats, decimals of so many digits behind the point, or in all."""
+
+    def __init__(self, kind, digits, scale):
+        self.kind, self.digits, self.scale = kind, digits, scale
+        self.width = 64 if kind or scale.type else 32
+
+    def code(self, value):
+        if self.kind == 0:
+            return self.scale.float_code(value)
+        if self.kind == 1:
+            scaled = value * POWERS[self.digits] + 0.5
+            return int(min(max(math.floor(scaled) if math.isfinite(scaled) else scaled, -2**53), 2**53))
+        size, e = abs(value), -22
+        while e <= 22:
+            scaled = (size * POWERS[-e] if e < 0 else size / POWERS[e]) + 0.5
+            if scaled < POWERS[self.digits]:
+                break
+            e += 1
+        m = 10**self.digits - 1 if e > 22 else math.floor(scaled)
+        code = m + (min(e, 22) + 22) * 9 * 10**(self.digits - 1)
+        return -code if value < 0 else code
+
+    def value(self, code):
+        if self.kind == 0:
+            return self.scale.float_value(code)
+        if self.kind == 1:
+            return self.scale.rounded(float(code) / POWERS[self.digits])
+        size, tenth = abs(code), 10**(self.digits - 1)
+        steps = 0 if size < 10 * tenth else (size - tenth) // (9 * tenth)
+        if steps > 44:
+            return math.nan
+        m, e = float(size - steps * 9 * tenth), steps - 22
+        value = m / POWERS[-e] if e < 0 else m * POWERS[e]
+        return self.scale.rounded(-value if code < 0 else value)
+
+
 class Cursor:
     """A mesh at one level. `positions`, `tets`, `field(name)` copy it into numpy arrays."""
 
@@ -431,7 +519,8 @@ class Cursor:
         self.count = self.tet_count = 0
         self.log, self.done = [], 0  # records: (vertex, other codes and values, [(labels, tetrahedra)])
         self.ends = [0]              # records in the log at each level's end
-        self.touched = 0
+        self.leaf = []               # of each vertex at the log's end: one of the original's, which does not split
+        self.exact = False           # fields have the tail's values
         self._base()
 
     # ------------------------------------------------ what it holds
@@ -457,36 +546,58 @@ class Cursor:
     def seek(self, level):
         require(0 <= level < len(self.stream.levels), 'there is no level %d' % level)
         known = min(level, self.decoded)
+        self._use_exact(False)
         while self.done < self.ends[known]:
             self._forward()
         while self.done > self.ends[known]:
             self._back()
         while self.decoded < level:
             self._decode_level(self.decoded + 1)
+        self._use_exact(self._is_tail(level))
         self.level = level
         return self
+
+    def _is_tail(self, level):
+        return self.stream.tail and level + 1 == len(self.stream.levels)
+
+    def _use_exact(self, exact):
+        """Exchanges the values on the grid and those of the tail."""
+        if exact != self.exact:
+            for column in self.columns:
+                if column.exact is not None:
+                    column.values, column.exact = column.exact, column.values
+        self.exact = exact
 
     def refine(self):
         """One record up; False at the finest level."""
         if self.done == len(self.log):
-            if self.decoded + 1 == len(self.stream.levels):
+            if self.exact or not self._is_tail(self.decoded) and self.decoded + 1 == len(self.stream.levels):
                 return False
             here = self.done
-            self._decode_level(self.decoded + 1)
+            if not self._is_tail(self.decoded):
+                self._decode_level(self.decoded + 1)
             while self.done > here:
                 self._back()
-        self._forward()
+        if self.done < len(self.log):
+            self._forward()
+        else:
+            self._use_exact(True)
         return self._settle()
 
     def coarsen(self):
         """One record down; False at the base mesh."""
-        if not self.done:
+        if self.exact:
+            self._use_exact(False)
+        elif not self.done:
             return False
-        self._back()
+        else:
+            self._back()
         return self._settle()
 
     def _settle(self):
-        while self.level < self.decoded and self.done >= self.ends[self.level + 1]:
+        finest = self.decoded - (self._is_tail(self.decoded) and not self.exact)
+        self.level = min(self.level, finest)
+        while self.level < finest and self.done >= self.ends[self.level + 1]:
             self.level += 1
         while self.level and self.done < self.ends[self.level]:
             self.level -= 1
@@ -560,7 +671,10 @@ class Cursor:
             for lists in (column.codes, column.values):
                 for values in lists:
                     values.extend([0] * self.count)
+            if column.part:
+                column.copies(coder)
             self._base_column(column, coder)
+        self.leaf = [0] * self.count
         self.parents = list(range(self.count))
         self.stars = [[] for _ in range(self.count)]
         for t, corners in enumerate(self.tets_list):
@@ -616,6 +730,10 @@ class Cursor:
     def _base_vertex(self, column, coder, vertex, corners):
         for c in range(column.components):
             codes, values, axis = column.codes[c], column.values[c], column.axis(c)
+            source = column.copied[c]
+            if source < c:
+                codes[vertex], values[vertex] = column.codes[source][vertex], column.values[source][vertex]
+                continue
             near = [x for x in corners if x < vertex]
             base, context = 0, 65
             if near:
@@ -637,6 +755,8 @@ class Cursor:
     def _decode_level(self, level):
         to = self.stream.levels[level]
         self._start(level)
+        if self._is_tail(level):
+            self._tail()
         walk, start = 0, self.count
         while self.count < to['vertices']:
             walk = self._walk(walk, start)
@@ -648,9 +768,12 @@ class Cursor:
 
     def _walk(self, walk, start):
         """The next vertex from `walk` on that splits, or the number of vertices (SPEC 7.1)."""
-        coder, stars, end = self.coders[0], self.stars, self.count
+        coder, stars, leaf, end = self.coders[0], self.stars, self.leaf, self.count
         width, code, most = coder.range, coder.code, coder.seen_most
         while walk < end:
+            if leaf[walk]:
+                walk += 1
+                continue
             chances, counts = self.models.splits[walk >= start]
             i = len(stars[walk]) >> 2
             if i > 15:
@@ -701,11 +824,14 @@ class Cursor:
         star, link = self._lay_out(vertex)
         children = 2 + coder.tree(models.arity, 2)
         require(children <= 4 and self.count + children - 1 <= to['vertices'], 'a record makes too many vertices')
-        codes = self._positions(vertex, children, link)
+        codes, placement = self._positions(vertex, children, link)
+        leaves = [coder.bit(models.leaf[placement][i > 0], min(len(star) >> 2, 15)) for i in range(children)]
+        self.leaf[vertex] = leaves[0]
+        self.leaf += leaves[1:]
         first_stays = all(codes[d][0] == columns[0].codes[d][vertex] for d in range(3))
         values = [[columns[0].scale.value(code, d) for code in codes[d]] for d in range(3)]
         points = list(zip(*values))
-        self._fields(vertex, children, star, link, codes, values, points)
+        self._fields(vertex, leaves, placement, star, link, codes, values, points)
         row, at = [], 0
         for column in columns:
             for c in range(column.components):
@@ -760,16 +886,10 @@ class Cursor:
             if placement == 0:
                 codes[0] = own
             elif placement == 1:
-                if scale.bits:
-                    middle = min(max(own * children - sum(codes[1:]), 0), (1 << scale.bits) - 1)
-                else:
-                    value = scale.value(own, axis) * float(children)
-                    for code in codes[1:]:
-                        value = value - scale.value(code, axis)
-                    middle = scale.code(value, axis) if math.isfinite(value) else own
+                middle = middle_of(scale, axis, own, codes)
                 codes[0] = scale.offset(middle, coder.number(self.models.middle[axis], children))
             result.append(codes)
-        return result
+        return result, placement
 
     # ---- fields (SPEC 8)
 
@@ -799,20 +919,25 @@ class Cursor:
                     break
         return found
 
-    def _fields(self, vertex, children, star, link, codes, all_values, points):
+    def _fields(self, vertex, leaves, placement, star, link, codes, all_values, points):
         if len(self.columns) == 1:
             return
+        children = len(leaves)
         own = [self.columns[0].codes[d][vertex] for d in range(3)]
         where = [None if [codes[d][i] for d in range(3)] == own else self._locate(vertex, star, points[i])
                  for i in range(children)]
         for column, coder in zip(self.columns[1:], self.coders[1:]):
-            scale = column.scale
+            scale, first = column.scale, len(codes)
             for c in range(column.components):
+                if column.copied[c] < c:
+                    codes.append(codes[first + column.copied[c]])
+                    all_values.append(all_values[first + column.copied[c]])
+                    continue
                 known, values = column.codes[c], column.values[c]
                 mine, here = known[vertex], values[vertex]
                 near = link(known) or (mine,)
-                context = max(max(near) - mine, mine - min(near)).bit_length()
-                result = []
+                extent = max(max(near) - mine, mine - min(near)).bit_length()
+                bases, result = [], [0] * children
                 for i in range(children):
                     base = mine
                     if where[i]:
@@ -821,9 +946,69 @@ class Cursor:
                         value = value + w1 * (values[q] - here)
                         value = value + w2 * (values[r] - here)
                         base = scale.code(value) if math.isfinite(value) else mine
-                    result.append(scale.offset(base, coder.number(column.child[i > 0], context)))
+                    bases.append(base)
+                for i in range(1, children):
+                    result[i] = self._value(column, coder, c, 0, leaves[i], bases[i], extent)
+                if placement < 2 and coder.bit(column.kept[placement], leaves[0]):
+                    result[0] = mine
+                    if placement == 1:
+                        middle = middle_of(scale, 0, mine, result)
+                        result[0] = scale.offset(middle, coder.tree(column.nudge, 2) - 1)
+                else:
+                    result[0] = self._value(column, coder, c, 1, leaves[0], bases[0], extent)
                 codes.append(result)
                 all_values.append([scale.value(code) for code in result])
+
+    @staticmethod
+    def _value(column, coder, c, first, leaf, base, extent):
+        """A child's code; one that a contraction made ends in a number of zero bits."""
+        scale, zeros = column.scale, 0
+        if not leaf and scale.bits:
+            zeros = coder.tree(column.zeros[column.last_zeros[c]], 4)
+            require(zeros < scale.bits, 'a record holds what no writer writes')
+            column.last_zeros[c] = zeros
+            extent = max(extent - zeros, 0)
+            base = (base + (1 << zeros >> 1)) >> zeros << zeros
+        return scale.offset(base, coder.number(column.child[leaf][first], extent) << zeros)
+
+    # ---- the exact tail (SPEC 9.3)
+
+    def _tail(self):
+        for column, coder in zip(self.columns, self.coders):
+            if column.part and self.stream.fields[column.part - 1]['exact_later']:
+                kinds, digits, sources = bits(4), bits(32), bits(64)
+                column.exact = []
+                for c in range(column.components):
+                    kind = coder.tree(kinds, 2)
+                    if kind == 3:
+                        source = coder.tree(sources, 6)
+                        require(source < c, 'a component repeats a later one')
+                        column.exact.append(column.exact[source])
+                    else:
+                        digit = coder.tree(digits, 5) if kind else 0
+                        require(digit <= 15 and (kind < 2 or digit), 'numbers of an unknown kind')
+                        column.exact.append(self._exact(column, coder, c, Numbers(kind, digit, column.scale)))
+
+    @staticmethod
+    def _exact(column, coder, c, numbers):
+        scale, half, floats = column.scale, 0.5 * column.scale.step[0], Numbers(0, 0, column.scale)
+        repeat, odd, models, memory, result = bits(2), bits(1), (Number(), Number()), {}, []
+        for code in column.codes[c]:
+            place = code % 4096
+            known = memory.get(place)
+            if known and known[0] == code:
+                known[2] = coder.bit(repeat, known[2])
+                if known[2]:
+                    result.append(known[1])
+                    continue
+            kind = floats if not numbers.kind or coder.bit(odd) else numbers
+            value = scale.value(code)
+            room = abs(kind.code(value + half) - kind.code(value - half)).bit_length()
+            exact = kind.value(in_ring(kind.code(value) + coder.number(models[kind.kind > 0], room), kind.width, True))
+            require(math.isfinite(exact), 'the tail holds a value that is not finite')
+            memory[place] = [code, exact, 0]
+            result.append(exact)
+        return result
 
     # ---- labels and tetrahedra (SPEC 7.3, 7.4)
 

@@ -157,7 +157,7 @@ static enum tetlod_status undo_to(const struct verification *v, uint32_t k)
 {
     uint32_t vertices = tetlod_info(v->file)->levels[k].vertices;
     struct tetlod_mesh mesh;
-    for (tetlod_cursor_mesh(v->cursor, &mesh); mesh.vertices > vertices; tetlod_cursor_mesh(v->cursor, &mesh))
+    for (tetlod_cursor_mesh(v->cursor, &mesh); mesh.vertices > vertices || mesh.level > k; tetlod_cursor_mesh(v->cursor, &mesh))
         TETLOD_TRY(tetlod_cursor_coarsen(v->cursor, v->error));
     if (mesh.vertices != vertices || hash_mesh(v) != v->hashes[k])
         return tetlodi_fail(v->error, TETLOD_ERR_STREAM, "undoing the records does not lead back to level %u", k);
