@@ -112,7 +112,7 @@ static enum tetlod_status find_skipped(struct tetlod_feed *feed, struct tetlod_e
     return TETLOD_OK;
 }
 
-/* Bytes from the beginning that are sure to be wanted before the index is there: up to the end of the header, then of the index. */
+/* Bytes from the beginning that are sure to be wanted before the file can be opened: the header, then all before level 0. */
 static enum tetlod_status wanted(const struct tetlod_feed *feed, uint64_t *out, struct tetlod_error *error)
 {
     struct tetlodi_header header;
@@ -120,7 +120,7 @@ static enum tetlod_status wanted(const struct tetlod_feed *feed, uint64_t *out, 
     if (feed->bytes.size < HEADER_SIZE)
         return TETLOD_OK;
     TETLOD_TRY(tetlodi_header_decode(&header, feed->bytes.bytes, error));
-    *out += header.index_size;
+    *out = tetlodi_header_head(&header);
     return TETLOD_OK;
 }
 

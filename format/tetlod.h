@@ -104,6 +104,15 @@ struct tetlod_level {
     const double *errors; /* [field_count * TETLOD_MEASURES], fractions of the field's range; NaN: not known */
 };
 
+/* A part of a stream that belongs to no level: what it holds is said by its tag (SPEC 3.5). */
+struct tetlod_section {
+    char tag[5];     /* "META", "ORDR", ...; ended by NUL */
+    int critical;    /* who does not know the tag cannot read the stream */
+    uint64_t offset; /* in the stream */
+    uint64_t stored; /* bytes there */
+    uint64_t size;   /* bytes that tetlod_section_read gives */
+};
+
 /* The index. Borrowed from the file, valid as long as it. */
 struct tetlod_info {
     char cid[33]; /* content id: 32 lower case hexadecimal digits */
@@ -119,6 +128,8 @@ struct tetlod_info {
     const char *metadata; /* a JSON object: units, provenance; NUL-terminated */
     size_t metadata_size;
     int keeps_order; /* the original's own numbering is in it: tetlod_order */
+    uint32_t section_count;
+    const struct tetlod_section *sections;
 };
 
 /* Grows only at its end; set struct_size = sizeof it and leave the rest 0 for defaults. */
@@ -155,6 +166,14 @@ TETLOD_API const struct tetlod_info *tetlod_info(const struct tetlod_file *file)
  * info->vertices, info->tets and 4 * info->tets elements. ERR_ARGUMENT if the stream does not keep it, or as the cursor. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertices, uint32_t *tets,
                                                           uint8_t *corners, struct tetlod_error *error);
+
+/* Reads section number `section` of the index, whatever its tag, checked and unpacked, into `out` of info->sections[section].size
+ * bytes. ERR_ARGUMENT if there is none, or as tetlod_open. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_section_read(const struct tetlod_file *file, uint32_t section, void *out,
+                                                                 struct tetlod_error *error);
+
+/* Number of the first section with a tag, or TETLOD_NONE. */
+TETLOD_API uint32_t tetlod_section_index(const struct tetlod_info *info, const char *tag);
 
 /* Index of a field by name, or TETLOD_NONE. */
 TETLOD_API uint32_t tetlod_field_index(const struct tetlod_info *info, const char *name);

@@ -11,7 +11,7 @@
 #include <string.h>
 
 #include "format/base.h"
-#include "format/checksum.h"
+#include "format/container.h"
 #include "format/fail.h"
 #include "format/index.h"
 #include "format/order.h"
@@ -342,8 +342,6 @@ static enum tetlod_status store_level(struct writer *w, uint32_t level)
     uint32_t parts = w->in->field_count + 1;
     const struct tetlodi_write_level *in = &w->in->levels[level];
     struct tetlod_level *out = &w->index.levels[level];
-    uint32_t vertices = w->replay.vertices - (level ? out[-1].vertices : 0);
-    uint32_t tets = w->replay.tets - (level ? out[-1].tets : 0);
     out->vertices = w->replay.vertices;
     out->tets = w->replay.tets;
     out->domain_error = in->domain_error;
@@ -355,14 +353,11 @@ static enum tetlod_status store_level(struct writer *w, uint32_t level)
         tetlodi_encode_finish(&w->recorder.coders[part]);
         tetlodi_put_block(stored, encoder->bytes, encoder->size);
         /* Zero bytes change nothing; a reader wants so many of them as go with what it has to make room for. */
-        while (!part && !stored->failed && (vertices > tets ? vertices : tets) > MOST_EXPANSION * (1 + (uint64_t)stored->size))
+        while (!stored->failed && tetlodi_frame_numbers(&w->index, level, part) > MOST_EXPANSION * (uint64_t)stored->size)
             tetlodi_put(stored, 0, 1);
         if (encoder->failed || stored->failed)
             return out_of_memory(w);
-        if (stored->size > UINT32_MAX)
-            return tetlodi_fail(w->error, TETLOD_ERR_LIMIT, "level %u takes more than 4 GB; use a smaller --growth", level);
-        w->index.frames[(size_t)level * parts + part] =
-            (struct tetlodi_frame){0, (uint32_t)stored->size, tetlodi_crc32(stored->bytes, stored->size)};
+        w->index.frames[(size_t)level * parts + part] = tetlodi_frame_of(stored->bytes, stored->size);
     }
     return TETLOD_OK;
 }
@@ -552,6 +547,7 @@ static enum tetlod_status code_tail(struct writer *w, uint32_t field)
 
 static enum tetlod_status write_tail(struct writer *w, uint32_t level)
 {
+    w->index.tail = 1;
     start_coders(w);
     for (uint32_t f = 0; f < w->in->field_count; f++)
         if (w->in->fields[f].exact_later)
@@ -602,9 +598,6 @@ static enum tetlod_status write_order(struct writer *w)
     tetlodi_order_code(&coder, &order);
     tetlodi_encode_finish(&coder);
     tetlodi_put_block(&w->order, encoder.bytes, encoder.size);
-    if (!encoder.size)
-        tetlodi_put(&w->order, 0, 1); // a size of 0 would mean that there is none
-    w->index.order = (struct tetlodi_frame){0, (uint32_t)w->order.size, tetlodi_crc32(w->order.bytes, w->order.size)};
     int failed = encoder.failed || w->order.failed;
     TETLODI_FREE(&w->memory, encoder.bytes, encoder.capacity);
     free(order.corners);
@@ -629,8 +622,6 @@ static void fill_info(struct writer *w)
     info->degenerate_tets = in->degenerate_tets;
     info->inverted_tets = in->inverted_tets;
     info->unused_points = in->unused_points;
-    info->metadata = in->metadata;
-    info->metadata_size = strlen(in->metadata);
     for (int d = 0; d < 3; d++) {
         info->bounds[0][d] = info->bounds[1][d] = in->positions[d];
         for (size_t v = 1; v < in->vertices; v++) {
@@ -648,36 +639,19 @@ static void fill_info(struct writer *w)
 
 static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink *sink)
 {
-    struct tetlodi_buffer index = {0};
-    struct tetlodi_header header = {0};
-    uint8_t bytes[HEADER_SIZE];
-    uint32_t frames = w->in->level_count * (w->in->field_count + 1);
-    enum tetlod_status status = TETLOD_OK;
-    tetlodi_index_encode(&w->index, &index);
-    if (index.failed)
-        TETLOD_TRY_DONE(out_of_memory(w));
-    if (index.size > MOST_INDEX)
-        TETLOD_TRY_DONE(tetlodi_fail(w->error, TETLOD_ERR_LIMIT, "the index is too large; use a larger --growth"));
-    header.index_size = (uint32_t)index.size;
-    header.index_crc = tetlodi_crc32(index.bytes, index.size);
-    header.file_size = HEADER_SIZE + index.size;
-    for (uint32_t i = 0; i < frames; i++)
-        header.file_size += w->stored[i].size;
-    header.file_size += w->order.size;
-    tetlodi_header_encode(&header, bytes);
-    tetlodi_content_id(bytes, index.bytes, index.size, header.cid);
-    tetlodi_header_encode(&header, bytes);
-    status = sink->write(sink->opaque, bytes, HEADER_SIZE);
-    if (status == TETLOD_OK)
-        status = sink->write(sink->opaque, index.bytes, index.size);
-    for (uint32_t i = 0; i < frames && status == TETLOD_OK; i++)
-        status = sink->write(sink->opaque, w->stored[i].bytes, w->stored[i].size);
-    if (status == TETLOD_OK && w->order.size)
-        status = sink->write(sink->opaque, w->order.bytes, w->order.size);
-    if (status != TETLOD_OK)
-        tetlodi_fail(w->error, status, "cannot write the stream");
-done:
-    tetlodi_buffer_fini(&index);
+    const struct tetlodi_write_input *in = w->in;
+    struct tetlodi_write_section *sections = calloc(in->section_count + (size_t)2, sizeof *sections);
+    uint32_t count = 0;
+    if (!sections)
+        return out_of_memory(w);
+    if (*in->metadata)
+        sections[count++] = (struct tetlodi_write_section){TAG_METADATA, 0, 1, in->metadata, strlen(in->metadata)};
+    if (in->keep_order)
+        sections[count++] = (struct tetlodi_write_section){TAG_ORDER, 0, 0, w->order.bytes, w->order.size};
+    for (uint32_t i = 0; i < in->section_count; i++)
+        sections[count++] = in->sections[i];
+    enum tetlod_status status = tetlodi_container_write(&w->index, w->stored, sections, count, sink, w->error);
+    free(sections);
     return status;
 }
 
@@ -687,6 +661,15 @@ static bool has_tail(const struct tetlodi_write_input *in)
     for (uint32_t f = 0; f < in->field_count; f++)
         wanted |= in->fields[f].exact_later != 0;
     return wanted && in->level_count > 1 && in->levels[in->level_count - 2].contractions == 0;
+}
+
+/* Does an earlier field have this one's name? */
+static bool names_before(const struct tetlodi_write_input *in, uint32_t field)
+{
+    for (uint32_t f = 0; f < field; f++)
+        if (strcmp(in->fields[f].name, in->fields[field].name) == 0)
+            return true;
+    return false;
 }
 
 static enum tetlod_status check_input(const struct writer *w)
@@ -700,6 +683,8 @@ static enum tetlod_status check_input(const struct writer *w)
         wrong = "its levels do not lead from the base mesh to the original";
     else if (strlen(in->metadata) > MOST_METADATA)
         wrong = "its metadata is too large";
+    else if (in->section_count > MOST_SECTIONS - 2)
+        wrong = "it has too many sections";
     for (uint32_t k = 1; k < in->level_count && !wrong; k++)
         if (in->levels[k].contractions >= in->levels[k - 1].contractions && !(k + 1 == in->level_count && has_tail(in)))
             wrong = "its levels are not in order";
@@ -708,6 +693,8 @@ static enum tetlod_status check_input(const struct writer *w)
             wrong = "a field has too many components or too long a name";
         else if (in->fields[f].exact_later && (!in->fields[f].bits || !has_tail(in)))
             wrong = "a field is to be exact later without a grid or a level for it";
+        else if (names_before(in, f))
+            wrong = "two fields have one name";
         else if (!*in->fields[f].name || !tetlodi_plain_text(in->fields[f].name, strlen(in->fields[f].name)))
             wrong = "a field's name is empty or not plain UTF-8";
     for (size_t t = 0; t < in->tets && !wrong; t++)
@@ -732,7 +719,7 @@ static void set_columns(struct writer *w)
     memcpy(w->columns[0].scale.step, in->position_step, sizeof in->position_step);
     for (uint32_t f = 0; f < in->field_count; f++) {
         const struct tetlodi_write_field *field = &in->fields[f];
-        w->columns[1 + f].components = field->components;
+        w->columns[1 + f].components = w->index.fields[f].components = field->components;
         w->columns[1 + f].scale = (struct tetlodi_scale){field->type, original_type(field), field->bits, {field->origin}, {field->step}};
         w->index.exact_later[f] = field->exact_later != 0;
     }

@@ -35,6 +35,15 @@ struct tetlodi_write_level {
 
 enum { EFFORT_ALL_RATES = 20 };
 
+/* A section of its own kind (SPEC 3.5); META and ORDR are the writer's. */
+struct tetlodi_write_section {
+    const char *tag; /* 4 of A-Z, 0-9 */
+    int critical;    /* who does not know it must not read the stream */
+    int early;       /* before level 0, so that every prefix has it */
+    const void *bytes;
+    size_t size;
+};
+
 /* Everything is borrowed for the call. Positions and values are exactly representable in their type. */
 struct tetlodi_write_input {
     uint32_t vertices, tets, contractions;
@@ -53,6 +62,8 @@ struct tetlodi_write_input {
     const char *metadata; /* a JSON object, NUL-terminated */
     int compression;      /* effort, 1..22; from EFFORT_ALL_RATES on it takes four times as long for the last bytes */
     int keep_order;       /* store the numbering of vertices, tetrahedra and corners above */
+    uint32_t section_count;
+    const struct tetlodi_write_section *sections; /* further ones */
 };
 
 /* Takes the next `size` bytes of the stream, in order. */

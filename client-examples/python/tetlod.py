@@ -19,7 +19,6 @@ import re
 import struct
 import sys
 import urllib.request
-import zlib
 from bisect import bisect_left
 
 import numpy as np
@@ -126,34 +125,61 @@ class Scale:
         return in_ring(base + difference, self.width, not self.bits)
 
 
+def digest(data):
+    return hashlib.sha256(data).digest()[:16]
+
+
+def unpack(packed, size):
+    """A packed table of bytes (SPEC 6.4)."""
+    stride = int.from_bytes(packed[:3], 'little')
+    require(len(packed) >= 3 and 0 < stride < 1 << 16, 'a packed part has rows of no known length')
+    coder, same, trees = Coder(62), bits(stride), [NONE] * 256
+    coder.start(packed[3:])
+    out = bytearray(size)
+    for i in range(size):
+        above = out[i - stride] if i >= stride else 0
+        if coder.bit(same, i % stride):
+            out[i] = above
+            continue
+        place = above if stride == 1 else i % stride % 8
+        if trees[place] is NONE:
+            trees[place] = bits(256)
+        out[i] = coder.tree(trees[place], 8)
+    return bytes(out)
+
+
 class Stream:
     def __init__(self, read, size):
         self._read, self.size = read, size
         header = read(0, 64)
         require(len(header) == 64 and header[:8] == MAGIC, 'not a tetlod stream')
-        fields = struct.unpack('<8sHHIIIIIQ16sII', header)
-        _, major, _, required, _, index_size, index_crc, reserved, self.bytes, cid, reserved2, crc = fields
-        require(zlib.crc32(header[:60]) == crc, 'the header is damaged')
-        require(major != 1, 'format 1.x is the layout from before the first release; build the stream again')
-        require(major == 2 and required == 0, 'the stream needs a newer reader')
-        require(reserved == 0 and reserved2 == 0 and index_size <= 1 << 28, 'the header contradicts itself')
+        fields = struct.unpack('<8sHHIIIIIQ16sI4s', header)
+        _, major, minor, required, _, index_size, plain_size, early_size, self.bytes, cid, reserved, check = fields
+        require(major >= 2, 'the stream has the old layout (format %d.%d), from before the first release' % (major, minor))
+        require(major == 2, 'the stream needs a newer reader')
+        require(digest(header[:60])[:4] == check, 'the header is damaged')
+        require(required == 0, 'the stream needs a newer reader')
+        require(reserved == 0 and index_size <= plain_size <= min(1 << 28, 256 * index_size) and early_size <= 1 << 28 and
+                64 + index_size + early_size <= self.bytes < 1 << 63, 'the header contradicts itself')
         index = read(64, index_size)
-        require(len(index) == index_size and zlib.crc32(index) == index_crc, 'the index is damaged')
-        require(hashlib.sha256(header[:40] + index).digest()[:16] == cid, 'the content id is another')
+        require(len(index) == index_size, 'the stream ends too early')
+        require(digest(header[:40] + index) == cid, 'the index is damaged: the content id is another')
         self.cid = cid.hex()
-        self._parse(Bytes(index), 64 + index_size)
+        index = index if index_size == plain_size else unpack(index, plain_size)
+        self._parse(Bytes(index), 64 + index_size, early_size)
+        require(size is None or size <= self.bytes, 'bytes follow the end of the stream')
+        self._metadata = (self.section('META') or b'').decode('utf-8', 'replace')
 
-    def _parse(self, data, offset):
-        self.vertices, self.tets, levels, fields, slowest, reserved = data.take('IIIHBB')
+    def _parse(self, data, offset, early_size):
+        self.vertices, self.tets, levels, fields, slowest, reserved = data.take('QQIHBB')
         require(1 <= levels <= 65536 and fields <= 256 and 5 <= slowest <= 7 and reserved == 0, 'the index is damaged')
-        require(len(data.data) >= levels * (24 + 40 * fields), 'the index ends too early')
+        require(len(data.data) >= levels * (48 + 56 * fields), 'the index ends too early')
         require(self.vertices < 0xffffffff and self.tets <= 1 << 30, 'the stream is beyond the limits of the format')
         self.seen_most = (1 << slowest) - 2
         bounds = data.take('6d')
         self.bounds = [list(bounds[:3]), list(bounds[3:])]
         require(all(map(math.isfinite, bounds)) and all(map(operator.le, *self.bounds)), 'the index has bounds that are none')
         self.degenerate_tets, self.inverted_tets, self.unused_points = data.take('QQQ')
-        order_size, order_crc = data.take('II')
         self.scales = [Scale(data, 3)]
         self.fields = []
         for _ in range(fields):
@@ -161,69 +187,109 @@ class Stream:
             components, flags, low, high, size = data.take('BBddH')
             require(1 <= components <= 64, 'a field of too many components or none')
             require(math.isfinite(low) and math.isfinite(high) and low <= high, 'a field without a range')
-            self.fields.append({'name': data.name(size), 'components': components, 'controlled': bool(flags & 1),
+            name = data.name(size)
+            require(all(name != field['name'] for field in self.fields), 'two fields of one name')
+            self.fields.append({'name': name, 'components': components, 'controlled': bool(flags & 1),
                                 'exact_later': bool(flags & 2), 'range': [low, high],
                                 'type': 'float64' if self.scales[-1].original else 'float32'})
         self.levels, self.frames = [], []
+        early = offset
+        offset += early_size
         for k in range(levels):
-            vertices, tets, domain_error = data.take('IId')
+            vertices, tets, domain_error = data.take('QQd')
             errors = {f['name']: dict(zip(MEASURES, data.take('4d'))) for f in self.fields}
             level = {'level': k, 'vertices': vertices, 'tets': tets, 'domain_error': domain_error, 'errors': errors,
                      'offset': offset}
             frames = []
             for _ in range(fields + 1):
-                size, crc = data.take('II')
-                frames.append((offset, size, crc))
+                size, sha = data.take('Q16s')
+                frames.append((offset, size, sha))
                 offset += size
             level['bytes'] = offset
             coarser = self.levels[-1] if self.levels else None
             self.tail = k == levels - 1 and bool(coarser) and (vertices, tets) == (coarser['vertices'], coarser['tets'])
-            self._check_level(level, coarser, frames[0][1], self.tail)
+            self._check_level(level, coarser, frames)
             self.levels.append(level)
             self.frames.append(frames)
-        for part, field in enumerate(self.fields, 1):
-            size = self.frames[-1][part][1]
-            require(not field['exact_later'] or self.tail and self.scales[part].bits, 'an exact tail that does not go with its fields')
-            require(field['exact_later'] or not self.tail or not size, 'an exact tail that does not go with its fields')
-        require(not self.tail or not self.frames[-1][0][1], 'a tail with a mesh of its own')
-        self._order = (offset, order_size, order_crc)
-        size = data.take('I')
-        require(size <= 1 << 20, 'the index is damaged')
-        self._metadata = data.text(size)
-        require(data.at == len(data.data) and offset + order_size == self.bytes, 'the index is damaged')
+        self._check_errors()
+        self._check_tail()
+        self._parse_sections(data, early, early_size, offset)
         finest = self.levels[-1]
         require(finest['vertices'] == self.vertices and finest['tets'] == self.tets > 0, 'the levels do not lead to the original')
+
+    def _parse_sections(self, data, early, early_size, late):
+        """The directory (SPEC 3.5)."""
+        self.sections, ends = [], {2: 0, 0: 0}
+        count = data.take('I')
+        require(count <= 65536 and len(data.data) - data.at == 48 * count, 'the index is damaged')
+        for _ in range(count):
+            tag, flags, offset, size, plain, sha = data.take('4sIQQQ16s')
+            require(re.fullmatch(b'[A-Z0-9]{4}', tag) and flags < 8, 'a section of no known form')
+            tag, place = tag.decode(), flags & 2
+            require(offset == ends[place], 'sections that do not follow each other')
+            ends[place] += size
+            require(plain // 256 <= size if flags & 4 else plain == size, 'a section of another size than its bytes can hold')
+            known = {'META': 2, 'ORDR': 0}
+            require(tag not in known or known[tag] == place and all(tag != s['tag'] for s in self.sections), 'a section at the wrong place')
+            require(tag != 'META' or plain <= 1 << 20, 'too much metadata')
+            require(tag in known or not flags & 1, 'the stream cannot be read without its section %s, which is not known here' % tag)
+            self.sections.append({'tag': tag, 'offset': offset + (early if place else late), 'stored': size, 'size': plain,
+                                  'packed': bool(flags & 4), 'digest': sha})
+        require(ends[2] == early_size and late + ends[0] == self.bytes, 'the header and the index disagree about sizes')
+
+    def section(self, tag):
+        """What the first section with a tag holds, or None."""
+        for section in self.sections:
+            if section['tag'] == tag:
+                data = self._part('section ' + tag, section['offset'], section['stored'], section['digest'])
+                return unpack(data, section['size']) if section['packed'] else data
+        return None
+
+    def _part(self, what, offset, size, sha):
+        data = self._read(offset, size)
+        require(len(data) == size, what + ': the stream ends too early')
+        require(digest(data) == sha, what + ' is damaged')
+        return data
 
     @property
     def metadata(self):
         return json.loads(self._metadata or '{}')
 
-    @staticmethod
-    def _check_level(level, coarser, geometry_bytes, tail):
+    def _check_level(self, level, coarser, frames):
         vertices, tets = level['vertices'], level['tets']
         if coarser:
-            require(tail or vertices > coarser['vertices'] and tets >= coarser['tets'], 'levels that do not grow')
+            require(self.tail or vertices > coarser['vertices'] and tets >= coarser['tets'], 'levels that do not grow')
             vertices, tets = vertices - coarser['vertices'], tets - coarser['tets']
-        require(max(vertices, tets) <= 1024 * (geometry_bytes + 1), 'levels of more than their bytes can hold')
-        for name, errors in level['errors'].items():
-            for measure, error in errors.items():  # NaN: not known
-                require(not error < 0 and not (coarser and error > coarser['errors'][name][measure]), 'errors that grow with the level')
+        given = [max(vertices, tets)]
+        for field in self.fields:
+            exact = level['vertices'] if self.tail and field['exact_later'] else 0
+            given.append((vertices + exact) * field['components'])
+        require(all(numbers <= 64 * size for numbers, (_, size, _) in zip(given, frames)), 'levels of more than their bytes can hold')
+
+    def _check_tail(self):
+        """The exact tail has no mesh, and a frame for each field that it makes exact."""
+        for part, field in enumerate(self.fields, 1):
+            require(not field['exact_later'] or self.tail and self.scales[part].bits, 'an exact tail that does not go with its fields')
+            require(field['exact_later'] or not self.tail or not self.frames[-1][part][1], 'an exact tail that does not go with its fields')
+        require(not self.tail or not self.frames[-1][0][1], 'a tail with a mesh of its own')
+
+    def _check_errors(self):
+        """No error grows from level to level; NaN is one that is not known."""
+        require(not any(level['domain_error'] < 0 for level in self.levels), 'a negative domain error')
+        columns = [[level['errors'][f['name']][m] for level in self.levels] for f in self.fields for m in MEASURES]
+        for column in columns:
+            known = [error for error in column if not math.isnan(error)]
+            require(all(a >= b for a, b in zip(known, known[1:] + [0.0])), 'errors that grow with the level')
 
     def frame(self, level, part):
-        offset, size, crc = self.frames[level][part]
-        data = self._read(offset, size)
-        require(len(data) == size, 'level %d: the stream ends too early' % level)
-        require(zlib.crc32(data) == crc, 'level %d is damaged' % level)
-        return data
+        return self._part('level %d' % level, *self.frames[level][part])
 
     def order(self):
         """The original's own numbering (SPEC 10): numbers there of the finest level's vertices and tetrahedra, and for each
         tetrahedron which of its corners are the original's first to fourth. None if the stream does not keep it."""
-        offset, size, crc = self._order
-        if not size:
+        data = self.section('ORDR')
+        if data is None:
             return None
-        data = self._read(offset, size)
-        require(len(data) == size and zlib.crc32(data) == crc, 'the order is damaged or cut off')
         coder, first, second = Coder(self.seen_most), bits(4), [bits(4) for _ in range(4)]
         coder.start(data)
         numbers = []

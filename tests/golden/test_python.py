@@ -6,7 +6,6 @@ import hashlib
 import os
 import subprocess
 import sys
-import zlib
 
 import numpy as np
 
@@ -56,18 +55,27 @@ def damage(path):
 
 
 def sealed(data):
-    """A stream whose header and index were changed, with the checksums that go with them."""
+    """A stream whose header and index were changed, with the checks that go with them."""
     data = bytearray(data)
     index = data[64:64 + int.from_bytes(data[20:24], 'little')]
-    data[24:28] = zlib.crc32(index).to_bytes(4, 'little')
-    data[40:56] = hashlib.sha256(data[:40] + index).digest()[:16]
-    data[60:64] = zlib.crc32(data[:60]).to_bytes(4, 'little')
+    data[40:56] = tetlod.digest(data[:40] + index)
+    data[60:64] = tetlod.digest(data[:60])[:4]
     return bytes(data)
+
+
+def plain(data):
+    """The stream with an index that is not packed."""
+    size, unpacked = (int.from_bytes(data[at:at + 4], 'little') for at in (20, 24))
+    if size == unpacked:
+        return data
+    index = tetlod.unpack(data[64:64 + size], unpacked)
+    total = int.from_bytes(data[32:40], 'little') + unpacked - size
+    return sealed(data[:20] + data[24:28] + data[24:32] + total.to_bytes(8, 'little') + data[40:64] + index + data[64 + size:])
 
 
 def same_verdicts(path, stride):
     """Header and index with a byte changed are accepted or refused by both decoders."""
-    data, scratch, differ = open(path, 'rb').read(), os.path.join(os.environ['SCRATCH'], 'changed.tetlod'), 0
+    data, scratch, differ = plain(open(path, 'rb').read()), os.path.join(os.environ['SCRATCH'], 'changed.tetlod'), 0
     assert sealed(data) == data
     for i in range(8, 64 + int.from_bytes(data[20:24], 'little'), stride):
         changed = bytearray(data)
