@@ -6,6 +6,8 @@
 #ifndef TETLOD_VALUES_H
 #define TETLOD_VALUES_H
 
+#include "format/arithmetic.h"
+
 #include <math.h>
 #include <string.h>
 
