@@ -241,10 +241,10 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                                  .components = field->components,
                                                  .type = field->type,
                                                  .controlled = is_controlled(build, f),
-                                                 .values = field->values,
+                                                 .values = build->coded->fields[f].values,
                                                  .node_values = build->sequence.fields.fields[f].node_values};
         fields[f].was_float64 = build->original->fields[f].type != field->type;
-        fields[f].exact_later = build->precision.tail && field->grid.bits > 0;
+        fields[f].exact = build->precision.tail && field->grid.bits > 0 ? field->values : NULL;
         fields[f].bits = field->grid.bits;
         fields[f].origin = field->grid.origin;
         fields[f].step = field->grid.step;
