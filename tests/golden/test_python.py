@@ -10,8 +10,8 @@ import sys
 import numpy as np
 
 ROOT = os.environ.get('ROOT', '.')
-sys.path.insert(0, os.path.join(ROOT, 'client-examples', 'python'))
-import tetlod  # noqa: E402
+sys.path.insert(0, os.path.join(ROOT, 'tests'))
+from streams import plain, sealed, tetlod  # noqa: E402
 
 
 def state(stream, cursor):
@@ -52,25 +52,6 @@ def damage(path):
             found += 1
         data[i] ^= 16
     return found == len(places)
-
-
-def sealed(data):
-    """A stream whose header and index were changed, with the checks that go with them."""
-    data = bytearray(data)
-    index = data[64:64 + int.from_bytes(data[20:24], 'little')]
-    data[40:56] = tetlod.digest(data[:40] + index)
-    data[60:64] = tetlod.digest(data[:60])[:4]
-    return bytes(data)
-
-
-def plain(data):
-    """The stream with an index that is not packed."""
-    size, unpacked = (int.from_bytes(data[at:at + 4], 'little') for at in (20, 24))
-    if size == unpacked:
-        return data
-    index = tetlod.unpack(data[64:64 + size], unpacked)
-    total = int.from_bytes(data[32:40], 'little') + unpacked - size
-    return sealed(data[:20] + data[24:28] + data[24:32] + total.to_bytes(8, 'little') + data[40:64] + index + data[64 + size:])
 
 
 def same_verdicts(path, stride):
