@@ -35,7 +35,8 @@ TETLOD_CFLAGS := -std=c11 -I. -D_POSIX_C_SOURCE=200809L -pthread -fPIC -fvisibil
 TETLOD_LDFLAGS := -pthread
 FUZZER :=
 ifeq ($(config),release)
-TETLOD_CFLAGS += -O3
+# GCC 12 forgets a rounding to float and back where it vectorises such lines together (three coordinates of a point)
+TETLOD_CFLAGS += -O3 -fno-tree-slp-vectorize
 else ifeq ($(config),debug)
 TETLOD_CFLAGS += -O0 -DTETLOD_DEBUG
 else ifeq ($(config),asan)
@@ -62,7 +63,7 @@ PACKAGE_LIBS = $(shell $(PKG_CONFIG) --libs $(PACKAGES)) -lm
 FORMAT_SRC := $(sort $(wildcard format/*.c))
 LIBRARY_SRC := $(sort $(filter-out src/cli/%,$(wildcard src/*/*.c src/*/*/*.c)))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
-SERVER_SRC := $(sort $(wildcard server/*.c))
+SERVER_SRC := $(sort $(wildcard server/*.c server/net/*.c server/answer/*.c server/store/*.c))
 SUPPORT_SRC := $(sort $(wildcard tests/*.c))
 UNIT_SRC := $(sort $(wildcard tests/unit/test_*.c))
 FUZZ_SRC := $(sort $(wildcard tests/fuzz/fuzz_*.c))
@@ -126,10 +127,11 @@ $(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h) Makefi
 	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(WASM_SRC)
 
 # The worker is one file: three loads one after the other would keep it waiting
-$(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC)
+$(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC) $(WEB_DIR)/inline.mjs LICENSE
 	@rm -rf $(@D) && mkdir -p $(@D)
 	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/worker.js
-	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js choose.js),$(CLIENT_SRC)) $(@D)
+	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js),$(CLIENT_SRC)) LICENSE $(@D)
+	$(Q)node $(WEB_DIR)/inline.mjs $(@D)/worker.js $(WASM) $(@D)/inline.js
 
 build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
 	@echo "  WEB $(WEB_DIR)"
@@ -138,7 +140,7 @@ build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
 $(EMBEDDED_SRC): server/embed.py build/web.stamp server/api/openapi.json
 	$(Q)python3 server/embed.py $(@D) $(WEB) server/api
 
-$(EMBEDDED): $(EMBEDDED_SRC) server/assets.h $(B)/flags
+$(EMBEDDED): $(EMBEDDED_SRC) server/answer/assets.h $(B)/flags
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
 
@@ -253,6 +255,19 @@ BENCHES += bench-thesis bench-builder
 bench-thesis bench-builder: bench-%: deps-build
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/$*.py $(BINARY)
+
+## attack: SEEDS random adversarial meshes with random options, held against an oracle (FIRST=seed to begin with)
+.PHONY: attack
+SEEDS ?= 2000
+FIRST ?= 1
+ATTACK := $(B)/tests/attack/attack
+ATTACK_OBJECTS := $(call objects,$(wildcard tests/attack/*.c)) $(B)/tests/recode.o
+OBJECTS += $(ATTACK_OBJECTS)
+$(ATTACK): $(ATTACK_OBJECTS) $(LIBTETLOD)
+	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ -lm
+attack: deps-build
+	$(Q)$(MAKE) --no-print-directory all $(ATTACK)
+	@python3 tests/attack/run.py $(ATTACK) $(BINARY) $(B)/attack $(SEEDS) $(FIRST)
 
 ## bench-certificate: 100 random levels of all samples and the blunt fin (BLUNT=folder), 200,000 points each, against what is promised of them
 .PHONY: bench-certificate

@@ -189,7 +189,7 @@ static enum tetlod_status list_meetings(struct writer *w)
 
 /* The codes of a column for all nodes. */
 static enum tetlod_status encode_column(struct writer *w, uint32_t c, const char *name, const double *values,
-                                        const double *node_values, int rounded)
+                                        const double *node_values)
 {
     const struct tetlodi_scale *scale = &w->columns[c].scale;
     size_t n = w->columns[c].components, originals = n * w->in->vertices, all = n * w->nodes;
@@ -201,7 +201,7 @@ static enum tetlod_status encode_column(struct writer *w, uint32_t c, const char
         unsigned axis = c ? 0 : (unsigned)(i % 3);
         int64_t code = scale_code(scale, axis, value);
         double back = scale_value(scale, axis, code);
-        if (!isfinite(value) || (memcmp(&back, &value, sizeof value) != 0 && !(rounded && i < originals)))
+        if (!isfinite(value) || memcmp(&back, &value, sizeof value) != 0)
             return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "%s: %.17g is not a number of its type", name, value);
         w->codes[c][i] = code;
     }
@@ -210,10 +210,10 @@ static enum tetlod_status encode_column(struct writer *w, uint32_t c, const char
 
 static enum tetlod_status encode_columns(struct writer *w)
 {
-    TETLOD_TRY(encode_column(w, 0, "positions", w->in->positions, w->in->node_positions, 0));
+    TETLOD_TRY(encode_column(w, 0, "positions", w->in->positions, w->in->node_positions));
     for (uint32_t f = 0; f < w->in->field_count; f++) {
         const struct tetlodi_write_field *field = &w->in->fields[f];
-        TETLOD_TRY(encode_column(w, 1 + f, field->name, field->values, field->node_values, field->exact_later));
+        TETLOD_TRY(encode_column(w, 1 + f, field->name, field->values, field->node_values));
     }
     return TETLOD_OK;
 }
@@ -538,7 +538,7 @@ static enum tetlod_status code_tail(struct writer *w, uint32_t field)
     if (!exact)
         return out_of_memory(w);
     for (uint32_t v = 0; v < w->in->vertices; v++)
-        memcpy(exact + v * n, in->values + w->node_at[v] * n, n * sizeof *exact);
+        memcpy(exact + v * n, in->exact + w->node_at[v] * n, n * sizeof *exact);
     enum tetlod_status status =
         tetlodi_tail_code(&w->recorder.coders[1 + field], &w->columns[1 + field], w->in->vertices, exact, w->error);
     free(exact);
@@ -550,7 +550,7 @@ static enum tetlod_status write_tail(struct writer *w, uint32_t level)
     w->index.tail = 1;
     start_coders(w);
     for (uint32_t f = 0; f < w->in->field_count; f++)
-        if (w->in->fields[f].exact_later)
+        if (w->in->fields[f].exact)
             TETLOD_TRY(code_tail(w, f));
     return store_level(w, level);
 }
@@ -634,7 +634,7 @@ static void fill_info(struct writer *w)
                                                    {in->fields[f].range[0], in->fields[f].range[1]},
                                                    in->fields[f].controlled};
     for (uint32_t f = 0; f < in->field_count; f++)
-        info->lossless &= in->fields[f].bits == 0 || in->fields[f].exact_later;
+        info->lossless &= in->fields[f].bits == 0 || in->fields[f].exact;
 }
 
 static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink *sink)
@@ -659,7 +659,7 @@ static bool has_tail(const struct tetlodi_write_input *in)
 {
     bool wanted = false;
     for (uint32_t f = 0; f < in->field_count; f++)
-        wanted |= in->fields[f].exact_later != 0;
+        wanted |= in->fields[f].exact != NULL;
     return wanted && in->level_count > 1 && in->levels[in->level_count - 2].contractions == 0;
 }
 
@@ -691,7 +691,7 @@ static enum tetlod_status check_input(const struct writer *w)
     for (uint32_t f = 0; f < in->field_count && !wrong; f++)
         if (in->fields[f].components < 1 || in->fields[f].components > MOST_COMPONENTS || strlen(in->fields[f].name) > 4096)
             wrong = "a field has too many components or too long a name";
-        else if (in->fields[f].exact_later && (!in->fields[f].bits || !has_tail(in)))
+        else if (in->fields[f].exact && (!in->fields[f].bits || !has_tail(in)))
             wrong = "a field is to be exact later without a grid or a level for it";
         else if (names_before(in, f))
             wrong = "two fields have one name";
@@ -721,7 +721,7 @@ static void set_columns(struct writer *w)
         const struct tetlodi_write_field *field = &in->fields[f];
         w->columns[1 + f].components = w->index.fields[f].components = field->components;
         w->columns[1 + f].scale = (struct tetlodi_scale){field->type, original_type(field), field->bits, {field->origin}, {field->step}};
-        w->index.exact_later[f] = field->exact_later != 0;
+        w->index.exact_later[f] = field->exact != NULL;
     }
     for (uint32_t c = 0; c <= in->field_count; c++)
         w->index.scales[c] = w->columns[c].scale;

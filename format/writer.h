@@ -23,7 +23,7 @@ struct tetlodi_write_field {
     const double *node_values; /* [components * contractions], of the nodes that contractions made */
     unsigned bits;             /* 0: bit for bit. Else every value is (type)(origin + step * k) for a k of so many bits */
     double origin, step;
-    int exact_later;           /* with bits: only nodes' values are so. The original's are rounded, and exact in the last level */
+    const double *exact;       /* with bits: the original's values are rounded, and are these in the last level. NULL: they are not */
 };
 
 struct tetlodi_write_level {

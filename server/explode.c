@@ -11,9 +11,9 @@
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "server/catalogue.h"
-#include "server/describe.h"
-#include "server/forest.h"
+#include "server/store/catalogue.h"
+#include "server/answer/stream_json.h"
+#include "server/store/forest.h"
 #include "server/server.h"
 #include "src/io/io.h"
 #include "src/report/info_json.h"

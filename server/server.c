@@ -22,9 +22,12 @@
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "server/http.h"
-#include "server/listener.h"
+#include "server/answer/buffer.h"
+#include "server/answer/routes.h"
+#include "server/net/http.h"
+#include "server/net/listener.h"
 #include "src/util/array.h"
+#include "src/util/clock.h"
 #include "src/util/parallel.h"
 
 enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250, MOST_ORIGIN_BYTES = 240 };
@@ -33,7 +36,8 @@ struct server {
     struct server_options options;
     struct site site, metrics_site;
     const char **routes;
-    char *stream_origins;
+    char *stream_origins, *base_path;
+    char *urls[MOST_LISTENERS];
     struct gate *gate;
     struct http *http, *metrics_http;
     struct listener listeners[MOST_LISTENERS]; /* the metrics' own one last */
@@ -189,6 +193,20 @@ static enum tetlod_status take_origins(struct server *server, struct tetlod_erro
     return TETLOD_OK;
 }
 
+static enum tetlod_status take_base_path(struct server *server, struct tetlod_error *error)
+{
+    const char *path = server->options.base_path;
+    if (!path)
+        return TETLOD_OK;
+    size_t size = strlen(path);
+    if (size < 2 || path[0] != '/' || path[size - 1] != '/' || strstr(path, "//") ||
+        path[strspn(path, "/-._~%ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789")])
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "'%.120s' is not a base path such as /levels/", path);
+    server->base_path = strdup(path);
+    server->site.base_path = server->base_path;
+    return server->base_path ? TETLOD_OK : tetlodi_fail_nomem(error, "the server", size);
+}
+
 static enum tetlod_status build_site(struct server *server, struct tetlod_error *error)
 {
     const struct server_options *options = &server->options;
@@ -215,6 +233,7 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
     if (!site->metrics || !site->cache || !server->gate)
         return tetlodi_fail_nomem(error, "the server", 0);
     TETLOD_TRY(take_origins(server, error));
+    TETLOD_TRY(take_base_path(server, error));
     TETLOD_TRY(pool_start(&site->pool, options->threads, QUEUE, error));
     TETLOD_TRY(pool_start(&site->decoders, options->threads, QUEUE, error));
     const struct catalogue_options catalogue = {
@@ -225,6 +244,18 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
         .log_opaque = options->log_opaque,
     };
     return catalogue_open(&site->catalogue, &catalogue, error);
+}
+
+/* What a browser is given: the address, and the base path where the address is a URL. */
+static enum tetlod_status print_url(struct server *server, size_t i, struct tetlod_error *error)
+{
+    struct buffer text = {0};
+    const char *url = server->listeners[i].url;
+    bool http = strncmp(url, "http://", 7) == 0;
+    if (buffer_printf(&text, "%s%s", url, http && server->base_path ? server->base_path + 1 : "") != TETLOD_OK)
+        return tetlodi_fail_nomem(error, "the server", 0);
+    server->urls[i] = (char *)text.bytes;
+    return TETLOD_OK;
 }
 
 static enum tetlod_status open_listeners(struct server *server, struct tetlod_error *error)
@@ -240,6 +271,8 @@ static enum tetlod_status open_listeners(struct server *server, struct tetlod_er
         TETLOD_TRY(listener_open(&server->listeners[server->listener_count], options->metrics, error));
         server->listener_count++;
     }
+    for (size_t i = 0; i < server->listener_count; i++)
+        TETLOD_TRY(print_url(server, i, error));
     return TETLOD_OK;
 }
 
@@ -311,7 +344,7 @@ enum tetlod_status server_start(struct server **out, const struct server_options
 
 const char *server_url(const struct server *server, size_t i)
 {
-    return i < server->listener_count ? server->listeners[i].url : NULL;
+    return i < server->listener_count ? server->urls[i] : NULL;
 }
 
 void server_rescan(struct server *server)
@@ -380,6 +413,9 @@ void server_stop(struct server *server)
     metrics_free(server->site.metrics);
     free(server->routes);
     free(server->stream_origins);
+    free(server->base_path);
+    for (size_t i = 0; i < MOST_LISTENERS; i++)
+        free(server->urls[i]);
     if (server->wake >= 0)
         close(server->wake);
     pthread_mutex_destroy(&server->lock);

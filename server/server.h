@@ -13,6 +13,7 @@ struct server_options {
     const char *metrics;         /* address for /metrics alone; NULL: served with the rest */
     const char *const *paths;    /* streams, or folders of *.tetlod */
     size_t path_count;
+    const char *base_path;       /* of the site's URLs, begins and ends with '/' ["/"] */
     const char *const *stream_origins; /* origins whose streams the page may load beside those of the server itself */
     size_t stream_origin_count;
     unsigned threads;            /* [one per core] */

@@ -153,6 +153,7 @@ void recode_free(struct recode *recode)
 {
     for (uint32_t f = 0; f < recode->input.field_count; f++) {
         release(recode->fields[f].values);
+        release(recode->fields[f].exact);
         release(recode->fields[f].node_values);
     }
     release(recode->input.positions);
@@ -217,7 +218,10 @@ void recode_exact_later(struct recode *recode, unsigned field_bits)
         field->bits = field_bits;
         field->origin = field->range[0];
         field->step = span > 0 ? span : 1;
-        field->exact_later = 1;
+        field->exact = field->values;
+        field->values = copy(field->values, (size_t)input->vertices * field->components, sizeof(double));
+        round_all(field->values, (size_t)input->vertices * field->components, 1, field->origin, field->step, most,
+                  field->type == TETLOD_FLOAT32);
         round_all(field->node_values, (size_t)input->contractions * field->components, 1, field->origin, field->step, most,
                   field->type == TETLOD_FLOAT32);
     }

@@ -120,10 +120,25 @@ export interface Events {
   error: { message: string };
 }
 
+/** fetch's options for a host that asks who is there. */
+export interface Remote {
+  url: string | URL;
+  headers?: HeadersInit;
+  credentials?: RequestCredentials;
+}
+
+/** Bytes `from` … `to` - 1 of the stream, fewer at its end, at least one before it. */
+export interface Reader {
+  read(from: number, to: number, signal: AbortSignal): Promise<Uint8Array>;
+}
+
+/** A server's mesh (…/v1/meshes/{id}), any file's URL, a file that somebody chose, or a function. */
+export type Source = string | URL | Remote | Blob | Reader;
+
 type Listeners = { [Name in keyof Events]?: (event: CustomEvent<Events[Name]>) => void };
 
 export class TetlodStream extends EventTarget {
-  static open(url: string | URL, options?: {
+  static open(source: Source, options?: {
     /** Goes on to this at once, as refineTo does; its bytes come with the first ones. */
     target?: Target;
     /** Names of the fields to decode; a server leaves the others' data out. */
@@ -142,5 +157,6 @@ export class TetlodStream extends EventTarget {
   probe(point: Point): Promise<{ tet: number; values: Record<string, number[]> } | null>;
   show(spec: Spec | null): Promise<void>;
   close(reason?: unknown): void;
-  addEventListener<Name extends keyof Events>(name: Name, listener: (event: CustomEvent<Events[Name]>) => void, options?: AddEventListenerOptions): void;
+  addEventListener<Name extends keyof Events>(name: Name, listener: (event: CustomEvent<Events[Name]>) => void, options?: boolean | AddEventListenerOptions): void;
+  addEventListener(name: string, listener: EventListenerOrEventListenerObject | null, options?: boolean | AddEventListenerOptions): void;
 }

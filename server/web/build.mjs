@@ -24,20 +24,25 @@ const options = {
   legalComments: 'none',
   outdir: fileURLToPath(new URL(made, `file://${process.cwd()}/`)),
   logLevel: 'warning',
+  external: ['./inline.js'], // the page's worker is beside it
 };
 const { metafile } = await build({ ...options, entryPoints: pages, splitting: true, metafile: true });
 // the worker is one file: it is asked for late, and would ask for the rest later still
 await build({ ...options, entryPoints: ['client/worker.js'] });
 for (const name of readdirSync(join(here, 'page')))
-  if (/\.(html|css|svg)$/.test(name)) cpSync(join(here, 'page', name), join(made, name));
+  if (/\.(html|css|svg)$/.test(name) || name === 'guard.js') cpSync(join(here, 'page', name), join(made, name));
 
 // The viewer's page names what view.js will load, so that nothing waits for it.
 const outputs = Object.entries(metafile.outputs);
 const [scene, { imports }] = outputs.find(([, output]) => output.entryPoint === 'page/scene.js');
 const preloads = [scene, ...imports.filter(({ kind }) => kind === 'import-statement').map(({ path }) => path)]
-  .map((path) => `<link rel="modulepreload" href="/${basename(path)}">`);
+  .map((path) => `<link rel="modulepreload" href="./${basename(path)}">`);
 const view = join(made, 'view.html');
-writeFileSync(view, readFileSync(view, 'utf8').replace('</title>\n', `</title>\n${preloads.join('\n')}\n`));
+const page = readFileSync(view, 'utf8').replace('</title>\n', `</title>\n${preloads.join('\n')}\n`);
+writeFileSync(view, page);
+// The same page for /view/{id}: what it loads lies one folder up, wherever the site begins.
+mkdirSync(join(made, 'view'));
+writeFileSync(join(made, 'view/index.html'), page.replaceAll('="./', '="../'));
 cpSync(wasm, join(made, 'tetlod.wasm'));
 rmSync(out, { recursive: true, force: true });
 renameSync(made, out);

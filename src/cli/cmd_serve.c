@@ -25,6 +25,8 @@ static const char help[] =
     "  --listen ADDR:PORT      where to listen; may be repeated (default 127.0.0.1:8080). Also [ADDR]:PORT, unix:PATH.\n"
     "                          A socket handed over by systemd (LISTEN_FDS) takes the place of the default\n"
     "  --metrics ADDR:PORT     serve /metrics there and not with the rest\n"
+    "  --base-path PATH        where the site begins for its clients, such as /levels/: paths with it and without it are answered.\n"
+    "                          Behind a proxy that takes the path off, links work without this option, too\n"
     "  --stream-origin ORIGIN  the page may also load streams from there, such as https://data.example.org; may be repeated\n"
     "                          (default: from this server alone)\n"
     "  --threads N             HTTP threads, as many that make meshes, as many that decode (default: one per core)\n"
@@ -98,6 +100,9 @@ static bool take_option(struct settings *settings, int option, const char *value
             return false;
         }
         settings->origins[server->stream_origin_count++] = value;
+        return true;
+    case 'B':
+        server->base_path = value;
         return true;
     case 'm':
         server->metrics = value;
@@ -224,7 +229,7 @@ static int run(int argc, char **argv)
 {
     static const struct option options[] = {
         {"listen", required_argument, NULL, 'l'},       {"metrics", required_argument, NULL, 'm'},
-        {"stream-origin", required_argument, NULL, 'o'},
+        {"stream-origin", required_argument, NULL, 'o'}, {"base-path", required_argument, NULL, 'B'},
         {"threads", required_argument, NULL, 't'},      {"cache", required_argument, NULL, 'c'},
         {"connections", required_argument, NULL, 'n'},  {"per-address", required_argument, NULL, 'a'},
         {"header-bytes", required_argument, NULL, 'b'}, {"timeout", required_argument, NULL, 'T'},

@@ -8,12 +8,11 @@
 #include "src/mesh/adjacency.h"
 #include "src/util/array.h"
 
-enum tetlod_status ancestry_init(struct ancestry *ancestry, const struct simplification *sequence,
+enum tetlod_status ancestry_init(struct ancestry *ancestry, const struct contraction_log *log,
                                const struct tetmesh *original, struct tetlod_error *error)
 {
-    const struct complex *complex = &sequence->complex;
-    uint32_t n = original->vertex_count, nodes = n + complex->contraction_count;
-    *ancestry = (struct ancestry){.sequence = sequence,
+    uint32_t n = original->vertex_count, nodes = n + log->count;
+    *ancestry = (struct ancestry){.log = log,
                                   .original = original,
                                   .parent = array_new(nodes, sizeof(uint32_t)),
                                   .ancestor = array_new(n, sizeof(uint32_t)),
@@ -28,10 +27,10 @@ enum tetlod_status ancestry_init(struct ancestry *ancestry, const struct simplif
         return status;
     }
     memset(ancestry->parent, 0xff, nodes * sizeof(uint32_t));
-    for (uint32_t c = 0; c < complex->contraction_count; c++)
+    for (uint32_t c = 0; c < log->count; c++)
         for (int i = 0; i < 4; i++)
-            if (complex->children[4 * (size_t)c + i] != TETLOD_NONE)
-                ancestry->parent[complex->children[4 * (size_t)c + i]] = n + c;
+            if (log->children[4 * (size_t)c + i] != TETLOD_NONE)
+                ancestry->parent[log->children[4 * (size_t)c + i]] = n + c;
     for (uint32_t v = 0; v < n; v++)
         ancestry->ancestor[v] = v;
     return TETLOD_OK;
@@ -145,8 +144,8 @@ enum tetlod_status ancestry_level(struct ancestry *ancestry, uint32_t contractio
                                 struct tetlod_error *error)
 {
     const struct tetmesh *original = ancestry->original;
-    const struct simplification *sequence = ancestry->sequence;
-    uint32_t n = original->vertex_count, nodes = n + sequence->complex.contraction_count;
+    const struct contraction_log *log = ancestry->log;
+    uint32_t n = original->vertex_count, nodes = n + log->count;
     uint32_t *number = array_new(nodes, sizeof *number); // [node] vertex of the level, or TETLOD_NONE
     climb(ancestry, contractions);
     uint32_t tets = count_alive(ancestry);
@@ -169,11 +168,11 @@ enum tetlod_status ancestry_level(struct ancestry *ancestry, uint32_t contractio
     out->mesh.positions = array_new(count, 3 * sizeof(double));
     if (!out->mesh.positions)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a level", 24 * (uint64_t)count));
-    fill_rows(out->mesh.positions, original->positions, sequence->complex.node_positions, 3, out->nodes, count, n);
+    fill_rows(out->mesh.positions, original->positions, log->positions, 3, out->nodes, count, n);
     for (uint32_t f = 0; f < original->field_count; f++) {
         const struct point_field *field = &original->fields[f];
         TETLOD_TRY_DONE(tetmesh_add_field(&out->mesh, field->name, field->components, field->type, error));
-        fill_rows(out->mesh.fields[f].values, field->values, sequence->fields.fields[f].node_values, field->components,
+        fill_rows(out->mesh.fields[f].values, field->values, log->fields[f].values, field->components,
                   out->nodes, count, n);
     }
 done:

@@ -4,10 +4,10 @@
 #ifndef TETLOD_ANCESTRY_H
 #define TETLOD_ANCESTRY_H
 
-#include "src/simplify/simplify.h"
+#include "src/log/contraction_log.h"
 
 struct ancestry {
-    const struct simplification *sequence; /* borrowed */
+    const struct contraction_log *log; /* borrowed */
     const struct tetmesh *original;        /* borrowed */
     uint32_t *parent;                      /* [node] or TETLOD_NONE */
     uint32_t *ancestor;                    /* [original vertex] living node at the current moment */
@@ -25,7 +25,7 @@ struct ancestry_level {
     uint32_t *neighbours; /* [4 * tet] as adjacency_build makes them; NULL: not known */
 };
 
-TETLOD_CHECKED enum tetlod_status ancestry_init(struct ancestry *ancestry, const struct simplification *sequence,
+TETLOD_CHECKED enum tetlod_status ancestry_init(struct ancestry *ancestry, const struct contraction_log *log,
                                               const struct tetmesh *original, struct tetlod_error *error);
 void ancestry_fini(struct ancestry *ancestry);
 

@@ -8,8 +8,6 @@
 #include "format/fail.h"
 #include "src/log/ancestry.h"
 #include "src/measure/measure.h"
-#include "src/simplify/exact/patch.h"
-#include "src/simplify/samples.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/precision.h"
 #include "src/util/array.h"
@@ -26,7 +24,7 @@ struct build {
     double *rounding;               /* [field] bound of what rounding changed, if quantised */
     struct precision precision;     /* if not */
     const struct build_options *options;
-    struct simplification sequence;
+    struct contraction_log log;
     struct tetlodi_write_level *levels; /* coarse to fine */
     double *errors;                     /* [mark][field][measure], fine to coarse */
     struct tetlod_error *error;
@@ -38,23 +36,17 @@ static bool contract_progress(void *opaque, double done)
     return build->options->progress(build->options->progress_opaque, BUILD_CONTRACT, done);
 }
 
-/* What the contraction needs at its peak, about: the complex, the fields and a queue of seven edges a vertex. */
+/* What the contraction needs at its peak. */
 static enum tetlod_status check_memory(const struct build *build)
 {
-    const struct tetmesh *mesh = build->mesh;
-    uint64_t needed = complex_bytes(mesh->vertex_count, mesh->tet_count) +
-                      fields_bytes(mesh, build->options->control_count) + mesh->vertex_count * (uint64_t)7 * 56;
-    if (build->options->metric != METRIC_MEASURED && build->options->certify != CERTIFY_EXACT)
-        needed += mesh->tet_count * (uint64_t)build->options->control_count * sizeof(struct envelope);
-    if (build->options->metric == METRIC_MEASURED)
-        needed += samples_bytes(mesh, build->options->control_count);
-    if (build->options->certify == CERTIFY_EXACT)
-        needed += overlaps_bytes(mesh->vertex_count, mesh->tet_count, build->options->threads);
-    if (!build->options->memory || needed <= build->options->memory)
+    const struct build_options *options = build->options;
+    struct simplify_options simplify_options = {.metric = options->metric, .certify = options->certify, .threads = options->threads};
+    uint64_t needed = simplify_bytes(build->mesh, options->control_count, &simplify_options);
+    if (!options->memory || needed <= options->memory)
         return TETLOD_OK;
     return tetlodi_fail(build->error, TETLOD_ERR_LIMIT,
                         "it needs about %llu MB, more than --memory allows (%llu MB); carry fewer fields or raise it",
-                        (unsigned long long)(needed >> 20) + 1, (unsigned long long)(build->options->memory >> 20));
+                        (unsigned long long)(needed >> 20) + 1, (unsigned long long)(options->memory >> 20));
 }
 
 /* An error is a fraction of the range: one that overflows, or whose reciprocal does, would hide every error (PROOF.md, 7). */
@@ -107,7 +99,7 @@ static enum tetlod_status contract(struct build *build)
         .progress = options->progress ? contract_progress : NULL,
         .progress_opaque = build,
     };
-    enum tetlod_status status = simplify(&build->sequence, build->mesh, controlled, options->control_count, limits,
+    enum tetlod_status status = simplify(&build->log, build->mesh, controlled, options->control_count, limits,
                                          &simplify_options, build->error);
     free(controlled);
     free(limits);
@@ -117,17 +109,17 @@ static enum tetlod_status contract(struct build *build)
 /* The certified and the predicted error of a field at a mark: its worst component's. NaN if it does not drive. */
 static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, double *errors)
 {
-    const struct fields *fields = &build->sequence.fields;
+    const struct contraction_log *log = &build->log;
     errors[TETLOD_MAX] = errors[TETLOD_PREDICTED] = NAN;
-    for (uint32_t d = 0; d < fields->driver_count; d++) {
-        if (fields->drivers[d].field != field)
+    for (uint32_t d = 0; d < log->component_count; d++) {
+        if (log->components[d].field != field)
             continue;
-        size_t i = (size_t)mark * fields->driver_count + d;
-        double rounding = build->rounding ? build->rounding[field] * fields->drivers[d].scale : 0;
-        double least = build->precision.tail ? build->precision.rounding[field] * fields->drivers[d].scale : 0;
-        double error = larger(build->sequence.mark_certified[i] + rounding, least); // vertices that are left are rounded
+        size_t i = (size_t)mark * log->component_count + d;
+        double rounding = build->rounding ? build->rounding[field] * log->components[d].scale : 0;
+        double least = build->precision.tail ? build->precision.rounding[field] * log->components[d].scale : 0;
+        double error = larger(log->certified[i] + rounding, least); // vertices that are left are rounded
         errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], fmin(error, 1));
-        errors[TETLOD_PREDICTED] = fmax(errors[TETLOD_PREDICTED], build->sequence.mark_predicted[i]);
+        errors[TETLOD_PREDICTED] = fmax(errors[TETLOD_PREDICTED], log->predicted[i]);
     }
 }
 
@@ -157,9 +149,9 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
 static enum tetlod_status measure_mark(struct build *build, struct ancestry *ancestry, struct measure *measure,
                                        uint32_t mark, struct measured *measured, double diagonal)
 {
-    uint32_t contractions = build->sequence.marks[mark].contractions;
+    uint32_t contractions = build->log.marks[mark].contractions;
     struct ancestry_level level;
-    double domain = build->sequence.marks[mark].moved;
+    double domain = build->log.marks[mark].moved;
     TETLOD_TRY(ancestry_level(ancestry, contractions, &level, build->error));
     enum tetlod_status status;
     if (build->rounding)
@@ -169,8 +161,8 @@ static enum tetlod_status measure_mark(struct build *build, struct ancestry *anc
     ancestry_level_fini(&level);
     if (status != TETLOD_OK)
         return status;
-    struct tetlodi_write_level *out = &build->levels[build->sequence.mark_count - 1 - mark];
-    domain = larger(domain, build->sequence.marks[mark].moved);
+    struct tetlodi_write_level *out = &build->levels[build->log.mark_count - 1 - mark];
+    domain = larger(domain, build->log.marks[mark].moved);
     file_errors(build, mark, measured);
     *out = (struct tetlodi_write_level){
         contractions, diagonal > 0 ? domain / diagonal : 0,
@@ -181,7 +173,7 @@ static enum tetlod_status measure_mark(struct build *build, struct ancestry *anc
 /* The last level: nothing is left of any error. */
 static void add_tail(struct build *build)
 {
-    uint32_t marks = build->sequence.mark_count, fields = build->mesh->field_count;
+    uint32_t marks = build->log.mark_count, fields = build->mesh->field_count;
     double *errors = build->errors + (size_t)marks * fields * TETLOD_MEASURES;
     if (!build->precision.tail)
         return;
@@ -192,7 +184,7 @@ static void add_tail(struct build *build)
 
 static enum tetlod_status measure_marks(struct build *build)
 {
-    uint32_t marks = build->sequence.mark_count, fields = build->mesh->field_count;
+    uint32_t marks = build->log.mark_count, fields = build->mesh->field_count;
     struct ancestry ancestry = {0};
     struct measure *measure = NULL;
     struct measured *measured = array_new(fields, sizeof *measured);
@@ -202,7 +194,7 @@ static enum tetlod_status measure_marks(struct build *build)
     build->errors = array_new((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));
     if (!measured || !build->levels || !build->errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
-    TETLOD_TRY_DONE(ancestry_init(&ancestry, &build->sequence, build->coded, build->error));
+    TETLOD_TRY_DONE(ancestry_init(&ancestry, &build->log, build->coded, build->error));
     TETLOD_TRY_DONE(measure_new(&measure, build->original, NULL, build->mesh->field_count, build->error));
     for (uint32_t mark = 0; mark < marks; mark++) {
         TETLOD_TRY_DONE(measure_mark(build, &ancestry, measure, mark, measured, diagonal));
@@ -231,7 +223,7 @@ static bool is_controlled(const struct build *build, uint32_t field)
 static enum tetlod_status encode(struct build *build, const struct tetlodi_sink *sink)
 {
     const struct tetmesh *mesh = build->mesh;
-    const struct complex *complex = &build->sequence.complex;
+    const struct contraction_log *log = &build->log;
     struct tetlodi_write_field *fields = array_new(mesh->field_count, sizeof *fields);
     if (!fields)
         return tetlodi_fail_nomem(build->error, "the fields", mesh->field_count * sizeof *fields);
@@ -241,10 +233,10 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                                  .components = field->components,
                                                  .type = field->type,
                                                  .controlled = is_controlled(build, f),
-                                                 .values = field->values,
-                                                 .node_values = build->sequence.fields.fields[f].node_values};
+                                                 .values = build->coded->fields[f].values,
+                                                 .node_values = log->fields[f].values};
         fields[f].was_float64 = build->original->fields[f].type != field->type;
-        fields[f].exact_later = build->precision.tail && field->grid.bits > 0;
+        fields[f].exact = build->precision.tail && field->grid.bits > 0 ? field->values : NULL;
         fields[f].bits = field->grid.bits;
         fields[f].origin = field->grid.origin;
         fields[f].step = field->grid.step;
@@ -252,19 +244,19 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
     }
     struct tetlodi_write_input input = {.vertices = mesh->vertex_count,
                                         .tets = mesh->tet_count,
-                                        .contractions = complex->contraction_count,
+                                        .contractions = log->count,
                                         .position_type = mesh->position_type,
                                         .positions_were_float64 = build->original->position_type != mesh->position_type,
                                         .positions = mesh->positions,
                                         .corners = mesh->corners,
-                                        .children = complex->children,
-                                        .node_positions = complex->node_positions,
+                                        .children = log->children,
+                                        .node_positions = log->positions,
                                         .field_count = mesh->field_count,
-                                        .level_count = build->sequence.mark_count + build->precision.tail,
+                                        .level_count = build->log.mark_count + build->precision.tail,
                                         .fields = fields,
                                         .levels = build->levels,
-                                        .degenerate_tets = complex->degenerate_tets,
-                                        .inverted_tets = complex->inverted_tets,
+                                        .degenerate_tets = log->degenerate_tets,
+                                        .inverted_tets = log->inverted_tets,
                                         .unused_points = mesh->unused_points,
                                         .metadata = build->options->metadata,
                                         .compression = build->options->compression,
@@ -315,10 +307,10 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     TETLOD_TRY_DONE(contract(&build));
     TETLOD_TRY_DONE(measure_marks(&build));
     TETLOD_TRY_DONE(encode(&build, sink));
-    *report = (struct build_report){build.sequence.complex.contraction_count, build.sequence.mark_count + build.precision.tail,
-                                    build.sequence.complex.degenerate_tets, build.sequence.complex.inverted_tets};
+    *report = (struct build_report){build.log.count, build.log.mark_count + build.precision.tail,
+                                    build.log.degenerate_tets, build.log.inverted_tets};
 done:
-    simplification_fini(&build.sequence);
+    log_fini(&build.log);
     tetmesh_fini(&build.rounded);
     precision_fini(&build.precision);
     free(build.rounding);

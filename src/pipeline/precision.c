@@ -8,7 +8,8 @@
 #include "format/fail.h"
 #include "src/util/array.h"
 
-/* Steps of a grid across its field's range, at least: half a step is 1/65536 of it, a sixth of the least error that most ask for. */
+/* Steps of a grid across its field's range, at least: half a step is 1/65536 of it at most, a sixth of the least error that most
+ * ask for. */
 enum { STEP_BITS = 15, MOST_GRID_BITS = 30 };
 
 bool precision_is_narrow(const double *values, size_t count)
@@ -19,28 +20,28 @@ bool precision_is_narrow(const double *values, size_t count)
     return true;
 }
 
-/* A power of two times whole numbers, 0 among them where it is in the range: what is round there stays round. bits 0: every value
- * is told exactly at once. */
+/* A power of two times whole numbers, 0 among them where it is in the range: what is round there stays round. It ends inside the
+ * range. bits 0: there is none, every value is told exactly at once. */
 static struct grid choose_grid(const double range[2], enum tetlod_type type)
 {
-    struct grid none = {0, 0, 0};
+    struct grid none = {0, 0, 0, 0};
     double width = range[1] - range[0], size = fmax(fabs(range[0]), fabs(range[1]));
     if (!isfinite(width) || !(width > 0))
-        return width == 0 ? (struct grid){1, range[0], 1} : none;
+        return width == 0 ? (struct grid){1, range[0], 1, 0} : none;
     int exponent, of_size;
     frexp(width, &exponent);
     frexp(size, &of_size);
     exponent = exponent - 1 - STEP_BITS; // the range has 2^15 to 2^16 steps
     int least = of_size - (type == TETLOD_FLOAT32 ? 24 : 53); // between neighbours among the numbers of the type
     exponent = exponent > least ? exponent : least;
-    double step = ldexp(1, exponent), origin = floor(range[0] / step) * step, count = floor((range[1] - origin) / step + 0.5);
+    double step = ldexp(1, exponent), origin = ceil(range[0] / step) * step, most = floor((range[1] - origin) / step);
     unsigned bits = 1;
-    while (bits <= MOST_GRID_BITS && (double)((UINT64_C(1) << bits) - 1) < count)
+    while (bits <= MOST_GRID_BITS && (double)((UINT64_C(1) << bits) - 1) < most)
         bits++;
     double last = origin + step * (double)((UINT64_C(1) << bits) - 1);
     last = type == TETLOD_FLOAT32 ? (double)(float)last : last;
-    bool good = step > 0 && isfinite(origin) && isfinite(last) && bits <= MOST_GRID_BITS;
-    return good ? (struct grid){bits, origin, step} : none;
+    bool good = step > 0 && most > 0 && isfinite(origin) && isfinite(last) && bits <= MOST_GRID_BITS;
+    return good ? (struct grid){bits, origin, step, most} : none;
 }
 
 /* Puts a field's values on its grid. */

@@ -20,11 +20,12 @@ void complex_fini(struct complex *complex)
 {
     void *const owned[] = {complex->positions,  complex->corners,    complex->neighbours,    complex->flags,
                            complex->changed,    complex->born,       complex->pool,          complex->star_begin,
-                           complex->star_count, complex->star_capacity, complex->node,       complex->children,
-                           complex->node_positions, complex->local,  complex->epoch_of, complex->tet_changed,
+                           complex->star_count, complex->star_capacity, complex->node,       complex->local,
+                           complex->epoch_of,   complex->tet_changed,
                            complex->least_volume6};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
+    log_fini(&complex->log);
     *complex = (struct complex){0};
 }
 
@@ -46,14 +47,11 @@ static bool allocate(struct complex *complex)
     complex->star_count = array_new(n, sizeof(uint32_t));
     complex->star_capacity = array_new(n, sizeof(uint32_t));
     complex->node = array_new(n, sizeof(uint32_t));
-    complex->children = array_new(n, 4 * sizeof(uint32_t));
-    complex->node_positions = array_new(n, 3 * sizeof(double));
     complex->local = array_new(n, sizeof(uint32_t));
     complex->epoch_of = array_zero(n, sizeof(uint32_t));
     return complex->positions && complex->corners && complex->neighbours && complex->flags && complex->changed &&
            complex->born && complex->pool && complex->star_begin && complex->star_count && complex->star_capacity &&
-           complex->node && complex->children && complex->tet_changed && complex->least_volume6 &&
-           complex->node_positions && complex->local && complex->epoch_of;
+           complex->node && complex->tet_changed && complex->least_volume6 && complex->local && complex->epoch_of;
 }
 
 static void corner_positions(const struct complex *complex, uint32_t tet, const double *p[4])
@@ -84,8 +82,8 @@ static void orient(struct complex *complex)
     for (uint32_t t = 0; t < complex->tet_count; t++) {
         corner_positions(complex, t, p);
         int orientation = tet_orientation(p[0], p[1], p[2], p[3]) * complex->orientation;
-        complex->degenerate_tets += orientation == 0;
-        complex->inverted_tets += orientation < 0;
+        complex->log.degenerate_tets += orientation == 0;
+        complex->log.inverted_tets += orientation < 0;
         for (int c = 0; c < 4 && orientation <= 0; c++)
             complex->flags[complex->corners[4 * (size_t)t + c]] |= VERTEX_FROZEN;
     }
@@ -175,6 +173,8 @@ enum tetlod_status complex_init(struct complex *complex, const struct tetmesh *m
     enum tetlod_status status = TETLOD_OK;
     if (!allocate(complex))
         status = tetlodi_fail_nomem(error, "the complex", complex_bytes(mesh->vertex_count, mesh->tet_count));
+    if (status == TETLOD_OK)
+        status = log_init(&complex->log, mesh, error);
     if (status == TETLOD_OK)
         status = adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, complex->neighbours, NULL, error);
     if (status != TETLOD_OK) {
@@ -337,18 +337,19 @@ static enum tetlod_status place_star(struct complex *complex, const struct star 
 
 static void log_contraction(struct complex *complex, const struct star *star)
 {
-    uint32_t c = complex->contraction_count++;
+    struct contraction_log *log = &complex->log;
+    uint32_t c = log_extend(log, 1);
     for (uint32_t s = 0; s < 4; s++)
-        complex->children[4 * (size_t)c + s] =
+        log->children[4 * (size_t)c + s] =
             s < star->simplex_count ? complex->node[star->simplex[s]] : TETLOD_NONE;
-    memcpy(complex->node_positions + 3 * (size_t)c, complex->positions + 3 * (size_t)star->simplex[0], 24);
+    memcpy(log->positions + 3 * (size_t)c, complex->positions + 3 * (size_t)star->simplex[0], 24);
     complex->node[star->simplex[0]] = complex->vertex_count + c;
 }
 
 enum tetlod_status complex_contract(struct complex *complex, const struct star *star, const double p[3],
                                     struct tetlod_error *error)
 {
-    uint32_t v = star->simplex[0], now = complex->contraction_count + 1, epoch = ++complex->epoch;
+    uint32_t v = star->simplex[0], now = complex->log.count + 1, epoch = ++complex->epoch;
     assert(star->removed_count > 0);
     close_gaps(complex, star);
     for (uint32_t s = 0; s < star->simplex_count; s++)

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The simplicial complex while it is contracted, and the log of its contractions.
+ * The simplicial complex while it is contracted, with the log of its contractions.
  *
  * Vertices live in slots: a contraction of a simplex puts its result into the slot of the simplex's first vertex and frees
  * the others. Tetrahedra keep their number for life. A slot's current node (original vertices are nodes 0 .. n-1, contraction
- * c makes node n + c) names it in the log, which is the forest that the stream's writer takes (format/writer.h).
+ * c makes node n + c) names it in the log (src/log/contraction_log.h).
  *
  * Functions that check change nothing; complex_contract asserts what they promised.
  */
@@ -13,7 +13,7 @@
 
 #include <stdbool.h>
 
-#include "src/mesh/tetmesh.h"
+#include "src/log/contraction_log.h"
 
 enum {
     VERTEX_ALIVE = 1,
@@ -41,13 +41,10 @@ struct complex {
     size_t pool_size, pool_capacity, *star_begin;
     uint32_t *star_count, *star_capacity;
 
-    uint32_t contraction_count;
-    uint32_t *node;         /* [slot] its current node */
-    uint32_t *children;     /* [4 * contraction] nodes, TETLOD_NONE last */
-    double *node_positions; /* [3 * contraction] */
+    uint32_t *node;             /* [slot] its current node */
+    struct contraction_log log; /* of its contractions */
 
     uint32_t *local, *epoch_of, epoch; /* scratch: slot -> number in the star at hand */
-    uint64_t degenerate_tets, inverted_tets;
 };
 
 /* Copies what it needs of the mesh. ERR_LIMIT, ERR_NOMEM. O(n). */

@@ -27,7 +27,6 @@ void fields_fini(struct fields *fields)
     for (uint32_t f = 0; f < fields->count && fields->fields; f++) {
         free(fields->fields[f].component_range);
         free(fields->fields[f].values);
-        free(fields->fields[f].node_values);
     }
     for (uint32_t d = 0; d < fields->driver_count && fields->drivers; d++) {
         free(fields->drivers[d].upper);
@@ -45,9 +44,8 @@ static bool init_field(struct working_field *field, const struct point_field *fr
 {
     size_t k = from->components;
     *field = (struct working_field){from->components, from->type, array_new(k, 2 * sizeof(double)),
-                                    array_new(vertices * k, sizeof(double)), array_new(vertices * k, sizeof(double)),
-                                    from->grid};
-    if (!field->component_range || !field->values || !field->node_values)
+                                    array_new(vertices * k, sizeof(double)), from->grid};
+    if (!field->component_range || !field->values)
         return false;
     for (size_t i = 0; i < vertices * k; i++)
         field->values[i] = grid_round(&field->grid, field->type, from->values[i]);
@@ -344,16 +342,17 @@ static bool drives(const struct fields *fields, uint32_t field)
 void fields_contract(struct fields *fields, const struct complex *complex, const struct star *star, const double p[3],
                      const struct outcome *outcome)
 {
-    uint32_t c = complex->contraction_count, v = star->simplex[0];
+    const struct log_field *log = complex->log.fields; // of the contraction that complex_contract will log
+    uint32_t c = complex->log.count, v = star->simplex[0];
     for (uint32_t f = 0; f < fields->count; f++) {
         struct working_field *field = &fields->fields[f];
         if (!drives(fields, f))
-            contract_field(field, complex, star, p, field->node_values + (size_t)c * field->components);
+            contract_field(field, complex, star, p, log[f].values + (size_t)c * field->components);
     }
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         struct driver *driver = &fields->drivers[d];
         struct working_field *field = &fields->fields[driver->field];
-        field->node_values[(size_t)c * field->components + driver->component] = outcome[d].value;
+        log[driver->field].values[(size_t)c * field->components + driver->component] = outcome[d].value;
         driver->upper[v] = outcome[d].upper;
         driver->lower[v] = outcome[d].lower;
         driver->predicted[v] = outcome[d].predicted;
@@ -365,7 +364,7 @@ void fields_contract(struct fields *fields, const struct complex *complex, const
     }
     for (uint32_t f = 0; f < fields->count; f++) {
         struct working_field *field = &fields->fields[f];
-        memcpy(field->values + (size_t)v * field->components, field->node_values + (size_t)c * field->components,
+        memcpy(field->values + (size_t)v * field->components, log[f].values + (size_t)c * field->components,
                field->components * sizeof(double));
     }
 }

@@ -30,7 +30,6 @@ struct working_field {
     enum tetlod_type type;
     double (*component_range)[2]; /* [components] of the original: assigned values stay inside */
     double *values;               /* [components * slot] */
-    double *node_values;          /* [components * contraction] */
     struct grid grid;
 };
 
@@ -78,7 +77,7 @@ void fields_cheapen(const struct fields *fields, const struct complex *complex, 
 /* The worst weighted error of an outcome, as a fraction of the range. */
 double outcome_error(const struct fields *fields, const struct outcome *outcome);
 
-/* Makes it so, before complex_contract; what does not drive is assigned by scalar value assignment (thesis 3.3). */
+/* Makes it so, before complex_contract, and logs it; what does not drive is assigned by scalar value assignment (thesis 3.3). */
 void fields_contract(struct fields *fields, const struct complex *complex, const struct star *star, const double p[3],
                      const struct outcome *outcome);
 

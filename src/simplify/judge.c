@@ -182,7 +182,7 @@ enum tetlod_status judge_evaluate(const struct run *run, struct judge *judge, st
 {
     double error;
     bool refused = false;
-    entry->stamp = run->complex->contraction_count;
+    entry->stamp = run->complex->log.count;
     entry->refused = 0;
     entry->bound = INFINITY;
     *out_allowed = false;

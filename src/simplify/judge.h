@@ -40,7 +40,6 @@ enum { BATCH = 128 };
 
 struct run {
     const struct simplify_options *options;
-    struct simplification *out;
     struct complex *complex;
     struct fields *fields;
     struct boundary boundary;

@@ -355,33 +355,14 @@ static enum tetlod_status first_failure(struct run *run)
 
 static enum tetlod_status mark(struct run *run)
 {
-    struct simplification *out = run->out;
-    size_t count = out->mark_count, drivers = run->fields->driver_count;
-    struct mark now = {run->complex->contraction_count, run->complex->vertices_alive, run->complex->tets_alive,
-                       run->moved};
-    if (count && out->marks[count - 1].contractions == now.contractions)
-        return TETLOD_OK;
-    void *marks = out->marks, *certified = out->mark_certified, *predicted = out->mark_predicted;
-    bool room = array_reserve(&marks, &out->mark_capacity, count + 1, sizeof now);
-    out->marks = marks;
-    room = room && array_reserve(&certified, &out->certified_capacity, (count + 1) * drivers, sizeof(double));
-    out->mark_certified = certified;
-    room = room && array_reserve(&predicted, &out->predicted_capacity, (count + 1) * drivers, sizeof(double));
-    out->mark_predicted = predicted;
-    if (!room)
-        return tetlodi_fail_nomem(run->error, "the levels", (count + 1) * sizeof now);
-    out->marks[count] = now;
-    for (size_t d = 0; d < drivers; d++) {
-        out->mark_certified[count * drivers + d] = run->certified[d];
-        out->mark_predicted[count * drivers + d] = run->predicted[d];
-    }
-    out->mark_count++;
-    return TETLOD_OK;
+    return log_mark(&run->complex->log, run->complex->vertices_alive, run->complex->tets_alive, run->moved, run->certified,
+                    run->predicted, run->error);
 }
 
 static double shrunk_since_mark(const struct run *run)
 {
-    return run->out->marks[run->out->mark_count - 1].vertices / (double)run->complex->vertices_alive;
+    const struct contraction_log *log = &run->complex->log;
+    return log->marks[log->mark_count - 1].vertices / (double)run->complex->vertices_alive;
 }
 
 static bool finished(const struct run *run)
@@ -392,7 +373,7 @@ static bool finished(const struct run *run)
 static enum tetlod_status report(struct run *run)
 {
     const struct complex *complex = run->complex;
-    if (!run->options->progress || complex->contraction_count % 256)
+    if (!run->options->progress || complex->log.count % 256)
         return TETLOD_OK;
     // vertices fall about as the logarithm of the limit rises; both together make a steady bar
     double done = log((double)complex->vertex_count / complex->vertices_alive) / log(complex->vertex_count / 8.0 + 2);
@@ -511,7 +492,7 @@ static enum tetlod_status climb_exactly(struct run *run)
         parallel_for(run->judge_count, count, 1, work_range, run);
         TETLOD_TRY(first_failure(run));
         for (size_t i = 0; i < count; i++) {
-            uint32_t before = run->complex->contraction_count;
+            uint32_t before = run->complex->log.count;
             for (uint32_t k = 0; k < run->works[i].witness_count; k++)
                 overlaps_watch(&run->overlaps, &run->works[i].witnesses[k]);
             if (run->works[i].outcome == ALLOWED && !finished(run))
@@ -519,7 +500,7 @@ static enum tetlod_status climb_exactly(struct run *run)
             else
                 TETLOD_TRY(file(run, &run->works[i].entry, run->works[i].outcome != REFUSED));
             handover_fini(&run->works[i].handover); // they are large where stars are
-            if (run->complex->contraction_count == before)
+            if (run->complex->log.count == before)
                 continue;
             TETLOD_TRY(report(run));
             if (shrunk_since_mark(run) >= run->options->growth)
@@ -539,9 +520,9 @@ static enum tetlod_status rung(struct run *run, double limit, bool named)
     run->chance = named ? CHANCE_NAMED : CHANCE;
     TETLOD_TRY(rescan(run, &any));
     for (int round = 0; any && !finished(run) && round < 4; round++) {
-        uint32_t before = run->complex->contraction_count;
+        uint32_t before = run->complex->log.count;
         TETLOD_TRY(is_exact(run) ? climb_exactly(run) : climb(run));
-        if (run->complex->contraction_count == before)
+        if (run->complex->log.count == before)
             break;
         TETLOD_TRY(rescan(run, &any));
     }
@@ -614,32 +595,53 @@ static void free_judges(struct run *run)
     free(run->judges);
 }
 
-enum tetlod_status simplify(struct simplification *out, const struct tetmesh *mesh, const uint32_t *controlled,
+static enum tetlod_status log_drivers(const struct run *run)
+{
+    uint32_t count = run->fields->driver_count;
+    struct log_component *components = array_new(count, sizeof *components);
+    if (!components)
+        return tetlodi_fail_nomem(run->error, "the drivers", count * sizeof *components);
+    for (uint32_t d = 0; d < count; d++) {
+        const struct driver *driver = &run->fields->drivers[d];
+        components[d] = (struct log_component){driver->field, driver->component, driver->scale};
+    }
+    enum tetlod_status status = log_control(&run->complex->log, components, count, run->error);
+    free(components);
+    return status;
+}
+
+enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *mesh, const uint32_t *controlled,
                             uint32_t controlled_count, const double *limits, const struct simplify_options *options,
                             struct tetlod_error *error)
 {
-    *out = (struct simplification){0};
-    struct run run = {.options = options, .out = out, .complex = &out->complex, .fields = &out->fields, .error = error};
+    struct complex complex = {0};
+    struct fields fields = {0};
+    struct run run = {.options = options, .complex = &complex, .fields = &fields, .error = error};
     enum tetlod_status status;
-    TETLOD_TRY_DONE(complex_init(&out->complex, mesh, error));
-    TETLOD_TRY_DONE(fields_init(&out->fields, mesh, controlled, controlled_count, limits, error));
+    *out = (struct contraction_log){0};
+    TETLOD_TRY_DONE(complex_init(&complex, mesh, error));
+    TETLOD_TRY_DONE(fields_init(&fields, mesh, controlled, controlled_count, limits, error));
+    TETLOD_TRY_DONE(log_drivers(&run));
     if (metric_has_quadrics(options->metric))
-        TETLOD_TRY_DONE(fields_init_quadrics(&out->fields, &out->complex, options->metric == METRIC_QUADRIC, error));
+        TETLOD_TRY_DONE(fields_init_quadrics(&fields, &complex, options->metric == METRIC_QUADRIC, error));
     if (asks_envelopes(options))
-        TETLOD_TRY_DONE(metric_init_envelopes(options->metric, &out->fields, &out->complex, error));
-    TETLOD_TRY_DONE(boundary_init(&run.boundary, &out->complex, options->boundary_angle, options->boundary_limit, error));
+        TETLOD_TRY_DONE(metric_init_envelopes(options->metric, &fields, &complex, error));
+    TETLOD_TRY_DONE(boundary_init(&run.boundary, &complex, options->boundary_angle, options->boundary_limit, error));
     if (options->certify == CERTIFY_EXACT)
         TETLOD_TRY_DONE(make_works(&run, mesh));
     if (options->metric == METRIC_MEASURED)
-        TETLOD_TRY_DONE(samples_init(&run.samples, mesh, &out->complex, &out->fields, error));
+        TETLOD_TRY_DONE(samples_init(&run.samples, mesh, &complex, &fields, error));
     TETLOD_TRY_DONE(make_judges(&run));
-    run.certified = array_zero(3 * (size_t)out->fields.driver_count, sizeof(double));
-    run.outcome = array_new(out->fields.driver_count, sizeof *run.outcome);
+    run.certified = array_zero(3 * (size_t)fields.driver_count, sizeof(double));
+    run.outcome = array_new(fields.driver_count, sizeof *run.outcome);
     if (!run.certified || !run.outcome)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the drivers", 56 * (uint64_t)out->fields.driver_count));
-    run.predicted = run.certified + out->fields.driver_count;
-    run.assigned = run.predicted + out->fields.driver_count;
-    status = run_ladder(&run);
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the drivers", 56 * (uint64_t)fields.driver_count));
+    run.predicted = run.certified + fields.driver_count;
+    run.assigned = run.predicted + fields.driver_count;
+    TETLOD_TRY_DONE(run_ladder(&run));
+    log_finish(&complex.log);
+    *out = complex.log;
+    complex.log = (struct contraction_log){0};
 done:
     boundary_fini(&run.boundary);
     overlaps_fini(&run.overlaps);
@@ -656,17 +658,21 @@ done:
     free(run.outcome);
     free(run.link);
     free(run.thawed);
-    if (status != TETLOD_OK)
-        simplification_fini(out);
+    fields_fini(&fields);
+    complex_fini(&complex);
     return status;
 }
 
-void simplification_fini(struct simplification *simplification)
+/* The complex, the fields and a queue of seven edges a vertex, and what the metric and the limit keep. */
+uint64_t simplify_bytes(const struct tetmesh *mesh, uint32_t controlled_count, const struct simplify_options *options)
 {
-    complex_fini(&simplification->complex);
-    fields_fini(&simplification->fields);
-    free(simplification->marks);
-    free(simplification->mark_certified);
-    free(simplification->mark_predicted);
-    *simplification = (struct simplification){0};
+    uint64_t bytes = complex_bytes(mesh->vertex_count, mesh->tet_count) + fields_bytes(mesh, controlled_count) +
+                     mesh->vertex_count * (uint64_t)7 * sizeof(struct queue_entry);
+    if (options->metric != METRIC_MEASURED && options->certify != CERTIFY_EXACT)
+        bytes += mesh->tet_count * (uint64_t)controlled_count * sizeof(struct envelope);
+    if (options->metric == METRIC_MEASURED)
+        bytes += samples_bytes(mesh, controlled_count);
+    if (options->certify == CERTIFY_EXACT)
+        bytes += overlaps_bytes(mesh->vertex_count, mesh->tet_count, options->threads);
+    return bytes;
 }

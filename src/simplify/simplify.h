@@ -32,26 +32,12 @@ struct simplify_options {
     void *progress_opaque;
 };
 
-/* A moment of the sequence that may become a level. */
-struct mark {
-    uint32_t contractions, vertices, tets;
-    double moved; /* most that the boundary moved so far, in units of length: a bound (PROOF.md, 5) */
-};
-
-struct simplification {
-    struct complex complex;
-    struct fields fields;
-    uint32_t mark_count;
-    struct mark *marks;      /* fine to coarse; the first is the original, the last the end */
-    double *mark_certified;  /* [driver_count * mark] running maximum of the certified error */
-    double *mark_predicted;  /* [driver_count * mark] running maximum of the prediction */
-    size_t mark_capacity, certified_capacity, predicted_capacity;
-};
-
-/* Contracts the mesh. `controlled` and `limits` as in fields_init. */
-TETLOD_CHECKED enum tetlod_status simplify(struct simplification *out, const struct tetmesh *mesh,
+/* Contracts the mesh. `controlled` and `limits` as in fields_init. Only the log is left of it. */
+TETLOD_CHECKED enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *mesh,
                                            const uint32_t *controlled, uint32_t controlled_count, const double *limits,
                                            const struct simplify_options *options, struct tetlod_error *error);
-void simplification_fini(struct simplification *simplification);
+
+/* Bytes that this takes at its peak, about, without the mesh. */
+uint64_t simplify_bytes(const struct tetmesh *mesh, uint32_t controlled_count, const struct simplify_options *options);
 
 #endif

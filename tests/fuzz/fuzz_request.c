@@ -7,7 +7,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "server/site.h"
+#include "server/answer/routes.h"
 
 static struct site *make_site(void)
 {

@@ -31,7 +31,7 @@ class Server:
         if not self.url:
             self.process.wait()
             raise RuntimeError('the server did not start: ' + self.messages())
-        found = re.match(r'http://\[?(.*?)\]?:(\d+)/$', self.url)
+        found = re.match(r'http://\[?(.*?)\]?:(\d+)/', self.url)
         self.address = (found[1], int(found[2])) if found else None
 
     def messages(self):

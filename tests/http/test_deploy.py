@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.parse
 
 from served import PATIENCE, ROOT, SCRATCH, TETLOD, Server, eventually, run
 
@@ -184,9 +185,87 @@ def test_nginx_fails_over():
         assert answer.status == 200 and body == stream
         assert ask(port, '/metrics')[0].status == 404
         answer, _ = ask(port, '/v1/meshes/fin/mesh?error=0.1')
-        assert answer.status == 303 and answer.getheader('Location').startswith('/v1/meshes/fin/')
+        assert answer.status == 303 and answer.getheader('Location').startswith(cid + '/levels/')
 
     fail_over(start_front, connect)
+
+
+def urls_of(node):
+    """All links of a JSON answer."""
+    if isinstance(node, dict):
+        yield from node.get('links', {}).values()
+        for value in node.values():
+            yield from urls_of(value)
+    elif isinstance(node, list):
+        for value in node:
+            yield from urls_of(value)
+
+
+def check_under(port, root):
+    """Every URL that the API and the page's files name leads to where the site is."""
+    def get(url, method='GET'):
+        connection = http.client.HTTPConnection('127.0.0.1', port, timeout=PATIENCE)
+        connection.request(method, url)
+        answer = connection.getresponse()
+        body = answer.read()
+        connection.close()
+        return answer, body
+
+    for path in ('v1/meshes', 'v1/meshes/fin'):
+        answer, body = get(root + path)
+        assert answer.status == 200, (path, answer.status)
+        links = list(urls_of(json.loads(body)))
+        assert links, path
+        for link in links:
+            link = re.sub(r'\{\?.*\}', '', link)
+            for name, value in (('level', '1'), ('format', 'vtu' if '/mesh' in link else 'stl'), ('from', '0'), ('to', '1')):
+                link = link.replace('{%s}' % name, value)
+            query = {'mesh': '?level=1', 'prefix': '?level=1', 'isosurface.stl': '?field=Pressure&value=1', 'slice.stl': '?origin=0,0,1&normal=0,0,1'}
+            url = urllib.parse.urljoin(root + path, link) + query.get(link.rpartition('/')[2], '')
+            assert url.startswith(root) and get(url)[0].status in (200, 303), (path, link, url, get(url)[1])
+    answer, _ = get(root + 'v1/meshes/fin/mesh?error=0.1')
+    target = urllib.parse.urljoin(root + 'v1/meshes/fin/mesh', answer.getheader('Location'))
+    assert answer.status == 303 and target.startswith(root) and get(target)[0].status == 200, target
+    for page in ('', 'view/fin'):
+        answer, body = get(root + page)
+        assert answer.status == 200, page
+        described = re.match('<(.*?)>', answer.getheader('Link'))[1]
+        assert urllib.parse.urljoin(root + page, described) == root + 'openapi.json'
+        loaded = re.findall(rb'(?:href|src)="([^"#]*)"', body)
+        assert len(loaded) > 3
+        for link in loaded:
+            url = urllib.parse.urljoin(root + page, link.decode())
+            assert url.startswith(root) and get(url)[0].status == 200, (page, link)
+    answer, body = get(root + 'v1/meshes/nothing?x=1')
+    assert urllib.parse.urljoin(root + 'v1/meshes/nothing', json.loads(body)['instance']) == root + 'v1/meshes/nothing?x=1'
+
+
+def test_under_a_path():
+    """A proxy that takes the path off, one that leaves it, and a base path without a proxy."""
+    if not NGINX:
+        return 'no nginx'
+    with Server(FOLDER) as plain, Server(FOLDER, '--base-path', '/deep/er/') as based:
+        assert based.url.endswith('/deep/er/')
+        port = free_port()
+        process = start_nginx('paths', 'user x;\npid /run/nginx.pid;\nevents { }\nhttp { access_log off; server { listen 127.0.0.1:%d;\n'
+                              'location /some/prefix/ { proxy_pass http://127.0.0.1:%d/; }\n'
+                              'location /deep/er/ { proxy_pass http://127.0.0.1:%d; }\n'
+                              'location /stripped/ { proxy_pass http://127.0.0.1:%d/; } } }\n' % (port, plain.address[1], based.address[1], based.address[1]))
+        try:
+            wait_for_port(port)
+            check_under(port, '/some/prefix/')
+            check_under(port, '/deep/er/')
+            check_under(port, '/stripped/')
+        finally:
+            stop(process)
+        check_under(based.address[1], '/deep/er/')
+        check_under(plain.address[1], '/')
+        status, head, _ = based.get('/deep/er')
+        assert status == 308 and urllib.parse.urljoin('/deep/er', head['location']) == '/deep/er/'
+        assert based.get('/deep/erx')[0] == based.get('/deep')[0] == 404
+    for bad in ('x/', '/x', '/', '//x/', '/a b/', '/x"/'):
+        done = subprocess.run([TETLOD, 'serve', FOLDER, '--listen', '127.0.0.1:0', '--base-path', bad], stderr=subprocess.PIPE)
+        assert done.returncode == 2 and b'base path' in done.stderr, (bad, done)
 
 
 def test_varnish_fails_over():
@@ -309,4 +388,4 @@ subprocess.run([TETLOD, 'sample', 'fin', '--size', '8', '-o', 'fin.vtu'], cwd=SC
 subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
 with Server(FOLDER) as first:
     cid = first.json('/v1/meshes/fin')['cid']
-run([test_nginx_fails_over, test_varnish_fails_over, test_plain_files, test_socket_activation, test_unit_files])
+run([test_nginx_fails_over, test_under_a_path, test_varnish_fails_over, test_plain_files, test_socket_activation, test_unit_files])

@@ -311,7 +311,7 @@ def test_assets():
         status, head, body = server.get(path)
         assert status == 200, path
         seen[path] = head
-        for name in re.findall(r'["\']\.?(/[\w-]+\.(?:js|css|wasm|svg))["\']', body.decode('latin-1')):
+        for name in re.findall(r'["\']\.{0,2}(/[\w-]+\.(?:js|css|wasm|svg))["\']', body.decode('latin-1')):
             if name not in seen and name not in todo:
                 todo.append(name)
     assert any(name.endswith('.wasm') for name in seen) and any('/chunk-' in name for name in seen), list(seen)

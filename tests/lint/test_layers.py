@@ -18,13 +18,16 @@ LAYERS = {
     'src/io': MESHES,
     'src/sample': MESHES,
     'src/cut': MESHES,
-    'src/simplify': MESHES + ['src/simplify/exact/', 'src/measure/measure.h'],
+    'src/simplify': MESHES + ['src/simplify/exact/', 'src/log/contraction_log.h', 'src/measure/measure.h'],
     'src/simplify/exact': MESHES + ['src/simplify/'],
-    'src/log': MESHES + ['src/simplify/simplify.h'],
-    'src/measure': MESHES + ['src/log/ancestry.h'],
-    'src/pipeline': MESHES + ['src/simplify/', 'src/log/', 'src/measure/'],
+    'src/log': MESHES,
+    'src/measure': MESHES + ['src/log/'],
+    'src/pipeline': MESHES + ['src/simplify/simplify.h', 'src/log/', 'src/measure/'],
     'src/report': MESHES,
-    'server': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'format/reader.h'],
+    'server': MESHES + ['src/io/io.h', 'src/report/', 'server/net/', 'server/answer/', 'server/store/'],
+    'server/net': ARRAYS + ['server/answer/'],
+    'server/answer': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'format/reader.h', 'server/store/'],
+    'server/store': MESHES + ['src/report/', 'format/reader.h'],
     'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
     'src/cli': MESHES + ['src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'server/server.h'],
 }
@@ -33,9 +36,9 @@ LIBC = set('''assert ctype dirent errno fcntl float getopt inttypes limits mallo
 SOCKETS = set('arpa/inet netdb netinet/in netinet/tcp poll sys/eventfd sys/random sys/socket sys/un'.split())
 # header: the folders that may know the library, or the files
 PACKAGES = {
-    'expat.h': ['src/io/'], 'zlib.h': ['src/io/', 'server/'], 'lz4.h': ['src/io/'], 'zstd.h': ['format/', 'server/'],
+    'expat.h': ['src/io/'], 'zlib.h': ['src/io/', 'server/answer/'], 'lz4.h': ['src/io/'], 'zstd.h': ['format/', 'server/answer/'],
     'jansson.h': ['src/report/', 'src/cli/', 'server/'],
-    'microhttpd.h': ['server/server.c', 'server/http.c', 'server/message.c', 'server/message.h', 'server/listener.c'],
+    'microhttpd.h': ['server/net/'],
 }
 BANNED = re.compile(r'(?<![\w.>])(strcpy|strcat|sprintf|vsprintf|sscanf|atoi|atol|atof|strtok|gets|alloca)\s*\(')
 SPEAKS = re.compile(r'(?<![\w.>])(printf|vprintf|puts|putchar|perror|exit|_exit|abort|signal|sigaction)\s*\(|\b(stdout|stderr)\b')
@@ -62,11 +65,19 @@ def bad_include(path, folder, kind, name):
         if not allowed(path, PACKAGES[name]):
             return 'belongs to %s' % ', '.join(PACKAGES[name])
     elif name[:-2] in SOCKETS:
-        if folder not in ('server', 'src/cli'):
+        if folder not in ('server', 'server/net', 'src/cli'):
             return 'is for the server'
     elif name[:-2] not in LIBC:
         return 'is neither libc nor a library that is known here'
     return None
+
+
+def mutual(sources):
+    """Pairs of files under server/ that include each other; a source and its header are one."""
+    uses = {}
+    for path, text in sources.items():
+        uses.setdefault(path[:-2], set()).update(name[:-2] for name in re.findall(r'^\s*#\s*include\s*"([^"]+)"', text, re.M))
+    return ['%s and %s' % (a, b) for a in uses for b in sorted(uses[a]) if a < b and a in uses.get(b, ()) and a.startswith('server/')]
 
 
 def main():
@@ -94,6 +105,7 @@ def main():
             licence.append(path)
     report('%d files were found' % len(sources), [] if len(sources) > 100 else ['too few: is ROOT the tree?'])
     report('every #include is within the layers', includes)
+    report('no two files of the server include each other', mutual(sources))
     report('no call that knows no bounds', banned)
     report('nothing outside src/cli prints, exits or takes signals', speaking)
     report('no file is too long to read', long_files)

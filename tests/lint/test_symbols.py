@@ -58,7 +58,7 @@ def check_exports():
 def check_data():
     found = []
     for path in glob.glob(os.path.join(BUILT, 'format/*.o')) + glob.glob(os.path.join(BUILT, 'src/**/*.o'), recursive=True) + \
-            glob.glob(os.path.join(BUILT, 'server/*.o')):
+            glob.glob(os.path.join(BUILT, 'server/**/*.o'), recursive=True):
         source = os.path.join(ROOT, os.path.relpath(path, BUILT)[:-2] + '.c')
         if os.path.basename(path) in MUTABLE or not os.path.exists(source):
             continue

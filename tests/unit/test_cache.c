@@ -3,7 +3,7 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 
-#include "server/cache.h"
+#include "server/store/cache.h"
 #include "tests/test.h"
 
 static int freed;

@@ -151,7 +151,7 @@ static void contract_at_random(const struct tetmesh *mesh, uint64_t seed, uint32
         memcpy(p, complex.positions + 3 * simplex[count - 1], sizeof p);
         uint32_t node = complex.node[simplex[1]], alive = complex.tets_alive;
         CHECK_INT(complex_contract(&complex, &star, p, NULL), TETLOD_OK);
-        CHECK_INT(complex.children[4 * contracted + 1], node);
+        CHECK_INT(complex.log.children[4 * contracted + 1], node);
         CHECK_INT(complex.node[simplex[0]], mesh->vertex_count + contracted);
         CHECK_INT(alive - complex.tets_alive, star.removed_count);
         contracted++;
@@ -394,8 +394,8 @@ static void test_frozen(void)
     REQUIRE(complex_init(&complex, &mesh, NULL) == TETLOD_OK);
     for (uint32_t v = 0; v < 10; v++)
         CHECK_INT(!!(complex.flags[v] & (VERTEX_FROZEN | VERTEX_SINGULAR)), v < 2 || v > 5);
-    CHECK_INT(complex.degenerate_tets, 1);
-    CHECK_INT(complex.inverted_tets, 0);
+    CHECK_INT(complex.log.degenerate_tets, 1);
+    CHECK_INT(complex.log.inverted_tets, 0);
     complex_fini(&complex);
 }
 
@@ -414,7 +414,7 @@ static void test_fits(void)
         struct star star = {0};
         REQUIRE(complex_init(&complex, &mesh, NULL) == TETLOD_OK);
         CHECK_INT(complex.orientation, reversed ? -1 : 1);
-        CHECK_INT(complex.inverted_tets, 0);
+        CHECK_INT(complex.log.inverted_tets, 0);
         CHECK_INT(star_gather(&star, &complex, (uint32_t[]){0, 1}, 2, NULL), TETLOD_OK);
         CHECK_INT(star.tet_count, 2);
         CHECK_INT(star.removed_count, 1);

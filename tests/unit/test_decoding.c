@@ -5,7 +5,7 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 
-#include "server/decoding.h"
+#include "server/store/decoding.h"
 #include "tests/gen.h"
 #include "tests/memory_sink.h"
 #include "tests/test.h"

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "src/log/ancestry.h"
+#include "src/simplify/simplify.h"
 #include "src/sample/sample.h"
 #include "tests/gen.h"
 #include "tests/test.h"
@@ -167,7 +168,7 @@ static void check_levels(const char *sample, uint32_t size, double boundary_limi
     struct simplify_options options = {.metric = METRIC_ENVELOPE, .contract = CONTRACT_EDGES, .max_error = 1, .min_tets = 1,
                                        .boundary_angle = 30, .boundary_limit = boundary_limit * mesh_diagonal(&mesh),
                                        .growth = 1.3, .threads = 1};
-    struct simplification s;
+    struct contraction_log s;
     struct ancestry ancestry;
     struct measure *steps[2];
     double range[2], most = 0, diagonal = mesh_diagonal(&mesh);
@@ -196,7 +197,7 @@ static void check_levels(const char *sample, uint32_t size, double boundary_limi
     for (int i = 0; i < 2; i++)
         measure_free(steps[i]);
     ancestry_fini(&ancestry);
-    simplification_fini(&s);
+    log_fini(&s);
     tetmesh_fini(&mesh);
 }
 

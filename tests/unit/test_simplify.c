@@ -171,10 +171,25 @@ static void check_neighbours(const struct ancestry_level *level)
     free(built);
 }
 
+/* Tetrahedra at the end. */
+static uint32_t left(const struct contraction_log *log)
+{
+    return log->marks[log->mark_count - 1].tets;
+}
+
+/* Has no contraction taken the node? */
+static bool alive(const struct contraction_log *log, uint32_t node)
+{
+    for (size_t i = 0; i < 4 * (size_t)log->count; i++)
+        if (log->children[i] == node)
+            return false;
+    return true;
+}
+
 /* Simplifies by the first field and checks every mark. `most`: no more tetrahedra may be left at the end. */
 static void check_sequence(const struct tetmesh *mesh, const struct simplify_options *options, uint32_t most)
 {
-    struct simplification s;
+    struct contraction_log s;
     struct ancestry ancestry;
     struct mesh_report start = look(mesh);
     double range[2];
@@ -182,9 +197,9 @@ static void check_sequence(const struct tetmesh *mesh, const struct simplify_opt
     REQUIRE(ancestry_init(&ancestry, &s, mesh, NULL) == TETLOD_OK);
     point_field_range(&mesh->fields[0], mesh->vertex_count, range);
     CHECK_INT(s.marks[0].contractions, 0);
-    CHECK_INT(s.marks[s.mark_count - 1].contractions, s.complex.contraction_count);
-    if (s.complex.tets_alive > most)
-        TEST_FAIL("%u tetrahedra are left, not at most %u", s.complex.tets_alive, most);
+    CHECK_INT(s.marks[s.mark_count - 1].contractions, s.count);
+    if (left(&s) > most)
+        TEST_FAIL("%u tetrahedra are left, not at most %u", left(&s), most);
     for (uint32_t m = 0; m < s.mark_count; m++) {
         struct ancestry_level level;
         REQUIRE(ancestry_level(&ancestry, s.marks[m].contractions, &level, NULL) == TETLOD_OK);
@@ -193,21 +208,21 @@ static void check_sequence(const struct tetmesh *mesh, const struct simplify_opt
         check_level(mesh, &start, &level.mesh, s.marks[m].moved);
         check_neighbours(&level);
         CHECK(s.marks[m].moved <= options->boundary_limit && (!m || s.marks[m].moved >= s.marks[m - 1].moved));
-        CHECK(!m || s.mark_certified[m] >= s.mark_certified[m - 1]);
-        CHECK(!m || s.mark_predicted[m] >= s.mark_predicted[m - 1]);
+        CHECK(!m || s.certified[m] >= s.certified[m - 1]);
+        CHECK(!m || s.predicted[m] >= s.predicted[m - 1]);
         if (options->metric == METRIC_ENVELOPE || options->certify == CERTIFY_EXACT)
-            CHECK(s.mark_certified[m] <= options->max_error * (1 + 1e-9));
+            CHECK(s.certified[m] <= options->max_error * (1 + 1e-9));
         if (m % 3 == 2 || m + 1 == s.mark_count) {
             double error = true_error(mesh, &level.mesh) / (range[1] - range[0]);
-            if (!(error <= s.mark_certified[m] * (1 + 1e-6) + 1e-7))
-                TEST_FAIL("mark %u: error %g, certified %g", m, error, s.mark_certified[m]);
+            if (!(error <= s.certified[m] * (1 + 1e-6) + 1e-7))
+                TEST_FAIL("mark %u: error %g, certified %g", m, error, s.certified[m]);
             double far = s.marks[m].moved * (1 + 1e-9) + 1e-12 * mesh_diagonal(mesh);
             CHECK(boundary_distance(mesh, &level.mesh) <= far && boundary_distance(&level.mesh, mesh) <= far);
         }
         ancestry_level_fini(&level);
     }
     ancestry_fini(&ancestry);
-    simplification_fini(&s);
+    log_fini(&s);
 }
 
 static void check_sample(const char *name, uint32_t size, enum metric metric, unsigned contract, uint32_t most)
@@ -259,7 +274,7 @@ static void test_coincident_vertices(void)
     enum { SIZE = 5, ROW = SIZE + 1, INNER = 2 + 2 * ROW + 2 * ROW * ROW, NEXT = INNER + 1, OUTER = 2 + 2 * ROW };
     for (int i = 0; i < 2; i++) {
         struct tetmesh mesh = {0};
-        struct simplification s;
+        struct contraction_log s;
         REQUIRE(sample_find("cube")->make(&mesh, SIZE, NULL) == TETLOD_OK);
         const uint32_t pair[2] = {i ? OUTER : INNER, (i ? OUTER : INNER) + NEXT - INNER};
         memcpy(mesh.positions + 3 * pair[1], mesh.positions + 3 * pair[0], 3 * sizeof(double));
@@ -269,12 +284,12 @@ static void test_coincident_vertices(void)
         struct simplify_options options = usual(&mesh);
         options.max_error = 0.04; // the jump is a tenth of the range: its middle is 0.05 away
         REQUIRE(simplify(&s, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
-        CHECK(complex_alive(&s.complex, pair[0]) && complex_alive(&s.complex, pair[1]));
-        simplification_fini(&s);
+        CHECK(alive(&s, pair[0]) && alive(&s, pair[1]));
+        log_fini(&s);
         options.max_error = 0.06;
         REQUIRE(simplify(&s, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
-        CHECK(!complex_alive(&s.complex, pair[0]) || !complex_alive(&s.complex, pair[1]));
-        simplification_fini(&s);
+        CHECK(!alive(&s, pair[0]) || !alive(&s, pair[1]));
+        log_fini(&s);
         options.max_error = 1;
         check_sequence(&mesh, &options, 60);
         tetmesh_fini(&mesh);
@@ -292,7 +307,7 @@ static void test_samples_by_prediction(void)
 static void check_exact(const char *name, uint32_t size, enum metric metric, unsigned contract, double max_error)
 {
     struct tetmesh mesh = {0};
-    struct simplification s[2];
+    struct contraction_log s[2];
     REQUIRE(sample_find(name)->make(&mesh, size, NULL) == TETLOD_OK);
     struct simplify_options options = usual(&mesh);
     options.metric = metric;
@@ -303,11 +318,11 @@ static void check_exact(const char *name, uint32_t size, enum metric metric, uns
         options.certify = i ? CERTIFY_EXACT : CERTIFY_FAST;
         REQUIRE(simplify(&s[i], &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
     }
-    if (s[1].complex.tets_alive >= s[0].complex.tets_alive)
-        TEST_FAIL("%u tetrahedra are left, not fewer than %u", s[1].complex.tets_alive, s[0].complex.tets_alive);
+    if (left(&s[1]) >= left(&s[0]))
+        TEST_FAIL("%u tetrahedra are left, not fewer than %u", left(&s[1]), left(&s[0]));
     check_sequence(&mesh, &options, mesh.tet_count - 1);
     for (int i = 0; i < 2; i++)
-        simplification_fini(&s[i]);
+        log_fini(&s[i]);
     tetmesh_fini(&mesh);
 }
 
@@ -331,7 +346,7 @@ static void test_samples_by_measured_error(void)
 static void left_within(const struct tetmesh *mesh, enum metric metric, uint32_t fields, uint32_t *out_left)
 {
     static const uint32_t controlled[2] = {0, 1};
-    struct simplification s;
+    struct contraction_log s;
     struct ancestry ancestry;
     struct ancestry_level level;
     struct measure *measure;
@@ -343,7 +358,7 @@ static void left_within(const struct tetmesh *mesh, enum metric metric, uint32_t
     options.max_error = 0.02;
     REQUIRE(simplify(&s, mesh, controlled, fields, (double[]){1, 0.5}, &options, NULL) == TETLOD_OK);
     REQUIRE(ancestry_init(&ancestry, &s, mesh, NULL) == TETLOD_OK);
-    REQUIRE(ancestry_level(&ancestry, s.complex.contraction_count, &level, NULL) == TETLOD_OK);
+    REQUIRE(ancestry_level(&ancestry, s.count, &level, NULL) == TETLOD_OK);
     REQUIRE(measure_new(&measure, mesh, controlled, fields, NULL) == TETLOD_OK);
     CHECK_INT(measure_mesh(measure, &level.mesh, controlled, 2, measured, &domain, NULL), TETLOD_OK);
     for (uint32_t f = 0; f < fields && metric == METRIC_MEASURED; f++) {
@@ -354,11 +369,11 @@ static void left_within(const struct tetmesh *mesh, enum metric metric, uint32_t
             TEST_FAIL("field %u: the error is %.12g, to be at most %g", f, error, most);
     }
     CHECK(nearest > 0.5 || metric != METRIC_MEASURED);
-    *out_left = s.complex.tets_alive;
+    *out_left = left(&s);
     measure_free(measure);
     ancestry_level_fini(&level);
     ancestry_fini(&ancestry);
-    simplification_fini(&s);
+    log_fini(&s);
 }
 
 static void test_measured_limit_holds(void)
@@ -415,7 +430,7 @@ static void test_reversed(void)
 static void check_threads(enum metric metric, enum certify certify)
 {
     struct tetmesh mesh = {0};
-    struct simplification s[2];
+    struct contraction_log s[2];
     make_jittered(&mesh, 6, 4);
     struct simplify_options options = usual(&mesh);
     options.metric = metric;
@@ -424,16 +439,16 @@ static void check_threads(enum metric metric, enum certify certify)
         options.threads = i ? 3 : 1;
         REQUIRE(simplify(&s[i], &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
     }
-    size_t count = s[0].complex.contraction_count;
-    CHECK_INT(count, s[1].complex.contraction_count);
+    size_t count = s[0].count;
+    CHECK_INT(count, s[1].count);
     CHECK_INT(s[0].mark_count, s[1].mark_count);
     CHECK(count > 100);
-    CHECK(memcmp(s[0].complex.children, s[1].complex.children, 16 * count) == 0);
-    CHECK(memcmp(s[0].complex.node_positions, s[1].complex.node_positions, 24 * count) == 0);
-    CHECK(memcmp(s[0].fields.fields[0].node_values, s[1].fields.fields[0].node_values, 8 * count) == 0);
-    CHECK(memcmp(s[0].mark_certified, s[1].mark_certified, sizeof(double) * s[0].mark_count) == 0);
+    CHECK(memcmp(s[0].children, s[1].children, 16 * count) == 0);
+    CHECK(memcmp(s[0].positions, s[1].positions, 24 * count) == 0);
+    CHECK(memcmp(s[0].fields[0].values, s[1].fields[0].values, 8 * count) == 0);
+    CHECK(memcmp(s[0].certified, s[1].certified, sizeof(double) * s[0].mark_count) == 0);
     for (unsigned i = 0; i < 2; i++)
-        simplification_fini(&s[i]);
+        log_fini(&s[i]);
     tetmesh_fini(&mesh);
 }
 
@@ -448,30 +463,30 @@ static void test_threads_do_not_matter(void)
 static void test_linear_field(void)
 {
     struct tetmesh mesh = {0};
-    struct simplification s;
+    struct contraction_log s;
     make_jittered(&mesh, 5, 12);
     for (uint32_t v = 0; v < mesh.vertex_count; v++)
         mesh.fields[0].values[v] = mesh.positions[3 * v] - 2 * mesh.positions[3 * v + 1] + 3;
     struct simplify_options options = usual(&mesh);
     options.max_error = 1e-6;
     REQUIRE(simplify(&s, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
-    if (s.complex.tets_alive > 60)
-        TEST_FAIL("%u of %u tetrahedra are left", s.complex.tets_alive, mesh.tet_count);
-    CHECK(s.mark_certified[s.mark_count - 1] <= 1e-6);
-    simplification_fini(&s);
+    if (left(&s) > 60)
+        TEST_FAIL("%u of %u tetrahedra are left", left(&s), mesh.tet_count);
+    CHECK(s.certified[s.mark_count - 1] <= 1e-6);
+    log_fini(&s);
     tetmesh_fini(&mesh);
 }
 
 static void test_limits(void)
 {
     struct tetmesh mesh = {0};
-    struct simplification s;
+    struct contraction_log s;
     make_jittered(&mesh, 5, 21);
     struct simplify_options options = usual(&mesh);
     options.min_tets = 300;
     REQUIRE(simplify(&s, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
-    CHECK(s.complex.tets_alive <= 300 && s.complex.tets_alive > 250);
-    simplification_fini(&s);
+    CHECK(left(&s) <= 300 && left(&s) > 250);
+    log_fini(&s);
     options.min_tets = 1;
     options.max_error = 0.1;
     check_sequence(&mesh, &options, mesh.tet_count - 1);
@@ -488,7 +503,7 @@ static bool cancel(void *opaque, double done)
 static void test_cancelled(void)
 {
     struct tetmesh mesh = {0};
-    struct simplification s;
+    struct contraction_log s;
     int calls = 0;
     make_jittered(&mesh, 9, 5);
     struct simplify_options options = usual(&mesh);
@@ -496,7 +511,7 @@ static void test_cancelled(void)
     options.progress_opaque = &calls;
     CHECK_INT(simplify(&s, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL), TETLOD_ERR_CANCELLED);
     CHECK_INT(calls, 2);
-    CHECK(!s.marks && !s.complex.corners);
+    CHECK(!s.marks && !s.children);
     tetmesh_fini(&mesh);
 }
 

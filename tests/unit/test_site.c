@@ -5,7 +5,8 @@
 #include <strings.h>
 #include <unistd.h>
 
-#include "server/site.h"
+#include "server/answer/routes.h"
+#include "src/util/clock.h"
 #include "tests/gen.h"
 #include "tests/memory_sink.h"
 #include "tests/test.h"

@@ -2,6 +2,7 @@
 // What the worker does: fetches the bytes that the goal needs, moves the cursor towards it, and makes the pictures of
 // what it shows. Two loops, one for bytes and one for levels; whoever changes something wakes them.
 import { chooseLevel } from './choose.js';
+import { Held, readerOf } from './held.js';
 import { Source, sleep } from './network.js';
 import { View } from './tetlod.js';
 
@@ -39,9 +40,11 @@ export class Engine {
 
   // ---- what the page asks
 
-  async open({ module, url, fields, retries, target }) {
+  // `source`: { url, headers, credentials }, { blob }, or { read }, a function as of Held.
+  async open({ module, source, fields, retries, target }) {
     const onRetry = (detail) => this.#emit('retry', detail);
-    this.#source = new Source(url, { target, fields, signal: this.#stop.signal, retries, onRetry });
+    const read = source.blob ? readerOf(source.blob) : source.read;
+    this.#source = read ? new Held(read) : new Source(source, { target, fields, signal: this.#stop.signal, retries, onRetry });
     const first = this.#source.read(0, 1); // while the module is compiled
     first.catch(() => {});
     this.#view = await View.create(await module);
@@ -189,9 +192,10 @@ export class Engine {
         else if (this.#dirty) await this.#present(1);
         else await this.#settle();
       } catch (error) {
-        // no memory for a picture or a level, most likely: this is as far as it goes
-        this.#halt(error);
+        // No memory for a picture, most likely: the level before may have room for it, and a later request may try again.
+        this.#emit('error', { message: error.message });
         this.#goal = this.#shown = this.#view.level;
+        this.#dirty = false;
         this.#endRequest('reject', error);
       }
     }

@@ -79,7 +79,7 @@ function prefixQuery({ field, measure, ...target } = {}, fields) {
 }
 
 export class Source {
-  #url; #signal; #retries; #onRetry;
+  #url; #request; #signal; #retries; #onRetry;
   #fields;           // names of those that are wanted, separated by commas; undefined: all
   #query;            // of a server's prefix: what the first request asks for
   #least;            // of a file: bytes that its first request asks for
@@ -93,9 +93,10 @@ export class Source {
   cid = '';          // of the stream, once it is known: all bytes must be of the same one
   levels = null;     // {offset, bytes}: of the server's, or set to what comes without some fields
 
-  /** `onRetry({attempt, delay, message})` is told of every failure that is tried again. */
-  constructor(url, { target, fields, signal, retries = 8, onRetry = () => {} } = {}) {
+  /** `headers` and `credentials` are fetch's. `onRetry({attempt, delay, message})` is told of every failure that is tried again. */
+  constructor({ url, headers, credentials }, { target, fields, signal, retries = 8, onRetry = () => {} } = {}) {
     this.#url = url;
+    this.#request = { headers, credentials };
     this.#served = isServed(url);
     if (fields && !fields.some((name) => name.includes(','))) this.#fields = fields.join();
     this.#query = prefixQuery(target, this.#fields);
@@ -194,8 +195,10 @@ export class Source {
     throw new Retry(`${this.#url}: the answer ended ${end - at} bytes too early`);
   }
 
-  #fetch(url, options = {}) {
-    return ask(url, { ...options, signal: this.#signal });
+  // The caller's headers and credentials go to the stream's host only.
+  #fetch(url, { headers, ...options } = {}) {
+    const own = new URL(url).origin === new URL(this.#url).origin ? this.#request : {};
+    return ask(url, { ...options, ...own, headers: { ...own.headers, ...headers }, signal: this.#signal });
   }
 
   async #ask(position, until) {
@@ -229,7 +232,8 @@ export class Source {
     const answer = await this.#fetch(this.#url, { headers: { Accept: 'application/json' } });
     const { cid, levels, links } = await answer.json().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
     if (!levels || !links) throw new FetchError(`${this.#url} does not describe a stream`);
-    const absolute = (link) => new URL(link.replace(/\{\?.*?\}/, ''), answer.url).href.replaceAll('%7B', '{').replaceAll('%7D', '}');
+    const base = answer.url.replace(/\/(index\.json)?$/, ''); // hosts of files may add it
+    const absolute = (link) => new URL(link.replace(/\{\?.*?\}/, ''), base).href.replaceAll('%7B', '{').replaceAll('%7D', '}');
     return { cid, levels, routes: { level: absolute(links.level), records: absolute(links.records), stream: absolute(links.stream) } };
   }
 

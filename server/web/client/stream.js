@@ -9,17 +9,37 @@ const CustomEvent = globalThis.CustomEvent ?? class extends Event {
   }
 };
 
+// Bundlers know the worker by this very expression.
 async function startWorker() {
-  const url = new URL('./worker.js', import.meta.url);
-  if (typeof Worker !== 'undefined') return new Worker(url, { type: 'module', name: 'tetlod' });
+  if (typeof Worker !== 'undefined') return new Worker(new URL('./worker.js', import.meta.url), { type: 'module', name: 'tetlod' });
   const threads = 'node:worker_threads'; // not a literal: bundlers for browsers need not know it
-  return new (await import(threads)).Worker(url);
+  return new (await import(threads)).Worker(new URL('./worker.js', import.meta.url));
+}
+
+// Where the worker's file is not beside this one (a bundler that does not know it, a server for development), or is of another
+// origin, the copy in a module of ours is run.
+async function startCopy(cause) {
+  const { source, wasm } = await import('./inline.js').catch(() => { throw cause; });
+  const url = URL.createObjectURL(new Blob([source], { type: 'text/javascript' }));
+  return { worker: new Worker(url, { type: 'module', name: 'tetlod' }), module: await WebAssembly.compile(wasm()) };
+}
+
+class NotStarted extends Error {}
+
+const isReader = (source) => typeof source?.read === 'function';
+
+// What the worker is told of a source.
+function described(source) {
+  if (typeof Blob !== 'undefined' && source instanceof Blob) return { blob: source };
+  if (isReader(source)) return { page: true };
+  const { url, headers, credentials } = typeof source === 'string' || source instanceof URL ? { url: source } : source;
+  return { url: new URL(url, globalThis.document?.baseURI ?? globalThis.location?.href).href, headers: headers && Object.fromEntries(new Headers(headers)), credentials };
 }
 
 function listen(worker, onMessage, onError) {
   if (worker.on) return worker.on('message', onMessage).on('error', onError);
   worker.onmessage = ({ data }) => onMessage(data);
-  worker.onerror = (event) => onError(new Error(event.message || 'the worker could not be started'));
+  worker.onerror = (event) => onError(new NotStarted(event.message || 'the worker could not be started'));
   return worker;
 }
 
@@ -35,26 +55,28 @@ const nextFrame = (call) =>
   (typeof requestAnimationFrame === 'function' && !document.hidden ? requestAnimationFrame(call) : setTimeout(call, 16));
 
 export class TetlodStream extends EventTarget {
-  #worker; #calls = new Map(); #count = 0; #closed = false;
+  #worker; #calls = new Map(); #count = 0; #closed = false; #reader = null; #reading = new AbortController();
   info = null;
   level = 0;
   received = 0;
 
   /**
-   * Opens a stream by the URL of a server's mesh (…/v1/meshes/{id}) or of a file, and decodes its base mesh.
+   * Opens a stream and decodes its base mesh. `source`: the URL of a server's mesh (…/v1/meshes/{id}) or of a file, or
+   * {url, headers, credentials} as of fetch; a Blob or File; or {read(from, to, signal)}, which resolves to a Uint8Array.
    * Options: `target`, as of refineTo, which it goes on to: its bytes come with the first ones; `fields`, the names of
    * those to decode (all); `signal`; `retries` of a request that fails (8); `on`, listeners by the name of their event, which also hear what happens while it opens; `wasm`, URL of the module.
    */
-  static async open(url, { target, fields, signal, retries, on = {}, wasm } = {}) {
+  static async open(source, { target, fields, signal, retries, on = {}, wasm } = {}) {
     signal?.throwIfAborted();
     const stream = new TetlodStream();
     for (const [name, listener] of Object.entries(on)) stream.addEventListener(name, listener);
     const stop = () => stream.close(signal.reason);
     signal?.addEventListener('abort', stop, { once: true });
     try {
-      const absolute = new URL(url, globalThis.location?.href).href;
-      stream.#worker = listen(await startWorker(), (message) => stream.#hear(message), (error) => stream.#end(error));
-      stream.info = await stream.#call('open', { url: absolute, target, fields, retries, wasm: wasm && String(wasm) });
+      const told = described(source);
+      if (told.page) stream.#reader = source;
+      const options = { source: told, target, fields, retries, wasm: wasm && new URL(wasm, globalThis.document?.baseURI ?? globalThis.location?.href).href };
+      stream.info = await stream.#begin(options);
     } catch (error) {
       stream.close();
       throw error;
@@ -101,6 +123,27 @@ export class TetlodStream extends EventTarget {
     this.#end(reason);
   }
 
+  async #begin(options) {
+    try {
+      this.#use(await startWorker());
+      return await this.#call('open', options);
+    } catch (cause) {
+      const foreign = cause instanceof DOMException && cause.name === 'SecurityError'; // the script is of another origin
+      if (this.#closed || !(foreign || cause instanceof NotStarted)) throw cause;
+      const { worker, module } = await startCopy(cause);
+      this.#use(worker);
+      return this.#call('open', { ...options, wasm: options.wasm ?? module });
+    }
+  }
+
+  #use(worker) {
+    this.#worker = listen(worker, (message) => this.#hear(message), (error) => {
+      if (this.info) return this.#end(error);
+      for (const { reject } of this.#calls.values()) reject(error); // it never ran
+      this.#calls.clear();
+    });
+  }
+
   #send(message) {
     if (!this.#closed) this.#worker?.postMessage(message);
   }
@@ -118,6 +161,7 @@ export class TetlodStream extends EventTarget {
     if (this.#closed) return;
     this.#closed = true;
     this.#worker?.terminate();
+    this.#reading.abort(reason);
     for (const { reject } of this.#calls.values()) reject(reason);
     this.#calls.clear();
   }
@@ -132,7 +176,16 @@ export class TetlodStream extends EventTarget {
     else call.resolve(value);
   }
 
+  async #read({ id, from, to }) {
+    try {
+      this.#send({ action: 'bytes', argument: { id, bytes: await this.#reader.read(from, to, this.#reading.signal) } });
+    } catch (error) {
+      this.#send({ action: 'bytes', argument: { id, failure: error.message } });
+    }
+  }
+
   #tell(event, detail) {
+    if (event === 'read') return void this.#read(detail);
     if (event === 'level') this.level = detail.level;
     if (event === 'progress') this.received = detail.received;
     this.dispatchEvent(new CustomEvent(event, { detail }));

@@ -3,9 +3,7 @@
 import { Engine } from './engine.js';
 import { compile } from './tetlod.js';
 
-// the name is not a literal: bundlers for browsers need not know it
-const threads = 'node:worker_threads';
-const port = typeof self === 'undefined' ? (await import(threads)).parentPort : self;
+let port; // the page's, or of node's main thread
 
 function buffersOf(value, found = new Set()) {
   if (ArrayBuffer.isView(value)) found.add(value.buffer);
@@ -23,8 +21,25 @@ async function moduleOf(wasm) {
   return compile(await (await import(files)).readFile(new URL(wasm)));
 }
 
+// Bytes that the page reads: asked for by an event, answered by the action `bytes`.
+const reads = new Map();
+const readByPage = (from, to) => new Promise((resolve, reject) => {
+  const id = reads.size ? Math.max(...reads.keys()) + 1 : 0;
+  reads.set(id, { resolve, reject });
+  post({ event: 'read', detail: { id, from, to } });
+});
+
+function takeBytes({ id, bytes, failure }) {
+  const { resolve, reject } = reads.get(id);
+  reads.delete(id);
+  if (failure) reject(new Error(failure));
+  else resolve(bytes);
+}
+
 const actions = {
-  open: ({ wasm = new URL('./tetlod.wasm', import.meta.url).href, ...options }) => engine.open({ ...options, module: moduleOf(wasm) }),
+  open: ({ wasm = new URL('./tetlod.wasm', import.meta.url).href, source, ...options }) =>
+    engine.open({ ...options, source: source.page ? { read: readByPage } : source, module: moduleOf(wasm) }),
+  bytes: takeBytes,
   refineTo: (target, id) => engine.refineTo(target, id),
   abort: (id) => engine.abort(id),
   mesh: () => engine.mesh(),
@@ -44,5 +59,13 @@ async function hear({ action, id, argument }) {
   }
 }
 
-if (port.on) port.on('message', hear);
-else port.onmessage = ({ data }) => hear(data);
+function serve(page) {
+  port = page;
+  if (port.on) port.on('message', hear);
+  else port.onmessage = ({ data }) => hear(data);
+}
+
+// no await here: bundlers make a script of this that is no module. The name is not a literal: they need not know it.
+const threads = 'node:worker_threads';
+if (typeof self === 'undefined') import(threads).then(({ parentPort }) => serve(parentPort));
+else serve(self);

@@ -40,7 +40,7 @@ function worst(stream, level, measure) {
 }
 
 function levelRow(stream, level, columns) {
-  const path = (format) => stream.links.level.replace('{level}', level.level).replace('{format}', format);
+  const path = (format) => new URL(stream.links.level.replace('{level}', level.level).replace('{format}', format), stream.url).href;
   return element(
     'tr', {},
     element('td', {}, String(level.level)),
@@ -82,7 +82,7 @@ function accuracies(stream) {
   if (!measure) return '';
   const cards = [0.05, 0.01, 0.001].map((error) => {
     const level = stream.levels.find((l) => worst(stream, l, measure) <= error);
-    return element('a', { className: 'accuracy', href: `/view/${encodeURIComponent(stream.id)}#error=${error}` },
+    return element('a', { className: 'accuracy', href: `view/${encodeURIComponent(stream.id)}#error=${error}` },
       element('b', {}, percent(error)), element('span', {}, `${count(level.tets)} tetrahedra`), element('span', {}, bytes(level.bytes)));
   });
   const name = measure === 'max' ? 'Certified error at most' : 'Error at most';
@@ -99,11 +99,12 @@ const sight = new IntersectionObserver((entries) => {
 });
 
 async function streamSection(item) {
-  const view = `/view/${encodeURIComponent(item.id)}`;
+  const view = `view/${encodeURIComponent(item.id)}`;
   const section = element('section', {}, element('div', { className: 'head' },
     element('h2', {}, element('a', { href: view }, item.id)), element('a', { className: 'button main', href: view }, 'View')));
   try {
-    const stream = await getJson(item.links.self);
+    const url = new URL(item.links.self, meshesUrl);
+    const stream = { ...await getJson(url), url };
     const picture = element('canvas', { className: 'thumbnail', role: 'img', ariaLabel: `The boundary of ${item.id}` });
     picture.stream = stream;
     section.append(element('div', { className: 'body' }, element('a', { href: view, tabIndex: -1 }, picture),
@@ -115,9 +116,10 @@ async function streamSection(item) {
   return section;
 }
 
+const meshesUrl = new URL('v1/meshes', location); // what the links are relative to
 const main = document.getElementById('streams');
 try {
-  const { meshes } = await getJson('/v1/meshes');
+  const { meshes } = await getJson('v1/meshes');
   const sections = await Promise.all(meshes.map(streamSection));
   main.replaceChildren(...sections);
   if (!meshes.length) main.replaceChildren(element('p', { className: 'note' }, 'No streams are served yet: put *.tetlod files into the folder.'));

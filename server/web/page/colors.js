@@ -3,7 +3,13 @@
 // told apart with the common forms of colour blindness.
 
 import { interpolateCividis, interpolateGreys, interpolateInferno, interpolateMagma, interpolatePlasma, interpolatePuOr, interpolateRdBu,
-  interpolateViridis } from 'd3-scale-chromatic';
+  interpolateTurbo, interpolateViridis } from 'd3-scale-chromatic';
+
+// Straight from the first colour to the middle one, then to the last.
+const between = (low, centre, high) => (t) => {
+  const [from, to, x] = t < 0.5 ? [low, centre, 2 * t] : [centre, high, 2 * t - 1];
+  return `rgb(${from.map((c, i) => Math.round(c + x * (to[i] - c)))})`;
+};
 
 const maps = {
   viridis: ['Viridis', interpolateViridis],
@@ -11,6 +17,8 @@ const maps = {
   inferno: ['Inferno', interpolateInferno],
   magma: ['Magma', interpolateMagma],
   plasma: ['Plasma', interpolatePlasma],
+  turbo: ['Turbo', interpolateTurbo],
+  coolWarm: ['Cool to warm, diverging', between([59, 76, 192], [221, 221, 221], [180, 4, 38])],
   blueRed: ['Blue to red, diverging', (t) => interpolateRdBu(1 - t)],
   orangePurple: ['Orange to purple, diverging', interpolatePuOr],
   grey: ['Grey', (t) => interpolateGreys(1 - t)],
@@ -35,5 +43,5 @@ export const cssGradient = (map, reversed, direction) =>
 // The colour of lines over a colour: lighter on dark ones, darker on light ones.
 export function lineColor(color) {
   const light = 0.2126 * color[0] + 0.7152 * color[1] + 0.0722 * color[2];
-  return color.map((c) => Math.round(light < 92 ? 0.61 * c + 0.39 * 255 : 0.45 * c));
+  return color.map((c) => Math.round(light < 84 ? 0.61 * c + 0.39 * 255 : 0.45 * c));
 }

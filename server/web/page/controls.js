@@ -3,7 +3,7 @@
 
 import { cssGradient, mapNames } from './colors.js';
 import { byId, element } from './dom.js';
-import { componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, measuresOf, spanOf, wantedLevel } from './levels.js';
+import { componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, measuresOf, spanOf, targetFieldOf, wantedLevel } from './levels.js';
 import { clamp, parseNumber, significant } from './numbers.js';
 import { Plot } from './plot.js';
 import { axisOf, defaults } from './state.js';
@@ -65,23 +65,24 @@ export class Controls {
     const { store, info } = this;
     this.plot = new Plot(byId('plot'), (k) => this.chooseLevel(k));
     const slider = byId('error');
+    const span = () => spanOf(fieldOf(info, targetFieldOf(info, store.state)));
     slider.addEventListener('input', () => store.set({ error: this.errorAt(Number(slider.value)) }));
     const follow = [
       bindNumber(byId('error-percent'), () => plain(100 * store.state.error), (x) => store.set({ error: clamp(x / 100, 0, 1) })),
-      bindNumber(byId('error-absolute'), () => plain(store.state.error * spanOf(fieldOf(info, store.state.field)), 3),
-        (x) => store.set({ error: clamp(x / (spanOf(fieldOf(info, store.state.field)) || 1), 0, 1) })),
+      bindNumber(byId('error-absolute'), () => plain(store.state.error * span(), 3), (x) => store.set({ error: clamp(x / (span() || 1), 0, 1) })),
       bindNumber(byId('max-tets'), () => store.state.maxTets || '', (x) => store.set({ maxTets: Math.max(0, Math.round(x)) })),
       bindNumber(byId('max-bytes'), () => (store.state.maxBytes ? plain(store.state.maxBytes / 1e6) : ''), (x) => store.set({ maxBytes: Math.max(0, x * 1e6) })),
     ];
     for (const [id, key] of [['max-tets', 'maxTets'], ['max-bytes', 'maxBytes']])
       byId(id).addEventListener('input', (event) => event.target.value.trim() === '' && store.set({ [key]: 0 }));
-    store.watch(['field', 'measure'], (state) => {
+    store.watch(['field', 'errorField', 'measure'], (state) => {
+      const field = targetFieldOf(info, state);
       const measure = measureFor(info, state);
-      options(byId('measure'), measuresOf(info, state.field).map((m) => [m, measureNames[m]]));
+      options(byId('measure'), measuresOf(info, field).map((m) => [m, measureNames[m]]));
       byId('measure').value = measure;
-      this.plot.setLevels(info.levels.map((l) => ({ bytes: l.bytes, error: errorOf(l, state.field, measure) })), info.bytes);
+      this.plot.setLevels(info.levels.map((l) => ({ bytes: l.bytes, error: errorOf(l, field, measure) })), info.bytes);
     });
-    store.watch(['field', 'measure', 'error', 'maxTets', 'maxBytes'], (state) => {
+    store.watch(['field', 'errorField', 'measure', 'error', 'maxTets', 'maxBytes'], (state) => {
       for (const update of follow) update();
       slider.value = this.sliderAt(state.error);
       slider.ariaValueText = state.error ? `${plain(100 * state.error)} percent` : 'finest';
@@ -171,8 +172,14 @@ export class Controls {
     return { x: [1, 0, 0], y: [0, 1, 0], z: [0, 0, 1] }[axis] ?? this.actions.viewNormal();
   }
 
+  // In the widest gap between the slices across the same direction and the ends.
   addSlice(axis) {
-    this.setInner({ slices: [...this.store.state.slices, { normal: this.normal(axis), at: 0.5 }] });
+    const { slices } = this.store.state;
+    const normal = this.normal(axis);
+    const taken = [0, ...slices.filter((p) => p.normal.every((c, i) => c === normal[i])).map((p) => p.at).sort((a, b) => a - b), 1];
+    const gaps = taken.slice(1).map((at, i) => ({ width: at - taken[i], at: (at + taken[i]) / 2 }));
+    const { at } = gaps.reduce((best, gap) => (gap.width > best.width + 1e-9 ? gap : best));
+    this.setInner({ slices: [...slices, { normal, at: Number(at.toPrecision(4)) }] });
   }
 
   addIsosurface() {

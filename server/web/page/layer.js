@@ -42,19 +42,20 @@ export function makeActor(renderer, lookup) {
 }
 
 export class Layer {
-  // `flat`: without light, so that colours are exactly the map's. `lines`: the colours of lines on them
-  constructor(renderer, lookup, lines, flat) {
+  // `lookup`: the colours of triangles; `lines`: the colours of lines on them
+  constructor(renderer, lookup, lines) {
     this.renderer = renderer;
     this.part = null;
     this.triangles = makeActor(renderer, lookup);
     this.lines = makeActor(renderer, lines);
     this.showLines = false;
     this.visible = true;
+    this.shaded = false; // without light, colours are exactly the map's
     this.offset = [0, 0, 0];
     this.behind = null; // where from, if only lines of what is seen from behind are shown
     this.triangles.mapper.setRelativeCoincidentTopologyPolygonOffsetParameters(1, 1);
     this.lines.mapper.setRelativeCoincidentTopologyLineOffsetParameters(-1, -1);
-    this.triangles.actor.getProperty().set({ lighting: !flat, ambient: 0.45, diffuse: 0.55, specular: 0 });
+    this.triangles.actor.getProperty().set({ ambient: 0.45, diffuse: 0.55, specular: 0 });
     this.lines.actor.getProperty().set({ lighting: false, lineWidth: 1 });
   }
 
@@ -88,6 +89,7 @@ export class Layer {
     const there = Boolean(this.part?.triangles?.length) && this.visible;
     const lined = there && this.showLines && Boolean(this.part.lines?.length);
     this.triangles.actor.setVisibility(there);
+    this.triangles.actor.getProperty().setLighting(this.shaded);
     this.lines.actor.setVisibility(lined);
     if (!lined) return;
     const { data } = this.lines;

@@ -9,36 +9,64 @@ export const measureNames = {
 
 export const measuresOf = (info, field) => Object.keys(measureNames).filter((m) => info.levels[0].errors[field]?.[m] !== undefined);
 
+// The field whose error the target limits: the one asked for, else the one that is drawn if the stream controls it, else
+// the first controlled one. A field that is only drawn changes no level: what it would cost is asked first.
+export function targetFieldOf(info, { field, errorField }) {
+  if (fieldOf(info, errorField)) return errorField;
+  return fieldOf(info, field)?.controlled ? field : (info.fields.find((f) => f.controlled)?.name ?? field ?? info.fields[0].name);
+}
+
 // The wanted measure where the field has it, else the strictest that it has.
-export function measureFor(info, { field, measure }) {
+function measureOf(info, field, measure) {
   const has = measuresOf(info, field);
   return has.includes(measure) ? measure : has[0];
 }
+
+export const measureFor = (info, state) => measureOf(info, targetFieldOf(info, state), state.measure);
+
+// What is known of the drawn field: { field, measure }.
+export const shownMeasure = (info, state) => measureOf(info, state.field, state.measure);
 
 export const errorOf = (level, field, measure) => level.errors[field]?.[measure] ?? 1;
 
 // The coarsest level with at most the wanted error, coarser if a budget says so.
 export function wantedLevel(info, state) {
-  const measure = measureFor(info, state);
-  const last = info.levels.length - 1;
-  let k = info.levels.findIndex((l) => errorOf(l, state.field, measure) <= state.error);
-  if (k < 0) k = last;
-  while (k > 0 && ((state.maxTets && info.levels[k].tets > state.maxTets) || (state.maxBytes && info.levels[k].bytes > state.maxBytes))) k--;
+  let k = levelForError(info, state);
+  const most = state.maxTets || defaultTets();
+  while (k > 0 && (info.levels[k].tets > most || (state.maxBytes && info.levels[k].bytes > state.maxBytes))) k--;
   return k;
 }
 
+// The coarsest level with at most the wanted error, whatever it costs.
+export function levelForError(info, state) {
+  const field = targetFieldOf(info, state);
+  const measure = measureFor(info, state);
+  const k = info.levels.findIndex((l) => errorOf(l, field, measure) <= state.error);
+  return k < 0 ? info.levels.length - 1 : k;
+}
+
+// Bytes that the decoder and the picture take for a tetrahedron, measured.
+const bytesPerTet = 170;
+export const memoryOf = (tets) => tets * bytesPerTet;
+
+// Where no budget is set, an eighth of the device's memory; browsers that do not tell it have 4 GB at least today.
+export const defaultTets = () => Math.floor(((globalThis.navigator?.deviceMemory ?? 4) * 2 ** 30) / 8 / bytesPerTet);
+
 // The error to ask for so that a level is the answer: levels of the same error are the same to the target.
-export const errorForLevel = (info, state, k) => errorOf(info.levels[k], state.field, measureFor(info, state));
+export const errorForLevel = (info, state, k) => errorOf(info.levels[k], targetFieldOf(info, state), measureFor(info, state));
 
 // The extremes of a field's errors that are not zero: what the slider reaches over.
 export function errorSpan(info, state) {
   const measure = measureFor(info, state);
-  const errors = info.levels.map((l) => errorOf(l, state.field, measure)).filter((e) => e > 0);
+  const field = targetFieldOf(info, state);
+  const errors = info.levels.map((l) => errorOf(l, field, measure)).filter((e) => e > 0);
   const most = Math.max(...errors, 1e-9);
   return [Math.min(...errors, most), most];
 }
 
-export const fieldOf = (info, name) => info.fields.find((f) => f.name === name);
+export function fieldOf(info, name) {
+  return info.fields.find((f) => f.name === name);
+}
 export const spanOf = (field) => field.range[1] - field.range[0];
 
 // What is drawn of a field: its only component has no choice.

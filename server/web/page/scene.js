@@ -67,13 +67,11 @@ export class Scene extends EventTarget {
     this.renderer = vtkRenderer.newInstance();
     this.window = vtkRenderWindow.newInstance();
     this.window.addRenderer(this.renderer);
-    this.view = vtkOpenGLRenderWindow.newInstance();
-    this.view.setContainer(container);
-    this.window.addView(this.view);
+    this.openView();
     this.lookup = vtkColorTransferFunction.newInstance();
     this.lineLookup = vtkColorTransferFunction.newInstance();
     this.box = null;
-    this.surface = new Layer(this.renderer, this.lookup, this.lineLookup, false);
+    this.surface = new Layer(this.renderer, this.lookup, this.lineLookup);
     this.slices = [];
     this.isosurfaces = [];
     this.volume = null;
@@ -85,6 +83,32 @@ export class Scene extends EventTarget {
     this.startInteraction();
     new ResizeObserver(() => this.resize()).observe(container);
     this.resize();
+  }
+
+  // A canvas with a graphics context of its own.
+  openView() {
+    this.view = vtkOpenGLRenderWindow.newInstance();
+    this.view.setContainer(this.container);
+    this.window.addView(this.view);
+    this.view.getCanvas().addEventListener('webglcontextlost', () => this.reopenView(), { once: true });
+  }
+
+  // The browser took the graphics context away. Points, triangles, and textures' data are still here, so that a new canvas
+  // draws the same picture; a browser that has no context to give now is asked again.
+  async reopenView() {
+    this.dispatchEvent(new Event('lost'));
+    const lost = this.view;
+    for (let wait = 100; ; wait = Math.min(2 * wait, 5000)) {
+      await new Promise((resolve) => setTimeout(resolve, wait));
+      if (document.createElement('canvas').getContext('webgl2')) break;
+    }
+    this.window.removeView(lost);
+    lost.delete();
+    this.openView();
+    this.interactor.setView(this.view);
+    this.resize();
+    this.interactor.render();
+    this.dispatchEvent(new Event('restored'));
   }
 
   // The middle of the bounds is the scene's origin: 32 bits are enough for what is near it.
@@ -145,8 +169,8 @@ export class Scene extends EventTarget {
   update(pictures, state) {
     this.offset = add(pictures.origin ?? [0, 0, 0], this.centre, -1);
     if (pictures.surface !== undefined) this.surface.update(pictures.surface, state.log);
-    this.updateList('slices', pictures.slices, state.log, true);
-    this.updateList('isosurfaces', pictures.isosurfaces, state.log, false);
+    this.updateList('slices', pictures.slices, state.log);
+    this.updateList('isosurfaces', pictures.isosurfaces, state.log);
     if (pictures.volume !== undefined) {
       this.grid = pictures.volume;
       this.volume?.update(this.grid);
@@ -154,10 +178,10 @@ export class Scene extends EventTarget {
     this.restyle(state);
   }
 
-  updateList(name, parts, logarithmic, flat) {
+  updateList(name, parts, logarithmic) {
     if (!parts) return;
     while (this[name].length > parts.length) this[name].pop().remove();
-    while (this[name].length < parts.length) this[name].push(new Layer(this.renderer, this.lookup, this.lineLookup, flat));
+    while (this[name].length < parts.length) this[name].push(new Layer(this.renderer, this.lookup, this.lineLookup));
     this[name].forEach((layer, i) => layer.update(parts[i], logarithmic));
   }
 
@@ -181,6 +205,8 @@ export class Scene extends EventTarget {
     if (style) this.surface.triangles.actor.getProperty().set(style);
     for (const slice of this.slices) slice.showLines = state.sliceEdges;
     for (const isosurface of this.isosurfaces) isosurface.triangles.actor.getProperty().setOpacity(state.isosurfaceOpacity);
+    for (const part of [this.surface, ...this.slices]) part.shaded = state.shading === 'all';
+    for (const isosurface of this.isosurfaces) isosurface.shaded = state.shading !== 'off';
     for (const layer of this.layers()) {
       layer.place(this.offset);
       layer.refresh();

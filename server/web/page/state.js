@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the picture is to show. One flat object; it is told to those who subscribe and written into the URL's fragment.
 
+import { mapNames } from './colors.js';
 import { clamp } from './numbers.js';
 
 export const defaults = Object.freeze({
   // the target: the coarsest level with at most this error (a fraction of the field's range; 0: the finest level), within budgets
   error: 0.01,
   measure: 'max',
-  maxTets: 0, // 0: any number
+  errorField: '', // whose error; empty: the drawn field's if the stream controls it, else of the first that it controls
+  maxTets: 0, // 0: as many as the device's memory is for
   maxBytes: 0,
   // the colours
   field: '',
@@ -18,6 +20,7 @@ export const defaults = Object.freeze({
   log: false,
   map: 'viridis',
   reversed: false,
+  shading: 'isosurfaces', // what light falls on: isosurfaces, all, off; what it does not fall on has exactly the map's colours
   // the layers
   surface: 'solid', // solid, inside (its far walls only), glass, off
   edges: false,
@@ -40,9 +43,12 @@ export const defaults = Object.freeze({
 const numbers = (text) => text.split(',').map(Number);
 const round = (x) => Number(x.toPrecision(5));
 const isFinite3 = (v) => v.length === 3 && v.every(Number.isFinite);
+const apart = (a, b) => Math.hypot(...a.map((x, i) => x - b[i])) > 0;
+const isCamera = (c) => [9, 10].includes(c.length) && c.every(Number.isFinite) && apart(c.slice(0, 3), c.slice(3, 6)) &&
+  Math.hypot(...c.slice(6, 9)) > 0 && (c.length === 9 || c[9] > 0);
 const oneOf = (...allowed) => ({ read: (t) => (allowed.includes(t) ? t : undefined), write: String });
-const positive = { read: (t) => (Number(t) >= 0 ? Number(t) : undefined), write: (x) => String(round(x)) };
-const real = { read: (t) => (Number.isFinite(Number(t)) ? Number(t) : undefined), write: (x) => String(x) };
+const positive = { read: (t) => (t.trim() && Number.isFinite(Number(t)) && Number(t) >= 0 ? Number(t) : undefined), write: (x) => String(round(x)) };
+const real = { read: (t) => (t.trim() && Number.isFinite(Number(t)) ? Number(t) : undefined), write: (x) => String(x) };
 const flag = { read: (t) => t === '1', write: (x) => (x ? '1' : '0') };
 const text = { read: (t) => t, write: (t) => t };
 
@@ -64,6 +70,7 @@ const list = (read, write, separator) => ({
 const codecs = {
   error: positive,
   measure: oneOf('max', 'sampled', 'rms'),
+  errorField: text,
   maxTets: positive,
   maxBytes: positive,
   field: text,
@@ -72,8 +79,9 @@ const codecs = {
   low: real,
   high: real,
   log: flag,
-  map: text,
+  map: { read: (t) => (mapNames.some(([name]) => name === t) ? t : undefined), write: String },
   reversed: flag,
+  shading: oneOf('isosurfaces', 'all', 'off'),
   surface: oneOf('solid', 'inside', 'glass', 'off'),
   edges: flag,
   slices: list(readPlane, writePlane, ';'),
@@ -92,7 +100,7 @@ const codecs = {
   parallel: flag,
   smooth: flag,
   camera: {
-    read: (t) => ([9, 10].includes(numbers(t).length) && numbers(t).every(Number.isFinite) ? numbers(t) : undefined),
+    read: (t) => (isCamera(numbers(t)) ? numbers(t) : undefined),
     write: (c) => c.map(round).join(','),
   },
 };

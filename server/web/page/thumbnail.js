@@ -76,7 +76,7 @@ function paint(canvas, seen) {
 export async function drawThumbnail(canvas, stream) {
   const field = stream.fields.find((f) => f.controlled) ?? stream.fields[0];
   const level = stream.levels.findLast((l) => l.tets <= 6000) ?? stream.levels[0];
-  const answer = await fetch(`/v1/meshes/${encodeURIComponent(stream.id)}/${stream.cid}/levels/${level.level}/surface.glb`);
+  const answer = await fetch(`v1/meshes/${encodeURIComponent(stream.id)}/${stream.cid}/levels/${level.level}/surface.glb`);
   if (!answer.ok || !field) return;
   const mesh = readGlb(await answer.arrayBuffer());
   paint(canvas, project(mesh, mesh.values(field.name), field.components));

@@ -9,7 +9,8 @@ import { byId, coalesced, element, pause } from './dom.js';
 import { planeOf } from './geometry.js';
 import { Handles } from './handles.js';
 import { bindKeys, listKeys } from './keys.js';
-import { componentOf, errorOf, fieldOf, isosurfacesOf, measureFor, titleOf, wantedLevel } from './levels.js';
+import { componentOf, defaultTets, errorOf, fieldOf, isosurfacesOf, levelForError, measureFor, memoryOf, shownMeasure, targetFieldOf, titleOf,
+  wantedLevel } from './levels.js';
 import { clear, notice } from './notices.js';
 import { bytes, count, percent, significant } from './numbers.js';
 import { Probe } from './probe.js';
@@ -18,11 +19,12 @@ import { copyLink, savePicture } from './share.js';
 import { Store, fromFragment, toFragment } from './state.js';
 import { switchTheme, themes } from './theme.js';
 
-// /view/{id} on a server; ?stream=URL is any stream that can be fetched
-const id = decodeURIComponent(location.pathname.split('/')[2] ?? '');
+// view/{id} on a server; ?stream=URL is any stream that can be fetched. This module lies at the root of the site.
+const root = new URL('.', import.meta.url);
+const id = decodeURIComponent(/^view\/(.*)$/.exec(location.pathname.slice(root.pathname.length))?.[1] ?? '');
 const file = new URLSearchParams(location.search).get('stream');
 const name = id || new URL(file, location).pathname.split('/').pop().replace(/\.tetlod$/, '');
-const address = file ?? `/v1/meshes/${encodeURIComponent(id)}`;
+const address = file ?? new URL(`v1/meshes/${encodeURIComponent(id)}`, root).href;
 
 const stillness = matchMedia('(prefers-reduced-motion: reduce)');
 const store = new Store(fromFragment(location.hash));
@@ -38,11 +40,12 @@ let shade = null; // { field, component, range } of the picture's colours
 
 // ---- colours and their range
 
-// The index has ranges of components; that of their length is the picture's.
+// The index has one range for all components; that of one of them, or of their length, is the picture's.
 function dataRange() {
-  const { range } = fieldOf(info, store.state.field);
-  const isDrawn = shade?.field === store.state.field && shade.component === 'magnitude';
-  return componentOf(info, store.state) === 'magnitude' ? (isDrawn ? shade.range : [0, Math.max(...range.map(Math.abs)) || 1]) : range;
+  const { range, components } = fieldOf(info, store.state.field);
+  const component = componentOf(info, store.state);
+  if (components > 1 && shade?.field === store.state.field && shade.component === component) return shade.range;
+  return component === 'magnitude' ? [0, Math.max(...range.map(Math.abs)) || 1] : range;
 }
 
 // What isosurfaces are fractions of; it must not change while the stream comes.
@@ -119,8 +122,7 @@ function showNow() {
 const show = coalesced(showNow);
 
 function targetOf({ error, maxTets, maxBytes }) {
-  const target = { error };
-  if (maxTets) target.tets = maxTets;
+  const target = { error, tets: maxTets || defaultTets() };
   if (maxBytes) target.bytes = maxBytes;
   return target;
 }
@@ -128,11 +130,42 @@ function targetOf({ error, maxTets, maxBytes }) {
 const refine = coalesced(async () => {
   const { state } = store;
   try {
-    await stream.refineTo({ ...targetOf(state), field: state.field, measure: measureFor(info, state) });
+    askForMore();
+    await stream.refineTo({ ...targetOf(state), field: targetFieldOf(info, state), measure: measureFor(info, state) });
   } catch (error) {
     if (error.name !== 'AbortError') tellFailure(error.message);
   }
 });
+
+// ---- what is asked before it is loaded
+
+const button = (words, act) => {
+  const made = element('button', { type: 'button' }, words);
+  made.addEventListener('click', act);
+  return made;
+};
+
+// What the device's memory is not for is loaded when somebody says so.
+function askForMore() {
+  clear('budget');
+  const { state } = store;
+  const wanted = info.levels[levelForError(info, state)];
+  if (state.maxTets || wanted.tets <= defaultTets()) return;
+  notice('budget', `${state.error ? percent(state.error) : 'The original'} needs ${count(wanted.tets)} tetrahedra and about ${bytes(memoryOf(wanted.tets))} of memory.`,
+    { seconds: 0, place: 'asks', children: [button('Load it', () => store.set({ maxTets: wanted.tets }))] });
+}
+
+// A drawn field that the stream does not control has an error of its own; what it takes to limit that, too, is asked.
+function askForField() {
+  clear('field');
+  const { state } = store;
+  if (targetFieldOf(info, state) === state.field) return;
+  const measure = shownMeasure(info, state);
+  const wanted = info.levels[levelForError(info, { ...state, errorField: state.field })];
+  if (level >= 0 && errorOf(info.levels[level], state.field, measure) <= state.error) return;
+  notice('field', `${state.field} is not controlled: the error shown is measured. ${percent(state.error)} of it takes ${count(wanted.tets)} tetrahedra, ${bytes(wanted.bytes)}.`,
+    { seconds: 0, place: 'asks', children: [button('Load it', () => store.set({ errorField: state.field }))] });
+}
 
 // ---- what is shown, in words
 
@@ -146,7 +179,8 @@ function tellShown() {
     note.textContent = small;
     byId(where).replaceChildren(value, ' ', note);
   };
-  const measure = measureFor(info, state);
+  const measure = shownMeasure(info, state);
+  byId('stop').hidden = level === wantedLevel(info, state);
   byId('error-kind').textContent = { max: 'Certified error', sampled: 'Sampled error', rms: 'RMS error' }[measure];
   put('shown-bytes', bytes(stream.received), `of ${bytes(info.bytes)}`);
   byId('progress').value = stream.received / info.bytes;
@@ -157,7 +191,7 @@ function tellShown() {
   put('shown-error', percent(error), error ? `± ${significant(error * (span[1] - span[0]), 2)}` : 'exact');
   put('shown-tets', count(now.tets), percent(now.tets / info.tets));
   put('shown-level', String(level), `of ${info.levels.length - 1}`);
-  byId('download').href = `/v1/meshes/${encodeURIComponent(id)}/${info.cid}/levels/${level}/mesh.vtu`;
+  byId('download').href = `${address}/${info.cid}/levels/${level}/mesh.vtu`;
   byId('download').download = `${name}-${level}.vtu`;
 }
 
@@ -190,8 +224,7 @@ function tellRetry({ detail: { message, delay, attempt } }) {
 // What is decoded stays in the picture; a network may have come back.
 function tellFailure(message) {
   clear('retry');
-  const again = element('button', { type: 'button' }, 'Try again');
-  again.addEventListener('click', () => {
+  const again = button('Try again', () => {
     clear('error');
     refine();
   });
@@ -204,7 +237,7 @@ function takeShade({ field, component, range: [low, high] }) {
   const [least, most] = fresh ? [Infinity, -Infinity] : shade.range;
   const grown = low < least || high > most;
   if (fresh || grown) shade = { field, component, range: [Math.min(low, least), Math.max(high, most)] };
-  if (fresh || (grown && component === 'magnitude') || store.state.range === 'visible') recolorNow();
+  if (fresh || (grown && fieldOf(info, field).components > 1) || store.state.range === 'visible') recolorNow();
 }
 
 function takePictures(event) {
@@ -251,12 +284,14 @@ const remember = (() => {
 function watch() {
   store.watch(['map', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'], recolor);
   store.watch(['log'], (state) => scene.setLogarithmic(state.log));
+  store.watch(['shading'], (state) => scene.restyle(state));
+  store.watch(['field', 'errorField', 'error'], askForField);
   store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'clip', 'volume', 'volumeSize', 'log', 'smooth'], () => {
     drawn = -1;
     asked++;
     show();
   });
-  store.watch(['error', 'measure', 'field', 'maxTets', 'maxBytes'], () => {
+  store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes'], () => {
     refine();
     tellShown();
   });
@@ -281,6 +316,8 @@ function watchScene() {
     compass.draw(scene.axes());
     handles.update();
   });
+  scene.addEventListener('lost', () => notice('graphics', 'The browser took the graphics away; the picture comes back when it gives them again.', { failed: true, seconds: 0 }));
+  scene.addEventListener('restored', () => clear('graphics'));
   scene.addEventListener('camera', () => store.set({ camera: scene.camera() }));
   byId('picture').addEventListener('dblclick', (event) => {
     const hit = scene.pick(event.offsetX, event.offsetY);
@@ -304,6 +341,9 @@ function viewNormal() {
   return axis < 0 ? towards.map((c) => Number(c.toPrecision(4))) : [0, 1, 2].map((i) => (i === axis ? Math.sign(towards[axis]) : 0));
 }
 
+// The level that is there is what is asked for from now on.
+const stop = () => store.set({ maxTets: info.levels[level].tets });
+
 function togglePanel() {
   const closed = document.body.classList.toggle('closed');
   byId('panel-toggle').ariaExpanded = String(!closed);
@@ -317,9 +357,9 @@ const inPicture = (act) => (event) => (document.activeElement === byId('picture'
 function bindActions() {
   const help = byId('help');
   listKeys();
-  for (const [button, act] of [['screenshot', save], ['copy-link', copyLink], ['fullscreen', toggleFullScreen], ['theme', switchTheme],
+  for (const [id, act] of [['screenshot', save], ['stop', stop], ['copy-link', copyLink], ['fullscreen', toggleFullScreen], ['theme', switchTheme],
     ['panel-toggle', togglePanel], ['help-open', () => help.showModal()], ['help-close', () => help.close()]])
-    byId(button).addEventListener('click', act);
+    byId(id).addEventListener('click', act);
   const toggleSlice = (axis) => () => {
     const normal = { x: 0, y: 1, z: 2 }[axis];
     const rest = store.state.slices.filter((p) => Math.abs(p.normal[normal]) !== 1);
@@ -359,8 +399,8 @@ function bindActions() {
 
 // A link may name a field that this stream does not have.
 function valid(state) {
-  if (fieldOf(info, state.field)) return state;
-  return { ...state, field: (info.fields.find((f) => f.controlled) ?? info.fields[0]).name };
+  const known = { ...state, errorField: fieldOf(info, state.errorField) ? state.errorField : '' };
+  return fieldOf(info, state.field) ? known : { ...known, field: targetFieldOf(info, { errorField: '' }) };
 }
 
 const opening = (target, started) => TetlodStream.open(address, { target, on: { retry: tellRetry, progress: tellLoading, started } });
@@ -451,6 +491,6 @@ try {
   await start();
 } catch (error) {
   byId('loading').hidden = true;
-  const all = file ? [] : [element('a', { href: '/' }, 'All streams')];
+  const all = file ? [] : [element('a', { href: root.href }, 'All streams')];
   notice('error', `${name} cannot be shown: ${error.message}`, { failed: true, seconds: 0, children: all });
 }

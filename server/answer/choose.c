@@ -1,0 +1,258 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/answer/choose.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "server/answer/frames.h"
+#include "server/answer/levels.h"
+#include "server/answer/respond.h"
+
+enum budget { BY_ERROR, BY_ABS_ERROR, BY_LEVEL, BY_TETS, BY_BYTES, BUDGETS };
+
+static const char *const budget_names[BUDGETS] = {"error", "abs_error", "level", "tets", "bytes"};
+
+struct choice {
+    enum budget budget;
+    char text[80];
+    double number;
+    uint64_t count;
+    uint32_t field; /* TETLOD_NONE: all controlled ones */
+    enum tetlod_measure measure;
+    char format[16];
+};
+
+static const char *target_of(const struct exchange *exchange)
+{
+    return exchange->request->target;
+}
+
+static bool field_has(const struct tetlod_info *info, uint32_t field, enum tetlod_measure measure)
+{
+    return info->level_count && !isnan(info->levels[0].errors[field * TETLOD_MEASURES + measure]);
+}
+
+/* Whether the index knows a measure for the asked field, or for all that were controlled. */
+static bool measure_known(const struct tetlod_info *info, uint32_t field, enum tetlod_measure measure)
+{
+    if (field != TETLOD_NONE)
+        return field_has(info, field, measure);
+    bool any = false;
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        if (info->fields[f].controlled && !field_has(info, f, measure))
+            return false;
+        any |= info->fields[f].controlled != 0;
+    }
+    return any;
+}
+
+static json_t *known_measures(const struct tetlod_info *info, uint32_t field)
+{
+    json_t *array = json_array();
+    for (int m = 0; m < TETLOD_MEASURES; m++)
+        if (measure_known(info, field, (enum tetlod_measure)m))
+            json_array_append_new(array, json_string(tetlod_measure_name((enum tetlod_measure)m)));
+    return array;
+}
+
+static bool parse_budget(struct exchange *exchange, struct choice *choice)
+{
+    int given = 0;
+    for (int b = 0; b < BUDGETS; b++) {
+        char text[sizeof choice->text];
+        enum query_result result = query_value(exchange->query, budget_names[b], text, sizeof text);
+        if (result == QUERY_ABSENT)
+            continue;
+        given++;
+        choice->budget = (enum budget)b;
+        memcpy(choice->text, text, sizeof text);
+        if (result == QUERY_BAD)
+            given = BUDGETS;
+    }
+    if (given == 1)
+        return true;
+    response_problem_choices(exchange->response, 400, target_of(exchange), "parameters", json_texts(budget_names, BUDGETS),
+                             given ? "give one of error, abs_error, level, tets and bytes, once"
+                                   : "say which mesh: error=0.01 or another of error, abs_error, level, tets and bytes");
+    return false;
+}
+
+static bool parse_amount(struct exchange *exchange, const struct tetlod_info *info, struct choice *choice)
+{
+    const char *name = budget_names[choice->budget];
+    if (choice->budget == BY_ERROR || choice->budget == BY_ABS_ERROR) {
+        if (text_number(choice->text, choice->budget == BY_ERROR, &choice->number) && choice->number >= 0)
+            return true;
+        response_problem(exchange->response, 400, target_of(exchange), "%s is a finite number of at least 0, such as %s, not '%s'",
+                         name, choice->budget == BY_ERROR ? "0.01 or 1%25" : "0.5", choice->text);
+        return false;
+    }
+    if (choice->budget == BY_LEVEL) {
+        if (text_count(choice->text, false, &choice->count) && choice->count < info->level_count)
+            return true;
+        response_problem(exchange->response, 400, target_of(exchange), "level is a whole number from 0 to %" PRIu32 ", not '%s'",
+                         info->level_count - 1, choice->text);
+        return false;
+    }
+    if (text_count(choice->text, true, &choice->count))
+        return true;
+    response_problem(exchange->response, 400, target_of(exchange), "%s is a whole number such as 50000 or 4M, not '%s'", name,
+                     choice->text);
+    return false;
+}
+
+static bool parse_field(struct exchange *exchange, const struct tetlod_info *info, struct choice *choice)
+{
+    char name[256] = "";
+    enum query_result result = query_value(exchange->query, "field", name, sizeof name);
+    choice->field = result == QUERY_FOUND ? tetlod_field_index(info, name) : TETLOD_NONE;
+    if (result == QUERY_ABSENT || choice->field != TETLOD_NONE)
+        return true;
+    response_problem_choices(exchange->response, 400, target_of(exchange), "fields", field_names(info),
+                             "there is no field '%.128s'", result == QUERY_FOUND ? name : "");
+    return false;
+}
+
+static bool parse_measure(struct exchange *exchange, const struct tetlod_info *info, struct choice *choice)
+{
+    char name[32] = "max";
+    int m = TETLOD_MEASURES;
+    if (query_value(exchange->query, "measure", name, sizeof name) != QUERY_BAD)
+        for (m = 0; m < TETLOD_MEASURES && strcmp(name, tetlod_measure_name((enum tetlod_measure)m)) != 0; m++)
+            ;
+    choice->measure = (enum tetlod_measure)m;
+    bool needed = choice->budget == BY_ERROR || choice->budget == BY_ABS_ERROR;
+    if (m < TETLOD_MEASURES && (!needed || measure_known(info, choice->field, choice->measure)))
+        return true;
+    json_t *measures = known_measures(info, choice->field);
+    char known[80] = "";
+    for (size_t i = 0; i < json_array_size(measures); i++)
+        snprintf(known + strlen(known), sizeof known - strlen(known), "%s%s", i ? ", " : "",
+                 json_string_value(json_array_get(measures, i)));
+    response_problem_choices(exchange->response, 400, target_of(exchange), "measures", measures,
+                             m < TETLOD_MEASURES
+                                 ? "this stream does not hold the measure '%s' of that error; add measure= with one of: %s"
+                                 : "there is no measure '%s'; add measure= with one of: %s",
+                             name, known);
+    return false;
+}
+
+static bool parse_format(struct exchange *exchange, struct choice *choice)
+{
+    enum query_result result;
+    snprintf(choice->format, sizeof choice->format, "vtu");
+    result = query_value(exchange->query, "format", choice->format, sizeof choice->format);
+    if (result != QUERY_BAD && mesh_format_known(choice->format))
+        return true;
+    respond_bad_format(exchange, result == QUERY_BAD ? "" : choice->format);
+    return false;
+}
+
+/* The coarsest level within an absolute error: of every field that counts, in that field's own range. */
+static uint32_t level_for_abs_error(const struct tetlod_info *info, const struct choice *choice)
+{
+    uint32_t level = 0;
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        if (choice->field == TETLOD_NONE ? !info->fields[f].controlled : f != choice->field)
+            continue;
+        double range = info->fields[f].range[1] - info->fields[f].range[0];
+        uint32_t needed = range > 0 ? tetlod_level_for_error(info, choice->number / range, f, choice->measure) : 0;
+        if (needed == TETLOD_NONE)
+            return TETLOD_NONE;
+        level = needed > level ? needed : level;
+    }
+    return level;
+}
+
+static uint32_t choose_level(const struct tetlod_info *info, const struct choice *choice)
+{
+    switch (choice->budget) {
+    case BY_ERROR:
+        return tetlod_level_for_error(info, choice->number, choice->field, choice->measure);
+    case BY_ABS_ERROR:
+        return level_for_abs_error(info, choice);
+    case BY_TETS:
+        return tetlod_level_for_tets(info, choice->count);
+    case BY_BYTES:
+        return tetlod_level_for_bytes(info, choice->count);
+    default:
+        return (uint32_t)choice->count;
+    }
+}
+
+static void redirect(struct exchange *exchange, const struct dataset *dataset, const struct choice *choice, uint32_t level)
+{
+    struct response *response = exchange->response;
+    const struct tetlod_info *info = dataset_info(dataset);
+    response_static(response, 303, "text/plain; charset=utf-8", "The mesh is at the address of the Location header.\n");
+    response_header(response, "Location", "%s/levels/%" PRIu32 "/mesh.%s", info->cid, level, choice->format); // from .../mesh
+    level_headers(response, dataset, level);
+    cache_revalidate(response);
+}
+
+/* The level that the query asks for; false: answered. */
+static bool ask_level(struct exchange *exchange, const struct dataset *dataset, struct choice *choice, uint32_t *out)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    if (!parse_budget(exchange, choice) || !parse_amount(exchange, info, choice) || !parse_field(exchange, info, choice) ||
+        !parse_measure(exchange, info, choice))
+        return false;
+    *out = choose_level(info, choice);
+    if (*out != TETLOD_NONE)
+        return true;
+    response_problem(exchange->response, 422, target_of(exchange),
+                     "no level has an error of at most %s: the stream is not lossless, its finest level has %s (fractions of the range)",
+                     choice->text, dataset_level_errors(dataset, info->level_count - 1));
+    return false;
+}
+
+static enum outcome answer_mesh(struct exchange *exchange, struct dataset *dataset)
+{
+    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "format", NULL};
+    struct choice choice = {0};
+    uint32_t level;
+    if (check_parameters(exchange, names) && ask_level(exchange, dataset, &choice, &level) && parse_format(exchange, &choice))
+        redirect(exchange, dataset, &choice, level);
+    return ANSWERED;
+}
+
+/* Stored bytes cost nothing to choose: a client's first request is answered without a redirection. */
+static enum outcome answer_prefix(struct exchange *exchange, struct dataset *dataset)
+{
+    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "fields", NULL};
+    struct choice choice = {0};
+    uint32_t level;
+    if (!check_parameters(exchange, names) || !ask_level(exchange, dataset, &choice, &level))
+        return ANSWERED;
+    enum outcome outcome = respond_prefix(exchange, dataset, level);
+    if (outcome == ANSWERED && exchange->response->status == 200) {
+        level_headers(exchange->response, dataset, level);
+        cache_revalidate(exchange->response);
+    }
+    return outcome;
+}
+
+static enum outcome of_dataset(struct exchange *exchange, enum outcome (*answer)(struct exchange *, struct dataset *))
+{
+    struct dataset *dataset = catalogue_find(exchange->site->catalogue, exchange->captures[0]);
+    if (!dataset) {
+        respond_no_mesh(exchange);
+        return ANSWERED;
+    }
+    enum outcome outcome = answer(exchange, dataset);
+    dataset_release(dataset);
+    return outcome;
+}
+
+enum outcome handle_mesh(struct exchange *exchange)
+{
+    return of_dataset(exchange, answer_mesh);
+}
+
+enum outcome handle_prefix(struct exchange *exchange)
+{
+    return of_dataset(exchange, answer_prefix);
+}

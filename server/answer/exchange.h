@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* What the handlers share: the site, and one request on its way through a handler. */
+#ifndef TETLOD_SERVER_EXCHANGE_H
+#define TETLOD_SERVER_EXCHANGE_H
+
+#include <stdatomic.h>
+
+#include "server/answer/message.h"
+#include "server/answer/metrics.h"
+#include "server/store/catalogue.h"
+#include "server/store/pool.h"
+
+struct site {
+    struct catalogue *catalogue;
+    struct cache *cache; /* finished answers */
+    struct pool *pool;     /* makes answers; NULL: the asking thread does */
+    struct pool *decoders; /* decode streams, which takes longer; NULL: the asking thread does */
+    struct metrics *metrics;
+    const char *stream_origins; /* where else the page may load streams from: text of the policy, or NULL */
+    const char *base_path; /* "/x/": where the site begins for its clients; NULL: "/" */
+    bool serve_metrics; /* at /metrics; else only on an address of its own */
+    atomic_bool draining;
+};
+
+enum outcome { ANSWERED, WAITING };
+
+enum { CAPTURES = 5, CAPTURE_CAPACITY = 129 };
+
+struct exchange {
+    struct site *site;
+    struct request *request;
+    struct response *response;
+    const char *path;  /* below the base path, with its '/'; up to the query */
+    const char *query; /* after '?', or NULL */
+    char captures[CAPTURES][CAPTURE_CAPACITY]; /* decoded, in the order of the route's template */
+};
+
+#endif

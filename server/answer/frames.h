@@ -1,0 +1,22 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Stored bytes of a stream: the whole file, prefixes, records, chosen fields' frames. libmicrohttpd sends what is in memory with
+ * the header in one call, and files in pieces of 128 KiB after the header: up to a few megabytes memory is faster
+ * (tests/bench/server.py), so that records and prefixes go through the cache; what is larger, ranges, and what finds no room
+ * there go from the file.
+ */
+#ifndef TETLOD_SERVER_FRAMES_H
+#define TETLOD_SERVER_FRAMES_H
+
+#include "server/answer/exchange.h"
+
+/* The stream's bytes up to a level. */
+enum outcome respond_level_prefix(struct exchange *exchange, struct dataset *dataset, uint32_t level);
+
+/* The same; of the fields' frames only those that the query's `fields` names, if it is there. */
+enum outcome respond_prefix(struct exchange *exchange, struct dataset *dataset, uint32_t level);
+
+enum outcome handle_records(struct exchange *exchange);
+enum outcome handle_stream(struct exchange *exchange);
+
+#endif

@@ -1,0 +1,93 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A level as a mesh file. */
+#include "server/answer/levels.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "server/answer/frames.h"
+#include "server/answer/made.h"
+#include "server/answer/respond.h"
+#include "src/io/io.h"
+
+/* A file format of an answer. `write` is NULL for the stream's own prefix. */
+struct mesh_format {
+    const char *name, *media_type;
+    enum tetlod_status (*write)(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error);
+};
+
+static const struct mesh_format mesh_formats[] = {
+    {"vtu", "application/vnd.vtk.vtu", io_write_vtu_plain},
+    {"vtk", "application/vnd.vtk", io_write_vtk},
+    {"tetlod", "application/vnd.tetlod", NULL},
+    {NULL, NULL, NULL},
+};
+
+static const struct mesh_format *mesh_format_find(const char *name)
+{
+    for (const struct mesh_format *format = mesh_formats; format->name; format++)
+        if (strcmp(format->name, name) == 0)
+            return format;
+    return NULL;
+}
+
+bool mesh_format_known(const char *name)
+{
+    return mesh_format_find(name) != NULL;
+}
+
+void respond_bad_format(struct exchange *exchange, const char *name)
+{
+    json_t *names = json_array();
+    for (const struct mesh_format *format = mesh_formats; format->name; format++)
+        json_array_append_new(names, json_string(format->name));
+    response_problem_choices(exchange->response, 400, exchange->request->target, "formats", names,
+                             "there is no format '%.64s' here", name);
+}
+
+static enum tetlod_status write_mesh(const void *choice, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
+{
+    const struct mesh_format *format = choice;
+    struct tetlodi_sink sink = buffer_sink(out);
+    return format->write(mesh, &sink, error);
+}
+
+/* At most: both formats are binary. */
+static uint64_t mesh_file_bytes(const struct tetlod_info *info, uint32_t level)
+{
+    uint64_t components = 3;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        components += info->fields[f].components;
+    return info->levels[level].vertices * components * 8 + info->levels[level].tets * (uint64_t)25 + 4096;
+}
+
+static enum outcome answer_file(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_format *format)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    const struct level_answer answer = {level, format->name, format->media_type, mesh_file_bytes(info, level),
+                                        write_mesh, format, sizeof *format};
+    if (format->write)
+        return answer_from_level(exchange, dataset, &answer);
+    enum outcome outcome = answer_immutable(exchange, respond_level_prefix(exchange, dataset, level));
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        level_headers(exchange->response, dataset, level);
+    return outcome;
+}
+
+enum outcome handle_level_mesh(struct exchange *exchange)
+{
+    static const char *const none[] = {NULL};
+    struct dataset *dataset = captured_dataset(exchange);
+    enum outcome outcome = ANSWERED;
+    uint32_t level;
+    if (!dataset)
+        return ANSWERED;
+    const struct tetlod_info *info = dataset_info(dataset);
+    const struct mesh_format *format = mesh_format_find(exchange->captures[3]);
+    if (!format)
+        respond_bad_format(exchange, exchange->captures[3]);
+    else if (check_parameters(exchange, none) && parse_level(exchange, info, exchange->captures[2], &level))
+        outcome = answer_file(exchange, dataset, level, format);
+    dataset_release(dataset);
+    return outcome;
+}

@@ -1,0 +1,108 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/answer/made.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "server/answer/obtain.h"
+#include "server/answer/respond.h"
+#include "src/util/array.h"
+#include "src/util/clock.h"
+
+/* One of them on its way to a worker. */
+struct making {
+    struct site *site;
+    struct dataset *dataset; /* held */
+    const struct forest *forest;
+    enum tetlod_status (*write)(const void *choice, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error);
+    uint32_t level;
+    enum coding coding;
+    unsigned char choice[]; /* a copy */
+};
+
+static void making_free(void *opaque)
+{
+    struct making *making = opaque;
+    dataset_release(making->dataset);
+    free(making);
+}
+
+static enum tetlod_status make(void *opaque, struct cache_value *out, struct tetlod_error *error)
+{
+    struct making *making = opaque;
+    struct tetmesh mesh;
+    struct buffer buffer = {0};
+    double started = monotonic_seconds();
+    enum tetlod_status status = forest_mesh(making->forest, making->level, &mesh, error);
+    if (status != TETLOD_OK)
+        return status;
+    double extracted = monotonic_seconds();
+    status = making->write(making->choice, &mesh, &buffer, error);
+    tetmesh_fini(&mesh);
+    if (status == TETLOD_OK)
+        status = buffer_encode(&buffer, making->coding, error);
+    if (status == TETLOD_OK)
+        status = body_take(&buffer, started, extracted, out, error);
+    buffer_fini(&buffer);
+    metrics_count(making->site->metrics, METRIC_LEVELS_MADE);
+    return status;
+}
+
+/* Memory that making takes: the level as arrays, with a number for each slot of the stream, and its file, which grows by half
+ * at a time and may be there encoded as well. */
+static uint64_t making_bytes(const struct tetlod_info *info, const struct level_answer *answer)
+{
+    uint64_t components = 3;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        components += info->fields[f].components;
+    return info->levels[answer->level].vertices * components * 8 + info->levels[answer->level].tets * (uint64_t)16 +
+           info->vertices * (uint64_t)4 + answer->file_bytes * 5 / 2 + 65536;
+}
+
+/* The value is NULL if it is not there yet, or the response says why it will not be. */
+static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer,
+                                  enum coding coding, const char *key, const struct cache_value **out)
+{
+    const struct forest *forest;
+    *out = NULL;
+    enum outcome outcome = obtain_forest(exchange, dataset, answer->level, &forest);
+    if (!forest)
+        return outcome;
+    struct making *making = malloc(sizeof *making + answer->choice_size);
+    if (!making) {
+        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+        return ANSWERED;
+    }
+    *making = (struct making){exchange->site, dataset_hold(dataset), forest, answer->write, answer->level, coding};
+    memcpy(making->choice, answer->choice, answer->choice_size);
+    const struct recipe recipe = {make, making_free, making, making_bytes(dataset_info(dataset), answer), PATIENCE};
+    return obtain(exchange, exchange->site->cache, key, &recipe, out);
+}
+
+enum outcome answer_from_level(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer)
+{
+    struct response *response = exchange->response;
+    enum outcome outcome = ANSWERED;
+    char name[300], key[310];
+    struct representation representation = {
+        .media_type = answer->media_type,
+        .coding = coding_choose(request_header(exchange->request, "Accept-Encoding")),
+        .etag = name,
+    };
+    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s", dataset_info(dataset)->cid, answer->level, answer->name);
+    snprintf(key, sizeof key, "%s/%s", name, coding_name(representation.coding));
+    const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, key);
+    if (!value && respond_unchanged(exchange, &representation, SIZE_UNKNOWN))
+        cache_forever(response);
+    else if (!value)
+        outcome = obtain_answer(exchange, dataset, answer, representation.coding, key, &value);
+    if (value) {
+        respond_body(exchange, value, &representation);
+        cache_forever(response);
+    }
+    if (outcome == ANSWERED && response->status == 200)
+        level_headers(response, dataset, answer->level);
+    return outcome;
+}

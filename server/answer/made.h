@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Answers that are made from the mesh of a level: found in the cache, or made by a worker from the stream in memory. */
+#ifndef TETLOD_SERVER_MADE_H
+#define TETLOD_SERVER_MADE_H
+
+#include "server/answer/buffer.h"
+#include "server/answer/exchange.h"
+
+struct level_answer {
+    uint32_t level;
+    const char *name; /* tells it from all others that are made from the level; visible ASCII without '"' and '/' */
+    const char *media_type;
+    uint64_t file_bytes; /* an upper bound of what `write` writes */
+    enum tetlod_status (*write)(const void *choice, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error);
+    const void *choice; /* copied */
+    size_t choice_size;
+};
+
+enum outcome answer_from_level(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer);
+
+#endif

@@ -1,0 +1,162 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/answer/message.h"
+
+#include <jansson.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+void response_init(struct response *response)
+{
+    memset(response, 0, offsetof(struct response, headers));
+}
+
+void response_header_text(struct response *response, const char *name, const char *value)
+{
+    size_t size = strlen(value);
+    if (response->header_count == RESPONSE_HEADERS)
+        return;
+    if (size >= HEADER_VALUE)
+        size = HEADER_VALUE - 1;
+    memcpy(response->headers[response->header_count].value, value, size);
+    response->headers[response->header_count].value[size] = 0;
+    response->headers[response->header_count++].name = name;
+}
+
+void response_header(struct response *response, const char *name, const char *format, ...)
+{
+    if (response->header_count == RESPONSE_HEADERS)
+        return;
+    char *value = response->headers[response->header_count].value;
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(value, HEADER_VALUE, format, arguments);
+    va_end(arguments);
+    response->headers[response->header_count++].name = name;
+}
+
+const char *response_find_header(const struct response *response, const char *name)
+{
+    for (size_t i = 0; i < response->header_count; i++)
+        if (strcasecmp(response->headers[i].name, name) == 0)
+            return response->headers[i].value;
+    return NULL;
+}
+
+void response_release(struct response *response)
+{
+    if (response->release)
+        response->release(response->owner);
+    response->release = NULL;
+    response->owner = NULL;
+    response->kind = BODY_NONE;
+    response->size = 0;
+}
+
+void response_static(struct response *response, unsigned status, const char *media_type, const char *text)
+{
+    response_release(response);
+    response->status = status;
+    response->media_type = media_type;
+    response->kind = BODY_BYTES;
+    response->bytes = text;
+    response->size = strlen(text);
+}
+
+void response_owned(struct response *response, unsigned status, const char *media_type, void *bytes, size_t size)
+{
+    response_release(response);
+    response->status = status;
+    response->media_type = media_type;
+    response->kind = BODY_BYTES;
+    response->bytes = bytes;
+    response->size = size;
+    response->release = free;
+    response->owner = bytes;
+}
+
+const char *status_title(unsigned status)
+{
+    static const struct {
+        unsigned status;
+        const char *title;
+    } titles[] = {
+        {200, "OK"}, {204, "No Content"}, {206, "Partial Content"}, {303, "See Other"}, {304, "Not Modified"}, {308, "Permanent Redirect"},
+        {400, "Bad Request"}, {404, "Not Found"}, {405, "Method Not Allowed"}, {413, "Content Too Large"},
+        {414, "URI Too Long"}, {416, "Range Not Satisfiable"}, {422, "Unprocessable Content"}, {431, "Request Header Fields Too Large"},
+        {500, "Internal Server Error"}, {501, "Not Implemented"}, {503, "Service Unavailable"}, {505, "HTTP Version Not Supported"},
+    };
+    for (size_t i = 0; i < sizeof titles / sizeof *titles; i++)
+        if (titles[i].status == status)
+            return titles[i].title;
+    return "Error";
+}
+
+/* A target as a reference that leads to it from itself: a proxy may have taken off the front of its path. */
+static json_t *relative_target(const char *target)
+{
+    size_t size = strcspn(target, "?");
+    while (size && target[size - 1] != '/')
+        size--;
+    return json_sprintf("./%s", target + size);
+}
+
+static void put_problem(struct response *response, unsigned status, const char *target, const char *name,
+                        json_t *choices, const char *detail)
+{
+    json_t *problem = json_pack("{s:s, s:i, s:s, s:o}", "title", status_title(status), "status", (int)status, "detail",
+                                detail, "instance", relative_target(target));
+    if (!problem) // an instance that is not UTF-8
+        problem = json_pack("{s:s, s:i, s:s}", "title", status_title(status), "status", (int)status, "detail", detail);
+    if (choices)
+        json_object_set_new(problem, name, choices);
+    char *text = problem ? json_dumps(problem, JSON_PRESERVE_ORDER) : NULL;
+    json_decref(problem);
+    response->header_count = 0;
+    response->etag[0] = 0;
+    response->ranges = false;
+    if (text)
+        response_owned(response, status, "application/problem+json", text, strlen(text));
+    else
+        response_static(response, status, "application/problem+json", "{\"title\":\"out of memory\"}");
+    if (status == 503)
+        response_header_text(response, "Retry-After", "1");
+    response_header_text(response, "Cache-Control", "no-store");
+}
+
+void response_problem(struct response *response, unsigned status, const char *target, const char *format, ...)
+{
+    char detail[512];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(detail, sizeof detail, format, arguments);
+    va_end(arguments);
+    put_problem(response, status, target, NULL, NULL, detail);
+}
+
+void response_problem_choices(struct response *response, unsigned status, const char *target, const char *name,
+                              json_t *choices, const char *format, ...)
+{
+    char detail[512];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(detail, sizeof detail, format, arguments);
+    va_end(arguments);
+    put_problem(response, status, target, name, choices, detail);
+}
+
+const char *request_header(const struct request *request, const char *name)
+{
+    return request->header ? request->header(request->opaque, name) : NULL;
+}
+
+void request_unpin(struct request *request)
+{
+    for (size_t i = 0; i < REQUEST_PINS; i++)
+        if (request->pins[i].entry) {
+            cache_release(request->pins[i].cache, request->pins[i].entry);
+            request->pins[i].entry = NULL;
+        }
+}

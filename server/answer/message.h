@@ -1,0 +1,96 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A request and its answer, as the handlers see them: no sockets, no library. */
+#ifndef TETLOD_SERVER_MESSAGE_H
+#define TETLOD_SERVER_MESSAGE_H
+
+#include "server/store/cache.h"
+#include "server/answer/params.h"
+
+enum method { METHOD_GET, METHOD_HEAD, METHOD_OPTIONS, METHOD_OTHER };
+
+enum { REQUEST_PINS = 4 };
+
+struct request {
+    enum method method;
+    const char *target; /* path and query as sent, not decoded */
+    const char *(*header)(void *opaque, const char *name); /* NULL if it is not there */
+    void *opaque;
+    unsigned refused;        /* status for a request whose body or framing is refused, or 0 */
+    const char *why_refused;
+    /* What to wake when something that the answer needs is there; NULL: the caller's thread makes it instead. */
+    struct waiter *waiter;
+    bool waited; /* it has been woken at least once */
+    bool waited_for_stream; /* to be decoded */
+    /* Entries that this request has asked for: kept until its answer is sent, so that each is found again and a body that
+     * lies in one stays. */
+    struct {
+        struct cache *cache;
+        struct cache_entry *entry;
+    } pins[REQUEST_PINS];
+};
+
+/* BODY_ABSENT: it is not there, for the answer will be a 304. */
+enum body_kind { BODY_NONE, BODY_BYTES, BODY_FILE, BODY_ABSENT };
+
+#define SIZE_UNKNOWN UINT64_MAX
+
+enum { RESPONSE_HEADERS = 12, HEADER_VALUE = 480, ETAG_CAPACITY = 352 };
+
+struct response {
+    unsigned status;
+    const char *route; /* template of the route, static: for metrics and logs */
+    const char *media_type; /* static */
+    enum body_kind kind;
+    const void *bytes; /* BODY_BYTES */
+    int fd;            /* BODY_FILE, borrowed */
+    uint64_t offset;   /* BODY_FILE */
+    uint64_t size;     /* of the body that is sent; SIZE_UNKNOWN at most where it is absent */
+    void (*release)(void *owner); /* lets go of what the body borrows from; NULL: it is there for good or pinned */
+    void *owner;
+    bool ranges;        /* Range may cut it */
+    bool close;         /* the connection ends after it */
+    char etag[ETAG_CAPACITY]; /* quoted, or empty */
+    size_t header_count;
+    struct {
+        const char *name; /* static */
+        char value[HEADER_VALUE];
+    } headers[RESPONSE_HEADERS];
+};
+
+/* An empty response. (Its headers are not cleared: they are many bytes and count only up to header_count.) */
+void response_init(struct response *response);
+
+/* Adds a header; a value that does not fit is cut. */
+void response_header_text(struct response *response, const char *name, const char *value);
+void response_header(struct response *response, const char *name, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+
+const char *response_find_header(const struct response *response, const char *name);
+
+void response_release(struct response *response);
+
+/* A body that never changes nor goes. */
+void response_static(struct response *response, unsigned status, const char *media_type, const char *text);
+
+/* Takes over malloc'ed bytes. */
+void response_owned(struct response *response, unsigned status, const char *media_type, void *bytes, size_t size);
+
+struct json_t;
+
+/* Replaces what is there by a problem+json answer (RFC 9457). `target` is the request's. */
+void response_problem(struct response *response, unsigned status, const char *target, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+
+/* The same with an array of texts under `name` that says what would do; takes over the reference to `choices`. */
+void response_problem_choices(struct response *response, unsigned status, const char *target, const char *name,
+                              struct json_t *choices, const char *format, ...) __attribute__((format(printf, 6, 7)));
+
+const char *status_title(unsigned status);
+
+/* A request header, or NULL. */
+const char *request_header(const struct request *request, const char *name);
+
+/* Lets go of all pins. */
+void request_unpin(struct request *request);
+
+#endif

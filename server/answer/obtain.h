@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Values that are made once, however many requests ask for them, and the decoded streams that they are made from. */
+#ifndef TETLOD_SERVER_OBTAIN_H
+#define TETLOD_SERVER_OBTAIN_H
+
+#include "server/answer/exchange.h"
+
+/* How a value that is not cached is made. `context` is freed after use whether it was made or not. */
+struct recipe {
+    enum tetlod_status (*make)(void *context, struct cache_value *out, struct tetlod_error *error);
+    void (*free)(void *context);
+    void *context;
+    uint64_t bytes;  /* memory that making it takes */
+    double patience; /* seconds from now until readers must have let go of enough */
+};
+
+#define PATIENCE 5.0
+
+/* The value of a key, made where it is not there. ANSWERED with *out NULL: the response says why there is none. The recipe's
+ * context is taken over. */
+enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *key, const struct recipe *recipe,
+                    const struct cache_value **out);
+
+/* The value of a key if it is there and finished, pinned; NULL otherwise. The short way for what is cached. */
+const struct cache_value *obtain_cached(struct exchange *exchange, struct cache *cache, const char *key);
+
+/* The stream in memory, decoded up to a level if it is not yet. It is the dataset's. */
+enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct forest **out);
+
+#endif

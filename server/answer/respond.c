@@ -1,0 +1,205 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/answer/respond.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/util/array.h"
+#include "src/util/clock.h"
+
+void cache_forever(struct response *response)
+{
+    response_header_text(response, "Cache-Control", "public, max-age=31536000, immutable, no-transform");
+}
+
+void cache_revalidate(struct response *response)
+{
+    response_header_text(response, "Cache-Control", "no-cache");
+}
+
+void link_description(struct exchange *exchange)
+{
+    char up[3 * 64] = "";
+    size_t used = 0;
+    for (const char *c = exchange->path + 1; *c && *c != '?' && used + 4 < sizeof up; c++)
+        if (*c == '/')
+            used += (size_t)snprintf(up + used, sizeof up - used, "../");
+    response_header(exchange->response, "Link", "<%sopenapi.json>; rel=\"service-desc\"", up);
+}
+
+enum outcome answer_immutable(struct exchange *exchange, enum outcome outcome)
+{
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        cache_forever(exchange->response);
+    return outcome;
+}
+
+static void body_free(void *opaque)
+{
+    struct body *body = opaque;
+    free(body->bytes);
+    free(body);
+}
+
+enum tetlod_status body_take(struct buffer *buffer, double started, double extracted, struct cache_value *out,
+                             struct tetlod_error *error)
+{
+    struct body *body = array_new(1, sizeof *body);
+    unsigned char *exact = buffer->size ? array_resize(buffer->bytes, buffer->size, 1) : NULL;
+    if (exact)
+        buffer->bytes = exact; // what it grew beyond its size is not counted
+    if (!body)
+        return tetlodi_fail_nomem(error, "an answer", sizeof *body);
+    *body = (struct body){buffer->size, (extracted - started) * 1e3, (monotonic_seconds() - started) * 1e3, buffer->bytes};
+    *out = (struct cache_value){body, sizeof *body + buffer->size, body_free};
+    *buffer = (struct buffer){0};
+    return TETLOD_OK;
+}
+
+/* ---- answers ---- */
+
+static void print_etag(const struct representation *representation, char out[static ETAG_CAPACITY])
+{
+    enum coding coding = representation->coding;
+    snprintf(out, ETAG_CAPACITY, "\"%s%s%s\"", representation->etag, coding ? "-" : "", coding_name(coding));
+}
+
+static void respond_representation(struct response *response, const struct representation *representation)
+{
+    enum coding coding = representation->coding;
+    response->status = 200;
+    response->media_type = representation->media_type;
+    response->ranges = coding == CODING_IDENTITY;
+    print_etag(representation, response->etag);
+    if (coding)
+        response_header_text(response, "Content-Encoding", coding_name(coding));
+    if (!representation->alone)
+        response_header_text(response, "Vary", "Accept-Encoding");
+}
+
+void respond_body(struct exchange *exchange, const struct cache_value *value, const struct representation *representation)
+{
+    struct response *response = exchange->response;
+    const struct body *body = value->data; // pinned by the request
+    respond_representation(response, representation);
+    response->kind = BODY_BYTES;
+    response->bytes = body->bytes;
+    response->size = body->size;
+    response_header(response, "Server-Timing", "cache;desc=%s, extract;dur=%.2f, make;dur=%.2f",
+                    exchange->request->waited ? "miss" : "hit", body->extract, body->make);
+}
+
+bool respond_unchanged(struct exchange *exchange, const struct representation *representation, uint64_t size)
+{
+    struct response *response = exchange->response;
+    char etag[ETAG_CAPACITY];
+    print_etag(representation, etag);
+    if (!etag_list_has(request_header(exchange->request, "If-None-Match"), etag))
+        return false;
+    respond_representation(response, representation);
+    response->kind = BODY_ABSENT;
+    response->size = size;
+    return true;
+}
+
+void respond_failure(struct exchange *exchange, const struct tetlod_error *error)
+{
+    const char *message = error->message[0] ? error->message : tetlod_status_text(error->status);
+    bool later = error->status == TETLOD_ERR_NOMEM || error->status == TETLOD_ERR_LIMIT;
+    unsigned status = later                                 ? 503
+                      : error->status == TETLOD_ERR_ARGUMENT ? 422  // more than the cache may hold
+                      : error->status == TETLOD_ERR_MISMATCH ? 404  // the file is another one
+                                                             : 500;
+    response_problem(exchange->response, status, exchange->request->target, "%s", message);
+}
+
+/* ---- of streams and levels ---- */
+
+void respond_no_mesh(struct exchange *exchange)
+{
+    size_t count = 0;
+    struct dataset **list = catalogue_list(exchange->site->catalogue, &count);
+    json_t *ids = json_array();
+    for (size_t i = 0; list && i < count; i++) {
+        if (i < 100)
+            json_array_append_new(ids, json_string(dataset_id(list[i])));
+        dataset_release(list[i]);
+    }
+    free(list);
+    response_problem_choices(exchange->response, 404, exchange->request->target, "meshes", ids, "there is no mesh '%s'",
+                             exchange->captures[0]);
+}
+
+json_t *json_texts(const char *const *list, size_t count)
+{
+    json_t *array = json_array();
+    for (size_t i = 0; i < count; i++)
+        json_array_append_new(array, json_string(list[i]));
+    return array;
+}
+
+json_t *field_names(const struct tetlod_info *info)
+{
+    json_t *array = json_array();
+    for (uint32_t f = 0; f < info->field_count; f++)
+        json_array_append_new(array, json_string(info->fields[f].name));
+    return array;
+}
+
+bool check_parameters(struct exchange *exchange, const char *const *names)
+{
+    char unknown[64];
+    size_t count = 0;
+    if (!query_unknown(exchange->query, names, unknown, sizeof unknown))
+        return true;
+    while (names[count])
+        count++;
+    response_problem_choices(exchange->response, 400, exchange->request->target, "parameters", json_texts(names, count),
+                             "there is no parameter '%s' here", unknown);
+    return false;
+}
+
+void level_headers(struct response *response, const struct dataset *dataset, uint32_t level)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    const char *errors = dataset_level_errors(dataset, level);
+    response_header(response, "Tetlod-Level", "%" PRIu32, level);
+    response_header(response, "Tetlod-Vertices", "%" PRIu32, info->levels[level].vertices);
+    response_header(response, "Tetlod-Tets", "%" PRIu32, info->levels[level].tets);
+    if (errors[0])
+        response_header_text(response, "Tetlod-Error", errors);
+}
+
+struct dataset *captured_dataset(struct exchange *exchange)
+{
+    const char *id = exchange->captures[0], *cid = exchange->captures[1];
+    struct dataset *dataset = catalogue_find_content(exchange->site->catalogue, id, cid, monotonic_seconds());
+    if (dataset)
+        return dataset;
+    struct dataset *current = catalogue_find(exchange->site->catalogue, id);
+    if (!current) {
+        respond_no_mesh(exchange);
+        return NULL;
+    }
+    json_t *cids = json_array();
+    json_array_append_new(cids, json_string(dataset_info(current)->cid));
+    response_problem_choices(exchange->response, 404, exchange->request->target, "cid", cids,
+                             "'%s' has another content id now; v1/meshes/{id} tells which", id);
+    dataset_release(current);
+    return NULL;
+}
+
+bool parse_level(struct exchange *exchange, const struct tetlod_info *info, const char *text, uint32_t *out)
+{
+    uint64_t level;
+    if (text_count(text, false, &level) && level < info->level_count) {
+        *out = (uint32_t)level;
+        return true;
+    }
+    response_problem(exchange->response, 400, exchange->request->target, "levels go from 0 to %" PRIu32 ", not '%s'",
+                     info->level_count - 1, text);
+    return false;
+}

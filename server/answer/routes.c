@@ -1,0 +1,186 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/answer/routes.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <strings.h>
+
+#include "server/answer/choose.h"
+#include "server/answer/frames.h"
+#include "server/answer/levels.h"
+#include "server/answer/site.h"
+#include "server/answer/surfaces.h"
+
+const struct route site_routes[] = {
+    {"/healthz", handle_health},
+    {"/readyz", handle_ready},
+    {"/metrics", handle_metrics},
+    {"/view/{id}", handle_view},
+    {"/v1/meshes", handle_catalogue},
+    {"/v1/meshes/{id}", handle_stream_info},
+    {"/v1/meshes/{id}/mesh", handle_mesh},
+    {"/v1/meshes/{id}/prefix", handle_prefix},
+    {"/v1/meshes/{id}/{cid}/stream", handle_stream},
+    {"/v1/meshes/{id}/{cid}/records/{from}-{to}", handle_records},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/mesh.{format}", handle_level_mesh},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/surface.{format}", handle_surface},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/isosurface.{format}", handle_isosurface},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/slice.{format}", handle_slice},
+    {NULL, NULL},
+};
+
+static const char page_route[] = "/"; // the page and the files that it loads
+
+static const char allow[] = "GET, HEAD, OPTIONS";
+
+/* Matches a path, not decoded, with a template. Captures are decoded afterwards, so that an encoded '/' or '.' is data. */
+static bool match(const char *template, const char *path, size_t size, char captures[CAPTURES][CAPTURE_CAPACITY])
+{
+    const char *end = path + size;
+    for (size_t count = 0; *template;) {
+        if (*template != '{') {
+            if (path == end || *path++ != *template++)
+                return false;
+            continue;
+        }
+        template = strchr(template, '}') + 1;
+        const char *start = path;
+        while (path < end && *path != '/' && (!*template || *path != *template))
+            path++;
+        if (path == start || !percent_decode(start, (size_t)(path - start), captures[count++], CAPTURE_CAPACITY))
+            return false;
+    }
+    return path == end;
+}
+
+/* The path of a request target: absolute form ("http://host/path", which RFC 9112 obliges servers to take) loses its front. */
+static const char *path_of(const char *target)
+{
+    if (strncasecmp(target, "http://", 7) != 0 && strncasecmp(target, "https://", 8) != 0)
+        return target;
+    const char *authority = strstr(target, "//") + 2;
+    size_t size = strcspn(authority, "/?");
+    return authority[size] == '/' ? authority + size : "/";
+}
+
+/* A path below the base path, with its '/'. A proxy may have taken the base off: then it is there already. */
+static const char *below_base(const struct site *site, const char *path)
+{
+    size_t size = site->base_path ? strlen(site->base_path) - 1 : 0; // without its last '/'
+    return strncmp(path, site->base_path ? site->base_path : "", size) == 0 && path[size] == '/' ? path + size : path;
+}
+
+/* Whether the path is the base path without its last '/': links of the page would lead elsewhere. */
+static bool is_bare_base(const struct site *site, const char *path, size_t size)
+{
+    size_t base = site->base_path ? strlen(site->base_path) - 1 : 0;
+    return base && size == base && strncmp(path, site->base_path, base) == 0;
+}
+
+/* Redirects to the base path with its last '/', by a relative reference. */
+static enum outcome answer_bare_base(struct exchange *exchange, const char *path, size_t size)
+{
+    const char *slash = path + size;
+    while (slash[-1] != '/')
+        slash--;
+    response_static(exchange->response, 308, "text/plain; charset=utf-8", "The site is at the address of the Location header.\n");
+    response_header(exchange->response, "Location", "%.*s/", (int)(path + size - slash), slash);
+    return ANSWERED;
+}
+
+static enum outcome dispatch(struct exchange *exchange, const char *target)
+{
+    struct response *response = exchange->response;
+    const char *path = below_base(exchange->site, target);
+    size_t size = strcspn(path, "?");
+    exchange->path = path;
+    exchange->query = path[size] ? path + size + 1 : NULL;
+    for (const struct route *route = site_routes; route->template; route++)
+        if (match(route->template, path, size, exchange->captures)) {
+            response->route = route->template;
+            return route->handle(exchange);
+        }
+    if (is_bare_base(exchange->site, path, size))
+        return answer_bare_base(exchange, path, size);
+    const struct embedded_file *asset =
+        percent_decode(path, size, exchange->captures[0], CAPTURE_CAPACITY) ? assets_find(exchange->captures[0]) : NULL;
+    if (asset && strcmp(asset->path, "/view/") != 0) { // that one is /view/{id}'s
+        response->route = page_route;
+        return handle_asset(exchange, asset);
+    }
+    response_problem(response, 404, exchange->request->target,
+                     "there is nothing under this path; openapi.json at the root of the site lists what there is");
+    return ANSWERED;
+}
+
+static void answer_options(struct response *response)
+{
+    response->status = 204;
+    response_header_text(response, "Allow", allow);
+    response_header_text(response, "Access-Control-Allow-Methods", allow);
+    response_header_text(response, "Access-Control-Allow-Headers", "Range, If-Range, If-None-Match, If-Modified-Since, Accept-Encoding");
+    response_header_text(response, "Access-Control-Max-Age", "86400");
+}
+
+/* If-None-Match and Range (RFC 9110, 13.2.2) on an answer of 200. */
+static void apply_conditions(const struct request *request, struct response *response)
+{
+    uint64_t first, length;
+    const char *if_range = request_header(request, "If-Range");
+    if (response->etag[0] && etag_list_has(request_header(request, "If-None-Match"), response->etag)) {
+        response->status = 304; // the body stays: http.c needs its size
+        return;
+    }
+    if (!response->ranges)
+        return;
+    response_header_text(response, "Accept-Ranges", "bytes");
+    if (request->method != METHOD_GET || (if_range && !etag_same(if_range, response->etag)))
+        return;
+    uint64_t size = response->size;
+    switch (range_parse(request_header(request, "Range"), size, &first, &length)) {
+    case RANGE_IGNORED:
+        return;
+    case RANGE_UNSATISFIABLE:
+        response_release(response);
+        response_problem(response, 416, request->target, "the range lies outside the %llu bytes", (unsigned long long)size);
+        response_header(response, "Content-Range", "bytes */%llu", (unsigned long long)size);
+        return;
+    case RANGE_OK:
+        response->status = 206;
+        response_header(response, "Content-Range", "bytes %llu-%llu/%llu", (unsigned long long)first,
+                        (unsigned long long)(first + length - 1), (unsigned long long)size);
+        response->size = length;
+        if (response->kind == BODY_FILE)
+            response->offset += first;
+        else
+            response->bytes = (const unsigned char *)response->bytes + first;
+    }
+}
+
+enum outcome site_answer(struct site *site, struct request *request, struct response *response)
+{
+    struct exchange exchange = {.site = site, .request = request, .response = response};
+    const char *path = path_of(request->target);
+    enum outcome outcome = ANSWERED;
+    if (request->refused && request->refused != 413) {
+        response_problem(response, request->refused, request->target, "%s", request->why_refused);
+        response->close = true;
+    } else if (request->method == METHOD_OTHER) {
+        response_problem(response, 405, request->target, "only %s are answered here", allow);
+        response_header_text(response, "Allow", allow);
+        response->close = true; // what follows might be a body that nobody reads
+    } else if (request->refused) {
+        response_problem(response, request->refused, request->target, "%s", request->why_refused);
+        response->close = true;
+    } else if (request->method == METHOD_OPTIONS)
+        answer_options(response);
+    else
+        outcome = dispatch(&exchange, path);
+    if (outcome == WAITING) {
+        response_release(response);
+        return WAITING;
+    }
+    if (response->status == 200 && (request->method == METHOD_GET || request->method == METHOD_HEAD))
+        apply_conditions(request, response);
+    return ANSWERED;
+}

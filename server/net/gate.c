@@ -1,0 +1,182 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/net/gate.h"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "src/util/array.h"
+
+enum { BUCKETS = 4096 };
+
+struct peer {
+    int fd;
+    bool shut;
+    size_t bucket;
+    char address[INET6_ADDRSTRLEN];
+    atomic_llong waiting_since; // milliseconds; -1 while a request is answered
+    struct peer *older, *newer; // all connections
+    struct peer *chain;         // of the address's bucket
+};
+
+struct gate {
+    pthread_mutex_t lock;
+    struct gate_options options;
+    size_t count;
+    struct peer *newest;
+    struct peer **by_descriptor;
+    struct peer *buckets[BUCKETS];
+};
+
+struct gate *gate_new(const struct gate_options *options)
+{
+    struct gate *gate = array_zero(1, sizeof *gate);
+    if (!gate)
+        return NULL;
+    gate->by_descriptor = array_zero(options->descriptors, sizeof *gate->by_descriptor);
+    if (!gate->by_descriptor) {
+        free(gate);
+        return NULL;
+    }
+    gate->options = *options;
+    pthread_mutex_init(&gate->lock, NULL);
+    return gate;
+}
+
+void gate_free(struct gate *gate)
+{
+    if (!gate)
+        return;
+    while (gate->newest)
+        gate_leave(gate, gate->newest);
+    pthread_mutex_destroy(&gate->lock);
+    free(gate->by_descriptor);
+    free(gate);
+}
+
+static void print_address(const struct sockaddr *address, char *out, size_t size)
+{
+    const void *bytes = NULL;
+    snprintf(out, size, "unix");
+    if (address && address->sa_family == AF_INET)
+        bytes = &((const struct sockaddr_in *)(const void *)address)->sin_addr;
+    else if (address && address->sa_family == AF_INET6)
+        bytes = &((const struct sockaddr_in6 *)(const void *)address)->sin6_addr;
+    if (bytes)
+        inet_ntop(address->sa_family, bytes, out, (socklen_t)size);
+}
+
+static size_t bucket_of(const char *address)
+{
+    uint32_t hash = 2166136261u;
+    for (; *address; address++)
+        hash = (hash ^ (unsigned char)*address) * 16777619u;
+    return (hash ^ hash >> 16) % BUCKETS;
+}
+
+static bool admits(const struct gate *gate, const struct peer *peer)
+{
+    size_t same = 0;
+    if (gate->count >= gate->options.connections)
+        return false;
+    if (!gate->options.per_address || strcmp(peer->address, "unix") == 0)
+        return true;
+    for (const struct peer *other = gate->buckets[peer->bucket]; other; other = other->chain)
+        same += strcmp(other->address, peer->address) == 0;
+    return same < gate->options.per_address;
+}
+
+bool gate_enter(struct gate *gate, int fd, const struct sockaddr *address, double now)
+{
+    struct peer *peer = (size_t)fd < gate->options.descriptors ? array_zero(1, sizeof *peer) : NULL;
+    if (!peer)
+        return false;
+    peer->fd = fd;
+    print_address(address, peer->address, sizeof peer->address);
+    peer->bucket = bucket_of(peer->address);
+    atomic_init(&peer->waiting_since, (long long)(now * 1e3));
+    pthread_mutex_lock(&gate->lock);
+    bool admitted = admits(gate, peer);
+    if (admitted) {
+        peer->older = gate->newest;
+        if (gate->newest)
+            gate->newest->newer = peer;
+        gate->newest = peer;
+        peer->chain = gate->buckets[peer->bucket];
+        gate->buckets[peer->bucket] = peer;
+        gate->by_descriptor[fd] = peer;
+        gate->count++;
+    }
+    pthread_mutex_unlock(&gate->lock);
+    if (!admitted)
+        free(peer);
+    return admitted;
+}
+
+struct peer *gate_peer(struct gate *gate, int fd)
+{
+    pthread_mutex_lock(&gate->lock);
+    struct peer *peer = fd >= 0 && (size_t)fd < gate->options.descriptors ? gate->by_descriptor[fd] : NULL;
+    pthread_mutex_unlock(&gate->lock);
+    return peer;
+}
+
+void gate_leave(struct gate *gate, struct peer *peer)
+{
+    pthread_mutex_lock(&gate->lock);
+    struct peer **link = &gate->buckets[peer->bucket];
+    while (*link != peer)
+        link = &(*link)->chain;
+    *link = peer->chain;
+    *(peer->newer ? &peer->newer->older : &gate->newest) = peer->older;
+    if (peer->older)
+        peer->older->newer = peer->newer;
+    gate->by_descriptor[peer->fd] = NULL;
+    gate->count--;
+    pthread_mutex_unlock(&gate->lock);
+    free(peer);
+}
+
+void peer_busy(struct peer *peer)
+{
+    atomic_store_explicit(&peer->waiting_since, -1, memory_order_relaxed);
+}
+
+void peer_idle(struct peer *peer, double now)
+{
+    atomic_store_explicit(&peer->waiting_since, (long long)(now * 1e3), memory_order_relaxed);
+}
+
+const char *peer_address(const struct peer *peer)
+{
+    return peer->address;
+}
+
+size_t gate_reap(struct gate *gate, double now, bool idle)
+{
+    size_t reaped = 0;
+    pthread_mutex_lock(&gate->lock); // so that no descriptor is closed and used again meanwhile
+    for (struct peer *peer = gate->newest; peer; peer = peer->older) {
+        long long since = atomic_load_explicit(&peer->waiting_since, memory_order_relaxed);
+        bool late = now * 1e3 - (double)since > gate->options.request_seconds * 1e3;
+        if (since < 0 || peer->shut || !(idle || late))
+            continue;
+        shutdown(peer->fd, SHUT_RDWR);
+        peer->shut = true;
+        reaped++;
+    }
+    pthread_mutex_unlock(&gate->lock);
+    return reaped;
+}
+
+size_t gate_count(struct gate *gate)
+{
+    pthread_mutex_lock(&gate->lock);
+    size_t count = gate->count;
+    pthread_mutex_unlock(&gate->lock);
+    return count;
+}

@@ -1,0 +1,467 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * What libmicrohttpd 0.9.75 does and what is done about it:
+ * - it decodes paths and cuts them at %00: the request target is taken raw, from the URI log callback;
+ * - what it refuses itself it refuses as HTML, which cannot be replaced (test_protocol.py has the list): it gets more memory for
+ *   a connection than a request may take, so that those that are somewhat too long are refused here;
+ * - it accepts bodies with Content-Length and Transfer-Encoding at once, and without strict checks no Host: any body and
+ *   any broken framing is refused here and ends the connection;
+ * - a 304 gets the length of the body that it is queued with: that body is queued with it, or one of its length, and is not
+ *   sent; where the length is not known the connection ends, for without a body the length would be 0;
+ * - it has no deadline for a request, only idle time, and divides connections unevenly: see gate.h and server.c;
+ * - its threads must not block: a request that waits is suspended, and resumed by whoever finishes what it waits for.
+ */
+#include "server/net/http.h"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <microhttpd.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/random.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "format/fail.h"
+#include "server/answer/buffer.h"
+#include "server/answer/routes.h"
+#include "src/util/array.h"
+#include "src/util/clock.h"
+
+struct http {
+    struct http_options options;
+    struct MHD_Daemon *daemon;
+    uint32_t id_base; /* of this process's request ids */
+    atomic_uint_fast64_t next_id;
+};
+
+enum {
+    ANSWER_BYTES = 4096,  // of a connection's memory, for headers of answers and for requests a little too long to be told so
+    MOST_DRAINED = 65536, // bytes of a refused body that are read so that the client sees the refusal
+    MOST_COPIED = 16384,  // bytes of a file that are sooner copied than sent by sendfile
+};
+
+/* Where a request is between its thread and whoever wakes it. */
+enum state { RUNNING, SUSPENDED, WOKEN };
+
+/* A request from its first line to the end of its answer. */
+struct call {
+    struct http *http;
+    char *target;
+    struct request request;
+    struct waiter waiter;
+    struct MHD_Connection *connection;
+    struct peer *peer;
+    atomic_int state;
+    bool headers_seen, given_id;
+    size_t drained;
+    double started;
+    unsigned status;
+    uint64_t bytes;
+    const char *route;
+    char method[16], id[40];
+};
+
+/* ---- requests ---- */
+
+static const char *find_header(void *opaque, const char *name)
+{
+    struct call *call = opaque;
+    return MHD_lookup_connection_value(call->connection, MHD_HEADER_KIND, name);
+}
+
+static void wake(struct waiter *waiter)
+{
+    struct call *call = (struct call *)(void *)((char *)waiter - offsetof(struct call, waiter));
+    if (atomic_exchange(&call->state, WOKEN) == SUSPENDED)
+        MHD_resume_connection(call->connection);
+}
+
+/* The library goes on to parse the query, for which each parameter takes some of the connection's memory; where that is full
+ * the client hears nothing until the time-out. In its copy of the target it is to find no parameters. */
+static void hide_parameters(const char *target)
+{
+    for (char *separator = strchr(target, '?'); separator; separator = strchr(separator, '&'))
+        *separator = '_';
+}
+
+static void *on_target(void *opaque, const char *target, struct MHD_Connection *connection)
+{
+    struct http *http = opaque;
+    struct call *call = array_zero(1, sizeof *call);
+    if (!call || !(call->target = strdup(target))) {
+        free(call);
+        return NULL; // the handler closes the connection
+    }
+    hide_parameters(target);
+    call->http = http;
+    call->connection = connection;
+    call->started = monotonic_seconds();
+    call->waiter.wake = wake;
+    call->request = (struct request){.target = call->target, .header = find_header, .opaque = call, .waiter = &call->waiter};
+    return call;
+}
+
+static size_t keep_escapes(void *opaque, struct MHD_Connection *connection, char *text)
+{
+    (void)opaque;
+    (void)connection;
+    return strlen(text);
+}
+
+struct framing {
+    unsigned lengths, codings, hosts;
+    bool content, bad_name;
+};
+
+static enum MHD_Result count_header(void *opaque, enum MHD_ValueKind kind, const char *name, const char *value)
+{
+    struct framing *framing = opaque;
+    static const char token[] = "!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz";
+    (void)kind;
+    if (!*name || name[strspn(name, token)]) // "Content-Length : 5" among them
+        framing->bad_name = true;
+    else if (strcasecmp(name, "Content-Length") == 0) {
+        framing->lengths++;
+        framing->content |= !value || strspn(value, "0") != strlen(value) || !*value;
+    } else if (strcasecmp(name, "Transfer-Encoding") == 0)
+        framing->codings++;
+    else if (strcasecmp(name, "Host") == 0)
+        framing->hosts++;
+    return MHD_YES;
+}
+
+/* No request here has a body; and two lengths, or a length beside a transfer coding, are how requests are smuggled. The
+ * library checks none of this, or answers with HTML sent twice where it does. */
+static unsigned refuse_framing(const struct call *call, const char *version, const char **why)
+{
+    struct framing framing = {0};
+    MHD_get_connection_values(call->connection, MHD_HEADER_KIND, count_header, &framing);
+    const union MHD_ConnectionInfo *size = MHD_get_connection_info(call->connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
+    if (size && size->header_size > call->http->options.header_bytes) {
+        bool target = strlen(call->target) > call->http->options.header_bytes / 2;
+        *why = target ? "the request's target is too long" : "the request's headers are too long";
+        return target ? 414 : 431;
+    }
+    bool one = strcmp(version, "HTTP/1.1") == 0, zero = strcmp(version, "HTTP/1.0") == 0;
+    if (!one && !zero)
+        *why = "only HTTP/1.0 and HTTP/1.1 are spoken here";
+    else if (framing.bad_name)
+        *why = "a header's name has characters that names do not have";
+    else if (framing.hosts > 1 || (one && !framing.hosts))
+        *why = "a request has one Host header";
+    else if (framing.codings || framing.lengths > 1 || framing.content)
+        *why = "requests here have no body; this one announces one";
+    else
+        return 0;
+    return !one && !zero ? 505 : framing.bad_name || framing.hosts != 1 ? 400 : 413;
+}
+
+static bool good_id(const char *id)
+{
+    size_t size = strspn(id, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_.");
+    return size && size < sizeof((struct call *)0)->id && !id[size];
+}
+
+static void take_headers(struct call *call, const char *method, const char *version)
+{
+    struct http *http = call->http;
+    const union MHD_ConnectionInfo *info = MHD_get_connection_info(call->connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
+    const char *id = find_header(call, "X-Request-Id");
+    call->headers_seen = true;
+    call->peer = info ? info->socket_context : NULL;
+    snprintf(call->method, sizeof call->method, "%s", method);
+    call->request.method = strcmp(method, "GET") == 0       ? METHOD_GET
+                           : strcmp(method, "HEAD") == 0    ? METHOD_HEAD
+                           : strcmp(method, "OPTIONS") == 0 ? METHOD_OPTIONS
+                                                            : METHOD_OTHER;
+    call->request.refused = refuse_framing(call, version, &call->request.why_refused);
+    if (call->request.refused || call->request.method == METHOD_OTHER) // a body may be announced that never comes
+        MHD_set_connection_option(call->connection, MHD_CONNECTION_OPTION_TIMEOUT, 1u);
+    call->given_id = id && good_id(id);
+    if (call->given_id)
+        snprintf(call->id, sizeof call->id, "%s", id);
+    else
+        snprintf(call->id, sizeof call->id, "%08x-%llx", (unsigned)http->id_base,
+                 (unsigned long long)atomic_fetch_add(&http->next_id, 1));
+}
+
+/* ---- responses ---- */
+
+struct borrowed {
+    void (*release)(void *owner);
+    void *owner;
+};
+
+static void release_borrowed(void *opaque)
+{
+    struct borrowed *borrowed = opaque;
+    borrowed->release(borrowed->owner);
+    free(borrowed);
+}
+
+/* Few bytes are read and leave with the header in one call; more go from the file by sendfile. */
+static struct MHD_Response *make_file_body(const struct response *response)
+{
+    struct MHD_Response *made = NULL;
+    if (response->size <= MOST_COPIED) {
+        void *bytes = array_new((size_t)response->size, 1);
+        if (bytes && pread(response->fd, bytes, (size_t)response->size, (off_t)response->offset) == (ssize_t)response->size)
+            made = MHD_create_response_from_buffer((size_t)response->size, bytes, MHD_RESPMEM_MUST_FREE);
+        if (!made)
+            free(bytes);
+        return made;
+    }
+    int fd = fcntl(response->fd, F_DUPFD_CLOEXEC, 0); // the library closes what it is given
+    if (fd >= 0)
+        made = MHD_create_response_from_fd_at_offset64(response->size, fd, response->offset);
+    if (!made && fd >= 0)
+        close(fd);
+    return made;
+}
+
+static ssize_t read_nothing(void *opaque, uint64_t position, char *out, size_t most)
+{
+    (void)opaque, (void)position, (void)out, (void)most;
+    return MHD_CONTENT_READER_END_OF_STREAM;
+}
+
+/* For a 304, which has no body but may have the length of one. Where that is not known either, the library announces chunks
+ * and sends the last of them unless it is told that the connection ends. */
+static struct MHD_Response *make_absent_body(uint64_t size)
+{
+    struct MHD_Response *made =
+        MHD_create_response_from_callback(size == SIZE_UNKNOWN ? MHD_SIZE_UNKNOWN : size, 1, read_nothing, NULL, NULL);
+    if (made && size == SIZE_UNKNOWN)
+        MHD_set_response_options(made, MHD_RF_HTTP_1_0_COMPATIBLE_STRICT, MHD_RO_END);
+    return made;
+}
+
+/* The library's response for the body, which takes over what the body borrows from. */
+static struct MHD_Response *make_body(struct response *response)
+{
+    static const char nothing[1] = "";
+    if (response->kind == BODY_FILE) {
+        struct MHD_Response *made = make_file_body(response);
+        response_release(response);
+        return made;
+    }
+    if (response->kind == BODY_ABSENT)
+        return make_absent_body(response->size);
+    if (response->kind == BODY_NONE || !response->release)
+        return MHD_create_response_from_buffer((size_t)response->size,
+                                               (void *)(uintptr_t)(response->kind == BODY_NONE ? nothing : (const char *)response->bytes),
+                                               MHD_RESPMEM_PERSISTENT);
+    struct borrowed *borrowed = array_new(1, sizeof *borrowed);
+    if (!borrowed)
+        return NULL;
+    *borrowed = (struct borrowed){response->release, response->owner};
+    struct MHD_Response *made = MHD_create_response_from_buffer_with_free_callback_cls(
+        (size_t)response->size, (void *)(uintptr_t)response->bytes, release_borrowed, borrowed);
+    if (!made)
+        free(borrowed);
+    else
+        response->release = NULL;
+    return made;
+}
+
+static const struct {
+    const char *name, *value;
+} common_headers[] = {
+    {"Access-Control-Allow-Origin", "*"},
+    {"Access-Control-Expose-Headers", "ETag, Content-Range, Content-Length, Content-Encoding, Accept-Ranges, Location, "
+                                      "Retry-After, Server-Timing, Tetlod-Level, Tetlod-Vertices, Tetlod-Tets, "
+                                      "Tetlod-Error, X-Request-Id"},
+    {"Cross-Origin-Resource-Policy", "cross-origin"},
+    {"Timing-Allow-Origin", "*"},
+    {"Server", "tetlod"},
+};
+
+static bool add_headers(struct MHD_Response *made, const struct call *call, const struct response *response)
+{
+    bool added = true;
+    for (size_t i = 0; i < sizeof common_headers / sizeof *common_headers; i++)
+        added &= MHD_add_response_header(made, common_headers[i].name, common_headers[i].value) == MHD_YES;
+    for (size_t i = 0; i < response->header_count; i++)
+        added &= MHD_add_response_header(made, response->headers[i].name, response->headers[i].value) == MHD_YES;
+    if (response->media_type)
+        added &= MHD_add_response_header(made, "Content-Type", response->media_type) == MHD_YES;
+    if (response->etag[0])
+        added &= MHD_add_response_header(made, "ETag", response->etag) == MHD_YES;
+    added &= MHD_add_response_header(made, "X-Request-Id", call->id) == MHD_YES;
+    if (response->close || atomic_load(&call->http->options.site->draining))
+        added &= MHD_add_response_header(made, "Connection", "close") == MHD_YES;
+    return added;
+}
+
+static enum MHD_Result queue(struct call *call, struct response *response)
+{
+    call->status = response->status;
+    call->route = response->route;
+    bool no_body = response->status == 304 || response->status == 204 || call->request.method == METHOD_HEAD;
+    call->bytes = no_body ? 0 : response->size;
+    struct MHD_Response *made = make_body(response);
+    enum MHD_Result result = MHD_NO;
+    if (made && add_headers(made, call, response))
+        result = MHD_queue_response(call->connection, response->status, made);
+    if (made)
+        MHD_destroy_response(made);
+    response_release(response);
+    return result;
+}
+
+static enum MHD_Result answer(struct call *call)
+{
+    struct response response;
+    response_init(&response);
+    atomic_store(&call->state, RUNNING);
+    if (call->peer)
+        peer_busy(call->peer);
+    if (site_answer(call->http->options.site, &call->request, &response) == ANSWERED)
+        return queue(call, &response);
+    MHD_suspend_connection(call->connection);
+    int before = RUNNING;
+    if (!atomic_compare_exchange_strong(&call->state, &before, SUSPENDED))
+        MHD_resume_connection(call->connection); // it was woken before it slept
+    return MHD_YES;
+}
+
+static enum MHD_Result on_request(void *opaque, struct MHD_Connection *connection, const char *url, const char *method,
+                                  const char *version, const char *upload, size_t *upload_size, void **context)
+{
+    struct call *call = *context;
+    (void)opaque, (void)connection, (void)url, (void)upload;
+    if (!call)
+        return MHD_NO;
+    if (!call->headers_seen) {
+        take_headers(call, method, version);
+        return MHD_YES; // an answer in this first call is possible only to some methods
+    }
+    if (*upload_size) {
+        call->drained += *upload_size;
+        *upload_size = 0;
+        return call->drained <= MOST_DRAINED ? MHD_YES : MHD_NO;
+    }
+    return answer(call);
+}
+
+/* ---- the end of a request ---- */
+
+static void put_json_text(struct buffer *line, const char *text)
+{
+    for (; *text; text++) {
+        unsigned char c = (unsigned char)*text;
+        enum tetlod_status status = c < 0x20 || c >= 0x7f || c == '"' || c == '\\'
+                                        ? buffer_printf(line, "\\u%04x", c)
+                                        : buffer_append(line, text, 1);
+        if (status != TETLOD_OK)
+            return;
+    }
+}
+
+static void log_access(const struct call *call, double seconds, bool complete)
+{
+    struct timespec now;
+    struct tm utc;
+    char when[32];
+    struct buffer line = {0};
+    clock_gettime(CLOCK_REALTIME, &now);
+    gmtime_r(&now.tv_sec, &utc);
+    strftime(when, sizeof when, "%Y-%m-%dT%H:%M:%S", &utc);
+    bool made = buffer_printf(&line, "{\"time\": \"%s.%03ldZ\", \"id\": \"%s\", \"remote\": \"%s\", \"method\": \"", when,
+                              now.tv_nsec / 1000000, call->id, call->peer ? peer_address(call->peer) : "") == TETLOD_OK;
+    put_json_text(&line, call->method);
+    made &= buffer_printf(&line, "\", \"target\": \"") == TETLOD_OK;
+    put_json_text(&line, call->target);
+    made &= buffer_printf(&line, "\", \"status\": %u, \"bytes\": %llu, \"milliseconds\": %.3f, \"complete\": %s}", call->status,
+                          (unsigned long long)call->bytes, seconds * 1e3, complete ? "true" : "false") == TETLOD_OK;
+    if (made)
+        call->http->options.access(call->http->options.access_opaque, (const char *)line.bytes);
+    buffer_fini(&line);
+}
+
+static void on_completed(void *opaque, struct MHD_Connection *connection, void **context,
+                         enum MHD_RequestTerminationCode code)
+{
+    struct http *http = opaque;
+    struct call *call = *context;
+    (void)connection;
+    if (!call)
+        return;
+    double now = monotonic_seconds();
+    if (call->status) {
+        metrics_request(http->options.site->metrics, call->route, call->status, now - call->started, call->bytes);
+        if (http->options.access)
+            log_access(call, now - call->started, code == MHD_REQUEST_TERMINATED_COMPLETED_OK);
+    }
+    if (call->peer)
+        peer_idle(call->peer, now);
+    request_unpin(&call->request);
+    free(call->target);
+    free(call);
+    *context = NULL;
+}
+
+static void on_connection(void *opaque, struct MHD_Connection *connection, void **context,
+                          enum MHD_ConnectionNotificationCode code)
+{
+    struct http *http = opaque;
+    const union MHD_ConnectionInfo *info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD);
+    if (code == MHD_CONNECTION_NOTIFY_STARTED)
+        *context = info ? gate_peer(http->options.gate, info->connect_fd) : NULL;
+    else if (*context) {
+        gate_leave(http->options.gate, *context);
+        *context = NULL;
+    }
+}
+
+/* ---- life ---- */
+
+enum tetlod_status http_start(struct http **out, const struct http_options *options, struct tetlod_error *error)
+{
+    *out = NULL;
+    struct http *http = array_zero(1, sizeof *http);
+    if (!http)
+        return tetlodi_fail_nomem(error, "the server", sizeof *http);
+    http->options = *options;
+    if (getrandom(&http->id_base, sizeof http->id_base, GRND_NONBLOCK) < 0)
+        http->id_base = (uint32_t)getpid();
+    unsigned per_thread = (unsigned)options->connections + 1; // any thread may get them all: the gate counts
+    struct MHD_OptionItem more[] = {
+        {options->threads > 1 ? MHD_OPTION_THREAD_POOL_SIZE : MHD_OPTION_END, (intptr_t)options->threads, NULL},
+        {MHD_OPTION_END, 0, NULL},
+    };
+    http->daemon = MHD_start_daemon(
+        MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_NO_LISTEN_SOCKET | MHD_USE_ITC | MHD_ALLOW_SUSPEND_RESUME, 0, NULL, NULL,
+        on_request, http, MHD_OPTION_CONNECTION_LIMIT, per_thread * options->threads, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
+        options->header_bytes + ANSWER_BYTES, MHD_OPTION_CONNECTION_TIMEOUT, options->idle_seconds,
+        MHD_OPTION_URI_LOG_CALLBACK, on_target, http, MHD_OPTION_UNESCAPE_CALLBACK, keep_escapes, http,
+        MHD_OPTION_NOTIFY_COMPLETED, on_completed, http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http,
+        MHD_OPTION_ARRAY, more, MHD_OPTION_END);
+    if (!http->daemon) {
+        free(http);
+        return tetlodi_fail(error, TETLOD_ERR_NOMEM, "cannot start the HTTP threads (limits on threads or descriptors?)");
+    }
+    *out = http;
+    return TETLOD_OK;
+}
+
+void http_serve(struct http *http, int fd, const struct sockaddr *address, socklen_t address_size)
+{
+    if (MHD_add_connection(http->daemon, fd, address, address_size) != MHD_YES) {
+        struct peer *peer = gate_peer(http->options.gate, fd); // the library has closed fd
+        if (peer)
+            gate_leave(http->options.gate, peer);
+    }
+}
+
+void http_stop(struct http *http)
+{
+    if (!http)
+        return;
+    if (http->daemon)
+        MHD_stop_daemon(http->daemon);
+    free(http);
+}

@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* libmicrohttpd on one side, requests and responses on the other. Connections are given to it, spread over its threads. */
+#ifndef TETLOD_SERVER_HTTP_H
+#define TETLOD_SERVER_HTTP_H
+
+#include <sys/socket.h>
+
+#include "server/answer/exchange.h"
+#include "server/net/gate.h"
+
+
+struct http;
+
+struct http_options {
+    struct site *site; /* borrowed, as the gate */
+    struct gate *gate;
+    unsigned threads;
+    size_t connections;
+    size_t header_bytes;    /* of a request: its first line and headers */
+    unsigned idle_seconds;  /* without a byte in either direction */
+    void (*access)(void *opaque, const char *line); /* a JSON object for each answer; may be NULL */
+    void *access_opaque;
+};
+
+TETLOD_CHECKED enum tetlod_status http_start(struct http **out, const struct http_options *options,
+                                             struct tetlod_error *error);
+
+/* Takes over an accepted connection. */
+void http_serve(struct http *http, int fd, const struct sockaddr *address, socklen_t address_size);
+
+/* Ends all connections; the site's pool must have come to its end before, so that no request is waiting for it. */
+void http_stop(struct http *http);
+
+#endif

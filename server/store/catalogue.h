@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The streams that are served, by id. Built from paths: files, and folders of *.tetlod that are looked through again at
+ * every scan. A stream that was replaced by another file stays for those who still read it, until nobody has asked for
+ * its content id for a while; one that was written over in place is gone at once. Finding may be done by any thread,
+ * scanning by one at a time.
+ */
+#ifndef TETLOD_SERVER_CATALOGUE_H
+#define TETLOD_SERVER_CATALOGUE_H
+
+#include "server/store/dataset.h"
+
+struct catalogue;
+
+struct catalogue_options {
+    const char *const *paths; /* copied */
+    size_t path_count;
+    double keep_replaced; /* seconds without a request after which a replaced stream goes */
+    void (*log)(void *opaque, const char *level, const char *message);
+    void *log_opaque;
+};
+
+/* Every path must exist, and a path that is a file must be a stream; a folder's files that are none are logged and left
+ * out. */
+TETLOD_CHECKED enum tetlod_status catalogue_open(struct catalogue **out, const struct catalogue_options *options,
+                                                 struct tetlod_error *error);
+void catalogue_close(struct catalogue *catalogue);
+
+/* Takes up what changed on disk. `now` is a monotonic time in seconds. */
+void catalogue_scan(struct catalogue *catalogue, double now);
+
+/* The current stream of an id, or NULL; the caller releases it. */
+struct dataset *catalogue_find(struct catalogue *catalogue, const char *id);
+
+/* The stream of an id with this content id, current or replaced, or NULL. */
+struct dataset *catalogue_find_content(struct catalogue *catalogue, const char *id, const char *cid, double now);
+
+/* All current streams by id, each held, in an array that the caller frees; NULL if memory is out. */
+struct dataset **catalogue_list(struct catalogue *catalogue, size_t *out_count);
+
+size_t catalogue_count(struct catalogue *catalogue);
+
+/* Memory of the streams that are decoded, current and replaced. */
+uint64_t catalogue_memory(struct catalogue *catalogue);
+
+#endif

@@ -1,0 +1,331 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/store/forest.h"
+
+#include <assert.h>
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/util/array.h"
+
+struct column {
+    char *name; /* owned; NULL for the position */
+    uint32_t components;
+    enum tetlod_type type;
+    size_t offset; /* in a row */
+};
+
+/* What a slot holds from `level` on; `previous` is the version before, of the same slot. */
+struct version {
+    uint32_t level, previous;
+};
+
+struct stage {
+    uint32_t level, vertices, tets;
+    uint32_t *corners; /* [4 * tets] */
+    uint32_t *newest;  /* [vertices] versions */
+};
+
+enum { STAGE_GROWTH = 4 };
+
+struct forest {
+    struct tetlod_file *file; /* borrowed */
+    uint32_t column_count;
+    struct column *columns; /* the position, then the fields */
+    size_t row_size;
+    uint32_t stage_count;
+    struct stage *stages;
+    /* How many are there. Set last: who sees a stage sees all that its levels need, which is never written again. */
+    atomic_uint stages_there;
+    atomic_uint_fast64_t bytes;
+    uint32_t *parents; /* [slots] */
+    struct version *versions; /* in order of time; at most two for each slot */
+    unsigned char *rows;      /* [row_size] for each version, and one for the next */
+    /* The decoding thread's: */
+    struct tetlod_cursor *cursor; /* NULL while nothing is decoded */
+    uint32_t next_level;
+    size_t version_count;
+    uint32_t *newest; /* [slots] version of a slot */
+};
+
+static void stop_decoding(struct forest *forest)
+{
+    tetlod_cursor_free(forest->cursor);
+    forest->cursor = NULL;
+}
+
+void forest_free(struct forest *forest)
+{
+    if (!forest)
+        return;
+    stop_decoding(forest);
+    for (uint32_t c = 0; forest->columns && c < forest->column_count; c++)
+        free(forest->columns[c].name);
+    for (uint32_t s = 0; forest->stages && s < forest->stage_count; s++) {
+        free(forest->stages[s].corners);
+        free(forest->stages[s].newest);
+    }
+    free(forest->columns);
+    free(forest->stages);
+    free(forest->parents);
+    free(forest->versions);
+    free(forest->rows);
+    free(forest->newest);
+    free(forest);
+}
+
+uint64_t forest_bytes(const struct forest *forest)
+{
+    return atomic_load_explicit(&forest->bytes, memory_order_relaxed);
+}
+
+static size_t width_of(enum tetlod_type type)
+{
+    return type == TETLOD_FLOAT32 ? 4 : 8;
+}
+
+static bool describe_columns(struct forest *forest, const struct tetlod_info *info)
+{
+    forest->column_count = 1 + info->field_count;
+    forest->columns = array_zero(forest->column_count, sizeof *forest->columns);
+    for (uint32_t c = 0; forest->columns && c < forest->column_count; c++) {
+        struct column *column = &forest->columns[c];
+        const struct tetlod_field *field = c ? &info->fields[c - 1] : NULL;
+        column->components = field ? field->components : 3;
+        column->type = field ? field->type : info->position_type;
+        column->offset = forest->row_size;
+        if (field && !(column->name = strdup(field->name)))
+            return false;
+        forest->row_size += column->components * width_of(column->type);
+    }
+    return forest->columns != NULL;
+}
+
+/* The finest level is a stage, and below a stage the finest level that is no more than a quarter of it: so no level is mapped
+ * from more than four times its size, and all stages together take a third more than the finest. */
+static bool choose_stages(struct forest *forest, const struct tetlod_info *info)
+{
+    uint32_t first = info->level_count;
+    forest->stages = array_zero(info->level_count, sizeof *forest->stages);
+    for (uint32_t k = info->level_count; forest->stages && k-- > 0;) {
+        const struct tetlod_level *level = &info->levels[k];
+        if (k + 1 == info->level_count || (uint64_t)STAGE_GROWTH * level->tets <= forest->stages[first].tets)
+            forest->stages[--first] = (struct stage){k, level->vertices, level->tets, NULL, NULL};
+    }
+    forest->stage_count = info->level_count - first;
+    for (uint32_t s = 0; forest->stages && s < forest->stage_count; s++)
+        forest->stages[s] = forest->stages[first + s];
+    return forest->stages != NULL;
+}
+
+/* Each record gives one vertex other contents and brings at least one new vertex: two versions for a slot at most, and one that
+ * the exact tail brings. */
+static size_t most_versions(const struct tetlod_info *info)
+{
+    return 3 * (size_t)info->vertices;
+}
+
+enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    struct forest *forest = array_zero(1, sizeof *forest);
+    *out = NULL;
+    if (most_versions(info) > UINT32_MAX || !forest || !describe_columns(forest, info) || !choose_stages(forest, info) ||
+        !(forest->parents = array_new(info->vertices, sizeof *forest->parents)) ||
+        !(forest->newest = array_new(info->vertices, sizeof *forest->newest)) ||
+        !(forest->versions = array_new(most_versions(info), sizeof *forest->versions)) ||
+        !(forest->rows = array_new(most_versions(info) + 1, forest->row_size))) {
+        forest_free(forest);
+        return tetlodi_fail_nomem(error, "a stream in memory", 16 * (uint64_t)info->tets);
+    }
+    forest->file = file;
+    *out = forest;
+    return TETLOD_OK;
+}
+
+static void pack_row(const struct forest *forest, const struct tetlod_mesh *mesh, uint32_t slot, unsigned char *row)
+{
+    for (uint32_t c = 0; c < forest->column_count; c++) {
+        const struct column *column = &forest->columns[c];
+        const double *values = (c ? mesh->fields[c - 1] : mesh->positions) + (size_t)slot * column->components;
+        for (uint32_t i = 0; i < column->components; i++) {
+            if (column->type == TETLOD_FLOAT64)
+                memcpy(row + column->offset + 8 * i, &values[i], 8);
+            else {
+                float value = (float)values[i]; // exact: that is the field's type
+                memcpy(row + column->offset + 4 * i, &value, 4);
+            }
+        }
+    }
+}
+
+/* Notes what a slot holds at the level being taken. */
+static void add_version(struct forest *forest, const struct tetlod_mesh *mesh, uint32_t slot, uint32_t previous)
+{
+    size_t count = forest->version_count, size = forest->row_size;
+    unsigned char *row = forest->rows + count * size;
+    pack_row(forest, mesh, slot, row);
+    if (previous != TETLOD_NONE && memcmp(row, forest->rows + previous * size, size) == 0)
+        return;
+    assert(count < most_versions(tetlod_info(forest->file)));
+    forest->versions[count] = (struct version){forest->next_level, previous};
+    forest->newest[slot] = (uint32_t)count;
+    forest->version_count++;
+}
+
+/* Takes what a level brought: new slots, and other contents of slots that have split, which are parents of new ones. */
+static void take_level(struct forest *forest, const struct tetlod_mesh *mesh)
+{
+    uint32_t level = forest->next_level, known = level ? tetlod_info(forest->file)->levels[level - 1].vertices : 0;
+    for (uint32_t v = known; v < mesh->vertices; v++) {
+        uint32_t parent = forest->parents[v] = mesh->parents[v];
+        assert(!level || parent < v);
+        if (parent < known && forest->versions[forest->newest[parent]].level < level)
+            add_version(forest, mesh, parent, forest->newest[parent]);
+        add_version(forest, mesh, v, TETLOD_NONE);
+    }
+    for (uint32_t v = 0; v < mesh->vertices && known == mesh->vertices; v++) // the exact tail
+        add_version(forest, mesh, v, forest->newest[v]);
+    forest->next_level++;
+}
+
+static uint64_t bytes_there(const struct forest *forest, uint32_t stages)
+{
+    const struct stage *last = &forest->stages[stages - 1];
+    uint64_t bytes = last->vertices * (uint64_t)sizeof *forest->parents +
+                     forest->version_count * (uint64_t)(sizeof *forest->versions + forest->row_size);
+    for (uint32_t s = 0; s < stages; s++)
+        bytes += forest->stages[s].tets * (uint64_t)16 + forest->stages[s].vertices * (uint64_t)sizeof *forest->newest;
+    return bytes;
+}
+
+static enum tetlod_status make_room(struct stage *stage, struct tetlod_error *error)
+{
+    if (!stage->corners)
+        stage->corners = array_new(stage->tets, 4 * sizeof *stage->corners);
+    if (!stage->newest)
+        stage->newest = array_new(stage->vertices, sizeof *stage->newest);
+    return stage->corners && stage->newest ? TETLOD_OK
+                                           : tetlodi_fail_nomem(error, "a stream in memory", 16 * (uint64_t)stage->tets);
+}
+
+/* Makes the levels up to a stage, at which the decoder stands, visible to other threads. */
+static void publish(struct forest *forest, struct stage *stage, const struct tetlod_mesh *mesh)
+{
+    uint32_t there = (uint32_t)(stage - forest->stages) + 1;
+    if (stage->tets) // else there may be no corners at all
+        memcpy(stage->corners, mesh->corners, stage->tets * 4 * sizeof *stage->corners);
+    memcpy(stage->newest, forest->newest, stage->vertices * sizeof *stage->newest);
+    atomic_store_explicit(&forest->bytes, bytes_there(forest, there), memory_order_relaxed);
+    atomic_store_explicit(&forest->stages_there, there, memory_order_release);
+}
+
+static enum tetlod_status take_next(struct forest *forest, struct tetlod_error *error)
+{
+    struct tetlod_mesh mesh;
+    struct stage *stage = &forest->stages[atomic_load_explicit(&forest->stages_there, memory_order_relaxed)];
+    uint32_t level = forest->next_level;
+    const struct tetlod_level *expected = &tetlod_info(forest->file)->levels[level];
+    if (!forest->cursor)
+        TETLOD_TRY(tetlod_cursor_new(&forest->cursor, forest->file, NULL, 0, error));
+    TETLOD_TRY(tetlod_cursor_seek(forest->cursor, level, error));
+    tetlod_cursor_mesh(forest->cursor, &mesh);
+    if (mesh.vertices != expected->vertices || mesh.tets != expected->tets)
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "level %u is not as large as the index says", level);
+    if (level == stage->level)
+        TETLOD_TRY(make_room(stage, error));
+    take_level(forest, &mesh);
+    if (level == stage->level)
+        publish(forest, stage, &mesh);
+    return TETLOD_OK;
+}
+
+enum tetlod_status forest_grow(struct forest *forest, struct tetlod_error *error)
+{
+    enum tetlod_status status = take_next(forest, error);
+    bool whole = status == TETLOD_OK && forest->next_level == tetlod_info(forest->file)->level_count;
+    if (status != TETLOD_OK || whole)
+        stop_decoding(forest);
+    if (whole) {
+        free(forest->newest);
+        forest->newest = NULL;
+    }
+    return status;
+}
+
+uint32_t forest_levels(const struct forest *forest)
+{
+    uint32_t there = atomic_load_explicit(&forest->stages_there, memory_order_acquire);
+    return there ? forest->stages[there - 1].level + 1 : 0;
+}
+
+static void unpack_row(const struct forest *forest, const unsigned char *row, uint32_t slot, struct tetmesh *mesh)
+{
+    for (uint32_t c = 0; c < forest->column_count; c++) {
+        const struct column *column = &forest->columns[c];
+        double *values = (c ? mesh->fields[c - 1].values : mesh->positions) + (size_t)slot * column->components;
+        if (column->type == TETLOD_FLOAT64)
+            memcpy(values, row + column->offset, 8 * column->components);
+        else
+            for (uint32_t i = 0; i < column->components; i++) {
+                float value;
+                memcpy(&value, row + column->offset + 4 * i, 4);
+                values[i] = value;
+            }
+    }
+}
+
+static enum tetlod_status allocate_mesh(const struct forest *forest, const struct tetlod_level *level, struct tetmesh *mesh,
+                                        struct tetlod_error *error)
+{
+    mesh->vertex_count = level->vertices;
+    mesh->tet_count = level->tets;
+    mesh->position_type = forest->columns[0].type;
+    mesh->positions = array_new(mesh->vertex_count, 3 * sizeof *mesh->positions);
+    mesh->corners = array_new(mesh->tet_count, 4 * sizeof *mesh->corners);
+    if (!mesh->positions || !mesh->corners)
+        return tetlodi_fail_nomem(error, "a level", (uint64_t)mesh->tet_count * 16);
+    for (uint32_t c = 1; c < forest->column_count; c++)
+        TETLOD_TRY(tetmesh_add_field(mesh, forest->columns[c].name, forest->columns[c].components,
+                                     forest->columns[c].type, error));
+    return TETLOD_OK;
+}
+
+static void map_corners(const struct forest *forest, const struct stage *stage, uint32_t *standing, struct tetmesh *mesh)
+{
+    uint32_t count = mesh->vertex_count;
+    for (uint32_t v = 0; v < stage->vertices; v++)
+        standing[v] = v < count ? v : standing[forest->parents[v]];
+    const uint32_t *descendants = stage->corners;
+    uint32_t *corners = mesh->corners;
+    for (size_t i = 0; i < (size_t)mesh->tet_count * 4; i++)
+        corners[i] = standing[descendants[i]];
+}
+
+enum tetlod_status forest_mesh(const struct forest *forest, uint32_t level, struct tetmesh *out,
+                               struct tetlod_error *error)
+{
+    const struct stage *stage = forest->stages;
+    assert(level < forest_levels(forest));
+    while (stage->level < level)
+        stage++;
+    *out = (struct tetmesh){0};
+    uint32_t *standing = array_new(stage->vertices, sizeof *standing);
+    enum tetlod_status status = allocate_mesh(forest, &tetlod_info(forest->file)->levels[level], out, error);
+    if (status == TETLOD_OK && !standing)
+        status = tetlodi_fail_nomem(error, "a level", (uint64_t)stage->vertices * sizeof *standing);
+    if (status == TETLOD_OK) {
+        map_corners(forest, stage, standing, out);
+        for (uint32_t v = 0; v < out->vertex_count; v++) {
+            uint32_t version = stage->newest[v];
+            while (forest->versions[version].level > level)
+                version = forest->versions[version].previous;
+            unpack_row(forest, forest->rows + version * forest->row_size, v, out);
+        }
+    } else
+        tetmesh_fini(out);
+    free(standing);
+    return status;
+}

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The bytes of a stream that no request brings: of a Blob or File, or as a function of the page's own reads them.
+import { FetchError } from './network.js';
+
+const PIECE = 1 << 18; // that is read at once, if so much is needed
+
+export class Held {
+  #read; #stop = new AbortController();
+  partial = false; // everything is read
+  cid = '';
+  levels = null;
+
+  /** `read(from, to, signal)`: bytes from `from` on, at least one and none from `to` on, or none at the stream's end. */
+  constructor(read) {
+    this.#read = read;
+  }
+
+  async read(position, until) {
+    const bytes = await this.#read(position, Math.max(until, position + PIECE), this.#stop.signal);
+    if (!bytes.length) throw new FetchError(`the stream ends too early: there are only ${position} bytes`);
+    return bytes;
+  }
+
+  pause() {} // nothing is under way that costs anything
+
+  close() {
+    this.#stop.abort();
+  }
+}
+
+/** Reads a Blob or File. */
+export const readerOf = (blob) => async (from, to) => new Uint8Array(await blob.slice(from, to).arrayBuffer());

@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Random adversarial meshes with fields. A seed gives the same mesh everywhere.
+ *
+ * Positions and values are doubles that their type (float or double) holds exactly: what a mesh file says is what the oracle sees.
+ */
+#ifndef TETLOD_ATTACK_SHAPES_H
+#define TETLOD_ATTACK_SHAPES_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum { SHAPE_MOST_FIELDS = 4, SHAPE_MOST_VERTICES = 8192, SHAPE_MOST_TETS = 40000 };
+
+struct shape_field {
+    char name[16];
+    uint32_t components;
+    bool wide; /* float64 */
+    double *values;
+};
+
+struct shape {
+    const char *kind;
+    uint32_t vertices, tets, field_count;
+    bool wide; /* positions are float64 */
+    double *positions;  /* [3 * vertices] */
+    uint32_t *corners;  /* [4 * tets] */
+    uint32_t *body;     /* [vertices] the part of the recipe that made it: for fields that differ by body */
+    struct shape_field fields[SHAPE_MOST_FIELDS];
+};
+
+struct dice {
+    uint64_t state;
+};
+
+uint32_t dice_below(struct dice *dice, uint32_t bound);
+double dice_unit(struct dice *dice); /* in [0, 1) */
+bool dice_once_in(struct dice *dice, uint32_t times);
+
+/* Exits when out of memory. */
+void shape_make(struct shape *out, struct dice *dice);
+void shape_free(struct shape *shape);
+
+/* Legacy VTK, binary. False: the file could not be written. */
+bool shape_write(const struct shape *shape, const char *path);
+
+/* Adds the Delaunay tetrahedra of the vertices from `first` on to the shape. */
+void shape_delaunay(struct shape *shape, uint32_t first);
+
+#endif

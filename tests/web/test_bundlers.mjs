@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The package as other people's projects meet it: Vite (built, and served for development), webpack, types under tsc --strict,
+// modules from another origin, and streams that no URL brings.
+import assert from 'node:assert/strict';
+import { execFile } from 'node:child_process';
+import { cpSync, mkdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { createRequire } from 'node:module';
+import { join, resolve } from 'node:path';
+import { pathToFileURL } from 'node:url';
+import { promisify } from 'node:util';
+import { launch, openPage } from './browser.mjs';
+import { ROOT, SCRATCH, folderHost, program, sampleStream } from './hosts.mjs';
+import { run } from './tap.mjs';
+
+const execute = promisify(execFile);
+const project = resolve(SCRATCH, 'project');
+const [major, minor] = process.versions.node.split('.').map(Number);
+const old = major < 20 || (major === 20 && minor < 19) ? `Vite needs node 20.19, this is ${process.versions.node}` : '';
+
+mkdirSync(join(project, 'src'), { recursive: true });
+cpSync(join(ROOT, 'tests/web/bundlers'), project, { recursive: true });
+if (!old) await execute('npm', ['install', '--no-package-lock', '--ignore-scripts', '--no-audit', '--no-fund', '--loglevel=error'], { cwd: project });
+cpSync(join(ROOT, 'build/client'), join(project, 'node_modules/tetlod'), { recursive: true });
+const main = `import { TetlodStream } from 'tetlod';
+const stream = await TetlodStream.open(new URLSearchParams(location.search).get('url'), { target: { error: 0.01 } });
+const { level, reached } = await stream.refineTo({ error: 0.01 });
+const { tets } = await stream.mesh();
+window.result = { reached, tets: tets.length / 4, expected: stream.info.levels[level].tets };
+`;
+writeFileSync(join(project, 'src/main.js'), main);
+writeFileSync(join(project, 'index.html'), '<!doctype html><title>t</title><link rel="icon" href="data:,"><script type="module" src="/src/main.js"></script>');
+
+const { path } = sampleStream();
+const server = await program([path]);
+const browser = await launch();
+
+async function opens(origin, file = '') {
+  const page = await openPage(browser, origin);
+  await page.goto(`${origin}/${file}?url=${server.url}v1/meshes/fin`);
+  const result = await (await page.waitForFunction(() => window.result)).jsonValue();
+  assert.ok(result.reached && result.tets === result.expected && result.tets > 100, JSON.stringify(result));
+  await page.context().close();
+}
+
+async function a_fresh_vite_project() {
+  if (old) return old;
+  const vite = await import(pathToFileURL(createRequire(join(project, 'package.json')).resolve('vite')));
+  await vite.build({ root: project, logLevel: 'error', build: { target: 'es2022' } });
+  const host = await folderHost(join(project, 'dist'));
+  await opens(host.origin, 'index.html');
+  host.close();
+  const development = await vite.createServer({ root: project, logLevel: 'error', server: { port: 0, host: '127.0.0.1' } });
+  await development.listen();
+  await opens(`http://127.0.0.1:${development.httpServer.address().port}`);
+  await development.close();
+}
+
+async function a_fresh_webpack_project() {
+  if (old) return old;
+  writeFileSync(join(project, 'webpack.config.mjs'), `export default { mode: 'production', entry: './src/main.js', output: { path: '${join(project, 'packed')}' }, experiments: { topLevelAwait: true } };`);
+  await execute('npx', ['webpack', '--config', 'webpack.config.mjs'], { cwd: project });
+  writeFileSync(join(project, 'packed/index.html'), '<!doctype html><title>t</title><link rel="icon" href="data:,"><script defer src="main.js"></script>');
+  const host = await folderHost(join(project, 'packed'));
+  await opens(host.origin, 'index.html');
+  host.close();
+}
+
+async function types_are_strict() {
+  if (old) return old;
+  writeFileSync(join(project, 'src/types.ts'), `import { TetlodStream, type Info, type Mesh } from 'tetlod';
+export async function use(file: File): Promise<[Info, Mesh]> {
+  const stream = await TetlodStream.open({ url: 'https://example.org/a.tetlod', headers: { Authorization: 'Bearer x' }, credentials: 'include' });
+  stream.addEventListener('pictures', ({ detail }) => detail.surface?.points.length);
+  stream.addEventListener('level', ({ detail }) => detail.seconds.toFixed(1), { once: true });
+  const asTarget: EventTarget = stream;
+  asTarget.dispatchEvent(new Event('x'));
+  (await TetlodStream.open(file)).close();
+  (await TetlodStream.open({ read: async (from, to) => new Uint8Array(await file.slice(from, to).arrayBuffer()) })).close();
+  await stream.refineTo({ error: 0.01, tets: 1e6 }, { signal: AbortSignal.timeout(1000) });
+  return [stream.info, await stream.mesh()];
+}
+`);
+  await execute('npx', ['tsc', '--noEmit', '--strict', '--target', 'es2022', '--module', 'nodenext', '--moduleResolution', 'nodenext', '--lib', 'es2022,dom', 'src/types.ts'], { cwd: project })
+    .catch((error) => assert.fail(error.stdout || error.message));
+}
+
+// As from a CDN: a worker of another origin is not allowed.
+async function modules_of_another_origin() {
+  const library = await folderHost(join(project, 'node_modules/tetlod'));
+  const site = join(SCRATCH, 'site');
+  mkdirSync(site, { recursive: true });
+  writeFileSync(join(site, 'index.html'), `<!doctype html><title>t</title><link rel="icon" href="data:,"><script type="module">${main.replace("'tetlod'", `'${library.origin}/stream.js'`)}</script>`);
+  const host = await folderHost(site);
+  await opens(host.origin, 'index.html');
+  host.close();
+  library.close();
+}
+
+async function files_and_functions() {
+  const host = await folderHost(join(project, 'node_modules/tetlod'));
+  const page = await openPage(browser, host.origin);
+  await page.goto(`${host.origin}/empty.html`);
+  const results = await page.evaluate(async (bytes) => {
+    const { TetlodStream } = await import('./stream.js');
+    const all = Uint8Array.from(atob(bytes), (c) => c.charCodeAt(0));
+    const asked = [];
+    const sources = [new File([all], 'fin.tetlod'), { read: async (from, to) => { asked.push(to); return all.slice(from, to); } }];
+    const found = [];
+    for (const source of sources) {
+      const stream = await TetlodStream.open(source);
+      await stream.refineTo({ error: 0.05 });
+      const { level } = stream;
+      const most = Math.max(...asked, 0);
+      await stream.refineTo();
+      const { tets } = await stream.mesh();
+      found.push({ tets: tets.length / 4, expected: stream.info.tets, level, most, size: all.length });
+      stream.close();
+    }
+    const refused = await TetlodStream.open({ read: async () => { throw new Error('no such place'); } }).catch((error) => error.message);
+    const cut = await TetlodStream.open(new Blob([all.slice(0, 5000)])).catch((error) => error.message);
+    return { found, refused, cut };
+  }, readFileSync(path).toString('base64'));
+  for (const { tets, expected } of results.found) assert.equal(tets, expected);
+  assert.match(results.refused, /no such place/);
+  assert.match(results.cut, /ends too early/);
+  assert.deepEqual([page.complaints, page.strangers], [[], []]);
+  await page.context().close();
+  host.close();
+}
+
+await run([a_fresh_vite_project, a_fresh_webpack_project, types_are_strict, modules_of_another_origin, files_and_functions]);
