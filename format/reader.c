@@ -1,13 +1,11 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "format/reader.h"
 
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
+#include "format/arithmetic.h"
 #include "format/checksum.h"
 #include "format/fail.h"
 #include "format/order.h"
@@ -15,13 +13,23 @@
 
 static const uint64_t DEFAULT_BYTES = (uint64_t)16 << 30;
 
+struct tetlod_options tetlodi_options(const struct tetlod_options *options)
+{
+    struct tetlod_options all = {0};
+    if (options)
+        memcpy(&all, options, options->struct_size < sizeof all ? options->struct_size : sizeof all);
+    all.struct_size = sizeof all;
+    all.max_bytes = all.max_bytes ? all.max_bytes : DEFAULT_BYTES;
+    return all;
+}
+
 /* Stored bytes of the source, in a block that the caller frees. */
 static enum tetlod_status read_stored(const struct tetlod_file *file, uint64_t offset, uint64_t stored, uint8_t **out,
                                       struct tetlod_error *error)
 {
     size_t size = (size_t)stored;
     *out = NULL;
-    if (stored > file->max_bytes || stored > SIZE_MAX)
+    if (stored > file->options.max_bytes || stored > SIZE_MAX)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "a part of the stream has %llu bytes, more than the memory allowed",
                             (unsigned long long)stored);
     if (offset > file->source.size || size > file->source.size - offset) {
@@ -84,7 +92,7 @@ static enum tetlod_status read_section(const struct tetlod_file *file, const str
     uint8_t *stored;
     snprintf(what, sizeof what, "section %s", section->tag);
     *out = NULL;
-    if (section->plain >= file->max_bytes || section->plain >= SIZE_MAX)
+    if (section->plain >= file->options.max_bytes || section->plain >= SIZE_MAX)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%s has %llu bytes, more than the memory allowed", what,
                             (unsigned long long)section->plain);
     TETLOD_TRY(read_part(file, &section->frame, what, &stored, error));
@@ -139,6 +147,8 @@ enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertic
     TETLOD_TRY(read_section(file, section, &bytes, error));
     tetlodi_decode_start(&coder, file->index.slowest, bytes, (size_t)section->plain);
     int good = tetlodi_order_code(&coder, &order);
+    while (good && coder.at < coder.end)
+        good = *coder.at++ == 0;
     free(bytes);
     return good ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "the original order is damaged");
 }
@@ -179,6 +189,8 @@ static enum tetlod_status read_index(struct tetlod_file *file, const struct tetl
                                      (unsigned long long)(file->source.size - header->file_size)));
     for (int i = 0; i < DIGEST_SIZE; i++)
         snprintf(file->index.info.cid + 2 * i, 3, "%02x", cid[i]);
+    file->index_bytes = header->index_plain + file->index.info.level_count * sizeof *file->index.levels +
+                        file->index.info.level_count * (1 + (uint64_t)file->index.info.field_count) * sizeof *file->index.frames;
     status = read_metadata(file, error);
 done:
     free(index);
@@ -196,9 +208,11 @@ enum tetlod_status tetlod_open(struct tetlod_file **out, const struct tetlod_sou
     if (!file)
         return tetlodi_fail_nomem(error, "a stream", sizeof *file);
     file->source = *source;
-    file->max_bytes = options && options->struct_size >= sizeof *options && options->max_bytes ? options->max_bytes
-                                                                                             : DEFAULT_BYTES;
+    file->options = tetlodi_options(options);
     enum tetlod_status status;
+    if (!tetlodi_arithmetic_holds())
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "this program rounds in its own way: compile tetlod without options such as "
+                                     "-ffp-contract=fast, and leave the rounding mode alone"));
     if (source->size < HEADER_SIZE)
         TETLOD_TRY_DONE(tetlodi_fail(error, source->size ? TETLOD_ERR_TRUNCATED : TETLOD_ERR_NOT_TETLOD,
                                      "%llu bytes are less than a stream's header",
@@ -228,31 +242,6 @@ enum tetlod_status tetlod_open_memory(struct tetlod_file **out, const void *byte
         void *out;
     } opaque = {bytes}; // the source's pointer is not const because other sources' is not; it is only read
     struct tetlod_source source = {read_memory, opaque.out, size};
-    return tetlod_open(out, &source, options, error);
-}
-
-static enum tetlod_status read_fd(void *opaque, uint64_t offset, void *buffer, size_t size)
-{
-    int fd = (int)(intptr_t)opaque;
-    for (size_t done = 0; done < size;) {
-        ssize_t got = pread(fd, (char *)buffer + done, size - done, (off_t)(offset + done));
-        if (got < 0 && errno == EINTR)
-            continue;
-        if (got <= 0)
-            return TETLOD_ERR_IO;
-        done += (size_t)got;
-    }
-    return TETLOD_OK;
-}
-
-enum tetlod_status tetlod_open_fd(struct tetlod_file **out, int fd, const struct tetlod_options *options,
-                                  struct tetlod_error *error)
-{
-    struct stat about;
-    *out = NULL;
-    if (fstat(fd, &about) != 0)
-        return tetlodi_fail(error, TETLOD_ERR_IO, "cannot read the stream: %s", strerror(errno));
-    struct tetlod_source source = {read_fd, (void *)(intptr_t)fd, (uint64_t)about.st_size};
     return tetlod_open(out, &source, options, error);
 }
 

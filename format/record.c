@@ -65,6 +65,11 @@ enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, stru
     return TETLOD_OK;
 }
 
+uint64_t tetlodi_recorder_bytes(const struct tetlodi_recorder *recorder)
+{
+    return sizeof *recorder->models + (recorder->replay->column_count - (uint64_t)1) * sizeof *recorder->field_models;
+}
+
 void tetlodi_recorder_fini(struct tetlodi_recorder *recorder)
 {
     if (recorder->replay)

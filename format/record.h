@@ -91,6 +91,9 @@ TETLOD_CHECKED enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder 
                                                         struct tetlod_error *error);
 void tetlodi_recorder_fini(struct tetlodi_recorder *recorder);
 
+/* What its models take. */
+uint64_t tetlodi_recorder_bytes(const struct tetlodi_recorder *recorder);
+
 /* The code of the first child if the vertex is in the middle of all. */
 int64_t tetlodi_middle(const struct tetlodi_scale *scale, unsigned axis, int64_t vertex_code, const int64_t codes[4],
                        uint32_t children);

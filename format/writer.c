@@ -630,9 +630,11 @@ static void fill_info(struct writer *w)
         }
     }
     for (uint32_t f = 0; f < in->field_count; f++)
-        w->index.fields[f] = (struct tetlod_field){in->fields[f].name, in->fields[f].components, original_type(&in->fields[f]),
-                                                   {in->fields[f].range[0], in->fields[f].range[1]},
-                                                   in->fields[f].controlled};
+        w->index.fields[f] = (struct tetlod_field){.name = in->fields[f].name,
+                                                   .components = in->fields[f].components,
+                                                   .type = original_type(&in->fields[f]),
+                                                   .range = {in->fields[f].range[0], in->fields[f].range[1]},
+                                                   .controlled = in->fields[f].controlled};
     for (uint32_t f = 0; f < in->field_count; f++)
         info->lossless &= in->fields[f].bits == 0 || in->fields[f].exact;
 }

@@ -355,6 +355,11 @@ static void test_feed_of_one_field(void)
     REQUIRE(tetlod_feed_new(&feed, &narrow, NULL) == TETLOD_OK);
     REQUIRE(tetlod_feed_select(feed, &info->fields[0].name, 1, NULL) == TETLOD_OK);
     CHECK_INT(tetlod_feed_add(feed, part.bytes, part.size, &error), TETLOD_OK);
+    CHECK_INT(tetlod_cursor_new(&cursor, tetlod_feed_file(feed), &other, 1, &error), TETLOD_ERR_LIMIT);
+    tetlod_feed_free(feed);
+    REQUIRE(tetlod_feed_new(&feed, NULL, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_feed_select(feed, &info->fields[0].name, 1, NULL) == TETLOD_OK);
+    CHECK_INT(tetlod_feed_add(feed, part.bytes, part.size, &error), TETLOD_OK);
     CHECK_INT(tetlod_cursor_new(&cursor, tetlod_feed_file(feed), &other, 1, &error), TETLOD_ERR_FIELD);
     tetlod_feed_free(feed);
     tetlodi_buffer_fini(&part);

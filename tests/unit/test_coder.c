@@ -142,7 +142,7 @@ static uint32_t code_all(struct tetlodi_coder *coder, uint64_t random)
 static void test_range_coder(void)
 {
     for (unsigned slowest = 5; slowest <= 7; slowest++) {
-        struct tetlodi_memory memory = {0, UINT64_MAX};
+        struct tetlodi_memory memory = {.most = UINT64_MAX};
         struct tetlodi_coder coder, decoder;
         struct tetlodi_encoder encoder = {0};
         tetlodi_encode_start(&coder, slowest, &encoder, &memory);
@@ -161,7 +161,7 @@ static void test_surprises(void)
 {
     for (unsigned slowest = 5; slowest <= 7; slowest++)
         for (int usual = 0; usual < 2; usual++) {
-            struct tetlodi_memory memory = {0, 1 << 20};
+            struct tetlodi_memory memory = {.most = 1 << 20};
             struct tetlodi_coder coders[2];
             struct tetlodi_encoder encoder = {0};
             int wrong = 0;
@@ -188,7 +188,7 @@ static void test_surprises(void)
 /* A million bits that are expected cost next to nothing. */
 static void test_costs(void)
 {
-    struct tetlodi_memory memory = {0, UINT64_MAX};
+    struct tetlodi_memory memory = {.most = UINT64_MAX};
     struct tetlodi_coder coder;
     struct tetlodi_encoder encoder = {0};
     struct tetlodi_bit bit;
