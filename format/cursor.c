@@ -258,7 +258,7 @@ enum tetlod_status tetlod_cursor_new(struct tetlod_cursor **out, struct tetlod_f
     if (!cursor)
         return tetlodi_fail_nomem(error, "a cursor", sizeof *cursor);
     cursor->file = file;
-    cursor->memory = (struct tetlodi_memory){0, file->options.max_bytes, file->options.allocate, file->options.opaque};
+    cursor->memory = (struct tetlodi_memory){.most = file->options.max_bytes, .allocate = file->options.allocate, .opaque = file->options.opaque};
     cursor->columns = calloc(1 + (size_t)info->field_count, sizeof *cursor->columns);
     cursor->parts = calloc(1 + (size_t)info->field_count, sizeof *cursor->parts);
     cursor->fields = calloc(1 + (size_t)info->field_count, sizeof *cursor->fields);

@@ -253,7 +253,12 @@ class Stream:
 
     @property
     def metadata(self):
-        return json.loads(self._metadata or '{}')
+        """The metadata, {} if they are none."""
+        try:
+            metadata = json.loads(self._metadata or '{}')
+        except ValueError:
+            metadata = {}
+        return metadata if isinstance(metadata, dict) else {}
 
     def _check_level(self, level, coarser, frames):
         vertices, tets = level['vertices'], level['tets']
@@ -310,6 +315,7 @@ class Stream:
             k, m = [c for c in range(4) if c != i and c != j]
             odd = ((i > j) + (i > k) + (i > m) + (j > k) + (j > m)) % 2
             corners[t] = (i, j, m, k) if odd else (i, j, k, m)
+        coder.finish('the order')
         return numbers[0], numbers[1], corners
 
     def field_index(self, name):
@@ -373,6 +379,10 @@ class Coder:
 
     def start(self, data):
         self.data, self.at, self.range, self.code = data, 4, 0xffffffff, int.from_bytes(data[:4].ljust(4, b'\0'), 'big')
+
+    def finish(self, what):
+        """What is left of the frame is zeros (SPEC 6.1)."""
+        require(not any(self.data[self.at:]), what + ' has bytes that belong to nothing')
 
     def _refill(self, width):
         while width < 0x1000000:
@@ -728,6 +738,10 @@ class Cursor:
         for coder, column in zip(self.coders, self.columns):
             coder.start(self.stream.frame(level, column.part))
 
+    def _finish(self, level):
+        for coder in self.coders:
+            coder.finish('level %d' % level)
+
     def _base(self):
         base = self.stream.levels[0]
         self._start(0)
@@ -740,6 +754,7 @@ class Cursor:
             if column.part:
                 column.copies(coder)
             self._base_column(column, coder)
+        self._finish(0)
         self.leaf = [0] * self.count
         self.parents = list(range(self.count))
         self.stars = [[] for _ in range(self.count)]
@@ -829,6 +844,7 @@ class Cursor:
             require(walk < self.count, 'level %d has fewer records than its index says' % level)
             self._record(walk, to)
         require(self.tet_count == to['tets'], 'level %d has other tetrahedra than its index says' % level)
+        self._finish(level)
         self.decoded = level
         self.ends.append(self.done)
 
