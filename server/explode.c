@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "format/fail.h"
+#include "server/answer/assets.h"
 #include "server/store/catalogue.h"
 #include "server/answer/stream_json.h"
 #include "server/store/forest.h"
@@ -46,7 +47,7 @@ __attribute__((format(printf, 3, 4))) static enum tetlod_status begin(const stru
                                                                       const char *format, ...)
 {
     char path[PATH_CAPACITY];
-    size_t used = (size_t)snprintf(path, sizeof path, "%s/v1/meshes/", tree->folder);
+    size_t used = (size_t)snprintf(path, sizeof path, "%s/", tree->folder);
     va_list arguments;
     *out = NULL;
     va_start(arguments, format);
@@ -107,7 +108,7 @@ static enum tetlod_status write_levels(const struct tree *tree, struct dataset *
         status = forest_mesh(forest, k, &mesh, tree->error);
         if (status != TETLOD_OK)
             break;
-        status = begin(tree, &output, "%s/%s/levels/%" PRIu32 "/mesh.vtu", id, info->cid, k);
+        status = begin(tree, &output, "v1/meshes/%s/%s/levels/%" PRIu32 "/mesh.vtu", id, info->cid, k);
         if (status == TETLOD_OK) {
             struct tetlodi_sink sink = file_output_sink(output);
             status = finish(tree, output, io_write_vtu(&mesh, &sink, tree->error));
@@ -124,19 +125,36 @@ static enum tetlod_status write_stream(const struct tree *tree, struct dataset *
     struct file_output *output;
     const char *id = dataset_id(dataset); // as it is: servers of files decode paths. A stream's file has that name
     int fd = dataset_fd(dataset);
-    TETLOD_TRY(begin(tree, &output, "%s/index.json", id));
+    TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/index.json", id));
     TETLOD_TRY(write_json(tree, output, describe_stream(info, id)));
-    TETLOD_TRY(begin(tree, &output, "%s/%s/stream", id, info->cid));
+    TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/%s/stream", id, info->cid));
     TETLOD_TRY(copy_bytes(tree, output, fd, 0, info->bytes));
-    TETLOD_TRY(begin(tree, &output, "%s/prefix", id)); // whatever is asked for: a beginning that a client goes on from
+    TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/prefix", id)); // whatever is asked for: a beginning that a client goes on from
     TETLOD_TRY(copy_bytes(tree, output, fd, 0, info->levels[tetlod_level_for_bytes(info, OPENING)].end));
-    TETLOD_TRY(begin(tree, &output, "%s/%s/levels/0/mesh.tetlod", id, info->cid));
+    TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/%s/levels/0/mesh.tetlod", id, info->cid));
     TETLOD_TRY(copy_bytes(tree, output, fd, 0, info->levels[0].end));
     for (uint32_t k = 1; k < info->level_count; k++) {
-        TETLOD_TRY(begin(tree, &output, "%s/%s/records/%" PRIu32 "-%" PRIu32, id, info->cid, k - 1, k));
+        TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/%s/records/%" PRIu32 "-%" PRIu32, id, info->cid, k - 1, k));
         TETLOD_TRY(copy_bytes(tree, output, fd, info->levels[k].offset, info->levels[k].end));
     }
     return tree->options->meshes ? write_levels(tree, dataset, id) : TETLOD_OK;
+}
+
+/* The page; a path that ends in '/' is its index.html. */
+static enum tetlod_status write_page(const struct tree *tree)
+{
+    for (size_t i = 0; i < embedded_file_count; i++) {
+        const struct embedded_file *file = &embedded_files[i];
+        const struct embedded_bytes *plain = &file->coded[CODING_IDENTITY];
+        struct file_output *output;
+        if (strncmp(file->path, "/view/", 6) == 0) // a server's alone: it stands for every stream there
+            continue;
+        bool is_folder = file->path[strlen(file->path) - 1] == '/';
+        TETLOD_TRY(begin(tree, &output, "%s%s", file->path + 1, is_folder ? "index.html" : ""));
+        struct tetlodi_sink sink = file_output_sink(output);
+        TETLOD_TRY(finish(tree, output, sink.write(sink.opaque, plain->bytes, (size_t)(plain->end - plain->bytes))));
+    }
+    return TETLOD_OK;
 }
 
 enum tetlod_status server_explode(const struct explode_options *options, struct tetlod_error *error)
@@ -159,8 +177,10 @@ enum tetlod_status server_explode(const struct explode_options *options, struct 
     free(list);
     catalogue_close(catalogue);
     json_t *object = json_pack("{s:o}", "meshes", meshes);
+    if (status == TETLOD_OK && options->viewer)
+        status = write_page(&tree);
     if (status == TETLOD_OK)
-        status = begin(&tree, &output, "index.json");
+        status = begin(&tree, &output, "v1/meshes/index.json");
     if (status == TETLOD_OK)
         return write_json(&tree, output, object);
     json_decref(object);

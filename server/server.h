@@ -50,6 +50,7 @@ struct explode_options {
     const char *const *paths; /* as for a server */
     size_t path_count;
     int meshes; /* also every level as VTU */
+    int viewer; /* also the page */
 };
 
 /* Writes what a server over these paths would answer as files at the same paths below the folder, for plain file servers:

@@ -36,6 +36,7 @@ struct against {
     struct tetmesh finest;
     struct ancestry_level level; /* at hand */
     uint32_t *parents;         /* [slot] */
+    double *rounding; /* [field] the most that the exact tail changes */
 };
 
 static enum tetlod_status nomem(const struct against *a)
@@ -83,6 +84,15 @@ static bool same_slot(const struct tetmesh *a, const struct tetmesh *b, size_t v
     return same;
 }
 
+/* From the exact tail to the level before it, all of whose values are rounded: nothing was contracted. The rounding counts for all
+ * levels. */
+static void note_rounding(struct against *a, const struct tetmesh *exact)
+{
+    for (uint32_t f = 0; f < exact->field_count; f++)
+        for (size_t i = 0; i < (size_t)exact->vertex_count * exact->fields[f].components; i++)
+            a->rounding[f] = fmax(a->rounding[f], fabs(exact->fields[f].values[i] - a->level.mesh.fields[f].values[i]));
+}
+
 /* From the level above, `from`, to the one in a->level.mesh. Nodes made by step i are n + i - 1: not below the moment n + i - 1
  * that measure_level holds them against then, and below those of later steps. */
 static void step(struct against *a, const struct tetmesh *from, uint32_t number)
@@ -111,9 +121,13 @@ static enum tetlod_status measure_this(struct against *a, uint32_t k, double *ou
     if (status == TETLOD_OK)
         status = level_mesh_copy(info, a->cursor, &a->level.mesh, a->error);
     if (status == TETLOD_OK && info->lossless) {
-        if (number)
+        if (number == 1 && above.vertex_count == a->level.mesh.vertex_count)
+            note_rounding(a, &above);
+        else if (number)
             step(a, &above, number);
         status = measure_level(a->measure, &a->level, number, a->options->threads, a->measured, out_domain, a->error);
+        for (uint32_t f = 0; f < info->field_count && status == TETLOD_OK; f++)
+            a->measured[f].sampled = fmax(a->measured[f].sampled, a->rounding[f]);
     } else if (status == TETLOD_OK)
         status = measure_mesh(a->measure, &a->level.mesh, a->level_fields, a->options->threads, a->measured, out_domain,
                               a->error);
@@ -211,7 +225,8 @@ static enum tetlod_status prepare(struct against *a)
     a->scales = array_new(info->field_count, sizeof *a->scales);
     a->measured = array_new(info->field_count, sizeof *a->measured);
     a->exact = array_new(info->field_count, sizeof *a->exact);
-    if (!a->fields || !a->level_fields || !a->scales || !a->measured || !a->exact)
+    a->rounding = array_zero(info->field_count, sizeof *a->rounding);
+    if (!a->fields || !a->level_fields || !a->scales || !a->measured || !a->exact || !a->rounding)
         return nomem(a);
     a->original = a->input;
     a->diagonal = mesh_diagonal(a->input);
@@ -253,5 +268,6 @@ done:
     free(a.scales);
     free(a.measured);
     free(a.exact);
+    free(a.rounding);
     return status;
 }

@@ -20,7 +20,8 @@ struct command {
 };
 
 extern const struct command command_build, command_info, command_extract, command_verify, command_compare,
-    command_convert, command_sample, command_serve, command_explode, command_plot;
+    command_convert, command_sample, command_serve, command_explode, command_plot,
+    command_formats;
 
 /* Prints the error as one line and gives the exit status for it. */
 int cli_fail(const struct tetlod_error *error);

@@ -13,6 +13,7 @@
 #include "src/simplify/simplify.h"
 #include "src/cli/cli.h"
 #include "src/cli/progress.h"
+#include "src/cli/reading.h"
 #include "src/io/io.h"
 #include "src/report/info_json.h"
 #include "src/util/array.h"
@@ -25,9 +26,7 @@ static const char help[] =
     "Reads a mesh, contracts it and writes the stream of its levels: from a few tetrahedra to the original.\n"
     "\n"
     "  -o, --output OUT        the stream to write (default: INPUT's name with .tetlod in this folder)\n"
-    "      --q SOLUTION        the solution file of a PLOT3D grid\n"
-    "      --nan-fill V        values that are NaN become V, or with 'neighbours' the mean of the points around them, ring by\n"
-    "                          ring (default: they are refused)\n"
+    READING_HELP
     "      --field NAME        a field whose error drives the contraction; NAME:mag for a vector's magnitude, NAME:0 for\n"
     "                          a component, NAME:0.01 (or :1%) for an error limit of its own; may be given several times\n"
     "                          (default: the first scalar field)\n"
@@ -64,12 +63,11 @@ static const char help[] =
 enum { MOST_FIELDS = 64 };
 
 struct request {
-    const char *input, *output, *solution, *carry, *contract;
+    const char *input, *output, *carry, *contract;
     const char *fields[MOST_FIELDS];
     uint32_t field_count;
     struct build_options build;
-    struct nan_fill fill;
-    const struct nan_fill *nan_fill; /* NULL: NaN is refused */
+    struct reading reading;
     uint64_t nan_filled;
     bool json, quiet, ordered; /* ordered: --metric is given */
     struct progress progress;
@@ -170,12 +168,6 @@ static bool parse_option(struct request *request, int option, const char *value)
     case 'o':
         request->output = value;
         return true;
-    case 'q':
-        request->solution = value;
-        return true;
-    case 'N':
-        request->nan_fill = &request->fill;
-        return cli_parse_nan_fill(&command_build, value, &request->fill);
     case 'f':
         if (request->field_count == MOST_FIELDS) {
             cli_usage("build", "at most %d --field", MOST_FIELDS);
@@ -235,7 +227,7 @@ static bool parse_option(struct request *request, int option, const char *value)
     case 'M':
         return cli_parse_count(&command_build, "memory", value, 1, UINT64_MAX, &build->memory);
     default:
-        return false;
+        return reading_option(&request->reading, &command_build, option, value);
     }
 }
 
@@ -330,8 +322,8 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
                        metric_names[build->metric], "certify", certify_names[build->certify], "contract", request->contract, "candidates", (int)build->candidates,
                        "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
                        build->boundary_angle, "domain_error", build->domain_error, "growth", build->growth);
-    if (object && request->nan_fill) {
-        json_t *fill = request->fill.kind == NAN_FILL_VALUE ? json_real(request->fill.value) : json_string("neighbours");
+    if (object && request->reading.options.nan_fill) {
+        json_t *fill = request->reading.fill.kind == NAN_FILL_VALUE ? json_real(request->reading.fill.value) : json_string("neighbours");
         json_object_set_new(json_object_get(object, "options"), "nan_fill", fill);
         json_object_set_new(object, "nan_filled", json_integer((json_int_t)request->nan_filled));
     }
@@ -409,16 +401,14 @@ static void say(const struct request *request, const struct io_report *read, con
 {
     if (request->quiet)
         return;
+    reading_notes("build", read, mesh);
     const struct {
         uint64_t count;
         const char *what;
-    } notes[] = {{read->split_cells, "cells split into tetrahedra"},
-                 {read->skipped_cells, "cells without volume left out"},
-                 {read->skipped_arrays, "arrays left out: cell data, or not numbers"},
-                 {read->nan_filled, "NaN values filled"},
-                 {mesh->unused_points, "points that no tetrahedron uses left out"},
-                 {report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
-                 {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"}};
+    } notes[] = {{report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
+                 {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"},
+                 {report->folded_tets, "folded tetrahedra, on the same side of a face as their neighbour, carried along; no promise "
+                                       "is made inside them"}};
     for (size_t i = 0; i < sizeof notes / sizeof *notes; i++)
         if (notes[i].count)
             fprintf(stderr, "tetlod build: %" PRIu64 " %s\n", notes[i].count, notes[i].what);
@@ -435,8 +425,7 @@ static int build(struct request *request)
     struct build_control controls[MOST_FIELDS];
     uint32_t count;
     double started = clock_seconds(), read_seconds, write_seconds = 0;
-    struct io_read_options read_options = {.solution = request->solution, .nan_fill = request->nan_fill};
-    enum tetlod_status status = io_read(&mesh, request->input, &read_options, &read, &error);
+    enum tetlod_status status = io_read(&mesh, request->input, &request->reading.options, &read, &error);
     request->nan_filled = read.nan_filled;
     read_seconds = clock_seconds() - started;
     if (status != TETLOD_OK)
@@ -463,8 +452,7 @@ static int run(int argc, char **argv)
 {
     enum { JSON = 256, PROGRESS, QUIET };
     static const struct option options[] = {
-        {"output", required_argument, NULL, 'o'},     {"q", required_argument, NULL, 'q'},
-        {"nan-fill", required_argument, NULL, 'N'},
+        {"output", required_argument, NULL, 'o'},     READING_OPTIONS,
         {"field", required_argument, NULL, 'f'},      {"carry", required_argument, NULL, 'c'},
         {"metric", required_argument, NULL, 'm'},     {"contract", required_argument, NULL, 'k'},
         {"certify", required_argument, NULL, 'C'},
@@ -493,7 +481,7 @@ static int run(int argc, char **argv)
         request.json |= option == JSON;
         request.quiet |= option == QUIET;
         forced |= option == PROGRESS;
-        if (option < JSON && !parse_option(&request, option, optarg))
+        if ((option < JSON || option >= READING_FIRST) && !parse_option(&request, option, optarg))
             return EXIT_USAGE;
     }
     if (!cli_operands(&command_build, argc, 1, "the INPUT mesh"))

@@ -3,7 +3,7 @@
 #include "src/cli/cli.h"
 
 static const char help[] =
-    "usage: tetlod explode PATH... -o FOLDER [--meshes]\n"
+    "usage: tetlod explode PATH... -o FOLDER [--meshes] [--viewer]\n"
     "\n"
     "Lays streams out as files at the paths of the HTTP interface, for a server that only sends files: FOLDER/v1/meshes/...\n"
     "with the descriptions (index.json), the whole stream, the base mesh, and the records from each level to the next.\n"
@@ -11,13 +11,14 @@ static const char help[] =
     "\n"
     "  -o, --output FOLDER  where to; made if it is not there\n"
     "      --meshes         also every level as VTU\n"
+    "      --viewer         also the page: FOLDER/index.html shows the streams on any host of files, under any path\n"
     "\n"
-    "example: tetlod explode streams/ -o /srv/www\n";
+    "example: tetlod explode streams/ -o /srv/www --viewer\n";
 
 static int run(int argc, char **argv)
 {
     static const struct option options[] = {
-        {"output", required_argument, NULL, 'o'}, {"meshes", no_argument, NULL, 'm'}, {0}};
+        {"output", required_argument, NULL, 'o'}, {"meshes", no_argument, NULL, 'm'}, {"viewer", no_argument, NULL, 'v'}, {0}};
     struct explode_options explode = {0};
     struct tetlod_error error = {0};
     int option;
@@ -26,6 +27,8 @@ static int run(int argc, char **argv)
             explode.folder = optarg;
         else if (option == 'm')
             explode.meshes = 1;
+        else if (option == 'v')
+            explode.viewer = 1;
         else
             return EXIT_USAGE;
     }

@@ -55,7 +55,7 @@ static void print_text(const struct tetlod_info *info)
 {
     printf("content id    %s\n", info->cid);
     printf("vertices      %u\n", info->vertices);
-    printf("tetrahedra    %u (%llu degenerate, %llu inverted)\n", info->tets, (unsigned long long)info->degenerate_tets,
+    printf("tetrahedra    %u (%llu degenerate, %llu inverted or folded)\n", info->tets, (unsigned long long)info->degenerate_tets,
            (unsigned long long)info->inverted_tets);
     printf("unused points %llu\n", (unsigned long long)info->unused_points);
     printf("bytes         %llu (%.2f bits per tetrahedron), %s\n", (unsigned long long)info->bytes,

@@ -11,6 +11,7 @@
 #include "src/cli/against.h"
 #include "src/cli/cli.h"
 #include "src/cli/progress.h"
+#include "src/cli/reading.h"
 #include "src/io/io.h"
 #include "src/mesh/mesh_check.h"
 #include "src/report/info_json.h"
@@ -19,25 +20,25 @@
 #include "src/util/parallel.h"
 
 static const char help[] =
-    "usage: tetlod verify FILE.tetlod [--against INPUT [--q SOLUTION] [--nan-fill V]] [--json]\n"
+    "usage: tetlod verify FILE.tetlod [--against INPUT] [--json]\n"
     "\n"
     "Decodes a stream whole: checks every digest and section, replays all records and undoes them again, checks\n"
     "every level's mesh.\n"
     "\n"
     "      --against INPUT  also: the finest level is this mesh exactly; at every level the errors stored are not below what\n"
     "                       is measured; and at levels spread evenly, which it names, 'max' is not below the exact maximum\n"
-    "      --q SOLUTION     the solution file of a PLOT3D grid\n"
-    "      --nan-fill V     as the stream was built\n"
     "      --threads N      0 (default): all cores\n"
     "      --json           the result as JSON\n"
     "      --progress, --quiet\n"
+    "\n"
+    "How INPUT is read, as when the stream was built:\n"
+    READING_HELP
     "\n"
     "Exit status 0: all is well; 3: the message says what is not, and which levels can be read.\n";
 
 struct request {
     const char *stream, *against;
-    struct io_read_options reading;
-    struct nan_fill fill;
+    struct reading reading;
     unsigned threads;
     bool json;
     struct progress progress;
@@ -83,6 +84,7 @@ static enum tetlod_status check_report(const struct verification *v, uint32_t le
         bool exactly;
     } counts[] = {{"inverted tetrahedra", now.inverted_tets, original->inverted_tets, false},
                   {"degenerate tetrahedra", now.degenerate_tets, original->degenerate_tets, false},
+                  {"faces with both tetrahedra on one side", now.same_side_faces, original->same_side_faces, false},
                   {"duplicate tetrahedra", now.duplicate_tets, original->duplicate_tets, false},
                   {"faces of more than two tetrahedra", now.overfull_faces, original->overfull_faces, false},
                   {"vertices that are no manifold points", now.singular_vertices, original->singular_vertices, false},
@@ -210,7 +212,7 @@ static void compare_progress(void *opaque, double done)
 static enum tetlod_status verify_against(struct verification *v)
 {
     struct tetmesh input;
-    TETLOD_TRY(io_read(&input, v->request->against, &v->request->reading, NULL, v->error));
+    TETLOD_TRY(io_read(&input, v->request->against, &v->request->reading.options, NULL, v->error));
     enum tetlod_status status = derive_fields(tetlod_info(v->file), &input, v->error);
     const struct against_options comparing = {v->request->threads, compare_progress, v};
     if (status == TETLOD_OK)
@@ -344,8 +346,7 @@ static int verify(struct request *request)
 
 static int run(int argc, char **argv)
 {
-    static const struct option options[] = {{"against", required_argument, NULL, 'a'}, {"q", required_argument, NULL, 'q'},
-                                            {"nan-fill", required_argument, NULL, 'n'}, {"threads", required_argument, NULL, 't'}, {"json", no_argument, NULL, 'j'},
+    static const struct option options[] = {{"against", required_argument, NULL, 'a'}, READING_OPTIONS, {"threads", required_argument, NULL, 't'}, {"json", no_argument, NULL, 'j'},
                                             {"progress", no_argument, NULL, 'p'},      {"quiet", no_argument, NULL, 's'},
                                             {0}};
     struct request request = {0};
@@ -354,11 +355,10 @@ static int run(int argc, char **argv)
     for (int option; (option = cli_option(&command_verify, argc, argv, "", options)) != -1;) {
         if (option == 'a')
             request.against = optarg;
-        else if (option == 'q')
-            request.reading.solution = optarg;
-        else if (option == 'n' && cli_parse_nan_fill(&command_verify, optarg, &request.fill))
-            request.reading.nan_fill = &request.fill;
-        else if (option == 'j')
+        else if (option >= READING_FIRST && option < READING_END) {
+            if (!reading_option(&request.reading, &command_verify, option, optarg))
+                return EXIT_USAGE;
+        } else if (option == 'j')
             request.json = true;
         else if (option == 'p')
             forced = true;

@@ -7,7 +7,7 @@
 static const struct command *const commands[] = {
     &command_build,   &command_info,    &command_extract, &command_verify,
     &command_compare, &command_convert, &command_sample,  &command_serve, &command_explode,
-    &command_plot,
+    &command_plot,    &command_formats,
 };
 
 enum { COMMANDS = sizeof commands / sizeof *commands };

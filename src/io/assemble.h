@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What the readers share: from counts, values and cells of a file to a tetmesh. */
+/*
+ * What the readers share. A reader turns a file into blocks: points, cells of any kind, and values at both. From there the way
+ * to a tetmesh is the same for all formats: merge.c joins blocks, split.c makes tetrahedra.
+ */
 #ifndef TETLOD_ASSEMBLE_H
 #define TETLOD_ASSEMBLE_H
 
@@ -12,8 +15,70 @@ struct io_input {
     const unsigned char *other;
     size_t other_size;
     const char *other_path;
-    const struct nan_fill *nan_fill; /* what NaN values become; NULL: they are refused */
+    const char *path; /* of the file, for formats that name further files; NULL: there are none */
+    const struct io_read_options *options; /* NULL: the defaults */
+    unsigned depth; /* how many files have named one another on the way to this one */
 };
+
+/* Cells in VTK's terms: cell c is of VTK type types[c] and has the corners connectivity[offsets[c] .. offsets[c+1]). A
+ * polyhedron (42) has instead: its number of faces, and for each the number of its points and these. */
+struct cells {
+    uint64_t count, connectivity_count;
+    unsigned char *types;   /* owned; NULL: tetrahedra throughout, and no offsets */
+    uint64_t *offsets;      /* owned, count + 1 */
+    uint32_t *connectivity; /* owned; TETLOD_NONE: the file's number is not one of a point */
+    size_t type_capacity, offset_capacity, connectivity_capacity;
+};
+
+/* VTK's types of cells that formats have, and one that stands for all that have no volume. */
+enum {
+    VTK_TYPE_FLAT = 5,
+    VTK_TYPE_TET = 10,
+    VTK_TYPE_VOXEL = 11,
+    VTK_TYPE_HEXAHEDRON = 12,
+    VTK_TYPE_WEDGE = 13,
+    VTK_TYPE_PYRAMID = 14,
+    VTK_TYPE_TET10 = 24,
+    VTK_TYPE_HEXAHEDRON20 = 25,
+    VTK_TYPE_WEDGE15 = 26,
+    VTK_TYPE_PYRAMID13 = 27,
+    VTK_TYPE_HEXAHEDRON27 = 29,
+    VTK_TYPE_WEDGE18 = 32,
+    VTK_TYPE_POLYHEDRON = 42
+};
+
+/* Appends a cell. The corners are the file's numbers less those of its first point. */
+TETLOD_CHECKED enum tetlod_status cells_add(struct cells *cells, unsigned char type, const int64_t *corners,
+                                            size_t corner_count, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status cells_add_numbers(struct cells *cells, unsigned char type, const uint32_t *corners,
+                                                    size_t corner_count, struct tetlod_error *error);
+void cells_fini(struct cells *cells);
+
+/* A file's number of a point as cells hold it. */
+static inline uint32_t cells_point(int64_t number)
+{
+    return number < 0 || number >= TETLOD_NONE ? TETLOD_NONE : (uint32_t)number;
+}
+
+struct block {
+    struct tetmesh mesh;   /* points and their fields; cell_fields have a tuple per cell; no corners yet */
+    struct cells cells;
+    uint32_t dims[3];      /* points along i, j, k of a structured grid, which has no other cells; or 0 */
+    unsigned char *hidden; /* owned, by cell: not 0 for ghosts and blanked cells, which are left out; NULL: none */
+};
+
+struct blocks {
+    struct block *at; /* owned */
+    size_t count, capacity;
+};
+
+/* Appends an empty block; pointers to others become invalid. */
+TETLOD_CHECKED enum tetlod_status blocks_add(struct blocks *blocks, struct block **out, struct tetlod_error *error);
+void block_fini(struct block *block);
+void blocks_fini(struct blocks *blocks);
+
+/* Cells, those of a structured grid counted. */
+uint64_t block_cell_count(const struct block *block);
 
 /* Room for points; ERR_MESH if there are more than ids can name. The caller has checked the count against the file. */
 TETLOD_CHECKED enum tetlod_status assemble_points(struct tetmesh *mesh, uint64_t count, enum tetlod_type type,
@@ -24,38 +89,31 @@ TETLOD_CHECKED enum tetlod_status assemble_points(struct tetmesh *mesh, uint64_t
 TETLOD_CHECKED enum tetlod_status assemble_field(struct tetmesh *mesh, const char *name, uint64_t components,
                                                  enum tetlod_type type, struct tetlod_error *error);
 
-/* Cells in VTK's terms: cell i is of VTK type types[i] and has the corners connectivity[offsets[i] .. offsets[i+1]). */
-struct vtk_cells {
-    uint64_t count, connectivity_count;
-    const unsigned char *types;
-    const int64_t *offsets; /* count + 1 */
-    const int64_t *connectivity;
-};
+/* The same for a field of `cells` cells. */
+TETLOD_CHECKED enum tetlod_status assemble_cell_field(struct tetmesh *mesh, const char *name, uint64_t components,
+                                                      enum tetlod_type type, uint64_t cells, struct tetlod_error *error);
 
-/* Appends the tetrahedra of the cells: first those that are tetrahedra, as they are, then those of cells that are split,
- * turned as most of the first are. Their point 0 is the mesh's point first_point, of point_count that they may use. Cells of
- * higher order are taken by their corners. */
-TETLOD_CHECKED enum tetlod_status assemble_vtk_cells(struct tetmesh *mesh, const struct vtk_cells *cells,
-                                                     uint32_t first_point, uint32_t point_count,
-                                                     struct io_report *report, struct tetlod_error *error);
+/* Marks the cells of which `flags` (VTK's vtkGhostType: duplicate 1, refined 8, hidden 32) says that they are not to be
+ * drawn. */
+TETLOD_CHECKED enum tetlod_status block_hide(struct block *block, const double *flags, struct io_report *report,
+                                             struct tetlod_error *error);
 
-/* Cells that are read one by one. */
-struct cell_list {
-    struct vtk_cells cells;
-    unsigned char *types; /* owned, like the next two */
-    int64_t *offsets, *connectivity;
-    size_t type_capacity, offset_capacity, connectivity_capacity;
-};
+/* Marks the cells of a structured grid with a corner that is blanked: not 0 in `blank`. */
+TETLOD_CHECKED enum tetlod_status block_hide_points(struct block *block, const unsigned char *blank,
+                                                    struct io_report *report, struct tetlod_error *error);
 
-/* VTK's types of the linear cells, and one that stands for all that have no volume. */
-enum { VTK_TYPE_FLAT = 5, VTK_TYPE_TET = 10, VTK_TYPE_HEXAHEDRON = 12, VTK_TYPE_WEDGE = 13, VTK_TYPE_PYRAMID = 14 };
+/* Makes one block of all, which are emptied: points, cells, and the fields that all of them have. Welds points of several
+ * blocks, and those of one block if the tolerance `weld` is not negative. */
+TETLOD_CHECKED enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block *out, struct io_report *report,
+                                               struct tetlod_error *error);
 
-TETLOD_CHECKED enum tetlod_status cell_list_add(struct cell_list *list, unsigned char type, const int64_t *corners,
-                                                size_t corner_count, struct tetlod_error *error);
-void cell_list_fini(struct cell_list *list);
+/* Makes one of points that are no further apart than the tolerance and have the same values in all fields. */
+TETLOD_CHECKED enum tetlod_status block_weld(struct block *block, double tolerance, struct io_report *report,
+                                             struct tetlod_error *error);
 
-/* The tetrahedra of a structured grid whose points are the mesh's. */
-TETLOD_CHECKED enum tetlod_status assemble_grid(struct tetmesh *mesh, const uint32_t dims[3], struct io_report *report,
-                                                struct tetlod_error *error);
+/* The block's tetrahedra, first the cells that are tetrahedra, as they are, then those of cells that are split, turned as
+ * most of the first are. The block is emptied. */
+TETLOD_CHECKED enum tetlod_status block_split(struct block *block, bool subdivide, struct tetmesh *out,
+                                              struct io_report *report, struct tetlod_error *error);
 
 #endif

@@ -17,59 +17,118 @@ bool value_is_float(enum value_type type)
     return type == VALUE_FLOAT32 || type == VALUE_FLOAT64;
 }
 
-static uint64_t load(const unsigned char *bytes, size_t size, bool big_endian)
+/* A loop for each type of a file and each type of a result, so that the compiler makes of it what the machine can do. */
+#define LOAD(bits)                                                                                                     \
+    static inline uint##bits##_t load_##bits(const unsigned char *bytes, bool swap)                                    \
+    {                                                                                                                  \
+        uint##bits##_t word;                                                                                           \
+        memcpy(&word, bytes, sizeof word);                                                                             \
+        return swap ? __builtin_bswap##bits(word) : word;                                                              \
+    }
+LOAD(16)
+LOAD(32)
+LOAD(64)
+
+static inline uint8_t load_8(const unsigned char *bytes, bool swap)
 {
-    uint64_t word = 0;
-    for (size_t b = 0; b < size; b++)
-        word |= (uint64_t)bytes[b] << 8 * (big_endian ? size - 1 - b : b);
-    return word;
+    (void)swap;
+    return *bytes;
 }
 
-static int64_t as_int(uint64_t word, enum value_type type)
+static inline float load_float(const unsigned char *bytes, bool swap)
 {
-    switch (type) {
-    case VALUE_INT8:
-        return (int8_t)word;
-    case VALUE_INT16:
-        return (int16_t)word;
-    case VALUE_INT32:
-        return (int32_t)word;
-    case VALUE_UINT64:
-        return word > INT64_MAX ? -1 : (int64_t)word;
-    default:
-        return (int64_t)word;
-    }
+    uint32_t word = load_32(bytes, swap);
+    float value;
+    memcpy(&value, &word, sizeof value);
+    return value;
 }
 
-static double as_double(uint64_t word, enum value_type type)
+static inline double load_double(const unsigned char *bytes, bool swap)
 {
-    if (type == VALUE_FLOAT32) {
-        uint32_t bits = (uint32_t)word;
-        float value;
-        memcpy(&value, &bits, sizeof value);
-        return (double)value;
-    }
-    if (type == VALUE_FLOAT64) {
-        double value;
-        memcpy(&value, &word, sizeof value);
-        return value;
-    }
-    return type == VALUE_UINT64 ? (double)word : (double)as_int(word, type);
+    uint64_t word = load_64(bytes, swap);
+    double value;
+    memcpy(&value, &word, sizeof value);
+    return value;
+}
+
+static inline int64_t int_of_uint64(uint64_t word)
+{
+    return word > INT64_MAX ? -1 : (int64_t)word;
+}
+
+static inline uint32_t point_of(int64_t value)
+{
+    return value < 0 || value > UINT32_MAX ? UINT32_MAX : (uint32_t)value;
+}
+
+static inline uint8_t byte_of(int64_t value)
+{
+    return value < 0 || value > UINT8_MAX ? UINT8_MAX : (uint8_t)value;
+}
+
+static inline double double_of(int64_t value)
+{
+    return (double)value;
+}
+
+static inline int64_t int_of(int64_t value)
+{
+    return value;
+}
+
+#define EACH(width, expression)                                                                                        \
+    for (size_t i = 0; i < count; i++, bytes += width)                                                                 \
+        out[i] = expression;                                                                                           \
+    return;
+
+#define INTEGER_CASES(convert)                                                                                         \
+    case VALUE_INT8:                                                                                                   \
+        EACH(1, convert((int8_t)load_8(bytes, swap)))                                                                  \
+    case VALUE_UINT8:                                                                                                  \
+        EACH(1, convert(load_8(bytes, swap)))                                                                          \
+    case VALUE_INT16:                                                                                                  \
+        EACH(2, convert((int16_t)load_16(bytes, swap)))                                                                \
+    case VALUE_UINT16:                                                                                                 \
+        EACH(2, convert(load_16(bytes, swap)))                                                                         \
+    case VALUE_INT32:                                                                                                  \
+        EACH(4, convert((int32_t)load_32(bytes, swap)))                                                                \
+    case VALUE_UINT32:                                                                                                 \
+        EACH(4, convert(load_32(bytes, swap)))                                                                         \
+    case VALUE_INT64:                                                                                                  \
+        EACH(8, convert((int64_t)load_64(bytes, swap)))
+
+static bool must_swap(bool big_endian)
+{
+    return big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__);
 }
 
 void values_to_doubles(const unsigned char *bytes, enum value_type type, bool big_endian, size_t count, double *out)
 {
-    size_t size = value_size(type);
-    for (size_t i = 0; i < count; i++)
-        out[i] = as_double(load(bytes + i * size, size, big_endian), type);
+    bool swap = must_swap(big_endian);
+    switch (type) {
+        INTEGER_CASES(double_of)
+    case VALUE_UINT64:
+        EACH(8, (double)load_64(bytes, swap))
+    case VALUE_FLOAT32:
+        EACH(4, (double)load_float(bytes, swap))
+    default:
+        EACH(8, load_double(bytes, swap))
+    }
 }
 
-void values_to_ints(const unsigned char *bytes, enum value_type type, bool big_endian, size_t count, int64_t *out)
-{
-    size_t size = value_size(type);
-    for (size_t i = 0; i < count; i++)
-        out[i] = as_int(load(bytes + i * size, size, big_endian), type);
-}
+#define INTEGERS(name, result, convert)                                                                                \
+    void name(const unsigned char *bytes, enum value_type type, bool big_endian, size_t count, result *out)            \
+    {                                                                                                                  \
+        bool swap = must_swap(big_endian);                                                                             \
+        switch (type) {                                                                                                \
+            INTEGER_CASES(convert)                                                                                     \
+        default:                                                                                                       \
+            EACH(8, convert(int_of_uint64(load_64(bytes, swap))))                                                      \
+        }                                                                                                              \
+    }
+INTEGERS(values_to_ints, int64_t, int_of)
+INTEGERS(values_to_points, uint32_t, point_of)
+INTEGERS(values_to_bytes, uint8_t, byte_of)
 
 static bool is_space(char c)
 {

@@ -29,6 +29,10 @@ bool value_is_float(enum value_type type);
 void values_to_doubles(const unsigned char *bytes, enum value_type type, bool big_endian, size_t count, double *out);
 void values_to_ints(const unsigned char *bytes, enum value_type type, bool big_endian, size_t count, int64_t *out);
 
+/* Integers narrowed: what does not fit, also what is negative, becomes the largest number. */
+void values_to_points(const unsigned char *bytes, enum value_type type, bool big_endian, size_t count, uint32_t *out);
+void values_to_bytes(const unsigned char *bytes, enum value_type type, bool big_endian, size_t count, uint8_t *out);
+
 /* Text that is read from `at` on. Never beyond `end`; there is no terminator. */
 struct text {
     const char *at, *end;

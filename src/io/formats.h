@@ -13,26 +13,35 @@
 TETLOD_CHECKED enum tetlod_status io_read_input(struct tetmesh *out, const char *path, const struct io_input *input,
                                                 struct io_report *report, struct tetlod_error *error);
 
-bool vtu_sniff(const unsigned char *bytes, size_t size);
-TETLOD_CHECKED enum tetlod_status vtu_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
-                                           struct tetlod_error *error);
+/* For readers of files that name others: reads the file `name` beside `from`, whatever its format. Outside the folder only
+ * with the option `follow`. */
+TETLOD_CHECKED enum tetlod_status io_read_named(struct blocks *out, const struct io_input *from, const char *name,
+                                                struct io_report *report, struct tetlod_error *error);
+
+/* The path of such a file; the caller frees it. */
+TETLOD_CHECKED enum tetlod_status io_resolve(const struct io_input *from, const char *name, char **out,
+                                             struct tetlod_error *error);
+
+bool vtkxml_sniff(const unsigned char *bytes, size_t size);
+TETLOD_CHECKED enum tetlod_status vtkxml_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                            struct tetlod_error *error);
 
 bool vtk_sniff(const unsigned char *bytes, size_t size);
-TETLOD_CHECKED enum tetlod_status vtk_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
-                                           struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status vtk_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                            struct tetlod_error *error);
 
 bool gmsh_sniff(const unsigned char *bytes, size_t size);
-TETLOD_CHECKED enum tetlod_status gmsh_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
+TETLOD_CHECKED enum tetlod_status gmsh_read(struct blocks *out, const struct io_input *input, struct io_report *report,
                                             struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status gmsh_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
                                              struct tetlod_error *error);
 
 /* The other file of a Medit mesh is its .sol, that of a TetGen .node its .ele, which it must have. */
 bool medit_sniff(const unsigned char *bytes, size_t size);
-TETLOD_CHECKED enum tetlod_status medit_read(struct tetmesh *mesh, const struct io_input *input,
-                                             struct io_report *report, struct tetlod_error *error);
-TETLOD_CHECKED enum tetlod_status tetgen_read(struct tetmesh *mesh, const struct io_input *input,
-                                              struct io_report *report, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status medit_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                            struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status tetgen_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                            struct tetlod_error *error);
 
 TETLOD_CHECKED enum tetlod_status stl_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
                                             struct tetlod_error *error);
@@ -40,11 +49,11 @@ TETLOD_CHECKED enum tetlod_status ply_write(const struct tetmesh *mesh, const st
                                             struct tetlod_error *error);
 
 bool stream_sniff(const unsigned char *bytes, size_t size);
-TETLOD_CHECKED enum tetlod_status stream_read(struct tetmesh *mesh, const struct io_input *input,
-                                              struct io_report *report, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status stream_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                            struct tetlod_error *error);
 
 bool plot3d_sniff(const unsigned char *bytes, size_t size);
-TETLOD_CHECKED enum tetlod_status plot3d_read(struct tetmesh *mesh, const struct io_input *input,
-                                              struct io_report *report, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status plot3d_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                            struct tetlod_error *error);
 
 #endif

@@ -23,7 +23,7 @@ struct gmsh {
     size_t position_capacity;
     struct tag_map tags;
     bool sorted;
-    struct cell_list cells;
+    struct cells *cells;
 };
 
 static enum tetlod_status fail(const struct gmsh *g, const char *why)
@@ -192,7 +192,7 @@ static enum tetlod_status take_element(struct gmsh *g, const struct element *ele
         corners[p] = index;
     }
     size_t kept = element->vtk_type == VTK_TYPE_FLAT ? 0 : element->points;
-    return cell_list_add(&g->cells, element->vtk_type, corners, kept, g->error);
+    return cells_add(g->cells, element->vtk_type, corners, kept, g->error);
 }
 
 static enum tetlod_status skip_ints(struct gmsh *g, int64_t count)
@@ -405,21 +405,24 @@ static enum tetlod_status read_all(struct gmsh *g)
         TETLOD_TRY(read_section(g, name));
     }
     TETLOD_TRY(finish_points(g));
-    return assemble_vtk_cells(g->mesh, &g->cells.cells, 0, g->mesh->vertex_count, g->report, g->error);
+    return TETLOD_OK;
 }
 
-enum tetlod_status gmsh_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
-                             struct tetlod_error *error)
+enum tetlod_status gmsh_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                            struct tetlod_error *error)
 {
+    struct block *block;
+    TETLOD_TRY(blocks_add(out, &block, error));
+    struct tetmesh *mesh = &block->mesh;
     const char *begin = (const char *)input->bytes;
     struct gmsh g = {.begin = begin,
                      .rest = {begin, begin + input->size},
                      .mesh = mesh,
+                     .cells = &block->cells,
                      .report = report,
                      .error = error};
     enum tetlod_status status = read_all(&g);
     free(g.positions);
     tag_map_fini(&g.tags);
-    cell_list_fini(&g.cells);
     return status;
 }

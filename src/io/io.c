@@ -1,49 +1,67 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#define _GNU_SOURCE // realpath
 #include "src/io/io.h"
 
 #include <stdio.h>
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
 #include "format/fail.h"
 #include "src/io/formats.h"
+#include "src/mesh/cell_average.h"
+#include "src/mesh/tet_clean.h"
 #include "src/util/array.h"
 #include "src/util/file.h"
 
 /* What a second file of a mesh is: named by the user, or of the same name with another extension. */
+enum { MOST_EXTENSIONS = 14 };
+
 enum second { NO_SECOND, SOLUTION, SIBLING };
 
 struct format {
-    const char *name;
-    const char *extensions[4];
+    const char *name, *about, *extensions[MOST_EXTENSIONS];
     enum second second;
     bool (*sniff)(const unsigned char *bytes, size_t size); /* NULL: by extension alone */
-    enum tetlod_status (*read)(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
+    enum tetlod_status (*read)(struct blocks *out, const struct io_input *input, struct io_report *report,
                                struct tetlod_error *error);
     enum tetlod_status (*write)(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error);
 };
 
 /* In the order in which contents are tried: PLOT3D, which has no magic, last. */
 static const struct format formats[] = {
-    {"tetlod", {"tetlod"}, NO_SECOND, stream_sniff, stream_read, NULL},
-    {"vtu", {"vtu"}, NO_SECOND, vtu_sniff, vtu_read, io_write_vtu},
-    {"vtk", {"vtk"}, NO_SECOND, vtk_sniff, vtk_read, io_write_vtk},
-    {"gmsh", {"msh"}, NO_SECOND, gmsh_sniff, gmsh_read, gmsh_write},
-    {"stl", {"stl"}, NO_SECOND, NULL, NULL, stl_write},
-    {"ply", {"ply"}, NO_SECOND, NULL, NULL, ply_write},
-    {"medit", {"mesh"}, SOLUTION, medit_sniff, medit_read, NULL},
-    {"tetgen", {"node", "ele"}, SIBLING, NULL, tetgen_read, NULL},
-    {"plot3d", {"xyz", "p3d", "x"}, SOLUTION, plot3d_sniff, plot3d_read, NULL},
+    {"tetlod", "a stream's finest level", {"tetlod"}, NO_SECOND, stream_sniff, stream_read, NULL},
+    {"vtu", "VTK XML: unstructured, structured, rectilinear and image grids, their parallel forms, multi-block, time",
+      {"vtu", "pvtu", "vts", "vtr", "vti", "vtm", "pvd", "pvts", "pvtr", "pvti", "vtpd", "vtpc"},
+     NO_SECOND, vtkxml_sniff, vtkxml_read, io_write_vtu},
+    {"vtk", "legacy VTK 1.0 to 5.1", {"vtk"}, NO_SECOND, vtk_sniff, vtk_read, io_write_vtk},
+    {"gmsh", "Gmsh 2.2 and 4.1", {"msh"}, NO_SECOND, gmsh_sniff, gmsh_read, gmsh_write},
+    {"stl", "the boundary surface", {"stl"}, NO_SECOND, NULL, NULL, stl_write},
+    {"ply", "the boundary surface with the first scalar", {"ply"}, NO_SECOND, NULL, NULL, ply_write},
+    {"medit", "Medit with its .sol", {"mesh"}, SOLUTION, medit_sniff, medit_read, NULL},
+    {"tetgen", "TetGen .node with .ele", {"node", "ele"}, SIBLING, NULL, tetgen_read, NULL},
+    {"plot3d", "PLOT3D grid with its solution", {"xyz", "p3d", "x"}, SOLUTION, plot3d_sniff, plot3d_read, NULL},
 };
 
 enum { FORMATS = sizeof formats / sizeof *formats };
+
+bool io_format(size_t number, struct io_format *out)
+{
+    if (number >= FORMATS)
+        return false;
+    const struct format *format = &formats[number];
+    *out = (struct io_format){.name = format->name, .about = format->about, .extensions = format->extensions};
+    out->reads = format->read != NULL;
+    out->writes = format->write != NULL;
+    return true;
+}
 
 static const struct format *by_extension(const char *path)
 {
     const char *dot = strrchr(path, '.');
     for (int f = 0; dot && f < FORMATS; f++)
-        for (int e = 0; e < 4 && formats[f].extensions[e]; e++)
+        for (int e = 0; e < MOST_EXTENSIONS && formats[f].extensions[e]; e++)
             if (strcasecmp(dot + 1, formats[f].extensions[e]) == 0)
                 return &formats[f];
     return NULL;
@@ -58,30 +76,84 @@ static const struct format *find_format(const char *path, const unsigned char *b
     return format && format->read ? format : NULL;
 }
 
-enum tetlod_status io_read_input(struct tetmesh *out, const char *path, const struct io_input *input,
-                                 struct io_report *report, struct tetlod_error *error)
+/* Adds the blocks of a file. */
+static enum tetlod_status read_blocks(struct blocks *out, const char *path, const struct io_input *input,
+                                      struct io_report *report, struct tetlod_error *error)
 {
     if (input->size == 0)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is an empty file");
     const struct format *format = find_format(path, input->bytes, input->size);
     if (!format)
         return tetlodi_fail(error, TETLOD_ERR_MESH,
-                            "is not a mesh file that tetlod reads; 'tetlod help convert' lists the formats");
+                            "is not a mesh file that tetlod reads; 'tetlod formats' lists the formats");
     if (input->other && format->second == NO_SECOND)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is a %s file; only PLOT3D and Medit have a solution file",
                             format->name);
     if (!input->other && format->second == SIBLING)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "lacks its second file");
-    report->format = format->name;
-    TETLOD_TRY(format->read(out, input, report, error));
-    if (input->nan_fill) {
-        TETLOD_TRY(tetmesh_validate_tets(out, error));
-        TETLOD_TRY(tetmesh_drop_unused(out, error)); // often they are those that have no value
-        TETLOD_TRY(nan_fill(out, input->nan_fill, &report->nan_filled, error));
-    }
-    TETLOD_TRY(tetmesh_validate(out, error));
-    return tetmesh_drop_unused(out, error);
+    if (!input->depth)
+        report->format = format->name;
+    return format->read(out, input, report, error);
 }
+
+static const struct io_read_options no_options;
+
+/* What the options say of the values of cells. */
+static enum tetlod_status treat_cell_data(struct tetmesh *mesh, const struct io_read_options *options,
+                                          struct io_report *report, struct tetlod_error *error)
+{
+    bool averages = options->cell_data == CELL_DATA_AVERAGE || (options->cell_data == CELL_DATA_KEEP && !mesh->field_count);
+    for (uint32_t f = 0; f < mesh->cell_field_count && averages; f++) {
+        TETLOD_TRY(cell_average(mesh, f, error));
+        report->averaged_fields++;
+    }
+    while (options->cell_data == CELL_DATA_DROP && mesh->cell_field_count)
+        point_field_fini(&mesh->cell_fields[--mesh->cell_field_count]);
+    return TETLOD_OK;
+}
+
+/* From tetrahedra as the file has them to a mesh that is valid. */
+static enum tetlod_status clean(struct tetmesh *mesh, const struct io_read_options *options, struct io_report *report,
+                                struct tetlod_error *error)
+{
+    if (options->drop_degenerate)
+        TETLOD_TRY(tet_clean(mesh, &report->dropped_tets, error));
+    TETLOD_TRY(tetmesh_validate_tets(mesh, error));
+    TETLOD_TRY(tetmesh_drop_unused(mesh, error)); // often they are those that have no value
+    mesh->unused_points -= mesh->unused_points < report->welded_points ? mesh->unused_points : report->welded_points;
+    TETLOD_TRY(treat_cell_data(mesh, options, report, error));
+    if (options->nan_fill)
+        TETLOD_TRY(nan_fill(mesh, options->nan_fill, &report->nan_filled, error));
+    return tetmesh_validate(mesh, error);
+}
+
+enum tetlod_status io_read_input(struct tetmesh *out, const char *path, const struct io_input *input,
+                                 struct io_report *report, struct tetlod_error *error)
+{
+    const struct io_read_options *options = input->options ? input->options : &no_options;
+    struct blocks blocks = {0};
+    struct block block = {0};
+    enum tetlod_status status;
+    TETLOD_TRY_DONE(read_blocks(&blocks, path, input, report, error));
+    if (blocks.count == 0) {
+        status = tetlodi_fail(error, TETLOD_ERR_MESH, "there is no volume in it");
+        goto done;
+    }
+    TETLOD_TRY_DONE(blocks_merge(&blocks, options->welds ? options->weld : -1, &block, report, error));
+    if (block.mesh.vertex_count == 0) {
+        status = tetlodi_fail(error, TETLOD_ERR_MESH, "there is no point in it");
+        goto done;
+    }
+    TETLOD_TRY_DONE(block_split(&block, options->subdivide, out, report, error));
+    block_fini(&block);
+    status = clean(out, options, report, error);
+done:
+    block_fini(&block);
+    blocks_fini(&blocks);
+    return status;
+}
+
+/* ---- files */
 
 /* The two files of a mesh that is told by its extension; the caller frees the names. */
 static enum tetlod_status name_siblings(const char *path, const struct format *format, char *names[2],
@@ -98,10 +170,67 @@ static enum tetlod_status name_siblings(const char *path, const struct format *f
     return TETLOD_OK;
 }
 
-static enum tetlod_status read_files(struct tetmesh *out, const char *path, const char *second,
-                                     const struct nan_fill *nan_fill, struct io_report *report, struct tetlod_error *error)
+/* Whether `path` is in the folder of `base`, whatever links are on the way. */
+static bool is_beside(const char *base, const char *path)
 {
-    struct io_input input = {.other_path = second, .nan_fill = nan_fill};
+    char *folder = realpath(base, NULL), *file = realpath(path, NULL);
+    char *slash = folder ? strrchr(folder, '/') : NULL;
+    bool beside = slash && file && strncmp(folder, file, (size_t)(slash - folder) + 1) == 0;
+    free(folder);
+    free(file);
+    return beside;
+}
+
+enum tetlod_status io_resolve(const struct io_input *from, const char *name, char **out, struct tetlod_error *error)
+{
+    const char *slash = from->path && *name != '/' ? strrchr(from->path, '/') : NULL;
+    size_t folder = slash ? (size_t)(slash - from->path) + 1 : 0, size = folder + strlen(name) + 1;
+    if (!from->path)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "names the file %.80s, but is not in a folder", name);
+    *out = array_new(size, 1);
+    if (!*out)
+        return tetlodi_fail_nomem(error, "a file's name", size);
+    snprintf(*out, size, "%.*s%s", (int)folder, from->path, name);
+    char *real = realpath(*out, NULL);
+    bool is_there = real != NULL;
+    free(real);
+    if (!is_there || (from->options && from->options->follow) || is_beside(from->path, *out))
+        return TETLOD_OK; // opening it says why it is not there
+    free(*out);
+    *out = NULL;
+    return tetlodi_fail(error, TETLOD_ERR_MESH, "names the file %.80s, which is not in its folder; --follow reads it anyway",
+                        name);
+}
+
+enum tetlod_status io_read_named(struct blocks *out, const struct io_input *from, const char *name,
+                                 struct io_report *report, struct tetlod_error *error)
+{
+    enum { DEEPEST = 8 };
+    char *path = NULL;
+    unsigned char *bytes = NULL;
+    struct tetlod_error inner = {.offset = UINT64_MAX};
+    struct io_input input = {.options = from->options, .depth = from->depth + 1};
+    if (from->depth == DEEPEST)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "files name one another more than %d times over", DEEPEST);
+    TETLOD_TRY(io_resolve(from, name, &path, error));
+    enum tetlod_status status = file_read(path, &bytes, &input.size, &inner);
+    if (status == TETLOD_OK) {
+        input.bytes = bytes;
+        input.path = path;
+        status = read_blocks(out, path, &input, report, &inner);
+    }
+    if (status != TETLOD_OK)
+        tetlodi_fail(error, status, "%.80s: %.200s", name, inner.message);
+    free(bytes);
+    free(path);
+    return status;
+}
+
+static enum tetlod_status read_files(struct tetmesh *out, const char *path, const char *second,
+                                     const struct io_read_options *options, struct io_report *report,
+                                     struct tetlod_error *error)
+{
+    struct io_input input = {.other_path = second, .path = path, .options = options};
     unsigned char *bytes = NULL, *other = NULL;
     struct tetlod_error inner = {.offset = UINT64_MAX};
     enum tetlod_status status = file_read(path, &bytes, &input.size, error);
@@ -124,7 +253,6 @@ enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct i
 {
     struct io_report unasked;
     const char *solution = options ? options->solution : NULL;
-    const struct nan_fill *nan_fill = options ? options->nan_fill : NULL;
     const struct format *format = by_extension(path);
     char *names[2] = {NULL, NULL};
     enum tetlod_status status = TETLOD_OK;
@@ -132,14 +260,14 @@ enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct i
     *report = (struct io_report){0};
     *out = (struct tetmesh){0};
     if (!format || format->second != SIBLING)
-        status = read_files(out, path, solution, nan_fill, report, error);
+        status = read_files(out, path, solution, options, report, error);
     else if (solution)
         status = tetlodi_fail(error, TETLOD_ERR_MESH, "%.120s: is a %s file; only PLOT3D and Medit have a solution file",
                               path, format->name);
     else {
         status = name_siblings(path, format, names, error);
         if (status == TETLOD_OK)
-            status = read_files(out, names[0], names[1], nan_fill, report, error);
+            status = read_files(out, names[0], names[1], options, report, error);
     }
     free(names[0]);
     free(names[1]);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Mesh files. Formats are told by content first, by extension second. A reader turns bytes into a tetmesh: cells that
- * are not tetrahedra are split so that neighbours match, points that nothing uses are dropped and counted, integer
- * arrays become float64. A writer turns a tetmesh into bytes for a sink.
+ * Mesh files. Formats are told by content first, by extension second. A reader turns bytes into blocks, from which one mesh is
+ * made: blocks are merged, cells that are not tetrahedra are split so that neighbours match, points that nothing uses are
+ * dropped and counted, integer arrays become float64. A writer turns a tetmesh into bytes for a sink.
  */
 #ifndef TETLOD_IO_H
 #define TETLOD_IO_H
@@ -11,24 +11,54 @@
 #include "src/mesh/nan_fill.h"
 #include "src/mesh/tetmesh.h"
 
+enum cell_data { CELL_DATA_KEEP, CELL_DATA_AVERAGE, CELL_DATA_DROP };
+
 struct io_read_options {
-    const char *solution; /* PLOT3D solution file that belongs to a grid, or NULL */
+    const char *solution; /* PLOT3D or Medit solution file that belongs to a grid, or NULL */
     const struct nan_fill *nan_fill; /* what NaN values of fields become; NULL: they are refused */
+    const char *block;    /* the one block to read of a file that has several, by name; NULL: all */
+    const char *time;     /* "last" or the number of a step from 0; NULL: the last */
+    enum cell_data cell_data; /* AVERAGE: every cell field also becomes a point field */
+    double weld;          /* tolerance, with `welds`: points are welded also where the file is one block */
+    bool welds, subdivide, drop_degenerate;
+    bool follow;          /* files that a file names may be outside its folder */
 };
 
 /* What a reader did that its user should know. */
 struct io_report {
     const char *format;    /* short name, static: "vtu", "vtk", "plot3d", ... */
     uint64_t split_cells;  /* cells that were not tetrahedra and were split */
+    uint64_t linearised_cells; /* cells of higher order that were taken by their corners */
+    uint64_t centres;      /* points that were added in the middle of cells */
     uint64_t skipped_cells; /* cells of lower dimension, which have no volume */
+    uint64_t hidden_cells; /* ghosts and blanked cells, left out */
     uint64_t nan_filled;   /* values that were NaN and were filled */
-    uint32_t skipped_arrays; /* arrays that cannot be carried: cell data, strings */
+    uint64_t welded_points;
+    uint64_t dropped_tets; /* degenerate and duplicate tetrahedra that were dropped */
+    uint64_t blocks;       /* merged, if there were several */
+    uint64_t flat_blocks;  /* files of polygons among them, left out */
+    uint64_t steps, step;  /* of time in the file, and the one that was read, from 0; 0, 0: there is no time */
+    double time;           /* of that step */
+    uint32_t skipped_arrays; /* arrays that are not numbers */
+    uint32_t partial_arrays; /* arrays that not all blocks have */
+    uint32_t averaged_fields; /* cell fields that became point fields */
 };
 
 /* Reads and validates (tetmesh_validate) a mesh file. `report` may be NULL. Every message starts with the path. ERR_IO for what the system refuses (missing,
  * unreadable, a directory), ERR_MESH for contents. On failure *out is empty. */
 TETLOD_CHECKED enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct io_read_options *options,
                                           struct io_report *report, struct tetlod_error *error);
+
+/* A format, for a list of them. */
+struct io_format {
+    const char *name, *about; /* about: what of the format there is */
+    const char *const *extensions; /* ends with NULL */
+    bool reads, writes; /* in this binary */
+    const char *missing; /* the library that this binary was built without, or NULL */
+};
+
+/* False past the last. */
+bool io_format(size_t number, struct io_format *out);
 
 /* Whether io_write knows the path's extension: to be asked before work is spent on what it is to write. */
 TETLOD_CHECKED enum tetlod_status io_check_output(const char *path, struct tetlod_error *error);

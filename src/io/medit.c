@@ -14,7 +14,7 @@ struct medit {
     struct tetmesh *mesh;
     struct tetlod_error *error;
     bool is_float; /* MeshVersionFormatted 1 */
-    struct cell_list cells;
+    struct cells *cells;
 };
 
 static enum tetlod_status fail(const struct medit *m, const char *why)
@@ -109,7 +109,7 @@ static enum tetlod_status read_cells(struct medit *m, unsigned char type, unsign
             corner[i]--;
         }
         TETLOD_TRY(take_int(m, &reference));
-        TETLOD_TRY(cell_list_add(&m->cells, type, corner, type == VTK_TYPE_FLAT ? 0 : corners, m->error));
+        TETLOD_TRY(cells_add(m->cells, type, corner, type == VTK_TYPE_FLAT ? 0 : corners, m->error));
     }
     return TETLOD_OK;
 }
@@ -206,18 +206,19 @@ bool medit_sniff(const unsigned char *bytes, size_t size)
     return text_is(next_word(&rest), "MeshVersionFormatted");
 }
 
-enum tetlod_status medit_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
-                              struct tetlod_error *error)
+enum tetlod_status medit_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                            struct tetlod_error *error)
 {
+    struct block *block;
+    TETLOD_TRY(blocks_add(out, &block, error));
+    struct tetmesh *mesh = &block->mesh;
     const char *begin = (const char *)input->bytes;
-    struct medit m = {.begin = begin, .rest = {begin, begin + input->size}, .mesh = mesh, .error = error};
+    struct medit m = {.begin = begin, .rest = {begin, begin + input->size}, .mesh = mesh, .error = error, .cells = &block->cells};
     enum tetlod_status status = read_all(&m, read_keyword);
     if (status == TETLOD_OK && !mesh->positions)
         status = fail(&m, "there are no Vertices; is the file truncated?");
-    if (status == TETLOD_OK)
-        status = assemble_vtk_cells(mesh, &m.cells.cells, 0, mesh->vertex_count, report, error);
     if (status == TETLOD_OK && input->other)
         status = read_solution(&m, input);
-    cell_list_fini(&m.cells);
+    (void)report;
     return status;
 }

@@ -96,9 +96,12 @@ static enum tetlod_status read_solution(struct tetmesh *mesh, const struct io_in
     return TETLOD_OK;
 }
 
-enum tetlod_status plot3d_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
-                               struct tetlod_error *error)
+enum tetlod_status plot3d_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                            struct tetlod_error *error)
 {
+    struct block *block;
+    TETLOD_TRY(blocks_add(out, &block, error));
+    struct tetmesh *mesh = &block->mesh;
     struct layout layout;
     if (!find_layout(input->bytes, input->size, &layout))
         return tetlodi_fail(error, TETLOD_ERR_MESH,
@@ -111,5 +114,7 @@ enum tetlod_status plot3d_read(struct tetmesh *mesh, const struct io_input *inpu
         read_column(input->bytes + 12, &layout, c, mesh->positions + c, 3);
     if (input->other)
         TETLOD_TRY(read_solution(mesh, input, &layout, error));
-    return assemble_grid(mesh, layout.dims, report, error);
+    memcpy(block->dims, layout.dims, sizeof block->dims);
+    (void)report;
+    return TETLOD_OK;
 }

@@ -7,16 +7,17 @@
 #include "src/io/formats.h"
 #include "src/util/array.h"
 
-static enum tetlod_status copy_mesh(struct tetmesh *mesh, const struct tetlod_info *info, const struct tetlod_mesh *from,
+static enum tetlod_status copy_mesh(struct tetmesh *mesh, struct cells *cells, const struct tetlod_info *info, const struct tetlod_mesh *from,
                                     struct tetlod_error *error)
 {
     TETLOD_TRY(assemble_points(mesh, from->vertices, info->position_type, error));
     memcpy(mesh->positions, from->positions, 3 * (size_t)from->vertices * sizeof *mesh->positions);
-    mesh->corners = array_new(from->tets, 4 * sizeof *mesh->corners);
-    if (!mesh->corners)
+    cells->connectivity = array_new(from->tets, 4 * sizeof *cells->connectivity);
+    if (!cells->connectivity)
         return tetlodi_fail_nomem(error, "the tetrahedra", (uint64_t)from->tets * 16);
-    memcpy(mesh->corners, from->corners, 4 * (size_t)from->tets * sizeof *mesh->corners);
-    mesh->tet_count = from->tets;
+    memcpy(cells->connectivity, from->corners, 4 * (size_t)from->tets * sizeof *cells->connectivity);
+    cells->count = from->tets;
+    cells->connectivity_count = 4 * (uint64_t)from->tets;
     for (uint32_t f = 0; f < info->field_count; f++) {
         const struct tetlod_field *field = &info->fields[f];
         TETLOD_TRY(assemble_field(mesh, field->name, field->components, field->type, error));
@@ -32,9 +33,12 @@ bool stream_sniff(const unsigned char *bytes, size_t size)
     return size >= sizeof magic - 1 && memcmp(bytes, magic, sizeof magic - 1) == 0;
 }
 
-enum tetlod_status stream_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
-                               struct tetlod_error *error)
+enum tetlod_status stream_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                            struct tetlod_error *error)
 {
+    struct block *block;
+    TETLOD_TRY(blocks_add(out, &block, error));
+    struct tetmesh *mesh = &block->mesh;
     struct tetlod_file *file = NULL;
     struct tetlod_cursor *cursor = NULL;
     struct tetlod_mesh finest;
@@ -44,7 +48,7 @@ enum tetlod_status stream_read(struct tetmesh *mesh, const struct io_input *inpu
     TETLOD_TRY_DONE(tetlod_cursor_new(&cursor, file, NULL, 0, error));
     TETLOD_TRY_DONE(tetlod_cursor_seek(cursor, tetlod_info(file)->level_count - 1, error));
     tetlod_cursor_mesh(cursor, &finest);
-    status = copy_mesh(mesh, tetlod_info(file), &finest, error);
+    status = copy_mesh(mesh, &block->cells, tetlod_info(file), &finest, error);
 done:
     tetlod_cursor_free(cursor);
     tetlod_close(file);

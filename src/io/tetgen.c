@@ -86,7 +86,7 @@ static enum tetlod_status read_nodes(struct tetmesh *mesh, struct file *f, int64
     return TETLOD_OK;
 }
 
-static enum tetlod_status read_elements(struct file *f, int64_t first_point, struct cell_list *cells)
+static enum tetlod_status read_elements(struct file *f, int64_t first_point, struct cells *cells)
 {
     int64_t header[3], number, corner[10]; // tetrahedra, points of each, attributes
     double skipped;
@@ -103,24 +103,24 @@ static enum tetlod_status read_elements(struct file *f, int64_t first_point, str
         }
         for (int64_t a = 0; a < header[2]; a++)
             TETLOD_TRY(take_double(f, &skipped));
-        TETLOD_TRY(cell_list_add(cells, VTK_TYPE_TET, corner, 4, f->error));
+        TETLOD_TRY(cells_add(cells, VTK_TYPE_TET, corner, 4, f->error));
     }
     return TETLOD_OK;
 }
 
-enum tetlod_status tetgen_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
-                               struct tetlod_error *error)
+enum tetlod_status tetgen_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                            struct tetlod_error *error)
 {
+    struct block *block;
+    TETLOD_TRY(blocks_add(out, &block, error));
+    struct tetmesh *mesh = &block->mesh;
     const char *node_bytes = (const char *)input->bytes, *element_bytes = (const char *)input->other;
     struct file nodes = {".node", node_bytes, {node_bytes, node_bytes + input->size}, error};
     struct file elements = {".ele", element_bytes, {element_bytes, element_bytes + input->other_size}, error};
-    struct cell_list cells = {0};
     int64_t first_point = 0;
     enum tetlod_status status = read_nodes(mesh, &nodes, &first_point);
     if (status == TETLOD_OK)
-        status = read_elements(&elements, first_point, &cells);
-    if (status == TETLOD_OK)
-        status = assemble_vtk_cells(mesh, &cells.cells, 0, mesh->vertex_count, report, error);
-    cell_list_fini(&cells);
+        status = read_elements(&elements, first_point, &block->cells);
+    (void)report;
     return status;
 }

@@ -16,7 +16,8 @@ enum attributes { FIELD_DATA, POINT_DATA, CELL_DATA };
 
 struct legacy {
     struct vtk_stream stream;
-    struct tetmesh *mesh;
+    struct block *block;
+    struct tetmesh *mesh; /* the block's */
     struct io_report *report;
     struct tetlod_error *error;
     enum dataset dataset;
@@ -28,9 +29,6 @@ struct legacy {
     double *coordinates[3]; /* owned: of a rectilinear grid */
     enum tetlod_type coordinate_type;
     int64_t coordinate_count[3];
-    uint64_t cell_count, connectivity_count;
-    int64_t *offsets, *connectivity; /* owned */
-    unsigned char *cell_types;       /* owned */
 };
 
 static enum tetlod_status fail(const struct legacy *l, const char *why)
@@ -146,38 +144,63 @@ static enum tetlod_status on_z(struct legacy *l, struct text line)
 
 /* ---- cells */
 
-static enum tetlod_status new_ints(const struct legacy *l, enum value_type type, uint64_t count, int64_t **out)
+static enum tetlod_status fail_twice(const struct legacy *l)
 {
+    return fail(l, "there are CELLS a second time");
+}
+
+/* Numbers of points, or counts between them, into a new array. */
+static enum tetlod_status take_numbers(struct legacy *l, enum value_type type, uint64_t count, uint32_t **out)
+{
+    enum { CHUNK = 4096 };
+    int64_t numbers[CHUNK];
     TETLOD_TRY(vtk_check_count(&l->stream, type, count, l->error));
     if (*out)
-        return fail(l, "there are CELLS a second time");
-    *out = array_new((size_t)count + 1, sizeof **out);
-    return *out ? TETLOD_OK : tetlodi_fail_nomem(l->error, "the cells", count * 8);
+        return fail_twice(l);
+    *out = array_new((size_t)count, sizeof **out);
+    if (!*out)
+        return tetlodi_fail_nomem(l->error, "the cells", count * sizeof **out);
+    for (uint64_t done = 0; done < count;) {
+        size_t some = count - done < CHUNK ? (size_t)(count - done) : CHUNK;
+        TETLOD_TRY(vtk_ints(&l->stream, type, some, numbers, l->error));
+        for (size_t i = 0; i < some; i++)
+            (*out)[done + i] = cells_point(numbers[i]);
+        done += some;
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status new_offsets(const struct legacy *l, uint64_t count)
+{
+    struct cells *cells = &l->block->cells;
+    if (cells->offsets)
+        return fail_twice(l);
+    cells->offsets = array_zero((size_t)count + 1, sizeof *cells->offsets);
+    return cells->offsets ? TETLOD_OK : tetlodi_fail_nomem(l->error, "the cells", count * 8);
 }
 
 /* Before 5.0: n corner-0 ... corner-(n-1) for each cell, `size` integers in all. */
 static enum tetlod_status take_old_cells(struct legacy *l, int64_t count, int64_t size)
 {
-    int64_t read = 0;
+    struct cells *cells = &l->block->cells;
+    uint64_t read = 0, kept = 0;
     if (count > size)
         return fail(l, "CELLS: the size is less than the number of cells");
-    TETLOD_TRY(new_ints(l, VALUE_INT32, (uint64_t)size, &l->connectivity));
-    TETLOD_TRY(new_ints(l, VALUE_INT32, (uint64_t)count, &l->offsets));
-    TETLOD_TRY(vtk_ints(&l->stream, VALUE_INT32, (size_t)size, l->connectivity, l->error));
-    int64_t kept = 0;
+    TETLOD_TRY(take_numbers(l, VALUE_INT32, (uint64_t)size, &cells->connectivity));
+    TETLOD_TRY(new_offsets(l, (uint64_t)count));
     for (int64_t c = 0; c < count; c++) {
-        int64_t corners = read < size ? l->connectivity[read++] : -1;
-        if (corners < 0 || corners > size - read)
+        uint64_t corners = read < (uint64_t)size ? cells->connectivity[read++] : UINT64_MAX;
+        if (corners > (uint64_t)size - read)
             return tetlodi_fail(l->error, TETLOD_ERR_MESH, "cell %lld does not fit the size that CELLS gives",
                                 (long long)c);
-        l->offsets[c] = kept;
-        memmove(l->connectivity + kept, l->connectivity + read, (size_t)corners * sizeof *l->connectivity);
+        cells->offsets[c] = kept;
+        memmove(cells->connectivity + kept, cells->connectivity + read, (size_t)corners * sizeof *cells->connectivity);
         kept += corners;
         read += corners;
     }
-    l->offsets[count] = kept;
-    l->cell_count = (uint64_t)count;
-    l->connectivity_count = (uint64_t)kept;
+    cells->offsets[count] = kept;
+    cells->count = (uint64_t)count;
+    cells->connectivity_count = kept;
     return TETLOD_OK;
 }
 
@@ -193,23 +216,31 @@ static bool next_line(struct legacy *l, struct text *line)
     return false;
 }
 
-static enum tetlod_status take_new_array(struct legacy *l, const char *name, int64_t count, int64_t **out)
+static enum tetlod_status take_array_type(struct legacy *l, const char *name, enum value_type *type)
 {
-    enum value_type type;
     struct text line;
     if (!next_line(l, &line) || !text_is(text_word(&line), name))
         return vtk_fail(&l->stream, l->error, "there should be %s here", name);
-    TETLOD_TRY(take_type(l, &line, &type));
-    TETLOD_TRY(new_ints(l, type, (uint64_t)count, out));
-    return vtk_ints(&l->stream, type, (size_t)count, *out, l->error);
+    return take_type(l, &line, type);
 }
 
 static enum tetlod_status take_new_cells(struct legacy *l, int64_t offsets, int64_t connectivity)
 {
-    TETLOD_TRY(take_new_array(l, "OFFSETS", offsets, &l->offsets));
-    TETLOD_TRY(take_new_array(l, "CONNECTIVITY", connectivity, &l->connectivity));
-    l->cell_count = offsets ? (uint64_t)offsets - 1 : 0;
-    l->connectivity_count = (uint64_t)connectivity;
+    struct cells *cells = &l->block->cells;
+    enum value_type type;
+    uint64_t count = offsets ? (uint64_t)offsets - 1 : 0;
+    TETLOD_TRY(take_array_type(l, "OFFSETS", &type));
+    TETLOD_TRY(vtk_check_count(&l->stream, type, (uint64_t)offsets, l->error));
+    TETLOD_TRY(new_offsets(l, count));
+    for (int64_t c = 0; c < offsets; c++) {
+        int64_t offset;
+        TETLOD_TRY(vtk_ints(&l->stream, type, 1, &offset, l->error));
+        cells->offsets[c] = (uint64_t)offset; // a negative one is beyond every array
+    }
+    TETLOD_TRY(take_array_type(l, "CONNECTIVITY", &type));
+    TETLOD_TRY(take_numbers(l, type, (uint64_t)connectivity, &cells->connectivity));
+    cells->count = count;
+    cells->connectivity_count = (uint64_t)connectivity;
     return TETLOD_OK;
 }
 
@@ -223,21 +254,20 @@ static enum tetlod_status on_cells(struct legacy *l, struct text line)
 
 static enum tetlod_status on_cell_types(struct legacy *l, struct text line)
 {
-    int64_t count, *types = NULL;
+    int64_t count, type;
+    struct cells *cells = &l->block->cells;
     TETLOD_TRY(take_count(l, &line, &count));
-    if ((uint64_t)count != l->cell_count || l->cell_types)
+    if ((uint64_t)count != cells->count || cells->types)
         return fail(l, "CELL_TYPES: their number is not the number of cells");
-    enum tetlod_status status = new_ints(l, VALUE_INT32, (uint64_t)count, &types);
-    if (status == TETLOD_OK)
-        status = vtk_ints(&l->stream, VALUE_INT32, (size_t)count, types, l->error);
-    if (status == TETLOD_OK) {
-        l->cell_types = array_new((size_t)count, 1);
-        status = l->cell_types ? TETLOD_OK : tetlodi_fail_nomem(l->error, "the cells", (uint64_t)count);
+    TETLOD_TRY(vtk_check_count(&l->stream, VALUE_INT32, (uint64_t)count, l->error));
+    cells->types = array_new((size_t)count, 1);
+    if (!cells->types)
+        return tetlodi_fail_nomem(l->error, "the cells", (uint64_t)count);
+    for (int64_t c = 0; c < count; c++) {
+        TETLOD_TRY(vtk_ints(&l->stream, VALUE_INT32, 1, &type, l->error));
+        cells->types[c] = (unsigned char)(type < 0 || type > 255 ? 255 : type);
     }
-    for (int64_t c = 0; status == TETLOD_OK && c < count; c++)
-        l->cell_types[c] = (unsigned char)(types[c] < 0 || types[c] > 255 ? 255 : types[c]);
-    free(types);
-    return status;
+    return TETLOD_OK;
 }
 
 /* ---- attributes */
@@ -261,29 +291,56 @@ static char *decode_name(struct text word)
     return name;
 }
 
-/* An array of the current attributes: a point field is read, all others are passed over. */
+static uint64_t cell_tuples(const struct legacy *l)
+{
+    uint64_t count = 1;
+    if (l->dataset == UNSTRUCTURED_GRID)
+        return l->block->cells.count;
+    for (int d = 0; d < 3; d++)
+        count *= l->dims[d] > 1 ? (uint64_t)l->dims[d] - 1 : 1;
+    return count;
+}
+
+static enum tetlod_status read_values(struct legacy *l, struct text name, struct vtk_array_type type, uint64_t components)
+{
+    struct tetmesh *mesh = l->mesh;
+    bool cell = l->attributes == CELL_DATA;
+    char *decoded = decode_name(name);
+    if (!decoded)
+        return tetlodi_fail_nomem(l->error, "a field's name", (uint64_t)(name.end - name.at));
+    bool is_ghosts = cell && components == 1 && (strcmp(decoded, "vtkGhostType") == 0 || strcmp(decoded, "vtkGhostLevels") == 0);
+    enum tetlod_status status = cell ? assemble_cell_field(mesh, decoded, components, float_type(type.type), l->tuples, l->error)
+                                     : assemble_field(mesh, decoded, components, float_type(type.type), l->error);
+    free(decoded);
+    TETLOD_TRY(status);
+    struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
+    field->is_integer = !value_is_float(type.type);
+    TETLOD_TRY(vtk_doubles(&l->stream, type.type, (size_t)(l->tuples * components), field->values, l->error));
+    if (!is_ghosts)
+        return TETLOD_OK;
+    status = block_hide(l->block, field->values, l->report, l->error);
+    point_field_fini(field);
+    mesh->cell_field_count--;
+    return status;
+}
+
+/* An array of the current attributes: numbers at points and of cells are read, all others are passed over. */
 static enum tetlod_status take_attribute(struct legacy *l, struct text name, struct vtk_array_type type,
                                          int64_t components, uint64_t tuples)
 {
-    bool wanted = l->attributes == POINT_DATA && type.kind == VTK_NUMBERS && components > 0;
+    bool wanted = l->attributes != FIELD_DATA && type.kind == VTK_NUMBERS && components > 0;
     if (components < 0 || (components && tuples > UINT64_MAX / (uint64_t)components))
         return fail(l, "there are more values than a file can hold");
     uint64_t count = tuples * (uint64_t)components;
     if (wanted && tuples != l->tuples)
-        return fail(l, "this point array has another number of values than there are points");
+        return fail(l, l->attributes == POINT_DATA ? "this point array has another number of values than there are points"
+                                                   : "this cell array has another number of values than there are cells");
     if (!wanted) {
         l->report->skipped_arrays += l->attributes != FIELD_DATA;
         return vtk_skip(&l->stream, type, count, l->error);
     }
     TETLOD_TRY(vtk_check_count(&l->stream, type.type, count, l->error));
-    char *decoded = decode_name(name);
-    if (!decoded)
-        return tetlodi_fail_nomem(l->error, "a field's name", (uint64_t)(name.end - name.at));
-    enum tetlod_status status =
-        assemble_field(l->mesh, decoded, (uint64_t)components, float_type(type.type), l->error);
-    free(decoded);
-    TETLOD_TRY(status);
-    return vtk_doubles(&l->stream, type.type, (size_t)count, l->mesh->fields[l->mesh->field_count - 1].values, l->error);
+    return read_values(l, name, type, (uint64_t)components);
 }
 
 static enum tetlod_status start_attributes(struct legacy *l, struct text line, enum attributes attributes)
@@ -296,6 +353,7 @@ static enum tetlod_status start_attributes(struct legacy *l, struct text line, e
 }
 
 static enum tetlod_status make_points(struct legacy *l);
+static enum tetlod_status set_dims(struct legacy *l);
 
 static enum tetlod_status on_point_data(struct legacy *l, struct text line)
 {
@@ -309,7 +367,12 @@ static enum tetlod_status on_point_data(struct legacy *l, struct text line)
 
 static enum tetlod_status on_cell_data(struct legacy *l, struct text line)
 {
-    return start_attributes(l, line, CELL_DATA);
+    TETLOD_TRY(start_attributes(l, line, CELL_DATA));
+    if (l->tuples != cell_tuples(l))
+        return vtk_fail(&l->stream, l->error, "CELL_DATA is for %llu cells, but there are %llu",
+                        (unsigned long long)l->tuples, (unsigned long long)cell_tuples(l));
+    TETLOD_TRY(make_points(l));
+    return l->dataset == UNSTRUCTURED_GRID ? TETLOD_OK : set_dims(l);
 }
 
 static enum tetlod_status on_scalars(struct legacy *l, struct text line)
@@ -461,7 +524,8 @@ static bool grid_points(const struct legacy *l, uint64_t *out)
     return true;
 }
 
-/* Of grids whose points are not in the file. Their number is bounded by the size of the point data that follows. */
+/* Of grids whose points are not in the file. Their number is bounded by the data that follows, of points or of cells, which
+ * are at least an eighth as many. */
 static enum tetlod_status make_points(struct legacy *l)
 {
     uint64_t count;
@@ -470,7 +534,7 @@ static enum tetlod_status make_points(struct legacy *l)
         return TETLOD_OK;
     if (!grid_points(l, &count))
         return fail(l, "DIMENSIONS should be three numbers of points from 1 on, and their product below 2^32");
-    TETLOD_TRY(vtk_check_count(&l->stream, VALUE_UINT8, count, l->error));
+    TETLOD_TRY(vtk_check_count(&l->stream, VALUE_UINT8, count / 8, l->error));
     for (int d = 0; d < 3 && l->dataset == RECTILINEAR_GRID; d++)
         if (!l->coordinates[d] || l->coordinate_count[d] != l->dims[d])
             return tetlodi_fail(l->error, TETLOD_ERR_MESH, "the number of %c coordinates is not that of DIMENSIONS",
@@ -488,20 +552,24 @@ static enum tetlod_status make_points(struct legacy *l)
     return TETLOD_OK;
 }
 
-static enum tetlod_status make_cells(struct legacy *l)
+static enum tetlod_status set_dims(struct legacy *l)
 {
-    if (l->dataset == UNSTRUCTURED_GRID) {
-        if (!l->cell_types && l->cell_count)
-            return tetlodi_fail(l->error, TETLOD_ERR_MESH, "CELL_TYPES are missing; is the file truncated?");
-        struct vtk_cells cells = {l->cell_count, l->connectivity_count, l->cell_types, l->offsets, l->connectivity};
-        return assemble_vtk_cells(l->mesh, &cells, 0, l->mesh->vertex_count, l->report, l->error);
-    }
     uint64_t count;
     if (!grid_points(l, &count) || count != l->mesh->vertex_count)
         return tetlodi_fail(l->error, TETLOD_ERR_MESH, "the number of points is not that of DIMENSIONS; is the file "
                                                        "truncated?");
-    const uint32_t dims[3] = {(uint32_t)l->dims[0], (uint32_t)l->dims[1], (uint32_t)l->dims[2]};
-    return assemble_grid(l->mesh, dims, l->report, l->error);
+    for (int d = 0; d < 3; d++)
+        l->block->dims[d] = (uint32_t)l->dims[d];
+    return TETLOD_OK;
+}
+
+static enum tetlod_status finish_cells(struct legacy *l)
+{
+    if (l->dataset != UNSTRUCTURED_GRID)
+        return set_dims(l);
+    if (!l->block->cells.types && l->block->cells.count)
+        return tetlodi_fail(l->error, TETLOD_ERR_MESH, "CELL_TYPES are missing; is the file truncated?");
+    return TETLOD_OK;
 }
 
 static const char magic[] = "# vtk DataFile Version ";
@@ -519,7 +587,8 @@ static enum tetlod_status read_header(struct legacy *l)
     if (l->major_version < 1 || l->major_version > 5)
         return fail(l, "only versions 1.0 to 5.1 of legacy VTK are known");
     text_line(&l->stream.rest); // the title
-    mode = text_line(&l->stream.rest);
+    if (!next_line(l, &mode))
+        return fail(l, "the file ends too early; is it truncated?");
     struct text word = text_word(&mode);
     l->stream.binary = text_is(word, "BINARY");
     if (!l->stream.binary && !text_is(word, "ASCII"))
@@ -537,25 +606,26 @@ static enum tetlod_status read_all(struct legacy *l)
         return fail(l, "the file ends without a DATASET; is it truncated?");
     if (!l->mesh->positions)
         return fail(l, l->dataset == RECTILINEAR_GRID || l->dataset == STRUCTURED_POINTS
-                           ? "there is no POINT_DATA; a field has values at points"
+                           ? "there is neither POINT_DATA nor CELL_DATA"
                            : "there are no POINTS");
-    return make_cells(l);
+    return finish_cells(l);
 }
 
-enum tetlod_status vtk_read(struct tetmesh *mesh, const struct io_input *input, struct io_report *report,
+enum tetlod_status vtk_read(struct blocks *out, const struct io_input *input, struct io_report *report,
                             struct tetlod_error *error)
 {
+    struct block *block;
+    TETLOD_TRY(blocks_add(out, &block, error));
+    struct tetmesh *mesh = &block->mesh;
     const char *begin = (const char *)input->bytes;
     struct legacy l = {.stream = {begin, {begin, begin + input->size}, false},
                        .mesh = mesh,
+                       .block = block,
                        .report = report,
                        .error = error,
                        .spacing = {1, 1, 1}};
     enum tetlod_status status = read_all(&l);
     for (int d = 0; d < 3; d++)
         free(l.coordinates[d]);
-    free(l.offsets);
-    free(l.connectivity);
-    free(l.cell_types);
     return status;
 }

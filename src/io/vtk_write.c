@@ -9,6 +9,8 @@
 
 enum { VTK_TETRA = 10 };
 
+static const char *const types[] = {[TETLOD_FLOAT32] = "float", [TETLOD_FLOAT64] = "double"};
+
 /* Names are one word: what would end it, and '%' itself, is written as %XX. */
 static void put_name(struct put *put, const char *name)
 {
@@ -42,9 +44,19 @@ static void put_cells(struct put *put, const struct tetmesh *mesh)
     put_text(put, "\n");
 }
 
+static void put_fields(struct put *put, const char *where, const struct point_field *fields, uint32_t count, uint32_t rows)
+{
+    if (count)
+        put_format(put, "%s %" PRIu32 "\nFIELD FieldData %" PRIu32 "\n", where, rows, count);
+    for (uint32_t f = 0; f < count; f++) {
+        put_name(put, fields[f].name);
+        put_format(put, " %" PRIu32 " %" PRIu32 " %s\n", fields[f].components, rows, types[fields[f].type]);
+        put_doubles(put, fields[f].type, fields[f].values, (size_t)fields[f].components * rows);
+    }
+}
+
 enum tetlod_status io_write_vtk(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error)
 {
-    static const char *const types[] = {[TETLOD_FLOAT32] = "float", [TETLOD_FLOAT64] = "double"};
     struct put put;
     if (mesh->vertex_count > INT32_MAX)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "legacy VTK numbers points with 31 bits; write .vtu");
@@ -53,13 +65,7 @@ enum tetlod_status io_write_vtk(const struct tetmesh *mesh, const struct tetlodi
     put_format(&put, "POINTS %" PRIu32 " %s\n", mesh->vertex_count, types[mesh->position_type]);
     put_doubles(&put, mesh->position_type, mesh->positions, 3 * (size_t)mesh->vertex_count);
     put_cells(&put, mesh);
-    if (mesh->field_count)
-        put_format(&put, "POINT_DATA %" PRIu32 "\nFIELD FieldData %" PRIu32 "\n", mesh->vertex_count, mesh->field_count);
-    for (uint32_t f = 0; f < mesh->field_count; f++) {
-        const struct point_field *field = &mesh->fields[f];
-        put_name(&put, field->name);
-        put_format(&put, " %" PRIu32 " %" PRIu32 " %s\n", field->components, mesh->vertex_count, types[field->type]);
-        put_doubles(&put, field->type, field->values, (size_t)field->components * mesh->vertex_count);
-    }
+    put_fields(&put, "POINT_DATA", mesh->fields, mesh->field_count, mesh->vertex_count);
+    put_fields(&put, "CELL_DATA", mesh->cell_fields, mesh->cell_field_count, mesh->tet_count);
     return put_finish(&put);
 }

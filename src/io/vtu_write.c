@@ -2,6 +2,7 @@
 /* Writing VTU 1.0: raw appended data, in zlib blocks or plain, UInt64 headers, little-endian. All arrays are packed first,
  * because the XML in front gives their offsets. */
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,8 +11,10 @@
 #include "format/fail.h"
 #include "src/io/io.h"
 #include "src/util/array.h"
+#include "src/util/parallel.h"
 
 enum {
+    GROUP = 32, // blocks that are compressed at a time, on all threads
     BLOCK = 1 << 18,    // whole values of every type
     DEFLATE_LEVEL = 4,  // 6 takes twice the time for 1 % less
     VTK_TETRA = 10,
@@ -23,8 +26,8 @@ enum kind { FLOAT32, FLOAT64, INT32, INT64, UINT8 };
 struct column {
     enum kind kind;
     uint64_t count;
-    const double *values;    /* FLOAT32, FLOAT64 */
-    const uint32_t *indices; /* INT32, INT64: these, or 4, 8, 12, ... if NULL; UINT8: VTK_TETRA throughout */
+    const double *values;    /* FLOAT32, FLOAT64; whole numbers for INT32, INT64 */
+    const uint32_t *indices; /* INT32, INT64 without values: these, or 4, 8, 12, ... if NULL; UINT8: VTK_TETRA throughout */
 };
 
 struct packed {
@@ -43,58 +46,113 @@ static void store(unsigned char *out, uint64_t word, size_t size)
         out[b] = (unsigned char)(word >> 8 * b);
 }
 
-static uint64_t word_at(const struct column *column, uint64_t i)
+static void store_double(unsigned char *out, double value)
 {
-    uint64_t word = 0;
-    if (column->kind == FLOAT64)
-        memcpy(&word, &column->values[i], 8);
-    else if (column->kind == FLOAT32) {
-        float value = (float)column->values[i];
-        uint32_t bits;
-        memcpy(&bits, &value, 4);
-        word = bits;
-    } else if (column->kind == UINT8)
-        word = VTK_TETRA;
-    else
-        word = column->indices ? column->indices[i] : 4 * (i + 1);
-    return word;
+    uint64_t word;
+    memcpy(&word, &value, sizeof word);
+    store(out, word, sizeof word);
 }
 
-static size_t fill_block(const struct column *column, uint64_t first, unsigned char *block)
+static void store_float(unsigned char *out, double value)
 {
+    float narrow = (float)value;
+    uint32_t word;
+    memcpy(&word, &narrow, sizeof word);
+    store(out, word, sizeof word);
+}
+
+static uint64_t integer_at(const struct column *column, uint64_t i)
+{
+    if (column->values)
+        return (uint64_t)(int64_t)column->values[i];
+    return column->indices ? column->indices[i] : 4 * (i + 1);
+}
+
+/* The values first .. first + count; a loop for each kind, because compilers make single stores of them. */
+static void fill(const struct column *column, uint64_t first, size_t count, unsigned char *out)
+{
+    switch (column->kind) {
+    case FLOAT64:
+        for (size_t i = 0; i < count; i++)
+            store_double(out + 8 * i, column->values[first + i]);
+        break;
+    case FLOAT32:
+        for (size_t i = 0; i < count; i++)
+            store_float(out + 4 * i, column->values[first + i]);
+        break;
+    case INT32:
+        for (size_t i = 0; i < count; i++)
+            store(out + 4 * i, integer_at(column, first + i), 4);
+        break;
+    case INT64:
+        for (size_t i = 0; i < count; i++)
+            store(out + 8 * i, integer_at(column, first + i), 8);
+        break;
+    case UINT8:
+        memset(out, VTK_TETRA, count);
+        break;
+    }
+}
+
+/* Blocks that threads fill and compress, each into its part of a buffer. */
+struct group {
+    const struct column *column;
+    uint64_t first;       /* block */
+    uLong bound;          /* of a compressed block */
+    unsigned char *plain; /* [worker * BLOCK] */
+    unsigned char *packed; /* [block of the group * bound] */
+    uLong sizes[GROUP];   /* 0: failed */
+};
+
+static void pack_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct group *group = context;
+    const struct column *column = group->column;
     size_t width = width_of(column->kind), most = BLOCK / width;
-    uint64_t left = column->count - first;
-    size_t count = left < most ? (size_t)left : most;
-    for (size_t i = 0; i < count; i++)
-        store(block + i * width, word_at(column, first + i), width);
-    return count * width;
+    unsigned char *plain = group->plain + (size_t)worker * BLOCK;
+    for (size_t b = begin; b < end; b++) {
+        uint64_t first = (group->first + b) * most, left = column->count - first;
+        size_t count = left < most ? (size_t)left : most;
+        uLong size = group->bound;
+        fill(column, first, count, plain);
+        group->sizes[b] = compress2(group->packed + b * group->bound, &size, plain, (uLong)(count * width), DEFLATE_LEVEL) == Z_OK
+                              ? size
+                              : 0;
+    }
+}
+
+static enum tetlod_status pack_group(struct group *group, uint64_t blocks, struct packed *out, size_t *capacity,
+                                     unsigned threads, struct tetlod_error *error)
+{
+    size_t count = blocks - group->first < GROUP ? (size_t)(blocks - group->first) : GROUP;
+    parallel_for(threads, count, 1, pack_range, group);
+    for (size_t b = 0; b < count; b++) {
+        if (!group->sizes[b] || !array_reserve((void **)&out->bytes, capacity, out->size + group->sizes[b], 1))
+            return tetlodi_fail_nomem(error, "compressing the output", group->bound);
+        memcpy(out->bytes + out->size, group->packed + b * group->bound, group->sizes[b]);
+        store(out->bytes + 24 + 8 * (group->first + b), group->sizes[b], 8);
+        out->size += group->sizes[b];
+    }
+    return TETLOD_OK;
 }
 
 static enum tetlod_status pack(const struct column *column, struct packed *out, struct tetlod_error *error)
 {
-    size_t width = width_of(column->kind), block_values = BLOCK / width;
-    uint64_t total = column->count * width, blocks = (total + BLOCK - 1) / BLOCK;
+    uint64_t total = column->count * width_of(column->kind), blocks = (total + BLOCK - 1) / BLOCK;
     size_t header = 8 * (3 + (size_t)blocks), capacity = 0;
-    unsigned char *block = array_new(BLOCK, 1);
+    unsigned threads = blocks > 1 ? parallel_cores() : 1;
+    threads = threads < GROUP ? threads : GROUP;
+    struct group group = {.column = column, .bound = compressBound(BLOCK)};
     enum tetlod_status status = TETLOD_OK;
+    group.plain = array_new(threads, BLOCK);
+    group.packed = array_new(blocks < GROUP ? (size_t)blocks : GROUP, group.bound);
+    if (!group.plain || !group.packed || !array_reserve((void **)&out->bytes, &capacity, header, 1))
+        status = tetlodi_fail_nomem(error, "an array of the output", total);
     out->size = header;
-    for (uint64_t b = 0; status == TETLOD_OK && b <= blocks; b++) {
-        uLong bound = compressBound(BLOCK);
-        if (!block || !array_reserve((void **)&out->bytes, &capacity, out->size + bound, 1)) {
-            status = tetlodi_fail_nomem(error, "an array of the output", total);
-            break;
-        }
-        if (b == blocks)
-            break; // this round was for the header of an array without blocks
-        size_t size = fill_block(column, b * block_values, block);
-        if (compress2(out->bytes + out->size, &bound, block, size, DEFLATE_LEVEL) != Z_OK) {
-            status = tetlodi_fail_nomem(error, "compressing the output", BLOCK);
-            break;
-        }
-        store(out->bytes + 24 + 8 * b, bound, 8);
-        out->size += bound;
-    }
-    free(block);
+    for (; status == TETLOD_OK && group.first < blocks; group.first += GROUP)
+        status = pack_group(&group, blocks, out, &capacity, threads, error);
+    free(group.plain);
+    free(group.packed);
     if (status != TETLOD_OK)
         return status;
     store(out->bytes, blocks, 8);
@@ -106,15 +164,13 @@ static enum tetlod_status pack(const struct column *column, struct packed *out, 
 /* The same without compression: size and values. */
 static enum tetlod_status pack_plain(const struct column *column, struct packed *out, struct tetlod_error *error)
 {
-    size_t width = width_of(column->kind), done = 8;
-    uint64_t total = column->count * width;
+    uint64_t total = column->count * width_of(column->kind);
     out->bytes = array_new((size_t)total + 8, 1);
     if (!out->bytes)
         return tetlodi_fail_nomem(error, "an array of the output", total);
     out->size = (size_t)total + 8;
     store(out->bytes, total, 8);
-    while (done < out->size)
-        done += fill_block(column, (done - 8) / width, out->bytes + done);
+    fill(column, 0, (size_t)column->count, out->bytes + 8);
     return TETLOD_OK;
 }
 
@@ -123,7 +179,7 @@ struct writer {
     const struct tetlodi_sink *sink;
     struct tetlod_error *error;
     bool plain;
-    struct packed *arrays; /* the fields, then points, connectivity, offsets, types */
+    struct packed *arrays; /* the fields, those of cells, then points, connectivity, offsets, types */
     uint64_t offset;       /* of the next array in the appended data */
     uint32_t next;
     enum tetlod_status status; /* of the sink; nothing is written after a failure */
@@ -181,6 +237,34 @@ static bool is_wide(const struct tetmesh *mesh)
     return mesh->tet_count > INT32_MAX / 4; // then the last offset does not fit Int32
 }
 
+/* Integer values of cells stay integers. */
+static enum kind cell_kind(const struct point_field *field, size_t count)
+{
+    bool fits = field->is_integer;
+    if (!field->is_integer)
+        return field->type == TETLOD_FLOAT32 ? FLOAT32 : FLOAT64;
+    for (size_t i = 0; i < count; i++) {
+        if (!(fabs(field->values[i]) <= 0x1p53)) // also NaN: an option may have changed them
+            return FLOAT64;
+        fits &= fabs(field->values[i]) <= INT32_MAX;
+    }
+    return fits ? INT32 : INT64;
+}
+
+static void put_cell_data(struct writer *w)
+{
+    static const char *const types[] = {"Float32", "Float64", "Int32", "Int64"};
+    const struct tetmesh *mesh = w->mesh;
+    if (!mesh->cell_field_count)
+        return;
+    put_text(w, "      <CellData>\n");
+    for (uint32_t f = 0; f < mesh->cell_field_count; f++) {
+        const struct point_field *field = &mesh->cell_fields[f];
+        put_array(w, types[cell_kind(field, (size_t)mesh->tet_count * field->components)], field->name, field->components);
+    }
+    put_text(w, "      </CellData>\n");
+}
+
 static void put_document(struct writer *w)
 {
     const struct tetmesh *mesh = w->mesh;
@@ -198,7 +282,9 @@ static void put_document(struct writer *w)
     put_text(w, ">\n");
     for (uint32_t f = 0; f < mesh->field_count; f++)
         put_array(w, float_types[mesh->fields[f].type], mesh->fields[f].name, mesh->fields[f].components);
-    put_text(w, "      </PointData>\n      <Points>\n");
+    put_text(w, "      </PointData>\n");
+    put_cell_data(w);
+    put_text(w, "      <Points>\n");
     put_array(w, float_types[mesh->position_type], "Points", 3);
     put_text(w, "      </Points>\n      <Cells>\n");
     put_array(w, int_type, "connectivity", 1);
@@ -221,6 +307,11 @@ static enum tetlod_status pack_all(const struct tetmesh *mesh, bool plain, struc
         struct column column = {float_kinds[field->type], field->components * vertices, field->values, NULL};
         TETLOD_TRY(pack_one(&column, arrays++, error));
     }
+    for (uint32_t f = 0; f < mesh->cell_field_count; f++) {
+        const struct point_field *field = &mesh->cell_fields[f];
+        struct column column = {cell_kind(field, (size_t)tets * field->components), field->components * tets, field->values, NULL};
+        TETLOD_TRY(pack_one(&column, arrays++, error));
+    }
     const struct column cells[] = {
         {float_kinds[mesh->position_type], 3 * vertices, mesh->positions, NULL},
         {index_kind, 4 * tets, NULL, mesh->corners},
@@ -235,7 +326,7 @@ static enum tetlod_status pack_all(const struct tetmesh *mesh, bool plain, struc
 static enum tetlod_status write_vtu(const struct tetmesh *mesh, bool plain, const struct tetlodi_sink *sink,
                                     struct tetlod_error *error)
 {
-    size_t count = (size_t)mesh->field_count + 4;
+    size_t count = (size_t)mesh->field_count + mesh->cell_field_count + 4;
     struct writer w = {mesh, sink, error, plain, array_zero(count, sizeof *w.arrays), 0, 0, TETLOD_OK};
     if (!w.arrays)
         return tetlodi_fail_nomem(error, "the list of arrays", count * sizeof *w.arrays);

@@ -56,7 +56,7 @@ struct contraction_log {
     double *certified;      /* [component_count * mark] running maximum of the certified error, fraction of the range */
     double *predicted;      /* [component_count * mark] running maximum of the prediction, fraction of the range */
     size_t mark_capacity, certified_capacity, predicted_capacity;
-    uint64_t degenerate_tets, inverted_tets; /* of the original */
+    uint64_t degenerate_tets, inverted_tets, folded_tets; /* of the original; folded: on one side of a face with a neighbour */
 };
 
 /* An empty log of a mesh: room for vertex_count records. ERR_NOMEM; *log is then empty. */

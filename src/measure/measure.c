@@ -22,7 +22,6 @@ struct measure {
     size_t sample_count;
     double *errors;     /* [field_count * sample] */
     uint32_t *hosts;    /* [sample] original tetrahedron whose image held the sample last, or TETLOD_NONE */
-    uint8_t *outside;   /* [sample] the level at hand does not hold it */
     uint8_t *degenerate; /* [tet] */
     uint8_t *hollow;     /* [vertex] all of its tetrahedra are degenerate: no interpolant has its value */
     uint32_t contractions;
@@ -126,6 +125,15 @@ static double place_value(const double *values, uint32_t width, uint32_t compone
     return sum;
 }
 
+/* A field there, less a value: so that rounding is about what varies, not about how far from zero it does. */
+static double place_rise(const struct point_field *field, uint32_t component, const struct place *place, double base)
+{
+    double sum = 0;
+    for (int i = 0; i < 4; i++)
+        sum += place->weights[i] * (field->values[(size_t)place->vertices[i] * field->components + component] - base);
+    return sum;
+}
+
 /* ---- one sample */
 
 /* The difference at a place of the original and one of the level, largest over components, for each field: taken if it is
@@ -138,9 +146,10 @@ static void compare_places(const struct comparison *c, const struct place *origi
         const struct point_field *a = &measure->original->fields[measure->fields ? measure->fields[f] : f];
         const struct point_field *b = &c->level->fields[c->level_fields ? c->level_fields[f] : f];
         double worst = 0;
-        for (uint32_t k = 0; k < a->components; k++)
-            worst = larger(worst, fabs(place_value(b->values, b->components, k, level) -
-                                       place_value(a->values, a->components, k, original)));
+        for (uint32_t k = 0; k < a->components; k++) {
+            double base = a->values[(size_t)original->vertices[0] * a->components + k];
+            worst = larger(worst, fabs(place_rise(b, k, level, base) - place_rise(a, k, original, base)));
+        }
         if (first || worst < errors[f])
             errors[f] = worst;
     }
@@ -207,7 +216,6 @@ static void compare_sample(const struct comparison *c, size_t sample, uint32_t *
     if (c->ancestry || !measure->ambiguous[sample])
         found = locator_walk(&c->locator, c->ancestry ? walk_start(c, sample) : *near, p, level.weights);
     measure->hosts[sample] = TETLOD_NONE;
-    measure->outside[sample] = false;
     if (found != TETLOD_NONE && (c->ancestry || strictly_inside(level.weights))) {
         memcpy(level.vertices, c->level->corners + 4 * (size_t)found, sizeof level.vertices);
         compare_places(c, &original, &level, true, errors);
@@ -223,7 +231,6 @@ static void compare_sample(const struct comparison *c, size_t sample, uint32_t *
     }
     *near = count ? tets[0] : *near;
     if (!count) {
-        measure->outside[sample] = true;
         locator_closest(&c->locator, p, &level);
         compare_places(c, &original, &level, true, errors);
     }
@@ -252,7 +259,6 @@ static void summarise(const struct measure *measure, struct measured *out)
                 out[f].rms *= shrink * shrink;
                 out[f].sampled = errors[f];
             }
-            out[f].outside = measure->outside[sample] ? larger(out[f].outside, errors[f]) : out[f].outside;
             double part = out[f].sampled > 0 ? errors[f] / out[f].sampled : 0;
             out[f].rms += part * part;
         }
@@ -361,7 +367,6 @@ void measure_free(struct measure *measure)
         return;
     free(measure->errors);
     free(measure->hosts);
-    free(measure->outside);
     free(measure->degenerate);
     free(measure->hollow);
     free(measure->ambiguous);
@@ -385,11 +390,10 @@ enum tetlod_status measure_new(struct measure **out, const struct tetmesh *origi
                                 .errors = array_zero(samples * field_count, sizeof(double)),
                                 .hosts = array_new(samples, sizeof(uint32_t)),
                                 .nearest = array_new(original->vertex_count, sizeof(uint32_t)),
-                                .outside = array_zero(samples, 1),
                                 .degenerate = array_zero(original->tet_count, 1),
                                 .hollow = array_new(original->vertex_count, 1)};
     enum tetlod_status status = TETLOD_OK;
-    if (!measure->errors || !measure->hosts || !measure->nearest || !measure->outside || !measure->degenerate || !measure->hollow)
+    if (!measure->errors || !measure->hosts || !measure->nearest || !measure->degenerate || !measure->hollow)
         status = tetlodi_fail_nomem(error, "samples", samples * (8 * (uint64_t)field_count + 4));
     if (status == TETLOD_OK)
         status = locator_init(&measure->locator, original->positions, original->vertex_count, original->corners,

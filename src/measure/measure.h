@@ -13,7 +13,6 @@ enum { MEASURE_PER_TET = 2 };
 
 struct measured {
     double sampled, rms; /* in the field's units; the largest over its components at each point */
-    double outside;      /* as sampled, over points outside the level alone */
 };
 
 /* Weights of sample `which` < MEASURE_PER_TET in a tetrahedron: the centroid, or random ones that follow from its corners'

@@ -170,13 +170,20 @@ static bool make_cell(const struct overlay *overlay, uint32_t tet_a, uint32_t te
     return cell->count > 0;
 }
 
+/* A value of the field in tetrahedron `tet` of mesh m, at its first corner. */
+static double base_of(const struct overlay *overlay, const struct compared *compared, int m, uint32_t tet)
+{
+    return compared->values[m][(size_t)overlay->meshes[m]->corners[4 * (size_t)tet] * compared->stride];
+}
+
+/* The field less a base: so that rounding is about what varies, not about how far from zero it does. */
 static double value_at(const struct overlay *overlay, const struct compared *compared, int m, uint32_t tet,
-                       const double weights[4])
+                       const double weights[4], double base)
 {
     const uint32_t *corners = overlay->meshes[m]->corners + 4 * (size_t)tet;
     double sum = 0;
     for (int k = 0; k < 4; k++)
-        sum += weights[k] * compared->values[m][(size_t)corners[k] * compared->stride];
+        sum += weights[k] * (compared->values[m][(size_t)corners[k] * compared->stride] - base);
     return sum;
 }
 
@@ -186,7 +193,8 @@ static double difference(const struct overlay *overlay, const struct worker *wor
                          const struct cell *cell, const double end[2][4], double found)
 {
     double p[3] = {0, 0, 0}, inside[3] = {0, 0, 0}, weights[4];
-    double value = value_at(overlay, compared, 0, cell->tets[0], end[0]);
+    double base = base_of(overlay, compared, 0, cell->tets[0]);
+    double value = value_at(overlay, compared, 0, cell->tets[0], end[0], base);
     for (int c = 0; c < 4; c++)
         for (int i = 0; i < 3; i++) {
             double x = corner(overlay->meshes[0], cell->tets[0], c)[i];
@@ -201,7 +209,7 @@ static double difference(const struct overlay *overlay, const struct worker *wor
         if (weights[0] < 0 || weights[1] < 0 || weights[2] < 0 || weights[3] < 0)
             continue;
         weights_of(&overlay->maps[1][tet], p, weights);
-        found = smaller(found, fabs(value - value_at(overlay, compared, 1, tet, weights)));
+        found = smaller(found, fabs(value - value_at(overlay, compared, 1, tet, weights, base)));
     }
     return found;
 }
@@ -211,10 +219,10 @@ static void compare_cell(const struct overlay *overlay, struct worker *worker, c
     worker->cells++;
     for (uint32_t c = 0; c < overlay->compared_count; c++) {
         const struct compared *compared = &overlay->compared[c];
-        double *most = &worker->most[compared->field];
+        double *most = &worker->most[compared->field], base = base_of(overlay, compared, 0, cell->tets[0]);
         for (int i = 0; i < cell->count; i++) {
-            double found = fabs(value_at(overlay, compared, 0, cell->tets[0], cell->ends[i][0]) -
-                                value_at(overlay, compared, 1, cell->tets[1], cell->ends[i][1]));
+            double found = fabs(value_at(overlay, compared, 0, cell->tets[0], cell->ends[i][0], base) -
+                                value_at(overlay, compared, 1, cell->tets[1], cell->ends[i][1], base));
             if (found > *most)
                 *most = larger(*most, difference(overlay, worker, compared, cell, (const double(*)[4])cell->ends[i], found));
         }

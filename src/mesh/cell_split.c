@@ -51,6 +51,15 @@ unsigned cell_corners(enum cell_shape shape)
     return shapes[shape].corners;
 }
 
+const uint8_t *cell_face(enum cell_shape shape, unsigned face, unsigned *out_sides)
+{
+    const struct shape *s = &shapes[shape];
+    if (face >= s->faces)
+        return NULL;
+    *out_sides = s->sides[face];
+    return s->face[face];
+}
+
 double cell_tet_volume6(const uint32_t tet[4], const double *positions)
 {
     return tet_volume6(positions + 3 * (size_t)tet[0], positions + 3 * (size_t)tet[1], positions + 3 * (size_t)tet[2],

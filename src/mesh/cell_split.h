@@ -23,6 +23,9 @@ enum { CELL_MOST_CORNERS = 12, CELL_MOST_TETS = 12 };
 
 unsigned cell_corners(enum cell_shape shape);
 
+/* The corners of a face, counter-clockwise seen from outside; NULL: there are not so many. */
+const uint8_t *cell_face(enum cell_shape shape, unsigned face, unsigned *out_sides);
+
 /* The tetrahedra of a cell other than a tetrahedron; returns their number. Every face is fanned from its vertex of
  * smallest id and the cell is the cone over them from its own smallest one, so two cells that share a face cut it the same
  * way. Tetrahedra with a repeated corner (a collapsed cell) are left out. Turned as a whole to positive volume. */

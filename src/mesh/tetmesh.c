@@ -8,44 +8,73 @@
 #include "format/fail.h"
 #include "src/util/array.h"
 
+void point_field_fini(struct point_field *field)
+{
+    free(field->name);
+    free(field->values);
+    *field = (struct point_field){0};
+}
+
 void tetmesh_fini(struct tetmesh *mesh)
 {
-    for (uint32_t f = 0; f < mesh->field_count; f++) {
-        free(mesh->fields[f].name);
-        free(mesh->fields[f].values);
-    }
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        point_field_fini(&mesh->fields[f]);
+    for (uint32_t f = 0; f < mesh->cell_field_count; f++)
+        point_field_fini(&mesh->cell_fields[f]);
     free(mesh->fields);
+    free(mesh->cell_fields);
     free(mesh->positions);
     free(mesh->corners);
     *mesh = (struct tetmesh){0};
 }
 
+/* Appends to a list of fields of `rows` values each. */
+static enum tetlod_status add_field(struct point_field **list, uint32_t *count, const char *name, uint32_t components,
+                                    enum tetlod_type type, uint64_t rows, struct tetlod_error *error)
+{
+    struct point_field *fields = array_resize(*list, (size_t)*count + 1, sizeof *fields);
+    if (!fields)
+        return tetlodi_fail_nomem(error, "a field", sizeof *fields);
+    *list = fields;
+    struct point_field field = {.name = strdup(name), .components = components, .type = type};
+    if (rows <= SIZE_MAX / components)
+        field.values = array_zero((size_t)rows * components, sizeof *field.values);
+    if (!field.name || !field.values) {
+        point_field_fini(&field);
+        return tetlodi_fail_nomem(error, name, rows * components * 8);
+    }
+    fields[(*count)++] = field;
+    return TETLOD_OK;
+}
+
 enum tetlod_status tetmesh_add_field(struct tetmesh *mesh, const char *name, uint32_t components, enum tetlod_type type,
                                      struct tetlod_error *error)
 {
-    struct point_field *fields = array_resize(mesh->fields, (size_t)mesh->field_count + 1, sizeof *fields);
-    if (!fields)
-        return tetlodi_fail_nomem(error, "a field", sizeof *fields);
-    mesh->fields = fields;
-    struct point_field field = {.name = strdup(name),
-                                .components = components,
-                                .type = type,
-                                .values = array_zero((size_t)mesh->vertex_count * components, 8)};
-    if (!field.name || !field.values) {
-        free(field.name);
-        free(field.values);
-        return tetlodi_fail_nomem(error, name, (uint64_t)mesh->vertex_count * components * 8);
-    }
-    fields[mesh->field_count++] = field;
-    return TETLOD_OK;
+    return add_field(&mesh->fields, &mesh->field_count, name, components, type, mesh->vertex_count, error);
+}
+
+enum tetlod_status tetmesh_add_cell_field(struct tetmesh *mesh, const char *name, uint32_t components,
+                                          enum tetlod_type type, uint64_t cells, struct tetlod_error *error)
+{
+    return add_field(&mesh->cell_fields, &mesh->cell_field_count, name, components, type, cells, error);
+}
+
+static uint32_t find_field(const struct point_field *fields, uint32_t count, const char *name)
+{
+    for (uint32_t f = 0; f < count; f++)
+        if (strcmp(fields[f].name, name) == 0)
+            return f;
+    return TETLOD_NONE;
 }
 
 uint32_t tetmesh_find_field(const struct tetmesh *mesh, const char *name)
 {
-    for (uint32_t f = 0; f < mesh->field_count; f++)
-        if (strcmp(mesh->fields[f].name, name) == 0)
-            return f;
-    return TETLOD_NONE;
+    return find_field(mesh->fields, mesh->field_count, name);
+}
+
+uint32_t tetmesh_find_cell_field(const struct tetmesh *mesh, const char *name)
+{
+    return find_field(mesh->cell_fields, mesh->cell_field_count, name);
 }
 
 static void keep_rows(double *values, uint32_t width, const uint32_t *target, uint32_t count)

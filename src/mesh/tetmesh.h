@@ -15,8 +15,9 @@ struct point_field {
     char *name; /* owned */
     uint32_t components;
     enum tetlod_type type;
-    double *values; /* owned, [components * vertex_count] */
+    double *values; /* owned, [components * vertex_count]; of a cell field [components * tet_count] */
     struct grid grid; /* that the values lie on */
+    bool is_integer;  /* the file holds integers: ids of regions, of materials */
 };
 
 struct tetmesh {
@@ -26,6 +27,8 @@ struct tetmesh {
     double *positions;         /* owned, [3 * vertex_count] */
     uint32_t *corners;         /* owned, [4 * tet_count]; 6V = (b-a).((c-a)x(d-a)) > 0 is the usual orientation */
     struct point_field *fields; /* owned */
+    struct point_field *cell_fields; /* owned: values of tetrahedra */
+    uint32_t cell_field_count;
     uint64_t unused_points;    /* points of the input that no tetrahedron used: dropped */
 };
 
@@ -35,8 +38,16 @@ void tetmesh_fini(struct tetmesh *mesh);
 TETLOD_CHECKED enum tetlod_status tetmesh_add_field(struct tetmesh *mesh, const char *name, uint32_t components,
                                                     enum tetlod_type type, struct tetlod_error *error);
 
+/* The same for values of `cells` cells. */
+TETLOD_CHECKED enum tetlod_status tetmesh_add_cell_field(struct tetmesh *mesh, const char *name, uint32_t components,
+                                                         enum tetlod_type type, uint64_t cells,
+                                                         struct tetlod_error *error);
+
 /* Index of a field, or TETLOD_NONE. */
 uint32_t tetmesh_find_field(const struct tetmesh *mesh, const char *name);
+uint32_t tetmesh_find_cell_field(const struct tetmesh *mesh, const char *name);
+
+void point_field_fini(struct point_field *field);
 
 /* Drops points that no tetrahedron uses, keeping the order of the others, and adds their number to unused_points. */
 TETLOD_CHECKED enum tetlod_status tetmesh_drop_unused(struct tetmesh *mesh, struct tetlod_error *error);

@@ -106,8 +106,9 @@ static enum tetlod_status contract(struct build *build)
     return status;
 }
 
-/* The certified and the predicted error of a field at a mark: its worst component's. NaN if it does not drive. */
-static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, double *errors)
+/* The certified and the predicted error of a field at a mark, as fractions of the original's range: its worst component's. NaN if it
+ * does not drive. */
+static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, double scale, double *errors)
 {
     const struct contraction_log *log = &build->log;
     errors[TETLOD_MAX] = errors[TETLOD_PREDICTED] = NAN;
@@ -115,10 +116,12 @@ static void mark_errors(const struct build *build, uint32_t mark, uint32_t field
         if (log->components[d].field != field)
             continue;
         size_t i = (size_t)mark * log->component_count + d;
-        double rounding = build->rounding ? build->rounding[field] * log->components[d].scale : 0;
-        double least = build->precision.tail ? build->precision.rounding[field] * log->components[d].scale : 0;
-        double error = larger(log->certified[i] + rounding, least); // vertices that are left are rounded
-        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], fmin(error, 1));
+        double rounding = build->rounding ? build->rounding[field] * scale : 0, certified = log->certified[i];
+        if (build->rounding && log->components[d].scale > 0) // is relative to the rounded field's range
+            certified *= scale / log->components[d].scale;
+        if (build->precision.tail) // vertices that are left are rounded
+            certified = larger(certified, build->precision.rounding[field] * scale);
+        errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], fmin(certified + rounding, 1));
         errors[TETLOD_PREDICTED] = fmax(errors[TETLOD_PREDICTED], log->predicted[i]);
     }
 }
@@ -132,15 +135,15 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
         const double *finer = mark ? errors - fields * TETLOD_MEASURES : NULL;
         point_field_range(&build->original->fields[f], build->original->vertex_count, range);
         double scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
-        mark_errors(build, mark, f, errors);
+        mark_errors(build, mark, f, scale, errors);
         errors[TETLOD_SAMPLED] = measured[f].sampled * scale;
         errors[TETLOD_RMS] = measured[f].rms * scale;
         if (build->precision.tail) { // what has not been contracted is not measured
             errors[TETLOD_SAMPLED] = larger(errors[TETLOD_SAMPLED], build->precision.rounding[f] * scale);
             errors[TETLOD_RMS] = larger(errors[TETLOD_RMS], build->precision.rounding_rms[f] * scale);
         }
-        if (!isnan(errors[TETLOD_MAX])) // a point outside is certified at another point than the closest (PROOF.md, 5)
-            errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], measured[f].outside * scale);
+        if (!isnan(errors[TETLOD_MAX])) // where the boundary moved it is proved for another point than it is measured at (PROOF.md, 5)
+            errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);
         for (int m = 0; m < TETLOD_MEASURES && finer; m++)
             errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);
     }
@@ -256,7 +259,7 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .fields = fields,
                                         .levels = build->levels,
                                         .degenerate_tets = log->degenerate_tets,
-                                        .inverted_tets = log->inverted_tets,
+                                        .inverted_tets = log->inverted_tets + log->folded_tets,
                                         .unused_points = mesh->unused_points,
                                         .metadata = build->options->metadata,
                                         .compression = build->options->compression,
@@ -307,8 +310,8 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     TETLOD_TRY_DONE(contract(&build));
     TETLOD_TRY_DONE(measure_marks(&build));
     TETLOD_TRY_DONE(encode(&build, sink));
-    *report = (struct build_report){build.log.count, build.log.mark_count + build.precision.tail,
-                                    build.log.degenerate_tets, build.log.inverted_tets};
+    *report = (struct build_report){build.log.count, build.log.mark_count + build.precision.tail, build.log.degenerate_tets,
+                                    build.log.inverted_tets, build.log.folded_tets};
 done:
     log_fini(&build.log);
     tetmesh_fini(&build.rounded);

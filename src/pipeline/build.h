@@ -40,7 +40,7 @@ struct build_options {
 
 struct build_report {
     uint32_t contractions, levels;
-    uint64_t degenerate_tets, inverted_tets;
+    uint64_t degenerate_tets, inverted_tets, folded_tets; /* the stream counts folded ones as inverted */
 };
 
 /* The mesh has passed tetmesh_validate and has a field at least. */

@@ -68,7 +68,36 @@ static void set_least_volume(struct complex *complex, uint32_t tet)
     complex->least_volume6[tet] = TET_DEGENERATE * size2 * sqrt(size2);
 }
 
-/* The orientation of most of the volume is the mesh's; what has none, or the other, is frozen. */
+static int orientation_of(const struct complex *complex, uint32_t tet)
+{
+    const double *p[4];
+    corner_positions(complex, tet, p);
+    return tet_orientation(p[0], p[1], p[2], p[3]) * complex->orientation;
+}
+
+/* Do two well oriented tetrahedra lie on the same side of their common face? Then they overlap: they list the face in the same
+ * turn, while those on two sides list it in opposite ones. */
+static bool folded_at(const struct complex *complex, uint32_t tet, unsigned face)
+{
+    uint32_t across = complex->neighbours[4 * (size_t)tet + face];
+    if (across == TETLOD_NONE)
+        return false;
+    const uint32_t *own = complex->corners + 4 * (size_t)tet, *other = complex->corners + (across & ~3u);
+    uint32_t first = own[tet_faces[face][0]], second = own[tet_faces[face][1]];
+    for (int k = 0; k < 3; k++)
+        if (other[tet_faces[across & 3][k]] == first)
+            return other[tet_faces[across & 3][(k + 1) % 3]] == second && orientation_of(complex, tet) > 0 &&
+                   orientation_of(complex, across / 4) > 0;
+    return false;
+}
+
+static bool folded(const struct complex *complex, uint32_t tet)
+{
+    return folded_at(complex, tet, 0) || folded_at(complex, tet, 1) || folded_at(complex, tet, 2) || folded_at(complex, tet, 3);
+}
+
+/* The orientation of most of the volume is the mesh's; what has none or the other is frozen, and so is what lies over a
+ * neighbour: around those a point is not in one tetrahedron (PROOF.md, 6). */
 static void orient(struct complex *complex)
 {
     const double *p[4];
@@ -80,11 +109,12 @@ static void orient(struct complex *complex)
     }
     complex->orientation = volume < 0 ? -1 : 1;
     for (uint32_t t = 0; t < complex->tet_count; t++) {
-        corner_positions(complex, t, p);
-        int orientation = tet_orientation(p[0], p[1], p[2], p[3]) * complex->orientation;
+        int orientation = orientation_of(complex, t);
+        bool fold = orientation > 0 && folded(complex, t);
         complex->log.degenerate_tets += orientation == 0;
         complex->log.inverted_tets += orientation < 0;
-        for (int c = 0; c < 4 && orientation <= 0; c++)
+        complex->log.folded_tets += fold;
+        for (int c = 0; c < 4 && (orientation <= 0 || fold); c++)
             complex->flags[complex->corners[4 * (size_t)t + c]] |= VERTEX_FROZEN;
     }
 }
@@ -202,14 +232,11 @@ enum tetlod_status complex_init(struct complex *complex, const struct tetmesh *m
 bool complex_thaw(struct complex *complex, uint32_t v)
 {
     const uint32_t *tets = complex->pool + complex->star_begin[v];
-    const double *p[4];
     if (!(complex->flags[v] & VERTEX_FROZEN))
         return false;
-    for (uint32_t i = 0; i < complex->star_count[v]; i++) {
-        corner_positions(complex, tets[i], p);
-        if (tet_orientation(p[0], p[1], p[2], p[3]) != complex->orientation)
+    for (uint32_t i = 0; i < complex->star_count[v]; i++)
+        if (orientation_of(complex, tets[i]) <= 0 || folded(complex, tets[i]))
             return false;
-    }
     complex->flags[v] &= (uint8_t)~VERTEX_FROZEN;
     return true;
 }

@@ -18,7 +18,7 @@
 enum {
     VERTEX_ALIVE = 1,
     VERTEX_BOUNDARY = 2,
-    VERTEX_FROZEN = 4, /* corner of a degenerate or inverted tetrahedron: contracted only with a vertex at the same point */
+    VERTEX_FROZEN = 4, /* corner of a degenerate, inverted or folded tetrahedron: contracted only with a vertex at the same point */
     VERTEX_SINGULAR = 8, /* not a manifold point: never contracted */
 };
 
@@ -103,7 +103,7 @@ TETLOD_CHECKED enum tetlod_status star_link_condition(struct star *star, struct 
 TETLOD_CHECKED enum tetlod_status complex_contract(struct complex *complex, const struct star *star, const double p[3],
                                                    struct tetlod_error *error);
 
-/* Is a frozen vertex free now, for its last degenerate or inverted tetrahedron is gone? Then it is no longer frozen. */
+/* Is a frozen vertex free now, for its last degenerate, inverted or folded tetrahedron is gone? Then it is no longer frozen. */
 bool complex_thaw(struct complex *complex, uint32_t v);
 
 /* p rounded to the mesh's position type. */

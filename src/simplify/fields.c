@@ -25,6 +25,7 @@ uint64_t fields_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
 void fields_fini(struct fields *fields)
 {
     for (uint32_t f = 0; f < fields->count && fields->fields; f++) {
+        free(fields->fields[f].middles);
         free(fields->fields[f].component_range);
         free(fields->fields[f].values);
     }
@@ -40,27 +41,43 @@ void fields_fini(struct fields *fields)
     *fields = (struct fields){0};
 }
 
+/* What a component's values are kept less: nothing, unless all of them are so far from zero that no more than a factor of two is
+ * between any two of them and their middle. Then the differences are exact (Sterbenz). */
+static double choose_middle(const double range[2])
+{
+    double middle = range[0] / 2 + range[1] / 2;
+    return fabs(middle) > 2 * (range[1] - range[0]) ? middle : 0;
+}
+
 static bool init_field(struct working_field *field, const struct point_field *from, size_t vertices)
 {
     size_t k = from->components;
-    *field = (struct working_field){from->components, from->type, array_new(k, 2 * sizeof(double)),
-                                    array_new(vertices * k, sizeof(double)), from->grid};
-    if (!field->component_range || !field->values)
+    *field = (struct working_field){.components = from->components,
+                                    .type = from->type,
+                                    .middles = array_new(k, sizeof(double)),
+                                    .component_range = array_new(k, 2 * sizeof(double)),
+                                    .values = array_new(vertices * k, sizeof(double)),
+                                    .grid = from->grid};
+    if (!field->middles || !field->component_range || !field->values)
         return false;
-    for (size_t i = 0; i < vertices * k; i++)
-        field->values[i] = grid_round(&field->grid, field->type, from->values[i]);
     for (size_t c = 0; c < k; c++) {
         double *range = field->component_range[c];
-        range[0] = range[1] = vertices ? field->values[c] : 0;
+        range[0] = range[1] = vertices ? from->values[c] : 0;
         for (size_t v = 1; v < vertices; v++) {
-            range[0] = fmin(range[0], field->values[v * k + c]);
-            range[1] = fmax(range[1], field->values[v * k + c]);
+            range[0] = fmin(range[0], from->values[v * k + c]);
+            range[1] = fmax(range[1], from->values[v * k + c]);
         }
+        double middle = field->middles[c] = choose_middle(range);
+        for (size_t v = 0; v < vertices; v++)
+            field->values[v * k + c] = grid_round(&field->grid, field->type, from->values[v * k + c]) - middle;
+        range[0] = grid_round(&field->grid, field->type, range[0]) - middle;
+        range[1] = grid_round(&field->grid, field->type, range[1]) - middle;
     }
     return true;
 }
 
-static bool init_driver(struct driver *driver, const struct tetmesh *mesh, uint32_t field, uint32_t component, double weight)
+static bool init_driver(struct driver *driver, const struct tetmesh *mesh, uint32_t field, uint32_t component, double middle,
+                        double weight)
 {
     size_t n = mesh->vertex_count, k = mesh->fields[field].components;
     double range[2];
@@ -76,8 +93,8 @@ static bool init_driver(struct driver *driver, const struct tetmesh *mesh, uint3
                               NULL};
     if (!driver->upper || !driver->lower || !driver->predicted)
         return false;
-    for (size_t v = 0; v < n; v++)
-        driver->upper[v] = driver->lower[v] = mesh->fields[field].values[v * k + component]; // exact: not on the grid
+    for (size_t v = 0; v < n; v++) // exact: not on the grid
+        driver->upper[v] = driver->lower[v] = mesh->fields[field].values[v * k + component] - middle;
     return true;
 }
 
@@ -96,7 +113,8 @@ enum tetlod_status fields_init(struct fields *fields, const struct tetmesh *mesh
         done = init_field(&fields->fields[f], &mesh->fields[f], mesh->vertex_count);
     for (uint32_t i = 0, d = 0; i < controlled_count && done; i++)
         for (uint32_t c = 0; c < mesh->fields[controlled[i]].components && done; c++)
-            done = init_driver(&fields->drivers[d++], mesh, controlled[i], c, limits ? 1 / limits[i] : 1);
+            done = init_driver(&fields->drivers[d++], mesh, controlled[i], c, fields->fields[controlled[i]].middles[c],
+                               limits ? 1 / limits[i] : 1);
     if (done)
         return TETLOD_OK;
     fields_fini(fields);
@@ -180,7 +198,8 @@ enum tetlod_status fields_init_quadrics(struct fields *fields, const struct comp
 double field_round(const struct working_field *field, uint32_t component, double value)
 {
     const double *range = field->component_range[component];
-    value = grid_round(&field->grid, field->type, value);
+    double middle = field->middles[component];
+    value = grid_round(&field->grid, field->type, fmin(fmax(value, range[0]), range[1]) + middle) - middle;
     return fmin(fmax(value, range[0]), range[1]);
 }
 
@@ -276,10 +295,10 @@ static double cheap_value(const struct complex *complex, const struct working_fi
         return mean;
     least = larger(least, middle - slack);
     greatest = smaller(greatest, middle + slack);
-    double k = (middle - field->grid.origin) / step, round = middle;
+    double base = field->middles[component], k = (middle + base - field->grid.origin) / step, round = middle;
     for (double spacing = 2; field->grid.bits && spacing * step <= greatest - least; spacing *= 2) {
         double value = field->grid.origin + step * (floor(k / spacing + 0.5) * spacing);
-        value = field->type == TETLOD_FLOAT32 ? (double)(float)value : value;
+        value = (field->type == TETLOD_FLOAT32 ? (double)(float)value : value) - base;
         if (value >= least && value <= greatest)
             round = value;
     }
@@ -364,7 +383,10 @@ void fields_contract(struct fields *fields, const struct complex *complex, const
     }
     for (uint32_t f = 0; f < fields->count; f++) {
         struct working_field *field = &fields->fields[f];
-        memcpy(field->values + (size_t)v * field->components, log[f].values + (size_t)c * field->components,
-               field->components * sizeof(double));
+        double *now = field->values + (size_t)v * field->components, *node = log[f].values + (size_t)c * field->components;
+        for (uint32_t k = 0; k < field->components; k++) {
+            now[k] = node[k];
+            node[k] += field->middles[k];
+        }
     }
 }

@@ -2,7 +2,8 @@
 /*
  * The fields while the complex is contracted: the current value of every component at every slot, and what is known of the
  * error of those that drive it. A driver is one component of a controlled field; U >= psi_0 >= L is its envelope
- * (PROOF.md), `predicted` the thesis's accumulated error (4.1, 4.2.3).
+ * (PROOF.md), `predicted` the thesis's accumulated error (4.1, 4.2.3). Values far from zero are kept less the middle of their
+ * range, which is exact, so that rounding is about what varies (PROOF.md, 4).
  */
 #ifndef TETLOD_FIELDS_H
 #define TETLOD_FIELDS_H
@@ -28,6 +29,7 @@ struct driver {
 struct working_field {
     uint32_t components;
     enum tetlod_type type;
+    double *middles;              /* [components] what all numbers here, but not the log's, are less */
     double (*component_range)[2]; /* [components] of the original: assigned values stay inside */
     double *values;               /* [components * slot] */
     struct grid grid;
@@ -81,7 +83,7 @@ double outcome_error(const struct fields *fields, const struct outcome *outcome)
 void fields_contract(struct fields *fields, const struct complex *complex, const struct star *star, const double p[3],
                      const struct outcome *outcome);
 
-/* s rounded to the field's type and kept in the component's range. */
+/* s, less the component's middle, as the field's type can hold it in the component's range. */
 double field_round(const struct working_field *field, uint32_t component, double value);
 
 #endif

@@ -18,7 +18,10 @@ def read(path):
 
 def accepted_options(command):
     """The long options in the getopt table of a command's source."""
-    return {'--' + name for name in re.findall(r'\{"([a-z0-9-]+)",\s*(?:no|required)_argument', read('src/cli/cmd_%s.c' % command))}
+    source = read('src/cli/cmd_%s.c' % command)
+    if 'READING_OPTIONS' in source:
+        source += read('src/cli/reading.h')
+    return {'--' + name for name in re.findall(r'\{"([a-z0-9-]+)",\s*(?:no|required)_argument', source)}
 
 
 def check_help(help_of):

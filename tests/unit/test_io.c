@@ -116,7 +116,11 @@ static void test_report(void)
     CHECK_TEXT(report.format, "vtk");
     CHECK_INT(report.split_cells, 1);
     CHECK_INT(report.skipped_cells, 2);
-    CHECK_INT(report.skipped_arrays, 1);
+    CHECK_INT(report.skipped_arrays, 0);
+    CHECK_INT(mesh.cell_field_count, 1);
+    CHECK_NEAR(mesh.cell_fields[0].values[0], 2, 0); // the tetrahedron comes first
+    CHECK_NEAR(mesh.cell_fields[0].values[1], 1, 0);
+    CHECK(mesh.cell_fields[0].is_integer);
     CHECK_INT(mesh.unused_points, 1);
     CHECK_INT(mesh.vertex_count, 9);
     CHECK_INT(mesh.tet_count, 7);

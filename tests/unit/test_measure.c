@@ -14,7 +14,7 @@ static const uint32_t first_field[1] = {0};
 
 static struct measured compare(const struct tetmesh *a, const struct tetmesh *b, unsigned threads, double *domain)
 {
-    struct measured out = {-1, -1, -1};
+    struct measured out = {-1, -1};
     struct measure *measure;
     CHECK_INT(measure_new(&measure, a, first_field, 1, NULL), TETLOD_OK);
     if (measure)

@@ -8,7 +8,8 @@ import { extname, join } from 'node:path';
 
 export const { TETLOD, SCRATCH = '.', ROOT = '.' } = process.env;
 
-const mediaTypes = { '.html': 'text/html', '.js': 'text/javascript', '.json': 'application/json', '.wasm': 'application/wasm' };
+const mediaTypes = { '.html': 'text/html', '.js': 'text/javascript', '.json': 'application/json', '.wasm': 'application/wasm',
+  '.css': 'text/css', '.svg': 'image/svg+xml' };
 
 /** A stream of the sample `fin`, made once. */
 export function sampleStream() {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The catalogue as a page: key figures of each stream, and its levels as links to mesh files.
 
+import { takeDropped } from './choose_file.js';
 import { element } from './dom.js';
 import { bytes, count, percent } from './numbers.js';
 import './theme.js';
@@ -19,6 +20,21 @@ async function getJson(path) {
   if (!answer.ok) throw new Error(body.detail ?? answer.statusText);
   return body;
 }
+
+// A server answers at v1/meshes; in a folder on a host of files (tetlod explode --viewer) the same is in index.json.
+let inFolder = false;
+
+async function getCatalogue() {
+  try {
+    return await getJson('v1/meshes');
+  } catch (error) {
+    const catalogue = await getJson('v1/meshes/index.json').catch(() => { throw error; });
+    inFolder = true;
+    return catalogue;
+  }
+}
+
+const viewOf = ({ id, cid }) => (inFolder ? `view.html?stream=v1/meshes/${encodeURIComponent(id)}/${cid}/stream` : `view/${encodeURIComponent(id)}`);
 
 function figures(stream) {
   const pairs = [
@@ -82,7 +98,7 @@ function accuracies(stream) {
   if (!measure) return '';
   const cards = [0.05, 0.01, 0.001].map((error) => {
     const level = stream.levels.find((l) => worst(stream, l, measure) <= error);
-    return element('a', { className: 'accuracy', href: `view/${encodeURIComponent(stream.id)}#error=${error}` },
+    return element('a', { className: 'accuracy', href: `${viewOf(stream)}#error=${error}` },
       element('b', {}, percent(error)), element('span', {}, `${count(level.tets)} tetrahedra`), element('span', {}, bytes(level.bytes)));
   });
   const name = measure === 'max' ? 'Certified error at most' : 'Error at most';
@@ -99,16 +115,16 @@ const sight = new IntersectionObserver((entries) => {
 });
 
 async function streamSection(item) {
-  const view = `view/${encodeURIComponent(item.id)}`;
+  const view = viewOf(item);
   const section = element('section', {}, element('div', { className: 'head' },
     element('h2', {}, element('a', { href: view }, item.id)), element('a', { className: 'button main', href: view }, 'View')));
   try {
-    const url = new URL(item.links.self, meshesUrl);
-    const stream = { ...await getJson(url), url };
+    const url = new URL(inFolder ? `${item.links.self}/index.json` : item.links.self, meshesUrl);
+    const stream = { ...await getJson(url), url: new URL(item.links.self, meshesUrl) };
     const picture = element('canvas', { className: 'thumbnail', role: 'img', ariaLabel: `The boundary of ${item.id}` });
     picture.stream = stream;
     section.append(element('div', { className: 'body' }, element('a', { href: view, tabIndex: -1 }, picture),
-      element('div', {}, figures(stream), accuracies(stream))), element('details', {}, element('summary', {}, 'Levels and files'), ...levelTable(stream)));
+      element('div', {}, figures(stream), accuracies(stream))), inFolder ? '' : element('details', {}, element('summary', {}, 'Levels and files'), ...levelTable(stream)));
     sight.observe(picture);
   } catch (error) {
     section.append(element('p', { className: 'failed' }, `This stream cannot be described: ${error.message}`));
@@ -116,10 +132,21 @@ async function streamSection(item) {
   return section;
 }
 
+// The viewer in place of the catalogue: a page that is gone to cannot be given a file.
+takeDropped(async (file) => {
+  globalThis.tetlodFile = file;
+  const page = new DOMParser().parseFromString(await (await fetch('view.html')).text(), 'text/html');
+  history.pushState(null, '', 'view.html');
+  addEventListener('popstate', () => location.reload());
+  document.head.replaceChildren(...page.head.querySelectorAll('title, meta, link[rel=stylesheet], link[rel=icon]'));
+  document.body.replaceWith(document.adoptNode(page.body));
+  await import('./view.js');
+});
+
 const meshesUrl = new URL('v1/meshes', location); // what the links are relative to
 const main = document.getElementById('streams');
 try {
-  const { meshes } = await getJson('v1/meshes');
+  const { meshes } = await getCatalogue();
   const sections = await Promise.all(meshes.map(streamSection));
   main.replaceChildren(...sections);
   if (!meshes.length) main.replaceChildren(element('p', { className: 'note' }, 'No streams are served yet: put *.tetlod files into the folder.'));

@@ -2,6 +2,7 @@
 // The viewer of one stream: state, stream and scene told of one another.
 
 import { TetlodStream } from '../client/stream.js';
+import { chooseFile } from './choose_file.js';
 import { Compass } from './compass.js';
 import { mapNames } from './colors.js';
 import { Controls } from './controls.js';
@@ -19,12 +20,19 @@ import { copyLink, savePicture } from './share.js';
 import { Store, fromFragment, toFragment } from './state.js';
 import { switchTheme, themes } from './theme.js';
 
-// view/{id} on a server; ?stream=URL is any stream that can be fetched. This module lies at the root of the site.
+// view/{id} on a server; ?stream=URL is any stream that can be fetched; without either somebody chooses a file. This module
+// lies at the root of the site.
 const root = new URL('.', import.meta.url);
 const id = decodeURIComponent(/^view\/(.*)$/.exec(location.pathname.slice(root.pathname.length))?.[1] ?? '');
 const file = new URLSearchParams(location.search).get('stream');
-const name = id || new URL(file, location).pathname.split('/').pop().replace(/\.tetlod$/, '');
-const address = file ?? new URL(`v1/meshes/${encodeURIComponent(id)}`, root).href;
+const source = await (id ? new URL(`v1/meshes/${encodeURIComponent(id)}`, root).href : file ?? chooseFile());
+const name = id || nameOf(source);
+
+// fin of …/fin.tetlod, and of …/fin/{content id}/stream
+function nameOf(from) {
+  const path = decodeURIComponent(from.name ?? new URL(from, location).pathname);
+  return /([^/]+)\/[0-9a-f]{32}\/stream$/.exec(path)?.[1] ?? path.split('/').pop().replace(/\.tetlod$/, '');
+}
 
 const stillness = matchMedia('(prefers-reduced-motion: reduce)');
 const store = new Store(fromFragment(location.hash));
@@ -191,7 +199,7 @@ function tellShown() {
   put('shown-error', percent(error), error ? `± ${significant(error * (span[1] - span[0]), 2)}` : 'exact');
   put('shown-tets', count(now.tets), percent(now.tets / info.tets));
   put('shown-level', String(level), `of ${info.levels.length - 1}`);
-  byId('download').href = `${address}/${info.cid}/levels/${level}/mesh.vtu`;
+  if (id) byId('download').href = `${source}/${info.cid}/levels/${level}/mesh.vtu`;
   byId('download').download = `${name}-${level}.vtu`;
 }
 
@@ -403,7 +411,7 @@ function valid(state) {
   return fieldOf(info, state.field) ? known : { ...known, field: targetFieldOf(info, { errorField: '' }) };
 }
 
-const opening = (target, started) => TetlodStream.open(address, { target, on: { retry: tellRetry, progress: tellLoading, started } });
+const opening = (target, started) => TetlodStream.open(source, { target, on: { retry: tellRetry, progress: tellLoading, started } });
 
 // The target goes with the first request, so that its bytes come at once; a link may ask for a measure that is not there.
 async function openStream(started) {
@@ -464,7 +472,7 @@ async function openPanel() {
   bindActions();
   countFrames();
   tellShown();
-  byId('download').hidden = Boolean(file);
+  byId('download').hidden = !id;
   byId('controls').inert = false;
 }
 
@@ -491,6 +499,6 @@ try {
   await start();
 } catch (error) {
   byId('loading').hidden = true;
-  const all = file ? [] : [element('a', { href: root.href }, 'All streams')];
+  const all = id ? [element('a', { href: root.href }, 'All streams')] : [];
   notice('error', `${name} cannot be shown: ${error.message}`, { failed: true, seconds: 0, children: all });
 }

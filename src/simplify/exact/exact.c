@@ -29,13 +29,14 @@ enum tetlod_status examiner_init(struct examiner *examiner, const struct complex
 {
     size_t drivers = fields->driver_count;
     *examiner = (struct examiner){.intervals = array_new(drivers, sizeof *examiner->intervals),
-                                  .constants = array_new(3 * drivers, sizeof(double))};
+                                  .constants = array_new(4 * drivers, sizeof(double))};
     if (!examiner->intervals || !examiner->constants) {
         examiner_fini(examiner);
-        return tetlodi_fail_nomem(error, "the exact limit", drivers * (24 + sizeof *examiner->intervals));
+        return tetlodi_fail_nomem(error, "the exact limit", drivers * (32 + sizeof *examiner->intervals));
     }
     examiner->chosen = examiner->constants + drivers;
     examiner->errors = examiner->chosen + drivers;
+    examiner->bases = examiner->errors + drivers;
     return patch_init(&examiner->patch, complex, error);
 }
 
@@ -92,17 +93,22 @@ enum tetlod_status exact_take_up(struct examiner *examiner, const struct complex
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         const struct driver *driver = &fields->drivers[d];
         const struct working_field *field = &fields->fields[driver->field];
+        const double *values = field->values + driver->component;
+        examiner->bases[d] = links ? values[(size_t)patch->link[0] * field->components] : 0;
         for (size_t l = 0; l < links; l++)
-            examiner->level[d * links + l] =
-                field->values[(size_t)patch->link[l] * field->components + driver->component];
+            examiner->level[d * links + l] = values[(size_t)patch->link[l] * field->components] - examiner->bases[d];
     }
     return TETLOD_OK;
 }
 
-static double original_value(const struct overlaps *overlaps, const struct driver *driver, uint32_t vertex)
+/* Less the driver's base. */
+static double original_value(const struct examiner *examiner, const struct overlaps *overlaps, const struct fields *fields,
+                             uint32_t d, uint32_t vertex)
 {
+    const struct driver *driver = &fields->drivers[d];
     const struct point_field *field = &overlaps->mesh->fields[driver->field];
-    return field->values[(size_t)vertex * field->components + driver->component];
+    double value = field->values[(size_t)vertex * field->components + driver->component];
+    return value - fields->fields[driver->field].middles[driver->component] - examiner->bases[d];
 }
 
 static enum tetlod_status gather(struct examiner *examiner, const struct overlaps *overlaps, const struct fields *fields,
@@ -116,7 +122,7 @@ static enum tetlod_status gather(struct examiner *examiner, const struct overlap
         return tetlodi_fail_nomem(error, "the exact limit", vertices * fields->driver_count * 8);
     for (uint32_t d = 0; d < fields->driver_count && !before; d++)
         for (size_t v = 0; v < vertices; v++)
-            examiner->original[d * vertices + v] = original_value(overlaps, &fields->drivers[d], patch->vertices[v]);
+            examiner->original[d * vertices + v] = original_value(examiner, overlaps, fields, d, patch->vertices[v]);
     return TETLOD_OK;
 }
 
@@ -210,7 +216,8 @@ static void open_intervals(struct examiner *examiner, const struct fields *field
     const struct patch *patch = &examiner->patch;
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         const struct driver *driver = &fields->drivers[d];
-        const double *range = fields->fields[driver->field].component_range[driver->component];
+        const double *whole = fields->fields[driver->field].component_range[driver->component];
+        const double range[2] = {whole[0] - examiner->bases[d], whole[1] - examiner->bases[d]};
         double least = INFINITY, greatest = -INFINITY;
         for (size_t l = 0; l < patch->link_count; l++) {
             double value = examiner->level[d * (size_t)patch->link_count + l];
@@ -223,7 +230,7 @@ static void open_intervals(struct examiner *examiner, const struct fields *field
             greatest = larger(greatest, value);
         }
         double factor = driver->scale * driver->weight, own = factor > 0 ? limit / factor : INFINITY;
-        double slack = 64 * DBL_EPSILON * (patch->condition * (greatest - least) + fabs(least) + fabs(greatest));
+        double slack = 64 * DBL_EPSILON * (patch->condition + 2) * (greatest - least);
         examiner->errors[d] = slack;
         examiner->intervals[d] = (struct interval){own * (1 + ROUNDING) - slack,
                                                    own * (1 + ROUNDING) - slack,
@@ -548,9 +555,8 @@ static bool ask_sentinel(const struct examination *e, struct sentinel here)
     if (f == TETLOD_NONE || !(weight > 0))
         return true;
     for (uint32_t d = 0; d < e->fields->driver_count; d++) {
-        const struct driver *driver = &e->fields->drivers[d];
-        double constant = -(1 - t) * original_value(e->overlaps, driver, here.ends[0]) -
-                          t * original_value(e->overlaps, driver, here.ends[1]);
+        double constant = -(1 - t) * original_value(examiner, e->overlaps, e->fields, d, here.ends[0]) -
+                          t * original_value(examiner, e->overlaps, e->fields, d, here.ends[1]);
         for (int k = 0; k < 3; k++)
             constant += weights[k] * examiner->level[d * (size_t)patch->link_count + patch->cones[f].link[k]];
         examiner->constants[d] = constant;
@@ -660,18 +666,29 @@ static double fitting(const struct examiner *examiner, const struct fields *fiel
     return squares > 0 ? -products / squares : 0;
 }
 
-/* The number of the field's type in the interval that is nearest to the wanted one, if there is one. */
+/* The value of the field that is nearest to one that is less the base. */
+static double round_value(const struct examiner *examiner, const struct fields *fields, uint32_t d, double value)
+{
+    const struct driver *driver = &fields->drivers[d];
+    return field_round(&fields->fields[driver->field], driver->component, value + examiner->bases[d]);
+}
+
+static bool within(const struct examiner *examiner, uint32_t d, double rounded)
+{
+    double value = rounded - examiner->bases[d];
+    return value >= examiner->intervals[d].low && value <= examiner->intervals[d].high;
+}
+
+/* The field's value in the interval that is nearest to the wanted one, if there is one. */
 static double choose(const struct examiner *examiner, const struct fields *fields, uint32_t d, double wanted)
 {
     const struct interval *interval = &examiner->intervals[d];
-    const struct driver *driver = &fields->drivers[d];
-    const struct working_field *field = &fields->fields[driver->field];
     double nearest = smaller(larger(wanted, interval->low), interval->high);
-    double rounded = field_round(field, driver->component, nearest);
-    if (rounded < interval->low || rounded > interval->high) // a step inwards
-        rounded = field_round(field, driver->component, 2 * nearest - rounded);
-    if (rounded < interval->low || rounded > interval->high)
-        rounded = field_round(field, driver->component, (interval->low + interval->high) / 2);
+    double rounded = round_value(examiner, fields, d, nearest);
+    if (!within(examiner, d, rounded)) // a step inwards
+        rounded = round_value(examiner, fields, d, 2 * nearest - (rounded - examiner->bases[d]));
+    if (!within(examiner, d, rounded))
+        rounded = round_value(examiner, fields, d, (interval->low + interval->high) / 2);
     return rounded;
 }
 
@@ -682,8 +699,8 @@ static void settle(struct examiner *examiner, const struct fields *fields, doubl
     out->error = 0;
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         const struct driver *driver = &fields->drivers[d];
-        double value = choose(examiner, fields, d, fitting(examiner, fields, d)), most = 0;
-        examiner->chosen[d] = value;
+        examiner->chosen[d] = choose(examiner, fields, d, fitting(examiner, fields, d));
+        double value = examiner->chosen[d] - examiner->bases[d], most = 0;
         for (size_t i = 0; i < examiner->point_count; i++) {
             const double *point = examiner->points + width * i;
             most = larger(most, fabs(point[0] * value + point[1 + d]));

@@ -35,10 +35,11 @@ struct examiner {
     struct sentinel recent[RECENT]; /* points that refused the star's candidates so far */
     uint32_t recent_count;
     struct interval *intervals; /* [driver] */
+    double *bases;              /* [driver] a value of the star: all values here are less it, so that none is larger than they vary */
     double *level, *original;   /* [driver][link], [driver][vertex] values */
     double *points;             /* [point][1 + driver] weights and constants of all corners of the overlay */
     double *constants;          /* [driver] of the one at hand */
-    double *chosen, *errors;    /* [driver] */
+    double *chosen, *errors;    /* [driver] as the field has the values; and */
     struct sentinel *places;    /* [point] */
     uint32_t *cones;            /* [point] that it is in; TETLOD_NONE: at v' */
     uint64_t *sets;             /* scratch */
