@@ -318,11 +318,14 @@ class Stream:
                 return i
         raise KeyError('no field %r; there are %s' % (name, ', '.join(f['name'] for f in self.fields)))
 
-    def level_for_error(self, error, field=None, measure='max'):
-        """The coarsest level whose error, a fraction of the range, is at most `error`."""
-        names = [field] if field else [f['name'] for f in self.fields if f['controlled']]
+    def level_for_error(self, error, field=None, measure='max', absolute=False):
+        """The coarsest level whose error is at most `error`: a fraction of the range, or `absolute`, in the field's units.
+
+        Without a field: of every controlled field, each in its own range."""
+        fields = [f for f in self.fields if (f['name'] == field if field else f['controlled'])]
+        units = [(f['name'], f['range'][1] - f['range'][0] if absolute else 1) for f in fields]
         for level in self.levels:
-            if names and all(level['errors'][name][measure] <= error for name in names):
+            if units and all(level['errors'][name].get(measure, math.nan) * unit <= error for name, unit in units):
                 return level['level']
         raise ValueError('no level has an error of at most %g' % error)
 
