@@ -456,6 +456,24 @@ class Coder:
         require(length <= 64, 'a number is not one')
         return length
 
+    def distance(self, models, wides, width, context):
+        """A number whose bits above a mantissa have models (SPEC 9.3)."""
+        length, mantissa = self.length(models.length, context), 23 if width == 32 else 52
+        require(length <= width, 'a number is not one')
+        if not length:
+            return 0
+        negative = self.bit(models.sign)
+        if length <= mantissa + 1:
+            value = self.below(models.top, length)
+        else:
+            wide = min(length - mantissa, 12)
+            value, left = 1 << wide | self.tree(wides[wide], wide), length - 1 - wide
+            while left:
+                some = min(left, 16)
+                left -= some
+                value = value << some | self.plain(some)
+        return -value if negative else value
+
     def number(self, models, context):
         length = self.length(models.length, context)
         if not length:
@@ -1031,14 +1049,18 @@ class Cursor:
     @staticmethod
     def _value(column, coder, c, first, leaf, base, extent):
         """A child's code; one that a contraction made ends in a number of zero bits."""
-        scale, zeros = column.scale, 0
-        if not leaf and scale.bits:
-            zeros = coder.tree(column.zeros[column.last_zeros[c]], 4)
-            require(zeros < scale.bits, 'a record holds what no writer writes')
-            column.last_zeros[c] = zeros
-            extent = max(extent - zeros, 0)
-            base = (base + (1 << zeros >> 1)) >> zeros << zeros
-        return scale.offset(base, coder.number(column.child[leaf][first], extent) << zeros)
+        scale = column.scale
+        if leaf or not scale.bits:
+            return scale.offset(base, coder.number(column.child[leaf][first], extent))
+        zeros, most = coder.tree(column.zeros[column.last_zeros[c]], 4), min(scale.bits - 1, 15)
+        require(zeros <= most, 'a record holds what no writer writes')
+        column.last_zeros[c] = zeros
+        shift = min(zeros + 1, most)
+        if zeros < most:
+            base = (base >> shift << shift) + (1 << zeros)
+        else:
+            base = base + (1 << most >> 1) >> most << most
+        return scale.offset(base, coder.number(column.child[0][first], max(extent - shift, 0)) << shift)
 
     # ---- the exact tail (SPEC 9.3)
 
@@ -1046,6 +1068,7 @@ class Cursor:
         for column, coder in zip(self.columns, self.coders):
             if column.part and self.stream.fields[column.part - 1]['exact_later']:
                 kinds, digits, sources = bits(4), bits(32), bits(64)
+                models = bits(2), bits(1), (Number(), Number()), [bits(1 << wide) for wide in range(13)]
                 column.exact = []
                 for c in range(column.components):
                     kind = coder.tree(kinds, 2)
@@ -1056,12 +1079,12 @@ class Cursor:
                     else:
                         digit = coder.tree(digits, 5) if kind else 0
                         require(digit <= 15 and (kind < 2 or digit), 'numbers of an unknown kind')
-                        column.exact.append(self._exact(column, coder, c, Numbers(kind, digit, column.scale)))
+                        column.exact.append(self._exact(column, coder, c, Numbers(kind, digit, column.scale), models))
 
     @staticmethod
-    def _exact(column, coder, c, numbers):
+    def _exact(column, coder, c, numbers, models):
         scale, half, floats = column.scale, 0.5 * column.scale.step[0], Numbers(0, 0, column.scale)
-        repeat, odd, models, memory, result = bits(2), bits(1), (Number(), Number()), {}, []
+        (repeat, odd, distances, wides), memory, result = models, {}, []
         for code in column.codes[c]:
             place = code % 4096
             known = memory.get(place)
@@ -1073,7 +1096,8 @@ class Cursor:
             kind = floats if not numbers.kind or coder.bit(odd) else numbers
             value = scale.value(code)
             room = abs(kind.code(value + half) - kind.code(value - half)).bit_length()
-            exact = kind.value(in_ring(kind.code(value) + coder.number(models[kind.kind > 0], room), kind.width, True))
+            distance = coder.distance(distances[kind.kind > 0], wides, kind.width, room)
+            exact = kind.value(in_ring(kind.code(value) + distance, kind.width, True))
             require(math.isfinite(exact), 'the tail holds a value that is not finite')
             memory[place] = [code, exact, 0]
             result.append(exact)
