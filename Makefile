@@ -17,14 +17,22 @@ SOVERSION := $(firstword $(subst ., ,$(VERSION)))
 B := build/$(config)
 
 # ---- what must be installed, as Debian packages; `make deps` installs what is missing
-DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev \
+DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev \
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
-DEPS_CHECK := clang qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-jsonschema nginx-light varnish openssl chromium
+DEPS_CHECK := clang qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema nginx-light varnish openssl chromium
 DEPS_BENCH := wrk nginx-light chromium
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
 PACKAGES := libzstd expat zlib liblz4 liblzma jansson libmicrohttpd
+# Libraries of single formats: used where they are installed; HDF5=0 and so on leave one out
+HDF5 ?= $(shell $(PKG_CONFIG) --exists hdf5 && echo 1)
+NETCDF ?= $(shell $(PKG_CONFIG) --exists netcdf && echo 1)
+CGNS ?= $(if $(wildcard $(addsuffix /cgnslib.h,/usr/include /usr/local/include)),1)
+PACKAGES += $(if $(filter 1,$(HDF5)),hdf5) $(if $(filter 1,$(NETCDF)),netcdf)
+OPTIONAL_CFLAGS := $(if $(filter 1,$(HDF5)),-DTETLOD_HDF5) $(if $(filter 1,$(NETCDF)),-DTETLOD_NETCDF) $(if $(filter 1,$(CGNS)),-DTETLOD_CGNS)
+OPTIONAL_SRC := $(if $(filter 1,$(HDF5)),,src/io/h5.c src/io/vtkhdf.c src/io/xdmf.c src/io/xdmf_item.c) \
+    $(if $(filter 1,$(NETCDF)),,src/io/exodus.c) $(if $(filter 1,$(CGNS)),,src/io/cgns.c)
 WARNINGS := -Wall -Wextra -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wvla -Wundef -Wcast-qual -Wpointer-arith \
     -Wwrite-strings
 ifeq ($(werror),1)
@@ -56,12 +64,12 @@ FUZZER := -fsanitize=fuzzer
 else
 $(error config is one of release, debug, asan, tsan, coverage, fuzz, not '$(config)')
 endif
-PACKAGE_CFLAGS = $(shell $(PKG_CONFIG) --cflags $(PACKAGES))
-PACKAGE_LIBS = $(shell $(PKG_CONFIG) --libs $(PACKAGES)) -lm
+PACKAGE_CFLAGS := $(shell $(PKG_CONFIG) --cflags $(PACKAGES)) $(OPTIONAL_CFLAGS)
+PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES)) $(if $(filter 1,$(CGNS)),-lcgns) -lm
 
 # ---- sources and what is made of them
 FORMAT_SRC := $(sort $(wildcard format/*.c))
-LIBRARY_SRC := $(sort $(filter-out src/cli/%,$(wildcard src/*/*.c src/*/*/*.c)))
+LIBRARY_SRC := $(sort $(filter-out src/cli/% $(OPTIONAL_SRC),$(wildcard src/*/*.c src/*/*/*.c)))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
 SERVER_SRC := $(sort $(wildcard server/*.c server/net/*.c server/answer/*.c server/store/*.c))
 SUPPORT_SRC := $(sort $(wildcard tests/*.c))
@@ -104,11 +112,14 @@ Q := $(if $(V),,@)
 all: $(BINARY) $(LIBTETLOD) $(SHARED) $(CLIENT)/package.json
 
 # A change of flags rebuilds: the stamp holds the line that compiles.
-FLAGS_LINE = $(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) $(TETLOD_LDFLAGS) $(LDFLAGS)
+FLAGS_LINE = $(CC) $(TETLOD_CFLAGS) $(OPTIONAL_CFLAGS) $(CPPFLAGS) $(CFLAGS) $(TETLOD_LDFLAGS) $(LDFLAGS)
 $(B)/flags: FORCE
 	@mkdir -p $(@D); echo '$(FLAGS_LINE)' | cmp -s - $@ || echo '$(FLAGS_LINE)' > $@
 .PHONY: FORCE
 FORCE:
+
+# The same arithmetic for processors that have it; the program asks which it runs on.
+$(B)/src/simplify/kernels_avx2.o: private TETLOD_CFLAGS += $(if $(filter x86_64%,$(shell $(CC) -dumpmachine)),-mavx2)
 
 $(B)/%.o: %.c $(B)/flags
 	@mkdir -p $(@D); $(if $(V),,echo "  CC  $<")

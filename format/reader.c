@@ -268,7 +268,10 @@ uint32_t tetlod_field_index(const struct tetlod_info *info, const char *name)
     return TETLOD_NONE;
 }
 
-static int level_holds(const struct tetlod_info *info, uint32_t level, double error, uint32_t field,
+/* What an error is compared with: a fraction of the range, or in the field's units. */
+enum unit { FRACTION, FIELD_UNITS };
+
+static int level_holds(const struct tetlod_info *info, uint32_t level, double error, enum unit unit, uint32_t field,
                        enum tetlod_measure measure)
 {
     int any = 0;
@@ -276,19 +279,32 @@ static int level_holds(const struct tetlod_info *info, uint32_t level, double er
         if (field == TETLOD_NONE ? !info->fields[f].controlled : f != field)
             continue;
         any = 1;
-        if (!(info->levels[level].errors[f * TETLOD_MEASURES + measure] <= error))
+        double range = unit == FIELD_UNITS ? info->fields[f].range[1] - info->fields[f].range[0] : 1;
+        if (!(info->levels[level].errors[f * TETLOD_MEASURES + measure] * range <= error))
             return 0;
     }
     return any;
 }
 
-uint32_t tetlod_level_for_error(const struct tetlod_info *info, double error, uint32_t field,
+static uint32_t coarsest_within(const struct tetlod_info *info, double error, enum unit unit, uint32_t field,
                                 enum tetlod_measure measure)
 {
     for (uint32_t k = 0; k < info->level_count; k++)
-        if (level_holds(info, k, error, field, measure))
+        if (level_holds(info, k, error, unit, field, measure))
             return k;
     return TETLOD_NONE;
+}
+
+uint32_t tetlod_level_for_error(const struct tetlod_info *info, double error, uint32_t field,
+                                enum tetlod_measure measure)
+{
+    return coarsest_within(info, error, FRACTION, field, measure);
+}
+
+uint32_t tetlod_level_for_abs_error(const struct tetlod_info *info, double error, uint32_t field,
+                                    enum tetlod_measure measure)
+{
+    return coarsest_within(info, error, FIELD_UNITS, field, measure);
 }
 
 uint32_t tetlod_level_for_tets(const struct tetlod_info *info, uint64_t tets)

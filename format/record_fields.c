@@ -117,32 +117,41 @@ struct context {
     unsigned extent; /* bits of the link's greatest distance */
 };
 
-/* Trailing zeros that a code is told to have; those of 0 are as many as the last had. */
-static unsigned zeros_of(const struct context *context, int64_t code)
+/* Most trailing zeros that a code is told to have. */
+static unsigned most_zeros(const struct tetlodi_scale *scale)
 {
-    unsigned zeros = code ? (unsigned)__builtin_ctzll((uint64_t)code) : *context->zeros, most = context->scale->bits - 1;
-    most = most < MOST_ZEROS ? most : MOST_ZEROS;
-    return zeros < most ? zeros : most;
+    return scale->bits - 1 < MOST_ZEROS ? scale->bits - 1 : MOST_ZEROS;
 }
 
-/* A child's code from what is predicted of it. An original's has all bits; what a contraction assigned mostly ends in zeros. */
+/* A code of a contraction, which mostly ends in zeros: how many, and what is before the one above them. */
+TETLODI_INLINE int64_t code_round(struct tetlodi_coder *coder, const struct context *context, int first, int64_t base, int64_t code)
+{
+    struct tetlodi_field_models *models = context->models;
+    unsigned most = most_zeros(context->scale), zeros = 0;
+    if (coder->encoder)
+        zeros = code && __builtin_ctzll((uint64_t)code) < (int)most ? (unsigned)__builtin_ctzll((uint64_t)code) : most;
+    zeros = code_tree(coder, models->zeros[*context->zeros], 4, zeros);
+    coder->bad |= zeros > most;
+    zeros = zeros > most ? most : zeros;
+    *context->zeros = (uint8_t)zeros;
+    unsigned shift = zeros < most ? zeros + 1 : most, extent = context->extent;
+    int64_t one = zeros < most ? INT64_C(1) << zeros : 0, middle = zeros < most ? 0 : INT64_C(1) << most >> 1;
+    base = ((base + middle) >> shift << shift) + one;
+    int64_t difference = code_difference(code, base, scale_width(context->scale)) >> shift;
+    difference = code_number(coder, &models->child[0][first], extent > shift ? extent - shift : 0, difference);
+    return code_offset(base, (int64_t)((uint64_t)difference << shift), context->scale);
+}
+
+/* A child's code from what is predicted of it. An original's has all bits. */
 TETLODI_INLINE int64_t code_value(struct tetlodi_coder *coder, const struct context *context, int first, int leaf,
                                  int64_t base, int64_t code)
 {
     const struct tetlodi_scale *scale = context->scale;
-    struct tetlodi_field_models *models = context->models;
-    unsigned zeros = 0, extent = context->extent;
-    if (!leaf && scale->bits) {
-        zeros = code_tree(coder, models->zeros[*context->zeros], 4, coder->encoder ? zeros_of(context, code) : 0);
-        coder->bad |= zeros >= scale->bits;
-        zeros = zeros >= scale->bits ? 0 : zeros;
-        *context->zeros = (uint8_t)zeros;
-        extent -= zeros < extent ? zeros : extent;
-        base = (base + (INT64_C(1) << zeros >> 1)) >> zeros << zeros;
-    }
-    int64_t difference = code_difference(code, base, scale_width(scale)) >> zeros;
-    difference = code_number(coder, &models->child[leaf][first], extent, difference);
-    return code_offset(base, (int64_t)((uint64_t)difference << zeros), scale);
+    if (!leaf && scale->bits)
+        return code_round(coder, context, first, base, code);
+    int64_t difference = code_difference(code, base, scale_width(scale));
+    difference = code_number(coder, &context->models->child[leaf][first], context->extent, difference);
+    return code_offset(base, difference, scale);
 }
 
 /* The first child, after the others: the vertex's own value, or what makes that the middle of all, or a value. */

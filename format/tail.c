@@ -30,9 +30,13 @@ struct remembered {
     uint8_t known, again; /* there is something; it was the same value again the last time */
 };
 
+/* Bits of a float's code above those of its mantissa, at most. */
+enum { MOST_WIDE = 12 };
+
 struct tail {
     struct tetlodi_bit kind[4], digits[32], source[64], repeat[2], odd;
     struct tetlodi_number number[2]; /* of floats, of decimals */
+    struct tetlodi_bit wide[MOST_WIDE + 1][1 << MOST_WIDE]; /* [modelled bits] of distances that reach other exponents */
     struct remembered memory[MEMORY];
 };
 
@@ -150,6 +154,38 @@ static unsigned find_source(const struct tetlodi_column *column, uint32_t vertic
 
 /* ---- coding */
 
+static uint64_t code_plain_bits(struct tetlodi_coder *coder, unsigned count, uint64_t value)
+{
+    uint64_t bits = 0;
+    while (count) {
+        unsigned some = count < 16 ? count : 16;
+        count -= some;
+        bits = bits << some | code_plain(coder, some, (uint32_t)(value >> count) & ((1u << some) - 1));
+    }
+    return bits;
+}
+
+/* A distance: as any number, but where it reaches into the exponents, these bits are worth models. */
+static int64_t code_distance_of(struct tetlodi_coder *coder, struct tail *tail, int decimal, unsigned width, unsigned context,
+                                int64_t value)
+{
+    struct tetlodi_number *models = &tail->number[decimal];
+    uint64_t size = value < 0 ? 0 - (uint64_t)value : (uint64_t)value;
+    unsigned mantissa = width == 32 ? 23 : 52, length = code_tree(coder, models->length[context], 7, bit_length(size));
+    coder->bad |= length > width;
+    if (!length || length > width)
+        return 0;
+    int negative = code_bit(coder, &models->sign, value < 0);
+    if (length <= mantissa + 1) {
+        size = code_below(coder, models->top[length], length, size);
+    } else {
+        unsigned wide = length - mantissa < MOST_WIDE ? length - mantissa : MOST_WIDE, left = length - 1 - wide;
+        uint64_t top = UINT64_C(1) << wide | code_tree(coder, tail->wide[wide], wide, (unsigned)(size >> left) & ((1u << wide) - 1));
+        size = top << left | code_plain_bits(coder, left, size);
+    }
+    return (int64_t)(negative ? 0 - size : size);
+}
+
 /* One value, from its code on the grid. */
 static double code_exact(struct tetlodi_coder *coder, struct tail *tail, const struct numbers *numbers,
                          const struct tetlodi_scale *scale, int64_t code, double exact)
@@ -168,7 +204,7 @@ static double code_exact(struct tetlodi_coder *coder, struct tail *tail, const s
     unsigned width = numbers->kind == KIND_FLOAT && numbers->type == TETLOD_FLOAT32 ? 32 : 64;
     const struct tetlodi_scale ring = {.type = width == 32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64};
     int64_t base = number_code(numbers, value), difference = code_difference(number_code(numbers, exact), base, width);
-    difference = code_number(coder, &tail->number[numbers->kind != KIND_FLOAT], room(numbers, scale, value), difference);
+    difference = code_distance_of(coder, tail, numbers->kind != KIND_FLOAT, width, room(numbers, scale, value), difference);
     exact = number_value(numbers, code_offset(base, difference, &ring));
     coder->bad |= !isfinite(exact);
     *memory = (struct remembered){code, exact, 1, 0};
@@ -205,11 +241,14 @@ static void code_component(struct tetlodi_coder *coder, struct tail *tail, const
 
 static void start(struct tail *tail)
 {
+    tetlodi_bits_init(tail->kind, 4);
+    tetlodi_bits_init(tail->digits, 32);
+    tetlodi_bits_init(tail->source, 64);
     tetlodi_bits_init(tail->repeat, 2);
     tetlodi_bits_init(&tail->odd, 1);
+    tetlodi_bits_init(tail->wide[0], sizeof tail->wide / sizeof(struct tetlodi_bit));
     tetlodi_number_init(&tail->number[0]);
     tetlodi_number_init(&tail->number[1]);
-    memset(tail->memory, 0, sizeof tail->memory);
 }
 
 enum tetlod_status tetlodi_tail_code(struct tetlodi_coder *coder, const struct tetlodi_column *column, uint32_t vertices,
@@ -218,11 +257,9 @@ enum tetlod_status tetlodi_tail_code(struct tetlodi_coder *coder, const struct t
     struct tail *tail = malloc(sizeof *tail);
     if (!tail)
         return tetlodi_fail_nomem(error, "a field's exact values", sizeof *tail);
-    tetlodi_bits_init(tail->kind, 4);
-    tetlodi_bits_init(tail->digits, 32);
-    tetlodi_bits_init(tail->source, 64);
+    start(tail);
     for (unsigned c = 0; c < column->components; c++) {
-        start(tail);
+        memset(tail->memory, 0, sizeof tail->memory);
         code_component(coder, tail, column, vertices, c, exact);
     }
     free(tail);

@@ -197,6 +197,10 @@ TETLOD_API uint32_t tetlod_field_index(const struct tetlod_info *info, const cha
 TETLOD_API uint32_t tetlod_level_for_error(const struct tetlod_info *info, double error, uint32_t field,
                                            enum tetlod_measure measure);
 
+/* The same for an error in the field's own units: for several fields, each in its own range. */
+TETLOD_API uint32_t tetlod_level_for_abs_error(const struct tetlod_info *info, double error, uint32_t field,
+                                               enum tetlod_measure measure);
+
 /* The finest level of at most `tets` tetrahedra, or of at most `bytes` bytes; level 0 if even that has more. */
 TETLOD_API uint32_t tetlod_level_for_tets(const struct tetlod_info *info, uint64_t tets);
 TETLOD_API uint32_t tetlod_level_for_bytes(const struct tetlod_info *info, uint64_t bytes);

@@ -324,11 +324,14 @@ class Stream:
                 return i
         raise KeyError('no field %r; there are %s' % (name, ', '.join(f['name'] for f in self.fields)))
 
-    def level_for_error(self, error, field=None, measure='max'):
-        """The coarsest level whose error, a fraction of the range, is at most `error`."""
-        names = [field] if field else [f['name'] for f in self.fields if f['controlled']]
+    def level_for_error(self, error, field=None, measure='max', absolute=False):
+        """The coarsest level whose error is at most `error`: a fraction of the range, or `absolute`, in the field's units.
+
+        Without a field: of every controlled field, each in its own range."""
+        fields = [f for f in self.fields if (f['name'] == field if field else f['controlled'])]
+        units = [(f['name'], f['range'][1] - f['range'][0] if absolute else 1) for f in fields]
         for level in self.levels:
-            if names and all(level['errors'][name][measure] <= error for name in names):
+            if units and all(level['errors'][name].get(measure, math.nan) * unit <= error for name, unit in units):
                 return level['level']
         raise ValueError('no level has an error of at most %g' % error)
 
@@ -462,6 +465,24 @@ class Coder:
         length = self.tree(lengths[context], 7)
         require(length <= 64, 'a number is not one')
         return length
+
+    def distance(self, models, wides, width, context):
+        """A number whose bits above a mantissa have models (SPEC 9.3)."""
+        length, mantissa = self.length(models.length, context), 23 if width == 32 else 52
+        require(length <= width, 'a number is not one')
+        if not length:
+            return 0
+        negative = self.bit(models.sign)
+        if length <= mantissa + 1:
+            value = self.below(models.top, length)
+        else:
+            wide = min(length - mantissa, 12)
+            value, left = 1 << wide | self.tree(wides[wide], wide), length - 1 - wide
+            while left:
+                some = min(left, 16)
+                left -= some
+                value = value << some | self.plain(some)
+        return -value if negative else value
 
     def number(self, models, context):
         length = self.length(models.length, context)
@@ -1044,14 +1065,18 @@ class Cursor:
     @staticmethod
     def _value(column, coder, c, first, leaf, base, extent):
         """A child's code; one that a contraction made ends in a number of zero bits."""
-        scale, zeros = column.scale, 0
-        if not leaf and scale.bits:
-            zeros = coder.tree(column.zeros[column.last_zeros[c]], 4)
-            require(zeros < scale.bits, 'a record holds what no writer writes')
-            column.last_zeros[c] = zeros
-            extent = max(extent - zeros, 0)
-            base = (base + (1 << zeros >> 1)) >> zeros << zeros
-        return scale.offset(base, coder.number(column.child[leaf][first], extent) << zeros)
+        scale = column.scale
+        if leaf or not scale.bits:
+            return scale.offset(base, coder.number(column.child[leaf][first], extent))
+        zeros, most = coder.tree(column.zeros[column.last_zeros[c]], 4), min(scale.bits - 1, 15)
+        require(zeros <= most, 'a record holds what no writer writes')
+        column.last_zeros[c] = zeros
+        shift = min(zeros + 1, most)
+        if zeros < most:
+            base = (base >> shift << shift) + (1 << zeros)
+        else:
+            base = base + (1 << most >> 1) >> most << most
+        return scale.offset(base, coder.number(column.child[0][first], max(extent - shift, 0)) << shift)
 
     # ---- the exact tail (SPEC 9.3)
 
@@ -1059,6 +1084,7 @@ class Cursor:
         for column, coder in zip(self.columns, self.coders):
             if column.part and self.stream.fields[column.part - 1]['exact_later']:
                 kinds, digits, sources = bits(4), bits(32), bits(64)
+                models = bits(2), bits(1), (Number(), Number()), [bits(1 << wide) for wide in range(13)]
                 column.exact = []
                 for c in range(column.components):
                     kind = coder.tree(kinds, 2)
@@ -1069,12 +1095,12 @@ class Cursor:
                     else:
                         digit = coder.tree(digits, 5) if kind else 0
                         require(digit <= 15 and (kind < 2 or digit), 'numbers of an unknown kind')
-                        column.exact.append(self._exact(column, coder, c, Numbers(kind, digit, column.scale)))
+                        column.exact.append(self._exact(column, coder, c, Numbers(kind, digit, column.scale), models))
 
     @staticmethod
-    def _exact(column, coder, c, numbers):
+    def _exact(column, coder, c, numbers, models):
         scale, half, floats = column.scale, 0.5 * column.scale.step[0], Numbers(0, 0, column.scale)
-        repeat, odd, models, memory, result = bits(2), bits(1), (Number(), Number()), {}, []
+        (repeat, odd, distances, wides), memory, result = models, {}, []
         for code in column.codes[c]:
             place = code % 4096
             known = memory.get(place)
@@ -1086,7 +1112,8 @@ class Cursor:
             kind = floats if not numbers.kind or coder.bit(odd) else numbers
             value = scale.value(code)
             room = abs(kind.code(value + half) - kind.code(value - half)).bit_length()
-            exact = kind.value(in_ring(kind.code(value) + coder.number(models[kind.kind > 0], room), kind.width, True))
+            distance = coder.distance(distances[kind.kind > 0], wides, kind.width, room)
+            exact = kind.value(in_ring(kind.code(value) + distance, kind.width, True))
             require(math.isfinite(exact), 'the tail holds a value that is not finite')
             memory[place] = [code, exact, 0]
             result.append(exact)

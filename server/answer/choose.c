@@ -151,29 +151,13 @@ static bool parse_format(struct exchange *exchange, struct choice *choice)
     return false;
 }
 
-/* The coarsest level within an absolute error: of every field that counts, in that field's own range. */
-static uint32_t level_for_abs_error(const struct tetlod_info *info, const struct choice *choice)
-{
-    uint32_t level = 0;
-    for (uint32_t f = 0; f < info->field_count; f++) {
-        if (choice->field == TETLOD_NONE ? !info->fields[f].controlled : f != choice->field)
-            continue;
-        double range = info->fields[f].range[1] - info->fields[f].range[0];
-        uint32_t needed = range > 0 ? tetlod_level_for_error(info, choice->number / range, f, choice->measure) : 0;
-        if (needed == TETLOD_NONE)
-            return TETLOD_NONE;
-        level = needed > level ? needed : level;
-    }
-    return level;
-}
-
 static uint32_t choose_level(const struct tetlod_info *info, const struct choice *choice)
 {
     switch (choice->budget) {
     case BY_ERROR:
         return tetlod_level_for_error(info, choice->number, choice->field, choice->measure);
     case BY_ABS_ERROR:
-        return level_for_abs_error(info, choice);
+        return tetlod_level_for_abs_error(info, choice->number, choice->field, choice->measure);
     case BY_TETS:
         return tetlod_level_for_tets(info, choice->count);
     case BY_BYTES:

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/report/promise.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 
@@ -171,6 +172,9 @@ void level_headers(struct response *response, const struct dataset *dataset, uin
     response_header(response, "Tetlod-Tets", "%" PRIu32, info->levels[level].tets);
     if (errors[0])
         response_header_text(response, "Tetlod-Error", errors);
+    struct uncontrolled others = uncontrolled_at(info, level);
+    if (others.count)
+        response_header(response, "Tetlod-Uncontrolled", "fields=%" PRIu32 ", sampled=%.9g", others.count, others.sampled);
 }
 
 struct dataset *captured_dataset(struct exchange *exchange)

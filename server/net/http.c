@@ -273,7 +273,7 @@ static const struct {
     {"Access-Control-Allow-Origin", "*"},
     {"Access-Control-Expose-Headers", "ETag, Content-Range, Content-Length, Content-Encoding, Accept-Ranges, Location, "
                                       "Retry-After, Server-Timing, Tetlod-Level, Tetlod-Vertices, Tetlod-Tets, "
-                                      "Tetlod-Error, X-Request-Id"},
+                                      "Tetlod-Error, Tetlod-Uncontrolled, X-Request-Id"},
     {"Cross-Origin-Resource-Policy", "cross-origin"},
     {"Timing-Allow-Origin", "*"},
     {"Server", "tetlod"},

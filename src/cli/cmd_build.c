@@ -27,8 +27,9 @@ static const char help[] =
     "\n"
     "  -o, --output OUT        the stream to write (default: INPUT's name with .tetlod in this folder)\n"
     READING_HELP
-    "      --field NAME        a field whose error drives the contraction; NAME:mag for a vector's magnitude, NAME:0 for\n"
-    "                          a component, NAME:0.01 (or :1%) for an error limit of its own; may be given several times\n"
+    "      --field NAME        a field whose error drives the contraction; NAME:mag for a vector's magnitude (and the vector,\n"
+    "                          held so that its length is as exact as that), NAME:0 for a component, NAME:0.01 (or :1%)\n"
+    "                          for an error limit of its own, which rounding is inside of; may be given several times\n"
     "                          (default: the first scalar field)\n"
     "      --carry A,B         the fields to store (default: all); those of --field are always stored\n"
     "      --certify HOW       what holds the error: fast (default), a bound that is carried along; exact, the exact maximum\n"
@@ -298,6 +299,7 @@ static enum tetlod_status choose_fields(const struct request *request, struct te
                                     mesh->fields[controls[i].field].name);
     if (request->carry)
         drop_fields(mesh, request->carry, controls, *count);
+    build_controls_add_vectors(mesh, controls, count);
     return TETLOD_OK;
 }
 
@@ -396,11 +398,20 @@ static int print_json(const struct request *request, const struct build_report *
     return text ? EXIT_DONE : cli_fail(&error);
 }
 
+/* Whose error is held, where nobody said so, and which fields are off by what comes. */
+static void say_fields(const struct request *request, const struct tetmesh *mesh, const struct build_control *controls, uint32_t count)
+{
+    if (!request->field_count)
+        fprintf(stderr, "tetlod build: no --field is given: the error of '%s' is held down\n", mesh->fields[controls[0].field].name);
+    uint32_t others = mesh->field_count - count;
+    if (others)
+        fprintf(stderr, "tetlod build: %" PRIu32 " field%s not controlled: their error is measured, nothing holds it down (tetlod info)\n",
+                others, others == 1 ? " is" : "s are");
+}
+
 static void say(const struct request *request, const struct io_report *read, const struct tetmesh *mesh,
                 const struct build_report *report)
 {
-    if (request->quiet)
-        return;
     reading_notes("build", read, mesh);
     const struct {
         uint64_t count;
@@ -422,7 +433,7 @@ static int build(struct request *request)
     struct tetlod_error error = {0};
     struct io_report read = {0};
     struct build_report report = {0};
-    struct build_control controls[MOST_FIELDS];
+    struct build_control controls[2 * MOST_FIELDS]; // a magnitude brings its vector
     uint32_t count;
     double started = clock_seconds(), read_seconds, write_seconds = 0;
     enum tetlod_status status = io_read(&mesh, request->input, &request->reading.options, &read, &error);
@@ -440,7 +451,10 @@ static int build(struct request *request)
         tetlodi_fail(&error, status, "%s%s%.200s", named ? "" : request->input, named ? "" : ": ", inner.message);
         result = cli_fail(&error);
     } else {
-        say(request, &read, &mesh, &report);
+        if (!request->quiet) {
+            say_fields(request, &mesh, controls, count);
+            say(request, &read, &mesh, &report);
+        }
         if (request->json)
             result = print_json(request, &report, read_seconds, write_seconds);
     }

@@ -8,6 +8,7 @@
 #include "src/cli/cli.h"
 #include "src/io/io.h"
 #include "src/report/level_mesh.h"
+#include "src/report/promise.h"
 
 static const char help[] =
     "usage: tetlod extract FILE.tetlod -o OUT [--error E | --abs-error E | --level K | --tets N | --bytes N]\n"
@@ -17,14 +18,14 @@ static const char help[] =
     "\n"
     "  -o, --output OUT   the file to write\n"
     "      --error E      the coarsest level within this error, a fraction of the range: 0.01 or 1%\n"
-    "      --abs-error E  the same in the field's units\n"
+    "      --abs-error E  the same in the field's units; of several fields, each in its own\n"
     "      --field NAME   the field that the error is about (default: every field that the stream controls)\n"
     "      --measure M    the measure: max (default, certified), sampled, rms, predicted\n"
     "      --level K      this level; 0 is the coarsest\n"
     "      --tets N       the finest level of at most N tetrahedra\n"
     "      --bytes N      the finest level whose prefix has at most N bytes; K, M, G may follow\n"
     "      --original-order  the finest level in the input's own numbering, if tetlod build --keep-order kept it\n"
-    "      --quiet        do not say which level it is\n"
+    "      --quiet        do not say which level it is, and what error each field has there at most\n"
     "\n"
     "example: tetlod extract blunt.tetlod --error 1% -o coarse.vtu\n";
 
@@ -54,23 +55,15 @@ static enum tetlod_status find_field(const struct tetlod_info *info, const char 
     return tetlodi_fail(error, TETLOD_ERR_FIELD, "it has no field '%.60s'; it has %s", name, names);
 }
 
-/* An absolute error as a fraction: for several fields, of the smallest range. */
-static double as_fraction(const struct tetlod_info *info, uint32_t field, double absolute)
-{
-    double range = INFINITY;
-    for (uint32_t f = 0; f < info->field_count; f++)
-        if (field == TETLOD_NONE ? info->fields[f].controlled : f == field)
-            range = fmin(range, info->fields[f].range[1] - info->fields[f].range[0]);
-    return range > 0 ? absolute / range : absolute;
-}
-
 static enum tetlod_status choose_by_error(const struct tetlod_info *info, const struct request *request, uint32_t *out,
                                           struct tetlod_error *error)
 {
     uint32_t field, finest = info->level_count - 1;
     TETLOD_TRY(find_field(info, request->field, &field, error));
-    double bound = request->choice == BY_ABS_ERROR ? as_fraction(info, field, request->error) : request->error;
-    *out = tetlod_level_for_error(info, bound, field, request->measure);
+    if (request->choice == BY_ABS_ERROR)
+        *out = tetlod_level_for_abs_error(info, request->error, field, request->measure);
+    else
+        *out = tetlod_level_for_error(info, request->error, field, request->measure);
     if (*out != TETLOD_NONE)
         return TETLOD_OK;
     for (uint32_t f = 0; f < info->field_count; f++)
@@ -80,7 +73,7 @@ static enum tetlod_status choose_by_error(const struct tetlod_info *info, const 
                                 "its index has no '%s' error of %.60s; take --measure sampled or rms, or a field that it "
                                 "controls",
                                 tetlod_measure_name(request->measure), info->fields[f].name);
-    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "none of its levels is within an error of %g", bound);
+    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "none of its levels is within an error of %g", request->error);
 }
 
 static enum tetlod_status choose(const struct tetlod_info *info, const struct request *request, uint32_t *out,
@@ -139,9 +132,12 @@ static int extract(const struct request *request)
         tetlodi_fail(&error, status, "%s: %.200s", request->input, inner.message);
     else
         status = io_write(&mesh, request->output, &error);
-    if (status == TETLOD_OK && !request->quiet)
-        fprintf(stderr, "tetlod extract: level %u of 0..%u, %u vertices, %u tetrahedra\n", level,
-                tetlod_info(file)->level_count - 1, mesh.vertex_count, mesh.tet_count);
+    if (status == TETLOD_OK && !request->quiet) {
+        char promise[512];
+        promise_print(tetlod_info(file), level, promise, sizeof promise);
+        fprintf(stderr, "tetlod extract: level %u of 0..%u, %u vertices, %u tetrahedra; %s\n", level,
+                tetlod_info(file)->level_count - 1, mesh.vertex_count, mesh.tet_count, promise);
+    }
     tetmesh_fini(&mesh);
     tetlod_close(file);
     close(fd);

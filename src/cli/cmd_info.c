@@ -7,6 +7,7 @@
 #include "format/fail.h"
 #include "src/cli/cli.h"
 #include "src/report/info_json.h"
+#include "src/report/promise.h"
 
 static const char help[] =
     "usage: tetlod info FILE.tetlod [--json]\n"
@@ -16,7 +17,7 @@ static const char help[] =
     "      --json  the index as JSON, as /v1/meshes/{id} of the server gives it\n"
     "\n"
     "Errors are fractions of the field's range, in percent; a dash: not known. 'bytes' is the length of the prefix of the\n"
-    "file that decodes to the level.\n";
+    "file that decodes to the level. 'others': the largest measured error of the fields that nothing held down.\n";
 
 /* The field that the table's errors are about: the first controlled one. */
 static uint32_t shown_field(const struct tetlod_info *info)
@@ -30,10 +31,11 @@ static uint32_t shown_field(const struct tetlod_info *info)
 static void print_levels(const struct tetlod_info *info)
 {
     uint32_t field = shown_field(info);
+    const struct uncontrolled others = uncontrolled_at(info, 0);
     printf("\n%5s %10s %10s %12s %10s", "level", "vertices", "tets", "bytes", "domain");
     for (int m = 0; m < TETLOD_MEASURES && info->field_count; m++)
         printf(" %9s%%", tetlod_measure_name((enum tetlod_measure)m));
-    printf("\n");
+    printf("%s\n", others.count ? "    others%" : "");
     for (uint32_t k = 0; k < info->level_count; k++) {
         const struct tetlod_level *level = &info->levels[k];
         printf("%5u %10u %10u %12llu %10.3g", k, level->vertices, level->tets, (unsigned long long)level->end,
@@ -45,10 +47,15 @@ static void print_levels(const struct tetlod_info *info)
             else
                 printf(" %10.4g", 100 * error);
         }
+        if (others.count)
+            printf(" %10.4g", 100 * uncontrolled_at(info, k).sampled);
         printf("\n");
     }
     if (info->field_count)
         printf("errors of %s, %% of its range\n", info->fields[field].name);
+    if (others.count)
+        printf("others: the largest measured error of the %u field%s not controlled, at level 0 that of %s\n", others.count,
+               others.count == 1 ? " that is" : "s that are", info->fields[others.worst].name);
 }
 
 static void print_text(const struct tetlod_info *info)

@@ -61,6 +61,19 @@ enum tetlod_status assemble_field(struct tetmesh *mesh, const char *name, uint64
     return status;
 }
 
+bool assemble_vector_name(const char *const names[3], char *out, size_t size)
+{
+    size_t length = strlen(names[0]);
+    for (int d = 0; d < 3; d++)
+        if (length < 2 || length >= size || strlen(names[d]) != length || strncmp(names[d], names[0], length - 1) != 0 ||
+            (names[d][length - 1] | 32) != "xyz"[d])
+            return false;
+    length -= length > 2 && names[0][length - 2] == '_' ? 2 : 1;
+    memcpy(out, names[0], length);
+    out[length] = 0;
+    return true;
+}
+
 enum tetlod_status assemble_cell_field(struct tetmesh *mesh, const char *name, uint64_t components,
                                        enum tetlod_type type, uint64_t cells, struct tetlod_error *error)
 {

@@ -93,6 +93,10 @@ TETLOD_CHECKED enum tetlod_status assemble_field(struct tetmesh *mesh, const cha
 TETLOD_CHECKED enum tetlod_status assemble_cell_field(struct tetmesh *mesh, const char *name, uint64_t components,
                                                       enum tetlod_type type, uint64_t cells, struct tetlod_error *error);
 
+/* Whether three names, one after the other, are those of a vector: they end in X, Y, Z (or x, y, z, or _x, ...). Gives the name
+ * without that. */
+bool assemble_vector_name(const char *const names[3], char *out, size_t size);
+
 /* Marks the cells of which `flags` (VTK's vtkGhostType: duplicate 1, refined 8, hidden 32) says that they are not to be
  * drawn. */
 TETLOD_CHECKED enum tetlod_status block_hide(struct block *block, const double *flags, struct io_report *report,

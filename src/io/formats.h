@@ -56,4 +56,18 @@ bool plot3d_sniff(const unsigned char *bytes, size_t size);
 TETLOD_CHECKED enum tetlod_status plot3d_read(struct blocks *out, const struct io_input *input, struct io_report *report,
                                             struct tetlod_error *error);
 
+/* On top of libraries that may be left out of a build. */
+bool vtkhdf_sniff(const unsigned char *bytes, size_t size);
+TETLOD_CHECKED enum tetlod_status vtkhdf_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                            struct tetlod_error *error);
+bool xdmf_sniff(const unsigned char *bytes, size_t size);
+TETLOD_CHECKED enum tetlod_status xdmf_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                            struct tetlod_error *error);
+bool exodus_sniff(const unsigned char *bytes, size_t size);
+TETLOD_CHECKED enum tetlod_status exodus_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                            struct tetlod_error *error);
+bool cgns_sniff(const unsigned char *bytes, size_t size);
+TETLOD_CHECKED enum tetlod_status cgns_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                            struct tetlod_error *error);
+
 #endif

@@ -29,6 +29,23 @@ struct format {
     enum tetlod_status (*write)(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error);
 };
 
+/* Formats that need a library: without it a name that says so. */
+#ifdef TETLOD_HDF5
+#define WITH_HDF5(function) function
+#else
+#define WITH_HDF5(function) NULL
+#endif
+#ifdef TETLOD_NETCDF
+#define WITH_NETCDF(function) function
+#else
+#define WITH_NETCDF(function) NULL
+#endif
+#ifdef TETLOD_CGNS
+#define WITH_CGNS(function) function
+#else
+#define WITH_CGNS(function) NULL
+#endif
+
 /* In the order in which contents are tried: PLOT3D, which has no magic, last. */
 static const struct format formats[] = {
     {"tetlod", "a stream's finest level", {"tetlod"}, NO_SECOND, stream_sniff, stream_read, NULL},
@@ -37,6 +54,14 @@ static const struct format formats[] = {
      NO_SECOND, vtkxml_sniff, vtkxml_read, io_write_vtu},
     {"vtk", "legacy VTK 1.0 to 5.1", {"vtk"}, NO_SECOND, vtk_sniff, vtk_read, io_write_vtk},
     {"gmsh", "Gmsh 2.2 and 4.1", {"msh"}, NO_SECOND, gmsh_sniff, gmsh_read, gmsh_write},
+    {"vtkhdf", "VTKHDF: unstructured grids and images, steps in time (libhdf5)", {"vtkhdf", "hdf"}, NO_SECOND,
+     WITH_HDF5(vtkhdf_sniff), WITH_HDF5(vtkhdf_read), NULL},
+    {"xdmf", "XDMF 2 and 3: text, raw, HDF5; collections (libhdf5)", {"xdmf", "xmf"}, NO_SECOND, WITH_HDF5(xdmf_sniff),
+     WITH_HDF5(xdmf_read), NULL},
+    {"exodus", "Exodus II: element blocks, steps in time (libnetcdf)", {"exo", "e", "ex2", "exii"}, NO_SECOND,
+     WITH_NETCDF(exodus_sniff), WITH_NETCDF(exodus_read), NULL},
+    {"cgns", "CGNS: unstructured and structured zones, polyhedra, steps in time (libcgns)", {"cgns"}, NO_SECOND,
+     WITH_CGNS(cgns_sniff), WITH_CGNS(cgns_read), NULL},
     {"stl", "the boundary surface", {"stl"}, NO_SECOND, NULL, NULL, stl_write},
     {"ply", "the boundary surface with the first scalar", {"ply"}, NO_SECOND, NULL, NULL, ply_write},
     {"medit", "Medit with its .sol", {"mesh"}, SOLUTION, medit_sniff, medit_read, NULL},
@@ -85,7 +110,7 @@ static enum tetlod_status read_blocks(struct blocks *out, const char *path, cons
     const struct format *format = find_format(path, input->bytes, input->size);
     if (!format)
         return tetlodi_fail(error, TETLOD_ERR_MESH,
-                            "is not a mesh file that tetlod reads; 'tetlod formats' lists the formats");
+                            "is not a mesh file that this binary reads; 'tetlod formats' lists the formats");
     if (input->other && format->second == NO_SECOND)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is a %s file; only PLOT3D and Medit have a solution file",
                             format->name);

@@ -9,6 +9,7 @@
 #include "src/log/ancestry.h"
 #include "src/measure/measure.h"
 #include "src/mesh/tet_geom.h"
+#include "src/pipeline/limits.h"
 #include "src/pipeline/precision.h"
 #include "src/util/array.h"
 
@@ -68,20 +69,8 @@ static enum tetlod_status check_ranges(const struct build *build)
 static enum tetlod_status contract(struct build *build)
 {
     const struct build_options *options = build->options;
-    uint32_t *controlled = array_new(options->control_count, sizeof *controlled);
-    double *limits = array_new(options->control_count, sizeof *limits);
-    if (!controlled || !limits) {
-        free(controlled);
-        free(limits);
-        return tetlodi_fail_nomem(build->error, "the controlled fields", options->control_count * 12);
-    }
-    double widest = 0; // limits are relative to the widest one, which the ladder's rungs mean
-    for (uint32_t i = 0; i < options->control_count; i++)
-        widest = larger(widest, options->controls[i].limit);
-    for (uint32_t i = 0; i < options->control_count; i++) {
-        controlled[i] = options->controls[i].field;
-        limits[i] = options->controls[i].limit > 0 ? options->controls[i].limit / widest : 1;
-    }
+    struct limits limits;
+    TETLOD_TRY(limits_set(&limits, options, build->original, build->rounding, build->error));
     double domain_error = larger(options->domain_error, BOUNDARY_KEPT);
     if (options->certify == CERTIFY_EXACT || options->metric == METRIC_MEASURED)
         domain_error = smaller(domain_error, BOUNDARY_OF_EXACT);
@@ -90,7 +79,7 @@ static enum tetlod_status contract(struct build *build)
         .certify = options->certify,
         .contract = options->contract,
         .candidates = options->candidates,
-        .max_error = widest > 0 ? smaller(widest, options->max_error) : options->max_error,
+        .max_error = limits.max_error,
         .min_tets = options->min_tets,
         .boundary_angle = options->boundary_angle,
         .boundary_limit = domain_error * mesh_diagonal(build->original),
@@ -99,10 +88,9 @@ static enum tetlod_status contract(struct build *build)
         .progress = options->progress ? contract_progress : NULL,
         .progress_opaque = build,
     };
-    enum tetlod_status status = simplify(&build->log, build->mesh, controlled, options->control_count, limits,
+    enum tetlod_status status = simplify(&build->log, build->mesh, limits.fields, options->control_count, limits.weights,
                                          &simplify_options, build->error);
-    free(controlled);
-    free(limits);
+    limits_fini(&limits);
     return status;
 }
 
@@ -146,6 +134,29 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
             errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);
         for (int m = 0; m < TETLOD_MEASURES && finer; m++)
             errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);
+    }
+}
+
+static bool is_controlled(const struct build *build, uint32_t field)
+{
+    for (uint32_t i = 0; i < build->options->control_count; i++)
+        if (build->options->controls[i].field == field)
+            return true;
+    return false;
+}
+
+/* A component that drives as a field of its own is also in its vector: there its values are the same ones. */
+static void copy_components(struct build *build)
+{
+    const struct tetmesh *mesh = build->mesh;
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        uint32_t component, vector = build_control_source(build->original, f, &component);
+        if (vector == TETLOD_NONE || component == TETLOD_NONE || is_controlled(build, vector))
+            continue;
+        const struct point_field *to = &mesh->fields[vector];
+        for (size_t c = 0; c < build->log.count; c++)
+            build->log.fields[vector].values[c * to->components + component] =
+                grid_round(&to->grid, to->type, build->log.fields[f].values[c]);
     }
 }
 
@@ -213,14 +224,6 @@ done:
     measure_free(measure);
     free(measured);
     return status;
-}
-
-static bool is_controlled(const struct build *build, uint32_t field)
-{
-    for (uint32_t i = 0; i < build->options->control_count; i++)
-        if (build->options->controls[i].field == field)
-            return true;
-    return false;
 }
 
 static enum tetlod_status encode(struct build *build, const struct tetlodi_sink *sink)
@@ -308,6 +311,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
         TETLOD_TRY_DONE(fit_precision(&build));
     TETLOD_TRY_DONE(check_ranges(&build));
     TETLOD_TRY_DONE(contract(&build));
+    copy_components(&build);
     TETLOD_TRY_DONE(measure_marks(&build));
     TETLOD_TRY_DONE(encode(&build, sink));
     *report = (struct build_report){build.log.count, build.log.mark_count + build.precision.tail, build.log.degenerate_tets,

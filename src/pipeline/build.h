@@ -13,7 +13,8 @@ enum build_phase { BUILD_CONTRACT, BUILD_MEASURE, BUILD_ENCODE, BUILD_PHASES };
 /* A field whose error is held. */
 struct build_control {
     uint32_t field; /* of the mesh */
-    double limit;   /* its error limit as a multiple of the others' */
+    double limit;   /* its own error limit, a fraction of the range; 0: the others' */
+    double share;   /* of that limit: what it may use; 0: all of it */
 };
 
 struct build_options {
@@ -52,6 +53,13 @@ TETLOD_CHECKED enum tetlod_status build_stream(const struct tetmesh *mesh, const
  * components become fields of their own under that name. ERR_FIELD lists what there is. */
 TETLOD_CHECKED enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, struct build_control *out,
                                                       struct tetlod_error *error);
+
+/* Of which field is this one the magnitude (*component is TETLOD_NONE) or a component, by name and value? TETLOD_NONE: of none. */
+uint32_t build_control_source(const struct tetmesh *mesh, uint32_t field, uint32_t *component);
+
+/* Where a magnitude is controlled, its vector becomes so as well, each component within the share of the limit that keeps the vector, and thus
+ * every magnitude of it, within the magnitude's limit. `controls` has room for twice as many. */
+void build_controls_add_vectors(const struct tetmesh *mesh, struct build_control *controls, uint32_t *count);
 
 /* Without --field: the first scalar field, or the first field's magnitude. ERR_MESH if there is no field. */
 TETLOD_CHECKED enum tetlod_status build_control_default(struct tetmesh *mesh, struct build_control *out,

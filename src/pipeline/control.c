@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/mesh/tet_geom.h"
 #include "src/pipeline/build.h"
 #include "src/util/array.h"
 
@@ -38,6 +39,71 @@ static enum tetlod_status derive(struct tetmesh *mesh, uint32_t field, uint32_t 
     return TETLOD_OK;
 }
 
+/* Which part of a field the text behind its colon means. False: none. */
+static bool part_of(const struct point_field *field, const char *text, uint32_t *component)
+{
+    char *end;
+    *component = TETLOD_NONE;
+    if (strcmp(text, "mag") == 0)
+        return true;
+    unsigned long number = strtoul(text, &end, 10);
+    *component = (uint32_t)number;
+    return isdigit((unsigned char)*text) && *end == 0 && number < field->components;
+}
+
+uint32_t build_control_source(const struct tetmesh *mesh, uint32_t field, uint32_t *component)
+{
+    const struct point_field *derived = &mesh->fields[field];
+    const char *colon = strrchr(derived->name, ':');
+    for (uint32_t f = 0; f < mesh->field_count && colon && derived->components == 1; f++) {
+        const struct point_field *from = &mesh->fields[f];
+        if (strlen(from->name) != (size_t)(colon - derived->name) || strncmp(from->name, derived->name, strlen(from->name)) != 0 ||
+            !part_of(from, colon + 1, component))
+            continue;
+        bool same = true;
+        for (size_t v = 0; v < mesh->vertex_count && same; v++) {
+            double value = derived_value(from->values + v * from->components, from->components, *component);
+            same = derived->values[v] == (derived->type == TETLOD_FLOAT32 ? (float)value : value);
+        }
+        return same ? f : TETLOD_NONE;
+    }
+    return TETLOD_NONE;
+}
+
+static double width_of(const struct tetmesh *mesh, uint32_t field)
+{
+    double range[2];
+    point_field_range(&mesh->fields[field], mesh->vertex_count, range);
+    return range[1] - range[0];
+}
+
+/* An error e of every one of n components is one of sqrt(n) e of the vector at most. A constant magnitude leaves nothing to be a share of: then
+ * the vector's own range counts. */
+static double share_of_vector(const struct tetmesh *mesh, uint32_t magnitude, uint32_t vector)
+{
+    double own = width_of(mesh, magnitude), whole = width_of(mesh, vector);
+    return (own > 0 && whole > 0 ? smaller(own / whole, 1) : 1) / sqrt(mesh->fields[vector].components);
+}
+
+void build_controls_add_vectors(const struct tetmesh *mesh, struct build_control *controls, uint32_t *count)
+{
+    uint32_t given = *count;
+    for (uint32_t i = 0; i < given; i++) {
+        uint32_t component, vector = build_control_source(mesh, controls[i].field, &component), k = 0;
+        if (vector == TETLOD_NONE || component != TETLOD_NONE)
+            continue;
+        while (k < *count && controls[k].field != vector)
+            k++;
+        double share = share_of_vector(mesh, controls[i].field, vector), limit = controls[i].limit;
+        if (k == *count)
+            controls[(*count)++] = (struct build_control){vector, limit, share};
+        else if (controls[k].limit <= 0 || limit <= 0)
+            controls[k].share = share;
+        else if (limit * share < controls[k].limit)
+            controls[k] = (struct build_control){vector, limit, share};
+    }
+}
+
 static enum tetlod_status no_such_field(const struct tetmesh *mesh, const char *text, struct tetlod_error *error)
 {
     char names[160] = "";
@@ -56,18 +122,6 @@ static bool is_limit(const char *text, double *out)
     return (*end == 0 || strcmp(end, "%") == 0) && *out > 0 && isfinite(*out);
 }
 
-/* Which part of a field the text behind its colon means. False: none. */
-static bool part_of(const struct point_field *field, const char *text, uint32_t *component)
-{
-    char *end;
-    *component = TETLOD_NONE;
-    if (strcmp(text, "mag") == 0)
-        return true;
-    unsigned long number = strtoul(text, &end, 10);
-    *component = (uint32_t)number;
-    return isdigit((unsigned char)*text) && *end == 0 && number < field->components;
-}
-
 enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, struct build_control *out,
                                        struct tetlod_error *error)
 {
@@ -76,7 +130,7 @@ enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, s
         return tetlodi_fail_nomem(error, "a field's name", strlen(text));
     uint32_t component;
     enum tetlod_status status = TETLOD_OK;
-    *out = (struct build_control){tetmesh_find_field(mesh, name), 0};
+    *out = (struct build_control){.field = tetmesh_find_field(mesh, name)};
     if (out->field == TETLOD_NONE && (colon = strrchr(name, ':')) && is_limit(colon + 1, &out->limit)) {
         *colon = 0;
         out->field = tetmesh_find_field(mesh, name);
@@ -97,7 +151,7 @@ enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, s
 
 enum tetlod_status build_control_default(struct tetmesh *mesh, struct build_control *out, struct tetlod_error *error)
 {
-    *out = (struct build_control){0, 0};
+    *out = (struct build_control){0};
     if (!mesh->field_count)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "it has no point field; give it one, or convert its cell data to point data");
     for (uint32_t f = 0; f < mesh->field_count; f++)

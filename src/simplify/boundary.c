@@ -11,7 +11,25 @@
 #include "src/mesh/vector.h"
 #include "src/util/array.h"
 
-static const double degree = 3.14159265358979323846 / 180;
+/* Taylor's series of an angle so small that ten terms are exact, then six times doubled. */
+void boundary_angle(double degrees, double *cosine, double *sine)
+{
+    enum { DOUBLINGS = 6, TERMS = 10 };
+    double x = degrees * (3.14159265358979323846 / 180) / (1 << DOUBLINGS), c = 1, s = x, c_term = 1, s_term = x;
+    for (int k = 1; k < TERMS; k++) {
+        c_term *= -x * x / ((2 * k - 1) * (2 * k));
+        s_term *= -x * x / ((2 * k) * (2 * k + 1));
+        c += c_term;
+        s += s_term;
+    }
+    for (int i = 0; i < DOUBLINGS; i++) {
+        double twice = 2 * s * c;
+        c = 1 - 2 * s * s;
+        s = twice;
+    }
+    *cosine = c;
+    *sine = s;
+}
 
 /* The unit normal of the triangle; false if it has no area. */
 static bool triangle_normal(const double *p, const double *q, const double *r, double out[3])
@@ -79,8 +97,8 @@ enum tetlod_status boundary_init(struct boundary *boundary, const struct complex
                                  double limit, struct tetlod_error *error)
 {
     size_t n = complex->vertex_count;
-    *boundary = (struct boundary){cos(angle_degrees * degree), sin(angle_degrees * degree), limit, array_zero(n, 1),
-                                  array_zero(n, 3 * sizeof(float)), array_zero(n, sizeof(double))};
+    *boundary = (struct boundary){0, 0, limit, array_zero(n, 1), array_zero(n, 3 * sizeof(float)), array_zero(n, sizeof(double))};
+    boundary_angle(angle_degrees, &boundary->cosine, &boundary->sine);
     if (!boundary->kinds || !boundary->directions || !boundary->moved) {
         boundary_fini(boundary);
         return tetlodi_fail_nomem(error, "the boundary", n * 21);

@@ -19,6 +19,9 @@ struct boundary {
     double *moved;       /* [slot] how far the surface at the vertex may be from the original one */
 };
 
+/* Cosine and sine of an angle, 0 .. 180 degrees: from the four operations, so that every machine has the same. */
+void boundary_angle(double degrees, double *cosine, double *sine);
+
 TETLOD_CHECKED enum tetlod_status boundary_init(struct boundary *boundary, const struct complex *complex,
                                                 double angle_degrees, double limit, struct tetlod_error *error);
 void boundary_fini(struct boundary *boundary);

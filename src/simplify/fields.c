@@ -10,9 +10,6 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-/* A round value is no further from the best one than this part of the error that it may have. */
-enum { CHEAP_PART = 8 };
-
 uint64_t fields_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
 {
     uint64_t components = 0, drivers = 0;
@@ -41,9 +38,7 @@ void fields_fini(struct fields *fields)
     *fields = (struct fields){0};
 }
 
-/* What a component's values are kept less: nothing, unless all of them are so far from zero that no more than a factor of two is
- * between any two of them and their middle. Then the differences are exact (Sterbenz). */
-static double choose_middle(const double range[2])
+double field_middle(const double range[2])
 {
     double middle = range[0] / 2 + range[1] / 2;
     return fabs(middle) > 2 * (range[1] - range[0]) ? middle : 0;
@@ -67,7 +62,7 @@ static bool init_field(struct working_field *field, const struct point_field *fr
             range[0] = fmin(range[0], from->values[v * k + c]);
             range[1] = fmax(range[1], from->values[v * k + c]);
         }
-        double middle = field->middles[c] = choose_middle(range);
+        double middle = field->middles[c] = field_middle(range);
         for (size_t v = 0; v < vertices; v++)
             field->values[v * k + c] = grid_round(&field->grid, field->type, from->values[v * k + c]) - middle;
         range[0] = grid_round(&field->grid, field->type, range[0]) - middle;
@@ -271,31 +266,19 @@ double outcome_error(const struct fields *fields, const struct outcome *outcome)
     return worst;
 }
 
-/* A value that costs few bits (SPEC 8) among those from `least` to `greatest`: that of a vertex of the star's simplex which is at p,
- * the mean of all where p is in their middle, or the roundest number of the grid within `slack` of `middle`. */
-static double cheap_value(const struct complex *complex, const struct working_field *field, uint32_t component,
-                          const struct star *star, const double p[3], double middle, double least, double greatest,
-                          double slack)
+double field_cheap(const struct working_field *field, uint32_t component, const double *free_values, uint32_t count, double middle,
+                   double least, double greatest, double slack)
 {
-    const double *values = field->values + component, *range = field->component_range[component];
-    double sum = 0, step = field->grid.step;
+    const double *range = field->component_range[component];
+    double step = field->grid.step, base = field->middles[component], round = middle;
     least = larger(least, range[0]);
     greatest = smaller(greatest, range[1]);
-    for (uint32_t s = 0; s < star->simplex_count; s++) {
-        double value = values[(size_t)star->simplex[s] * field->components];
-        sum += value;
-        if (memcmp(complex->positions + 3 * (size_t)star->simplex[s], p, 3 * sizeof *p) == 0) {
-            if (value >= least && value <= greatest)
-                return value;
-            sum = NAN;
-        }
-    }
-    double mean = field_round(field, component, sum / star->simplex_count);
-    if (sum == sum && mean >= least && mean <= greatest)
-        return mean;
+    for (uint32_t i = 0; i < count; i++)
+        if (free_values[i] >= least && free_values[i] <= greatest)
+            return free_values[i];
     least = larger(least, middle - slack);
     greatest = smaller(greatest, middle + slack);
-    double base = field->middles[component], k = (middle + base - field->grid.origin) / step, round = middle;
+    double k = (middle + base - field->grid.origin) / step;
     for (double spacing = 2; field->grid.bits && spacing * step <= greatest - least; spacing *= 2) {
         double value = field->grid.origin + step * (floor(k / spacing + 0.5) * spacing);
         value = (field->type == TETLOD_FLOAT32 ? (double)(float)value : value) - base;
@@ -303,6 +286,25 @@ static double cheap_value(const struct complex *complex, const struct working_fi
             round = value;
     }
     return round;
+}
+
+/* The cheap value of a contraction to p. */
+static double cheap_value(const struct complex *complex, const struct working_field *field, uint32_t component,
+                          const struct star *star, const double p[3], double middle, double least, double greatest,
+                          double slack)
+{
+    const double *values = field->values + component;
+    double sum = 0, there[4];
+    uint32_t count = 0;
+    for (uint32_t s = 0; s < star->simplex_count; s++) {
+        double value = values[(size_t)star->simplex[s] * field->components];
+        sum += value;
+        if (memcmp(complex->positions + 3 * (size_t)star->simplex[s], p, 3 * sizeof *p) == 0)
+            there[count++] = value;
+    }
+    if (!count)
+        there[count++] = field_round(field, component, sum / star->simplex_count);
+    return field_cheap(field, component, there, count, middle, least, greatest, slack);
 }
 
 void fields_cheapen(const struct fields *fields, const struct complex *complex, const struct star *star, const double p[3],

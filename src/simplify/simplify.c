@@ -8,6 +8,7 @@
 #include "format/fail.h"
 #include "src/simplify/judge.h"
 #include "src/simplify/ladder.h"
+#include "src/simplify/rounds.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
@@ -610,6 +611,13 @@ static enum tetlod_status log_drivers(const struct run *run)
     return status;
 }
 
+/* The default goes in parallel rounds. */
+static bool in_rounds(const struct simplify_options *options)
+{
+    return options->metric == METRIC_ENVELOPE && options->certify == CERTIFY_FAST && options->contract == CONTRACT_EDGES &&
+           options->candidates == 0;
+}
+
 enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *mesh, const uint32_t *controlled,
                             uint32_t controlled_count, const double *limits, const struct simplify_options *options,
                             struct tetlod_error *error)
@@ -619,6 +627,8 @@ enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *m
     struct run run = {.options = options, .complex = &complex, .fields = &fields, .error = error};
     enum tetlod_status status;
     *out = (struct contraction_log){0};
+    if (in_rounds(options))
+        return rounds_simplify(out, mesh, controlled, controlled_count, limits, options, error);
     TETLOD_TRY_DONE(complex_init(&complex, mesh, error));
     TETLOD_TRY_DONE(fields_init(&fields, mesh, controlled, controlled_count, limits, error));
     TETLOD_TRY_DONE(log_drivers(&run));
@@ -666,6 +676,8 @@ done:
 /* The complex, the fields and a queue of seven edges a vertex, and what the metric and the limit keep. */
 uint64_t simplify_bytes(const struct tetmesh *mesh, uint32_t controlled_count, const struct simplify_options *options)
 {
+    if (in_rounds(options))
+        return rounds_bytes(mesh, controlled_count);
     uint64_t bytes = complex_bytes(mesh->vertex_count, mesh->tet_count) + fields_bytes(mesh, controlled_count) +
                      mesh->vertex_count * (uint64_t)7 * sizeof(struct queue_entry);
     if (options->metric != METRIC_MEASURED && options->certify != CERTIFY_EXACT)

@@ -334,6 +334,7 @@ static bool take_original(struct attack *a)
     oracle_parts(mesh.vertices, a->corners, mesh.tets, a->part);
     o->turn = oracle_turn(a->positions, a->corners, mesh.tets);
     oracle_prepare(o);
+    oracle_leave_out_folds(o);
     oracle_count(o, &a->counts);
     double sum = 0;
     for (int d = 0; d < 3; d++)
@@ -399,8 +400,8 @@ static void check_max(struct attack *a, uint32_t k, const struct oracle_mesh *le
             continue;
         bool partner = a->info->levels[k].domain_error > 1e-9 &&
                        has_partner(a, k, level, worst[i].tet, worst[i].position, i, worst[i].value);
-        found(a, partner ? "max beside its partner" : "max", "level %u of %u, %s: stored %.9g, true %.9g at (%.9g, %.9g, %.9g)",
-              k, a->info->level_count, a->info->fields[f].name, stored, truth / range, worst[i].position[0],
+        found(a, partner ? "max beside its partner" : "max", "level %u of %u, %s: stored %.9g, true %.9g of tet %u at (%.17g, %.17g, %.17g)",
+              k, a->info->level_count, a->info->fields[f].name, stored, truth / range, worst[i].tet, worst[i].position[0],
               worst[i].position[1], worst[i].position[2]);
     }
 }

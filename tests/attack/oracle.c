@@ -105,16 +105,21 @@ static int side_of(const struct oracle_mesh *mesh, const struct oracle_face *fac
     return v > 0 ? 1 : v < 0 ? -1 : 0;
 }
 
-/* Neighbours on the same side of their common face overlap: a fold. Neither has an interpolant that counts. */
-static void leave_out_folds(struct oracle_mesh *mesh)
+/* Neighbours on the same side of their common face overlap: a fold. Where both are positive one cannot tell which is inside out. */
+void oracle_leave_out_folds(struct oracle_mesh *mesh)
 {
+    bool *folded = oracle_memory(mesh->tets, 1);
     struct oracle_face *faces = oracle_faces(mesh);
     for (size_t i = 0; i + 1 < 4 * (size_t)mesh->tets; i++) {
         if (!oracle_same_face(&faces[i], &faces[i + 1]))
             continue;
-        if (side_of(mesh, &faces[i]) == side_of(mesh, &faces[i + 1]))
-            mesh->details[faces[i].tet].usable = mesh->details[faces[i + 1].tet].usable = false;
+        uint32_t t = faces[i].tet, u = faces[i + 1].tet;
+        if (mesh->details[t].usable && mesh->details[u].usable && side_of(mesh, &faces[i]) == side_of(mesh, &faces[i + 1]))
+            folded[t] = folded[u] = true;
     }
+    for (uint32_t t = 0; t < mesh->tets; t++)
+        mesh->details[t].usable &= !folded[t];
+    free(folded);
     free(faces);
 }
 
@@ -151,7 +156,6 @@ void oracle_prepare(struct oracle_mesh *mesh)
             }
         }
     }
-    leave_out_folds(mesh);
 }
 
 void oracle_finish(struct oracle_mesh *mesh)

@@ -4,7 +4,8 @@
  * linear fields is exact: corners of the overlay in arithmetic of 113 bits.
  *
  * A point of the original is compared with the level's tetrahedra of the same connected part only. Where these cover it more
- * than once, the best value counts. Tetrahedra without an interpolant (flat, inverted, or folded over a neighbour) are left out.
+ * than once, the best value counts. Tetrahedra without an interpolant (flat, inverted) are left out, and those of the original
+ * that are folded over a neighbour.
  */
 #ifndef TETLOD_ATTACK_ORACLE_H
 #define TETLOD_ATTACK_ORACLE_H
@@ -54,6 +55,7 @@ int oracle_turn(const double *positions, const uint32_t *corners, uint32_t tets)
 int oracle_sign(const struct oracle_mesh *mesh, uint32_t tet, double *flatness);
 
 void oracle_prepare(struct oracle_mesh *mesh);
+void oracle_leave_out_folds(struct oracle_mesh *mesh); /* of an original: afterwards */
 void oracle_finish(struct oracle_mesh *mesh);
 
 /* worst[i]: the largest difference of value i over the common domain, in the field's units, and where it is. */

@@ -54,10 +54,11 @@ def tetlod(*arguments, **more):
 
 
 def must(*arguments):
-    """Raises what tetlod says, should it fail."""
+    """What was said; raises it, should tetlod fail."""
     done = tetlod(*arguments)
     if done.returncode:
         raise RuntimeError('%s: exit %d: %s' % (' '.join(arguments), done.returncode, done.stderr.decode()))
+    return done
 
 
 def succeeds(name, *arguments):

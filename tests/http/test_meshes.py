@@ -125,6 +125,17 @@ def test_level_for_error():
     assert level_of('abs_error=%r&field=Pressure' % (0.1 * (high - low))) == level_of('error=0.1&field=Pressure')
 
 
+def test_fields_that_are_not_controlled():
+    """Every answer about a level says how far off the fields may be that nothing holds down."""
+    others = [f['name'] for f in info['fields'] if not f['controlled']]
+    assert others
+    for k in (0, len(info['levels']) - 1):
+        _, head, _ = server.get('/v1/meshes/fin/mesh?level=%d' % k)
+        fields, sampled = re.fullmatch(r'fields=(\d+), sampled=(\S+)', head['tetlod-uncontrolled']).groups()
+        assert int(fields) == len(others)
+        assert float(sampled) == float('%.9g' % max(error_of(k, name, 'sampled') for name in others))
+
+
 def test_level_for_budget():
     assert level_of('level=3')[0] == 3
     for tets in (0, 300, 700, 10 ** 9):
@@ -663,7 +674,7 @@ make_stream('cube', os.path.join(FOLDER, 'two words.tetlod'), 2)
 with Server(FOLDER) as server:
     info = server.json('/v1/meshes/fin')
     base = '/v1/meshes/fin/' + info['cid']
-    run([test_catalogue, test_description, test_level_for_error, test_level_for_budget, test_bad_questions,
+    run([test_catalogue, test_description, test_level_for_error, test_fields_that_are_not_controlled, test_level_for_budget, test_bad_questions,
          test_every_level_is_the_cursors, test_levels_while_decoding, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
          test_prefix, test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
          test_small_cache, test_cache_held_by_slow_readers, test_replaced_stream, test_forgotten_stream, test_reload_signal, test_stop_during_answers, test_overload, test_writes_nothing, test_server_timing, test_what_is_no_stream, test_damaged_stream])

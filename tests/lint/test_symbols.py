@@ -14,12 +14,14 @@ BUILT = os.path.join(ROOT, 'build', os.environ['CONFIG'])
 # The signal handler's flag, which only a global can be
 MUTABLE = {'cmd_serve.o'}
 
+HDF5 = subprocess.run(['pkg-config', '--cflags', 'hdf5'], stdout=subprocess.PIPE, text=True).stdout.split()  # not where headers are
+
 
 def complaint(compiler, language, standard, header):
     """What a compiler says of a file that includes nothing but the header, twice."""
     name = os.path.relpath(header, ROOT)
     done = subprocess.run([compiler, '-x', language, '-std=' + standard, '-fsyntax-only', '-Wall', '-Wextra', '-I' + ROOT,
-                           '-D_POSIX_C_SOURCE=200809L', '-'], input='#include "%s"\n' % name * 2, text=True,
+                           '-D_POSIX_C_SOURCE=200809L', *HDF5, '-'], input='#include "%s"\n' % name * 2, text=True,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     lines = [line for line in done.stdout.splitlines() if 'defined but not used' not in line]
     return ['%s: %s' % (name, line) for line in lines[:5]] if done.returncode or 'warning:' in ' '.join(lines) else []

@@ -7,7 +7,7 @@ import { run } from './tap.mjs';
 
 const load = (name) => import(pathToFileURL(join(process.env.ROOT ?? '.', 'server/web/page', name)));
 const { Store, defaults, fromFragment, toFragment } = await load('state.js');
-const { errorSpan, measureFor, wantedLevel } = await load('levels.js');
+const { errorSpan, measureFor, promiseOf, wantedLevel } = await load('levels.js');
 const { clipToWindow, dot, linesBehind, pickPart, planeOf, planeOutline, sidesOf } = await load('geometry.js');
 const { colorTable, lineColor, mapNames } = await load('colors.js');
 const { bytes, count, parseNumber, percent, significant, ticks } = await load('numbers.js');
@@ -57,6 +57,15 @@ function the_wanted_level() {
   assert.equal(wanted({ error: 0, maxTets: 1 }), 0);
   assert.equal(measureFor(info, { field: 'q', measure: 'max' }), 'rms');
   assert.deepEqual(errorSpan(info, { ...defaults, field: 'p' }), [0.01, 0.5]);
+}
+
+function what_a_level_promises() {
+  const fields = [{ name: 'a', controlled: true }, { name: 'b', controlled: false }, { name: 'c', controlled: false }, { name: 'd', controlled: true }];
+  const errors = { a: { max: 0.01, sampled: 0.002 }, b: { sampled: 0.1 }, c: { sampled: 0.319 }, d: { sampled: 0.05 } };
+  const say = (...names) => promiseOf({ fields: fields.filter((f) => names.includes(f.name)), levels: [{ errors }] }, 0).replaceAll('\u202f', ' ');
+  assert.equal(say('a', 'b', 'c', 'd'), 'a ≤ 1 % (certified), d 5 % (measured); 2 fields not controlled, worst c 31.9 % (measured)');
+  assert.equal(say('a', 'b'), 'a ≤ 1 % (certified); b not controlled: 10 % (measured)');
+  assert.equal(say('a'), 'a ≤ 1 % (certified)');
 }
 
 const box = [[0, 0, 0], [2, 4, 6]];
@@ -135,6 +144,6 @@ function numbers_as_people_read_them() {
   assert.deepEqual(ticks(3, 3, 5), [3]);
 }
 
-await run([a_state_survives_its_fragment, a_broken_fragment_gives_defaults, a_store_tells_what_changed, the_wanted_level, planes_cross_the_bounds,
+await run([a_state_survives_its_fragment, a_broken_fragment_gives_defaults, a_store_tells_what_changed, the_wanted_level, what_a_level_promises, planes_cross_the_bounds,
   polygons_end_at_the_window, the_nearest_triangle_is_picked, lines_of_the_far_walls,
   lines_are_seen_on_every_colour, numbers_as_people_read_them]);

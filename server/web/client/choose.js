@@ -13,12 +13,6 @@ function fieldsOf(info, name) {
   return [field];
 }
 
-// An absolute error as a fraction of a field's range; of a constant field every level is exact or none is.
-function fractionOf(absolute, field) {
-  const range = field.range[1] - field.range[0];
-  return range > 0 ? absolute / range : absolute;
-}
-
 function atLeast0(name, value) {
   if (!(value >= 0)) throw new RangeError(`${name} is a number of at least 0, not ${value}`);
   return value;
@@ -30,8 +24,9 @@ function levelForError(info, { error, absError, field, measure = 'max' }) {
   if (!measures.includes(measure)) throw new RangeError(`measure is one of ${measures.join(', ')}, not '${measure}'`);
   const unknown = fields.find((f) => info.levels[finest].errors[f.name]?.[measure] === undefined);
   if (unknown) throw new RangeError(`the stream does not hold the measure '${measure}' of '${unknown.name}'`);
-  const most = (f) => Math.min(error ?? Infinity, absError === undefined ? Infinity : fractionOf(absError, f));
-  const found = info.levels.findIndex((level) => fields.every((f) => level.errors[f.name][measure] <= most(f)));
+  // an absolute error: of every field in its own range
+  const within = (has, [low, high]) => has <= (error ?? Infinity) && has * (high - low) <= (absError ?? Infinity);
+  const found = info.levels.findIndex((level) => fields.every((f) => within(level.errors[f.name][measure], f.range)));
   return found < 0 ? finest : found;
 }
 

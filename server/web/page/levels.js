@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Levels and their errors, as the stream's index has them.
 
+import { percent } from './numbers.js';
+
 export const measureNames = {
   max: 'certified maximum',
   sampled: 'sampled maximum',
@@ -28,6 +30,17 @@ export const measureFor = (info, state) => measureOf(info, targetFieldOf(info, s
 export const shownMeasure = (info, state) => measureOf(info, state.field, state.measure);
 
 export const errorOf = (level, field, measure) => level.errors[field]?.[measure] ?? 1;
+
+// What a level promises of every field, as `tetlod extract` says it.
+export function promiseOf(info, level) {
+  const { errors } = info.levels[level];
+  const held = info.fields.filter((f) => f.controlled)
+    .map(({ name }) => (errors[name].max === undefined ? `${name} ${percent(errors[name].sampled)} (measured)` : `${name} ≤ ${percent(errors[name].max)} (certified)`));
+  const others = info.fields.filter((f) => !f.controlled).map(({ name }) => ({ name, sampled: errors[name].sampled }));
+  const worst = others.reduce((a, b) => (b.sampled > a.sampled ? b : a), others[0]);
+  const rest = worst && `${others.length === 1 ? `${worst.name} not controlled:` : `${others.length} fields not controlled, worst ${worst.name}`} ${percent(worst.sampled)} (measured)`;
+  return [held.join(', '), rest].filter(Boolean).join('; ');
+}
 
 // The coarsest level with at most the wanted error, coarser if a budget says so.
 export function wantedLevel(info, state) {

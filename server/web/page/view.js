@@ -10,7 +10,7 @@ import { byId, coalesced, element, pause } from './dom.js';
 import { planeOf } from './geometry.js';
 import { Handles } from './handles.js';
 import { bindKeys, listKeys } from './keys.js';
-import { componentOf, defaultTets, errorOf, fieldOf, isosurfacesOf, levelForError, measureFor, memoryOf, shownMeasure, targetFieldOf, titleOf,
+import { componentOf, defaultTets, errorOf, fieldOf, isosurfacesOf, levelForError, measureFor, memoryOf, promiseOf, shownMeasure, targetFieldOf, titleOf,
   wantedLevel } from './levels.js';
 import { clear, notice } from './notices.js';
 import { bytes, count, percent, significant } from './numbers.js';
@@ -198,6 +198,7 @@ function tellShown() {
   const span = fieldOf(info, state.field).range;
   put('shown-error', percent(error), error ? `± ${significant(error * (span[1] - span[0]), 2)}` : 'exact');
   put('shown-tets', count(now.tets), percent(now.tets / info.tets));
+  byId('promise').textContent = promiseOf(info, level);
   put('shown-level', String(level), `of ${info.levels.length - 1}`);
   if (id) byId('download').href = `${source}/${info.cid}/levels/${level}/mesh.vtu`;
   byId('download').download = `${name}-${level}.vtu`;

@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The DataItems of an XDMF file: numbers in its text, in raw files, or in HDF5 files. */
+#ifndef TETLOD_XDMF_ITEM_H
+#define TETLOD_XDMF_ITEM_H
+
+#include "src/io/assemble.h"
+#include "src/io/file_values.h"
+#include "src/io/xml_tree.h"
+
+struct xdmf_source {
+    const struct xml_tree *tree;
+    const struct io_input *input;
+};
+
+struct xdmf_item {
+    uint64_t count;
+    double *doubles; /* owned, one of the two */
+    int64_t *ints;
+    enum tetlod_type type;
+    bool is_integer;
+};
+
+/* All numbers of an item, as integers or as doubles. */
+TETLOD_CHECKED enum tetlod_status xdmf_load(const struct xdmf_source *source, const struct xml_node *node, bool as_ints,
+                                            struct xdmf_item *out, struct tetlod_error *error);
+void xdmf_item_fini(struct xdmf_item *item);
+
+/* The node itself, or the one that its Reference attribute or an xpointer names; NULL stays NULL. */
+const struct xml_node *xdmf_referred(const struct xdmf_source *source, const struct xml_node *node);
+
+#endif

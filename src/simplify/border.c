@@ -1,0 +1,282 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/simplify/border.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/mesh/tet_geom.h"
+#include "src/mesh/vector.h"
+#include "src/util/array.h"
+#include "src/util/parallel.h"
+
+/* ---- which faces and vertices there are */
+
+struct finder {
+    struct working *working;
+    uint8_t *folded; /* [tet] */
+    struct hood hoods[PARALLEL_MOST_THREADS];
+    struct table pairs[PARALLEL_MOST_THREADS];
+    uint32_t *parents[PARALLEL_MOST_THREADS]; /* [tet of the star] */
+    size_t parent_room[PARALLEL_MOST_THREADS];
+    atomic_bool failed;
+};
+
+static uint64_t pair_of(const struct hood *hood, uint32_t tet, int k)
+{
+    uint32_t x = hood->corners[(k + 1) % 3][tet], y = hood->corners[(k + 2) % 3][tet];
+    return x < y ? (uint64_t)x << 32 | y : (uint64_t)y << 32 | x;
+}
+
+static void set_boundary(struct working *working, uint32_t tet, uint32_t opposite)
+{
+    const uint32_t *corners = working->corners[tet];
+    unsigned f = corner_of(corners, opposite);
+    __atomic_fetch_or(&working->boundary_faces[tet], (uint8_t)(1u << f), __ATOMIC_RELAXED);
+    for (unsigned c = 0; c < 4; c++)
+        if (c != f)
+            __atomic_fetch_or(&working->flags[corners[c]], VERTEX_BOUNDARY, __ATOMIC_RELAXED);
+}
+
+/* What is known of a face while its tetrahedra are counted: how many there are, up to three, and how many list it upwards. */
+enum { FACE_TET = 1, FACE_TETS = 3, FACE_UPWARDS = 4 };
+
+/* Faces of the slot and two greater ones: those that are not exactly two tetrahedra's are on the boundary; those whose two
+ * list them in the same turn, for they lie on one side of it, are folds. */
+static bool find_faces(struct finder *finder, unsigned worker, uint32_t slot)
+{
+    struct hood *hood = &finder->hoods[worker];
+    struct table *pairs = &finder->pairs[worker];
+    if (!hood_gather(hood, finder->working, slot) || !table_clear(pairs, 3 * (size_t)hood->tet_count))
+        return false;
+    for (int pass = 0; pass < 2; pass++)
+        for (uint32_t t = 0; t < hood->tet_count; t++)
+            for (int k = 0; k < 3; k++) {
+                uint32_t x = hood->corners[(k + 1) % 3][t], y = hood->corners[(k + 2) % 3][t];
+                if (hood->slots[x] < slot || hood->slots[y] < slot)
+                    continue;
+                uint32_t *face = table_at(pairs, pair_of(hood, t, k), 0), tets = *face & FACE_TETS;
+                if (pass == 0)
+                    *face += tets < FACE_TETS ? FACE_TET + (x < y) * FACE_UPWARDS : 0;
+                else if (tets != 2)
+                    set_boundary(finder->working, hood->tets[t], hood->slots[hood->corners[k][t]]);
+                else if (*face != tets + FACE_UPWARDS)
+                    __atomic_store_n(&finder->folded[hood->tets[t]], 1, __ATOMIC_RELAXED);
+            }
+    return true;
+}
+
+static uint32_t find_root(uint32_t *parent, uint32_t i)
+{
+    while (parent[i] != i)
+        i = parent[i] = parent[parent[i]];
+    return i;
+}
+
+/* Is the slot's link a sphere, or a disc at the boundary: in one piece, and of the right Euler characteristic? */
+static bool find_singular(struct finder *finder, unsigned worker, uint32_t slot)
+{
+    struct working *working = finder->working;
+    struct hood *hood = &finder->hoods[worker];
+    struct table *pairs = &finder->pairs[worker];
+    void *grown = finder->parents[worker];
+    if (!hood_gather(hood, working, slot) || !table_clear(pairs, 3 * (size_t)hood->tet_count) ||
+        !array_reserve(&grown, &finder->parent_room[worker], hood->tet_count, sizeof(uint32_t)))
+        return false;
+    uint32_t *parent = finder->parents[worker] = grown, pieces = hood->tet_count, open = 0;
+    for (uint32_t t = 0; t < hood->tet_count; t++) {
+        const uint32_t *corners = working->corners[hood->tets[t]];
+        parent[t] = t;
+        for (int k = 0; k < 3; k++) {
+            unsigned face = corner_of(corners, hood->slots[hood->corners[k][t]]);
+            if (working->boundary_faces[hood->tets[t]] >> face & 1) {
+                open++;
+                continue;
+            }
+            uint32_t other = *table_at(pairs, pair_of(hood, t, k), t), a = find_root(parent, other), b = find_root(parent, t);
+            pieces -= a != b;
+            parent[a < b ? b : a] = a < b ? a : b;
+        }
+    }
+    int euler = (int)hood->count - (int)((3 * hood->tet_count + open) / 2) + (int)hood->tet_count;
+    if (pieces != 1 || euler != (working->flags[slot] & VERTEX_BOUNDARY ? 1 : 2))
+        working->flags[slot] |= VERTEX_SINGULAR;
+    return true;
+}
+
+static void find_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct finder *finder = context;
+    for (size_t v = begin; v < end && !atomic_load(&finder->failed); v++)
+        if (!find_faces(finder, worker, (uint32_t)v))
+            atomic_store(&finder->failed, true);
+}
+
+static void singular_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct finder *finder = context;
+    for (size_t v = begin; v < end && !atomic_load(&finder->failed); v++)
+        if (!find_singular(finder, worker, (uint32_t)v))
+            atomic_store(&finder->failed, true);
+}
+
+/* A tetrahedron that is folded over a neighbour is frozen with it, unless one of them is inverted, which is another matter. */
+static void freeze_folded(const struct finder *finder)
+{
+    struct working *working = finder->working;
+    for (uint32_t t = 0; t < working->tet_count; t++) {
+        if (!finder->folded[t] || !border_folded(working, t))
+            continue;
+        working->log->folded_tets++;
+        for (int c = 0; c < 4; c++)
+            working->flags[working->corners[t][c]] |= VERTEX_FROZEN;
+    }
+}
+
+/* Is the tetrahedron across the face opposite a corner on the same side of it, both well oriented? */
+static bool folded_at(const struct working *working, uint32_t tet, unsigned opposite)
+{
+    const uint32_t *own = working->corners[tet];
+    uint32_t first = own[tet_faces[opposite][0]], second = own[tet_faces[opposite][1]], third = own[tet_faces[opposite][2]];
+    const struct span *star = &working->stars[first];
+    for (uint32_t i = 0; i < star->count; i++) {
+        uint32_t other = working->pool[star->begin + i];
+        const uint32_t *corners = working->corners[other];
+        for (unsigned f = 0; f < 4 && other != tet && corners[0] != TETLOD_NONE; f++)
+            for (int k = 0; k < 3; k++)
+                if (corners[tet_faces[f][k]] == first && corners[tet_faces[f][(k + 1) % 3]] == second &&
+                    corners[tet_faces[f][(k + 2) % 3]] == third && working_orientation(working, other) > 0)
+                    return true;
+    }
+    return false;
+}
+
+bool border_folded(const struct working *working, uint32_t tet)
+{
+    if (working_orientation(working, tet) <= 0)
+        return false;
+    for (unsigned f = 0; f < 4; f++)
+        if (!(working->boundary_faces[tet] >> f & 1) && folded_at(working, tet, f))
+            return true;
+    return false;
+}
+
+enum tetlod_status border_find(struct working *working, struct crew *crew, struct tetlod_error *error)
+{
+    struct finder *finder = array_zero(1, sizeof *finder);
+    if (!finder)
+        return tetlodi_fail_nomem(error, "the boundary", sizeof *finder);
+    finder->working = working;
+    finder->folded = array_zero(working->tet_count, 1);
+    atomic_store(&finder->failed, !finder->folded);
+    crew_run(crew, working->slot_count, 1024, find_range, finder);
+    crew_run(crew, working->slot_count, 1024, singular_range, finder);
+    bool failed = atomic_load(&finder->failed);
+    if (!failed)
+        freeze_folded(finder);
+    free(finder->folded);
+    for (unsigned w = 0; w < PARALLEL_MOST_THREADS; w++) {
+        hood_fini(&finder->hoods[w]);
+        table_fini(&finder->pairs[w]);
+        free(finder->parents[w]);
+    }
+    free(finder);
+    return failed ? tetlodi_fail_nomem(error, "the boundary", working->slot_count) : TETLOD_OK;
+}
+
+/* ---- where they may move */
+
+/* The unit normal of a boundary face; false if it has no area. */
+static bool face_normal(const struct working *working, const uint32_t corners[4], unsigned face, double out[3])
+{
+    const double *p = working_row(working, corners[tet_faces[face][0]]), *q = working_row(working, corners[tet_faces[face][1]]),
+                 *r = working_row(working, corners[tet_faces[face][2]]);
+    double a[3], b[3];
+    subtract(q, p, a);
+    subtract(r, p, b);
+    cross(a, b, out);
+    double length = sqrt(dot(out, out));
+    if (!(length * length > 1e-24 * dot(a, a) * dot(b, b)))
+        return false;
+    for (int i = 0; i < 3; i++)
+        out[i] /= length;
+    return true;
+}
+
+/* Sorts a normal into one of two groups; false if it belongs to neither. */
+static bool join_group(const struct border *border, double groups[2][3], int *count, const double normal[3])
+{
+    for (int g = 0; g < *count; g++)
+        if (dot(groups[g], normal) >= border->cosine)
+            return true;
+    if (*count == 2)
+        return false;
+    memcpy(groups[(*count)++], normal, 3 * sizeof(double));
+    return true;
+}
+
+void border_classify(struct border *border, const struct working *working, uint32_t slot)
+{
+    const struct span *star = &working->stars[slot];
+    double groups[2][3] = {{0}}, normal[3], direction[3];
+    int count = 0;
+    border->kinds[slot] = BOUNDARY_CORNER;
+    for (uint32_t i = 0; i < star->count; i++) {
+        uint32_t tet = working->pool[star->begin + i];
+        const uint32_t *corners = working->corners[tet];
+        unsigned faces = tet_gone(working, tet) ? 0 : working->boundary_faces[tet];
+        for (unsigned f = 0; faces >> f; f++)
+            if (faces >> f & 1 && corners[f] != slot &&
+                (!face_normal(working, corners, f, normal) || !join_group(border, groups, &count, normal)))
+                return;
+    }
+    if (count == 1)
+        memcpy(direction, groups[0], sizeof direction);
+    else
+        cross(groups[0], groups[1], direction);
+    double length = sqrt(dot(direction, direction));
+    if (!(length > 0))
+        return;
+    for (int i = 0; i < 3; i++)
+        border->directions[3 * (size_t)slot + (size_t)i] = (float)(direction[i] / length);
+    border->kinds[slot] = count == 1 ? BOUNDARY_SMOOTH : BOUNDARY_CREASE;
+}
+
+enum tetlod_status border_init(struct border *border, const struct working *working, double angle_degrees, double limit,
+                                struct tetlod_error *error)
+{
+    size_t n = working->slot_count;
+    *border = (struct border){.limit = limit, .kinds = array_zero(n, 1), .directions = array_zero(n, 3 * sizeof(float))};
+    boundary_angle(angle_degrees, &border->cosine, &border->sine);
+    if (!border->kinds || !border->directions)
+        return tetlodi_fail_nomem(error, "the boundary", n * 13);
+    for (uint32_t v = 0; v < n; v++)
+        if (working->flags[v] & VERTEX_BOUNDARY)
+            border_classify(border, working, v);
+    return TETLOD_OK;
+}
+
+void border_fini(struct border *border)
+{
+    free(border->kinds);
+    free(border->directions);
+    *border = (struct border){0};
+}
+
+bool border_may_move(const struct border *border, uint32_t slot, const double step[3])
+{
+    double length2 = dot(step, step);
+    const float *d = border->directions + 3 * (size_t)slot;
+    double along = d[0] * step[0] + d[1] * step[1] + d[2] * step[2];
+    double slope2 = border->sine * border->sine * length2 + border->limit * border->limit * 1e-6;
+    switch ((enum boundary_kind)border->kinds[slot]) {
+    case BOUNDARY_SMOOTH:
+        return along * along <= slope2;
+    case BOUNDARY_CREASE:
+        return length2 - along * along <= slope2;
+    case BOUNDARY_CORNER:
+        break;
+    }
+    return length2 == 0;
+}

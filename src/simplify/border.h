@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The boundary of the working mesh: which faces and vertices it has, and where they may move (thesis 4.2.2). A boundary vertex is
+ * smooth if all its boundary faces have about one normal, on a crease if they have two, in two groups, else a corner. A smooth
+ * vertex may move in its plane, one on a crease along it, a corner stays.
+ */
+#ifndef TETLOD_BORDER_H
+#define TETLOD_BORDER_H
+
+#include "src/simplify/boundary.h"
+#include "src/simplify/hood.h"
+#include "src/util/crew.h"
+
+struct border {
+    double cosine, sine; /* of the angle within which normals count as one */
+    double limit;        /* most that the surface may move, in units of length */
+    uint8_t *kinds;      /* [slot] enum boundary_kind, of boundary vertices */
+    float *directions;   /* [3 * slot] a smooth vertex's normal, a crease's direction */
+};
+
+/* Finds the working mesh's boundary faces and vertices, those that are no manifold points, and freezes those of folded tetrahedra.
+ * ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status border_find(struct working *working, struct crew *crew, struct tetlod_error *error);
+
+/* Do the tetrahedron and one that shares a face with it lie on the same side of that, both well oriented? Then they overlap. */
+bool border_folded(const struct working *working, uint32_t tet);
+
+TETLOD_CHECKED enum tetlod_status border_init(struct border *border, const struct working *working, double angle_degrees,
+                                               double limit, struct tetlod_error *error);
+void border_fini(struct border *border);
+
+/* A boundary vertex's kind anew. */
+void border_classify(struct border *border, const struct working *working, uint32_t slot);
+
+/* May a boundary vertex move by that step? */
+bool border_may_move(const struct border *border, uint32_t slot, const double step[3]);
+
+#endif

@@ -1,0 +1,358 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * 1. Gather the star, compute its planes (hood.h, kernels.h).
+ * 2. Look at every edge that the boundary's kinds allow: the error at the other end, and for the middle what this star says.
+ * 3. Best key first: ask of each candidate what is expensive, the other star at a middle, flips to the letter, the link
+ *    condition, the boundary map; the first that passes is proposed.
+ */
+#include "src/simplify/evaluate.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "src/mesh/tet_geom.h"
+#include "src/mesh/vector.h"
+#include "src/util/array.h"
+
+/* Errors are followed to this multiple of the limit and at least so far, so that what waits is not looked at on the next rungs. */
+static const double HORIZON = 2, LEAST_HORIZON = 0.01;
+
+/* Middles whose other half is examined in one evaluation; if more look good, the vertex is looked at again on the next rung. */
+enum { MOST_MIDDLES = 3 };
+
+void middle_of(const struct working *working, uint32_t from, uint32_t to, double p[3])
+{
+    const double *a = working_row(working, from), *b = working_row(working, to);
+    for (int i = 0; i < 3; i++)
+        p[i] = a[i] + 0.5 * (b[i] - a[i]);
+    working_round(working, p);
+}
+
+double moved_by(const struct run *run, struct worker *worker, const uint32_t ends[2], const double p[3])
+{
+    const struct working *working = run->working;
+    uint32_t column = row_moved(working);
+    enum map_status status = boundary_map_find(&worker->map, working, ends, p, run->border.cosine);
+    if (status == MAP_NO_MEMORY)
+        worker->failed = true;
+    if (status != MAP_FOUND)
+        return INFINITY;
+    double moved = larger(boundary_map_least(&worker->map, column, 1), 0);
+    for (int end = 0; end < 2; end++)
+        if (distance_squared(working_row(working, ends[end]), p) == 0)
+            moved = larger(moved, working_row(working, ends[end])[column]);
+    return moved <= run->border.limit ? moved : INFINITY;
+}
+
+void add_demands(const struct run *run, struct worker *worker)
+{
+    double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
+    for (uint32_t c = 0; c < run->working->component_count && worker->map.point_count; c++) {
+        upper[c] = larger(upper[c], boundary_map_least(&worker->map, ROW_FIELDS + 2 * c, 0));
+        lower[c] = smaller(lower[c], boundary_map_greatest(&worker->map, ROW_FIELDS + 2 * c + 1));
+    }
+}
+
+double assigned_error(const struct run *run, const struct worker *worker, double *values)
+{
+    const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
+    double worst = 0;
+    for (uint32_t c = 0; c < run->working->component_count; c++) {
+        const struct controlled *component = &run->working->components[c];
+        double value = field_round(&run->working->fields[component->field], component->component, (upper[c] + lower[c]) / 2);
+        worst = larger(worst, larger(upper[c] - value, value - lower[c]) * component->factor);
+        if (values)
+            values[c] = value;
+    }
+    return worst;
+}
+
+/* ---- step 2 */
+
+static double horizon(const struct run *run)
+{
+    return larger(HORIZON * run->limit, LEAST_HORIZON);
+}
+
+static double key_of(double error, uint32_t removed)
+{
+    return error / (removed * sqrt(removed));
+}
+
+/* The boundary's say on the two positions of an edge: at the other end, and in the middle. */
+static bool allowed(const struct run *run, const struct hood *hood, uint32_t neighbour, bool *out_end, bool *out_middle)
+{
+    const struct working *working = run->working;
+    uint32_t other = hood->slots[neighbour];
+    bool own_open = working->flags[hood->vertex] & VERTEX_BOUNDARY, open = working->flags[other] & VERTEX_BOUNDARY;
+    *out_end = true;
+    *out_middle = hood->vertex < other && own_open == open;
+    if (working->flags[other] & (VERTEX_FROZEN | VERTEX_SINGULAR) || (own_open && !open))
+        return false;
+    if (!own_open)
+        return true;
+    if (!hood->along[neighbour])
+        return false;
+    const double *step = hood->rows + (size_t)neighbour * working->stride;
+    double half[3] = {0.5 * step[0], 0.5 * step[1], 0.5 * step[2]}, back[3] = {-half[0], -half[1], -half[2]};
+    *out_end = border_may_move(&run->border, hood->vertex, step);
+    *out_middle = *out_middle && border_may_move(&run->border, hood->vertex, half) &&
+                  border_may_move(&run->border, other, back);
+    return *out_end || *out_middle;
+}
+
+/* The least errors that contractions of the vertex wait for (evaluate.h). */
+struct waiting {
+    double possible, any;
+};
+
+static void wait_for(struct waiting *waiting, double error, bool possible)
+{
+    waiting->any = smaller(waiting->any, error);
+    if (possible)
+        waiting->possible = smaller(waiting->possible, error);
+}
+
+static void consider(const struct run *run, struct worker *worker, struct candidate candidate, bool possible,
+                     bool followed, uint32_t *count, struct waiting *waiting)
+{
+    double limit = run->limit * (1 + ROUNDING);
+    if (!(candidate.error <= limit) || !(possible && followed)) {
+        wait_for(waiting, candidate.error, possible || !followed);
+        return;
+    }
+    candidate.key = key_of(candidate.error, worker->hood.shared[candidate.neighbour]);
+    worker->candidates[(*count)++] = candidate;
+}
+
+/* All edges. Returns how many candidates are within the limit, as far as this star says. */
+static uint32_t look_around(const struct run *run, struct worker *worker, struct waiting *waiting)
+{
+    struct hood *hood = &worker->hood;
+    uint32_t count = 0;
+    struct look look = {run->working->component_count, run->factors, numbers_of(run, worker, NUMBERS_GAP), 1,
+                        horizon(run)};
+    for (uint32_t n = 0; n < hood->count; n++) {
+        bool end, middle;
+        if (!allowed(run, hood, n, &end, &middle))
+            continue;
+        look.part = middle ? 0.5 : 1;
+        struct seen seen = run->kernels->look(hood, n, &look, run->working->stride);
+        const double *reach = hood->reach + 2 * (size_t)n * look.components;
+        if (middle)
+            consider(run, worker, (struct candidate){.error = seen.error, .neighbour = n, .middle = true},
+                     !seen.half_turned, seen.followed, &count, waiting);
+        double error = middle ? 0 : seen.error;
+        for (uint32_t c = 0; c < look.components && middle; c++)
+            error = larger(error, (look.gaps[c] + reach[2 * c] - reach[2 * c + 1]) / 2 * look.factors[c]);
+        if (end)
+            consider(run, worker, (struct candidate){.error = error, .neighbour = n},
+                     seen.turned <= hood->shared[n], seen.followed, &count, waiting);
+    }
+    return count;
+}
+
+/* ---- step 3 */
+
+/* U and L of the result as far as the stars say; for a middle the other half is asked for. False: something turns over there. */
+static bool set_bounds(const struct run *run, struct worker *worker, const struct candidate *candidate)
+{
+    const struct working *working = run->working;
+    const struct hood *hood = &worker->hood;
+    uint32_t other = hood->slots[candidate->neighbour], components = working->component_count;
+    const double *reach = hood->reach + 2 * (size_t)candidate->neighbour * components, *own = working_row(working, hood->vertex);
+    double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
+    double part = candidate->middle ? 0.5 : 1;
+    for (uint32_t c = 0; c < components; c++) {
+        upper[c] = part * reach[2 * c];
+        lower[c] = part * reach[2 * c + 1];
+    }
+    if (candidate->middle) {
+        double *rise = numbers_of(run, worker, NUMBERS_RISE);
+        for (uint32_t f = 0; f < 2 * components; f++)
+            rise[f] = working_row(working, other)[ROW_FIELDS + f] - own[ROW_FIELDS + f];
+        struct look look = {components, run->factors, numbers_of(run, worker, NUMBERS_GAP), 0.5, horizon(run)};
+        struct half half = {upper, lower, rise, 0};
+        if (!run->kernels->halfway(working, other, hood->vertex, &look, &half))
+            return false;
+    }
+    for (uint32_t c = 0; c < components; c++) {
+        upper[c] += own[ROW_FIELDS + 2 * c];
+        lower[c] += own[ROW_FIELDS + 2 * c + 1];
+    }
+    return true;
+}
+
+/* Would the hood's own tetrahedra that are kept be well oriented with the vertex at p? */
+static bool fits(const struct working *working, const struct hood *hood, uint32_t neighbour, const double p[3])
+{
+    for (uint32_t i = 0; i < hood->tet_count; i++) {
+        uint32_t a = hood->corners[0][i], b = hood->corners[1][i], c = hood->corners[2][i];
+        if (a != neighbour && b != neighbour && c != neighbour &&
+            tet_orientation(p, working_row(working, hood->slots[a]), working_row(working, hood->slots[b]),
+                            working_row(working, hood->slots[c])) <= 0)
+            return false;
+    }
+    return true;
+}
+
+static enum refusal refuse(struct worker *worker, enum refusal refusal)
+{
+    worker->refused[refusal]++;
+    return refusal;
+}
+
+/* Asks all that was not asked yet. REFUSALS: it passes; candidate->error is what it needs. */
+static enum refusal examine(const struct run *run, struct worker *worker, struct candidate *candidate)
+{
+    const struct working *working = run->working;
+    const struct hood *hood = &worker->hood;
+    uint32_t ends[2] = {hood->vertex, hood->slots[candidate->neighbour]};
+    double p[3];
+    bool room;
+    if (!set_bounds(run, worker, candidate))
+        return refuse(worker, REFUSED_FLIP);
+    candidate->error = larger(candidate->error, assigned_error(run, worker, NULL));
+    if (candidate->error > run->limit * (1 + ROUNDING))
+        return REFUSALS;
+    if (candidate->middle)
+        middle_of(working, ends[0], ends[1], p);
+    else
+        memcpy(p, working_row(working, ends[1]), sizeof p);
+    if (!fits(working, hood, candidate->neighbour, p))
+        return refuse(worker, REFUSED_FLIP);
+    if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room)) {
+        worker->failed |= !room;
+        return refuse(worker, REFUSED_LINK);
+    }
+    if (!(working->flags[hood->vertex] & VERTEX_BOUNDARY))
+        return REFUSALS;
+    if (isinf(moved_by(run, worker, ends, p)))
+        return refuse(worker, REFUSED_BOUNDARY);
+    add_demands(run, worker);
+    candidate->error = larger(candidate->error, assigned_error(run, worker, NULL));
+    return REFUSALS;
+}
+
+/* A permutation of 32 bits that looks random: ties of the priority. */
+static uint32_t scramble(uint32_t x)
+{
+    x ^= x >> 16;
+    x *= 0x7feb352du;
+    x ^= x >> 15;
+    x *= 0x846ca68bu;
+    return x ^ x >> 16;
+}
+
+/* Keys in steps of half an octave, then at random, so that what is proposed at once is not all in one place. */
+static uint64_t priority_of(double key, uint32_t slot)
+{
+    uint64_t bits;
+    key += 0.0;
+    memcpy(&bits, &key, sizeof bits);
+    return (bits >> 46 << 32) | scramble(slot);
+}
+
+static void propose(const struct run *run, struct worker *worker, uint32_t slot, const struct candidate *candidate)
+{
+    run->proposals.priority[slot] = priority_of(key_of(candidate->error, worker->hood.shared[candidate->neighbour]), slot);
+    run->proposals.target[slot] = 2 * worker->hood.slots[candidate->neighbour] + candidate->middle;
+}
+
+/* Examines candidates, best first, until one passes. */
+static bool choose(const struct run *run, struct worker *worker, uint32_t slot, uint32_t count, struct waiting *waiting)
+{
+    struct candidate *candidates = worker->candidates;
+    double limit = run->limit * (1 + ROUNDING);
+    int middles = 0; // examined
+    while (count) {
+        uint32_t best = 0;
+        for (uint32_t i = 1; i < count; i++)
+            best = candidates[i].key < candidates[best].key ? i : best;
+        struct candidate candidate = candidates[best];
+        if (candidate.passed) {
+            propose(run, worker, slot, &candidate);
+            return true;
+        }
+        enum refusal refusal = REFUSALS;
+        if (candidate.middle && middles == MOST_MIDDLES)
+            candidate.error = limit * 1.0001;
+        else
+            refusal = examine(run, worker, &candidate);
+        middles += candidate.middle;
+        if (refusal == REFUSALS && candidate.error <= limit) { // it needs more than it seemed to: others may be better now
+            candidate.key = key_of(candidate.error, worker->hood.shared[candidate.neighbour]);
+            candidate.passed = true;
+            candidates[best] = candidate;
+        } else {
+            wait_for(waiting, candidate.error, refusal == REFUSALS);
+            candidates[best] = candidates[--count];
+        }
+    }
+    return false;
+}
+
+/* ---- vertices of degenerate or inverted tetrahedra: contracted only with one at the same point, which moves nothing */
+
+static bool evaluate_frozen(const struct run *run, struct worker *worker, struct waiting *waiting)
+{
+    const struct working *working = run->working;
+    struct hood *hood = &worker->hood;
+    const double *own = working_row(working, hood->vertex);
+    double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
+    for (uint32_t n = 0; n < hood->count; n++) {
+        const double *row = working_row(working, hood->slots[n]);
+        bool room;
+        if (distance_squared(own, row) != 0 || working->flags[hood->slots[n]] & VERTEX_SINGULAR)
+            continue;
+        for (uint32_t c = 0; c < working->component_count; c++) {
+            upper[c] = larger(own[ROW_FIELDS + 2 * c], row[ROW_FIELDS + 2 * c]);
+            lower[c] = smaller(own[ROW_FIELDS + 2 * c + 1], row[ROW_FIELDS + 2 * c + 1]);
+        }
+        struct candidate candidate = {.error = assigned_error(run, worker, NULL), .neighbour = n};
+        bool holds = links_hold(&worker->links, hood, working, n, &room);
+        worker->failed |= !room;
+        if (holds && candidate.error <= run->limit * (1 + ROUNDING)) {
+            propose(run, worker, hood->vertex, &candidate);
+            return true;
+        }
+        wait_for(waiting, candidate.error, holds);
+    }
+    return false;
+}
+
+void evaluate(const struct run *run, struct worker *worker, uint32_t slot)
+{
+    const struct working *working = run->working;
+    const struct proposals *proposals = &run->proposals;
+    struct waiting waiting = {INFINITY, INFINITY};
+    void *candidates = worker->candidates;
+    proposals->priority[slot] = PROPOSES_NOTHING;
+    proposals->waits[slot] = proposals->waits_changed[slot] = INFINITY;
+    proposals->evaluated[slot] = run->round;
+    if (working->flags[slot] & VERTEX_SINGULAR)
+        return;
+    if (!hood_gather(&worker->hood, working, slot) ||
+        !array_reserve(&candidates, &worker->candidate_room, 2 * (size_t)worker->hood.count, sizeof *worker->candidates)) {
+        worker->failed = true;
+        return;
+    }
+    worker->candidates = candidates;
+    bool proposed;
+    if (working->flags[slot] & VERTEX_FROZEN)
+        proposed = evaluate_frozen(run, worker, &waiting);
+    else {
+        const double *own = working_row(working, slot);
+        double *gaps = numbers_of(run, worker, NUMBERS_GAP);
+        for (uint32_t c = 0; c < working->component_count; c++)
+            gaps[c] = own[ROW_FIELDS + 2 * c] - own[ROW_FIELDS + 2 * c + 1];
+        run->kernels->prepare(&worker->hood, working);
+        uint32_t count = look_around(run, worker, &waiting);
+        proposed = choose(run, worker, slot, count, &waiting);
+    }
+    if (proposed)
+        return;
+    double soon = run->limit * (1 + 1e-6); // what is refused within the limit is asked again on the next rung
+    proposals->waits[slot] = (float)larger(waiting.possible, soon);
+    proposals->waits_changed[slot] = (float)waiting.any;
+}

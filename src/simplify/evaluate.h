@@ -1,0 +1,99 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Evaluating a vertex: of all contractions of its edges that the limit allows, the one with the best key is its proposal. The
+ * result is at the other end, or at the middle (which the end of the lesser slot proposes).
+ *
+ * A vertex without a proposal waits: `waits` is the least error that one of its possible contractions would need, so it is looked at
+ * again when the limit reaches that; `waits_changed` counts those as well that only a change of its star can make possible.
+ *
+ * Evaluating changes the worker's scratch and what is stored of that vertex; nothing that others read.
+ */
+#ifndef TETLOD_EVALUATE_H
+#define TETLOD_EVALUATE_H
+
+#include "src/simplify/boundary_map.h"
+#include "src/simplify/kernels.h"
+#include "src/simplify/links.h"
+#include "src/simplify/border.h"
+
+/* Why contractions were refused that the error allowed. */
+enum refusal { REFUSED_FLIP, REFUSED_LINK, REFUSED_BOUNDARY, REFUSED_ROUNDING, REFUSALS };
+
+struct proposals {
+    uint64_t *priority; /* [slot] the least goes first; PROPOSES_NOTHING */
+    uint32_t *target;   /* [slot] 2 * the other end's slot + (the result is in the middle) */
+    float *waits, *waits_changed; /* [slot] */
+    uint32_t *evaluated; /* [slot] the round in which it was */
+    uint32_t *changed;   /* [slot] the round in which its star was last */
+    uint8_t *dirty;      /* [slot] enum dirty */
+};
+
+enum dirty { CLEAN, TOUCHED, LEFT }; /* its star has changed since it was evaluated; and it was left so in this rung */
+
+static const uint64_t PROPOSES_NOTHING = ~(uint64_t)0;
+
+struct candidate {
+    double key, error; /* error: of a middle that is not examined a lower bound */
+    uint32_t neighbour;
+    bool middle, passed; /* passed: it was examined */
+};
+
+/* What a thread works with. */
+struct worker {
+    struct hood hood, other;
+    struct links links;
+    struct boundary_map map;
+    struct weighing weighing;
+    struct candidate *candidates;
+    size_t candidate_room;
+    uint32_t *list; /* tetrahedra of two stars */
+    size_t list_room;
+    double *numbers; /* scratch per component: see numbers_of */
+    uint32_t *open; /* boundary slots around whose boundary contractions of this round have moved */
+    size_t open_count, open_room;
+    uint32_t *thawing; /* frozen slots around contractions of this round that moved nothing */
+    size_t thawing_count, thawing_room;
+    uint64_t refused[REFUSALS];
+    bool failed; /* out of memory */
+};
+
+struct run {
+    struct working *working;
+    struct border border;
+    struct proposals proposals;
+    const struct kernels *kernels;
+    struct worker *workers; /* [crew_size] */
+    struct crew *crew;
+    double *factors; /* [component] */
+    double limit;    /* of the rung */
+    const double *certified; /* [component] the errors that the rounds before have come to, fractions of the range */
+    uint32_t round;
+};
+
+/* The tolerance of the limit: exact ties with round limits are common in regular meshes (PROOF.md, 3). */
+static const double ROUNDING = 1e-9;
+
+/* Rows of the worker's numbers: `gap` U - L at the vertex, `upper` and `lower` of the result, `rise` U and L of the other end less
+ * the vertex's (two for each component). */
+enum { NUMBERS_GAP, NUMBERS_UPPER, NUMBERS_LOWER, NUMBERS_RISE, NUMBERS = 5 };
+
+static inline double *numbers_of(const struct run *run, const struct worker *worker, int row)
+{
+    return worker->numbers + (size_t)row * run->working->component_count;
+}
+
+void evaluate(const struct run *run, struct worker *worker, uint32_t slot);
+
+/* The position halfway from a slot to another, as the mesh can hold it. */
+void middle_of(const struct working *working, uint32_t from, uint32_t to, double p[3]);
+
+/* How far the boundary would have moved at the result, with the map of contracting the edge to p in worker->map; INFINITY: it may not. */
+double moved_by(const struct run *run, struct worker *worker, const uint32_t ends[2], const double p[3]);
+
+/* Widens U and L of the result (numbers_of) by the map's demands. */
+void add_demands(const struct run *run, struct worker *worker);
+
+/* The error of the result with these U and L and the values that the fields' types can hold; and the values, if wanted. */
+double assigned_error(const struct run *run, const struct worker *worker, double *values);
+
+#endif

@@ -1,0 +1,330 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* kernels_avx2.c is this file once more, under another name and for other processors. */
+#include "src/simplify/kernels.h"
+
+#include <float.h>
+
+#include "src/mesh/tet_geom.h"
+#include "src/util/wide.h"
+
+/* A flip is seen where the volume falls below this multiple of the cube of a sum of coordinates: about TET_DEGENERATE of the
+ * longest edge's. Only those that are chosen are tested to the letter. */
+#define LEAST_VOLUME (8 * TET_DEGENERATE)
+
+static inline wide length1(const wide a[4])
+{
+    return wide_add(wide_abs(a[0]), wide_add(wide_abs(a[1]), wide_abs(a[2])));
+}
+
+/* a x b */
+static inline void wide_normal(const wide a[4], const wide b[4], wide out[3])
+{
+    for (int i = 0; i < 3; i++)
+        out[i] = wide_cross(a[(i + 1) % 3], b[(i + 2) % 3], a[(i + 2) % 3], b[(i + 1) % 3]);
+}
+
+static inline wide wide_dot3(const wide a[3], const wide b[3])
+{
+    return wide_dot(a[0], b[0], a[1], b[1], a[2], b[2]);
+}
+
+static inline wide largest(wide a, wide b, wide c)
+{
+    return wide_max(a, wide_max(b, c));
+}
+
+/* The gradients of the two or four functions in one column block of the rows. */
+static inline void set_gradient(struct hood *hood, uint32_t function, uint32_t i, const wide value[3], wide normals[3][3],
+                                wide inverse)
+{
+    wide f[3];
+    for (int k = 0; k < 3; k++)
+        f[k] = wide_mul(value[k], inverse);
+    for (uint32_t d = 0; d < 3; d++)
+        wide_store(hood_plane(hood, PLANE_GRADIENTS + 3 * function + d) + i,
+                   wide_dot(f[0], normals[0][d], f[1], normals[1][d], f[2], normals[2][d]));
+}
+
+static void set_rows(struct hood *hood, const struct working *working)
+{
+    uint32_t stride = working->stride;
+    const double *own = working_row(working, hood->vertex);
+    for (uint32_t n = 0; n < hood->count; n++) {
+        const double *row = working_row(working, hood->slots[n]);
+        for (uint32_t i = 0; i < stride; i += WIDE)
+            wide_store(hood->rows + (size_t)n * stride + i, wide_sub(wide_load(row + i), wide_load(own + i)));
+    }
+}
+
+static void prepare(struct hood *hood, const struct working *working)
+{
+    uint32_t stride = working->stride, functions = 2 * working->component_count, count = hood->tet_count;
+    set_rows(hood, working);
+    for (uint32_t i = count; i % WIDE; i++) // the last four are filled up with the first
+        for (int k = 0; k < 3; k++)
+            hood->corners[k][i] = hood->corners[k][0];
+    for (uint32_t i = 0; i < count; i += WIDE) {
+        const double *rows[3][WIDE];
+        wide at[3][4], normals[3][3], value[3];
+        for (int k = 0; k < 3; k++) {
+            for (int j = 0; j < WIDE; j++)
+                rows[k][j] = hood->rows + (size_t)hood->corners[k][i + (uint32_t)j] * stride;
+            wide_columns(rows[k], at[k]);
+        }
+        for (int k = 0; k < 3; k++)
+            wide_normal(at[(k + 1) % 3], at[(k + 2) % 3], normals[k]);
+        wide volume = wide_dot3(at[0], normals[0]), inverse = wide_div(wide_all(1), volume);
+        for (uint32_t f = 0; f < functions; f++) {
+            uint32_t column = ROW_FIELDS + f;
+            if (column % WIDE == 0)
+                for (int k = 0; k < 3; k++) {
+                    for (int j = 0; j < WIDE; j++)
+                        rows[k][j] += WIDE;
+                    wide_columns(rows[k], at[k]);
+                }
+            if (column == ROW_FIELDS) { // the positions are in the same block
+                wide size = largest(length1(at[0]), length1(at[1]), length1(at[2]));
+                wide_store(hood_plane(hood, PLANE_VOLUME) + i, volume);
+                wide_store(hood_plane(hood, PLANE_LEAST) + i,
+                           wide_mul(wide_all(LEAST_VOLUME), wide_mul(size, wide_mul(size, size))));
+                for (uint32_t d = 0; d < 3; d++)
+                    wide_store(hood_plane(hood, PLANE_SLOPE + d) + i,
+                               wide_sub(wide_all(0), wide_add(normals[0][d], wide_add(normals[1][d], normals[2][d]))));
+            }
+            for (int k = 0; k < 3; k++)
+                value[k] = at[k][column % WIDE];
+            set_gradient(hood, f, i, value, normals, inverse);
+        }
+    }
+    for (uint32_t i = count; i % WIDE; i++) { // and never turn over
+        for (uint32_t d = 0; d < 3; d++)
+            hood_plane(hood, PLANE_SLOPE + d)[i] = 0;
+        hood_plane(hood, PLANE_LEAST)[i] = 0;
+        hood_plane(hood, PLANE_VOLUME)[i] = 1;
+    }
+}
+
+static inline wide plane_at(const double *plane, size_t room, uint32_t i, wide x, wide y, wide z)
+{
+    return wide_dot(wide_load(plane + i), x, wide_load(plane + room + i), y, wide_load(plane + 2 * room + i), z);
+}
+
+static inline uint32_t bits(unsigned four)
+{
+    return (four & 1) + (four >> 1 & 1) + (four >> 2 & 1) + (four >> 3);
+}
+
+static inline struct seen look_with(const struct hood *hood, uint32_t neighbour, const struct look *look, uint32_t stride,
+                                    uint32_t components)
+{
+    enum { BLOCK = 2 * WIDE }; // tetrahedra between tests of whether to go on
+    struct seen seen = {.followed = true};
+    const double *r = hood->rows + (size_t)neighbour * stride;
+    double *reach = hood->reach + (size_t)neighbour * 2 * components;
+    wide x = wide_all(r[0]), y = wide_all(r[1]), z = wide_all(r[2]), half = wide_all(0.5);
+    const double *slope = hood_plane(hood, PLANE_SLOPE), *volume = hood_plane(hood, PLANE_VOLUME),
+                 *least = hood_plane(hood, PLANE_LEAST), *gradients = hood_plane(hood, PLANE_GRADIENTS);
+    size_t room = hood->room;
+    for (uint32_t c = 0; c < components; c++) {
+        reach[2 * c] = -INFINITY;
+        reach[2 * c + 1] = INFINITY;
+    }
+    for (uint32_t begin = 0; begin < hood->tet_count; begin += BLOCK) {
+        uint32_t end = begin + BLOCK < hood->tet_count ? begin + BLOCK : hood->tet_count;
+        double error = 0;
+        for (uint32_t c = 0; c < components; c++) {
+            const double *gradient = gradients + 6 * room * c;
+            wide upper = wide_all(reach[2 * c]), lower = wide_all(reach[2 * c + 1]);
+            for (uint32_t i = begin; i < end; i += WIDE) {
+                upper = wide_max(upper, plane_at(gradient, room, i, x, y, z));
+                lower = wide_min(lower, plane_at(gradient + 3 * room, room, i, x, y, z));
+            }
+            reach[2 * c] = wide_greatest(upper);
+            reach[2 * c + 1] = wide_least(lower);
+            error = larger(error, (look->gaps[c] + look->part * (reach[2 * c] - reach[2 * c + 1])) / 2 * look->factors[c]);
+        }
+        for (uint32_t i = begin; i < end; i += WIDE) {
+            wide before = wide_load(volume + i), small = wide_load(least + i);
+            wide after = wide_add(before, plane_at(slope, room, i, x, y, z));
+            seen.turned += bits(wide_at_most(after, small));
+            seen.half_turned += bits(wide_at_most(wide_mul(half, wide_add(after, before)), small));
+        }
+        seen.error = error;
+        if (error > look->most) {
+            seen.followed = false;
+            break;
+        }
+        if (seen.half_turned && seen.turned > hood->shared[neighbour]) // neither is possible
+            break;
+    }
+    return seen;
+}
+
+static struct seen look(const struct hood *hood, uint32_t neighbour, const struct look *look, uint32_t stride)
+{
+    return look->components == 1 ? look_with(hood, neighbour, look, stride, 1)
+                                 : look_with(hood, neighbour, look, stride, look->components);
+}
+
+/* Rows of the other corners of up to four tetrahedra of a star, from the *at-th on; the rest repeat the first. Returns how many. */
+static inline uint32_t four_of_star(const struct working *working, uint32_t slot, uint32_t *at, const double *rows[3][WIDE])
+{
+    static const uint8_t others_of[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
+    const struct span *star = &working->stars[slot];
+    const uint32_t *tets = working->pool + star->begin;
+    uint32_t count = 0;
+    for (; *at < star->count && count < WIDE; (*at)++) {
+        const uint32_t *corners = working->corners[tets[*at]];
+        if (corners[0] == TETLOD_NONE)
+            continue;
+        const uint8_t *others = others_of[corner_of(corners, slot)];
+        for (int k = 0; k < 3; k++)
+            rows[k][count] = working_row(working, corners[others[k]]);
+        count++;
+    }
+    for (uint32_t j = count; j < WIDE && count; j++)
+        for (int k = 0; k < 3; k++)
+            rows[k][j] = rows[k][0];
+    return count;
+}
+
+static inline bool halfway_with(const struct working *working, uint32_t from, uint32_t to, const struct look *look,
+                                struct half *half, uint32_t components)
+{
+    const double *rows[3][WIDE], *own = working_row(working, from), *target = working_row(working, to);
+    wide r[3];
+    for (int i = 0; i < 3; i++)
+        r[i] = wide_all(target[i] - own[i]);
+    for (uint32_t at = 0; four_of_star(working, from, &at, rows);) {
+        wide corner[3][4], normals[3][3], weight[3], value[3];
+        for (int k = 0; k < 3; k++) {
+            wide_columns(rows[k], corner[k]);
+            for (int i = 0; i < 4; i++)
+                corner[k][i] = wide_sub(corner[k][i], wide_all(own[i]));
+        }
+        for (int k = 0; k < 3; k++)
+            wide_normal(corner[(k + 1) % 3], corner[(k + 2) % 3], normals[k]);
+        wide volume = wide_dot3(corner[0], normals[0]), inverse = wide_div(wide_all(1), volume);
+        wide size = largest(length1(corner[0]), length1(corner[1]), length1(corner[2])), sum = wide_all(0);
+        for (int k = 0; k < 3; k++) {
+            weight[k] = wide_dot3(r, normals[k]);
+            sum = wide_add(sum, weight[k]);
+            weight[k] = wide_mul(weight[k], inverse);
+        }
+        wide left = wide_sub(volume, wide_mul(wide_all(0.5), sum));
+        if (wide_at_most(left, wide_mul(wide_all(LEAST_VOLUME), wide_mul(size, wide_mul(size, size)))))
+            return false;
+        half->error = 0;
+        for (uint32_t f = 0; f < 2 * components; f++) {
+            uint32_t column = ROW_FIELDS + f, c = f / 2;
+            if (column % WIDE == 0)
+                for (int k = 0; k < 3; k++) {
+                    for (int j = 0; j < WIDE; j++)
+                        rows[k][j] += WIDE;
+                    wide_columns(rows[k], corner[k]);
+                    for (uint32_t i = 0; i < 4; i++)
+                        corner[k][i] = wide_sub(corner[k][i], wide_all(own[column + i]));
+                }
+            for (int k = 0; k < 3; k++)
+                value[k] = corner[k][column % WIDE];
+            wide rise = wide_dot(weight[0], value[0], weight[1], value[1], weight[2], value[2]);
+            if (f % 2 == 0)
+                half->upper[c] = larger(half->upper[c], half->rise[f] + 0.5 * wide_greatest(rise));
+            else {
+                half->lower[c] = smaller(half->lower[c], half->rise[f] + 0.5 * wide_least(rise));
+                half->error = larger(half->error, (look->gaps[c] + half->upper[c] - half->lower[c]) / 2 * look->factors[c]);
+            }
+        }
+        if (half->error > look->most)
+            return true;
+    }
+    return true;
+}
+
+static bool halfway(const struct working *working, uint32_t from, uint32_t to, const struct look *look, struct half *half)
+{
+    return look->components == 1 ? halfway_with(working, from, to, look, half, 1)
+                                 : halfway_with(working, from, to, look, half, look->components);
+}
+
+static inline wide wide_square(const wide a[4])
+{
+    return wide_dot(a[0], a[0], a[1], a[1], a[2], a[2]);
+}
+
+static inline void wide_less(const wide a[4], const wide b[4], wide out[4])
+{
+    for (int i = 0; i < 3; i++)
+        out[i] = wide_sub(a[i], b[i]);
+}
+
+/* The square of the longest edge of a tetrahedron whose first corner is the origin. */
+static inline wide longest_square(wide edges[3][4])
+{
+    wide size2 = largest(wide_square(edges[0]), wide_square(edges[1]), wide_square(edges[2]));
+    for (int k = 0; k < 3; k++) {
+        wide between[4];
+        wide_less(edges[(k + 1) % 3], edges[k], between);
+        size2 = wide_max(size2, wide_square(between));
+    }
+    return size2;
+}
+
+/* PROOF.md, 4: the weights' rounding per unit of u. */
+static bool weigh(struct weighing *weighing, const double p[3])
+{
+    bool fits = true;
+    uint32_t count = weighing->count;
+    wide result[4] = {wide_all(p[0]), wide_all(p[1]), wide_all(p[2]), wide_all(0)}, one = wide_all(1);
+    for (uint32_t i = count; i % WIDE; i++) {
+        weighing->moves[i] = 0;
+        for (int k = 0; k < 4; k++)
+            weighing->rows[k][i] = weighing->rows[k][0];
+    }
+    for (uint32_t i = 0; i < count; i += WIDE) {
+        wide corner[4][4], edges[3][4], normal[3], r[4], weight[3];
+        for (int k = 0; k < 4; k++)
+            wide_columns(weighing->rows[k] + i, corner[k]);
+        for (int k = 0; k < 3; k++)
+            wide_less(corner[k + 1], corner[0], edges[k]);
+        wide_less(result, corner[0], r);
+        wide_normal(edges[1], edges[2], normal);
+        wide volume = wide_dot3(edges[0], normal), inverse = wide_div(one, volume), largest_weight = one;
+        for (int k = 0; k < 3; k++) {
+            if (k)
+                wide_normal(edges[(k + 1) % 3], edges[(k + 2) % 3], normal);
+            for (int d = 0; d < 3; d++)
+                normal[d] = wide_mul(normal[d], inverse);
+            weight[k] = wide_dot3(normal, r);
+            largest_weight = wide_max(largest_weight, wide_abs(weight[k]));
+            wide_store(weighing->weights[k] + i, weight[k]);
+        }
+        wide size2 = longest_square(edges), size = wide_sqrt(size2), reach = wide_sqrt(wide_square(r));
+        wide_store(weighing->spread + i,
+                   wide_div(wide_mul(size2, wide_add(wide_mul(size, largest_weight), reach)), volume));
+        for (int k = 0; k < 3; k++)
+            wide_less(corner[k + 1], result, edges[k]);
+        wide_normal(edges[1], edges[2], normal);
+        volume = wide_dot3(edges[0], normal);
+        size2 = longest_square(edges);
+        unsigned small = wide_at_most(volume, wide_mul(wide_all(TET_DEGENERATE), wide_mul(size2, wide_sqrt(size2))));
+        for (uint32_t j = 0; j < WIDE; j++)
+            fits &= !(small >> j & 1 && weighing->moves[i + j]);
+    }
+    return fits;
+}
+
+#if defined(KERNELS)
+const struct kernels KERNELS = {prepare, look, halfway, weigh};
+#else
+const struct kernels kernels_plain = {prepare, look, halfway, weigh};
+
+const struct kernels *kernels_choose(void)
+{
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2"))
+        return &kernels_avx2;
+#endif
+    return &kernels_plain;
+}
+#endif

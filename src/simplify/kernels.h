@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The arithmetic over a star, four tetrahedra at a time. Built twice, for any processor and for those with AVX2: both give the
+ * same bits (src/util/wide.h).
+ */
+#ifndef TETLOD_KERNELS_H
+#define TETLOD_KERNELS_H
+
+#include "src/simplify/hood.h"
+
+/* Planes of a hood. The volume of a tetrahedron (six times it) with the vertex moved by r is volume + slope . r; it counts as
+ * turned over where that is at most `least`. U and L of component c rise by gradient . r. */
+enum { PLANE_SLOPE = 0, PLANE_VOLUME = 3, PLANE_LEAST = 4, PLANE_GRADIENTS = 5 };
+
+static inline size_t plane_count(uint32_t components)
+{
+    return PLANE_GRADIENTS + 6 * (size_t)components;
+}
+
+/* How a position on the edge to a neighbour is looked at. */
+struct look {
+    uint32_t components;
+    const double *factors; /* [component] error of the limit's kind per value */
+    const double *gaps;    /* [component] U - L at the vertex */
+    double part;           /* of the edge: 1 to look at the neighbour's position, 0.5 if the middle is possible, too */
+    double most;           /* a greater error is not followed */
+};
+
+struct seen {
+    double error;     /* of part of the edge, by this star alone */
+    bool followed;    /* false: it got above `most`, and the rest is not known */
+    uint32_t turned;  /* tetrahedra that are turned over at the neighbour's position: at least those that vanish */
+    uint32_t half_turned; /* at the middle */
+};
+
+/* The other half of a middle: the star of the neighbour. */
+struct half {
+    double *upper, *lower; /* [component] in: what the vertex's star says at the middle, less the vertex's own; out: both stars */
+    const double *rise;    /* [2 * component] U and L of the neighbour less the vertex's */
+    double error;          /* out */
+};
+
+/* A contraction's star, both ends', with the weights of the result's position in every tetrahedron. */
+struct weighing {
+    uint32_t count;
+    size_t room;
+    const double **rows[4]; /* [tet] of the corners; the first is the end that it is at */
+    uint8_t *moves;         /* [tet] it is kept, with the first corner moved */
+    double *weights[3];     /* [tet] out: of the other corners */
+    double *spread;         /* [tet] out: rounding of a value per difference of values (PROOF.md, 4) */
+};
+
+struct kernels {
+    /* Rows and planes of a gathered hood none of whose tetrahedra is degenerate. */
+    void (*prepare)(struct hood *hood, const struct working *working);
+    /* What the hood says at a neighbour. hood->reach of it is set. */
+    struct seen (*look)(const struct hood *hood, uint32_t neighbour, const struct look *look, uint32_t stride);
+    /* The star of `from` at the middle of its edge to `to`. False: a tetrahedron is turned over there. */
+    bool (*halfway)(const struct working *working, uint32_t from, uint32_t to, const struct look *look, struct half *half);
+    /* Weights of p. False: a kept tetrahedron would not be well oriented. */
+    bool (*weigh)(struct weighing *weighing, const double p[3]);
+};
+
+extern const struct kernels kernels_plain, kernels_avx2;
+
+/* The ones for this processor. */
+const struct kernels *kernels_choose(void);
+
+#endif

@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The link condition of an edge ab: Lk(a) and Lk(b) meet in Lk(ab) only, with the boundary coned to one more vertex (Dey,
+ * Edelsbrunner, Guha and Nekhayev 1999). Then contracting it leaves a complex of the same topology.
+ */
+#ifndef TETLOD_LINKS_H
+#define TETLOD_LINKS_H
+
+#include "src/simplify/hood.h"
+
+struct links {
+    uint8_t *marks; /* [neighbour] */
+    uint32_t (*triangles)[3];
+    size_t mark_room, triangle_room;
+    struct table pairs;
+};
+
+void links_fini(struct links *links);
+
+/* Does it hold for the edge from the hood's vertex to a neighbour? Time linear in both stars. *out_room: false if memory ran out. */
+bool links_hold(struct links *links, const struct hood *hood, const struct working *working, uint32_t neighbour,
+                bool *out_room);
+
+#endif

@@ -1,0 +1,353 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/simplify/merge.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+#include "src/util/wide.h"
+
+/* An edge, and what contracting it makes of its vertices. */
+struct join {
+    uint32_t kept, dead;
+    bool still; /* both are at one point: nothing moves */
+    double p[3];
+};
+
+/* ---- the outcome */
+
+static bool reserve_weighing(struct weighing *weighing, size_t count)
+{
+    if (count + WIDE <= weighing->room)
+        return true;
+    size_t room = count + count / 2 + 64;
+    bool done = true;
+    free(weighing->moves);
+    free(weighing->spread);
+    for (int k = 0; k < 4; k++) {
+        free(weighing->rows[k]);
+        done &= (weighing->rows[k] = array_new(room, sizeof **weighing->rows)) != NULL;
+    }
+    for (int k = 0; k < 3; k++) {
+        free(weighing->weights[k]);
+        done &= (weighing->weights[k] = array_new(room, sizeof(double))) != NULL;
+    }
+    weighing->moves = array_new(room, 1);
+    weighing->spread = array_new(room, sizeof(double));
+    done &= weighing->moves && weighing->spread;
+    weighing->room = done ? room : 0;
+    return done;
+}
+
+/* Lists the star of one end; those with the other end only if it is the first. */
+static void list_star(struct weighing *weighing, uint32_t *list, const struct working *working, uint32_t end, uint32_t other,
+                      bool first)
+{
+    static const uint8_t others_of[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
+    const struct span *star = &working->stars[end];
+    for (uint32_t i = 0; i < star->count; i++) {
+        uint32_t tet = working->pool[star->begin + i];
+        const uint32_t *corners = working->corners[tet];
+        if (corners[0] == TETLOD_NONE)
+            continue;
+        bool both = corners[0] == other || corners[1] == other || corners[2] == other || corners[3] == other;
+        if (both && !first)
+            continue;
+        const uint8_t *others = others_of[corner_of(corners, end)];
+        uint32_t at = weighing->count++;
+        list[at] = tet;
+        weighing->moves[at] = !both;
+        weighing->rows[0][at] = working_row(working, end);
+        for (int k = 0; k < 3; k++)
+            weighing->rows[k + 1][at] = working_row(working, corners[others[k]]);
+    }
+}
+
+/* What the star's interpolants of one column of the rows say at the result, each widened by its rounding (PROOF.md, 4): the greatest
+ * (sign 1) or the least (-1). */
+static double continued(const struct weighing *weighing, uint32_t column, double sign)
+{
+    double extreme = -INFINITY;
+    for (uint32_t i = 0; i < weighing->count; i++) {
+        double first = weighing->rows[0][i][column], value = first, spread = 0;
+        for (int k = 0; k < 3; k++) {
+            double difference = weighing->rows[k + 1][i][column] - first;
+            value += weighing->weights[k][i] * difference;
+            spread = larger(spread, fabs(difference));
+        }
+        double slack = 32 * DBL_EPSILON * (weighing->spread[i] * spread + fabs(first) + fabs(value));
+        extreme = larger(extreme, sign * value + slack);
+    }
+    return sign * extreme;
+}
+
+/* The same of the values that the fields have now, without their rounding: least and greatest. */
+static void continued_values(const struct worker *worker, const struct working *working, const struct join *join,
+                             const double *values, size_t stride, double out[2])
+{
+    const struct weighing *weighing = &worker->weighing;
+    out[0] = INFINITY;
+    out[1] = -INFINITY;
+    for (uint32_t i = 0; i < weighing->count && !join->still; i++) {
+        double f[4], value;
+        for (int k = 0; k < 4; k++)
+            f[k] = values[(size_t)(weighing->rows[k][i] - working->rows) / working->stride * stride];
+        value = f[0] + weighing->weights[0][i] * (f[1] - f[0]) + weighing->weights[1][i] * (f[2] - f[0]) +
+                weighing->weights[2][i] * (f[3] - f[0]);
+        out[0] = smaller(out[0], value);
+        out[1] = larger(out[1], value);
+    }
+    for (int end = 0; end < 2 && join->still; end++) {
+        double value = values[(end ? join->dead : join->kept) * stride];
+        out[0] = smaller(out[0], value);
+        out[1] = larger(out[1], value);
+    }
+}
+
+/* U and L of the result in the worker's numbers. False: a tetrahedron would not be well oriented. */
+static bool find_bounds(const struct run *run, struct worker *worker, const struct join *join)
+{
+    const struct working *working = run->working;
+    const double *a = working_row(working, join->dead), *b = working_row(working, join->kept);
+    double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
+    worker->weighing.count = 0;
+    list_star(&worker->weighing, worker->list, working, join->dead, join->kept, true);
+    list_star(&worker->weighing, worker->list, working, join->kept, join->dead, false);
+    if (!join->still && !run->kernels->weigh(&worker->weighing, join->p))
+        return false;
+    for (uint32_t c = 0; c < working->component_count; c++) {
+        uint32_t column = ROW_FIELDS + 2 * c;
+        upper[c] = join->still ? larger(a[column], b[column]) : continued(&worker->weighing, column, 1);
+        lower[c] = join->still ? smaller(a[column + 1], b[column + 1]) : continued(&worker->weighing, column + 1, -1);
+    }
+    return true;
+}
+
+/* ---- making it so */
+
+/* The values that cost next to nothing: those of the ends that are where the result is, or the mean of both. */
+static uint32_t free_values(const struct working *working, const struct join *join, const struct working_field *field,
+                            uint32_t component, double out[2])
+{
+    uint32_t ends[2] = {join->kept, join->dead}, count = 0;
+    double sum = 0;
+    for (int end = 0; end < 2; end++) {
+        double value = field->values[(size_t)ends[end] * field->components + component];
+        sum += value;
+        if (memcmp(working_row(working, ends[end]), join->p, sizeof join->p) == 0)
+            out[count++] = value;
+    }
+    if (!count)
+        out[count++] = field_round(field, component, sum / 2);
+    return count;
+}
+
+/* Takes values that cost few bits in place of the middles of U and L, where the errors are no larger then than what the rounds before
+ * have come to. */
+static void cheapen(const struct run *run, const struct worker *worker, const struct join *join, double *values)
+{
+    const struct working *working = run->working;
+    const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
+    for (uint32_t c = 0; c < working->component_count; c++) {
+        const struct controlled *component = &working->components[c];
+        const struct working_field *field = &working->fields[component->field];
+        double there[2], error = component->scale > 0 ? run->certified[c] / component->scale : 0;
+        uint32_t count = free_values(working, join, field, component->component, there);
+        if (component->scale > 0)
+            values[c] = field_cheap(field, component->component, there, count, values[c], upper[c] - error, lower[c] + error,
+                                    error / CHEAP_PART);
+    }
+}
+
+/* Values among those of the star's vertices: what is not controlled has no bound that keeps it from extrapolating. */
+static double carried_value(const struct worker *worker, const struct working *working, const struct join *join,
+                            const struct working_field *field, uint32_t component)
+{
+    double range[2], least = INFINITY, greatest = -INFINITY;
+    continued_values(worker, working, join, field->values + component, field->components, range);
+    for (uint32_t i = 0; i < worker->weighing.count; i++)
+        for (int k = 0; k < 4; k++) {
+            size_t slot = (size_t)(worker->weighing.rows[k][i] - working->rows) / working->stride;
+            double value = field->values[slot * field->components + component];
+            least = smaller(least, value);
+            greatest = larger(greatest, value);
+        }
+    double middle = field_round(field, component, smaller(larger((range[0] + range[1]) / 2, least), greatest)), there[2];
+    double spread = (range[1] - range[0]) / 2;
+    uint32_t count = free_values(working, join, field, component, there);
+    return field_cheap(field, component, there, count, middle, larger(least, middle - spread), smaller(greatest, middle + spread),
+                       spread / CHEAP_PART);
+}
+
+static bool is_controlled(const struct working *working, uint32_t field)
+{
+    for (uint32_t c = 0; c < working->component_count; c++)
+        if (working->components[c].field == field)
+            return true;
+    return false;
+}
+
+/* Fields that are not controlled, by scalar value assignment (thesis 3.3). */
+static void carry_fields(const struct worker *worker, const struct working *working, const struct join *join)
+{
+    for (uint32_t f = 0; f < working->field_count; f++) {
+        const struct working_field *field = &working->fields[f];
+        for (uint32_t c = 0; c < field->components && !is_controlled(working, f); c++)
+            field->values[(size_t)join->kept * field->components + c] = carried_value(worker, working, join, field, c);
+    }
+}
+
+static void log_values(const struct working *working, const struct join *join, uint32_t record)
+{
+    for (uint32_t f = 0; f < working->field_count; f++) {
+        const struct working_field *field = &working->fields[f];
+        size_t k = field->components;
+        for (size_t c = 0; c < k; c++)
+            working->log->fields[f].values[record * k + c] = field->values[join->kept * k + c] + field->middles[c];
+    }
+}
+
+/* Predictions of the controlled components, from the values that the fields still have; then their new values. */
+static void set_components(const struct run *run, const struct worker *worker, const struct join *join, const double *values,
+                           double *predicted)
+{
+    const struct working *working = run->working;
+    for (uint32_t c = 0; c < working->component_count; c++) {
+        struct controlled *component = &working->components[c];
+        const struct working_field *field = &working->fields[component->field];
+        double range[2];
+        continued_values(worker, working, join, field->values + component->component, field->components, range);
+        double before = component->predicted[join->kept] + component->predicted[join->dead];
+        component->predicted[join->kept] = before + larger(range[1] - values[c], values[c] - range[0]);
+        predicted[c] = component->predicted[join->kept] * component->scale;
+        field->values[(size_t)join->kept * field->components + component->component] = values[c];
+    }
+}
+
+static void set_row(const struct run *run, const struct worker *worker, const struct join *join, double moved)
+{
+    const struct working *working = run->working;
+    const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
+    double *row = working_row(working, join->kept);
+    memcpy(row, join->p, sizeof join->p);
+    for (uint32_t c = 0; c < working->component_count; c++) {
+        row[ROW_FIELDS + 2 * c] = upper[c];
+        row[ROW_FIELDS + 2 * c + 1] = lower[c];
+    }
+    row[row_moved(working)] = moved;
+}
+
+/* The slot's star has changed. Others of the round may say so, too. */
+static void touch(const struct run *run, uint32_t slot)
+{
+    __atomic_store_n(&run->proposals.dirty[slot], TOUCHED, __ATOMIC_RELAXED);
+    __atomic_store_n(&run->proposals.changed[slot], run->round, __ATOMIC_RELAXED);
+}
+
+static bool list_slot(uint32_t **list, size_t *count, size_t *room, uint32_t slot)
+{
+    void *grown = *list;
+    if (!array_reserve(&grown, room, *count + 1, sizeof **list))
+        return false;
+    *list = grown;
+    (*list)[(*count)++] = slot;
+    return true;
+}
+
+static bool reserve(struct worker *worker, size_t tets)
+{
+    void *list = worker->list;
+    bool room = array_reserve(&list, &worker->list_room, tets, sizeof *worker->list) &&
+                reserve_weighing(&worker->weighing, tets);
+    worker->list = list;
+    worker->failed |= !room;
+    return room;
+}
+
+/* It is not to be after all: the slot waits for that error. */
+static void refuse(const struct run *run, struct worker *worker, uint32_t slot, double error, enum refusal refusal)
+{
+    worker->refused[refusal]++;
+    run->proposals.priority[slot] = PROPOSES_NOTHING;
+    run->proposals.waits[slot] = run->proposals.waits_changed[slot] = (float)larger(error, run->limit * (1 + 1e-6));
+}
+
+/* All vertices of both stars have changed. Lists what has to be looked at when the round is over: kinds of boundary vertices, and
+ * whether vertices are still frozen. */
+static void touch_stars(const struct run *run, struct worker *worker, const struct join *join, uint32_t tets)
+{
+    const struct working *working = run->working;
+    bool opens = working->flags[join->dead] & VERTEX_BOUNDARY;
+    for (uint32_t i = 0; i < tets; i++)
+        for (int c = 0; c < 4; c++) {
+            uint32_t slot = working->corners[worker->list[i]][c];
+            bool room = true;
+            if (slot == join->dead)
+                continue;
+            if (slot != join->kept && __atomic_load_n(&run->proposals.changed[slot], __ATOMIC_RELAXED) != run->round)
+                touch(run, slot);
+            if (opens && working->flags[slot] & VERTEX_BOUNDARY)
+                room = list_slot(&worker->open, &worker->open_count, &worker->open_room, slot);
+            if (room && join->still && working->flags[slot] & VERTEX_FROZEN)
+                room = list_slot(&worker->thawing, &worker->thawing_count, &worker->thawing_room, slot);
+            worker->failed |= !room;
+        }
+}
+
+void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t record, struct merged *out, double *certified,
+           double *predicted)
+{
+    struct working *working = run->working;
+    uint32_t target = run->proposals.target[slot];
+    struct join join = {.kept = target / 2, .dead = slot};
+    uint32_t ends[2] = {join.dead, join.kept};
+    double *values = numbers_of(run, worker, NUMBERS_RISE), moved = 0;
+    *out = (struct merged){.kept = join.kept};
+    if (!reserve(worker, (size_t)working->stars[join.dead].count + working->stars[join.kept].count))
+        return;
+    join.still = distance_squared(working_row(working, join.dead), working_row(working, join.kept)) == 0;
+    if (target % 2)
+        middle_of(working, join.dead, join.kept, join.p);
+    else
+        memcpy(join.p, working_row(working, join.kept), sizeof join.p);
+    if (!find_bounds(run, worker, &join)) {
+        refuse(run, worker, slot, 0, REFUSED_FLIP);
+        return;
+    }
+    if ((working->flags[join.dead] | working->flags[join.kept]) & VERTEX_BOUNDARY) {
+        moved = moved_by(run, worker, ends, join.p);
+        if (isinf(moved)) {
+            refuse(run, worker, slot, 0, REFUSED_BOUNDARY);
+            return;
+        }
+        add_demands(run, worker);
+    }
+    double error = assigned_error(run, worker, values);
+    if (!(error <= run->limit * (1 + ROUNDING))) {
+        refuse(run, worker, slot, error, REFUSED_ROUNDING);
+        return;
+    }
+    cheapen(run, worker, &join, values);
+    const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
+    for (uint32_t c = 0; c < working->component_count; c++) {
+        const struct controlled *component = &working->components[c];
+        double most = larger(upper[c] - values[c], values[c] - lower[c]);
+        double named = component->factor > 0 ? run->limit / component->factor * component->scale : INFINITY;
+        certified[c] = smaller(smaller(most * component->scale, named), 1); // within rounding of the limit is the limit
+    }
+    carry_fields(worker, working, &join);
+    set_components(run, worker, &join, values, predicted);
+    log_values(working, &join, record);
+    uint32_t *children = working->log->children + 4 * (size_t)record;
+    children[0] = working->node[join.kept];
+    children[1] = working->node[join.dead];
+    children[2] = children[3] = TETLOD_NONE;
+    memcpy(working->log->positions + 3 * (size_t)record, join.p, sizeof join.p);
+    touch_stars(run, worker, &join, worker->weighing.count);
+    set_row(run, worker, &join, moved);
+    run->proposals.priority[join.kept] = run->proposals.priority[join.dead] = PROPOSES_NOTHING;
+    *out = (struct merged){true, join.kept, working_contract(working, join.kept, join.dead, worker->list), moved};
+}

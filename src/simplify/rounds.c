@@ -1,0 +1,588 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/simplify/rounds.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/simplify/ladder.h"
+#include "src/simplify/merge.h"
+#include "src/util/array.h"
+#include "src/util/parallel.h"
+
+/* A vertex whose star has changed is evaluated again if this multiple of what it waited for is within the limit: a change rarely
+ * eases it by more. */
+static const double EASED = 0.8;
+
+/* Times that a rung looks again at vertices whose stars have changed. */
+enum { MOST_PASSES = 3 };
+
+/* Slots that are evaluated between two reports of progress. */
+enum { SLICE = 1 << 14 };
+
+struct list {
+    uint32_t *slots;
+    size_t count, room;
+};
+
+struct rounds {
+    struct working working;
+    struct run run;
+    uint64_t *claims;      /* [slot] the least priority of a proposal with that end in this round */
+    struct list alive;     /* slots, ascending */
+    struct list proposing, winners, again; /* again: to be evaluated */
+    uint8_t *won;          /* [proposing] */
+    size_t won_room;
+    struct merged *merged; /* [winner] */
+    double *errors;        /* [winner][certified, predicted][component] */
+    size_t merged_room, error_room;
+    double *certified, *predicted; /* [component] running maxima */
+    double moved;
+    const struct simplify_options *options;
+    struct tetlod_error *error;
+};
+
+static bool list_add(struct list *list, uint32_t slot)
+{
+    void *grown = list->slots;
+    if (!array_reserve(&grown, &list->room, list->count + 1, sizeof *list->slots))
+        return false;
+    list->slots = grown;
+    list->slots[list->count++] = slot;
+    return true;
+}
+
+static enum tetlod_status no_memory(struct rounds *rounds)
+{
+    return tetlodi_fail_nomem(rounds->error, "the rounds", 0);
+}
+
+static bool finished(const struct rounds *rounds)
+{
+    return rounds->working.tets_alive <= rounds->options->min_tets;
+}
+
+/* ---- evaluating */
+
+static enum tetlod_status report(const struct rounds *rounds)
+{
+    const struct working *working = &rounds->working;
+    if (!rounds->options->progress)
+        return TETLOD_OK;
+    double done = 1 - (double)working->vertices_alive / working->slot_count;
+    if (rounds->options->progress(rounds->options->progress_opaque, done))
+        return TETLOD_OK;
+    return tetlodi_fail(rounds->error, TETLOD_ERR_CANCELLED, "cancelled");
+}
+
+static enum tetlod_status failure(struct rounds *rounds)
+{
+    for (unsigned w = 0; w < crew_size(rounds->run.crew); w++)
+        if (rounds->run.workers[w].failed)
+            return no_memory(rounds);
+    return TETLOD_OK;
+}
+
+static void prune_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct rounds *rounds = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        working_prune(&rounds->working, rounds->again.slots[i]);
+        rounds->run.proposals.dirty[rounds->again.slots[i]] = CLEAN;
+    }
+}
+
+struct slice {
+    struct rounds *rounds;
+    size_t begin;
+};
+
+static void evaluate_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    const struct slice *slice = context;
+    struct rounds *rounds = slice->rounds;
+    for (size_t i = slice->begin + begin; i < slice->begin + end; i++)
+        evaluate(&rounds->run, &rounds->run.workers[worker], rounds->again.slots[i]);
+}
+
+/* Evaluates the vertices that are listed for it. Stars are pruned first, while nobody reads them. */
+static enum tetlod_status evaluate_again(struct rounds *rounds)
+{
+    size_t count = rounds->again.count;
+    crew_run(rounds->run.crew, count, 128, prune_range, rounds);
+    for (size_t begin = 0; begin < count; begin += SLICE) {
+        struct slice slice = {rounds, begin};
+        crew_run(rounds->run.crew, count - begin < SLICE ? count - begin : SLICE, 16, evaluate_range, &slice);
+        TETLOD_TRY(failure(rounds));
+        if (count > SLICE)
+            TETLOD_TRY(report(rounds));
+    }
+    return TETLOD_OK;
+}
+
+/* Those that were evaluated and have something to propose join the others. */
+static enum tetlod_status take_proposals(struct rounds *rounds)
+{
+    for (size_t i = 0; i < rounds->again.count; i++) {
+        uint32_t slot = rounds->again.slots[i];
+        if (rounds->run.proposals.priority[slot] != PROPOSES_NOTHING && !list_add(&rounds->proposing, slot))
+            return no_memory(rounds);
+    }
+    return TETLOD_OK;
+}
+
+/* ---- who wins */
+
+static void claim(uint64_t *claim, uint64_t priority)
+{
+    uint64_t now = __atomic_load_n(claim, __ATOMIC_RELAXED);
+    while (priority < now && !__atomic_compare_exchange_n(claim, &now, priority, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED))
+        ;
+}
+
+static void claim_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct rounds *rounds = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        uint32_t slot = rounds->proposing.slots[i];
+        claim(&rounds->claims[slot], rounds->run.proposals.priority[slot]);
+        claim(&rounds->claims[rounds->run.proposals.target[slot] / 2], rounds->run.proposals.priority[slot]);
+    }
+}
+
+static void release_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct rounds *rounds = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        uint32_t slot = rounds->proposing.slots[i];
+        __atomic_store_n(&rounds->claims[slot], PROPOSES_NOTHING, __ATOMIC_RELAXED);
+        __atomic_store_n(&rounds->claims[rounds->run.proposals.target[slot] / 2], PROPOSES_NOTHING, __ATOMIC_RELAXED);
+    }
+}
+
+/* Is no vertex of the slot's star claimed by a lesser priority? */
+static bool unclaimed(const struct rounds *rounds, uint32_t slot, uint64_t priority)
+{
+    const struct span *star = &rounds->working.stars[slot];
+    for (uint32_t i = 0; i < star->count; i++) {
+        const uint32_t *corners = rounds->working.corners[rounds->working.pool[star->begin + i]];
+        for (int c = 0; c < 4 && corners[0] != TETLOD_NONE; c++)
+            if (rounds->claims[corners[c]] < priority)
+                return false;
+    }
+    return true;
+}
+
+static void win_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct rounds *rounds = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        uint32_t slot = rounds->proposing.slots[i], other = rounds->run.proposals.target[slot] / 2;
+        uint64_t priority = rounds->run.proposals.priority[slot];
+        rounds->won[i] = rounds->claims[slot] >= priority && rounds->claims[other] >= priority &&
+                         unclaimed(rounds, slot, priority) && unclaimed(rounds, other, priority);
+    }
+}
+
+/* Has a star that the proposal depends on changed since? */
+static bool stale(const struct rounds *rounds, uint32_t slot)
+{
+    const struct proposals *proposals = &rounds->run.proposals;
+    uint32_t target = proposals->target[slot];
+    return proposals->dirty[slot] != CLEAN || !working_alive(&rounds->working, target / 2) ||
+           (target % 2 && proposals->changed[target / 2] > proposals->evaluated[slot]);
+}
+
+/* Near the least number of tetrahedra only few may go at once. */
+static size_t most_winners(const struct rounds *rounds)
+{
+    enum { REMOVES = 16 }; // a contraction, generously
+    uint32_t left = rounds->working.tets_alive - rounds->options->min_tets;
+    return left / REMOVES + 1;
+}
+
+/* Lists the winners whose proposals hold; those that do not are to be evaluated again. */
+static enum tetlod_status choose_winners(struct rounds *rounds)
+{
+    void *won = rounds->won;
+    size_t count = rounds->proposing.count, most = most_winners(rounds);
+    if (!array_reserve(&won, &rounds->won_room, count, 1))
+        return no_memory(rounds);
+    rounds->won = won;
+    crew_run(rounds->run.crew, count, 256, claim_range, rounds);
+    crew_run(rounds->run.crew, count, 64, win_range, rounds);
+    crew_run(rounds->run.crew, count, 256, release_range, rounds);
+    rounds->winners.count = rounds->again.count = 0;
+    for (size_t i = 0; i < count; i++) {
+        uint32_t slot = rounds->proposing.slots[i];
+        if (!rounds->won[i])
+            continue;
+        if (stale(rounds, slot) ? !list_add(&rounds->again, slot)
+                                : rounds->winners.count < most && !list_add(&rounds->winners, slot))
+            return no_memory(rounds);
+    }
+    return TETLOD_OK;
+}
+
+/* ---- contracting */
+
+static double *errors_of(const struct rounds *rounds, size_t winner)
+{
+    return rounds->errors + winner * 2 * rounds->working.component_count;
+}
+
+static void merge_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct rounds *rounds = context;
+    for (size_t i = begin; i < end; i++) {
+        double *certified = errors_of(rounds, i);
+        merge(&rounds->run, &rounds->run.workers[worker], rounds->winners.slots[i], rounds->working.log->count + (uint32_t)i,
+              &rounds->merged[i], certified, certified + rounds->working.component_count);
+    }
+}
+
+static enum tetlod_status reserve(struct rounds *rounds)
+{
+    size_t count = rounds->winners.count, entries = 0;
+    void *merged = rounds->merged, *errors = rounds->errors;
+    bool room = array_reserve(&merged, &rounds->merged_room, count, sizeof *rounds->merged) &&
+                array_reserve(&errors, &rounds->error_room, 2 * count * rounds->working.component_count, sizeof(double));
+    rounds->merged = merged;
+    rounds->errors = errors;
+    if (!room)
+        return no_memory(rounds);
+    for (size_t i = 0; i < count; i++) {
+        uint32_t slot = rounds->winners.slots[i];
+        size_t stars = (size_t)rounds->working.stars[slot].count +
+                       rounds->working.stars[rounds->run.proposals.target[slot] / 2].count;
+        entries += stars + stars / 4;
+    }
+    return working_reserve(&rounds->working, entries, rounds->error);
+}
+
+static enum tetlod_status mark(struct rounds *rounds)
+{
+    const struct working *working = &rounds->working;
+    return log_mark(working->log, working->vertices_alive, working->tets_alive, rounds->moved, rounds->certified,
+                    rounds->predicted, rounds->error);
+}
+
+static double shrunk_since_mark(const struct rounds *rounds)
+{
+    const struct contraction_log *log = rounds->working.log;
+    return log->marks[log->mark_count - 1].vertices / (double)rounds->working.vertices_alive;
+}
+
+/* Closes the gap that a refused contraction has left in the log. */
+static void move_record(struct contraction_log *log, uint32_t from, uint32_t to)
+{
+    if (from == to)
+        return;
+    memcpy(log->children + 4 * (size_t)to, log->children + 4 * (size_t)from, 4 * sizeof *log->children);
+    memcpy(log->positions + 3 * (size_t)to, log->positions + 3 * (size_t)from, 3 * sizeof *log->positions);
+    for (uint32_t f = 0; f < log->field_count; f++) {
+        size_t k = log->fields[f].components;
+        memcpy(log->fields[f].values + to * k, log->fields[f].values + from * k, k * sizeof(double));
+    }
+}
+
+/* Counts a contraction that is done. */
+static enum tetlod_status account(struct rounds *rounds, size_t winner, uint32_t from)
+{
+    struct working *working = &rounds->working;
+    const struct merged *merged = &rounds->merged[winner];
+    const double *errors = errors_of(rounds, winner);
+    uint32_t k = working->component_count, record = log_extend(working->log, 1);
+    move_record(working->log, from, record);
+    working->node[merged->kept] = working->slot_count + record;
+    working->vertices_alive--;
+    working->tets_alive -= merged->removed;
+    rounds->moved = fmax(rounds->moved, merged->moved);
+    for (uint32_t c = 0; c < k; c++) {
+        rounds->certified[c] = fmax(rounds->certified[c], errors[c]);
+        rounds->predicted[c] = fmax(rounds->predicted[c], errors[k + c]);
+    }
+    return shrunk_since_mark(rounds) >= rounds->options->growth ? mark(rounds) : TETLOD_OK;
+}
+
+static void classify_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct rounds *rounds = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++)
+        if (working_alive(&rounds->working, rounds->winners.slots[i]))
+            border_classify(&rounds->run.border, &rounds->working, rounds->winners.slots[i]);
+}
+
+static int compare_slots(const void *a, const void *b)
+{
+    uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* The workers' lists of one kind, each slot once, in the place of the winners, who are done. */
+static enum tetlod_status collect(struct rounds *rounds, bool thawing)
+{
+    size_t kept = 0;
+    rounds->winners.count = 0;
+    for (unsigned w = 0; w < crew_size(rounds->run.crew); w++) {
+        struct worker *worker = &rounds->run.workers[w];
+        size_t *count = thawing ? &worker->thawing_count : &worker->open_count;
+        for (size_t i = 0; i < *count; i++)
+            if (!list_add(&rounds->winners, thawing ? worker->thawing[i] : worker->open[i]))
+                return no_memory(rounds);
+        *count = 0;
+    }
+    if (rounds->winners.count)
+        qsort(rounds->winners.slots, rounds->winners.count, sizeof(uint32_t), compare_slots);
+    for (size_t i = 0; i < rounds->winners.count; i++)
+        if (!i || rounds->winners.slots[i] != rounds->winners.slots[i - 1])
+            rounds->winners.slots[kept++] = rounds->winners.slots[i];
+    rounds->winners.count = kept;
+    return TETLOD_OK;
+}
+
+/* A frozen vertex whose last degenerate, inverted or folded tetrahedron is gone is free. */
+static void thaw(struct rounds *rounds, uint32_t slot)
+{
+    struct working *working = &rounds->working;
+    const struct span *star = &working->stars[slot];
+    if (!working_alive(working, slot))
+        return;
+    for (uint32_t i = 0; i < star->count; i++) {
+        uint32_t tet = working->pool[star->begin + i];
+        if (!tet_gone(working, tet) && (working_orientation(working, tet) <= 0 || border_folded(working, tet)))
+            return;
+    }
+    working->flags[slot] &= (uint8_t)~VERTEX_FROZEN;
+    rounds->run.proposals.waits[slot] = rounds->run.proposals.waits_changed[slot] = 0;
+}
+
+/* Contracts the winners; what they made is to be evaluated again, too. */
+static enum tetlod_status contract(struct rounds *rounds)
+{
+    uint32_t first = rounds->working.log->count;
+    TETLOD_TRY(reserve(rounds));
+    crew_run(rounds->run.crew, rounds->winners.count, 8, merge_range, rounds);
+    TETLOD_TRY(failure(rounds));
+    for (size_t i = 0; i < rounds->winners.count; i++) {
+        if (!rounds->merged[i].done)
+            continue;
+        TETLOD_TRY(account(rounds, i, first + (uint32_t)i));
+        if (!list_add(&rounds->again, rounds->merged[i].kept))
+            return no_memory(rounds);
+    }
+    TETLOD_TRY(collect(rounds, false));
+    crew_run(rounds->run.crew, rounds->winners.count, 64, classify_range, rounds);
+    TETLOD_TRY(collect(rounds, true));
+    for (size_t i = 0; i < rounds->winners.count; i++)
+        thaw(rounds, rounds->winners.slots[i]);
+    return TETLOD_OK;
+}
+
+/* ---- rungs */
+
+/* Until there is nothing to propose any more. */
+static enum tetlod_status play_rounds(struct rounds *rounds)
+{
+    struct proposals *proposals = &rounds->run.proposals;
+    while (rounds->proposing.count && !finished(rounds)) {
+        size_t kept = 0;
+        rounds->run.round++;
+        TETLOD_TRY(choose_winners(rounds));
+        TETLOD_TRY(contract(rounds));
+        TETLOD_TRY(evaluate_again(rounds));
+        for (size_t i = 0; i < rounds->proposing.count; i++) {
+            uint32_t slot = rounds->proposing.slots[i];
+            if (proposals->priority[slot] != PROPOSES_NOTHING && proposals->evaluated[slot] != rounds->run.round)
+                rounds->proposing.slots[kept++] = slot;
+        }
+        rounds->proposing.count = kept;
+        TETLOD_TRY(take_proposals(rounds));
+        TETLOD_TRY(report(rounds));
+    }
+    return TETLOD_OK;
+}
+
+/* Lists whom the limit may have reached; those that have died leave. */
+static enum tetlod_status list_reached(struct rounds *rounds)
+{
+    const struct proposals *proposals = &rounds->run.proposals;
+    size_t kept = 0;
+    double limit = rounds->run.limit * (1 + 1e-6); // what waits is stored as float
+    rounds->again.count = 0;
+    for (size_t i = 0; i < rounds->alive.count; i++) {
+        uint32_t slot = rounds->alive.slots[i];
+        if (!working_alive(&rounds->working, slot))
+            continue;
+        rounds->alive.slots[kept++] = slot;
+        double waits = proposals->dirty[slot] == CLEAN ? proposals->waits[slot] : EASED * proposals->waits_changed[slot];
+        if (waits <= limit && proposals->priority[slot] == PROPOSES_NOTHING && !list_add(&rounds->again, slot))
+            return no_memory(rounds);
+    }
+    rounds->alive.count = kept;
+    return TETLOD_OK;
+}
+
+/* Lists whose stars have changed since they were evaluated and may have come within the limit. */
+static enum tetlod_status list_changed(struct rounds *rounds)
+{
+    const struct proposals *proposals = &rounds->run.proposals;
+    rounds->again.count = 0;
+    for (size_t i = 0; i < rounds->alive.count; i++) {
+        uint32_t slot = rounds->alive.slots[i];
+        if (proposals->dirty[slot] != TOUCHED || !working_alive(&rounds->working, slot) ||
+            proposals->priority[slot] != PROPOSES_NOTHING)
+            continue;
+        proposals->dirty[slot] = LEFT;
+        if (EASED * proposals->waits_changed[slot] <= rounds->run.limit && !list_add(&rounds->again, slot))
+            return no_memory(rounds);
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status climb_rung(struct rounds *rounds, double limit)
+{
+    rounds->run.limit = limit;
+    rounds->run.round++;
+    TETLOD_TRY(list_reached(rounds));
+    for (int pass = 0; rounds->again.count && !finished(rounds); pass++) {
+        TETLOD_TRY(evaluate_again(rounds));
+        TETLOD_TRY(take_proposals(rounds));
+        TETLOD_TRY(play_rounds(rounds));
+        rounds->again.count = 0;
+        if (pass == MOST_PASSES)
+            break;
+        TETLOD_TRY(list_changed(rounds));
+        rounds->run.round++;
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status climb(struct rounds *rounds)
+{
+    bool named = true;
+    double limit = fmin(1e-6, rounds->options->max_error);
+    TETLOD_TRY(mark(rounds));
+    for (;;) {
+        TETLOD_TRY(climb_rung(rounds, limit));
+        if (shrunk_since_mark(rounds) > (named ? 1 : sqrt(rounds->options->growth)))
+            TETLOD_TRY(mark(rounds));
+        if (finished(rounds) || limit >= rounds->options->max_error)
+            break;
+        limit = next_limit(limit, rounds->options->max_error, &named);
+    }
+    return mark(rounds);
+}
+
+/* ---- set-up */
+
+uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
+{
+    uint64_t components = 0;
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        components += mesh->fields[f].components;
+    uint64_t log = 16 + 24 + 8 * components, proposals = 8 + 4 + 8 + 8 + 1 + 8 + 4 + 13;
+    return working_bytes(mesh, controlled_count) + mesh->vertex_count * (log + proposals);
+}
+
+static enum tetlod_status allocate(struct rounds *rounds)
+{
+    struct proposals *proposals = &rounds->run.proposals;
+    size_t n = rounds->working.slot_count, k = rounds->working.component_count;
+    proposals->priority = array_new(n, sizeof *proposals->priority);
+    proposals->target = array_zero(n, sizeof *proposals->target);
+    proposals->waits = array_zero(n, sizeof(float));
+    proposals->waits_changed = array_zero(n, sizeof(float));
+    proposals->evaluated = array_zero(n, sizeof(uint32_t));
+    proposals->changed = array_zero(n, sizeof(uint32_t));
+    proposals->dirty = array_zero(n, 1);
+    rounds->claims = array_new(n, sizeof *rounds->claims);
+    rounds->certified = array_zero(k, sizeof(double));
+    rounds->predicted = array_zero(k, sizeof(double));
+    rounds->run.factors = array_zero(k, sizeof(double));
+    rounds->run.workers = array_zero(crew_size(rounds->run.crew), sizeof *rounds->run.workers);
+    if (!proposals->priority || !proposals->target || !proposals->waits || !proposals->waits_changed || !proposals->evaluated ||
+        !proposals->changed || !proposals->dirty || !rounds->claims || !rounds->certified || !rounds->predicted ||
+        !rounds->run.factors || !rounds->run.workers)
+        return no_memory(rounds);
+    for (unsigned w = 0; w < crew_size(rounds->run.crew); w++) {
+        rounds->run.workers[w].numbers = array_zero(NUMBERS * k, sizeof(double));
+        if (!rounds->run.workers[w].numbers)
+            return no_memory(rounds);
+    }
+    memset(proposals->priority, 0xff, n * sizeof *proposals->priority);
+    memset(rounds->claims, 0xff, n * sizeof *rounds->claims);
+    for (size_t c = 0; c < k; c++)
+        rounds->run.factors[c] = rounds->working.components[c].factor;
+    rounds->run.certified = rounds->certified;
+    for (uint32_t v = 0; v < n; v++)
+        if (!list_add(&rounds->alive, v))
+            return no_memory(rounds);
+    return TETLOD_OK;
+}
+
+static void worker_fini(struct worker *worker)
+{
+    hood_fini(&worker->hood);
+    links_fini(&worker->links);
+    boundary_map_fini(&worker->map);
+    for (int k = 0; k < 4; k++)
+        free(worker->weighing.rows[k]);
+    for (int k = 0; k < 3; k++)
+        free(worker->weighing.weights[k]);
+    free(worker->weighing.moves);
+    free(worker->weighing.spread);
+    free(worker->candidates);
+    free(worker->list);
+    free(worker->numbers);
+    free(worker->open);
+    free(worker->thawing);
+}
+
+static void rounds_fini(struct rounds *rounds)
+{
+    struct proposals *proposals = &rounds->run.proposals;
+    for (unsigned w = 0; rounds->run.workers && w < crew_size(rounds->run.crew); w++)
+        worker_fini(&rounds->run.workers[w]);
+    void *const owned[] = {rounds->run.workers,   rounds->run.factors, rounds->claims,       rounds->alive.slots,
+                           rounds->proposing.slots, rounds->winners.slots, rounds->again.slots, rounds->won,
+                           rounds->merged,        rounds->errors,      rounds->certified,    rounds->predicted,
+                           proposals->priority,   proposals->target,   proposals->waits,     proposals->waits_changed,
+                           proposals->evaluated,  proposals->changed,  proposals->dirty};
+    for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
+        free(owned[i]);
+    border_fini(&rounds->run.border);
+    crew_free(rounds->run.crew);
+    working_fini(&rounds->working);
+}
+
+enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tetmesh *mesh, const uint32_t *controlled,
+                                   uint32_t controlled_count, const double *limits, const struct simplify_options *options,
+                                   struct tetlod_error *error)
+{
+    struct rounds rounds = {.options = options, .error = error};
+    enum tetlod_status status;
+    TETLOD_TRY(log_init(out, mesh, error));
+    rounds.run.working = &rounds.working;
+    rounds.run.kernels = kernels_choose();
+    rounds.run.crew = crew_new(options->threads ? options->threads : parallel_cores());
+    if (!rounds.run.crew)
+        TETLOD_TRY_DONE(no_memory(&rounds));
+    TETLOD_TRY_DONE(working_init(&rounds.working, mesh, controlled, controlled_count, limits, out, error));
+    TETLOD_TRY_DONE(border_find(&rounds.working, rounds.run.crew, error));
+    TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, options->boundary_angle, options->boundary_limit, error));
+    TETLOD_TRY_DONE(allocate(&rounds));
+    status = climb(&rounds);
+    log_finish(out);
+done:
+    rounds_fini(&rounds);
+    if (status != TETLOD_OK)
+        log_fini(out);
+    return status;
+}

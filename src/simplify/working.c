@@ -1,0 +1,362 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/simplify/working.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/mesh/adjacency.h"
+#include "src/mesh/hilbert.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+/* A part of the pool's entries that is kept free, one in so many. */
+enum { SPARE = 4 };
+
+uint64_t working_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
+{
+    uint64_t components = 0, row = (ROW_FIELDS + 1 + 2 * (uint64_t)controlled_count + 3) / 4 * 4;
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        components += mesh->fields[f].components;
+    return mesh->vertex_count * (8 * (row + components + controlled_count) + sizeof(struct span) + 5) +
+           mesh->tet_count * (uint64_t)(16 + 1 + 16 + 16 / SPARE);
+}
+
+void working_fini(struct working *working)
+{
+    for (uint32_t f = 0; f < working->field_count && working->fields; f++) {
+        free(working->fields[f].middles);
+        free(working->fields[f].component_range);
+        free(working->fields[f].values);
+    }
+    for (uint32_t c = 0; c < working->component_count && working->components; c++)
+        free(working->components[c].predicted);
+    free(working->fields);
+    free(working->components);
+    free(working->rows);
+    free(working->corners);
+    free(working->boundary_faces);
+    free(working->flags);
+    free(working->node);
+    free(working->stars);
+    free(working->pool);
+    *working = (struct working){0};
+}
+
+void working_round(const struct working *working, double p[3])
+{
+    for (int i = 0; i < 3; i++)
+        p[i] = grid_round(&working->position_grid[i], working->position_type, p[i]);
+}
+
+int working_orientation(const struct working *working, uint32_t tet)
+{
+    const uint32_t *c = working->corners[tet];
+    return tet_orientation(working_row(working, c[0]), working_row(working, c[1]), working_row(working, c[2]),
+                           working_row(working, c[3]));
+}
+
+/* ---- set-up */
+
+static bool allocate(struct working *working, const struct tetmesh *mesh)
+{
+    size_t n = mesh->vertex_count, m = mesh->tet_count;
+    working->stride = (row_moved(working) + 1 + 3) / 4 * 4;
+    working->pool_capacity = 4 * m + 4 * m / SPARE;
+    working->rows = aligned_alloc(64, (n * working->stride * sizeof(double) + 63) / 64 * 64);
+    working->corners = array_new(m, sizeof *working->corners);
+    working->boundary_faces = array_zero(m, 1);
+    working->flags = array_zero(n, 1);
+    working->node = array_new(n, sizeof(uint32_t));
+    working->stars = array_new(n, sizeof *working->stars);
+    working->pool = array_new(working->pool_capacity, sizeof(uint32_t));
+    return working->rows && working->corners && working->boundary_faces && working->flags && working->node && working->stars &&
+           working->pool;
+}
+
+/* Fills the rows' positions in the order `node`, and the corners: in slots, positive, by their least slot. */
+static enum tetlod_status renumber(struct working *working, const struct tetmesh *mesh, struct tetlod_error *error)
+{
+    uint32_t n = mesh->vertex_count, *slot = array_new(n, sizeof *slot), *first = array_zero((size_t)n + 1, sizeof *first);
+    if (!slot || !first) {
+        free(slot);
+        free(first);
+        return tetlodi_fail_nomem(error, "the order of the vertices", 8 * (uint64_t)n);
+    }
+    for (uint32_t v = 0; v < n; v++) {
+        slot[working->node[v]] = v;
+        memcpy(working_row(working, v), mesh->positions + 3 * (size_t)working->node[v], 3 * sizeof(double));
+    }
+    double volume = 0;
+    for (uint32_t t = 0; t < mesh->tet_count; t++) {
+        const uint32_t *c = mesh->corners + 4 * (size_t)t;
+        uint32_t least = smaller(smaller(slot[c[0]], slot[c[1]]), smaller(slot[c[2]], slot[c[3]]));
+        first[least + 1]++;
+        volume += tet_volume6(mesh->positions + 3 * (size_t)c[0], mesh->positions + 3 * (size_t)c[1],
+                              mesh->positions + 3 * (size_t)c[2], mesh->positions + 3 * (size_t)c[3]);
+    }
+    for (uint32_t v = 0; v < n; v++)
+        first[v + 1] += first[v];
+    for (uint32_t t = 0; t < mesh->tet_count; t++) {
+        const uint32_t *c = mesh->corners + 4 * (size_t)t;
+        uint32_t own[4] = {slot[c[0]], slot[c[1]], slot[c[volume < 0 ? 3 : 2]], slot[c[volume < 0 ? 2 : 3]]};
+        uint32_t least = smaller(smaller(own[0], own[1]), smaller(own[2], own[3]));
+        memcpy(working->corners[first[least]++], own, sizeof own);
+    }
+    free(slot);
+    free(first);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status list_stars(struct working *working, struct tetlod_error *error)
+{
+    size_t *begin = array_new((size_t)working->slot_count + 1, sizeof *begin);
+    if (!begin)
+        return tetlodi_fail_nomem(error, "the stars", 8 * (uint64_t)working->slot_count);
+    stars_build(working->corners[0], working->tet_count, working->slot_count, begin, working->pool);
+    for (size_t v = 0; v < working->slot_count; v++) {
+        uint32_t count = (uint32_t)(begin[v + 1] - begin[v]);
+        working->stars[v] = (struct span){begin[v], count, count};
+    }
+    atomic_init(&working->pool_size, begin[working->slot_count]);
+    free(begin);
+    return TETLOD_OK;
+}
+
+/* What has no orientation, or not the mesh's, is frozen. */
+static void freeze(struct working *working)
+{
+    for (uint32_t t = 0; t < working->tet_count; t++) {
+        int orientation = working_orientation(working, t);
+        working->log->degenerate_tets += orientation == 0;
+        working->log->inverted_tets += orientation < 0;
+        for (int c = 0; c < 4 && orientation <= 0; c++)
+            working->flags[working->corners[t][c]] |= VERTEX_FROZEN;
+    }
+}
+
+static bool init_values(struct working *working, struct working_field *field, const struct point_field *from)
+{
+    size_t k = from->components, n = working->slot_count;
+    *field = (struct working_field){.components = from->components,
+                                    .type = from->type,
+                                    .middles = array_new(k, sizeof(double)),
+                                    .component_range = array_new(k, 2 * sizeof(double)),
+                                    .values = array_new(n * k, sizeof(double)),
+                                    .grid = from->grid};
+    if (!field->middles || !field->component_range || !field->values)
+        return false;
+    for (size_t c = 0; c < k; c++) {
+        double *range = field->component_range[c];
+        range[0] = range[1] = from->values[c];
+        for (size_t v = 1; v < n; v++) {
+            range[0] = smaller(range[0], from->values[v * k + c]);
+            range[1] = larger(range[1], from->values[v * k + c]);
+        }
+        double middle = field->middles[c] = field_middle(range);
+        for (size_t v = 0; v < n; v++)
+            field->values[v * k + c] = grid_round(&field->grid, field->type, from->values[working->node[v] * k + c]) - middle;
+        range[0] = grid_round(&field->grid, field->type, range[0]) - middle;
+        range[1] = grid_round(&field->grid, field->type, range[1]) - middle;
+    }
+    return true;
+}
+
+/* U and L are the original's values, whatever the grid. */
+static bool init_component(struct working *working, const struct tetmesh *mesh, uint32_t c)
+{
+    struct controlled *component = &working->components[c];
+    const struct working_field *field = &working->fields[component->field];
+    const double *values = mesh->fields[component->field].values + component->component;
+    component->predicted = array_zero(working->slot_count, sizeof(double));
+    for (uint32_t v = 0; v < working->slot_count; v++) {
+        double *row = working_row(working, v);
+        row[ROW_FIELDS + 2 * c] = row[ROW_FIELDS + 2 * c + 1] =
+            values[(size_t)working->node[v] * field->components] - field->middles[component->component];
+    }
+    return component->predicted != NULL;
+}
+
+static enum tetlod_status init_fields(struct working *working, const struct tetmesh *mesh, const uint32_t *controlled,
+                                      uint32_t controlled_count, const double *limits, struct tetlod_error *error)
+{
+    bool room = true;
+    working->field_count = mesh->field_count;
+    working->fields = array_zero(mesh->field_count, sizeof *working->fields);
+    for (uint32_t f = 0; f < mesh->field_count && working->fields && room; f++)
+        room = init_values(working, &working->fields[f], &mesh->fields[f]);
+    if (!working->fields || !room)
+        return tetlodi_fail_nomem(error, "the fields", working_bytes(mesh, controlled_count));
+    struct log_component *names = array_new(working->component_count, sizeof *names);
+    room = names != NULL;
+    for (uint32_t i = 0, c = 0; i < controlled_count && room; i++) {
+        double range[2];
+        point_field_range(&mesh->fields[controlled[i]], mesh->vertex_count, range);
+        for (uint32_t k = 0; k < mesh->fields[controlled[i]].components && room; k++, c++) {
+            struct controlled *component = &working->components[c];
+            component->field = controlled[i];
+            component->component = k;
+            component->scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
+            component->factor = component->scale * (limits ? 1 / limits[i] : 1);
+            room = init_component(working, mesh, c);
+            names[c] = (struct log_component){component->field, k, component->scale};
+        }
+    }
+    enum tetlod_status status = room ? log_control(working->log, names, working->component_count, error)
+                                     : tetlodi_fail_nomem(error, "the fields", working_bytes(mesh, controlled_count));
+    free(names);
+    return status;
+}
+
+enum tetlod_status working_init(struct working *working, const struct tetmesh *mesh, const uint32_t *controlled,
+                                uint32_t controlled_count, const double *limits, struct contraction_log *log,
+                                struct tetlod_error *error)
+{
+    *working = (struct working){.slot_count = mesh->vertex_count,
+                                .tet_count = mesh->tet_count,
+                                .vertices_alive = mesh->vertex_count,
+                                .tets_alive = mesh->tet_count,
+                                .position_type = mesh->position_type,
+                                .log = log};
+    memcpy(working->position_grid, mesh->position_grid, sizeof working->position_grid);
+    for (uint32_t i = 0; i < controlled_count; i++)
+        working->component_count += mesh->fields[controlled[i]].components;
+    working->components = array_zero(working->component_count, sizeof *working->components);
+    if (!working->components || !allocate(working, mesh))
+        return tetlodi_fail_nomem(error, "the working mesh", working_bytes(mesh, controlled_count));
+    memset(working->rows, 0, (size_t)working->slot_count * working->stride * sizeof(double));
+    TETLOD_TRY(hilbert_order(mesh->positions, mesh->vertex_count, working->node, error));
+    TETLOD_TRY(renumber(working, mesh, error));
+    TETLOD_TRY(list_stars(working, error));
+    memset(working->flags, VERTEX_ALIVE, working->slot_count);
+    freeze(working);
+    return init_fields(working, mesh, controlled, controlled_count, limits, error);
+}
+
+/* ---- the pool */
+
+enum tetlod_status working_reserve(struct working *working, size_t entries, struct tetlod_error *error)
+{
+    size_t size = 0, capacity;
+    if (atomic_load(&working->pool_size) + entries <= working->pool_capacity)
+        return TETLOD_OK;
+    for (uint32_t v = 0; v < working->slot_count; v++) {
+        if (working_alive(working, v))
+            working_prune(working, v);
+        size += working->stars[v].count;
+    }
+    capacity = size + size / SPARE + entries;
+    uint32_t *pool = array_new(capacity, sizeof *pool);
+    if (!pool)
+        return tetlodi_fail_nomem(error, "the stars", capacity * sizeof *pool);
+    size = 0;
+    for (uint32_t v = 0; v < working->slot_count; v++) {
+        struct span *star = &working->stars[v];
+        memcpy(pool + size, working->pool + star->begin, star->count * sizeof *pool);
+        *star = (struct span){size, star->count, star->count};
+        size += star->count;
+    }
+    free(working->pool);
+    working->pool = pool;
+    working->pool_capacity = capacity;
+    atomic_store(&working->pool_size, size);
+    return TETLOD_OK;
+}
+
+void working_prune(struct working *working, uint32_t slot)
+{
+    struct span *star = &working->stars[slot];
+    uint32_t *tets = working->pool + star->begin, kept = 0;
+    for (uint32_t i = 0; i < star->count; i++)
+        if (!tet_gone(working, tets[i]))
+            tets[kept++] = tets[i];
+    star->count = kept;
+}
+
+/* ---- contraction */
+
+/* The tetrahedron of slot a's star, other than `but`, whose face with a, x and y is closed by neither of the edge's ends. */
+static void open_face(struct working *working, uint32_t a, uint32_t b, uint32_t x, uint32_t y, uint32_t but)
+{
+    const struct span *star = &working->stars[a];
+    for (uint32_t i = 0; i < star->count; i++) {
+        uint32_t tet = working->pool[star->begin + i], *corners = working->corners[tet];
+        unsigned found = 0, other = 0;
+        for (unsigned c = 0; c < 4 && tet != but && corners[0] != TETLOD_NONE; c++) {
+            bool is = corners[c] == a || corners[c] == x || corners[c] == y;
+            found += is;
+            other = is ? other : c;
+        }
+        if (found == 3 && corners[other] != b) {
+            working->boundary_faces[tet] |= (uint8_t)(1u << other);
+            return;
+        }
+    }
+}
+
+/* A face of a removed tetrahedron that was on the boundary, with one of the edge's ends, lays the face on its other side open. */
+static void pass_boundary_on(struct working *working, uint32_t tet, uint32_t kept, uint32_t dead)
+{
+    const uint32_t *corners = working->corners[tet];
+    uint32_t others[2];
+    unsigned count = 0, faces = working->boundary_faces[tet];
+    for (unsigned c = 0; c < 4; c++)
+        if (corners[c] != kept && corners[c] != dead && count < 2)
+            others[count++] = corners[c];
+    if (faces >> corner_of(corners, dead) & 1)
+        open_face(working, dead, kept, others[0], others[1], tet);
+    if (faces >> corner_of(corners, kept) & 1)
+        open_face(working, kept, dead, others[0], others[1], tet);
+}
+
+static bool has(const uint32_t corners[4], uint32_t slot)
+{
+    return corners[0] == slot || corners[1] == slot || corners[2] == slot || corners[3] == slot;
+}
+
+/* Takes a star's tetrahedra that are not at the other end into the list. */
+static uint32_t keep(const struct working *working, uint32_t slot, uint32_t other, uint32_t *list)
+{
+    const struct span *star = &working->stars[slot];
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < star->count; i++) {
+        uint32_t tet = working->pool[star->begin + i];
+        if (!tet_gone(working, tet) && !has(working->corners[tet], other))
+            list[count++] = tet;
+    }
+    return count;
+}
+
+uint32_t working_contract(struct working *working, uint32_t kept, uint32_t dead, uint32_t *list)
+{
+    struct span *star = &working->stars[dead], *to = &working->stars[kept];
+    uint32_t removed = 0, count = keep(working, dead, kept, list), moved = count;
+    count += keep(working, kept, dead, list + count);
+    for (int pass = 0; pass < 2; pass++) // boundary faces first, while all of both stars is there
+        for (uint32_t i = 0; i < star->count; i++) {
+            uint32_t tet = working->pool[star->begin + i];
+            if (tet_gone(working, tet) || !has(working->corners[tet], kept))
+                continue;
+            if (pass == 0 && working->boundary_faces[tet])
+                pass_boundary_on(working, tet, kept, dead);
+            if (pass == 1) {
+                working->corners[tet][0] = TETLOD_NONE;
+                removed++;
+            }
+        }
+    for (uint32_t i = 0; i < moved; i++)
+        working->corners[list[i]][corner_of(working->corners[list[i]], dead)] = kept;
+    if (star->capacity > to->capacity)
+        *to = *star;
+    if (to->capacity < count) {
+        uint32_t capacity = count + count / SPARE;
+        *to = (struct span){atomic_fetch_add_explicit(&working->pool_size, capacity, memory_order_relaxed), count, capacity};
+    }
+    to->count = count;
+    memcpy(working->pool + to->begin, list, count * sizeof *list);
+    *star = (struct span){0, 0, 0};
+    working->flags[kept] |= working->flags[dead] & (VERTEX_BOUNDARY | VERTEX_FROZEN);
+    working->flags[dead] = 0;
+    return removed;
+}

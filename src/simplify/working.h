@@ -1,0 +1,110 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The mesh while its edges are contracted in parallel rounds (rounds.h), in as little memory as will do.
+ *
+ * Vertices live in slots along a Hilbert curve, tetrahedra in the order of their least slot. Contracting an edge leaves its
+ * result in the slot of one end and kills the other. A slot's node names its vertex in the contraction log. Every
+ * tetrahedron is positive as listed (the mesh's own orientation is turned round if it is the other one), or has frozen corners.
+ *
+ * A slot's row holds what evaluating reads, together: the position; U and L of each controlled component, less what
+ * its values are kept less (fields.h); and how far the boundary has moved there (PROOF.md, 2 and 5).
+ *
+ * The star of a slot is a list in a pool. A removed tetrahedron stays listed by the vertices around it until their lists are
+ * pruned, because in a round other threads read those lists.
+ */
+#ifndef TETLOD_WORKING_H
+#define TETLOD_WORKING_H
+
+#include <stdatomic.h>
+
+#include "src/log/contraction_log.h"
+#include "src/simplify/fields.h"
+
+struct span {
+    uint64_t begin;
+    uint32_t count, capacity;
+};
+
+/* A component whose error is controlled. */
+struct controlled {
+    uint32_t field, component;
+    double scale;  /* 1 / the field's range; 0 for a constant field */
+    double factor; /* error times this is compared with the limit: scale, times limit of all / limit of the field */
+    double *predicted; /* [slot] the thesis's accumulated error (4.1, 4.2.3) */
+};
+
+struct working {
+    uint32_t slot_count, tet_count;
+    uint32_t vertices_alive, tets_alive;
+    uint32_t stride; /* doubles of a row, a multiple of four */
+    double *rows;    /* [stride * slot] */
+    uint32_t (*corners)[4];  /* [tet] slots; the first is TETLOD_NONE when it is gone */
+    uint8_t *boundary_faces; /* [tet] bit f: the face opposite corner f is on the boundary */
+    uint8_t *flags;          /* [slot] VERTEX_... (complex.h) */
+    uint32_t *node;          /* [slot] */
+    struct span *stars;      /* [slot] */
+    uint32_t *pool;
+    size_t pool_capacity;
+    atomic_size_t pool_size;
+    enum tetlod_type position_type;
+    struct grid position_grid[3];
+    uint32_t component_count, field_count;
+    struct controlled *components;
+    struct working_field *fields; /* values by slot */
+    struct contraction_log *log;  /* borrowed */
+};
+
+enum { ROW_FIELDS = 3 }; /* behind the position: U and L of each component, then how far the boundary moved */
+
+static inline double *working_row(const struct working *working, uint32_t slot)
+{
+    return working->rows + (size_t)working->stride * slot;
+}
+
+static inline uint32_t row_moved(const struct working *working)
+{
+    return ROW_FIELDS + 2 * working->component_count;
+}
+
+static inline bool working_alive(const struct working *working, uint32_t slot)
+{
+    return working->flags[slot] & VERTEX_ALIVE;
+}
+
+static inline bool tet_gone(const struct working *working, uint32_t tet)
+{
+    return working->corners[tet][0] == TETLOD_NONE;
+}
+
+static inline unsigned corner_of(const uint32_t corners[4], uint32_t slot)
+{
+    return (unsigned)(corners[1] == slot) + 2u * (corners[2] == slot) + 3u * (corners[3] == slot);
+}
+
+/* Takes over the mesh. The log is the mesh's (log_init); its controlled components and the degenerate and inverted tetrahedra are
+ * filled in (border_find adds the folded ones). `limits` (may be NULL) are multiples of the common limit. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status working_init(struct working *working, const struct tetmesh *mesh,
+                                               const uint32_t *controlled, uint32_t controlled_count, const double *limits,
+                                               struct contraction_log *log, struct tetlod_error *error);
+void working_fini(struct working *working);
+
+/* Bytes that it takes at most, about. */
+uint64_t working_bytes(const struct tetmesh *mesh, uint32_t controlled_count);
+
+/* Room in the pool for so many more entries, so that working_place cannot fail; not while threads work. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status working_reserve(struct working *working, size_t entries, struct tetlod_error *error);
+
+/* Takes removed tetrahedra out of a slot's star. */
+void working_prune(struct working *working, uint32_t slot);
+
+/* A contraction of the edge from `dead` to `kept`, in the slot of `kept`: tetrahedra, stars, boundary faces and flags. The stars'
+ * other data are the caller's. Returns how many tetrahedra are gone. `list` has room for both stars. */
+uint32_t working_contract(struct working *working, uint32_t kept, uint32_t dead, uint32_t *list);
+
+/* p as the mesh's type and grid can hold it. */
+void working_round(const struct working *working, double p[3]);
+
+/* The tetrahedron's orientation: +1, -1, 0 degenerate. */
+int working_orientation(const struct working *working, uint32_t tet);
+
+#endif

@@ -1,0 +1,154 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/util/crew.h"
+
+#include <pthread.h>
+#include <sched.h>
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdlib.h>
+
+#include "src/util/parallel.h"
+
+/* Looks at the flag before a thread goes to sleep; about ten microseconds. */
+enum { SPINS = 2000 };
+
+struct crew {
+    unsigned size;
+    pthread_t threads[PARALLEL_MOST_THREADS];
+    pthread_mutex_t mutex;
+    pthread_cond_t called, finished;
+    atomic_uint call;    /* counts the jobs */
+    atomic_uint working; /* threads that have not finished the job */
+    bool dismissed;
+    void (*body)(void *context, unsigned worker, size_t begin, size_t end);
+    void *context;
+    size_t count, chunk;
+    atomic_size_t next;
+};
+
+struct recruit {
+    struct crew *crew;
+    unsigned worker;
+};
+
+static void work(struct crew *crew, unsigned worker)
+{
+    for (;;) {
+        size_t begin = atomic_fetch_add_explicit(&crew->next, crew->chunk, memory_order_relaxed);
+        if (begin >= crew->count)
+            return;
+        size_t left = crew->count - begin;
+        crew->body(crew->context, worker, begin, begin + (left < crew->chunk ? left : crew->chunk));
+    }
+}
+
+static bool changed(const atomic_uint *value, unsigned from)
+{
+    for (int i = 0; i < SPINS; i++)
+        if (atomic_load_explicit(value, memory_order_acquire) != from)
+            return true;
+    return false;
+}
+
+static void *serve(void *argument)
+{
+    struct recruit recruit = *(struct recruit *)argument;
+    struct crew *crew = recruit.crew;
+    free(argument);
+    for (unsigned seen = 0;; seen++) {
+        if (!changed(&crew->call, seen)) {
+            pthread_mutex_lock(&crew->mutex);
+            while (atomic_load(&crew->call) == seen)
+                pthread_cond_wait(&crew->called, &crew->mutex);
+            pthread_mutex_unlock(&crew->mutex);
+        }
+        if (crew->dismissed)
+            return NULL;
+        work(crew, recruit.worker);
+        if (atomic_fetch_sub(&crew->working, 1) == 1) {
+            pthread_mutex_lock(&crew->mutex);
+            pthread_cond_signal(&crew->finished);
+            pthread_mutex_unlock(&crew->mutex);
+        }
+    }
+}
+
+struct crew *crew_new(unsigned threads)
+{
+    struct crew *crew = calloc(1, sizeof *crew);
+    if (!crew)
+        return NULL;
+    pthread_mutex_init(&crew->mutex, NULL);
+    pthread_cond_init(&crew->called, NULL);
+    pthread_cond_init(&crew->finished, NULL);
+    threads = threads < PARALLEL_MOST_THREADS ? threads : PARALLEL_MOST_THREADS;
+    for (crew->size = 1; crew->size < threads; crew->size++) {
+        struct recruit *recruit = malloc(sizeof *recruit);
+        if (recruit)
+            *recruit = (struct recruit){crew, crew->size};
+        if (!recruit || pthread_create(&crew->threads[crew->size], NULL, serve, recruit) != 0) {
+            free(recruit);
+            break;
+        }
+    }
+    return crew;
+}
+
+static void call(struct crew *crew)
+{
+    pthread_mutex_lock(&crew->mutex);
+    atomic_store(&crew->working, crew->size - 1);
+    atomic_fetch_add(&crew->call, 1);
+    pthread_cond_broadcast(&crew->called);
+    pthread_mutex_unlock(&crew->mutex);
+}
+
+void crew_free(struct crew *crew)
+{
+    if (!crew)
+        return;
+    crew->dismissed = true;
+    call(crew);
+    for (unsigned i = 1; i < crew->size; i++)
+        pthread_join(crew->threads[i], NULL);
+    pthread_mutex_destroy(&crew->mutex);
+    pthread_cond_destroy(&crew->called);
+    pthread_cond_destroy(&crew->finished);
+    free(crew);
+}
+
+unsigned crew_size(const struct crew *crew)
+{
+    return crew->size;
+}
+
+/* Until the others have finished, too. */
+static void await_others(struct crew *crew)
+{
+    for (int i = 0; i < SPINS; i++)
+        if (atomic_load_explicit(&crew->working, memory_order_acquire) == 0)
+            return;
+    pthread_mutex_lock(&crew->mutex);
+    while (atomic_load(&crew->working))
+        pthread_cond_wait(&crew->finished, &crew->mutex);
+    pthread_mutex_unlock(&crew->mutex);
+}
+
+void crew_run(struct crew *crew, size_t count, size_t chunk,
+              void (*body)(void *context, unsigned worker, size_t begin, size_t end), void *context)
+{
+    if (!count)
+        return;
+    if (crew->size == 1 || count <= chunk) {
+        body(context, 0, 0, count);
+        return;
+    }
+    crew->body = body;
+    crew->context = context;
+    crew->count = count;
+    crew->chunk = chunk;
+    atomic_store(&crew->next, 0);
+    call(crew);
+    work(crew, 0);
+    await_others(crew);
+}
