@@ -18,7 +18,7 @@ LAYERS = {
     'src/io': MESHES,
     'src/sample': MESHES,
     'src/cut': MESHES,
-    'src/simplify': MESHES + ['src/simplify/exact/', 'src/log/contraction_log.h', 'src/measure/measure.h'],
+    'src/simplify': MESHES + ['src/simplify/exact/', 'src/log/contraction_log.h'],
     'src/simplify/exact': MESHES + ['src/simplify/'],
     'src/log': MESHES,
     'src/measure': MESHES + ['src/log/'],
