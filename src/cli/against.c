@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/log/ancestry.h"
-#include "src/measure/measure.h"
+#include "src/log/coarsening.h"
+#include "src/measure/measure_levels.h"
 #include "src/measure/overlay.h"
 #include "src/measure/same.h"
 #include "src/report/level_mesh.h"
@@ -16,7 +16,7 @@
 /*
  * A lossless stream is walked down from its finest level, which is the input but for the order, as its own original: what a
  * level has in common with the one above it is then not measured again. A slot keeps its number as long as it lives, and
- * tetrahedra keep theirs, so that `level` is easy to carry along; a slot that changed gets a new node.
+ * so do tetrahedra: what a cursor shows at a level is a step of a coarsening.
  */
 struct against {
     const struct tetlod_file *file;
@@ -34,9 +34,10 @@ struct against {
     double diagonal;
     struct measure *measure;
     struct tetmesh finest;
-    struct ancestry_level level; /* at hand */
+    struct tetmesh level;      /* at hand */
     uint32_t *parents;         /* [slot] */
-    double *rounding; /* [field] the most that the exact tail changes */
+    struct coarsening coarsening;
+    struct measure_levels *measure_levels; /* of a lossless stream */
 };
 
 static enum tetlod_status nomem(const struct against *a)
@@ -47,10 +48,18 @@ static enum tetlod_status nomem(const struct against *a)
 
 /* ---- going down */
 
+/* Is the last level an exact tail: the mesh of the level before it, with other values? */
+static bool has_tail(const struct tetlod_info *info)
+{
+    const struct tetlod_level *last = &info->levels[info->level_count - 1];
+    return info->level_count > 1 && last->vertices == last[-1].vertices && last->tets == last[-1].tets;
+}
+
 static enum tetlod_status begin(struct against *a)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
     struct tetlod_mesh mesh;
+    struct tetmesh coded;
     TETLOD_TRY(tetlod_cursor_seek(a->cursor, info->level_count - 1, a->error));
     TETLOD_TRY(level_mesh_copy(info, a->cursor, &a->finest, a->error));
     if (!info->lossless)
@@ -59,19 +68,16 @@ static enum tetlod_status begin(struct against *a)
     a->original = &a->finest;
     memcpy(a->fields, a->level_fields, info->field_count * sizeof *a->fields);
     a->parents = array_new(info->vertices, sizeof *a->parents);
-    a->level.nodes = array_new(info->vertices, sizeof(uint32_t));
-    a->level.standing = array_new(info->vertices, sizeof(uint32_t));
-    a->level.origin = array_new(info->tets, sizeof(uint32_t));
-    a->level.image = array_new(info->tets, sizeof(uint32_t));
-    if (!a->parents || !a->level.nodes || !a->level.standing || !a->level.origin || !a->level.image)
+    if (!a->parents)
         return nomem(a);
     tetlod_cursor_mesh(a->cursor, &mesh);
     memcpy(a->parents, mesh.parents, info->vertices * sizeof *a->parents);
-    for (uint32_t v = 0; v < info->vertices; v++)
-        a->level.nodes[v] = a->level.standing[v] = v;
-    for (uint32_t t = 0; t < info->tets; t++)
-        a->level.origin[t] = a->level.image[t] = t;
-    return TETLOD_OK;
+    TETLOD_TRY(tetlod_cursor_seek(a->cursor, info->level_count - 1 - has_tail(info), a->error));
+    TETLOD_TRY(level_mesh_copy(info, a->cursor, &coded, a->error));
+    enum tetlod_status status = coarsening_init(&a->coarsening, &coded, NULL, a->error);
+    tetmesh_fini(&coded);
+    TETLOD_TRY(status);
+    return measure_levels_new(&a->measure_levels, &a->finest, &a->coarsening, a->options->threads, a->error);
 }
 
 static bool same_slot(const struct tetmesh *a, const struct tetmesh *b, size_t v)
@@ -84,53 +90,42 @@ static bool same_slot(const struct tetmesh *a, const struct tetmesh *b, size_t v
     return same;
 }
 
-/* From the exact tail to the level before it, all of whose values are rounded: nothing was contracted. The rounding counts for all
- * levels. */
-static void note_rounding(struct against *a, const struct tetmesh *exact)
+/* From the level above, `from`, to the one in a->level. */
+static enum tetlod_status step(struct against *a, const struct tetmesh *from)
 {
-    for (uint32_t f = 0; f < exact->field_count; f++)
-        for (size_t i = 0; i < (size_t)exact->vertex_count * exact->fields[f].components; i++)
-            a->rounding[f] = fmax(a->rounding[f], fabs(exact->fields[f].values[i] - a->level.mesh.fields[f].values[i]));
-}
-
-/* From the level above, `from`, to the one in a->level.mesh. Nodes made by step i are n + i - 1: not below the moment n + i - 1
- * that measure_level holds them against then, and below those of later steps. */
-static void step(struct against *a, const struct tetmesh *from, uint32_t number)
-{
-    struct ancestry_level *level = &a->level;
-    uint32_t n = a->finest.vertex_count, slots = level->mesh.vertex_count, made = n + number - 1;
-    for (uint32_t v = 0; v < n; v++)
-        level->standing[v] = v < slots ? v : level->standing[a->parents[v]];
-    for (uint32_t v = 0; v < slots; v++)
-        if (!same_slot(from, &level->mesh, v))
-            level->nodes[v] = made;
-    for (uint32_t v = slots; v < from->vertex_count; v++)
-        level->nodes[level->standing[v]] = made;
-    for (uint32_t t = level->mesh.tet_count; t < from->tet_count; t++)
-        level->image[t] = TETLOD_NONE;
+    const struct tetmesh *level = &a->level;
+    const double **values = array_new(level->field_count, sizeof *values);
+    if (!values)
+        return nomem(a);
+    for (uint32_t f = 0; f < level->field_count; f++)
+        values[f] = level->fields[f].values;
+    for (uint32_t v = from->vertex_count; v-- > level->vertex_count;)
+        coarsening_merge(&a->coarsening, v, a->parents[v]);
+    for (uint32_t v = 0; v < level->vertex_count; v++)
+        if (!same_slot(from, level, v))
+            coarsening_move(&a->coarsening, v, level->positions, values, v);
+    free(values);
+    coarsening_step(&a->coarsening, a->options->threads);
+    return TETLOD_OK;
 }
 
 static enum tetlod_status measure_this(struct against *a, uint32_t k, double *out_domain)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
-    struct tetmesh above = a->level.mesh;
-    uint32_t number = info->level_count - 1 - k;
+    struct tetmesh above = a->level;
     *out_domain = 0;
-    a->level.mesh = (struct tetmesh){0};
+    a->level = (struct tetmesh){0};
     enum tetlod_status status = tetlod_cursor_seek(a->cursor, k, a->error);
     if (status == TETLOD_OK)
-        status = level_mesh_copy(info, a->cursor, &a->level.mesh, a->error);
-    if (status == TETLOD_OK && info->lossless) {
-        if (number == 1 && above.vertex_count == a->level.mesh.vertex_count)
-            note_rounding(a, &above);
-        else if (number)
-            step(a, &above, number);
-        status = measure_level(a->measure, &a->level, number, a->options->threads, a->measured, out_domain, a->error);
-        for (uint32_t f = 0; f < info->field_count && status == TETLOD_OK; f++)
-            a->measured[f].sampled = fmax(a->measured[f].sampled, a->rounding[f]);
-    } else if (status == TETLOD_OK)
-        status = measure_mesh(a->measure, &a->level.mesh, a->level_fields, a->options->threads, a->measured, out_domain,
-                              a->error);
+        status = level_mesh_copy(info, a->cursor, &a->level, a->error);
+    if (status == TETLOD_OK && info->lossless && k + 1 + has_tail(info) < info->level_count)
+        status = step(a, &above);
+    if (has_tail(info) && info->lossless && k + 1 == info->level_count) // mesh_same has found it to be the input
+        memset(a->measured, 0, info->field_count * sizeof *a->measured);
+    else if (status == TETLOD_OK && info->lossless)
+        status = measure_levels_next(a->measure_levels, a->measured, out_domain, a->error);
+    else if (status == TETLOD_OK)
+        status = measure_mesh(a->measure, &a->level, a->level_fields, a->options->threads, a->measured, out_domain, a->error);
     tetmesh_fini(&above);
     return status;
 }
@@ -176,7 +171,7 @@ static enum tetlod_status check_exact(const struct against *a, uint32_t k)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
     struct overlay_report overlay;
-    TETLOD_TRY(overlay_max(a->original, a->fields, &a->level.mesh, a->level_fields, info->field_count, a->options->threads,
+    TETLOD_TRY(overlay_max(a->original, a->fields, &a->level, a->level_fields, info->field_count, a->options->threads,
                            a->exact, &overlay, a->error));
     for (uint32_t f = 0; f < info->field_count; f++) {
         double certified = info->levels[k].errors[f * TETLOD_MEASURES + TETLOD_MAX], now = a->exact[f] * a->scales[f];
@@ -225,8 +220,7 @@ static enum tetlod_status prepare(struct against *a)
     a->scales = array_new(info->field_count, sizeof *a->scales);
     a->measured = array_new(info->field_count, sizeof *a->measured);
     a->exact = array_new(info->field_count, sizeof *a->exact);
-    a->rounding = array_zero(info->field_count, sizeof *a->rounding);
-    if (!a->fields || !a->level_fields || !a->scales || !a->measured || !a->exact || !a->rounding)
+    if (!a->fields || !a->level_fields || !a->scales || !a->measured || !a->exact)
         return nomem(a);
     a->original = a->input;
     a->diagonal = mesh_diagonal(a->input);
@@ -256,11 +250,14 @@ enum tetlod_status against_check(const struct tetlod_file *file, struct tetlod_c
     *report = (struct against_report){0};
     TETLOD_TRY_DONE(prepare(&a));
     TETLOD_TRY_DONE(begin(&a));
-    TETLOD_TRY_DONE(measure_new(&a.measure, a.original, a.fields, tetlod_info(file)->field_count, error));
+    if (!tetlod_info(file)->lossless)
+        TETLOD_TRY_DONE(measure_new(&a.measure, a.original, a.fields, tetlod_info(file)->field_count, options->threads, error));
     status = check_levels(&a);
 done:
     measure_free(a.measure);
-    ancestry_level_fini(&a.level);
+    measure_levels_free(a.measure_levels);
+    coarsening_fini(&a.coarsening);
+    tetmesh_fini(&a.level);
     tetmesh_fini(&a.finest);
     free(a.parents);
     free(a.fields);
@@ -268,6 +265,5 @@ done:
     free(a.scales);
     free(a.measured);
     free(a.exact);
-    free(a.rounding);
     return status;
 }

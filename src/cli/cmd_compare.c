@@ -86,7 +86,7 @@ static enum tetlod_status find(const struct tetmesh *a, const struct tetmesh *b,
                                unsigned threads, struct findings *out, struct tetlod_error *error)
 {
     struct measure *measure;
-    TETLOD_TRY(measure_new(&measure, a, &fields[0], 1, error));
+    TETLOD_TRY(measure_new(&measure, a, &fields[0], 1, threads, error));
     enum tetlod_status status = measure_mesh(measure, b, &fields[1], threads, &out->measured, &out->domain, error);
     measure_free(measure);
     if (status == TETLOD_OK)

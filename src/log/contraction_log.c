@@ -96,22 +96,10 @@ enum tetlod_status log_mark(struct contraction_log *log, uint32_t vertices, uint
     return TETLOD_OK;
 }
 
-static void shrink(void **array, size_t size)
-{
-    void *smaller = realloc(*array, size ? size : 1);
-    *array = smaller ? smaller : *array;
-}
-
 void log_finish(struct contraction_log *log)
 {
-    void *children = log->children, *positions = log->positions;
-    shrink(&children, log->count * 4 * sizeof *log->children);
-    shrink(&positions, log->count * 3 * sizeof *log->positions);
-    log->children = children;
-    log->positions = positions;
-    for (uint32_t f = 0; f < log->field_count; f++) {
-        void *values = log->fields[f].values;
-        shrink(&values, (size_t)log->count * log->fields[f].components * sizeof(double));
-        log->fields[f].values = values;
-    }
+    log->children = array_shrink(log->children, log->count, 4 * sizeof *log->children);
+    log->positions = array_shrink(log->positions, log->count, 3 * sizeof *log->positions);
+    for (uint32_t f = 0; f < log->field_count; f++)
+        log->fields[f].values = array_shrink(log->fields[f].values, log->count, log->fields[f].components * sizeof(double));
 }

@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/log/ancestry.h"
-#include "src/measure/measure.h"
+#include "src/log/coarsening.h"
+#include "src/measure/measure_levels.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/limits.h"
 #include "src/pipeline/precision.h"
@@ -160,26 +160,17 @@ static void copy_components(struct build *build)
     }
 }
 
-static enum tetlod_status measure_mark(struct build *build, struct ancestry *ancestry, struct measure *measure,
+static enum tetlod_status measure_mark(struct build *build, struct coarsening *coarsening, struct measure_levels *measure,
                                        uint32_t mark, struct measured *measured, double diagonal)
 {
-    uint32_t contractions = build->log.marks[mark].contractions;
-    struct ancestry_level level;
-    double domain = build->log.marks[mark].moved;
-    TETLOD_TRY(ancestry_level(ancestry, contractions, &level, build->error));
-    enum tetlod_status status;
-    if (build->rounding)
-        status = measure_mesh(measure, &level.mesh, NULL, build->options->threads, measured, &domain, build->error);
-    else
-        status = measure_level(measure, &level, contractions, build->options->threads, measured, &domain, build->error);
-    ancestry_level_fini(&level);
-    if (status != TETLOD_OK)
-        return status;
-    struct tetlodi_write_level *out = &build->levels[build->log.mark_count - 1 - mark];
-    domain = larger(domain, build->log.marks[mark].moved);
+    const struct log_mark *at = &build->log.marks[mark];
+    double domain = at->moved;
+    if (mark)
+        coarsening_advance(coarsening, &build->log, at->contractions, build->options->threads);
+    TETLOD_TRY(measure_levels_next(measure, measured, &domain, build->error));
     file_errors(build, mark, measured);
-    *out = (struct tetlodi_write_level){
-        contractions, diagonal > 0 ? domain / diagonal : 0,
+    build->levels[build->log.mark_count - 1 - mark] = (struct tetlodi_write_level){
+        at->contractions, diagonal > 0 ? domain / diagonal : 0,
         build->errors + (size_t)mark * build->mesh->field_count * TETLOD_MEASURES};
     return TETLOD_OK;
 }
@@ -199,29 +190,27 @@ static void add_tail(struct build *build)
 static enum tetlod_status measure_marks(struct build *build)
 {
     uint32_t marks = build->log.mark_count, fields = build->mesh->field_count;
-    struct ancestry ancestry = {0};
-    struct measure *measure = NULL;
+    struct coarsening coarsening = {0};
+    struct measure_levels *measure = NULL;
     struct measured *measured = array_new(fields, sizeof *measured);
-    double diagonal = mesh_diagonal(build->mesh), finer = 0;
+    double diagonal = mesh_diagonal(build->mesh);
     enum tetlod_status status = TETLOD_OK;
     build->levels = array_new(marks + (size_t)1, sizeof *build->levels);
     build->errors = array_new((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));
     if (!measured || !build->levels || !build->errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
-    TETLOD_TRY_DONE(ancestry_init(&ancestry, &build->log, build->coded, build->error));
-    TETLOD_TRY_DONE(measure_new(&measure, build->original, NULL, build->mesh->field_count, build->error));
+    TETLOD_TRY_DONE(coarsening_init(&coarsening, build->coded, &build->log, build->error));
+    TETLOD_TRY_DONE(measure_levels_new(&measure, build->original, &coarsening, build->options->threads, build->error));
     for (uint32_t mark = 0; mark < marks; mark++) {
-        TETLOD_TRY_DONE(measure_mark(build, &ancestry, measure, mark, measured, diagonal));
-        double *domain = &build->levels[marks - 1 - mark].domain_error;
-        *domain = finer = larger(*domain, finer);
+        TETLOD_TRY_DONE(measure_mark(build, &coarsening, measure, mark, measured, diagonal));
         if (build->options->progress &&
             !build->options->progress(build->options->progress_opaque, BUILD_MEASURE, (mark + 1.0) / marks))
             TETLOD_TRY_DONE(tetlodi_fail(build->error, TETLOD_ERR_CANCELLED, "cancelled"));
     }
     add_tail(build);
 done:
-    ancestry_fini(&ancestry);
-    measure_free(measure);
+    measure_levels_free(measure);
+    coarsening_fini(&coarsening);
     free(measured);
     return status;
 }

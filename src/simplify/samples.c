@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
-#include "src/measure/measure.h"
+#include "src/mesh/sample_points.h"
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/vector.h"
 #include "src/util/array.h"
@@ -48,7 +48,7 @@ struct attempt {
 
 uint64_t samples_bytes(const struct tetmesh *mesh, uint32_t driver_count)
 {
-    uint64_t samples = mesh->vertex_count + (uint64_t)MEASURE_PER_TET * mesh->tet_count;
+    uint64_t samples = mesh->vertex_count + (uint64_t)SAMPLES_PER_TET * mesh->tet_count;
     return samples * (8 * (3 + (uint64_t)driver_count) + 4) + 8 * (uint64_t)mesh->tet_count;
 }
 
@@ -98,8 +98,8 @@ static void add_samples(struct samples *samples, const struct tetmesh *mesh, con
             p[c] = complex->positions + 3 * (size_t)corners[c];
         if (tet_orientation(p[0], p[1], p[2], p[3]) == 0)
             continue;
-        for (unsigned i = 0; i < MEASURE_PER_TET; i++) {
-            measure_sample_weights(mesh, corners, i, weights);
+        for (unsigned i = 0; i < SAMPLES_PER_TET; i++) {
+            sample_weights(mesh, corners, i, weights);
             add_sample(samples, complex, fields, t, weights);
         }
         for (int c = 0; c < 4; c++) { // last, which is first in the list: what removes the vertex errs most there
@@ -114,7 +114,7 @@ static void add_samples(struct samples *samples, const struct tetmesh *mesh, con
 enum tetlod_status samples_init(struct samples *samples, const struct tetmesh *mesh, const struct complex *complex,
                                 const struct fields *fields, struct tetlod_error *error)
 {
-    uint64_t most = mesh->vertex_count + (uint64_t)MEASURE_PER_TET * mesh->tet_count;
+    uint64_t most = mesh->vertex_count + (uint64_t)SAMPLES_PER_TET * mesh->tet_count;
     *samples = (struct samples){0};
     if (most >= TETLOD_NONE)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the mesh is too large for --metric measured; use another one");

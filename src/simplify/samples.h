@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The true error at samples of the original, while the complex is contracted: the points of measure.h (every original vertex,
+ * The true error at samples of the original, while the complex is contracted: the points of sample_points.h (every original vertex,
  * and some inside every tetrahedron that is not degenerate). Each tetrahedron lists the samples in it; a contraction sorts
  * those of the old star into the new one. At a sample x of the new star the new value is w s' + K, w being the weight of the
  * new vertex and K what the link's vertices give: its error is at most e where s' is in an interval, and the best s' is found

@@ -36,3 +36,9 @@ int array_reserve(void **array, size_t *capacity, size_t needed, size_t element_
     *capacity = grown;
     return 1;
 }
+
+void *array_shrink(void *array, size_t count, size_t element_size)
+{
+    void *smaller = array_resize(array, count, element_size);
+    return smaller ? smaller : array;
+}

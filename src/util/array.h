@@ -9,6 +9,9 @@ void *array_new(size_t count, size_t element_size);  /* contents undefined */
 void *array_zero(size_t count, size_t element_size); /* contents 0 */
 void *array_resize(void *array, size_t count, size_t element_size); /* the old one stays valid on failure */
 
+/* The array with less room; it cannot fail. */
+void *array_shrink(void *array, size_t count, size_t element_size);
+
 /* Doubling growth of an array of *capacity elements so that `needed` fit; 0 on failure, the array unchanged. */
 int array_reserve(void **array, size_t *capacity, size_t needed, size_t element_size);
 

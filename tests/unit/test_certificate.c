@@ -114,8 +114,8 @@ static double boundary_distance(const struct trial_run *run)
     struct place place;
     for (int from = 0; from < 2; from++) {
         const struct locator *locator = &run->locators[from];
-        for (size_t i = 0; i < 3 * (size_t)locator->triangle_count; i++)
-            most = larger(most, locator_closest(&run->locators[!from], locator->positions + 3 * (size_t)locator->triangles[i], &place));
+        for (size_t i = 0; i < 3 * (size_t)locator->surface.count; i++)
+            most = larger(most, locator_closest(&run->locators[!from], locator->positions + 3 * (size_t)locator->surface.triangles[i], &place));
     }
     return most;
 }

@@ -68,8 +68,8 @@ static double triangle_distance(const double p[3], const double *a, const double
 static double closest_of_all(const struct locator *locator, const double p[3])
 {
     double best = INFINITY;
-    for (uint32_t t = 0; t < locator->triangle_count; t++) {
-        const uint32_t *v = locator->triangles + 3 * t;
+    for (uint32_t t = 0; t < locator->surface.count; t++) {
+        const uint32_t *v = locator->surface.triangles + 3 * t;
         best = smaller(best, triangle_distance(p, locator->positions + 3 * v[0], locator->positions + 3 * v[1],
                                                locator->positions + 3 * v[2]));
     }
@@ -88,16 +88,15 @@ static double place_error(const struct locator *locator, const struct place *pla
     return fabs(sqrt(distance_squared(at, p)) - distance) + fabs(sum - 1) + (least(place->weights) < -1e-12);
 }
 
-/* What is near enough may be anywhere on the boundary but is no nearer than it is; without that, and from any guess, the distance. */
+/* What is near enough may be anywhere on the boundary but is no nearer than it is; without that, the distance. */
 static bool distances_agree(const struct locator *locator, const double p[3], double distance)
 {
-    uint32_t face = TETLOD_NONE, guess = locator->faces[0];
-    double near = locator_distance(locator, p, 2 * distance, &guess);
-    bool right = locator_distance(locator, p, 0, &face) == distance && near >= distance && near <= 2 * distance;
-    guess = face; // the right one
-    right &= locator_distance(locator, p, distance, &guess) <= distance * (1 + 1e-12) && guess == face;
-    guess = locator->faces[locator->triangle_count - 1];
-    return right && locator_distance(locator, p, distance / 2, &guess) == distance;
+    uint32_t face = TETLOD_NONE, closest;
+    struct place place;
+    double near = mesh_surface_distance(&locator->surface, p, 2 * distance, &face);
+    bool right = face != TETLOD_NONE && near >= distance && near <= 2 * distance;
+    right &= mesh_surface_closest(&locator->surface, p, &place, &closest) == distance;
+    return right && mesh_surface_distance(&locator->surface, p, 0, &face) == distance && face == closest;
 }
 
 static void check_point(const struct locator *locator, const double p[3], double size, unsigned *wrong)
@@ -173,7 +172,7 @@ static void test_one_tetrahedron(void)
     double weights[4];
     uint32_t tet;
     REQUIRE(locator_init(&locator, unit, 4, one_tet, 1, NULL) == TETLOD_OK);
-    CHECK_INT(locator.triangle_count, 4);
+    CHECK_INT(locator.surface.count, 4);
     CHECK_NEAR(locator_weights(&locator, 0, (double[]){0.1, 0.2, 0.3}, weights), 0.1, 1e-15);
     CHECK_NEAR(weights[0], 0.4, 1e-15);
     CHECK_NEAR(weights[3], 0.3, 1e-15);

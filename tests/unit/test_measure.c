@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Errors that are known beforehand. */
-#include "src/measure/measure.h"
+#include "src/measure/measure_levels.h"
 
 #include <stdlib.h>
 
-#include "src/log/ancestry.h"
+#include "tests/ancestry.h"
+#include "src/pipeline/quantise.h"
 #include "src/simplify/simplify.h"
 #include "src/sample/sample.h"
 #include "tests/gen.h"
@@ -16,7 +17,7 @@ static struct measured compare(const struct tetmesh *a, const struct tetmesh *b,
 {
     struct measured out = {-1, -1};
     struct measure *measure;
-    CHECK_INT(measure_new(&measure, a, first_field, 1, NULL), TETLOD_OK);
+    CHECK_INT(measure_new(&measure, a, first_field, 1, threads, NULL), TETLOD_OK);
     if (measure)
         CHECK_INT(measure_mesh(measure, b, first_field, threads, &out, domain, NULL), TETLOD_OK);
     measure_free(measure);
@@ -56,6 +57,28 @@ static void test_raised_by_a_constant(void)
     CHECK_NEAR(m.rms, 0.25, 1e-9);
     tetmesh_fini(&a);
     tetmesh_fini(&b);
+}
+
+/* Fields of a constant, of tiny and of huge values: sums neither vanish nor overflow. */
+static void test_any_magnitude(void)
+{
+    static const double magnitudes[] = {1e-300, 1e-12, 1, 1e12, 1e300};
+    for (size_t i = 0; i < sizeof magnitudes / sizeof *magnitudes; i++)
+        for (int constant = 0; constant < 2; constant++) {
+            struct tetmesh a = {0}, b = {0};
+            double domain, magnitude = magnitudes[i];
+            make(&a, "cube", 3);
+            make(&b, "cube", 3);
+            for (uint32_t v = 0; v < b.vertex_count; v++) {
+                a.fields[0].values[v] = magnitude * (constant ? 1 : v % 3);
+                b.fields[0].values[v] = a.fields[0].values[v] + (constant ? 0 : magnitude);
+            }
+            struct measured m = compare(&a, &b, 2, &domain);
+            CHECK_NEAR(m.sampled, constant ? 0 : magnitude, 1e-12 * magnitude);
+            CHECK_NEAR(m.rms, constant ? 0 : magnitude, 1e-12 * magnitude);
+            tetmesh_fini(&a);
+            tetmesh_fini(&b);
+        }
 }
 
 /* One vertex raised: the largest difference is there. */
@@ -160,61 +183,121 @@ static void test_order_does_not_matter(void)
     tetmesh_fini(&level);
 }
 
-/* Level by level, where only what has changed is measured again, gives what measuring each level anew gives. */
-static void check_levels(const char *sample, uint32_t size, double boundary_limit)
+/* A coarsening that goes along with an ancestry has the same mesh, whatever its threads and numbers. */
+static void check_coarsening(const struct coarsening *c, const struct ancestry_level *level, const uint32_t *number)
 {
-    struct tetmesh mesh = {0};
+    uint32_t wrong = 0;
+    CHECK_INT(c->tets, level->mesh.tet_count);
+    for (uint32_t t = 0, k = 0; t < c->stored && k < level->mesh.tet_count; t++) {
+        if (c->states[t] >= COARSE_DIED)
+            continue;
+        for (size_t i = 0; i < 4; i++) {
+            uint32_t slot = c->corners[4 * (size_t)t + i], v = level->mesh.corners[4 * (size_t)k + i];
+            uint32_t across = c->neighbours[4 * (size_t)t + i], expected = level->neighbours[4 * (size_t)k + i];
+            wrong += memcmp(c->positions + 3 * (size_t)slot, level->mesh.positions + 3 * (size_t)v, 24) != 0;
+            wrong += c->fields[0].values[slot] != level->mesh.fields[0].values[v];
+            wrong += (c->slots[slot] == SLOT_ORIGINAL) != (level->nodes[v] == slot);
+            wrong += c->states[c->tet_of[slot]] >= COARSE_DIED;
+            wrong += across == TETLOD_NONE ? expected != across : expected != 4 * number[across / 4] + across % 4;
+        }
+        k++;
+    }
+    CHECK_INT(wrong, 0);
+}
+
+/* Numbers of the living tetrahedra. */
+static uint32_t *number_living(const struct coarsening *c)
+{
+    uint32_t *number = malloc((size_t)c->stored * sizeof *number), count = 0;
+    for (uint32_t t = 0; t < c->stored && number; t++)
+        number[t] = c->states[t] < COARSE_DIED ? count++ : TETLOD_NONE;
+    return number;
+}
+
+/* Level by level, where only what has changed is measured again, gives what measuring each level anew gives: bit by bit the same on
+ * any number of threads. Also where the levels are of a rounded copy of the mesh. */
+static void check_levels(const char *sample, uint32_t size, double boundary_limit, unsigned bits)
+{
+    struct tetmesh mesh = {0}, rounded = {0};
     make(&mesh, sample, size);
+    if (bits)
+        REQUIRE(quantise_mesh(&rounded, &mesh, &(struct quantise_options){bits, bits, 0, 0}, NULL) == TETLOD_OK);
+    const struct tetmesh *contracted = bits ? &rounded : &mesh;
     struct simplify_options options = {.metric = METRIC_ENVELOPE, .contract = CONTRACT_EDGES, .max_error = 1, .min_tets = 1,
                                        .boundary_angle = 30, .boundary_limit = boundary_limit * mesh_diagonal(&mesh),
                                        .growth = 1.3, .threads = 1};
+    enum { WAYS = 3 };
     struct contraction_log s;
     struct ancestry ancestry;
-    struct measure *steps[2];
+    struct coarsening coarsenings[WAYS];
+    struct measure_levels *steps[WAYS];
     double range[2], most = 0, diagonal = mesh_diagonal(&mesh);
     point_field_range(&mesh.fields[0], mesh.vertex_count, range);
-    REQUIRE(simplify(&s, &mesh, first_field, 1, NULL, &options, NULL) == TETLOD_OK);
-    REQUIRE(ancestry_init(&ancestry, &s, &mesh, NULL) == TETLOD_OK);
-    for (int i = 0; i < 2; i++)
-        REQUIRE(measure_new(&steps[i], &mesh, NULL, mesh.field_count, NULL) == TETLOD_OK);
+    REQUIRE(simplify(&s, contracted, first_field, 1, NULL, &options, NULL) == TETLOD_OK);
+    REQUIRE(mesh.field_count <= 4);
+    REQUIRE(ancestry_init(&ancestry, &s, contracted, NULL) == TETLOD_OK);
+    for (unsigned i = 0; i < WAYS; i++) {
+        REQUIRE(coarsening_init(&coarsenings[i], contracted, &s, NULL) == TETLOD_OK);
+        REQUIRE(measure_levels_new(&steps[i], &mesh, &coarsenings[i], i + 1, NULL) == TETLOD_OK);
+    }
     for (uint32_t m = 0; m < s.mark_count; m++) {
         struct ancestry_level level;
-        struct measured step[2];
-        double domain[3] = {0, s.marks[m].moved, 0}; // measured; with what the contraction has proved; anew
+        struct measured step[WAYS][4]; // of each field
+        double domain[WAYS] = {0, s.marks[m].moved, 0}, anew = 0; // measured; with what the contraction has proved; measured
         REQUIRE(ancestry_level(&ancestry, s.marks[m].contractions, &level, NULL) == TETLOD_OK);
-        for (int i = 0; i < 2; i++)
-            CHECK_INT(measure_level(steps[i], &level, s.marks[m].contractions, 2, &step[i], &domain[i], NULL), TETLOD_OK);
-        struct measured whole = compare(&mesh, &level.mesh, 2, &domain[2]);
-        most = domain[2] > most ? domain[2] : most;
-        CHECK(memcmp(&step[0], &step[1], sizeof step[0]) == 0);
-        CHECK_NEAR(step[0].sampled, whole.sampled, 1e-9 * (range[1] - range[0]));
-        CHECK_NEAR(step[0].rms, whole.rms, 1e-9 * (range[1] - range[0]));
+        for (unsigned i = 0; i < WAYS; i++) {
+            if (m)
+                coarsening_advance(&coarsenings[i], &s, s.marks[m].contractions, i + 1);
+            uint32_t *number = number_living(&coarsenings[i]);
+            REQUIRE(number);
+            check_coarsening(&coarsenings[i], &level, number);
+            free(number);
+            CHECK_INT(measure_levels_next(steps[i], step[i], &domain[i], NULL), TETLOD_OK);
+        }
+        struct measured whole = compare(&mesh, &level.mesh, 2, &anew);
+        most = anew > most ? anew : most;
+        CHECK(memcmp(step[0], step[1], mesh.field_count * sizeof step[0][0]) == 0 && memcmp(step[0], step[2], mesh.field_count * sizeof step[0][0]) == 0);
+        CHECK_NEAR(step[0][0].sampled, whole.sampled, 1e-9 * (range[1] - range[0]));
+        CHECK_NEAR(step[0][0].rms, whole.rms, 1e-9 * (range[1] - range[0]));
+        CHECK(domain[0] == domain[2]);
         CHECK_NEAR(domain[0], most, 1e-12 * diagonal);
         CHECK_NEAR(domain[1], most > s.marks[m].moved ? most : s.marks[m].moved, 1e-12 * diagonal);
         ancestry_level_fini(&level);
     }
-    CHECK((most > 1e-6 * diagonal) == (boundary_limit > 1e-6));
-    for (int i = 0; i < 2; i++)
-        measure_free(steps[i]);
+    CHECK(bits || (most > 1e-6 * diagonal) == (boundary_limit > 1e-6));
+    for (unsigned i = 0; i < WAYS; i++) {
+        measure_levels_free(steps[i]);
+        coarsening_fini(&coarsenings[i]);
+    }
     ancestry_fini(&ancestry);
     log_fini(&s);
     tetmesh_fini(&mesh);
+    tetmesh_fini(&rounded);
 }
 
 static void test_levels_of_a_sequence(void)
 {
-    check_levels("cube", 5, 1e-6);
+    check_levels("cube", 5, 1e-6, 0);
+    check_levels("fin", 6, 1e-6, 0);
 }
 
 static void test_levels_with_a_boundary_that_moves(void)
 {
-    check_levels("torus", 4, 1e-2);
+    check_levels("torus", 4, 1e-2, 0);
+    check_levels("shell", 5, 1e-2, 0);
+}
+
+static void test_levels_of_a_rounded_mesh(void)
+{
+    check_levels("cube", 5, 1e-6, 7);
+    check_levels("torus", 4, 1e-2, 9);
 }
 
 int main(void)
 {
     RUN(test_the_same);
     RUN(test_raised_by_a_constant);
+    RUN(test_any_magnitude);
     RUN(test_raised_at_a_vertex);
     RUN(test_displaced);
     RUN(test_coarse_against_fine);
@@ -222,5 +305,6 @@ int main(void)
     RUN(test_order_does_not_matter);
     RUN(test_levels_of_a_sequence);
     RUN(test_levels_with_a_boundary_that_moves);
+    RUN(test_levels_of_a_rounded_mesh);
     return test_end();
 }

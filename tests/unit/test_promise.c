@@ -121,7 +121,7 @@ static void check_level(const struct checked *c, const struct tetlod_level *stor
     for (int i = 0; i < POINTS; i++)
         found = larger(found, point_error(c, level, &locator, &random));
     REQUIRE(overlay_max(c->original, fields, level, fields, 1, 2, &exact, &report, NULL) == TETLOD_OK);
-    REQUIRE(measure_new(&measure, c->original, fields, 1, NULL) == TETLOD_OK);
+    REQUIRE(measure_new(&measure, c->original, fields, 1, 2, NULL) == TETLOD_OK);
     REQUIRE(measure_mesh(measure, level, fields, 2, &measured, &domain, NULL) == TETLOD_OK);
     double max = stored->errors[TETLOD_MAX] * (1 + 1e-9) + 1e-13;
     if (found > max * c->range || exact > max * c->range || measured.sampled > max * c->range ||

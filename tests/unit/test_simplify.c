@@ -7,7 +7,7 @@
 
 #include <stdlib.h>
 
-#include "src/log/ancestry.h"
+#include "tests/ancestry.h"
 #include "src/measure/measure.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/locate.h"
@@ -115,7 +115,7 @@ static double boundary_distance(const struct tetmesh *from, const struct tetmesh
                          meshes[i]->tet_count, NULL) != TETLOD_OK)
             return INFINITY;
     for (int i = 0; i < POINTS; i++) {
-        const uint32_t *corners = locators[0].triangles + 3 * (gen_random(&random) % locators[0].triangle_count);
+        const uint32_t *corners = locators[0].surface.triangles + 3 * (gen_random(&random) % locators[0].surface.count);
         double u = unit_random(&random), v = unit_random(&random), p[3];
         struct place place;
         if (u + v > 1) {
@@ -359,7 +359,7 @@ static void left_within(const struct tetmesh *mesh, enum metric metric, uint32_t
     REQUIRE(simplify(&s, mesh, controlled, fields, (double[]){1, 0.5}, &options, NULL) == TETLOD_OK);
     REQUIRE(ancestry_init(&ancestry, &s, mesh, NULL) == TETLOD_OK);
     REQUIRE(ancestry_level(&ancestry, s.count, &level, NULL) == TETLOD_OK);
-    REQUIRE(measure_new(&measure, mesh, controlled, fields, NULL) == TETLOD_OK);
+    REQUIRE(measure_new(&measure, mesh, controlled, fields, 2, NULL) == TETLOD_OK);
     CHECK_INT(measure_mesh(measure, &level.mesh, controlled, 2, measured, &domain, NULL), TETLOD_OK);
     for (uint32_t f = 0; f < fields && metric == METRIC_MEASURED; f++) {
         point_field_range(&mesh->fields[f], mesh->vertex_count, range);

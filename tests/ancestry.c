@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/log/ancestry.h"
+#include "tests/ancestry.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,0 +1,89 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * The mesh at a moment of a contraction log, carried from fine to coarse in place.
+ *
+ * Vertices live in slots: at first slot v holds the original's vertex v; a contraction puts its result into the slot of its first
+ * child. Tetrahedra keep their number until coarsening_compact. A step is a number of merges and moves, made known one by
+ * one, and then coarsening_step, which finds what they did to the tetrahedra: it visits each that is left once.
+ */
+#ifndef TETLOD_COARSENING_H
+#define TETLOD_COARSENING_H
+
+#include <stdatomic.h>
+
+#include "src/log/contraction_log.h"
+
+enum coarsening_state {
+    COARSE_SAME,    /* as it was before the last step */
+    COARSE_CHANGED, /* a corner moved, or has another value, in the last step */
+    COARSE_DIED,    /* two of its corners became one in the last step; its corners are where they are now */
+    COARSE_GONE,    /* died earlier */
+};
+
+struct coarse_field {
+    uint32_t components;
+    double *values; /* [components * slot] */
+};
+
+struct coarsening {
+    uint32_t slot_count;
+    uint32_t stored, tets; /* numbers of tetrahedra in use; those that are there */
+    double *positions;     /* [3 * slot] */
+    uint32_t field_count;
+    struct coarse_field *fields;
+    uint32_t *corners;     /* [4 * tet] slots */
+    uint32_t *neighbours;  /* [4 * tet] as adjacency_build makes them; of the living */
+    uint8_t *states;       /* [tet] enum coarsening_state */
+    uint8_t *slots;        /* [slot] SLOT_... */
+    uint32_t *into;        /* [slot] that a slot which merged in this step merged into */
+    uint32_t *touched;     /* [touched_count] slots that the last step merged or moved, or that at hand */
+    uint32_t touched_count;
+    bool in_step;
+    _Atomic uint32_t *tet_of; /* [slot] one of its tetrahedra */
+    uint32_t *slot_of;     /* [contraction] slot of the node that it made */
+    const double **log_values; /* [field] of the log */
+    uint32_t contractions; /* of the log, that are done */
+};
+
+enum {
+    SLOT_ORIGINAL = 0, /* holds the original's vertex of its number, which never moved */
+    SLOT_MADE = 1,     /* moved, or has another value */
+    SLOT_MERGED = 2,   /* is no more */
+    SLOT_IN_STEP = 4,  /* was touched by this step */
+};
+
+/* Takes a copy of the mesh: all of it is there, and COARSE_SAME. The log may be NULL. ERR_NOMEM, ERR_LIMIT. */
+TETLOD_CHECKED enum tetlod_status coarsening_init(struct coarsening *coarsening, const struct tetmesh *mesh,
+                                                  const struct contraction_log *log, struct tetlod_error *error);
+void coarsening_fini(struct coarsening *coarsening);
+
+/* Bytes that one takes, about. */
+uint64_t coarsening_bytes(const struct tetmesh *mesh);
+
+/* In the step at hand `slot` merges into another, which may merge as well. */
+void coarsening_merge(struct coarsening *coarsening, uint32_t slot, uint32_t into);
+
+/* In the step at hand the vertex in `slot` gets the position and the values: row `row` of `positions` and of each field's values
+ * (values[field]). */
+void coarsening_move(struct coarsening *coarsening, uint32_t slot, const double *positions, const double *const *values,
+                     size_t row);
+
+/* Ends the step. O(tetrahedra stored). The result does not depend on `threads`. */
+void coarsening_step(struct coarsening *coarsening, unsigned threads);
+
+/* A whole step: to the moment after `contractions` contractions of the log, no less than those done. */
+void coarsening_advance(struct coarsening *coarsening, const struct contraction_log *log, uint32_t contractions,
+                        unsigned threads);
+
+/* A living tetrahedron where this one is or was. Not for COARSE_GONE. */
+uint32_t coarsening_heir(const struct coarsening *coarsening, uint32_t tet);
+
+/* The face, 4 * tet + face, that is where this one is or was, or TETLOD_NONE: it collapsed. Not for COARSE_GONE. */
+uint32_t coarsening_heir_face(const struct coarsening *coarsening, uint32_t face);
+
+/* Renumbers the living tetrahedra 0 .. tets-1 in their order and gives back the room of the others. out_renumbered[old] is the new
+ * number or TETLOD_NONE; it has `stored` elements and is the caller's to free. ERR_NOMEM leaves all as it was. */
+TETLOD_CHECKED enum tetlod_status coarsening_compact(struct coarsening *coarsening, uint32_t **out_renumbered,
+                                                     struct tetlod_error *error);
+
+#endif

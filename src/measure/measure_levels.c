@@ -1,0 +1,569 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * A level comes as a step of the coarsening. For each sample, in the order of their numbers:
+ *   its tetrahedron did not change: its error is what it was;
+ *   else a walk from there, or from where a tetrahedron that died has gone, finds the one that holds it now;
+ *   where the walk leaves the mesh, the closest point of the boundary decides: the sample is inside if the straight line from there
+ *   leads to it through the mesh, else its error is the difference from the value at the closest point.
+ * Errors are kept per sample; sums are exact (tally.h). The domain error is the largest distance of a boundary vertex of either mesh
+ * from the other's boundary; only vertices that are new, or whose nearest face changed, are looked at.
+ */
+#include "src/measure/measure_levels.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/measure/tally.h"
+#include "src/measure/walk.h"
+#include "src/mesh/sample_points.h"
+#include "src/mesh/tet_geom.h"
+#include "src/mesh/triangle.h"
+#include "src/util/array.h"
+#include "src/util/parallel.h"
+
+/* A sample's tetrahedron, if none of these. */
+#define HOST_NONE UINT32_C(0xffffffff)    /* it does not count */
+#define HOST_VERTEX UINT32_C(0xfffffffe)  /* a vertex that is still where it was, with its value: no error */
+#define HOST_OUTSIDE UINT32_C(0xfffffffd) /* the level does not hold it */
+#define HOST_SPECIAL HOST_OUTSIDE
+
+/* What one thread has found out. */
+struct worker {
+    struct walker walker;
+    double *values;  /* [4 * component] of all fields */
+    size_t *strays; /* samples that its walks have not found */
+    size_t stray_count, stray_capacity;
+    bool failed; /* out of memory */
+};
+
+struct measure_levels {
+    const struct tetmesh *original;
+    struct coarsening *mesh;
+    unsigned threads;
+    uint32_t field_count;
+    size_t counted;         /* samples that count */
+    uint32_t *hosts;        /* [sample] */
+    double *errors;         /* [field][sample] */
+    size_t samples, chunks;
+    struct tally *tallies;  /* [field][chunk] */
+    double *scales;         /* [field] of the tallies */
+    uint8_t *dirty;         /* [chunk] a stray in it has another error */
+    struct worker *workers; /* [threads] */
+    size_t *strays;         /* samples outside at the level at hand, or to be looked for */
+    size_t stray_count, stray_capacity;
+    struct mesh_surface boundary; /* of the original */
+    struct mesh_surface surface;  /* of the level; empty until it is asked for */
+    uint32_t bound_count;
+    uint32_t *bound;         /* [bound_count] vertices of the original's boundary */
+    uint32_t *nearest;       /* [bound_count] 4 * tet + face of the level's boundary that is near, or TETLOD_NONE */
+    double *distances;       /* [bound_count, or as many as slots were touched] */
+    size_t distance_capacity;
+    uint8_t *made;           /* [slot] scratch */
+    uint32_t *list;          /* slots of the level's boundary that the last step made */
+    size_t list_count, list_capacity;
+    double domain, enough;   /* largest so far; smaller distances do not matter */
+    double rounding;         /* of a distance */
+    bool displaced;          /* the finest level is not the original itself, but rounded */
+    bool started;
+};
+
+/* ---- a sample's error */
+
+/* A sample of the original: where it is, and as a combination of vertices. */
+struct point {
+    struct place place;
+    double p[3];
+};
+
+static void find_point(const struct measure_levels *m, size_t sample, struct point *out)
+{
+    sample_place(m->original, sample, &out->place);
+    for (uint32_t d = 0; d < 3; d++)
+        out->p[d] = place_value(m->original->positions, 3, d, &out->place);
+}
+
+/* The difference from the original, largest over components, for each field: `values` are the level's at four vertices,
+ * [4 * component] of all fields. */
+static void file_error(struct measure_levels *m, size_t sample, const struct point *point, const double *values,
+                       const double weights[4])
+{
+    for (uint32_t f = 0; f < m->field_count; f++) {
+        const struct point_field *field = &m->original->fields[f];
+        double worst = 0;
+        for (uint32_t k = 0; k < field->components; k++, values += 4) {
+            double base = field->values[(size_t)point->place.vertices[0] * field->components + k];
+            double level = weights[0] * (values[0] - base) + weights[1] * (values[1] - base) + weights[2] * (values[2] - base) +
+                           weights[3] * (values[3] - base);
+            worst = larger(worst, fabs(level - place_rise(field->values, field->components, k, &point->place, base)));
+        }
+        m->errors[f * m->samples + sample] = worst;
+    }
+}
+
+static void stray(struct measure_levels *m, struct worker *worker, size_t sample)
+{
+    void *strays = worker->strays;
+    if (!array_reserve(&strays, &worker->stray_capacity, worker->stray_count + 1, sizeof *worker->strays))
+        worker->failed = true;
+    else
+        ((size_t *)strays)[worker->stray_count++] = sample;
+    worker->strays = strays;
+    m->hosts[sample] = HOST_OUTSIDE;
+}
+
+/* Looks for a sample from a tetrahedron near by, and returns the one that holds it or, for want of that, that one. */
+static uint32_t find_sample(struct measure_levels *m, struct worker *worker, size_t sample, const struct point *point,
+                            uint32_t from)
+{
+    double weights[4];
+    const struct walk_cell *cell = walk_to(&worker->walker, from, point->p, weights);
+    if (!cell) {
+        stray(m, worker, sample);
+        return from;
+    }
+    m->hosts[sample] = cell->tet;
+    file_error(m, sample, point, cell->values, weights);
+    return cell->tet;
+}
+
+/* Where to begin to look for a sample whose error may have changed, or TETLOD_NONE: it is what it was. A vertex that merged is looked
+ * for from where it merged into. */
+static uint32_t begin_at(const struct measure_levels *m, size_t sample)
+{
+    const struct coarsening *mesh = m->mesh;
+    uint32_t host = m->hosts[sample];
+    if (host < HOST_SPECIAL)
+        return mesh->states[host] == COARSE_SAME ? TETLOD_NONE : coarsening_heir(mesh, host);
+    if (host != HOST_VERTEX || mesh->slots[sample] == SLOT_ORIGINAL)
+        return TETLOD_NONE;
+    return mesh->tet_of[mesh->slots[sample] & SLOT_MERGED ? mesh->into[sample] : sample];
+}
+
+/* Where the finest level is not the original itself every sample is looked for once. */
+static uint32_t begin_first(const struct measure_levels *m, size_t sample)
+{
+    size_t n = m->original->vertex_count;
+    if (m->hosts[sample] == HOST_NONE || !m->displaced)
+        return TETLOD_NONE;
+    return sample < n ? m->mesh->tet_of[sample] : (uint32_t)((sample - n) / SAMPLES_PER_TET);
+}
+
+static void add_up(struct measure_levels *m, size_t chunk)
+{
+    size_t begin = chunk * TALLY_CHUNK, count = m->samples - begin < TALLY_CHUNK ? m->samples - begin : TALLY_CHUNK;
+    for (uint32_t f = 0; f < m->field_count; f++)
+        tally_add_up(m->errors + f * m->samples + begin, count, m->scales[f], &m->tallies[f * m->chunks + chunk]);
+}
+
+/* What held a sample and its predecessor holds them close together: the second is looked for where the first was found. */
+static void update_chunk(struct measure_levels *m, struct worker *worker, size_t chunk)
+{
+    size_t end = (chunk + 1) * TALLY_CHUNK < m->samples ? (chunk + 1) * TALLY_CHUNK : m->samples;
+    uint32_t last_begun = TETLOD_NONE, last_found = TETLOD_NONE;
+    bool any = false;
+    for (size_t sample = chunk * TALLY_CHUNK; sample < end; sample++) {
+        uint32_t begin = m->started ? begin_at(m, sample) : begin_first(m, sample);
+        struct point point;
+        if (begin == TETLOD_NONE)
+            continue;
+        find_point(m, sample, &point);
+        last_found = find_sample(m, worker, sample, &point, begin == last_begun ? last_found : begin);
+        last_begun = begin;
+        any = true;
+    }
+    if (any)
+        add_up(m, chunk);
+}
+
+static void update_samples(void *context, unsigned number, size_t begin, size_t end)
+{
+    struct measure_levels *m = context;
+    for (size_t chunk = begin; chunk < end; chunk++)
+        update_chunk(m, &m->workers[number], chunk);
+}
+
+/* ---- samples that no walk found */
+
+static enum tetlod_status need_surface(struct measure_levels *m, struct tetlod_error *error)
+{
+    const struct coarsening *mesh = m->mesh;
+    if (m->surface.triangles)
+        return TETLOD_OK;
+    return mesh_surface_init(&m->surface, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored, mesh->states, COARSE_DIED,
+                        error);
+}
+
+/* The values of the level at four vertices, as a cell has them. */
+static void gather_values(const struct coarsening *mesh, const uint32_t vertices[4], double *values)
+{
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        for (uint32_t k = 0, n = mesh->fields[f].components; k < n; k++)
+            for (int c = 0; c < 4; c++)
+                *values++ = mesh->fields[f].values[(size_t)vertices[c] * n + k];
+}
+
+static void find_stray(struct measure_levels *m, struct worker *worker, size_t sample)
+{
+    struct point point;
+    struct place closest;
+    double start[3], weights[4];
+    uint32_t face;
+    bool room;
+    find_point(m, sample, &point);
+    mesh_surface_closest(&m->surface, point.p, &closest, &face);
+    if (face == TETLOD_NONE) // it has no boundary at all: nothing is outside
+        return;
+    for (uint32_t d = 0; d < 3; d++)
+        start[d] = place_value(m->mesh->positions, 3, d, &closest);
+    const struct walk_cell *cell = walk_along(&worker->walker, face / 4, start, point.p, weights, &room);
+    worker->failed |= !room;
+    if (cell) {
+        m->hosts[sample] = cell->tet;
+        file_error(m, sample, &point, cell->values, weights);
+        return;
+    }
+    gather_values(m->mesh, closest.vertices, worker->values);
+    file_error(m, sample, &point, worker->values, closest.weights);
+}
+
+static void find_strays(void *context, unsigned number, size_t begin, size_t end)
+{
+    struct measure_levels *m = context;
+    for (size_t i = begin; i < end; i++)
+        find_stray(m, &m->workers[number], m->strays[i]);
+}
+
+/* Keeps those that are outside, and adds up the chunks that strays are in. */
+static void file_strays(struct measure_levels *m)
+{
+    size_t kept = 0;
+    memset(m->dirty, 0, m->chunks);
+    for (size_t i = 0; i < m->stray_count; i++) {
+        size_t sample = m->strays[i];
+        m->dirty[sample / TALLY_CHUNK] = 1;
+        if (m->hosts[sample] == HOST_OUTSIDE)
+            m->strays[kept++] = sample;
+    }
+    m->stray_count = kept;
+    for (size_t chunk = 0; chunk < m->chunks; chunk++)
+        if (m->dirty[chunk])
+            add_up(m, chunk);
+}
+
+/* Those that were outside before, and those that walks have lost. */
+static enum tetlod_status update_strays(struct measure_levels *m, struct tetlod_error *error)
+{
+    for (unsigned i = 0; i < m->threads; i++) {
+        struct worker *worker = &m->workers[i];
+        void *strays = m->strays;
+        if (worker->failed || !array_reserve(&strays, &m->stray_capacity, m->stray_count + worker->stray_count, sizeof *m->strays))
+            return tetlodi_fail_nomem(error, "samples outside", m->stray_count * sizeof *m->strays);
+        m->strays = strays;
+        for (size_t k = 0; k < worker->stray_count; k++)
+            m->strays[m->stray_count++] = worker->strays[k];
+        worker->stray_count = 0;
+    }
+    if (!m->stray_count)
+        return TETLOD_OK;
+    TETLOD_TRY(need_surface(m, error));
+    parallel_for(m->threads, m->stray_count, 64, find_strays, m);
+    file_strays(m);
+    for (unsigned i = 0; i < m->threads; i++)
+        if (m->workers[i].failed)
+            return tetlodi_fail_nomem(error, "a line", 1024);
+    return TETLOD_OK;
+}
+
+/* ---- domain error */
+
+static double face_distance(const struct measure_levels *m, const double p[3], uint32_t face)
+{
+    const uint32_t *corners = m->mesh->corners + (face & ~(size_t)3);
+    const double *q[3];
+    double weights[3];
+    for (int i = 0; i < 3; i++)
+        q[i] = m->mesh->positions + 3 * (size_t)corners[tet_faces[face & 3][i]];
+    return sqrt(triangle_distance2(p, q[0], q[1], q[2], weights));
+}
+
+/* The original's boundary vertex by the face that was near; INFINITY if that does not do. */
+static void guess_distances(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct measure_levels *m = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        uint32_t v = m->bound[i], face = m->nearest[i];
+        m->distances[i] = 0;
+        if (!m->displaced && m->mesh->slots[v] == SLOT_ORIGINAL)
+            continue;
+        if (face != TETLOD_NONE && m->mesh->states[face / 4] == COARSE_SAME)
+            continue; // or what it was at the last level
+        m->nearest[i] = face = face == TETLOD_NONE ? face : coarsening_heir_face(m->mesh, face);
+        m->distances[i] = face == TETLOD_NONE ? INFINITY : face_distance(m, m->original->positions + 3 * (size_t)v, face);
+    }
+}
+
+static void search_distances(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct measure_levels *m = context;
+    (void)worker;
+    for (size_t i = begin; i < end; i++)
+        if (!(m->distances[i] <= m->enough))
+            m->distances[i] = mesh_surface_distance(&m->surface, m->original->positions + 3 * (size_t)m->bound[i], m->enough,
+                                               &m->nearest[i]);
+}
+
+static void made_distances(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct measure_levels *m = context;
+    uint32_t face;
+    (void)worker;
+    for (size_t i = begin; i < end; i++)
+        m->distances[i] = mesh_surface_distance(&m->boundary, m->mesh->positions + 3 * (size_t)m->list[i], m->enough, &face);
+}
+
+/* The vertices of the level's boundary that the last step made or moved; at first, where it is displaced, all. */
+static enum tetlod_status list_made(struct measure_levels *m, struct tetlod_error *error)
+{
+    const struct coarsening *mesh = m->mesh;
+    enum { MADE = 1, LISTED = 2 };
+    void *list = m->list;
+    if (!m->started)
+        memset(m->made, m->displaced ? MADE : 0, mesh->slot_count);
+    for (uint32_t i = 0; i < mesh->touched_count && m->started; i++)
+        m->made[mesh->touched[i]] = MADE;
+    m->list_count = 0;
+    for (size_t s = 0; s < 4 * (size_t)mesh->stored; s++) {
+        if (mesh->neighbours[s] != TETLOD_NONE || mesh->states[s / 4] != (m->started ? COARSE_CHANGED : COARSE_SAME))
+            continue;
+        if (!array_reserve(&list, &m->list_capacity, m->list_count + 3, sizeof *m->list))
+            return tetlodi_fail_nomem(error, "the boundary", m->list_count * sizeof *m->list);
+        m->list = list;
+        for (int i = 0; i < 3; i++) {
+            uint32_t v = mesh->corners[(s & ~(size_t)3) + tet_faces[s & 3][i]];
+            if (m->made[v] == MADE)
+                m->list[m->list_count++] = v;
+            m->made[v] = m->made[v] == MADE ? LISTED : m->made[v];
+        }
+    }
+    for (uint32_t i = 0; i < mesh->touched_count; i++)
+        m->made[mesh->touched[i]] = 0;
+    return TETLOD_OK;
+}
+
+static double largest(const double *distances, size_t count, double most)
+{
+    for (size_t i = 0; i < count; i++)
+        most = larger(most, distances[i]);
+    return most;
+}
+
+static enum tetlod_status update_domain(struct measure_levels *m, double *io_domain, struct tetlod_error *error)
+{
+    double most = larger(*io_domain, m->domain);
+    void *distances = m->distances;
+    bool any = false;
+    TETLOD_TRY(list_made(m, error));
+    size_t needed = m->list_count > m->bound_count ? m->list_count : m->bound_count;
+    if (!array_reserve(&distances, &m->distance_capacity, needed, sizeof *m->distances))
+        return tetlodi_fail_nomem(error, "distances", needed * sizeof *m->distances);
+    m->distances = distances;
+    m->enough = larger(most, m->rounding);
+    parallel_for(m->threads, m->bound_count, 1024, guess_distances, m);
+    for (size_t i = 0; i < m->bound_count; i++)
+        any |= !(m->distances[i] <= m->enough);
+    if (any) {
+        TETLOD_TRY(need_surface(m, error));
+        parallel_for(m->threads, m->bound_count, 256, search_distances, m);
+    }
+    most = largest(m->distances, m->bound_count, most);
+    m->enough = larger(most, m->rounding);
+    parallel_for(m->threads, m->list_count, 256, made_distances, m);
+    *io_domain = m->domain = largest(m->distances, m->list_count, most);
+    return TETLOD_OK;
+}
+
+/* ---- compaction */
+
+struct renumbering {
+    struct measure_levels *measure;
+    const uint32_t *renumbered;
+};
+
+static void renumber_hosts(void *context, unsigned worker, size_t begin, size_t end)
+{
+    const struct renumbering *r = context;
+    (void)worker;
+    for (size_t sample = begin; sample < end; sample++)
+        if (r->measure->hosts[sample] < HOST_SPECIAL)
+            r->measure->hosts[sample] = r->renumbered[r->measure->hosts[sample]];
+}
+
+static enum tetlod_status compact(struct measure_levels *m, struct tetlod_error *error)
+{
+    struct renumbering r = {.measure = m};
+    uint32_t *renumbered;
+    if (m->mesh->tets > m->mesh->stored / 2)
+        return TETLOD_OK;
+    TETLOD_TRY(coarsening_compact(m->mesh, &renumbered, error));
+    r.renumbered = renumbered;
+    parallel_for(m->threads, m->samples, TALLY_CHUNK, renumber_hosts, &r);
+    for (size_t i = 0; i < m->bound_count; i++) {
+        uint32_t face = m->nearest[i], tet = face == TETLOD_NONE ? TETLOD_NONE : renumbered[face / 4];
+        m->nearest[i] = tet == TETLOD_NONE ? TETLOD_NONE : 4 * tet + face % 4;
+    }
+    free(renumbered);
+    return TETLOD_OK;
+}
+
+/* ---- the whole */
+
+enum tetlod_status measure_levels_next(struct measure_levels *m, struct measured *out, double *io_domain,
+                                       struct tetlod_error *error)
+{
+    enum tetlod_status status;
+    for (unsigned i = 0; i < m->threads; i++)
+        walker_reset(&m->workers[i].walker);
+    parallel_for(m->threads, m->chunks, 1, update_samples, m);
+    TETLOD_TRY_DONE(update_strays(m, error));
+    for (uint32_t f = 0; f < m->field_count; f++)
+        tally_result(m->tallies + f * m->chunks, m->chunks, m->scales[f], m->counted, &out[f].sampled, &out[f].rms);
+    TETLOD_TRY_DONE(update_domain(m, io_domain, error));
+    m->started = true;
+    status = compact(m, error);
+done:
+    mesh_surface_fini(&m->surface);
+    return status;
+}
+
+/* Which samples count, and where they are at first. */
+static void place_samples(struct measure_levels *m)
+{
+    const struct tetmesh *mesh = m->original;
+    size_t n = mesh->vertex_count;
+    for (size_t v = 0; v < n; v++)
+        m->hosts[v] = HOST_NONE;
+    for (size_t t = 0; t < mesh->tet_count; t++) {
+        bool counts = !sample_tet_is_degenerate(mesh, t);
+        for (size_t i = 0; i < SAMPLES_PER_TET; i++)
+            m->hosts[n + SAMPLES_PER_TET * t + i] = counts ? (uint32_t)t : HOST_NONE;
+        for (size_t i = 4 * t; i < 4 * t + 4 && counts; i++)
+            m->hosts[mesh->corners[i]] = HOST_VERTEX;
+    }
+    for (size_t sample = 0; sample < m->samples; sample++)
+        m->counted += m->hosts[sample] != HOST_NONE;
+}
+
+static bool is_displaced(const struct tetmesh *original, const struct coarsening *mesh)
+{
+    size_t n = original->vertex_count;
+    bool same = memcmp(original->positions, mesh->positions, n * 3 * sizeof(double)) == 0;
+    for (uint32_t f = 0; f < original->field_count && same; f++)
+        same = memcmp(original->fields[f].values, mesh->fields[f].values,
+                      n * original->fields[f].components * sizeof(double)) == 0;
+    return !same;
+}
+
+static enum tetlod_status list_boundary(struct measure_levels *m, struct tetlod_error *error)
+{
+    const struct mesh_surface *boundary = &m->boundary;
+    TETLOD_TRY(mesh_surface_init(&m->boundary, m->original->positions, m->original->corners, m->mesh->neighbours,
+                            m->original->tet_count, NULL, 0, error));
+    for (size_t i = 0; i < 3 * (size_t)boundary->count; i++)
+        m->made[boundary->triangles[i]] = 1;
+    for (uint32_t v = 0; v < m->original->vertex_count; v++)
+        m->bound_count += m->made[v];
+    m->bound = array_new(m->bound_count, sizeof *m->bound);
+    m->nearest = array_new(m->bound_count, sizeof *m->nearest);
+    if (!m->bound || !m->nearest)
+        return tetlodi_fail_nomem(error, "the boundary", 8 * (uint64_t)m->bound_count);
+    m->bound_count = 0;
+    for (uint32_t v = 0; v < m->original->vertex_count; v++)
+        if (m->made[v]) {
+            m->nearest[m->bound_count] = TETLOD_NONE;
+            m->bound[m->bound_count++] = v;
+        }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status make_workers(struct measure_levels *m, struct tetlod_error *error)
+{
+    size_t values = 0;
+    for (uint32_t f = 0; f < m->field_count; f++)
+        values += 4 * (size_t)m->original->fields[f].components;
+    m->workers = array_zero(m->threads, sizeof *m->workers);
+    for (unsigned i = 0; i < m->threads && m->workers; i++) {
+        m->workers[i].values = array_new(values, sizeof(double));
+        if (!m->workers[i].values)
+            return tetlodi_fail_nomem(error, "the values", values * sizeof(double));
+        TETLOD_TRY(walker_init(&m->workers[i].walker, m->mesh, error));
+    }
+    return m->workers ? TETLOD_OK : tetlodi_fail_nomem(error, "the threads", m->threads * sizeof *m->workers);
+}
+
+enum tetlod_status measure_levels_new(struct measure_levels **out, const struct tetmesh *original, struct coarsening *coarsening,
+                                      unsigned threads, struct tetlod_error *error)
+{
+    size_t samples = sample_count(original), chunks = tally_chunks(samples), fields = original->field_count;
+    struct measure_levels *m = array_zero(1, sizeof *m);
+    enum tetlod_status status = TETLOD_OK;
+    *out = NULL;
+    if (!m)
+        return tetlodi_fail_nomem(error, "the samples", sizeof *m);
+    threads = threads < 1 ? 1 : threads > PARALLEL_MOST_THREADS ? PARALLEL_MOST_THREADS : threads;
+    *m = (struct measure_levels){.original = original,
+                                 .mesh = coarsening,
+                                 .threads = threads,
+                                 .field_count = original->field_count,
+                                 .hosts = array_new(samples, sizeof(uint32_t)),
+                                 .errors = array_zero(samples * fields, sizeof(double)),
+                                 .scales = array_new(fields, sizeof(double)),
+                                 .samples = samples,
+                                 .chunks = chunks,
+                                 .tallies = array_zero(chunks * fields, sizeof(struct tally)),
+                                 .dirty = array_new(chunks, 1),
+                                 .made = array_zero(original->vertex_count, 1),
+                                 .rounding = 1e-14 * mesh_diagonal(original),
+                                 .displaced = is_displaced(original, coarsening)};
+    if (!m->hosts || !m->errors || !m->scales || !m->tallies || !m->dirty || !m->made)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", measure_levels_bytes(original)));
+    for (uint32_t f = 0; f < original->field_count; f++) {
+        struct point_field level = {.components = coarsening->fields[f].components, .values = coarsening->fields[f].values};
+        double ranges[2][2];
+        point_field_range(&original->fields[f], original->vertex_count, ranges[0]);
+        point_field_range(&level, original->vertex_count, ranges[1]);
+        m->scales[f] = tally_scale(ranges[0], ranges[1]);
+    }
+    place_samples(m);
+    TETLOD_TRY_DONE(make_workers(m, error));
+    TETLOD_TRY_DONE(list_boundary(m, error));
+    *out = m;
+done:
+    if (status != TETLOD_OK)
+        measure_levels_free(m);
+    return status;
+}
+
+void measure_levels_free(struct measure_levels *m)
+{
+    if (!m)
+        return;
+    for (unsigned i = 0; i < m->threads && m->workers; i++) {
+        walker_fini(&m->workers[i].walker);
+        free(m->workers[i].values);
+        free(m->workers[i].strays);
+    }
+    mesh_surface_fini(&m->boundary);
+    mesh_surface_fini(&m->surface);
+    void *const owned[] = {m->hosts, m->errors, m->scales, m->tallies, m->workers, m->strays, m->dirty,
+                           m->bound, m->nearest, m->distances, m->made, m->list, m};
+    for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
+        free(owned[i]);
+}
+
+uint64_t measure_levels_bytes(const struct tetmesh *original)
+{
+    return sample_count(original) * (uint64_t)(4 + 8 * original->field_count) + original->vertex_count;
+}

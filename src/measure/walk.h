@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Finds the tetrahedron of a coarsening that holds a point, from one that is near. */
+#ifndef TETLOD_WALK_H
+#define TETLOD_WALK_H
+
+#include "src/log/coarsening.h"
+
+enum { WALK_CELLS = 512 };
+
+/* A tetrahedron as affine functions: weights[1 + i](p) = rows[i] . (p - origin). */
+struct walk_cell {
+    uint32_t tet;
+    bool flat;
+    uint32_t slots[4];
+    double origin[3], rows[3][3];
+    double *values; /* [4 * component] of all fields, at the corners */
+};
+
+/* One thread's cache of cells, and its list of those that a search along a line has seen. */
+struct walker {
+    const struct coarsening *mesh; /* borrowed */
+    struct walk_cell *cells;       /* [WALK_CELLS] by the number's last bits */
+    double *values;                /* theirs */
+    uint32_t *seen;                /* [seen_count] */
+    size_t seen_count, seen_capacity;
+    uint32_t *table;               /* [table_size, a power of two] hashed: those of `seen`, or TETLOD_NONE */
+    size_t table_size;
+};
+
+TETLOD_CHECKED enum tetlod_status walker_init(struct walker *walker, const struct coarsening *mesh, struct tetlod_error *error);
+void walker_fini(struct walker *walker);
+
+/* After a step the cells are not what they were. */
+void walker_reset(struct walker *walker);
+
+/* From `from` across the face that p is furthest behind. The cell that holds p (weights >= -1e-9), or NULL if the walk leaves the
+ * mesh, comes to a flat tetrahedron, or does not end soon: that decides nothing. */
+const struct walk_cell *walk_to(struct walker *walker, uint32_t from, const double p[3], double weights[4]);
+
+/* Through all tetrahedra, face to face, that the straight line from `start`, a point of the tetrahedron `from`, to p meets. Where
+ * `start` is the boundary's closest point to p, NULL says that p is outside. *out_room is false if memory was short. */
+const struct walk_cell *walk_along(struct walker *walker, uint32_t from, const double start[3], const double p[3],
+                                   double weights[4], bool *out_room);
+
+#endif
