@@ -382,9 +382,10 @@ static int print_json(const struct request *request, const struct build_report *
     json_t *seconds = json_pack("{s:f, s:f, s:f, s:f, s:f}", "read", read_seconds, "contract",
                                 request->seconds[BUILD_CONTRACT], "measure", request->seconds[BUILD_MEASURE], "encode",
                                 request->seconds[BUILD_ENCODE], "write", write_seconds);
-    json_t *more = json_pack("{s:o, s:I, s:I, s:I, s:i}", "seconds", seconds, "contractions", (json_int_t)report->contractions,
+    json_t *more = json_pack("{s:o, s:I, s:I, s:I, s:f, s:i}", "seconds", seconds, "contractions", (json_int_t)report->contractions,
                              "nan_filled", (json_int_t)request->nan_filled,
-                             "peak_memory", (json_int_t)usage.ru_maxrss * 1024, "threads", (int)request->build.threads);
+                             "peak_memory", (json_int_t)usage.ru_maxrss * 1024, "bytes_per_tetrahedron",
+                             (double)usage.ru_maxrss * 1024 / (double)tetlod_info(file)->tets, "threads", (int)request->build.threads);
     char *text = object && more && json_object_update(object, more) == 0 ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
     if (text)
         puts(text);
