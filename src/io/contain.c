@@ -3,6 +3,7 @@
 #include "src/io/contain.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -190,12 +191,21 @@ static void limit_time(size_t size)
     setrlimit(RLIMIT_CORE, &no_core);
 }
 
+/* What libraries print, and what a crash prints, is not for the user. */
+static void be_silent(void)
+{
+    int nowhere = open("/dev/null", O_WRONLY);
+    if (nowhere >= 0)
+        dup2(nowhere, STDERR_FILENO);
+}
+
 static void run_child(contained_reader read_file, const struct io_input *input, const struct io_report *report, int fd)
 {
     struct blocks blocks = {0};
     struct result result = {.report = *report};
     struct tetlod_error error = {.offset = UINT64_MAX};
     limit_time(input->size);
+    be_silent();
     result.status = read_file(&blocks, input, &result.report, &error);
     memcpy(result.message, error.message, sizeof result.message);
     result.blocks = result.status == TETLOD_OK ? blocks.count : 0;

@@ -70,4 +70,24 @@ bool cgns_sniff(const unsigned char *bytes, size_t size);
 TETLOD_CHECKED enum tetlod_status cgns_read(struct blocks *out, const struct io_input *input, struct io_report *report,
                                             struct tetlod_error *error);
 
+/* Abaqus and CalculiX. */
+bool inp_sniff(const unsigned char *bytes, size_t size);
+TETLOD_CHECKED enum tetlod_status inp_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                           struct tetlod_error *error);
+
+TETLOD_CHECKED enum tetlod_status medit_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                             struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status sol_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                             struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status xdmf_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                             struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status vtkhdf_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                             struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status exodus_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                             struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status vtp_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                             struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status glb_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                             struct tetlod_error *error);
+
 #endif

@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#define _GNU_SOURCE // memmem
 /*
- * Reading Gmsh MSH 2.2 and 4.1, text and binary: sections between $Name and $EndName, of which $Nodes, $Elements and
- * $NodeData matter. Points and cells have numbers (tags) of their own. In 4.1 they come in blocks, one per entity.
+ * Reading Gmsh MSH 2.2 and 4.1, text and binary: sections between $Name and $EndName, of which $Nodes, $Elements,
+ * $Entities, $NodeData and $ElementData matter. Points and cells have numbers (tags) of their own. In 4.1 they come in blocks, one per entity.
  */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -23,7 +25,14 @@ struct gmsh {
     size_t position_capacity;
     struct tag_map tags;
     bool sorted;
-    struct cells *cells;
+    struct cells *cells; /* the block's */
+    bool keeps_numbers;  /* there is element data */
+    bool cells_sorted;
+    struct tag_map cell_tags;
+    int64_t *physical; /* owned: of each cell with a volume, the group that it is in, or 0 */
+    size_t physical_capacity;
+    int64_t *groups; /* owned: of volumes, pairs of tag and physical group */
+    size_t group_count, group_capacity;
 };
 
 static enum tetlod_status fail(const struct gmsh *g, const char *why)
@@ -160,9 +169,9 @@ struct element {
 static const struct element elements[] = {
     {1, 2, VTK_TYPE_FLAT},   {2, 3, VTK_TYPE_FLAT},   {3, 4, VTK_TYPE_FLAT},      {4, 4, VTK_TYPE_TET},
     {5, 8, VTK_TYPE_HEXAHEDRON}, {6, 6, VTK_TYPE_WEDGE}, {7, 5, VTK_TYPE_PYRAMID}, {8, 3, VTK_TYPE_FLAT},
-    {9, 6, VTK_TYPE_FLAT},   {10, 9, VTK_TYPE_FLAT},  {11, 10, VTK_TYPE_TET},     {12, 27, VTK_TYPE_HEXAHEDRON},
-    {13, 18, VTK_TYPE_WEDGE}, {14, 14, VTK_TYPE_PYRAMID}, {15, 1, VTK_TYPE_FLAT}, {16, 8, VTK_TYPE_FLAT},
-    {17, 20, VTK_TYPE_HEXAHEDRON}, {18, 15, VTK_TYPE_WEDGE}, {19, 13, VTK_TYPE_PYRAMID}, {20, 9, VTK_TYPE_FLAT},
+    {9, 6, VTK_TYPE_FLAT},   {10, 9, VTK_TYPE_FLAT},  {11, 10, VTK_TYPE_TET10},     {12, 27, VTK_TYPE_HEXAHEDRON20},
+    {13, 18, VTK_TYPE_WEDGE15}, {14, 14, VTK_TYPE_PYRAMID13}, {15, 1, VTK_TYPE_FLAT}, {16, 8, VTK_TYPE_FLAT},
+    {17, 20, VTK_TYPE_HEXAHEDRON20}, {18, 15, VTK_TYPE_WEDGE15}, {19, 13, VTK_TYPE_PYRAMID13}, {20, 9, VTK_TYPE_FLAT},
     {21, 10, VTK_TYPE_FLAT}, {22, 12, VTK_TYPE_FLAT}, {23, 15, VTK_TYPE_FLAT},    {24, 15, VTK_TYPE_FLAT},
     {25, 21, VTK_TYPE_FLAT}, {26, 4, VTK_TYPE_FLAT},  {27, 5, VTK_TYPE_FLAT},     {28, 6, VTK_TYPE_FLAT},
     {29, 20, VTK_TYPE_TET},  {30, 35, VTK_TYPE_TET},  {31, 56, VTK_TYPE_TET},     {92, 64, VTK_TYPE_HEXAHEDRON},
@@ -180,7 +189,39 @@ static enum tetlod_status find_element(const struct gmsh *g, int64_t type, struc
                         (long long)type);
 }
 
-static enum tetlod_status take_element(struct gmsh *g, const struct element *element, enum value_type type)
+/* The middles of edges in VTK's order, where Gmsh has one of its own. */
+static void reorder(const struct element *element, int64_t *points)
+{
+    static const uint8_t tet[10] = {0, 1, 2, 3, 4, 5, 6, 7, 9, 8};
+    static const uint8_t hexahedron[20] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15};
+    static const uint8_t wedge[15] = {0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11};
+    static const uint8_t pyramid[13] = {0, 1, 2, 3, 4, 5, 8, 10, 6, 7, 9, 11, 12};
+    const uint8_t *order = element->vtk_type == VTK_TYPE_TET10           ? tet
+                           : element->vtk_type == VTK_TYPE_HEXAHEDRON20 ? hexahedron
+                           : element->vtk_type == VTK_TYPE_WEDGE15      ? wedge
+                           : element->vtk_type == VTK_TYPE_PYRAMID13    ? pyramid
+                                                                        : NULL;
+    size_t count = order == tet ? 10 : order == hexahedron ? 20 : order == wedge ? 15 : 13;
+    int64_t old[20];
+    if (!order)
+        return;
+    memcpy(old, points, count * sizeof *old);
+    for (size_t i = 0; i < count; i++)
+        points[i] = old[order[i]];
+}
+
+/* What a cell is called and belongs to. Cells without volume are left out, and so are their numbers. */
+static enum tetlod_status note_cell(struct gmsh *g, int64_t tag, int64_t group)
+{
+    size_t cell = (size_t)g->cells->count;
+    if (!array_reserve((void **)&g->physical, &g->physical_capacity, cell + 1, sizeof *g->physical))
+        return tetlodi_fail_nomem(g->error, "the groups of cells", (uint64_t)cell * 8);
+    g->physical[cell] = group;
+    return g->keeps_numbers ? tag_map_add(&g->cell_tags, tag, g->error) : TETLOD_OK;
+}
+
+static enum tetlod_status take_element(struct gmsh *g, const struct element *element, enum value_type type, int64_t tag,
+                                       int64_t group)
 {
     int64_t corners[125];
     TETLOD_TRY(take_ints(g, type, element->points, corners));
@@ -191,17 +232,26 @@ static enum tetlod_status take_element(struct gmsh *g, const struct element *ele
                                 g->rest.at - g->begin, (long long)corners[p]);
         corners[p] = index;
     }
-    size_t kept = element->vtk_type == VTK_TYPE_FLAT ? 0 : element->points;
-    return cells_add(g->cells, element->vtk_type, corners, kept, g->error);
+    if (element->vtk_type == VTK_TYPE_FLAT) {
+        g->report->skipped_cells++;
+        return TETLOD_OK;
+    }
+    TETLOD_TRY(note_cell(g, tag, group));
+    reorder(element, corners);
+    return cells_add(g->cells, element->vtk_type, corners, element->points, g->error);
 }
 
-static enum tetlod_status skip_ints(struct gmsh *g, int64_t count)
+/* The first of a cell's own tags is its physical group. */
+static enum tetlod_status take_own_tags(struct gmsh *g, int64_t count, int64_t *out_group)
 {
-    int64_t skipped;
+    int64_t tag;
+    *out_group = 0;
     if (count < 0)
         return fail(g, "there should be a count here");
-    for (int64_t i = 0; i < count; i++)
-        TETLOD_TRY(take_ints(g, VALUE_INT32, 1, &skipped));
+    for (int64_t i = 0; i < count; i++) {
+        TETLOD_TRY(take_ints(g, VALUE_INT32, 1, &tag));
+        *out_group = i ? *out_group : tag;
+    }
     return TETLOD_OK;
 }
 
@@ -213,20 +263,67 @@ static enum tetlod_status read_elements_2(struct gmsh *g)
     TETLOD_TRY(take_text_count(g, &total));
     end_line(g);
     while (total > 0) {
-        int64_t header[3], in_group = 1; // text: tag, type, tags; binary: type, elements, tags
+        int64_t header[3], in_group = 1, group, tag; // text: tag, type, tags; binary: type, elements, tags
         TETLOD_TRY(take_ints(g, VALUE_INT32, 3, header));
         TETLOD_TRY(find_element(g, header[g->binary ? 0 : 1], &element));
+        tag = header[0];
         if (g->binary)
             in_group = header[1];
         if (in_group < 1)
             return fail(g, "there should be a count here");
         for (int64_t i = 0; i < in_group; i++) {
-            TETLOD_TRY(skip_ints(g, g->binary ? header[2] + 1 : header[2]));
-            TETLOD_TRY(take_element(g, &element, VALUE_INT32));
+            if (g->binary)
+                TETLOD_TRY(take_ints(g, VALUE_INT32, 1, &tag));
+            TETLOD_TRY(take_own_tags(g, header[2], &group));
+            TETLOD_TRY(take_element(g, &element, VALUE_INT32, tag, group));
         }
         total -= in_group;
     }
     return TETLOD_OK;
+}
+
+/* The entities of one dimension. Each: its tag, a point or the bounds, its physical groups and, but for points, what bounds it. */
+static enum tetlod_status read_entity(struct gmsh *g, int dimension)
+{
+    int64_t tag, count, number, first = 0;
+    double bounds[6];
+    TETLOD_TRY(take_ints(g, VALUE_INT32, 1, &tag));
+    TETLOD_TRY(take_doubles(g, dimension ? 6 : 3, bounds));
+    for (int list = 0; list < (dimension ? 2 : 1); list++) {
+        TETLOD_TRY(take_ints(g, VALUE_UINT64, 1, &count));
+        for (int64_t i = 0; i < count; i++) {
+            TETLOD_TRY(take_ints(g, VALUE_INT32, 1, &number));
+            first = list == 0 && i == 0 ? number : first;
+        }
+    }
+    if (dimension < 3 || !first)
+        return TETLOD_OK;
+    if (!array_reserve((void **)&g->groups, &g->group_capacity, 2 * (g->group_count + 1), sizeof *g->groups))
+        return tetlodi_fail_nomem(g->error, "the physical groups", 16);
+    g->groups[2 * g->group_count] = tag;
+    g->groups[2 * g->group_count++ + 1] = first;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status read_entities(struct gmsh *g)
+{
+    int64_t counts[4];
+    if (!g->is_4)
+        return fail(g, "$Entities are not for this version");
+    end_line(g);
+    TETLOD_TRY(take_ints(g, VALUE_UINT64, 4, counts));
+    for (int dimension = 0; dimension < 4; dimension++)
+        for (int64_t i = 0; i < counts[dimension]; i++)
+            TETLOD_TRY(read_entity(g, dimension));
+    return TETLOD_OK;
+}
+
+static int64_t group_of(const struct gmsh *g, int64_t entity)
+{
+    for (size_t i = 0; i < g->group_count; i++)
+        if (g->groups[2 * i] == entity)
+            return g->groups[2 * i + 1];
+    return 0;
 }
 
 static enum tetlod_status read_elements(struct gmsh *g)
@@ -242,15 +339,34 @@ static enum tetlod_status read_elements(struct gmsh *g)
         TETLOD_TRY(take_ints(g, VALUE_INT32, 3, block));
         TETLOD_TRY(take_ints(g, VALUE_UINT64, 1, &count));
         TETLOD_TRY(find_element(g, block[2], &element));
+        int64_t group = block[0] == 3 ? group_of(g, block[1]) : 0;
         for (int64_t i = 0; i < count; i++) {
             TETLOD_TRY(take_ints(g, VALUE_UINT64, 1, &tag));
-            TETLOD_TRY(take_element(g, &element, VALUE_UINT64));
+            TETLOD_TRY(take_element(g, &element, VALUE_UINT64, tag, group));
         }
     }
     return TETLOD_OK;
 }
 
+/* The physical groups as regions, if there are any. */
+static enum tetlod_status add_regions(struct gmsh *g)
+{
+    bool any = false;
+    for (uint64_t c = 0; c < g->cells->count; c++)
+        any |= g->physical[c] != 0;
+    if (!any)
+        return TETLOD_OK;
+    TETLOD_TRY(assemble_cell_field(g->mesh, "gmsh:physical", 1, TETLOD_FLOAT64, g->cells->count, g->error));
+    struct point_field *field = &g->mesh->cell_fields[g->mesh->cell_field_count - 1];
+    field->is_integer = true;
+    for (uint64_t c = 0; c < g->cells->count; c++)
+        field->values[c] = (double)g->physical[c];
+    return TETLOD_OK;
+}
+
 /* ---- fields */
+
+enum { MOST_GMSH_COMPONENTS = 9 }; // 1, 3 or 9
 
 /* The first of a section's strings, without its quotes; the caller frees it. */
 static char *take_name(struct gmsh *g, int64_t strings)
@@ -268,31 +384,36 @@ static char *take_name(struct gmsh *g, int64_t strings)
     return strndup(first.at ? first.at : "", (size_t)(first.end - first.at));
 }
 
-static enum tetlod_status take_values(struct gmsh *g, struct point_field *field, int64_t count)
+/* Values for points must be there for all; cells may be without one (NaN), and those of surfaces are passed over. */
+static enum tetlod_status take_values(struct gmsh *g, struct point_field *field, bool cell, int64_t count)
 {
-    unsigned char *seen = array_zero(g->mesh->vertex_count, 1);
-    uint32_t different = 0;
-    enum tetlod_status status = seen ? TETLOD_OK : tetlodi_fail_nomem(g->error, field->name, g->mesh->vertex_count);
+    size_t rows = cell ? (size_t)g->cells->count : g->mesh->vertex_count;
+    unsigned char *seen = array_zero(rows, 1);
+    size_t different = 0;
+    enum tetlod_status status = seen ? TETLOD_OK : tetlodi_fail_nomem(g->error, field->name, rows);
     for (int64_t i = 0; status == TETLOD_OK && i < count; i++) {
         int64_t tag;
+        double skipped[MOST_GMSH_COMPONENTS];
         status = take_ints(g, VALUE_INT32, 1, &tag);
-        uint32_t v = status == TETLOD_OK ? tag_map_find(&g->tags, tag) : 0;
-        if (status == TETLOD_OK && v == TETLOD_NONE)
+        uint32_t v = status == TETLOD_OK ? tag_map_find(cell ? &g->cell_tags : &g->tags, tag) : 0;
+        if (status == TETLOD_OK && v == TETLOD_NONE && !cell)
             status = fail(g, "this value is for a point that is not there");
         if (status == TETLOD_OK) {
-            different += !seen[v];
-            seen[v] = 1;
-            status = take_doubles(g, field->components, field->values + (size_t)v * field->components);
+            different += v != TETLOD_NONE && !seen[v];
+            if (v != TETLOD_NONE)
+                seen[v] = 1;
+            status = take_doubles(g, field->components, v == TETLOD_NONE ? skipped : field->values + (size_t)v * field->components);
         }
     }
+    for (size_t i = 0; status == TETLOD_OK && cell && i < rows * field->components; i++)
+        field->values[i] = seen[i / field->components] ? field->values[i] : NAN;
     free(seen);
-    if (status == TETLOD_OK && different != g->mesh->vertex_count)
-        return tetlodi_fail(g->error, TETLOD_ERR_MESH, "field %.60s has values at %u of %u points", field->name, different,
-                            g->mesh->vertex_count);
+    if (status == TETLOD_OK && !cell && different != rows)
+        return tetlodi_fail(g->error, TETLOD_ERR_MESH, "field %.60s has values at %zu of %zu points", field->name, different, rows);
     return status;
 }
 
-static enum tetlod_status read_node_data(struct gmsh *g)
+static enum tetlod_status read_data(struct gmsh *g, bool cell)
 {
     int64_t strings, reals, integers, numbers[4] = {0};
     double skipped;
@@ -313,15 +434,36 @@ static enum tetlod_status read_node_data(struct gmsh *g)
     for (int64_t i = 0; i < integers; i++) // time step, components, values, partition
         TETLOD_TRY_DONE(take_text_count(g, &numbers[i < 4 ? i : 3]));
     end_line(g);
-    if (numbers[1] && (uint64_t)numbers[1] > (uint64_t)(g->rest.end - g->rest.at) / (g->mesh->vertex_count + 1u)) {
+    if (numbers[1] && (uint64_t)numbers[1] > (uint64_t)(g->rest.end - g->rest.at) / (cell ? 1u : g->mesh->vertex_count + 1u)) {
         status = fail(g, "the file ends too early for the values of this field; is it truncated?");
         goto done;
     }
-    TETLOD_TRY_DONE(assemble_field(g->mesh, name, (uint64_t)numbers[1], TETLOD_FLOAT64, g->error));
-    status = take_values(g, &g->mesh->fields[g->mesh->field_count - 1], numbers[2]);
+    if (cell && numbers[1] > MOST_GMSH_COMPONENTS) {
+        status = fail(g, "element data has more than 9 components");
+        goto done;
+    }
+    TETLOD_TRY_DONE(cell ? assemble_cell_field(g->mesh, name, (uint64_t)numbers[1], TETLOD_FLOAT64, g->cells->count, g->error)
+                         : assemble_field(g->mesh, name, (uint64_t)numbers[1], TETLOD_FLOAT64, g->error));
+    status = take_values(g, cell ? &g->mesh->cell_fields[g->mesh->cell_field_count - 1] : &g->mesh->fields[g->mesh->field_count - 1],
+                         cell, numbers[2]);
 done:
     free(name);
     return status;
+}
+
+static enum tetlod_status read_node_data(struct gmsh *g)
+{
+    return read_data(g, false);
+}
+
+/* Its elements are known by then; those of a file whose data comes first are not. */
+static enum tetlod_status read_element_data(struct gmsh *g)
+{
+    if (g->cell_tags.count == g->cells->count && !g->cells_sorted) {
+        TETLOD_TRY(tag_map_sort(&g->cell_tags, g->error));
+        g->cells_sorted = true;
+    }
+    return read_data(g, true);
 }
 
 /* ---- the whole */
@@ -369,7 +511,9 @@ static enum tetlod_status read_section(struct gmsh *g, struct text name)
     } sections[] = {{"$MeshFormat", read_format},
                     {"$Nodes", read_nodes},
                     {"$Elements", read_elements},
-                    {"$NodeData", read_node_data}};
+                    {"$Entities", read_entities},
+                    {"$NodeData", read_node_data},
+                    {"$ElementData", read_element_data}};
     for (size_t s = 0; s < sizeof sections / sizeof *sections; s++)
         if (text_is(name, sections[s].name)) {
             TETLOD_TRY(sections[s].read(g));
@@ -379,7 +523,7 @@ static enum tetlod_status read_section(struct gmsh *g, struct text name)
                                     g->rest.at - g->begin, text_length(name), name.at);
             return TETLOD_OK;
         }
-    g->report->skipped_arrays += text_is(name, "$ElementData") || text_is(name, "$ElementNodeData");
+    g->report->skipped_arrays += text_is(name, "$ElementNodeData");
     TETLOD_TRY(skip_section(g, name));
     text_word(&g->rest);
     return TETLOD_OK;
@@ -405,7 +549,7 @@ static enum tetlod_status read_all(struct gmsh *g)
         TETLOD_TRY(read_section(g, name));
     }
     TETLOD_TRY(finish_points(g));
-    return TETLOD_OK;
+    return g->cells->count ? add_regions(g) : TETLOD_OK;
 }
 
 enum tetlod_status gmsh_read(struct blocks *out, const struct io_input *input, struct io_report *report,
@@ -419,10 +563,14 @@ enum tetlod_status gmsh_read(struct blocks *out, const struct io_input *input, s
                      .rest = {begin, begin + input->size},
                      .mesh = mesh,
                      .cells = &block->cells,
+                     .keeps_numbers = memmem(begin, input->size, "$ElementData", 12) != NULL,
                      .report = report,
                      .error = error};
     enum tetlod_status status = read_all(&g);
     free(g.positions);
+    free(g.physical);
+    free(g.groups);
     tag_map_fini(&g.tags);
+    tag_map_fini(&g.cell_tags);
     return status;
 }

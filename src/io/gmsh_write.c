@@ -59,28 +59,37 @@ static void put_mesh(struct put *put, const struct tetmesh *mesh)
     put_text(put, "\n$EndElements\n");
 }
 
-/* The components first .. first + count of a field. */
-static void put_field(struct put *put, const struct tetmesh *mesh, const struct point_field *field, uint32_t first,
+/* The components first .. first + count of a field, of points or of cells. */
+static void put_field(struct put *put, const char *section, const struct point_field *field, uint32_t rows, uint32_t first,
                       uint32_t count)
 {
-    put_text(put, "$NodeData\n1\n\"");
+    put_format(put, "$%s\n1\n\"", section);
     for (const char *c = field->name; *c; c++)
         put_word(put, *c == '"' ? '\'' : (unsigned char)*c, 1);
     if (count != field->components)
         put_format(put, ":%" PRIu32, first);
-    put_format(put, "\"\n1\n0\n3\n0\n%" PRIu32 "\n%" PRIu32 "\n", count, mesh->vertex_count);
-    for (uint32_t v = 0; v < mesh->vertex_count; v++) {
-        put_word(put, (uint64_t)v + 1, 4);
+    put_format(put, "\"\n1\n0\n3\n0\n%" PRIu32 "\n%" PRIu32 "\n", count, rows);
+    for (uint32_t r = 0; r < rows; r++) {
+        put_word(put, (uint64_t)r + 1, 4);
         for (uint32_t c = first; c < first + count; c++)
-            put_double(put, field->values[(size_t)v * field->components + c], TETLOD_FLOAT64);
+            put_double(put, field->values[(size_t)r * field->components + c], TETLOD_FLOAT64);
     }
-    put_text(put, "\n$EndNodeData\n");
+    put_format(put, "\n$End%s\n", section);
+}
+
+static void put_fields(struct put *put, const char *section, const struct point_field *fields, uint32_t count, uint32_t rows)
+{
+    for (uint32_t f = 0; f < count; f++) {
+        uint32_t n = fields[f].components, width = n == 1 || n == 3 || n == 9 ? n : 1;
+        for (uint32_t c = 0; c < n; c += width)
+            put_field(put, section, &fields[f], rows, c, width);
+    }
 }
 
 enum tetlod_status gmsh_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error)
 {
     struct put put;
-    if (mesh->vertex_count > INT32_MAX)
+    if (mesh->vertex_count > INT32_MAX || mesh->tet_count > INT32_MAX)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "Gmsh numbers the points of a field with 31 bits; write .vtu");
     TETLOD_TRY(put_init(&put, sink, false, error));
     put_text(&put, "$MeshFormat\n4.1 1 8\n");
@@ -88,11 +97,7 @@ enum tetlod_status gmsh_write(const struct tetmesh *mesh, const struct tetlodi_s
     put_text(&put, "\n$EndMeshFormat\n");
     put_entities(&put, mesh);
     put_mesh(&put, mesh);
-    for (uint32_t f = 0; f < mesh->field_count; f++) {
-        const struct point_field *field = &mesh->fields[f];
-        uint32_t n = field->components, width = n == 1 || n == 3 || n == 9 ? n : 1;
-        for (uint32_t c = 0; c < n; c += width)
-            put_field(&put, mesh, field, c, width);
-    }
+    put_fields(&put, "NodeData", mesh->fields, mesh->field_count, mesh->vertex_count);
+    put_fields(&put, "ElementData", mesh->cell_fields, mesh->cell_field_count, mesh->tet_count);
     return put_finish(&put);
 }

@@ -55,18 +55,22 @@ static const struct format formats[] = {
     {"vtk", "legacy VTK 1.0 to 5.1", {"vtk"}, NO_SECOND, vtk_sniff, vtk_read, io_write_vtk},
     {"gmsh", "Gmsh 2.2 and 4.1", {"msh"}, NO_SECOND, gmsh_sniff, gmsh_read, gmsh_write},
     {"vtkhdf", "VTKHDF: unstructured grids and images, steps in time (libhdf5)", {"vtkhdf", "hdf"}, NO_SECOND,
-     WITH_HDF5(vtkhdf_sniff), WITH_HDF5(vtkhdf_read), NULL},
+     WITH_HDF5(vtkhdf_sniff), WITH_HDF5(vtkhdf_read), WITH_HDF5(vtkhdf_write)},
     {"xdmf", "XDMF 2 and 3: text, raw, HDF5; collections (libhdf5)", {"xdmf", "xmf"}, NO_SECOND, WITH_HDF5(xdmf_sniff),
-     WITH_HDF5(xdmf_read), NULL},
+     WITH_HDF5(xdmf_read), xdmf_write},
     {"exodus", "Exodus II: element blocks, steps in time (libnetcdf)", {"exo", "e", "ex2", "exii"}, NO_SECOND,
-     WITH_NETCDF(exodus_sniff), WITH_NETCDF(exodus_read), NULL},
+     WITH_NETCDF(exodus_sniff), WITH_NETCDF(exodus_read), WITH_NETCDF(exodus_write)},
     {"cgns", "CGNS: unstructured and structured zones, polyhedra, steps in time (libcgns)", {"cgns"}, NO_SECOND,
      WITH_CGNS(cgns_sniff), WITH_CGNS(cgns_read), NULL},
     {"stl", "the boundary surface", {"stl"}, NO_SECOND, NULL, NULL, stl_write},
     {"ply", "the boundary surface with the first scalar", {"ply"}, NO_SECOND, NULL, NULL, ply_write},
-    {"medit", "Medit with its .sol", {"mesh"}, SOLUTION, medit_sniff, medit_read, NULL},
+    {"vtp", "the boundary surface with all fields", {"vtp"}, NO_SECOND, NULL, NULL, vtp_write},
+    {"glb", "the boundary surface, coloured, with fields as attributes", {"glb"}, NO_SECOND, NULL, NULL, glb_write},
+    {"inp", "Abaqus and CalculiX: nodes and elements", {"inp"}, NO_SECOND, inp_sniff, inp_read, NULL},
+    {"medit", "Medit with its .sol", {"mesh"}, SOLUTION, medit_sniff, medit_read, medit_write},
+    {"sol", "Medit's values at vertices: --q, and the fields of a .mesh", {"sol"}, NO_SECOND, NULL, NULL, sol_write},
     {"tetgen", "TetGen .node with .ele", {"node", "ele"}, SIBLING, NULL, tetgen_read, NULL},
-    {"plot3d", "PLOT3D grid with its solution", {"xyz", "p3d", "x"}, SOLUTION, plot3d_sniff, plot3d_read, NULL},
+    {"plot3d", "PLOT3D grids with their solution: multi-grid, iblank, both endians, record markers", {"xyz", "p3d", "x"}, SOLUTION, plot3d_sniff, plot3d_read, NULL},
 };
 
 enum { FORMATS = sizeof formats / sizeof *formats };
@@ -128,7 +132,10 @@ static enum tetlod_status treat_cell_data(struct tetmesh *mesh, const struct io_
                                           struct io_report *report, struct tetlod_error *error)
 {
     bool averages = options->cell_data == CELL_DATA_AVERAGE || (options->cell_data == CELL_DATA_KEEP && !mesh->field_count);
+    uint32_t region = options->cell_data == CELL_DATA_AVERAGE ? TETLOD_NONE : tetmesh_find_region(mesh);
     for (uint32_t f = 0; f < mesh->cell_field_count && averages; f++) {
+        if (f == region)
+            continue; // a mean of numbers of regions means nothing
         TETLOD_TRY(cell_average(mesh, f, error));
         report->averaged_fields++;
     }

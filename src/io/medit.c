@@ -7,6 +7,7 @@
 #include "format/fail.h"
 #include "src/io/formats.h"
 #include "src/io/file_values.h"
+#include "src/util/array.h"
 
 struct medit {
     const char *begin;
@@ -15,6 +16,8 @@ struct medit {
     struct tetlod_error *error;
     bool is_float; /* MeshVersionFormatted 1 */
     struct cells *cells;
+    int64_t *references; /* owned: of each cell */
+    size_t reference_capacity;
 };
 
 static enum tetlod_status fail(const struct medit *m, const char *why)
@@ -110,6 +113,10 @@ static enum tetlod_status read_cells(struct medit *m, unsigned char type, unsign
         }
         TETLOD_TRY(take_int(m, &reference));
         TETLOD_TRY(cells_add(m->cells, type, corner, type == VTK_TYPE_FLAT ? 0 : corners, m->error));
+        size_t cell_count = (size_t)m->cells->count;
+        if (!array_reserve((void **)&m->references, &m->reference_capacity, cell_count, sizeof *m->references))
+            return tetlodi_fail_nomem(m->error, "the references", (uint64_t)cell_count * 8);
+        m->references[cell_count - 1] = reference;
     }
     return TETLOD_OK;
 }
@@ -200,6 +207,21 @@ static enum tetlod_status read_solution(struct medit *m, const struct io_input *
     return status == TETLOD_OK ? TETLOD_OK : tetlodi_fail(outer, status, "%.80s: %.160s", input->other_path, inner.message);
 }
 
+/* The references of cells as regions, if there are any. */
+static enum tetlod_status add_regions(struct medit *m)
+{
+    bool any = false;
+    for (uint64_t c = 0; c < m->cells->count; c++)
+        any |= m->references[c] != 0 && m->cells->types[c] != VTK_TYPE_FLAT;
+    if (!any)
+        return TETLOD_OK;
+    TETLOD_TRY(assemble_cell_field(m->mesh, "medit:ref", 1, TETLOD_FLOAT64, m->cells->count, m->error));
+    m->mesh->cell_fields[0].is_integer = true;
+    for (uint64_t c = 0; c < m->cells->count; c++)
+        m->mesh->cell_fields[0].values[c] = (double)m->references[c];
+    return TETLOD_OK;
+}
+
 bool medit_sniff(const unsigned char *bytes, size_t size)
 {
     struct text rest = {(const char *)bytes, (const char *)bytes + size};
@@ -217,8 +239,11 @@ enum tetlod_status medit_read(struct blocks *out, const struct io_input *input, 
     enum tetlod_status status = read_all(&m, read_keyword);
     if (status == TETLOD_OK && !mesh->positions)
         status = fail(&m, "there are no Vertices; is the file truncated?");
+    if (status == TETLOD_OK)
+        status = add_regions(&m);
     if (status == TETLOD_OK && input->other)
         status = read_solution(&m, input);
+    free(m.references);
     (void)report;
     return status;
 }

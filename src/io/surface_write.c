@@ -2,52 +2,16 @@
 /* Writing the boundary of a mesh, binary little-endian: STL (triangles with normals) and PLY (points with all fields). */
 #include <inttypes.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
 #include "src/io/formats.h"
+#include "src/io/boundary_surface.h"
 #include "src/util/put.h"
-#include "src/mesh/adjacency.h"
-#include "src/mesh/tet_geom.h"
-#include "src/util/array.h"
-
-struct boundary {
-    uint32_t (*triangles)[3]; /* owned; counter-clockwise seen from outside */
-    uint32_t count;
-};
 
 static const double *point(const struct tetmesh *mesh, uint32_t v)
 {
     return mesh->positions + 3 * (size_t)v;
-}
-
-static enum tetlod_status find_boundary(const struct tetmesh *mesh, struct boundary *out, struct tetlod_error *error)
-{
-    size_t slots = 4 * (size_t)mesh->tet_count;
-    uint32_t *neighbours = array_new(slots, sizeof *neighbours), count = 0;
-    *out = (struct boundary){0};
-    if (!neighbours)
-        return tetlodi_fail_nomem(error, "the boundary", slots * sizeof *neighbours);
-    enum tetlod_status status =
-        adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error);
-    for (size_t slot = 0; status == TETLOD_OK && slot < slots; slot++)
-        count += neighbours[slot] == TETLOD_NONE;
-    if (status == TETLOD_OK) {
-        out->triangles = array_new(count, sizeof *out->triangles);
-        status = out->triangles ? TETLOD_OK : tetlodi_fail_nomem(error, "the boundary", (uint64_t)count * 12);
-    }
-    for (size_t slot = 0; status == TETLOD_OK && slot < slots; slot++) {
-        const uint32_t *c = mesh->corners + (slot & ~(size_t)3);
-        if (neighbours[slot] != TETLOD_NONE)
-            continue;
-        bool turned = tet_volume6(point(mesh, c[0]), point(mesh, c[1]), point(mesh, c[2]), point(mesh, c[3])) < 0;
-        for (int i = 0; i < 3; i++)
-            out->triangles[out->count][i] = c[tet_faces[slot & 3][turned ? 2 - i : i]];
-        out->count++;
-    }
-    free(neighbours);
-    return status;
 }
 
 static void put_normal(struct put *put, const double *p, const double *q, const double *r)
@@ -67,21 +31,21 @@ enum tetlod_status stl_write(const struct tetmesh *mesh, const struct tetlodi_si
 {
     enum { HEADER = 80 };
     static const char header[HEADER + 1] = "boundary of a tetrahedral mesh, written by tetlod"; // not "solid": that is text
-    struct boundary boundary;
+    struct boundary_surface surface;
     struct put put;
     TETLOD_TRY(put_init(&put, sink, false, error));
-    enum tetlod_status status = find_boundary(mesh, &boundary, error);
+    enum tetlod_status status = boundary_surface_find(mesh, &surface, error);
     for (int i = 0; status == TETLOD_OK && i < HEADER; i++)
         put_word(&put, (unsigned char)header[i], 1);
-    put_word(&put, boundary.count, 4);
-    for (uint32_t t = 0; status == TETLOD_OK && t < boundary.count; t++) {
-        const uint32_t *v = boundary.triangles[t];
+    put_word(&put, surface.count, 4);
+    for (uint32_t t = 0; status == TETLOD_OK && t < surface.count; t++) {
+        const uint32_t *v = surface.triangles[t];
         put_normal(&put, point(mesh, v[0]), point(mesh, v[1]), point(mesh, v[2]));
         for (int i = 0; i < 9; i++)
             put_double(&put, point(mesh, v[i / 3])[i % 3], TETLOD_FLOAT32);
         put_word(&put, 0, 2);
     }
-    free(boundary.triangles);
+    boundary_surface_fini(&surface);
     enum tetlod_status written = put_finish(&put);
     return status != TETLOD_OK ? status : written;
 }
@@ -124,45 +88,24 @@ static void put_ply_point(struct put *put, const struct tetmesh *mesh, uint32_t 
     }
 }
 
-/* Numbers the points of the boundary, in their order; TETLOD_NONE for the others. */
-static uint32_t number_points(const struct boundary *boundary, uint32_t vertex_count, uint32_t *numbers)
-{
-    uint32_t count = 0;
-    memset(numbers, 0xff, vertex_count * sizeof *numbers);
-    for (uint32_t t = 0; t < boundary->count; t++)
-        for (int i = 0; i < 3; i++)
-            numbers[boundary->triangles[t][i]] = 0;
-    for (uint32_t v = 0; v < vertex_count; v++)
-        if (numbers[v] != TETLOD_NONE)
-            numbers[v] = count++;
-    return count;
-}
-
 enum tetlod_status ply_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error)
 {
-    struct boundary boundary;
+    struct boundary_surface surface;
     struct put put;
-    uint32_t *numbers = NULL;
     enum tetlod_status status, written;
     TETLOD_TRY(put_init(&put, sink, false, error));
-    TETLOD_TRY_DONE(find_boundary(mesh, &boundary, error));
-    numbers = array_new(mesh->vertex_count, sizeof *numbers);
-    if (!numbers) {
-        status = tetlodi_fail_nomem(error, "the boundary", (uint64_t)mesh->vertex_count * sizeof *numbers);
-        goto done;
-    }
-    put_ply_header(&put, mesh, number_points(&boundary, mesh->vertex_count, numbers), boundary.count);
+    TETLOD_TRY_DONE(boundary_surface_find(mesh, &surface, error));
+    put_ply_header(&put, mesh, surface.point_count, surface.count);
     for (uint32_t v = 0; v < mesh->vertex_count; v++)
-        if (numbers[v] != TETLOD_NONE)
+        if (surface.numbers[v] != TETLOD_NONE)
             put_ply_point(&put, mesh, v);
-    for (uint32_t t = 0; t < boundary.count; t++) {
+    for (uint32_t t = 0; t < surface.count; t++) {
         put_word(&put, 3, 1);
         for (int i = 0; i < 3; i++)
-            put_word(&put, numbers[boundary.triangles[t][i]], 4);
+            put_word(&put, surface.numbers[surface.triangles[t][i]], 4);
     }
 done:
-    free(numbers);
-    free(boundary.triangles);
+    boundary_surface_fini(&surface);
     written = put_finish(&put);
     return status != TETLOD_OK ? status : written;
 }

@@ -77,6 +77,19 @@ uint32_t tetmesh_find_cell_field(const struct tetmesh *mesh, const char *name)
     return find_field(mesh->cell_fields, mesh->cell_field_count, name);
 }
 
+uint32_t tetmesh_find_region(const struct tetmesh *mesh)
+{
+    static const char *const names[] = {"region",  "regions",      "RegionId",        "material",    "MaterialId", "material_id",
+                                        "Material", "ObjectId",    "ElementBlockIds", "gmsh:physical", "medit:ref", "cell_tags",
+                                        "Region",  "PhysicalIds",  "CellEntityIds",   "region_id"};
+    for (size_t n = 0; n < sizeof names / sizeof *names; n++) {
+        uint32_t f = tetmesh_find_cell_field(mesh, names[n]);
+        if (f != TETLOD_NONE && mesh->cell_fields[f].is_integer && mesh->cell_fields[f].components == 1)
+            return f;
+    }
+    return TETLOD_NONE;
+}
+
 static void keep_rows(double *values, uint32_t width, const uint32_t *target, uint32_t count)
 {
     for (uint32_t v = 0; v < count; v++)

@@ -47,6 +47,9 @@ TETLOD_CHECKED enum tetlod_status tetmesh_add_cell_field(struct tetmesh *mesh, c
 uint32_t tetmesh_find_field(const struct tetmesh *mesh, const char *name);
 uint32_t tetmesh_find_cell_field(const struct tetmesh *mesh, const char *name);
 
+/* The cell field that tells regions: of integers, with a name that says so; TETLOD_NONE: there is none. */
+uint32_t tetmesh_find_region(const struct tetmesh *mesh);
+
 void point_field_fini(struct point_field *field);
 
 /* Drops points that no tetrahedron uses, keeping the order of the others, and adds their number to unused_points. */

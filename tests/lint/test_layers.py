@@ -36,7 +36,7 @@ LIBC = set('''assert ctype dirent errno fcntl float getopt immintrin inttypes li
 SOCKETS = set('arpa/inet netdb netinet/in netinet/tcp poll sys/eventfd sys/random sys/socket sys/un'.split())
 # header: the folders that may know the library, or the files
 PACKAGES = {
-    'hdf5.h': ['src/io/'], 'netcdf.h': ['src/io/'], 'cgnslib.h': ['src/io/'], 'sys/wait.h': ['src/io/contain.c'],
+    'hdf5.h': ['src/io/'], 'netcdf.h': ['src/io/'], 'netcdf_mem.h': ['src/io/'], 'cgnslib.h': ['src/io/'], 'sys/wait.h': ['src/io/contain.c'],
     'expat.h': ['src/io/'], 'lzma.h': ['src/io/'], 'zlib.h': ['src/io/', 'server/answer/'], 'lz4.h': ['src/io/'], 'zstd.h': ['format/', 'server/answer/'],
     'jansson.h': ['src/report/', 'src/cli/', 'server/'],
     'microhttpd.h': ['server/net/'],
