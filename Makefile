@@ -21,7 +21,7 @@ DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd li
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
 DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema nginx-light varnish openssl chromium
-DEPS_BENCH := wrk nginx-light chromium
+DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
 PACKAGES := libzstd expat zlib liblz4 liblzma jansson libmicrohttpd
@@ -266,6 +266,13 @@ BENCHES += bench-thesis bench-builder
 bench-thesis bench-builder: bench-%: deps-build
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/$*.py $(BINARY)
+
+## bench-build: what building costs beside VTK's decimation, one and two threads, and the true error of both (BLUNT=folder; MESHES='blunt cube:60'; REPEAT=3)
+.PHONY: bench-build
+BENCHES += bench-build
+bench-build: deps-bench
+	$(Q)$(MAKE) --no-print-directory all
+	@/usr/bin/python3 tests/bench/build.py $(BINARY) $(MESHES)
 
 ## attack: SEEDS random adversarial meshes with random options, held against an oracle (FIRST=seed to begin with)
 .PHONY: attack

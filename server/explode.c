@@ -62,10 +62,7 @@ __attribute__((format(printf, 3, 4))) static enum tetlod_status begin(const stru
 /* Commits what was written, or takes it back. */
 static enum tetlod_status finish(const struct tree *tree, struct file_output *output, enum tetlod_status status)
 {
-    if (status == TETLOD_OK)
-        return file_output_commit(output, tree->error);
-    file_output_abort(output);
-    return status;
+    return file_output_finish(output, status, tree->error);
 }
 
 static enum tetlod_status write_json(const struct tree *tree, struct file_output *output, json_t *object)

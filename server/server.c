@@ -28,15 +28,16 @@
 #include "server/net/listener.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
+#include "src/util/file.h"
 #include "src/util/parallel.h"
 
-enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250, MOST_ORIGIN_BYTES = 240 };
+enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250, MOST_ORIGIN_BYTES = 240, MOST_TOKEN = 200 };
 
 struct server {
     struct server_options options;
     struct site site, metrics_site;
     const char **routes;
-    char *stream_origins, *base_path;
+    char *stream_origins, *base_path, *token;
     char *urls[MOST_LISTENERS];
     struct gate *gate;
     struct http *http, *metrics_http;
@@ -86,7 +87,7 @@ static bool accept_one(struct server *server, struct listener *listener, struct 
             nanosleep(&(struct timespec){0, 50 * 1000 * 1000}, NULL);
         return false;
     }
-    if (!gate_enter(server->gate, fd, &address.any, monotonic_seconds())) {
+    if (!gate_enter(server->gate, fd, &address.any, listener->reach, monotonic_seconds())) {
         refuse(server, fd);
         return true;
     }
@@ -207,6 +208,40 @@ static enum tetlod_status take_base_path(struct server *server, struct tetlod_er
     return server->base_path ? TETLOD_OK : tetlodi_fail_nomem(error, "the server", size);
 }
 
+static enum tetlod_status take_token(struct server *server, struct tetlod_error *error)
+{
+    const char *path = server->options.token_file;
+    unsigned char *bytes;
+    size_t size;
+    if (!path)
+        return TETLOD_OK;
+    TETLOD_TRY(file_read(path, &bytes, &size, error));
+    while (size && strchr(" \t\r\n", bytes[size - 1]))
+        size--;
+    server->token = array_zero(size + 1, 1);
+    if (server->token && size)
+        memcpy(server->token, bytes, size);
+    free(bytes);
+    if (!server->token)
+        return tetlodi_fail_nomem(error, "the token", size);
+    if (!size || size > MOST_TOKEN || server->token[strspn(server->token, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~+/=")])
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%.120s: a token is 1 to %d letters, digits and -._~+/= in one line", path, MOST_TOKEN);
+    server->site.access.token = server->token;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status take_access(struct server *server, struct tetlod_error *error)
+{
+    const struct server_options *options = &server->options;
+    for (size_t i = 0; i < options->cors_count; i++) {
+        const char *origin = options->cors[i];
+        if (strcmp(origin, "*") != 0 && strcmp(origin, "none") != 0 && (!good_origin(origin) || strchr(origin, '*')))
+            return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "'%.120s' is neither an origin such as https://example.org nor '*' nor 'none'", origin);
+    }
+    server->site.access = (struct access_policy){options->cors, options->cors_count, options->hosts, options->host_count, NULL};
+    return take_token(server, error);
+}
+
 static enum tetlod_status build_site(struct server *server, struct tetlod_error *error)
 {
     const struct server_options *options = &server->options;
@@ -227,6 +262,7 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
         .connections = options->connections,
         .per_address = options->connections_per_address,
         .request_seconds = options->idle_seconds,
+        .answer_seconds = options->idle_seconds,
         .descriptors = descriptors > 0 && descriptors < MOST_DESCRIPTORS ? (size_t)descriptors : MOST_DESCRIPTORS,
     };
     server->gate = gate_new(&limits);
@@ -234,6 +270,7 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
         return tetlodi_fail_nomem(error, "the server", 0);
     TETLOD_TRY(take_origins(server, error));
     TETLOD_TRY(take_base_path(server, error));
+    TETLOD_TRY(take_access(server, error));
     TETLOD_TRY(pool_start(&site->pool, options->threads, QUEUE, error));
     TETLOD_TRY(pool_start(&site->decoders, options->threads, QUEUE, error));
     const struct catalogue_options catalogue = {
@@ -293,6 +330,7 @@ static enum tetlod_status start_http(struct server *server, struct tetlod_error 
         return TETLOD_OK;
     server->metrics_site = server->site;
     server->metrics_site.serve_metrics = true;
+    server->metrics_site.access.token = NULL; // its address is for those who run the server
     http.site = &server->metrics_site;
     http.threads = 1;
     http.access = NULL;
@@ -414,6 +452,7 @@ void server_stop(struct server *server)
     free(server->routes);
     free(server->stream_origins);
     free(server->base_path);
+    free(server->token);
     for (size_t i = 0; i < MOST_LISTENERS; i++)
         free(server->urls[i]);
     if (server->wake >= 0)

@@ -13,6 +13,11 @@ struct server_options {
     const char *metrics;         /* address for /metrics alone; NULL: served with the rest */
     const char *const *paths;    /* streams, or folders of *.tetlod */
     size_t path_count;
+    const char *const *cors;     /* origins that may read answers, or "*", or "none" ["*", on local addresses none] */
+    size_t cors_count;
+    const char *const *hosts;    /* names that Host may have on loopback beside localhost, or "*" */
+    size_t host_count;
+    const char *token_file;      /* what is in it must come with every request; NULL: nothing must */
     const char *base_path;       /* of the site's URLs, begins and ends with '/' ["/"] */
     const char *const *stream_origins; /* origins whose streams the page may load beside those of the server itself */
     size_t stream_origin_count;

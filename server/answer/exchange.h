@@ -10,6 +10,15 @@
 #include "server/store/catalogue.h"
 #include "server/store/pool.h"
 
+/* Who may read; see access.h. Everything is borrowed. */
+struct access_policy {
+    const char *const *origins; /* that may read answers, or "*"; none given: all, on local addresses none */
+    size_t origin_count;
+    const char *const *hosts; /* names that Host may have on loopback beside localhost, or "*" */
+    size_t host_count;
+    const char *token; /* NULL: none is asked for */
+};
+
 struct site {
     struct catalogue *catalogue;
     struct cache *cache; /* finished answers */
@@ -18,6 +27,7 @@ struct site {
     struct metrics *metrics;
     const char *stream_origins; /* where else the page may load streams from: text of the policy, or NULL */
     const char *base_path; /* "/x/": where the site begins for its clients; NULL: "/" */
+    struct access_policy access;
     bool serve_metrics; /* at /metrics; else only on an address of its own */
     atomic_bool draining;
 };

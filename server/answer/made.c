@@ -95,12 +95,12 @@ enum outcome answer_from_level(struct exchange *exchange, struct dataset *datase
     snprintf(key, sizeof key, "%s/%s", name, coding_name(representation.coding));
     const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, key);
     if (!value && respond_unchanged(exchange, &representation, SIZE_UNKNOWN))
-        cache_forever(response);
+        cache_forever(exchange);
     else if (!value)
         outcome = obtain_answer(exchange, dataset, answer, representation.coding, key, &value);
     if (value) {
         respond_body(exchange, value, &representation);
-        cache_forever(response);
+        cache_forever(exchange);
     }
     if (outcome == ANSWERED && response->status == 200)
         level_headers(response, dataset, answer->level);

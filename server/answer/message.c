@@ -8,6 +8,8 @@
 #include <string.h>
 #include <strings.h>
 
+#include "src/util/utf8.h"
+
 void response_init(struct response *response)
 {
     memset(response, 0, offsetof(struct response, headers));
@@ -19,7 +21,7 @@ void response_header_text(struct response *response, const char *name, const cha
     if (response->header_count == RESPONSE_HEADERS)
         return;
     if (size >= HEADER_VALUE)
-        size = HEADER_VALUE - 1;
+        return;
     memcpy(response->headers[response->header_count].value, value, size);
     response->headers[response->header_count].value[size] = 0;
     response->headers[response->header_count++].name = name;
@@ -32,9 +34,10 @@ void response_header(struct response *response, const char *name, const char *fo
     char *value = response->headers[response->header_count].value;
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(value, HEADER_VALUE, format, arguments);
+    int size = vsnprintf(value, HEADER_VALUE, format, arguments);
     va_end(arguments);
-    response->headers[response->header_count++].name = name;
+    if (size >= 0 && size < HEADER_VALUE)
+        response->headers[response->header_count++].name = name;
 }
 
 const char *response_find_header(const struct response *response, const char *name)
@@ -84,14 +87,27 @@ const char *status_title(unsigned status)
         const char *title;
     } titles[] = {
         {200, "OK"}, {204, "No Content"}, {206, "Partial Content"}, {303, "See Other"}, {304, "Not Modified"}, {308, "Permanent Redirect"},
-        {400, "Bad Request"}, {404, "Not Found"}, {405, "Method Not Allowed"}, {413, "Content Too Large"},
-        {414, "URI Too Long"}, {416, "Range Not Satisfiable"}, {422, "Unprocessable Content"}, {431, "Request Header Fields Too Large"},
+        {400, "Bad Request"}, {401, "Unauthorized"}, {404, "Not Found"}, {405, "Method Not Allowed"}, {413, "Content Too Large"},
+        {414, "URI Too Long"}, {416, "Range Not Satisfiable"}, {421, "Misdirected Request"}, {422, "Unprocessable Content"}, {431, "Request Header Fields Too Large"},
         {500, "Internal Server Error"}, {501, "Not Implemented"}, {503, "Service Unavailable"}, {505, "HTTP Version Not Supported"},
     };
     for (size_t i = 0; i < sizeof titles / sizeof *titles; i++)
         if (titles[i].status == status)
             return titles[i].title;
     return "Error";
+}
+
+/* Prints a message; one that is too long ends with three dots, never inside a character. */
+static void print_detail(char *out, size_t capacity, const char *format, va_list arguments)
+{
+    int size = vsnprintf(out, capacity, format, arguments);
+    if (size >= 0 && (size_t)size >= capacity) {
+        size_t end = capacity - 4;
+        while (end && ((unsigned char)out[end] & 0xc0) == 0x80)
+            end--;
+        memcpy(out + end, "...", 4);
+    }
+    utf8_clean(out);
 }
 
 /* A target as a reference that leads to it from itself: a proxy may have taken off the front of its path. */
@@ -131,7 +147,7 @@ void response_problem(struct response *response, unsigned status, const char *ta
     char detail[512];
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(detail, sizeof detail, format, arguments);
+    print_detail(detail, sizeof detail, format, arguments);
     va_end(arguments);
     put_problem(response, status, target, NULL, NULL, detail);
 }
@@ -142,7 +158,7 @@ void response_problem_choices(struct response *response, unsigned status, const 
     char detail[512];
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(detail, sizeof detail, format, arguments);
+    print_detail(detail, sizeof detail, format, arguments);
     va_end(arguments);
     put_problem(response, status, target, name, choices, detail);
 }

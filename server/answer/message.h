@@ -15,6 +15,8 @@ struct request {
     const char *target; /* path and query as sent, not decoded */
     const char *(*header)(void *opaque, const char *name); /* NULL if it is not there */
     void *opaque;
+    bool loopback; /* it came to an address that only this machine reaches */
+    bool local;    /* the same, or a Unix socket */
     unsigned refused;        /* status for a request whose body or framing is refused, or 0 */
     const char *why_refused;
     /* What to wake when something that the answer needs is there; NULL: the caller's thread makes it instead. */
@@ -34,7 +36,7 @@ enum body_kind { BODY_NONE, BODY_BYTES, BODY_FILE, BODY_ABSENT };
 
 #define SIZE_UNKNOWN UINT64_MAX
 
-enum { RESPONSE_HEADERS = 12, HEADER_VALUE = 480, ETAG_CAPACITY = 352 };
+enum { RESPONSE_HEADERS = 20, HEADER_VALUE = 480, ETAG_CAPACITY = 352 };
 
 struct response {
     unsigned status;
@@ -60,7 +62,7 @@ struct response {
 /* An empty response. (Its headers are not cleared: they are many bytes and count only up to header_count.) */
 void response_init(struct response *response);
 
-/* Adds a header; a value that does not fit is cut. */
+/* Adds a header; of a value that does not fit, nothing. */
 void response_header_text(struct response *response, const char *name, const char *value);
 void response_header(struct response *response, const char *name, const char *format, ...)
     __attribute__((format(printf, 3, 4)));

@@ -7,13 +7,15 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "server/answer/access.h"
 #include "src/report/promise.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 
-void cache_forever(struct response *response)
+void cache_forever(struct exchange *exchange)
 {
-    response_header_text(response, "Cache-Control", "public, max-age=31536000, immutable, no-transform");
+    response_header(exchange->response, "Cache-Control", "%s, max-age=31536000, immutable, no-transform",
+                    access_private(exchange->site) ? "private" : "public");
 }
 
 void cache_revalidate(struct response *response)
@@ -34,7 +36,7 @@ void link_description(struct exchange *exchange)
 enum outcome answer_immutable(struct exchange *exchange, enum outcome outcome)
 {
     if (outcome == ANSWERED && exchange->response->status == 200)
-        cache_forever(exchange->response);
+        cache_forever(exchange);
     return outcome;
 }
 

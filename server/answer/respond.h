@@ -39,7 +39,7 @@ void respond_failure(struct exchange *exchange, const struct tetlod_error *error
 /* 404 with the ids that there are, for the first capture. */
 void respond_no_mesh(struct exchange *exchange);
 
-void cache_forever(struct response *response);
+void cache_forever(struct exchange *exchange);
 void cache_revalidate(struct response *response);
 
 /* Adds the Link to the API's description, relative to the request's path. */

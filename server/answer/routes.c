@@ -5,6 +5,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "server/answer/access.h"
 #include "server/answer/choose.h"
 #include "server/answer/frames.h"
 #include "server/answer/levels.h"
@@ -117,9 +118,6 @@ static void answer_options(struct response *response)
 {
     response->status = 204;
     response_header_text(response, "Allow", allow);
-    response_header_text(response, "Access-Control-Allow-Methods", allow);
-    response_header_text(response, "Access-Control-Allow-Headers", "Range, If-Range, If-None-Match, If-Modified-Since, Accept-Encoding");
-    response_header_text(response, "Access-Control-Max-Age", "86400");
 }
 
 /* If-None-Match and Range (RFC 9110, 13.2.2) on an answer of 200. */
@@ -172,7 +170,9 @@ enum outcome site_answer(struct site *site, struct request *request, struct resp
     } else if (request->refused) {
         response_problem(response, request->refused, request->target, "%s", request->why_refused);
         response->close = true;
-    } else if (request->method == METHOD_OPTIONS)
+    } else if (!access_allows(&exchange, below_base(site, path)))
+        ; // answered
+    else if (request->method == METHOD_OPTIONS)
         answer_options(response);
     else
         outcome = dispatch(&exchange, path);
@@ -182,5 +182,6 @@ enum outcome site_answer(struct site *site, struct request *request, struct resp
     }
     if (response->status == 200 && (request->method == METHOD_GET || request->method == METHOD_HEAD))
         apply_conditions(request, response);
+    access_headers(site, request, response);
     return ANSWERED;
 }

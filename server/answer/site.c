@@ -44,7 +44,7 @@ enum outcome handle_asset(struct exchange *exchange, const struct embedded_file 
     response_header_text(response, "X-Content-Type-Options", "nosniff");
     link_description(exchange);
     if (asset->named_by_content)
-        cache_forever(response);
+        cache_forever(exchange);
     else
         cache_revalidate(response);
     return ANSWERED;
@@ -74,8 +74,10 @@ enum outcome handle_ready(struct exchange *exchange)
         response_problem(exchange->response, 503, exchange->request->target, "the server is about to stop");
         return ANSWERED;
     }
-    char *text = malloc(80);
-    int size = text ? snprintf(text, 80, "{\"status\": \"ready\", \"meshes\": %zu}\n", catalogue_count(site->catalogue)) : 0;
+    char *text = malloc(120);
+    int size = text ? snprintf(text, 120, "{\"status\": \"ready\", \"meshes\": %zu, \"unreadable\": %zu}\n", catalogue_count(site->catalogue),
+                               catalogue_troubles(site->catalogue))
+                    : 0;
     if (!text) {
         response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
         return ANSWERED;

@@ -66,6 +66,7 @@ sub vcl_backend_response {
 }
 
 sub vcl_backend_fetch {
+    set bereq.http.Host = "localhost"; # on loopback a server answers to this machine's names alone (--host)
     if (bereq.retries > 0) {
         set bereq.backend = tetlod.backend();
     }

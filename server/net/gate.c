@@ -11,14 +11,20 @@
 
 #include "src/util/array.h"
 
-enum { BUCKETS = 4096 };
+enum { BUCKETS = 4096, SLOWEST = 16 << 10 /* bytes a second that a reader must take */ };
+
+#define NEVER INT64_MAX
 
 struct peer {
+    struct gate *gate;
     int fd;
     bool shut;
     size_t bucket;
+    enum reach reach;
     char address[INET6_ADDRSTRLEN];
-    atomic_llong waiting_since; // milliseconds; -1 while a request is answered
+    char network[INET6_ADDRSTRLEN]; // what is counted
+    atomic_llong deadline; // milliseconds
+    atomic_bool asking;    // between answers
     struct peer *older, *newer; // all connections
     struct peer *chain;         // of the address's bucket
 };
@@ -70,11 +76,30 @@ static void print_address(const struct sockaddr *address, char *out, size_t size
         inet_ntop(address->sa_family, bytes, out, (socklen_t)size);
 }
 
-static size_t bucket_of(const char *address)
+/* IPv6's /64; an IPv4 address in IPv6 as it is. */
+static void print_network(const struct sockaddr *address, const char *text, char *out, size_t size)
+{
+    struct in6_addr six;
+    snprintf(out, size, "%s", text);
+    if (!address || address->sa_family != AF_INET6)
+        return;
+    six = ((const struct sockaddr_in6 *)(const void *)address)->sin6_addr;
+    if (IN6_IS_ADDR_V4MAPPED(&six))
+        return;
+    memset(six.s6_addr + 8, 0, 8);
+    inet_ntop(AF_INET6, &six, out, (socklen_t)size);
+}
+
+static long long after(double now, double seconds)
+{
+    return (long long)((now + seconds) * 1e3);
+}
+
+static size_t bucket_of(const char *network)
 {
     uint32_t hash = 2166136261u;
-    for (; *address; address++)
-        hash = (hash ^ (unsigned char)*address) * 16777619u;
+    for (; *network; network++)
+        hash = (hash ^ (unsigned char)*network) * 16777619u;
     return (hash ^ hash >> 16) % BUCKETS;
 }
 
@@ -83,22 +108,26 @@ static bool admits(const struct gate *gate, const struct peer *peer)
     size_t same = 0;
     if (gate->count >= gate->options.connections)
         return false;
-    if (!gate->options.per_address || strcmp(peer->address, "unix") == 0)
+    if (!gate->options.per_address || peer->reach == REACH_UNIX)
         return true;
     for (const struct peer *other = gate->buckets[peer->bucket]; other; other = other->chain)
-        same += strcmp(other->address, peer->address) == 0;
+        same += strcmp(other->network, peer->network) == 0;
     return same < gate->options.per_address;
 }
 
-bool gate_enter(struct gate *gate, int fd, const struct sockaddr *address, double now)
+bool gate_enter(struct gate *gate, int fd, const struct sockaddr *address, enum reach reach, double now)
 {
     struct peer *peer = (size_t)fd < gate->options.descriptors ? array_zero(1, sizeof *peer) : NULL;
     if (!peer)
         return false;
     peer->fd = fd;
     print_address(address, peer->address, sizeof peer->address);
-    peer->bucket = bucket_of(peer->address);
-    atomic_init(&peer->waiting_since, (long long)(now * 1e3));
+    print_network(address, peer->address, peer->network, sizeof peer->network);
+    peer->bucket = bucket_of(peer->network);
+    peer->reach = reach;
+    atomic_init(&peer->asking, true);
+    atomic_init(&peer->deadline, after(now, gate->options.request_seconds));
+    peer->gate = gate;
     pthread_mutex_lock(&gate->lock);
     bool admitted = admits(gate, peer);
     if (admitted) {
@@ -143,12 +172,20 @@ void gate_leave(struct gate *gate, struct peer *peer)
 
 void peer_busy(struct peer *peer)
 {
-    atomic_store_explicit(&peer->waiting_since, -1, memory_order_relaxed);
+    atomic_store_explicit(&peer->deadline, NEVER, memory_order_relaxed);
+    atomic_store_explicit(&peer->asking, false, memory_order_relaxed);
+}
+
+void peer_sending(struct peer *peer, uint64_t bytes, double now)
+{
+    double seconds = peer->gate->options.answer_seconds + (double)bytes / SLOWEST;
+    atomic_store_explicit(&peer->deadline, after(now, seconds), memory_order_relaxed);
 }
 
 void peer_idle(struct peer *peer, double now)
 {
-    atomic_store_explicit(&peer->waiting_since, (long long)(now * 1e3), memory_order_relaxed);
+    atomic_store_explicit(&peer->deadline, after(now, peer->gate->options.request_seconds), memory_order_relaxed);
+    atomic_store_explicit(&peer->asking, true, memory_order_relaxed);
 }
 
 const char *peer_address(const struct peer *peer)
@@ -156,14 +193,18 @@ const char *peer_address(const struct peer *peer)
     return peer->address;
 }
 
+enum reach peer_reach(const struct peer *peer)
+{
+    return peer->reach;
+}
+
 size_t gate_reap(struct gate *gate, double now, bool idle)
 {
     size_t reaped = 0;
     pthread_mutex_lock(&gate->lock); // so that no descriptor is closed and used again meanwhile
     for (struct peer *peer = gate->newest; peer; peer = peer->older) {
-        long long since = atomic_load_explicit(&peer->waiting_since, memory_order_relaxed);
-        bool late = now * 1e3 - (double)since > gate->options.request_seconds * 1e3;
-        if (since < 0 || peer->shut || !(idle || late))
+        bool late = now * 1e3 > (double)atomic_load_explicit(&peer->deadline, memory_order_relaxed);
+        if (peer->shut || !(late || (idle && atomic_load_explicit(&peer->asking, memory_order_relaxed))))
             continue;
         shutdown(peer->fd, SHUT_RDWR);
         peer->shut = true;

@@ -2,7 +2,7 @@
 /*
  * Who may connect and how long they may take to ask. libmicrohttpd divides its limit among its threads and knows only idle
  * time, which a client resets with a byte now and then; so connections are counted here, and one that has not completed
- * a request in time is shut down.
+ * a request or taken an answer in time is shut down.
  */
 #ifndef TETLOD_SERVER_GATE_H
 #define TETLOD_SERVER_GATE_H
@@ -15,17 +15,22 @@
 struct gate;
 struct peer;
 
+/* What kind of address a connection came to. */
+enum reach { REACH_NETWORK, REACH_LOOPBACK, REACH_UNIX };
+
 struct gate_options {
     size_t connections, per_address; /* 0: no limit of its own per address */
     double request_seconds;          /* for a request to arrive, counted from the connection or the last answer */
+    double answer_seconds;           /* for an answer to be taken, beside the time that its bytes have */
     size_t descriptors;              /* more than any descriptor's number */
 };
 
 struct gate *gate_new(const struct gate_options *options);
 void gate_free(struct gate *gate);
 
-/* Counts a connection in; false if a limit is reached. Unix sockets have no address and count only in the total. */
-bool gate_enter(struct gate *gate, int fd, const struct sockaddr *address, double now);
+/* Counts a connection in; false if a limit is reached. Unix sockets have no address and count only in the total; of IPv6 the first
+ * 64 bits count, for a network gives its members as many addresses as they like. */
+bool gate_enter(struct gate *gate, int fd, const struct sockaddr *address, enum reach reach, double now);
 
 /* The connection of a descriptor, or NULL. */
 struct peer *gate_peer(struct gate *gate, int fd);
@@ -33,14 +38,18 @@ struct peer *gate_peer(struct gate *gate, int fd);
 /* To be called before the descriptor is closed. */
 void gate_leave(struct gate *gate, struct peer *peer);
 
-/* A request has arrived; its answer is sent and the next one may come. */
+/* A request has arrived; its answer of so many bytes is being sent; it is sent and the next one may come. Answers have a deadline,
+ * for what they hold (room in the cache, a decoded stream) others wait for. */
 void peer_busy(struct peer *peer);
+void peer_sending(struct peer *peer, uint64_t bytes, double now);
 void peer_idle(struct peer *peer, double now);
 
 /* The address as text ("unix" for Unix sockets); valid as long as the connection. */
 const char *peer_address(const struct peer *peer);
 
-/* Shuts down connections whose request is late, or with `idle` all that are between requests. Returns how many. */
+enum reach peer_reach(const struct peer *peer);
+
+/* Shuts down connections whose request is late or whose answer is not taken, or with `idle` all that are between requests. Returns how many. */
 size_t gate_reap(struct gate *gate, double now, bool idle);
 
 size_t gate_count(struct gate *gate);

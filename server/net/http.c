@@ -2,8 +2,9 @@
 /*
  * What libmicrohttpd 0.9.75 does and what is done about it:
  * - it decodes paths and cuts them at %00: the request target is taken raw, from the URI log callback;
- * - what it refuses itself it refuses as HTML, which cannot be replaced (test_protocol.py has the list): it gets more memory for
- *   a connection than a request may take, so that those that are somewhat too long are refused here;
+ * - what it refuses itself it refuses as HTML, which cannot be replaced, or not at all where a connection's memory is used up
+ *   (test_protocol.py has the list): it copies cookies and lists headers in that memory. It gets four times what a request may take,
+ *   untouched pages cost nothing, and what is too long is refused here;
  * - it accepts bodies with Content-Length and Transfer-Encoding at once, and without strict checks no Host: any body and
  *   any broken framing is refused here and ends the connection;
  * - a 304 gets the length of the body that it is queued with: that body is queued with it, or one of its length, and is not
@@ -38,7 +39,8 @@ struct http {
 };
 
 enum {
-    ANSWER_BYTES = 4096,  // of a connection's memory, for headers of answers and for requests a little too long to be told so
+    ANSWER_BYTES = 4096,  // of a connection's memory, for headers of answers
+    LINE = 65536, // no header is that long
     MOST_DRAINED = 65536, // bytes of a refused body that are read so that the client sees the refusal
     MOST_COPIED = 16384,  // bytes of a file that are sooner copied than sent by sendfile
 };
@@ -112,16 +114,23 @@ static size_t keep_escapes(void *opaque, struct MHD_Connection *connection, char
 }
 
 struct framing {
+    const char *end; /* of the value before */
     unsigned lengths, codings, hosts;
-    bool content, bad_name;
+    bool content, bad_name, bad_value;
 };
 
-static enum MHD_Result count_header(void *opaque, enum MHD_ValueKind kind, const char *name, const char *value)
+static enum MHD_Result count_header(void *opaque, enum MHD_ValueKind kind, const char *name, size_t name_size, const char *value,
+                                    size_t value_size)
 {
     struct framing *framing = opaque;
     static const char token[] = "!#$%&'*+-.^_`|~0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz";
     (void)kind;
-    if (!*name || name[strspn(name, token)]) // "Content-Length : 5" among them
+    if (value) { // lines follow each other: what lies between a value and the next name was cut off by a NUL
+        framing->bad_value |= framing->end && name > framing->end + 2 && name < framing->end + LINE;
+        framing->end = value + strlen(value);
+    }
+    (void)value_size;
+    if (!*name || strlen(name) != name_size || name[strspn(name, token)]) // "Content-Length : 5" among them
         framing->bad_name = true;
     else if (strcasecmp(name, "Content-Length") == 0) {
         framing->lengths++;
@@ -135,28 +144,32 @@ static enum MHD_Result count_header(void *opaque, enum MHD_ValueKind kind, const
 
 /* No request here has a body; and two lengths, or a length beside a transfer coding, are how requests are smuggled. The
  * library checks none of this, or answers with HTML sent twice where it does. */
-static unsigned refuse_framing(const struct call *call, const char *version, const char **why)
+static unsigned refuse_framing(const struct call *call, const char *method, const char *version, const char **why)
 {
     struct framing framing = {0};
-    MHD_get_connection_values(call->connection, MHD_HEADER_KIND, count_header, &framing);
+    MHD_get_connection_values_n(call->connection, MHD_HEADER_KIND, count_header, &framing);
     const union MHD_ConnectionInfo *size = MHD_get_connection_info(call->connection, MHD_CONNECTION_INFO_REQUEST_HEADER_SIZE);
     if (size && size->header_size > call->http->options.header_bytes) {
         bool target = strlen(call->target) > call->http->options.header_bytes / 2;
         *why = target ? "the request's target is too long" : "the request's headers are too long";
         return target ? 414 : 431;
     }
+    if (size && framing.end) // the request begins with its method and ends with an empty line
+        framing.bad_value |= method + size->header_size > framing.end + 4 && method + size->header_size < framing.end + LINE;
     bool one = strcmp(version, "HTTP/1.1") == 0, zero = strcmp(version, "HTTP/1.0") == 0;
     if (!one && !zero)
         *why = "only HTTP/1.0 and HTTP/1.1 are spoken here";
     else if (framing.bad_name)
         *why = "a header's name has characters that names do not have";
+    else if (framing.bad_value)
+        *why = "a header's value has a NUL in it";
     else if (framing.hosts > 1 || (one && !framing.hosts))
         *why = "a request has one Host header";
     else if (framing.codings || framing.lengths > 1 || framing.content)
         *why = "requests here have no body; this one announces one";
     else
         return 0;
-    return !one && !zero ? 505 : framing.bad_name || framing.hosts != 1 ? 400 : 413;
+    return !one && !zero ? 505 : framing.bad_name || framing.bad_value || framing.hosts != 1 ? 400 : 413;
 }
 
 static bool good_id(const char *id)
@@ -177,9 +190,11 @@ static void take_headers(struct call *call, const char *method, const char *vers
                            : strcmp(method, "HEAD") == 0    ? METHOD_HEAD
                            : strcmp(method, "OPTIONS") == 0 ? METHOD_OPTIONS
                                                             : METHOD_OTHER;
-    call->request.refused = refuse_framing(call, version, &call->request.why_refused);
+    call->request.refused = refuse_framing(call, method, version, &call->request.why_refused);
     if (call->request.refused || call->request.method == METHOD_OTHER) // a body may be announced that never comes
         MHD_set_connection_option(call->connection, MHD_CONNECTION_OPTION_TIMEOUT, 1u);
+    call->request.loopback = call->peer && peer_reach(call->peer) == REACH_LOOPBACK;
+    call->request.local = !call->peer || peer_reach(call->peer) != REACH_NETWORK;
     call->given_id = id && good_id(id);
     if (call->given_id)
         snprintf(call->id, sizeof call->id, "%s", id);
@@ -267,23 +282,9 @@ static struct MHD_Response *make_body(struct response *response)
     return made;
 }
 
-static const struct {
-    const char *name, *value;
-} common_headers[] = {
-    {"Access-Control-Allow-Origin", "*"},
-    {"Access-Control-Expose-Headers", "ETag, Content-Range, Content-Length, Content-Encoding, Accept-Ranges, Location, "
-                                      "Retry-After, Server-Timing, Tetlod-Level, Tetlod-Vertices, Tetlod-Tets, "
-                                      "Tetlod-Error, Tetlod-Uncontrolled, X-Request-Id"},
-    {"Cross-Origin-Resource-Policy", "cross-origin"},
-    {"Timing-Allow-Origin", "*"},
-    {"Server", "tetlod"},
-};
-
 static bool add_headers(struct MHD_Response *made, const struct call *call, const struct response *response)
 {
-    bool added = true;
-    for (size_t i = 0; i < sizeof common_headers / sizeof *common_headers; i++)
-        added &= MHD_add_response_header(made, common_headers[i].name, common_headers[i].value) == MHD_YES;
+    bool added = MHD_add_response_header(made, "Server", "tetlod") == MHD_YES;
     for (size_t i = 0; i < response->header_count; i++)
         added &= MHD_add_response_header(made, response->headers[i].name, response->headers[i].value) == MHD_YES;
     if (response->media_type)
@@ -302,6 +303,8 @@ static enum MHD_Result queue(struct call *call, struct response *response)
     call->route = response->route;
     bool no_body = response->status == 304 || response->status == 204 || call->request.method == METHOD_HEAD;
     call->bytes = no_body ? 0 : response->size;
+    if (call->peer)
+        peer_sending(call->peer, call->bytes, monotonic_seconds());
     struct MHD_Response *made = make_body(response);
     enum MHD_Result result = MHD_NO;
     if (made && add_headers(made, call, response))
@@ -337,7 +340,10 @@ static enum MHD_Result on_request(void *opaque, struct MHD_Connection *connectio
         return MHD_NO;
     if (!call->headers_seen) {
         take_headers(call, method, version);
-        return MHD_YES; // an answer in this first call is possible only to some methods
+        bool refused = call->request.refused || call->request.method == METHOD_OTHER;
+        if (refused && find_header(call, "Expect"))
+            return answer(call); // it waits for leave to send its body
+        return MHD_YES; // else what follows is read, so that the client sees the refusal
     }
     if (*upload_size) {
         call->drained += *upload_size;
@@ -361,6 +367,16 @@ static void put_json_text(struct buffer *line, const char *text)
     }
 }
 
+/* What opens the server does not belong into its log. */
+static void hide_token(char *target)
+{
+    static const char name[] = "token=";
+    for (char *at = strchr(target, '?'); at && *at; at = strchr(at, '&'))
+        if (strncmp(++at, name, sizeof name - 1) == 0)
+            for (at += sizeof name - 1; *at && *at != '&'; at++)
+                *at = '*';
+}
+
 static void log_access(const struct call *call, double seconds, bool complete)
 {
     struct timespec now;
@@ -374,6 +390,7 @@ static void log_access(const struct call *call, double seconds, bool complete)
                               now.tv_nsec / 1000000, call->id, call->peer ? peer_address(call->peer) : "") == TETLOD_OK;
     put_json_text(&line, call->method);
     made &= buffer_printf(&line, "\", \"target\": \"") == TETLOD_OK;
+    hide_token(call->target);
     put_json_text(&line, call->target);
     made &= buffer_printf(&line, "\", \"status\": %u, \"bytes\": %llu, \"milliseconds\": %.3f, \"complete\": %s}", call->status,
                           (unsigned long long)call->bytes, seconds * 1e3, complete ? "true" : "false") == TETLOD_OK;
@@ -436,7 +453,7 @@ enum tetlod_status http_start(struct http **out, const struct http_options *opti
     http->daemon = MHD_start_daemon(
         MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_NO_LISTEN_SOCKET | MHD_USE_ITC | MHD_ALLOW_SUSPEND_RESUME, 0, NULL, NULL,
         on_request, http, MHD_OPTION_CONNECTION_LIMIT, per_thread * options->threads, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
-        options->header_bytes + ANSWER_BYTES, MHD_OPTION_CONNECTION_TIMEOUT, options->idle_seconds,
+        4 * options->header_bytes + ANSWER_BYTES, MHD_OPTION_CONNECTION_TIMEOUT, options->idle_seconds,
         MHD_OPTION_URI_LOG_CALLBACK, on_target, http, MHD_OPTION_UNESCAPE_CALLBACK, keep_escapes, http,
         MHD_OPTION_NOTIFY_COMPLETED, on_completed, http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http,
         MHD_OPTION_ARRAY, more, MHD_OPTION_END);

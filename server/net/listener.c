@@ -24,7 +24,16 @@ static enum tetlod_status fail_address(const char *address, const char *why, str
     return tetlodi_fail(error, TETLOD_ERR_IO, "cannot listen on %.120s: %s", address, why);
 }
 
-static void print_url(struct listener *listener)
+static bool is_loopback(const struct sockaddr_storage *bound)
+{
+    const struct in6_addr *six = &((const struct sockaddr_in6 *)(const void *)bound)->sin6_addr;
+    if (bound->ss_family == AF_INET)
+        return ntohl(((const struct sockaddr_in *)(const void *)bound)->sin_addr.s_addr) >> 24 == 127;
+    return bound->ss_family == AF_INET6 && (IN6_IS_ADDR_LOOPBACK(six) || (IN6_IS_ADDR_V4MAPPED(six) && six->s6_addr[12] == 127));
+}
+
+/* What the socket is bound to: who reaches it, and its URL. */
+static void describe(struct listener *listener)
 {
     struct sockaddr_storage bound = {0};
     socklen_t size = sizeof bound;
@@ -32,9 +41,11 @@ static void print_url(struct listener *listener)
     if (getsockname(listener->fd, (struct sockaddr *)&bound, &size) != 0)
         return;
     if (bound.ss_family == AF_UNIX) {
+        listener->reach = REACH_UNIX;
         snprintf(listener->url, sizeof listener->url, "unix:%s", ((const struct sockaddr_un *)(void *)&bound)->sun_path);
         return;
     }
+    listener->reach = is_loopback(&bound) ? REACH_LOOPBACK : REACH_NETWORK;
     getnameinfo((struct sockaddr *)&bound, size, host, sizeof host, port, sizeof port, NI_NUMERICHOST | NI_NUMERICSERV);
     bool six = bound.ss_family == AF_INET6;
     snprintf(listener->url, sizeof listener->url, "http://%s%s%s:%s/", six ? "[" : "", host, six ? "]" : "", port);
@@ -49,7 +60,7 @@ static enum tetlod_status start_listening(struct listener *listener, const char 
         listener_close(listener);
         return status;
     }
-    print_url(listener);
+    describe(listener);
     return TETLOD_OK;
 }
 

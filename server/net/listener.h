@@ -4,9 +4,11 @@
 #define TETLOD_SERVER_LISTENER_H
 
 #include "format/tetlod.h"
+#include "server/net/gate.h"
 
 struct listener {
     int fd;
+    enum reach reach;
     char url[160];       /* http://127.0.0.1:8080/, unix:/run/tetlod.sock */
     char unlink_at[108]; /* path of a Unix socket that is ours to remove, or empty */
 };

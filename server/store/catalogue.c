@@ -6,6 +6,7 @@
 #include <fcntl.h>
 #include <pthread.h>
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,8 +14,10 @@
 #include <unistd.h>
 
 #include "format/fail.h"
+#include "format/utf8.h"
 #include "src/report/info_json.h"
 #include "src/util/array.h"
+#include "src/util/utf8.h"
 
 static const char suffix[] = ".tetlod";
 
@@ -24,6 +27,7 @@ struct entry {
     char id[ID_CAPACITY];
     struct file_identity identity;
     struct dataset *dataset;
+    size_t path; /* number of the path under which it was found */
 };
 
 struct table {
@@ -37,6 +41,13 @@ struct replaced {
     struct replaced *next;
 };
 
+/* Complaints that were logged: each is made once, until a scan goes by without it. */
+struct tellings {
+    char **texts;
+    bool *again; /* by this scan */
+    size_t count, text_capacity, again_capacity;
+};
+
 struct catalogue {
     pthread_mutex_t lock; /* over table and replaced */
     struct table table;
@@ -44,6 +55,8 @@ struct catalogue {
     char **paths;
     size_t path_count;
     double keep_replaced;
+    atomic_size_t troubles; /* of the last scan */
+    struct tellings told;
     void (*log)(void *opaque, const char *level, const char *message);
     void *log_opaque;
 };
@@ -56,8 +69,48 @@ __attribute__((format(printf, 3, 4))) static void say(struct catalogue *catalogu
     va_start(arguments, format);
     vsnprintf(message, sizeof message, format, arguments);
     va_end(arguments);
+    utf8_clean(message); // a line is a line, whatever files are called
     if (catalogue->log)
         catalogue->log(catalogue->log_opaque, level, message);
+}
+
+/* Warns of a complaint, once as long as it lasts. */
+__attribute__((format(printf, 2, 3))) static void complain(struct catalogue *catalogue, const char *format, ...)
+{
+    struct tellings *told = &catalogue->told;
+    char message[640];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(message, sizeof message, format, arguments);
+    va_end(arguments);
+    for (size_t i = 0; i < told->count; i++)
+        if (strcmp(told->texts[i], message) == 0) {
+            told->again[i] = true;
+            return;
+        }
+    say(catalogue, "warning", "%s", message);
+    char *text = strdup(message); // where memory is out it is said again
+    if (text && array_reserve((void **)&told->texts, &told->text_capacity, told->count + 1, sizeof *told->texts) &&
+        array_reserve((void **)&told->again, &told->again_capacity, told->count + 1, sizeof *told->again)) {
+        told->texts[told->count] = text;
+        told->again[told->count++] = true;
+    } else
+        free(text);
+}
+
+/* Forgets complaints that the scan did not repeat. */
+static void forget_tellings(struct tellings *told, bool all)
+{
+    size_t kept = 0;
+    for (size_t i = 0; i < told->count; i++) {
+        if (all || !told->again[i])
+            free(told->texts[i]);
+        else {
+            told->texts[kept] = told->texts[i];
+            told->again[kept++] = false;
+        }
+    }
+    told->count = kept;
 }
 
 static struct entry *find_entry(const struct table *table, const char *id)
@@ -101,43 +154,89 @@ struct scan {
     struct catalogue *catalogue;
     struct table next;
     bool complete; /* memory sufficed */
+    size_t path;     /* number of the path that is looked at */
+    size_t troubles; /* files and folders that could not be looked at: what was known of them stays */
 };
 
-/* Takes one file, whose fd it takes over, into the next table. The old table is this thread's to read: nobody else
- * changes it. */
-static enum tetlod_status take_file(struct scan *scan, const char *path, int fd, struct tetlod_error *error)
+/* Takes over into the next table what the current one has under a name. */
+static void keep_entry(struct scan *scan, const struct entry *known)
 {
-    struct catalogue *catalogue = scan->catalogue;
-    struct entry entry = {0};
-    struct tetlod_error inner = {0};
-    enum tetlod_status status = TETLOD_OK;
-    stream_id(path, entry.id, sizeof entry.id);
-    if (!entry.id[0] || strcmp(entry.id, ".") == 0 || strcmp(entry.id, "..") == 0 || !identity_of(fd, &entry.identity)) {
-        close(fd);
-        return tetlodi_fail(error, TETLOD_ERR_IO, "%s: is not a regular file", path);
-    }
-    struct entry *known = find_entry(&catalogue->table, entry.id);
-    if (find_entry(&scan->next, entry.id)) {
-        close(fd);
-        if (!known)
-            say(catalogue, "warning", "%s: another stream has the id '%s' already; this one is not served", path, entry.id);
-        return TETLOD_OK;
-    }
-    if (known && identity_same(&known->identity, &entry.identity)) {
-        close(fd);
-        entry.dataset = known->dataset ? dataset_hold(known->dataset) : NULL;
-    } else {
-        status = dataset_open(&entry.dataset, entry.id, fd, &inner);
-        if (status == TETLOD_OK)
-            say(catalogue, "info", "%s: serving %s, content id %s", path, entry.id, dataset_info(entry.dataset)->cid);
-        else if (!error)
-            say(catalogue, "warning", "%s: not served: %.200s", path, inner.message);
-    }
+    struct entry entry = *known;
+    if (entry.dataset)
+        dataset_hold(entry.dataset);
     if (!insert_entry(&scan->next, &entry)) {
         dataset_release(entry.dataset);
         scan->complete = false;
     }
+}
+
+/* A file that cannot be looked at now, for want of descriptors or because a disk is away: what was served of it stays. */
+static enum tetlod_status keep_file(struct scan *scan, const char *path, int why, struct tetlod_error *error)
+{
+    char id[ID_CAPACITY];
+    stream_id(path, id, sizeof id);
+    const struct entry *known = find_entry(&scan->catalogue->table, id);
+    if (why == ENOENT)
+        return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot open: %s", path, strerror(why));
+    if (known && !find_entry(&scan->next, id))
+        keep_entry(scan, known);
+    if (!error)
+        complain(scan->catalogue, "%s: cannot open: %s%s", path, strerror(why), known && known->dataset ? "; what is known of it is served on" : "");
+    scan->troubles++;
+    return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot open: %s", path, strerror(why));
+}
+
+/* Opens a stream. One whose file changed though its content id did not is read whole: somebody may have written into it. */
+static enum tetlod_status open_stream(struct scan *scan, const char *path, int fd, struct entry *entry, struct tetlod_error *error)
+{
+    const struct entry *known = find_entry(&scan->catalogue->table, entry->id);
+    struct tetlod_error inner = {0};
+    enum tetlod_status status = dataset_open(&entry->dataset, entry->id, fd, &inner);
+    if (status == TETLOD_OK && known && known->dataset && strcmp(dataset_info(known->dataset)->cid, dataset_info(entry->dataset)->cid) == 0)
+        status = dataset_check(entry->dataset, &inner);
+    if (status != TETLOD_OK) {
+        dataset_release(entry->dataset);
+        entry->dataset = NULL;
+    }
+    if (status == TETLOD_OK)
+        say(scan->catalogue, "info", "%s: serving %s, content id %s", path, entry->id, dataset_info(entry->dataset)->cid);
+    else if (!error)
+        say(scan->catalogue, "warning", "%s: not served: %.200s", path, inner.message);
     return status == TETLOD_OK ? status : tetlodi_fail(error, status, "%s: %.200s", path, inner.message);
+}
+
+/* Takes one file of `folder` (or AT_FDCWD) into the next table. The old table is this thread's to read: nobody else changes it.
+ * A file that is as it was is not opened. */
+static enum tetlod_status take_file(struct scan *scan, int folder, const char *path, struct tetlod_error *error)
+{
+    struct catalogue *catalogue = scan->catalogue;
+    struct entry entry = {.path = scan->path};
+    struct file_identity seen;
+    stream_id(path, entry.id, sizeof entry.id);
+    const struct entry *known = find_entry(&catalogue->table, entry.id);
+    if (find_entry(&scan->next, entry.id)) {
+        complain(catalogue, "%s: another stream has the id '%s' already; this one is not served", path, entry.id);
+        return TETLOD_OK;
+    }
+    if (known && identity_at(folder, path, &seen) && identity_same(&known->identity, &seen)) {
+        keep_entry(scan, known);
+        return TETLOD_OK;
+    }
+    int fd = openat(folder, path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
+    if (fd < 0)
+        return keep_file(scan, path, errno, error);
+    if (!entry.id[0] || strcmp(entry.id, ".") == 0 || strcmp(entry.id, "..") == 0 || !identity_of(fd, &entry.identity)) {
+        close(fd);
+        if (!error)
+            complain(catalogue, "%s: not served: it is not a regular file", path);
+        return tetlodi_fail(error, TETLOD_ERR_IO, "%s: is not a regular file", path);
+    }
+    enum tetlod_status status = open_stream(scan, path, fd, &entry, error);
+    if (!insert_entry(&scan->next, &entry)) {
+        dataset_release(entry.dataset);
+        scan->complete = false;
+    }
+    return status;
 }
 
 static bool is_stream_name(const char *name)
@@ -151,50 +250,76 @@ static int by_name(const void *a, const void *b)
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
+/* A folder that cannot be listed: all that was found there stays. */
+static enum tetlod_status keep_folder(struct scan *scan, const char *path, int why, struct tetlod_error *error)
+{
+    const struct table *table = &scan->catalogue->table;
+    for (size_t i = 0; why != ENOENT && i < table->count; i++)
+        if (table->entries[i].path == scan->path && !find_entry(&scan->next, table->entries[i].id))
+            keep_entry(scan, &table->entries[i]);
+    scan->troubles++;
+    if (!error)
+        complain(scan->catalogue, "%s: cannot look at it: %s%s", path, strerror(why), why == ENOENT ? "" : "; its streams are served on");
+    return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot list: %s", path, strerror(why));
+}
+
+static int list_names(struct scan *scan, DIR *folder, char ***out_names, size_t *out_count)
+{
+    size_t capacity = 0;
+    struct dirent *item;
+    for (errno = 0; (item = readdir(folder)); errno = 0) {
+        if (!is_stream_name(item->d_name))
+            continue;
+        if (!tetlodi_plain_text(item->d_name, strlen(item->d_name))) {
+            complain(scan->catalogue, "%s: not served: the name is not UTF-8, or has control characters; rename it", item->d_name);
+            continue;
+        }
+        if (!array_reserve((void **)out_names, &capacity, *out_count + 1, sizeof **out_names) ||
+            !((*out_names)[*out_count] = strdup(item->d_name))) {
+            scan->complete = false;
+            return 0;
+        }
+        ++*out_count;
+    }
+    return errno;
+}
+
 static enum tetlod_status take_folder(struct scan *scan, const char *path, int fd, struct tetlod_error *error)
 {
     DIR *folder = fdopendir(fd);
     if (!folder) {
+        int why = errno;
         close(fd);
-        return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot list: %s", path, strerror(errno));
+        return keep_folder(scan, path, why, error);
     }
     char **names = NULL;
-    size_t count = 0, capacity = 0;
-    struct dirent *item;
-    while ((item = readdir(folder))) {
-        if (!is_stream_name(item->d_name))
-            continue;
-        if (!array_reserve((void **)&names, &capacity, count + 1, sizeof *names) ||
-            !(names[count] = strdup(item->d_name))) {
-            scan->complete = false;
-            break;
-        }
-        count++;
-    }
+    size_t count = 0;
+    int why = list_names(scan, folder, &names, &count);
     if (count)
         qsort(names, count, sizeof *names, by_name); // which of two same ids is served must not depend on the folder's order
     for (size_t i = 0; i < count; i++) {
-        int file = openat(fd, names[i], O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
-        if (file >= 0) {
-            enum tetlod_status ignored = take_file(scan, names[i], file, NULL); // logged; the others are served
+        if (!why) {
+            enum tetlod_status ignored = take_file(scan, fd, names[i], NULL); // logged; the others are served
             (void)ignored;
         }
         free(names[i]);
     }
     free(names);
     closedir(folder);
-    return TETLOD_OK;
+    return why ? keep_folder(scan, path, why, error) : TETLOD_OK;
 }
 
 static enum tetlod_status take_path(struct scan *scan, const char *path, struct tetlod_error *error)
 {
     struct stat about;
-    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
-    if (fd < 0)
-        return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot open: %s", path, strerror(errno));
-    if (fstat(fd, &about) == 0 && S_ISDIR(about.st_mode))
+    if (stat(path, &about) == 0 && !S_ISDIR(about.st_mode))
+        return take_file(scan, AT_FDCWD, path, error);
+    int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY | O_DIRECTORY);
+    if (fd >= 0)
         return take_folder(scan, path, fd, error);
-    return take_file(scan, path, fd, error);
+    if (errno == ENOENT || errno == ENOTDIR)
+        return keep_file(scan, path, ENOENT, error);
+    return keep_folder(scan, path, errno, error);
 }
 
 /* Called with the lock held. What was replaced by another file stays readable; what was written over does not. */
@@ -230,8 +355,9 @@ static void drop_replaced(struct catalogue *catalogue, double oldest)
 
 void catalogue_scan(struct catalogue *catalogue, double now)
 {
-    struct scan scan = {catalogue, {0}, true};
+    struct scan scan = {catalogue, {0}, true, 0, 0};
     for (size_t i = 0; i < catalogue->path_count; i++) {
+        scan.path = i;
         enum tetlod_status gone = take_path(&scan, catalogue->paths[i], NULL); // a path may come back
         (void)gone;
     }
@@ -239,6 +365,8 @@ void catalogue_scan(struct catalogue *catalogue, double now)
         table_fini(&scan.next);
         return;
     }
+    atomic_store(&catalogue->troubles, scan.troubles);
+    forget_tellings(&catalogue->told, false);
     pthread_mutex_lock(&catalogue->lock);
     replace_table(catalogue, &scan.next, now);
     drop_replaced(catalogue, now - catalogue->keep_replaced);
@@ -257,14 +385,16 @@ enum tetlod_status catalogue_open(struct catalogue **out, const struct catalogue
     catalogue->log = options->log;
     catalogue->log_opaque = options->log_opaque;
     catalogue->paths = array_zero(options->path_count, sizeof *catalogue->paths);
-    struct scan scan = {catalogue, {0}, catalogue->paths != NULL};
+    struct scan scan = {catalogue, {0}, catalogue->paths != NULL, 0, 0};
     enum tetlod_status status = TETLOD_OK;
     for (size_t i = 0; scan.complete && status == TETLOD_OK && i < options->path_count; i++) {
         catalogue->paths[i] = strdup(options->paths[i]);
         if (!catalogue->paths[i])
             scan.complete = false;
-        else
-            status = take_path(&scan, catalogue->paths[catalogue->path_count++], error);
+        else {
+            scan.path = catalogue->path_count++;
+            status = take_path(&scan, catalogue->paths[scan.path], error);
+        }
     }
     if (status == TETLOD_OK && !scan.complete)
         status = tetlodi_fail_nomem(error, "the catalogue", options->path_count);
@@ -282,6 +412,9 @@ void catalogue_close(struct catalogue *catalogue)
         return;
     table_fini(&catalogue->table);
     drop_replaced(catalogue, 1e300);
+    forget_tellings(&catalogue->told, true);
+    free(catalogue->told.texts);
+    free(catalogue->told.again);
     for (size_t i = 0; i < catalogue->path_count; i++)
         free(catalogue->paths[i]);
     free(catalogue->paths);
@@ -317,6 +450,11 @@ struct dataset *catalogue_find_content(struct catalogue *catalogue, const char *
         }
     pthread_mutex_unlock(&catalogue->lock);
     return dataset;
+}
+
+size_t catalogue_troubles(struct catalogue *catalogue)
+{
+    return atomic_load(&catalogue->troubles);
 }
 
 struct dataset **catalogue_list(struct catalogue *catalogue, size_t *out_count)

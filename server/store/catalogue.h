@@ -26,7 +26,7 @@ TETLOD_CHECKED enum tetlod_status catalogue_open(struct catalogue **out, const s
                                                  struct tetlod_error *error);
 void catalogue_close(struct catalogue *catalogue);
 
-/* Takes up what changed on disk. `now` is a monotonic time in seconds. */
+/* Takes up what changed on disk. What cannot be looked at now, for any reason but that it is gone, stays as it was. `now` is a monotonic time in seconds. */
 void catalogue_scan(struct catalogue *catalogue, double now);
 
 /* The current stream of an id, or NULL; the caller releases it. */
@@ -37,6 +37,9 @@ struct dataset *catalogue_find_content(struct catalogue *catalogue, const char *
 
 /* All current streams by id, each held, in an array that the caller frees; NULL if memory is out. */
 struct dataset **catalogue_list(struct catalogue *catalogue, size_t *out_count);
+
+/* How many files and folders the last scan could not look at. */
+size_t catalogue_troubles(struct catalogue *catalogue);
 
 size_t catalogue_count(struct catalogue *catalogue);
 

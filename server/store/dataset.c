@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "format/fail.h"
+#include "format/reader.h"
 #include "src/util/array.h"
 
 enum { ERRORS_CAPACITY = 96 };
@@ -24,19 +25,34 @@ struct dataset {
     char (*level_errors)[ERRORS_CAPACITY]; /* [level_count], printed once: every answer has one */
 };
 
+static bool take_identity(const struct stat *about, struct file_identity *out)
+{
+    *out = (struct file_identity){(uint64_t)about->st_dev, (uint64_t)about->st_ino, (uint64_t)about->st_size, (uint64_t)about->st_nlink, about->st_mtim, about->st_ctim};
+    return S_ISREG(about->st_mode);
+}
+
 bool identity_of(int fd, struct file_identity *out)
 {
     struct stat about;
-    if (fstat(fd, &about) != 0 || !S_ISREG(about.st_mode))
-        return false;
-    *out = (struct file_identity){(uint64_t)about.st_dev, (uint64_t)about.st_ino, (uint64_t)about.st_size, about.st_mtim};
-    return true;
+    return fstat(fd, &about) == 0 && take_identity(&about, out);
+}
+
+bool identity_at(int folder, const char *path, struct file_identity *out)
+{
+    struct stat about;
+    return fstatat(folder, path, &about, 0) == 0 && take_identity(&about, out);
+}
+
+static bool same_time(const struct timespec *a, const struct timespec *b)
+{
+    return a->tv_sec == b->tv_sec && a->tv_nsec == b->tv_nsec;
 }
 
 bool identity_same(const struct file_identity *a, const struct file_identity *b)
 {
     return a->device == b->device && a->inode == b->inode && a->size == b->size &&
-           a->changed.tv_sec == b->changed.tv_sec && a->changed.tv_nsec == b->changed.tv_nsec;
+           same_time(&a->written, &b->written) &&
+           (same_time(&a->changed, &b->changed) || a->links != b->links); // another name changes the time, too
 }
 
 static void print_errors(const struct tetlod_info *info, uint32_t level, char *out, size_t capacity)
@@ -148,6 +164,19 @@ struct decoding *dataset_decoding(struct dataset *dataset)
 const struct file_identity *dataset_identity(const struct dataset *dataset)
 {
     return &dataset->identity;
+}
+
+enum tetlod_status dataset_check(struct dataset *dataset, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(dataset->file);
+    for (uint32_t k = 0; k < info->level_count; k++)
+        for (uint32_t part = 0; part <= info->field_count; part++) {
+            uint8_t *bytes;
+            size_t size;
+            TETLOD_TRY(tetlodi_read_frame(dataset->file, k, part, &bytes, &size, error));
+            free(bytes);
+        }
+    return TETLOD_OK;
 }
 
 bool dataset_intact(const struct dataset *dataset)

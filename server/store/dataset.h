@@ -13,8 +13,8 @@ enum { ID_CAPACITY = 129 }; // 128 bytes and the NUL
 
 /* Tells whether a file is still what was opened. */
 struct file_identity {
-    uint64_t device, inode, size;
-    struct timespec changed;
+    uint64_t device, inode, size, links;
+    struct timespec written, changed; /* the first can be set at will, the second not */
 };
 
 struct dataset;
@@ -38,10 +38,15 @@ struct tetlod_file *dataset_file(struct dataset *dataset);
 /* The stream in memory, as far as it was asked for. */
 struct decoding *dataset_decoding(struct dataset *dataset);
 
+/* Reads all and holds it against its digests. */
+TETLOD_CHECKED enum tetlod_status dataset_check(struct dataset *dataset, struct tetlod_error *error);
+
 /* False once the bytes were written over in place: then nothing of it may be sent any more. */
 bool dataset_intact(const struct dataset *dataset);
 
+/* False if it is not a regular file, or cannot be looked at. */
 bool identity_of(int fd, struct file_identity *out);
+bool identity_at(int folder, const char *path, struct file_identity *out);
 bool identity_same(const struct file_identity *a, const struct file_identity *b);
 const struct file_identity *dataset_identity(const struct dataset *dataset);
 

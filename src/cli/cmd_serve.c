@@ -27,6 +27,12 @@ static const char help[] =
     "  --metrics ADDR:PORT     serve /metrics there and not with the rest\n"
     "  --base-path PATH        where the site begins for its clients, such as /levels/: paths with it and without it are answered.\n"
     "                          Behind a proxy that takes the path off, links work without this option, too\n"
+    "  --cors ORIGIN|*|none    pages of this origin may read the answers; may be repeated (default: of all origins;\n"
+    "                          of none on loopback addresses and Unix sockets)\n"
+    "  --host NAME             a name that Host may have on a loopback address beside localhost, such as a proxy's; may be\n"
+    "                          repeated; * allows any\n"
+    "  --token FILE            answer only who knows what is in the file: ?token=TOKEN once in a browser, or a header\n"
+    "                          Authorization: Bearer TOKEN. /healthz, /readyz and the address of --metrics ask for none\n"
     "  --stream-origin ORIGIN  the page may also load streams from there, such as https://data.example.org; may be repeated\n"
     "                          (default: from this server alone)\n"
     "  --threads N             HTTP threads, as many that make meshes, as many that decode (default: one per core)\n"
@@ -43,11 +49,11 @@ static const char help[] =
     "\n"
     "It speaks HTTP/1.1 without TLS; server/deploy shows how to put nginx or Varnish in front.\n";
 
-enum { MOST_ADDRESSES = 15, MOST_ORIGINS = 8, FIRST_HANDED_OVER = 3 };
+enum { MOST_ADDRESSES = 15, MOST_ORIGINS = 16, FIRST_HANDED_OVER = 3 };
 
 struct settings {
     struct server_options server;
-    const char *addresses[MOST_ADDRESSES], *origins[MOST_ORIGINS];
+    const char *addresses[MOST_ADDRESSES], *origins[MOST_ORIGINS], *cors[MOST_ORIGINS], *hosts[MOST_ORIGINS];
     char handed_over[MOST_ADDRESSES][24];
     bool access_log;
 };
@@ -55,9 +61,10 @@ struct settings {
 static void print_message(void *opaque, const char *level, const char *message)
 {
     const bool *quiet = opaque;
-    if (!*quiet)
-        fprintf(stderr, "tetlod: %s%s%s\n", strcmp(level, "info") == 0 ? "" : level, strcmp(level, "info") == 0 ? "" : ": ",
-                message);
+    if (*quiet)
+        return;
+    bool plain = strcmp(level, "info") == 0;
+    fprintf(stderr, "tetlod: %s%s%s\n", plain ? "" : level, plain ? "" : ": ", message);
 }
 
 static void print_access(void *opaque, const char *line)
@@ -86,6 +93,16 @@ static bool take_address(struct settings *settings, const char *address)
     return true;
 }
 
+static bool add_text(const char *name, const char **list, size_t *count, const char *value)
+{
+    if (*count == MOST_ORIGINS) {
+        cli_usage("serve", "--%s may be given %d times at most", name, MOST_ORIGINS);
+        return false;
+    }
+    list[(*count)++] = value;
+    return true;
+}
+
 static bool take_option(struct settings *settings, int option, const char *value)
 {
     struct server_options *server = &settings->server;
@@ -95,11 +112,13 @@ static bool take_option(struct settings *settings, int option, const char *value
     case 'l':
         return take_address(settings, value);
     case 'o':
-        if (server->stream_origin_count == MOST_ORIGINS) {
-            cli_usage("serve", "--stream-origin may be given %d times at most", MOST_ORIGINS);
-            return false;
-        }
-        settings->origins[server->stream_origin_count++] = value;
+        return add_text("stream-origin", settings->origins, &server->stream_origin_count, value);
+    case 'C':
+        return add_text("cors", settings->cors, &server->cors_count, value);
+    case 'H':
+        return add_text("host", settings->hosts, &server->host_count, value);
+    case 'K':
+        server->token_file = value;
         return true;
     case 'B':
         server->base_path = value;
@@ -230,6 +249,8 @@ static int run(int argc, char **argv)
     static const struct option options[] = {
         {"listen", required_argument, NULL, 'l'},       {"metrics", required_argument, NULL, 'm'},
         {"stream-origin", required_argument, NULL, 'o'}, {"base-path", required_argument, NULL, 'B'},
+        {"cors", required_argument, NULL, 'C'},         {"host", required_argument, NULL, 'H'},
+        {"token", required_argument, NULL, 'K'},
         {"threads", required_argument, NULL, 't'},      {"cache", required_argument, NULL, 'c'},
         {"connections", required_argument, NULL, 'n'},  {"per-address", required_argument, NULL, 'a'},
         {"header-bytes", required_argument, NULL, 'b'}, {"timeout", required_argument, NULL, 'T'},
@@ -253,6 +274,8 @@ static int run(int argc, char **argv)
         settings.addresses[settings.server.listen_count++] = "127.0.0.1:8080";
     settings.server.listen = settings.addresses;
     settings.server.stream_origins = settings.origins;
+    settings.server.cors = settings.cors;
+    settings.server.hosts = settings.hosts;
     settings.server.paths = (const char *const *)(argv + optind);
     settings.server.path_count = (size_t)(argc - optind);
     settings.server.log = print_message;

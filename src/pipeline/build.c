@@ -255,8 +255,12 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     copy_components(&build);
     TETLOD_TRY_DONE(measure_marks(&build));
     TETLOD_TRY_DONE(encode(&build, sink));
-    *report = (struct build_report){build.log.count, build.log.mark_count, build.log.degenerate_tets,
-                                    build.log.inverted_tets, build.log.folded_tets};
+    *report = (struct build_report){.contractions = build.log.count,
+                                    .levels = build.log.mark_count,
+                                    .degenerate_tets = build.log.degenerate_tets,
+                                    .inverted_tets = build.log.inverted_tets,
+                                    .folded_tets = build.log.folded_tets};
+    memcpy(report->refused, build.log.refused, sizeof report->refused);
 done:
     log_fini(&build.log);
     tetmesh_fini(&build.rounded);

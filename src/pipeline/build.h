@@ -4,6 +4,7 @@
 #define TETLOD_BUILD_H
 
 #include "format/writer.h"
+#include "src/log/contraction_log.h"
 #include "src/pipeline/quantise.h"
 #include "src/simplify/simplify.h"
 #include "src/mesh/tetmesh.h"
@@ -41,6 +42,7 @@ struct build_options {
 
 struct build_report {
     uint32_t contractions, levels;
+    uint64_t refused[LOG_REFUSALS]; /* (contraction_log.h) */
     uint64_t degenerate_tets, inverted_tets, folded_tets; /* the stream counts folded ones as inverted */
 };
 

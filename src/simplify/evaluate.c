@@ -196,14 +196,14 @@ static bool fits(const struct working *working, const struct hood *hood, uint32_
     return true;
 }
 
-static enum refusal refuse(struct worker *worker, enum refusal refusal)
+static enum log_refusal refuse(struct worker *worker, enum log_refusal refusal)
 {
     worker->refused[refusal]++;
     return refusal;
 }
 
-/* Asks all that was not asked yet. REFUSALS: it passes; candidate->error is what it needs. */
-static enum refusal examine(const struct run *run, struct worker *worker, struct candidate *candidate)
+/* Asks all that was not asked yet. LOG_REFUSALS: it passes; candidate->error is what it needs. */
+static enum log_refusal examine(const struct run *run, struct worker *worker, struct candidate *candidate)
 {
     const struct working *working = run->working;
     const struct hood *hood = &worker->hood;
@@ -211,27 +211,27 @@ static enum refusal examine(const struct run *run, struct worker *worker, struct
     double p[3];
     bool room;
     if (!set_bounds(run, worker, candidate))
-        return refuse(worker, REFUSED_FLIP);
+        return refuse(worker, LOG_REFUSED_FLIP);
     candidate->error = larger(candidate->error, assigned_error(run, worker, NULL));
     if (candidate->error > run->limit * (1 + ROUNDING))
-        return REFUSALS;
+        return LOG_REFUSALS;
     if (candidate->middle)
         middle_of(working, ends[0], ends[1], p);
     else
         memcpy(p, working_row(working, ends[1]), sizeof p);
     if (!fits(working, hood, candidate->neighbour, p))
-        return refuse(worker, REFUSED_FLIP);
+        return refuse(worker, LOG_REFUSED_FLIP);
     if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room)) {
         worker->failed |= !room;
-        return refuse(worker, REFUSED_LINK);
+        return refuse(worker, LOG_REFUSED_LINK);
     }
     if (!(working->flags[hood->vertex] & VERTEX_BOUNDARY))
-        return REFUSALS;
+        return LOG_REFUSALS;
     if (isinf(moved_by(run, worker, ends, p)))
-        return refuse(worker, REFUSED_BOUNDARY);
+        return refuse(worker, LOG_REFUSED_BOUNDARY);
     add_demands(run, worker);
     candidate->error = larger(candidate->error, assigned_error(run, worker, NULL));
-    return REFUSALS;
+    return LOG_REFUSALS;
 }
 
 /* A permutation of 32 bits that looks random: ties of the priority. */
@@ -274,18 +274,18 @@ static bool choose(const struct run *run, struct worker *worker, uint32_t slot, 
             propose(run, worker, slot, &candidate);
             return true;
         }
-        enum refusal refusal = REFUSALS;
+        enum log_refusal refusal = LOG_REFUSALS;
         if (candidate.middle && middles == MOST_MIDDLES)
             candidate.error = limit * 1.0001;
         else
             refusal = examine(run, worker, &candidate);
         middles += candidate.middle;
-        if (refusal == REFUSALS && candidate.error <= limit) { // it needs more than it seemed to: others may be better now
+        if (refusal == LOG_REFUSALS && candidate.error <= limit) { // it needs more than it seemed to: others may be better now
             candidate.key = key_of(candidate.error, worker->hood.shared[candidate.neighbour]);
             candidate.passed = true;
             candidates[best] = candidate;
         } else {
-            wait_for(waiting, candidate.error, refusal == REFUSALS);
+            wait_for(waiting, candidate.error, refusal == LOG_REFUSALS);
             candidates[best] = candidates[--count];
         }
     }

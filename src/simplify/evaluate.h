@@ -16,9 +16,6 @@
 #include "src/simplify/links.h"
 #include "src/simplify/border.h"
 
-/* Why contractions were refused that the error allowed. */
-enum refusal { REFUSED_FLIP, REFUSED_LINK, REFUSED_BOUNDARY, REFUSED_ROUNDING, REFUSALS };
-
 struct proposals {
     uint64_t *priority; /* [slot] the least goes first; PROPOSES_NOTHING */
     uint32_t *target;   /* [slot] 2 * the other end's slot + (the result is in the middle) */
@@ -53,7 +50,7 @@ struct worker {
     size_t open_count, open_room;
     uint32_t *thawing; /* frozen slots around contractions of this round that moved nothing */
     size_t thawing_count, thawing_room;
-    uint64_t refused[REFUSALS];
+    uint64_t refused[LOG_REFUSALS];
     bool failed; /* out of memory */
 };
 

@@ -1,25 +1,28 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+/* The ladder: 1, 2, 5 of every decade with four steps between, from 10^-6 to 1; the last is the greatest error asked for. A table, for
+ * libraries of different machines do not agree about powers. */
 #ifndef TETLOD_LADDER_H
 #define TETLOD_LADDER_H
 
 #include <math.h>
 #include <stdbool.h>
 
-/* The ladder: 1, 2, 5 of every decade with four steps between, from 10^-6 to 1; the last is the greatest error asked for. */
+/* The rung above the limit. *out_named: levels are named after it. */
 static inline double next_limit(double limit, double most, bool *out_named)
 {
-    enum { STEPS = 5 };
-    static const double named[4] = {1, 2, 5, 10};
-    double decade = pow(10, floor(log10(limit * (1 + 1e-9)))), next = 0;
-    *out_named = false;
-    for (int i = 0; i < 3 && !next; i++)
-        for (int k = 1; k <= STEPS && !next; k++) {
-            double step = named[i] * decade * pow(named[i + 1] / named[i], (double)k / STEPS);
-            if (step > limit * (1 + 1e-6)) {
-                next = k == STEPS ? named[i + 1] * decade : step;
-                *out_named = k == STEPS;
+    enum { DECADES = 6, RUNGS = 15, STEPS = 5 };
+    static const double rungs[RUNGS] = {1.0, 1.148698354997035, 1.3195079107728942, 1.515716566510398, 1.7411011265922482,
+                                         2.0, 2.4022488679628626, 2.8853998118144273, 3.4657242157757318, 4.162766037009366,
+                                         5.0, 5.743491774985175, 6.597539553864471, 7.578582832551991, 8.705505632961241};
+    static const double powers[DECADES] = {1e6, 1e5, 1e4, 1e3, 1e2, 1e1};
+    double next = 1;
+    *out_named = true;
+    for (int decade = 0; decade < DECADES && next == 1; decade++)
+        for (int rung = 0; rung < RUNGS && next == 1; rung++)
+            if (rungs[rung] / powers[decade] > limit * (1 + 1e-6)) {
+                next = rungs[rung] / powers[decade];
+                *out_named = rung % STEPS == 0;
             }
-        }
     *out_named |= next >= most;
     return fmin(next, most);
 }

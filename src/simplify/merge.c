@@ -230,7 +230,7 @@ static bool reserve(struct worker *worker, size_t tets)
 }
 
 /* It is not to be after all: the slot waits for that error. */
-static void refuse(const struct run *run, struct worker *worker, uint32_t slot, double error, enum refusal refusal)
+static void refuse(const struct run *run, struct worker *worker, uint32_t slot, double error, enum log_refusal refusal)
 {
     worker->refused[refusal]++;
     run->proposals.priority[slot] = PROPOSES_NOTHING;
@@ -276,20 +276,20 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
     else
         memcpy(join.p, working_row(working, join.kept), sizeof join.p);
     if (!find_bounds(run, worker, &join)) {
-        refuse(run, worker, slot, 0, REFUSED_FLIP);
+        refuse(run, worker, slot, 0, LOG_REFUSED_FLIP);
         return;
     }
     if ((working->flags[join.dead] | working->flags[join.kept]) & VERTEX_BOUNDARY) {
         moved = moved_by(run, worker, ends, join.p);
         if (isinf(moved)) {
-            refuse(run, worker, slot, 0, REFUSED_BOUNDARY);
+            refuse(run, worker, slot, 0, LOG_REFUSED_BOUNDARY);
             return;
         }
         add_demands(run, worker);
     }
     double error = assigned_error(run, worker, values);
     if (!(error <= run->limit * (1 + ROUNDING))) {
-        refuse(run, worker, slot, error, REFUSED_ROUNDING);
+        refuse(run, worker, slot, error, LOG_REFUSED_ROUNDING);
         return;
     }
     const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);

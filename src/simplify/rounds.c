@@ -574,10 +574,15 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     if (!rounds.run.crew)
         TETLOD_TRY_DONE(no_memory(&rounds));
     TETLOD_TRY_DONE(working_init(&rounds.working, mesh, controlled, controlled_count, limits, out, error));
+    TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_find(&rounds.working, rounds.run.crew, error));
+    TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, options->boundary_angle, options->boundary_limit, error));
     TETLOD_TRY_DONE(allocate(&rounds));
     status = climb(&rounds);
+    for (unsigned w = 0; w < crew_size(rounds.run.crew); w++)
+        for (int r = 0; r < LOG_REFUSALS; r++)
+            out->refused[r] += rounds.run.workers[w].refused[r];
     log_finish(out);
 done:
     rounds_fini(&rounds);

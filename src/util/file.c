@@ -4,6 +4,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -181,14 +182,24 @@ static bool name_output(struct file_output *output)
     snprintf(self, sizeof self, "/proc/self/fd/%d", fileno(output->stream));
     if (linkat(AT_FDCWD, self, AT_FDCWD, output->path, AT_SYMLINK_FOLLOW) == 0)
         return true;
+    sigset_t all, before; // a signal between the two steps would leave a file of the temporary name
+    bool named = false;
+    int failed = errno;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    errno = failed;
     for (int i = 0; errno == EEXIST && i < TRIES; i++) {
         snprintf(output->temporary, output->temporary_size, "%s.%ld-%d", output->path, (long)getpid(), i);
         if (linkat(AT_FDCWD, self, AT_FDCWD, output->temporary, AT_SYMLINK_FOLLOW) != 0)
             continue;
         output->kind = OUTPUT_TEMPORARY;
-        return rename(output->temporary, output->path) == 0;
+        named = rename(output->temporary, output->path) == 0;
+        break;
     }
-    return false;
+    int why = errno;
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    errno = why;
+    return named;
 }
 
 enum tetlod_status file_output_commit(struct file_output *output, struct tetlod_error *error)
@@ -209,6 +220,14 @@ enum tetlod_status file_output_commit(struct file_output *output, struct tetlod_
     fclose(output->stream); // all has been flushed
     output_free(output);
     return TETLOD_OK;
+}
+
+enum tetlod_status file_output_finish(struct file_output *output, enum tetlod_status status, struct tetlod_error *error)
+{
+    if (status == TETLOD_OK || output->failed_errno)
+        return file_output_commit(output, error);
+    file_output_abort(output);
+    return status;
 }
 
 void file_output_abort(struct file_output *output)

@@ -16,5 +16,7 @@ TETLOD_CHECKED enum tetlod_status file_output_open(struct file_output **out, con
 struct tetlodi_sink file_output_sink(struct file_output *output);
 TETLOD_CHECKED enum tetlod_status file_output_commit(struct file_output *output, struct tetlod_error *error); /* frees it */
 void file_output_abort(struct file_output *output);
+/* Commits after `status` OK, else takes back; where the file itself failed, the error names path and reason. Frees it. */
+TETLOD_CHECKED enum tetlod_status file_output_finish(struct file_output *output, enum tetlod_status status, struct tetlod_error *error);
 
 #endif

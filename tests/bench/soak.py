@@ -29,7 +29,7 @@ CONNECTIONS, PAUSE = 2000, 4.0  # each asks every 4 s
 
 
 async def ask(reader, writer, path):
-    writer.write(b'GET %s HTTP/1.1\r\nHost: x\r\n\r\n' % path.encode())
+    writer.write(b'GET %s HTTP/1.1\r\nHost: localhost\r\n\r\n' % path.encode())
     head = await reader.readuntil(b'\r\n\r\n')
     await reader.readexactly(int(re.search(rb'\r\nContent-Length: (\d+)', head)[1]))
     return int(head[9:12])
@@ -63,7 +63,7 @@ def keep_alive(port, paths, until, out):
 def break_off(port, path):
     with socket.create_connection(('127.0.0.1', port), timeout=20) as connection:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack('ii', 1, 0))  # a reset, not an end
-        connection.sendall(b'GET %s HTTP/1.1\r\nHost: x\r\n\r\n' % path.encode())
+        connection.sendall(b'GET %s HTTP/1.1\r\nHost: localhost\r\n\r\n' % path.encode())
         if random.random() < 0.7:
             connection.recv(random.choice((1, 1000, 100000)))
 
@@ -71,8 +71,8 @@ def break_off(port, path):
 def malformed(port):
     with socket.create_connection(('127.0.0.1', port), timeout=20) as connection:
         try:
-            connection.sendall(random.choice((b'\x00' * 50 + b'\r\n\r\n', b'GET / HTTP/1.1\r\n\r\n', b'GET /%00 HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n',
-                                              b'POST / HTTP/1.1\r\nHost: x\r\nContent-Length: 9\r\n\r\n', b'GET /' + b'a' * 30000)))
+            connection.sendall(random.choice((b'\x00' * 50 + b'\r\n\r\n', b'GET / HTTP/1.1\r\n\r\n', b'GET /%00 HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n',
+                                              b'POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 9\r\n\r\n', b'GET /' + b'a' * 30000)))
             connection.settimeout(0.02)
             connection.recv(4096)
         except OSError:

@@ -15,7 +15,7 @@ COUNT = int(os.environ.get('HOSTILE', '20000' if SLOW == 1 else '2000'))
 SEED = int(os.environ.get('SEED', '1'))
 FOLDER = os.path.join(SCRATCH, 'streams')
 MARK = b'never-to-be-sent'
-KNOWN = {100, 200, 204, 206, 303, 304, 400, 404, 405, 411, 413, 414, 416, 422, 431, 500, 501, 503, 505}
+KNOWN = {100, 200, 204, 206, 303, 304, 308, 400, 404, 405, 411, 413, 414, 416, 421, 422, 431, 500, 501, 503, 505}
 server = None
 
 
@@ -55,7 +55,7 @@ class Generator:
         version = r.choice(('HTTP/1.1',) * 6 + ('HTTP/1.0', 'HTTP/2.0', 'HTTP/1.', 'XTTP/1.1', ''))
         lines = ['%s %s %s' % (method, self.target(), version)]
         if r.random() < 0.9:
-            lines.append('Host: x')
+            lines.append('Host: localhost')
         for _ in range(r.choice((0, 0, 1, 2, 5))):
             header = r.choice(self.headers)
             lines.append(header % r.choice(self.values))

@@ -325,7 +325,7 @@ def test_not_modified_without_making():
                 for name in ('etag', 'cache-control', 'vary'):
                     assert again.get(name) == head.get(name), (path, name)
                 assert again.get('content-length', head['content-length']) == head['content-length'], (path, again)
-        received = fresh.raw(b'GET %s HTTP/1.1\r\nHost: x\r\nIf-None-Match: *\r\n\r\n' % paths[0].encode())
+        received = fresh.raw(b'GET %s HTTP/1.1\r\nHost: localhost\r\nIf-None-Match: *\r\n\r\n' % paths[0].encode())
         assert received.endswith(b'\r\n\r\n') and received.count(b'\r\n\r\n') == 1, received  # no last chunk, and it ended
         assert fresh.get(base + '/levels/9/mesh.tetlod')[0] == fresh.get(base + '/records/3-9')[0] == fresh.get(base + '/stream')[0] == 200
         assert metric('tetlod_levels_made_total', fresh) == 0 and metric('tetlod_streams_decoded_total', fresh) == 0
@@ -452,7 +452,7 @@ def test_cache_held_by_slow_readers():
             slow = stack.enter_context(socket.socket(socket.AF_UNIX))
             slow.settimeout(PATIENCE)
             slow.connect(path)
-            slow.sendall(b'GET %slevels/%d/mesh.vtk HTTP/1.1\r\nHost: x\r\n\r\n' % (at.encode(), level))
+            slow.sendall(b'GET %slevels/%d/mesh.vtk HTTP/1.1\r\nHost: localhost\r\n\r\n' % (at.encode(), level))
             if slow.recv(12, socket.MSG_PEEK) != b'HTTP/1.1 200':
                 break  # these hold it all
         start = time.monotonic()
@@ -477,7 +477,7 @@ def test_replaced_stream():
     with Server(folder, '--scan', '0.2', '--keep-replaced', '1000') as changing:
         old = changing.json('/v1/meshes/m')['cid']
         with changing.connect() as reader:  # somebody who reads slowly while it is replaced
-            reader.sendall(b'GET /v1/meshes/m/%s/stream HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n' % old.encode())
+            reader.sendall(b'GET /v1/meshes/m/%s/stream HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n' % old.encode())
             os.replace(new, path)
             eventually(lambda: changing.json('/v1/meshes/m')['cid'] != old)
             assert changing.get('/v1/meshes/m/%s/records/0-1' % old)[0] == 200
@@ -540,7 +540,7 @@ def test_stop_during_answers():
     make_stream('fin', stream, 16)  # its mesh is more than the buffers of a Unix socket hold
     with Server(stream, '--drain', '1000', '--timeout', '1000', '--quiet', '--listen', 'unix:' + path) as ending, socket.socket(socket.AF_UNIX) as slow, ending.connect() as patient:
         told = ending.json('/v1/meshes/larger')
-        request = b'GET /v1/meshes/larger/%s/levels/%d/mesh.%%s HTTP/1.1\r\nHost: x\r\n\r\n' % (told['cid'].encode(), len(told['levels']) - 1)
+        request = b'GET /v1/meshes/larger/%s/levels/%d/mesh.%%s HTTP/1.1\r\nHost: localhost\r\n\r\n' % (told['cid'].encode(), len(told['levels']) - 1)
         slow.settimeout(PATIENCE)
         slow.connect(path)
         slow.sendall(request % b'vtk')
@@ -553,7 +553,7 @@ def test_stop_during_answers():
         assert got == announced
         assert ending.process.poll() is None  # for the slow one
         with contextlib.suppress(OSError):
-            assert not ending.raw(b'GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n')
+            assert not ending.raw(b'GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n')
         announced, got = read_answer(slow)
         assert got == announced > 300000
         ending.stop()  # it would wait longer than our patience for anybody else
@@ -565,7 +565,7 @@ def ask_at_once(busy, paths):
     with contextlib.ExitStack() as stack:
         asking = [stack.enter_context(busy.connect()) for _ in paths]
         for connection, path in zip(asking, paths):
-            connection.sendall(b'GET %s HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n' % path.encode())
+            connection.sendall(b'GET %s HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n' % path.encode())
         for connection, path in zip(asking, paths):
             connection.settimeout(PATIENCE)
             received = b''

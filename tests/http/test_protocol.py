@@ -15,7 +15,7 @@ from served import PATIENCE, ROOT, SCRATCH, SLOW, TETLOD, Server, eventually, ru
 
 FOLDER = os.path.join(SCRATCH, 'streams')
 os.makedirs(FOLDER, exist_ok=True)
-HOST = b'Host: x\r\n'
+HOST = b'Host: localhost\r\n'
 server = None
 
 
@@ -48,11 +48,7 @@ def test_health():
 def test_common_headers():
     for path in ('/healthz', '/v1/meshes', '/nothing'):
         _, head, _ = server.get(path, Origin='http://elsewhere')
-        assert head['access-control-allow-origin'] == '*'
-        for name in ('ETag', 'Content-Range', 'Server-Timing', 'Tetlod-Level', 'Location'):
-            assert name in head['access-control-expose-headers'], name
-        assert head['timing-allow-origin'] == '*' and head['cross-origin-resource-policy'] == 'cross-origin'
-        assert head['x-request-id']
+        assert head['x-request-id'] and head['server'] == 'tetlod'
 
 
 def test_request_id():
@@ -66,8 +62,7 @@ def test_options():
     status, head, body = server.get('/v1/meshes', 'OPTIONS', Origin='http://x', Access_Control_Request_Method='GET',
                                     Access_Control_Request_Headers='range')
     assert status == 204 and body == b''
-    assert 'GET' in head['access-control-allow-methods'] and 'Range' in head['access-control-allow-headers']
-    assert int(head['access-control-max-age']) > 0
+    assert head['allow'] == 'GET, HEAD, OPTIONS'
     assert 'content-length' not in head and 'transfer-encoding' not in head
     assert one(ask(b'OPTIONS * HTTP/1.1')) == 204
 
@@ -121,7 +116,7 @@ def test_bodies_are_refused():
 
 def test_smuggling():
     """A second request inside what a proxy may take for a body must never be answered."""
-    inner = b'GET /v1/meshes HTTP/1.1\r\nHost: x\r\n\r\n'
+    inner = b'GET /v1/meshes HTTP/1.1\r\nHost: localhost\r\n\r\n'
     for headers, body in (
             (b'Content-Length: 5\r\nTransfer-Encoding: chunked\r\n', b'0\r\n\r\n' + inner),
             (b'Transfer-Encoding: chunked\r\nContent-Length: %d\r\n' % (5 + len(inner)), b'0\r\n\r\n' + inner),
@@ -142,8 +137,30 @@ def test_smuggling():
 
 
 def test_expect_continue():
-    received = server.raw(b'POST /v1/meshes HTTP/1.1\r\n' + HOST + b'Content-Length: 5\r\nExpect: 100-continue\r\n\r\nhello')
-    assert statuses(received)[-1] == 405, received
+    for method, wanted in ((b'POST', 405), (b'GET', 413)):
+        received = server.raw(method + b' /v1/meshes HTTP/1.1\r\n' + HOST + b'Content-Length: 5\r\nExpect: 100-continue\r\n\r\n')
+        assert statuses(received) == [wanted], received  # without 100: nobody wants the body
+
+
+def test_nul_in_headers():
+    """libmicrohttpd cuts values at a NUL; a proxy may read on."""
+    for headers in (b'Content-Length: 0\x005\r\n', b'X: a\x00b\r\n', b'X: a\x00bc\r\nY: b\r\n', b'Cookie: a=b\x00; c=d\r\n'):
+        for more in (b'', b'Z: z\r\n'):
+            assert one(ask(b'GET /healthz HTTP/1.1', headers + more)) == 400, (headers, more)
+    for headers in (b'X: a\r\n', b'X:a\r\n', b'X:  a  \r\n', b'X:\r\n', b'X: \t\r\n', b'Cookie: a=b; c=d\r\n', b'Content-Length: 0\r\n'):
+        for more in (b'', b'Z: z\r\n'):
+            assert one(ask(b'GET /healthz HTTP/1.1', headers + more)) == 200, (headers, more)
+
+
+def test_no_silence():
+    """Whatever a request's size, it is answered: well up to --header-bytes, else refused."""
+    for size in (1000, 4500, 7500, 9000, 12000, 12300, 16000, 20000):
+        many = b'; '.join(b'c%d=' % i + b'x' * 144 for i in range(size // 150))
+        for line, headers in ((b'GET /healthz?' + b'a' * size, b''), (b'GET /healthz?' + b'a&' * (size // 2), b''),
+                              (b'GET /healthz', b'Cookie: ' + many + b'\r\n'), (b'GET /healthz', b'X: ' + b'a' * size + b'\r\n'),
+                              (b'GET /healthz', (b'Cookie: a=' + b'x' * 138 + b'\r\n') * (size // 150))):
+            status = one(ask(line + b' HTTP/1.1', headers))
+            assert status in ((200,) if size < 8000 else (414, 431)), (size, line[:20], headers[:20], status)
 
 
 def refusal(received):
@@ -204,9 +221,9 @@ def test_garbage():
 
 
 def check_garbage(short):
-    for data in (b'\0' * 100, b'\r\n\r\n\r\n', b'GET\r\n\r\n', b'GET / HTTP/9.9\r\nHost: x\r\n\r\n', b'\xff\xfe\xfd\r\n\r\n', b'GET /\r\n\r\n',
+    for data in (b'\0' * 100, b'\r\n\r\n\r\n', b'GET\r\n\r\n', b'GET / HTTP/9.9\r\nHost: localhost\r\n\r\n', b'\xff\xfe\xfd\r\n\r\n', b'GET /\r\n\r\n',
                  b'GET  /  HTTP/1.1\r\n\r\n', b'\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03', b'PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n',
-                 b'GET / HTTP/1.1\r\n: x\r\n\r\n', b'GET / HTTP/1.1\r\nHost : x\r\n\r\n', b'GET / HTTP/1.1\r\n Host: x\r\n\r\n'):
+                 b'GET / HTTP/1.1\r\n: x\r\n\r\n', b'GET / HTTP/1.1\r\nHost : x\r\n\r\n', b'GET / HTTP/1.1\r\n Host: localhost\r\n\r\n'):
         received = short.raw(data, finish=True)
         assert all(s >= 400 for s in statuses(received)), (data, received)
     assert short.get('/healthz')[0] == 200
@@ -217,7 +234,7 @@ def test_pipelining():
     last = b'GET /readyz HTTP/1.1\r\n' + HOST + b'Connection: close\r\n\r\n'
     received = server.raw(request * 50 + last)
     assert statuses(received) == [200] * 51
-    assert received.rstrip().endswith(b'"meshes": 0}')
+    assert received.rstrip().endswith(b'"meshes": 0, "unreadable": 0}')
 
 
 def test_half_closed():
@@ -312,7 +329,7 @@ def test_assets():
         assert status == 200, path
         seen[path] = head
         for name in re.findall(r'["\']\.{0,2}(/[\w-]+\.(?:js|css|wasm|svg))["\']', body.decode('latin-1')):
-            if name not in seen and name not in todo:
+            if name not in seen and name not in todo and name != '/inline.js':  # that one lies beside pages opened from disk
                 todo.append(name)
     assert any(name.endswith('.wasm') for name in seen) and any('/chunk-' in name for name in seen), list(seen)
     for path, head in seen.items():
@@ -360,7 +377,7 @@ def test_slow_loris():
     with Server(FOLDER, '--timeout', '1') as slow:
         with slow.connect() as connection, slow.connect() as idle:
             with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-                for byte in b'GET /healthz HTTP/1.1\r\nHost: x\r\nX: ' + b'a' * 1000:
+                for byte in b'GET /healthz HTTP/1.1\r\nHost: localhost\r\nX: ' + b'a' * 1000:
                     connection.sendall(bytes([byte]))
                     time.sleep(0.1)
                 raise AssertionError('it is still listened to')
@@ -497,7 +514,7 @@ def test_metrics():
 
 with Server(FOLDER, '--timeout', '1000') as server:  # what ends a connection is never that
     run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths, test_traversal,
-         test_nul_does_not_cut, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue,
+         test_nul_does_not_cut, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue, test_nul_in_headers, test_no_silence,
          test_refusals_are_problems, test_many_parameters, test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
          test_coding, test_embedding, test_assets, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses, test_metrics_apart, test_threads,
          test_graceful_stop, test_access_log, test_metrics])

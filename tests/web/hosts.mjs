@@ -81,7 +81,7 @@ export const folderHost = (folder) => fileHost((url) => {
 
 /** `tetlod serve`; port 0 takes a free one. */
 export async function program(paths, port = 0) {
-  const child = spawn(TETLOD, ['serve', '--listen', `127.0.0.1:${port}`, ...paths], { stdio: ['ignore', 'pipe', 'ignore'] });
+  const child = spawn(TETLOD, ['serve', '--cors', '*', '--listen', `127.0.0.1:${port}`, ...paths], { stdio: ['ignore', 'pipe', 'ignore'] });
   const url = await new Promise((resolve, reject) => {
     child.stdout.once('data', (text) => resolve(String(text).trim()));
     child.once('exit', (code) => reject(new Error(`the server ended with ${code}`)));

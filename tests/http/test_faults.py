@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What goes wrong around the server: full disks, descriptors that run out, folders and files that cannot be read, files that change."""
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import time
+
+from served import SCRATCH, TETLOD, Server, eventually, run
+
+MADE = os.path.join(SCRATCH, 'fin.tetlod')
+
+
+def folder_of(name, *streams):
+    folder = os.path.join(SCRATCH, name)
+    shutil.rmtree(folder, ignore_errors=True)
+    os.makedirs(folder)
+    for stream in streams:
+        shutil.copy(MADE, os.path.join(folder, stream + '.tetlod'))
+    return folder
+
+
+def test_explode_on_a_full_disk():
+    folder, out = folder_of('source', 'fin'), os.path.join(SCRATCH, 'exploded')
+
+    def small_files():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # then writing beyond the limit fails as on a full disk
+        resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
+
+    done = subprocess.run([TETLOD, 'explode', folder, '-o', out, '--meshes'], stderr=subprocess.PIPE, preexec_fn=small_files)
+    message = done.stderr.decode()
+    assert done.returncode == 1 and out in message and 'File too large' in message and 'done' not in message, done
+    done = subprocess.run([TETLOD, 'explode', folder, '-o', out, '--meshes'])
+    assert done.returncode == 0
+
+
+def test_what_is_no_stream_is_named_once():
+    folder = folder_of('strange', 'good')
+    os.mkfifo(os.path.join(folder, 'pipe.tetlod'))
+    os.mkdir(os.path.join(folder, 'folder.tetlod'))
+    os.symlink('/dev/zero', os.path.join(folder, 'device.tetlod'))
+    os.symlink('loop.tetlod', os.path.join(folder, 'loop.tetlod'))
+    shutil.copy(MADE, os.fsencode(folder) + b'/caf\xe9.tetlod')
+    shutil.copy(MADE, os.path.join(folder, 'two\nlines.tetlod'))
+    with Server(folder, '--scan', '0.05') as server:
+        assert [m['id'] for m in server.json('/v1/meshes')['meshes']] == ['good']
+        time.sleep(0.5)  # several scans
+        lines = server.messages().splitlines()
+        for name in ('pipe', 'folder', 'device', 'loop', 'caf', 'two'):
+            assert len([line for line in lines if name in line]) == 1, (name, lines)
+        assert all(line.startswith('tetlod: ') for line in lines), lines
+        assert server.json('/readyz')['unreadable'] == 1  # the loop
+
+
+def test_folder_that_goes_away_for_a_while():
+    """Anything but "no such file" leaves what is served; /readyz and the log tell."""
+    folder = folder_of('away', 'fin')
+    with Server(folder, '--scan', '0.05', '--keep-replaced', '0.1') as server:
+        cid = server.json('/v1/meshes/fin')['cid']
+        aside = folder + '-aside'
+        os.rename(folder, aside)
+        os.symlink('away', folder)  # a loop: ELOOP
+        eventually(lambda: server.json('/readyz')['unreadable'] == 1)
+        time.sleep(0.5)
+        assert server.json('/v1/meshes/fin')['cid'] == cid
+        assert len([line for line in server.messages().splitlines() if 'symbolic links' in line]) == 1, server.messages()
+        os.unlink(folder)
+        os.rename(aside, folder)
+        eventually(lambda: server.json('/readyz')['unreadable'] == 0)
+        os.unlink(os.path.join(folder, 'fin.tetlod'))
+        eventually(lambda: server.get('/v1/meshes/fin')[0] == 404)  # that is no error
+
+
+def test_descriptors_run_out():
+    """What is served stays when a scan finds no descriptor; new files are taken up later."""
+    folder = folder_of('scarce', 'a', 'b')
+    with Server(folder, '--scan', '0.05', '--threads', '1') as server:
+        before = len(os.listdir('/proc/%d/fd' % server.process.pid))
+        soft, hard = resource.prlimit(server.process.pid, resource.RLIMIT_NOFILE)
+        resource.prlimit(server.process.pid, resource.RLIMIT_NOFILE, (before - 1, hard))
+        eventually(lambda: 'Too many open files' in server.messages())
+        resource.prlimit(server.process.pid, resource.RLIMIT_NOFILE, (soft, hard))
+        for name in 'ab':
+            assert server.get('/v1/meshes/' + name)[0] == 200
+        shutil.copy(MADE, os.path.join(folder, 'c.tetlod'))
+        eventually(lambda: server.get('/v1/meshes/c')[0] == 200)
+
+
+def test_written_over_with_the_same_size_and_time():
+    """The change time tells; a file whose index is as it was is read whole before it is trusted again."""
+    folder = folder_of('over', 'fin')
+    path = os.path.join(folder, 'fin.tetlod')
+    with open(path, 'rb') as file:
+        good = file.read()
+    with Server(folder, '--scan', '0.05') as server:
+        described = server.json('/v1/meshes/fin')
+        at = '/v1/meshes/fin/%s/stream' % described['cid']
+        half = described['levels'][-1]['bytes'] - 40
+        about = os.stat(path)
+        with open(path, 'r+b') as file:
+            file.seek(half)
+            file.write(bytes([good[half] ^ 1]))
+        os.utime(path, ns=(about.st_atime_ns, about.st_mtime_ns))
+        for _ in range(20):
+            status, head, body = server.get(at)
+            assert status == 404 or body == good, status
+        eventually(lambda: 'not served' in server.messages())
+        assert server.get(at)[0] == 404
+        with open(path, 'r+b') as file:
+            file.seek(half)
+            file.write(bytes([good[half]]))
+        eventually(lambda: server.get(at)[0] == 200)
+        assert server.get(at)[2] == good
+        os.chmod(path, 0o600)  # changes the change time and nothing else
+        eventually(lambda: server.get(at)[2] == good)
+
+
+subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
+subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
+run([test_explode_on_a_full_disk, test_what_is_no_stream_is_named_once, test_folder_that_goes_away_for_a_while, test_descriptors_run_out,
+     test_written_over_with_the_same_size_and_time])
