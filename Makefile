@@ -83,7 +83,9 @@ SHARED := $(B)/libtetlod.so.$(VERSION)
 # The page and what it loads, bundled by esbuild, become part of the program
 WEB_DIR := server/web
 WEB_SRC := $(sort $(shell find $(WEB_DIR) -name node_modules -prune -o -type f -print))
-WEB := build/web
+WEB_OUT := build/web
+# WEB=0 builds the server without the page, and no package for the web: neither npm nor a network is asked for
+WEB ?= 1
 # The codec and its geometry as WebAssembly, for the page and for clients of their own: package of ES modules in build/client
 WASM_CC ?= clang-14
 WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O3 -ffp-contract=off \
@@ -95,8 +97,8 @@ WASM := build/wasm/tetlod.wasm
 CLIENT := build/client
 CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)
 NODE_MODULES := $(WEB_DIR)/node_modules/.package-lock.json
-EMBEDDED := $(B)/server/embedded.o
-EMBEDDED_SRC := build/embedded/embedded.c
+EMBEDDED := $(B)/server/embedded$(if $(filter 0,$(WEB)),-api).o
+EMBEDDED_SRC := build/$(if $(filter 0,$(WEB)),embedded-api,embedded)/embedded.c
 INTERNAL := $(call objects,$(LIBRARY_SRC) $(SERVER_SRC)) $(EMBEDDED)
 BINARY := $(B)/tetlod
 UNIT_TESTS := $(patsubst tests/unit/%.c,$(B)/tests/unit/%,$(UNIT_SRC))
@@ -107,9 +109,9 @@ FUZZ_TARGETS := $(patsubst tests/fuzz/%.c,$(B)/tests/fuzz/%,$(FUZZ_SRC))
 .SECONDARY:
 Q := $(if $(V),,@)
 
-## all: the program, the library and the package of the web client (config=release|debug|asan|tsan|coverage|fuzz)
+## all: the program, the library and the package of the web client (WEB=0: without the page and the package, needs no npm; config=release|debug|asan|tsan|coverage|fuzz)
 .PHONY: all
-all: $(BINARY) $(LIBTETLOD) $(SHARED) $(CLIENT)/package.json
+all: $(BINARY) $(LIBTETLOD) $(SHARED) $(if $(filter 0,$(WEB)),,$(CLIENT)/package.json)
 
 # A change of flags rebuilds: the stamp holds the line that compiles.
 FLAGS_LINE = $(CC) $(TETLOD_CFLAGS) $(OPTIONAL_CFLAGS) $(CPPFLAGS) $(CFLAGS) $(TETLOD_LDFLAGS) $(LDFLAGS)
@@ -146,10 +148,10 @@ $(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC) $(WEB_DIR)/inline.
 
 build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
 	@echo "  WEB $(WEB_DIR)"
-	$(Q)node $(WEB_DIR)/build.mjs $(WEB) $(WASM) && touch $@
+	$(Q)node $(WEB_DIR)/build.mjs $(WEB_OUT) $(WASM) && touch $@
 
-$(EMBEDDED_SRC): server/embed.py build/web.stamp server/api/openapi.json
-	$(Q)python3 server/embed.py $(@D) $(WEB) server/api
+$(EMBEDDED_SRC): server/embed.py $(if $(filter 0,$(WEB)),,build/web.stamp) server/api/openapi.json
+	$(Q)python3 server/embed.py $(@D) $(if $(filter 0,$(WEB)),,$(WEB_OUT)) server/api
 
 $(EMBEDDED): $(EMBEDDED_SRC) server/answer/assets.h $(B)/flags
 	@mkdir -p $(@D)
@@ -225,7 +227,7 @@ check: deps-check
 
 ## tests: the test programs of this config
 .PHONY: tests
-tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(B)/tests/oom/failmalloc.so)
+tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(B)/tests/oom/failmalloc.so $(B)/tests/attack/attack)
 
 ## fuzz: run each fuzz target for TIME seconds (TARGET=name for one)
 .PHONY: fuzz
@@ -286,6 +288,12 @@ $(ATTACK): $(ATTACK_OBJECTS) $(LIBTETLOD)
 attack: deps-build
 	$(Q)$(MAKE) --no-print-directory all $(ATTACK)
 	@python3 tests/attack/run.py $(ATTACK) $(BINARY) $(B)/attack $(SEEDS) $(FIRST)
+
+## mutants: take one line of the proof out at a time; a test must go red (NAME='one of tests/mutants/table.py')
+.PHONY: mutants
+mutants: deps-build
+	$(Q)$(MAKE) --no-print-directory all tests $(ATTACK)
+	@python3 tests/mutants/run.py $(if $(NAME),'$(NAME)')
 
 ## bench-certificate: 100 random levels of all samples and the blunt fin (BLUNT=folder), 200,000 points each, against what is promised of them
 .PHONY: bench-certificate

@@ -97,7 +97,7 @@ static enum tetlod_status write_levels(const struct tree *tree, struct dataset *
     const struct tetlod_info *info = dataset_info(dataset);
     struct forest *forest = NULL;
     struct file_output *output;
-    enum tetlod_status status = forest_new(&forest, dataset_file(dataset), tree->error);
+    enum tetlod_status status = forest_new(&forest, dataset_file(dataset), info->level_count - 1, tree->error);
     while (status == TETLOD_OK && forest_levels(forest) < info->level_count)
         status = forest_grow(forest, tree->error);
     for (uint32_t k = 0; status == TETLOD_OK && k < info->level_count; k++) {
@@ -162,7 +162,7 @@ enum tetlod_status server_explode(const struct explode_options *options, struct 
     struct file_output *output;
     TETLOD_TRY(catalogue_open(&catalogue, &from, error));
     size_t count = 0;
-    struct dataset **list = catalogue_list(catalogue, &count);
+    struct dataset **list = catalogue_list(catalogue, SIZE_MAX, &count);
     json_t *meshes = json_array();
     enum tetlod_status status = list ? TETLOD_OK : tetlodi_fail_nomem(error, "the catalogue", 0);
     for (size_t i = 0; i < count; i++) {

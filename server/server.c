@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Lifecycle. Threads: an acceptor, which spreads connections over the HTTP threads; those; workers for what takes longer
- * than a connection's thread may wait, and decoders for what takes longer than that; a keeper, which looks at the files and
- * at late connections.
+ * than a connection's thread may wait, and decoders for what takes longer than that; a keeper, which looks at late connections;
+ * a scanner, which looks at the files.
  */
 #define _GNU_SOURCE
 #include "server/server.h"
@@ -44,10 +44,10 @@ struct server {
     struct listener listeners[MOST_LISTENERS]; /* the metrics' own one last */
     size_t listener_count;
     int wake; /* eventfd: the acceptor is to end */
-    pthread_t acceptor, keeper;
-    bool accepting, keeping;
+    pthread_t acceptor, keeper, scanner;
+    bool accepting, keeping, scanning;
     pthread_mutex_t lock;
-    pthread_cond_t changed;
+    pthread_cond_t changed, stop;
     bool stopping, rescan; /* under the lock */
 };
 
@@ -122,10 +122,40 @@ static void *run_acceptor(void *opaque)
 
 /* ---- the keeper ---- */
 
+/* Whether what was made of a stream, and lies under its content id, may still be asked for. */
+static bool is_wanted(void *opaque, const char *key)
+{
+    return strncmp(key, "catalogue/", 10) == 0 || catalogue_has_content(opaque, key, strcspn(key, "-/"));
+}
+
+/* Looks at the paths. This may hang where a network's file system does: nothing else is done by this thread. */
+static void *run_scanner(void *opaque)
+{
+    struct server *server = opaque;
+    pthread_mutex_lock(&server->lock);
+    while (!server->stopping) {
+        struct timespec until;
+        clock_gettime(CLOCK_REALTIME, &until);
+        double seconds = (double)until.tv_sec + (double)until.tv_nsec * 1e-9 + server->options.scan_seconds;
+        until.tv_sec = (time_t)seconds;
+        until.tv_nsec = (long)((seconds - (double)until.tv_sec) * 1e9);
+        if (!server->rescan)
+            pthread_cond_timedwait(&server->changed, &server->lock, &until);
+        server->rescan = false;
+        if (server->stopping)
+            break;
+        pthread_mutex_unlock(&server->lock);
+        catalogue_scan(server->site.catalogue, monotonic_seconds());
+        cache_sweep(server->site.memory, is_wanted, server->site.catalogue);
+        pthread_mutex_lock(&server->lock);
+    }
+    pthread_mutex_unlock(&server->lock);
+    return NULL;
+}
+
 static void *run_keeper(void *opaque)
 {
     struct server *server = opaque;
-    double next_scan = monotonic_seconds() + server->options.scan_seconds;
     pthread_mutex_lock(&server->lock);
     while (!server->stopping) {
         struct timespec until;
@@ -133,18 +163,13 @@ static void *run_keeper(void *opaque)
         until.tv_nsec += KEEPER_MILLISECONDS * 1000000L;
         until.tv_sec += until.tv_nsec / 1000000000L;
         until.tv_nsec %= 1000000000L;
-        if (!server->rescan)
-            pthread_cond_timedwait(&server->changed, &server->lock, &until);
-        double now = monotonic_seconds();
-        bool scan = server->rescan || now >= next_scan;
-        server->rescan = false;
+        pthread_cond_timedwait(&server->stop, &server->lock, &until);
         pthread_mutex_unlock(&server->lock);
+        double now = monotonic_seconds();
         for (size_t late = gate_reap(server->gate, now, false); late; late--)
             metrics_count(server->site.metrics, METRIC_CONNECTIONS_EXPIRED);
-        if (scan) {
-            catalogue_scan(server->site.catalogue, now);
-            next_scan = monotonic_seconds() + server->options.scan_seconds;
-        }
+        cache_wake_seekers(server->site.cache); // some may have waited long enough
+        cache_wake_seekers(server->site.memory);
         pthread_mutex_lock(&server->lock);
     }
     pthread_mutex_unlock(&server->lock);
@@ -157,6 +182,7 @@ static void set_defaults(struct server_options *options)
 {
     options->threads = options->threads ? options->threads : parallel_cores();
     options->cache_bytes = options->cache_bytes ? options->cache_bytes : (uint64_t)256 << 20;
+    options->memory_bytes = options->memory_bytes ? options->memory_bytes : (uint64_t)sysconf(_SC_PHYS_PAGES) / 2 * (uint64_t)sysconf(_SC_PAGESIZE);
     options->connections = options->connections ? options->connections : 4096;
     options->header_bytes = options->header_bytes ? options->header_bytes : 8192;
     options->idle_seconds = options->idle_seconds > 0 ? options->idle_seconds : 30;
@@ -256,6 +282,7 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
         server->routes[routes] = "/";
     site->metrics = server->routes ? metrics_new(server->routes) : NULL;
     site->cache = cache_new(options->cache_bytes);
+    site->memory = cache_new(options->memory_bytes);
     site->serve_metrics = !options->metrics;
     long descriptors = sysconf(_SC_OPEN_MAX);
     const struct gate_options limits = {
@@ -266,7 +293,7 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
         .descriptors = descriptors > 0 && descriptors < MOST_DESCRIPTORS ? (size_t)descriptors : MOST_DESCRIPTORS,
     };
     server->gate = gate_new(&limits);
-    if (!site->metrics || !site->cache || !server->gate)
+    if (!site->metrics || !site->cache || !site->memory || !server->gate)
         return tetlodi_fail_nomem(error, "the server", 0);
     TETLOD_TRY(take_origins(server, error));
     TETLOD_TRY(take_base_path(server, error));
@@ -344,7 +371,8 @@ static enum tetlod_status start_threads(struct server *server, struct tetlod_err
         return tetlodi_fail(error, TETLOD_ERR_IO, "cannot make an eventfd: %s", strerror(errno));
     server->accepting = pthread_create(&server->acceptor, NULL, run_acceptor, server) == 0;
     server->keeping = pthread_create(&server->keeper, NULL, run_keeper, server) == 0;
-    if (!server->accepting || !server->keeping)
+    server->scanning = pthread_create(&server->scanner, NULL, run_scanner, server) == 0;
+    if (!server->accepting || !server->keeping || !server->scanning)
         return tetlodi_fail(error, TETLOD_ERR_NOMEM, "cannot start threads");
     return TETLOD_OK;
 }
@@ -361,6 +389,7 @@ enum tetlod_status server_start(struct server **out, const struct server_options
     set_defaults(&server->options);
     pthread_mutex_init(&server->lock, NULL);
     pthread_cond_init(&server->changed, NULL);
+    pthread_cond_init(&server->stop, NULL);
     for (size_t i = 0; i < MOST_LISTENERS; i++)
         server->listeners[i].fd = -1;
     sigfillset(&all);
@@ -422,13 +451,27 @@ static void drain(struct server *server)
 
 static void stop_keeper(struct server *server)
 {
-    if (!server->keeping)
+    if (!server->keeping && !server->scanning)
         return;
     pthread_mutex_lock(&server->lock);
     server->stopping = true;
-    pthread_cond_signal(&server->changed);
+    pthread_cond_broadcast(&server->changed);
+    pthread_cond_broadcast(&server->stop);
     pthread_mutex_unlock(&server->lock);
-    pthread_join(server->keeper, NULL);
+    if (server->keeping)
+        pthread_join(server->keeper, NULL);
+}
+
+/* False if a path hangs and the thread with it; then the catalogue is not ours to free. */
+static bool stop_scanner(struct server *server)
+{
+    struct timespec until;
+    clock_gettime(CLOCK_REALTIME, &until);
+    until.tv_sec += (time_t)server->options.drain_seconds + 1;
+    if (!server->scanning || pthread_timedjoin_np(server->scanner, NULL, &until) == 0)
+        return true;
+    say(server, "warning", "stopping while a path does not answer");
+    return false;
 }
 
 void server_stop(struct server *server)
@@ -441,12 +484,19 @@ void server_stop(struct server *server)
     stop_keeper(server);
     pool_stop(server->site.decoders); // these wake all who wait: a suspended connection could not be ended
     pool_stop(server->site.pool);
+    if (server->site.cache)
+        cache_wake_seekers(server->site.cache); // they hear that there are no threads any more
+    if (server->site.memory)
+        cache_wake_seekers(server->site.memory);
     http_stop(server->metrics_http);
     http_stop(server->http);
     pool_free(server->site.decoders);
     pool_free(server->site.pool);
     gate_free(server->gate);
     cache_free(server->site.cache);
+    cache_free(server->site.memory);
+    if (!stop_scanner(server))
+        return; // the process is about to end
     catalogue_close(server->site.catalogue);
     metrics_free(server->site.metrics);
     free(server->routes);
@@ -459,5 +509,6 @@ void server_stop(struct server *server)
         close(server->wake);
     pthread_mutex_destroy(&server->lock);
     pthread_cond_destroy(&server->changed);
+    pthread_cond_destroy(&server->stop);
     free(server);
 }

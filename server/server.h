@@ -23,6 +23,7 @@ struct server_options {
     size_t stream_origin_count;
     unsigned threads;            /* [one per core] */
     uint64_t cache_bytes;        /* of answers that were made [256 MiB] */
+    uint64_t memory_bytes;       /* of decoded streams, and of answers too large for the cache [half of the machine's] */
     size_t connections;          /* at a time [4096] */
     size_t connections_per_address; /* [no limit] */
     size_t header_bytes;         /* request line and headers of a request [8 KiB] */

@@ -21,7 +21,8 @@ struct access_policy {
 
 struct site {
     struct catalogue *catalogue;
-    struct cache *cache; /* finished answers */
+    struct cache *cache;  /* finished answers */
+    struct cache *memory; /* decoded streams, and answers that are too large for the cache */
     struct pool *pool;     /* makes answers; NULL: the asking thread does */
     struct pool *decoders; /* decode streams, which takes longer; NULL: the asking thread does */
     struct metrics *metrics;
@@ -31,6 +32,12 @@ struct site {
     bool serve_metrics; /* at /metrics; else only on an address of its own */
     atomic_bool draining;
 };
+
+/* Where an answer is kept that takes so much to make: what would fill the cache has room beside the streams. */
+static inline struct cache *cache_for(const struct site *site, uint64_t bytes)
+{
+    return bytes > cache_capacity(site->cache) / 2 ? site->memory : site->cache;
+}
 
 enum outcome { ANSWERED, WAITING };
 

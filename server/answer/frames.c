@@ -106,8 +106,8 @@ static enum outcome read_spans(struct exchange *exchange, struct dataset *datase
     for (size_t i = 0; i < count; i++)
         context->spans[i] = spans[i];
     const struct recipe recipe = {read_stored, stored_context_free, context, size + size / 2 /* as it grows */,
-                                  count > 1 ? PATIENCE : 0};
-    return obtain(exchange, exchange->site->cache, key, &recipe, out);
+                                  count > 1 ? PATIENCE : 0, NULL};
+    return obtain(exchange, cache_for(exchange->site, recipe.bytes), key, &recipe, out);
 }
 
 /* Answers with several pieces of a stream, one after the other. */
@@ -115,11 +115,11 @@ static enum outcome respond_spans(struct exchange *exchange, struct dataset *dat
                            const char *etag)
 {
     const struct representation representation = {.media_type = "application/vnd.tetlod", .etag = etag, .alone = true};
-    const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, etag);
     enum outcome outcome = ANSWERED;
     uint64_t size = 0;
     for (size_t i = 0; i < count; i++)
         size += spans[i].size;
+    const struct cache_value *value = obtain_cached(exchange, cache_for(exchange->site, size + size / 2), etag);
     if (!value && !respond_unchanged(exchange, &representation, size))
         outcome = read_spans(exchange, dataset, spans, count, size, etag, &value);
     if (value)

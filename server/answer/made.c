@@ -8,6 +8,7 @@
 
 #include "server/answer/obtain.h"
 #include "server/answer/respond.h"
+#include "server/store/forest.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 
@@ -15,7 +16,7 @@
 struct making {
     struct site *site;
     struct dataset *dataset; /* held */
-    const struct forest *forest;
+    struct cache_entry *forest; /* held */
     enum tetlod_status (*write)(const void *choice, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error);
     uint32_t level;
     enum coding coding;
@@ -25,6 +26,7 @@ struct making {
 static void making_free(void *opaque)
 {
     struct making *making = opaque;
+    cache_release(making->site->memory, making->forest);
     dataset_release(making->dataset);
     free(making);
 }
@@ -35,7 +37,7 @@ static enum tetlod_status make(void *opaque, struct cache_value *out, struct tet
     struct tetmesh mesh;
     struct buffer buffer = {0};
     double started = monotonic_seconds();
-    enum tetlod_status status = forest_mesh(making->forest, making->level, &mesh, error);
+    enum tetlod_status status = forest_mesh(forest_of(making->forest), making->level, &mesh, error);
     if (status != TETLOD_OK)
         return status;
     double extracted = monotonic_seconds();
@@ -63,22 +65,23 @@ static uint64_t making_bytes(const struct tetlod_info *info, const struct level_
 
 /* The value is NULL if it is not there yet, or the response says why it will not be. */
 static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer,
-                                  enum coding coding, const char *key, const struct cache_value **out)
+                                  enum coding coding, struct cache *cache, const char *key, const struct cache_value **out)
 {
-    const struct forest *forest;
+    struct cache_entry *forest;
     *out = NULL;
     enum outcome outcome = obtain_forest(exchange, dataset, answer->level, &forest);
     if (!forest)
         return outcome;
     struct making *making = malloc(sizeof *making + answer->choice_size);
     if (!making) {
+        cache_release(exchange->site->memory, forest);
         response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
         return ANSWERED;
     }
     *making = (struct making){exchange->site, dataset_hold(dataset), forest, answer->write, answer->level, coding};
     memcpy(making->choice, answer->choice, answer->choice_size);
-    const struct recipe recipe = {make, making_free, making, making_bytes(dataset_info(dataset), answer), PATIENCE};
-    return obtain(exchange, exchange->site->cache, key, &recipe, out);
+    const struct recipe recipe = {make, making_free, making, making_bytes(dataset_info(dataset), answer), PATIENCE, NULL};
+    return obtain(exchange, cache, key, &recipe, out);
 }
 
 enum outcome answer_from_level(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer)
@@ -93,11 +96,12 @@ enum outcome answer_from_level(struct exchange *exchange, struct dataset *datase
     };
     snprintf(name, sizeof name, "%s-%" PRIu32 "-%s", dataset_info(dataset)->cid, answer->level, answer->name);
     snprintf(key, sizeof key, "%s/%s", name, coding_name(representation.coding));
-    const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, key);
+    struct cache *cache = cache_for(exchange->site, making_bytes(dataset_info(dataset), answer));
+    const struct cache_value *value = obtain_cached(exchange, cache, key);
     if (!value && respond_unchanged(exchange, &representation, SIZE_UNKNOWN))
         cache_forever(exchange);
     else if (!value)
-        outcome = obtain_answer(exchange, dataset, answer, representation.coding, key, &value);
+        outcome = obtain_answer(exchange, dataset, answer, representation.coding, cache, key, &value);
     if (value) {
         respond_body(exchange, value, &representation);
         cache_forever(exchange);

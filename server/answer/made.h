@@ -5,6 +5,7 @@
 
 #include "server/answer/buffer.h"
 #include "server/answer/exchange.h"
+#include "src/mesh/tetmesh.h"
 
 struct level_answer {
     uint32_t level;

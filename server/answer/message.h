@@ -22,7 +22,6 @@ struct request {
     /* What to wake when something that the answer needs is there; NULL: the caller's thread makes it instead. */
     struct waiter *waiter;
     bool waited; /* it has been woken at least once */
-    bool waited_for_stream; /* to be decoded */
     /* Entries that this request has asked for: kept until its answer is sent, so that each is found again and a body that
      * lies in one stays. */
     struct {

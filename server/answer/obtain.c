@@ -1,13 +1,15 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "server/answer/obtain.h"
 
+#include <inttypes.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "format/fail.h"
 #include "server/answer/respond.h"
+#include "server/store/forest.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 
@@ -17,46 +19,59 @@ struct task {
     struct recipe recipe;
     struct pool *pool; /* that runs it; NULL: the asking thread does, which must not wait */
     double until;      /* when it gives up waiting for room */
+    struct waiter seeker; /* of room */
 };
 
-static const struct timespec PAUSE = {0, 5000000};
+enum { KEY_CAPACITY = 80 };
 
-/* Makes room for a value, if need be when readers have let go of others. */
-static enum tetlod_status reserve(const struct task *task)
+/* Says why there is no room. */
+static enum tetlod_status fail_room(const struct task *task, enum tetlod_status status, struct tetlod_error *failure)
 {
-    enum tetlod_status status;
-    while ((status = cache_reserve(task->cache, task->entry, task->recipe.bytes)) == TETLOD_ERR_LIMIT && task->pool &&
-           !pool_stopping(task->pool) && monotonic_seconds() < task->until)
-        nanosleep(&PAUSE, NULL);
-    return status;
+    if (status == TETLOD_ERR_ARGUMENT)
+        return tetlodi_fail(failure, status, "needs %llu MB, more than the server may take (--memory, --cache); the stored bytes "
+                                             "(format=tetlod, records, stream) are served at any size",
+                            (unsigned long long)(task->recipe.bytes >> 20));
+    return tetlodi_fail(failure, status, "the server's memory is full of answers that are being read");
 }
 
-/* Makes room for a value and makes it. Only what is being made takes room, so that waiting work keeps out nobody. */
-static enum tetlod_status make_in_room(const struct task *task, struct cache_value *value, struct tetlod_error *failure)
+static void end_task(struct task *task, enum tetlod_status status, const struct cache_value *value, struct tetlod_error *failure)
 {
-    switch (reserve(task)) {
-    case TETLOD_OK:
-        return task->recipe.make(task->recipe.context, value, failure);
-    case TETLOD_ERR_ARGUMENT:
-        return tetlodi_fail(failure, TETLOD_ERR_ARGUMENT, "needs more memory than the server's cache has; the stored bytes "
-                                                          "(format=tetlod, records, stream) are served at any size");
-    default:
-        return tetlodi_fail(failure, TETLOD_ERR_LIMIT, "the server's cache is full of answers that are being read");
-    }
+    if (status != TETLOD_OK && !failure->status)
+        failure->status = status;
+    task->recipe.free(task->recipe.context);
+    cache_finish(task->cache, task->entry, status == TETLOD_OK ? value : NULL, failure);
+    cache_release(task->cache, task->entry);
+    free(task);
 }
 
+/* Makes room for a value and makes it. Only what is being made takes room, so that waiting work keeps out nobody; and it waits
+ * outside the threads, until readers have let go of enough. */
 static void run_task(void *context)
 {
     struct task *task = context;
     struct cache_value value = {0};
     struct tetlod_error failure = {0};
-    enum tetlod_status status = make_in_room(task, &value, &failure);
-    if (status != TETLOD_OK && !failure.status)
-        failure.status = status;
-    task->recipe.free(task->recipe.context);
-    cache_finish(task->cache, task->entry, status == TETLOD_OK ? &value : NULL, &failure);
-    cache_release(task->cache, task->entry);
-    free(task);
+    enum tetlod_status status = cache_reserve(task->cache, task->entry, task->recipe.bytes);
+    bool waits = status == TETLOD_ERR_LIMIT && task->pool && !pool_stopping(task->pool) && monotonic_seconds() < task->until;
+    if (waits)
+        cache_seek_room(task->cache, &task->seeker);
+    else if (status == TETLOD_OK)
+        end_task(task, task->recipe.make(task->recipe.context, &value, &failure), &value, &failure);
+    else
+        end_task(task, fail_room(task, status, &failure), NULL, &failure);
+}
+
+/* There may be room now. Called from whichever thread let go of some: the work goes to its own. */
+static void go_on(struct waiter *seeker)
+{
+    struct task *task = (struct task *)(void *)((char *)seeker - offsetof(struct task, seeker));
+    struct tetlod_error failure = {0};
+    if (pool_submit(task->pool, run_task, task))
+        return;
+    if (pool_stopping(task->pool))
+        end_task(task, fail_room(task, TETLOD_ERR_LIMIT, &failure), NULL, &failure);
+    else
+        cache_seek_room(task->cache, seeker); // its queue is full: the next time
 }
 
 static void give_up(struct cache *cache, struct cache_entry *entry, const struct recipe *recipe, enum tetlod_status status,
@@ -76,11 +91,12 @@ static void start(struct site *site, struct cache *cache, struct cache_entry *en
         give_up(cache, entry, recipe, TETLOD_ERR_NOMEM, "the server is out of memory");
         return;
     }
-    *task = (struct task){cache, entry, *recipe, here ? NULL : site->pool, monotonic_seconds() + recipe->patience};
+    struct pool *pool = recipe->pool ? recipe->pool : site->pool;
+    *task = (struct task){cache, entry, *recipe, here ? NULL : pool, monotonic_seconds() + recipe->patience, {go_on, NULL}};
     cache_hold(cache, entry);
     if (here)
         run_task(task);
-    else if (!pool_submit(site->pool, run_task, task)) {
+    else if (!pool_submit(pool, run_task, task)) {
         cache_release(cache, entry);
         free(task);
         give_up(cache, entry, recipe, TETLOD_ERR_LIMIT, "the server has too much to do");
@@ -165,61 +181,107 @@ const struct cache_value *obtain_cached(struct exchange *exchange, struct cache 
 struct decode {
     struct site *site;
     struct dataset *dataset; /* held */
+    uint32_t level;
 };
 
-static bool stopping(void *pool)
-{
-    return pool_stopping(pool);
-}
+/* A decoded stream, which needs its file. */
+struct decoded {
+    struct forest *forest;
+    struct dataset *dataset; /* held */
+};
 
-static void decode(void *opaque)
+static void free_decode(void *opaque)
 {
     struct decode *decode = opaque;
-    uint32_t finest = dataset_info(decode->dataset)->level_count - 1;
-    enum tetlod_status status = decoding_run(dataset_decoding(decode->dataset), finest, stopping, decode->site->decoders, NULL);
-    if (status == TETLOD_OK)
-        metrics_count(decode->site->metrics, METRIC_STREAMS_DECODED);
     dataset_release(decode->dataset);
     free(decode);
 }
 
-/* Who asked has been registered as waiting: on failure it is woken and hears why. */
-static void start_decoding(struct site *site, struct dataset *dataset)
+static void free_decoded(void *opaque)
 {
-    struct tetlod_error failure = {.status = TETLOD_ERR_LIMIT, .message = "the server has too much to do"};
-    struct decode *context = array_new(1, sizeof *context);
-    if (context) {
-        *context = (struct decode){site, dataset_hold(dataset)};
-        if (pool_submit(site->decoders, decode, context))
-            return;
-        dataset_release(dataset);
-        free(context);
-    }
-    decoding_cancel(dataset_decoding(dataset), &failure);
+    struct decoded *decoded = opaque;
+    forest_free(decoded->forest);
+    dataset_release(decoded->dataset);
+    free(decoded);
 }
 
-enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct forest **out)
+static enum tetlod_status make_forest(void *opaque, struct cache_value *out, struct tetlod_error *error)
 {
-    struct request *request = exchange->request;
-    struct decoding *decoding = dataset_decoding(dataset);
-    bool here = !request->waiter || !exchange->site->decoders;
-    struct tetlod_error failure = {0};
-    if ((*out = decoding_find(decoding, level)))
-        return ANSWERED;
-    enum decoding_state state = decoding_ask(decoding, level, request->waited_for_stream, here ? NULL : request->waiter, &failure);
-    if (state == DECODING_MINE && here)
-        state = decoding_run(decoding, level, NULL, NULL, &failure) == TETLOD_OK ? DECODING_READY : DECODING_FAILED;
-    else if (state == DECODING_MINE)
-        start_decoding(exchange->site, dataset);
-    if (state == DECODING_READY)
-        *out = decoding_find(decoding, level);
-    else if (state == DECODING_FAILED)
-        respond_failure(exchange, &failure);
-    else if (here)
-        response_problem(exchange->response, 503, request->target, "this stream is being decoded");
-    else {
-        request->waited = request->waited_for_stream = true;
-        return WAITING;
+    struct decode *decode = opaque;
+    struct decoded *decoded = array_zero(1, sizeof *decoded);
+    struct pool *pool = decode->site->decoders;
+    if (!decoded)
+        return tetlodi_fail_nomem(error, "a stream in memory", sizeof *decoded);
+    decoded->dataset = dataset_hold(decode->dataset);
+    enum tetlod_status status = forest_new(&decoded->forest, dataset_file(decode->dataset), decode->level, error);
+    while (status == TETLOD_OK && forest_levels(decoded->forest) <= decode->level)
+        status = pool && pool_stopping(pool) ? tetlodi_fail(error, TETLOD_ERR_LIMIT, "the server is stopping") : forest_grow(decoded->forest, error);
+    if (status != TETLOD_OK) {
+        free_decoded(decoded);
+        return status;
     }
-    return ANSWERED;
+    metrics_count(decode->site->metrics, METRIC_STREAMS_DECODED);
+    *out = (struct cache_value){decoded, sizeof *decoded + forest_bytes(decoded->forest), free_decoded};
+    return TETLOD_OK;
+}
+
+static void print_key(const struct tetlod_info *info, uint32_t last, char out[static KEY_CAPACITY])
+{
+    snprintf(out, KEY_CAPACITY, "%s/forest/%" PRIu32, info->cid, last);
+}
+
+/* One that is there already and has the level, be it for a finer one. */
+static const struct cache_value *find_forest(struct exchange *exchange, const struct tetlod_info *info, uint32_t level)
+{
+    const struct cache_value *value = NULL;
+    char key[KEY_CAPACITY];
+    for (uint32_t last = level; !value && last < info->level_count; last++) {
+        last = forest_last_level(info, last);
+        print_key(info, last, key);
+        value = obtain_cached(exchange, exchange->site->memory, key);
+    }
+    return value;
+}
+
+/* The entry of a value that the request has pinned; the pin becomes the caller's reference. */
+static struct cache_entry *take_pin(struct request *request, const struct cache_value *value)
+{
+    for (size_t i = 0; i < REQUEST_PINS; i++) {
+        struct cache_entry *entry = request->pins[i].entry;
+        struct tetlod_error ignored;
+        if (entry && cache_finished(entry) && cache_value(entry, &ignored) == value) {
+            request->pins[i].entry = NULL;
+            return entry;
+        }
+    }
+    return NULL;
+}
+
+const struct forest *forest_of(const struct cache_entry *entry)
+{
+    struct tetlod_error ignored;
+    return ((const struct decoded *)cache_value(entry, &ignored)->data)->forest;
+}
+
+enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, uint32_t level, struct cache_entry **out)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    const struct cache_value *value = find_forest(exchange, info, level);
+    enum outcome outcome = ANSWERED;
+    *out = NULL;
+    if (!value) {
+        struct decode *decode = array_new(1, sizeof *decode);
+        char key[KEY_CAPACITY];
+        if (!decode) {
+            response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+            return ANSWERED;
+        }
+        *decode = (struct decode){exchange->site, dataset_hold(dataset), level};
+        print_key(info, forest_last_level(info, level), key);
+        const struct recipe recipe = {make_forest, free_decode, decode, forest_estimate(info, level), PATIENCE, exchange->site->decoders};
+        outcome = obtain(exchange, exchange->site->memory, key, &recipe, &value);
+    }
+    if (value)
+        *out = take_pin(exchange->request, value);
+    return outcome;
 }

@@ -12,9 +12,10 @@ struct recipe {
     void *context;
     uint64_t bytes;  /* memory that making it takes */
     double patience; /* seconds from now until readers must have let go of enough */
+    struct pool *pool; /* that makes it; NULL: the one for answers */
 };
 
-#define PATIENCE 5.0
+#define PATIENCE 30.0
 
 /* The value of a key, made where it is not there. ANSWERED with *out NULL: the response says why there is none. The recipe's
  * context is taken over. */
@@ -24,7 +25,11 @@ enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *
 /* The value of a key if it is there and finished, pinned; NULL otherwise. The short way for what is cached. */
 const struct cache_value *obtain_cached(struct exchange *exchange, struct cache *cache, const char *key);
 
-/* The stream in memory, decoded up to a level if it is not yet. It is the dataset's. */
-enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct forest **out);
+struct forest;
+
+/* The stream in memory, decoded up to a level if it is not yet: an entry of site->memory that the caller releases, or NULL. */
+enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, uint32_t level, struct cache_entry **out);
+
+const struct forest *forest_of(const struct cache_entry *entry);
 
 #endif

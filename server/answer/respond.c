@@ -121,14 +121,15 @@ void respond_failure(struct exchange *exchange, const struct tetlod_error *error
 
 /* ---- of streams and levels ---- */
 
+enum { MOST_NAMED = 100 };
+
 void respond_no_mesh(struct exchange *exchange)
 {
     size_t count = 0;
-    struct dataset **list = catalogue_list(exchange->site->catalogue, &count);
+    struct dataset **list = catalogue_list(exchange->site->catalogue, MOST_NAMED, &count);
     json_t *ids = json_array();
     for (size_t i = 0; list && i < count; i++) {
-        if (i < 100)
-            json_array_append_new(ids, json_string(dataset_id(list[i])));
+        json_array_append_new(ids, json_string(dataset_id(list[i])));
         dataset_release(list[i]);
     }
     free(list);

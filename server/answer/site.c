@@ -90,12 +90,14 @@ enum outcome handle_ready(struct exchange *exchange)
 enum outcome handle_metrics(struct exchange *exchange)
 {
     struct site *site = exchange->site;
-    struct cache_stats cache;
+    struct cache_stats cache, memory;
     struct buffer text = {0};
     cache_get_stats(site->cache, &cache);
+    cache_get_stats(site->memory, &memory);
     const struct metrics_gauge gauges[] = {
         {"tetlod_streams", "gauge", "Streams that are served", (double)catalogue_count(site->catalogue)},
-        {"tetlod_stream_memory_bytes", "gauge", "Memory of decoded streams", (double)catalogue_memory(site->catalogue)},
+        {"tetlod_stream_memory_bytes", "gauge", "Memory of decoded streams, and of answers too large for the cache", (double)memory.bytes},
+        {"tetlod_stream_memory_entries", "gauge", "How many there are", (double)memory.entries},
         {"tetlod_cache_bytes", "gauge", "Memory of cached answers", (double)cache.bytes},
         {"tetlod_cache_entries", "gauge", "Cached answers", (double)cache.entries},
         {"tetlod_cache_hits_total", "counter", "Answers found in the cache", (double)cache.hits},
@@ -173,7 +175,7 @@ enum outcome handle_stream_info(struct exchange *exchange)
     snprintf(key, sizeof key, "%s/info/%s/%s", dataset_info(dataset)->cid, coding_name(coding), dataset_id(dataset));
     const struct cache_value *value;
     const struct recipe recipe = {make_info, free_info_context, context,
-                                  1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), PATIENCE};
+                                  1024 * (uint64_t)(1 + dataset_info(dataset)->level_count), PATIENCE, NULL};
     enum outcome outcome = obtain(exchange, exchange->site->cache, key, &recipe, &value);
     if (value) {
         respond_body(exchange, value, &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
@@ -182,40 +184,46 @@ enum outcome handle_stream_info(struct exchange *exchange)
     return outcome;
 }
 
-enum outcome handle_catalogue(struct exchange *exchange)
+struct list_context {
+    struct catalogue *catalogue;
+    enum coding coding;
+};
+
+static enum tetlod_status make_list(void *opaque, struct cache_value *out, struct tetlod_error *error)
 {
-    struct response *response = exchange->response;
-    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
+    const struct list_context *context = opaque;
     size_t count = 0;
-    struct dataset **list = catalogue_list(exchange->site->catalogue, &count);
-    json_t *meshes = json_array();
-    for (size_t i = 0; list && i < count; i++) {
+    struct dataset **list = catalogue_list(context->catalogue, SIZE_MAX, &count);
+    json_t *meshes = list ? json_array() : NULL;
+    for (size_t i = 0; i < count; i++) {
         json_array_append_new(meshes, describe_in_catalogue(dataset_info(list[i]), dataset_id(list[i])));
         dataset_release(list[i]);
     }
     free(list);
-    json_t *object = json_pack("{s:o}", "meshes", meshes);
-    char *text = object ? json_dumps(object, INFO_JSON_FLAGS | JSON_INDENT(1)) : NULL;
-    uint64_t hash = 0xcbf29ce484222325u; // FNV-1a
-    for (const char *c = text; c && *c; c++)
-        hash = (hash ^ (unsigned char)*c) * 0x100000001b3u;
-    struct buffer buffer = {0};
-    bool made = list && text && buffer_append(&buffer, text, strlen(text)) == TETLOD_OK &&
-                buffer_encode(&buffer, coding, NULL) == TETLOD_OK;
-    json_decref(object);
-    free(text);
-    if (!made) {
-        buffer_fini(&buffer);
-        response_problem(response, 503, exchange->request->target, "the server is out of memory");
+    return json_body(json_pack("{s:o}", "meshes", meshes), context->coding, out, error);
+}
+
+/* Made once for each state of the catalogue, however many streams it has. */
+enum outcome handle_catalogue(struct exchange *exchange)
+{
+    struct site *site = exchange->site;
+    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
+    struct list_context *context = array_new(1, sizeof *context);
+    const struct cache_value *value;
+    char etag[64], key[80];
+    if (!context) {
+        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
         return ANSWERED;
     }
-    response_owned(response, 200, "application/json", buffer.bytes, buffer.size);
-    if (coding)
-        response_header_text(response, "Content-Encoding", coding_name(coding));
-    snprintf(response->etag, sizeof response->etag, "\"%016llx%s%s\"", (unsigned long long)hash, coding ? "-" : "",
-             coding_name(coding));
-    response_header_text(response, "Vary", "Accept-Encoding");
-    link_description(exchange);
-    cache_revalidate(response);
-    return ANSWERED;
+    *context = (struct list_context){site->catalogue, coding};
+    snprintf(etag, sizeof etag, "%016llx-" TETLOD_VERSION_STRING, (unsigned long long)catalogue_digest(site->catalogue));
+    snprintf(key, sizeof key, "catalogue/%s/%s", etag, coding_name(coding));
+    const struct recipe recipe = {make_list, free, context, 4096 * (uint64_t)(1 + catalogue_count(site->catalogue)), PATIENCE, NULL};
+    enum outcome outcome = obtain(exchange, cache_for(site, recipe.bytes), key, &recipe, &value);
+    if (value) {
+        respond_body(exchange, value, &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
+        link_description(exchange);
+        cache_revalidate(exchange->response);
+    }
+    return outcome;
 }

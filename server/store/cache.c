@@ -29,6 +29,9 @@ struct cache {
     uint64_t capacity, used, hits, misses, entries;
     struct cache_entry *buckets[BUCKETS];
     struct cache_entry *newest, *oldest;
+    struct cache_entry *dead; /* to be freed without the lock */
+    struct waiter *seekers;   /* of room */
+    bool released;            /* bytes, since the lock was taken */
 };
 
 struct cache *cache_new(uint64_t capacity)
@@ -52,6 +55,32 @@ static size_t bucket_of(const char *key)
     return (size_t)(hash ^ hash >> 32) % BUCKETS;
 }
 
+static void free_dead(struct cache_entry *entry)
+{
+    while (entry) {
+        struct cache_entry *next = entry->chain;
+        if (entry->value.free)
+            entry->value.free(entry->value.data);
+        free(entry->key);
+        free(entry);
+        entry = next;
+    }
+}
+
+/* Lets go of the lock, frees what died meanwhile (a decoded stream takes a while), and wakes those who seek room if there is more. */
+static void unlock(struct cache *cache)
+{
+    struct cache_entry *dead = cache->dead;
+    struct waiter *seekers = cache->released ? cache->seekers : NULL;
+    if (seekers)
+        cache->seekers = NULL;
+    cache->dead = NULL;
+    cache->released = false;
+    pthread_mutex_unlock(&cache->lock);
+    free_dead(dead);
+    wake_all(seekers);
+}
+
 static void list_push(struct cache *cache, struct cache_entry *entry)
 {
     entry->older = cache->newest;
@@ -69,14 +98,14 @@ static void list_remove(struct cache *cache, struct cache_entry *entry)
 static void drop_reference(struct cache *cache, struct cache_entry *entry)
 {
     assert(entry->references);
+    cache->released |= entry->references == 2 && entry->listed; // nobody holds it any more: it may go
     if (--entry->references)
         return;
     cache->used -= entry->bytes;
     cache->entries--;
-    if (entry->value.free)
-        entry->value.free(entry->value.data);
-    free(entry->key);
-    free(entry);
+    entry->chain = cache->dead;
+    cache->dead = entry;
+    cache->released = true;
 }
 
 static void unlist(struct cache *cache, struct cache_entry *entry)
@@ -121,6 +150,7 @@ void cache_free(struct cache *cache)
         assert(cache->oldest->references == 1);
         unlist(cache, cache->oldest);
     }
+    free_dead(cache->dead);
     pthread_mutex_destroy(&cache->lock);
     free(cache);
 }
@@ -163,7 +193,7 @@ struct cache_entry *cache_find(struct cache *cache, const char *key)
 {
     pthread_mutex_lock(&cache->lock);
     struct cache_entry *entry = look_up(cache, key);
-    pthread_mutex_unlock(&cache->lock);
+    unlock(cache);
     return entry;
 }
 
@@ -177,7 +207,7 @@ struct cache_entry *cache_fetch(struct cache *cache, const char *key, bool *out_
         entry = new_entry(cache, key);
         *out_mine = entry != NULL;
     }
-    pthread_mutex_unlock(&cache->lock);
+    unlock(cache);
     return entry;
 }
 
@@ -185,7 +215,7 @@ void cache_hold(struct cache *cache, struct cache_entry *entry)
 {
     pthread_mutex_lock(&cache->lock);
     entry->references++;
-    pthread_mutex_unlock(&cache->lock);
+    unlock(cache);
 }
 
 void cache_release(struct cache *cache, struct cache_entry *entry)
@@ -194,7 +224,7 @@ void cache_release(struct cache *cache, struct cache_entry *entry)
         return;
     pthread_mutex_lock(&cache->lock);
     drop_reference(cache, entry);
-    pthread_mutex_unlock(&cache->lock);
+    unlock(cache);
 }
 
 enum tetlod_status cache_reserve(struct cache *cache, struct cache_entry *entry, uint64_t bytes)
@@ -209,7 +239,7 @@ enum tetlod_status cache_reserve(struct cache *cache, struct cache_entry *entry,
         entry->bytes += bytes;
         cache->used += bytes;
     }
-    pthread_mutex_unlock(&cache->lock);
+    unlock(cache);
     return status;
 }
 
@@ -224,14 +254,30 @@ void cache_finish(struct cache *cache, struct cache_entry *entry, const struct c
         entry->failure = *failure;
     entry->bytes = ENTRY_BYTES + entry->value.size;
     cache->used += entry->bytes;
+    cache->released = true; // work takes more than what comes of it
     struct waiter *waiter = entry->waiters;
     entry->waiters = NULL;
     atomic_store(&entry->finished, true);
     if (!value && entry->listed)
         unlist(cache, entry); // the caller still holds it
     make_room(cache, 0);
-    pthread_mutex_unlock(&cache->lock);
+    unlock(cache);
     wake_all(waiter);
+}
+
+void cache_seek_room(struct cache *cache, struct waiter *waiter)
+{
+    pthread_mutex_lock(&cache->lock);
+    waiter->next = cache->seekers;
+    cache->seekers = waiter;
+    unlock(cache);
+}
+
+void cache_wake_seekers(struct cache *cache)
+{
+    pthread_mutex_lock(&cache->lock);
+    cache->released = true;
+    unlock(cache);
 }
 
 bool cache_wait(struct cache *cache, struct cache_entry *entry, struct waiter *waiter)
@@ -242,7 +288,7 @@ bool cache_wait(struct cache *cache, struct cache_entry *entry, struct waiter *w
         waiter->next = entry->waiters;
         entry->waiters = waiter;
     }
-    pthread_mutex_unlock(&cache->lock);
+    unlock(cache);
     return coming;
 }
 
@@ -264,9 +310,25 @@ const char *cache_key(const struct cache_entry *entry)
     return entry->key;
 }
 
+void cache_sweep(struct cache *cache, bool (*keep)(void *opaque, const char *key), void *opaque)
+{
+    pthread_mutex_lock(&cache->lock);
+    for (struct cache_entry *entry = cache->oldest, *next; entry; entry = next) {
+        next = entry->newer;
+        if (entry->references == 1 && !keep(opaque, entry->key))
+            unlist(cache, entry);
+    }
+    unlock(cache);
+}
+
+uint64_t cache_capacity(const struct cache *cache)
+{
+    return cache->capacity;
+}
+
 void cache_get_stats(struct cache *cache, struct cache_stats *out)
 {
     pthread_mutex_lock(&cache->lock);
     *out = (struct cache_stats){cache->hits, cache->misses, cache->used, cache->entries};
-    pthread_mutex_unlock(&cache->lock);
+    unlock(cache);
 }

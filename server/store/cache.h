@@ -46,6 +46,12 @@ void cache_release(struct cache *cache, struct cache_entry *entry);
  * more than the capacity (never). */
 TETLOD_CHECKED enum tetlod_status cache_reserve(struct cache *cache, struct cache_entry *entry, uint64_t bytes);
 
+/* Registers a waiter for the next time that there may be more room. */
+void cache_seek_room(struct cache *cache, struct waiter *waiter);
+
+/* Wakes those who seek room, whether there is more or not: they may have waited long enough. */
+void cache_wake_seekers(struct cache *cache);
+
 /* Completes an entry of mine, whose reservation becomes the value's size, or with a status other than OK says why there
  * is none and forgets the key. Wakes who waits. */
 void cache_finish(struct cache *cache, struct cache_entry *entry, const struct cache_value *value,
@@ -60,6 +66,11 @@ bool cache_finished(const struct cache_entry *entry);
 const struct cache_value *cache_value(const struct cache_entry *entry, struct tetlod_error *failure);
 
 const char *cache_key(const struct cache_entry *entry);
+
+/* Drops what nobody holds and `keep` does not want any more. */
+void cache_sweep(struct cache *cache, bool (*keep)(void *opaque, const char *key), void *opaque);
+
+uint64_t cache_capacity(const struct cache *cache);
 
 void cache_get_stats(struct cache *cache, struct cache_stats *out);
 

@@ -51,6 +51,7 @@ struct tellings {
 struct catalogue {
     pthread_mutex_t lock; /* over table and replaced */
     struct table table;
+    uint64_t digest; /* of the table */
     struct replaced *replaced;
     char **paths;
     size_t path_count;
@@ -322,6 +323,24 @@ static enum tetlod_status take_path(struct scan *scan, const char *path, struct 
     return keep_folder(scan, path, errno, error);
 }
 
+/* FNV-1a */
+static uint64_t digest_text(uint64_t hash, const char *text)
+{
+    do
+        hash = (hash ^ (unsigned char)*text) * 0x100000001b3u;
+    while (*text++);
+    return hash;
+}
+
+static uint64_t digest_of(const struct table *table)
+{
+    uint64_t hash = 0xcbf29ce484222325u;
+    for (size_t i = 0; i < table->count; i++)
+        if (table->entries[i].dataset)
+            hash = digest_text(digest_text(hash, table->entries[i].id), dataset_info(table->entries[i].dataset)->cid);
+    return hash;
+}
+
 /* Called with the lock held. What was replaced by another file stays readable; what was written over does not. */
 static void replace_table(struct catalogue *catalogue, struct table *next, double now)
 {
@@ -337,6 +356,7 @@ static void replace_table(struct catalogue *catalogue, struct table *next, doubl
     }
     table_fini(&catalogue->table);
     catalogue->table = *next;
+    catalogue->digest = digest_of(next);
 }
 
 static void drop_replaced(struct catalogue *catalogue, double oldest)
@@ -399,6 +419,7 @@ enum tetlod_status catalogue_open(struct catalogue **out, const struct catalogue
     if (status == TETLOD_OK && !scan.complete)
         status = tetlodi_fail_nomem(error, "the catalogue", options->path_count);
     catalogue->table = scan.next;
+    catalogue->digest = digest_of(&scan.next);
     if (status == TETLOD_OK)
         *out = catalogue;
     else
@@ -452,17 +473,42 @@ struct dataset *catalogue_find_content(struct catalogue *catalogue, const char *
     return dataset;
 }
 
+static bool is_content(const struct dataset *dataset, const char *cid, size_t size)
+{
+    return dataset && strlen(dataset_info(dataset)->cid) == size && memcmp(dataset_info(dataset)->cid, cid, size) == 0;
+}
+
+bool catalogue_has_content(struct catalogue *catalogue, const char *cid, size_t size)
+{
+    bool found = false;
+    pthread_mutex_lock(&catalogue->lock);
+    for (size_t i = 0; !found && i < catalogue->table.count; i++)
+        found = is_content(catalogue->table.entries[i].dataset, cid, size);
+    for (const struct replaced *kept = catalogue->replaced; !found && kept; kept = kept->next)
+        found = is_content(kept->dataset, cid, size);
+    pthread_mutex_unlock(&catalogue->lock);
+    return found;
+}
+
+uint64_t catalogue_digest(struct catalogue *catalogue)
+{
+    pthread_mutex_lock(&catalogue->lock);
+    uint64_t digest = catalogue->digest;
+    pthread_mutex_unlock(&catalogue->lock);
+    return digest;
+}
+
 size_t catalogue_troubles(struct catalogue *catalogue)
 {
     return atomic_load(&catalogue->troubles);
 }
 
-struct dataset **catalogue_list(struct catalogue *catalogue, size_t *out_count)
+struct dataset **catalogue_list(struct catalogue *catalogue, size_t most, size_t *out_count)
 {
     size_t count = 0;
     pthread_mutex_lock(&catalogue->lock);
     struct dataset **list = array_new(catalogue->table.count, sizeof *list);
-    for (size_t i = 0; list && i < catalogue->table.count; i++)
+    for (size_t i = 0; list && i < catalogue->table.count && count < most; i++)
         if (catalogue->table.entries[i].dataset)
             list[count++] = dataset_hold(catalogue->table.entries[i].dataset);
     pthread_mutex_unlock(&catalogue->lock);
@@ -478,17 +524,4 @@ size_t catalogue_count(struct catalogue *catalogue)
         count += catalogue->table.entries[i].dataset != NULL;
     pthread_mutex_unlock(&catalogue->lock);
     return count;
-}
-
-uint64_t catalogue_memory(struct catalogue *catalogue)
-{
-    uint64_t bytes = 0;
-    pthread_mutex_lock(&catalogue->lock);
-    for (size_t i = 0; i < catalogue->table.count; i++)
-        if (catalogue->table.entries[i].dataset)
-            bytes += decoding_bytes(dataset_decoding(catalogue->table.entries[i].dataset));
-    for (struct replaced *kept = catalogue->replaced; kept; kept = kept->next)
-        bytes += decoding_bytes(dataset_decoding(kept->dataset));
-    pthread_mutex_unlock(&catalogue->lock);
-    return bytes;
 }

@@ -35,15 +35,18 @@ struct dataset *catalogue_find(struct catalogue *catalogue, const char *id);
 /* The stream of an id with this content id, current or replaced, or NULL. */
 struct dataset *catalogue_find_content(struct catalogue *catalogue, const char *id, const char *cid, double now);
 
-/* All current streams by id, each held, in an array that the caller frees; NULL if memory is out. */
-struct dataset **catalogue_list(struct catalogue *catalogue, size_t *out_count);
+/* The current streams by id, `most` at most, each held, in an array that the caller frees; NULL if memory is out. */
+struct dataset **catalogue_list(struct catalogue *catalogue, size_t most, size_t *out_count);
+
+/* A number that tells what is listed: of ids and content ids. */
+uint64_t catalogue_digest(struct catalogue *catalogue);
+
+/* Whether a stream with this content id is there, current or replaced. */
+bool catalogue_has_content(struct catalogue *catalogue, const char *cid, size_t size);
 
 /* How many files and folders the last scan could not look at. */
 size_t catalogue_troubles(struct catalogue *catalogue);
 
 size_t catalogue_count(struct catalogue *catalogue);
-
-/* Memory of the streams that are decoded, current and replaced. */
-uint64_t catalogue_memory(struct catalogue *catalogue);
 
 #endif

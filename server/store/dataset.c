@@ -20,7 +20,6 @@ struct dataset {
     char id[ID_CAPACITY];
     int fd;
     struct tetlod_file *file;
-    struct decoding *decoding;
     struct file_identity identity;
     char (*level_errors)[ERRORS_CAPACITY]; /* [level_count], printed once: every answer has one */
 };
@@ -105,8 +104,6 @@ enum tetlod_status dataset_open(struct dataset **out, const char *id, int fd, st
                               (unsigned long long)tetlod_info(dataset->file)->bytes);
     if (status == TETLOD_OK)
         status = print_all_errors(dataset, error);
-    if (status == TETLOD_OK && !(dataset->decoding = decoding_new(dataset->file)))
-        status = tetlodi_fail_nomem(error, "a stream", 0);
     if (status == TETLOD_OK)
         *out = dataset;
     else
@@ -124,7 +121,6 @@ void dataset_release(struct dataset *dataset)
 {
     if (!dataset || atomic_fetch_sub(&dataset->references, 1) != 1)
         return;
-    decoding_free(dataset->decoding);
     tetlod_close(dataset->file);
     close(dataset->fd);
     free(dataset->level_errors);
@@ -154,11 +150,6 @@ int dataset_fd(const struct dataset *dataset)
 struct tetlod_file *dataset_file(struct dataset *dataset)
 {
     return dataset->file;
-}
-
-struct decoding *dataset_decoding(struct dataset *dataset)
-{
-    return dataset->decoding;
 }
 
 const struct file_identity *dataset_identity(const struct dataset *dataset)

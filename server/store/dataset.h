@@ -7,7 +7,6 @@
 #include <time.h>
 
 #include "format/tetlod.h"
-#include "server/store/decoding.h"
 
 enum { ID_CAPACITY = 129 }; // 128 bytes and the NUL
 
@@ -32,11 +31,7 @@ const char *dataset_level_errors(const struct dataset *dataset, uint32_t level);
 
 int dataset_fd(const struct dataset *dataset);
 
-/* Its own decoding replays it. */
 struct tetlod_file *dataset_file(struct dataset *dataset);
-
-/* The stream in memory, as far as it was asked for. */
-struct decoding *dataset_decoding(struct dataset *dataset);
 
 /* Reads all and holds it against its digests. */
 TETLOD_CHECKED enum tetlod_status dataset_check(struct dataset *dataset, struct tetlod_error *error);

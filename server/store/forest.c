@@ -105,37 +105,62 @@ static bool describe_columns(struct forest *forest, const struct tetlod_info *in
 
 /* The finest level is a stage, and below a stage the finest level that is no more than a quarter of it: so no level is mapped
  * from more than four times its size, and all stages together take a third more than the finest. */
-static bool choose_stages(struct forest *forest, const struct tetlod_info *info)
+static bool choose_stages(struct forest *forest, const struct tetlod_info *info, uint32_t last)
 {
-    uint32_t first = info->level_count;
+    uint32_t first = info->level_count, end = info->level_count;
     forest->stages = array_zero(info->level_count, sizeof *forest->stages);
     for (uint32_t k = info->level_count; forest->stages && k-- > 0;) {
         const struct tetlod_level *level = &info->levels[k];
         if (k + 1 == info->level_count || (uint64_t)STAGE_GROWTH * level->tets <= forest->stages[first].tets)
             forest->stages[--first] = (struct stage){k, level->vertices, level->tets, NULL, NULL};
     }
-    forest->stage_count = info->level_count - first;
+    while (forest->stages && end > first + 1 && forest->stages[end - 2].level >= last)
+        end--; // stages above the one that has the level are not decoded
+    forest->stage_count = end - first;
     for (uint32_t s = 0; forest->stages && s < forest->stage_count; s++)
         forest->stages[s] = forest->stages[first + s];
     return forest->stages != NULL;
 }
 
 /* Each record gives one vertex other contents and brings at least one new vertex: two versions for a slot at most. */
-static size_t most_versions(const struct tetlod_info *info)
+static size_t most_versions(const struct forest *forest)
 {
-    return 2 * (size_t)info->vertices;
+    return 2 * (size_t)forest->stages[forest->stage_count - 1].vertices;
 }
 
-enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, struct tetlod_error *error)
+uint32_t forest_last_level(const struct tetlod_info *info, uint32_t level)
+{
+    uint32_t stage = info->level_count - 1;
+    for (uint32_t k = stage; k-- > level;)
+        if ((uint64_t)STAGE_GROWTH * info->levels[k].tets <= info->levels[stage].tets)
+            stage = k;
+    return stage;
+}
+
+uint64_t forest_estimate(const struct tetlod_info *info, uint32_t level)
+{
+    const struct tetlod_level *stage = &info->levels[forest_last_level(info, level)];
+    uint64_t row = 3 * (info->position_type == TETLOD_FLOAT32 ? 4 : 8);
+    uint64_t components = 3;
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        row += info->fields[f].components * (info->fields[f].type == TETLOD_FLOAT32 ? 4 : 8);
+        components += info->fields[f].components;
+    }
+    /* versions, parents and newest twice; stages; the cursor, which holds doubles, stars and what undoes records */
+    return stage->vertices * (2 * (row + 8) + 12 + 8 * components + 64) + stage->tets * (uint64_t)(22 + 64) + ((uint64_t)1 << 16);
+}
+
+enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, uint32_t level, struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
     struct forest *forest = array_zero(1, sizeof *forest);
     *out = NULL;
-    if (most_versions(info) > UINT32_MAX || !forest || !describe_columns(forest, info) || !choose_stages(forest, info) ||
-        !(forest->parents = array_new(info->vertices, sizeof *forest->parents)) ||
-        !(forest->newest = array_new(info->vertices, sizeof *forest->newest)) ||
-        !(forest->versions = array_new(most_versions(info), sizeof *forest->versions)) ||
-        !(forest->rows = array_new(most_versions(info) + 1, forest->row_size))) {
+    bool known = forest && describe_columns(forest, info) && choose_stages(forest, info, level);
+    uint32_t vertices = known ? forest->stages[forest->stage_count - 1].vertices : 0;
+    if (!known || most_versions(forest) > UINT32_MAX || !(forest->parents = array_new(vertices, sizeof *forest->parents)) ||
+        !(forest->newest = array_new(vertices, sizeof *forest->newest)) ||
+        !(forest->versions = array_new(most_versions(forest), sizeof *forest->versions)) ||
+        !(forest->rows = array_new(most_versions(forest) + 1, forest->row_size))) {
         forest_free(forest);
         return tetlodi_fail_nomem(error, "a stream in memory", 16 * (uint64_t)info->tets);
     }
@@ -168,7 +193,7 @@ static void add_version(struct forest *forest, const struct tetlod_mesh *mesh, u
     pack_row(forest, mesh, slot, row);
     if (previous != TETLOD_NONE && memcmp(row, forest->rows + previous * size, size) == 0)
         return;
-    assert(count < most_versions(tetlod_info(forest->file)));
+    assert(count < most_versions(forest));
     forest->versions[count] = (struct version){forest->next_level, previous};
     forest->newest[slot] = (uint32_t)count;
     forest->version_count++;
@@ -242,7 +267,7 @@ static enum tetlod_status take_next(struct forest *forest, struct tetlod_error *
 enum tetlod_status forest_grow(struct forest *forest, struct tetlod_error *error)
 {
     enum tetlod_status status = take_next(forest, error);
-    bool whole = status == TETLOD_OK && forest->next_level == tetlod_info(forest->file)->level_count;
+    bool whole = status == TETLOD_OK && forest->next_level == forest->stages[forest->stage_count - 1].level + 1;
     if (status != TETLOD_OK || whole)
         stop_decoding(forest);
     if (whole) {

@@ -19,11 +19,17 @@
 
 struct forest;
 
-/* Nothing is decoded yet. The file is borrowed. */
-TETLOD_CHECKED enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, struct tetlod_error *error);
+/* For the levels up to the last one that comes with `level`. Nothing is decoded yet. The file is borrowed. */
+TETLOD_CHECKED enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, uint32_t level, struct tetlod_error *error);
+
+/* The last level that a forest for `level` has: that of the stage that the level is mapped from. */
+uint32_t forest_last_level(const struct tetlod_info *info, uint32_t level);
+
+/* Memory that decoding a forest for `level` takes at most, about. */
+uint64_t forest_estimate(const struct tetlod_info *info, uint32_t level);
 void forest_free(struct forest *forest);
 
-/* Decodes one level more, one thread at a time. What only decoding needs is gone after the finest level and
+/* Decodes one level more, one thread at a time. What only decoding needs is gone after the last level and
  * after a failure; then what is there stays, and the next call tries again. */
 TETLOD_CHECKED enum tetlod_status forest_grow(struct forest *forest, struct tetlod_error *error);
 

@@ -37,6 +37,8 @@ static const char help[] =
     "                          (default: from this server alone)\n"
     "  --threads N             HTTP threads, as many that make meshes, as many that decode (default: one per core)\n"
     "  --cache BYTES           memory for answers that were made (default 256M)\n"
+    "  --memory BYTES          memory for decoded streams, and for answers that are too large for the cache: those that nobody\n"
+    "                          uses go first (default: half of the machine's)\n"
     "  --connections N         at a time (default 4096)\n"
     "  --per-address N         connections of one address at a time (default: no limit; not behind a proxy)\n"
     "  --header-bytes BYTES    request line and headers of a request (default 8K)\n"
@@ -132,6 +134,8 @@ static bool take_option(struct settings *settings, int option, const char *value
         return taken;
     case 'c':
         return take_count("cache", value, 1 << 20, (uint64_t)1 << 50, &server->cache_bytes);
+    case 'M':
+        return take_count("memory", value, 1 << 20, (uint64_t)1 << 50, &server->memory_bytes);
     case 'n':
         taken = take_count("connections", value, 1, 1000000, &count);
         server->connections = (size_t)count;
@@ -249,7 +253,7 @@ static int run(int argc, char **argv)
     static const struct option options[] = {
         {"listen", required_argument, NULL, 'l'},       {"metrics", required_argument, NULL, 'm'},
         {"stream-origin", required_argument, NULL, 'o'}, {"base-path", required_argument, NULL, 'B'},
-        {"cors", required_argument, NULL, 'C'},         {"host", required_argument, NULL, 'H'},
+        {"memory", required_argument, NULL, 'M'},       {"cors", required_argument, NULL, 'C'},         {"host", required_argument, NULL, 'H'},
         {"token", required_argument, NULL, 'K'},
         {"threads", required_argument, NULL, 't'},      {"cache", required_argument, NULL, 'c'},
         {"connections", required_argument, NULL, 'n'},  {"per-address", required_argument, NULL, 'a'},

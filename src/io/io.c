@@ -69,6 +69,8 @@ static const struct format formats[] = {
     {"inp", "Abaqus and CalculiX: nodes and elements", {"inp"}, NO_SECOND, inp_sniff, inp_read, NULL},
     {"medit", "Medit with its .sol", {"mesh"}, SOLUTION, medit_sniff, medit_read, medit_write},
     {"sol", "Medit's values at vertices: --q, and the fields of a .mesh", {"sol"}, NO_SECOND, NULL, NULL, sol_write},
+    {"openfoam", "OpenFOAM cases by an empty NAME.foam in their folder: text, binary, gzip, polyhedra, times", {"foam", "openfoam"},
+     NO_SECOND, NULL, foam_read, NULL},
     {"tetgen", "TetGen .node with .ele", {"node", "ele"}, SIBLING, NULL, tetgen_read, NULL},
     {"plot3d", "PLOT3D grids with their solution: multi-grid, iblank, both endians, record markers", {"xyz", "p3d", "x"}, SOLUTION, plot3d_sniff, plot3d_read, NULL},
 };
@@ -109,9 +111,9 @@ static const struct format *find_format(const char *path, const unsigned char *b
 static enum tetlod_status read_blocks(struct blocks *out, const char *path, const struct io_input *input,
                                       struct io_report *report, struct tetlod_error *error)
 {
-    if (input->size == 0)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "is an empty file");
     const struct format *format = find_format(path, input->bytes, input->size);
+    if (input->size == 0 && (!format || format->read != foam_read)) // whose file only marks the folder
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "is an empty file");
     if (!format)
         return tetlodi_fail(error, TETLOD_ERR_MESH,
                             "is not a mesh file that this binary reads; 'tetlod formats' lists the formats");

@@ -220,7 +220,45 @@ static size_t polyhedron_points(const uint32_t *stream, uint32_t *points)
     return count;
 }
 
-/* A cone from its centre over every face; each is fanned from its point of least number, so that both its cells do it alike. */
+static double area_squared(const double *positions, const uint32_t *face, uint32_t a, uint32_t b, uint32_t c)
+{
+    const double *p = positions + 3 * (size_t)face[a], *q = positions + 3 * (size_t)face[b], *r = positions + 3 * (size_t)face[c];
+    double u[3], v[3], cross[3];
+    for (int d = 0; d < 3; d++) {
+        u[d] = q[d] - p[d];
+        v[d] = r[d] - p[d];
+    }
+    for (int d = 0; d < 3; d++)
+        cross[d] = u[(d + 1) % 3] * v[(d + 2) % 3] - u[(d + 2) % 3] * v[(d + 1) % 3];
+    return cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2];
+}
+
+/* The point that a face is fanned from, alike by both its cells: the one of least number from which no triangle is without area
+ * (points lie within straight edges where a neighbour is finer). Of a quadrilateral without such points it is the one of least
+ * number, as of those of other cells. */
+static uint32_t fan_start(const double *positions, const uint32_t *face, uint32_t sides)
+{
+    uint32_t least = 0, best = TETLOD_NONE;
+    double largest = 0;
+    for (uint32_t i = 1; i < sides; i++)
+        least = face[i] < face[least] ? i : least;
+    if (sides <= 3)
+        return least;
+    for (uint32_t i = 0; i < sides; i++) {
+        double area = area_squared(positions, face, i, (i + 1) % sides, (i + 2) % sides);
+        largest = area > largest ? area : largest;
+    }
+    for (uint32_t i = 0; i < sides; i++) {
+        bool good = true;
+        for (uint32_t k = 1; k + 1 < sides && good; k++)
+            good = area_squared(positions, face, i, (i + k) % sides, (i + k + 1) % sides) > 1e-16 * largest;
+        if (good && (best == TETLOD_NONE || face[i] < face[best]))
+            best = i;
+    }
+    return best == TETLOD_NONE ? least : best;
+}
+
+/* A cone from its centre over every face. */
 static enum tetlod_status split_polyhedron(struct splitter *s, uint64_t c, struct tetlod_error *error)
 {
     const uint32_t *stream = s->cells->connectivity + s->cells->offsets[c];
@@ -235,9 +273,7 @@ static enum tetlod_status split_polyhedron(struct splitter *s, uint64_t c, struc
     s->is_turned = false;
     for (uint32_t f = 0; f < stream[0]; at += 1 + (uint64_t)stream[at], f++) {
         const uint32_t *face = stream + at + 1;
-        uint32_t sides = stream[at], least = 0;
-        for (uint32_t i = 1; i < sides; i++)
-            least = face[i] < face[least] ? i : least;
+        uint32_t sides = stream[at], least = sides ? fan_start(s->out->positions, face, sides) : 0;
         for (uint32_t i = 1; i + 1 < sides; i++) {
             uint32_t tet[1][4] = {{centre, face[least], face[(least + i) % sides], face[(least + i + 1) % sides]}};
             if (cell_tet_volume6(tet[0], s->out->positions) < 0)

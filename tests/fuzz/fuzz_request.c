@@ -1,13 +1,54 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* What a client may write: the first line of the input is a request target, the others are values of headers that are
- * parsed. Everything is answered by the handlers over an empty catalogue, and each parser's promises are checked. */
+ * parsed. Everything is answered by the handlers over a stream `m`, whose content id stands for CID in a target, and each parser's
+ * promises are checked. */
+#define _GNU_SOURCE
 #include <assert.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <unistd.h>
 
 #include "server/answer/routes.h"
+#include "tests/gen.h"
+#include "tests/memory_sink.h"
+
+static char cid[64];
+
+static bool write_stream(const char *path)
+{
+    struct recode recode;
+    struct memory_sink memory = {0};
+    struct tetlodi_sink sink = memory_sink(&memory);
+    const struct gen_options options = {.kind = GEN_GRID, .seed = 1, .size = 2, .levels = 5, .arity = 2, .type = TETLOD_FLOAT32};
+    bool made = gen_make(&recode, &options) && tetlodi_write(&recode.input, &sink, NULL) == TETLOD_OK;
+    FILE *file = made ? fopen(path, "wb") : NULL;
+    made = file && fwrite(memory.bytes, 1, memory.size, file) == memory.size && fclose(file) == 0;
+    free(memory.bytes);
+    gen_free(&recode);
+    return made;
+}
+
+/* The stream is open when its file goes again. */
+static bool open_catalogue(struct site *site)
+{
+    char folder[] = "/tmp/tetlod-fuzz-XXXXXX", path[64];
+    if (!mkdtemp(folder))
+        return false;
+    snprintf(path, sizeof path, "%s/m.tetlod", folder);
+    const char *const paths[] = {folder};
+    const struct catalogue_options options = {.paths = paths, .path_count = 1};
+    bool opened = write_stream(path) && catalogue_open(&site->catalogue, &options, NULL) == TETLOD_OK;
+    unlink(path);
+    rmdir(folder);
+    struct dataset *dataset = opened ? catalogue_find(site->catalogue, "m") : NULL;
+    if (dataset)
+        snprintf(cid, sizeof cid, "%s", dataset_info(dataset)->cid);
+    dataset_release(dataset);
+    return dataset != NULL;
+}
 
 static struct site *make_site(void)
 {
@@ -15,12 +56,12 @@ static struct site *make_site(void)
     static const char *const routes[] = {"/", NULL};
     if (site.cache)
         return &site;
-    const struct catalogue_options options = {0};
     site.cache = cache_new(1 << 20);
+    site.memory = cache_new(1 << 24);
     site.metrics = metrics_new(routes);
     site.serve_metrics = true;
     if (!site.cache || !site.metrics ||
-        catalogue_open(&site.catalogue, &options, NULL) != TETLOD_OK)
+        !open_catalogue(&site))
         abort();
     return &site;
 }
@@ -79,11 +120,15 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
         if (*rest)
             *rest++ = 0;
     }
+    make_site();
+    char target[4096];
+    char *mark = strstr(lines[0], "CID");
+    snprintf(target, sizeof target, "%.*s%s%s", mark ? (int)(mark - lines[0]) : 0, lines[0], mark ? cid : "", mark ? mark + 3 : lines[0]);
     struct headers headers = {lines[1], lines[2], lines[3], lines[4]};
     check_parsers(lines[0], &headers);
     static const enum method methods[] = {METHOD_GET, METHOD_HEAD, METHOD_OPTIONS, METHOD_OTHER};
     for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {
-        struct request request = {.method = methods[m], .target = lines[0], .header = header, .opaque = &headers};
+        struct request request = {.method = methods[m], .target = target, .header = header, .opaque = &headers};
         struct response response = {0};
         assert(site_answer(make_site(), &request, &response) == ANSWERED);
         assert(response.status >= 200 && response.status < 600);

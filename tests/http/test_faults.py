@@ -116,7 +116,51 @@ def test_written_over_with_the_same_size_and_time():
         eventually(lambda: server.get(at)[2] == good)
 
 
+HANG = r'''
+#define _GNU_SOURCE
+#include <dirent.h>
+#include <dlfcn.h>
+#include <errno.h>
+#include <stdlib.h>
+#include <unistd.h>
+struct dirent *readdir(DIR *folder)
+{
+    struct dirent *(*next)(DIR *) = (struct dirent *(*)(DIR *))dlsym(RTLD_NEXT, "readdir");
+    int before = errno;
+    while (access(getenv("HANG"), F_OK) == 0)
+        usleep(10000);
+    errno = before;
+    return next(folder);
+}
+'''
+
+
+def test_a_folder_that_hangs():
+    """As on a network file system whose server is away: all else goes on, and stopping is not held up."""
+    if os.environ.get('CONFIG') != 'release':
+        return 'sanitizers want to be loaded first'
+    library, flag, folder = os.path.join(SCRATCH, 'hang.so'), os.path.join(SCRATCH, 'hang'), folder_of('hanging', 'fin')
+    with open(library + '.c', 'w') as file:
+        file.write(HANG)
+    subprocess.run(['cc', '-shared', '-fPIC', '-o', library, library + '.c', '-ldl'], check=True)
+    with Server(folder, '--scan', '0.05', '--timeout', '1', '--drain', '0.1', environment={'LD_PRELOAD': library, 'HANG': flag}) as server:
+        with open(flag, 'w'):
+            pass
+        time.sleep(0.3)
+        shutil.copy(MADE, os.path.join(folder, 'new.tetlod'))
+        assert server.get('/v1/meshes/fin')[0] == 200 and server.get('/v1/meshes/fin/prefix?level=0')[0] == 200
+        assert server.raw(b'') == b''  # who asks nothing is shut out in time
+        assert server.get('/v1/meshes/new')[0] == 404
+        os.unlink(flag)
+        eventually(lambda: server.get('/v1/meshes/new')[0] == 200)
+        with open(flag, 'w'):
+            pass
+        time.sleep(0.3)
+    assert 'does not answer' in server.messages()
+    os.unlink(flag)
+
+
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
 subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
 run([test_explode_on_a_full_disk, test_what_is_no_stream_is_named_once, test_folder_that_goes_away_for_a_while, test_descriptors_run_out,
-     test_written_over_with_the_same_size_and_time])
+     test_written_over_with_the_same_size_and_time, test_a_folder_that_hangs])

@@ -41,7 +41,7 @@ static void check_growth(struct tetlod_file *file, const struct gen_options *opt
     struct forest *forest;
     struct tetlod_cursor *cursor;
     uint32_t stages = 0;
-    REQUIRE(forest_new(&forest, file, NULL) == TETLOD_OK);
+    REQUIRE(forest_new(&forest, file, tetlod_info(file)->level_count - 1, NULL) == TETLOD_OK);
     REQUIRE(tetlod_cursor_new(&cursor, file, NULL, 0, NULL) == TETLOD_OK);
     for (uint32_t grown = 0, levels = 0; grown < tetlod_info(file)->level_count; grown++) {
         REQUIRE(forest_grow(forest, NULL) == TETLOD_OK);
@@ -58,6 +58,27 @@ static void check_growth(struct tetlod_file *file, const struct gen_options *opt
     forest_free(forest);
 }
 
+/* A forest for a level has it and no more than its stage. */
+static void check_partial(struct tetlod_file *file, const struct gen_options *options)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    struct tetlod_cursor *cursor;
+    REQUIRE(tetlod_cursor_new(&cursor, file, NULL, 0, NULL) == TETLOD_OK);
+    for (uint32_t level = 0; level < info->level_count; level++) {
+        struct forest *forest;
+        uint32_t last = forest_last_level(info, level);
+        CHECK(last >= level && last < info->level_count);
+        REQUIRE(forest_new(&forest, file, level, NULL) == TETLOD_OK);
+        while (forest_levels(forest) <= level)
+            REQUIRE(forest_grow(forest, NULL) == TETLOD_OK);
+        CHECK_INT(forest_levels(forest), last + 1);
+        CHECK(forest_bytes(forest) <= forest_estimate(info, level));
+        check_levels(forest, cursor, last + 1, options);
+        forest_free(forest);
+    }
+    tetlod_cursor_free(cursor);
+}
+
 static void check_sequence(const struct gen_options *options)
 {
     struct recode recode;
@@ -66,9 +87,10 @@ static void check_sequence(const struct gen_options *options)
     struct tetlod_file *file = NULL;
     REQUIRE(gen_make(&recode, options));
     if (tetlodi_write(&recode.input, &sink, NULL) == TETLOD_OK &&
-        tetlod_open_memory(&file, memory.bytes, memory.size, NULL, NULL) == TETLOD_OK)
+        tetlod_open_memory(&file, memory.bytes, memory.size, NULL, NULL) == TETLOD_OK) {
         check_growth(file, options);
-    else
+        check_partial(file, options);
+    } else
         TEST_FAIL("kind %d, seed %d: no stream", (int)options->kind, (int)options->seed);
     tetlod_close(file);
     free(memory.bytes);

@@ -43,6 +43,7 @@ static bool open_fixture(struct fixture *f, uint64_t cache_bytes)
     const char *const paths[] = {f->folder};
     const struct catalogue_options options = {.paths = paths, .path_count = 1, .keep_replaced = 10};
     f->site.cache = cache_new(cache_bytes);
+    f->site.memory = cache_new(cache_bytes);
     f->site.metrics = metrics_new(routes);
     if (!write_stream(f->path, 1) || catalogue_open(&f->site.catalogue, &options, NULL) != TETLOD_OK)
         return false;
@@ -58,6 +59,7 @@ static void close_fixture(struct fixture *f)
 {
     response_release(&f->response);
     cache_free(f->site.cache);
+    cache_free(f->site.memory);
     catalogue_close(f->site.catalogue);
     metrics_free(f->site.metrics);
     unlink(f->path);

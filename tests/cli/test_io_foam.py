@@ -1,0 +1,148 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""OpenFOAM cases, text, binary and packed, as OpenFOAM lays them out; VTK's reader reads the same from them."""
+import gzip
+import os
+import shutil
+
+import numpy as np
+import vtk
+from vtk.util.numpy_support import vtk_to_numpy
+
+from common import CONFIG, case, fails, finish, path, report, tetlod, write
+from meshes import arrays_of, converted, volumes
+from test_io_vtkxml import other_cells
+
+POINTS = other_cells(())[1]
+CELLS = [([0, 1, 2, 3, 4, 5, 6, 7], [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]),
+         ([1, 8, 2, 5, 9, 6], [[0, 2, 1], [3, 4, 5], [0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]]),
+         ([4, 5, 6, 7, 10], [[0, 3, 2, 1], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]),
+         ([5, 11, 6, 10], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])]
+
+
+def mesh(split):
+    """Faces (those of two cells first), owners, neighbours. `split`: the pyramid's base has a point more, in the middle of an edge, so
+    that two cells become polyhedra."""
+    points, faces = POINTS.tolist(), {}
+    if split:
+        points.append([0.5, 0, 1])
+    for number, (corners, sides) in enumerate(CELLS):
+        for side in sides:
+            face = [corners[i] for i in side]
+            if split:
+                for i in range(len(face)):
+                    if {face[i], face[(i + 1) % len(face)]} == {4, 5}:
+                        face.insert(i + 1, 12)
+                        break
+            key = tuple(sorted(face))
+            faces.setdefault(key, [face, []])[1].append(number)
+    listed = sorted(faces.values(), key=lambda f: (len(f[1]) == 1, f[1]))
+    return np.array(points), [f[0] for f in listed], [f[1][0] for f in listed], [f[1][1] for f in listed if len(f[1]) > 1]
+
+
+def put(name, kind, content, binary, packed):
+    head = 'FoamFile\n{\n version 2.0;\n format %s;\n class %s;\n arch "LSB;label=32;scalar=64";\n object %s;\n}\n// * * //\n\n' % (
+        'binary' if binary else 'ascii', kind, os.path.basename(name))
+    data = head.encode() + (content if isinstance(content, bytes) else content.encode()) + b'\n\n// **** //\n'
+    os.makedirs(os.path.dirname(path(name)), exist_ok=True)
+    with (gzip.open(path(name + '.gz'), 'wb') if packed else open(path(name), 'wb')) as file:
+        file.write(data)
+
+
+def list_of(values, binary, kind='<i4'):
+    values = np.asarray(values)
+    if binary:
+        return b'%d\n(' % len(values) + values.astype(kind).tobytes() + b')'
+    row = (lambda v: '(%s)' % ' '.join(map(repr, v.tolist()))) if values.ndim > 1 else (lambda v: repr(v.item()))
+    return ('%d\n(\n%s\n)' % (len(values), '\n'.join(row(v) for v in values))).encode()
+
+
+def write_case(split, binary, packed):
+    shutil.rmtree(path('case'), ignore_errors=True)
+    points, faces, owner, neighbour = mesh(split)
+    put('case/constant/polyMesh/points', 'vectorField', list_of(points, binary, '<f8'), binary, packed)
+    if binary:
+        ends = np.cumsum([0] + [len(f) for f in faces])
+        put('case/constant/polyMesh/faces', 'faceCompactList', list_of(ends, True) + b'\n' + list_of(sum(faces, []), True), True, packed)
+    else:
+        put('case/constant/polyMesh/faces', 'faceList', '%d\n(\n%s\n)' % (len(faces), '\n'.join(
+            '%d(%s)' % (len(f), ' '.join(map(str, f))) for f in faces)), False, packed)
+    put('case/constant/polyMesh/owner', 'labelList', list_of(owner, binary), binary, packed)
+    put('case/constant/polyMesh/neighbour', 'labelList', list_of(neighbour, binary), binary, packed)
+    put('case/constant/polyMesh/boundary', 'polyBoundaryMesh', '1\n(\nwalls { type wall; nFaces %d; startFace %d; }\n)' % (
+        len(faces) - len(neighbour), len(neighbour)), False, packed)
+    for step, time in enumerate(('0', '0.5', '10')):
+        p, u = np.arange(4.0) + step, np.arange(12.0).reshape(4, 3) * (step + 1)
+        field = lambda values, what: b'dimensions [0 2 -2 0 0 0 0];\n\ninternalField nonuniform List<%s> ' % what + list_of(
+            values, binary, '<f8') + b'\n;\n\nboundaryField\n{\n walls { type zeroGradient; }\n}\n'
+        put('case/%s/p' % time, 'volScalarField', field(p, b'scalar'), binary, packed)
+        put('case/%s/U' % time, 'volVectorField', field(u, b'vector'), binary, packed)
+        put('case/%s/T' % time, 'volScalarField', 'dimensions [0 0 0 1 0 0 0];\ninternalField uniform 300;\nboundaryField\n{\n walls\n'
+            '{ type zeroGradient; }\n}\n', binary, packed)
+        put('case/%s/phi' % time, 'surfaceScalarField', 'dimensions [0 3 -1 0 0 0 0];\ninternalField uniform 0;\nboundaryField {}\n',
+            binary, packed)
+    put('case/system/controlDict', 'dictionary', 'application x; startTime 0; deltaT 0.5; writeInterval 1; writeControl timeStep;', False, False)
+    write('case/case.foam', '')
+
+
+def foam_case(split, binary, packed):
+    write_case(split, binary, packed)
+    points = mesh(split)[0]
+    p, t, f, c = converted(path('case/case.foam'))
+    v = volumes(p, t)
+    wanted = np.array([1, 0.5, 1 / 3, 1 / 6])
+    ids = (c['p'] - 2).astype(int)
+    if (v <= 0).any() or not np.allclose(np.bincount(ids, v), wanted):
+        return 'volumes %s' % np.bincount(ids, v)
+    if len(p) != len(points) + (3 if split else 0):  # the hexahedron, the pyramid and what they share
+        if len(p) - len(points) != 2:
+            return '%d points' % len(p)
+    if not np.array_equal(c['U'], np.arange(12.0).reshape(4, 3)[ids] * 3) or not (c['T'] == 300).all() or 'phi' in c:
+        return 'values'
+    first = converted(path('case/case.foam'), '--time', '0')[3]
+    if sorted(set(first['p'])) != [0, 1, 2, 3]:
+        return 'time'
+    reader = vtk.vtkOpenFOAMReader()
+    reader.SetFileName(path('case/case.foam'))
+    reader.UpdateInformation()
+    reader.EnableAllCellArrays()
+    reader.CreateCellToPointOff()
+    reader.UpdateTimeStep(10)
+    grid = reader.GetOutput().GetBlock(0)
+    return None if np.array_equal(vtk_to_numpy(grid.GetCellData().GetArray('p')), np.arange(4.0) + 2) else 'VTK reads other values'
+
+
+def damaged_cases(binary):
+    random, bad = np.random.default_rng(4), []
+    names = ['constant/polyMesh/' + n for n in ('points', 'faces', 'owner', 'neighbour')] + ['10/p', '10/U']
+    for n in range(24 if CONFIG == 'release' else 12):
+        write_case(False, binary, False)
+        name = path('case/' + names[n % len(names)])
+        data = bytearray(open(name, 'rb').read())
+        if n % 2:
+            data = data[:random.integers(len(data))]
+        else:
+            for at in random.integers(0, len(data), 3):
+                data[at] = random.integers(256)
+        open(name, 'wb').write(bytes(data))
+        done = tetlod('convert', path('case/case.foam'), '-o', path('out.vtu'), timeout=60)
+        if done.returncode not in (0, 3) or (done.returncode == 3 and done.stderr.count(b'\n') != 1):
+            bad.append(done)
+    report('damaged %s cases end in one line or a mesh' % ('binary' if binary else 'text'), not bad, bad[:2])
+
+
+def main():
+    for split in False, True:
+        for binary in False, True:
+            for packed in False, True:
+                case('openfoam%s, %s%s' % (' with polyhedra' if split else '', 'binary' if binary else 'text', ', packed' if packed else ''),
+                     foam_case, split, binary, packed)
+    damaged_cases(False)
+    damaged_cases(True)
+    os.remove(path('case/constant/polyMesh/owner'))
+    fails('a file that is missing', 3, ['case.foam', 'owner'], 'convert', path('case/case.foam'), '-o', path('out.vtu'))
+    finish()
+
+
+if __name__ == '__main__':
+    main()
