@@ -11,7 +11,8 @@
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-/* The middle of an intersection is at least this far inside both tetrahedra, by barycentric weights; less is a contact. */
+/* The middle of an intersection is at least this far inside both tetrahedra, by barycentric weights; less is a contact. What is less far
+ * outside is in a tetrahedron, but for rounding. */
 static const double THIN = 1e-9;
 
 /* Which tetrahedra are at a corner of the overlay is looked up this much towards the middle of its cell. */
@@ -206,7 +207,7 @@ static double difference(const struct overlay *overlay, const struct worker *wor
         if (overlay->degenerate[1][tet] || tet == cell->tets[1])
             continue;
         weights_of(&overlay->maps[1][tet], inside, weights);
-        if (weights[0] < 0 || weights[1] < 0 || weights[2] < 0 || weights[3] < 0)
+        if (weights[0] < -THIN || weights[1] < -THIN || weights[2] < -THIN || weights[3] < -THIN)
             continue;
         weights_of(&overlay->maps[1][tet], p, weights);
         found = smaller(found, fabs(value - value_at(overlay, compared, 1, tet, weights, base)));
