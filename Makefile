@@ -20,7 +20,7 @@ B := build/$(config)
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev \
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
-DEPS_CHECK := clang libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema nginx-light varnish openssl chromium
+DEPS_CHECK := clang qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema nginx-light varnish openssl chromium
 DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
@@ -92,7 +92,7 @@ WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128
     -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS)
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) src/mesh/tetmesh.c src/util/array.c
-WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c,$(FORMAT_SRC)) $(CUT_SRC)
+WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c format/container.c,$(FORMAT_SRC)) $(CUT_SRC)
 WASM := build/wasm/tetlod.wasm
 CLIENT := build/client
 CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)
@@ -227,7 +227,7 @@ check: deps-check
 
 ## tests: the test programs of this config
 .PHONY: tests
-tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(B)/tests/oom/failmalloc.so)
+tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(B)/tests/oom/failmalloc.so $(B)/tests/attack/attack)
 
 ## fuzz: run each fuzz target for TIME seconds (TARGET=name for one)
 .PHONY: fuzz
@@ -288,6 +288,12 @@ $(ATTACK): $(ATTACK_OBJECTS) $(LIBTETLOD)
 attack: deps-build
 	$(Q)$(MAKE) --no-print-directory all $(ATTACK)
 	@python3 tests/attack/run.py $(ATTACK) $(BINARY) $(B)/attack $(SEEDS) $(FIRST)
+
+## mutants: take one line of the proof out at a time; a test must go red (NAME='one of tests/mutants/table.py')
+.PHONY: mutants
+mutants: deps-build
+	$(Q)$(MAKE) --no-print-directory all tests $(ATTACK)
+	@python3 tests/mutants/run.py $(if $(NAME),'$(NAME)')
 
 ## bench-certificate: 100 random levels of all samples and the blunt fin (BLUNT=folder), 200,000 points each, against what is promised of them
 .PHONY: bench-certificate

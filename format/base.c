@@ -302,13 +302,18 @@ static int64_t predict(const struct tetlodi_column *column, unsigned axis, unsig
 }
 
 static int code_base_vertex(struct tetlodi_column *column, struct tetlodi_coder *coder, struct tetlodi_number *models,
-                            int positions, uint32_t vertex, const uint32_t *corners)
+                            const uint8_t *copied, uint32_t vertex, const uint32_t *corners)
 {
     size_t n = column->components;
     unsigned width = scale_width(&column->scale);
     for (unsigned c = 0; c < n; c++) {
-        unsigned axis = positions ? c : 0, context;
+        unsigned axis = copied ? 0 : c, context;
         int64_t *code = &column->codes[vertex * n + c];
+        if (copied && copied[c] < c) {
+            *code = column->codes[vertex * n + copied[c]];
+            column->values[vertex * n + c] = column->values[vertex * n + copied[c]];
+            continue;
+        }
         int64_t base = predict(column, axis, c, corners, vertex, &context);
         int64_t difference = code_difference(*code, base, width);
         difference = code_number(coder, &models[axis], context, difference);
@@ -322,7 +327,7 @@ static int code_base_vertex(struct tetlodi_column *column, struct tetlodi_coder 
 }
 
 enum tetlod_status tetlodi_base_column(struct tetlodi_replay *replay, struct tetlodi_column *column,
-                                       struct tetlodi_coder *coder, struct tetlodi_number *models, int positions,
+                                       struct tetlodi_coder *coder, struct tetlodi_number *models, const uint8_t *copied,
                                        struct tetlod_error *error)
 {
     static const uint32_t nobody[4] = {TETLOD_NONE, TETLOD_NONE, TETLOD_NONE, TETLOD_NONE};
@@ -330,8 +335,8 @@ enum tetlod_status tetlodi_base_column(struct tetlodi_replay *replay, struct tet
     int good = 1;
     for (size_t i = 0; i < 4 * (size_t)replay->tets && good; i++)
         if (replay->corners[i] == known)
-            good = code_base_vertex(column, coder, models, positions, known++, replay->corners + i / 4 * 4);
+            good = code_base_vertex(column, coder, models, copied, known++, replay->corners + i / 4 * 4);
     while (good && known < replay->vertices)
-        good = code_base_vertex(column, coder, models, positions, known++, nobody);
+        good = code_base_vertex(column, coder, models, copied, known++, nobody);
     return good ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "the base mesh holds a value that is not finite");
 }

@@ -3,22 +3,7 @@
 
 #include <string.h>
 
-/* Four bits at a time: a table that fits a line of cache and needs no set-up. */
-uint32_t tetlodi_crc32(const void *bytes, size_t size)
-{
-    static const uint32_t table[16] = {0x00000000, 0x1db71064, 0x3b6e20c8, 0x26d930ac, 0x76dc4190, 0x6b6b51f4,
-                                       0x4db26158, 0x5005713c, 0xedb88320, 0xf00f9344, 0xd6d6a3e8, 0xcb61b38c,
-                                       0x9b64c2b0, 0x86d3d2d4, 0xa00ae278, 0xbdbdf21c};
-    const uint8_t *at = bytes;
-    uint32_t crc = UINT32_MAX;
-    while (size--) {
-        crc ^= *at++;
-        crc = crc >> 4 ^ table[crc & 15];
-        crc = crc >> 4 ^ table[crc & 15];
-    }
-    return ~crc;
-}
-
+/* FIPS 180-4. */
 static const uint32_t rounds[64] = {
     0x428a2f98, 0x71374491, 0xb5c0fbcf, 0xe9b5dba5, 0x3956c25b, 0x59f111f1, 0x923f82a4, 0xab1c5ed5, 0xd807aa98, 0x12835b01, 0x243185be,
     0x550c7dc3, 0x72be5d74, 0x80deb1fe, 0x9bdc06a7, 0xc19bf174, 0xe49b69c1, 0xefbe4786, 0x0fc19dc6, 0x240ca1cc, 0x2de92c6f, 0x4a7484aa,
@@ -30,6 +15,16 @@ static const uint32_t rounds[64] = {
 static uint32_t rotate(uint32_t x, int by)
 {
     return x >> by | x << (32 - by);
+}
+
+/* One round; word number `first` of v is the standard's a. */
+static inline void add_round(uint32_t v[8], int first, uint32_t constant)
+{
+    uint32_t a = v[first & 7], b = v[(first + 1) & 7], c = v[(first + 2) & 7], e = v[(first + 4) & 7];
+    uint32_t f = v[(first + 5) & 7], g = v[(first + 6) & 7];
+    uint32_t t = v[(first + 7) & 7] + (rotate(e, 6) ^ rotate(e, 11) ^ rotate(e, 25)) + ((e & f) ^ (~e & g)) + constant;
+    v[(first + 3) & 7] += t;
+    v[(first + 7) & 7] = t + (rotate(a, 2) ^ rotate(a, 13) ^ rotate(a, 22)) + ((a & b) ^ (a & c) ^ (b & c));
 }
 
 static void add_block(struct tetlodi_sha256 *sha, const uint8_t block[64])
@@ -44,14 +39,15 @@ static void add_block(struct tetlodi_sha256 *sha, const uint8_t block[64])
                (rotate(b, 17) ^ rotate(b, 19) ^ b >> 10);
     }
     memcpy(v, sha->state, sizeof v);
-    for (int i = 0; i < 64; i++) {
-        uint32_t t = v[7] + (rotate(v[4], 6) ^ rotate(v[4], 11) ^ rotate(v[4], 25)) +
-                     ((v[4] & v[5]) ^ (~v[4] & v[6])) + rounds[i] + w[i];
-        uint32_t u = (rotate(v[0], 2) ^ rotate(v[0], 13) ^ rotate(v[0], 22)) +
-                     ((v[0] & v[1]) ^ (v[0] & v[2]) ^ (v[1] & v[2]));
-        memmove(v + 1, v, 7 * sizeof *v);
-        v[4] += t;
-        v[0] = t + u;
+    for (int i = 0; i < 64; i += 8) { // eight rounds: each names the words one place further on instead of moving them
+        add_round(v, 0, rounds[i] + w[i]);
+        add_round(v, 7, rounds[i + 1] + w[i + 1]);
+        add_round(v, 6, rounds[i + 2] + w[i + 2]);
+        add_round(v, 5, rounds[i + 3] + w[i + 3]);
+        add_round(v, 4, rounds[i + 4] + w[i + 4]);
+        add_round(v, 3, rounds[i + 5] + w[i + 5]);
+        add_round(v, 2, rounds[i + 6] + w[i + 6]);
+        add_round(v, 1, rounds[i + 7] + w[i + 7]);
     }
     for (int i = 0; i < 8; i++)
         sha->state[i] += v[i];
@@ -70,11 +66,14 @@ void tetlodi_sha256_add(struct tetlodi_sha256 *sha, const void *bytes, size_t si
     const uint8_t *at = bytes;
     while (size) {
         size_t used = sha->size % 64, part = 64 - used < size ? 64 - used : size;
-        memcpy(sha->block + used, at, part);
+        if (part == 64)
+            add_block(sha, at);
+        else
+            memcpy(sha->block + used, at, part);
         sha->size += part;
         at += part;
         size -= part;
-        if (sha->size % 64 == 0)
+        if (part < 64 && sha->size % 64 == 0)
             add_block(sha, sha->block);
     }
 }
@@ -91,4 +90,14 @@ void tetlodi_sha256_finish(struct tetlodi_sha256 *sha, uint8_t out[32])
     tetlodi_sha256_add(sha, length, 8);
     for (int i = 0; i < 32; i++)
         out[i] = (uint8_t)(sha->state[i / 4] >> (24 - 8 * (i % 4)));
+}
+
+void tetlodi_digest(const void *bytes, size_t size, uint8_t out[DIGEST_SIZE])
+{
+    struct tetlodi_sha256 sha;
+    uint8_t digest[32];
+    tetlodi_sha256_init(&sha);
+    tetlodi_sha256_add(&sha, bytes, size);
+    tetlodi_sha256_finish(&sha, digest);
+    memcpy(out, digest, DIGEST_SIZE);
 }

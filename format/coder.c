@@ -67,7 +67,7 @@ void tetlodi_encode_finish(struct tetlodi_coder *coder)
     struct tetlodi_encoder *encoder = coder->encoder;
     /* Of the numbers in [low, low + range) the one with most trailing zero bits. */
     uint64_t last = encoder->low + coder->range - 1;
-    for (unsigned zeros = 32; zeros--;) {
+    for (unsigned zeros = 33; zeros--;) {
         uint64_t value = last >> zeros << zeros;
         if (value >= encoder->low) {
             encoder->low = value;

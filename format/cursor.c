@@ -3,36 +3,60 @@
  * A cursor decodes each level once, in order, because what the coder has learned carries on from level to level. What is
  * decoded stays in the replay's log, so that going down and up again costs no decoding.
  */
+#include "format/cursor.h"
+
 #include <stdlib.h>
 #include <string.h>
 
 #include "format/base.h"
 #include "format/fail.h"
-#include "format/reader.h"
+#include "format/record_fields.h"
+#include "format/tail.h"
 
-struct tetlod_cursor {
-    struct tetlod_file *file; /* borrowed */
-    struct tetlodi_memory memory;
-    struct tetlodi_column *columns; /* positions, then the selected fields */
-    uint32_t *parts;                /* [column] the part of each level that holds it */
-    const double **fields;          /* [field_count] for tetlod_cursor_mesh */
-    struct tetlodi_replay replay;
-    struct tetlodi_recorder recorder;
-    uint32_t *records; /* [level] in the log at the level's end, as far as decoded */
-    uint32_t level, decoded; /* the level at hand, or the one below; the finest in the log */
-    enum tetlod_status broken; /* why no level above `decoded` can be had */
-    struct tetlod_error damage;
-};
-
-/* Reads a level's frames of the selected parts and starts the coders on them. The bytes are in frames[]. */
-static enum tetlod_status load_frames(struct tetlod_cursor *cursor, uint32_t level, uint8_t **frames,
-                                      struct tetlod_error *error)
+static void free_frames(struct tetlod_cursor *cursor)
 {
-    for (uint32_t c = 0; c < cursor->replay.column_count; c++) {
-        size_t size;
-        TETLOD_TRY(tetlodi_read_frame(cursor->file, level, cursor->parts[c], &frames[c], &size, error));
-        tetlodi_decode_start(&cursor->recorder.coders[c], cursor->file->index.slowest, frames[c], size);
-    }
+    for (uint32_t c = 0; c < cursor->replay.column_count && cursor->frames; c++)
+        free(cursor->frames[c]);
+    free(cursor->frames);
+    cursor->frames = NULL;
+    cursor->memory.used -= cursor->frame_bytes;
+    cursor->frame_bytes = 0;
+}
+
+static enum tetlod_status load_frame(struct tetlod_cursor *cursor, uint32_t level, uint32_t column, struct tetlod_error *error)
+{
+    uint32_t part = cursor->parts[column];
+    uint64_t stored = cursor->file->index.frames[level * (1 + (size_t)cursor->file->index.info.field_count) + part].size;
+    size_t size;
+    if (!tetlodi_count(&cursor->memory, stored))
+        return tetlodi_no_room(&cursor->memory, error);
+    cursor->frame_bytes += stored;
+    TETLOD_TRY(tetlodi_read_frame(cursor->file, level, part, &cursor->frames[column], &size, error));
+    tetlodi_decode_start(&cursor->recorder.coders[column], cursor->file->index.slowest, cursor->frames[column], size);
+    return TETLOD_OK;
+}
+
+/* Reads a level's frames of the selected parts and starts the coders on them. They are kept until the level is decoded. */
+static enum tetlod_status load_frames(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+{
+    enum tetlod_status status = TETLOD_OK;
+    cursor->frames = calloc(cursor->replay.column_count, sizeof *cursor->frames);
+    if (!cursor->frames)
+        return tetlodi_fail_nomem(error, "a level", cursor->replay.column_count * sizeof *cursor->frames);
+    for (uint32_t c = 0; c < cursor->replay.column_count && status == TETLOD_OK; c++)
+        status = load_frame(cursor, level, c, error);
+    if (status != TETLOD_OK)
+        free_frames(cursor);
+    return status;
+}
+
+/* Frames end where what they hold ends, but for zero bytes. */
+static enum tetlod_status check_ends(const struct tetlod_cursor *cursor, struct tetlod_error *error)
+{
+    for (uint32_t c = 0; c < cursor->replay.column_count; c++)
+        for (const uint8_t *at = cursor->recorder.coders[c].at; at < cursor->recorder.coders[c].end; at++)
+            if (*at)
+                return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has bytes that belong to nothing");
     return TETLOD_OK;
 }
 
@@ -44,21 +68,34 @@ static enum tetlod_status decode_base(struct tetlod_cursor *cursor, struct tetlo
     if (!tetlodi_replay_room(replay, base->vertices, base->tets))
         return tetlodi_no_room(&cursor->memory, error);
     TETLOD_TRY(tetlodi_base_connectivity(recorder, base->vertices, base->tets, NULL, error));
-    for (uint32_t c = 0; c < replay->column_count; c++) {
-        struct tetlodi_number *models = c ? &recorder->field_models[c - 1].corner : recorder->models->corner;
-        TETLOD_TRY(tetlodi_base_column(replay, &cursor->columns[c], &recorder->coders[c], models, c == 0, error));
+    TETLOD_TRY(tetlodi_base_column(replay, cursor->columns, recorder->coders, recorder->models->corner, NULL, error));
+    for (uint32_t c = 1; c < replay->column_count; c++) {
+        struct tetlodi_field_models *models = &recorder->field_models[c - 1];
+        tetlodi_copies_code(&recorder->coders[c], models, cursor->columns[c].components);
+        TETLOD_TRY(tetlodi_base_column(replay, &cursor->columns[c], &recorder->coders[c], &models->corner, models->copied, error));
     }
     return tetlodi_replay_base(replay) ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
 }
 
-static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+/* Begins with a level's records. The log is at its end. */
+static enum tetlod_status begin_records(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+{
+    const struct tetlod_level *to = &cursor->file->index.info.levels[level];
+    if (!tetlodi_replay_room(&cursor->replay, to->vertices, to->tets))
+        return tetlodi_no_room(&cursor->memory, error);
+    tetlodi_level_begin(&cursor->recorder, to->vertices, to->tets);
+    return TETLOD_OK;
+}
+
+/* Goes on with them, as far as *most records allow. The log is at its end. */
+static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t level, uint32_t *most, struct tetlod_error *error)
 {
     const struct tetlod_level *to = &cursor->file->index.info.levels[level];
     struct tetlodi_replay *replay = &cursor->replay;
-    if (!tetlodi_replay_room(replay, to->vertices, to->tets))
-        return tetlodi_no_room(&cursor->memory, error);
-    tetlodi_level_begin(&cursor->recorder, to->vertices, to->tets);
     while (replay->vertices < to->vertices) {
+        if (!*most)
+            return TETLOD_MORE;
+        --*most;
         if (!tetlodi_level_next(&cursor->recorder))
             return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has fewer records than its index says");
         struct tetlodi_record record = {.vertex = cursor->recorder.walk, .children = 2};
@@ -69,50 +106,102 @@ static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t 
     return TETLOD_OK;
 }
 
+/* The tail: exact values beside those on the grid. */
+static enum tetlod_status decode_tail(struct tetlod_cursor *cursor, struct tetlod_error *error)
+{
+    const struct tetlodi_index *index = &cursor->file->index;
+    for (uint32_t c = 1; c < cursor->replay.column_count; c++) {
+        struct tetlodi_column *column = &cursor->columns[c];
+        size_t count = (size_t)cursor->replay.vertices * column->components;
+        if (!index->exact_later[cursor->parts[c] - 1])
+            continue;
+        if (!TETLODI_ROOM(&cursor->memory, column->other_values, column->other_capacity, count))
+            return tetlodi_no_room(&cursor->memory, error);
+        TETLOD_TRY(tetlodi_tail_code(&cursor->recorder.coders[c], column, cursor->replay.vertices, column->other_values, error));
+    }
+    return TETLOD_OK;
+}
+
+/* Exchanges the values on the grid and the exact ones. All records are applied. */
+static void exchange_exact(struct tetlod_cursor *cursor)
+{
+    for (uint32_t c = 1; c < cursor->replay.column_count; c++) {
+        struct tetlodi_column *column = &cursor->columns[c];
+        double *values = column->values;
+        size_t capacity = column->values_capacity;
+        if (!cursor->file->index.exact_later[cursor->parts[c] - 1])
+            continue;
+        column->values = column->other_values;
+        column->values_capacity = column->other_capacity;
+        column->other_values = values;
+        column->other_capacity = capacity;
+    }
+    cursor->exact = !cursor->exact;
+}
+
 /* Takes back what of a damaged level was brought in, and remembers that it is damaged. */
-static void abandon(struct tetlod_cursor *cursor, enum tetlod_status status, const struct tetlod_error *error)
+static enum tetlod_status abandon(struct tetlod_cursor *cursor, uint32_t level, enum tetlod_status status,
+                                  const struct tetlod_error *inner, struct tetlod_error *error)
 {
     struct tetlodi_replay *replay = &cursor->replay;
     uint32_t records = cursor->records[cursor->decoded];
     while (replay->records > records && tetlodi_replay_back(replay))
         continue;
     tetlodi_replay_forget(replay);
+    free_frames(cursor);
     cursor->broken = status;
-    cursor->damage = *error;
+    tetlodi_fail(&cursor->damage, status, "level %u: %.220s", level, inner->message);
+    cursor->damage.offset = cursor->file->index.info.levels[level].offset;
+    if (error)
+        *error = cursor->damage;
+    return status;
 }
 
-/* Decodes the next level after the log's last. On failure the mesh is as it was. */
-static enum tetlod_status decode_level(struct tetlod_cursor *cursor, struct tetlod_error *error)
+/* Decodes at most *most records of the next level after the log's last: OK when it is whole, MORE before. The log is at its end.
+ * On failure the mesh is that of the last level that is whole. */
+static enum tetlod_status decode_some(struct tetlod_cursor *cursor, uint32_t *most, struct tetlod_error *error)
 {
-    uint32_t level = cursor->decoded + 1, columns = cursor->replay.column_count;
+    uint32_t level = cursor->decoded + 1;
     struct tetlod_error inner = {0};
+    enum tetlod_status status = TETLOD_OK;
+    int tail = is_tail(cursor, level);
     if (cursor->broken != TETLOD_OK) {
         if (error)
             *error = cursor->damage;
         return cursor->broken;
     }
-    uint8_t **frames = calloc(columns, sizeof *frames);
-    if (!frames)
-        return tetlodi_fail_nomem(error, "a level", columns * sizeof *frames);
-    enum tetlod_status status = load_frames(cursor, level, frames, error);
-    if (status == TETLOD_OK) {
-        status = decode_records(cursor, level, &inner);
-        if (status == TETLOD_OK) {
-            cursor->records[level] = cursor->replay.records;
-            cursor->decoded = level;
-        } else {
-            struct tetlod_error damage;
-            tetlodi_fail(&damage, status, "level %u: %.220s", level, inner.message);
-            damage.offset = cursor->file->index.info.levels[level].offset;
-            abandon(cursor, status, &damage);
-            if (error)
-                *error = damage;
-        }
+    if (!cursor->frames) {
+        TETLOD_TRY(load_frames(cursor, level, error));
+        status = tail ? TETLOD_OK : begin_records(cursor, level, &inner);
     }
-    for (uint32_t c = 0; c < columns; c++)
-        free(frames[c]);
-    free(frames);
-    return status;
+    if (status == TETLOD_OK)
+        status = tail ? decode_tail(cursor, &inner) : decode_records(cursor, level, most, &inner);
+    if (status == TETLOD_MORE)
+        return TETLOD_MORE;
+    if (status == TETLOD_OK)
+        status = check_ends(cursor, &inner);
+    if (status != TETLOD_OK)
+        return abandon(cursor, level, status, &inner, error);
+    free_frames(cursor);
+    cursor->records[level] = cursor->replay.records;
+    cursor->decoded = level;
+    return TETLOD_OK;
+}
+
+/* To the end of the log, behind which decoding goes on. */
+static enum tetlod_status go_to_end(struct tetlod_cursor *cursor, struct tetlod_error *error)
+{
+    while (cursor->replay.records < cursor->replay.all_records)
+        if (!tetlodi_replay_forward(&cursor->replay))
+            return tetlodi_no_room(&cursor->memory, error);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status decode_level(struct tetlod_cursor *cursor, struct tetlod_error *error)
+{
+    uint32_t most = UINT32_MAX;
+    TETLOD_TRY(go_to_end(cursor, error));
+    return decode_some(cursor, &most, error);
 }
 
 /* ---- opening */
@@ -150,16 +239,13 @@ static enum tetlod_status open_base(struct tetlod_cursor *cursor, const uint32_t
 {
     TETLOD_TRY(select_columns(cursor, fields, field_count, error));
     TETLOD_TRY(tetlodi_recorder_init(&cursor->recorder, &cursor->replay, error));
-    uint32_t columns = cursor->replay.column_count;
-    uint8_t **frames = calloc(columns, sizeof *frames);
-    if (!frames)
-        return tetlodi_fail_nomem(error, "the base mesh", columns * sizeof *frames);
-    enum tetlod_status status = load_frames(cursor, 0, frames, error);
+    if (!tetlodi_count(&cursor->memory, cursor->file->index_bytes + tetlodi_recorder_bytes(&cursor->recorder)))
+        return tetlodi_no_room(&cursor->memory, error);
+    TETLOD_TRY(load_frames(cursor, 0, error));
+    enum tetlod_status status = decode_base(cursor, error);
     if (status == TETLOD_OK)
-        status = decode_base(cursor, error);
-    for (uint32_t c = 0; c < columns; c++)
-        free(frames[c]);
-    free(frames);
+        status = check_ends(cursor, error);
+    free_frames(cursor);
     return status;
 }
 
@@ -172,7 +258,7 @@ enum tetlod_status tetlod_cursor_new(struct tetlod_cursor **out, struct tetlod_f
     if (!cursor)
         return tetlodi_fail_nomem(error, "a cursor", sizeof *cursor);
     cursor->file = file;
-    cursor->memory.most = file->max_bytes;
+    cursor->memory = (struct tetlodi_memory){.most = file->options.max_bytes, .allocate = file->options.allocate, .opaque = file->options.opaque};
     cursor->columns = calloc(1 + (size_t)info->field_count, sizeof *cursor->columns);
     cursor->parts = calloc(1 + (size_t)info->field_count, sizeof *cursor->parts);
     cursor->fields = calloc(1 + (size_t)info->field_count, sizeof *cursor->fields);
@@ -194,6 +280,7 @@ void tetlod_cursor_free(struct tetlod_cursor *cursor)
 {
     if (!cursor)
         return;
+    free_frames(cursor);
     tetlodi_recorder_fini(&cursor->recorder);
     tetlodi_replay_fini(&cursor->replay);
     free(cursor->columns);
@@ -208,52 +295,89 @@ void tetlod_cursor_free(struct tetlod_cursor *cursor)
 /* The level at hand, from the number of records applied. */
 static void settle(struct tetlod_cursor *cursor)
 {
-    uint32_t records = cursor->replay.records;
-    while (cursor->level < cursor->decoded && records >= cursor->records[cursor->level + 1])
+    uint32_t records = cursor->replay.records, finest = cursor->decoded - (is_tail(cursor, cursor->decoded) && !cursor->exact);
+    cursor->level = cursor->level < finest ? cursor->level : finest;
+    while (cursor->level < finest && records >= cursor->records[cursor->level + 1])
         cursor->level++;
     while (cursor->level && records < cursor->records[cursor->level])
         cursor->level--;
 }
 
-/* Decodes the level after the last one of the log while standing at its end, and goes back to where the cursor was. */
-static enum tetlod_status extend(struct tetlod_cursor *cursor, struct tetlod_error *error)
+/* Is the mesh exactly that of a level? */
+static int at_level(const struct tetlod_cursor *cursor, uint32_t level)
 {
-    uint32_t records = cursor->replay.records;
-    TETLOD_TRY(decode_level(cursor, error));
-    while (cursor->replay.records > records)
-        if (!tetlodi_replay_back(&cursor->replay))
-            return tetlodi_no_room(&cursor->memory, error);
+    return level <= cursor->decoded && cursor->replay.records == cursor->records[level] && cursor->exact == is_tail(cursor, level);
+}
+
+/* One record up, on the way to a level: from the log, or decoded. */
+static enum tetlod_status one_up(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+{
+    struct tetlodi_replay *replay = &cursor->replay;
+    uint32_t most = 1;
+    if (replay->records < replay->all_records)
+        return tetlodi_replay_forward(replay) ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
+    if (cursor->decoded < level) {
+        enum tetlod_status status = decode_some(cursor, &most, error);
+        if (status != TETLOD_OK || !is_tail(cursor, cursor->decoded))
+            return status == TETLOD_MORE ? TETLOD_OK : status;
+    }
+    if (!cursor->exact && is_tail(cursor, level))
+        exchange_exact(cursor);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status one_down(struct tetlod_cursor *cursor, struct tetlod_error *error)
+{
+    if (cursor->exact)
+        exchange_exact(cursor);
+    else if (!tetlodi_replay_back(&cursor->replay))
+        return tetlodi_no_room(&cursor->memory, error);
     return TETLOD_OK;
 }
 
 enum tetlod_status tetlod_cursor_refine(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
-    struct tetlodi_replay *replay = &cursor->replay;
-    if (replay->records == replay->all_records) {
-        if (cursor->decoded + 1 == cursor->file->index.info.level_count)
-            return TETLOD_END;
-        TETLOD_TRY(extend(cursor, error));
-    }
-    if (!tetlodi_replay_forward(replay))
-        return tetlodi_no_room(&cursor->memory, error);
+    uint32_t finest = cursor->file->index.info.level_count - 1;
+    if (at_level(cursor, finest))
+        return TETLOD_END;
+    enum tetlod_status status = one_up(cursor, finest, error);
     settle(cursor);
-    return TETLOD_OK;
+    return status;
 }
 
 enum tetlod_status tetlod_cursor_coarsen(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
-    if (!cursor->replay.records)
+    if (at_level(cursor, 0))
         return TETLOD_END;
-    if (!tetlodi_replay_back(&cursor->replay))
-        return tetlodi_no_room(&cursor->memory, error);
+    enum tetlod_status status = one_down(cursor, error);
     settle(cursor);
+    return status;
+}
+
+static enum tetlod_status check_level(const struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
+{
+    uint32_t finest = cursor->file->index.info.level_count - 1;
+    if (level > finest)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no level %u; the finest is %u", level, finest);
     return TETLOD_OK;
+}
+
+enum tetlod_status tetlod_cursor_step(struct tetlod_cursor *cursor, uint32_t level, uint32_t records, struct tetlod_error *error)
+{
+    enum tetlod_status status = check_level(cursor, level, error);
+    for (; records && status == TETLOD_OK && !at_level(cursor, level); records--) {
+        status = level > cursor->level ? one_up(cursor, level, error) : one_down(cursor, error);
+        settle(cursor);
+    }
+    return status == TETLOD_OK && !at_level(cursor, level) ? TETLOD_MORE : status;
 }
 
 static enum tetlod_status move_to(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
     struct tetlodi_replay *replay = &cursor->replay;
     uint32_t known = level < cursor->decoded ? level : cursor->decoded;
+    if (cursor->exact && !is_tail(cursor, level))
+        exchange_exact(cursor);
     while (replay->records < cursor->records[known])
         if (!tetlodi_replay_forward(replay))
             return tetlodi_no_room(&cursor->memory, error);
@@ -262,66 +386,15 @@ static enum tetlod_status move_to(struct tetlod_cursor *cursor, uint32_t level, 
             return tetlodi_no_room(&cursor->memory, error);
     while (cursor->decoded < level)
         TETLOD_TRY(decode_level(cursor, error));
+    if (!cursor->exact && is_tail(cursor, level))
+        exchange_exact(cursor);
     return TETLOD_OK;
 }
 
 enum tetlod_status tetlod_cursor_seek(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
-    if (level >= cursor->file->index.info.level_count)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no level %u; the finest is %u", level,
-                            cursor->file->index.info.level_count - 1);
+    TETLOD_TRY(check_level(cursor, level, error));
     enum tetlod_status status = move_to(cursor, level, error);
     settle(cursor);
     return status;
-}
-
-void tetlod_cursor_mesh(const struct tetlod_cursor *cursor, struct tetlod_mesh *out)
-{
-    const struct tetlodi_replay *replay = &cursor->replay;
-    for (uint32_t c = 1; c < replay->column_count; c++)
-        cursor->fields[cursor->parts[c] - 1] = cursor->columns[c].values;
-    *out = (struct tetlod_mesh){.vertices = replay->vertices,
-                                .tets = replay->tets,
-                                .level = cursor->level,
-                                .positions = cursor->columns[0].values,
-                                .fields = cursor->fields,
-                                .corners = replay->corners,
-                                .parents = replay->parents};
-}
-
-/* What a column had at the end of record number `records`, for the vertices that were there: undone on a copy. */
-static void values_before(const struct tetlod_cursor *cursor, const struct tetlodi_column *column, uint32_t records,
-                          uint32_t count, double *out)
-{
-    const struct tetlodi_replay *replay = &cursor->replay;
-    size_t n = column->components;
-    memcpy(out, column->values, count * n * sizeof *out);
-    for (uint32_t split = replay->splits, record = replay->records; record > records;) {
-        const struct tetlodi_split *log = &replay->log[--split];
-        if (!(log->tets & SPLIT_FIRST))
-            continue;
-        record--;
-        for (unsigned c = 0; c < n && log->vertex < count; c++)
-            out[log->vertex * n + c] =
-                scale_value(&column->scale, column == cursor->columns ? c : 0, column->before[record * n + c]);
-    }
-}
-
-enum tetlod_status tetlod_cursor_origins(const struct tetlod_cursor *cursor, uint32_t level, double *positions,
-                                         double *const *fields, struct tetlod_error *error)
-{
-    const struct tetlodi_replay *replay = &cursor->replay;
-    if (level > cursor->level)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "level %u is finer than the cursor's %u", level, cursor->level);
-    uint32_t count = cursor->file->index.info.levels[level].vertices;
-    for (uint32_t c = 0; c < replay->column_count; c++) {
-        double *out = c ? fields ? fields[cursor->parts[c] - 1] : NULL : positions;
-        size_t n = cursor->columns[c].components;
-        if (!out)
-            continue;
-        values_before(cursor, &cursor->columns[c], cursor->records[level], count, out);
-        for (uint32_t v = count; v < replay->vertices; v++) // a parent has a lower number: it is done
-            memcpy(out + v * n, out + replay->parents[v] * n, n * sizeof *out);
-    }
-    return TETLOD_OK;
 }

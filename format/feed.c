@@ -8,6 +8,7 @@
 
 struct tetlod_feed {
     struct tetlodi_buffer bytes; /* what was added */
+    uint64_t dropped;            /* bytes that were added before those */
     uint64_t end;                /* of the stream as far as it is there; further on if frames are left out */
     struct tetlod_options options;
     struct tetlod_file *file;
@@ -24,9 +25,7 @@ enum tetlod_status tetlod_feed_new(struct tetlod_feed **out, const struct tetlod
     *out = calloc(1, sizeof **out);
     if (!*out)
         return tetlodi_fail_nomem(error, "a stream", sizeof **out);
-    (*out)->options.struct_size = sizeof (*out)->options;
-    if (options && options->struct_size >= sizeof *options)
-        (*out)->options = *options;
+    (*out)->options = tetlodi_options(options);
     return TETLOD_OK;
 }
 
@@ -75,7 +74,10 @@ static enum tetlod_status read_fed(void *opaque, uint64_t offset, void *buffer, 
             return TETLOD_ERR_FIELD;
         offset -= feed->left_out[frame];
     }
-    memcpy(buffer, feed->bytes.bytes + offset, size);
+    if (offset < feed->dropped && size)
+        return TETLOD_ERR_TRUNCATED;
+    if (size)
+        memcpy(buffer, feed->bytes.bytes + (offset - feed->dropped), size);
     return TETLOD_OK;
 }
 
@@ -112,7 +114,7 @@ static enum tetlod_status find_skipped(struct tetlod_feed *feed, struct tetlod_e
     return TETLOD_OK;
 }
 
-/* Bytes from the beginning that are sure to be wanted before the index is there: up to the end of the header, then of the index. */
+/* Bytes from the beginning that are sure to be wanted before the file can be opened: the header, then all before level 0. */
 static enum tetlod_status wanted(const struct tetlod_feed *feed, uint64_t *out, struct tetlod_error *error)
 {
     struct tetlodi_header header;
@@ -120,13 +122,13 @@ static enum tetlod_status wanted(const struct tetlod_feed *feed, uint64_t *out, 
     if (feed->bytes.size < HEADER_SIZE)
         return TETLOD_OK;
     TETLOD_TRY(tetlodi_header_decode(&header, feed->bytes.bytes, error));
-    *out += header.index_size;
+    *out = tetlodi_header_head(&header);
     return TETLOD_OK;
 }
 
 static enum tetlod_status put(struct tetlod_feed *feed, const uint8_t *bytes, size_t size, struct tetlod_error *error)
 {
-    uint64_t most = feed->options.max_bytes ? feed->options.max_bytes : UINT64_MAX;
+    uint64_t most = feed->options.max_bytes;
     if (size > most - (feed->bytes.size < most ? feed->bytes.size : most))
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the stream is longer than the %llu bytes allowed",
                             (unsigned long long)most);
@@ -188,6 +190,9 @@ enum tetlod_status tetlod_feed_add(struct tetlod_feed *feed, const void *bytes, 
     if (!feed->file)
         TETLOD_TRY(take_index(feed, &at, &size, error));
     TETLOD_TRY(feed->selects ? take_frames(feed, at, size, error) : put(feed, at, size, error));
+    if (feed->end > feed->file->index.info.bytes)
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "%llu bytes follow the end of the stream",
+                            (unsigned long long)(feed->end - feed->file->index.info.bytes));
     feed->file->source.size = feed->end;
     return TETLOD_OK;
 }
@@ -211,4 +216,19 @@ uint64_t tetlod_feed_bytes(const struct tetlod_feed *feed, uint32_t level)
     const struct tetlod_info *info = tetlod_info(feed->file);
     size_t frames = (level + (size_t)1) * (1 + (size_t)info->field_count);
     return info->levels[level].end - (feed->left_out ? feed->left_out[frames] : 0);
+}
+
+void tetlod_feed_drop(struct tetlod_feed *feed, uint32_t level)
+{
+    uint64_t end = tetlod_feed_bytes(feed, level);
+    if (end <= feed->dropped || end - feed->dropped > feed->bytes.size)
+        return;
+    struct tetlodi_buffer rest = {0};
+    size_t gone = (size_t)(end - feed->dropped);
+    tetlodi_put_block(&rest, feed->bytes.bytes + gone, feed->bytes.size - gone);
+    if (rest.failed)
+        return; // what was to give back memory stays without harm
+    tetlodi_buffer_fini(&feed->bytes);
+    feed->bytes = rest;
+    feed->dropped = end;
 }

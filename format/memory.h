@@ -7,7 +7,13 @@
 
 struct tetlodi_memory {
     uint64_t used, most; /* bytes; most is the budget */
+    void *(*allocate)(void *opaque, void *block, size_t size); /* as in tetlod_options */
+    void *opaque;
+    int over; /* what was asked for last is beyond the budget */
 };
+
+/* Counts `bytes` that are allocated elsewhere. 0 if they are beyond the budget: nothing is counted then. */
+int tetlodi_count(struct tetlodi_memory *memory, uint64_t bytes);
 
 /* Grows an array of *capacity elements so that `needed` fit, by half at least. The new array, or NULL with the old one
  * unchanged. */

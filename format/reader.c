@@ -1,24 +1,37 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "format/reader.h"
 
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
+#include "format/arithmetic.h"
 #include "format/checksum.h"
 #include "format/fail.h"
 #include "format/order.h"
+#include "format/pack.h"
 
 static const uint64_t DEFAULT_BYTES = (uint64_t)16 << 30;
 
+struct tetlod_options tetlodi_options(const struct tetlod_options *options)
+{
+    struct tetlod_options all = {0};
+    if (options)
+        memcpy(&all, options, options->struct_size < sizeof all ? options->struct_size : sizeof all);
+    all.struct_size = sizeof all;
+    all.max_bytes = all.max_bytes ? all.max_bytes : DEFAULT_BYTES;
+    return all;
+}
+
 /* Stored bytes of the source, in a block that the caller frees. */
-static enum tetlod_status read_stored(const struct tetlod_file *file, uint64_t offset, size_t size, uint8_t **out,
+static enum tetlod_status read_stored(const struct tetlod_file *file, uint64_t offset, uint64_t stored, uint8_t **out,
                                       struct tetlod_error *error)
 {
+    size_t size = (size_t)stored;
     *out = NULL;
+    if (stored > file->options.max_bytes || stored > SIZE_MAX)
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "a part of the stream has %llu bytes, more than the memory allowed",
+                            (unsigned long long)stored);
     if (offset > file->source.size || size > file->source.size - offset) {
         enum tetlod_status status = tetlodi_fail(error, TETLOD_ERR_TRUNCATED,
                                                  "the stream ends at byte %llu, before byte %llu that it should have",
@@ -44,8 +57,10 @@ static enum tetlod_status read_stored(const struct tetlod_file *file, uint64_t o
 static enum tetlod_status read_part(const struct tetlod_file *file, const struct tetlodi_frame *frame,
                                     const char *what, uint8_t **out, struct tetlod_error *error)
 {
+    uint8_t digest[DIGEST_SIZE];
     TETLOD_TRY(read_stored(file, frame->offset, frame->size, out, error));
-    if (tetlodi_crc32(*out, frame->size) == frame->crc)
+    tetlodi_digest(*out, (size_t)frame->size, digest);
+    if (memcmp(digest, frame->digest, sizeof digest) == 0)
         return TETLOD_OK;
     free(*out);
     *out = NULL;
@@ -63,46 +78,123 @@ enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t l
     const struct tetlodi_frame *frame = &file->index.frames[(size_t)level * (info->field_count + 1) + part];
     char what[96];
     snprintf(what, sizeof what, "level %u, %.60s", level, part ? info->fields[part - 1].name : "the records");
-    *out_size = frame->size;
+    *out_size = (size_t)frame->size;
     return read_part(file, frame, what, out, error);
+}
+
+/* ---- sections */
+
+/* A section as it was before it was packed, with a NUL behind, in a block that the caller frees. */
+static enum tetlod_status read_section(const struct tetlod_file *file, const struct tetlodi_section *section, uint8_t **out,
+                                       struct tetlod_error *error)
+{
+    char what[32];
+    uint8_t *stored;
+    snprintf(what, sizeof what, "section %s", section->tag);
+    *out = NULL;
+    if (section->plain >= file->options.max_bytes || section->plain >= SIZE_MAX)
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%s has %llu bytes, more than the memory allowed", what,
+                            (unsigned long long)section->plain);
+    TETLOD_TRY(read_part(file, &section->frame, what, &stored, error));
+    size_t size = (size_t)section->plain;
+    enum tetlod_status status = TETLOD_OK;
+    *out = malloc(size + 1);
+    if (!*out)
+        status = tetlodi_fail_nomem(error, what, size);
+    else if (section->flags & SECTION_PACKED)
+        status = tetlodi_unpack(stored, (size_t)section->frame.size, *out, size, error);
+    else
+        memcpy(*out, stored, size);
+    free(stored);
+    if (status == TETLOD_OK) {
+        (*out)[size] = 0;
+    } else {
+        free(*out);
+        *out = NULL;
+    }
+    return status;
+}
+
+enum tetlod_status tetlod_section_read(const struct tetlod_file *file, uint32_t section, void *out, struct tetlod_error *error)
+{
+    uint8_t *bytes;
+    if (section >= file->index.info.section_count)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no section number %u", section);
+    TETLOD_TRY(read_section(file, &file->index.sections[section], &bytes, error));
+    memcpy(out, bytes, (size_t)file->index.sections[section].plain);
+    free(bytes);
+    return TETLOD_OK;
+}
+
+uint32_t tetlod_section_index(const struct tetlod_info *info, const char *tag)
+{
+    for (uint32_t i = 0; i < info->section_count; i++)
+        if (strcmp(info->sections[i].tag, tag) == 0)
+            return i;
+    return TETLOD_NONE;
 }
 
 enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertices, uint32_t *tets, uint8_t *corners,
                                 struct tetlod_error *error)
 {
     const struct tetlod_info *info = &file->index.info;
+    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, info->section_count, TAG_ORDER);
     struct tetlodi_order order = {info->vertices, info->tets, vertices, tets, corners};
     struct tetlodi_coder coder;
     uint8_t *bytes;
-    if (!info->keeps_order)
+    if (!section)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the stream does not keep the original order (build --keep-order does)");
-    TETLOD_TRY(read_part(file, &file->index.order, "the original order", &bytes, error));
-    tetlodi_decode_start(&coder, file->index.slowest, bytes, file->index.order.size);
+    TETLOD_TRY(read_section(file, section, &bytes, error));
+    tetlodi_decode_start(&coder, file->index.slowest, bytes, (size_t)section->plain);
     int good = tetlodi_order_code(&coder, &order);
+    while (good && coder.at < coder.end)
+        good = *coder.at++ == 0;
     free(bytes);
     return good ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "the original order is damaged");
 }
 
 /* ---- opening */
 
+static enum tetlod_status read_metadata(struct tetlod_file *file, struct tetlod_error *error)
+{
+    struct tetlod_info *info = &file->index.info;
+    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, info->section_count, TAG_METADATA);
+    uint8_t *bytes = NULL;
+    info->metadata = "";
+    if (!section)
+        return TETLOD_OK;
+    TETLOD_TRY(read_section(file, section, &bytes, error));
+    file->index.metadata = (char *)bytes;
+    info->metadata = file->index.metadata;
+    info->metadata_size = (size_t)section->plain;
+    return TETLOD_OK;
+}
+
+/* The index's bytes are checked by the content id, in which the header is as well. */
 static enum tetlod_status read_index(struct tetlod_file *file, const struct tetlodi_header *header,
                                      const uint8_t raw_header[HEADER_SIZE], struct tetlod_error *error)
 {
-    const struct tetlodi_frame frame = {HEADER_SIZE, header->index_size, header->index_crc};
-    uint8_t *index = NULL, cid[16];
+    uint8_t *stored = NULL, *index = NULL, cid[DIGEST_SIZE];
     enum tetlod_status status;
-    TETLOD_TRY_DONE(read_part(file, &frame, "the index", &index, error));
-    TETLOD_TRY_DONE(tetlodi_index_decode(&file->index, index, header->index_size,
-                                         HEADER_SIZE + (uint64_t)header->index_size, error));
-    if (file->index.info.bytes != header->file_size)
-        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_STREAM, "the header and the index disagree about the size"));
-    tetlodi_content_id(raw_header, index, header->index_size, cid);
+    TETLOD_TRY_DONE(read_stored(file, HEADER_SIZE, header->index_size, &stored, error));
+    tetlodi_content_id(raw_header, stored, header->index_size, cid);
     if (memcmp(cid, header->cid, sizeof cid) != 0)
-        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_CHECKSUM, "the content id is not that of the header and index"));
-    for (int i = 0; i < 16; i++)
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_CHECKSUM, "the index is damaged: the content id is not that of header and index"));
+    TETLOD_TRY_DONE(tetlodi_index_unpack(header, stored, &index, error));
+    TETLOD_TRY_DONE(tetlodi_index_decode(&file->index, index, header->index_plain, HEADER_SIZE + (uint64_t)header->index_size, error));
+    if (file->index.info.bytes != header->file_size || file->index.info.levels[0].offset != tetlodi_header_head(header))
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_STREAM, "the header and the index disagree about sizes"));
+    if (file->source.size > header->file_size)
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_STREAM, "%llu bytes follow the end of the stream",
+                                     (unsigned long long)(file->source.size - header->file_size)));
+    for (int i = 0; i < DIGEST_SIZE; i++)
         snprintf(file->index.info.cid + 2 * i, 3, "%02x", cid[i]);
+    file->index_bytes = header->index_plain + file->index.info.level_count * sizeof *file->index.levels +
+                        file->index.info.level_count * (1 + (uint64_t)file->index.info.field_count) * sizeof *file->index.frames;
+    status = read_metadata(file, error);
 done:
     free(index);
+    free(stored);
     return status;
 }
 
@@ -116,9 +208,11 @@ enum tetlod_status tetlod_open(struct tetlod_file **out, const struct tetlod_sou
     if (!file)
         return tetlodi_fail_nomem(error, "a stream", sizeof *file);
     file->source = *source;
-    file->max_bytes = options && options->struct_size >= sizeof *options && options->max_bytes ? options->max_bytes
-                                                                                             : DEFAULT_BYTES;
+    file->options = tetlodi_options(options);
     enum tetlod_status status;
+    if (!tetlodi_arithmetic_holds())
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "this program rounds in its own way: compile tetlod without options such as "
+                                     "-ffp-contract=fast, and leave the rounding mode alone"));
     if (source->size < HEADER_SIZE)
         TETLOD_TRY_DONE(tetlodi_fail(error, source->size ? TETLOD_ERR_TRUNCATED : TETLOD_ERR_NOT_TETLOD,
                                      "%llu bytes are less than a stream's header",
@@ -148,31 +242,6 @@ enum tetlod_status tetlod_open_memory(struct tetlod_file **out, const void *byte
         void *out;
     } opaque = {bytes}; // the source's pointer is not const because other sources' is not; it is only read
     struct tetlod_source source = {read_memory, opaque.out, size};
-    return tetlod_open(out, &source, options, error);
-}
-
-static enum tetlod_status read_fd(void *opaque, uint64_t offset, void *buffer, size_t size)
-{
-    int fd = (int)(intptr_t)opaque;
-    for (size_t done = 0; done < size;) {
-        ssize_t got = pread(fd, (char *)buffer + done, size - done, (off_t)(offset + done));
-        if (got < 0 && errno == EINTR)
-            continue;
-        if (got <= 0)
-            return TETLOD_ERR_IO;
-        done += (size_t)got;
-    }
-    return TETLOD_OK;
-}
-
-enum tetlod_status tetlod_open_fd(struct tetlod_file **out, int fd, const struct tetlod_options *options,
-                                  struct tetlod_error *error)
-{
-    struct stat about;
-    *out = NULL;
-    if (fstat(fd, &about) != 0)
-        return tetlodi_fail(error, TETLOD_ERR_IO, "cannot read the stream: %s", strerror(errno));
-    struct tetlod_source source = {read_fd, (void *)(intptr_t)fd, (uint64_t)about.st_size};
     return tetlod_open(out, &source, options, error);
 }
 

@@ -7,9 +7,13 @@
 
 struct tetlod_file {
     struct tetlod_source source;
-    uint64_t max_bytes;
+    struct tetlod_options options; /* none is left out */
+    uint64_t index_bytes;          /* that the index takes */
     struct tetlodi_index index;
 };
+
+/* A caller's options with defaults for what it does not have or leaves 0. */
+struct tetlod_options tetlodi_options(const struct tetlod_options *options);
 
 /* Reads and checks a frame and gives what is in it; the caller frees *out. `part` 0 is a level's geometry, 1 + f field f.
  * ERR_CHECKSUM, ERR_TRUNCATED, ERR_STREAM, ERR_LIMIT, ERR_NOMEM, or the source's. */

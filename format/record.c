@@ -9,22 +9,8 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
+#include "format/record_fields.h"
 #include "format/star_view.h"
-
-/* Two tetrahedra of a star at a time: each lane does what SPEC says of one. */
-typedef double pair2 __attribute__((vector_size(16)));
-typedef int64_t mask2 __attribute__((vector_size(16)));
-
-struct corner2 {
-    pair2 x, y, z;
-};
-
-/* Corners `k` but the vertex of tetrahedra i and i + 1 of the star, its last one twice if it is odd. */
-TETLODI_INLINE struct corner2 corner2(const struct tetlodi_star_view *star, uint32_t i, int k)
-{
-    const double *p = star->positions[star->others[i][k]], *q = star->positions[star->others[i + (i + 1 < star->size)][k]];
-    return (struct corner2){{p[0], q[0]}, {p[1], q[1]}, {p[2], q[2]}};
-}
 
 static void number_init(struct tetlodi_number *number, size_t count)
 {
@@ -51,6 +37,7 @@ enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, stru
     tetlodi_bits_init(models->splits[0], sizeof models->splits / sizeof(struct tetlodi_bit));
     tetlodi_bits_init(models->label, LABEL_CONTEXTS);
     tetlodi_bits_init(models->boundary, sizeof models->boundary / sizeof(struct tetlodi_bit));
+    tetlodi_bits_init(models->leaf[0][0], sizeof models->leaf / sizeof(struct tetlodi_bit));
     tetlodi_bits_init(models->arity, 4);
     tetlodi_bits_init(models->placement, 4);
     tetlodi_bits_init(models->made, 2);
@@ -64,10 +51,23 @@ enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, stru
     tetlodi_bits_init(models->step[0].none, sizeof models->step / (sizeof(struct tetlodi_bit)));
     number_init(models->corner, 3);
     for (uint32_t f = 0; f < fields; f++) {
-        number_init(recorder->field_models[f].child, 2);
-        number_init(&recorder->field_models[f].corner, 1);
+        struct tetlodi_field_models *of = &recorder->field_models[f];
+        number_init(of->child[0], 4);
+        number_init(&of->corner, 1);
+        tetlodi_bits_init(of->zeros[0], sizeof of->zeros / sizeof(struct tetlodi_bit));
+        tetlodi_bits_init(of->kept[0], sizeof of->kept / sizeof(struct tetlodi_bit));
+        tetlodi_bits_init(of->nudge, 4);
+        tetlodi_bits_init(&of->copies, 1);
+        tetlodi_bits_init(of->source, 64);
+        for (unsigned c = 0; c < MOST_COMPONENTS; c++)
+            of->copied[c] = (uint8_t)c;
     }
     return TETLOD_OK;
+}
+
+uint64_t tetlodi_recorder_bytes(const struct tetlodi_recorder *recorder)
+{
+    return sizeof *recorder->models + (recorder->replay->column_count - (uint64_t)1) * sizeof *recorder->field_models;
 }
 
 void tetlodi_recorder_fini(struct tetlodi_recorder *recorder)
@@ -81,25 +81,8 @@ void tetlodi_recorder_fini(struct tetlodi_recorder *recorder)
     *recorder = (struct tetlodi_recorder){0};
 }
 
-/* Bits of the largest distance of a component of the link from the vertex's own. */
-static unsigned extent(const struct tetlodi_star_view *star, const struct tetlodi_column *column, unsigned component)
-{
-    const int64_t *codes = column->codes + component;
-    int64_t own = codes[(size_t)star->vertex * column->components];
-    uint64_t most = 0;
-    for (uint32_t i = 0; i < star->link_count; i++) {
-        uint64_t distance = code_distance(codes[(size_t)star->link[i] * column->components], own);
-        most = distance > most ? distance : most;
-    }
-    return bit_length(most);
-}
-
-/* Where the vertex was among its children: at the first's place, in their middle, or elsewhere. */
-enum placement { AT_FIRST = 0, IN_MIDDLE = 1, ELSEWHERE = 2 };
-
-/* The code of the first child if the vertex is in the middle of all. */
-static int64_t middle_prediction(const struct tetlodi_scale *scale, unsigned axis, int64_t vertex_code,
-                                 const int64_t codes[4], uint32_t children)
+int64_t tetlodi_middle(const struct tetlodi_scale *scale, unsigned axis, int64_t vertex_code, const int64_t codes[4],
+                       uint32_t children)
 {
     if (scale->bits) {
         int64_t code = vertex_code * children;
@@ -114,7 +97,7 @@ static int64_t middle_prediction(const struct tetlodi_scale *scale, unsigned axi
     return isfinite(value) ? scale_code(scale, axis, value) : vertex_code;
 }
 
-static enum placement choose_placement(const struct tetlodi_record *record, int64_t (*all)[4],
+static enum tetlodi_placement choose_placement(const struct tetlodi_record *record, int64_t (*all)[4],
                                        const struct tetlodi_column *column)
 {
     const struct tetlodi_scale *scale = &column->scale;
@@ -123,7 +106,7 @@ static enum placement choose_placement(const struct tetlodi_record *record, int6
     for (unsigned axis = 0; axis < 3; axis++) {
         const int64_t *codes = all[axis];
         uint64_t difference =
-            (uint64_t)codes[0] - (uint64_t)middle_prediction(scale, axis, own[axis], codes, record->children); // may wrap
+            (uint64_t)codes[0] - (uint64_t)tetlodi_middle(scale, axis, own[axis], codes, record->children); // may wrap
         first &= codes[0] == own[axis];
         middle &= difference + 2 <= 4;
     }
@@ -217,7 +200,7 @@ TETLODI_INLINE int64_t code_step(struct tetlodi_coder *coder, struct tetlodi_ste
     return value;
 }
 
-TETLODI_INLINE void positions_inline(struct tetlodi_recorder *recorder, const struct tetlodi_record *record, int encoding)
+TETLODI_INLINE void positions_inline(struct tetlodi_recorder *recorder, struct tetlodi_record *record, int encoding)
 {
     struct tetlodi_coder local = *recorder->coders, *coder = &local; // in registers
     struct tetlodi_geometry_models *models = recorder->models;
@@ -244,135 +227,27 @@ TETLODI_INLINE void positions_inline(struct tetlodi_recorder *recorder, const st
         if (placement == AT_FIRST) {
             codes[0] = own[axis];
         } else if (placement == IN_MIDDLE) {
-            int64_t middle = middle_prediction(scale, axis, own[axis], codes, record->children);
+            int64_t middle = tetlodi_middle(scale, axis, own[axis], codes, record->children);
             int64_t difference = code_difference(codes[0], middle, width);
             difference = code_number(coder, &models->middle[axis], record->children, difference);
             codes[0] = code_offset(middle, difference, scale);
         }
     }
+    record->placement = (enum tetlodi_placement)placement;
+    struct tetlodi_bit(*leaf)[16] = models->leaf[placement];
+    unsigned quarter = recorder->star.size / 4 < 15 ? recorder->star.size / 4 : 15, leaves = 0;
+    for (uint32_t i = 0; i < record->children; i++)
+        leaves |= (unsigned)code_bit(coder, &leaf[i > 0][quarter], record->leaves >> i & 1) << i;
+    record->leaves = leaves;
     *recorder->coders = local;
 }
 
-static void code_positions(struct tetlodi_recorder *recorder, const struct tetlodi_record *record)
+static void code_positions(struct tetlodi_recorder *recorder, struct tetlodi_record *record)
 {
     if (recorder->coders->encoder)
         positions_inline(recorder, record, 1);
     else
         positions_inline(recorder, record, 0);
-}
-
-/* Where a child is in the star before the split: a tetrahedron, by place, and the weights of its other three corners. */
-struct location {
-    uint32_t tet; /* TETLOD_NONE: at the vertex, or there is none */
-    double weights[3];
-};
-
-TETLODI_INLINE double least_of(double least, double b, double c, double d)
-{
-    least = b < least ? b : least;
-    least = c < least ? c : least;
-    return d < least ? d : least;
-}
-
-/* The first tetrahedron that holds the point, or the one whose least barycentric weight is greatest. */
-static void locate(const struct tetlodi_recorder *recorder, const double point[3], struct location *out)
-{
-    const struct tetlodi_star_view *star = &recorder->star;
-    const double *v = recorder->replay->columns[0].values + (size_t)star->vertex * 3;
-    double px = point[0] - v[0], py = point[1] - v[1], pz = point[2] - v[2], best = -INFINITY;
-    out->tet = TETLOD_NONE;
-    for (uint32_t i = 0; i < star->size && !(best >= 0); i += 2) {
-        struct corner2 p0 = corner2(star, i, 0), p1 = corner2(star, i, 1), p2 = corner2(star, i, 2);
-        pair2 ax = p0.x - v[0], ay = p0.y - v[1], az = p0.z - v[2];
-        pair2 bx = p1.x - v[0], by = p1.y - v[1], bz = p1.z - v[2];
-        pair2 cx = p2.x - v[0], cy = p2.y - v[1], cz = p2.z - v[2];
-        pair2 nx = by * cz - bz * cy, ny = bz * cx - bx * cz, nz = bx * cy - by * cx;
-        pair2 mx = py * az - pz * ay, my = pz * ax - px * az, mz = px * ay - py * ax;
-        pair2 scale = 1 / ((ax * nx + ay * ny) + az * nz);
-        pair2 w0 = ((px * nx + py * ny) + pz * nz) * scale;
-        pair2 w1 = ((cx * mx + cy * my) + cz * mz) * scale;
-        pair2 w2 = 0 - ((bx * mx + by * my) + bz * mz) * scale;
-        pair2 rest = 1 - ((w0 + w1) + w2);
-        double least0 = least_of(rest[0], w0[0], w1[0], w2[0]), least1 = least_of(rest[1], w0[1], w1[1], w2[1]);
-        if (least0 > best) {
-            best = least0;
-            *out = (struct location){i, {w0[0], w1[0], w2[0]}};
-        }
-        if (least1 > best && !(best >= 0)) {
-            best = least1;
-            *out = (struct location){i + 1, {w0[1], w1[1], w2[1]}};
-        }
-    }
-}
-
-static int64_t interpolate(const struct tetlodi_recorder *recorder, const struct tetlodi_column *column, unsigned component,
-                           const struct location *where)
-{
-    uint32_t v = recorder->star.vertex;
-    size_t n = column->components;
-    if (where->tet == TETLOD_NONE)
-        return column->codes[v * n + component];
-    const uint32_t *others = recorder->star.others[where->tet], *link = recorder->star.link;
-    double own = scale_value(&column->scale, 0, column->codes[v * n + component]), value = own;
-    for (int k = 0; k < 3; k++) {
-        double other = scale_value(&column->scale, 0, column->codes[link[others[k]] * n + component]);
-        value = value + where->weights[k] * (other - own);
-    }
-    return isfinite(value) ? scale_code(&column->scale, 0, value) : column->codes[v * n + component];
-}
-
-/* Locates the children's positions in the star. */
-static void locate_children(const struct tetlodi_recorder *recorder, const struct tetlodi_record *record,
-                            struct location where[4])
-{
-    const struct tetlodi_column *positions = recorder->replay->columns;
-    for (uint32_t i = 0; i < record->children; i++) {
-        double point[3];
-        int same = 1;
-        for (unsigned axis = 0; axis < 3; axis++) {
-            same &= recorder->codes[axis][i] == positions->codes[(size_t)record->vertex * 3 + axis];
-            point[axis] = scale_value(&positions->scale, axis, recorder->codes[axis][i]);
-        }
-        where[i].tet = TETLOD_NONE;
-        if (!same)
-            locate(recorder, point, &where[i]);
-    }
-}
-
-TETLODI_INLINE void field_inline(struct tetlodi_recorder *recorder, uint32_t field, uint32_t children,
-                                const struct location where[4], int64_t (*codes)[4], int encoding)
-{
-    const struct tetlodi_column *column = &recorder->replay->columns[field];
-    struct tetlodi_coder coder = recorder->coders[field]; // in registers
-    unsigned width = scale_width(&column->scale);
-    coder.encoder = encoding ? coder.encoder : NULL;
-    for (unsigned c = 0; c < column->components; c++, codes++) {
-        unsigned context = extent(&recorder->star, column, c);
-        for (uint32_t i = 0; i < children; i++) {
-            int64_t base = interpolate(recorder, column, c, &where[i]);
-            int64_t difference = code_difference((*codes)[i], base, width);
-            difference = code_number(&coder, &recorder->field_models[field - 1].child[i > 0], context, difference);
-            (*codes)[i] = code_offset(base, difference, &column->scale);
-        }
-    }
-    recorder->coders[field] = coder;
-}
-
-static void code_fields(struct tetlodi_recorder *recorder, const struct tetlodi_record *record)
-{
-    const struct tetlodi_replay *replay = recorder->replay;
-    struct location where[4];
-    if (replay->column_count < 2)
-        return;
-    locate_children(recorder, record, where);
-    int64_t(*codes)[4] = recorder->codes + 3;
-    for (uint32_t f = 1; f < replay->column_count; codes += replay->columns[f++].components) {
-        if (recorder->coders[f].encoder)
-            field_inline(recorder, f, record->children, where, codes, 1);
-        else
-            field_inline(recorder, f, record->children, where, codes, 0);
-        recorder->coders[0].bad |= recorder->coders[f].bad;
-    }
 }
 
 /* What the labels of a star are guessed from: the two vertices that the split vertex parts into. */
@@ -657,13 +532,15 @@ static enum tetlod_status code_record(struct tetlodi_recorder *recorder, struct 
     if (record->children > 4 || record->children - 1 > recorder->most_vertices - replay->vertices)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record makes more vertices than its level has");
     code_positions(recorder, record);
-    code_fields(recorder, record);
+    tetlodi_record_fields(recorder, record);
     if (recorder->coders[0].bad)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record holds what no writer writes");
     const int64_t *own = replay->columns[0].codes + (size_t)record->vertex * 3;
     unsigned at_first = own[0] == recorder->codes[0][0] && own[1] == recorder->codes[1][0] && own[2] == recorder->codes[2][0];
     TETLOD_TRY(place_children(recorder, record, error));
+    replay->stars[record->vertex].leaf = record->leaves & 1;
     for (unsigned i = 1; i < record->children; i++) {
+        replay->stars[replay->vertices].leaf = record->leaves >> i & 1;
         if (i > 1 && !tetlodi_star_lay_out(&recorder->star, replay, record->vertex))
             return tetlodi_no_room(replay->memory, error);
         TETLOD_TRY(code_split(recorder, i, at_first, error));
@@ -695,7 +572,8 @@ void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, u
     recorder->most_tets = tets;
 }
 
-/* Passes vertices up to one that splits, or to `end`, one past the last to ask about. Encoders ask about one. */
+/* Passes vertices up to one that splits, or to `end`, one past the last to ask about. Encoders ask about one. Of vertices of
+ * the original nothing is asked. */
 TETLODI_INLINE int step_inline(struct tetlodi_recorder *recorder, uint32_t end, int split, int encoding)
 {
     struct tetlodi_coder coder = *recorder->coders; // in registers
@@ -703,15 +581,14 @@ TETLODI_INLINE int step_inline(struct tetlodi_recorder *recorder, uint32_t end, 
     const struct tetlodi_star *stars = recorder->replay->stars;
     uint32_t v = recorder->walk, level_start = recorder->level_start;
     coder.encoder = encoding ? coder.encoder : NULL;
-    for (;; v++) {
+    for (; v < end; v++) {
         uint32_t size = stars[v].size / 4;
-        split = code_bit(&coder, &models[v >= level_start][size < 15 ? size : 15], split);
-        if (split || v + 1 == end)
+        if (!stars[v].leaf && (split = code_bit(&coder, &models[v >= level_start][size < 15 ? size : 15], split)))
             break;
     }
     *recorder->coders = coder;
-    recorder->walk = v + !split;
-    return split;
+    recorder->walk = v;
+    return v < end;
 }
 
 int tetlodi_level_says(struct tetlodi_recorder *recorder, int split)
@@ -722,5 +599,5 @@ int tetlodi_level_says(struct tetlodi_recorder *recorder, int split)
 int tetlodi_level_next(struct tetlodi_recorder *recorder)
 {
     uint32_t end = recorder->replay->vertices;
-    return recorder->walk < end && step_inline(recorder, end, 0, 0);
+    return step_inline(recorder, end, 0, 0);
 }

@@ -21,13 +21,23 @@ struct tetlodi_step {
 struct tetlodi_geometry_models {
     struct tetlodi_bit splits[8][16], arity[4], placement[4], label[LABEL_CONTEXTS], irregular, boundary[16], made[2], flip;
     struct tetlodi_bit seed, across[2], fresh, known[64];
+    struct tetlodi_bit leaf[3][2][16];
     struct tetlodi_step step[3];
     struct tetlodi_number extra, vertex, middle[3], corner[3];
 };
 
+/* Trailing zeros of a code that are told, at most. */
+enum { MOST_ZEROS = 15 };
+
+/* Of one field. A component that always has the codes of another one is not coded: copied[c] is that one, or c. */
 struct tetlodi_field_models {
-    struct tetlodi_number child[2], corner;
+    struct tetlodi_number child[2][2], corner; /* child [original][first] */
+    struct tetlodi_bit zeros[MOST_ZEROS + 1][16], kept[2][2], nudge[4], copies, source[64];
+    uint8_t last_zeros[MOST_COMPONENTS], copied[MOST_COMPONENTS];
 };
+
+/* Where the vertex was among its children: at the first's place, in their middle, or elsewhere. */
+enum tetlodi_placement { AT_FIRST = 0, IN_MIDDLE = 1, ELSEWHERE = 2 };
 
 /* An edge of the link of the vertex that splits; it and the vertex are a face. */
 struct tetlodi_link_edge {
@@ -57,6 +67,8 @@ struct tetlodi_star_view {
 
 struct tetlodi_record {
     uint32_t vertex, children; /* 2 to 4; the first child takes the vertex's place */
+    unsigned leaves;           /* bit i: child i is a vertex of the original, which never splits */
+    enum tetlodi_placement placement;
 };
 
 struct tetlodi_recorder {
@@ -78,6 +90,13 @@ struct tetlodi_recorder {
 TETLOD_CHECKED enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, struct tetlodi_replay *replay,
                                                         struct tetlod_error *error);
 void tetlodi_recorder_fini(struct tetlodi_recorder *recorder);
+
+/* What its models take. */
+uint64_t tetlodi_recorder_bytes(const struct tetlodi_recorder *recorder);
+
+/* The code of the first child if the vertex is in the middle of all. */
+int64_t tetlodi_middle(const struct tetlodi_scale *scale, unsigned axis, int64_t vertex_code, const int64_t codes[4],
+                       uint32_t children);
 
 /* The walk of a level that is to have so many vertices and tetrahedra (SPEC 7.1). It ends when they are there. */
 void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, uint32_t tets);

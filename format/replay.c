@@ -29,6 +29,7 @@ void tetlodi_replay_fini(struct tetlodi_replay *replay)
         TETLODI_FREE(memory, column->codes, column->codes_capacity);
         TETLODI_FREE(memory, column->values, column->values_capacity);
         TETLODI_FREE(memory, column->before, column->before_capacity);
+        TETLODI_FREE(memory, column->other_values, column->other_capacity);
     }
     TETLODI_FREE(memory, replay->corners, replay->corners_capacity);
     TETLODI_FREE(memory, replay->parents, replay->parents_capacity);
@@ -108,7 +109,7 @@ int tetlodi_replay_base(struct tetlodi_replay *replay)
 {
     struct tetlodi_star *stars = replay->stars;
     for (uint32_t v = 0; v < replay->vertices; v++) {
-        stars[v] = (struct tetlodi_star){0, 0, 0};
+        stars[v] = (struct tetlodi_star){0};
         replay->parents[v] = v;
     }
     for (size_t i = 0; i < (size_t)replay->tets * 4; i++)

@@ -17,11 +17,13 @@ struct tetlodi_column {
     unsigned components;
     int64_t *codes, *before;
     double *values;
-    size_t codes_capacity, before_capacity, values_capacity;
+    double *other_values; /* on the grid where `values` are the tail's exact ones, and the other way round; NULL: there is no tail */
+    size_t codes_capacity, before_capacity, values_capacity, other_capacity;
 };
 
 struct tetlodi_star {
     uint32_t at, size, room; /* pool[at .. at + size), ascending: 4 * tetrahedron + which of its corners the vertex is */
+    uint32_t leaf;           /* a vertex of the original: it never splits. Right at the log's end only */
 };
 
 enum { STAR_CLASSES = 128 };

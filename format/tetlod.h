@@ -7,8 +7,14 @@
  * of one level and moves to another by replaying or undoing refinement records, exactly both ways.
  *
  * Conventions. Handles are opaque; every free accepts NULL. Fallible functions return enum tetlod_status and describe
- * a failure in the optional last argument. Nothing prints, exits or keeps global state; different handles may be used
- * by different threads at the same time, one handle by one thread at a time. Ids and counts are 0-based.
+ * a failure in the optional last argument. Nothing prints, exits or keeps global state. Ids and counts are 0-based.
+ *
+ * Threads. An open file does not change: any number of threads may use it, and cursors on it, at the same time, if its source's
+ * `read` may be called by several at once (those of tetlod_open_memory and tetlod_open_fd may). A cursor is for one thread at a
+ * time. So is a feed, together with its file and the cursors on that.
+ *
+ * Growing. Structs that the library fills have room for members to come, `reserved`, 0 until then. Those that a caller fills
+ * begin with struct_size: members beyond it have their defaults.
  */
 #ifndef TETLOD_H
 #define TETLOD_H
@@ -94,6 +100,7 @@ struct tetlod_field {
     enum tetlod_type type; /* of the original; a lossless stream restores it bit for bit */
     double range[2];       /* least and greatest value over all components of the original */
     int controlled;        /* its error drove the contraction */
+    uint64_t reserved[2];
 };
 
 struct tetlod_level {
@@ -102,6 +109,17 @@ struct tetlod_level {
     uint64_t end;    /* length of the prefix that decodes to this level */
     double domain_error;  /* fraction of the bounding box diagonal */
     const double *errors; /* [field_count * TETLOD_MEASURES], fractions of the field's range; NaN: not known */
+    uint64_t reserved[2];
+};
+
+/* A part of a stream that belongs to no level: what it holds is said by its tag (SPEC 3.5). */
+struct tetlod_section {
+    char tag[5];     /* "META", "ORDR", ...; ended by NUL */
+    int critical;    /* who does not know the tag cannot read the stream */
+    uint64_t offset; /* in the stream */
+    uint64_t stored; /* bytes there */
+    uint64_t size;   /* bytes that tetlod_section_read gives */
+    uint64_t reserved[2];
 };
 
 /* The index. Borrowed from the file, valid as long as it. */
@@ -119,12 +137,18 @@ struct tetlod_info {
     const char *metadata; /* a JSON object: units, provenance; NUL-terminated */
     size_t metadata_size;
     int keeps_order; /* the original's own numbering is in it: tetlod_order */
+    uint32_t section_count;
+    const struct tetlod_section *sections;
 };
 
-/* Grows only at its end; set struct_size = sizeof it and leave the rest 0 for defaults. */
+/* Set struct_size = sizeof it and leave the rest 0 for defaults. */
 struct tetlod_options {
     size_t struct_size;
     uint64_t max_bytes; /* memory that a file and its cursor may take together; 0: 16 GiB */
+    /* Where a cursor's arrays, which grow with the mesh, come from; NULL: realloc and free. Resizes a block (NULL: a new one) to
+     * `size` bytes and returns it, or NULL with the block unchanged; `size` 0 frees it. Called by the cursor's thread. */
+    void *(*allocate)(void *opaque, void *block, size_t size);
+    void *opaque;
 };
 
 struct tetlod_file;
@@ -156,6 +180,14 @@ TETLOD_API const struct tetlod_info *tetlod_info(const struct tetlod_file *file)
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_order(const struct tetlod_file *file, uint32_t *vertices, uint32_t *tets,
                                                           uint8_t *corners, struct tetlod_error *error);
 
+/* Reads section number `section` of the index, whatever its tag, checked and unpacked, into `out` of info->sections[section].size
+ * bytes. ERR_ARGUMENT if there is none, or as tetlod_open. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_section_read(const struct tetlod_file *file, uint32_t section, void *out,
+                                                                 struct tetlod_error *error);
+
+/* Number of the first section with a tag, or TETLOD_NONE. */
+TETLOD_API uint32_t tetlod_section_index(const struct tetlod_info *info, const char *tag);
+
 /* Index of a field by name, or TETLOD_NONE. */
 TETLOD_API uint32_t tetlod_field_index(const struct tetlod_info *info, const char *name);
 
@@ -173,6 +205,15 @@ TETLOD_API uint32_t tetlod_level_for_abs_error(const struct tetlod_info *info, d
 TETLOD_API uint32_t tetlod_level_for_tets(const struct tetlod_info *info, uint64_t tets);
 TETLOD_API uint32_t tetlod_level_for_bytes(const struct tetlod_info *info, uint64_t bytes);
 
+/* The bytes to fetch for a move. `from` is the level that is there, TETLOD_NONE if not even the index is; `to` is finer. With the
+ * geometry come the fields with these numbers (`fields` NULL: all of them). Spans are in order, neighbours joined. Returns how many
+ * there are, and writes as many as `capacity` allows. Order and other late sections are not among them: info->sections. */
+struct tetlod_span {
+    uint64_t offset, size;
+};
+TETLOD_API size_t tetlod_spans(const struct tetlod_file *file, uint32_t from, uint32_t to, const uint32_t *fields,
+                               uint32_t field_count, struct tetlod_span *out, size_t capacity);
+
 /* The mesh that a cursor holds, as flat arrays that stay valid until the cursor moves or is freed. Vertices and tetrahedra
  * are numbered in order of arrival: refining changes corners of present tetrahedra and appends, it never renumbers. */
 struct tetlod_mesh {
@@ -181,6 +222,7 @@ struct tetlod_mesh {
     const double *const *fields; /* [field_count], each [components * vertices], or NULL if not selected */
     const uint32_t *corners;     /* [4 * tets] */
     const uint32_t *parents;     /* [vertices] the vertex that it was split from, itself in the base mesh */
+    const void *reserved[4];
 };
 
 /* A cursor at level 0. `fields` selects the fields to decode by index (NULL: all of them). The file is borrowed. */
@@ -194,12 +236,36 @@ TETLOD_API void tetlod_cursor_free(struct tetlod_cursor *cursor);
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_seek(struct tetlod_cursor *cursor, uint32_t level,
                                                                 struct tetlod_error *error);
 
+/* Moves towards a level by at most `records` records, so that no call takes long: a level's exact tail counts as one, and reading and
+ * checking a level's frames comes with its first record. TETLOD_MORE if the level is not reached yet; otherwise as
+ * tetlod_cursor_seek. Between two calls the cursor holds a mesh like any other, and may go elsewhere. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_step(struct tetlod_cursor *cursor, uint32_t level, uint32_t records,
+                                                                struct tetlod_error *error);
+
+/* Decodes one more field, for the mesh at hand and from then on. The cursor stays where it is. Costs what a new cursor costs, and
+ * its memory meanwhile. On failure the cursor is as it was. ERR_ARGUMENT if there is no such field, or as the cursor. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_add_field(struct tetlod_cursor *cursor, uint32_t field,
+                                                                     struct tetlod_error *error);
+
 /* One record up or down. TETLOD_END at the finest level or at the base mesh. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_refine(struct tetlod_cursor *cursor, struct tetlod_error *error);
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_coarsen(struct tetlod_cursor *cursor, struct tetlod_error *error);
 
 /* The current mesh; between two levels `level` is the coarser one. */
 TETLOD_API void tetlod_cursor_mesh(const struct tetlod_cursor *cursor, struct tetlod_mesh *out);
+
+/* What the current mesh has otherwise than a coarser `level`, beside what it has more: vertices of that level with another position or
+ * value, tetrahedra of that level with another corner, in ascending order. For buffers that hold one of the two and shall hold the other: ask
+ * after going up, or before going down. `vertices` and `tets` have room for those of the level. Costs O(mesh + records between).
+ * ERR_ARGUMENT for a level above the current one, ERR_NOMEM. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_changes(const struct tetlod_cursor *cursor, uint32_t level,
+                                                                   uint32_t *vertices, uint32_t *vertex_count, uint32_t *tets,
+                                                                   uint32_t *tet_count, struct tetlod_error *error);
+
+/* The numbers of `count` vertices from `first` on as float32, rounded to nearest: of a field, or the positions if `field` is
+ * TETLOD_NONE. ERR_FIELD if it is not selected, ERR_ARGUMENT if there are not so many vertices. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cursor_floats(const struct tetlod_cursor *cursor, uint32_t field, uint32_t first,
+                                                                  uint32_t count, float *out, struct tetlod_error *error);
 
 /* For geomorphs: where every vertex of the current mesh comes from at a coarser `level`: the position there of the vertex that it
  * was split from, or was itself, and that one's values. `positions` [3 * vertices] and `fields` [field_count], each
@@ -232,6 +298,10 @@ TETLOD_API struct tetlod_file *tetlod_feed_file(const struct tetlod_feed *feed);
 
 /* The finest level that is there whole, or TETLOD_NONE. */
 TETLOD_API uint32_t tetlod_feed_level(const struct tetlod_feed *feed);
+
+/* Gives back the memory of the bytes of levels 0 to `level`, which are there. For when the cursors that are wanted have them:
+ * a cursor that needs them from now on, a new one too, says ERR_TRUNCATED. */
+TETLOD_API void tetlod_feed_drop(struct tetlod_feed *feed, uint32_t level);
 
 /* How many bytes have to be added for a level, once the index is there: the length of its prefix without what is not selected. */
 TETLOD_API uint64_t tetlod_feed_bytes(const struct tetlod_feed *feed, uint32_t level);

@@ -6,14 +6,19 @@
 #ifndef TETLOD_VALUES_H
 #define TETLOD_VALUES_H
 
+#include "format/arithmetic.h"
+
 #include <math.h>
 #include <string.h>
 
 #include "format/tetlod.h"
 
+enum { MOST_COMPONENTS = 64 };
+
 /* How one column is coded. bits = 0: bit for bit as `type`. Else value = (type)(origin + step * code), 0 <= code < 2^bits. */
 struct tetlodi_scale {
-    enum tetlod_type type;
+    enum tetlod_type type;     /* float32 also for an original of float64 all of whose values are float32 values */
+    enum tetlod_type original;
     unsigned bits;
     double origin[3], step[3]; /* of the axes of positions; a field has the first only */
 };
@@ -48,6 +53,17 @@ static inline float code_to_float(int64_t code)
     return value;
 }
 
+/* The code of the nearest float of a type, and back. */
+static inline int64_t float_code(enum tetlod_type type, double value)
+{
+    return type == TETLOD_FLOAT32 ? code_from_float((float)value) : code_from_double(value);
+}
+
+static inline double float_value(enum tetlod_type type, int64_t code)
+{
+    return type == TETLOD_FLOAT32 ? (double)code_to_float(code) : code_to_double(code);
+}
+
 /* The code nearest to a predicted value, which may be anything, NaN included for the float types. */
 static inline int64_t scale_code(const struct tetlodi_scale *scale, unsigned axis, double value)
 {
@@ -58,7 +74,7 @@ static inline int64_t scale_code(const struct tetlodi_scale *scale, unsigned axi
             return 0;
         return (int64_t)(code < most ? code : most);
     }
-    return scale->type == TETLOD_FLOAT32 ? code_from_float((float)value) : code_from_double(value);
+    return float_code(scale->type, value);
 }
 
 static inline double scale_value(const struct tetlodi_scale *scale, unsigned axis, int64_t code)
@@ -67,7 +83,7 @@ static inline double scale_value(const struct tetlodi_scale *scale, unsigned axi
         double value = scale->origin[axis] + scale->step[axis] * (double)code;
         return scale->type == TETLOD_FLOAT32 ? (double)(float)value : value;
     }
-    return scale->type == TETLOD_FLOAT32 ? (double)code_to_float(code) : code_to_double(code);
+    return float_value(scale->type, code);
 }
 
 /* Bits of a code's ring: differences of codes are taken modulo 2^width. */

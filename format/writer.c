@@ -11,11 +11,13 @@
 #include <string.h>
 
 #include "format/base.h"
-#include "format/checksum.h"
+#include "format/container.h"
 #include "format/fail.h"
 #include "format/index.h"
 #include "format/order.h"
+#include "format/record_fields.h"
 #include "format/star_view.h"
+#include "format/tail.h"
 #include "format/utf8.h"
 
 enum { MOST_CHILDREN = 4 };
@@ -287,6 +289,20 @@ static void set_codes(struct writer *w, uint32_t vertex, uint32_t node)
     }
 }
 
+/* Components whose codes are those of an earlier one in all nodes. */
+static void find_copies(const struct writer *w, uint32_t column, uint8_t *copied)
+{
+    size_t n = w->columns[column].components;
+    const int64_t *codes = w->codes[column];
+    for (size_t c = 1; c < n; c++)
+        for (size_t source = 0; source < c && copied[c] == c; source++) {
+            size_t node = 0;
+            while (node < w->nodes && codes[node * n + c] == codes[node * n + source])
+                node++;
+            copied[c] = (uint8_t)(node == w->nodes ? source : c);
+        }
+}
+
 static enum tetlod_status code_base(struct writer *w, struct base *base)
 {
     struct tetlodi_recorder *recorder = &w->recorder;
@@ -301,9 +317,13 @@ static enum tetlod_status code_base(struct writer *w, struct base *base)
     }
     for (uint32_t t = 0; t < base->guide.tets; t++)
         w->original_of[t] = base->tets[base->tet_order[t]];
-    for (uint32_t c = 0; c < w->replay.column_count; c++) {
-        struct tetlodi_number *models = c ? &recorder->field_models[c - 1].corner : recorder->models->corner;
-        TETLOD_TRY(tetlodi_base_column(&w->replay, &w->columns[c], &recorder->coders[c], models, c == 0, w->error));
+    TETLOD_TRY(tetlodi_base_column(&w->replay, w->columns, recorder->coders, recorder->models->corner, NULL, w->error));
+    for (uint32_t c = 1; c < w->replay.column_count; c++) {
+        struct tetlodi_field_models *models = &recorder->field_models[c - 1];
+        find_copies(w, c, models->copied);
+        tetlodi_copies_code(&recorder->coders[c], models, w->columns[c].components);
+        TETLOD_TRY(tetlodi_base_column(&w->replay, &w->columns[c], &recorder->coders[c], &models->corner, models->copied,
+                                       w->error));
     }
     return tetlodi_replay_base(&w->replay) ? TETLOD_OK : tetlodi_no_room(&w->memory, w->error);
 }
@@ -322,8 +342,6 @@ static enum tetlod_status store_level(struct writer *w, uint32_t level)
     uint32_t parts = w->in->field_count + 1;
     const struct tetlodi_write_level *in = &w->in->levels[level];
     struct tetlod_level *out = &w->index.levels[level];
-    uint32_t vertices = w->replay.vertices - (level ? out[-1].vertices : 0);
-    uint32_t tets = w->replay.tets - (level ? out[-1].tets : 0);
     out->vertices = w->replay.vertices;
     out->tets = w->replay.tets;
     out->domain_error = in->domain_error;
@@ -335,14 +353,11 @@ static enum tetlod_status store_level(struct writer *w, uint32_t level)
         tetlodi_encode_finish(&w->recorder.coders[part]);
         tetlodi_put_block(stored, encoder->bytes, encoder->size);
         /* Zero bytes change nothing; a reader wants so many of them as go with what it has to make room for. */
-        while (!part && !stored->failed && (vertices > tets ? vertices : tets) > MOST_EXPANSION * (1 + (uint64_t)stored->size))
+        while (!stored->failed && tetlodi_frame_numbers(&w->index, level, part) > MOST_EXPANSION * (uint64_t)stored->size)
             tetlodi_put(stored, 0, 1);
         if (encoder->failed || stored->failed)
             return out_of_memory(w);
-        if (stored->size > UINT32_MAX)
-            return tetlodi_fail(w->error, TETLOD_ERR_LIMIT, "level %u takes more than 4 GB; use a smaller --growth", level);
-        w->index.frames[(size_t)level * parts + part] =
-            (struct tetlodi_frame){0, (uint32_t)stored->size, tetlodi_crc32(stored->bytes, stored->size)};
+        w->index.frames[(size_t)level * parts + part] = tetlodi_frame_of(stored->bytes, stored->size);
     }
     return TETLOD_OK;
 }
@@ -484,9 +499,11 @@ static int plan_split(void *opaque, struct tetlodi_star_view *star, unsigned num
 static enum tetlod_status write_record(struct writer *w, uint32_t slot)
 {
     uint32_t node = w->node_at[slot];
-    struct tetlodi_record record = {slot, order_children(w, node)};
+    struct tetlodi_record record = {.vertex = slot, .children = order_children(w, node)};
     int64_t(*codes)[4] = w->recorder.codes;
     TETLOD_TRY(list_arrivals(w, node));
+    for (uint32_t i = 0; i < record.children; i++)
+        record.leaves |= (unsigned)(w->children[i] < w->in->vertices) << i;
     for (uint32_t c = 0; c < w->replay.column_count; c++)
         for (size_t n = w->columns[c].components, k = 0; k < n; k++, codes++)
             for (uint32_t i = 0; i < record.children; i++)
@@ -512,6 +529,32 @@ static enum tetlod_status write_level(struct writer *w, uint32_t level)
     return store_level(w, level);
 }
 
+/* The exact values of a field, in the finest level's order. */
+static enum tetlod_status code_tail(struct writer *w, uint32_t field)
+{
+    const struct tetlodi_write_field *in = &w->in->fields[field];
+    size_t n = in->components;
+    double *exact = malloc((size_t)w->in->vertices * n * sizeof *exact);
+    if (!exact)
+        return out_of_memory(w);
+    for (uint32_t v = 0; v < w->in->vertices; v++)
+        memcpy(exact + v * n, in->exact + w->node_at[v] * n, n * sizeof *exact);
+    enum tetlod_status status =
+        tetlodi_tail_code(&w->recorder.coders[1 + field], &w->columns[1 + field], w->in->vertices, exact, w->error);
+    free(exact);
+    return status;
+}
+
+static enum tetlod_status write_tail(struct writer *w, uint32_t level)
+{
+    w->index.tail = 1;
+    start_coders(w);
+    for (uint32_t f = 0; f < w->in->field_count; f++)
+        if (w->in->fields[f].exact)
+            TETLOD_TRY(code_tail(w, f));
+    return store_level(w, level);
+}
+
 static enum tetlod_status write_levels(struct writer *w)
 {
     struct base base = {0};
@@ -526,7 +569,7 @@ static enum tetlod_status write_levels(struct writer *w)
     if (status == TETLOD_OK)
         status = store_level(w, 0);
     for (uint32_t level = 1; level < w->in->level_count && status == TETLOD_OK; level++)
-        status = write_level(w, level);
+        status = w->in->levels[level - 1].contractions ? write_level(w, level) : write_tail(w, level);
     return status;
 }
 
@@ -555,9 +598,6 @@ static enum tetlod_status write_order(struct writer *w)
     tetlodi_order_code(&coder, &order);
     tetlodi_encode_finish(&coder);
     tetlodi_put_block(&w->order, encoder.bytes, encoder.size);
-    if (!encoder.size)
-        tetlodi_put(&w->order, 0, 1); // a size of 0 would mean that there is none
-    w->index.order = (struct tetlodi_frame){0, (uint32_t)w->order.size, tetlodi_crc32(w->order.bytes, w->order.size)};
     int failed = encoder.failed || w->order.failed;
     TETLODI_FREE(&w->memory, encoder.bytes, encoder.capacity);
     free(order.corners);
@@ -566,19 +606,22 @@ static enum tetlod_status write_order(struct writer *w)
 
 /* ---- the file */
 
+static enum tetlod_type original_type(const struct tetlodi_write_field *field)
+{
+    return field->was_float64 ? TETLOD_FLOAT64 : field->type;
+}
+
 static void fill_info(struct writer *w)
 {
     struct tetlod_info *info = &w->index.info;
     const struct tetlodi_write_input *in = w->in;
     info->vertices = in->vertices;
     info->tets = in->tets;
-    info->position_type = in->position_type;
+    info->position_type = w->columns[0].scale.original;
     info->lossless = in->position_bits == 0;
     info->degenerate_tets = in->degenerate_tets;
     info->inverted_tets = in->inverted_tets;
     info->unused_points = in->unused_points;
-    info->metadata = in->metadata;
-    info->metadata_size = strlen(in->metadata);
     for (int d = 0; d < 3; d++) {
         info->bounds[0][d] = info->bounds[1][d] = in->positions[d];
         for (size_t v = 1; v < in->vertices; v++) {
@@ -587,46 +630,48 @@ static void fill_info(struct writer *w)
         }
     }
     for (uint32_t f = 0; f < in->field_count; f++)
-        w->index.fields[f] = (struct tetlod_field){in->fields[f].name, in->fields[f].components, in->fields[f].type,
-                                                   {in->fields[f].range[0], in->fields[f].range[1]},
-                                                   in->fields[f].controlled};
+        w->index.fields[f] = (struct tetlod_field){.name = in->fields[f].name,
+                                                   .components = in->fields[f].components,
+                                                   .type = original_type(&in->fields[f]),
+                                                   .range = {in->fields[f].range[0], in->fields[f].range[1]},
+                                                   .controlled = in->fields[f].controlled};
     for (uint32_t f = 0; f < in->field_count; f++)
-        info->lossless &= in->fields[f].bits == 0;
+        info->lossless &= in->fields[f].bits == 0 || in->fields[f].exact;
 }
 
 static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink *sink)
 {
-    struct tetlodi_buffer index = {0};
-    struct tetlodi_header header = {0};
-    uint8_t bytes[HEADER_SIZE];
-    uint32_t frames = w->in->level_count * (w->in->field_count + 1);
-    enum tetlod_status status = TETLOD_OK;
-    tetlodi_index_encode(&w->index, &index);
-    if (index.failed)
-        TETLOD_TRY_DONE(out_of_memory(w));
-    if (index.size > MOST_INDEX)
-        TETLOD_TRY_DONE(tetlodi_fail(w->error, TETLOD_ERR_LIMIT, "the index is too large; use a larger --growth"));
-    header.index_size = (uint32_t)index.size;
-    header.index_crc = tetlodi_crc32(index.bytes, index.size);
-    header.file_size = HEADER_SIZE + index.size;
-    for (uint32_t i = 0; i < frames; i++)
-        header.file_size += w->stored[i].size;
-    header.file_size += w->order.size;
-    tetlodi_header_encode(&header, bytes);
-    tetlodi_content_id(bytes, index.bytes, index.size, header.cid);
-    tetlodi_header_encode(&header, bytes);
-    status = sink->write(sink->opaque, bytes, HEADER_SIZE);
-    if (status == TETLOD_OK)
-        status = sink->write(sink->opaque, index.bytes, index.size);
-    for (uint32_t i = 0; i < frames && status == TETLOD_OK; i++)
-        status = sink->write(sink->opaque, w->stored[i].bytes, w->stored[i].size);
-    if (status == TETLOD_OK && w->order.size)
-        status = sink->write(sink->opaque, w->order.bytes, w->order.size);
-    if (status != TETLOD_OK)
-        tetlodi_fail(w->error, status, "cannot write the stream");
-done:
-    tetlodi_buffer_fini(&index);
+    const struct tetlodi_write_input *in = w->in;
+    struct tetlodi_write_section *sections = calloc(in->section_count + (size_t)2, sizeof *sections);
+    uint32_t count = 0;
+    if (!sections)
+        return out_of_memory(w);
+    if (*in->metadata)
+        sections[count++] = (struct tetlodi_write_section){TAG_METADATA, 0, 1, in->metadata, strlen(in->metadata)};
+    if (in->keep_order)
+        sections[count++] = (struct tetlodi_write_section){TAG_ORDER, 0, 0, w->order.bytes, w->order.size};
+    for (uint32_t i = 0; i < in->section_count; i++)
+        sections[count++] = in->sections[i];
+    enum tetlod_status status = tetlodi_container_write(&w->index, w->stored, sections, count, sink, w->error);
+    free(sections);
     return status;
+}
+
+static bool has_tail(const struct tetlodi_write_input *in)
+{
+    bool wanted = false;
+    for (uint32_t f = 0; f < in->field_count; f++)
+        wanted |= in->fields[f].exact != NULL;
+    return wanted && in->level_count > 1 && in->levels[in->level_count - 2].contractions == 0;
+}
+
+/* Does an earlier field have this one's name? */
+static bool names_before(const struct tetlodi_write_input *in, uint32_t field)
+{
+    for (uint32_t f = 0; f < field; f++)
+        if (strcmp(in->fields[f].name, in->fields[field].name) == 0)
+            return true;
+    return false;
 }
 
 static enum tetlod_status check_input(const struct writer *w)
@@ -640,12 +685,18 @@ static enum tetlod_status check_input(const struct writer *w)
         wrong = "its levels do not lead from the base mesh to the original";
     else if (strlen(in->metadata) > MOST_METADATA)
         wrong = "its metadata is too large";
+    else if (in->section_count > MOST_SECTIONS - 2)
+        wrong = "it has too many sections";
     for (uint32_t k = 1; k < in->level_count && !wrong; k++)
-        if (in->levels[k].contractions >= in->levels[k - 1].contractions)
+        if (in->levels[k].contractions >= in->levels[k - 1].contractions && !(k + 1 == in->level_count && has_tail(in)))
             wrong = "its levels are not in order";
     for (uint32_t f = 0; f < in->field_count && !wrong; f++)
         if (in->fields[f].components < 1 || in->fields[f].components > MOST_COMPONENTS || strlen(in->fields[f].name) > 4096)
             wrong = "a field has too many components or too long a name";
+        else if (in->fields[f].exact && (!in->fields[f].bits || !has_tail(in)))
+            wrong = "a field is to be exact later without a grid or a level for it";
+        else if (names_before(in, f))
+            wrong = "two fields have one name";
         else if (!*in->fields[f].name || !tetlodi_plain_text(in->fields[f].name, strlen(in->fields[f].name)))
             wrong = "a field's name is empty or not plain UTF-8";
     for (size_t t = 0; t < in->tets && !wrong; t++)
@@ -664,13 +715,15 @@ static void set_columns(struct writer *w)
     const struct tetlodi_write_input *in = w->in;
     w->columns[0].components = 3;
     w->columns[0].scale.type = in->position_type;
+    w->columns[0].scale.original = in->positions_were_float64 ? TETLOD_FLOAT64 : in->position_type;
     w->columns[0].scale.bits = in->position_bits;
     memcpy(w->columns[0].scale.origin, in->position_origin, sizeof in->position_origin);
     memcpy(w->columns[0].scale.step, in->position_step, sizeof in->position_step);
     for (uint32_t f = 0; f < in->field_count; f++) {
         const struct tetlodi_write_field *field = &in->fields[f];
-        w->columns[1 + f].components = field->components;
-        w->columns[1 + f].scale = (struct tetlodi_scale){field->type, field->bits, {field->origin}, {field->step}};
+        w->columns[1 + f].components = w->index.fields[f].components = field->components;
+        w->columns[1 + f].scale = (struct tetlodi_scale){field->type, original_type(field), field->bits, {field->origin}, {field->step}};
+        w->index.exact_later[f] = field->exact != NULL;
     }
     for (uint32_t c = 0; c <= in->field_count; c++)
         w->index.scales[c] = w->columns[c].scale;

@@ -16,26 +16,39 @@ struct tetlodi_write_field {
     const char *name;
     uint32_t components;
     enum tetlod_type type; /* values below are exactly representable in it */
+    int was_float64;       /* the original's type is float64 although `type`, float32, is enough for its values */
     int controlled;
     double range[2];
     const double *values;      /* [components * vertices], the original's */
     const double *node_values; /* [components * contractions], of the nodes that contractions made */
     unsigned bits;             /* 0: bit for bit. Else every value is (type)(origin + step * k) for a k of so many bits */
     double origin, step;
+    const double *exact;       /* with bits: the original's values are rounded, and are these in the last level. NULL: they are not */
 };
 
 struct tetlodi_write_level {
-    uint32_t contractions; /* done at this level; falls strictly with the level's number, 0 at the finest */
+    uint32_t contractions; /* done at this level; falls strictly with the level's number, 0 at the finest. Where fields are exact
+                              later there is one level more, with 0 as well: the exact tail */
     double domain_error;
     const double *errors; /* [field_count * TETLOD_MEASURES]; NaN: not known */
 };
 
 enum { EFFORT_ALL_RATES = 20 };
 
+/* A section of its own kind (SPEC 3.5); META and ORDR are the writer's. */
+struct tetlodi_write_section {
+    const char *tag; /* 4 of A-Z, 0-9 */
+    int critical;    /* who does not know it must not read the stream */
+    int early;       /* before level 0, so that every prefix has it */
+    const void *bytes;
+    size_t size;
+};
+
 /* Everything is borrowed for the call. Positions and values are exactly representable in their type. */
 struct tetlodi_write_input {
     uint32_t vertices, tets, contractions;
     enum tetlod_type position_type;
+    int positions_were_float64; /* as a field's was_float64 */
     unsigned position_bits; /* as a field's, with an origin and a step for each axis */
     double position_origin[3], position_step[3];
     const double *positions;      /* [3 * vertices] */
@@ -49,6 +62,8 @@ struct tetlodi_write_input {
     const char *metadata; /* a JSON object, NUL-terminated */
     int compression;      /* effort, 1..22; from EFFORT_ALL_RATES on it takes four times as long for the last bytes */
     int keep_order;       /* store the numbering of vertices, tetrahedra and corners above */
+    uint32_t section_count;
+    const struct tetlodi_write_section *sections; /* further ones */
 };
 
 /* Takes the next `size` bytes of the stream, in order. */

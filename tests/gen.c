@@ -164,15 +164,15 @@ static int allocate(struct maker *m, struct recode *out)
     m->children = malloc(4 * n * sizeof(uint32_t));
     m->living = malloc(n * sizeof(uint32_t));
     m->owner = malloc(n * sizeof(uint32_t));
-    out->fields = calloc(2, sizeof *out->fields);
-    out->levels = calloc(m->options->levels, sizeof *out->levels);
+    out->fields = calloc(4, sizeof *out->fields);
+    out->levels = calloc(m->options->levels + (size_t)1, sizeof *out->levels);
     return m->positions && m->ids && m->values && m->node_positions && m->node_ids && m->node_values && m->corners &&
            m->children && m->living && m->owner && out->fields && out->levels;
 }
 
 static void fill(struct maker *m, struct recode *out)
 {
-    static const double errors[2 * TETLOD_MEASURES] = {0};
+    static const double errors[4 * TETLOD_MEASURES] = {0};
     struct tetlodi_write_input *input = &out->input;
     double range[2] = {INFINITY, -INFINITY};
     for (size_t i = 0; i < 2 * (size_t)m->vertices; i++) {
@@ -215,6 +215,43 @@ static void fill(struct maker *m, struct recode *out)
         input->contractions = 0;
 }
 
+/* What the numbers of an exact tail may be, by component. */
+static double kind_of_number(uint32_t v, uint32_t component)
+{
+    static const double few[3] = {0, 1.5, 7.25}, powers[4] = {1e2, 1e5, 1e8, 1e12};
+    switch (component) {
+    case 2:
+        return (v * 37 % 1001 - 500.0) / 100;
+    case 3:
+        return v % 17 ? (100000 + v * 7919u % 900000) / powers[v % 4] : sin(v);
+    default:
+        return few[v * v % 3];
+    }
+}
+
+static int add_field(struct recode *out, const char *name, uint32_t components, enum tetlod_type type, uint32_t nodes)
+{
+    struct tetlodi_write_field *field = &out->fields[out->input.field_count];
+    size_t n = out->input.vertices;
+    double *values = malloc(n * components * sizeof *values), *made = malloc((nodes * (size_t)components + 1) * sizeof *made);
+    double range[2] = {INFINITY, -INFINITY};
+    *field = (struct tetlodi_write_field){.name = name, .components = components, .type = type, .values = values,
+                                          .node_values = made, .was_float64 = type == TETLOD_FLOAT32};
+    out->input.field_count++;
+    if (!values || !made)
+        return 0;
+    for (size_t i = 0; i < n * components; i++) {
+        values[i] = components > 1 ? kind_of_number((uint32_t)(i / components), (uint32_t)(i % components)) : (float)cos(0.1 * (double)i);
+        range[0] = fmin(range[0], values[i]);
+        range[1] = fmax(range[1], values[i]);
+    }
+    for (size_t i = 0; i < (size_t)nodes * components; i++)
+        made[i] = values[(i / components * 7919 % n) * components + i % components];
+    field->range[0] = range[0];
+    field->range[1] = range[1];
+    return 1;
+}
+
 int gen_make(struct recode *out, const struct gen_options *options)
 {
     uint32_t side = options->size + 1;
@@ -236,6 +273,11 @@ int gen_make(struct recode *out, const struct gen_options *options)
             contract(&m);
         fill(&m, out);
         recode_quantise(out, options->position_bits, 0);
+        if (options->tail_bits) {
+            done = add_field(out, "kinds", 4, TETLOD_FLOAT64, m.contractions) &&
+                   add_field(out, "narrow", 1, TETLOD_FLOAT32, m.contractions);
+            recode_exact_later(out, options->tail_bits);
+        }
     }
     free(m.living);
     free(m.owner);

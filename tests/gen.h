@@ -21,12 +21,15 @@ struct gen_options {
     unsigned arity;     /* most vertices that one contraction takes: 2 to 4 */
     enum tetlod_type type;
     unsigned position_bits; /* 0: lossless */
+    unsigned tail_bits;     /* 0: fields are exact at once; else on grids of so many bits, and exact in the last level */
 };
 
 /* Random numbers: splitmix64. */
 uint64_t gen_random(uint64_t *state);
 
-/* A sequence with two fields: "id", float64, the number of each node; and "value" of two components. False: out of memory. */
+/* A sequence with two fields: "id", float64, the number of each node; and "value" of two components. With tail_bits also "kinds",
+ * float64, of a few values, the same again, two decimals and six digits; and "narrow", float64 of float32 values. False: out of
+ * memory. */
 int gen_make(struct recode *out, const struct gen_options *options);
 
 /* Frees what gen_make made. */

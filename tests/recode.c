@@ -36,7 +36,7 @@ static int take_original(struct reader *r)
     r->values = calloc(r->info->field_count + 1, sizeof *r->values);
     r->node_values = calloc(r->info->field_count + 1, sizeof *r->node_values);
     r->out->fields = calloc(r->info->field_count + 1, sizeof *r->out->fields);
-    r->out->levels = calloc(r->info->level_count, sizeof *r->out->levels);
+    r->out->levels = calloc(r->info->level_count + (size_t)1, sizeof *r->out->levels);
     int done = r->positions && r->corners && r->children && r->node_positions && r->node_at && r->values && r->node_values &&
                r->out->fields && r->out->levels;
     for (uint32_t f = 0; f < r->info->field_count && done; f++) {
@@ -153,6 +153,7 @@ void recode_free(struct recode *recode)
 {
     for (uint32_t f = 0; f < recode->input.field_count; f++) {
         release(recode->fields[f].values);
+        release(recode->fields[f].exact);
         release(recode->fields[f].node_values);
     }
     release(recode->input.positions);
@@ -206,4 +207,24 @@ void recode_quantise(struct recode *recode, unsigned position_bits, unsigned fie
         round_all(field->node_values, m * field->components, 1, field->origin, field->step, most,
                   field->type == TETLOD_FLOAT32);
     }
+}
+
+void recode_exact_later(struct recode *recode, unsigned field_bits)
+{
+    struct tetlodi_write_input *input = &recode->input;
+    for (uint32_t f = 1; f < input->field_count; f++) {
+        struct tetlodi_write_field *field = &recode->fields[f];
+        double most = (double)((1u << field_bits) - 1), span = field->range[1] / most - field->range[0] / most;
+        field->bits = field_bits;
+        field->origin = field->range[0];
+        field->step = span > 0 ? span : 1;
+        field->exact = field->values;
+        field->values = copy(field->values, (size_t)input->vertices * field->components, sizeof(double));
+        round_all(field->values, (size_t)input->vertices * field->components, 1, field->origin, field->step, most,
+                  field->type == TETLOD_FLOAT32);
+        round_all(field->node_values, (size_t)input->contractions * field->components, 1, field->origin, field->step, most,
+                  field->type == TETLOD_FLOAT32);
+    }
+    recode->levels[input->level_count] = recode->levels[input->level_count - 1];
+    input->level_count++;
 }

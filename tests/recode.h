@@ -18,4 +18,8 @@ void recode_free(struct recode *recode);
 /* Rounds positions and values to grids of so many bits across the bounds; 0 leaves them as they are. */
 void recode_quantise(struct recode *recode, unsigned position_bits, unsigned field_bits);
 
+/* Rounds the nodes' values of all fields but the first to grids of so many bits; the original's become exact in a level more, for
+ * which there is room. */
+void recode_exact_later(struct recode *recode, unsigned field_bits);
+
 #endif

@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "format/checksum.h"
 #include "format/index.h"
 
 static void demand(int condition)
@@ -105,46 +104,63 @@ void stream_fuzz(const uint8_t *bytes, size_t size)
     tetlod_close(file);
 }
 
-static void put32(uint8_t *at, uint32_t value)
-{
-    for (int i = 0; i < 4; i++)
-        at[i] = (uint8_t)(value >> (8 * i));
-}
-
-/* The frames' checksums are in the index where its levels are; the index is searched from its end, before the metadata. */
-static void seal_frames(uint8_t *bytes, size_t size, size_t index_size)
+/* Where the index's digests are: behind the levels' sizes, and at the end of every section's entry. */
+static void seal_parts(uint8_t *bytes, size_t size, size_t index_size)
 {
     struct tetlodi_index index;
     if (tetlodi_index_decode(&index, bytes + HEADER_SIZE, index_size, HEADER_SIZE + index_size, NULL) != TETLOD_OK)
         return;
-    size_t fields = index.info.field_count, level = 16 + 32 * fields, frames = 8 * (1 + fields);
-    uint8_t *at = bytes + HEADER_SIZE + index_size - index.info.metadata_size - 4 - index.info.level_count * (level + frames);
-    for (uint32_t k = 0; k < index.info.level_count; k++) {
-        at += level;
-        for (size_t part = 0; part <= fields; part++, at += 8) {
+    size_t fields = index.info.field_count, sections = index.info.section_count, row = tetlodi_index_row((uint32_t)fields);
+    uint8_t *directory = bytes + HEADER_SIZE + index_size - sections * SECTION_ENTRY;
+    uint8_t *levels = directory - 4 - index.info.level_count * row;
+    for (uint32_t k = 0; k < index.info.level_count; k++)
+        for (size_t part = 0; part <= fields; part++) {
             const struct tetlodi_frame *frame = &index.frames[k * (fields + 1) + part];
             if (frame->offset <= size && frame->size <= size - frame->offset)
-                put32(at + 4, tetlodi_crc32(bytes + frame->offset, frame->size));
+                tetlodi_digest(bytes + frame->offset, (size_t)frame->size, levels + (k + 1) * row - 24 * (fields + 1 - part) + 8);
         }
+    for (size_t i = 0; i < sections; i++) {
+        const struct tetlodi_frame *frame = &index.sections[i].frame;
+        if (frame->offset <= size && frame->size <= size - frame->offset)
+            tetlodi_digest(bytes + frame->offset, (size_t)frame->size, directory + (i + 1) * SECTION_ENTRY - DIGEST_SIZE);
     }
-    /* The order's checksum: behind counts, bounds and three more counts. */
-    if (index.order.offset <= size && index.order.size <= size - index.order.offset)
-        put32(bytes + HEADER_SIZE + 16 + 48 + 24 + 4, tetlodi_crc32(bytes + index.order.offset, index.order.size));
     tetlodi_index_fini(&index);
 }
 
 void stream_fuzz_seal(uint8_t *bytes, size_t size)
 {
-    uint8_t cid[16];
+    uint8_t digest[DIGEST_SIZE];
     if (size < HEADER_SIZE)
         return;
+    memcpy(bytes, TETLODI_MAGIC "\x02\0\0", 11);
     size_t index_size = bytes[20] | (size_t)bytes[21] << 8 | (size_t)bytes[22] << 16 | (size_t)bytes[23] << 24;
-    memcpy(bytes, TETLODI_MAGIC, 8);
     if (index_size > size - HEADER_SIZE)
         return;
-    seal_frames(bytes, size, index_size);
-    put32(bytes + 24, tetlodi_crc32(bytes + HEADER_SIZE, index_size));
-    tetlodi_content_id(bytes, bytes + HEADER_SIZE, index_size, cid);
-    memcpy(bytes + 40, cid, sizeof cid);
-    put32(bytes + 60, tetlodi_crc32(bytes, 60));
+    if (memcmp(bytes + 20, bytes + 24, 4) == 0)
+        seal_parts(bytes, size, index_size);
+    tetlodi_content_id(bytes, bytes + HEADER_SIZE, index_size, digest);
+    memcpy(bytes + 40, digest, sizeof digest);
+    tetlodi_digest(bytes, 60, digest);
+    memcpy(bytes + 60, digest, 4);
+}
+
+uint8_t *stream_fuzz_plain(const uint8_t *bytes, size_t size, size_t *out_size)
+{
+    struct tetlodi_header header;
+    uint8_t *index;
+    if (size < HEADER_SIZE || tetlodi_header_decode(&header, bytes, NULL) != TETLOD_OK || header.index_size > size - HEADER_SIZE ||
+        tetlodi_index_unpack(&header, bytes + HEADER_SIZE, &index, NULL) != TETLOD_OK)
+        return NULL;
+    size_t rest = size - HEADER_SIZE - header.index_size;
+    uint8_t *out = malloc(HEADER_SIZE + header.index_plain + rest);
+    demand(out != NULL);
+    *out_size = HEADER_SIZE + header.index_plain + rest;
+    header.file_size += header.index_plain - header.index_size;
+    memcpy(out + HEADER_SIZE, index, header.index_plain);
+    memcpy(out + HEADER_SIZE + header.index_plain, bytes + HEADER_SIZE + header.index_size, rest);
+    header.index_size = header.index_plain;
+    tetlodi_header_encode(&header, out);
+    free(index);
+    stream_fuzz_seal(out, *out_size);
+    return out;
 }

@@ -19,7 +19,6 @@ import re
 import struct
 import sys
 import urllib.request
-import zlib
 from bisect import bisect_left
 
 import numpy as np
@@ -69,12 +68,18 @@ class Bytes:
         return name
 
 
+def in_ring(code, width, signed):
+    code &= (1 << width) - 1
+    return code - (1 << width) if signed and code >> (width - 1) else code
+
+
 class Scale:
     """How the numbers of one column are coded (SPEC 5)."""
 
     def __init__(self, data, axes):
-        self.type, self.bits = data.take('BB')
-        require(self.type <= 1 and self.bits <= 30, 'numbers of an unknown kind')
+        kind, self.bits = data.take('BB')
+        require(kind in (0, 1, 3) and self.bits <= 30, 'numbers of an unknown kind')
+        self.original, self.type = kind & 1, int(kind == 1)  # 3: float64 whose values are all float32 values
         self.origin, self.step = [0.0] * axes, [0.0] * axes
         for i in range(axes if self.bits else 0):
             self.origin[i], self.step[i] = data.take('dd')
@@ -91,6 +96,9 @@ class Scale:
             most = (1 << self.bits) - 1
             code = math.floor((value - self.origin[axis]) / self.step[axis] + 0.5)
             return min(max(code, 0), most)
+        return self.float_code(value)
+
+    def float_code(self, value):
         try:
             bits = self.as_int.unpack(self.as_float.pack(value))[0]
         except OverflowError:  # of float32
@@ -99,14 +107,45 @@ class Scale:
 
     def value(self, code, axis=0):
         if self.bits:
-            value = self.origin[axis] + self.step[axis] * float(code)
+            return self.rounded(self.origin[axis] + self.step[axis] * float(code))
+        return self.float_value(code)
+
+    def rounded(self, value):
+        """To the type of the codes."""
+        try:
             return value if self.type else FLOAT32.unpack(FLOAT32.pack(value))[0]
+        except OverflowError:
+            return math.copysign(math.inf, value)
+
+    def float_value(self, code):
         return self.as_float.unpack(self.as_int.pack(code if code >= 0 else ~code | self.most + 1))[0]
 
     def offset(self, base, difference):
         """The code at a difference from another, in a ring of `width` bits."""
-        code = (base + difference) & ((1 << self.width) - 1)
-        return code if self.bits or code >> (self.width - 1) == 0 else code - (1 << self.width)
+        return in_ring(base + difference, self.width, not self.bits)
+
+
+def digest(data):
+    return hashlib.sha256(data).digest()[:16]
+
+
+def unpack(packed, size):
+    """A packed table of bytes (SPEC 6.4)."""
+    stride = int.from_bytes(packed[:3], 'little')
+    require(len(packed) >= 3 and 0 < stride < 1 << 16, 'a packed part has rows of no known length')
+    coder, same, trees = Coder(62), bits(stride), [NONE] * 256
+    coder.start(packed[3:])
+    out = bytearray(size)
+    for i in range(size):
+        above = out[i - stride] if i >= stride else 0
+        if coder.bit(same, i % stride):
+            out[i] = above
+            continue
+        place = above if stride == 1 else i % stride % 8
+        if trees[place] is NONE:
+            trees[place] = bits(256)
+        out[i] = coder.tree(trees[place], 8)
+    return bytes(out)
 
 
 class Stream:
@@ -114,28 +153,33 @@ class Stream:
         self._read, self.size = read, size
         header = read(0, 64)
         require(len(header) == 64 and header[:8] == MAGIC, 'not a tetlod stream')
-        fields = struct.unpack('<8sHHIIIIIQ16sII', header)
-        _, major, _, required, _, index_size, index_crc, reserved, self.bytes, cid, reserved2, crc = fields
-        require(zlib.crc32(header[:60]) == crc, 'the header is damaged')
-        require(major == 1 and required == 0, 'the stream needs a newer reader')
-        require(reserved == 0 and reserved2 == 0 and index_size <= 1 << 28, 'the header contradicts itself')
+        fields = struct.unpack('<8sHHIIIIIQ16sI4s', header)
+        _, major, minor, required, _, index_size, plain_size, early_size, self.bytes, cid, reserved, check = fields
+        require(major >= 2, 'the stream has the old layout (format %d.%d), from before the first release' % (major, minor))
+        require(major == 2, 'the stream needs a newer reader')
+        require(digest(header[:60])[:4] == check, 'the header is damaged')
+        require(required == 0, 'the stream needs a newer reader')
+        require(reserved == 0 and index_size <= plain_size <= min(1 << 28, 256 * index_size) and early_size <= 1 << 28 and
+                64 + index_size + early_size <= self.bytes < 1 << 63, 'the header contradicts itself')
         index = read(64, index_size)
-        require(len(index) == index_size and zlib.crc32(index) == index_crc, 'the index is damaged')
-        require(hashlib.sha256(header[:40] + index).digest()[:16] == cid, 'the content id is another')
+        require(len(index) == index_size, 'the stream ends too early')
+        require(digest(header[:40] + index) == cid, 'the index is damaged: the content id is another')
         self.cid = cid.hex()
-        self._parse(Bytes(index), 64 + index_size)
+        index = index if index_size == plain_size else unpack(index, plain_size)
+        self._parse(Bytes(index), 64 + index_size, early_size)
+        require(size is None or size <= self.bytes, 'bytes follow the end of the stream')
+        self._metadata = (self.section('META') or b'').decode('utf-8', 'replace')
 
-    def _parse(self, data, offset):
-        self.vertices, self.tets, levels, fields, slowest, reserved = data.take('IIIHBB')
+    def _parse(self, data, offset, early_size):
+        self.vertices, self.tets, levels, fields, slowest, reserved = data.take('QQIHBB')
         require(1 <= levels <= 65536 and fields <= 256 and 5 <= slowest <= 7 and reserved == 0, 'the index is damaged')
-        require(len(data.data) >= levels * (24 + 40 * fields), 'the index ends too early')
+        require(len(data.data) >= levels * (48 + 56 * fields), 'the index ends too early')
         require(self.vertices < 0xffffffff and self.tets <= 1 << 30, 'the stream is beyond the limits of the format')
         self.seen_most = (1 << slowest) - 2
         bounds = data.take('6d')
         self.bounds = [list(bounds[:3]), list(bounds[3:])]
         require(all(map(math.isfinite, bounds)) and all(map(operator.le, *self.bounds)), 'the index has bounds that are none')
         self.degenerate_tets, self.inverted_tets, self.unused_points = data.take('QQQ')
-        order_size, order_crc = data.take('II')
         self.scales = [Scale(data, 3)]
         self.fields = []
         for _ in range(fields):
@@ -143,61 +187,114 @@ class Stream:
             components, flags, low, high, size = data.take('BBddH')
             require(1 <= components <= 64, 'a field of too many components or none')
             require(math.isfinite(low) and math.isfinite(high) and low <= high, 'a field without a range')
-            self.fields.append({'name': data.name(size), 'components': components, 'controlled': bool(flags & 1),
-                                'range': [low, high], 'type': 'float64' if self.scales[-1].type else 'float32'})
+            name = data.name(size)
+            require(all(name != field['name'] for field in self.fields), 'two fields of one name')
+            self.fields.append({'name': name, 'components': components, 'controlled': bool(flags & 1),
+                                'exact_later': bool(flags & 2), 'range': [low, high],
+                                'type': 'float64' if self.scales[-1].original else 'float32'})
         self.levels, self.frames = [], []
+        early = offset
+        offset += early_size
         for k in range(levels):
-            vertices, tets, domain_error = data.take('IId')
+            vertices, tets, domain_error = data.take('QQd')
             errors = {f['name']: dict(zip(MEASURES, data.take('4d'))) for f in self.fields}
             level = {'level': k, 'vertices': vertices, 'tets': tets, 'domain_error': domain_error, 'errors': errors,
                      'offset': offset}
             frames = []
             for _ in range(fields + 1):
-                size, crc = data.take('II')
-                frames.append((offset, size, crc))
+                size, sha = data.take('Q16s')
+                frames.append((offset, size, sha))
                 offset += size
             level['bytes'] = offset
-            self._check_level(level, self.levels[-1] if self.levels else None, frames[0][1])
+            coarser = self.levels[-1] if self.levels else None
+            self.tail = k == levels - 1 and bool(coarser) and (vertices, tets) == (coarser['vertices'], coarser['tets'])
+            self._check_level(level, coarser, frames)
             self.levels.append(level)
             self.frames.append(frames)
-        self._order = (offset, order_size, order_crc)
-        size = data.take('I')
-        require(size <= 1 << 20, 'the index is damaged')
-        self._metadata = data.text(size)
-        require(data.at == len(data.data) and offset + order_size == self.bytes, 'the index is damaged')
+        self._check_errors()
+        self._check_tail()
+        self._parse_sections(data, early, early_size, offset)
         finest = self.levels[-1]
         require(finest['vertices'] == self.vertices and finest['tets'] == self.tets > 0, 'the levels do not lead to the original')
 
+    def _parse_sections(self, data, early, early_size, late):
+        """The directory (SPEC 3.5)."""
+        self.sections, ends = [], {2: 0, 0: 0}
+        count = data.take('I')
+        require(count <= 65536 and len(data.data) - data.at == 48 * count, 'the index is damaged')
+        for _ in range(count):
+            tag, flags, offset, size, plain, sha = data.take('4sIQQQ16s')
+            require(re.fullmatch(b'[A-Z0-9]{4}', tag) and flags < 8, 'a section of no known form')
+            tag, place = tag.decode(), flags & 2
+            require(offset == ends[place], 'sections that do not follow each other')
+            ends[place] += size
+            require(plain // 256 <= size if flags & 4 else plain == size, 'a section of another size than its bytes can hold')
+            known = {'META': 2, 'ORDR': 0}
+            require(tag not in known or known[tag] == place and all(tag != s['tag'] for s in self.sections), 'a section at the wrong place')
+            require(tag != 'META' or plain <= 1 << 20, 'too much metadata')
+            require(tag in known or not flags & 1, 'the stream cannot be read without its section %s, which is not known here' % tag)
+            self.sections.append({'tag': tag, 'offset': offset + (early if place else late), 'stored': size, 'size': plain,
+                                  'packed': bool(flags & 4), 'digest': sha})
+        require(ends[2] == early_size and late + ends[0] == self.bytes, 'the header and the index disagree about sizes')
+
+    def section(self, tag):
+        """What the first section with a tag holds, or None."""
+        for section in self.sections:
+            if section['tag'] == tag:
+                data = self._part('section ' + tag, section['offset'], section['stored'], section['digest'])
+                return unpack(data, section['size']) if section['packed'] else data
+        return None
+
+    def _part(self, what, offset, size, sha):
+        data = self._read(offset, size)
+        require(len(data) == size, what + ': the stream ends too early')
+        require(digest(data) == sha, what + ' is damaged')
+        return data
+
     @property
     def metadata(self):
-        return json.loads(self._metadata or '{}')
+        """The metadata, {} if they are none."""
+        try:
+            metadata = json.loads(self._metadata or '{}')
+        except ValueError:
+            metadata = {}
+        return metadata if isinstance(metadata, dict) else {}
 
-    @staticmethod
-    def _check_level(level, coarser, geometry_bytes):
+    def _check_level(self, level, coarser, frames):
         vertices, tets = level['vertices'], level['tets']
         if coarser:
-            require(vertices > coarser['vertices'] and tets >= coarser['tets'], 'levels that do not grow')
+            require(self.tail or vertices > coarser['vertices'] and tets >= coarser['tets'], 'levels that do not grow')
             vertices, tets = vertices - coarser['vertices'], tets - coarser['tets']
-        require(max(vertices, tets) <= 1024 * (geometry_bytes + 1), 'levels of more than their bytes can hold')
-        for name, errors in level['errors'].items():
-            for measure, error in errors.items():  # NaN: not known
-                require(not error < 0 and not (coarser and error > coarser['errors'][name][measure]), 'errors that grow with the level')
+        given = [max(vertices, tets)]
+        for field in self.fields:
+            exact = level['vertices'] if self.tail and field['exact_later'] else 0
+            given.append((vertices + exact) * field['components'])
+        require(all(numbers <= 64 * size for numbers, (_, size, _) in zip(given, frames)), 'levels of more than their bytes can hold')
+
+    def _check_tail(self):
+        """The exact tail has no mesh, and a frame for each field that it makes exact."""
+        for part, field in enumerate(self.fields, 1):
+            require(not field['exact_later'] or self.tail and self.scales[part].bits, 'an exact tail that does not go with its fields')
+            require(field['exact_later'] or not self.tail or not self.frames[-1][part][1], 'an exact tail that does not go with its fields')
+        require(not self.tail or not self.frames[-1][0][1], 'a tail with a mesh of its own')
+
+    def _check_errors(self):
+        """No error grows from level to level; NaN is one that is not known."""
+        require(not any(level['domain_error'] < 0 for level in self.levels), 'a negative domain error')
+        columns = [[level['errors'][f['name']][m] for level in self.levels] for f in self.fields for m in MEASURES]
+        for column in columns:
+            known = [error for error in column if not math.isnan(error)]
+            require(all(a >= b for a, b in zip(known, known[1:] + [0.0])), 'errors that grow with the level')
 
     def frame(self, level, part):
-        offset, size, crc = self.frames[level][part]
-        data = self._read(offset, size)
-        require(len(data) == size, 'level %d: the stream ends too early' % level)
-        require(zlib.crc32(data) == crc, 'level %d is damaged' % level)
-        return data
+        return self._part('level %d' % level, *self.frames[level][part])
 
     def order(self):
         """The original's own numbering (SPEC 10): numbers there of the finest level's vertices and tetrahedra, and for each
         tetrahedron which of its corners are the original's first to fourth. None if the stream does not keep it."""
-        offset, size, crc = self._order
-        if not size:
+        data = self.section('ORDR')
+        if data is None:
             return None
-        data = self._read(offset, size)
-        require(len(data) == size and zlib.crc32(data) == crc, 'the order is damaged or cut off')
         coder, first, second = Coder(self.seen_most), bits(4), [bits(4) for _ in range(4)]
         coder.start(data)
         numbers = []
@@ -218,6 +315,7 @@ class Stream:
             k, m = [c for c in range(4) if c != i and c != j]
             odd = ((i > j) + (i > k) + (i > m) + (j > k) + (j > m)) % 2
             corners[t] = (i, j, m, k) if odd else (i, j, k, m)
+        coder.finish('the order')
         return numbers[0], numbers[1], corners
 
     def field_index(self, name):
@@ -284,6 +382,10 @@ class Coder:
 
     def start(self, data):
         self.data, self.at, self.range, self.code = data, 4, 0xffffffff, int.from_bytes(data[:4].ljust(4, b'\0'), 'big')
+
+    def finish(self, what):
+        """What is left of the frame is zeros (SPEC 6.1)."""
+        require(not any(self.data[self.at:]), what + ' has bytes that belong to nothing')
 
     def _refill(self, width):
         while width < 0x1000000:
@@ -364,6 +466,24 @@ class Coder:
         require(length <= 64, 'a number is not one')
         return length
 
+    def distance(self, models, wides, width, context):
+        """A number whose bits above a mantissa have models (SPEC 9.3)."""
+        length, mantissa = self.length(models.length, context), 23 if width == 32 else 52
+        require(length <= width, 'a number is not one')
+        if not length:
+            return 0
+        negative = self.bit(models.sign)
+        if length <= mantissa + 1:
+            value = self.below(models.top, length)
+        else:
+            wide = min(length - mantissa, 12)
+            value, left = 1 << wide | self.tree(wides[wide], wide), length - 1 - wide
+            while left:
+                some = min(left, 16)
+                left -= some
+                value = value << some | self.plain(some)
+        return -value if negative else value
+
     def number(self, models, context):
         length = self.length(models.length, context)
         if not length:
@@ -385,6 +505,7 @@ class Step:
 class Models:
     def __init__(self):
         self.splits = [bits(16), bits(16)]
+        self.leaf = [[bits(16), bits(16)] for _ in range(3)]
         self.arity, self.placement, self.label, self.irregular = bits(4), bits(4), bits(640), bits(1)
         self.boundary, self.made, self.flip, self.across, self.fresh = bits(16), bits(2), bits(1), bits(2), bits(1)
         self.step = [Step() for _ in range(3)]
@@ -399,7 +520,18 @@ class Column:
         for _ in range(components):
             self.codes.append([])
             self.values.append([])
-        self.child, self.corner = [Number(), Number()], Number()
+        self.child, self.corner = [[Number(), Number()], [Number(), Number()]], Number()
+        self.zeros, self.last_zeros = [bits(16) for _ in range(16)], [0] * components
+        self.kept, self.nudge = [bits(2), bits(2)], bits(4)
+        self.copied, self.exact = list(range(components)), None  # exact: values of the tail
+
+    def copies(self, coder):
+        """Which components repeat others (SPEC 9.2)."""
+        flag, source = bits(1), bits(64)
+        for c in range(1, self.components):
+            if coder.bit(flag):
+                self.copied[c] = coder.tree(source, 6)
+                require(self.copied[c] < c, 'a component repeats a later one')
 
     def axis(self, component):
         return component if self.part == 0 else 0
@@ -420,6 +552,56 @@ def replaced(corners, place, opposite, own, other):
     return out
 
 
+def middle_of(scale, axis, own, codes):
+    """The code of the first child if the vertex is in the middle of all (SPEC 7.2)."""
+    if scale.bits:
+        return min(max(own * len(codes) - sum(codes[1:]), 0), (1 << scale.bits) - 1)
+    value = scale.value(own, axis) * float(len(codes))
+    for code in codes[1:]:
+        value = value - scale.value(code, axis)
+    return scale.code(value, axis) if math.isfinite(value) else own
+
+
+POWERS = [float(10**i) for i in range(23)]
+
+
+class Numbers:
+    """What the exact values of a component are (SPEC 9.3): floats, decimals of so many digits behind the point, or in all."""
+
+    def __init__(self, kind, digits, scale):
+        self.kind, self.digits, self.scale = kind, digits, scale
+        self.width = 64 if kind or scale.type else 32
+
+    def code(self, value):
+        if self.kind == 0:
+            return self.scale.float_code(value)
+        if self.kind == 1:
+            scaled = value * POWERS[self.digits] + 0.5
+            return int(min(max(math.floor(scaled) if math.isfinite(scaled) else scaled, -2**53), 2**53))
+        size, e = abs(value), -22
+        while e <= 22:
+            scaled = (size * POWERS[-e] if e < 0 else size / POWERS[e]) + 0.5
+            if scaled < POWERS[self.digits]:
+                break
+            e += 1
+        m = 10**self.digits - 1 if e > 22 else math.floor(scaled)
+        code = m + (min(e, 22) + 22) * 9 * 10**(self.digits - 1)
+        return -code if value < 0 else code
+
+    def value(self, code):
+        if self.kind == 0:
+            return self.scale.float_value(code)
+        if self.kind == 1:
+            return self.scale.rounded(float(code) / POWERS[self.digits])
+        size, tenth = abs(code), 10**(self.digits - 1)
+        steps = 0 if size < 10 * tenth else (size - tenth) // (9 * tenth)
+        if steps > 44:
+            return math.nan
+        m, e = float(size - steps * 9 * tenth), steps - 22
+        value = m / POWERS[-e] if e < 0 else m * POWERS[e]
+        return self.scale.rounded(-value if code < 0 else value)
+
+
 class Cursor:
     """A mesh at one level. `positions`, `tets`, `field(name)` copy it into numpy arrays."""
 
@@ -434,7 +616,8 @@ class Cursor:
         self.count = self.tet_count = 0
         self.log, self.done = [], 0  # records: (vertex, other codes and values, [(labels, tetrahedra)])
         self.ends = [0]              # records in the log at each level's end
-        self.touched = 0
+        self.leaf = []               # of each vertex at the log's end: one of the original's, which does not split
+        self.exact = False           # fields have the tail's values
         self._base()
 
     # ------------------------------------------------ what it holds
@@ -460,36 +643,58 @@ class Cursor:
     def seek(self, level):
         require(0 <= level < len(self.stream.levels), 'there is no level %d' % level)
         known = min(level, self.decoded)
+        self._use_exact(False)
         while self.done < self.ends[known]:
             self._forward()
         while self.done > self.ends[known]:
             self._back()
         while self.decoded < level:
             self._decode_level(self.decoded + 1)
+        self._use_exact(self._is_tail(level))
         self.level = level
         return self
+
+    def _is_tail(self, level):
+        return self.stream.tail and level + 1 == len(self.stream.levels)
+
+    def _use_exact(self, exact):
+        """Exchanges the values on the grid and those of the tail."""
+        if exact != self.exact:
+            for column in self.columns:
+                if column.exact is not None:
+                    column.values, column.exact = column.exact, column.values
+        self.exact = exact
 
     def refine(self):
         """One record up; False at the finest level."""
         if self.done == len(self.log):
-            if self.decoded + 1 == len(self.stream.levels):
+            if self.exact or not self._is_tail(self.decoded) and self.decoded + 1 == len(self.stream.levels):
                 return False
             here = self.done
-            self._decode_level(self.decoded + 1)
+            if not self._is_tail(self.decoded):
+                self._decode_level(self.decoded + 1)
             while self.done > here:
                 self._back()
-        self._forward()
+        if self.done < len(self.log):
+            self._forward()
+        else:
+            self._use_exact(True)
         return self._settle()
 
     def coarsen(self):
         """One record down; False at the base mesh."""
-        if not self.done:
+        if self.exact:
+            self._use_exact(False)
+        elif not self.done:
             return False
-        self._back()
+        else:
+            self._back()
         return self._settle()
 
     def _settle(self):
-        while self.level < self.decoded and self.done >= self.ends[self.level + 1]:
+        finest = self.decoded - (self._is_tail(self.decoded) and not self.exact)
+        self.level = min(self.level, finest)
+        while self.level < finest and self.done >= self.ends[self.level + 1]:
             self.level += 1
         while self.level and self.done < self.ends[self.level]:
             self.level -= 1
@@ -554,6 +759,10 @@ class Cursor:
         for coder, column in zip(self.coders, self.columns):
             coder.start(self.stream.frame(level, column.part))
 
+    def _finish(self, level):
+        for coder in self.coders:
+            coder.finish('level %d' % level)
+
     def _base(self):
         base = self.stream.levels[0]
         self._start(0)
@@ -563,7 +772,11 @@ class Cursor:
             for lists in (column.codes, column.values):
                 for values in lists:
                     values.extend([0] * self.count)
+            if column.part:
+                column.copies(coder)
             self._base_column(column, coder)
+        self._finish(0)
+        self.leaf = [0] * self.count
         self.parents = list(range(self.count))
         self.stars = [[] for _ in range(self.count)]
         for t, corners in enumerate(self.tets_list):
@@ -619,6 +832,10 @@ class Cursor:
     def _base_vertex(self, column, coder, vertex, corners):
         for c in range(column.components):
             codes, values, axis = column.codes[c], column.values[c], column.axis(c)
+            source = column.copied[c]
+            if source < c:
+                codes[vertex], values[vertex] = column.codes[source][vertex], column.values[source][vertex]
+                continue
             near = [x for x in corners if x < vertex]
             base, context = 0, 65
             if near:
@@ -640,20 +857,26 @@ class Cursor:
     def _decode_level(self, level):
         to = self.stream.levels[level]
         self._start(level)
+        if self._is_tail(level):
+            self._tail()
         walk, start = 0, self.count
         while self.count < to['vertices']:
             walk = self._walk(walk, start)
             require(walk < self.count, 'level %d has fewer records than its index says' % level)
             self._record(walk, to)
         require(self.tet_count == to['tets'], 'level %d has other tetrahedra than its index says' % level)
+        self._finish(level)
         self.decoded = level
         self.ends.append(self.done)
 
     def _walk(self, walk, start):
         """The next vertex from `walk` on that splits, or the number of vertices (SPEC 7.1)."""
-        coder, stars, end = self.coders[0], self.stars, self.count
+        coder, stars, leaf, end = self.coders[0], self.stars, self.leaf, self.count
         width, code, most = coder.range, coder.code, coder.seen_most
         while walk < end:
+            if leaf[walk]:
+                walk += 1
+                continue
             chances, counts = self.models.splits[walk >= start]
             i = len(stars[walk]) >> 2
             if i > 15:
@@ -704,11 +927,14 @@ class Cursor:
         star, link = self._lay_out(vertex)
         children = 2 + coder.tree(models.arity, 2)
         require(children <= 4 and self.count + children - 1 <= to['vertices'], 'a record makes too many vertices')
-        codes = self._positions(vertex, children, link)
+        codes, placement = self._positions(vertex, children, link)
+        leaves = [coder.bit(models.leaf[placement][i > 0], min(len(star) >> 2, 15)) for i in range(children)]
+        self.leaf[vertex] = leaves[0]
+        self.leaf += leaves[1:]
         first_stays = all(codes[d][0] == columns[0].codes[d][vertex] for d in range(3))
         values = [[columns[0].scale.value(code, d) for code in codes[d]] for d in range(3)]
         points = list(zip(*values))
-        self._fields(vertex, children, star, link, codes, values, points)
+        self._fields(vertex, leaves, placement, star, link, codes, values, points)
         row, at = [], 0
         for column in columns:
             for c in range(column.components):
@@ -763,16 +989,10 @@ class Cursor:
             if placement == 0:
                 codes[0] = own
             elif placement == 1:
-                if scale.bits:
-                    middle = min(max(own * children - sum(codes[1:]), 0), (1 << scale.bits) - 1)
-                else:
-                    value = scale.value(own, axis) * float(children)
-                    for code in codes[1:]:
-                        value = value - scale.value(code, axis)
-                    middle = scale.code(value, axis) if math.isfinite(value) else own
+                middle = middle_of(scale, axis, own, codes)
                 codes[0] = scale.offset(middle, coder.number(self.models.middle[axis], children))
             result.append(codes)
-        return result
+        return result, placement
 
     # ---- fields (SPEC 8)
 
@@ -802,20 +1022,25 @@ class Cursor:
                     break
         return found
 
-    def _fields(self, vertex, children, star, link, codes, all_values, points):
+    def _fields(self, vertex, leaves, placement, star, link, codes, all_values, points):
         if len(self.columns) == 1:
             return
+        children = len(leaves)
         own = [self.columns[0].codes[d][vertex] for d in range(3)]
         where = [None if [codes[d][i] for d in range(3)] == own else self._locate(vertex, star, points[i])
                  for i in range(children)]
         for column, coder in zip(self.columns[1:], self.coders[1:]):
-            scale = column.scale
+            scale, first = column.scale, len(codes)
             for c in range(column.components):
+                if column.copied[c] < c:
+                    codes.append(codes[first + column.copied[c]])
+                    all_values.append(all_values[first + column.copied[c]])
+                    continue
                 known, values = column.codes[c], column.values[c]
                 mine, here = known[vertex], values[vertex]
                 near = link(known) or (mine,)
-                context = max(max(near) - mine, mine - min(near)).bit_length()
-                result = []
+                extent = max(max(near) - mine, mine - min(near)).bit_length()
+                bases, result = [], [0] * children
                 for i in range(children):
                     base = mine
                     if where[i]:
@@ -824,9 +1049,75 @@ class Cursor:
                         value = value + w1 * (values[q] - here)
                         value = value + w2 * (values[r] - here)
                         base = scale.code(value) if math.isfinite(value) else mine
-                    result.append(scale.offset(base, coder.number(column.child[i > 0], context)))
+                    bases.append(base)
+                for i in range(1, children):
+                    result[i] = self._value(column, coder, c, 0, leaves[i], bases[i], extent)
+                if placement < 2 and coder.bit(column.kept[placement], leaves[0]):
+                    result[0] = mine
+                    if placement == 1:
+                        middle = middle_of(scale, 0, mine, result)
+                        result[0] = scale.offset(middle, coder.tree(column.nudge, 2) - 1)
+                else:
+                    result[0] = self._value(column, coder, c, 1, leaves[0], bases[0], extent)
                 codes.append(result)
                 all_values.append([scale.value(code) for code in result])
+
+    @staticmethod
+    def _value(column, coder, c, first, leaf, base, extent):
+        """A child's code; one that a contraction made ends in a number of zero bits."""
+        scale = column.scale
+        if leaf or not scale.bits:
+            return scale.offset(base, coder.number(column.child[leaf][first], extent))
+        zeros, most = coder.tree(column.zeros[column.last_zeros[c]], 4), min(scale.bits - 1, 15)
+        require(zeros <= most, 'a record holds what no writer writes')
+        column.last_zeros[c] = zeros
+        shift = min(zeros + 1, most)
+        if zeros < most:
+            base = (base >> shift << shift) + (1 << zeros)
+        else:
+            base = base + (1 << most >> 1) >> most << most
+        return scale.offset(base, coder.number(column.child[0][first], max(extent - shift, 0)) << shift)
+
+    # ---- the exact tail (SPEC 9.3)
+
+    def _tail(self):
+        for column, coder in zip(self.columns, self.coders):
+            if column.part and self.stream.fields[column.part - 1]['exact_later']:
+                kinds, digits, sources = bits(4), bits(32), bits(64)
+                models = bits(2), bits(1), (Number(), Number()), [bits(1 << wide) for wide in range(13)]
+                column.exact = []
+                for c in range(column.components):
+                    kind = coder.tree(kinds, 2)
+                    if kind == 3:
+                        source = coder.tree(sources, 6)
+                        require(source < c, 'a component repeats a later one')
+                        column.exact.append(column.exact[source])
+                    else:
+                        digit = coder.tree(digits, 5) if kind else 0
+                        require(digit <= 15 and (kind < 2 or digit), 'numbers of an unknown kind')
+                        column.exact.append(self._exact(column, coder, c, Numbers(kind, digit, column.scale), models))
+
+    @staticmethod
+    def _exact(column, coder, c, numbers, models):
+        scale, half, floats = column.scale, 0.5 * column.scale.step[0], Numbers(0, 0, column.scale)
+        (repeat, odd, distances, wides), memory, result = models, {}, []
+        for code in column.codes[c]:
+            place = code % 4096
+            known = memory.get(place)
+            if known and known[0] == code:
+                known[2] = coder.bit(repeat, known[2])
+                if known[2]:
+                    result.append(known[1])
+                    continue
+            kind = floats if not numbers.kind or coder.bit(odd) else numbers
+            value = scale.value(code)
+            room = abs(kind.code(value + half) - kind.code(value - half)).bit_length()
+            distance = coder.distance(distances[kind.kind > 0], wides, kind.width, room)
+            exact = kind.value(in_ring(kind.code(value) + distance, kind.width, True))
+            require(math.isfinite(exact), 'the tail holds a value that is not finite')
+            memory[place] = [code, exact, 0]
+            result.append(exact)
+        return result
 
     # ---- labels and tetrahedra (SPEC 7.3, 7.4)
 

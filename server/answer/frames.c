@@ -16,15 +16,11 @@
 
 enum { MOST_CACHED = 4 << 20 };
 
-struct span {
-    uint64_t offset, size;
-};
-
 struct stored_context {
     struct dataset *dataset;
     size_t count;
     uint64_t size; /* of all spans */
-    struct span spans[];
+    struct tetlod_span spans[];
 };
 
 static void stored_context_free(void *opaque)
@@ -34,7 +30,7 @@ static void stored_context_free(void *opaque)
     free(context);
 }
 
-static bool read_span(const struct dataset *dataset, const struct span *span, unsigned char *out)
+static bool read_span(const struct dataset *dataset, const struct tetlod_span *span, unsigned char *out)
 {
     uint64_t done = 0;
     while (done < span->size) {
@@ -93,7 +89,7 @@ static void respond_file(struct exchange *exchange, struct dataset *dataset, uin
     snprintf(response->etag, sizeof response->etag, "\"%s\"", etag);
 }
 
-static enum outcome read_spans(struct exchange *exchange, struct dataset *dataset, const struct span *spans, size_t count,
+static enum outcome read_spans(struct exchange *exchange, struct dataset *dataset, const struct tetlod_span *spans, size_t count,
                                uint64_t size, const char *key, const struct cache_value **out)
 {
     struct stored_context *context = malloc(sizeof *context + count * sizeof *spans);
@@ -111,7 +107,7 @@ static enum outcome read_spans(struct exchange *exchange, struct dataset *datase
 }
 
 /* Answers with several pieces of a stream, one after the other. */
-static enum outcome respond_spans(struct exchange *exchange, struct dataset *dataset, const struct span *spans, size_t count,
+static enum outcome respond_spans(struct exchange *exchange, struct dataset *dataset, const struct tetlod_span *spans, size_t count,
                            const char *etag)
 {
     const struct representation representation = {.media_type = "application/vnd.tetlod", .etag = etag, .alone = true};
@@ -131,7 +127,7 @@ static enum outcome respond_spans(struct exchange *exchange, struct dataset *dat
 static enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, uint64_t offset, uint64_t size,
                             const char *etag)
 {
-    const struct span span = {offset, size};
+    const struct tetlod_span span = {offset, size};
     struct response *response = exchange->response;
     if (size <= MOST_CACHED && !request_header(exchange->request, "Range")) {
         enum outcome outcome = respond_spans(exchange, dataset, &span, 1, etag);
@@ -179,25 +175,22 @@ static bool select_fields(struct exchange *exchange, const struct tetlod_info *i
 static enum outcome answer_frames(struct exchange *exchange, struct dataset *dataset, bool index_too, uint32_t first,
                                   uint32_t last, const char *selected)
 {
-    const struct tetlodi_index *index = &dataset_file(dataset)->index;
-    uint32_t fields = index->info.field_count;
-    struct span *spans = array_new(1 + (size_t)(last - first + 1) * (1 + fields), sizeof *spans);
-    size_t count = 0;
+    const struct tetlod_file *file = dataset_file(dataset);
+    const struct tetlod_info *info = tetlod_info(file);
+    uint32_t fields[MOST_FIELDS], count = 0, from = index_too ? TETLOD_NONE : first - 1;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        if (selected[f] == '1')
+            fields[count++] = f;
+    size_t most = tetlod_spans(file, from, last, fields, count, NULL, 0);
+    struct tetlod_span *spans = array_new(most, sizeof *spans);
     if (!spans) {
         response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
         return ANSWERED;
     }
-    if (index_too)
-        spans[count++] = (struct span){0, index->info.levels[0].offset};
-    for (uint32_t k = first; k <= last; k++)
-        for (uint32_t part = 0; part <= fields; part++)
-            if (!part || selected[part - 1] == '1') {
-                const struct tetlodi_frame *frame = &index->frames[(size_t)k * (1 + fields) + part];
-                spans[count++] = (struct span){frame->offset, frame->size};
-            }
+    tetlod_spans(file, from, last, fields, count, spans, most);
     char etag[80 + MOST_FIELDS];
-    snprintf(etag, sizeof etag, "%s-%s%" PRIu32 "-%" PRIu32 "-%s", index->info.cid, index_too ? "i" : "", first, last, selected);
-    enum outcome outcome = respond_spans(exchange, dataset, spans, count, etag);
+    snprintf(etag, sizeof etag, "%s-%s%" PRIu32 "-%" PRIu32 "-%s", info->cid, index_too ? "i" : "", first, last, selected);
+    enum outcome outcome = respond_spans(exchange, dataset, spans, most, etag);
     free(spans);
     return outcome;
 }

@@ -122,10 +122,11 @@ static bool choose_stages(struct forest *forest, const struct tetlod_info *info,
     return forest->stages != NULL;
 }
 
-/* Each record gives one vertex other contents and brings at least one new vertex: two versions for a slot at most. */
+/* Each record gives one vertex other contents and brings at least one new vertex: two versions for a slot at most, and one that
+ * the exact tail brings. */
 static size_t most_versions(const struct forest *forest)
 {
-    return 2 * (size_t)forest->stages[forest->stage_count - 1].vertices;
+    return 3 * (size_t)forest->stages[forest->stage_count - 1].vertices;
 }
 
 uint32_t forest_last_level(const struct tetlod_info *info, uint32_t level)
@@ -210,6 +211,8 @@ static void take_level(struct forest *forest, const struct tetlod_mesh *mesh)
             add_version(forest, mesh, parent, forest->newest[parent]);
         add_version(forest, mesh, v, TETLOD_NONE);
     }
+    for (uint32_t v = 0; v < mesh->vertices && known == mesh->vertices; v++) // the exact tail
+        add_version(forest, mesh, v, forest->newest[v]);
     forest->next_level++;
 }
 

@@ -48,10 +48,18 @@ static enum tetlod_status nomem(const struct against *a)
 
 /* ---- going down */
 
+/* Is the last level an exact tail: the mesh of the level before it, with other values? */
+static bool has_tail(const struct tetlod_info *info)
+{
+    const struct tetlod_level *last = &info->levels[info->level_count - 1];
+    return info->level_count > 1 && last->vertices == last[-1].vertices && last->tets == last[-1].tets;
+}
+
 static enum tetlod_status begin(struct against *a)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
     struct tetlod_mesh mesh;
+    struct tetmesh coded;
     TETLOD_TRY(tetlod_cursor_seek(a->cursor, info->level_count - 1, a->error));
     TETLOD_TRY(level_mesh_copy(info, a->cursor, &a->finest, a->error));
     if (!info->lossless)
@@ -64,7 +72,11 @@ static enum tetlod_status begin(struct against *a)
         return nomem(a);
     tetlod_cursor_mesh(a->cursor, &mesh);
     memcpy(a->parents, mesh.parents, info->vertices * sizeof *a->parents);
-    TETLOD_TRY(coarsening_init(&a->coarsening, &a->finest, NULL, a->error));
+    TETLOD_TRY(tetlod_cursor_seek(a->cursor, info->level_count - 1 - has_tail(info), a->error));
+    TETLOD_TRY(level_mesh_copy(info, a->cursor, &coded, a->error));
+    enum tetlod_status status = coarsening_init(&a->coarsening, &coded, NULL, a->error);
+    tetmesh_fini(&coded);
+    TETLOD_TRY(status);
     return measure_levels_new(&a->measure_levels, &a->finest, &a->coarsening, a->options->threads, a->error);
 }
 
@@ -106,9 +118,11 @@ static enum tetlod_status measure_this(struct against *a, uint32_t k, double *ou
     enum tetlod_status status = tetlod_cursor_seek(a->cursor, k, a->error);
     if (status == TETLOD_OK)
         status = level_mesh_copy(info, a->cursor, &a->level, a->error);
-    if (status == TETLOD_OK && info->lossless && k + 1 < info->level_count)
+    if (status == TETLOD_OK && info->lossless && k + 1 + has_tail(info) < info->level_count)
         status = step(a, &above);
-    if (status == TETLOD_OK && info->lossless)
+    if (has_tail(info) && info->lossless && k + 1 == info->level_count) // mesh_same has found it to be the input
+        memset(a->measured, 0, info->field_count * sizeof *a->measured);
+    else if (status == TETLOD_OK && info->lossless)
         status = measure_levels_next(a->measure_levels, a->measured, out_domain, a->error);
     else if (status == TETLOD_OK)
         status = measure_mesh(a->measure, &a->level, a->level_fields, a->options->threads, a->measured, out_domain, a->error);

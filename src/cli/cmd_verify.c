@@ -22,7 +22,8 @@
 static const char help[] =
     "usage: tetlod verify FILE.tetlod [--against INPUT] [--json]\n"
     "\n"
-    "Decodes a stream whole: checks every checksum, replays all records and undoes them again, checks every level's mesh.\n"
+    "Decodes a stream whole: checks every digest and section, replays all records and undoes them again, checks\n"
+    "every level's mesh.\n"
     "\n"
     "      --against INPUT  also: the finest level is this mesh exactly; at every level the errors stored are not below what\n"
     "                       is measured; and at levels spread evenly, which it names, 'max' is not below the exact maximum\n"
@@ -159,7 +160,7 @@ static enum tetlod_status undo_to(const struct verification *v, uint32_t k)
 {
     uint32_t vertices = tetlod_info(v->file)->levels[k].vertices;
     struct tetlod_mesh mesh;
-    for (tetlod_cursor_mesh(v->cursor, &mesh); mesh.vertices > vertices; tetlod_cursor_mesh(v->cursor, &mesh))
+    for (tetlod_cursor_mesh(v->cursor, &mesh); mesh.vertices > vertices || mesh.level > k; tetlod_cursor_mesh(v->cursor, &mesh))
         TETLOD_TRY(tetlod_cursor_coarsen(v->cursor, v->error));
     if (mesh.vertices != vertices || hash_mesh(v) != v->hashes[k])
         return tetlodi_fail(v->error, TETLOD_ERR_STREAM, "undoing the records does not lead back to level %u", k);
@@ -220,6 +221,54 @@ static enum tetlod_status verify_against(struct verification *v)
     return status;
 }
 
+/* Every section's bytes; of the order, what they say. */
+static enum tetlod_status check_sections(const struct verification *v)
+{
+    const struct tetlod_info *info = tetlod_info(v->file);
+    enum tetlod_status status = TETLOD_OK;
+    for (uint32_t i = 0; i < info->section_count && status == TETLOD_OK; i++) {
+        void *bytes = info->sections[i].size < SIZE_MAX ? malloc((size_t)info->sections[i].size + 1) : NULL;
+        status = bytes ? tetlod_section_read(v->file, i, bytes, v->error) : tetlodi_fail_nomem(v->error, "a section", info->sections[i].size);
+        free(bytes);
+    }
+    return status;
+}
+
+static enum tetlod_status check_order(const struct verification *v)
+{
+    const struct tetlod_info *info = tetlod_info(v->file);
+    uint32_t most = info->vertices > info->tets ? info->vertices : info->tets;
+    uint32_t *vertices = array_new(info->vertices, sizeof *vertices), *tets = array_new(info->tets, sizeof *tets);
+    uint8_t *corners = array_new(info->tets, 4), *seen = array_zero(most, 1);
+    enum tetlod_status status = TETLOD_OK;
+    if (!vertices || !tets || !corners || !seen)
+        status = tetlodi_fail_nomem(v->error, "the original order", info->tets * (uint64_t)8);
+    else
+        status = tetlod_order(v->file, vertices, tets, corners, v->error);
+    for (uint32_t i = 0; i < info->vertices && status == TETLOD_OK; i++)
+        if (seen[vertices[i]]++)
+            status = tetlodi_fail(v->error, TETLOD_ERR_STREAM, "the original order has vertex %u twice", vertices[i]);
+    if (seen)
+        memset(seen, 0, most);
+    for (uint32_t i = 0; i < info->tets && status == TETLOD_OK; i++)
+        if (seen[tets[i]]++)
+            status = tetlodi_fail(v->error, TETLOD_ERR_STREAM, "the original order has tetrahedron %u twice", tets[i]);
+    free(vertices);
+    free(tets);
+    free(corners);
+    free(seen);
+    return status;
+}
+
+static enum tetlod_status check_metadata(const struct verification *v)
+{
+    const struct tetlod_info *info = tetlod_info(v->file);
+    json_t *metadata = info->metadata_size ? json_loadb(info->metadata, info->metadata_size, 0, NULL) : json_object();
+    bool object = json_is_object(metadata);
+    json_decref(metadata);
+    return object ? TETLOD_OK : tetlodi_fail(v->error, TETLOD_ERR_STREAM, "the metadata are not a JSON object");
+}
+
 static enum tetlod_status verify_file(struct verification *v)
 {
     enum tetlod_status status;
@@ -228,6 +277,10 @@ static enum tetlod_status verify_file(struct verification *v)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(v->error, "the levels", tetlod_info(v->file)->level_count * 8));
     TETLOD_TRY_DONE(tetlod_cursor_new(&v->cursor, v->file, NULL, 0, v->error));
     TETLOD_TRY_DONE(replay(v));
+    TETLOD_TRY_DONE(check_sections(v));
+    TETLOD_TRY_DONE(check_metadata(v));
+    if (tetlod_info(v->file)->keeps_order)
+        TETLOD_TRY_DONE(check_order(v));
     TETLOD_TRY_DONE(undo(v));
     if (v->request->against)
         TETLOD_TRY_DONE(verify_against(v));

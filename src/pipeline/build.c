@@ -9,7 +9,9 @@
 #include "src/log/coarsening.h"
 #include "src/measure/measure_levels.h"
 #include "src/mesh/tet_geom.h"
+#include "src/pipeline/build_memory.h"
 #include "src/pipeline/limits.h"
+#include "src/pipeline/precision.h"
 #include "src/util/array.h"
 
 /* How far the boundary may move while it counts as kept, as a fraction of the diagonal: by rounding, and where the limit
@@ -18,9 +20,11 @@ static const double BOUNDARY_KEPT = 1e-12, BOUNDARY_OF_EXACT = 1e-6;
 
 struct build {
     const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised */
+    const struct tetmesh *coded;    /* the same with the values that levels have of it */
     const struct tetmesh *original; /* that errors are about */
     struct tetmesh rounded;
     double *rounding;               /* [field] bound of what rounding changed, if quantised */
+    struct precision precision;     /* if not */
     const struct build_options *options;
     struct contraction_log log;
     struct tetlodi_write_level *levels; /* coarse to fine */
@@ -32,19 +36,6 @@ static bool contract_progress(void *opaque, double done)
 {
     const struct build *build = opaque;
     return build->options->progress(build->options->progress_opaque, BUILD_CONTRACT, done);
-}
-
-/* What the contraction needs at its peak. */
-static enum tetlod_status check_memory(const struct build *build)
-{
-    const struct build_options *options = build->options;
-    struct simplify_options simplify_options = {.metric = options->metric, .certify = options->certify, .threads = options->threads};
-    uint64_t needed = simplify_bytes(build->mesh, options->control_count, &simplify_options);
-    if (!options->memory || needed <= options->memory)
-        return TETLOD_OK;
-    return tetlodi_fail(build->error, TETLOD_ERR_LIMIT,
-                        "it needs about %llu MB, more than --memory allows (%llu MB); carry fewer fields or raise it",
-                        (unsigned long long)(needed >> 20) + 1, (unsigned long long)(options->memory >> 20));
 }
 
 /* An error is a fraction of the range: one that overflows, or whose reciprocal does, would hide every error (PROOF.md, 7). */
@@ -104,6 +95,8 @@ static void mark_errors(const struct build *build, uint32_t mark, uint32_t field
         double rounding = build->rounding ? build->rounding[field] * scale : 0, certified = log->certified[i];
         if (build->rounding && log->components[d].scale > 0) // is relative to the rounded field's range
             certified *= scale / log->components[d].scale;
+        if (build->precision.tail) // vertices that are left are rounded
+            certified = larger(certified, build->precision.rounding[field] * scale);
         errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], fmin(certified + rounding, 1));
         errors[TETLOD_PREDICTED] = fmax(errors[TETLOD_PREDICTED], log->predicted[i]);
     }
@@ -121,6 +114,10 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
         mark_errors(build, mark, f, scale, errors);
         errors[TETLOD_SAMPLED] = measured[f].sampled * scale;
         errors[TETLOD_RMS] = measured[f].rms * scale;
+        if (build->precision.tail) { // what has not been contracted is not measured
+            errors[TETLOD_SAMPLED] = larger(errors[TETLOD_SAMPLED], build->precision.rounding[f] * scale);
+            errors[TETLOD_RMS] = larger(errors[TETLOD_RMS], build->precision.rounding_rms[f] * scale);
+        }
         if (!isnan(errors[TETLOD_MAX])) // where the boundary moved it is proved for another point than it is measured at (PROOF.md, 5)
             errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);
         for (int m = 0; m < TETLOD_MEASURES && finer; m++)
@@ -166,6 +163,18 @@ static enum tetlod_status measure_mark(struct build *build, struct coarsening *c
     return TETLOD_OK;
 }
 
+/* The last level: nothing is left of any error. */
+static void add_tail(struct build *build)
+{
+    uint32_t marks = build->log.mark_count, fields = build->mesh->field_count;
+    double *errors = build->errors + (size_t)marks * fields * TETLOD_MEASURES;
+    if (!build->precision.tail)
+        return;
+    for (uint32_t i = 0; i < fields * TETLOD_MEASURES; i++)
+        errors[i] = isnan(errors[i - (size_t)marks * fields * TETLOD_MEASURES]) ? NAN : 0;
+    build->levels[marks] = (struct tetlodi_write_level){0, 0, errors};
+}
+
 static enum tetlod_status measure_marks(struct build *build)
 {
     uint32_t marks = build->log.mark_count, fields = build->mesh->field_count;
@@ -174,11 +183,11 @@ static enum tetlod_status measure_marks(struct build *build)
     struct measured *measured = array_new(fields, sizeof *measured);
     double diagonal = mesh_diagonal(build->mesh);
     enum tetlod_status status = TETLOD_OK;
-    build->levels = array_new(marks, sizeof *build->levels);
-    build->errors = array_new((size_t)marks * fields, TETLOD_MEASURES * sizeof(double));
+    build->levels = array_new(marks + (size_t)1, sizeof *build->levels);
+    build->errors = array_new((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));
     if (!measured || !build->levels || !build->errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
-    TETLOD_TRY_DONE(coarsening_init(&coarsening, build->mesh, &build->log, build->error));
+    TETLOD_TRY_DONE(coarsening_init(&coarsening, build->coded, &build->log, build->error));
     TETLOD_TRY_DONE(measure_levels_new(&measure, build->original, &coarsening, build->options->threads, build->error));
     for (uint32_t mark = 0; mark < marks; mark++) {
         TETLOD_TRY_DONE(measure_mark(build, &coarsening, measure, mark, measured, diagonal));
@@ -186,6 +195,7 @@ static enum tetlod_status measure_marks(struct build *build)
             !build->options->progress(build->options->progress_opaque, BUILD_MEASURE, (mark + 1.0) / marks))
             TETLOD_TRY_DONE(tetlodi_fail(build->error, TETLOD_ERR_CANCELLED, "cancelled"));
     }
+    add_tail(build);
 done:
     measure_levels_free(measure);
     coarsening_fini(&coarsening);
@@ -206,8 +216,10 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                                  .components = field->components,
                                                  .type = field->type,
                                                  .controlled = is_controlled(build, f),
-                                                 .values = field->values,
+                                                 .values = build->coded->fields[f].values,
                                                  .node_values = log->fields[f].values};
+        fields[f].was_float64 = build->original->fields[f].type != field->type;
+        fields[f].exact = build->precision.tail && field->grid.bits > 0 ? field->values : NULL;
         fields[f].bits = field->grid.bits;
         fields[f].origin = field->grid.origin;
         fields[f].step = field->grid.step;
@@ -217,12 +229,13 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .tets = mesh->tet_count,
                                         .contractions = log->count,
                                         .position_type = mesh->position_type,
+                                        .positions_were_float64 = build->original->position_type != mesh->position_type,
                                         .positions = mesh->positions,
                                         .corners = mesh->corners,
                                         .children = log->children,
                                         .node_positions = log->positions,
                                         .field_count = mesh->field_count,
-                                        .level_count = build->log.mark_count,
+                                        .level_count = build->log.mark_count + build->precision.tail,
                                         .fields = fields,
                                         .levels = build->levels,
                                         .degenerate_tets = log->degenerate_tets,
@@ -243,11 +256,20 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
     return status;
 }
 
+/* Chooses what the levels' numbers are. */
+static enum tetlod_status fit_precision(struct build *build)
+{
+    TETLOD_TRY(precision_init(&build->precision, build->original, build->error));
+    build->mesh = &build->precision.exact;
+    build->coded = &build->precision.coded;
+    return TETLOD_OK;
+}
+
 /* Rounds a copy of the mesh, to be contracted in its place. */
 static enum tetlod_status quantise(struct build *build)
 {
     TETLOD_TRY(quantise_mesh(&build->rounded, build->mesh, &build->options->quantise, build->error));
-    build->mesh = &build->rounded;
+    build->mesh = build->coded = &build->rounded;
     build->rounding = array_new(build->mesh->field_count, sizeof *build->rounding);
     if (!build->rounding)
         return tetlodi_fail_nomem(build->error, "the fields", build->mesh->field_count * sizeof *build->rounding);
@@ -259,16 +281,18 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
 {
     struct build build = {.mesh = mesh, .original = mesh, .options = options, .error = error};
     enum tetlod_status status;
-    TETLOD_TRY_DONE(check_memory(&build));
+    TETLOD_TRY_DONE(build_check_memory(mesh, options, error));
     if (quantise_wanted(&options->quantise))
         TETLOD_TRY_DONE(quantise(&build));
+    else
+        TETLOD_TRY_DONE(fit_precision(&build));
     TETLOD_TRY_DONE(check_ranges(&build));
     TETLOD_TRY_DONE(contract(&build));
     copy_components(&build);
     TETLOD_TRY_DONE(measure_marks(&build));
     TETLOD_TRY_DONE(encode(&build, sink));
     *report = (struct build_report){.contractions = build.log.count,
-                                    .levels = build.log.mark_count,
+                                    .levels = build.log.mark_count + build.precision.tail,
                                     .degenerate_tets = build.log.degenerate_tets,
                                     .inverted_tets = build.log.inverted_tets,
                                     .folded_tets = build.log.folded_tets};
@@ -276,6 +300,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
 done:
     log_fini(&build.log);
     tetmesh_fini(&build.rounded);
+    precision_fini(&build.precision);
     free(build.rounding);
     free(build.levels);
     free(build.errors);

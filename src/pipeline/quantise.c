@@ -27,7 +27,7 @@ static void bounds_of(const double *values, size_t count, size_t stride, double 
 static struct grid make_grid(const double range[2], unsigned bits)
 {
     double most = (double)((UINT32_C(1) << bits) - 1), step = range[1] / most - range[0] / most;
-    return (struct grid){bits, range[0], step > 0 ? step : fmax(fabs(range[0]), 1) * 1e-12};
+    return (struct grid){bits, range[0], step > 0 ? step : fmax(fabs(range[0]), 1) * 1e-12, most};
 }
 
 /* The fewest bits for which half a step is at most `error`, a fraction of the extent. 0: none are enough. */

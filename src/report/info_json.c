@@ -28,7 +28,7 @@ static json_t *errors_json(const struct tetlod_info *info, const struct tetlod_l
         json_t *measures = json_object();
         for (int m = 0; m < TETLOD_MEASURES; m++) {
             double error = level->errors[f * TETLOD_MEASURES + (uint32_t)m];
-            if (!isnan(error))
+            if (isfinite(error)) // JSON has no other numbers: what is left out is not known, or has no bound
                 json_object_set_new(measures, tetlod_measure_name((enum tetlod_measure)m), json_real(error));
         }
         json_object_set_new(errors, info->fields[f].name, measures);
@@ -39,9 +39,10 @@ static json_t *errors_json(const struct tetlod_info *info, const struct tetlod_l
 static json_t *level_json(const struct tetlod_info *info, uint32_t k)
 {
     const struct tetlod_level *level = &info->levels[k];
-    return json_pack("{s:i, s:I, s:I, s:I, s:I, s:f, s:o}", "level", (int)k, "vertices", (json_int_t)level->vertices,
+    return json_pack("{s:i, s:I, s:I, s:I, s:I, s:o, s:o}", "level", (int)k, "vertices", (json_int_t)level->vertices,
                      "tets", (json_int_t)level->tets, "bytes", (json_int_t)level->end, "offset",
-                     (json_int_t)level->offset, "domain_error", level->domain_error, "errors",
+                     (json_int_t)level->offset, "domain_error",
+                     isfinite(level->domain_error) ? json_real(level->domain_error) : json_null(), "errors",
                      errors_json(info, level));
 }
 
@@ -53,6 +54,10 @@ json_t *info_json(const struct tetlod_info *info, const char *id)
     for (uint32_t k = 0; k < info->level_count; k++)
         json_array_append_new(levels, level_json(info, k));
     json_t *metadata = json_loads(info->metadata, 0, NULL);
+    if (!json_is_object(metadata)) { // text from elsewhere: it may be anything
+        json_decref(metadata);
+        metadata = NULL;
+    }
     const double(*b)[3] = info->bounds;
     json_t *object = json_pack("{s:s, s:s, s:I, s:I, s:I, s:[[f,f,f],[f,f,f]], s:b, s:I, s:I, s:I, s:o, s:o, s:o}", "id",
                                id, "cid", info->cid, "vertices", (json_int_t)info->vertices, "tets",

@@ -63,6 +63,7 @@ struct run {
     struct crew *crew;
     double *factors; /* [component] */
     double limit;    /* of the rung */
+    const double *certified; /* [component] the errors that the rounds before have come to, fractions of the range */
     uint32_t round;
 };
 

@@ -64,15 +64,15 @@ static bool init_field(struct working_field *field, const struct point_field *fr
         }
         double middle = field->middles[c] = field_middle(range);
         for (size_t v = 0; v < vertices; v++)
-            field->values[v * k + c] = from->values[v * k + c] - middle;
-        range[0] -= middle;
-        range[1] -= middle;
+            field->values[v * k + c] = grid_round(&field->grid, field->type, from->values[v * k + c]) - middle;
+        range[0] = grid_round(&field->grid, field->type, range[0]) - middle;
+        range[1] = grid_round(&field->grid, field->type, range[1]) - middle;
     }
     return true;
 }
 
-static bool init_driver(struct driver *driver, const struct fields *fields, const struct tetmesh *mesh, uint32_t field,
-                        uint32_t component, double weight)
+static bool init_driver(struct driver *driver, const struct tetmesh *mesh, uint32_t field, uint32_t component, double middle,
+                        double weight)
 {
     size_t n = mesh->vertex_count, k = mesh->fields[field].components;
     double range[2];
@@ -88,8 +88,8 @@ static bool init_driver(struct driver *driver, const struct fields *fields, cons
                               NULL};
     if (!driver->upper || !driver->lower || !driver->predicted)
         return false;
-    for (size_t v = 0; v < n; v++)
-        driver->upper[v] = driver->lower[v] = fields->fields[field].values[v * k + component];
+    for (size_t v = 0; v < n; v++) // exact: not on the grid
+        driver->upper[v] = driver->lower[v] = mesh->fields[field].values[v * k + component] - middle;
     return true;
 }
 
@@ -108,7 +108,8 @@ enum tetlod_status fields_init(struct fields *fields, const struct tetmesh *mesh
         done = init_field(&fields->fields[f], &mesh->fields[f], mesh->vertex_count);
     for (uint32_t i = 0, d = 0; i < controlled_count && done; i++)
         for (uint32_t c = 0; c < mesh->fields[controlled[i]].components && done; c++)
-            done = init_driver(&fields->drivers[d++], fields, mesh, controlled[i], c, limits ? 1 / limits[i] : 1);
+            done = init_driver(&fields->drivers[d++], mesh, controlled[i], c, fields->fields[controlled[i]].middles[c],
+                               limits ? 1 / limits[i] : 1);
     if (done)
         return TETLOD_OK;
     fields_fini(fields);
@@ -265,6 +266,60 @@ double outcome_error(const struct fields *fields, const struct outcome *outcome)
     return worst;
 }
 
+double field_cheap(const struct working_field *field, uint32_t component, const double *free_values, uint32_t count, double middle,
+                   double least, double greatest, double slack)
+{
+    const double *range = field->component_range[component];
+    double step = field->grid.step, base = field->middles[component], round = middle;
+    least = larger(least, range[0]);
+    greatest = smaller(greatest, range[1]);
+    for (uint32_t i = 0; i < count; i++)
+        if (free_values[i] >= least && free_values[i] <= greatest)
+            return free_values[i];
+    least = larger(least, middle - slack);
+    greatest = smaller(greatest, middle + slack);
+    double k = (middle + base - field->grid.origin) / step;
+    for (double spacing = 2; field->grid.bits && spacing * step <= greatest - least; spacing *= 2) {
+        double value = field->grid.origin + step * (floor(k / spacing + 0.5) * spacing);
+        value = (field->type == TETLOD_FLOAT32 ? (double)(float)value : value) - base;
+        if (value >= least && value <= greatest)
+            round = value;
+    }
+    return round;
+}
+
+/* The cheap value of a contraction to p. */
+static double cheap_value(const struct complex *complex, const struct working_field *field, uint32_t component,
+                          const struct star *star, const double p[3], double middle, double least, double greatest,
+                          double slack)
+{
+    const double *values = field->values + component;
+    double sum = 0, there[4];
+    uint32_t count = 0;
+    for (uint32_t s = 0; s < star->simplex_count; s++) {
+        double value = values[(size_t)star->simplex[s] * field->components];
+        sum += value;
+        if (memcmp(complex->positions + 3 * (size_t)star->simplex[s], p, 3 * sizeof *p) == 0)
+            there[count++] = value;
+    }
+    if (!count)
+        there[count++] = field_round(field, component, sum / star->simplex_count);
+    return field_cheap(field, component, there, count, middle, least, greatest, slack);
+}
+
+void fields_cheapen(const struct fields *fields, const struct complex *complex, const struct star *star, const double p[3],
+                    const double *errors, struct outcome *outcome)
+{
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        const struct driver *driver = &fields->drivers[d];
+        const struct working_field *field = &fields->fields[driver->field];
+        struct outcome *of = &outcome[d];
+        if (driver->scale > 0)
+            of->value = cheap_value(complex, field, driver->component, star, p, of->value, of->upper - errors[d] / driver->scale,
+                                    of->lower + errors[d] / driver->scale, errors[d] / driver->scale / CHEAP_PART);
+    }
+}
+
 /* Least and greatest value at the star's vertices. */
 static void star_range(const struct complex *complex, const struct star *star, const double *values, size_t stride,
                        double out[2])
@@ -288,8 +343,11 @@ static void contract_field(struct working_field *field, const struct complex *co
     for (uint32_t c = 0; c < field->components; c++) {
         extremes(complex, star, field->values + c, field->components, p, false, range);
         double middle = (range[0] + range[1]) / 2;
+        double spread = (range[1] - range[0]) / 2;
         star_range(complex, star, field->values + c, field->components, range);
-        out[c] = field_round(field, c, smaller(larger(middle, range[0]), range[1]));
+        middle = field_round(field, c, smaller(larger(middle, range[0]), range[1]));
+        out[c] = cheap_value(complex, field, c, star, p, middle, larger(range[0], middle - spread),
+                             smaller(range[1], middle + spread), spread / CHEAP_PART);
     }
 }
 

@@ -71,6 +71,19 @@ struct outcome {
 void fields_outcome(const struct fields *fields, const struct complex *complex, const struct star *star,
                     const struct shift *shift, const double p[3], const double *assigned, struct outcome *out);
 
+/* A round value is no further from the best one than this part of the error that it may have. */
+enum { CHEAP_PART = 8 };
+
+/* A value that costs few bits (SPEC 8) among those from `least` to `greatest`: the first of those that are free, what a vertex at the
+ * same place has or the mean of two that the place is in the middle of; else the roundest of the grid within `slack` of `middle`. */
+double field_cheap(const struct working_field *field, uint32_t component, const double *free_values, uint32_t count, double middle,
+                   double least, double greatest, double slack);
+
+/* Gives every driver a value that costs few bits and whose error is no larger than errors[driver], a fraction of its range, or than it
+ * is: what the sequence has come to already. */
+void fields_cheapen(const struct fields *fields, const struct complex *complex, const struct star *star, const double p[3],
+                    const double *errors, struct outcome *outcome);
+
 /* The worst weighted error of an outcome, as a fraction of the range. */
 double outcome_error(const struct fields *fields, const struct outcome *outcome);
 

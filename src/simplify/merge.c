@@ -128,6 +128,40 @@ static bool find_bounds(const struct run *run, struct worker *worker, const stru
 
 /* ---- making it so */
 
+/* The values that cost next to nothing: those of the ends that are where the result is, or the mean of both. */
+static uint32_t free_values(const struct working *working, const struct join *join, const struct working_field *field,
+                            uint32_t component, double out[2])
+{
+    uint32_t ends[2] = {join->kept, join->dead}, count = 0;
+    double sum = 0;
+    for (int end = 0; end < 2; end++) {
+        double value = field->values[(size_t)ends[end] * field->components + component];
+        sum += value;
+        if (memcmp(working_row(working, ends[end]), join->p, sizeof join->p) == 0)
+            out[count++] = value;
+    }
+    if (!count)
+        out[count++] = field_round(field, component, sum / 2);
+    return count;
+}
+
+/* Takes values that cost few bits in place of the middles of U and L, where the errors are no larger then than what the rounds before
+ * have come to. */
+static void cheapen(const struct run *run, const struct worker *worker, const struct join *join, double *values)
+{
+    const struct working *working = run->working;
+    const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
+    for (uint32_t c = 0; c < working->component_count; c++) {
+        const struct controlled *component = &working->components[c];
+        const struct working_field *field = &working->fields[component->field];
+        double there[2], error = component->scale > 0 ? run->certified[c] / component->scale : 0;
+        uint32_t count = free_values(working, join, field, component->component, there);
+        if (component->scale > 0)
+            values[c] = field_cheap(field, component->component, there, count, values[c], upper[c] - error, lower[c] + error,
+                                    error / CHEAP_PART);
+    }
+}
+
 /* Values among those of the star's vertices: what is not controlled has no bound that keeps it from extrapolating. */
 static double carried_value(const struct worker *worker, const struct working *working, const struct join *join,
                             const struct working_field *field, uint32_t component)
@@ -141,7 +175,11 @@ static double carried_value(const struct worker *worker, const struct working *w
             least = smaller(least, value);
             greatest = larger(greatest, value);
         }
-    return field_round(field, component, smaller(larger((range[0] + range[1]) / 2, least), greatest));
+    double middle = field_round(field, component, smaller(larger((range[0] + range[1]) / 2, least), greatest)), there[2];
+    double spread = (range[1] - range[0]) / 2;
+    uint32_t count = free_values(working, join, field, component, there);
+    return field_cheap(field, component, there, count, middle, larger(least, middle - spread), smaller(greatest, middle + spread),
+                       spread / CHEAP_PART);
 }
 
 static bool is_controlled(const struct working *working, uint32_t field)
@@ -292,6 +330,7 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
         refuse(run, worker, slot, error, LOG_REFUSED_ROUNDING);
         return;
     }
+    cheapen(run, worker, &join, values);
     const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
     for (uint32_t c = 0; c < working->component_count; c++) {
         const struct controlled *component = &working->components[c];

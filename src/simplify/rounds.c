@@ -520,6 +520,7 @@ static enum tetlod_status allocate(struct rounds *rounds)
     memset(rounds->claims, 0xff, n * sizeof *rounds->claims);
     for (size_t c = 0; c < k; c++)
         rounds->run.factors[c] = rounds->working.components[c].factor;
+    rounds->run.certified = rounds->certified;
     for (uint32_t v = 0; v < n; v++)
         if (!list_add(&rounds->alive, v))
             return no_memory(rounds);

@@ -80,8 +80,7 @@ static void add_sample(struct samples *samples, const struct complex *complex, c
             row[k] += weights[c] * complex->positions[3 * (size_t)corners[c] + k];
         for (int c = 0; c < 4 && k >= 3; c++) {
             const struct driver *driver = &fields->drivers[k - 3];
-            const struct working_field *field = &fields->fields[driver->field];
-            row[k] += weights[c] * field->values[(size_t)corners[c] * field->components + driver->component];
+            row[k] += weights[c] * driver->upper[corners[c]]; // the original's value, which need not be on the grid
         }
     }
     put_first(samples, samples->count++, tet);

@@ -190,6 +190,8 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
         return refuse(run, *entry, certified);
     if (run->options->metric == METRIC_MEASURED)
         samples_contract(&run->samples, &judge->sampler, run->fields, star, trial.error);
+    if (run->options->metric == METRIC_ENVELOPE)
+        fields_cheapen(run->fields, run->complex, star, p, run->certified, run->outcome);
     for (uint32_t d = 0; d < run->fields->driver_count; d++)
         run->assigned[d] = larger(run->outcome[d].upper - run->outcome[d].value,
                                   run->outcome[d].value - run->outcome[d].lower);

@@ -156,22 +156,24 @@ static bool init_values(struct working *working, struct working_field *field, co
         }
         double middle = field->middles[c] = field_middle(range);
         for (size_t v = 0; v < n; v++)
-            field->values[v * k + c] = from->values[working->node[v] * k + c] - middle;
-        range[0] -= middle;
-        range[1] -= middle;
+            field->values[v * k + c] = grid_round(&field->grid, field->type, from->values[working->node[v] * k + c]) - middle;
+        range[0] = grid_round(&field->grid, field->type, range[0]) - middle;
+        range[1] = grid_round(&field->grid, field->type, range[1]) - middle;
     }
     return true;
 }
 
-static bool init_component(struct working *working, uint32_t c)
+/* U and L are the original's values, whatever the grid. */
+static bool init_component(struct working *working, const struct tetmesh *mesh, uint32_t c)
 {
     struct controlled *component = &working->components[c];
     const struct working_field *field = &working->fields[component->field];
+    const double *values = mesh->fields[component->field].values + component->component;
     component->predicted = array_zero(working->slot_count, sizeof(double));
     for (uint32_t v = 0; v < working->slot_count; v++) {
         double *row = working_row(working, v);
         row[ROW_FIELDS + 2 * c] = row[ROW_FIELDS + 2 * c + 1] =
-            field->values[(size_t)v * field->components + component->component];
+            values[(size_t)working->node[v] * field->components] - field->middles[component->component];
     }
     return component->predicted != NULL;
 }
@@ -197,7 +199,7 @@ static enum tetlod_status init_fields(struct working *working, const struct tetm
             component->component = k;
             component->scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
             component->factor = component->scale * (limits ? 1 / limits[i] : 1);
-            room = init_component(working, c);
+            room = init_component(working, mesh, c);
             names[c] = (struct log_component){component->field, k, component->scale};
         }
     }

@@ -14,6 +14,8 @@ static void count_bit(const void *model, unsigned chance, unsigned plain);
 #include "format/base.c"
 #include "format/cursor.c"
 #include "format/record.c"
+#include "format/record_fields.c"
+#include "format/tail.c"
 
 enum { SLOTS = 1 << 20 }; /* more than there are models */
 
@@ -59,12 +61,13 @@ int main(int argc, char **argv)
     }
     const struct tetlodi_geometry_models *m = cursor->recorder.models;
     double tets = tetlod_info(file)->tets, fields = 0;
+    double leaves = SUM(m->leaf);
     double made = SUM(m->irregular) + SUM(m->boundary) + SUM(m->made) + SUM(m->flip) + SUM(m->extra) + SUM(m->arity);
     double base = SUM(m->across) + SUM(m->fresh) + SUM(m->vertex);
     double positions = SUM(m->placement) + SUM(m->step) + SUM(m->middle) + SUM(m->corner);
     for (uint32_t f = 0; f < tetlod_info(file)->field_count; f++)
         fields += SUM(cursor->recorder.field_models[f]);
-    printf("%.2f,%.2f,%.2f,%.2f,%.2f,%.2f\n", SUM(m->splits) / tets, SUM(m->label) / tets, made / tets, base / tets,
+    printf("%.2f,%.2f,%.2f,%.2f,%.2f,%.2f\n", (SUM(m->splits) + leaves) / tets, SUM(m->label) / tets, made / tets, base / tets,
            positions / tets, fields / tets);
     tetlod_cursor_free(cursor);
     tetlod_close(file);

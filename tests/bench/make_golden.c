@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* make_golden FOLDER: writes the streams of tests/golden, whose bytes stay as they are for ever. Used once for each version of the
+/* make_golden FOLDER [plain]: writes the streams of tests/golden, whose bytes stay as they are for ever. Used once for each version of the
  * format. */
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,19 +7,37 @@
 
 #include "tests/gen.h"
 #include "tests/memory_sink.h"
+#include "tests/stream_fuzz.h"
 
 static const struct {
     const char *name;
     struct gen_options options;
 } golden[] = {
-    {"one_tet", {GEN_SOUP, 1, 1, 1, 2, TETLOD_FLOAT32, 0}},
-    {"grid_float32", {GEN_GRID, 2, 5, 9, 2, TETLOD_FLOAT32, 0}},
-    {"grid_float64", {GEN_GRID, 3, 4, 6, 3, TETLOD_FLOAT64, 0}},
-    {"holes_float32", {GEN_HOLES, 4, 4, 7, 4, TETLOD_FLOAT32, 0}},
-    {"soup_float64", {GEN_SOUP, 5, 4, 5, 4, TETLOD_FLOAT64, 0}},
-    {"grid_12_bit", {GEN_GRID, 6, 5, 8, 2, TETLOD_FLOAT32, 12}},
-    {"soup_30_bit", {GEN_SOUP, 7, 3, 4, 4, TETLOD_FLOAT64, 30}},
+    {"one_tet", {GEN_SOUP, 1, 1, 1, 2, TETLOD_FLOAT32, 0, 0}},
+    {"grid_float32", {GEN_GRID, 2, 5, 9, 2, TETLOD_FLOAT32, 0, 0}},
+    {"grid_float64", {GEN_GRID, 3, 4, 6, 3, TETLOD_FLOAT64, 0, 0}},
+    {"holes_float32", {GEN_HOLES, 4, 4, 7, 4, TETLOD_FLOAT32, 0, 0}},
+    {"soup_float64", {GEN_SOUP, 5, 4, 5, 4, TETLOD_FLOAT64, 0, 0}},
+    {"grid_12_bit", {GEN_GRID, 6, 5, 8, 2, TETLOD_FLOAT32, 12, 0}},
+    {"soup_30_bit", {GEN_SOUP, 7, 3, 4, 4, TETLOD_FLOAT64, 30, 0}},
+    {"kept_order", {GEN_HOLES, 8, 4, 9, 3, TETLOD_FLOAT32, 0, 0}},
+    {"tail_float32", {GEN_GRID, 8, 5, 8, 3, TETLOD_FLOAT32, 0, 12}},
+    {"tail_float64", {GEN_HOLES, 9, 4, 6, 4, TETLOD_FLOAT64, 16, 20}},
 };
+
+/* The stream as it is written, or with an index that is not packed, as corpora of the fuzz targets want it. */
+static int save(const char *folder, const char *name, const struct memory_sink *memory, int plain)
+{
+    size_t size = memory->size;
+    uint8_t *bytes = plain ? stream_fuzz_plain(memory->bytes, memory->size, &size) : memory->bytes;
+    char path[4096];
+    snprintf(path, sizeof path, "%s/%s.tetlod", folder, name);
+    FILE *out = bytes ? fopen(path, "wb") : NULL;
+    int done = out && fwrite(bytes, 1, size, out) == size && fclose(out) == 0;
+    if (plain)
+        free(bytes);
+    return done;
+}
 
 int main(int argc, char **argv)
 {
@@ -27,12 +45,10 @@ int main(int argc, char **argv)
         struct recode recode;
         struct memory_sink memory = {0};
         struct tetlodi_sink sink = memory_sink(&memory);
-        char path[4096];
-        snprintf(path, sizeof path, "%s/%s.tetlod", argv[1], golden[i].name);
         if (!gen_make(&recode, &golden[i].options))
             return 1;
-        FILE *out = tetlodi_write(&recode.input, &sink, NULL) == TETLOD_OK ? fopen(path, "wb") : NULL;
-        if (!out || fwrite(memory.bytes, 1, memory.size, out) != memory.size || fclose(out) != 0)
+        recode.input.keep_order = strcmp(golden[i].name, "kept_order") == 0;
+        if (tetlodi_write(&recode.input, &sink, NULL) != TETLOD_OK || !save(argv[1], golden[i].name, &memory, argc > 2))
             return 1;
         free(memory.bytes);
         gen_free(&recode);

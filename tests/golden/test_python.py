@@ -6,13 +6,12 @@ import hashlib
 import os
 import subprocess
 import sys
-import zlib
 
 import numpy as np
 
 ROOT = os.environ.get('ROOT', '.')
-sys.path.insert(0, os.path.join(ROOT, 'client-examples', 'python'))
-import tetlod  # noqa: E402
+sys.path.insert(0, os.path.join(ROOT, 'tests'))
+from streams import plain, sealed, tetlod  # noqa: E402
 
 
 def state(stream, cursor):
@@ -55,19 +54,9 @@ def damage(path):
     return found == len(places)
 
 
-def sealed(data):
-    """A stream whose header and index were changed, with the checksums that go with them."""
-    data = bytearray(data)
-    index = data[64:64 + int.from_bytes(data[20:24], 'little')]
-    data[24:28] = zlib.crc32(index).to_bytes(4, 'little')
-    data[40:56] = hashlib.sha256(data[:40] + index).digest()[:16]
-    data[60:64] = zlib.crc32(data[:60]).to_bytes(4, 'little')
-    return bytes(data)
-
-
 def same_verdicts(path, stride):
     """Header and index with a byte changed are accepted or refused by both decoders."""
-    data, scratch, differ = open(path, 'rb').read(), os.path.join(os.environ['SCRATCH'], 'changed.tetlod'), 0
+    data, scratch, differ = plain(open(path, 'rb').read()), os.path.join(os.environ['SCRATCH'], 'changed.tetlod'), 0
     assert sealed(data) == data
     for i in range(8, 64 + int.from_bytes(data[20:24], 'little'), stride):
         changed = bytearray(data)

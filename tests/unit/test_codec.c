@@ -83,6 +83,14 @@ static uint32_t living(const struct tetlodi_write_input *input, const uint32_t *
     return node;
 }
 
+/* Are these a node's values? The exact tail has others for the original's vertices. */
+static int has_values(const struct tetlodi_write_field *field, const double *values, uint32_t leaf, uint32_t i, int last)
+{
+    const double *originals = last && field->exact ? field->exact : field->values;
+    return memcmp(values, (leaf ? originals : field->node_values) + field->components * (size_t)i,
+                  field->components * sizeof *values) == 0;
+}
+
 /* The level at hand against the forest: vertices, numbers, tetrahedra with their orientation. */
 static void check_level(const struct stream *s, uint32_t level, const uint32_t *parent)
 {
@@ -116,7 +124,9 @@ static void check_level(const struct stream *s, uint32_t level, const uint32_t *
         uint32_t node = (uint32_t)mesh.fields[0][v], leaf = node < in->vertices, i = leaf ? node : node - in->vertices;
         wrong += living(in, parent, done, node) != node;
         wrong += memcmp(mesh.positions + 3 * v, (leaf ? in->positions : in->node_positions) + 3 * i, 24) != 0;
-        wrong += memcmp(mesh.fields[1] + 2 * v, (leaf ? in->fields[1].values : in->fields[1].node_values) + 2 * i, 16) != 0;
+        for (uint32_t f = 1; f < in->field_count; f++)
+            wrong += !has_values(&in->fields[f], mesh.fields[f] + in->fields[f].components * v, leaf, i,
+                                 level + 1 == in->level_count);
     }
     CHECK_INT(wrong, 0);
     free(wanted);
@@ -144,6 +154,8 @@ static void check_levels(struct stream *s)
 static void check_records(struct stream *s)
 {
     uint32_t contractions = s->recode.input.contractions, n = 0, wrong = 0;
+    if (s->recode.input.field_count > 2) // the exact tail is a step as well
+        contractions++;
     uint64_t *states = malloc((contractions + 1ul) * sizeof *states);
     struct tetlod_cursor *first = s->cursor;
     do
@@ -164,11 +176,12 @@ static void check_records(struct stream *s)
     free(states);
 }
 
-static void round_trip(enum gen_kind kind, unsigned arity, enum tetlod_type type, unsigned bits)
+static void round_trip(enum gen_kind kind, unsigned arity, enum tetlod_type type, unsigned bits, int tail)
 {
     for (uint64_t seed = 1; seed <= 12 && !test_failed_here; seed++) {
         struct stream s;
-        struct gen_options options = {kind, seed, 1 + (uint32_t)seed % 4, 1 + (uint32_t)seed * 3 % 8, arity, type, bits};
+        struct gen_options options = {kind, seed, 1 + (uint32_t)seed % 4, 1 + (uint32_t)seed * 3 % 8, arity, type, bits,
+                                      (unsigned)(tail ? 1 + seed * 3 % 30 : 0)};
         if (stream_open(&s, &options)) {
             check_levels(&s);
             check_records(&s);
@@ -181,29 +194,36 @@ static void round_trip(enum gen_kind kind, unsigned arity, enum tetlod_type type
 
 static void test_grids(void)
 {
-    round_trip(GEN_GRID, 2, TETLOD_FLOAT32, 0);
+    round_trip(GEN_GRID, 2, TETLOD_FLOAT32, 0, 0);
 }
 
 static void test_grids_of_float64(void)
 {
-    round_trip(GEN_GRID, 3, TETLOD_FLOAT64, 0);
+    round_trip(GEN_GRID, 3, TETLOD_FLOAT64, 0, 0);
 }
 
 static void test_grids_with_holes(void)
 {
-    round_trip(GEN_HOLES, 4, TETLOD_FLOAT32, 0);
+    round_trip(GEN_HOLES, 4, TETLOD_FLOAT32, 0, 0);
 }
 
 static void test_soups(void)
 {
-    round_trip(GEN_SOUP, 4, TETLOD_FLOAT64, 0);
+    round_trip(GEN_SOUP, 4, TETLOD_FLOAT64, 0, 0);
+}
+
+static void test_exact_tails(void)
+{
+    round_trip(GEN_GRID, 2, TETLOD_FLOAT32, 0, 1);
+    round_trip(GEN_HOLES, 4, TETLOD_FLOAT64, 0, 1);
+    round_trip(GEN_SOUP, 3, TETLOD_FLOAT64, 16, 1);
 }
 
 /* Links of more vertices than there is a table of pairs for. */
 static void test_large_links(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_HUB, 1, 7, 5, 2, TETLOD_FLOAT32, 16};
+    struct gen_options options = {GEN_HUB, 1, 7, 5, 2, TETLOD_FLOAT32, 16, 0};
     if (stream_open(&s, &options)) {
         CHECK(s.recode.input.tets > 500);
         check_levels(&s);
@@ -214,14 +234,14 @@ static void test_large_links(void)
 
 static void test_quantised(void)
 {
-    round_trip(GEN_GRID, 2, TETLOD_FLOAT32, 12);
-    round_trip(GEN_SOUP, 4, TETLOD_FLOAT64, 30);
+    round_trip(GEN_GRID, 2, TETLOD_FLOAT32, 12, 0);
+    round_trip(GEN_SOUP, 4, TETLOD_FLOAT64, 30, 0);
 }
 
 static void test_selected_fields(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_HOLES, 5, 3, 6, 2, TETLOD_FLOAT32, 0};
+    struct gen_options options = {GEN_HOLES, 5, 3, 6, 2, TETLOD_FLOAT32, 0, 0};
     REQUIRE(stream_open(&s, &options));
     struct tetlod_cursor *cursor;
     struct tetlod_mesh some, all;
@@ -242,7 +262,7 @@ static void test_selected_fields(void)
 static void test_origins(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_GRID, 8, 4, 8, 4, TETLOD_FLOAT32, 0};
+    struct gen_options options = {GEN_GRID, 8, 4, 8, 4, TETLOD_FLOAT32, 0, 0};
     REQUIRE(stream_open(&s, &options));
     struct tetlod_mesh mesh;
     double coarse[3 * 125], ids[125], origins[3 * 125], origin_ids[125], *fields[2] = {origin_ids, NULL};
@@ -287,7 +307,7 @@ static struct tetlodi_buffer frames_of(const struct stream *s, uint32_t field)
 static void test_feed_of_one_field(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_HOLES, 6, 3, 6, 3, TETLOD_FLOAT64, 0};
+    struct gen_options options = {GEN_HOLES, 6, 3, 6, 3, TETLOD_FLOAT64, 0, 0};
     REQUIRE(stream_open(&s, &options));
     const struct tetlod_info *info = tetlod_info(s.file);
     REQUIRE(info->field_count > 1);
@@ -335,6 +355,11 @@ static void test_feed_of_one_field(void)
     REQUIRE(tetlod_feed_new(&feed, &narrow, NULL) == TETLOD_OK);
     REQUIRE(tetlod_feed_select(feed, &info->fields[0].name, 1, NULL) == TETLOD_OK);
     CHECK_INT(tetlod_feed_add(feed, part.bytes, part.size, &error), TETLOD_OK);
+    CHECK_INT(tetlod_cursor_new(&cursor, tetlod_feed_file(feed), &other, 1, &error), TETLOD_ERR_LIMIT);
+    tetlod_feed_free(feed);
+    REQUIRE(tetlod_feed_new(&feed, NULL, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_feed_select(feed, &info->fields[0].name, 1, NULL) == TETLOD_OK);
+    CHECK_INT(tetlod_feed_add(feed, part.bytes, part.size, &error), TETLOD_OK);
     CHECK_INT(tetlod_cursor_new(&cursor, tetlod_feed_file(feed), &other, 1, &error), TETLOD_ERR_FIELD);
     tetlod_feed_free(feed);
     tetlodi_buffer_fini(&part);
@@ -351,7 +376,7 @@ static void test_feed_of_one_field(void)
 static void test_feed(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_HOLES, 6, 3, 6, 3, TETLOD_FLOAT64, 0};
+    struct gen_options options = {GEN_HOLES, 6, 3, 6, 3, TETLOD_FLOAT64, 0, 0};
     REQUIRE(stream_open(&s, &options));
     for (size_t piece = 1; piece < 4000; piece = piece * 3 + 1) {
         struct tetlod_feed *feed;
@@ -390,7 +415,7 @@ static void test_feed(void)
 static void test_truncated(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_HOLES, 7, 2, 5, 2, TETLOD_FLOAT32, 0};
+    struct gen_options options = {GEN_HOLES, 7, 2, 5, 2, TETLOD_FLOAT32, 0, 0};
     REQUIRE(stream_open(&s, &options));
     const struct tetlod_info *info = tetlod_info(s.file);
     for (size_t size = 0; size < s.memory.size; size++) {
@@ -422,7 +447,7 @@ static void test_truncated(void)
 static void test_damaged(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_GRID, 9, 2, 4, 3, TETLOD_FLOAT32, 0};
+    struct gen_options options = {GEN_GRID, 9, 2, 4, 3, TETLOD_FLOAT32, 0, 0};
     REQUIRE(stream_open(&s, &options));
     uint32_t finest = tetlod_info(s.file)->level_count - 1, unnoticed = 0;
     for (size_t i = 0; i < s.memory.size; i++) {
@@ -447,7 +472,7 @@ static void test_damaged(void)
 static void test_sequences_that_are_none(void)
 {
     struct recode recode;
-    struct gen_options options = {GEN_GRID, 3, 2, 3, 2, TETLOD_FLOAT32, 0};
+    struct gen_options options = {GEN_GRID, 3, 2, 3, 2, TETLOD_FLOAT32, 0, 0};
     struct memory_sink memory = {0};
     struct tetlodi_sink sink = memory_sink(&memory);
     struct tetlod_error error;
@@ -490,6 +515,7 @@ int main(void)
     RUN(test_soups);
     RUN(test_large_links);
     RUN(test_quantised);
+    RUN(test_exact_tails);
     RUN(test_selected_fields);
     RUN(test_origins);
     RUN(test_feed);

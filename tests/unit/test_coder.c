@@ -5,26 +5,64 @@
 
 #include "format/checksum.h"
 #include "format/coder.h"
+#include "format/pack.h"
 #include "format/values.h"
 #include "tests/gen.h"
 #include "tests/test.h"
 
-static void test_crc32(void)
-{
-    CHECK_INT(tetlodi_crc32("123456789", 9), 0xcbf43926);
-    CHECK_INT(tetlodi_crc32("", 0), 0);
-}
-
+/* FIPS 180-4's examples, and any length in one piece and in several. */
 static void test_sha256(void)
 {
-    static const uint8_t start[4] = {0xba, 0x78, 0x16, 0xbf};
-    struct tetlodi_sha256 sha;
-    uint8_t digest[32];
-    tetlodi_sha256_init(&sha);
-    tetlodi_sha256_add(&sha, "a", 1);
-    tetlodi_sha256_add(&sha, "bc", 2);
-    tetlodi_sha256_finish(&sha, digest);
-    CHECK_INT(memcmp(digest, start, 4), 0);
+    static const uint8_t abc[16] = {0xba, 0x78, 0x16, 0xbf, 0x8f, 0x01, 0xcf, 0xea, 0x41, 0x41, 0x40, 0xde, 0x5d, 0xae, 0x22, 0x23};
+    static const uint8_t two_blocks[16] = {0x24, 0x8d, 0x6a, 0x61, 0xd2, 0x06, 0x38, 0xb8, 0xe5, 0xc0, 0x26, 0x93, 0x0c, 0x3e, 0x60, 0x39};
+    uint8_t bytes[300], whole[32], pieces[32];
+    tetlodi_digest("abc", 3, whole);
+    CHECK(memcmp(whole, abc, sizeof abc) == 0);
+    tetlodi_digest("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq", 56, whole);
+    CHECK(memcmp(whole, two_blocks, sizeof two_blocks) == 0);
+    for (size_t size = 0, wrong = 0; size < sizeof bytes; size++) {
+        struct tetlodi_sha256 sha;
+        bytes[size] = (uint8_t)(size * 7);
+        tetlodi_sha256_init(&sha);
+        for (size_t at = 0, piece = 1; at < size; at += piece, piece = piece * 3 % 97 + 1)
+            tetlodi_sha256_add(&sha, bytes + at, size - at < piece ? size - at : piece);
+        tetlodi_sha256_finish(&sha, pieces);
+        tetlodi_digest(bytes, size, whole);
+        wrong += memcmp(whole, pieces, DIGEST_SIZE) != 0;
+        if (size + 1 == sizeof bytes)
+            CHECK_INT(wrong, 0);
+    }
+}
+
+static void fill(uint8_t *bytes, size_t size, unsigned kind)
+{
+    uint32_t random = 1;
+    for (size_t i = 0; i < size; i++) {
+        random = random * 1664525 + 1013904223;
+        bytes[i] = (uint8_t)(kind == 0 ? 0 : kind == 1 ? i / 24 % 3 : kind == 2 ? random >> 24 : i % 8 ? 7 : random >> 24);
+    }
+}
+
+/* What is packed comes back, noise is not packed, and bytes of any kind unpack to something. */
+static void test_packing(void)
+{
+    uint8_t bytes[5000], back[5000];
+    for (unsigned kind = 0; kind < 4; kind++)
+        for (uint32_t stride = 1; stride < 200; stride += 1 + stride / 2) {
+            struct tetlodi_buffer packed = {0};
+            size_t size = sizeof bytes - stride % 7;
+            fill(bytes, size, kind);
+            bool smaller = tetlodi_pack(bytes, size, stride, &packed);
+            CHECK(smaller || kind == 0 || kind == 2);
+            CHECK(!smaller || kind != 2);
+            CHECK(!smaller || (packed.size < size && tetlodi_unpack(packed.bytes, packed.size, back, size, NULL) == TETLOD_OK &&
+                               memcmp(bytes, back, size) == 0));
+            CHECK_INT(packed.size < 4 || tetlodi_unpack(packed.bytes, 4, back, sizeof back, NULL) == TETLOD_OK, 1);
+            tetlodi_buffer_fini(&packed);
+        }
+    CHECK_INT(tetlodi_unpack(bytes, 2, back, 10, NULL), TETLOD_ERR_STREAM);
+    CHECK_INT(tetlodi_unpack((const uint8_t *)"\0\0\0abc", 6, back, 10, NULL), TETLOD_ERR_STREAM);
+    CHECK_INT(tetlodi_unpack((const uint8_t *)"\0\0\1abc", 6, back, 10, NULL), TETLOD_ERR_STREAM);
 }
 
 /* In order, with every bit: the least floats, both zeros, the greatest. */
@@ -104,7 +142,7 @@ static uint32_t code_all(struct tetlodi_coder *coder, uint64_t random)
 static void test_range_coder(void)
 {
     for (unsigned slowest = 5; slowest <= 7; slowest++) {
-        struct tetlodi_memory memory = {0, UINT64_MAX};
+        struct tetlodi_memory memory = {.most = UINT64_MAX};
         struct tetlodi_coder coder, decoder;
         struct tetlodi_encoder encoder = {0};
         tetlodi_encode_start(&coder, slowest, &encoder, &memory);
@@ -123,7 +161,7 @@ static void test_surprises(void)
 {
     for (unsigned slowest = 5; slowest <= 7; slowest++)
         for (int usual = 0; usual < 2; usual++) {
-            struct tetlodi_memory memory = {0, 1 << 20};
+            struct tetlodi_memory memory = {.most = 1 << 20};
             struct tetlodi_coder coders[2];
             struct tetlodi_encoder encoder = {0};
             int wrong = 0;
@@ -150,7 +188,7 @@ static void test_surprises(void)
 /* A million bits that are expected cost next to nothing. */
 static void test_costs(void)
 {
-    struct tetlodi_memory memory = {0, UINT64_MAX};
+    struct tetlodi_memory memory = {.most = UINT64_MAX};
     struct tetlodi_coder coder;
     struct tetlodi_encoder encoder = {0};
     struct tetlodi_bit bit;
@@ -165,8 +203,8 @@ static void test_costs(void)
 
 int main(void)
 {
-    RUN(test_crc32);
     RUN(test_sha256);
+    RUN(test_packing);
     RUN(test_codes_of_floats);
     RUN(test_codes_of_steps);
     RUN(test_rings);

@@ -3,11 +3,30 @@
  * on the way down. With UPDATE=1 the hashes are written. */
 #include <glob.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/checksum.h"
 #include "tests/test.h"
 
 #include "format/tetlod.h"
+
+/* Adds numbers of `size` bytes to the hash as little-endian ones, whatever the machine's are. */
+static void add_numbers(struct tetlodi_sha256 *sha, const void *numbers, size_t count, size_t size)
+{
+    const uint8_t *at = numbers;
+    for (size_t i = 0; i < count; i++, at += size) {
+        uint64_t bits;
+        uint32_t narrow;
+        uint8_t bytes[8];
+        if (size == 8)
+            memcpy(&bits, at, 8);
+        else
+            memcpy(&narrow, at, 4);
+        for (size_t k = 0; k < size; k++)
+            bytes[k] = (uint8_t)((size == 8 ? bits : narrow) >> (8 * k));
+        tetlodi_sha256_add(sha, bytes, size);
+    }
+}
 
 /* SHA-256 over positions, tetrahedra and fields, little-endian, as text. */
 static void hash_mesh(const struct tetlod_cursor *cursor, const struct tetlod_info *info, char out[65])
@@ -17,10 +36,10 @@ static void hash_mesh(const struct tetlod_cursor *cursor, const struct tetlod_in
     uint8_t digest[32];
     tetlod_cursor_mesh(cursor, &mesh);
     tetlodi_sha256_init(&sha);
-    tetlodi_sha256_add(&sha, mesh.positions, mesh.vertices * 24ul);
-    tetlodi_sha256_add(&sha, mesh.corners, mesh.tets * 16ul);
+    add_numbers(&sha, mesh.positions, 3 * (size_t)mesh.vertices, 8);
+    add_numbers(&sha, mesh.corners, 4 * (size_t)mesh.tets, 4);
     for (uint32_t f = 0; f < info->field_count; f++)
-        tetlodi_sha256_add(&sha, mesh.fields[f], mesh.vertices * info->fields[f].components * 8ul);
+        add_numbers(&sha, mesh.fields[f], (size_t)mesh.vertices * info->fields[f].components, 8);
     tetlodi_sha256_finish(&sha, digest);
     for (int i = 0; i < 32; i++)
         snprintf(out + 2 * i, 3, "%02x", digest[i]);

@@ -24,6 +24,16 @@ export async function compile(source) {
   return typed ? WebAssembly.compileStreaming(source) : WebAssembly.compile(await source.arrayBuffer());
 }
 
+/** What JSON text holds, if that is an object: metadata are text from elsewhere. */
+function objectOf(text) {
+  try {
+    const value = JSON.parse(text);
+    return value && typeof value === 'object' && !Array.isArray(value) ? value : {};
+  } catch {
+    return {};
+  }
+}
+
 export class View {
   #code; #view;
 
@@ -83,7 +93,8 @@ export class View {
   describe() {
     const text = this.#code.view_describe(this.#view);
     if (!text) throw new TetlodError(10, 'out of memory');
-    return JSON.parse(this.#text(text));
+    const described = JSON.parse(this.#text(text));
+    return { ...described, metadata: objectOf(described.metadata) };
   }
 
   /** The finest level that is there whole, or -1. */

@@ -16,7 +16,7 @@ static void put_number(struct tetlodi_buffer *out, double number)
 {
     char text[32];
     snprintf(text, sizeof text, "%.17g", number);
-    put(out, text);
+    put(out, isfinite(number) ? text : "null");
 }
 
 /* A member whose value is a number, with the comma that is before it. */
@@ -69,7 +69,7 @@ static void put_errors(struct tetlodi_buffer *out, const struct tetlod_info *inf
         const char *comma = "\"";
         for (int m = 0; m < TETLOD_MEASURES; m++) {
             double error = level->errors[f * TETLOD_MEASURES + (uint32_t)m];
-            if (isnan(error))
+            if (!isfinite(error))
                 continue;
             put(out, comma);
             put(out, tetlod_measure_name((enum tetlod_measure)m));
@@ -123,7 +123,7 @@ const char *view_describe(struct view *view)
     for (uint32_t k = 0; k < info->level_count; k++)
         put_level(out, view, k);
     put(out, "],\"metadata\":");
-    put(out, info->metadata_size ? info->metadata : "{}");
+    put_string(out, info->metadata);
     tetlodi_put_block(out, "}", 2); // with the NUL
     return out->failed ? NULL : (const char *)out->bytes;
 }

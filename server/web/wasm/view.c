@@ -23,7 +23,7 @@ void view_release(void *block)
 
 struct view *view_new(void)
 {
-    const struct tetlod_options options = {sizeof options, MOST_BYTES};
+    const struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = MOST_BYTES};
     struct view *view = array_zero(1, sizeof *view);
     if (view && tetlod_feed_new(&view->feed, &options, &view->error) == TETLOD_OK)
         return view;

@@ -1,0 +1,114 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/pipeline/precision.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/util/array.h"
+
+/* Steps of a grid across its field's range, at least: half a step is 1/65536 of it at most, a sixth of the least error that most
+ * ask for. */
+enum { STEP_BITS = 15, MOST_GRID_BITS = 30 };
+
+bool precision_is_narrow(const double *values, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if ((double)(float)values[i] != values[i])
+            return false;
+    return true;
+}
+
+/* A power of two times whole numbers, 0 among them where it is in the range: what is round there stays round. It ends inside the
+ * range. bits 0: there is none, every value is told exactly at once. */
+static struct grid choose_grid(const double range[2], enum tetlod_type type)
+{
+    struct grid none = {0, 0, 0, 0};
+    double width = range[1] - range[0], size = fmax(fabs(range[0]), fabs(range[1]));
+    if (!isfinite(width) || !(width > 0))
+        return width == 0 ? (struct grid){1, range[0], 1, 0} : none;
+    int exponent, of_size;
+    frexp(width, &exponent);
+    frexp(size, &of_size);
+    exponent = exponent - 1 - STEP_BITS; // the range has 2^15 to 2^16 steps
+    int least = of_size - (type == TETLOD_FLOAT32 ? 24 : 53); // between neighbours among the numbers of the type
+    exponent = exponent > least ? exponent : least;
+    double step = ldexp(1, exponent), origin = ceil(range[0] / step) * step, most = floor((range[1] - origin) / step);
+    unsigned bits = 1;
+    while (bits <= MOST_GRID_BITS && (double)((UINT64_C(1) << bits) - 1) < most)
+        bits++;
+    double last = origin + step * (double)((UINT64_C(1) << bits) - 1);
+    last = type == TETLOD_FLOAT32 ? (double)(float)last : last;
+    bool good = step > 0 && most > 0 && isfinite(origin) && isfinite(last) && bits <= MOST_GRID_BITS;
+    return good ? (struct grid){bits, origin, step, most} : none;
+}
+
+/* Puts a field's values on its grid. */
+static void round_field(struct precision *precision, uint32_t f)
+{
+    const struct point_field *exact = &precision->exact.fields[f];
+    double *values = precision->coded.fields[f].values, most = 0, sum = 0;
+    size_t count = (size_t)precision->exact.vertex_count * exact->components;
+    for (size_t i = 0; i < count; i++) {
+        values[i] = exact->grid.bits ? grid_round(&exact->grid, exact->type, exact->values[i]) : exact->values[i];
+        double change = fabs(values[i] - exact->values[i]);
+        most = fmax(most, change);
+        sum += change * change;
+    }
+    precision->rounding[f] = most;
+    precision->rounding_rms[f] = count ? sqrt(sum / (double)count) : 0;
+}
+
+static enum tetlod_status init_field(struct precision *precision, const struct tetmesh *mesh, uint32_t f,
+                                     struct tetlod_error *error)
+{
+    struct point_field *exact = &precision->exact.fields[f], *coded = &precision->coded.fields[f];
+    size_t count = (size_t)mesh->vertex_count * exact->components;
+    double range[2];
+    if (exact->type == TETLOD_FLOAT64 && precision_is_narrow(exact->values, count))
+        exact->type = TETLOD_FLOAT32;
+    point_field_range(&mesh->fields[f], mesh->vertex_count, range);
+    exact->grid = choose_grid(range, exact->type);
+    precision->tail |= exact->grid.bits > 0;
+    *coded = *exact;
+    coded->values = array_new(count, sizeof *coded->values);
+    if (!coded->values)
+        return tetlodi_fail_nomem(error, "the fields", count * sizeof *coded->values);
+    round_field(precision, f);
+    return TETLOD_OK;
+}
+
+enum tetlod_status precision_init(struct precision *precision, const struct tetmesh *mesh, struct tetlod_error *error)
+{
+    uint32_t fields = mesh->field_count;
+    *precision = (struct precision){.exact = *mesh, .coded = *mesh};
+    precision->exact.fields = array_zero(fields, sizeof *precision->exact.fields);
+    precision->coded.fields = array_zero(fields, sizeof *precision->coded.fields);
+    precision->rounding = array_zero(fields, sizeof *precision->rounding);
+    precision->rounding_rms = array_zero(fields, sizeof *precision->rounding_rms);
+    enum tetlod_status status = TETLOD_OK;
+    if (!precision->exact.fields || !precision->coded.fields || !precision->rounding || !precision->rounding_rms)
+        status = tetlodi_fail_nomem(error, "the fields", fields * sizeof *precision->exact.fields);
+    if (status == TETLOD_OK && mesh->position_type == TETLOD_FLOAT64 &&
+        precision_is_narrow(mesh->positions, 3 * (size_t)mesh->vertex_count))
+        precision->exact.position_type = precision->coded.position_type = TETLOD_FLOAT32;
+    for (uint32_t f = 0; f < fields && status == TETLOD_OK; f++) {
+        precision->exact.fields[f] = mesh->fields[f];
+        status = init_field(precision, mesh, f, error);
+    }
+    if (status != TETLOD_OK)
+        precision_fini(precision);
+    return status;
+}
+
+void precision_fini(struct precision *precision)
+{
+    for (uint32_t f = 0; f < precision->coded.field_count && precision->coded.fields; f++)
+        free(precision->coded.fields[f].values);
+    free(precision->exact.fields);
+    free(precision->coded.fields);
+    free(precision->rounding);
+    free(precision->rounding_rms);
+    *precision = (struct precision){0};
+}

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""make_invalid.py: writes tests/golden/invalid, streams that every decoder refuses, from the golden ones beside it. Run from the root.
+
+verdicts.txt has a line for each: its name, `open` if the index alone shows it or `decode` if not, and why."""
+import os
+import struct
+import sys
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..'))
+from streams import plain, sealed, tetlod  # noqa: E402
+
+FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)))
+ONE, GRID, KEPT = (plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read()) for name in ('one_tet', 'grid_float32', 'kept_order'))
+NAN, INFINITY = float('nan'), float('inf')
+
+
+def index_end(data):
+    return 64 + int.from_bytes(data[20:24], 'little')
+
+
+def put(data, at, form, *values):
+    data = bytearray(data)
+    struct.pack_into('<' + form, data, at, *values)
+    return sealed(data)
+
+
+def sections_of(data):
+    """Where each entry of the directory begins."""
+    count = len(tetlod.open(data).sections)
+    return [index_end(data) - 48 * (count - i) for i in range(count)]
+
+
+def level_of(data, level):
+    stream = tetlod.open(data)
+    row = 48 + 56 * len(stream.fields)
+    return sections_of(data)[0] - 4 - row * (len(stream.levels) - level)
+
+
+def section(data, tag, flags, offset=None):
+    """A further, empty section."""
+    end, size = index_end(data), int.from_bytes(data[20:24], 'little')
+    late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] != 'META')
+    entry = struct.pack('<4sIQQQ16s', tag, flags, late if offset is None else offset, 0, 0, tetlod.digest(b''))
+    count = len(sections_of(data)) + 1
+    at = sections_of(data)[0] - 4
+    data = data[:at] + struct.pack('<I', count) + data[at + 4:end] + entry + data[end:]
+    total = int.from_bytes(data[32:40], 'little') + 48
+    return sealed(data[:20] + struct.pack('<II', size + 48, size + 48) + data[28:32] + struct.pack('<Q', total) + data[40:])
+
+
+def reframed(data, level, part, change):
+    """A frame whose bytes are changed, of the same size, with its digest."""
+    stream = tetlod.open(data)
+    offset, size, _ = stream.frames[level][part]
+    frame = change(data[offset:offset + size])
+    data = data[:offset] + frame + data[offset + size:]
+    at = level_of(data, level) + 24 + 32 * len(stream.fields) + 24 * part
+    return put(data, at + 8, '16s', tetlod.digest(frame))
+
+
+def cases():
+    row, fields = level_of(GRID, 1), len(tetlod.open(GRID).fields)
+    frames = row + 24 + 32 * fields
+    yield 'magic', 'open', 'not a stream', b'\x89TLE' + ONE[4:]
+    yield 'old_layout', 'open', 'format 1.0, from before the first release', put(ONE, 8, 'H', 1)
+    yield 'newer_major', 'open', 'format 3', put(ONE, 8, 'H', 3)
+    yield 'required_feature', 'open', 'a required feature that is not known', put(ONE, 12, 'I', 1)
+    yield 'reserved', 'open', 'a reserved field is not 0', put(ONE, 56, 'I', 1)
+    yield 'header_check', 'open', 'the check of the header', ONE[:60] + bytes([ONE[60] ^ 1]) + ONE[61:]
+    yield 'content_id', 'open', 'the content id is not that of the index', ONE[:40] + bytes(16) + bytes(4) + tetlod.digest(ONE[:40] + bytes(20))[:4] + ONE[64:]
+    yield 'too_long', 'open', 'a byte follows the end', ONE + b'\0'
+    yield 'no_tetrahedra', 'open', 'tetrahedra of the original: 0', put(ONE, 72, 'Q', 0)
+    yield 'many_vertices', 'open', '2^32 vertices', put(ONE, 64, 'Q', 1 << 32)
+    yield 'slowest', 'open', 'slowest is 8', put(ONE, 64 + 22, 'B', 8)
+    yield 'bounds', 'open', 'bounds that are not finite', put(ONE, 64 + 24, 'd', INFINITY)
+    yield 'levels_shrink', 'open', 'fewer vertices than the level before', put(GRID, row, 'Q', 1)
+    yield 'domain_error', 'open', 'a negative domain error', put(GRID, row + 16, 'd', -1.0)
+    yield 'error_negative', 'open', 'a negative error', put(GRID, row + 24, 'd', -1.0)
+    yield 'error_grows', 'open', 'an error greater than that of the level before', put(GRID, row + 24, 'd', INFINITY)
+    yield 'frame_size', 'open', 'frames do not add up to the size of the stream', put(GRID, frames, 'Q', 5)
+    yield 'expansion', 'open', 'a level with more vertices than 64 for each byte of its frame', put(ONE, level_of(ONE, 0), 'Q', 1 << 20)
+    yield 'two_names', 'open', 'two fields of one name', renamed(GRID)
+    yield 'section_tag', 'open', 'a tag of small letters', section(ONE, b'abcd', 0)
+    yield 'section_flag', 'open', 'a flag that is not known', section(ONE, b'XABC', 8)
+    yield 'section_offset', 'open', 'a section that does not begin where the one before ends', section(ONE, b'XABC', 0, 1)
+    yield 'section_critical', 'open', 'a critical section XABC that is not known', section(ONE, b'XABC', 1)
+    yield 'section_twice', 'open', 'ORDR twice', section(KEPT, b'ORDR', 0)
+    yield 'frame_digest', 'decode', 'a byte of the last frame is changed', KEPT[:tetlod.open(KEPT).frames[1][0][0]] + \
+        bytes([KEPT[tetlod.open(KEPT).frames[1][0][0]] ^ 1]) + KEPT[tetlod.open(KEPT).frames[1][0][0] + 1:]
+    yield 'frame_random', 'decode', 'a frame of other bytes, with its digest', reframed(GRID, 1, 0, lambda frame: bytes(255 - b for b in frame))
+    yield 'frame_zero', 'decode', 'a base mesh of zeros, with its digest', reframed(GRID, 0, 0, lambda frame: bytes(len(frame)))
+    yield 'truncated', 'decode', 'the last byte is missing', GRID[:-1]
+
+
+def renamed(data):
+    """The first field gets the second one's name."""
+    stream = tetlod.open(data)
+    first, second = (field['name'].encode() for field in stream.fields[:2])
+    at = data.index(struct.pack('<H', len(first)) + first, 64)
+    out = data[:at] + struct.pack('<H', len(second)) + second + data[at + 2 + len(first):]
+    grown = len(second) - len(first)
+    size, total = int.from_bytes(data[20:24], 'little') + grown, int.from_bytes(data[32:40], 'little') + grown
+    return sealed(out[:20] + struct.pack('<II', size, size) + out[28:32] + struct.pack('<Q', total) + out[40:])
+
+
+def main():
+    folder = os.path.join(FOLDER, 'invalid')
+    with open(os.path.join(folder, 'verdicts.txt'), 'w') as verdicts:
+        for name, when, why, data in cases():
+            verdicts.write('%s %s %s\n' % (name, when, why))
+            with open(os.path.join(folder, name + '.tetlod'), 'wb') as out:
+                out.write(data)
+
+
+if __name__ == '__main__':
+    main()

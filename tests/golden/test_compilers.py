@@ -1,0 +1,54 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""format/ built by other compilers, without the project's flags: all golden streams decode to the same arrays, or it refuses."""
+import glob
+import os
+import shutil
+import subprocess
+
+ROOT = os.environ.get('ROOT', '.')
+SOURCES = sorted(glob.glob(os.path.join(ROOT, 'format', '*.c'))) + [os.path.join(ROOT, 'tests', 'unit', 'test_golden.c')]
+number = 0
+
+
+def report(name, good, said=''):
+    global number
+    number += 1
+    print('%s %d - %s' % ('ok' if good else 'not ok', number, name))
+    if not good:
+        print('\n'.join('# ' + line for line in said.splitlines()[-12:]))
+
+
+def build(name, compiler, *flags):
+    """Compiles and links; None: the compiler says no."""
+    done = subprocess.run([compiler, *flags, '-I', ROOT, '-o', name, *SOURCES, '-lm'], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    return done.stdout if done.returncode else ''
+
+
+def decodes(what, compiler, flags, emulator=()):
+    if not shutil.which(compiler) or emulator and not shutil.which(emulator[0]):
+        return print('ok - %s # SKIP %s is not there (make deps-check)' % (what, compiler))
+    said = build('decode', compiler, *flags)
+    if not said:
+        done = subprocess.run([*emulator, './decode'], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        said = '' if done.returncode == 0 and 'ok 1' in done.stdout else done.stdout or 'no output'
+    return report(what, not said, said)
+
+
+decodes('gcc -O3 -march=native', 'gcc', ['-O3', '-march=native'])
+decodes('clang -O3 -march=native', 'clang', ['-O3', '-march=native'])
+decodes('32 bits, big-endian (PowerPC)', 'powerpc-linux-gnu-gcc', ['-O2', '-static'], ['qemu-ppc'])
+for flag in ('-ffast-math', '-fassociative-math -fno-signed-zeros -fno-trapping-math'):
+    for compiler in ('gcc', 'clang'):
+        if shutil.which(compiler) and (compiler == 'gcc' or flag == '-ffast-math'):
+            said = subprocess.run([compiler, *flag.split(), '-I', ROOT, '-fsyntax-only', os.path.join(ROOT, 'format', 'record.c')],
+                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+            report('%s %s is refused' % (compiler, flag), said.returncode and 'tetlod must not be compiled' in said.stdout, said.stdout)
+if shutil.which('clang') and 'fma' in open('/proc/cpuinfo').read():
+    # this option overrides what the sources ask for: the probe finds it when a stream is opened
+    said = build('fused', 'clang', '-O2', '-mfma', '-ffp-contract=fast')
+    done = subprocess.run(['./fused'], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    report('clang -ffp-contract=fast: right, or refused', not said and 'hashes' not in done.stdout, said + done.stdout)
+else:
+    print('ok - clang -ffp-contract=fast # SKIP no clang, or no fused multiply-add here')
+print('1..%d' % number)
