@@ -227,7 +227,7 @@ check: deps-check
 
 ## tests: the test programs of this config
 .PHONY: tests
-tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(B)/tests/oom/failmalloc.so)
+tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(B)/tests/oom/failmalloc.so $(B)/tests/attack/attack)
 
 ## fuzz: run each fuzz target for TIME seconds (TARGET=name for one)
 .PHONY: fuzz
@@ -288,6 +288,12 @@ $(ATTACK): $(ATTACK_OBJECTS) $(LIBTETLOD)
 attack: deps-build
 	$(Q)$(MAKE) --no-print-directory all $(ATTACK)
 	@python3 tests/attack/run.py $(ATTACK) $(BINARY) $(B)/attack $(SEEDS) $(FIRST)
+
+## mutants: take one line of the proof out at a time; a test must go red (NAME='one of tests/mutants/table.py')
+.PHONY: mutants
+mutants: deps-build
+	$(Q)$(MAKE) --no-print-directory all tests $(ATTACK)
+	@python3 tests/mutants/run.py $(if $(NAME),'$(NAME)')
 
 ## bench-certificate: 100 random levels of all samples and the blunt fin (BLUNT=folder), 200,000 points each, against what is promised of them
 .PHONY: bench-certificate

@@ -386,10 +386,11 @@ static int print_json(const struct request *request, const struct build_report *
                                 (json_int_t)report->refused[LOG_REFUSED_LINK], "boundary",
                                 (json_int_t)report->refused[LOG_REFUSED_BOUNDARY], "rounding",
                                 (json_int_t)report->refused[LOG_REFUSED_ROUNDING]);
-    json_t *more = json_pack("{s:o, s:o, s:I, s:I, s:I, s:i}", "seconds", seconds, "refused", refused, "contractions",
+    json_t *more = json_pack("{s:o, s:o, s:I, s:I, s:I, s:f, s:i}", "seconds", seconds, "refused", refused, "contractions",
                              (json_int_t)report->contractions,
                              "nan_filled", (json_int_t)request->nan_filled,
-                             "peak_memory", (json_int_t)usage.ru_maxrss * 1024, "threads", (int)request->build.threads);
+                             "peak_memory", (json_int_t)usage.ru_maxrss * 1024, "bytes_per_tetrahedron",
+                             (double)usage.ru_maxrss * 1024 / (double)tetlod_info(file)->tets, "threads", (int)request->build.threads);
     char *text = object && more && json_object_update(object, more) == 0 ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
     if (text)
         puts(text);

@@ -29,11 +29,18 @@
 #define HOST_OUTSIDE UINT32_C(0xfffffffd) /* the level does not hold it */
 #define HOST_SPECIAL HOST_OUTSIDE
 
+/* A sample that walks have not found. While it is outside: the face of the level's boundary that is closest, and how far that is. */
+struct stray {
+    size_t sample;
+    uint32_t face; /* 4 * tet + face, or TETLOD_NONE: not known */
+    double distance;
+};
+
 /* What one thread has found out. */
 struct worker {
     struct walker walker;
     double *values;  /* [4 * component] of all fields */
-    size_t *strays; /* samples that its walks have not found */
+    struct stray *strays; /* that its walks have not found */
     size_t stray_count, stray_capacity;
     bool failed; /* out of memory */
 };
@@ -51,10 +58,11 @@ struct measure_levels {
     double *scales;         /* [field] of the tallies */
     uint8_t *dirty;         /* [chunk] a stray in it has another error */
     struct worker *workers; /* [threads] */
-    size_t *strays;         /* samples outside at the level at hand, or to be looked for */
+    struct stray *strays;   /* outside at the level at hand, or to be looked for */
     size_t stray_count, stray_capacity;
     struct mesh_surface boundary; /* of the original */
     struct mesh_surface surface;  /* of the level; empty until it is asked for */
+    struct mesh_surface changed;  /* what of it the last step changed */
     uint32_t bound_count;
     uint32_t *bound;         /* [bound_count] vertices of the original's boundary */
     uint32_t *nearest;       /* [bound_count] 4 * tet + face of the level's boundary that is near, or TETLOD_NONE */
@@ -108,7 +116,7 @@ static void stray(struct measure_levels *m, struct worker *worker, size_t sample
     if (!array_reserve(&strays, &worker->stray_capacity, worker->stray_count + 1, sizeof *worker->strays))
         worker->failed = true;
     else
-        ((size_t *)strays)[worker->stray_count++] = sample;
+        ((struct stray *)strays)[worker->stray_count++] = (struct stray){sample, TETLOD_NONE, INFINITY};
     worker->strays = strays;
     m->hosts[sample] = HOST_OUTSIDE;
 }
@@ -213,51 +221,77 @@ static enum tetlod_status need_surface(struct measure_levels *m, struct tetlod_e
     const struct coarsening *mesh = m->mesh;
     if (m->surface.triangles)
         return TETLOD_OK;
-    return mesh_surface_init(&m->surface, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored, mesh->states, COARSE_DIED,
-                        error);
+    return mesh_surface_init(&m->surface, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored, mesh->states, COARSE_SAME,
+                             COARSE_CHANGED, error);
 }
 
-static void find_stray(struct measure_levels *m, struct worker *worker, size_t sample)
+static void find_stray(struct measure_levels *m, struct worker *worker, struct stray *stray)
 {
     struct point point;
     struct place closest;
     double start[3], weights[4];
-    uint32_t face;
     bool room;
-    find_point(m, sample, &point);
-    mesh_surface_closest(&m->surface, point.p, &closest, &face);
-    if (face == TETLOD_NONE) // it has no boundary at all: nothing is outside
+    find_point(m, stray->sample, &point);
+    stray->distance = mesh_surface_closest(&m->surface, point.p, &closest, &stray->face);
+    if (stray->face == TETLOD_NONE) // it has no boundary at all: nothing is outside
         return;
     for (uint32_t d = 0; d < 3; d++)
         start[d] = place_value(m->mesh->positions, 3, d, &closest);
-    const struct walk_cell *cell = walk_along(&worker->walker, face / 4, start, point.p, weights, &room);
+    const struct walk_cell *cell = walk_along(&worker->walker, stray->face / 4, start, point.p, weights, &room);
     worker->failed |= !room;
     if (cell) {
-        m->hosts[sample] = cell->tet;
-        file_error(m, sample, &point, cell->values, weights);
+        m->hosts[stray->sample] = cell->tet;
+        file_error(m, stray->sample, &point, cell->values, weights);
         return;
     }
     gather_values(m->mesh, closest.vertices, worker->values);
-    file_error(m, sample, &point, worker->values, closest.weights);
+    file_error(m, stray->sample, &point, worker->values, closest.weights);
 }
 
 static void find_strays(void *context, unsigned number, size_t begin, size_t end)
 {
     struct measure_levels *m = context;
     for (size_t i = begin; i < end; i++)
-        find_stray(m, &m->workers[number], m->strays[i]);
+        if (m->strays[i].face == TETLOD_NONE)
+            find_stray(m, &m->workers[number], &m->strays[i]);
+}
+
+/* A sample stays outside, with its error, while the face that was closest is as it was and no face that changed is as close: to
+ * come inside, the boundary would have to pass between. Of the others the face is forgotten. */
+static void check_strays(void *context, unsigned number, size_t begin, size_t end)
+{
+    struct measure_levels *m = context;
+    (void)number;
+    for (size_t i = begin; i < end; i++) {
+        struct stray *stray = &m->strays[i];
+        struct point point;
+        uint32_t face;
+        if (stray->face != TETLOD_NONE && m->mesh->states[stray->face / 4] != COARSE_SAME)
+            stray->face = TETLOD_NONE;
+        if (stray->face == TETLOD_NONE)
+            continue;
+        find_point(m, stray->sample, &point);
+        if (mesh_surface_distance(&m->changed, point.p, stray->distance, &face) <= stray->distance)
+            stray->face = TETLOD_NONE;
+    }
+}
+
+static enum tetlod_status need_changed(struct measure_levels *m, struct tetlod_error *error)
+{
+    const struct coarsening *mesh = m->mesh;
+    return mesh_surface_init(&m->changed, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored, mesh->states,
+                             COARSE_CHANGED, COARSE_CHANGED, error);
 }
 
 /* Keeps those that are outside, and adds up the chunks that strays are in. */
 static void file_strays(struct measure_levels *m)
 {
     size_t kept = 0;
-    memset(m->dirty, 0, m->chunks);
     for (size_t i = 0; i < m->stray_count; i++) {
-        size_t sample = m->strays[i];
+        size_t sample = m->strays[i].sample;
         m->dirty[sample / TALLY_CHUNK] = 1;
         if (m->hosts[sample] == HOST_OUTSIDE)
-            m->strays[kept++] = sample;
+            m->strays[kept++] = m->strays[i];
     }
     m->stray_count = kept;
     for (size_t chunk = 0; chunk < m->chunks; chunk++)
@@ -268,6 +302,7 @@ static void file_strays(struct measure_levels *m)
 /* Those that were outside before, and those that walks have lost. */
 static enum tetlod_status update_strays(struct measure_levels *m, struct tetlod_error *error)
 {
+    bool any = false;
     for (unsigned i = 0; i < m->threads; i++) {
         struct worker *worker = &m->workers[i];
         void *strays = m->strays;
@@ -280,7 +315,12 @@ static enum tetlod_status update_strays(struct measure_levels *m, struct tetlod_
     }
     if (!m->stray_count)
         return TETLOD_OK;
-    TETLOD_TRY(need_surface(m, error));
+    TETLOD_TRY(need_changed(m, error));
+    parallel_for(m->threads, m->stray_count, 64, check_strays, m);
+    for (size_t i = 0; i < m->stray_count; i++)
+        any |= m->strays[i].face == TETLOD_NONE;
+    if (any)
+        TETLOD_TRY(need_surface(m, error));
     parallel_for(m->threads, m->stray_count, 64, find_strays, m);
     file_strays(m);
     for (unsigned i = 0; i < m->threads; i++)
@@ -427,6 +467,10 @@ static enum tetlod_status compact(struct measure_levels *m, struct tetlod_error 
         uint32_t face = m->nearest[i], tet = face == TETLOD_NONE ? TETLOD_NONE : renumbered[face / 4];
         m->nearest[i] = tet == TETLOD_NONE ? TETLOD_NONE : 4 * tet + face % 4;
     }
+    for (size_t i = 0; i < m->stray_count; i++) {
+        uint32_t face = m->strays[i].face;
+        m->strays[i].face = face == TETLOD_NONE ? face : 4 * renumbered[face / 4] + face % 4;
+    }
     free(renumbered);
     return TETLOD_OK;
 }
@@ -448,6 +492,7 @@ enum tetlod_status measure_levels_next(struct measure_levels *m, struct measured
     status = compact(m, error);
 done:
     mesh_surface_fini(&m->surface);
+    mesh_surface_fini(&m->changed);
     return status;
 }
 
@@ -487,7 +532,7 @@ static enum tetlod_status list_boundary(struct measure_levels *m, struct tetlod_
 {
     const struct mesh_surface *boundary = &m->boundary;
     TETLOD_TRY(mesh_surface_init(&m->boundary, m->original->positions, m->original->corners, m->mesh->neighbours,
-                            m->original->tet_count, NULL, 0, error));
+                            m->original->tet_count, NULL, 0, 0, error));
     for (size_t i = 0; i < 3 * (size_t)boundary->count; i++)
         m->made[boundary->triangles[i]] = 1;
     for (uint32_t v = 0; v < m->original->vertex_count; v++)

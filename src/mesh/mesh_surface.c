@@ -11,13 +11,13 @@
 #include "src/util/array.h"
 
 enum tetlod_status mesh_surface_init(struct mesh_surface *surface, const double *positions, const uint32_t *corners,
-                                const uint32_t *neighbours, uint32_t tet_count, const uint8_t *gone, uint8_t first_gone,
+                                const uint32_t *neighbours, uint32_t tet_count, const uint8_t *states, uint8_t least, uint8_t most,
                                 struct tetlod_error *error)
 {
     size_t slots = 4 * (size_t)tet_count, count = 0;
     *surface = (struct mesh_surface){.positions = positions};
     for (size_t s = 0; s < slots; s++)
-        count += neighbours[s] == TETLOD_NONE && !(gone && gone[s / 4] >= first_gone);
+        count += neighbours[s] == TETLOD_NONE && (!states || (states[s / 4] >= least && states[s / 4] <= most));
     surface->triangles = array_new(count, 3 * sizeof(uint32_t));
     surface->faces = array_new(count, sizeof(uint32_t));
     if (!surface->triangles || !surface->faces) {
@@ -25,7 +25,7 @@ enum tetlod_status mesh_surface_init(struct mesh_surface *surface, const double 
         return tetlodi_fail_nomem(error, "the boundary", count * 16);
     }
     for (size_t s = 0; s < slots; s++)
-        if (neighbours[s] == TETLOD_NONE && !(gone && gone[s / 4] >= first_gone)) {
+        if (neighbours[s] == TETLOD_NONE && (!states || (states[s / 4] >= least && states[s / 4] <= most))) {
             for (int i = 0; i < 3; i++)
                 surface->triangles[3 * (size_t)surface->count + (size_t)i] = corners[(s & ~(size_t)3) + tet_faces[s & 3][i]];
             surface->faces[surface->count++] = (uint32_t)s;

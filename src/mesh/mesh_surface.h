@@ -19,11 +19,11 @@ struct mesh_surface {
     struct bvh boxes;
 };
 
-/* The faces without a neighbour: neighbours[4 * tet + face] as adjacency_build makes them, of the tetrahedra whose `gone` is below
- * `first_gone` (NULL: all). Positions are borrowed. ERR_NOMEM. */
+/* The faces without a neighbour: neighbours[4 * tet + face] as adjacency_build makes them, of the tetrahedra whose
+ * state is from `least` to `most` (states NULL: all). Positions are borrowed. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status mesh_surface_init(struct mesh_surface *surface, const double *positions, const uint32_t *corners,
-                                               const uint32_t *neighbours, uint32_t tet_count, const uint8_t *gone,
-                                               uint8_t first_gone, struct tetlod_error *error);
+                                               const uint32_t *neighbours, uint32_t tet_count, const uint8_t *states,
+                                               uint8_t least, uint8_t most, struct tetlod_error *error);
 void mesh_surface_fini(struct mesh_surface *surface);
 
 /* The closest point to p, and its face in *out_face; its distance is returned, INFINITY if there is no boundary. */

@@ -9,6 +9,7 @@
 #include "src/log/coarsening.h"
 #include "src/measure/measure_levels.h"
 #include "src/mesh/tet_geom.h"
+#include "src/pipeline/build_memory.h"
 #include "src/pipeline/limits.h"
 #include "src/pipeline/precision.h"
 #include "src/util/array.h"
@@ -35,19 +36,6 @@ static bool contract_progress(void *opaque, double done)
 {
     const struct build *build = opaque;
     return build->options->progress(build->options->progress_opaque, BUILD_CONTRACT, done);
-}
-
-/* What the contraction needs at its peak. */
-static enum tetlod_status check_memory(const struct build *build)
-{
-    const struct build_options *options = build->options;
-    struct simplify_options simplify_options = {.metric = options->metric, .certify = options->certify, .threads = options->threads};
-    uint64_t needed = simplify_bytes(build->mesh, options->control_count, &simplify_options);
-    if (!options->memory || needed <= options->memory)
-        return TETLOD_OK;
-    return tetlodi_fail(build->error, TETLOD_ERR_LIMIT,
-                        "it needs about %llu MB, more than --memory allows (%llu MB); carry fewer fields or raise it",
-                        (unsigned long long)(needed >> 20) + 1, (unsigned long long)(options->memory >> 20));
 }
 
 /* An error is a fraction of the range: one that overflows, or whose reciprocal does, would hide every error (PROOF.md, 7). */
@@ -293,7 +281,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
 {
     struct build build = {.mesh = mesh, .original = mesh, .options = options, .error = error};
     enum tetlod_status status;
-    TETLOD_TRY_DONE(check_memory(&build));
+    TETLOD_TRY_DONE(build_check_memory(mesh, options, error));
     if (quantise_wanted(&options->quantise))
         TETLOD_TRY_DONE(quantise(&build));
     else

@@ -115,7 +115,8 @@ static uint32_t number_of(struct hood *hood, uint32_t slot)
 static void add_tet(struct hood *hood, const struct working *working, uint32_t tet)
 {
     const uint32_t *corners = working->corners[tet];
-    unsigned own = corner_of(corners, hood->vertex), faces = working->boundary_faces[tet];
+    unsigned own = corner_of(corners, hood->vertex);
+    unsigned faces = __atomic_load_n(&working->boundary_faces[tet], __ATOMIC_RELAXED); // border_find may be at it
     const uint8_t *others = others_of[own];
     uint32_t i = hood->tet_count++, number[3];
     hood->tets[i] = tet;

@@ -169,26 +169,39 @@ static double segment_distance(const double p[3], const double a[3], const doubl
     return sqrt(sum);
 }
 
+/* The distance from the face's plane where the foot is in the face, else INFINITY. Faces may be thin: doubles are not enough. */
+static double face_distance(const double p[3], const double corners[3][3])
+{
+    long double e[3][3], r[3], n[3], c[3], size = 0, height = 0;
+    for (int i = 0; i < 3; i++)
+        for (int d = 0; d < 3; d++)
+            e[i][d] = (long double)corners[(i + 1) % 3][d] - corners[i][d];
+    for (int d = 0; d < 3; d++) {
+        n[d] = e[0][(d + 1) % 3] * e[1][(d + 2) % 3] - e[0][(d + 2) % 3] * e[1][(d + 1) % 3];
+        size += n[d] * n[d];
+        height += n[d] * ((long double)p[d] - corners[0][d]);
+    }
+    for (int i = 0; i < 3; i++) {
+        long double side = 0;
+        for (int d = 0; d < 3; d++)
+            r[d] = (long double)p[d] - corners[i][d];
+        for (int d = 0; d < 3; d++) {
+            c[d] = e[i][(d + 1) % 3] * r[(d + 2) % 3] - e[i][(d + 2) % 3] * r[(d + 1) % 3];
+            side += n[d] * c[d];
+        }
+        if (!(side >= 0 && size > 0))
+            return INFINITY;
+    }
+    return (double)(fabsl(height) / sqrtl(size));
+}
+
 static double triangle_distance(const double p[3], const double corners[3][3])
 {
-    double best = INFINITY, w[3];
+    double best = INFINITY;
     for (int i = 0; i < 3; i++)
         best = fmin(best, segment_distance(p, corners[i], corners[(i + 1) % 3]));
-    struct flat f = {.n = 2};
-    for (int d = 0; d < 3; d++) {
-        f.origin[d] = corners[0][d];
-        f.edges[0][d] = corners[1][d] - corners[0][d];
-        f.edges[1][d] = corners[2][d] - corners[0][d];
-    }
-    if (project(&f, p, w) && w[0] >= 0 && w[1] >= 0 && w[0] + w[1] <= 1) {
-        double sum = 0;
-        for (int d = 0; d < 3; d++) {
-            double by = p[d] - f.origin[d] - w[0] * f.edges[0][d] - w[1] * f.edges[1][d];
-            sum += by * by;
-        }
-        best = fmin(best, sqrt(sum));
-    }
-    return best;
+    double inside = face_distance(p, corners);
+    return fmin(best, inside);
 }
 
 /* Faces of one tetrahedron only. */

@@ -83,7 +83,7 @@ def shape_of_json():
     report('build --json --quiet: JSON alone', done.returncode == 0 and not done.stderr, done)
     built, told = json.loads(done.stdout), info('fin.tetlod')
     report('build --json is info --json and more', all(built[k] == v for k, v in told.items()) and
-           set(built) - set(told) == {'seconds', 'contractions', 'peak_memory', 'threads', 'nan_filled'}, set(built) ^ set(told))
+           set(built) - set(told) == {'seconds', 'refused', 'contractions', 'peak_memory', 'bytes_per_tetrahedron', 'threads', 'nan_filled'}, set(built) ^ set(told))
     report('build --json: seconds by phase', set(built['seconds']) == {'read', 'contract', 'measure', 'encode', 'write'} and
            all(s >= 0 for s in built['seconds'].values()), built['seconds'])
     report('info --json: what it has', {'id', 'cid', 'vertices', 'tets', 'bytes', 'bounds', 'lossless', 'degenerate_tets',

@@ -1,0 +1,41 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/pipeline/build_memory.h"
+
+#include "format/fail.h"
+#include "src/measure/measure_levels.h"
+#include "src/simplify/simplify.h"
+
+/* What the writer takes a tetrahedron and a vertex, without what it borrows, and what the program takes: measured. */
+enum { WRITER_TET = 78, WRITER_VERTEX = 40, PROGRAM = 8 << 20 };
+
+static uint64_t component_count(const struct tetmesh *mesh)
+{
+    uint64_t count = 0;
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        count += mesh->fields[f].components;
+    return count;
+}
+
+uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *options)
+{
+    const struct simplify_options simplify_options = {.metric = options->metric, .certify = options->certify,
+                                                      .contract = options->contract, .threads = options->threads};
+    uint64_t vertices = mesh->vertex_count, tets = mesh->tet_count, components = component_count(mesh);
+    uint64_t held = vertices * (24 + 8 * components) + tets * 16, log = vertices * (40 + 8 * components);
+    uint64_t contract = simplify_bytes(mesh, options->control_count, &simplify_options);
+    uint64_t measure = log + coarsening_bytes(mesh) + measure_levels_bytes(mesh);
+    uint64_t encode = log + tets * WRITER_TET + vertices * (WRITER_VERTEX + 16 * (3 + components));
+    uint64_t most = contract > measure ? contract : measure;
+    held += quantise_wanted(&options->quantise) ? held : 0;
+    return PROGRAM + held + (most > encode ? most : encode);
+}
+
+enum tetlod_status build_check_memory(const struct tetmesh *mesh, const struct build_options *options, struct tetlod_error *error)
+{
+    uint64_t needed = build_bytes(mesh, options);
+    if (!options->memory || needed <= options->memory)
+        return TETLOD_OK;
+    return tetlodi_fail(error, TETLOD_ERR_LIMIT,
+                        "it needs about %llu MB, more than --memory allows (%llu MB); carry fewer fields or raise it",
+                        (unsigned long long)(needed >> 20) + 1, (unsigned long long)(options->memory >> 20));
+}

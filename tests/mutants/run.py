@@ -1,0 +1,145 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""usage: run.py [NAME...]
+
+Takes one line of the proof out at a time, in a copy of the tree under build/mutants, and expects a test to go red. A mutant that
+no test sees is a hole in the tests; a line that is no longer there is a fault of the table (table.py).
+
+A killer is a test (`unit/test_exact`, `cli/test_promise.py`), or `attack FIRST COUNT`: seeds of the attack, of which one must find what it does not find
+without the mutant.
+"""
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+TREE = os.path.join(ROOT, 'build', 'mutants', 'tree')
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from table import MUTANTS  # noqa: E402
+
+KEPT = ('format', 'src', 'server', 'tests', 'samples', 'client-examples', 'Makefile', 'build/release', 'build/web', 'build/web.stamp',
+        'build/wasm', 'build/client', 'build/embedded')
+MODULES = 'server/web/node_modules'
+
+
+def copy_tree():
+    """With the times of files, so that make only builds what a mutant changes."""
+    shutil.rmtree(TREE, ignore_errors=True)
+    for name in KEPT:
+        source, target = os.path.join(ROOT, name), os.path.join(TREE, name)
+        os.makedirs(os.path.dirname(target), exist_ok=True)
+        if os.path.isdir(source):
+            shutil.copytree(source, target, symlinks=True, ignore=shutil.ignore_patterns('node_modules', 'attack-*', '*.tetlod'))
+        else:
+            shutil.copy2(source, target)
+    os.symlink(os.path.join(ROOT, MODULES), os.path.join(TREE, MODULES))
+
+
+def make(targets):
+    done = subprocess.run(['make', '-s', '-j%d' % os.cpu_count(), *targets], cwd=TREE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    return done.returncode == 0, done.stdout.decode(errors='replace')[-1500:]
+
+
+def targets_of(killers):
+    targets = {'build/release/tetlod'}
+    for killer in killers:
+        if not killer.startswith('cli/'):
+            targets.add('build/release/tests/attack/attack' if killer.startswith('attack') else 'build/release/tests/' + killer)
+    return sorted(targets)
+
+
+def environment():
+    return dict(os.environ, ROOT=TREE, TETLOD=os.path.join(TREE, 'build/release/tetlod'))
+
+
+def red_tests(killer):
+    """Names of the tests of a program that fail."""
+    command = [os.path.join(TREE, 'build/release/tests', killer)]
+    if killer.startswith('cli/'):
+        command = ['python3', 'tests/run.py', '--only', killer, 'release']
+    done = subprocess.run(command, cwd=TREE, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=600)
+    return set(re.findall(r'^\W*not ok \d+ - (.*)', done.stdout.decode(errors='replace'), re.M)) or \
+        ({'exit status %d' % done.returncode} if done.returncode else set())
+
+
+def attack(killer, known):
+    """Findings of the attack that are not known: the first one is enough, unless nothing is known yet."""
+    _, first, count = killer.split()
+    command = ['python3', 'tests/attack/run.py', 'build/release/tests/attack/attack', 'build/release/tetlod', 'build/attack', count, first]
+    found = set()
+    with subprocess.Popen(command, cwd=TREE, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                          errors='replace', start_new_session=True) as process:
+        for line in process.stdout:
+            match = re.match(r'(seed \d+) .*?\): ([a-z ]*):', line)
+            if match and match[1] + ': ' + match[2] not in (known or ()):
+                found.add(match[1] + ': ' + match[2])
+                if known is not None:
+                    os.killpg(process.pid, signal.SIGTERM)
+                    break
+    return found
+
+
+def findings(killer, known=None):
+    """What a killer complains of, apart from what is known."""
+    return attack(killer, known) if killer.startswith('attack') else red_tests(killer) - (known or set())
+
+
+class Line:
+    """A line of the copy that is replaced, and put back."""
+
+    def __init__(self, mutant):
+        self.path = os.path.join(TREE, mutant['file'])
+        self.text = open(self.path).read()
+        found = self.text.count(mutant['old'])
+        if found != 1:
+            raise LookupError('%s is %d times in %s: %s' % (mutant['name'], found, mutant['file'], mutant['old']))
+        self.changed = self.text.replace(mutant['old'], mutant['new'])
+
+    def __enter__(self):
+        open(self.path, 'w').write(self.changed)
+
+    def __exit__(self, *_):
+        open(self.path, 'w').write(self.text)
+
+
+def try_mutant(mutant, before):
+    with Line(mutant):
+        built, said = make(targets_of(mutant['killers']))
+        if not built:
+            return 'DOES NOT BUILD', said
+        for killer in mutant['killers']:
+            new = findings(killer, before[killer])
+            if new:
+                return 'caught', '%s: %s' % (killer, ', '.join(sorted(new))[:100])
+    return 'SURVIVES', mutant['why']
+
+
+def main():
+    chosen = [m for m in MUTANTS if not sys.argv[1:] or m['name'] in sys.argv[1:]]
+    if not chosen:
+        sys.exit('mutants: there is none of that name')
+    copy_tree()
+    for mutant in chosen:
+        Line(mutant)  # all lines are there, before anything is tried
+    killers = sorted({k for m in chosen for k in m['killers']})
+    built, said = make(targets_of(killers))
+    if not built:
+        sys.exit('mutants: the tree does not build\n' + said)
+    before = {killer: findings(killer) for killer in killers}
+    bad = 0
+    for mutant in chosen:
+        verdict, text = try_mutant(mutant, before)
+        bad += verdict != 'caught'
+        print('%-14s %-34s %s' % (verdict, mutant['name'], text), flush=True)
+    print('%d of %d mutants caught' % (len(chosen) - bad, len(chosen)))
+    return 1 if bad else 0
+
+
+if __name__ == '__main__':
+    try:
+        sys.exit(main())
+    except LookupError as lost:
+        sys.exit('mutants: %s' % lost)
