@@ -33,3 +33,13 @@ for line in steps.splitlines():
 print('%s %d - the steps are those of a decoder' % ('not ok' if wrong else 'ok', len(examples) + 2))
 code = tetlod.open(os.path.join(ROOT, path)).cursor().columns[0].codes[0][0]
 print('%s %d - they lead to the code that is told' % ('ok' if '= %d, the float32 0.27' % code in text else 'not ok', len(examples) + 3))
+
+sys.path.insert(0, os.path.join(ROOT, 'tests', 'golden'))
+import record_trace  # noqa: E402
+
+level, path, wanted = re.search(r'<!-- example: row (\d+) of (\S+) -->\n```hex\n(.*?)\n```', text, re.S).groups()
+same = record_trace.row(os.path.join(ROOT, path), int(level)) == wanted
+print('%s %d - the row of the index is the one of the stream' % ('ok' if same else 'not ok', len(examples) + 4))
+path, wanted = re.search(r'<!-- example: record of (\S+) -->\n```record\n(.*?)\n```', text, re.S).groups()
+lines = record_trace.first_record(os.path.join(ROOT, path))
+print('%s %d - the record is read as it is told' % ('ok' if lines == wanted.split('\n') and len(lines) > 20 else 'not ok', len(examples) + 5))
