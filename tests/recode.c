@@ -50,15 +50,18 @@ static int take_original(struct reader *r)
     return done;
 }
 
-/* Undoes one record: a contraction. */
-static enum tetlod_status contract(struct reader *r, uint32_t contraction, struct tetlod_error *error)
+/* Undoes one record: a contraction, or none where it is a level's exact tail. */
+static enum tetlod_status contract(struct reader *r, uint32_t *contractions, struct tetlod_error *error)
 {
     struct tetlod_mesh before, after;
-    uint32_t *children = r->children + 4 * (size_t)contraction;
+    uint32_t contraction = *contractions, *children = r->children + 4 * (size_t)contraction;
     tetlod_cursor_mesh(r->cursor, &before);
+    uint32_t v = before.parents[before.vertices - 1];
     TETLOD_TRY(tetlod_cursor_coarsen(r->cursor, error));
     tetlod_cursor_mesh(r->cursor, &after);
-    uint32_t v = after.parents[after.vertices];
+    if (after.vertices == before.vertices)
+        return TETLOD_OK;
+    ++*contractions;
     for (uint32_t i = 0; i < 4; i++) {
         uint32_t slot = i ? after.vertices + i - 1 : v;
         children[i] = slot < before.vertices ? r->node_at[slot] : TETLOD_NONE;
@@ -79,7 +82,7 @@ static enum tetlod_status take_sequence(struct reader *r, struct tetlod_error *e
         struct tetlod_mesh mesh;
         for (tetlod_cursor_mesh(r->cursor, &mesh); mesh.vertices > r->info->levels[k].vertices;
              tetlod_cursor_mesh(r->cursor, &mesh))
-            TETLOD_TRY(contract(r, contractions++, error));
+            TETLOD_TRY(contract(r, &contractions, error));
         r->out->levels[k] = (struct tetlodi_write_level){contractions, r->info->levels[k].domain_error,
                                                          r->info->levels[k].errors};
     }

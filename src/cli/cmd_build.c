@@ -422,7 +422,8 @@ static void say(const struct request *request, const struct io_report *read, con
     const struct {
         uint64_t count;
         const char *what;
-    } notes[] = {{report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
+    } notes[] = {{mesh->cell_field_count, "fields of cells left out: a stream holds fields at points; --cell-data average makes such of them"},
+                 {report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
                  {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"},
                  {report->folded_tets, "folded tetrahedra, on the same side of a face as their neighbour, carried along; no promise "
                                        "is made inside them"}};

@@ -2,6 +2,7 @@
 /* Writing legacy VTK 3.0, binary, which is big-endian. All fields go into one FIELD, which takes any number of
  * components. */
 #include <inttypes.h>
+#include <math.h>
 
 #include "format/fail.h"
 #include "src/io/io.h"
@@ -44,14 +45,35 @@ static void put_cells(struct put *put, const struct tetmesh *mesh)
     put_text(put, "\n");
 }
 
+/* Integers stay integers: bytes of each, 0 where they have to be floats. */
+static size_t integer_size(const struct point_field *field, size_t count)
+{
+    size_t size = field->is_integer ? 4 : 0;
+    for (size_t i = 0; i < count && size; i++)
+        size = !(fabs(field->values[i]) <= 0x1p53) ? 0 : fabs(field->values[i]) > INT32_MAX ? 8 : size;
+    return size;
+}
+
+static void put_integers(struct put *put, const double *values, size_t count, size_t size)
+{
+    for (size_t i = 0; i < count; i++)
+        put_word(put, (uint64_t)(int64_t)values[i], size);
+    put_text(put, "\n");
+}
+
 static void put_fields(struct put *put, const char *where, const struct point_field *fields, uint32_t count, uint32_t rows)
 {
     if (count)
         put_format(put, "%s %" PRIu32 "\nFIELD FieldData %" PRIu32 "\n", where, rows, count);
     for (uint32_t f = 0; f < count; f++) {
+        size_t values = (size_t)fields[f].components * rows, integers = integer_size(&fields[f], values);
+        const char *type = integers == 8 ? "vtktypeint64" : integers == 4 ? "int" : types[fields[f].type];
         put_name(put, fields[f].name);
-        put_format(put, " %" PRIu32 " %" PRIu32 " %s\n", fields[f].components, rows, types[fields[f].type]);
-        put_doubles(put, fields[f].type, fields[f].values, (size_t)fields[f].components * rows);
+        put_format(put, " %" PRIu32 " %" PRIu32 " %s\n", fields[f].components, rows, type);
+        if (integers)
+            put_integers(put, fields[f].values, values, integers);
+        else
+            put_doubles(put, fields[f].type, fields[f].values, values);
     }
 }
 

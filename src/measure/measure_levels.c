@@ -73,7 +73,7 @@ struct measure_levels {
     size_t list_count, list_capacity;
     double domain, enough;   /* largest so far; smaller distances do not matter */
     double rounding;         /* of a distance */
-    bool displaced;          /* the finest level is not the original itself, but rounded */
+    bool displaced, rounded; /* the finest level is not the original itself: other positions; or other values only */
     bool started;
 };
 
@@ -165,6 +165,24 @@ static void add_up(struct measure_levels *m, size_t chunk)
         tally_add_up(m->errors + f * m->samples + begin, count, m->scales[f], &m->tallies[f * m->chunks + chunk]);
 }
 
+/* The values of the level at four vertices, as a cell has them. */
+static void gather_values(const struct coarsening *mesh, const uint32_t vertices[4], double *values)
+{
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        for (uint32_t k = 0, n = mesh->fields[f].components; k < n; k++)
+            for (int c = 0; c < 4; c++)
+                *values++ = mesh->fields[f].values[(size_t)vertices[c] * n + k];
+}
+
+/* Where only values are rounded the sample is where it was, whatever else lies at the same point. */
+static void file_rounding(struct measure_levels *m, struct worker *worker, size_t sample)
+{
+    struct point point;
+    find_point(m, sample, &point);
+    gather_values(m->mesh, point.place.vertices, worker->values);
+    file_error(m, sample, &point, worker->values, point.place.weights);
+}
+
 /* What held a sample and its predecessor holds them close together: the second is looked for where the first was found. */
 static void update_chunk(struct measure_levels *m, struct worker *worker, size_t chunk)
 {
@@ -174,6 +192,10 @@ static void update_chunk(struct measure_levels *m, struct worker *worker, size_t
     for (size_t sample = chunk * TALLY_CHUNK; sample < end; sample++) {
         uint32_t begin = m->started ? begin_at(m, sample) : begin_first(m, sample);
         struct point point;
+        if (!m->started && m->rounded && m->hosts[sample] != HOST_NONE) {
+            file_rounding(m, worker, sample);
+            any = true;
+        }
         if (begin == TETLOD_NONE)
             continue;
         find_point(m, sample, &point);
@@ -201,15 +223,6 @@ static enum tetlod_status need_surface(struct measure_levels *m, struct tetlod_e
         return TETLOD_OK;
     return mesh_surface_init(&m->surface, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored, mesh->states, COARSE_SAME,
                              COARSE_CHANGED, error);
-}
-
-/* The values of the level at four vertices, as a cell has them. */
-static void gather_values(const struct coarsening *mesh, const uint32_t vertices[4], double *values)
-{
-    for (uint32_t f = 0; f < mesh->field_count; f++)
-        for (uint32_t k = 0, n = mesh->fields[f].components; k < n; k++)
-            for (int c = 0; c < 4; c++)
-                *values++ = mesh->fields[f].values[(size_t)vertices[c] * n + k];
 }
 
 static void find_stray(struct measure_levels *m, struct worker *worker, struct stray *stray)
@@ -503,11 +516,15 @@ static void place_samples(struct measure_levels *m)
 
 static bool is_displaced(const struct tetmesh *original, const struct coarsening *mesh)
 {
-    size_t n = original->vertex_count;
-    bool same = memcmp(original->positions, mesh->positions, n * 3 * sizeof(double)) == 0;
+    return memcmp(original->positions, mesh->positions, original->vertex_count * 3 * sizeof(double)) != 0;
+}
+
+static bool is_rounded(const struct tetmesh *original, const struct coarsening *mesh)
+{
+    bool same = true;
     for (uint32_t f = 0; f < original->field_count && same; f++)
         same = memcmp(original->fields[f].values, mesh->fields[f].values,
-                      n * original->fields[f].components * sizeof(double)) == 0;
+                      (size_t)original->vertex_count * original->fields[f].components * sizeof(double)) == 0;
     return !same;
 }
 
@@ -572,6 +589,7 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
                                  .made = array_zero(original->vertex_count, 1),
                                  .rounding = 1e-14 * mesh_diagonal(original),
                                  .displaced = is_displaced(original, coarsening)};
+    m->rounded = !m->displaced && is_rounded(original, coarsening);
     if (!m->hosts || !m->errors || !m->scales || !m->tallies || !m->dirty || !m->made)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", measure_levels_bytes(original)));
     for (uint32_t f = 0; f < original->field_count; f++) {

@@ -529,12 +529,13 @@ static void check_verdicts(struct attack *a)
     a->findings = before + (status != 0 && !before);
     if (status != 0 || before || a->lossy)
         return;
-    char lie[200];
-    if (!falsehood_write(&a->falsehood, a->file, &a->dice, path_of(a, "lie.tetlod"), lie, sizeof lie))
+    char text[200];
+    bool lie;
+    if (!falsehood_write(&a->falsehood, a->file, &a->dice, path_of(a, "lie.tetlod"), &lie, text, sizeof text))
         return;
     status = verify(a, "lie.tetlod");
-    if (status != 3)
-        found(a, "verify accepts", "exit status %d: %s", status, lie);
+    if (status != (lie ? 3 : 0))
+        found(a, lie ? "verify accepts" : "verify rejects", "sealed again, exit status %d: %s: %.200s", status, text, said(a));
 }
 
 static void check_stream(struct attack *a)

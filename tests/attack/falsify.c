@@ -69,8 +69,8 @@ static bool seal(const struct recode *recode, const char *path)
     return out && fclose(out) == 0 && written;
 }
 
-bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct dice *dice, const char *path, char *text,
-                     size_t size)
+bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct dice *dice, const char *path, bool *out_lie,
+                     char *text, size_t size)
 {
     static const char *const names[] = {"max", "sampled", "domain error"};
     const struct tetlod_info *info = tetlod_info(file);
@@ -81,6 +81,9 @@ bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct
     if (!choose(f, dice, &what, &level, &field, &truth) || recode_read(&recode, file, NULL) != TETLOD_OK)
         return false;
     double *errors = oracle_memory((size_t)f->levels * step, sizeof *errors), lie = 0.99 * truth;
+    *out_lie = !dice_once_in(dice, 8);
+    if (!*out_lie)
+        lie = INFINITY;
     for (uint32_t k = 0; k < f->levels; k++) {
         memcpy(errors + (size_t)k * step, info->levels[k].errors, step * sizeof *errors);
         recode.levels[k].errors = errors + (size_t)k * step;

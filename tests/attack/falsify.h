@@ -23,8 +23,9 @@ void falsehood_end(struct falsehood *falsehood);
 /* A difference that was found: the largest counts. */
 void falsehood_note(double *at, double difference);
 
-/* Writes the stream with one figure made too small, and says in `text` which. False: there is none that could be. */
+/* Writes the stream with one figure made too small, or, once in eight times, as it was, sealed again; says in `text` which, and
+ * whether it is a lie. False: there is none that could be. */
 bool falsehood_write(const struct falsehood *falsehood, struct tetlod_file *file, struct dice *dice, const char *path,
-                     char *text, size_t size);
+                     bool *out_lie, char *text, size_t size);
 
 #endif

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Sizes and speeds of the format, beside what else the same mesh takes. Usage: bench_format.py TETLOD FOLDER-OF-PROGRAMS SIZES.csv CACHE
 
-The fin sample and the cube of 60^3 * 6 tetrahedra always; PLOT3D's blunt fin (the usual grid and solution) if BLUNT names its folder. The
+The fin sample, finite element results (fe_results.py) and the cube of 60^3 * 6 tetrahedra always; PLOT3D's blunt fin (the usual grid and solution) if BLUNT names its folder. The
 cube's stream takes minutes to contract: it is kept in the folder CACHE, and only coded anew (remove it after a change of the builder).
 The sizes are compared with the committed table, and written to it with UPDATE=1.
 """
@@ -23,7 +23,7 @@ def run(*command):
 
 
 def others(folder, stream, tets):
-    """Bits a tetrahedron of gzip'd VTU, and of zstd -19 on the arrays of VTU as they are."""
+    """Bits a tetrahedron of gzip'd VTU, and of zstd -19 on the arrays of VTU, their bytes shuffled."""
     mesh = os.path.join(folder, 'mesh.vtu')
     run(tetlod, 'extract', stream, '-o', mesh, '--quiet')
     import vtk
@@ -37,7 +37,7 @@ def others(folder, stream, tets):
     raw = os.path.join(folder, 'raw')
     with open(raw, 'wb') as file:
         for array in arrays:
-            file.write(array.tobytes())
+            file.write(array.reshape(-1).view('u1').reshape(-1, array.itemsize).T.tobytes())
     packed = gzip.compress(open(mesh, 'rb').read(), 9)
     return 8 * len(packed) / tets, 8 * len(run('zstd', '-19', '-c', '-q', raw)) / tets
 
@@ -58,6 +58,10 @@ def streams(folder):
     if os.path.exists(os.path.join(blunt, 'bluntfinxyz.bin')):
         yield 'blunt', build(folder, 'blunt', [os.path.join(blunt, 'bluntfinxyz.bin'), '--q', os.path.join(blunt, 'bluntfinq.bin'),
                                                '--field', 'Pressure', '--carry', 'Pressure'])
+    for kind, points in (('elastic', '9000'), ('block', '12000')):
+        mesh = os.path.join(folder, kind + '.vtu')
+        run('/usr/bin/python3', os.path.join(os.path.dirname(__file__), 'fe_results.py'), mesh, points, kind)
+        yield kind, build(folder, kind, [mesh, '--field', 'Temperature'])
     run(tetlod, 'sample', 'cube', '--size', '60', '-o', cube)
     os.makedirs(cache, exist_ok=True)
     yield 'cube60', build(cache, 'cube60', [cube])

@@ -101,7 +101,7 @@ mutant('exact: originals are lost', 'src/simplify/exact/patch.c', 'if (!outside_
 
 mutant('max below sampled', 'src/pipeline/build.c', 'errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);', '',
        'max is never below what was measured', ATTACK)
-mutant('finer levels may be worse', 'src/pipeline/build.c', 'errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);', '',
+mutant('finer levels may be worse', 'src/pipeline/build.c', 'errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);', 'errors[m] = finer[m] < 0 ? 0 : errors[m];',
        'a level promises for all finer ones', ATTACK)
 mutant('domain error of this level only', 'src/pipeline/build.c', '*domain = finer = larger(*domain, finer);', 'finer = *domain;',
        'a level promises for all finer ones', 'unit/test_simplify', ATTACK)

@@ -49,7 +49,7 @@ static size_t differences(const struct stream *s, const struct tetlod_cursor *a,
     if (ma.vertices != mb.vertices || ma.tets != mb.tets || ma.level != mb.level)
         return 1;
     size_t wrong = memcmp(ma.positions, mb.positions, 24 * (size_t)ma.vertices) != 0;
-    wrong += memcmp(ma.corners, mb.corners, 16 * (size_t)ma.tets) != 0;
+    wrong += ma.tets && memcmp(ma.corners, mb.corners, 16 * (size_t)ma.tets) != 0;
     wrong += memcmp(ma.parents, mb.parents, 4 * (size_t)ma.vertices) != 0;
     for (uint32_t f = 0; f < s->info->field_count; f++)
         if (ma.fields[f] && mb.fields[f])
