@@ -36,10 +36,22 @@ struct stray {
     double distance;
 };
 
+/* A tetrahedron of the original whose samples are looked for. */
+struct source {
+    size_t tet;             /* or NO_TET */
+    bool has_values;
+    double positions[4][3];
+    double random[4];       /* weights of its second sample */
+    double *values;         /* as walk_gather makes them */
+};
+
+#define NO_TET ((size_t)-1)
+
 /* What one thread has found out. */
 struct worker {
     struct walker walker;
-    double *values;  /* [4 * component] of all fields */
+    struct source source;
+    double *values;  /* of the level, as walk_gather makes them */
     struct stray *strays; /* that its walks have not found */
     size_t stray_count, stray_capacity;
     bool failed; /* out of memory */
@@ -50,9 +62,12 @@ struct measure_levels {
     struct coarsening *mesh;
     unsigned threads;
     uint32_t field_count;
+    size_t width;           /* components of all fields */
+    struct walk_component *components; /* [width] the original's */
     size_t counted;         /* samples that count */
     uint32_t *hosts;        /* [sample] */
-    double *errors;         /* [field][sample] */
+    float *errors;          /* [field][sample], as tally_keep makes them */
+    uint64_t *hashes;       /* [vertex] of positions */
     size_t samples, chunks;
     struct tally *tallies;  /* [field][chunk] */
     double *scales;         /* [field] of the tallies */
@@ -79,34 +94,70 @@ struct measure_levels {
 
 /* ---- a sample's error */
 
-/* A sample of the original: where it is, and as a combination of vertices. */
+/* A sample of the original: where it is, and as a combination of the corners of its source. */
 struct point {
-    struct place place;
-    double p[3];
+    double p[3], weights[4];
 };
 
-static void find_point(const struct measure_levels *m, size_t sample, struct point *out)
+static void load_source(const struct measure_levels *m, struct source *source, size_t tet)
 {
-    sample_place(m->original, sample, &out->place);
-    for (uint32_t d = 0; d < 3; d++)
-        out->p[d] = place_value(m->original->positions, 3, d, &out->place);
+    const uint32_t *corners = m->original->corners + 4 * tet;
+    uint64_t hashes[4];
+    if (source->tet == tet)
+        return;
+    source->tet = tet;
+    source->has_values = false;
+    for (int i = 0; i < 4; i++) {
+        memcpy(source->positions[i], m->original->positions + 3 * (size_t)corners[i], sizeof source->positions[i]);
+        hashes[i] = m->hashes[corners[i]];
+    }
+    sample_weights_of_hashes(hashes, source->random);
 }
 
-/* The difference from the original, largest over components, for each field: `values` are the level's at four vertices,
- * [4 * component] of all fields. */
-static void file_error(struct measure_levels *m, size_t sample, const struct point *point, const double *values,
+static void find_point(const struct measure_levels *m, struct worker *worker, size_t sample, struct point *out)
+{
+    static const double vertex[4] = {1, 0, 0, 0}, middle[4] = {0.25, 0.25, 0.25, 0.25};
+    struct source *source = &worker->source;
+    size_t n = m->original->vertex_count;
+    if (sample < n) {
+        memcpy(out->weights, vertex, sizeof vertex);
+        memcpy(out->p, m->original->positions + 3 * sample, sizeof out->p);
+        return;
+    }
+    load_source(m, source, (sample - n) / SAMPLES_PER_TET);
+    memcpy(out->weights, (sample - n) % SAMPLES_PER_TET ? source->random : middle, sizeof middle);
+    for (int d = 0; d < 3; d++)
+        out->p[d] = out->weights[0] * source->positions[0][d] + out->weights[1] * source->positions[1][d] +
+                    out->weights[2] * source->positions[2][d] + out->weights[3] * source->positions[3][d];
+}
+
+/* The original's values at the corners of a sample's tetrahedron, or at the vertex that it is. */
+static const double *source_values(const struct measure_levels *m, struct worker *worker, size_t sample)
+{
+    struct source *source = &worker->source;
+    uint32_t vertex = (uint32_t)sample, alone[4] = {vertex, vertex, vertex, vertex};
+    bool is_vertex = sample < m->original->vertex_count;
+    if (is_vertex || !source->has_values)
+        walk_gather(m->components, m->width, is_vertex ? alone : m->original->corners + 4 * source->tet, source->values);
+    source->has_values = !is_vertex;
+    return source->values;
+}
+
+/* The difference from the original, largest over components, for each field: `level` as walk_gather makes it. What is above the first
+ * corner's values is combined: rounding is then about what varies, not about how far from zero it does. */
+static void file_error(struct measure_levels *m, struct worker *worker, size_t sample, const struct point *point, const double *level,
                        const double weights[4])
 {
+    const double *original = source_values(m, worker, sample), *u = point->weights, *w = weights;
+    size_t n = m->width, i = 0;
     for (uint32_t f = 0; f < m->field_count; f++) {
-        const struct point_field *field = &m->original->fields[f];
         double worst = 0;
-        for (uint32_t k = 0; k < field->components; k++, values += 4) {
-            double base = field->values[(size_t)point->place.vertices[0] * field->components + k];
-            double level = weights[0] * (values[0] - base) + weights[1] * (values[1] - base) + weights[2] * (values[2] - base) +
-                           weights[3] * (values[3] - base);
-            worst = larger(worst, fabs(level - place_rise(field->values, field->components, k, &point->place, base)));
+        for (size_t end = i + m->original->fields[f].components; i < end; i++) {
+            double there = w[1] * level[n + i] + w[2] * level[2 * n + i] + w[3] * level[3 * n + i];
+            double here = u[1] * original[n + i] + u[2] * original[2 * n + i] + u[3] * original[3 * n + i];
+            worst = larger(worst, fabs((level[i] - original[i]) + (there - here)));
         }
-        m->errors[f * m->samples + sample] = worst;
+        m->errors[f * m->samples + sample] = tally_keep(worst, m->scales[f]);
     }
 }
 
@@ -132,7 +183,7 @@ static uint32_t find_sample(struct measure_levels *m, struct worker *worker, siz
         return from;
     }
     m->hosts[sample] = cell->tet;
-    file_error(m, sample, point, cell->values, weights);
+    file_error(m, worker, sample, point, cell->values, weights);
     return cell->tet;
 }
 
@@ -162,25 +213,18 @@ static void add_up(struct measure_levels *m, size_t chunk)
 {
     size_t begin = chunk * TALLY_CHUNK, count = m->samples - begin < TALLY_CHUNK ? m->samples - begin : TALLY_CHUNK;
     for (uint32_t f = 0; f < m->field_count; f++)
-        tally_add_up(m->errors + f * m->samples + begin, count, m->scales[f], &m->tallies[f * m->chunks + chunk]);
-}
-
-/* The values of the level at four vertices, as a cell has them. */
-static void gather_values(const struct coarsening *mesh, const uint32_t vertices[4], double *values)
-{
-    for (uint32_t f = 0; f < mesh->field_count; f++)
-        for (uint32_t k = 0, n = mesh->fields[f].components; k < n; k++)
-            for (int c = 0; c < 4; c++)
-                *values++ = mesh->fields[f].values[(size_t)vertices[c] * n + k];
+        tally_add_up_kept(m->errors + f * m->samples + begin, count, m->scales[f], &m->tallies[f * m->chunks + chunk]);
 }
 
 /* Where only values are rounded the sample is where it was, whatever else lies at the same point. */
 static void file_rounding(struct measure_levels *m, struct worker *worker, size_t sample)
 {
     struct point point;
-    find_point(m, sample, &point);
-    gather_values(m->mesh, point.place.vertices, worker->values);
-    file_error(m, sample, &point, worker->values, point.place.weights);
+    const uint32_t vertex = (uint32_t)sample, alone[4] = {vertex, vertex, vertex, vertex};
+    find_point(m, worker, sample, &point);
+    walk_gather(worker->walker.components, m->width,
+                sample < m->original->vertex_count ? alone : m->original->corners + 4 * worker->source.tet, worker->values);
+    file_error(m, worker, sample, &point, worker->values, point.weights);
 }
 
 /* What held a sample and its predecessor holds them close together: the second is looked for where the first was found. */
@@ -198,7 +242,7 @@ static void update_chunk(struct measure_levels *m, struct worker *worker, size_t
         }
         if (begin == TETLOD_NONE)
             continue;
-        find_point(m, sample, &point);
+        find_point(m, worker, sample, &point);
         last_found = find_sample(m, worker, sample, &point, begin == last_begun ? last_found : begin);
         last_begun = begin;
         any = true;
@@ -231,7 +275,7 @@ static void find_stray(struct measure_levels *m, struct worker *worker, struct s
     struct place closest;
     double start[3], weights[4];
     bool room;
-    find_point(m, stray->sample, &point);
+    find_point(m, worker, stray->sample, &point);
     stray->distance = mesh_surface_closest(&m->surface, point.p, &closest, &stray->face);
     if (stray->face == TETLOD_NONE) // it has no boundary at all: nothing is outside
         return;
@@ -241,11 +285,11 @@ static void find_stray(struct measure_levels *m, struct worker *worker, struct s
     worker->failed |= !room;
     if (cell) {
         m->hosts[stray->sample] = cell->tet;
-        file_error(m, stray->sample, &point, cell->values, weights);
+        file_error(m, worker, stray->sample, &point, cell->values, weights);
         return;
     }
-    gather_values(m->mesh, closest.vertices, worker->values);
-    file_error(m, stray->sample, &point, worker->values, closest.weights);
+    walk_gather(worker->walker.components, m->width, closest.vertices, worker->values);
+    file_error(m, worker, stray->sample, &point, worker->values, closest.weights);
 }
 
 static void find_strays(void *context, unsigned number, size_t begin, size_t end)
@@ -261,7 +305,6 @@ static void find_strays(void *context, unsigned number, size_t begin, size_t end
 static void check_strays(void *context, unsigned number, size_t begin, size_t end)
 {
     struct measure_levels *m = context;
-    (void)number;
     for (size_t i = begin; i < end; i++) {
         struct stray *stray = &m->strays[i];
         struct point point;
@@ -270,7 +313,7 @@ static void check_strays(void *context, unsigned number, size_t begin, size_t en
             stray->face = TETLOD_NONE;
         if (stray->face == TETLOD_NONE)
             continue;
-        find_point(m, stray->sample, &point);
+        find_point(m, &m->workers[number], stray->sample, &point);
         if (mesh_surface_distance(&m->changed, point.p, stray->distance, &face) <= stray->distance)
             stray->face = TETLOD_NONE;
     }
@@ -501,8 +544,10 @@ static void place_samples(struct measure_levels *m)
 {
     const struct tetmesh *mesh = m->original;
     size_t n = mesh->vertex_count;
-    for (size_t v = 0; v < n; v++)
+    for (size_t v = 0; v < n; v++) {
         m->hosts[v] = HOST_NONE;
+        m->hashes[v] = sample_hash(mesh->positions + 3 * v);
+    }
     for (size_t t = 0; t < mesh->tet_count; t++) {
         bool counts = !sample_tet_is_degenerate(mesh, t);
         for (size_t i = 0; i < SAMPLES_PER_TET; i++)
@@ -552,15 +597,21 @@ static enum tetlod_status list_boundary(struct measure_levels *m, struct tetlod_
 
 static enum tetlod_status make_workers(struct measure_levels *m, struct tetlod_error *error)
 {
-    size_t values = 0;
     for (uint32_t f = 0; f < m->field_count; f++)
-        values += 4 * (size_t)m->original->fields[f].components;
+        m->width += m->original->fields[f].components;
+    size_t values = 4 * m->width, at = 0;
+    m->components = array_new(m->width, sizeof *m->components);
+    for (uint32_t f = 0; f < m->field_count && m->components; f++)
+        for (uint32_t k = 0; k < m->original->fields[f].components; k++)
+            m->components[at++] = (struct walk_component){m->original->fields[f].values + k, m->original->fields[f].components};
     m->workers = array_zero(m->threads, sizeof *m->workers);
     for (unsigned i = 0; i < m->threads && m->workers; i++) {
-        m->workers[i].values = array_new(values, sizeof(double));
-        if (!m->workers[i].values)
+        struct worker *worker = &m->workers[i];
+        worker->values = array_new(values, sizeof(double));
+        worker->source = (struct source){.tet = NO_TET, .values = array_new(values, sizeof(double))};
+        if (!m->components || !worker->values || !worker->source.values)
             return tetlodi_fail_nomem(error, "the values", values * sizeof(double));
-        TETLOD_TRY(walker_init(&m->workers[i].walker, m->mesh, error));
+        TETLOD_TRY(walker_init(&worker->walker, m->mesh, error));
     }
     return m->workers ? TETLOD_OK : tetlodi_fail_nomem(error, "the threads", m->threads * sizeof *m->workers);
 }
@@ -580,7 +631,8 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
                                  .threads = threads,
                                  .field_count = original->field_count,
                                  .hosts = array_new(samples, sizeof(uint32_t)),
-                                 .errors = array_zero(samples * fields, sizeof(double)),
+                                 .errors = array_zero(samples * fields, sizeof(float)),
+                                 .hashes = array_new(original->vertex_count, sizeof(uint64_t)),
                                  .scales = array_new(fields, sizeof(double)),
                                  .samples = samples,
                                  .chunks = chunks,
@@ -590,7 +642,7 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
                                  .rounding = 1e-14 * mesh_diagonal(original),
                                  .displaced = is_displaced(original, coarsening)};
     m->rounded = !m->displaced && is_rounded(original, coarsening);
-    if (!m->hosts || !m->errors || !m->scales || !m->tallies || !m->dirty || !m->made)
+    if (!m->hosts || !m->errors || !m->hashes || !m->scales || !m->tallies || !m->dirty || !m->made)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", measure_levels_bytes(original)));
     for (uint32_t f = 0; f < original->field_count; f++) {
         struct point_field level = {.components = coarsening->fields[f].components, .values = coarsening->fields[f].values};
@@ -616,11 +668,12 @@ void measure_levels_free(struct measure_levels *m)
     for (unsigned i = 0; i < m->threads && m->workers; i++) {
         walker_fini(&m->workers[i].walker);
         free(m->workers[i].values);
+        free(m->workers[i].source.values);
         free(m->workers[i].strays);
     }
     mesh_surface_fini(&m->boundary);
     mesh_surface_fini(&m->surface);
-    void *const owned[] = {m->hosts, m->errors, m->scales, m->tallies, m->workers, m->strays, m->dirty,
+    void *const owned[] = {m->components, m->hosts, m->errors, m->hashes, m->scales, m->tallies, m->workers, m->strays, m->dirty,
                            m->bound, m->nearest, m->distances, m->made, m->list, m};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
@@ -628,5 +681,5 @@ void measure_levels_free(struct measure_levels *m)
 
 uint64_t measure_levels_bytes(const struct tetmesh *original)
 {
-    return sample_count(original) * (uint64_t)(4 + 8 * original->field_count) + original->vertex_count;
+    return sample_count(original) * (uint64_t)(4 + 4 * original->field_count) + original->vertex_count * UINT64_C(9);
 }

@@ -2,7 +2,7 @@
 /*
  * The errors of a mesh's levels, from fine to coarse, by what changed: each sample knows the tetrahedron that holds it and its
  * error; only samples of tetrahedra that changed are looked for again. What comes out is what measure_mesh would say of each
- * level, but for the rounding of where samples lie.
+ * level, but for the rounding of where samples lie, and rounded up by up to 1.2e-7 of itself: a sample's error is kept as a float.
  */
 #ifndef TETLOD_MEASURE_LEVELS_H
 #define TETLOD_MEASURE_LEVELS_H
@@ -22,8 +22,8 @@ void measure_levels_free(struct measure_levels *measure);
 /* Bytes that it takes beside the coarsening, about. */
 uint64_t measure_levels_bytes(const struct tetmesh *original);
 
-/* Measures the level that the coarsening is at: once at the finest level, then once after each step. out [field_count]. *io_domain comes in as what the domain error is known to be at
- * least (0: nothing), which spares the search for boundary points that are nearer, and is raised to the largest of this and
+/* Measures the level that the coarsening is at: once at the finest level, then once after each step. out [field_count]. *io_domain
+ * comes in as what the domain error is known to be at least (0: nothing), which spares the search for boundary points that are nearer, and is raised to the largest of this and
  * all finer levels. May compact the coarsening. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status measure_levels_next(struct measure_levels *measure, struct measured *out, double *io_domain,
                                                       struct tetlod_error *error);

@@ -36,6 +36,32 @@ void tally_add_up(const double *errors, size_t count, double scale, struct tally
     *out = (struct tally){squares[0], most[0]};
 }
 
+void tally_add_up_kept(const float *errors, size_t count, double scale, struct tally *out)
+{
+    typedef float four_floats __attribute__((vector_size(16), aligned(4)));
+    typedef int32_t four_ints __attribute__((vector_size(16)));
+    typedef double four_doubles __attribute__((vector_size(32)));
+    four_doubles squares = {0};
+    four_ints most = {0}; // bits of numbers that are not negative are in their order
+    for (size_t i = 0; i + 4 <= count; i += 4) {
+        const four_floats kept = *(const four_floats *)(errors + i);
+        const four_doubles wide = __builtin_convertvector(kept, four_doubles);
+        const four_ints bits = (four_ints)kept, more = bits > most;
+        squares += wide * wide;
+        most = (bits & more) | (most & ~more);
+    }
+    *out = (struct tally){(squares[0] + squares[1]) + (squares[2] + squares[3]), 0};
+    float greatest[4];
+    memcpy(greatest, &most, sizeof greatest);
+    for (size_t i = count / 4 * 4; i < count; i++) {
+        out->squares += (double)errors[i] * (double)errors[i];
+        greatest[0] = errors[i] > greatest[0] ? errors[i] : greatest[0];
+    }
+    for (int k = 0; k < 4; k++)
+        out->most = (double)greatest[k] > out->most ? (double)greatest[k] : out->most;
+    out->most /= scale;
+}
+
 void tally_result(const struct tally *tallies, size_t chunks, double scale, size_t counted, double *out_most, double *out_rms)
 {
     double squares = 0, most = 0;

@@ -8,6 +8,8 @@
 #define TETLOD_TALLY_H
 
 #include <stddef.h>
+#include <stdint.h>
+#include <string.h>
 
 #include "src/mesh/tetmesh.h"
 
@@ -26,6 +28,20 @@ struct tally {
 /* A power of two that brings errors of a field below 1, so that no square overflows: of two meshes whose values are in these
  * ranges. */
 double tally_scale(const double a[2], const double b[2]);
+
+/* An error times the scale, rounded up to what a float holds: it may be kept for every sample. */
+static inline float tally_keep(double error, double scale)
+{
+    float kept = (float)(error * scale);
+    uint32_t bits;
+    memcpy(&bits, &kept, sizeof bits); // of a number that is not negative: one more is the next one
+    bits += (double)kept < error * scale;
+    memcpy(&kept, &bits, sizeof kept);
+    return kept;
+}
+
+/* Of errors that tally_keep made. */
+void tally_add_up_kept(const float *errors, size_t count, double scale, struct tally *out);
 
 void tally_add_up(const double *errors, size_t count, double scale, struct tally *out);
 

@@ -13,26 +13,49 @@
  * well shaped tetrahedra is far below either. */
 static const double ON_FACE = -1e-9, INSIDE = -1e-13;
 
+void walk_gather(const struct walk_component *components, size_t width, const uint32_t vertices[4], double *out)
+{
+    for (size_t i = 0; i < width; i++) {
+        const double *values = components[i].values;
+        size_t stride = components[i].stride;
+        double first = out[i] = values[vertices[0] * stride];
+        for (size_t c = 1; c < 4; c++)
+            out[c * width + i] = values[vertices[c] * stride] - first;
+    }
+}
+
+static size_t width_of(const struct coarsening *mesh)
+{
+    size_t width = 0;
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        width += mesh->fields[f].components;
+    return width;
+}
+
 enum tetlod_status walker_init(struct walker *walker, const struct coarsening *mesh, struct tetlod_error *error)
 {
-    size_t values = 0;
-    for (uint32_t f = 0; f < mesh->field_count; f++)
-        values += 4 * (size_t)mesh->fields[f].components;
+    size_t width = width_of(mesh), i = 0;
     *walker = (struct walker){.mesh = mesh,
+                              .width = width,
+                              .components = array_new(width, sizeof *walker->components),
                               .cells = array_new(WALK_CELLS, sizeof *walker->cells),
-                              .values = array_new(WALK_CELLS, values * sizeof(double))};
-    if (!walker->cells || !walker->values) {
+                              .values = array_new(WALK_CELLS, 4 * width * sizeof(double))};
+    if (!walker->components || !walker->cells || !walker->values) {
         walker_fini(walker);
-        return tetlodi_fail_nomem(error, "the walk", WALK_CELLS * (sizeof *walker->cells + 8 * values));
+        return tetlodi_fail_nomem(error, "the walk", WALK_CELLS * (sizeof *walker->cells + 32 * width));
     }
-    for (size_t i = 0; i < WALK_CELLS; i++)
-        walker->cells[i].values = walker->values + i * values;
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        for (uint32_t k = 0; k < mesh->fields[f].components; k++)
+            walker->components[i++] = (struct walk_component){mesh->fields[f].values + k, mesh->fields[f].components};
+    for (i = 0; i < WALK_CELLS; i++)
+        walker->cells[i].values = walker->values + 4 * i * width;
     walker_reset(walker);
     return TETLOD_OK;
 }
 
 void walker_fini(struct walker *walker)
 {
+    free(walker->components);
     free(walker->cells);
     free(walker->values);
     free(walker->seen);
@@ -53,11 +76,13 @@ static void cross(const double a[3], const double b[3], double factor, double ou
     out[2] = (a[0] * b[1] - a[1] * b[0]) * factor;
 }
 
-static void fill_cell(const struct coarsening *mesh, struct walk_cell *cell, uint32_t tet)
+static void fill_cell(const struct walker *walker, struct walk_cell *cell, uint32_t tet)
 {
-    double edges[3][3], *values = cell->values;
+    const struct coarsening *mesh = walker->mesh;
+    double edges[3][3];
     cell->tet = tet;
     memcpy(cell->slots, mesh->corners + 4 * (size_t)tet, sizeof cell->slots);
+    memcpy(cell->across, mesh->neighbours + 4 * (size_t)tet, sizeof cell->across);
     memcpy(cell->origin, mesh->positions + 3 * (size_t)cell->slots[0], sizeof cell->origin);
     for (int i = 0; i < 3; i++)
         for (int d = 0; d < 3; d++)
@@ -67,35 +92,36 @@ static void fill_cell(const struct coarsening *mesh, struct walk_cell *cell, uin
     cell->flat = volume6 == 0;
     for (int i = 0; i < 3 && !cell->flat; i++)
         cross(edges[(i + 1) % 3], edges[(i + 2) % 3], 1 / volume6, cell->rows[i]);
-    for (uint32_t f = 0; f < mesh->field_count; f++)
-        for (uint32_t k = 0, n = mesh->fields[f].components; k < n; k++)
-            for (int c = 0; c < 4; c++)
-                *values++ = mesh->fields[f].values[(size_t)cell->slots[c] * n + k];
+    walk_gather(walker->components, walker->width, cell->slots, cell->values);
 }
 
 static inline const struct walk_cell *cell_of(struct walker *walker, uint32_t tet)
 {
     struct walk_cell *cell = &walker->cells[tet % WALK_CELLS];
     if (cell->tet != tet)
-        fill_cell(walker->mesh, cell, tet);
+        fill_cell(walker, cell, tet);
     return cell;
 }
 
-/* The weights of p, the number of the least, and the least. Not of flat cells. */
-static inline double cell_weights(const struct walk_cell *cell, const double p[3], double weights[4], int *out_least)
+/* The weights of p. Not of flat cells. */
+static inline void cell_weights(const struct walk_cell *cell, const double p[3], double weights[4])
 {
     double x = p[0] - cell->origin[0], y = p[1] - cell->origin[1], z = p[2] - cell->origin[2];
-    double b = cell->rows[0][0] * x + cell->rows[0][1] * y + cell->rows[0][2] * z;
-    double c = cell->rows[1][0] * x + cell->rows[1][1] * y + cell->rows[1][2] * z;
-    double d = cell->rows[2][0] * x + cell->rows[2][1] * y + cell->rows[2][2] * z, a = 1 - b - c - d;
-    weights[0] = a;
-    weights[1] = b;
-    weights[2] = c;
-    weights[3] = d;
-    int ab = b < a ? 1 : 0, cd = d < c ? 3 : 2;
-    double least_ab = smaller(a, b), least_cd = smaller(c, d);
-    *out_least = least_cd < least_ab ? cd : ab;
-    return smaller(least_ab, least_cd);
+    for (int i = 0; i < 3; i++)
+        weights[i + 1] = cell->rows[i][0] * x + cell->rows[i][1] * y + cell->rows[i][2] * z;
+    weights[0] = 1 - weights[1] - weights[2] - weights[3];
+}
+
+static inline double least_weight(const double w[4], int *out_least)
+{
+    int ab = w[1] < w[0] ? 1 : 0, cd = w[3] < w[2] ? 3 : 2;
+    *out_least = w[cd] < w[ab] ? cd : ab;
+    return w[*out_least];
+}
+
+static inline bool all_above(const double w[4], double least)
+{
+    return (w[0] >= least) & (w[1] >= least) & (w[2] >= least) & (w[3] >= least);
 }
 
 /* In a thin tetrahedron the rounding of weights says anything, even of its own corners. */
@@ -121,10 +147,11 @@ const struct walk_cell *walk_to(struct walker *walker, uint32_t from, const doub
         int worst;
         if (cell->flat)
             return NULL;
-        double least = cell_weights(cell, p, weights, &worst);
-        if (least >= INSIDE)
+        cell_weights(cell, p, weights);
+        if (all_above(weights, INSIDE))
             return cell;
-        uint32_t across = walker->mesh->neighbours[4 * (size_t)from + (unsigned)worst];
+        double least = least_weight(weights, &worst);
+        uint32_t across = cell->across[worst];
         uint32_t next = across == TETLOD_NONE ? TETLOD_NONE : across / 4;
         if (least >= ON_FACE && (next == TETLOD_NONE || next == before))
             return cell;
@@ -142,11 +169,10 @@ const struct walk_cell *walk_to(struct walker *walker, uint32_t from, const doub
 static bool meets(const struct walk_cell *cell, const double start[3], const double p[3])
 {
     double a[4], b[4], from = 0, to = 1;
-    int least;
     if (cell->flat)
         return true;
-    cell_weights(cell, start, a, &least);
-    cell_weights(cell, p, b, &least);
+    cell_weights(cell, start, a);
+    cell_weights(cell, p, b);
     for (int i = 0; i < 4; i++) {
         double at = a[i] - ON_FACE, end = b[i] - ON_FACE; // >= 0 inside
         if (at < 0 && end < 0)
@@ -209,7 +235,6 @@ const struct walk_cell *walk_along(struct walker *walker, uint32_t from, const d
                                    double weights[4], bool *out_room)
 {
     const struct walk_cell *found = NULL;
-    int least;
     walker->seen_count = 0;
     *out_room = make_room(walker);
     if (*out_room)
@@ -217,7 +242,9 @@ const struct walk_cell *walk_along(struct walker *walker, uint32_t from, const d
     for (size_t i = 0; i < walker->seen_count && *out_room && !found; i++) {
         uint32_t tet = walker->seen[i];
         const struct walk_cell *cell = cell_of(walker, tet);
-        if ((!cell->flat && cell_weights(cell, p, weights, &least) >= ON_FACE) || at_corner(walker, cell, p, weights)) {
+        if (!cell->flat)
+            cell_weights(cell, p, weights);
+        if ((!cell->flat && all_above(weights, ON_FACE)) || at_corner(walker, cell, p, weights)) {
             found = cell;
             break;
         }

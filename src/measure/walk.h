@@ -7,18 +7,26 @@
 
 enum { WALK_CELLS = 512 };
 
+/* A component of a field: of vertex v it is values[v * stride]. */
+struct walk_component {
+    const double *values;
+    size_t stride;
+};
+
 /* A tetrahedron as affine functions: weights[1 + i](p) = rows[i] . (p - origin). */
 struct walk_cell {
     uint32_t tet;
     bool flat;
-    uint32_t slots[4];
+    uint32_t slots[4], across[4]; /* corners; the neighbours, as the coarsening has them */
     double origin[3], rows[3][3];
-    double *values; /* [4 * component] of all fields, at the corners */
+    double *values; /* as walk_gather makes them */
 };
 
 /* One thread's cache of cells, and its list of those that a search along a line has seen. */
 struct walker {
     const struct coarsening *mesh; /* borrowed */
+    size_t width;
+    struct walk_component *components; /* [width] of all fields of the mesh */
     struct walk_cell *cells;       /* [WALK_CELLS] by the number's last bits */
     double *values;                /* theirs */
     uint32_t *seen;                /* [seen_count] */
@@ -26,6 +34,9 @@ struct walker {
     uint32_t *table;               /* [table_size, a power of two] hashed: those of `seen`, or TETLOD_NONE */
     size_t table_size;
 };
+
+/* out [4][width]: the values at the first of four vertices, and what those at the others are above it. */
+void walk_gather(const struct walk_component *components, size_t width, const uint32_t vertices[4], double *out);
 
 TETLOD_CHECKED enum tetlod_status walker_init(struct walker *walker, const struct coarsening *mesh, struct tetlod_error *error);
 void walker_fini(struct walker *walker);

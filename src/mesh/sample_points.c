@@ -13,8 +13,8 @@ static uint64_t mix(uint64_t x) // splitmix64's finaliser
     return x ^ x >> 31;
 }
 
-/* A number that depends on a position only, -0 being 0. */
-static uint64_t position_hash(const double p[3])
+/* -0 is 0. */
+uint64_t sample_hash(const double p[3])
 {
     const double plain[3] = {p[0] + 0.0, p[1] + 0.0, p[2] + 0.0};
     uint64_t bits[3];
@@ -22,20 +22,25 @@ static uint64_t position_hash(const double p[3])
     return mix(bits[0] + 0x9e3779b97f4a7c15ull * bits[1] + 0xc2b2ae3d27d4eb4full * bits[2]);
 }
 
-void sample_weights(const struct tetmesh *mesh, const uint32_t corners[4], unsigned which, double weights[4])
+void sample_weights_of_hashes(const uint64_t hashes[4], double weights[4])
 {
-    uint64_t hashes[4], sum = 0;
+    uint64_t sum = hashes[0] + hashes[1] + hashes[2] + hashes[3];
     double total = 0;
-    for (int i = 0; i < 4; i++)
-        weights[i] = 0.25;
-    if (!which)
-        return;
-    for (int i = 0; i < 4; i++)
-        sum += hashes[i] = position_hash(mesh->positions + 3 * (size_t)corners[i]);
     for (int i = 0; i < 4; i++)
         total += weights[i] = (double)((mix(hashes[i] + mix(sum)) >> 11) + 1);
     for (int i = 0; i < 4; i++)
         weights[i] /= total;
+}
+
+void sample_weights(const struct tetmesh *mesh, const uint32_t corners[4], unsigned which, double weights[4])
+{
+    uint64_t hashes[4];
+    for (int i = 0; i < 4; i++)
+        weights[i] = 0.25;
+    for (int i = 0; i < 4 && which; i++)
+        hashes[i] = sample_hash(mesh->positions + 3 * (size_t)corners[i]);
+    if (which)
+        sample_weights_of_hashes(hashes, weights);
 }
 
 void sample_place(const struct tetmesh *mesh, size_t sample, struct place *out)

@@ -19,6 +19,12 @@ static inline size_t sample_count(const struct tetmesh *mesh)
     return mesh->vertex_count + SAMPLES_PER_TET * (size_t)mesh->tet_count;
 }
 
+/* A number that depends on a position only. */
+uint64_t sample_hash(const double p[3]);
+
+/* Weights of the point at random in a tetrahedron whose corners have these hashes. */
+void sample_weights_of_hashes(const uint64_t hashes[4], double weights[4]);
+
 /* Weights of sample `which` < SAMPLES_PER_TET in a tetrahedron. */
 void sample_weights(const struct tetmesh *mesh, const uint32_t corners[4], unsigned which, double weights[4]);
 
