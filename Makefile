@@ -187,7 +187,7 @@ $(B)/tests/bench/%: $(B)/tests/bench/%.o $(call objects,$(SUPPORT_SRC)) $(INTERN
 $(B)/tests/fuzz/fuzz_%: $(B)/tests/fuzz/fuzz_%.o $(if $(FUZZER),,$(B)/tests/fuzz/replay.o) $(call objects,$(SUPPORT_SRC)) $(INTERNAL) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(FUZZER) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
 
-$(B)/tests/oom/failmalloc.so: tests/oom/failmalloc.c
+$(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so: $(B)/%.so: %.c
 	@mkdir -p $(@D)
 	$(Q)$(CC) -std=c11 -O1 -fPIC -shared -o $@ $< -ldl
 
@@ -227,7 +227,7 @@ check: deps-check
 
 ## tests: the test programs of this config
 .PHONY: tests
-tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(B)/tests/oom/failmalloc.so $(B)/tests/attack/attack)
+tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so $(B)/tests/attack/attack)
 
 ## fuzz: run each fuzz target for TIME seconds (TARGET=name for one)
 .PHONY: fuzz

@@ -14,6 +14,7 @@
 
 #include "format/fail.h"
 #include "src/util/array.h"
+#include "src/util/temporary.h"
 
 static enum tetlod_status fail_errno(struct tetlod_error *error, const char *path, const char *doing)
 {
@@ -72,11 +73,13 @@ struct file_output {
     FILE *stream;
     char *path, *temporary;
     size_t temporary_size;
+    struct temporary *guard; /* of a temporary name */
     int failed_errno;
 };
 
 static void output_free(struct file_output *output)
 {
+    temporary_end(output->guard);
     free(output->path);
     free(output->temporary);
     free(output);
@@ -109,7 +112,7 @@ static int open_unnamed(struct file_output *output)
 static int open_temporary(struct file_output *output)
 {
     snprintf(output->temporary, output->temporary_size, "%s.XXXXXX", output->path);
-    int fd = mkostemp(output->temporary, O_CLOEXEC);
+    int fd = temporary_open(&output->guard, output->temporary);
     mode_t mask = umask(0);
     umask(mask);
     if (fd >= 0 && fchmod(fd, 0666 & ~mask) != 0) {

@@ -4,6 +4,8 @@
 import hashlib
 import json
 import os
+import shutil
+import signal
 import struct
 import subprocess
 import sys
@@ -406,6 +408,31 @@ def killed():
         report(name, stopped > 0 and not problems, (stopped, problems))
 
 
+def stopped():
+    """Ctrl-C and SIGTERM end a build at once and leave nothing, also where a file system has no files without a name (O_TMPFILE)."""
+    shim = os.path.join(os.environ['ROOT'], 'build/release/tests/cli/no_tmpfile.so')
+    for name, preload in ('', None), (' without O_TMPFILE', shim):
+        if preload and CONFIG != 'release':
+            report('a stopped build' + name, True, skip='release only')
+            continue
+        environment = dict(os.environ, LD_PRELOAD=preload) if preload else os.environ
+        problems, ended, seen = [], 0, set()
+        for number in signal.SIGINT, signal.SIGTERM:
+            for delay in .05, .2, .5:
+                folder = path('stop')
+                shutil.rmtree(folder, ignore_errors=True)
+                os.makedirs(folder)
+                build = subprocess.Popen([TETLOD, 'build', '../big.vtu', '-o', 'out.tetlod', '--quiet'], cwd=folder, env=environment)
+                time.sleep(delay)
+                seen |= {file for file in os.listdir(folder) if file != 'out.tetlod'}
+                build.send_signal(number)
+                code, left = build.wait(), os.listdir(folder)
+                ended += code == -number and not left
+                if (code, left) not in ((-number, []), (0, ['out.tetlod'])):
+                    problems.append((number, delay, code, left))
+        report('a stopped build%s leaves nothing' % name, ended and not problems and bool(seen) == bool(preload), (ended, seen, problems))
+
+
 def damaged():
     good = open(path('torus.tetlod'), 'rb').read()
     levels = info('torus.tetlod')['levels']
@@ -549,6 +576,7 @@ usage()
 special_meshes()
 determinism()
 killed()
+stopped()
 damaged()
 against()
 forged()
