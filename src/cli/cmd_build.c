@@ -5,7 +5,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include "format/fail.h"
@@ -366,18 +365,30 @@ static enum tetlod_status build_file(struct request *request, const struct tetme
     return status;
 }
 
+/* The most memory so far, in bytes. What getrusage says may be the peak of the process that started this one. */
+static uint64_t peak_memory(void)
+{
+    unsigned long long peak = 0;
+    char line[256];
+    FILE *status = fopen("/proc/self/status", "r");
+    while (status && fgets(line, sizeof line, status) && sscanf(line, "VmHWM: %llu kB", &peak) != 1)
+        ;
+    if (status)
+        fclose(status);
+    return (uint64_t)peak << 10;
+}
+
 static int print_json(const struct request *request, const struct build_report *report, double read_seconds,
                       double write_seconds)
 {
     struct tetlod_file *file;
     struct tetlod_error error = {0};
-    struct rusage usage;
     int fd;
     char id[256];
     if (cli_open_stream(request->output, &file, &fd, &error) != TETLOD_OK)
         return cli_fail(&error);
     stream_id(request->output, id, sizeof id);
-    getrusage(RUSAGE_SELF, &usage);
+    uint64_t peak = peak_memory();
     json_t *object = info_json(tetlod_info(file), id);
     json_t *seconds = json_pack("{s:f, s:f, s:f, s:f, s:f}", "read", read_seconds, "contract",
                                 request->seconds[BUILD_CONTRACT], "measure", request->seconds[BUILD_MEASURE], "encode",
@@ -389,8 +400,8 @@ static int print_json(const struct request *request, const struct build_report *
     json_t *more = json_pack("{s:o, s:o, s:I, s:I, s:I, s:f, s:i}", "seconds", seconds, "refused", refused, "contractions",
                              (json_int_t)report->contractions,
                              "nan_filled", (json_int_t)request->nan_filled,
-                             "peak_memory", (json_int_t)usage.ru_maxrss * 1024, "bytes_per_tetrahedron",
-                             (double)usage.ru_maxrss * 1024 / (double)tetlod_info(file)->tets, "threads", (int)request->build.threads);
+                             "peak_memory", (json_int_t)peak, "bytes_per_tetrahedron",
+                             (double)peak / (double)tetlod_info(file)->tets, "threads", (int)request->build.threads);
     char *text = object && more && json_object_update(object, more) == 0 ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
     if (text)
         puts(text);

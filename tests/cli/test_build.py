@@ -433,6 +433,19 @@ def stopped():
         report('a stopped build%s leaves nothing' % name, ended and not problems and bool(seen) == bool(preload), (ended, seen, problems))
 
 
+def memory():
+    """What --memory counts is what a build takes at its peak."""
+    if CONFIG != 'release':
+        return report('--memory: right within 10 %', True, skip='release only')
+    for sample, size, options in (('cube', 12, ()), ('cube', 24, ()), ('cube', 24, ('--metric', 'sva')), ('fin', 24, ()),
+                                  ('fin', 24, ('--field', 'Pressure', '--field', 'Density', '--field', 'Velocity'))):
+        tetlod('sample', sample, '--size', str(size), '-o', 'm.vtu')
+        refused = tetlod('build', 'm.vtu', '-o', 'm.tetlod', '--memory', '1', *options).stderr.decode()
+        said = int(refused.split('needs about ')[1].split()[0])
+        peak = json.loads(tetlod('build', 'm.vtu', '-o', 'm.tetlod', '--json', '--quiet', *options).stdout)['peak_memory'] / 2 ** 20
+        report('--memory: %s %d %s: right within 10 %%' % (sample, size, ' '.join(options)), abs(said - peak) <= .1 * peak + .5, (said, peak))
+
+
 def damaged():
     good = open(path('torus.tetlod'), 'rb').read()
     levels = info('torus.tetlod')['levels']
@@ -577,6 +590,7 @@ special_meshes()
 determinism()
 killed()
 stopped()
+memory()
 damaged()
 against()
 forged()
