@@ -8,19 +8,21 @@
 #include "server/answer/frames.h"
 #include "server/answer/made.h"
 #include "server/answer/respond.h"
+#include "server/answer/streamed.h"
 #include "src/io/io.h"
 
 /* A file format of an answer. `write` is NULL for the stream's own prefix. */
 struct mesh_format {
     const char *name, *media_type;
     enum tetlod_status (*write)(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error);
+    enum tetlod_status (*lay_out)(struct io_layout **out, const struct tetmesh *shape, struct tetlod_error *error);
 };
 
 static const struct mesh_format mesh_formats[] = {
-    {"vtu", "application/vnd.vtk.vtu", io_write_vtu_plain},
-    {"vtk", "application/vnd.vtk", io_write_vtk},
-    {"tetlod", "application/vnd.tetlod", NULL},
-    {NULL, NULL, NULL},
+    {"vtu", "application/vnd.vtk.vtu", io_write_vtu_plain, io_layout_vtu},
+    {"vtk", "application/vnd.vtk", io_write_vtk, io_layout_vtk},
+    {"tetlod", "application/vnd.tetlod", NULL, NULL},
+    {NULL, NULL, NULL, NULL},
 };
 
 static const struct mesh_format *mesh_format_find(const char *name)
@@ -66,8 +68,10 @@ static enum outcome answer_file(struct exchange *exchange, struct dataset *datas
     const struct tetlod_info *info = dataset_info(dataset);
     const struct level_answer answer = {level, format->name, format->media_type, mesh_file_bytes(info, level),
                                         write_mesh, format, sizeof *format};
-    if (format->write)
+    if (format->write && fits_cache(exchange->site, info, &answer))
         return answer_from_level(exchange, dataset, &answer);
+    if (format->write)
+        return answer_streamed(exchange, dataset, &(struct streamed_answer){level, format->name, format->media_type, format->lay_out});
     enum outcome outcome = answer_immutable(exchange, respond_level_prefix(exchange, dataset, level));
     if (outcome == ANSWERED && exchange->response->status == 200)
         level_headers(exchange->response, dataset, level);

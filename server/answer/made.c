@@ -63,6 +63,11 @@ static uint64_t making_bytes(const struct tetlod_info *info, const struct level_
            info->vertices * (uint64_t)4 + answer->file_bytes * 5 / 2 + 65536;
 }
 
+bool fits_cache(const struct site *site, const struct tetlod_info *info, const struct level_answer *answer)
+{
+    return cache_for(site, making_bytes(info, answer)) == site->cache;
+}
+
 /* The value is NULL if it is not there yet, or the response says why it will not be. */
 static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer,
                                   enum coding coding, struct cache *cache, const char *key, const struct cache_value **out)

@@ -17,6 +17,9 @@ struct level_answer {
     size_t choice_size;
 };
 
+/* Whether what making takes has room in the cache; else the answer should be written while it is sent, if it can be. */
+bool fits_cache(const struct site *site, const struct tetlod_info *info, const struct level_answer *answer);
+
 enum outcome answer_from_level(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer);
 
 #endif

@@ -70,7 +70,7 @@ static void print_etag(const struct representation *representation, char out[sta
     snprintf(out, ETAG_CAPACITY, "\"%s%s%s\"", representation->etag, coding ? "-" : "", coding_name(coding));
 }
 
-static void respond_representation(struct response *response, const struct representation *representation)
+void respond_representation(struct response *response, const struct representation *representation)
 {
     enum coding coding = representation->coding;
     response->status = 200;

@@ -27,6 +27,9 @@ struct representation {
     bool alone;       /* it is not sent in other codings */
 };
 
+/* Status, type, coding and entity tag. */
+void respond_representation(struct response *response, const struct representation *representation);
+
 /* Answers with a cached value that is pinned, and says where it came from. */
 void respond_body(struct exchange *exchange, const struct cache_value *value, const struct representation *representation);
 

@@ -148,7 +148,7 @@ static void apply_conditions(const struct request *request, struct response *res
         response_header(response, "Content-Range", "bytes %llu-%llu/%llu", (unsigned long long)first,
                         (unsigned long long)(first + length - 1), (unsigned long long)size);
         response->size = length;
-        if (response->kind == BODY_FILE)
+        if (response->kind == BODY_PIECES)
             response->offset += first;
         else
             response->bytes = (const unsigned char *)response->bytes + first;
