@@ -13,7 +13,7 @@
 #include "server/answer/assets.h"
 #include "server/store/catalogue.h"
 #include "server/answer/stream_json.h"
-#include "server/store/forest.h"
+#include "src/forest/forest.h"
 #include "server/server.h"
 #include "src/io/io.h"
 #include "src/report/info_json.h"

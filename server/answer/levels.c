@@ -25,7 +25,7 @@ static const struct mesh_format mesh_formats[] = {
     {NULL, NULL, NULL, NULL},
 };
 
-static const struct mesh_format *mesh_format_find(const char *name)
+const struct mesh_format *mesh_format_find(const char *name)
 {
     for (const struct mesh_format *format = mesh_formats; format->name; format++)
         if (strcmp(format->name, name) == 0)
@@ -33,9 +33,26 @@ static const struct mesh_format *mesh_format_find(const char *name)
     return NULL;
 }
 
-bool mesh_format_known(const char *name)
+bool mesh_format_writes(const struct mesh_format *format)
 {
-    return mesh_format_find(name) != NULL;
+    return format->write != NULL;
+}
+
+const char *mesh_format_name(const struct mesh_format *format)
+{
+    return format->name;
+}
+
+const char *mesh_format_type(const struct mesh_format *format)
+{
+    return format->media_type;
+}
+
+enum tetlod_status mesh_format_write(const struct mesh_format *format, const struct tetmesh *mesh, struct buffer *out,
+                                     struct tetlod_error *error)
+{
+    struct tetlodi_sink sink = buffer_sink(out);
+    return format->write(mesh, &sink, error);
 }
 
 void respond_bad_format(struct exchange *exchange, const char *name)
@@ -49,13 +66,11 @@ void respond_bad_format(struct exchange *exchange, const char *name)
 
 static enum tetlod_status write_mesh(const void *choice, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
 {
-    const struct mesh_format *format = choice;
-    struct tetlodi_sink sink = buffer_sink(out);
-    return format->write(mesh, &sink, error);
+    return mesh_format_write(choice, mesh, out, error);
 }
 
-/* At most: both formats are binary. */
-static uint64_t mesh_file_bytes(const struct tetlod_info *info, uint32_t level)
+/* Both formats are binary. */
+uint64_t mesh_format_bytes(const struct tetlod_info *info, uint32_t level)
 {
     uint64_t components = 3;
     for (uint32_t f = 0; f < info->field_count; f++)
@@ -66,8 +81,8 @@ static uint64_t mesh_file_bytes(const struct tetlod_info *info, uint32_t level)
 static enum outcome answer_file(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_format *format)
 {
     const struct tetlod_info *info = dataset_info(dataset);
-    const struct level_answer answer = {level, format->name, format->media_type, mesh_file_bytes(info, level),
-                                        write_mesh, format, sizeof *format};
+    const struct level_answer answer = {.level = level, .name = format->name, .media_type = format->media_type,
+                                        .file_bytes = mesh_format_bytes(info, level), .write = write_mesh, .choice = format, .choice_size = sizeof *format};
     if (format->write && fits_cache(exchange->site, info, &answer))
         return answer_from_level(exchange, dataset, &answer);
     if (format->write)

@@ -9,7 +9,7 @@
 
 #include "format/fail.h"
 #include "server/answer/respond.h"
-#include "server/store/forest.h"
+#include "src/forest/forest.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 

@@ -56,7 +56,7 @@ enum tetlod_status body_take(struct buffer *buffer, double started, double extra
         buffer->bytes = exact; // what it grew beyond its size is not counted
     if (!body)
         return tetlodi_fail_nomem(error, "an answer", sizeof *body);
-    *body = (struct body){buffer->size, (extracted - started) * 1e3, (monotonic_seconds() - started) * 1e3, buffer->bytes};
+    *body = (struct body){buffer->size, (extracted - started) * 1e3, (monotonic_seconds() - started) * 1e3, buffer->bytes, {0}};
     *out = (struct cache_value){body, sizeof *body + buffer->size, body_free};
     *buffer = (struct buffer){0};
     return TETLOD_OK;

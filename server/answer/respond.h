@@ -8,11 +8,18 @@
 #include "server/answer/buffer.h"
 #include "server/answer/exchange.h"
 
+/* What a region's headers say of it. */
+struct region_note {
+    uint32_t vertices, tets, belt_tets;
+    double belt_error; /* the largest of the controlled fields, a fraction of the range */
+};
+
 /* The value of a cached answer. */
 struct body {
     size_t size;
     double extract, make; /* milliseconds that it took: the level alone, and all */
     unsigned char *bytes;
+    struct region_note note; /* of a region */
 };
 
 /* Turns a buffer, which it empties, into a cache value that was made from `started` until now, its level until `extracted`. */

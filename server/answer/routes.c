@@ -9,6 +9,7 @@
 #include "server/answer/choose.h"
 #include "server/answer/frames.h"
 #include "server/answer/levels.h"
+#include "server/answer/regions.h"
 #include "server/answer/site.h"
 #include "server/answer/surfaces.h"
 
@@ -24,6 +25,7 @@ const struct route site_routes[] = {
     {"/v1/meshes/{id}/{cid}/stream", handle_stream},
     {"/v1/meshes/{id}/{cid}/records/{from}-{to}", handle_records},
     {"/v1/meshes/{id}/{cid}/levels/{level}/mesh.{format}", handle_level_mesh},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/region.{format}", handle_region},
     {"/v1/meshes/{id}/{cid}/levels/{level}/surface.{format}", handle_surface},
     {"/v1/meshes/{id}/{cid}/levels/{level}/isosurface.{format}", handle_isosurface},
     {"/v1/meshes/{id}/{cid}/levels/{level}/slice.{format}", handle_slice},

@@ -9,7 +9,7 @@
 #include "format/fail.h"
 #include "server/answer/obtain.h"
 #include "server/answer/respond.h"
-#include "server/store/forest.h"
+#include "src/forest/forest.h"
 #include "src/util/array.h"
 
 /* A view on its way to a worker. */

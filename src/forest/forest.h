@@ -11,8 +11,8 @@
  * stage above it, in O(level), and is there as soon as that stage is decoded. What is there never changes: levels are read
  * by any number of threads while one decodes further, without locks.
  */
-#ifndef TETLOD_SERVER_FOREST_H
-#define TETLOD_SERVER_FOREST_H
+#ifndef TETLOD_FOREST_H
+#define TETLOD_FOREST_H
 
 #include "format/tetlod.h"
 #include "src/mesh/tetmesh.h"
