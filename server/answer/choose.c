@@ -68,13 +68,16 @@ static bool parse_budget(struct exchange *exchange, struct choice *choice)
     for (int b = 0; b < BUDGETS; b++) {
         char text[sizeof choice->text];
         enum query_result result = query_value(exchange->query, budget_names[b], text, sizeof text);
+        if (result == QUERY_BAD) {
+            response_problem(exchange->response, 400, target_of(exchange),
+                             "%s cannot be read: it is given once, and in an address a percent sign is written %%25, as in error=1%%25", budget_names[b]);
+            return false;
+        }
         if (result == QUERY_ABSENT)
             continue;
         given++;
         choice->budget = (enum budget)b;
         memcpy(choice->text, text, sizeof text);
-        if (result == QUERY_BAD)
-            given = BUDGETS;
     }
     if (given == 1)
         return true;

@@ -261,6 +261,8 @@ enum outcome handle_stream(struct exchange *exchange)
     const struct tetlod_info *info = dataset_info(dataset);
     if (check_parameters(exchange, none))
         outcome = answer_immutable(exchange, respond_stored(exchange, dataset, &(struct tetlod_span){0, info->bytes}, 1, info->cid));
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        name_download(exchange->response, dataset, ".tetlod");
     dataset_release(dataset);
     return outcome;
 }

@@ -107,6 +107,8 @@ enum outcome handle_level_mesh(struct exchange *exchange)
         respond_bad_format(exchange, exchange->captures[3]);
     else if (check_parameters(exchange, none) && parse_level(exchange, info, exchange->captures[2], &level))
         outcome = answer_file(exchange, dataset, level, format);
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        name_download(exchange->response, dataset, "-%s.%s", exchange->captures[2], format->name);
     dataset_release(dataset);
     return outcome;
 }

@@ -2,6 +2,7 @@
 #include "server/answer/made.h"
 
 #include <inttypes.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -20,7 +21,7 @@ struct making {
     struct cache_entry *forest; /* held */
     struct level_answer answer; /* but for what it borrows */
     enum coding coding;
-    unsigned char choice[]; /* a copy */
+    _Alignas(max_align_t) unsigned char choice[]; /* a copy */
 };
 
 static void making_free(void *opaque)

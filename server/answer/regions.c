@@ -208,6 +208,8 @@ enum outcome handle_region(struct exchange *exchange)
     memset(&choice, 0, sizeof choice);
     if (take_choice(exchange, dataset_info(dataset), &choice))
         outcome = answer_region(exchange, dataset, &choice);
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        name_download(exchange->response, dataset, "-%s-region.%s", exchange->captures[2], exchange->captures[3]);
     dataset_release(dataset);
     return outcome;
 }

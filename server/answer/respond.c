@@ -2,6 +2,7 @@
 #include "server/answer/respond.h"
 
 #include <inttypes.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -178,6 +179,22 @@ void level_headers(struct response *response, const struct dataset *dataset, uin
     struct uncontrolled others = uncontrolled_at(info, level);
     if (others.count)
         response_header(response, "Tetlod-Uncontrolled", "fields=%" PRIu32 ", sampled=%.9g", others.count, others.sampled);
+}
+
+void name_download(struct response *response, const struct dataset *dataset, const char *format, ...)
+{
+    char rest[64], plain[ID_CAPACITY + 64], encoded[3 * (ID_CAPACITY + 64)];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(rest, sizeof rest, format, arguments);
+    va_end(arguments);
+    snprintf(plain, sizeof plain, "%s%s", dataset_id(dataset), rest);
+    bool encodes = percent_encode(plain, encoded, sizeof encoded);
+    for (char *c = plain; *c; c++) // for clients that know nothing but ASCII
+        if (*c < 0x20 || *c > 0x7e || strchr("\"\\/%", *c))
+            *c = '_';
+    if (encodes)
+        response_header(response, "Content-Disposition", "attachment; filename=\"%s\"; filename*=UTF-8''%s", plain, encoded);
 }
 
 struct dataset *captured_dataset(struct exchange *exchange)

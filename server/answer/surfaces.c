@@ -183,6 +183,9 @@ static enum outcome handle_shape(struct exchange *exchange, enum shape shape)
     if (parse_level(exchange, info, exchange->captures[2], &choice.level) &&
         take_format(exchange, exchange->captures[3], &choice) && take_shape(exchange, info, &choice))
         outcome = answer_surface(exchange, dataset, &choice);
+    static const char *const names[] = {[BOUNDARY] = "surface", [ISOSURFACE] = "isosurface", [SLICE] = "slice"};
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        name_download(exchange->response, dataset, "-%s-%s.%s", exchange->captures[2], names[shape], exchange->captures[3]);
     dataset_release(dataset);
     return outcome;
 }
