@@ -141,17 +141,21 @@ export class TetlodStream extends EventTarget {
   static open(source: Source, options?: {
     /** Goes on to this at once, as refineTo does; its bytes come with the first ones. */
     target?: Target;
-    /** Names of the fields to decode; a server leaves the others' data out. */
-    fields?: string[];
+    /** Names of the fields to decode (all); a server leaves the others' data out. 'first': where it does, the first that drove the contraction. */
+    fields?: string[] | 'first';
     signal?: AbortSignal;
     retries?: number;
     on?: Listeners;
     wasm?: string | URL;
   }): Promise<TetlodStream>;
   readonly info: Info;
+  /** Names of those that are decoded. */
+  readonly fields: string[];
   readonly level: number;
   readonly received: number;
   refineTo(target?: Target, options?: { signal?: AbortSignal }): Promise<{ level: number; reached: boolean }>;
+  /** Decodes these fields, too, from now on. Pictures go on without them until they are there. */
+  addFields(names: string[]): Promise<void>;
   mesh(): Promise<Mesh>;
   /** Of the mesh that is shown; null outside. */
   probe(point: Point): Promise<{ tet: number; values: Record<string, number[]> } | null>;

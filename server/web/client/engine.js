@@ -49,19 +49,20 @@ export class Engine {
     first.catch(() => {});
     this.#view = await View.create(await module);
     await first;
-    if (this.#source.partial) this.#view.select(fields);
+    const names = this.#source.partial ? this.#source.fields : Array.isArray(fields) ? fields : null;
+    if (this.#source.partial) this.#view.select(names);
     for (let reading = first; !await this.#receive(1, reading);) reading = undefined;
     this.#info = this.#view.describe();
     this.#source.cid = this.#info.cid;
     if (this.#source.partial) this.#source.levels = this.#info.levels;
-    if (fields) this.#fields = fields.map((name) => this.#fieldIndex(name));
+    if (names) this.#fields = names.map((name) => this.#fieldIndex(name));
     if (target) this.#goal = chooseLevel(this.#info, target);
     const base = this.#info.levels[0].bytes;
     while (this.#received < base) await this.#receive(this.#untilGoal);
     this.#view.open(this.#fields);
     this.#fetchLoop();
     this.#showLoop();
-    return this.#info;
+    return { info: this.#info, fields: names ?? this.#info.fields.map(({ name }) => name) };
   }
 
   /** Resolves to {level, reached} when the level is there and seen; a later request ends it earlier, unreached. */

@@ -10,7 +10,7 @@ import { byId, coalesced, element, pause } from './dom.js';
 import { planeOf } from './geometry.js';
 import { Handles } from './handles.js';
 import { bindKeys, listKeys } from './keys.js';
-import { componentOf, defaultTets, errorOf, fieldOf, isosurfacesOf, levelForError, measureFor, memoryOf, promiseOf, shownMeasure, targetFieldOf, titleOf,
+import { componentOf, defaultTets, errorOf, fieldOf, isosurfacesOf, levelForError, measureFor, memoryOf, promiseOf, shownFields, shownMeasure, targetFieldOf, titleOf,
   wantedLevel } from './levels.js';
 import { clear, notice } from './notices.js';
 import { bytes, count, percent, significant } from './numbers.js';
@@ -48,11 +48,18 @@ let shade = null; // { field, component, range } of the picture's colours
 
 // ---- colours and their range
 
+// What the picture is coloured by: until a field has come, the one before.
+function coloredState() {
+  const { state } = store;
+  return shade && !stream.fields.includes(state.field) ? { ...state, field: shade.field, component: shade.component } : state;
+}
+
 // The index has one range for all components; that of one of them, or of their length, is the picture's.
 function dataRange() {
-  const { range, components } = fieldOf(info, store.state.field);
-  const component = componentOf(info, store.state);
-  if (components > 1 && shade?.field === store.state.field && shade.component === component) return shade.range;
+  const state = coloredState();
+  const { range, components } = fieldOf(info, state.field);
+  const component = componentOf(info, state);
+  if (components > 1 && shade?.field === state.field && shade.component === component) return shade.range;
   return component === 'magnitude' ? [0, Math.max(...range.map(Math.abs)) || 1] : range;
 }
 
@@ -85,7 +92,7 @@ const drawBar = coalesced(() => {
   const [low, high] = colorRange();
   const [from, to] = isosurfaceRange();
   drawScalarBar(byId('scalarbar'), {
-    title: titleOf(info, store.state), low, high, log, map, reversed,
+    title: titleOf(info, coloredState()), low, high, log, map, reversed,
     marks: isosurfacesOf(info, store.state).colored ? isosurfaces.map((f) => from + f * (to - from)) : [],
   });
 });
@@ -127,7 +134,19 @@ function showNow() {
   });
 }
 
-const show = coalesced(showNow);
+// Fields come when they are first shown; the picture before stays meanwhile.
+const show = coalesced(async () => {
+  const missing = shownFields(info, store.state).filter((field) => !stream.fields.includes(field));
+  if (!missing.length) return showNow();
+  notice('fields', `Loading ${missing.join(', ')}…`, { seconds: 0 });
+  try {
+    await stream.addFields(missing);
+    show(); // of what is wanted by now
+  } catch (error) {
+    tellFailure(`${missing.join(', ')} cannot be loaded: ${error.message}`, show);
+  }
+  clear('fields');
+});
 
 function targetOf({ error, maxTets, maxBytes }) {
   const target = { error, tets: maxTets || defaultTets() };
@@ -231,11 +250,11 @@ function tellRetry({ detail: { message, delay, attempt } }) {
 }
 
 // What is decoded stays in the picture; a network may have come back.
-function tellFailure(message) {
+function tellFailure(message, retry = refine) {
   clear('retry');
   const again = button('Try again', () => {
     clear('error');
-    refine();
+    retry();
   });
   notice('error', message, { failed: true, seconds: 0, children: [again] });
 }
@@ -412,12 +431,14 @@ function valid(state) {
   return fieldOf(info, state.field) ? known : { ...known, field: targetFieldOf(info, { errorField: '' }) };
 }
 
-const opening = (target, started) => TetlodStream.open(source, { target, on: { retry: tellRetry, progress: tellLoading, started } });
+const opening = (options, started) => TetlodStream.open(source, { ...options, on: { retry: tellRetry, progress: tellLoading, started } });
 
-// The target goes with the first request, so that its bytes come at once; a link may ask for a measure that is not there.
+// The target goes with the first request, so that its bytes come at once; a link may ask for a measure or a field that is not there.
 async function openStream(started) {
-  stream = await opening(targetOf(store.state), started)
-    .catch((error) => (error instanceof RangeError ? opening(undefined, started) : Promise.reject(error)));
+  const { field, isosurfaceField } = store.state;
+  const fields = field ? [...new Set([field, isosurfaceField || field])] : 'first';
+  stream = await opening({ target: targetOf(store.state), fields }, started)
+    .catch((error) => (error instanceof RangeError ? opening({ fields: 'first' }, started) : Promise.reject(error)));
   info = stream.info;
   if (!info.fields.length) throw new Error('this stream has no fields to colour it by');
   store.state = valid(store.state);
@@ -458,7 +479,7 @@ function firstPicture() {
 async function openPanel() {
   compass = new Compass(byId('compass'), (view) => scene.look(view));
   handles = new Handles(byId('handles'), scene, planes);
-  probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, store.state));
+  probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, coloredState()));
   watchScene();
   await pause();
   const made = new Controls(store, info, { look: (view) => scene.look(view), viewNormal, ranges: colorRange, isosurfaceRange, isosurfaceSpan });
