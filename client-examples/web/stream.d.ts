@@ -98,11 +98,22 @@ export interface Grid {
   logarithmic: boolean;
 }
 
+/** What colours. */
+export interface Shade {
+  field: string;
+  component: Component;
+  /** Over all of the mesh. */
+  range: [number, number];
+  /** Sorted values, as many of each as it has of the volume. Absent while the mesh moves, and where it is the same as in the last message. */
+  sample?: Float32Array;
+}
+
 export interface Pictures {
   level: number;
   /** 0: the shape of the coarser level, 1: at rest. */
   t: number;
   origin: Point;
+  shade: Shade | null;
   surface: Part | null;
   slices: Part[];
   isosurfaces: Part[];

@@ -12,7 +12,7 @@ const page = await openPage(browser, server.url, { viewport: { width: 800, heigh
 
 async function open(state, on = page) {
   await on.goto('about:blank');
-  await on.goto(`${server.url}view/fin#smooth=0&error=0.05${state}`);
+  await on.goto(`${server.url}view/fin#smooth=0&error=0.05&surface=solid&slices=&map=viridis&range=data${state}`);
   await firstPicture(on);
   await settled(on);
 }
@@ -267,7 +267,7 @@ async function the_camera_and_the_background() {
   for (const background of ['white', 'grey', 'black']) await changesThePicture(background, () => page.locator('#background').selectOption(background));
   await page.locator('#reset').click();
   const { error, surface, background, parallel } = await state();
-  assert.deepEqual({ error, surface, background, parallel }, { error: 0.01, surface: 'solid', background: 'auto', parallel: false });
+  assert.deepEqual({ error, surface, background, parallel }, { error: 0.01, surface: 'inside', background: 'auto', parallel: false });
   assert.equal(await page.evaluate(() => document.getElementById('error-percent').value), '1');
 }
 
@@ -362,6 +362,10 @@ async function values_are_probed() {
   await open('&field=Velocity&slices=z@0.5&surface=off');
   const box = await page.locator('#picture').boundingBox();
   await page.mouse.move(box.x + box.width / 2, box.y + 0.56 * box.height);
+  await page.locator('#probe').getByText(/\|Velocity\| [\d.]+/).waitFor();
+  // of the other fields those that were shown
+  await page.evaluate(() => window.tetlod.stream.addFields(['Pressure']));
+  await page.mouse.move(box.x + box.width / 2 + 1, box.y + 0.56 * box.height);
   await page.locator('#probe').getByText(/Pressure [\d.]+/).waitFor();
   const text = await page.locator('#probe').innerText();
   assert.match(text, /^\|Velocity\| [\d.]+/);

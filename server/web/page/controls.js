@@ -6,7 +6,8 @@ import { byId, element } from './dom.js';
 import { componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, measuresOf, spanOf, targetFieldOf, wantedLevel } from './levels.js';
 import { clamp, parseNumber, significant } from './numbers.js';
 import { Plot } from './plot.js';
-import { axisOf, defaults } from './state.js';
+import { histogram } from './first_view.js';
+import { axisOf } from './state.js';
 import { TransferEditor } from './transfer.js';
 
 const options = (select, pairs) => select.replaceChildren(...pairs.map(([value, text]) => element('option', { value }, text)));
@@ -43,12 +44,19 @@ function bindNumber(input, read, write) {
 
 const plain = (x, digits = 4) => significant(x, digits).replaceAll('\u202f', '').replaceAll('\u2212', '-');
 
+// Counts over the colours' range, by their square roots: few values are to be seen, too.
+function drawHistogram(path, counts) {
+  const most = Math.sqrt(Math.max(1, ...counts));
+  const bars = [...counts].map((count, i) => `M${i},1V${(1 - Math.sqrt(count) / most).toFixed(3)}h1V1z`);
+  path.setAttribute('d', bars.join(''));
+}
+
 export class Controls {
-  // `actions`: { look(view), viewNormal(), ranges(), isosurfaceRange(), isosurfaceSpan() }
+  // `actions`: { look(view), viewNormal(), ranges(), isosurfaceRange(), isosurfaceSpan(), base }: the state of the first view
   constructor(store, info, actions) {
     Object.assign(this, { store, info, actions });
     this.opened = 'inside'; // what the boundary became when it was opened
-    options(byId('map'), mapNames);
+    options(byId('map'), [['auto', 'by the data'], ...mapNames]);
     options(byId('field'), info.fields.map((f) => [f.name, f.name]));
     options(byId('isosurface-field'), [['', 'as coloured'], ...info.fields.map((f) => [f.name, f.name])]);
   }
@@ -135,9 +143,6 @@ export class Controls {
       options(component, [['magnitude', 'magnitude'], ...Array.from({ length: components }, (_, i) => [i, componentName(components, i)])]);
       component.value = state.component;
     });
-    store.watch(['map', 'reversed'], (state) => {
-      for (const id of ['swatch', 'transfer-swatch']) byId(id).style.background = cssGradient(state.map, state.reversed, '90deg');
-    });
     const hand = (patch) => {
       const [low, high] = this.actions.ranges();
       store.set({ range: 'manual', low, high, ...patch });
@@ -149,9 +154,13 @@ export class Controls {
     });
   }
 
-  setRange(range) {
+  // `map`: the colours' as they are now; `sample`: sorted values of the mesh
+  setColors(range, map, sample) {
     this.shownRange = range;
     for (const update of this.followRange) update();
+    const { log, reversed } = this.store.state;
+    for (const id of ['swatch', 'transfer-swatch']) byId(id).style.background = cssGradient(map, reversed, '90deg');
+    for (const id of ['histogram', 'transfer-histogram']) drawHistogram(byId(id), sample ? histogram(sample, range, log, 64) : []);
     this.listIsosurfaces(this.store.state.isosurfaces);
   }
 
@@ -303,7 +312,7 @@ export class Controls {
     }));
     byId('reset').addEventListener('click', () => {
       const { field } = store.state;
-      store.set({ ...defaults, field });
+      store.set({ ...actions.base, field });
       actions.look('oblique');
     });
   }

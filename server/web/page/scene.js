@@ -39,7 +39,7 @@ function fillLookup(lookup, table, low, high) {
   lookup.setMappingRange(low, high);
 }
 
-const borders = { side: 24, top: 48, bottom: 80 }; // pixels that the volume leaves to what lies over the picture
+const borders = { side: 56, top: 48, bottom: 80 }; // pixels that the volume leaves to what lies over the picture
 
 const boundsOf = ([low, high]) => [low[0], high[0], low[1], high[1], low[2], high[2]]; // vtk's order
 

@@ -2,12 +2,14 @@
 // The viewer of one stream: state, stream and scene told of one another.
 
 import { TetlodStream } from '../client/stream.js';
+import { Axes } from './axes.js';
 import { chooseFile } from './choose_file.js';
 import { Compass } from './compass.js';
 import { mapNames } from './colors.js';
 import { Controls } from './controls.js';
 import { byId, coalesced, element, pause } from './dom.js';
 import { planeOf } from './geometry.js';
+import { autoRange, firstView, mapOf } from './first_view.js';
 import { Handles } from './handles.js';
 import { bindKeys, listKeys } from './keys.js';
 import { componentOf, defaultTets, errorOf, fieldOf, isosurfacesOf, levelForError, measureFor, memoryOf, promiseOf, shownFields, shownMeasure, targetFieldOf, titleOf,
@@ -17,7 +19,7 @@ import { bytes, count, percent, significant } from './numbers.js';
 import { Probe } from './probe.js';
 import { drawScalarBar } from './scalarbar.js';
 import { copyLink, savePicture } from './share.js';
-import { Store, fromFragment, toFragment } from './state.js';
+import { Store, defaults, fromFragment, toFragment } from './state.js';
 import { switchTheme, themes } from './theme.js';
 
 // view/{id} on a server; ?stream=URL is any stream that can be fetched; without either somebody chooses a file. This module
@@ -36,7 +38,8 @@ function nameOf(from) {
 
 const stillness = matchMedia('(prefers-reduced-motion: reduce)');
 const store = new Store(fromFragment(location.hash));
-let stream, info, scene, controls, compass, handles, probe;
+let base = defaults; // what the fragment leaves out
+let stream, info, scene, controls, compass, handles, axes, probe;
 const workerPatience = 50; // milliseconds
 let tellPictured;
 const pictured = new Promise((resolve) => { tellPictured = resolve; }); // the first picture is on the screen
@@ -44,7 +47,7 @@ let level = -1; // the stream's, which the words tell
 let asked = 0; // changes of what the worker is to make
 let early = null; // pictures that came before there was where to draw them
 let drawn = -1; // the picture's, when it has come to rest and is what was asked for
-let shade = null; // { field, component, range } of the picture's colours
+let shade = null; // { field, component, range, sample } of the picture's colours
 
 // ---- colours and their range
 
@@ -79,7 +82,8 @@ function isosurfaceSpan() {
 // The colours' range as values; a logarithm needs positive ones.
 function colorRange() {
   const { range, low, high, log } = store.state;
-  let [from, to] = range === 'manual' ? [low, high] : (range === 'visible' && scene.visibleRange()) || dataRange();
+  let [from, to] = range === 'manual' ? [low, high]
+    : range === 'auto' && !log ? autoRange(dataRange(), shade?.sample) : (range === 'visible' && scene.visibleRange()) || dataRange();
   if (from > to) [from, to] = [to, from];
   if (from === to) to = from + (Math.abs(from) * 1e-6 || 1); // a constant has one colour
   if (log && !(from > 0)) from = to > 0 ? to / 1000 : 1e-3;
@@ -87,12 +91,15 @@ function colorRange() {
   return [from, to];
 }
 
+const colorMap = () => mapOf(store.state, dataRange());
+
 const drawBar = coalesced(() => {
-  const { map, reversed, log, isosurfaces } = store.state;
+  const { reversed, log, isosurfaces } = store.state;
   const [low, high] = colorRange();
+  const [least, most] = dataRange();
   const [from, to] = isosurfaceRange();
   drawScalarBar(byId('scalarbar'), {
-    title: titleOf(info, coloredState()), low, high, log, map, reversed,
+    title: titleOf(info, coloredState()), low, high, log, map: colorMap(), reversed, below: least < low, above: most > high,
     marks: isosurfacesOf(info, store.state).colored ? isosurfaces.map((f) => from + f * (to - from)) : [],
   });
 });
@@ -100,8 +107,8 @@ const drawBar = coalesced(() => {
 function recolorNow() {
   const range = colorRange();
   const [low, high] = store.state.log ? range.map(Math.log10) : range;
-  scene.recolor(store.state, low, high);
-  controls?.setRange(range);
+  scene.recolor({ ...store.state, map: colorMap() }, low, high);
+  controls?.setColors(range, colorMap(), shade?.sample);
   drawBar();
 }
 
@@ -260,12 +267,13 @@ function tellFailure(message, retry = refine) {
 }
 
 // Colours follow what is drawn. A vector's lengths are known as they come; their range only grows, so that colours do not flicker.
-function takeShade({ field, component, range: [low, high] }) {
+function takeShade({ field, component, range: [low, high], sample }) {
   const fresh = field !== shade?.field || component !== shade.component;
   const [least, most] = fresh ? [Infinity, -Infinity] : shade.range;
   const grown = low < least || high > most;
-  if (fresh || grown) shade = { field, component, range: [Math.min(low, least), Math.max(high, most)] };
-  if (fresh || (grown && fieldOf(info, field).components > 1) || store.state.range === 'visible') recolorNow();
+  if (fresh || grown) shade = { field, component, range: [Math.min(low, least), Math.max(high, most)], sample: shade?.sample };
+  if (sample) shade.sample = sample;
+  if (fresh || sample || (grown && fieldOf(info, field).components > 1) || store.state.range === 'visible') recolorNow();
 }
 
 function takePictures(event) {
@@ -305,7 +313,7 @@ const remember = (() => {
   let timer = 0;
   return () => {
     clearTimeout(timer);
-    timer = setTimeout(() => history.replaceState(null, '', location.pathname + location.search + toFragment(store.state)), 250);
+    timer = setTimeout(() => history.replaceState(null, '', location.pathname + location.search + toFragment(store.state, base)), 250);
   };
 })();
 
@@ -325,6 +333,7 @@ function watch() {
   });
   store.watch(['surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'], (state) => scene.restyle(state));
   store.watch(['slices', 'clip'], () => handles.update());
+  store.watch(['axes'], (state) => axes.show(state.axes));
   const repaint = () => {
     setBackground();
     scene.restyle(store.state);
@@ -333,7 +342,7 @@ function watch() {
   store.watch(['background'], repaint);
   store.addEventListener('change', remember);
   addEventListener('hashchange', () => {
-    store.set(valid(fromFragment(location.hash)));
+    store.set(valid(fromFragment(location.hash, base)));
     if (store.state.camera) scene.setCamera(store.state.camera);
   });
   themes.addEventListener('change', repaint);
@@ -343,6 +352,7 @@ function watchScene() {
   scene.addEventListener('render', () => {
     compass.draw(scene.axes());
     handles.update();
+    axes.update();
   });
   scene.addEventListener('lost', () => notice('graphics', 'The browser took the graphics away; the picture comes back when it gives them again.', { failed: true, seconds: 0 }));
   scene.addEventListener('restored', () => clear('graphics'));
@@ -407,8 +417,9 @@ function bindActions() {
     z: toggleSlice('z'),
     i: () => controls.addIsosurface(),
     c: () => store.set({ clip: store.state.clip ? null : { normal: viewNormal(), at: 0.5 } }),
+    n: () => store.set({ axes: !store.state.axes }),
     v: () => controls.setInner({ volume: !store.state.volume }),
-    m: () => store.set({ map: cycle(mapNames.map(([key]) => key), store.state.map) }),
+    m: () => store.set({ map: cycle(mapNames.map(([key]) => key), colorMap()) }),
     p: save,
     l: copyLink,
     f: toggleFullScreen,
@@ -441,7 +452,8 @@ async function openStream(started) {
     .catch((error) => (error instanceof RangeError ? opening({ fields: 'first' }, started) : Promise.reject(error)));
   info = stream.info;
   if (!info.fields.length) throw new Error('this stream has no fields to colour it by');
-  store.state = valid(store.state);
+  base = { ...defaults, ...firstView(info) };
+  store.state = valid(fromFragment(location.hash, base));
   follow();
   showNow();
 }
@@ -478,17 +490,18 @@ function firstPicture() {
 // Everything around the picture, in pieces that let others in between.
 async function openPanel() {
   compass = new Compass(byId('compass'), (view) => scene.look(view));
+  axes = new Axes(byId('handles'), scene, info.bounds);
   handles = new Handles(byId('handles'), scene, planes);
   probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, coloredState()));
   watchScene();
   await pause();
-  const made = new Controls(store, info, { look: (view) => scene.look(view), viewNormal, ranges: colorRange, isosurfaceRange, isosurfaceSpan });
+  const made = new Controls(store, info, { look: (view) => scene.look(view), viewNormal, ranges: colorRange, isosurfaceRange, isosurfaceSpan, base });
   for (const build of made.parts()) {
     build();
     await pause();
   }
   controls = made;
-  controls.setRange(colorRange());
+  controls.setColors(colorRange(), colorMap(), shade?.sample);
   watch();
   await pause();
   bindActions();
