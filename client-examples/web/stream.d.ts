@@ -171,6 +171,8 @@ export class TetlodStream extends EventTarget {
   /** Of the mesh that is shown; null outside. */
   probe(point: Point): Promise<{ tet: number; values: Record<string, number[]> } | null>;
   show(spec: Spec | null): Promise<void>;
+  /** One after the other, each complete; whenever the next one is asked for, the newest. Ends with the stream. */
+  frames(spec: Spec): AsyncGenerator<Pictures, void, void>;
   close(reason?: unknown): void;
   addEventListener<Name extends keyof Events>(name: Name, listener: (event: CustomEvent<Events[Name]>) => void, options?: boolean | AddEventListenerOptions): void;
   addEventListener(name: string, listener: EventListenerOrEventListenerObject | null, options?: boolean | AddEventListenerOptions): void;

@@ -54,6 +54,19 @@ function errorOf({ name, message, status }) {
 const nextFrame = (call) =>
   (typeof requestAnimationFrame === 'function' && !document.hidden ? requestAnimationFrame(call) : setTimeout(call, 16));
 
+// What a message leaves out because it is the same as in the last one, from `kept`.
+function completed(pictures, kept) {
+  const restore = (key, owner, name) => {
+    if (owner[name] === undefined) return { ...owner, [name]: kept.get(key) };
+    kept.set(key, owner[name]);
+    return owner;
+  };
+  const whole = restore('volume', pictures, 'volume');
+  if (whole.shade) whole.shade = restore('sample', whole.shade, 'sample');
+  if (whole.surface) whole.surface = restore('lines', restore('triangles', whole.surface, 'triangles'), 'lines');
+  return whole;
+}
+
 const closedReason = () => new DOMException('the stream was closed', 'AbortError');
 
 // One worker and the calls that wait for its answers.
@@ -141,7 +154,7 @@ class Link {
 let nextId = 0; // of calls
 
 export class TetlodStream extends EventTarget {
-  #link; #next = null; #options; #spec = null; #adding = Promise.resolve(); #closed = false; #reader = null; #reading = new AbortController();
+  #link; #next = null; #options; #spec = null; #adding = Promise.resolve(); #closed = false; #tellEnded; #ended = new Promise((resolve) => { this.#tellEnded = resolve; }); #reader = null; #reading = new AbortController();
   info = null;
   fields = []; // names of those that are decoded
   level = 0;
@@ -242,6 +255,33 @@ export class TetlodStream extends EventTarget {
     this.#spec = spec;
   }
 
+  /**
+   * The pictures of a spec one after the other, whenever the next ones are asked for the newest; each is complete: it has the
+   * triangles, too, that are the same as in the one before. Ends with the stream, or when the loop is left.
+   */
+  async *frames(spec) {
+    const kept = new Map();
+    let newest = null;
+    let ring = () => {};
+    const take = ({ detail }) => {
+      newest = completed(detail, kept);
+      ring();
+    };
+    this.addEventListener('pictures', take);
+    try {
+      await this.show(spec);
+      while (!this.#closed) {
+        if (!newest) await Promise.race([new Promise((resolve) => { ring = resolve; }), this.#ended]);
+        const frame = newest;
+        newest = null;
+        if (frame) yield frame;
+      }
+    } finally {
+      this.removeEventListener('pictures', take);
+      if (!this.#closed) await this.show(null);
+    }
+  }
+
   close(reason = closedReason()) {
     this.#end(reason);
   }
@@ -263,6 +303,7 @@ export class TetlodStream extends EventTarget {
   #end(reason) {
     if (this.#closed) return;
     this.#closed = true;
+    this.#tellEnded();
     this.#reading.abort(reason);
     this.#link?.close(reason);
     this.#next?.close(reason);

@@ -52,9 +52,10 @@ function drawHistogram(path, counts) {
 }
 
 export class Controls {
-  // `actions`: { look(view), viewNormal(), ranges(), isosurfaceRange(), isosurfaceSpan(), base }: the state of the first view
-  constructor(store, info, actions) {
-    Object.assign(this, { store, info, actions });
+  // `actions`: { look(view), viewNormal() }
+  constructor(viewer, actions) {
+    const { store, info } = viewer;
+    Object.assign(this, { viewer, store, info, actions });
     this.opened = 'inside'; // what the boundary became when it was opened
     options(byId('map'), [['auto', 'by the data'], ...mapNames]);
     options(byId('field'), info.fields.map((f) => [f.name, f.name]));
@@ -144,18 +145,18 @@ export class Controls {
       component.value = state.component;
     });
     const hand = (patch) => {
-      const [low, high] = this.actions.ranges();
+      const [low, high] = this.viewer.colorRange();
       store.set({ range: 'manual', low, high, ...patch });
     };
-    this.followRange = ['low', 'high'].map((key, i) => bindNumber(byId(key), () => plain(this.actions.ranges()[i]), (x) => hand({ [key]: x })));
+    this.followRange = ['low', 'high'].map((key, i) => bindNumber(byId(key), () => plain(this.viewer.colorRange()[i]), (x) => hand({ [key]: x })));
     byId('range').addEventListener('change', (event) => {
       const [low, high] = this.shownRange ?? [0, 1];
       if (event.target.value === 'manual') store.set({ low, high });
     });
   }
 
-  // `map`: the colours' as they are now; `sample`: sorted values of the mesh
-  setColors(range, map, sample) {
+  // The colours as they are now; `sample`: sorted values of the mesh.
+  setColors({ range, map, sample }) {
     this.shownRange = range;
     for (const update of this.followRange) update();
     const { log, reversed } = this.store.state;
@@ -200,8 +201,8 @@ export class Controls {
 
   // The fractions that have isosurfaces, as far as is known: lengths of vectors reach over a part of what they could.
   isosurfaceSpan() {
-    const [low, high] = this.actions.isosurfaceRange();
-    return this.actions.isosurfaceSpan().map((value) => clamp((value - low) / (high - low || 1), 0, 1));
+    const [low, high] = this.viewer.isosurfaceRange();
+    return this.viewer.isosurfaceSpan().map((value) => clamp((value - low) / (high - low || 1), 0, 1));
   }
 
   bindLayers() {
@@ -259,7 +260,7 @@ export class Controls {
 
   listIsosurfaces(values) {
     const { store, info } = this;
-    const [low, high] = this.actions.isosurfaceRange();
+    const [low, high] = this.viewer.isosurfaceRange();
     const span = () => {
       const [least, most] = this.isosurfaceSpan();
       return { least, length: most - least || 1 };
@@ -271,7 +272,7 @@ export class Controls {
       const remove = element('button', { type: 'button', className: 'remove', ariaLabel: `Remove isosurface ${i + 1}` }, '×');
       slider.addEventListener('input', () => change(i, span().least + (slider.value / 1000) * span().length));
       number.addEventListener('change', () => {
-        const [from, to] = this.actions.isosurfaceRange();
+        const [from, to] = this.viewer.isosurfaceRange();
         const value = parseNumber(number.value);
         if (Number.isFinite(value)) change(i, (value - from) / (to - from || 1));
       });
@@ -312,7 +313,7 @@ export class Controls {
     }));
     byId('reset').addEventListener('click', () => {
       const { field } = store.state;
-      store.set({ ...actions.base, field });
+      store.set({ ...viewer.base, field });
       actions.look('oblique');
     });
   }
