@@ -34,7 +34,7 @@ async function shows(file, target, unit, server) {
   writeFileSync(join(SCRATCH, `${file.replace('.html', '')}.png`), shot);
   assert.ok(shot.length > 10000, `an empty picture of ${shot.length} bytes`);
   assert.deepEqual(page.complaints, []);
-  host.close();
+  page.context().once('close', () => host.close());
   return page;
 }
 

@@ -313,7 +313,7 @@ export class Controls {
     }));
     byId('reset').addEventListener('click', () => {
       const { field } = store.state;
-      store.set({ ...viewer.base, field });
+      store.set({ ...this.viewer.base, field });
       actions.look('oblique');
     });
   }
