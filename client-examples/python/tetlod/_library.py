@@ -93,6 +93,12 @@ class View:
         self.__array_interface__ = {'data': (address, True), 'shape': shape, 'typestr': form, 'version': 3}
 
 
+def view(owner: object, address: Optional[int], shape: Tuple[int, ...], form: str) -> Any:
+    if not address:  # of a mesh without tetrahedra
+        return np.zeros(shape, form)
+    return np.asarray(View(owner, address, shape, form))
+
+
 class LibraryDecoder:
     """A cursor of the library on a source. `seek` moves it, `arrays` are views that hold until it moves again."""
 
@@ -167,9 +173,9 @@ class LibraryDecoder:
         for number in self._selected:
             field = self.info.fields[number]
             shape = (mesh.vertices,) if field.components == 1 else (mesh.vertices, field.components)
-            fields[field.name] = np.asarray(View(self, mesh.fields[number], shape, '=f8'))
-        points = np.asarray(View(self, mesh.positions, (mesh.vertices, 3), '=f8'))
-        return points, np.asarray(View(self, mesh.corners, (mesh.tets, 4), '=u4')), fields
+            fields[field.name] = view(self, mesh.fields[number], shape, '=f8')
+        points = view(self, mesh.positions, (mesh.vertices, 3), '=f8')
+        return points, view(self, mesh.corners, (mesh.tets, 4), '=u4'), fields
 
 
 def metadata_of(text: Optional[bytes]) -> Dict[str, Any]:

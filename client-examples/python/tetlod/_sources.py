@@ -19,6 +19,7 @@ from .reference import StreamError
 HEADER = 64           # bytes; the stream's whole size is at 32
 FIRST = 1 << 16       # bytes of the first Range request: header and index of most streams, and their first levels
 CHUNK = 1 << 16
+MOST_TETS = 1 << 30   # of the format
 TIMEOUT = 60          # seconds without a byte
 
 Progress = Callable[[int, int], None]
@@ -103,7 +104,10 @@ class Remote(Source):
         except (http.client.HTTPException, OSError) as problem:
             raise StreamError('%s: the connection was lost after %d bytes (%s)' % (self.name, before, problem)) from problem
         if len(self.data) == before:
+            missing = self.answer.length
             self.close()
+            if missing:
+                raise StreamError('%s: the connection was lost after %d bytes' % (self.name, before))
         elif self.progress:
             self.progress(len(self.data), max(self.wanted, len(self.data)))
 
@@ -157,8 +161,10 @@ class Server(Remote):
 
     def __init__(self, url: str, choice: Choice, progress: Optional[Progress]) -> None:
         super().__init__(url, progress)
-        query = urllib.parse.urlencode(choice.query())
-        self.answer = self._open(url + '/prefix' + ('?' + query if query else ''), {})
+        query = choice.query()
+        if set(query) <= {'field', 'measure'}:
+            query['tets'] = str(MOST_TETS)  # the finest level
+        self.answer = self._open(url + '/prefix?' + urllib.parse.urlencode(query), {})
         if self.answer is not None:
             self.wanted = int(self.answer.headers.get('Content-Length') or 0)
         self.start()
