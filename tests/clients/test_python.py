@@ -330,7 +330,7 @@ def test_types():
     return None
 
 
-command('sample', 'fin', '--size', '14', '-o', os.path.join(SCRATCH, 'fin.vtu'))
+command('sample', 'fin', '--size', '18', '-o', os.path.join(SCRATCH, 'fin.vtu'))
 command('build', os.path.join(SCRATCH, 'fin.vtu'), '-o', FIN)
 run([test_both_decoders_agree, test_levels_are_those_of_the_program, test_choices, test_local_sources, test_arrays_are_safe, test_cut_off,
      test_server, test_levels_while_bytes_arrive, test_build, test_pyvista, test_structs_are_those_of_the_header, test_documents, test_types])
