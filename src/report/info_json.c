@@ -23,13 +23,13 @@ static json_t *field_json(const struct tetlod_field *field)
                      "controlled", field->controlled);
 }
 
-<<<<<<< HEAD
 static json_t *cell_field_json(const struct tetlod_cell_field *field)
 {
     static const char *const types[] = {"float32", "float64", "int8", "int16", "int32", "int64"};
     return json_pack("{s:s, s:i, s:s, s:[f,f], s:b}", "name", field->name, "components", (int)field->components, "type",
                      types[field->type], "range", field->range[0], field->range[1], "region", field->region);
-=======
+}
+
 /* One field's errors at a level. JSON has finite numbers only: what is left out is not known, or has no bound. */
 static json_t *measures_json(const double errors[TETLOD_MEASURES])
 {
@@ -42,7 +42,6 @@ static json_t *measures_json(const double errors[TETLOD_MEASURES])
         return measures;
     json_decref(measures);
     return NULL;
->>>>>>> main
 }
 
 static json_t *errors_json(const struct tetlod_info *info, const struct tetlod_level *level)
@@ -82,13 +81,12 @@ json_t *info_json(const struct tetlod_info *info, const char *id)
                                (json_int_t)info->tets, "bytes", (json_int_t)info->bytes, "bounds", b[0][0], b[0][1],
                                b[0][2], b[1][0], b[1][1], b[1][2], "lossless", info->lossless, "degenerate_tets",
                                (json_int_t)info->degenerate_tets, "inverted_tets", (json_int_t)info->inverted_tets,
-<<<<<<< HEAD
                                "unused_points", (json_int_t)info->unused_points, "fields", fields, "cell_fields", cells, "levels", levels,
                                "metadata", metadata ? metadata : json_object());
-=======
+}
+
                                "unused_points", (json_int_t)info->unused_points, "fields", fields, "levels", levels,
                                "metadata", metadata_json(info));
->>>>>>> main
     // lists that lost an element to a failed allocation are not the stream's
     if (object && (json_array_size(fields) != info->field_count || json_array_size(levels) != info->level_count ||
                    json_array_size(cells) != info->cell_field_count)) {
