@@ -82,10 +82,6 @@ json_t *info_json(const struct tetlod_info *info, const char *id)
                                b[0][2], b[1][0], b[1][1], b[1][2], "lossless", info->lossless, "degenerate_tets",
                                (json_int_t)info->degenerate_tets, "inverted_tets", (json_int_t)info->inverted_tets,
                                "unused_points", (json_int_t)info->unused_points, "fields", fields, "cell_fields", cells, "levels", levels,
-                               "metadata", metadata ? metadata : json_object());
-}
-
-                               "unused_points", (json_int_t)info->unused_points, "fields", fields, "levels", levels,
                                "metadata", metadata_json(info));
     // lists that lost an element to a failed allocation are not the stream's
     if (object && (json_array_size(fields) != info->field_count || json_array_size(levels) != info->level_count ||
