@@ -325,7 +325,7 @@ bench-web: deps-bench
 .PHONY: bench
 bench: deps-bench $(BENCHES)
 
-## check-tsan: all tests of the server under the thread sanitizer, of which `check` runs some
+## check-tsan: all tests of the server under the thread sanitizer, of which `check` runs some; threaded: builds what they need
 .PHONY: check-tsan threaded
 threaded: $(BINARY) $(patsubst %,$(B)/tests/unit/test_%,cache forest site)
 check-tsan: deps-check

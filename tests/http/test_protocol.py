@@ -249,7 +249,7 @@ def test_pipelining():
     last = b'GET /readyz HTTP/1.1\r\n' + HOST + b'Connection: close\r\n\r\n'
     received = server.raw(request * 50 + last)
     assert statuses(received) == [200] * 51
-    assert received.rstrip().endswith(b'"meshes": 0, "unreadable": 0}')
+    assert received.rstrip().endswith(b'"unreadable": 0, "open_files": 0}')
 
 
 def test_half_closed():
