@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "server/answer/cells.h"
 #include "server/answer/frames.h"
 #include "server/answer/levels.h"
 #include "server/answer/regions.h"
@@ -27,6 +28,7 @@ struct choice {
     size_t box_count; /* 0: no box, or none that is finer */
     uint32_t box_level;
     struct region_box boxes[MOST_BOXES];
+    struct cell_choice cells;
 };
 
 static const char *target_of(const struct exchange *exchange)
@@ -188,7 +190,8 @@ static void redirect(struct exchange *exchange, const struct dataset *dataset, c
         response_header(response, "Location", "%s/levels/%" PRIu32 "/region.%s?box_level=%" PRIu32 "&box=%s", info->cid, level,
                         choice->format, choice->box_level, boxes);
     else
-        response_header(response, "Location", "%s/levels/%" PRIu32 "/mesh.%s", info->cid, level, choice->format);
+        response_header(response, "Location", "%s/levels/%" PRIu32 "/mesh.%s%s%s", info->cid, level, choice->format,
+                        choice->cells.any ? "?cells=" : "", choice->cells.any ? choice->cells.text : "");
     level_headers(response, dataset, level);
     cache_revalidate(response);
 }
@@ -242,13 +245,24 @@ static bool ask_boxes(struct exchange *exchange, const struct dataset *dataset, 
     return true;
 }
 
+/* Values of cells, which regions do not have; false: answered. */
+static bool ask_cells(struct exchange *exchange, const struct dataset *dataset, struct choice *choice)
+{
+    if (!query_cells(exchange, dataset_info(dataset), &choice->cells))
+        return false;
+    if (!choice->box_count || !choice->cells.any)
+        return true;
+    response_problem(exchange->response, 400, target_of(exchange), "cells cannot go with box: a region has no values of cells");
+    return false;
+}
+
 static enum outcome answer_mesh(struct exchange *exchange, struct dataset *dataset)
 {
-    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "format", "box", "box_error", NULL};
+    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "format", "cells", "box", "box_error", NULL};
     struct choice choice = {0};
     uint32_t level;
     if (check_parameters(exchange, names) && ask_level(exchange, dataset, &choice, &level) &&
-        ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice))
+        ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice) && ask_cells(exchange, dataset, &choice))
         redirect(exchange, dataset, &choice, level);
     return ANSWERED;
 }
