@@ -161,6 +161,13 @@ export class View {
     return [...this.#doubles(this.#code.view_shade(this.#view, field, component), 2)];
   }
 
+  /** Sorted values that colour, some thousands, as many of each as it has of the volume. */
+  sample() {
+    const address = this.#code.view_sample(this.#view) >>> 0;
+    const [values, count] = this.#words(address, 2);
+    return this.#floats(values, count).slice().sort();
+  }
+
   // `lines`, `normals`: what the part has beside points, values and triangles; `keep`: without triangles and lines.
   #part({ lines = false, normals = false, keep = false } = {}, make) {
     this.#check(make((lines ? 1 : 0) | (normals ? 2 : 0)));
@@ -207,6 +214,13 @@ export class View {
       voxels: this.#floats(this.#words(voxels, 1)[0], 2 * dims[0] * dims[1] * dims[2]).slice(),
       range: [...this.#floats(voxels + 4, 2)],
     };
+  }
+
+  /** The value that colours along a segment: [at, value] of begin and end of each piece, `at` from 0 to 1. */
+  along(from, to) {
+    this.#check(this.#code.view_along(this.#view, ...from, ...to));
+    const [count, ends] = this.#words(this.#code.view_line(this.#view), 2);
+    return this.#doubles(ends, count ? 4 * count : 0).slice();
   }
 
   /** {tet, values: {field: [components]}} of the mesh that is shown, or null outside. `fields` are those of describe(). */

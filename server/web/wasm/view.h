@@ -11,6 +11,7 @@
 
 #include "format/bytes.h"
 #include "src/cut/cut.h"
+#include "src/cut/line.h"
 #include "src/cut/resample.h"
 
 #ifdef __wasm__
@@ -31,6 +32,14 @@ struct view_part {
     size_t point_cap, value_cap, normal_cap;
 };
 
+/* Some of the values that colour. tetlod.js knows this layout. */
+enum { SAMPLE_SIZE = 4096 };
+struct view_sample {
+    const float *values;
+    uint32_t count; /* at most SAMPLE_SIZE */
+    float room[SAMPLE_SIZE];
+};
+
 struct view {
     struct tetlod_feed *feed;
     struct tetlod_cursor *cursor;
@@ -40,6 +49,7 @@ struct view {
     struct tetmesh from, to, between; /* a move: its ends, and where it is; the corners are `to`'s */
     double *shade, *function;        /* [vertex_count] the value that colours, the function whose zero set is cut */
     double shade_range[2];
+    struct view_sample sample;
     uint32_t shade_field;
     int32_t shade_component;
     double *probed;                  /* a value for each component of each field */
@@ -55,6 +65,7 @@ struct view {
     struct cut_grid grid;
     uint32_t grid_size;              /* that it was made with, of the mesh and shade that are shown; 0: of others */
     struct cut_voxels voxels;
+    struct cut_line line;
     struct tetlodi_buffer text;
     struct tetlod_error error;
 };
@@ -96,6 +107,8 @@ enum { WITH_LINES = 1, WITH_NORMALS = 2 };
 
 /* The value that colours, of the mesh as it is now; component -1: the magnitude. Returns its least and greatest. */
 VIEW_EXPORT(view_shade) const double *view_shade(struct view *view, uint32_t field, int32_t component);
+/* Some of those values, as many of each as it has of the volume. */
+VIEW_EXPORT(view_sample) const struct view_sample *view_sample(struct view *view);
 /* From now on pictures are of what is behind a plane; or of everything again. */
 VIEW_EXPORT(view_clip) void view_clip(struct view *view, double ox, double oy, double oz, double nx, double ny, double nz);
 VIEW_EXPORT(view_unclip) void view_unclip(struct view *view);
@@ -110,6 +123,10 @@ VIEW_EXPORT(view_part) const struct view_part *view_part(const struct view *view
 VIEW_EXPORT(view_resample) uint32_t view_resample(struct view *view, uint32_t size, uint32_t logarithmic);
 VIEW_EXPORT(view_grid) const struct cut_grid *view_grid(const struct view *view);
 VIEW_EXPORT(view_voxels) const struct cut_voxels *view_voxels(const struct view *view);
+/* The value that colours, along a segment: view_line. */
+VIEW_EXPORT(view_along)
+uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz);
+VIEW_EXPORT(view_line) const struct cut_line *view_line(const struct view *view);
 /* Which tetrahedron a point is in, or is as good as in: the page knows points of the surface in float32 only. TETLOD_NONE, or its values
  * are in view_probed: a number for each component of each field, NaN for those that are not decoded. */
 VIEW_EXPORT(view_probe) uint32_t view_probe(struct view *view, double x, double y, double z);

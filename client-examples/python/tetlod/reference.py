@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reads tetlod streams: levels of detail of a tetrahedral mesh. Written from format/SPEC.md alone; numpy only.
 
-    import tetlod
-    stream = tetlod.open('fin.tetlod')            # or an http(s) URL, or bytes
+    from tetlod import reference
+    stream = reference.open('fin.tetlod')          # or an http(s) URL, or bytes
     cursor = stream.cursor()                      # at level 0; fields=['Pressure'] decodes only that one
     cursor.seek(stream.level_for_error(0.01))     # up by replaying records, down by undoing them
     cursor.positions, cursor.tets, cursor.field('Pressure')
+    stream.cells('material')[:len(cursor.tets)]   # of the level's tetrahedra
     stream.order()                                # the original's own numbering, of a stream built with --keep-order
 
-From a shell: python3 tetlod.py FILE_OR_URL [--error E | --level K] [-o OUT.npz]
+From a shell: python3 -m tetlod.reference FILE_OR_URL [--error E | --level K] [-o OUT.npz]
 """
 import hashlib
 import itertools
@@ -24,6 +25,7 @@ from bisect import bisect_left
 import numpy as np
 
 MAGIC = b'\x89TLD\r\n\x1a\n'
+CELL_TYPES = ('float32', 'float64', 'int8', 'int16', 'int32', 'int64')
 MEASURES = ('max', 'sampled', 'rms', 'predicted')
 FLOAT32_END = float(2**128 - 2**103)  # what is below is a float32, or rounds to one
 SHIFT = [(seen + 1).bit_length() for seen in range(127)]
@@ -169,6 +171,9 @@ class Stream:
         self._parse(Bytes(index), 64 + index_size, early_size)
         require(size is None or size <= self.bytes, 'bytes follow the end of the stream')
         self._metadata = (self.section('META') or b'').decode('utf-8', 'replace')
+        self.cell_fields = []
+        if any(section['tag'] == 'CELL' for section in self.sections):
+            self._parse_cells(Bytes(self.section('CELL')))
 
     def _parse(self, data, offset, early_size):
         self.vertices, self.tets, levels, fields, slowest, reserved = data.take('QQIHBB')
@@ -229,21 +234,45 @@ class Stream:
             require(offset == ends[place], 'sections that do not follow each other')
             ends[place] += size
             require(plain // 256 <= size if flags & 4 else plain == size, 'a section of another size than its bytes can hold')
-            known = {'META': 2, 'ORDR': 0}
-            require(tag not in known or known[tag] == place and all(tag != s['tag'] for s in self.sections), 'a section at the wrong place')
+            known = {'META': 2, 'ORDR': 0, 'CELL': 2, 'CVAL': 0}
+            twice = tag != 'CVAL' and any(tag == s['tag'] for s in self.sections)
+            require(tag not in known or known[tag] == place and not twice, 'a section at the wrong place')
             require(tag != 'META' or plain <= 1 << 20, 'too much metadata')
             require(tag in known or not flags & 1, 'the stream cannot be read without its section %s, which is not known here' % tag)
             self.sections.append({'tag': tag, 'offset': offset + (early if place else late), 'stored': size, 'size': plain,
                                   'packed': bool(flags & 4), 'digest': sha})
         require(ends[2] == early_size and late + ends[0] == self.bytes, 'the header and the index disagree about sizes')
 
-    def section(self, tag):
-        """What the first section with a tag holds, or None."""
-        for section in self.sections:
-            if section['tag'] == tag:
-                data = self._part('section ' + tag, section['offset'], section['stored'], section['digest'])
-                return unpack(data, section['size']) if section['packed'] else data
+    def section(self, tag, number=0):
+        """What the first section with a tag holds, or a further one; None if there is none."""
+        for section in [section for section in self.sections if section['tag'] == tag][number:number + 1]:
+            data = self._part('section ' + tag, section['offset'], section['stored'], section['digest'])
+            return unpack(data, section['size']) if section['packed'] else data
         return None
+
+    def _parse_cells(self, data):
+        """The table of cell fields (SPEC 3.6)."""
+        sizes = [section['size'] for section in self.sections if section['tag'] == 'CVAL']
+        count = data.take('H')
+        require(count <= 256 and count == len(sizes), 'cell fields that do not go with their values')
+        for size in sizes:
+            kind, components, flags, reserved, low, high, length = data.take('BBBBddH')
+            require(kind < len(CELL_TYPES) and 1 <= components <= 64 and reserved == 0, 'cell data of an unknown kind')
+            require(math.isfinite(low) and math.isfinite(high) and low <= high, 'cell data without a range')
+            name = data.name(length)
+            require(all(name != field['name'] for field in self.cell_fields), 'two cell fields of one name')
+            require(size == self.tets * components * np.dtype(CELL_TYPES[kind]).itemsize, 'cell fields that do not go with their values')
+            self.cell_fields.append({'name': name, 'components': components, 'type': CELL_TYPES[kind], 'region': bool(flags & 1),
+                                     'range': [low, high]})
+        require(data.at == len(data.data), 'the table of cell data is damaged')
+
+    def cells(self, name):
+        """The values of all tetrahedra, in the order in which they arrive: those of a level's tetrahedra are the first."""
+        number = [field['name'] for field in self.cell_fields].index(name)
+        field = self.cell_fields[number]
+        values = np.frombuffer(self.section('CVAL', number), np.dtype(field['type']).newbyteorder('<'))
+        require(field['type'] != 'int64' or not np.any((values > 1 << 53) | (values < -(1 << 53))), 'cell data beyond 2^53')
+        return values.reshape(self.tets, -1) if field['components'] > 1 else values
 
     def _part(self, what, offset, size, sha):
         data = self._read(offset, size)
@@ -498,15 +527,17 @@ class Coder:
 
 class Step:
     def __init__(self):
-        self.none, self.side, self.level, self.rank = bits(4), bits(5), bits(2), bits(64)
+        self.none, self.level = [bits(4) for _ in range(8)], [bits(2) for _ in range(4)]
+        self.side = [[bits(5) for _ in range(3)] for _ in range(4)]
+        self.rank = [[bits(64) for _ in range(4)] for _ in range(4)]
         self.length, self.top = [[NONE] * 65 for _ in range(4)], [NONE] * 65
 
 
 class Models:
     def __init__(self):
         self.splits = [bits(16), bits(16)]
-        self.leaf = [[bits(16), bits(16)] for _ in range(3)]
-        self.arity, self.placement, self.label, self.irregular = bits(4), bits(4), bits(640), bits(1)
+        self.leaf = [[bits(16), bits(16), bits(16)] for _ in range(3)]
+        self.arity, self.placement, self.label, self.irregular = bits(4), bits(4), bits(1280), bits(1)
         self.boundary, self.made, self.flip, self.across, self.fresh = bits(16), bits(2), bits(1), bits(2), bits(1)
         self.step = [Step() for _ in range(3)]
         self.extra, self.vertex = Number(), Number()
@@ -927,8 +958,10 @@ class Cursor:
         star, link = self._lay_out(vertex)
         children = 2 + coder.tree(models.arity, 2)
         require(children <= 4 and self.count + children - 1 <= to['vertices'], 'a record makes too many vertices')
-        codes, placement = self._positions(vertex, children, link)
-        leaves = [coder.bit(models.leaf[placement][i > 0], min(len(star) >> 2, 15)) for i in range(children)]
+        codes, placement = self._positions(vertex, children, link, min(len(star) >> 3, 7))
+        leaves = []
+        for i in range(children):
+            leaves.append(coder.bit(models.leaf[placement][1 + leaves[0] if i else 0], min(len(star) >> 2, 15)))
         self.leaf[vertex] = leaves[0]
         self.leaf += leaves[1:]
         first_stays = all(codes[d][0] == columns[0].codes[d][vertex] for d in range(3))
@@ -954,17 +987,18 @@ class Cursor:
 
     # ---- positions (SPEC 7.2)
 
-    def _step(self, axis, own, near, trail):
-        coder, models = self.coders[0], self.models.step[axis]
-        if coder.bit(models.none, trail[0]):
+    def _step(self, axis, own, near, eighth, trail):
+        coder, models, kind = self.coders[0], self.models.step[axis], trail[3]
+        if coder.bit(models.none[eighth], trail[0]):
             return 0
         low, high = max(own - min(near, default=own), 0), max(max(near, default=own) - own, 0)
         side = 4 if high // 2 > low else 0 if low // 2 > high else 3 if high > low else 2
-        negative = coder.bit(models.side, side)
+        negative = coder.bit(models.side[kind][trail[2]], side)
+        trail[2] = 2 if negative else 1
         room = (low if negative else high).bit_length()
-        trail[1] = coder.bit(models.level, trail[1])
+        trail[1] = coder.bit(models.level[trail[0]], trail[1])
         if trail[1]:
-            rank = coder.tree(models.rank, 6)
+            rank = coder.tree(models.rank[kind][trail[0]], 6)
             layers = sorted({c for c in near if (c < own if negative else c > own)}, reverse=bool(negative))
             code = layers[min(rank, len(layers) - 1)] if layers else own
             value, length = code - own, abs(code - own).bit_length()
@@ -976,16 +1010,16 @@ class Cursor:
         trail[0] = max(trail[0], 1 if length + 3 <= room else 2 if length + 2 <= room else 3)
         return value
 
-    def _positions(self, vertex, children, link):
+    def _positions(self, vertex, children, link, eighth):
         coder, column = self.coders[0], self.columns[0]
         placement = coder.tree(self.models.placement, 2)
         require(placement < 3, 'a record holds what no writer writes')
-        trails, result = [[0, 0] for _ in range(4)], []
+        trails, result = [[0, 0, 0, 3 if placement == 2 and i == 0 else placement] for i in range(4)], []  # far, level, side, kind
         for axis in range(3):
             known, codes, scale = column.codes[axis], [0] * children, column.scale
             own, near = known[vertex], link(known)
             for i in range(0 if placement == 2 else 1, children):
-                codes[i] = scale.offset(own, self._step(axis, own, near, trails[i]))
+                codes[i] = scale.offset(own, self._step(axis, own, near, eighth, trails[i]))
             if placement == 0:
                 codes[0] = own
             elif placement == 1:
@@ -1134,7 +1168,7 @@ class Cursor:
         m0, m1, m2 = 1.5 * (a0 + b0), 1.5 * (a1 + b1), 1.5 * (a2 + b2)
         length2 = (d0 * d0 + d1 * d1) + d2 * d2
         bounds = [s * length2 for s in STEPS]
-        labels, edges, base = [], {}, 320 if first_stays else 0
+        labels, edges, base = [], {}, 640 if first_stays else 0
         known = edges.get
         for tet, (place, i, j, k) in enumerate(star):
             x, y, z, xj, yj, zj, xk, yk, zk = X[i], Y[i], Z[i], X[j], Y[j], Z[j], X[k], Y[k], Z[k]
@@ -1150,6 +1184,8 @@ class Cursor:
                 n += 80
             if vb < 0:
                 n += 160
+            if va * va > vb * vb:
+                n += 320
             key0 = j * vertices + k if j < k else k * vertices + j
             key1 = i * vertices + k if i < k else k * vertices + i
             key2 = i * vertices + j if i < j else j * vertices + i
@@ -1254,4 +1290,4 @@ if __name__ == '__main__':
     try:
         main()
     except (StreamError, OSError, KeyError, ValueError) as error:
-        sys.exit('tetlod.py: %s' % error)
+        sys.exit('tetlod.reference: %s' % error)
