@@ -393,14 +393,16 @@ static enum tetlod_status build_file(struct request *request, const struct tetme
 /* The most memory so far, in bytes. What getrusage says may be the peak of the process that started this one. */
 static uint64_t peak_memory(void)
 {
-    unsigned long long peak = 0;
+    static const char name[] = "VmHWM:";
+    uint64_t peak = 0; // kB
     char line[256];
     FILE *status = fopen("/proc/self/status", "r");
-    while (status && fgets(line, sizeof line, status) && sscanf(line, "VmHWM: %llu kB", &peak) != 1)
-        ;
+    while (status && fgets(line, sizeof line, status))
+        if (strncmp(line, name, sizeof name - 1) == 0)
+            peak = strtoull(line + sizeof name - 1, NULL, 10);
     if (status)
         fclose(status);
-    return (uint64_t)peak << 10;
+    return peak << 10;
 }
 
 static int print_json(const struct request *request, const struct build_report *report, double read_seconds,

@@ -46,6 +46,7 @@ BANNED = re.compile(r'(?<![\w.>])(strcpy|strcat|sprintf|vsprintf|sscanf|atoi|ato
 SPEAKS = re.compile(r'(?<![\w.>])(printf|vprintf|puts|putchar|perror|exit|_exit|abort|signal|sigaction)\s*\(|\b(stdout|stderr)\b')
 
 CHILDREN = ['src/io/contain.c']  # a process of its own, which must end
+CLEANS_UP = 'src/util/temporary.c'  # removes an unfinished output before a signal ends the process
 
 
 def code_of(text):
@@ -101,7 +102,7 @@ def main():
             place = '%s:%d: %s' % (path, number, line.strip())
             if BANNED.search(line):
                 banned.append(place)
-            if folder != 'src/cli' and SPEAKS.search(line) and path not in CHILDREN:
+            if folder != 'src/cli' and SPEAKS.search(line) and path not in CHILDREN and path != CLEANS_UP:
                 speaking.append(place)
         if text.count('\n') > 850:
             long_files.append('%s has %d lines' % (path, text.count('\n')))
