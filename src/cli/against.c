@@ -89,17 +89,12 @@ static enum tetlod_status find_sheets(struct against *a)
     const struct tetmesh *mesh = a->original;
     uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
     enum tetlod_status status = neighbours ? TETLOD_OK : nomem(a);
-    double volume = 0;
     if (status == TETLOD_OK)
         status = adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, a->error);
     if (status == TETLOD_OK) {
         sheets_bodies(mesh->corners, mesh->tet_count, mesh->vertex_count, a->bodies);
-        sheets_promised(mesh->positions, mesh->corners, neighbours, mesh->tet_count, a->promised);
+        a->orientation = sheets_promised(mesh->positions, mesh->corners, neighbours, mesh->tet_count, a->promised);
     }
-    for (size_t t = 0; t < mesh->tet_count; t++)
-        volume += tet_volume6(mesh->positions + 3 * (size_t)mesh->corners[4 * t], mesh->positions + 3 * (size_t)mesh->corners[4 * t + 1],
-                              mesh->positions + 3 * (size_t)mesh->corners[4 * t + 2], mesh->positions + 3 * (size_t)mesh->corners[4 * t + 3]);
-    a->orientation = volume < 0 ? -1 : 1;
     free(neighbours);
     return status;
 }

@@ -39,8 +39,8 @@ static bool same_turn(const uint32_t *corners, const uint32_t *neighbours, size_
     return false;
 }
 
-void sheets_promised(const double *positions, const uint32_t *corners, const uint32_t *neighbours, uint32_t tet_count,
-                     uint8_t *out)
+int sheets_promised(const double *positions, const uint32_t *corners, const uint32_t *neighbours, uint32_t tet_count,
+                    uint8_t *out)
 {
     enum { GOOD = 1, FOLDED = 2 };
     double volume = 0;
@@ -60,4 +60,5 @@ void sheets_promised(const double *positions, const uint32_t *corners, const uin
             out[slot / 4] |= FOLDED;
     for (size_t t = 0; t < tet_count; t++)
         out[t] = out[t] == GOOD;
+    return volume < 0 ? -1 : 1;
 }

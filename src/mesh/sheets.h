@@ -11,9 +11,9 @@
 /* out[v]: the least vertex of v's body. */
 void sheets_bodies(const uint32_t *corners, uint32_t tet_count, uint32_t vertex_count, uint32_t *out);
 
-/* out[t]: 1, or 0 for a tetrahedron without a promise. `neighbours` as adjacency_build makes them. The orientation of most of the
+/* out[t]: 1, or 0 for a tetrahedron without a promise. Returns the mesh's orientation, +1 or -1. `neighbours` as adjacency_build makes them. The orientation of most of the
  * volume is the mesh's; two neighbours that are both oriented so and lie on one side of their common face are folded. */
-void sheets_promised(const double *positions, const uint32_t *corners, const uint32_t *neighbours, uint32_t tet_count,
-                     uint8_t *out);
+int sheets_promised(const double *positions, const uint32_t *corners, const uint32_t *neighbours, uint32_t tet_count,
+                    uint8_t *out);
 
 #endif
