@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/measure/exact_cell.h"
 #include "src/measure/measure.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/mesh_surface.h"
@@ -49,9 +50,25 @@ struct look {
     double distance, found; /* of the last point; the largest above the limit */
 };
 
+/* Beside faces that are almost lines doubles say anything: before a distance is too much it is taken in 113 bits, of all faces. */
+static double exact_distance(const struct look *look, const double p[3])
+{
+    const struct mesh_surface *to = look->way->to;
+    double best = INFINITY;
+    for (size_t f = 0; f < to->count; f++) {
+        const uint32_t *v = to->triangles + 3 * f;
+        if (!to->bodies || to->bodies[v[0]] == look->body)
+            best = smaller(best, exact_triangle_distance2(p, (const double *const[3]){to->positions + 3 * (size_t)v[0], to->positions + 3 * (size_t)v[1],
+                                                                                      to->positions + 3 * (size_t)v[2]}));
+    }
+    return sqrt(best);
+}
+
 static void test_point(struct look *look, const double p[3], uint32_t *out_face)
 {
     double distance = mesh_surface_distance(look->way->to, look->body, p, 0, out_face);
+    if (distance > look->way->limit)
+        distance = exact_distance(look, p);
     look->distance = distance;
     if (distance > look->way->limit)
         look->found = larger(look->found, distance);

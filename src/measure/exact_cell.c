@@ -124,3 +124,38 @@ bool exact_cell_other(const struct exact_cell *cell, int end, const double *cons
     *out = difference(cell, &map, cell->ends[end], values);
     return true;
 }
+
+static quad dot(const quad a[3], const quad b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* r: from a to p. */
+static quad segment_distance2(const quad r[3], const quad edge[3])
+{
+    quad length2 = dot(edge, edge), t = length2 > 0 ? dot(r, edge) / length2 : 0, sum = 0;
+    t = t < 0 ? 0 : t > 1 ? 1 : t;
+    for (int d = 0; d < 3; d++)
+        sum += (r[d] - t * edge[d]) * (r[d] - t * edge[d]);
+    return sum;
+}
+
+double exact_triangle_distance2(const double p[3], const double *const corners[3])
+{
+    quad edges[3][3], r[3][3], normal[3], side[3], best = -1;
+    bool over = true;
+    for (int i = 0; i < 3; i++)
+        for (int d = 0; d < 3; d++) {
+            edges[i][d] = (quad)corners[(i + 1) % 3][d] - corners[i][d];
+            r[i][d] = (quad)p[d] - corners[i][d];
+        }
+    cross(edges[0], edges[1], normal);
+    for (int i = 0; i < 3; i++) {
+        quad distance2 = segment_distance2(r[i], edges[i]);
+        best = best < 0 || distance2 < best ? distance2 : best;
+        cross(edges[i], r[i], side);
+        over &= dot(normal, side) >= 0;
+    }
+    quad height = dot(normal, r[0]), size2 = dot(normal, normal);
+    return (double)(over && size2 > 0 ? height * height / size2 : best);
+}

@@ -38,4 +38,7 @@ quad exact_cell_difference(const struct exact_cell *cell, int end, const double 
 /* The same with another tetrahedron in the second one's place, if that holds the end, seen from the middle. False: it does not. */
 bool exact_cell_other(const struct exact_cell *cell, int end, const double *const corners[4], const double values[2][4], quad *out);
 
+/* The square of the distance of p from a triangle, which may have no area. */
+double exact_triangle_distance2(const double p[3], const double *const corners[3]);
+
 #endif
