@@ -188,8 +188,6 @@ static void raise_max(const struct build *build, uint32_t mark)
             errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], exact);
         else if (isnan(errors[TETLOD_MAX]) && build->options->certify_all)
             errors[TETLOD_MAX] = errors[TETLOD_SAMPLED];
-        if (!isnan(errors[TETLOD_MAX]))
-            errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);
     }
 }
 

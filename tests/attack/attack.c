@@ -542,6 +542,7 @@ static void check_stream(struct attack *a)
 {
     uint32_t levels = a->info->level_count;
     falsehood_begin(&a->falsehood, a->info);
+    a->falsehood.definite = strcmp(a->shape.kind, "box") == 0 || strcmp(a->shape.kind, "ball") == 0 || strcmp(a->shape.kind, "torus") == 0;
     check_index(a);
     for (uint32_t i = 0; i < 4 && i < levels; i++)
         check_level(a, i ? dice_below(&a->dice, levels) : 0);

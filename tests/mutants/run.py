@@ -5,8 +5,8 @@
 Takes one line of the proof out at a time, in a copy of the tree under build/mutants, and expects a test to go red. A mutant that
 no test sees is a hole in the tests; a line that is no longer there is a fault of the table (table.py).
 
-A killer is a test (`unit/test_exact`, `cli/test_promise.py`), or `attack FIRST COUNT`: seeds of the attack, of which one must find what it does not find
-without the mutant.
+A killer is a test (`unit/test_exact`, `cli/test_promise.py`), or `attack FIRST COUNT` or `proof FIRST COUNT`: seeds of these programs
+of tests/attack, of which one must find what it does not find without the mutant.
 """
 import os
 import re
@@ -43,11 +43,15 @@ def make(targets):
     return done.returncode == 0, done.stdout.decode(errors='replace')[-1500:]
 
 
+def is_seeds(killer):
+    return killer.split()[0] in ('attack', 'proof')
+
+
 def targets_of(killers):
     targets = {'build/release/tetlod'}
     for killer in killers:
         if not killer.startswith('cli/'):
-            targets.add('build/release/tests/attack/attack' if killer.startswith('attack') else 'build/release/tests/' + killer)
+            targets.add('build/release/tests/attack/' + killer.split()[0] if is_seeds(killer) else 'build/release/tests/' + killer)
     return sorted(targets)
 
 
@@ -67,8 +71,10 @@ def red_tests(killer):
 
 def attack(killer, known):
     """Findings of the attack that are not known: the first one is enough, unless nothing is known yet."""
-    _, first, count = killer.split()
-    command = ['python3', 'tests/attack/run.py', 'build/release/tests/attack/attack', 'build/release/tetlod', 'build/attack', count, first]
+    kind, first, count = killer.split()
+    command = ['build/release/tests/attack/proof', first, count]
+    if kind == 'attack':
+        command = ['python3', 'tests/attack/run.py', 'build/release/tests/attack/attack', 'build/release/tetlod', 'build/attack', count, first]
     found = set()
     with subprocess.Popen(command, cwd=TREE, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                           errors='replace', start_new_session=True) as process:
@@ -84,7 +90,7 @@ def attack(killer, known):
 
 def findings(killer, known=None):
     """What a killer complains of, apart from what is known."""
-    return attack(killer, known) if killer.startswith('attack') else red_tests(killer) - (known or set())
+    return attack(killer, known) if is_seeds(killer) else red_tests(killer) - (known or set())
 
 
 class Line:
