@@ -185,7 +185,7 @@ static void raise_max(const struct build *build, uint32_t mark)
     for (uint32_t f = 0; f < build->mesh->field_count; f++) {
         double *errors = build->errors + ((size_t)mark * build->mesh->field_count + f) * TETLOD_MEASURES, exact = build->exact[f] * scale_of(build, f);
         if (isfinite(build->exact[f]) && exact > NO_DIFFERENCE)
-            errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], exact);
+            errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], larger(exact, errors[TETLOD_SAMPLED]));
         else if (isnan(errors[TETLOD_MAX]) && build->options->certify_all)
             errors[TETLOD_MAX] = errors[TETLOD_SAMPLED];
     }

@@ -15,7 +15,7 @@ void falsehood_begin(struct falsehood *falsehood, const struct tetlod_info *info
 {
     size_t count = (size_t)info->level_count * info->field_count;
     *falsehood = (struct falsehood){oracle_memory(count, sizeof(double)), oracle_memory(count, sizeof(double)),
-                                    oracle_memory(info->level_count, sizeof(double)), info->level_count, info->field_count};
+                                    oracle_memory(info->level_count, sizeof(double)), info->level_count, info->field_count, false};
     for (size_t i = 0; i < count; i++)
         falsehood->max[i] = falsehood->sampled[i] = NAN;
     for (uint32_t k = 0; k < info->level_count; k++)
