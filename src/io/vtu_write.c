@@ -237,8 +237,8 @@ static bool is_wide(const struct tetmesh *mesh)
     return mesh->tet_count > INT32_MAX / 4; // then the last offset does not fit Int32
 }
 
-/* Integer values of cells stay integers. */
-static enum kind cell_kind(const struct point_field *field, size_t count)
+/* Integers stay integers. */
+static enum kind kind_of(const struct point_field *field, size_t count)
 {
     bool fits = field->is_integer;
     if (!field->is_integer)
@@ -251,17 +251,20 @@ static enum kind cell_kind(const struct point_field *field, size_t count)
     return fits ? INT32 : INT64;
 }
 
-static void put_cell_data(struct writer *w)
+static void put_fields(struct writer *w, const struct point_field *fields, uint32_t count, size_t rows)
 {
     static const char *const types[] = {"Float32", "Float64", "Int32", "Int64"};
+    for (uint32_t f = 0; f < count; f++)
+        put_array(w, types[kind_of(&fields[f], rows * fields[f].components)], fields[f].name, fields[f].components);
+}
+
+static void put_cell_data(struct writer *w)
+{
     const struct tetmesh *mesh = w->mesh;
     if (!mesh->cell_field_count)
         return;
     put_text(w, "      <CellData>\n");
-    for (uint32_t f = 0; f < mesh->cell_field_count; f++) {
-        const struct point_field *field = &mesh->cell_fields[f];
-        put_array(w, types[cell_kind(field, (size_t)mesh->tet_count * field->components)], field->name, field->components);
-    }
+    put_fields(w, mesh->cell_fields, mesh->cell_field_count, mesh->tet_count);
     put_text(w, "      </CellData>\n");
 }
 
@@ -280,8 +283,7 @@ static void put_document(struct writer *w)
     put_active(w, " Scalars=\"", 1);
     put_active(w, " Vectors=\"", 3);
     put_text(w, ">\n");
-    for (uint32_t f = 0; f < mesh->field_count; f++)
-        put_array(w, float_types[mesh->fields[f].type], mesh->fields[f].name, mesh->fields[f].components);
+    put_fields(w, mesh->fields, mesh->field_count, mesh->vertex_count);
     put_text(w, "      </PointData>\n");
     put_cell_data(w);
     put_text(w, "      <Points>\n");
@@ -304,12 +306,12 @@ static enum tetlod_status pack_all(const struct tetmesh *mesh, bool plain, struc
     uint64_t vertices = mesh->vertex_count, tets = mesh->tet_count;
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         const struct point_field *field = &mesh->fields[f];
-        struct column column = {float_kinds[field->type], field->components * vertices, field->values, NULL};
+        struct column column = {kind_of(field, (size_t)vertices * field->components), field->components * vertices, field->values, NULL};
         TETLOD_TRY(pack_one(&column, arrays++, error));
     }
     for (uint32_t f = 0; f < mesh->cell_field_count; f++) {
         const struct point_field *field = &mesh->cell_fields[f];
-        struct column column = {cell_kind(field, (size_t)tets * field->components), field->components * tets, field->values, NULL};
+        struct column column = {kind_of(field, (size_t)tets * field->components), field->components * tets, field->values, NULL};
         TETLOD_TRY(pack_one(&column, arrays++, error));
     }
     const struct column cells[] = {

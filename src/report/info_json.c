@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "src/report/metadata.h"
+
 void stream_id(const char *path, char *out, size_t size)
 {
     const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
@@ -21,19 +23,37 @@ static json_t *field_json(const struct tetlod_field *field)
                      "controlled", field->controlled);
 }
 
+static json_t *cell_field_json(const struct tetlod_cell_field *field)
+{
+    static const char *const types[] = {"float32", "float64", "int8", "int16", "int32", "int64"};
+    return json_pack("{s:s, s:i, s:s, s:[f,f], s:b}", "name", field->name, "components", (int)field->components, "type",
+                     types[field->type], "range", field->range[0], field->range[1], "region", field->region);
+}
+
+/* One field's errors at a level. JSON has finite numbers only: what is left out is not known, or has no bound. */
+static json_t *measures_json(const double errors[TETLOD_MEASURES])
+{
+    json_t *measures = json_object();
+    bool room = measures;
+    for (int m = 0; m < TETLOD_MEASURES; m++)
+        if (isfinite(errors[m]))
+            room &= !json_object_set_new(measures, tetlod_measure_name((enum tetlod_measure)m), json_real(errors[m]));
+    if (room)
+        return measures;
+    json_decref(measures);
+    return NULL;
+}
+
 static json_t *errors_json(const struct tetlod_info *info, const struct tetlod_level *level)
 {
     json_t *errors = json_object();
-    for (uint32_t f = 0; f < info->field_count; f++) {
-        json_t *measures = json_object();
-        for (int m = 0; m < TETLOD_MEASURES; m++) {
-            double error = level->errors[f * TETLOD_MEASURES + (uint32_t)m];
-            if (isfinite(error)) // JSON has no other numbers: what is left out is not known, or has no bound
-                json_object_set_new(measures, tetlod_measure_name((enum tetlod_measure)m), json_real(error));
-        }
-        json_object_set_new(errors, info->fields[f].name, measures);
-    }
-    return errors;
+    bool room = errors;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        room &= !json_object_set_new(errors, info->fields[f].name, measures_json(level->errors + f * TETLOD_MEASURES));
+    if (room)
+        return errors;
+    json_decref(errors);
+    return NULL;
 }
 
 static json_t *level_json(const struct tetlod_info *info, uint32_t k)
@@ -48,26 +68,24 @@ static json_t *level_json(const struct tetlod_info *info, uint32_t k)
 
 json_t *info_json(const struct tetlod_info *info, const char *id)
 {
-    json_t *fields = json_array(), *levels = json_array();
+    json_t *fields = json_array(), *levels = json_array(), *cells = json_array();
+    for (uint32_t f = 0; f < info->cell_field_count; f++)
+        json_array_append_new(cells, cell_field_json(&info->cell_fields[f]));
     for (uint32_t f = 0; f < info->field_count; f++)
         json_array_append_new(fields, field_json(&info->fields[f]));
     for (uint32_t k = 0; k < info->level_count; k++)
         json_array_append_new(levels, level_json(info, k));
-    json_t *metadata = json_loads(info->metadata, 0, NULL);
-    if (!json_is_object(metadata)) { // text from elsewhere: it may be anything
-        json_decref(metadata);
-        metadata = NULL;
-    }
     const double(*b)[3] = info->bounds;
-    json_t *object = json_pack("{s:s, s:s, s:I, s:I, s:I, s:[[f,f,f],[f,f,f]], s:b, s:I, s:I, s:I, s:o, s:o, s:o}", "id",
+    json_t *object = json_pack("{s:s, s:s, s:I, s:I, s:I, s:[[f,f,f],[f,f,f]], s:b, s:I, s:I, s:I, s:o, s:o, s:o, s:o}", "id",
                                id, "cid", info->cid, "vertices", (json_int_t)info->vertices, "tets",
                                (json_int_t)info->tets, "bytes", (json_int_t)info->bytes, "bounds", b[0][0], b[0][1],
                                b[0][2], b[1][0], b[1][1], b[1][2], "lossless", info->lossless, "degenerate_tets",
                                (json_int_t)info->degenerate_tets, "inverted_tets", (json_int_t)info->inverted_tets,
-                               "unused_points", (json_int_t)info->unused_points, "fields", fields, "levels", levels,
-                               "metadata", metadata ? metadata : json_object());
+                               "unused_points", (json_int_t)info->unused_points, "fields", fields, "cell_fields", cells, "levels", levels,
+                               "metadata", metadata_json(info));
     // lists that lost an element to a failed allocation are not the stream's
-    if (object && (json_array_size(fields) != info->field_count || json_array_size(levels) != info->level_count)) {
+    if (object && (json_array_size(fields) != info->field_count || json_array_size(levels) != info->level_count ||
+                   json_array_size(cells) != info->cell_field_count)) {
         json_decref(object);
         return NULL;
     }
