@@ -16,8 +16,8 @@
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-/* Parts of a face that are looked at, at most; and of one whose boundary is where it was. */
-enum { MOST_PARTS = 341, MOST_PARTS_KEPT = 5, MOST_DEPTH = 12 };
+/* Parts of a face that are looked at, at most; where there are many faces; and where the boundary is where it was. */
+enum { MOST_PARTS = 341, MOST_PARTS_OF_MANY = 21, MOST_PARTS_KEPT = 5, MANY_FACES = 5000, MOST_DEPTH = 12 };
 
 /* How far a boundary may be off by rounding, as a fraction of the diagonal (build.c: BOUNDARY_KEPT). */
 static const double KEPT = 1e-12;
@@ -132,6 +132,13 @@ static bool is_known(const struct way *way, size_t face)
     return way->touched && of[0] != TETLOD_NONE && !way->touched[of[0]] && !way->touched[of[1]] && !way->touched[of[2]];
 }
 
+static int most_parts(const struct way *way)
+{
+    if (way->limit <= 2 * way->check->rounding)
+        return MOST_PARTS_KEPT;
+    return way->check->surface.count > MANY_FACES ? MOST_PARTS_OF_MANY : MOST_PARTS;
+}
+
 static void look_at_faces(void *context, unsigned worker, size_t begin, size_t end)
 {
     const struct way *way = context;
@@ -144,7 +151,7 @@ static void look_at_faces(void *context, unsigned worker, size_t begin, size_t e
         if (is_known(way, f))
             continue;
         struct look look = {.way = way, .body = way->check->bodies ? way->check->bodies[v[0]] : 0, .witness = TETLOD_NONE,
-                            .most = way->limit > 2 * way->check->rounding ? MOST_PARTS : MOST_PARTS_KEPT};
+                            .most = most_parts(way)};
         for (int k = 0; k < 3; k++) {
             p[k] = way->from->positions + 3 * (size_t)v[k];
             test_point(&look, p[k], &face);

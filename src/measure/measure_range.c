@@ -21,6 +21,7 @@
 #include "src/mesh/sample_points.h"
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/triangle.h"
+#include "src/mesh/vector.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
@@ -130,26 +131,53 @@ static void try_tets(const struct ranges *r, struct worker *worker, struct sampl
     }
 }
 
+/* The closest point of a face, if that may be the closest of all. */
+static bool is_closest(const struct ranges *r, const struct sample *sample, uint32_t triangle, double distance, struct place *out)
+{
+    const uint32_t *v = r->locator.surface.triangles + 3 * (size_t)triangle;
+    *out = (struct place){{v[0], v[1], v[2], v[0]}, {0}};
+    return r->bodies[v[0]] == sample->body &&
+           sqrt(triangle_distance2(sample->p, position(r, v[0]), position(r, v[1]), position(r, v[2]), out->weights)) <=
+               distance * (1 + 1e-9) + 4 * sample->doubt;
+}
+
 /* The faces that may be the closest. */
 static void try_faces(const struct ranges *r, struct worker *worker, const struct sample *sample, double distance, uint32_t count)
 {
-    const struct mesh_surface *surface = &r->locator.surface;
     for (uint32_t i = 0; i < count; i++) {
-        const uint32_t *v = surface->triangles + 3 * (size_t)worker->near[i];
-        struct place place = {{v[0], v[1], v[2], v[0]}, {0}};
-        const double *q[3] = {position(r, v[0]), position(r, v[1]), position(r, v[2])};
-        if (r->bodies[v[0]] != sample->body ||
-            sqrt(triangle_distance2(sample->p, q[0], q[1], q[2], place.weights)) > distance * (1 + 1e-9) + 4 * sample->doubt)
+        struct place place;
+        double normal[3], u[3], v[3];
+        if (!is_closest(r, sample, worker->near[i], distance, &place))
             continue;
+        const double *q[3] = {position(r, place.vertices[0]), position(r, place.vertices[1]), position(r, place.vertices[2])};
         double size2 = larger(larger(distance_squared(q[0], q[1]), distance_squared(q[1], q[2])), distance_squared(q[2], q[0]));
-        double normal[3];
-        for (int k = 0; k < 3; k++)
-            normal[k] = (q[1][(k + 1) % 3] - q[0][(k + 1) % 3]) * (q[2][(k + 2) % 3] - q[0][(k + 2) % 3]) -
-                        (q[1][(k + 2) % 3] - q[0][(k + 2) % 3]) * (q[2][(k + 1) % 3] - q[0][(k + 1) % 3]);
-        double area2 = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2];
+        subtract(q[1], q[0], u);
+        subtract(q[2], q[0], v);
+        cross(u, v, normal);
+        double area2 = dot(normal, normal);
         double doubt = area2 > 0 ? ON_FACE + 64 * DBL_EPSILON * size2 * size2 / area2 + 8 * sample->doubt * sqrt(size2 / area2) : 1;
         add_place(r, worker, sample, &place, smaller(doubt, 1));
     }
+}
+
+/* Does the straight way from every point of the boundary that may be the closest lead to the sample? */
+static bool is_reached(const struct ranges *r, struct worker *worker, const struct sample *sample, double distance, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++) {
+        struct place closest;
+        double start[3], weights[4];
+        bool room;
+        if (!is_closest(r, sample, worker->near[i], distance, &closest))
+            continue;
+        for (uint32_t d = 0; d < 3; d++)
+            start[d] = place_value(r->level->positions, 3, d, &closest);
+        uint32_t tet = r->locator.surface.faces[worker->near[i]] / 4;
+        if (!walk_along(&worker->walker, tet, start, sample->p, weights, &room)) {
+            worker->failed |= !room;
+            return false;
+        }
+    }
+    return true;
 }
 
 static bool find_near(const struct bvh *bvh, struct worker *worker, const double p[3], double reach, uint32_t *out_count)
@@ -166,19 +194,6 @@ static bool find_near(const struct bvh *bvh, struct worker *worker, const double
     worker->failed |= !array_reserve(&near, &worker->room, *out_count, sizeof *worker->near);
     worker->near = near;
     return !worker->failed && bvh_find_box(bvh, box, worker->near, (uint32_t)worker->room) == *out_count;
-}
-
-/* Does the straight way from the boundary's closest point lead to the sample? */
-static bool is_reached(const struct ranges *r, struct worker *worker, const struct sample *sample, const struct place *closest,
-                       uint32_t tet)
-{
-    double start[3], weights[4];
-    bool room;
-    for (uint32_t d = 0; d < 3; d++)
-        start[d] = place_value(r->level->positions, 3, d, closest);
-    bool reached = walk_along(&worker->walker, tet, start, sample->p, weights, &room) != NULL;
-    worker->failed |= !room;
-    return reached;
 }
 
 static void find_errors(const struct ranges *r, struct worker *worker, size_t number)
@@ -201,10 +216,11 @@ static void find_errors(const struct ranges *r, struct worker *worker, size_t nu
         return;
     try_tets(r, worker, &sample, count);
     double distance = mesh_surface_closest(&r->locator.surface, sample.body, sample.p, &closest, &face);
-    if (face == TETLOD_NONE || (sample.held && is_reached(r, worker, &sample, &closest, face / 4)))
+    if (face == TETLOD_NONE ||
+        !find_near(&r->locator.surface.boxes, worker, sample.p, distance * (1 + 1e-9) + 4 * sample.doubt, &count) ||
+        (sample.held && is_reached(r, worker, &sample, distance, count)))
         return;
-    if (find_near(&r->locator.surface.boxes, worker, sample.p, distance * (1 + 1e-9) + 4 * sample.doubt, &count))
-        try_faces(r, worker, &sample, distance, count);
+    try_faces(r, worker, &sample, distance, count);
 }
 
 static void sum_chunk(void *context, unsigned number, size_t begin, size_t end)

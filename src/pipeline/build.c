@@ -236,7 +236,7 @@ static enum tetlod_status measure_marks(struct build *build)
     struct measure_levels *measure = NULL;
     struct measured *measured = array_new(fields, sizeof *measured);
     build->exact = array_new(fields, sizeof *build->exact);
-    double diagonal = mesh_diagonal(build->original);
+    double diagonal = smaller(mesh_diagonal(build->original), mesh_diagonal(build->mesh)); // the stream knows the rounded one's
     enum tetlod_status status = TETLOD_OK;
     build->levels = array_new(marks + (size_t)1, sizeof *build->levels);
     build->errors = array_new((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));

@@ -93,26 +93,34 @@ def findings(killer, known=None):
     return attack(killer, known) if is_seeds(killer) else red_tests(killer) - (known or set())
 
 
-class Line:
-    """A line of the copy that is replaced, and put back."""
+class Lines:
+    """Lines of the copy that are replaced, and put back."""
 
     def __init__(self, mutant):
-        self.path = os.path.join(TREE, mutant['file'])
-        self.text = open(self.path).read()
-        found = self.text.count(mutant['old'])
-        if found != 1:
-            raise LookupError('%s is %d times in %s: %s' % (mutant['name'], found, mutant['file'], mutant['old']))
-        self.changed = self.text.replace(mutant['old'], mutant['new'])
+        self.before, self.after = {}, {}
+        for file, old, new in mutant['edits']:
+            path = os.path.join(TREE, file)
+            text = self.after.get(path) or open(path).read()
+            self.before.setdefault(path, text)
+            if text.count(old) != 1:
+                raise LookupError('%s is %d times in %s: %s' % (mutant['name'], text.count(old), file, old))
+            self.after[path] = text.replace(old, new)
+
+    @staticmethod
+    def write(texts):
+        for path, text in texts.items():
+            with open(path, 'w') as file:
+                file.write(text)
 
     def __enter__(self):
-        open(self.path, 'w').write(self.changed)
+        self.write(self.after)
 
     def __exit__(self, *_):
-        open(self.path, 'w').write(self.text)
+        self.write(self.before)
 
 
 def try_mutant(mutant, before):
-    with Line(mutant):
+    with Lines(mutant):
         built, said = make(targets_of(mutant['killers']))
         if not built:
             return 'DOES NOT BUILD', said
@@ -129,7 +137,7 @@ def main():
         sys.exit('mutants: there is none of that name')
     copy_tree()
     for mutant in chosen:
-        Line(mutant)  # all lines are there, before anything is tried
+        Lines(mutant)  # all lines are there, before anything is tried
     killers = sorted({k for m in chosen for k in m['killers']})
     built, said = make(targets_of(killers))
     if not built:

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Lines that the promise hangs on: each is taken out in turn, and a test must go red (run.py).
 
-`old` is text that is once in the file; `why` says what the line is for.
+`old` is text that is once in the file; `why` says what the line is for. Where several lines ask the same, each alone may go without harm:
+`more` are the others, (file, old, new), and all go at once.
 """
 
 MUTANTS = []
 
 
-def mutant(name, file, old, new, why, *killers):
-    MUTANTS.append({'name': name, 'file': file, 'old': old, 'new': new, 'why': why, 'killers': killers})
+def mutant(name, file, old, new, why, *killers, more=()):
+    MUTANTS.append({'name': name, 'edits': ((file, old, new), *more), 'why': why, 'killers': killers})
 
 
 PROOF = 'proof 1 300'  # the certificate itself, in one process
@@ -31,10 +32,13 @@ mutant('values are not rounded', 'src/simplify/evaluate.c',
        'double value = field_round(&run->working->fields[component->field], component->component, (upper[c] + lower[c]) / 2);',
        'double value = (upper[c] + lower[c]) / 2;', 'the error is that of the value as stored', PROOF)
 mutant('flips', 'src/simplify/kernels.c', 'fits &= !(small >> j & 1 && weighing->moves[i + j]);', 'fits &= !(small >> j & 1 && weighing->moves[i + j] > 1);',
-       'C1: no tetrahedron flips or degenerates (the last test of it)', PROOF)
+       'C1: no tetrahedron flips or degenerates', PROOF,
+       more=(('src/simplify/evaluate.c', 'working_row(working, hood->slots[c])) <= 0)', 'working_row(working, hood->slots[c])) < -1)'),
+             ('src/simplify/evaluate.c', '!seen.half_turned, seen.followed', 'true, seen.followed'),
+             ('src/simplify/evaluate.c', 'seen.turned <= hood->shared[n], seen.followed', 'true, seen.followed')))
 mutant('link condition', 'src/simplify/evaluate.c',
        'if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room)) {', 'if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room) && !room) {',
-       'C4', PROOF)
+       'C4', ATTACK, PROOF)
 mutant("link condition's boundary", 'src/simplify/links.c',
        'if (faces >> corner_of(corners, slot_a) & 1 && faces >> corner_of(corners, slot_b) & 1)\n            return false;', '',
        'a tetrahedron with boundary faces at both ends', PROOF, 'unit/test_complex')
