@@ -579,7 +579,7 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     TETLOD_TRY_DONE(border_find(&rounds.working, rounds.run.crew, error));
     TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, mesh, options->boundary_angle, options->boundary_limit,
-                                options->boundary_least, error));
+                                options->boundary_least, crew_size(rounds.run.crew), error));
     TETLOD_TRY_DONE(allocate(&rounds));
     status = climb(&rounds);
     for (unsigned w = 0; w < crew_size(rounds.run.crew); w++)
