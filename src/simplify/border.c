@@ -9,6 +9,7 @@
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/vector.h"
 #include "src/simplify/clearance.h"
+#include "src/simplify/table.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 

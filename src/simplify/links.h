@@ -7,6 +7,7 @@
 #define TETLOD_LINKS_H
 
 #include "src/simplify/hood.h"
+#include "src/simplify/table.h"
 
 struct links {
     uint8_t *marks; /* [neighbour] */

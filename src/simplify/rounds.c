@@ -108,12 +108,38 @@ struct slice {
     size_t begin;
 };
 
+/* Memory is slow: what evaluating slots in turn will read is asked for some turns before, one step of the way in each turn. */
+static void fetch_ahead(const struct working *working, const uint32_t *slots, size_t left)
+{
+    const struct span *star;
+    if (left > 4)
+        __builtin_prefetch(&working->stars[slots[4]]);
+    if (left > 3)
+        __builtin_prefetch(working->pool + working->stars[slots[3]].begin);
+    if (left > 2) {
+        star = &working->stars[slots[2]];
+        for (uint32_t i = 0; i < star->count; i++)
+            __builtin_prefetch(working->corners[working->pool[star->begin + i]]);
+    }
+    if (left > 1) {
+        star = &working->stars[slots[1]];
+        for (uint32_t i = 0; i < star->count; i++) {
+            const uint32_t *corners = working->corners[working->pool[star->begin + i]];
+            for (int c = 0; c < 4 && corners[0] != TETLOD_NONE; c++)
+                __builtin_prefetch(working_row(working, corners[c]));
+        }
+    }
+}
+
 static void evaluate_range(void *context, unsigned worker, size_t begin, size_t end)
 {
     const struct slice *slice = context;
     struct rounds *rounds = slice->rounds;
-    for (size_t i = slice->begin + begin; i < slice->begin + end; i++)
-        evaluate(&rounds->run, &rounds->run.workers[worker], rounds->again.slots[i]);
+    const uint32_t *slots = rounds->again.slots + slice->begin;
+    for (size_t i = begin; i < end; i++) {
+        fetch_ahead(&rounds->working, slots + i, end - i);
+        evaluate(&rounds->run, &rounds->run.workers[worker], slots[i]);
+    }
 }
 
 /* Evaluates the vertices that are listed for it. Stars are pruned first, while nobody reads them. */
@@ -614,6 +640,7 @@ static void worker_fini(struct worker *worker)
         free(worker->weighing.rows[k]);
     for (int k = 0; k < 3; k++)
         free(worker->weighing.weights[k]);
+    free(worker->weighing.slots);
     free(worker->weighing.moves);
     free(worker->weighing.spread);
     free(worker->candidates);
