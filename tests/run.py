@@ -26,8 +26,8 @@ def tests_of(config):
         for path in sorted(glob.glob(os.path.join(built, kind + '*'))):
             if not path.endswith(('.o', '.d')):
                 yield path
-    for folder in ('cli', 'http', 'golden', 'attack', 'oom', 'lint', 'install', 'web'):
-        if config != 'release' and folder in ('attack', 'oom', 'lint', 'install', 'golden', 'web'):
+    for folder in ('cli', 'http', 'golden', 'attack', 'oom', 'lint', 'install', 'clients', 'web'):
+        if config != 'release' and folder in ('attack', 'oom', 'lint', 'install', 'golden', 'clients', 'web'):
             continue
         for path in sorted(glob.glob(os.path.join(ROOT, 'tests', folder, 'test_*'))):
             if path.endswith(('.sh', '.py', '.mjs')):

@@ -4,7 +4,7 @@ import os
 import sys
 
 sys.path.insert(0, os.path.join(os.environ.get('ROOT', '.'), 'client-examples', 'python'))
-import tetlod  # noqa: E402
+import tetlod.reference as tetlod  # noqa: E402
 
 
 def sealed(data):

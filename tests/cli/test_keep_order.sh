@@ -20,7 +20,7 @@ check "a coarser level has no original order" "[ $? = 2 ] && [ ! -e none.vtu ]"
 cat >order.py <<'END'
 import os, sys
 sys.path.insert(0, os.path.join(os.environ['ROOT'], 'client-examples/python'))
-import numpy as np, tetlod, vtk
+import numpy as np, tetlod.reference as tetlod, vtk
 from vtk.util.numpy_support import vtk_to_numpy
 reader = vtk.vtkXMLUnstructuredGridReader()
 reader.SetFileName('cube.vtu')

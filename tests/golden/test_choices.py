@@ -7,7 +7,7 @@ import sys
 
 ROOT = os.environ.get('ROOT', '.')
 sys.path.insert(0, os.path.join(ROOT, 'client-examples', 'python'))
-import tetlod  # noqa: E402
+import tetlod.reference as tetlod  # noqa: E402
 
 table = json.load(open(os.path.join(ROOT, 'tests/choices/choices.json')))
 stream = object.__new__(tetlod.Stream)

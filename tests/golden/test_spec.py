@@ -16,7 +16,7 @@ for number, (path, offset, size, wanted) in enumerate(examples, 1):
 print('%s %d - there are two examples' % ('ok' if len(examples) == 2 else 'not ok', len(examples) + 1))
 
 sys.path.insert(0, os.path.join(ROOT, 'client-examples', 'python'))
-import tetlod  # noqa: E402
+import tetlod.reference as tetlod  # noqa: E402
 
 path, steps = re.search(r'<!-- example: steps of (\S+) -->\n```steps\n(.*?)```', text, re.S).groups()
 stream = tetlod.open(os.path.join(ROOT, path))

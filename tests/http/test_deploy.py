@@ -17,7 +17,7 @@ import urllib.parse
 from served import PATIENCE, ROOT, SCRATCH, TETLOD, Server, eventually, run
 
 sys.path.insert(0, os.path.join(ROOT, 'client-examples', 'python'))
-import tetlod  # noqa: E402  the client that knows only Range
+import tetlod.reference as tetlod  # noqa: E402  the client that knows only Range
 
 DEPLOY = os.path.join(ROOT, 'server', 'deploy')
 FOLDER = os.path.join(SCRATCH, 'streams')

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Reads tetlod streams: levels of detail of a tetrahedral mesh. Written from format/SPEC.md alone; numpy only.
 
-    import tetlod
-    stream = tetlod.open('fin.tetlod')            # or an http(s) URL, or bytes
+    from tetlod import reference
+    stream = reference.open('fin.tetlod')          # or an http(s) URL, or bytes
     cursor = stream.cursor()                      # at level 0; fields=['Pressure'] decodes only that one
     cursor.seek(stream.level_for_error(0.01))     # up by replaying records, down by undoing them
     cursor.positions, cursor.tets, cursor.field('Pressure')
     stream.order()                                # the original's own numbering, of a stream built with --keep-order
 
-From a shell: python3 tetlod.py FILE_OR_URL [--error E | --level K] [-o OUT.npz]
+From a shell: python3 -m tetlod.reference FILE_OR_URL [--error E | --level K] [-o OUT.npz]
 """
 import hashlib
 import itertools
@@ -1254,4 +1254,4 @@ if __name__ == '__main__':
     try:
         main()
     except (StreamError, OSError, KeyError, ValueError) as error:
-        sys.exit('tetlod.py: %s' % error)
+        sys.exit('tetlod.reference: %s' % error)

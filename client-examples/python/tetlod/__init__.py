@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Reads tetlod streams: levels of detail of tetrahedral meshes with fields.
+
+    >>> import tetlod
+    >>> mesh = tetlod.read('fin.tetlod', error=0.01)     # or '1%'; a path, bytes or an http(s) URL
+    >>> mesh.points.shape[1], mesh.tets.shape[1], list(mesh.fields)
+    (3, 4, ['Pressure', 'Density', 'Velocity'])
+    >>> mesh.error <= 0.01                               # certified, of every controlled field
+    True
+
+`open` gives a stream that moves from level to level, also while its bytes arrive:
+
+    >>> with tetlod.open('fin.tetlod', error='5%') as stream:
+    ...     for mesh in stream:                          # from the coarsest level to 5 %
+    ...         pass
+    >>> mesh.level == stream.level, stream.coarsen(), stream.level == mesh.level - 1
+    (True, True, True)
+
+Where libtetlod is installed it decodes (TETLOD_LIBRARY names another one); elsewhere a decoder in Python does, with the
+same results and about a hundred times slower.
+"""
+from ._build import build
+from ._library import library_path
+from ._mesh import Mesh
+from ._model import Field, Level
+from ._stream import Stream, open, read
+from .adapters import register_meshio
+from .reference import StreamError
+
+__version__ = '0.1.0'
+__all__ = ['Field', 'Level', 'Mesh', 'Stream', 'StreamError', 'build', 'library_path', 'open', 'read', 'register_meshio']

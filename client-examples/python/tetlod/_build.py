@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Building streams from meshes in memory: the mesh is written as VTU, the installed program `tetlod build` does the rest."""
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+import numpy as np
+
+from ._mesh import VTK_TETRA, Mesh
+
+TYPES = {'f4': 'Float32', 'f8': 'Float64', 'i1': 'Int8', 'u1': 'UInt8', 'i2': 'Int16', 'u2': 'UInt16', 'i4': 'Int32', 'u4': 'UInt32',
+         'i8': 'Int64', 'u8': 'UInt64'}
+
+
+def build(mesh: Any, tets: Any = None, fields: Optional[Mapping[str, Any]] = None, *, cells: Optional[Mapping[str, Any]] = None,
+          output: Any = None, program: Optional[str] = None, **options: Any) -> Optional[bytes]:
+    """Builds a stream. Returns its bytes, or writes it to the file `output`.
+
+    `mesh` is a Mesh, a meshio mesh, a grid of VTK or PyVista, or an array of points with `tets` (m, 4) and `fields` of the points
+    and `cells` of the tetrahedra by name. Options are those of `tetlod build`, with _ for -: field='Pressure', max_error=0.1,
+    keep_order=True; lists repeat an option. The program is `program`, $TETLOD, or `tetlod` of the PATH.
+    """
+    command = program or os.environ.get('TETLOD') or shutil.which('tetlod')
+    if not command:
+        raise FileNotFoundError('the program tetlod is not installed (or name it: program=, or $TETLOD)')
+    with tempfile.TemporaryDirectory(prefix='tetlod-') as folder:
+        path = os.path.join(folder, 'mesh.vtu')
+        save(path, mesh, tets, fields, cells)
+        made = os.path.join(folder, 'mesh.tetlod') if output is None else os.fspath(output)
+        done = subprocess.run([command, 'build', path, '-o', made, '--quiet', *arguments(options)], stdin=subprocess.DEVNULL,
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        if done.returncode:
+            message = done.stderr.decode('utf-8', 'replace').strip().replace(path, 'the mesh')
+            raise (ValueError if done.returncode in (2, 3) else OSError)(message or 'tetlod build failed with status %d' % done.returncode)
+        if output is not None:
+            return None
+        with open(made, 'rb') as file:
+            return file.read()
+
+
+def arguments(options: Mapping[str, Any]) -> List[str]:
+    given = []
+    for name, value in options.items():
+        option = '--' + name.replace('_', '-')
+        for one in value if isinstance(value, (list, tuple)) else [value]:
+            if one is True:
+                given.append(option)
+            elif one is not None and one is not False:
+                given += [option, str(one)]
+    return given
+
+
+def save(path: str, mesh: Any, tets: Any, fields: Optional[Mapping[str, Any]], cells: Optional[Mapping[str, Any]]) -> None:
+    """Writes any of the meshes that `build` takes as VTU."""
+    if hasattr(mesh, 'GetPointData'):  # VTK, and PyVista, whose grids are VTK's
+        from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+        writer = vtkXMLUnstructuredGridWriter()
+        writer.SetFileName(path)
+        writer.SetInputData(mesh)
+        if not writer.Write():
+            raise OSError('VTK cannot write this grid as VTU: it has to be a vtkUnstructuredGrid')
+    elif hasattr(mesh, 'point_data') and hasattr(mesh, 'cells'):
+        import meshio
+        meshio.write(path, mesh, file_format='vtu')
+    elif isinstance(mesh, Mesh):
+        write_vtu(path, mesh.points, mesh.tets, mesh.fields, mesh.cells)
+    else:
+        if tets is None:
+            raise TypeError('with an array of points, give their tets, too')
+        write_vtu(path, mesh, tets, fields or {}, cells or {})
+
+
+def write_vtu(path: str, points: Any, tets: Any, fields: Mapping[str, Any], cells: Mapping[str, Any]) -> None:
+    """A VTU file with raw appended arrays."""
+    points, tets = np.asarray(points), np.asarray(tets)
+    if points.ndim != 2 or points.shape[1] != 3 or tets.ndim != 2 or tets.shape[1] != 4:
+        raise ValueError('points are an array of (n, 3), tets one of (m, 4), not %s and %s' % (points.shape, tets.shape))
+    if points.dtype.kind != 'f':
+        points = points.astype(np.float64)
+    for name, values, count in [(n, v, len(points)) for n, v in fields.items()] + [(n, v, len(tets)) for n, v in cells.items()]:
+        if np.shape(values)[:1] != (count,):
+            raise ValueError('%r has values of shape %s; there are %d %s' % (name, np.shape(values), count, 'points' if name in fields else 'tets'))
+    appended: List[Tuple[str, Any]] = []
+
+    def section(tag: str, arrays: Dict[str, Any]) -> str:
+        return '<%s>%s</%s>' % (tag, ''.join(header(name, values) for name, values in arrays.items()), tag)
+
+    def header(name: str, values: Any) -> str:
+        values = np.ascontiguousarray(values)
+        if values.dtype.str[1:] not in TYPES:
+            raise TypeError('%r has values of type %s, which VTU does not have' % (name, values.dtype))
+        values = values.astype(values.dtype.newbyteorder('<'), copy=False)
+        offset = sum(8 + v.nbytes for _, v in appended)
+        appended.append((name, values))
+        quoted = name.replace('&', '&amp;').replace('<', '&lt;').replace('"', '&quot;')
+        return '<DataArray type="%s" Name="%s" NumberOfComponents="%d" format="appended" offset="%d"/>' % (
+            TYPES[values.dtype.str[1:]], quoted, values.size // max(1, len(values)), offset)
+
+    topology = {'connectivity': tets.astype(np.int64).ravel(), 'offsets': np.arange(4, 4 * len(tets) + 1, 4, dtype=np.int64),
+                'types': np.full(len(tets), VTK_TETRA, np.uint8)}
+    body = '<Piece NumberOfPoints="%d" NumberOfCells="%d">' % (len(points), len(tets)) + section('Points', {'Points': points}) + \
+        section('Cells', topology) + section('PointData', dict(fields)) + section('CellData', dict(cells)) + '</Piece>'
+    with open(path, 'wb') as file:
+        file.write(('<?xml version="1.0"?><VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
+                    '<UnstructuredGrid>%s</UnstructuredGrid><AppendedData encoding="raw">_' % body).encode())
+        for _, values in appended:
+            file.write(values.nbytes.to_bytes(8, 'little') + values.tobytes())
+        file.write(b'</AppendedData></VTKFile>')

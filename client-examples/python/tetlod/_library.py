@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Decoding by libtetlod, through ctypes: the structs and functions of tetlod.h that are used here, and no others."""
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import functools
+import json
+import os
+import weakref
+from ctypes import POINTER, Structure, byref, c_char, c_char_p, c_double, c_int, c_size_t, c_uint32, c_uint64, c_void_p
+from typing import Any, Dict, List, Optional, Sequence, Tuple
+
+import numpy as np
+
+from ._model import MEASURES, Field, Info, Level
+from ._sources import Source
+from .reference import StreamError
+
+VERSION = '0.1'  # of the library: structs may differ in another one
+ERR_NOMEM, ERR_LIMIT, ERR_IO = 10, 11, 12
+READ = ctypes.CFUNCTYPE(c_int, c_void_p, c_uint64, c_void_p, c_size_t)
+
+
+class CError(Structure):
+    _fields_ = [('status', c_int), ('offset', c_uint64), ('message', c_char * 256)]
+
+
+class CSource(Structure):
+    _fields_ = [('read', READ), ('opaque', c_void_p), ('size', c_uint64)]
+
+
+class CField(Structure):
+    _fields_ = [('name', c_char_p), ('components', c_uint32), ('type', c_int), ('range', c_double * 2), ('controlled', c_int),
+                ('reserved', c_uint64 * 2)]
+
+
+class CLevel(Structure):
+    _fields_ = [('vertices', c_uint32), ('tets', c_uint32), ('offset', c_uint64), ('end', c_uint64), ('domain_error', c_double),
+                ('errors', POINTER(c_double)), ('reserved', c_uint64 * 2)]
+
+
+class CInfo(Structure):
+    _fields_ = [('cid', c_char * 33), ('vertices', c_uint32), ('tets', c_uint32), ('bytes', c_uint64), ('bounds', c_double * 6),
+                ('position_type', c_int), ('lossless', c_int), ('degenerate_tets', c_uint64), ('inverted_tets', c_uint64),
+                ('unused_points', c_uint64), ('field_count', c_uint32), ('level_count', c_uint32), ('fields', POINTER(CField)),
+                ('levels', POINTER(CLevel)), ('metadata', c_char_p), ('metadata_size', c_size_t), ('keeps_order', c_int),
+                ('section_count', c_uint32), ('sections', c_void_p)]
+
+
+class CMesh(Structure):
+    _fields_ = [('vertices', c_uint32), ('tets', c_uint32), ('level', c_uint32), ('positions', c_void_p), ('fields', POINTER(c_void_p)),
+                ('corners', c_void_p), ('parents', c_void_p), ('reserved', c_void_p * 4)]
+
+
+FUNCTIONS: Dict[str, Tuple[Any, List[Any]]] = {
+    'tetlod_version': (c_char_p, []),
+    'tetlod_open': (c_int, [POINTER(c_void_p), POINTER(CSource), c_void_p, POINTER(CError)]),
+    'tetlod_close': (None, [c_void_p]),
+    'tetlod_info': (POINTER(CInfo), [c_void_p]),
+    'tetlod_cursor_new': (c_int, [POINTER(c_void_p), c_void_p, POINTER(c_uint32), c_uint32, POINTER(CError)]),
+    'tetlod_cursor_free': (None, [c_void_p]),
+    'tetlod_cursor_seek': (c_int, [c_void_p, c_uint32, POINTER(CError)]),
+    'tetlod_cursor_mesh': (None, [c_void_p, POINTER(CMesh)]),
+}
+
+
+def library_path() -> Optional[str]:
+    """The libtetlod that decodes: TETLOD_LIBRARY, else an installed one. None: the decoder in Python does."""
+    named = os.environ.get('TETLOD_LIBRARY')
+    if named is not None:
+        return named or None
+    return ctypes.util.find_library('tetlod')
+
+
+@functools.lru_cache(maxsize=None)
+def load(path: str) -> ctypes.CDLL:
+    library = ctypes.CDLL(path)
+    for name, (result, arguments) in FUNCTIONS.items():
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    version = library.tetlod_version().decode()
+    if not version.startswith(VERSION + '.'):
+        raise OSError('%s is version %s; this package needs %s' % (path, version, VERSION))
+    return library
+
+
+class View:
+    """Memory of the library as an array that keeps its owner alive."""
+
+    def __init__(self, owner: object, address: int, shape: Tuple[int, ...], form: str) -> None:
+        self.owner = owner
+        self.__array_interface__ = {'data': (address, True), 'shape': shape, 'typestr': form, 'version': 3}
+
+
+def view(owner: object, address: Optional[int], shape: Tuple[int, ...], form: str) -> Any:
+    if not address:  # of a mesh without tetrahedra
+        return np.zeros(shape, form)
+    return np.asarray(View(owner, address, shape, form))
+
+
+class LibraryDecoder:
+    """A cursor of the library on a source. `seek` moves it, `arrays` are views that hold until it moves again."""
+
+    def __init__(self, path: str, source: Source, fields: Optional[Sequence[str]]) -> None:
+        self._library, self._source, self._problem = load(path), source, None  # type: ctypes.CDLL, Source, Optional[BaseException]
+        here = weakref.ref(self)
+
+        def read(_: Any, offset: int, buffer: int, size: int) -> int:
+            decoder = here()
+            return ERR_IO if decoder is None else decoder._fill(offset, buffer, size)
+
+        self._read = READ(read)
+        self._file, self._cursor, error = c_void_p(), c_void_p(), CError()
+        self._check(self._library.tetlod_open(byref(self._file), byref(CSource(self._read, None, source.size)), None, byref(error)), error)
+        weakref.finalize(self, free, self._library, self._file, self._cursor, self._read)
+        self.info = self._information()
+        names = [f.name for f in self.info.fields]
+        for name in fields or ():
+            if name not in names:
+                raise KeyError('no field %r; there are %s' % (name, ', '.join(names)))
+        self._selected = list(range(len(names))) if fields is None else sorted({names.index(f) for f in fields})
+
+    def open_cursor(self) -> None:
+        numbers, error = (c_uint32 * max(1, len(self._selected)))(*self._selected), CError()
+        self._check(self._library.tetlod_cursor_new(byref(self._cursor), self._file, numbers, len(self._selected), byref(error)), error)
+
+    def _fill(self, offset: int, buffer: int, size: int) -> int:
+        """The library's callback."""
+        try:
+            data = self._source.read(offset, size)
+        except BaseException as problem:  # it must not pass through C; _check raises it
+            self._problem = problem
+            return ERR_IO
+        if len(data) < size:
+            self._problem = StreamError('%s: the stream ends too early' % self._source.name)
+            return ERR_IO
+        ctypes.memmove(buffer, data, size)
+        return 0
+
+    def _check(self, status: int, error: CError) -> None:
+        problem, self._problem = self._problem, None
+        if problem is not None:
+            raise problem
+        if status == ERR_NOMEM:
+            raise MemoryError(error.message.decode())
+        if status:
+            raise StreamError('%s: %s' % (self._source.name, error.message.decode('utf-8', 'replace')))
+
+    def _information(self) -> Info:
+        c = self._library.tetlod_info(self._file).contents
+        fields = tuple(Field(f.name.decode(), f.components, 'float64' if f.type else 'float32', (f.range[0], f.range[1]), bool(f.controlled))
+                       for f in c.fields[:c.field_count])
+        levels = []
+        for number, level in enumerate(c.levels[:c.level_count]):
+            values = level.errors[:4 * len(fields)] if fields else []
+            errors = {f.name: dict(zip(MEASURES, values[4 * i:4 * i + 4])) for i, f in enumerate(fields)}
+            levels.append(Level(number, level.vertices, level.tets, level.end, level.domain_error, errors))
+        b = c.bounds[:]
+        return Info(c.cid.decode(), c.vertices, c.tets, c.bytes, ((b[0], b[1], b[2]), (b[3], b[4], b[5])), bool(c.lossless), fields,
+                    tuple(levels), metadata_of(c.metadata))
+
+    def seek(self, level: int) -> None:
+        error = CError()
+        if not self._cursor:
+            self.open_cursor()
+        self._check(self._library.tetlod_cursor_seek(self._cursor, level, byref(error)), error)
+
+    def arrays(self) -> Tuple[Any, Any, Dict[str, Any]]:
+        mesh = CMesh()
+        self._library.tetlod_cursor_mesh(self._cursor, byref(mesh))
+        fields = {}
+        for number in self._selected:
+            field = self.info.fields[number]
+            shape = (mesh.vertices,) if field.components == 1 else (mesh.vertices, field.components)
+            fields[field.name] = view(self, mesh.fields[number], shape, '=f8')
+        points = view(self, mesh.positions, (mesh.vertices, 3), '=f8')
+        return points, view(self, mesh.corners, (mesh.tets, 4), '=u4'), fields
+
+
+def metadata_of(text: Optional[bytes]) -> Dict[str, Any]:
+    try:
+        found = json.loads(text or b'{}')
+    except ValueError:
+        found = {}
+    return found if isinstance(found, dict) else {}
+
+
+def free(library: ctypes.CDLL, file: c_void_p, cursor: c_void_p, _: Any) -> None:
+    library.tetlod_cursor_free(cursor)
+    library.tetlod_close(file)

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What a stream says about itself, and which of its levels a caller wants."""
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Dict, Optional, Sequence, Tuple, Union
+
+MEASURES = ('max', 'sampled', 'rms', 'predicted')
+Fraction = Union[float, str]
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of the points. `range` is that of the original over all components."""
+    name: str
+    components: int
+    type: str
+    range: Tuple[float, float]
+    controlled: bool
+
+
+@dataclass(frozen=True)
+class Level:
+    """A level: `bytes` is the length of the prefix that decodes to it, `errors[field][measure]` a fraction of the field's range."""
+    level: int
+    vertices: int
+    tets: int
+    bytes: int
+    domain_error: float
+    errors: Dict[str, Dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Info:
+    """The index of a stream."""
+    cid: str
+    vertices: int
+    tets: int
+    bytes: int
+    bounds: Tuple[Tuple[float, float, float], Tuple[float, float, float]]
+    lossless: bool
+    fields: Tuple[Field, ...]
+    levels: Tuple[Level, ...]
+    metadata: Dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which level: at most one of error, abs_error, level, tets and bytes; without one, the finest."""
+    error: Optional[Fraction] = None
+    abs_error: Optional[float] = None
+    level: Optional[int] = None
+    tets: Optional[int] = None
+    bytes: Optional[int] = None
+    field: Optional[str] = None
+    measure: str = 'max'
+
+    def __post_init__(self) -> None:
+        given = [name for name in ('error', 'abs_error', 'level', 'tets', 'bytes') if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError('give one of %s' % ' or '.join(given))
+        if self.measure not in MEASURES:
+            raise ValueError('no measure %r; there are %s' % (self.measure, ', '.join(MEASURES)))
+        for limit in (self.fraction, self.abs_error):
+            if limit is not None and not 0 <= limit < math.inf:
+                raise ValueError('an error is a number that is not negative, such as 0.01 or "1%%", not %r' % limit)
+
+    @property
+    def fraction(self) -> Optional[float]:
+        if isinstance(self.error, str):
+            text = self.error.strip()
+            return float(text[:-1]) / 100 if text.endswith('%') else float(text)
+        return self.error
+
+    def query(self) -> Dict[str, str]:
+        """The same choice as parameters of the server."""
+        asked = {'error': self.fraction, 'abs_error': self.abs_error, 'level': self.level, 'tets': self.tets,
+                 'bytes': self.bytes, 'field': self.field, 'measure': None if self.measure == 'max' else self.measure}
+        return {name: repr(value) if isinstance(value, float) else str(value) for name, value in asked.items() if value is not None}
+
+
+def fields_meant(fields: Sequence[Field], name: Optional[str]) -> Sequence[Field]:
+    """The named field, or every controlled one."""
+    meant = [f for f in fields if (f.controlled if name is None else f.name == name)]
+    if name is not None and not meant:
+        raise KeyError('no field %r; there are %s' % (name, ', '.join(f.name for f in fields)))
+    return meant
+
+
+def error_of(level: Level, fields: Sequence[Field], choice: Choice) -> float:
+    """The largest error of the fields that are meant, as a fraction of the range; NaN if it is not known."""
+    found = [level.errors[f.name].get(choice.measure, math.nan) for f in fields_meant(fields, choice.field)]
+    return math.nan if not found or any(map(math.isnan, found)) else max(found)
+
+
+def level_for(fields: Sequence[Field], levels: Sequence[Level], choice: Choice) -> int:
+    """The level that is meant; ValueError if there is none."""
+    if choice.level is not None:
+        if not 0 <= choice.level < len(levels):
+            raise ValueError('no level %d; there are 0 to %d' % (choice.level, len(levels) - 1))
+        return choice.level
+    if choice.tets is not None or choice.bytes is not None:
+        within = [i for i, k in enumerate(levels) if (k.tets <= choice.tets if choice.tets is not None else k.bytes <= (choice.bytes or 0))]
+        return max(within, default=0)
+    limit = choice.fraction if choice.abs_error is None else choice.abs_error
+    meant = fields_meant(fields, choice.field)
+    if limit is None:
+        return len(levels) - 1
+    for i, level in enumerate(levels):
+        units = [1.0 if choice.abs_error is None else f.range[1] - f.range[0] for f in meant]
+        if meant and all(level.errors[f.name].get(choice.measure, math.nan) * unit <= limit for f, unit in zip(meant, units)):
+            return i
+    raise ValueError('no level has an error of at most %g%s' % (limit, '' if meant else ': the stream controls no field; name one'))

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Decoding without a library: the reference decoder behind the interface of _library.LibraryDecoder."""
+from __future__ import annotations
+
+from typing import Any, Dict, Optional, Sequence, Tuple
+
+from . import reference
+from ._model import Field, Info, Level
+from ._sources import Source
+
+
+class PythonDecoder:
+    def __init__(self, source: Source, fields: Optional[Sequence[str]]) -> None:
+        self._stream: Any = reference.Stream(source.read, source.size)
+        self._names = [f['name'] for f in self._stream.fields] if fields is None else list(fields)
+        for name in self._names:
+            self._stream.field_index(name)
+        self._cursor: Any = None
+        self.info = information(self._stream)
+
+    def seek(self, level: int) -> None:
+        if self._cursor is None:
+            self._cursor = self._stream.cursor(self._names)
+        self._cursor.seek(level)
+
+    def arrays(self) -> Tuple[Any, Any, Dict[str, Any]]:
+        arrays = [self._cursor.positions, self._cursor.tets, *(self._cursor.field(name) for name in self._names)]
+        for array in arrays:
+            array.flags.writeable = False
+        return arrays[0], arrays[1], dict(zip(self._names, arrays[2:]))
+
+
+def information(stream: Any) -> Info:
+    fields = tuple(Field(f['name'], f['components'], f['type'], (f['range'][0], f['range'][1]), f['controlled']) for f in stream.fields)
+    levels = tuple(Level(k['level'], k['vertices'], k['tets'], k['bytes'], k['domain_error'], k['errors']) for k in stream.levels)
+    exact = [f['exact_later'] or not scale.bits for f, scale in zip(stream.fields, stream.scales[1:])]
+    low, high = stream.bounds
+    return Info(stream.cid, stream.vertices, stream.tets, stream.bytes, ((low[0], low[1], low[2]), (high[0], high[1], high[2])),
+                not stream.scales[0].bits and all(exact), fields, levels, stream.metadata)

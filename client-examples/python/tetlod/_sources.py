@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Where a stream's bytes come from: memory, a file, a tetlod server, or any web host."""
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import re
+import struct
+import urllib.error
+import urllib.parse
+import urllib.request
+import warnings
+from typing import Any, Callable, Dict, Optional, Union
+
+from ._model import Choice
+from .reference import StreamError
+
+HEADER = 64           # bytes; the stream's whole size is at 32
+FIRST = 1 << 16       # bytes of the first Range request: header and index of most streams, and their first levels
+CHUNK = 1 << 16
+MOST_TETS = 1 << 30   # of the format
+TIMEOUT = 60          # seconds without a byte
+
+Progress = Callable[[int, int], None]
+Location = Union[str, 'os.PathLike[str]', bytes, bytearray, memoryview]
+
+
+class Source:
+    """`read` gives bytes of the stream, as many as are there. `size`: how many can be had."""
+    name = 'bytes'
+    size = 0
+
+    def read(self, offset: int, size: int) -> bytes:
+        raise NotImplementedError
+
+    def expect(self, end: int) -> None:
+        """A hint: bytes up to `end` will be read."""
+
+    def close(self) -> None:
+        pass
+
+
+class Memory(Source):
+    def __init__(self, data: Union[bytes, bytearray, memoryview]) -> None:
+        self.data = memoryview(data).cast('B')
+        self.size = len(self.data)
+
+    def read(self, offset: int, size: int) -> bytes:
+        return bytes(self.data[offset:offset + size])
+
+
+class File(Source):
+    def __init__(self, path: str) -> None:
+        self.name, self.file = path, open(path, 'rb', buffering=0)
+        self.size = os.fstat(self.file.fileno()).st_size
+
+    def read(self, offset: int, size: int) -> bytes:
+        parts = []
+        while size and (part := os.pread(self.file.fileno(), size, offset)):
+            parts.append(part)
+            offset, size = offset + len(part), size - len(part)
+        return b''.join(parts)
+
+    def close(self) -> None:
+        self.file.close()
+
+
+class Remote(Source):
+    """Bytes that arrive in order. Only those that a level needs are asked for, in one request; reading waits for them."""
+
+    def __init__(self, url: str, progress: Optional[Progress]) -> None:
+        self.name, self.url, self.progress = url, url, progress
+        self.data, self.wanted, self.requests = bytearray(), 0, 0
+        self.answer: Optional[http.client.HTTPResponse] = None
+        self.tag: Optional[str] = None
+
+    def start(self) -> None:
+        """Reads the header, which says how long the stream is."""
+        header = self.read(0, HEADER)
+        self.size = struct.unpack_from('<Q', header, 32)[0] if len(header) == HEADER else len(header)
+
+    def read(self, offset: int, size: int) -> bytes:
+        end = offset + size
+        while len(self.data) < end:
+            if self.answer is None and not self._ask(max(end, self.wanted)):
+                break
+            self._receive()
+        return bytes(self.data[offset:end])
+
+    def expect(self, end: int) -> None:
+        self.wanted = max(self.wanted, end)
+
+    def close(self) -> None:
+        if self.answer is not None:
+            self.answer.close()
+            self.answer = None
+
+    def _receive(self) -> None:
+        assert self.answer is not None
+        before = len(self.data)
+        try:
+            self.data += self.answer.read1(CHUNK)
+        except (http.client.HTTPException, OSError) as problem:
+            raise StreamError('%s: the connection was lost after %d bytes (%s)' % (self.name, before, problem)) from problem
+        if len(self.data) == before:
+            missing = self.answer.length
+            self.close()
+            if missing:
+                raise StreamError('%s: the connection was lost after %d bytes' % (self.name, before))
+        elif self.progress:
+            self.progress(len(self.data), max(self.wanted, len(self.data)))
+
+    def _ask(self, end: int) -> bool:
+        """Opens an answer with the bytes from those that are there up to `end`. False if there are no more."""
+        have = len(self.data)
+        if self.size and have >= self.size:
+            return False
+        headers = {'Range': 'bytes=%d-%d' % (have, end - 1)}
+        if self.tag:
+            headers['If-Range'] = self.tag  # the file may be replaced between two requests: then the answer is all of the new one
+        answer = self._open(self.url, headers)
+        if answer is None:
+            return False
+        if answer.status == 200:
+            if have:
+                answer.close()
+                raise StreamError('%s: the file was replaced meanwhile; open it again' % self.name)
+            if int(answer.headers.get('Content-Length') or FIRST + 1) > FIRST:
+                warnings.warn('%s: this host does not answer Range requests: the whole stream is downloaded, once' % self.name, stacklevel=2)
+        self.tag = answer.headers.get('ETag') or self.tag
+        self.tag = None if self.tag and self.tag.startswith('W/') else self.tag
+        self.answer = answer
+        return True
+
+    def _open(self, url: str, headers: Dict[str, str]) -> Optional[http.client.HTTPResponse]:
+        self.requests += 1
+        try:
+            answer: http.client.HTTPResponse = urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=TIMEOUT)
+            return answer
+        except urllib.error.HTTPError as refused:
+            if refused.code == 416:  # nothing is there
+                return None
+            raise OSError('%s: %s' % (url, explanation(refused))) from None
+        except urllib.error.URLError as problem:
+            raise OSError('%s: %s' % (url, problem.reason)) from None
+
+
+class Host(Remote):
+    """A stream on any web host."""
+
+    def __init__(self, url: str, progress: Optional[Progress]) -> None:
+        super().__init__(url, progress)
+        self.wanted = FIRST
+        self.start()
+        self.wanted = 0
+
+
+class Server(Remote):
+    """/v1/meshes/{id} of a tetlod server: the first request asks for the level itself, later ones for bytes of the stream."""
+
+    def __init__(self, url: str, choice: Choice, progress: Optional[Progress]) -> None:
+        super().__init__(url, progress)
+        query = choice.query()
+        if set(query) <= {'field', 'measure'}:
+            query['tets'] = str(MOST_TETS)  # the finest level
+        self.answer = self._open(url + '/prefix?' + urllib.parse.urlencode(query), {})
+        if self.answer is not None:
+            self.wanted = int(self.answer.headers.get('Content-Length') or 0)
+        self.start()
+        if len(self.data) >= HEADER:
+            self.url = '%s/%s/stream' % (url, self.data[40:56].hex())
+
+
+def explanation(refused: urllib.error.HTTPError) -> str:
+    """What a refusal says: application/problem+json, or its status line."""
+    try:
+        problem: Dict[str, Any] = json.loads(refused.read(1 << 16))
+        return '%d: %s' % (refused.code, problem.get('detail') or problem.get('title') or refused.reason)
+    except (ValueError, AttributeError):
+        return '%d %s' % (refused.code, refused.reason)
+
+
+def open_source(location: Location, choice: Choice, progress: Optional[Progress]) -> Source:
+    if isinstance(location, (bytes, bytearray, memoryview)):
+        return Memory(location)
+    path = os.fspath(location)
+    if not re.match(r'https?://', path, re.I):
+        return File(path)
+    bare = re.sub(r'/view/([^/]+)$', r'/v1/meshes/\1', path.split('#')[0].split('?')[0])  # a link to the viewer names the mesh, too
+    if re.search(r'/v1/meshes/[^/]+/?$', bare):
+        return Server(bare.rstrip('/'), choice, progress)
+    return Host(path, progress)

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""`open` and `read`: streams that move from level to level, and one level at once."""
+from __future__ import annotations
+
+import os
+import warnings
+from types import TracebackType
+from typing import Any, Iterator, Optional, Sequence, Tuple, Type, Union
+
+from ._library import LibraryDecoder, library_path
+from ._mesh import Mesh
+from ._model import Choice, Field, Fraction, Info, Level, error_of, level_for
+from ._python import PythonDecoder
+from ._sources import Location, Progress, Source, open_source
+from .reference import StreamError
+
+Decoder = Union[LibraryDecoder, PythonDecoder]
+
+
+class Stream:
+    """A stream at one of its levels; `open` makes one.
+
+    Iterating gives the mesh of each level from the current one to `target`, as soon as its bytes are there.
+    """
+
+    def __init__(self, source: Source, choice: Choice, fields: Optional[Sequence[str]], decoder: Optional[str]) -> None:
+        self._source, self._choice = source, choice
+        self._decoder = choose_decoder(source, fields, decoder)
+        self.info: Info = self._decoder.info
+        self.target = self._available(choice)
+        self.level = -1
+        source.expect(self.levels[self.target].bytes)
+
+    @property
+    def levels(self) -> Tuple[Level, ...]:
+        return self.info.levels
+
+    @property
+    def fields(self) -> Tuple[Field, ...]:
+        return self.info.fields
+
+    @property
+    def mesh(self) -> Mesh:
+        """The mesh of the current level. Its arrays are copies: they stay as they are when the stream moves on."""
+        return self._mesh(copy=True)
+
+    def seek(self, level: Optional[int] = None, **choice: Any) -> 'Stream':
+        """Moves to a level: its number, or `error`, `abs_error`, `tets`, `bytes` with `field` and `measure` as in `open`."""
+        self._choice = Choice(level=level, **choice)
+        return self._seek(level_for(self.fields, self.levels, self._choice))
+
+    def refine(self) -> bool:
+        """One level finer. False if this is the finest."""
+        return self._step(1)
+
+    def coarsen(self) -> bool:
+        """One level coarser. False if this is the coarsest."""
+        return self._step(-1)
+
+    def close(self) -> None:
+        """Ends a download that is under way. Meshes stay."""
+        self._source.close()
+
+    def __iter__(self) -> Iterator[Mesh]:
+        for level in range(max(self.level, 0), self.target + 1):
+            self._seek(level)
+            yield self.mesh
+
+    def __enter__(self) -> 'Stream':
+        return self
+
+    def __exit__(self, kind: Optional[Type[BaseException]], value: Optional[BaseException], trace: Optional[TracebackType]) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return '<tetlod.Stream %s: level %d of %d>' % (self._source.name, max(self.level, 0), len(self.levels) - 1)
+
+    def _seek(self, level: int) -> 'Stream':
+        self._source.expect(self.levels[level].bytes)
+        self._decoder.seek(level)
+        self.level = level
+        return self
+
+    def _step(self, by: int) -> bool:
+        level = max(self.level, 0) + by
+        if not 0 <= level < len(self.levels):
+            return False
+        self._seek(level)
+        return True
+
+    def _mesh(self, copy: bool) -> Mesh:
+        if self.level < 0:
+            self._seek(0)
+        level = self.levels[self.level]
+        points, tets, fields = self._decoder.arrays()
+        if copy:
+            points, tets, fields = frozen(points), frozen(tets), {name: frozen(values) for name, values in fields.items()}
+        return Mesh(points, tets, fields, self.level, error_of(level, self.fields, self._choice), level.errors, level.domain_error)
+
+    def _available(self, choice: Choice) -> int:
+        """The level that is meant. Of a stream that is cut off: the finest that is there, unless the choice needs a finer one."""
+        wanted = level_for(self.fields, self.levels, choice)
+        here = [i for i, level in enumerate(self.levels) if level.bytes <= self._source.size]
+        if wanted in here:
+            return wanted
+        cut = '%s: the stream is cut off' % self._source.name
+        if not here:
+            raise StreamError(cut + ' before the end of its coarsest level')
+        told = cut + ': it holds levels 0 to %d of %d' % (here[-1], len(self.levels) - 1)
+        if choice != Choice():
+            raise StreamError('%s, not level %d' % (told, wanted))
+        warnings.warn(told, stacklevel=4)
+        return here[-1]
+
+
+def frozen(array: Any) -> Any:
+    array = array.copy()
+    array.flags.writeable = False
+    return array
+
+
+def choose_decoder(source: Source, fields: Optional[Sequence[str]], decoder: Optional[str]) -> Decoder:
+    if decoder not in (None, 'library', 'python'):
+        raise ValueError("a decoder is 'library' or 'python', not %r" % decoder)
+    path = None if decoder == 'python' else library_path()
+    if path is not None:
+        return LibraryDecoder(path, source, fields)
+    if decoder == 'library':
+        raise OSError('libtetlod is not installed (set TETLOD_LIBRARY to the file, or install tetlod)')
+    return PythonDecoder(source, fields)
+
+
+def open(source: Location, *, error: Optional[Fraction] = None, abs_error: Optional[float] = None, level: Optional[int] = None,
+         tets: Optional[int] = None, bytes: Optional[int] = None, field: Optional[str] = None, measure: str = 'max',
+         fields: Optional[Sequence[str]] = None, decoder: Optional[str] = None, progress: Optional[Progress] = None) -> Stream:
+    """Opens a stream: a path, bytes, `http(s)://…/v1/meshes/{id}` of a tetlod server, or the URL of a stream on any host.
+
+    The choice, as in `read`, is the level where iterating ends; what a server sends first goes up to it.
+    `fields` are the fields to decode (default: all), `decoder` is 'library' or 'python' (default: the library where it is
+    installed), `progress(bytes, expected)` is called as bytes arrive.
+    """
+    choice = Choice(error, abs_error, level, tets, bytes, field, measure)
+    found = open_source(source, choice, progress)
+    try:
+        return Stream(found, choice, fields, decoder)
+    except BaseException:
+        found.close()
+        raise
+
+
+def read(source: Location, error: Optional[Fraction] = None, *, abs_error: Optional[float] = None, level: Optional[int] = None,
+         tets: Optional[int] = None, bytes: Optional[int] = None, field: Optional[str] = None, measure: str = 'max',
+         fields: Optional[Sequence[str]] = None, decoder: Optional[str] = None, progress: Optional[Progress] = None) -> Mesh:
+    """One level as a mesh. Its arrays are the decoder's own memory, without a copy.
+
+    error: the coarsest level whose error is at most this fraction of the range (0.01 or '1%'), in `measure`, of `field`, or of
+    every field that the stream controls. abs_error: the same in the field's units. level: this level. tets, bytes: the finest
+    level of at most so many tetrahedra or bytes. Without a choice: the finest level.
+    """
+    stream = open(source, error=error, abs_error=abs_error, level=level, tets=tets, bytes=bytes, field=field, measure=measure, fields=fields,
+                  decoder=decoder, progress=progress)
+    with stream:
+        return stream._seek(stream.target)._mesh(copy=False)

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""tetlod for VTK, PyVista (entry point `pyvista.readers`) and meshio."""
+from __future__ import annotations
+
+from typing import Any
+
+from . import _stream
+from ._mesh import VTK_TETRA, Mesh
+
+
+def grid(mesh: Mesh) -> Any:
+    """A vtkUnstructuredGrid."""
+    import numpy as np
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkUnstructuredGrid
+    points, cells, made = vtkPoints(), vtkCellArray(), vtkUnstructuredGrid()
+    points.SetData(numpy_to_vtk(mesh.points, deep=True))
+    offsets = np.arange(0, 4 * len(mesh.tets) + 1, 4, dtype=np.int64)
+    cells.SetData(numpy_to_vtkIdTypeArray(offsets, deep=True), numpy_to_vtkIdTypeArray(mesh.tets.astype(np.int64).ravel(), deep=True))
+    made.SetPoints(points)
+    made.SetCells(VTK_TETRA, cells)
+    for data, arrays in ((made.GetPointData(), mesh.fields), (made.GetCellData(), mesh.cells)):
+        for name, values in arrays.items():
+            array = numpy_to_vtk(values, deep=True)
+            array.SetName(name)
+            data.AddArray(array)
+    return made
+
+
+def read_pyvista(path: str, **choice: Any) -> Any:
+    """What `pyvista.read('x.tetlod', error=0.01)` calls."""
+    return _stream.read(path, **choice).to_pyvista()
+
+
+def register_meshio() -> None:
+    """Makes `meshio.read('x.tetlod')` and `meshio.write('x.tetlod', mesh)` work."""
+    import meshio
+    from ._build import build
+
+    def read(path: Any) -> Any:
+        return _stream.read(path).to_meshio()
+
+    def write(path: Any, mesh: Any, **options: Any) -> None:
+        build(mesh, output=path, **options)
+
+    meshio.register_format('tetlod', ['.tetlod'], read, {'tetlod': write})
