@@ -272,15 +272,20 @@ static void release_range(void *context, unsigned worker, size_t begin, size_t e
     }
 }
 
-/* Is no vertex of the slot's star claimed by a lesser priority? */
-static bool unclaimed(const struct rounds *rounds, uint32_t slot, uint64_t priority)
+/* Is no vertex of the slot's star claimed by a lesser priority? The one that is is remembered. */
+static bool unclaimed(const struct rounds *rounds, uint32_t slot, uint64_t priority, uint32_t *blocker)
 {
     const struct span *star = &rounds->working.stars[slot];
+    const uint32_t *tets = rounds->working.pool + star->begin;
+    for (uint32_t i = 0; i < star->count; i++)
+        __builtin_prefetch(rounds->working.corners[tets[i]]);
     for (uint32_t i = 0; i < star->count; i++) {
-        const uint32_t *corners = rounds->working.corners[rounds->working.pool[star->begin + i]];
+        const uint32_t *corners = rounds->working.corners[tets[i]];
         for (int c = 0; c < 4 && corners[0] != TETLOD_NONE; c++)
-            if (rounds->claims[corners[c]] < priority)
+            if (rounds->claims[corners[c]] < priority) {
+                *blocker = corners[c];
                 return false;
+            }
     }
     return true;
 }
@@ -288,12 +293,14 @@ static bool unclaimed(const struct rounds *rounds, uint32_t slot, uint64_t prior
 static void win_range(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct rounds *rounds = context;
+    const struct proposals *proposals = &rounds->run.proposals;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        uint32_t slot = rounds->proposing.slots[i], other = rounds->run.proposals.target[slot] / 2;
-        uint64_t priority = rounds->run.proposals.priority[slot];
+        uint32_t slot = rounds->proposing.slots[i], other = proposals->target[slot] / 2, *blocker = &proposals->blocker[slot];
+        uint64_t priority = proposals->priority[slot];
         rounds->won[i] = rounds->claims[slot] >= priority && rounds->claims[other] >= priority &&
-                         unclaimed(rounds, slot, priority) && unclaimed(rounds, other, priority);
+                         rounds->claims[*blocker] >= priority && unclaimed(rounds, slot, priority, blocker) &&
+                         unclaimed(rounds, other, priority, blocker);
     }
 }
 
@@ -591,7 +598,7 @@ uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
     uint64_t components = 0;
     for (uint32_t f = 0; f < mesh->field_count; f++)
         components += mesh->fields[f].components;
-    uint64_t log = 16 + 24 + 8 * components, proposals = 8 + 4 + 8 + 8 + 1 + 8 + 4 + 14;
+    uint64_t log = 16 + 24 + 8 * components, proposals = 8 + 4 + 8 + 8 + 1 + 8 + 4 + 18;
     return working_bytes(mesh, controlled_count) + mesh->vertex_count * (log + proposals);
 }
 
@@ -605,6 +612,7 @@ static enum tetlod_status allocate(struct rounds *rounds)
     proposals->waits_changed = array_zero(n, sizeof(float));
     proposals->evaluated = array_zero(n, sizeof(uint32_t));
     proposals->changed = array_zero(n, sizeof(uint32_t));
+    proposals->blocker = array_zero(n, sizeof(uint32_t));
     proposals->dirty = array_zero(n, 1);
     rounds->claims = array_new(n, sizeof *rounds->claims);
     rounds->listed = array_zero(n, 1);
@@ -613,7 +621,7 @@ static enum tetlod_status allocate(struct rounds *rounds)
     rounds->run.factors = array_zero(k, sizeof(double));
     rounds->run.workers = array_zero(crew_size(rounds->run.crew), sizeof *rounds->run.workers);
     if (!proposals->priority || !proposals->target || !proposals->waits || !proposals->waits_changed || !proposals->evaluated ||
-        !proposals->changed || !proposals->dirty || !rounds->claims || !rounds->listed || !rounds->certified || !rounds->predicted ||
+        !proposals->changed || !proposals->blocker || !proposals->dirty || !rounds->claims || !rounds->listed || !rounds->certified || !rounds->predicted ||
         !rounds->run.factors || !rounds->run.workers)
         return no_memory(rounds);
     for (unsigned w = 0; w < crew_size(rounds->run.crew); w++) {
@@ -660,7 +668,7 @@ static void rounds_fini(struct rounds *rounds)
                            rounds->proposing.slots, rounds->later.slots, rounds->listed, rounds->winners.slots, rounds->again.slots, rounds->won,
                            rounds->merged,        rounds->errors,      rounds->certified,    rounds->predicted,
                            proposals->priority,   proposals->target,   proposals->waits,     proposals->waits_changed,
-                           proposals->evaluated,  proposals->changed,  proposals->dirty};
+                           proposals->evaluated,  proposals->changed,  proposals->blocker,     proposals->dirty};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     border_fini(&rounds->run.border);

@@ -13,7 +13,8 @@ void star_fini(struct star *star)
     free(star->tets);
     free(star->moving);
     free(star->local_tets);
-    free(star->numbers);
+    free(star->besides);
+    table_fini(&star->pairs);
     *star = (struct star){0};
 }
 
@@ -177,7 +178,10 @@ static enum tetlod_status copy_star(struct local_complex *copy, struct star *sta
     star->local_tets = grown;
     copy->tets = grown;
     copy->count = copy->vertex_count = 0;
-    complex->epoch++;
+    if (++complex->epoch == 0) { // it wraps
+        memset(complex->epoch_of, 0, complex->vertex_count * sizeof *complex->epoch_of);
+        complex->epoch = 1;
+    }
     for (uint32_t s = 0; s < star->simplex_count; s++)
         local_number(complex, star->simplex[s], &copy->vertex_count);
     uint32_t apex = copy->vertex_count++;
@@ -196,14 +200,14 @@ static enum tetlod_status copy_star(struct local_complex *copy, struct star *sta
     return TETLOD_OK;
 }
 
-enum { IN_A = 1, IN_B = 2, IN_AB = 4, MOST_RING = 64 };
+enum { IN_A = 1, IN_B = 2, IN_AB = 4 };
 
-/* The ring: vertices of both links. row[k][i] has bit j where the edge of the ring's vertices i and j is in the link of a
- * (k = 0), b (1) or ab (2). */
+/* The ring, Lk(ab): a cycle, for the boundary is coned. */
 struct ring {
-    uint32_t count;
-    uint64_t row[3][MOST_RING];
-    uint32_t triangle_count[2], triangles[2][MOST_RING][3];
+    uint8_t *marks;        /* [vertex] IN_... */
+    uint32_t (*beside)[2]; /* [vertex of the ring] those before and behind it */
+    struct table *pairs;   /* edges of Lk(a) between vertices of the ring, but not of it */
+    bool closed;           /* Lk(a) has a triangle all of whose edges are the ring's */
 };
 
 static unsigned corner_mask(const uint32_t tet[4], uint32_t a, uint32_t b)
@@ -214,74 +218,78 @@ static unsigned corner_mask(const uint32_t tet[4], uint32_t a, uint32_t b)
     return mask;
 }
 
-static void sort_triangle(uint32_t v[3])
+static bool on_ring(const struct ring *ring, uint32_t v)
 {
-    for (int i = 0; i < 3; i++) {
-        int j = i % 2; // pairs (0,1), (1,2), (0,1) sort three
-        if (v[j] > v[j + 1]) {
-            uint32_t swap = v[j];
-            v[j] = v[j + 1];
-            v[j + 1] = swap;
-        }
-    }
+    return (ring->marks[v] & (IN_A | IN_B)) == (IN_A | IN_B);
 }
 
-/* Adds what a tetrahedron's opposite edge or triangle gives to the ring's edges and triangles. False: no room. */
-static bool ring_add(struct ring *ring, const uint32_t tet[4], unsigned mask, uint32_t a, uint32_t b,
-                     const uint32_t *number)
+static bool join_ring(struct ring *ring, uint32_t x, uint32_t y)
 {
-    uint32_t link[3];
-    int count = 0;
-    for (int c = 0; c < 4; c++)
-        if (tet[c] != a && tet[c] != b && number[tet[c]] != TETLOD_NONE)
-            link[count++] = number[tet[c]];
-    for (int i = 0; i < count; i++)
-        for (int j = 0; j < count; j++)
-            for (int k = 0; k < 2 && i != j; k++)
-                ring->row[k][link[i]] |= mask & (1u << k) ? (uint64_t)1 << link[j] : 0;
-    if (mask == (IN_A | IN_B) && count == 2) {
-        ring->row[2][link[0]] |= (uint64_t)1 << link[1];
-        ring->row[2][link[1]] |= (uint64_t)1 << link[0];
-    }
-    if (mask == (IN_A | IN_B) || count < 3)
-        return true;
-    int side = mask == IN_B;
-    if (ring->triangle_count[side] == MOST_RING)
+    uint32_t *beside = ring->beside[x];
+    if (beside[0] != TETLOD_NONE && beside[1] != TETLOD_NONE)
         return false;
-    sort_triangle(link);
-    memcpy(ring->triangles[side][ring->triangle_count[side]++], link, sizeof link);
+    beside[beside[0] != TETLOD_NONE] = y;
     return true;
 }
 
-/* Lk(a) and Lk(b) meet in Lk(ab) only. `marks` and `number` have room for the copy's vertices. */
-static bool edge_links_meet_well(const struct local_complex *copy, uint32_t a, uint32_t b, uint8_t *marks,
-                                 uint32_t *number)
+/* Marks the vertices of both links, and finds the ring. False: a common vertex is outside of it, or it is no cycle. */
+static bool find_ring(struct ring *ring, const struct local_complex *copy, uint32_t a, uint32_t b)
 {
-    struct ring ring;
-    memset(&ring, 0, sizeof ring);
-    memset(marks, 0, copy->vertex_count);
+    memset(ring->marks, 0, copy->vertex_count);
     for (uint32_t i = 0; i < copy->count; i++) {
         unsigned mask = corner_mask(copy->tets[i], a, b);
         for (int c = 0; c < 4 && mask; c++)
-            marks[copy->tets[i][c]] |= (uint8_t)(mask == (IN_A | IN_B) ? IN_A | IN_B | IN_AB : mask);
+            ring->marks[copy->tets[i][c]] |= (uint8_t)(mask == (IN_A | IN_B) ? IN_A | IN_B | IN_AB : mask);
     }
+    ring->marks[a] = ring->marks[b] = 0;
     for (uint32_t v = 0; v < copy->vertex_count; v++) {
-        bool both = v != a && v != b && (marks[v] & (IN_A | IN_B)) == (IN_A | IN_B);
-        if (both && (!(marks[v] & IN_AB) || ring.count == MOST_RING))
-            return false; // a common vertex outside Lk(ab); or a ring so large that its star is no good anyway
-        number[v] = both ? ring.count++ : TETLOD_NONE;
+        ring->beside[v][0] = ring->beside[v][1] = TETLOD_NONE;
+        if (on_ring(ring, v) && !(ring->marks[v] & IN_AB))
+            return false;
     }
     for (uint32_t i = 0; i < copy->count; i++) {
-        unsigned mask = corner_mask(copy->tets[i], a, b);
-        if (mask && !ring_add(&ring, copy->tets[i], mask, a, b, number))
+        uint32_t ends[2] = {0, 0}, count = 0;
+        for (int c = 0; c < 4; c++)
+            if (copy->tets[i][c] != a && copy->tets[i][c] != b)
+                ends[count++ & 1] = copy->tets[i][c];
+        if (count == 2 && (!join_ring(ring, ends[0], ends[1]) || !join_ring(ring, ends[1], ends[0])))
             return false;
     }
-    for (uint32_t i = 0; i < ring.count; i++)
-        if (ring.row[0][i] & ring.row[1][i] & ~ring.row[2][i])
-            return false;
-    for (uint32_t i = 0; i < ring.triangle_count[0]; i++)
-        for (uint32_t j = 0; j < ring.triangle_count[1]; j++)
-            if (memcmp(ring.triangles[0][i], ring.triangles[1][j], sizeof ring.triangles[0][i]) == 0)
+    return true;
+}
+
+/* What a tetrahedron of a or of b has between vertices of the ring: of a it is noted; of b, false if a has it, too. */
+static bool compare_links(struct ring *ring, const uint32_t tet[4], unsigned mask)
+{
+    uint32_t of_ring = 0;
+    for (int i = 0; i < 4; i++)
+        for (int k = i + 1; k < 4; k++) {
+            uint32_t x = tet[i] < tet[k] ? tet[i] : tet[k], y = tet[i] < tet[k] ? tet[k] : tet[i];
+            uint64_t key = (uint64_t)x << 32 | y;
+            if (!on_ring(ring, x) || !on_ring(ring, y))
+                continue;
+            if (ring->beside[x][0] == y || ring->beside[x][1] == y)
+                of_ring++;
+            else if (mask == IN_A)
+                table_at(ring->pairs, key, 0);
+            else if (table_find(ring->pairs, key))
+                return false;
+        }
+    bool closes = of_ring == 3; // then the ring is that triangle
+    if (mask == IN_A)
+        ring->closed |= closes;
+    return mask == IN_A || !(closes && ring->closed);
+}
+
+/* Lk(a) and Lk(b) meet in Lk(ab) only. */
+static bool edge_links_meet_well(const struct local_complex *copy, uint32_t a, uint32_t b, struct ring *ring)
+{
+    if (!find_ring(ring, copy, a, b))
+        return false;
+    ring->closed = false;
+    for (unsigned mask = IN_A; mask <= IN_B; mask++)
+        for (uint32_t i = 0; i < copy->count; i++)
+            if (corner_mask(copy->tets[i], a, b) == mask && !compare_links(ring, copy->tets[i], mask))
                 return false;
     return true;
 }
@@ -303,17 +311,21 @@ static void copy_contract(struct local_complex *copy, uint32_t a, uint32_t b)
 enum tetlod_status star_link_condition(struct star *star, struct complex *complex, bool *out_holds,
                                        struct tetlod_error *error)
 {
-    struct local_complex copy;
+    struct local_complex copy = {0};
+    struct ring ring = {.pairs = &star->pairs};
     *out_holds = false;
     TETLOD_TRY(copy_star(&copy, star, complex, error));
-    void *grown = star->numbers;
-    if (!array_reserve(&grown, &star->number_capacity, copy.vertex_count, sizeof(uint32_t) + 1))
-        return tetlodi_fail_nomem(error, "a link", copy.vertex_count * (sizeof(uint32_t) + 1));
-    star->numbers = grown;
+    void *grown = star->besides;
+    if (!array_reserve(&grown, &star->beside_capacity, copy.vertex_count, 2 * sizeof(uint32_t) + 1))
+        return tetlodi_fail_nomem(error, "a link", copy.vertex_count * (2 * sizeof(uint32_t) + 1));
+    star->besides = grown;
+    ring.beside = grown;
+    ring.marks = (uint8_t *)(ring.beside + copy.vertex_count);
     *out_holds = true;
     for (uint32_t s = 1; s < star->simplex_count && *out_holds; s++) {
-        uint8_t *marks = (uint8_t *)(star->numbers + copy.vertex_count);
-        *out_holds = edge_links_meet_well(&copy, 0, s, marks, star->numbers);
+        if (!table_clear(&star->pairs, 6 * (size_t)copy.count))
+            return tetlodi_fail_nomem(error, "a link", copy.count * (uint64_t)72);
+        *out_holds = edge_links_meet_well(&copy, 0, s, &ring);
         copy_contract(&copy, 0, s);
     }
     return TETLOD_OK;

@@ -24,8 +24,8 @@ mutant('upper is the value', 'src/simplify/merge.c', 'row[ROW_FIELDS + 2 * c] = 
        'errors accumulate', ATTACK)
 mutant('one side of the error', 'src/simplify/evaluate.c', 'worst = larger(worst, larger(upper[c] - value, value - lower[c]) * component->factor);',
        'worst = larger(worst, (upper[c] - value) * component->factor);', 'the error counts both ways', ATTACK)
-mutant('certified is one side', 'src/simplify/merge.c', 'double most = larger(upper[c] - values[c], values[c] - lower[c]);',
-       'double most = upper[c] - values[c];', 'what is stored counts both ways', ATTACK)
+mutant('certified is one side', 'src/simplify/merge.c', 'double worst = larger(upper[c] - values[c], values[c] - lower[c]);',
+       'double worst = upper[c] - values[c];', 'what is stored counts both ways', ATTACK)
 mutant('values are not rounded', 'src/simplify/evaluate.c',
        'double value = field_round(&run->working->fields[component->field], component->component, (upper[c] + lower[c]) / 2);',
        'double value = (upper[c] + lower[c]) / 2;', 'the error is that of the value as stored', ATTACK)
@@ -76,8 +76,8 @@ mutant('serial: no crossings', 'src/simplify/shift.c', 'return graphs(&work, cos
        'return graphs(&work, cosine) && map_vertices(shift, &work);', 'edges of the old and the new patch cross', 'unit/test_shift', ATTACK)
 mutant('serial: flips', 'src/simplify/star.c', 'if (tet_orientation(q[0], q[1], q[2], q[3]) != complex->orientation)', 'if (tet_orientation(q[0], q[1], q[2], q[3]) > 2)',
        'C1', ATTACK, 'unit/test_complex')
-mutant('serial: link triangles', 'src/simplify/star.c', 'if (memcmp(ring.triangles[0][i], ring.triangles[1][j], sizeof ring.triangles[0][i]) == 0)',
-       'if (i > copy->count)', 'C4: a common triangle', 'unit/test_complex', ATTACK)
+mutant('serial: link triangles', 'src/simplify/star.c', 'return mask == IN_A || !(closes && ring->closed);',
+       'return true;', 'C4: a common triangle', 'unit/test_complex', ATTACK)
 mutant("serial: link condition's boundary", 'src/simplify/star.c', 'if (complex_boundary_face(complex, star->tets[i], f)) {', 'if (f > 3) {',
        'C4: the boundary is coned', 'unit/test_complex', ATTACK)
 mutant('serial: distance does not add up', 'src/simplify/boundary.c', 'boundary->moved[vertex] = moved;', 'boundary->moved[vertex] = 0;',
