@@ -74,9 +74,10 @@ struct star {
     size_t capacity;
     uint32_t *tets;
     uint8_t *moving;  /* the corner that moves, or STAR_REMOVED */
-    size_t local_tet_capacity, beside_capacity;
-    uint32_t *local_tets, (*besides)[2]; /* scratch of the link condition, as are the pairs */
-    struct table pairs;
+    size_t local_tet_capacity, mark_capacity;
+    uint32_t *local_tets; /* scratch of the link condition, as is the rest */
+    uint8_t *marks;
+    struct table filed;
 };
 
 enum { STAR_REMOVED = 4 };

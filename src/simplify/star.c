@@ -13,8 +13,8 @@ void star_fini(struct star *star)
     free(star->tets);
     free(star->moving);
     free(star->local_tets);
-    free(star->besides);
-    table_fini(&star->pairs);
+    free(star->marks);
+    table_fini(&star->filed);
     *star = (struct star){0};
 }
 
@@ -202,14 +202,6 @@ static enum tetlod_status copy_star(struct local_complex *copy, struct star *sta
 
 enum { IN_A = 1, IN_B = 2, IN_AB = 4 };
 
-/* The ring, Lk(ab): a cycle, for the boundary is coned. */
-struct ring {
-    uint8_t *marks;        /* [vertex] IN_... */
-    uint32_t (*beside)[2]; /* [vertex of the ring] those before and behind it */
-    struct table *pairs;   /* edges of Lk(a) between vertices of the ring, but not of it */
-    bool closed;           /* Lk(a) has a triangle all of whose edges are the ring's */
-};
-
 static unsigned corner_mask(const uint32_t tet[4], uint32_t a, uint32_t b)
 {
     unsigned mask = 0;
@@ -218,78 +210,81 @@ static unsigned corner_mask(const uint32_t tet[4], uint32_t a, uint32_t b)
     return mask;
 }
 
-static bool on_ring(const struct ring *ring, uint32_t v)
+/* Is the vertex in both links? */
+static bool on_ring(const uint8_t *marks, uint32_t v)
 {
-    return (ring->marks[v] & (IN_A | IN_B)) == (IN_A | IN_B);
+    return (marks[v] & (IN_A | IN_B)) == (IN_A | IN_B);
 }
 
-static bool join_ring(struct ring *ring, uint32_t x, uint32_t y)
+/* Numbers of a copy's vertices are below 2^21; a triangle's key has the highest bit set. */
+static const uint32_t MOST_OF_COPY = UINT32_C(1) << 21;
+
+static uint64_t pair_key(uint32_t x, uint32_t y)
 {
-    uint32_t *beside = ring->beside[x];
-    if (beside[0] != TETLOD_NONE && beside[1] != TETLOD_NONE)
-        return false;
-    beside[beside[0] != TETLOD_NONE] = y;
-    return true;
+    return x < y ? (uint64_t)x << 32 | y : (uint64_t)y << 32 | x;
 }
 
-/* Marks the vertices of both links, and finds the ring. False: a common vertex is outside of it, or it is no cycle. */
-static bool find_ring(struct ring *ring, const struct local_complex *copy, uint32_t a, uint32_t b)
+static uint32_t smallest(uint32_t x, uint32_t y)
 {
-    memset(ring->marks, 0, copy->vertex_count);
+    return x < y ? x : y;
+}
+
+static uint64_t triangle_key(const uint32_t v[3])
+{
+    uint64_t least = smallest(v[0], smallest(v[1], v[2])), sum = (uint64_t)v[0] + v[1] + v[2];
+    uint64_t greatest = (uint32_t)~smallest(~v[0], smallest(~v[1], ~v[2]));
+    return (uint64_t)1 << 63 | least << 42 | (sum - least - greatest) << 21 | greatest;
+}
+
+/* Marks the vertices of both links, and files the edges of Lk(ab) with the value 1. False: a common vertex is outside Lk(ab). */
+static bool file_ring(struct table *filed, uint8_t *marks, const struct local_complex *copy, uint32_t a, uint32_t b)
+{
+    memset(marks, 0, copy->vertex_count);
     for (uint32_t i = 0; i < copy->count; i++) {
         unsigned mask = corner_mask(copy->tets[i], a, b);
-        for (int c = 0; c < 4 && mask; c++)
-            ring->marks[copy->tets[i][c]] |= (uint8_t)(mask == (IN_A | IN_B) ? IN_A | IN_B | IN_AB : mask);
-    }
-    ring->marks[a] = ring->marks[b] = 0;
-    for (uint32_t v = 0; v < copy->vertex_count; v++) {
-        ring->beside[v][0] = ring->beside[v][1] = TETLOD_NONE;
-        if (on_ring(ring, v) && !(ring->marks[v] & IN_AB))
-            return false;
-    }
-    for (uint32_t i = 0; i < copy->count; i++) {
         uint32_t ends[2] = {0, 0}, count = 0;
-        for (int c = 0; c < 4; c++)
+        for (int c = 0; c < 4 && mask; c++) {
+            marks[copy->tets[i][c]] |= (uint8_t)(mask == (IN_A | IN_B) ? IN_A | IN_B | IN_AB : mask);
             if (copy->tets[i][c] != a && copy->tets[i][c] != b)
                 ends[count++ & 1] = copy->tets[i][c];
-        if (count == 2 && (!join_ring(ring, ends[0], ends[1]) || !join_ring(ring, ends[1], ends[0])))
-            return false;
+        }
+        if (mask == (IN_A | IN_B))
+            *table_at(filed, pair_key(ends[0], ends[1]), 1) = 1;
     }
+    marks[a] = marks[b] = 0;
+    for (uint32_t v = 0; v < copy->vertex_count; v++)
+        if (on_ring(marks, v) && !(marks[v] & IN_AB))
+            return false;
     return true;
 }
 
-/* What a tetrahedron of a or of b has between vertices of the ring: of a it is noted; of b, false if a has it, too. */
-static bool compare_links(struct ring *ring, const uint32_t tet[4], unsigned mask)
+/* What a tetrahedron of a or of b has between vertices of the ring: of a it is filed; of b, false if a has it and Lk(ab) does not. */
+static bool compare_links(struct table *filed, const uint8_t *marks, const uint32_t tet[4], unsigned mask)
 {
-    uint32_t of_ring = 0;
-    for (int i = 0; i < 4; i++)
-        for (int k = i + 1; k < 4; k++) {
-            uint32_t x = tet[i] < tet[k] ? tet[i] : tet[k], y = tet[i] < tet[k] ? tet[k] : tet[i];
-            uint64_t key = (uint64_t)x << 32 | y;
-            if (!on_ring(ring, x) || !on_ring(ring, y))
-                continue;
-            if (ring->beside[x][0] == y || ring->beside[x][1] == y)
-                of_ring++;
-            else if (mask == IN_A)
-                table_at(ring->pairs, key, 0);
-            else if (table_find(ring->pairs, key))
+    uint32_t v[4], count = 0;
+    for (int c = 0; c < 4; c++)
+        if (on_ring(marks, tet[c]))
+            v[count++] = tet[c];
+    for (uint32_t i = 0; i < count; i++)
+        for (uint32_t k = i + 1; k < count; k++) {
+            uint64_t key = pair_key(v[i], v[k]);
+            const uint32_t *found = mask == IN_A ? table_at(filed, key, 0) : table_find(filed, key);
+            if (mask == IN_B && found && !*found)
                 return false;
         }
-    bool closes = of_ring == 3; // then the ring is that triangle
-    if (mask == IN_A)
-        ring->closed |= closes;
-    return mask == IN_A || !(closes && ring->closed);
+    if (count == 3 && mask == IN_A)
+        table_at(filed, triangle_key(v), 0);
+    return !(count == 3 && mask == IN_B && table_find(filed, triangle_key(v)));
 }
 
-/* Lk(a) and Lk(b) meet in Lk(ab) only. */
-static bool edge_links_meet_well(const struct local_complex *copy, uint32_t a, uint32_t b, struct ring *ring)
+/* Lk(a) and Lk(b) meet in Lk(ab) only. The table is empty and has room for all. */
+static bool edge_links_meet_well(const struct local_complex *copy, uint32_t a, uint32_t b, uint8_t *marks, struct table *filed)
 {
-    if (!find_ring(ring, copy, a, b))
+    if (!file_ring(filed, marks, copy, a, b))
         return false;
-    ring->closed = false;
     for (unsigned mask = IN_A; mask <= IN_B; mask++)
         for (uint32_t i = 0; i < copy->count; i++)
-            if (corner_mask(copy->tets[i], a, b) == mask && !compare_links(ring, copy->tets[i], mask))
+            if (corner_mask(copy->tets[i], a, b) == mask && !compare_links(filed, marks, copy->tets[i], mask))
                 return false;
     return true;
 }
@@ -312,20 +307,17 @@ enum tetlod_status star_link_condition(struct star *star, struct complex *comple
                                        struct tetlod_error *error)
 {
     struct local_complex copy = {0};
-    struct ring ring = {.pairs = &star->pairs};
     *out_holds = false;
     TETLOD_TRY(copy_star(&copy, star, complex, error));
-    void *grown = star->besides;
-    if (!array_reserve(&grown, &star->beside_capacity, copy.vertex_count, 2 * sizeof(uint32_t) + 1))
-        return tetlodi_fail_nomem(error, "a link", copy.vertex_count * (2 * sizeof(uint32_t) + 1));
-    star->besides = grown;
-    ring.beside = grown;
-    ring.marks = (uint8_t *)(ring.beside + copy.vertex_count);
-    *out_holds = true;
+    void *grown = star->marks;
+    if (!array_reserve(&grown, &star->mark_capacity, copy.vertex_count, 1))
+        return tetlodi_fail_nomem(error, "a link", copy.vertex_count);
+    star->marks = grown;
+    *out_holds = copy.vertex_count < MOST_OF_COPY;
     for (uint32_t s = 1; s < star->simplex_count && *out_holds; s++) {
-        if (!table_clear(&star->pairs, 6 * (size_t)copy.count))
+        if (!table_clear(&star->filed, 4 * (size_t)copy.count))
             return tetlodi_fail_nomem(error, "a link", copy.count * (uint64_t)72);
-        *out_holds = edge_links_meet_well(&copy, 0, s, &ring);
+        *out_holds = edge_links_meet_well(&copy, 0, s, star->marks, &star->filed);
         copy_contract(&copy, 0, s);
     }
     return TETLOD_OK;

@@ -76,7 +76,7 @@ mutant('serial: no crossings', 'src/simplify/shift.c', 'return graphs(&work, cos
        'return graphs(&work, cosine) && map_vertices(shift, &work);', 'edges of the old and the new patch cross', 'unit/test_shift', ATTACK)
 mutant('serial: flips', 'src/simplify/star.c', 'if (tet_orientation(q[0], q[1], q[2], q[3]) != complex->orientation)', 'if (tet_orientation(q[0], q[1], q[2], q[3]) > 2)',
        'C1', ATTACK, 'unit/test_complex')
-mutant('serial: link triangles', 'src/simplify/star.c', 'return mask == IN_A || !(closes && ring->closed);',
+mutant('serial: link triangles', 'src/simplify/star.c', 'return !(count == 3 && mask == IN_B && table_find(filed, triangle_key(v)));',
        'return true;', 'C4: a common triangle', 'unit/test_complex', ATTACK)
 mutant("serial: link condition's boundary", 'src/simplify/star.c', 'if (complex_boundary_face(complex, star->tets[i], f)) {', 'if (f > 3) {',
        'C4: the boundary is coned', 'unit/test_complex', ATTACK)
