@@ -36,6 +36,8 @@ static const char help[] =
     "                          they are at every level (default: integers named region, material or the like); none: no regions\n"
     "      --certify HOW       what holds the error: fast (default), a bound that is carried along; exact, the exact maximum\n"
     "                          over the whole domain: far fewer tetrahedra for the same error, in several times the time\n"
+    "      --certify-all       a 'max' for every field, also for those that nothing holds: the exact maximum, taken of every\n"
+    "                          level when it is done; takes some times longer\n"
     "      --metric M          what orders the contractions: envelope (default of fast), the carried bound; field-quadric\n"
     "                          (Cignoni and others; default of exact) or quadric (Garland and Heckbert); or what then is\n"
     "                          the limit, too: sva, the accumulated prediction of scalar value assignment; measured, the\n"
@@ -49,7 +51,7 @@ static const char help[] =
     "                          (default 0.001; exact, measured: at most 0.000001); 0: only planar boundary is simplified\n"
     "      --boundary-angle D  degrees by which boundary faces may turn and still count as one smooth surface; edges that\n"
     "                          turn more are creases, and are kept (default 30)\n"
-    "      --growth G          vertices of a level / vertices of the one below (default 1.05)\n"
+    "      --growth G          vertices of a level / vertices of the one below (default 1.1)\n"
     "      --position-bits N   round coordinates to N bits across the bounds, 1 .. 30 (default: lossless)\n"
     "      --field-bits N      round values to N bits across the range\n"
     "      --position-error E, --field-error E   as many bits as keep it: a fraction of the diagonal, of the range\n"
@@ -112,6 +114,8 @@ static bool parse_metric(const char *text, enum metric *out)
     cli_usage("build", "--metric is one of envelope, sva, field-quadric, quadric, measured, not '%s'", text);
     return false;
 }
+
+enum { CERTIFY_ALL = 256 }; /* an option without a letter */
 
 static const char *const certify_names[] = {[CERTIFY_FAST] = "fast", [CERTIFY_EXACT] = "exact"};
 
@@ -189,6 +193,8 @@ static bool parse_option(struct request *request, int option, const char *value)
         return parse_metric(value, &build->metric);
     case 'C':
         return parse_certify(value, &build->certify);
+    case CERTIFY_ALL:
+        return build->certify_all = true;
     case 'k':
         request->contract = value;
         return parse_contract(value, &build->contract);
@@ -499,13 +505,13 @@ static int build(struct request *request)
 
 static int run(int argc, char **argv)
 {
-    enum { JSON = 256, PROGRESS, QUIET };
+    enum { JSON = CERTIFY_ALL + 1, PROGRESS, QUIET };
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},     READING_OPTIONS,
         {"field", required_argument, NULL, 'f'},      {"carry", required_argument, NULL, 'c'},
         {"region", required_argument, NULL, 'r'},
         {"metric", required_argument, NULL, 'm'},     {"contract", required_argument, NULL, 'k'},
-        {"certify", required_argument, NULL, 'C'},
+        {"certify", required_argument, NULL, 'C'},    {"certify-all", no_argument, NULL, CERTIFY_ALL},
         {"candidates", required_argument, NULL, 'n'},
         {"max-error", required_argument, NULL, 'e'},  {"min-tets", required_argument, NULL, 't'},
         {"boundary-angle", required_argument, NULL, 'b'}, {"domain-error", required_argument, NULL, 'd'},
@@ -524,7 +530,7 @@ static int run(int argc, char **argv)
                                         .min_tets = 1,
                                         .boundary_angle = 30,
                                         .domain_error = 1e-3,
-                                        .growth = 1.05,
+                                        .growth = 1.1,
                                         .compression = 19}};
     bool forced = false;
     for (int option; (option = cli_option(&command_build, argc, argv, "o:", options)) != -1;) {

@@ -8,6 +8,7 @@
 
 #include "format/fail.h"
 #include "src/mesh/locate.h"
+#include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/triangle.h"
 #include "src/mesh/vector.h"
@@ -27,7 +28,7 @@ static const double INSIDE = 1e-9;
 struct clearance {
     const struct clearance_mesh *mesh;
     double most;
-    uint32_t *body;      /* [vertex] the least vertex of its body, after settle */
+    uint32_t *body;      /* [vertex] the least vertex of its body */
     double *normals;     /* [3 * triangle] of length 1, or 0 */
     double *shares;      /* [triangle] */
     uint32_t *vertices;  /* [vertex_boxes.count] those of the boundary */
@@ -43,28 +44,6 @@ static const double *position_of(const struct clearance *c, uint32_t vertex)
 static const uint32_t *triangle_of(const struct clearance *c, uint32_t face)
 {
     return c->mesh->triangles + 3 * (size_t)face;
-}
-
-static uint32_t root(uint32_t *body, uint32_t v)
-{
-    while (body[v] != v)
-        v = body[v] = body[body[v]];
-    return v;
-}
-
-/* Vertices that tetrahedra join have the same body. */
-static void find_bodies(struct clearance *c)
-{
-    const uint32_t *corners = c->mesh->corners;
-    for (uint32_t v = 0; v < c->mesh->vertex_count; v++)
-        c->body[v] = v;
-    for (size_t t = 0; t < c->mesh->tet_count; t++)
-        for (int i = 1; i < 4; i++) {
-            uint32_t a = root(c->body, corners[4 * t]), b = root(c->body, corners[4 * t + (size_t)i]);
-            c->body[a < b ? b : a] = a < b ? a : b;
-        }
-    for (uint32_t v = 0; v < c->mesh->vertex_count; v++)
-        c->body[v] = root(c->body, v);
 }
 
 static void find_normals(struct clearance *c)
@@ -225,7 +204,7 @@ enum tetlod_status clearance_find(const struct clearance_mesh *mesh, double most
     if (!c.body || !c.normals || !c.shares || !c.vertices || !c.overlapped)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", n * 9 + triangles * 32));
     TETLOD_TRY_DONE(fill_boxes(&c, error));
-    find_bodies(&c);
+    sheets_bodies(mesh->corners, mesh->tet_count, mesh->vertex_count, c.body);
     find_normals(&c);
     parallel_for(threads, triangles, 256, share_range, &c);
     parallel_for(threads, mesh->tet_count, 4096, overlap_range, &c);
