@@ -16,6 +16,7 @@
 #include "src/mesh/mesh_check.h"
 #include "src/report/info_json.h"
 #include "src/report/level_mesh.h"
+#include "src/report/metadata.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
@@ -263,10 +264,8 @@ static enum tetlod_status check_order(const struct verification *v)
 static enum tetlod_status check_metadata(const struct verification *v)
 {
     const struct tetlod_info *info = tetlod_info(v->file);
-    json_t *metadata = info->metadata_size ? json_loadb(info->metadata, info->metadata_size, 0, NULL) : json_object();
-    bool object = json_is_object(metadata);
-    json_decref(metadata);
-    return object ? TETLOD_OK : tetlodi_fail(v->error, TETLOD_ERR_STREAM, "the metadata are not a JSON object");
+    bool good = !info->metadata_size || metadata_is_object(info->metadata, info->metadata_size);
+    return good ? TETLOD_OK : tetlodi_fail(v->error, TETLOD_ERR_STREAM, "the metadata are not a JSON object");
 }
 
 static enum tetlod_status verify_file(struct verification *v)

@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "src/report/metadata.h"
+
 void stream_id(const char *path, char *out, size_t size)
 {
     const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
@@ -21,19 +23,30 @@ static json_t *field_json(const struct tetlod_field *field)
                      "controlled", field->controlled);
 }
 
+/* One field's errors at a level. JSON has finite numbers only: what is left out is not known, or has no bound. */
+static json_t *measures_json(const double errors[TETLOD_MEASURES])
+{
+    json_t *measures = json_object();
+    bool room = measures;
+    for (int m = 0; m < TETLOD_MEASURES; m++)
+        if (isfinite(errors[m]))
+            room &= !json_object_set_new(measures, tetlod_measure_name((enum tetlod_measure)m), json_real(errors[m]));
+    if (room)
+        return measures;
+    json_decref(measures);
+    return NULL;
+}
+
 static json_t *errors_json(const struct tetlod_info *info, const struct tetlod_level *level)
 {
     json_t *errors = json_object();
-    for (uint32_t f = 0; f < info->field_count; f++) {
-        json_t *measures = json_object();
-        for (int m = 0; m < TETLOD_MEASURES; m++) {
-            double error = level->errors[f * TETLOD_MEASURES + (uint32_t)m];
-            if (isfinite(error)) // JSON has no other numbers: what is left out is not known, or has no bound
-                json_object_set_new(measures, tetlod_measure_name((enum tetlod_measure)m), json_real(error));
-        }
-        json_object_set_new(errors, info->fields[f].name, measures);
-    }
-    return errors;
+    bool room = errors;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        room &= !json_object_set_new(errors, info->fields[f].name, measures_json(level->errors + f * TETLOD_MEASURES));
+    if (room)
+        return errors;
+    json_decref(errors);
+    return NULL;
 }
 
 static json_t *level_json(const struct tetlod_info *info, uint32_t k)
@@ -53,11 +66,6 @@ json_t *info_json(const struct tetlod_info *info, const char *id)
         json_array_append_new(fields, field_json(&info->fields[f]));
     for (uint32_t k = 0; k < info->level_count; k++)
         json_array_append_new(levels, level_json(info, k));
-    json_t *metadata = json_loads(info->metadata, 0, NULL);
-    if (!json_is_object(metadata)) { // text from elsewhere: it may be anything
-        json_decref(metadata);
-        metadata = NULL;
-    }
     const double(*b)[3] = info->bounds;
     json_t *object = json_pack("{s:s, s:s, s:I, s:I, s:I, s:[[f,f,f],[f,f,f]], s:b, s:I, s:I, s:I, s:o, s:o, s:o}", "id",
                                id, "cid", info->cid, "vertices", (json_int_t)info->vertices, "tets",
@@ -65,7 +73,7 @@ json_t *info_json(const struct tetlod_info *info, const char *id)
                                b[0][2], b[1][0], b[1][1], b[1][2], "lossless", info->lossless, "degenerate_tets",
                                (json_int_t)info->degenerate_tets, "inverted_tets", (json_int_t)info->inverted_tets,
                                "unused_points", (json_int_t)info->unused_points, "fields", fields, "levels", levels,
-                               "metadata", metadata ? metadata : json_object());
+                               "metadata", metadata_json(info));
     // lists that lost an element to a failed allocation are not the stream's
     if (object && (json_array_size(fields) != info->field_count || json_array_size(levels) != info->level_count)) {
         json_decref(object);

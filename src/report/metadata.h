@@ -1,0 +1,18 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A stream's metadata: a JSON object (format/SPEC.md, 3.4). */
+#ifndef TETLOD_METADATA_H
+#define TETLOD_METADATA_H
+
+#include <jansson.h>
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "format/tetlod.h"
+
+/* Is a text one JSON object (RFC 8259) in UTF-8? It allocates nothing: Jansson can take a lack of memory for a wrong text. */
+bool metadata_is_object(const char *text, size_t size);
+
+/* The metadata as a new object, an empty one where they are anything else; NULL if memory is out. */
+json_t *metadata_json(const struct tetlod_info *info);
+
+#endif
