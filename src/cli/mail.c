@@ -4,14 +4,12 @@
 #include "format/cut.h"
 #include "format/fail.h"
 
-static const double FIELD_SHARE = 0.1, POSITION_ERROR = 1e-5;
+static const double FIELD_SHARE = 0.1;
 
 void mail_round(struct quantise_options *quantise, double error)
 {
     if (!quantise->field_bits && !(quantise->field_error > 0))
         quantise->field_error = FIELD_SHARE * error;
-    if (!quantise->position_bits && !(quantise->position_error > 0))
-        quantise->position_error = POSITION_ERROR;
 }
 
 static enum tetlod_status append(void *opaque, const void *bytes, size_t size)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* tetlod build --for mail: one small file. The mesh is rounded within a tenth of the error, and the levels beyond the error are cut off. */
+/* tetlod build --for mail: one small file. Values are rounded within a tenth of the error, and the levels beyond the error are cut off. */
 #ifndef TETLOD_MAIL_H
 #define TETLOD_MAIL_H
 
@@ -9,7 +9,7 @@
 
 #define MAIL_ERROR 0.01
 
-/* Sets the roundings that the user has not set. */
+/* Sets the rounding of values, if the user has not. Positions stay as they are: thin cells at a wall do not bear rounding. */
 void mail_round(struct quantise_options *quantise, double error);
 
 /* Collects the whole stream; the caller finishes the buffer. */
