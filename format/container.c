@@ -9,12 +9,12 @@
 
 enum { LARGE_SECTION = 1 << 16 }; /* sections are packed from this size on; smaller ones stay plain to read */
 
-/* Enters a section into the directory, packed if that is worth it. Order and cell data are range coded already: they stay as they
- * are, because they do not become smaller. */
+/* Enters a section into the directory, packed if that is worth it. The order is range coded already: it stays as it is, because it
+ * does not become smaller. */
 static enum tetlod_status add_section(struct tetlodi_section *section, const struct tetlodi_write_section *in,
                                       struct tetlodi_buffer *stored, struct tetlod_error *error)
 {
-    bool packed = in->size >= LARGE_SECTION && tetlodi_pack(in->bytes, in->size, 1, stored);
+    bool packed = (in->row || in->size >= LARGE_SECTION) && tetlodi_pack(in->bytes, in->size, in->row ? in->row : 1, stored);
     if (strlen(in->tag) != TAG_SIZE)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "a section's tag has %d letters, not '%.16s'", TAG_SIZE, in->tag);
     if (!packed) {

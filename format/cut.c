@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "format/cells.h"
 #include "format/container.h"
 #include "format/fail.h"
 #include "format/reader.h"
@@ -14,9 +15,10 @@ enum { COPIED = 1 << 20 };
 struct part {
     struct tetlodi_index index; /* borrows from the file's, but for exact_later and the sections */
     struct tetlodi_buffer *frames;
+    struct tetlodi_cell_parts cells;
     struct tetlodi_write_section *sections;
-    void **section_bytes;
-    uint32_t section_count;
+    void **section_bytes; /* [own_count] */
+    uint32_t section_count, own_count;
 };
 
 static enum tetlod_status copy(const struct tetlod_file *file, const struct tetlodi_sink *sink, struct tetlod_error *error)
@@ -48,29 +50,55 @@ static enum tetlod_status mark(const struct tetlod_info *info, void **out, size_
     return TETLOD_OK;
 }
 
+/* Where all values of tetrahedra are there: those of the level's, which come first. */
+static enum tetlod_status take_cells(struct part *part, const struct tetlod_file *file, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = &file->index.info;
+    struct tetlodi_write_cells *cells = calloc(info->cell_field_count + (size_t)1, sizeof *cells);
+    uint32_t *numbers = malloc(sizeof *numbers * ((size_t)part->index.info.tets + 1)), count = 0;
+    enum tetlod_status status = cells && numbers ? TETLOD_OK : tetlodi_fail_nomem(error, "values of tetrahedra", part->index.info.tets * (uint64_t)4);
+    for (uint32_t t = 0; status == TETLOD_OK && t < part->index.info.tets; t++)
+        numbers[t] = t;
+    for (; status == TETLOD_OK && count < info->cell_field_count; count++) {
+        const struct tetlod_cell_field *field = &info->cell_fields[count];
+        double *values = malloc(sizeof *values * ((size_t)info->tets * field->components + 1));
+        cells[count] = (struct tetlodi_write_cells){field->name, field->components, field->type, field->region, values};
+        status = values ? tetlod_cells(file, count, values, error) : tetlodi_fail_nomem(error, "values of tetrahedra", info->tets * (uint64_t)8);
+    }
+    if (status == TETLOD_OK && !tetlodi_cells_encode(&part->cells, cells, count, numbers, part->index.info.tets))
+        status = tetlodi_fail_nomem(error, "values of tetrahedra", part->index.info.tets * (uint64_t)8);
+    if (status == TETLOD_OK)
+        part->section_count += tetlodi_cells_list(&part->cells, cells, part->sections + part->section_count);
+    for (uint32_t f = 0; f < count; f++)
+        free((void *)(uintptr_t)cells[f].values);
+    free(cells);
+    free(numbers);
+    return status == TETLOD_ERR_TRUNCATED ? TETLOD_OK : status; // they lie behind what came
+}
+
 static enum tetlod_status take_sections(struct part *part, const struct tetlod_file *file, struct tetlod_error *error)
 {
     const struct tetlod_info *info = &file->index.info;
-    part->sections = calloc(info->section_count + (size_t)1, sizeof *part->sections);
-    part->section_bytes = calloc(info->section_count + (size_t)1, sizeof *part->section_bytes);
+    size_t size, most = info->section_count + (size_t)info->cell_field_count + 2;
+    part->sections = calloc(most, sizeof *part->sections);
+    part->section_bytes = calloc(most, sizeof *part->section_bytes);
     if (!part->sections || !part->section_bytes)
-        return tetlodi_fail_nomem(error, "the directory of sections", info->section_count * sizeof *part->sections);
-    struct tetlodi_write_section *metadata = &part->sections[part->section_count];
-    TETLOD_TRY(mark(info, &part->section_bytes[part->section_count++], &metadata->size, error));
-    *metadata = (struct tetlodi_write_section){TAG_METADATA, 0, 1, part->section_bytes[0], metadata->size};
+        return tetlodi_fail_nomem(error, "the directory of sections", most * sizeof *part->sections);
+    TETLOD_TRY(mark(info, &part->section_bytes[part->own_count++], &size, error));
+    part->sections[part->section_count++] = (struct tetlodi_write_section){.tag = TAG_METADATA, .early = 1, .bytes = part->section_bytes[0], .size = size};
     for (uint32_t i = 0; i < info->section_count; i++) {
         const struct tetlodi_section *from = &file->index.sections[i];
-        if (!(from->flags & SECTION_EARLY) || strcmp(from->tag, TAG_METADATA) == 0)
+        if (!(from->flags & SECTION_EARLY) || strcmp(from->tag, TAG_METADATA) == 0 || strcmp(from->tag, TAG_CELLS) == 0)
             continue; // those behind the levels are about the finest one
         void *bytes = malloc((size_t)from->plain + 1);
-        part->section_bytes[part->section_count] = bytes;
+        part->section_bytes[part->own_count++] = bytes;
         if (!bytes)
             return tetlodi_fail_nomem(error, "a section", from->plain);
         TETLOD_TRY(tetlod_section_read(file, i, bytes, error));
         part->sections[part->section_count++] = (struct tetlodi_write_section){
-            from->tag, (from->flags & SECTION_CRITICAL) != 0, 1, bytes, (size_t)from->plain};
+            .tag = from->tag, .critical = (from->flags & SECTION_CRITICAL) != 0, .early = 1, .bytes = bytes, .size = (size_t)from->plain};
     }
-    return TETLOD_OK;
+    return take_cells(part, file, error);
 }
 
 static enum tetlod_status take_frames(struct part *part, const struct tetlod_file *file, struct tetlod_error *error)
@@ -112,8 +140,9 @@ enum tetlod_status tetlodi_cut(const struct tetlod_file *file, uint32_t level, c
 done:
     for (size_t i = 0; part.frames && i < (level + 1) * parts; i++)
         tetlodi_buffer_fini(&part.frames[i]);
-    for (uint32_t i = 0; part.section_bytes && i < part.section_count; i++)
+    for (uint32_t i = 0; part.section_bytes && i < part.own_count; i++)
         free(part.section_bytes[i]);
+    tetlodi_cell_parts_fini(&part.cells);
     free(part.frames);
     free(part.sections);
     free(part.section_bytes);

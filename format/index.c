@@ -24,6 +24,8 @@ void tetlodi_index_fini(struct tetlodi_index *index)
     free(index->listed);
     free(index->text);
     free(index->metadata);
+    free(index->cells);
+    free(index->cell_names);
     *index = (struct tetlodi_index){0};
 }
 

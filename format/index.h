@@ -34,6 +34,8 @@ struct tetlodi_index {
     unsigned slowest;           /* the coder's slowest step of learning, 1/2^slowest */
     char *text;     /* names */
     char *metadata; /* from its section */
+    struct tetlod_cell_field *cells; /* the same */
+    char *cell_names;
 };
 
 void tetlodi_index_fini(struct tetlodi_index *index);

@@ -60,7 +60,9 @@ bool tetlodi_pack(const uint8_t *bytes, size_t size, uint32_t stride, struct tet
         code_bytes(&coder, &models, stride, copy, size);
         tetlodi_encode_finish(&coder);
         tetlodi_put_block(out, encoder.bytes, encoder.size);
-        packed = !encoder.failed && !out->failed && out->size < size && size / MOST_PACKING <= out->size - STRIDE_BYTES;
+        while (!out->failed && size / MOST_PACKING > out->size - STRIDE_BYTES) // zero bytes change nothing
+            tetlodi_put(out, 0, 1);
+        packed = !encoder.failed && !out->failed && out->size < size;
         TETLODI_FREE(&memory, encoder.bytes, encoder.capacity);
     }
     models_fini(&models);

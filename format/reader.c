@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "format/arithmetic.h"
+#include "format/cells.h"
 #include "format/checksum.h"
 #include "format/fail.h"
 #include "format/order.h"
@@ -170,6 +171,18 @@ static enum tetlod_status read_metadata(struct tetlod_file *file, struct tetlod_
     return TETLOD_OK;
 }
 
+static enum tetlod_status read_cells(struct tetlod_file *file, struct tetlod_error *error)
+{
+    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, file->index.info.section_count, TAG_CELLS);
+    uint8_t *bytes = NULL;
+    if (!section)
+        return TETLOD_OK;
+    TETLOD_TRY(read_section(file, section, &bytes, error));
+    enum tetlod_status status = tetlodi_cells_decode(&file->index, bytes, (size_t)section->plain, error);
+    free(bytes);
+    return status;
+}
+
 /* The index's bytes are checked by the content id, in which the header is as well. */
 static enum tetlod_status read_index(struct tetlod_file *file, const struct tetlodi_header *header,
                                      const uint8_t raw_header[HEADER_SIZE], struct tetlod_error *error)
@@ -191,7 +204,8 @@ static enum tetlod_status read_index(struct tetlod_file *file, const struct tetl
         snprintf(file->index.info.cid + 2 * i, 3, "%02x", cid[i]);
     file->index_bytes = header->index_plain + file->index.info.level_count * sizeof *file->index.levels +
                         file->index.info.level_count * (1 + (uint64_t)file->index.info.field_count) * sizeof *file->index.frames;
-    status = read_metadata(file, error);
+    TETLOD_TRY_DONE(read_metadata(file, error));
+    status = read_cells(file, error);
 done:
     free(index);
     free(stored);

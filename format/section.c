@@ -3,8 +3,23 @@
 
 #include <string.h>
 
+#include "format/cells.h"
 #include "format/fail.h"
 #include "format/pack.h"
+
+/* Tags that this library reads, and where their sections are. */
+static const struct known {
+    const char *tag;
+    bool early, once;
+} known_tags[] = {{TAG_METADATA, true, true}, {TAG_ORDER, false, true}, {TAG_CELLS, true, true}, {TAG_CELL_VALUES, false, false}};
+
+static const struct known *find_known(const char *tag)
+{
+    for (size_t i = 0; i < sizeof known_tags / sizeof *known_tags; i++)
+        if (strcmp(known_tags[i].tag, tag) == 0)
+            return &known_tags[i];
+    return NULL;
+}
 
 struct tetlodi_frame tetlodi_frame_of(const void *bytes, size_t size)
 {
@@ -61,16 +76,16 @@ static bool is_tag(const char *tag)
 static const char *contradiction(const struct tetlodi_section *sections, uint32_t i)
 {
     const struct tetlodi_section *section = &sections[i];
-    bool metadata = strcmp(section->tag, TAG_METADATA) == 0, order = strcmp(section->tag, TAG_ORDER) == 0;
+    const struct known *known = find_known(section->tag);
     if (!is_tag(section->tag) || section->flags & ~(uint32_t)SECTION_FLAGS)
         return "a section of no known form";
     if (section->flags & SECTION_PACKED ? section->plain / MOST_PACKING > section->frame.size : section->plain != section->frame.size)
         return "a section of another size than its bytes can hold";
-    if ((metadata || order) && tetlodi_section_find(sections, i, section->tag))
+    if (known && known->once && tetlodi_section_find(sections, i, section->tag))
         return "two sections of which there can be one";
-    if ((metadata && !(section->flags & SECTION_EARLY)) || (order && section->flags & SECTION_EARLY))
+    if (known && known->early != ((section->flags & SECTION_EARLY) != 0))
         return "a section at the wrong place";
-    return metadata && section->plain > MOST_METADATA ? "too much metadata" : NULL;
+    return strcmp(section->tag, TAG_METADATA) == 0 && section->plain > MOST_METADATA ? "too much metadata" : NULL;
 }
 
 enum tetlod_status tetlodi_sections_check(const struct tetlodi_section *sections, uint32_t count, struct tetlod_error *error)
@@ -79,7 +94,7 @@ enum tetlod_status tetlodi_sections_check(const struct tetlodi_section *sections
         const char *tag = sections[i].tag, *wrong = contradiction(sections, i);
         if (wrong)
             return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index is damaged: it has %s", wrong);
-        if (sections[i].flags & SECTION_CRITICAL && strcmp(tag, TAG_METADATA) != 0 && strcmp(tag, TAG_ORDER) != 0)
+        if (sections[i].flags & SECTION_CRITICAL && !find_known(tag))
             return tetlodi_fail(error, TETLOD_ERR_VERSION, "the stream cannot be read without its section %s, which this program does not know",
                                 tag);
     }

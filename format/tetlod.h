@@ -122,6 +122,25 @@ struct tetlod_section {
     uint64_t reserved[2];
 };
 
+enum tetlod_cell_type {
+    TETLOD_CELL_FLOAT32 = 0,
+    TETLOD_CELL_FLOAT64 = 1,
+    TETLOD_CELL_INT8 = 2,
+    TETLOD_CELL_INT16 = 3,
+    TETLOD_CELL_INT32 = 4,
+    TETLOD_CELL_INT64 = 5
+};
+
+/* Values of the original's tetrahedra, such as materials. Each tetrahedron of a level is one of the original's, and has its values. */
+struct tetlod_cell_field {
+    const char *name; /* UTF-8 */
+    uint32_t components;
+    enum tetlod_cell_type type;
+    int region;      /* its numbers tell regions, whose interfaces every level keeps */
+    double range[2]; /* of the finite ones */
+    uint64_t reserved[2];
+};
+
 /* The index. Borrowed from the file, valid as long as it. */
 struct tetlod_info {
     char cid[33]; /* content id: 32 lower case hexadecimal digits */
@@ -139,6 +158,8 @@ struct tetlod_info {
     int keeps_order; /* the original's own numbering is in it: tetlod_order */
     uint32_t section_count;
     const struct tetlod_section *sections;
+    uint32_t cell_field_count;
+    const struct tetlod_cell_field *cell_fields;
 };
 
 /* Set struct_size = sizeof it and leave the rest 0 for defaults. */
@@ -187,6 +208,14 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_section_read(const struct te
 
 /* Number of the first section with a tag, or TETLOD_NONE. */
 TETLOD_API uint32_t tetlod_section_index(const struct tetlod_info *info, const char *tag);
+
+/* All values of a cell field, [components * info->tets] in the order in which tetrahedra arrive: those of a level's tetrahedra are the
+ * first. They lie behind the last level. ERR_ARGUMENT if there is no such field, ERR_STREAM, or as tetlod_section_read. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cells(const struct tetlod_file *file, uint32_t field, double *out,
+                                                          struct tetlod_error *error);
+
+/* Index of a cell field by name, or TETLOD_NONE. */
+TETLOD_API uint32_t tetlod_cell_field_index(const struct tetlod_info *info, const char *name);
 
 /* Index of a field by name, or TETLOD_NONE. */
 TETLOD_API uint32_t tetlod_field_index(const struct tetlod_info *info, const char *name);

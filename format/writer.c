@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "format/base.h"
+#include "format/cells.h"
 #include "format/container.h"
 #include "format/fail.h"
 #include "format/index.h"
@@ -54,6 +55,7 @@ struct writer {
     struct tetlodi_encoder *encoders; /* [column] */
     struct tetlodi_buffer *stored; /* [level * (1 + field_count)] */
     struct tetlodi_buffer order;
+    struct tetlodi_cell_parts cells;
     struct tetlodi_index index;
 };
 
@@ -642,14 +644,15 @@ static void fill_info(struct writer *w)
 static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink *sink)
 {
     const struct tetlodi_write_input *in = w->in;
-    struct tetlodi_write_section *sections = calloc(in->section_count + (size_t)2, sizeof *sections);
+    struct tetlodi_write_section *sections = calloc(in->section_count + (size_t)in->cell_field_count + 3, sizeof *sections);
     uint32_t count = 0;
     if (!sections)
         return out_of_memory(w);
     if (*in->metadata)
-        sections[count++] = (struct tetlodi_write_section){TAG_METADATA, 0, 1, in->metadata, strlen(in->metadata)};
+        sections[count++] = (struct tetlodi_write_section){TAG_METADATA, 0, 1, 0, in->metadata, strlen(in->metadata)};
     if (in->keep_order)
-        sections[count++] = (struct tetlodi_write_section){TAG_ORDER, 0, 0, w->order.bytes, w->order.size};
+        sections[count++] = (struct tetlodi_write_section){TAG_ORDER, 0, 0, 0, w->order.bytes, w->order.size};
+    count += tetlodi_cells_list(&w->cells, in->cells, sections + count);
     for (uint32_t i = 0; i < in->section_count; i++)
         sections[count++] = in->sections[i];
     enum tetlod_status status = tetlodi_container_write(&w->index, w->stored, sections, count, sink, w->error);
@@ -685,8 +688,9 @@ static enum tetlod_status check_input(const struct writer *w)
         wrong = "its levels do not lead from the base mesh to the original";
     else if (strlen(in->metadata) > MOST_METADATA)
         wrong = "its metadata is too large";
-    else if (in->section_count > MOST_SECTIONS - 2)
+    else if (in->section_count > MOST_SECTIONS - 3 - MOST_FIELDS)
         wrong = "it has too many sections";
+    wrong = wrong ? wrong : tetlodi_cells_wrong(in->cells, in->cell_field_count, in->tets);
     for (uint32_t k = 1; k < in->level_count && !wrong; k++)
         if (in->levels[k].contractions >= in->levels[k - 1].contractions && !(k + 1 == in->level_count && has_tail(in)))
             wrong = "its levels are not in order";
@@ -778,6 +782,7 @@ static void release(struct writer *w)
                            w->stored,  w->encoders};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
+    tetlodi_cell_parts_fini(&w->cells);
     tetlodi_buffer_fini(&w->order);
     tetlodi_index_fini(&w->index);
 }
@@ -792,6 +797,8 @@ static enum tetlod_status encode(struct writer *w, unsigned slowest)
     TETLOD_TRY(encode_columns(w));
     TETLOD_TRY(list_meetings(w));
     TETLOD_TRY(write_levels(w));
+    if (!tetlodi_cells_encode(&w->cells, w->in->cells, w->in->cell_field_count, w->original_of, w->in->tets))
+        return out_of_memory(w);
     if (w->in->keep_order)
         TETLOD_TRY(write_order(w));
     fill_info(w);

@@ -35,13 +35,23 @@ struct tetlodi_write_level {
 
 enum { EFFORT_ALL_RATES = 20 };
 
-/* A section of its own kind (SPEC 3.5); META and ORDR are the writer's. */
+/* A section of its own kind (SPEC 3.5); META, ORDR, CELL and CVAL are the writer's. */
 struct tetlodi_write_section {
     const char *tag; /* 4 of A-Z, 0-9 */
     int critical;    /* who does not know it must not read the stream */
     int early;       /* before level 0, so that every prefix has it */
+    uint32_t row;    /* bytes of a row of its table; 0: it is no table */
     const void *bytes;
     size_t size;
+};
+
+/* Values of the tetrahedra, exactly representable in their type. */
+struct tetlodi_write_cells {
+    const char *name;
+    uint32_t components;
+    enum tetlod_cell_type type;
+    int region;
+    const double *values; /* [components * tets] */
 };
 
 /* Everything is borrowed for the call. Positions and values are exactly representable in their type. */
@@ -64,6 +74,8 @@ struct tetlodi_write_input {
     int keep_order;       /* store the numbering of vertices, tetrahedra and corners above */
     uint32_t section_count;
     const struct tetlodi_write_section *sections; /* further ones */
+    uint32_t cell_field_count;
+    const struct tetlodi_write_cells *cells;
 };
 
 /* Takes the next `size` bytes of the stream, in order. */

@@ -143,6 +143,8 @@ static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct re
     enum tetlod_status status = tetlod_cursor_seek(cursor, level, error);
     if (status == TETLOD_OK)
         status = level_mesh_copy(info, cursor, mesh, error);
+    if (status == TETLOD_OK)
+        status = level_mesh_cells(file, TETLOD_NONE, mesh, error);
     if (status == TETLOD_OK && request->original_order)
         status = level_mesh_reorder(file, mesh, error);
     tetlod_cursor_free(cursor);

@@ -46,6 +46,12 @@ static void print_text(const struct tetlod_info *info, int fd, bool all)
                field->type == TETLOD_FLOAT64 ? "float64" : "float32", field->range[0], field->range[1],
                field->controlled ? ", controlled" : "");
     }
+    for (uint32_t f = 0; f < info->cell_field_count; f++) {
+        static const char *const types[] = {"float32", "float64", "int8", "int16", "int32", "int64"};
+        const struct tetlod_cell_field *field = &info->cell_fields[f];
+        printf("cell field    %s, %u x %s, range %.9g .. %.9g%s\n", field->name, field->components, types[field->type],
+               field->range[0], field->range[1], field->region ? ", regions" : "");
+    }
     print_cut(info, fd);
     printf("\n");
     cli_print_levels(info, all);

@@ -27,6 +27,19 @@ static enum tetlod_status copy_mesh(struct tetmesh *mesh, struct cells *cells, c
     return TETLOD_OK;
 }
 
+static enum tetlod_status copy_cells(struct tetmesh *mesh, const struct tetlod_file *file, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    for (uint32_t f = 0; f < info->cell_field_count; f++) {
+        const struct tetlod_cell_field *field = &info->cell_fields[f];
+        enum tetlod_type type = field->type == TETLOD_CELL_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
+        TETLOD_TRY(tetmesh_add_cell_field(mesh, field->name, field->components, type, info->tets, error));
+        mesh->cell_fields[f].is_integer = field->type > TETLOD_CELL_FLOAT64;
+        TETLOD_TRY(tetlod_cells(file, f, mesh->cell_fields[f].values, error));
+    }
+    return TETLOD_OK;
+}
+
 bool stream_sniff(const unsigned char *bytes, size_t size)
 {
     static const char magic[] = "\x89TLD\r\n\x1a\n"; // SPEC.md, header
@@ -48,7 +61,8 @@ enum tetlod_status stream_read(struct blocks *out, const struct io_input *input,
     TETLOD_TRY_DONE(tetlod_cursor_new(&cursor, file, NULL, 0, error));
     TETLOD_TRY_DONE(tetlod_cursor_seek(cursor, tetlod_info(file)->level_count - 1, error));
     tetlod_cursor_mesh(cursor, &finest);
-    status = copy_mesh(mesh, &block->cells, tetlod_info(file), &finest, error);
+    TETLOD_TRY_DONE(copy_mesh(mesh, &block->cells, tetlod_info(file), &finest, error));
+    status = copy_cells(mesh, file, error);
 done:
     tetlod_cursor_free(cursor);
     tetlod_close(file);

@@ -205,13 +205,50 @@ done:
     return status;
 }
 
+/* The least type that holds a field of cells exactly. */
+static enum tetlod_cell_type cell_type(const struct point_field *field, uint32_t tets)
+{
+    enum tetlod_cell_type type = TETLOD_CELL_INT8;
+    if (!field->is_integer)
+        return field->type == TETLOD_FLOAT32 ? TETLOD_CELL_FLOAT32 : TETLOD_CELL_FLOAT64;
+    for (size_t i = 0; i < (size_t)tets * field->components; i++) {
+        double value = field->values[i];
+        if (!(fabs(value) <= 0x1p53) || value != floor(value) || (value == 0 && signbit(value)))
+            return TETLOD_CELL_FLOAT64; // filled or averaged since it was read
+        enum tetlod_cell_type least = value >= -0x1p7 && value < 0x1p7     ? TETLOD_CELL_INT8
+                                      : value >= -0x1p15 && value < 0x1p15 ? TETLOD_CELL_INT16
+                                      : value >= -0x1p31 && value < 0x1p31 ? TETLOD_CELL_INT32
+                                                                           : TETLOD_CELL_INT64;
+        type = least > type ? least : type;
+    }
+    return type;
+}
+
+static struct tetlodi_write_cells *list_cells(const struct tetmesh *mesh, const struct build_options *options)
+{
+    struct tetlodi_write_cells *cells = array_new(mesh->cell_field_count, sizeof *cells);
+    for (uint32_t f = 0; f < mesh->cell_field_count && cells; f++) {
+        const struct point_field *field = &mesh->cell_fields[f];
+        cells[f] = (struct tetlodi_write_cells){.name = field->name,
+                                                .components = field->components,
+                                                .type = cell_type(field, mesh->tet_count),
+                                                .region = options->regions && strcmp(options->regions, field->name) == 0,
+                                                .values = field->values};
+    }
+    return cells;
+}
+
 static enum tetlod_status encode(struct build *build, const struct tetlodi_sink *sink)
 {
     const struct tetmesh *mesh = build->mesh;
     const struct contraction_log *log = &build->log;
     struct tetlodi_write_field *fields = array_new(mesh->field_count, sizeof *fields);
-    if (!fields)
+    struct tetlodi_write_cells *cells = list_cells(build->original, build->options);
+    if (!fields || !cells) {
+        free(fields);
+        free(cells);
         return tetlodi_fail_nomem(build->error, "the fields", mesh->field_count * sizeof *fields);
+    }
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         const struct point_field *field = &mesh->fields[f];
         fields[f] = (struct tetlodi_write_field){.name = field->name,
@@ -245,7 +282,9 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .unused_points = mesh->unused_points,
                                         .metadata = build->options->metadata,
                                         .compression = build->options->compression,
-                                        .keep_order = build->options->keep_order};
+                                        .keep_order = build->options->keep_order,
+                                        .cell_field_count = build->original->cell_field_count,
+                                        .cells = cells};
     input.position_bits = mesh->position_grid[0].bits;
     for (int i = 0; i < 3; i++) {
         input.position_origin[i] = mesh->position_grid[i].origin;
@@ -255,6 +294,7 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
         build->options->progress(build->options->progress_opaque, BUILD_ENCODE, 0);
     enum tetlod_status status = tetlodi_write(&input, sink, build->error);
     free(fields);
+    free(cells);
     return status;
 }
 

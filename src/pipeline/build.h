@@ -36,6 +36,7 @@ struct build_options {
     unsigned threads;
     uint64_t memory;         /* bytes; 0: no limit */
     const char *metadata;    /* a JSON object */
+    const char *regions;     /* the cell field that tells regions, or NULL */
     bool (*progress)(void *opaque, enum build_phase phase, double done); /* false cancels; may be NULL */
     void *progress_opaque;
 };

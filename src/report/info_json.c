@@ -23,6 +23,13 @@ static json_t *field_json(const struct tetlod_field *field)
                      "controlled", field->controlled);
 }
 
+static json_t *cell_field_json(const struct tetlod_cell_field *field)
+{
+    static const char *const types[] = {"float32", "float64", "int8", "int16", "int32", "int64"};
+    return json_pack("{s:s, s:i, s:s, s:[f,f], s:b}", "name", field->name, "components", (int)field->components, "type",
+                     types[field->type], "range", field->range[0], field->range[1], "region", field->region);
+}
+
 /* One field's errors at a level. JSON has finite numbers only: what is left out is not known, or has no bound. */
 static json_t *measures_json(const double errors[TETLOD_MEASURES])
 {
@@ -61,21 +68,24 @@ static json_t *level_json(const struct tetlod_info *info, uint32_t k)
 
 json_t *info_json(const struct tetlod_info *info, const char *id)
 {
-    json_t *fields = json_array(), *levels = json_array();
+    json_t *fields = json_array(), *levels = json_array(), *cells = json_array();
+    for (uint32_t f = 0; f < info->cell_field_count; f++)
+        json_array_append_new(cells, cell_field_json(&info->cell_fields[f]));
     for (uint32_t f = 0; f < info->field_count; f++)
         json_array_append_new(fields, field_json(&info->fields[f]));
     for (uint32_t k = 0; k < info->level_count; k++)
         json_array_append_new(levels, level_json(info, k));
     const double(*b)[3] = info->bounds;
-    json_t *object = json_pack("{s:s, s:s, s:I, s:I, s:I, s:[[f,f,f],[f,f,f]], s:b, s:I, s:I, s:I, s:o, s:o, s:o}", "id",
+    json_t *object = json_pack("{s:s, s:s, s:I, s:I, s:I, s:[[f,f,f],[f,f,f]], s:b, s:I, s:I, s:I, s:o, s:o, s:o, s:o}", "id",
                                id, "cid", info->cid, "vertices", (json_int_t)info->vertices, "tets",
                                (json_int_t)info->tets, "bytes", (json_int_t)info->bytes, "bounds", b[0][0], b[0][1],
                                b[0][2], b[1][0], b[1][1], b[1][2], "lossless", info->lossless, "degenerate_tets",
                                (json_int_t)info->degenerate_tets, "inverted_tets", (json_int_t)info->inverted_tets,
-                               "unused_points", (json_int_t)info->unused_points, "fields", fields, "levels", levels,
+                               "unused_points", (json_int_t)info->unused_points, "fields", fields, "cell_fields", cells, "levels", levels,
                                "metadata", metadata_json(info));
     // lists that lost an element to a failed allocation are not the stream's
-    if (object && (json_array_size(fields) != info->field_count || json_array_size(levels) != info->level_count)) {
+    if (object && (json_array_size(fields) != info->field_count || json_array_size(levels) != info->level_count ||
+                   json_array_size(cells) != info->cell_field_count)) {
         json_decref(object);
         return NULL;
     }

@@ -34,6 +34,33 @@ done:
     return status;
 }
 
+static enum tetlod_status add_cells(const struct tetlod_file *file, uint32_t f, struct tetmesh *mesh, double *all, struct tetlod_error *error)
+{
+    const struct tetlod_cell_field *field = &tetlod_info(file)->cell_fields[f];
+    enum tetlod_type type = field->type == TETLOD_CELL_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
+    TETLOD_TRY(tetlod_cells(file, f, all, error));
+    TETLOD_TRY(tetmesh_add_cell_field(mesh, field->name, field->components, type, mesh->tet_count, error));
+    struct point_field *out = &mesh->cell_fields[mesh->cell_field_count - 1];
+    out->is_integer = field->type > TETLOD_CELL_FLOAT64;
+    memcpy(out->values, all, (size_t)mesh->tet_count * field->components * sizeof *all);
+    return TETLOD_OK;
+}
+
+enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t field, struct tetmesh *mesh, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    enum tetlod_status status = TETLOD_OK;
+    for (uint32_t f = 0; f < info->cell_field_count && status == TETLOD_OK; f++) {
+        if (field != TETLOD_NONE && f != field)
+            continue;
+        double *all = array_new(info->tets, info->cell_fields[f].components * sizeof *all);
+        status = all ? add_cells(file, f, mesh, all, error)
+                     : tetlodi_fail_nomem(error, info->cell_fields[f].name, (uint64_t)info->tets * info->cell_fields[f].components * 8);
+        free(all);
+    }
+    return status;
+}
+
 /* The array whose row numbers[i] is row i of this one; this one is freed. NULL: out of memory. */
 static double *scatter(double *rows, size_t width, const uint32_t *numbers, uint32_t count)
 {
@@ -74,6 +101,11 @@ static enum tetlod_status reorder(struct tetmesh *mesh, const uint32_t *vertices
     for (uint32_t f = 0; f < mesh->field_count && done; f++) {
         double *values = scatter(mesh->fields[f].values, mesh->fields[f].components, vertices, mesh->vertex_count);
         mesh->fields[f].values = values ? values : mesh->fields[f].values;
+        done = values != NULL;
+    }
+    for (uint32_t f = 0; f < mesh->cell_field_count && done; f++) {
+        double *values = scatter(mesh->cell_fields[f].values, mesh->cell_fields[f].components, tets, mesh->tet_count);
+        mesh->cell_fields[f].values = values ? values : mesh->cell_fields[f].values;
         done = values != NULL;
     }
     if (corners) {

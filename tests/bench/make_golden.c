@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* make_golden FOLDER [plain]: writes the streams of tests/golden, whose bytes stay as they are for ever. Used once for each version of the
  * format. */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,9 +22,33 @@ static const struct {
     {"grid_12_bit", {GEN_GRID, 6, 5, 8, 2, TETLOD_FLOAT32, 12, 0}},
     {"soup_30_bit", {GEN_SOUP, 7, 3, 4, 4, TETLOD_FLOAT64, 30, 0}},
     {"kept_order", {GEN_HOLES, 8, 4, 9, 3, TETLOD_FLOAT32, 0, 0}},
+    {"cells_float32", {GEN_HOLES, 11, 4, 7, 3, TETLOD_FLOAT32, 0, 0}},
     {"tail_float32", {GEN_GRID, 8, 5, 8, 3, TETLOD_FLOAT32, 0, 12}},
     {"tail_float64", {GEN_HOLES, 9, 4, 6, 4, TETLOD_FLOAT64, 16, 20}},
 };
+
+enum { CELL_FIELDS = 6 };
+
+/* A field of cells of each type, with extreme values. Its values, which the caller frees; NULL: out of memory. */
+static double *add_cells(struct tetlodi_write_input *input, struct tetlodi_write_cells cells[CELL_FIELDS])
+{
+    static const char *const names[] = {"strain", "energy", "material", "part", "element", "time \xc2\xb5s"};
+    size_t tets = input->tets;
+    double *values = malloc((CELL_FIELDS + 1) * tets * sizeof *values);
+    uint64_t seed = 12;
+    for (int f = 0; f < CELL_FIELDS && values; f++) {
+        uint32_t components = f == 0 ? 2 : 1;
+        double *at = values + (f ? (size_t)f + 1 : 0) * tets, most = f < 3 ? 0x1p7 : f == 3 ? 0x1p15 : f == 4 ? 0x1p31 : 0x1p52;
+        for (size_t i = 0; i < components * tets; i++) {
+            double value = (double)(int64_t)(gen_random(&seed) >> 11) / 0x1p52 - 1; // -1 .. 1
+            at[i] = f == 0 ? (double)(float)value : f == 1 ? value * 1e300 : f == 2 ? (double)(i * 8 / tets) - 4 : floor(value * most);
+        }
+        cells[f] = (struct tetlodi_write_cells){names[f], components, (enum tetlod_cell_type)f, f == 2, at};
+    }
+    input->cell_field_count = CELL_FIELDS;
+    input->cells = cells;
+    return values;
+}
 
 /* The stream as it is written, or with an index that is not packed, as corpora of the fuzz targets want it. */
 static int save(const char *folder, const char *name, const struct memory_sink *memory, int plain)
@@ -47,9 +72,14 @@ int main(int argc, char **argv)
         struct tetlodi_sink sink = memory_sink(&memory);
         if (!gen_make(&recode, &golden[i].options))
             return 1;
+        struct tetlodi_write_cells cells[CELL_FIELDS] = {0};
+        double *values = NULL;
+        if (strcmp(golden[i].name, "cells_float32") == 0 && !(values = add_cells(&recode.input, cells)))
+            return 1;
         recode.input.keep_order = strcmp(golden[i].name, "kept_order") == 0;
         if (tetlodi_write(&recode.input, &sink, NULL) != TETLOD_OK || !save(argv[1], golden[i].name, &memory, argc > 2))
             return 1;
+        free(values);
         free(memory.bytes);
         gen_free(&recode);
     }

@@ -117,7 +117,6 @@ def levels_of_json(told):
     report('info --json: the finest level is exact', all(e == 0 for f in levels[-1]['errors'].values() for e in f.values()))
     report('a certified error is no less than what is sampled', all(
         l['errors']['Pressure']['max'] >= l['errors']['Pressure']['sampled'] * (1 - 1e-9) for l in levels))
-    done = tetlod('info', 'fin.tetlod')
     done = tetlod('info', 'fin.tetlod', '--all')
     report('info: a line for each level', done.returncode == 0 and sum(
         line.split()[:3] == [str(l['level']), str(l['vertices']), str(l['tets'])] for l in levels

@@ -10,7 +10,7 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..'
 from streams import plain, sealed, tetlod  # noqa: E402
 
 FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)))
-ONE, GRID, KEPT = (plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read()) for name in ('one_tet', 'grid_float32', 'kept_order'))
+ONE, GRID, KEPT, CELLS = (plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read()) for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32'))
 NAN, INFINITY = float('nan'), float('inf')
 
 
@@ -39,7 +39,7 @@ def level_of(data, level):
 def section(data, tag, flags, offset=None):
     """A further, empty section."""
     end, size = index_end(data), int.from_bytes(data[20:24], 'little')
-    late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] != 'META')
+    late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] not in ('META', 'CELL'))
     entry = struct.pack('<4sIQQQ16s', tag, flags, late if offset is None else offset, 0, 0, tetlod.digest(b''))
     count = len(sections_of(data)) + 1
     at = sections_of(data)[0] - 4
@@ -85,6 +85,8 @@ def cases():
     yield 'section_offset', 'open', 'a section that does not begin where the one before ends', section(ONE, b'XABC', 0, 1)
     yield 'section_critical', 'open', 'a critical section XABC that is not known', section(ONE, b'XABC', 1)
     yield 'section_twice', 'open', 'ORDR twice', section(KEPT, b'ORDR', 0)
+    yield 'cells_early', 'open', 'values of cells before level 0', section(ONE, b'CVAL', 2)
+    yield 'cells_many', 'open', 'more values of cells than fields', section(CELLS, b'CVAL', 0)
     yield 'frame_digest', 'decode', 'a byte of the last frame is changed', KEPT[:tetlod.open(KEPT).frames[1][0][0]] + \
         bytes([KEPT[tetlod.open(KEPT).frames[1][0][0]] ^ 1]) + KEPT[tetlod.open(KEPT).frames[1][0][0] + 1:]
     yield 'frame_random', 'decode', 'a frame of other bytes, with its digest', reframed(GRID, 1, 0, lambda frame: bytes(255 - b for b in frame))

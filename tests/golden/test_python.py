@@ -38,6 +38,13 @@ def check(path):
         state(stream, cursor) == wanted[0]
 
 
+def check_cells(path):
+    wanted = open(path + '.cells').read().split()
+    stream = tetlod.open(path)
+    found = [hashlib.sha256(np.ascontiguousarray(stream.cells(field['name']), '<f8').tobytes()).hexdigest() for field in stream.cell_fields]
+    return found == wanted and len(found) > 3
+
+
 def damage(path):
     """A changed byte is an error, wherever it is."""
     data = bytearray(open(path, 'rb').read())
@@ -79,8 +86,10 @@ for path in sorted(glob.glob(os.path.join(ROOT, 'tests', 'golden', '*.tetlod')))
     number += 1
     print('%s %d - Python agrees on %s' % ('ok' if check(path) else 'not ok', number, os.path.basename(path)))
 golden = os.path.join(ROOT, 'tests', 'golden')
-for verdict, what in ((damage(os.path.join(golden, 'one_tet.tetlod')), 'Python notices damage'),
+for verdict, what in ((check_cells(os.path.join(golden, 'cells_float32.tetlod')), 'Python agrees on values of cells'),
+                      (damage(os.path.join(golden, 'one_tet.tetlod')), 'Python notices damage'),
                       (same_verdicts(os.path.join(golden, 'one_tet.tetlod'), 1), 'Python refuses what C refuses, of one level'),
-                      (same_verdicts(os.path.join(golden, 'grid_12_bit.tetlod'), 7), 'Python refuses what C refuses, of several')):
+                      (same_verdicts(os.path.join(golden, 'grid_12_bit.tetlod'), 7), 'Python refuses what C refuses, of several'),
+                      (same_verdicts(os.path.join(golden, 'cells_float32.tetlod'), 3), 'Python refuses what C refuses, with cells')):
     number += 1
     print('%s %d - %s' % ('ok' if verdict else 'not ok', number, what))

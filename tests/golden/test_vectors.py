@@ -42,6 +42,8 @@ def decode(data, levels=None):
         stream = tetlod.open(data)
         for section in stream.sections:
             stream.section(section['tag'])
+        for field in stream.cell_fields:
+            stream.cells(field['name'])
         for level in range(len(stream.levels)):
             for part in range(len(stream.fields) + 1):
                 stream.frame(level, part)

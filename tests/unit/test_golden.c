@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Streams of every version stay readable: each level's arrays have the hashes in the file beside the stream, on the way up and
- * on the way down. With UPDATE=1 the hashes are written. */
+ * on the way down, and each field of cells that in the file NAME.cells. With UPDATE=1 the hashes are written. */
 #include <glob.h>
 #include <stdlib.h>
 #include <string.h>
@@ -28,32 +28,70 @@ static void add_numbers(struct tetlodi_sha256 *sha, const void *numbers, size_t 
     }
 }
 
+static void hash_text(struct tetlodi_sha256 *sha, char out[65])
+{
+    uint8_t digest[32];
+    tetlodi_sha256_finish(sha, digest);
+    for (int i = 0; i < 32; i++)
+        snprintf(out + 2 * i, 3, "%02x", digest[i]);
+}
+
 /* SHA-256 over positions, tetrahedra and fields, little-endian, as text. */
 static void hash_mesh(const struct tetlod_cursor *cursor, const struct tetlod_info *info, char out[65])
 {
     struct tetlodi_sha256 sha;
     struct tetlod_mesh mesh;
-    uint8_t digest[32];
     tetlod_cursor_mesh(cursor, &mesh);
     tetlodi_sha256_init(&sha);
     add_numbers(&sha, mesh.positions, 3 * (size_t)mesh.vertices, 8);
     add_numbers(&sha, mesh.corners, 4 * (size_t)mesh.tets, 4);
     for (uint32_t f = 0; f < info->field_count; f++)
         add_numbers(&sha, mesh.fields[f], (size_t)mesh.vertices * info->fields[f].components, 8);
-    tetlodi_sha256_finish(&sha, digest);
-    for (int i = 0; i < 32; i++)
-        snprintf(out + 2 * i, 3, "%02x", digest[i]);
+    hash_text(&sha, out);
+}
+
+/* The list of hashes beside a stream. */
+static FILE *open_list(const char *path, const char *kind)
+{
+    char name[4096];
+    snprintf(name, sizeof name, "%s.%s", path, kind);
+    return fopen(name, getenv("UPDATE") ? "w+" : "r");
+}
+
+static void check_cells(const struct tetlod_file *file, const char *path)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    char hash[65], line[128];
+    FILE *list = info->cell_field_count ? open_list(path, "cells") : NULL;
+    CHECK(!info->cell_field_count || list);
+    for (uint32_t f = 0; f < info->cell_field_count && list; f++) {
+        struct tetlodi_sha256 sha;
+        size_t count = (size_t)info->tets * info->cell_fields[f].components;
+        double *values = malloc(count * sizeof *values);
+        CHECK_INT(tetlod_cells(file, f, values, NULL), TETLOD_OK);
+        tetlodi_sha256_init(&sha);
+        add_numbers(&sha, values, count, 8);
+        hash_text(&sha, hash);
+        free(values);
+        if (getenv("UPDATE"))
+            fprintf(list, "%s\n", hash);
+        else if (fgets(line, sizeof line, list))
+            CHECK(strncmp(line, hash, 64) == 0);
+        else
+            CHECK(!"a hash for each field");
+    }
+    if (list)
+        fclose(list);
 }
 
 static void check_stream(const char *path)
 {
-    char name[4096], line[128], (*hashes)[65];
+    char line[128], (*hashes)[65];
     struct tetlod_file *file;
     struct tetlod_cursor *cursor;
     struct tetlod_error error;
     FILE *in = fopen(path, "rb");
-    snprintf(name, sizeof name, "%s.levels", path);
-    FILE *list = fopen(name, getenv("UPDATE") ? "w+" : "r");
+    FILE *list = open_list(path, "levels");
     REQUIRE(in && list);
     REQUIRE(tetlod_open_fd(&file, fileno(in), NULL, &error) == TETLOD_OK);
     REQUIRE(tetlod_cursor_new(&cursor, file, NULL, 0, &error) == TETLOD_OK);
@@ -77,6 +115,7 @@ static void check_stream(const char *path)
         CHECK_TEXT(line, hashes[k]);
     }
     free(hashes);
+    check_cells(file, path);
     tetlod_cursor_free(cursor);
     tetlod_close(file);
     fclose(list);

@@ -6,6 +6,7 @@
     cursor = stream.cursor()                      # at level 0; fields=['Pressure'] decodes only that one
     cursor.seek(stream.level_for_error(0.01))     # up by replaying records, down by undoing them
     cursor.positions, cursor.tets, cursor.field('Pressure')
+    stream.cells('material')[:len(cursor.tets)]   # of the level's tetrahedra
     stream.order()                                # the original's own numbering, of a stream built with --keep-order
 
 From a shell: python3 -m tetlod.reference FILE_OR_URL [--error E | --level K] [-o OUT.npz]
@@ -24,6 +25,7 @@ from bisect import bisect_left
 import numpy as np
 
 MAGIC = b'\x89TLD\r\n\x1a\n'
+CELL_TYPES = ('float32', 'float64', 'int8', 'int16', 'int32', 'int64')
 MEASURES = ('max', 'sampled', 'rms', 'predicted')
 FLOAT32_END = float(2**128 - 2**103)  # what is below is a float32, or rounds to one
 SHIFT = [(seen + 1).bit_length() for seen in range(127)]
@@ -169,6 +171,9 @@ class Stream:
         self._parse(Bytes(index), 64 + index_size, early_size)
         require(size is None or size <= self.bytes, 'bytes follow the end of the stream')
         self._metadata = (self.section('META') or b'').decode('utf-8', 'replace')
+        self.cell_fields = []
+        if any(section['tag'] == 'CELL' for section in self.sections):
+            self._parse_cells(Bytes(self.section('CELL')))
 
     def _parse(self, data, offset, early_size):
         self.vertices, self.tets, levels, fields, slowest, reserved = data.take('QQIHBB')
@@ -229,21 +234,45 @@ class Stream:
             require(offset == ends[place], 'sections that do not follow each other')
             ends[place] += size
             require(plain // 256 <= size if flags & 4 else plain == size, 'a section of another size than its bytes can hold')
-            known = {'META': 2, 'ORDR': 0}
-            require(tag not in known or known[tag] == place and all(tag != s['tag'] for s in self.sections), 'a section at the wrong place')
+            known = {'META': 2, 'ORDR': 0, 'CELL': 2, 'CVAL': 0}
+            twice = tag != 'CVAL' and any(tag == s['tag'] for s in self.sections)
+            require(tag not in known or known[tag] == place and not twice, 'a section at the wrong place')
             require(tag != 'META' or plain <= 1 << 20, 'too much metadata')
             require(tag in known or not flags & 1, 'the stream cannot be read without its section %s, which is not known here' % tag)
             self.sections.append({'tag': tag, 'offset': offset + (early if place else late), 'stored': size, 'size': plain,
                                   'packed': bool(flags & 4), 'digest': sha})
         require(ends[2] == early_size and late + ends[0] == self.bytes, 'the header and the index disagree about sizes')
 
-    def section(self, tag):
-        """What the first section with a tag holds, or None."""
-        for section in self.sections:
-            if section['tag'] == tag:
-                data = self._part('section ' + tag, section['offset'], section['stored'], section['digest'])
-                return unpack(data, section['size']) if section['packed'] else data
+    def section(self, tag, number=0):
+        """What the first section with a tag holds, or a further one; None if there is none."""
+        for section in [section for section in self.sections if section['tag'] == tag][number:number + 1]:
+            data = self._part('section ' + tag, section['offset'], section['stored'], section['digest'])
+            return unpack(data, section['size']) if section['packed'] else data
         return None
+
+    def _parse_cells(self, data):
+        """The table of cell fields (SPEC 3.6)."""
+        sizes = [section['size'] for section in self.sections if section['tag'] == 'CVAL']
+        count = data.take('H')
+        require(count <= 256 and count == len(sizes), 'cell fields that do not go with their values')
+        for size in sizes:
+            kind, components, flags, reserved, low, high, length = data.take('BBBBddH')
+            require(kind < len(CELL_TYPES) and 1 <= components <= 64 and reserved == 0, 'cell data of an unknown kind')
+            require(math.isfinite(low) and math.isfinite(high) and low <= high, 'cell data without a range')
+            name = data.name(length)
+            require(all(name != field['name'] for field in self.cell_fields), 'two cell fields of one name')
+            require(size == self.tets * components * np.dtype(CELL_TYPES[kind]).itemsize, 'cell fields that do not go with their values')
+            self.cell_fields.append({'name': name, 'components': components, 'type': CELL_TYPES[kind], 'region': bool(flags & 1),
+                                     'range': [low, high]})
+        require(data.at == len(data.data), 'the table of cell data is damaged')
+
+    def cells(self, name):
+        """The values of all tetrahedra, in the order in which they arrive: those of a level's tetrahedra are the first."""
+        number = [field['name'] for field in self.cell_fields].index(name)
+        field = self.cell_fields[number]
+        values = np.frombuffer(self.section('CVAL', number), np.dtype(field['type']).newbyteorder('<'))
+        require(field['type'] != 'int64' or not np.any((values > 1 << 53) | (values < -(1 << 53))), 'cell data beyond 2^53')
+        return values.reshape(self.tets, -1) if field['components'] > 1 else values
 
     def _part(self, what, offset, size, sha):
         data = self._read(offset, size)

@@ -1,0 +1,164 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Values of tetrahedra through the stream: exact, in the stream's own order, and at every level each tetrahedron's own."""
+import json
+import os
+import sys
+
+import numpy as np
+import vtk
+from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+
+from common import ROOT, case, finish, must, path, read_grid, tetlod
+
+sys.path.insert(0, os.path.join(ROOT, 'tests'))
+from streams import tetlod as reference  # noqa: E402
+
+NAN = float('nan')
+
+
+def points_of(grid):
+    return vtk_to_numpy(grid.GetPoints().GetData())
+
+
+def tets_of(grid):
+    return vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4)
+
+
+def cells_of(grid):
+    data = grid.GetCellData()
+    return {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)) for i in range(data.GetNumberOfArrays())}
+
+
+def save(name, points, tets, point_data, cell_data):
+    grid = vtk.vtkUnstructuredGrid()
+    at, cells = vtk.vtkPoints(), vtk.vtkCellArray()
+    at.SetData(numpy_to_vtk(points, deep=True))
+    grid.SetPoints(at)
+    cells.SetData(4, numpy_to_vtk(np.ascontiguousarray(tets, np.int64).ravel(), deep=True, array_type=vtk.VTK_ID_TYPE))
+    grid.SetCells(vtk.VTK_TETRA, cells)
+    for data, arrays in ((grid.GetPointData(), point_data), (grid.GetCellData(), cell_data)):
+        for key, values in arrays.items():
+            array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+            array.SetName(key)
+            data.AddArray(array)
+    writer = vtk.vtkXMLUnstructuredGridWriter()
+    writer.SetFileName(path(name))
+    writer.SetInputData(grid)
+    assert writer.Write()
+
+
+def block(size):
+    """A cube of size^3 cubes of six tetrahedra each."""
+    n = size + 1
+    points = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing='ij'), -1).reshape(-1, 3).astype(np.float64) / size
+    corner = np.stack(np.meshgrid(*[np.arange(size)] * 3, indexing='ij'), -1).reshape(-1, 3) @ [n * n, n, 1]
+    steps, tets = np.array([n * n, n, 1]), []
+    for order in ((0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)):
+        path_ = np.cumsum([0] + [steps[i] for i in order])
+        path_ = path_ if order in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else path_[[0, 2, 1, 3]]
+        tets.append(corner[:, None] + path_)
+    return points, np.concatenate(tets)
+
+
+def cell_data(tets):
+    random = np.random.default_rng(5)
+    strain = random.standard_normal((tets, 6)).astype(np.float32)
+    strain[3] = [NAN, np.inf, -np.inf, -0.0, 1e-40, 3e38]
+    energy = random.standard_normal(tets) * 1e200
+    energy[7] = NAN
+    return {'strain': strain, 'energy': energy, 'rank': random.integers(-3, 100, tets).astype(np.int8),
+            'part': random.integers(-30000, 30000, tets).astype(np.int16), 'number': np.arange(tets, dtype=np.int32) * 90,
+            'key': random.integers(-2**52, 2**52, tets), 'one': np.ones(tets, np.uint8)}
+
+
+def make():
+    points, tets = block(6)
+    save('in.vtu', points, tets, {'heat': np.sin(points @ [3.0, 2.0, 1.0])}, cell_data(len(tets)))
+    must('build', path('in.vtu'), '-o', path('a.tetlod'), '--keep-order', '--quiet')
+
+
+def same(wanted, got):
+    if list(wanted) != list(got):
+        return 'fields %s, not %s' % (list(got), list(wanted))
+    for name in wanted:
+        a, b = wanted[name], got[name]
+        if (a.dtype.kind == 'f') != (b.dtype.kind == 'f') or a.shape != b.shape or not np.array_equal(a, b, equal_nan=a.dtype.kind == 'f') or \
+                a.dtype.kind == 'f' and (a.dtype != b.dtype or not np.array_equal(np.signbit(a), np.signbit(b))):
+            return '%s differs' % name
+    return None
+
+
+def original_order():
+    must('extract', path('a.tetlod'), '--original-order', '-o', path('back.vtu'), '--quiet')
+    return same(cells_of(read_grid('in.vtu')), cells_of(read_grid('back.vtu')))
+
+
+def row_of(grid):
+    """Values of cells by the cell's own number."""
+    cells = cells_of(grid)
+    order = np.argsort(cells['number'])
+    return {name: values[order] for name, values in cells.items()}
+
+
+def stream_order():
+    must('convert', path('a.tetlod'), '-o', path('again.vtu'))
+    return same(cells_of(read_grid('in.vtu')), row_of(read_grid('again.vtu')))
+
+
+def levels():
+    """At every level a tetrahedron has the row of one of the original's whose corners its own stand for."""
+    wanted, stream = cells_of(read_grid('in.vtu')), reference.open(path('a.tetlod'))
+    for level in range(0, len(stream.levels), 9):
+        must('extract', path('a.tetlod'), '--level', str(level), '-o', path('level.vtu'), '--quiet')
+        got = cells_of(read_grid('level.vtu'))
+        if len(got['number']) != stream.levels[level]['tets'] or len(set(got['number'])) != len(got['number']):
+            return 'level %d: %d rows' % (level, len(set(got['number'])))
+        problem = same({name: values[got['number'] // 90] for name, values in wanted.items()}, got)
+        if problem:
+            return 'level %d: %s' % (level, problem)
+        if not np.array_equal(stream.cells('number')[:len(got['number'])], got['number']):
+            return 'level %d: the reference decoder has others' % level
+    return None
+
+
+def described():
+    text, info = must('info', path('a.tetlod')).stdout.decode(), json.loads(must('info', path('a.tetlod'), '--json').stdout)
+    found = [(field['name'], field['components'], field['type']) for field in info['cell_fields']]
+    wanted = [('strain', 6, 'float32'), ('energy', 1, 'float64'), ('rank', 1, 'int8'), ('part', 1, 'int16'), ('number', 1, 'int32'),
+              ('key', 1, 'int64'), ('one', 1, 'int8')]
+    return None if found == wanted and 'cell field    strain, 6 x float32' in text else (found, text)
+
+
+def small():
+    """Packed: ones cost next to nothing, and no field more than its bytes."""
+    sizes = [(section['stored'], section['size']) for section in reference.open(path('a.tetlod')).sections if section['tag'] == 'CVAL']
+    return None if sizes[-1][0] < sizes[-1][1] / 50 and all(stored <= size for stored, size in sizes) else sizes
+
+
+def verified():
+    must('verify', path('a.tetlod'), '--against', path('in.vtu'), '--quiet')
+    data = bytearray(open(path('a.tetlod'), 'rb').read())
+    data[-5] ^= 1  # of the last field of cells
+    open(path('bad.tetlod'), 'wb').write(data)
+    return None if tetlod('verify', path('bad.tetlod'), '--quiet').returncode == 3 else 'a changed value of a cell is not noticed'
+
+
+def cells_only():
+    points, tets = block(4)
+    save('only.vtu', points, tets, {}, {'load': points[tets].mean(1)[:, 0]})
+    must('build', path('only.vtu'), '-o', path('only.tetlod'), '--quiet')
+    info = json.loads(must('info', path('only.tetlod'), '--json').stdout)
+    good = [f['name'] for f in info['fields']] == ['load'] == [f['name'] for f in info['cell_fields']]
+    return None if good else info
+
+
+make()
+case('bit for bit in the original order', original_order)
+case('bit for bit in the stream\'s order', stream_order)
+case('every level has the values of its tetrahedra', levels)
+case('info describes them', described)
+case('they are packed', small)
+case('verify decodes them', verified)
+case('values of cells alone drive by their average', cells_only)
+finish()
