@@ -79,7 +79,7 @@ static enum tetlod_status take_cells(struct part *part, const struct tetlod_file
 static enum tetlod_status take_sections(struct part *part, const struct tetlod_file *file, struct tetlod_error *error)
 {
     const struct tetlod_info *info = &file->index.info;
-    size_t size, most = info->section_count + (size_t)info->cell_field_count + 2;
+    size_t size = 0, most = info->section_count + (size_t)info->cell_field_count + 2;
     part->sections = calloc(most, sizeof *part->sections);
     part->section_bytes = calloc(most, sizeof *part->section_bytes);
     if (!part->sections || !part->section_bytes)

@@ -5,7 +5,7 @@ import os
 import re
 import shutil
 
-from common import case, fails, finish, info, must, path, report, succeeds, tetlod, write
+from common import ROOT, case, fails, finish, info, must, path, report, succeeds, tetlod, write
 
 
 def content(name):
@@ -55,6 +55,18 @@ def parts():
     must('extract', 'part.tetlod', '--level', '0', '-o', 'base.tetlod')
     must('verify', 'base.tetlod')
     return None if len(info('base.tetlod')['levels']) == 1 and whole['cid'].encode() in content('part.tetlod') else info('base.tetlod')
+
+
+def parts_with_cells():
+    """Values of tetrahedra go with the levels."""
+    stream = os.path.join(ROOT, 'tests', 'golden', 'cells_float32.tetlod')
+    found = info(stream)
+    level = len(found['levels']) // 2
+    must('extract', stream, '--level', str(level), '-o', 'cells.tetlod')
+    must('verify', 'cells.tetlod')
+    must('extract', stream, '--level', str(level), '-o', 'whole.vtu')
+    must('extract', 'cells.tetlod', '-o', 'part.vtu')
+    return None if content('whole.vtu') == content('part.vtu') and b'CellData' in content('part.vtu') else 'the levels differ'
 
 
 def cut_off():
@@ -148,6 +160,7 @@ must('build', 'fin.vtu', '-o', 'fin.tetlod', '--quiet')
 outputs_over_inputs()
 extensions()
 case('extract writes the levels up to one as a stream', parts)
+case('with values of tetrahedra', parts_with_cells)
 case('a file that is cut off gives what it holds', cut_off)
 case('build --for mail', mail)
 case('limits in units', units)
