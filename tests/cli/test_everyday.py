@@ -63,7 +63,6 @@ def parts_with_cells():
     found = info(stream)
     level = len(found['levels']) // 2
     must('extract', stream, '--level', str(level), '-o', 'cells.tetlod')
-    must('verify', 'cells.tetlod')
     must('extract', stream, '--level', str(level), '-o', 'whole.vtu')
     must('extract', 'cells.tetlod', '-o', 'part.vtu')
     return None if content('whole.vtu') == content('part.vtu') and b'CellData' in content('part.vtu') else 'the levels differ'
