@@ -98,11 +98,22 @@ export interface Grid {
   logarithmic: boolean;
 }
 
+/** What colours. */
+export interface Shade {
+  field: string;
+  component: Component;
+  /** Over all of the mesh. */
+  range: [number, number];
+  /** Sorted values, as many of each as it has of the volume. Absent while the mesh moves, and where it is the same as in the last message. */
+  sample?: Float32Array;
+}
+
 export interface Pictures {
   level: number;
   /** 0: the shape of the coarser level, 1: at rest. */
   t: number;
   origin: Point;
+  shade: Shade | null;
   surface: Part | null;
   slices: Part[];
   isosurfaces: Part[];
@@ -141,21 +152,27 @@ export class TetlodStream extends EventTarget {
   static open(source: Source, options?: {
     /** Goes on to this at once, as refineTo does; its bytes come with the first ones. */
     target?: Target;
-    /** Names of the fields to decode; a server leaves the others' data out. */
-    fields?: string[];
+    /** Names of the fields to decode (all); a server leaves the others' data out. 'first': where it does, the first that drove the contraction. */
+    fields?: string[] | 'first';
     signal?: AbortSignal;
     retries?: number;
     on?: Listeners;
     wasm?: string | URL;
   }): Promise<TetlodStream>;
   readonly info: Info;
+  /** Names of those that are decoded. */
+  readonly fields: string[];
   readonly level: number;
   readonly received: number;
   refineTo(target?: Target, options?: { signal?: AbortSignal }): Promise<{ level: number; reached: boolean }>;
+  /** Decodes these fields, too, from now on. Pictures go on without them until they are there. */
+  addFields(names: string[]): Promise<void>;
   mesh(): Promise<Mesh>;
   /** Of the mesh that is shown; null outside. */
   probe(point: Point): Promise<{ tet: number; values: Record<string, number[]> } | null>;
   show(spec: Spec | null): Promise<void>;
+  /** One after the other, each complete; whenever the next one is asked for, the newest. Ends with the stream. */
+  frames(spec: Spec): AsyncGenerator<Pictures, void, void>;
   close(reason?: unknown): void;
   addEventListener<Name extends keyof Events>(name: Name, listener: (event: CustomEvent<Events[Name]>) => void, options?: boolean | AddEventListenerOptions): void;
   addEventListener(name: string, listener: EventListenerOrEventListenerObject | null, options?: boolean | AddEventListenerOptions): void;

@@ -57,9 +57,10 @@ async function refines_and_coarsens() {
 
 async function state_is_in_the_url() {
   await page.keyboard.press('Escape');
+  await page.evaluate(() => window.tetlod.set({ surface: 'glass', slices: [] }));
   await page.locator('#picture').focus();
   for (const key of ['x', 'i', 'm']) await page.keyboard.press(key);
-  for (const part of ['error=0.2', 'slices=x@0.5', 'isosurfaces=0.5', 'surface=inside', 'map=cividis'])
+  for (const part of ['error=0.2', 'slices=x@0.5', 'isosurfaces=0.5', 'surface=glass', 'map=cividis'])
     await page.waitForFunction((wanted) => location.hash.includes(wanted), part);
   const again = await openPage(browser, origin);
   await again.goto(page.url());

@@ -65,9 +65,31 @@ async function a_fresh_webpack_project() {
   host.close();
 }
 
+async function the_example_with_three() {
+  if (old) return old;
+  const { build } = createRequire(resolve(ROOT, 'server/web/package.json'))('esbuild');
+  const folder = join(project, 'three');
+  cpSync(join(ROOT, 'build/client'), folder, { recursive: true });
+  await build({ entryPoints: [join(folder, 'example-three.js')], bundle: true, format: 'esm', outfile: join(folder, 'example.bundle.js'), logLevel: 'error',
+    alias: { tetlod: join(folder, 'stream.js'), 'tetlod/adapters.js': join(folder, 'adapters.js') } });
+  const host = await folderHost(folder);
+  const page = await openPage(browser, host.origin);
+  await page.goto(`${host.origin}/example.html?url=${server.url}v1/meshes/fin`);
+  await page.waitForFunction(() => /^level \d+: \d{4,} tetrahedra$/.test(document.querySelector('output').value));
+  const shot = await page.screenshot();
+  writeFileSync(join(SCRATCH, 'example-three.png'), shot);
+  assert.ok(shot.length > 10000, `an empty picture of ${shot.length} bytes`);
+  assert.deepEqual(page.complaints, []);
+  await page.context().close();
+  host.close();
+}
+
 async function types_are_strict() {
   if (old) return old;
   writeFileSync(join(project, 'src/types.ts'), `import { TetlodStream, type Info, type Mesh } from 'tetlod';
+import { toPolyData } from 'tetlod/adapters.js';
+import { TetlodView } from 'tetlod/element.js';
+const shownField = (stream: TetlodStream): string => stream.fields[0] ?? '';
 export async function use(file: File): Promise<[Info, Mesh]> {
   const stream = await TetlodStream.open({ url: 'https://example.org/a.tetlod', headers: { Authorization: 'Bearer x' }, credentials: 'include' });
   stream.addEventListener('pictures', ({ detail }) => detail.surface?.points.length);
@@ -77,6 +99,11 @@ export async function use(file: File): Promise<[Info, Mesh]> {
   (await TetlodStream.open(file)).close();
   (await TetlodStream.open({ read: async (from, to) => new Uint8Array(await file.slice(from, to).arrayBuffer()) })).close();
   await stream.refineTo({ error: 0.01, tets: 1e6 }, { signal: AbortSignal.timeout(1000) });
+  for await (const { surface, shade } of stream.frames({ field: shownField(stream), surface: true }))
+    if (surface && shade?.sample) toPolyData(surface, {}, { newInstance: (values: object) => values }, shade.field);
+  await stream.addFields(stream.info.fields.map(({ name }) => name));
+  const view: TetlodView = document.createElement('tetlod-view');
+  view.source = file;
   return [stream.info, await stream.mesh()];
 }
 `);
@@ -128,4 +155,4 @@ async function files_and_functions() {
   host.close();
 }
 
-await run([a_fresh_vite_project, a_fresh_webpack_project, types_are_strict, modules_of_another_origin, files_and_functions]);
+await run([a_fresh_vite_project, a_fresh_webpack_project, the_example_with_three, types_are_strict, modules_of_another_origin, files_and_functions]);

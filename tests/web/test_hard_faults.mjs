@@ -12,7 +12,7 @@ const page = await openPage(browser, server.url, { viewport: { width: 800, heigh
 
 async function open(state) {
   await page.goto('about:blank');
-  await page.goto(`${server.url}view/fin#smooth=0&error=0.05${state}`);
+  await page.goto(`${server.url}view/fin#smooth=0&error=0.05&surface=solid&slices=&map=viridis&range=data${state}`);
   await firstPicture(page);
   await settled(page);
 }

@@ -7,8 +7,10 @@ import { run } from './tap.mjs';
 
 const load = (name) => import(pathToFileURL(join(process.env.ROOT ?? '.', 'server/web/page', name)));
 const { Store, defaults, fromFragment, toFragment } = await load('state.js');
+const { isosurfaceRange, specOf, targetOf } = await load('spec.js');
 const { errorSpan, measureFor, promiseOf, wantedLevel } = await load('levels.js');
 const { clipToWindow, dot, linesBehind, pickPart, planeOf, planeOutline, sidesOf } = await load('geometry.js');
+const { autoRange, firstView, histogram, mapOf } = await load('first_view.js');
 const { colorTable, lineColor, mapNames } = await load('colors.js');
 const { bytes, count, parseNumber, percent, significant, ticks } = await load('numbers.js');
 
@@ -18,8 +20,8 @@ function a_state_survives_its_fragment() {
   const state = {
     ...defaults, error: 0.003, measure: 'rms', errorField: 'q', shading: 'all', maxTets: 5000, maxBytes: 2.5e6, field: 'Größe & mehr=x', component: 2, range: 'manual', low: -1.25, high: 3e-7,
     log: true, map: 'cividis', reversed: true, surface: 'glass', edges: true, slices: [{ normal: [0, 1, 0], at: 0.25 }, { normal: [0.6, 0, -0.8], at: 1 }],
-    sliceEdges: false, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, clip: { normal: [1, 0, 0], at: 0 }, volume: true, volumeSize: 64,
-    opacity: [[0, 0.5], [1, 0]], background: 'black', parallel: true, smooth: false, camera: [1, 2, 3, 0, 0, 0, 0, 0, 1],
+    sliceEdges: true, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, clip: { normal: [1, 0, 0], at: 0 }, volume: true, volumeSize: 64,
+    opacity: [[0, 0.5], [1, 0]], background: 'black', axes: false, parallel: true, smooth: false, camera: [1, 2, 3, 0, 0, 0, 0, 0, 1],
   };
   for (const key of Object.keys(defaults)) assert.notDeepEqual(state[key], defaults[key], `${key} is not tested`);
   assert.deepEqual(fromFragment(toFragment(state)), state);
@@ -29,6 +31,34 @@ function a_broken_fragment_gives_defaults() {
   const written = '#error=-1&measure=best&slices=q@0.5;x@7;y@0.5;0,0,0@0.5&isosurfaces=2,nothing,0.5&clip=x&volumeSize=1e9&opacity=0:0&component=-3&camera=1,2&unknown=1&low=a';
   const state = fromFragment(written);
   assert.deepEqual(state, { ...defaults, slices: [{ normal: [0, 1, 0], at: 0.5 }], isosurfaces: [0.5], volumeSize: 256 });
+}
+
+// What a stream's first view shows is its default: a link holds what differs from that, and what was taken away.
+function a_link_is_of_what_differs_from_the_first_view() {
+  const base = { ...defaults, ...firstView({ bounds: [[0, 0, 0], [3, 1, 2]] }) };
+  assert.deepEqual([base.surface, base.slices], ['inside', [{ normal: [0, 1, 0], at: 0.5 }]]);
+  assert.equal(toFragment(base, base), '');
+  assert.deepEqual(fromFragment('', base), base);
+  for (const state of [{ ...base, slices: [] }, { ...base, surface: 'solid' }, { ...base, slices: [...base.slices, { normal: [1, 0, 0], at: 0.1 }] }])
+    assert.deepEqual(fromFragment(toFragment(state, base), base), state);
+  assert.equal(toFragment({ ...base, slices: [] }, base), '#slices=');
+}
+
+function colours_chosen_from_the_data() {
+  const even = Float32Array.from({ length: 1000 }, (_, i) => i / 999);
+  assert.deepEqual(autoRange([0, 1], even), [0, 1]);
+  assert.deepEqual(autoRange([0, 1], undefined), [0, 1]);
+  // a few values far above all others are beyond the end
+  const tailed = Float32Array.from(even, (x, i) => (i > 995 ? 100 : x)).sort();
+  const [low, high] = autoRange([0, 100], tailed);
+  assert.ok(low >= 0 && low < 0.02 && high > 0.98 && high < 1, `${low} to ${high}`);
+  assert.deepEqual(autoRange([5, 5], new Float32Array(100).fill(5)), [5, 5]);
+  // both signs: zero in the middle, in a diverging map; not where one side is a trace
+  assert.deepEqual(autoRange([-1, 3], even.map((x) => 4 * x - 1)).map(Math.round), [-3, 3]);
+  assert.deepEqual([[-1, 3], [-0.01, 3], [0, 1], [-2, 0]].map((range) => mapOf({ map: 'auto' }, range)), ['coolWarm', 'viridis', 'viridis', 'viridis']);
+  assert.equal(mapOf({ map: 'magma' }, [-1, 1]), 'magma');
+  assert.deepEqual([...histogram([0, 0.1, 0.5, 1, 2], [0, 1], false, 2)], [2, 2]);
+  assert.deepEqual([...histogram([1, 10, 99, 1000], [1, 1000], true, 3)], [1, 2, 1]);
 }
 
 function a_store_tells_what_changed() {
@@ -57,6 +87,19 @@ function the_wanted_level() {
   assert.equal(wanted({ error: 0, maxTets: 1 }), 0);
   assert.equal(measureFor(info, { field: 'q', measure: 'max' }), 'rms');
   assert.deepEqual(errorSpan(info, { ...defaults, field: 'p' }), [0.01, 0.5]);
+}
+
+// What the stream is asked for is a function of the state and the index alone.
+function the_state_says_what_to_ask_for() {
+  const stream = { ...info, bounds: [[0, 0, 0], [2, 4, 8]], fields: [{ name: 'p', components: 1, range: [1, 3], controlled: true }, { name: 'v', components: 3, range: [-1, 2] }] };
+  const state = { ...defaults, field: 'p', surface: 'off', slices: [{ normal: [0, 0, 1], at: 0.25 }], sliceEdges: true, isosurfaces: [0.5], volume: true, log: true };
+  const spec = specOf(state, stream);
+  assert.deepEqual([spec.field, spec.component, spec.surface, spec.edges, spec.clip, spec.volume], ['p', 0, false, true, null, { size: defaults.volumeSize, logarithmic: true }]);
+  assert.deepEqual([spec.slices[0].normal, spec.slices[0].origin[2]], [[0, 0, 1], 2]);
+  assert.deepEqual(spec.isosurfaces, [{ field: 'p', component: 0, value: 2 }]);
+  assert.deepEqual(isosurfaceRange({ ...state, isosurfaceField: 'v' }, stream), [0, 2 * Math.sqrt(3)]);
+  assert.deepEqual(targetOf({ ...state, error: 0.02, maxTets: 7, maxBytes: 9 }), { error: 0.02, tets: 7, bytes: 9 });
+  assert.deepEqual(targetOf({ ...state, error: 0.02, maxTets: 7, field: 'v' }, stream), { error: 0.02, tets: 7, field: 'p', measure: 'max' }); // v is not controlled
 }
 
 function what_a_level_promises() {
@@ -144,6 +187,6 @@ function numbers_as_people_read_them() {
   assert.deepEqual(ticks(3, 3, 5), [3]);
 }
 
-await run([a_state_survives_its_fragment, a_broken_fragment_gives_defaults, a_store_tells_what_changed, the_wanted_level, what_a_level_promises, planes_cross_the_bounds,
+await run([a_state_survives_its_fragment, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
   polygons_end_at_the_window, the_nearest_triangle_is_picked, lines_of_the_far_walls,
   lines_are_seen_on_every_colour, numbers_as_people_read_them]);

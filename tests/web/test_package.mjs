@@ -17,28 +17,68 @@ const { path } = sampleStream();
 const folder = join(SCRATCH, 'package');
 cpSync(join(ROOT, 'build/client'), folder, { recursive: true });
 const { build } = createRequire(resolve(ROOT, 'server/web/package.json'))('esbuild');
+const execute = promisify(execFile);
 const browser = await launch();
 
-async function bundlesAndShowsTheExample() {
-  await build({
-    entryPoints: [join(folder, 'example.js')], bundle: true, format: 'esm', outfile: join(folder, 'example.bundle.js'),
-    nodePaths: [resolve(ROOT, 'server/web/node_modules')], logLevel: 'error',
-  });
+// Each example as its first lines say; it ends at the level that its target asks for, and has drawn something.
+async function shows(file, target, unit, server) {
   const host = await folderHost(folder);
-  const server = await program([path]);
   const page = await openPage(browser, host.origin);
-  await page.goto(`${host.origin}/example.html?url=${server.url}v1/meshes/fin`);
+  await page.goto(`${host.origin}/${file}?url=${server.url}v1/meshes/fin`);
   const stream = await TetlodStream.open(`${server.url}v1/meshes/fin`);
-  const { level } = await stream.refineTo({ error: 0.001, tets: 500000 });
+  const { level } = await stream.refineTo(target);
   stream.close();
   await page.waitForFunction((text) => document.querySelector('output').value.startsWith(text), `level ${level}: `);
+  assert.match(await page.locator('output').innerText(), new RegExp(`: [1-9]\\d* ${unit}$`));
   const shot = await page.screenshot();
-  writeFileSync(join(SCRATCH, 'example.png'), shot);
+  writeFileSync(join(SCRATCH, `${file.replace('.html', '')}.png`), shot);
   assert.ok(shot.length > 10000, `an empty picture of ${shot.length} bytes`);
+  assert.deepEqual(page.complaints, []);
+  page.context().once('close', () => host.close());
+  return page;
+}
+
+async function theExamples() {
+  await build({
+    entryPoints: [join(folder, 'example-vtk.js')], bundle: true, format: 'esm', outfile: join(folder, 'example.bundle.js'), logLevel: 'error',
+    nodePaths: [resolve(ROOT, 'server/web/node_modules')], alias: { tetlod: resolve(folder, 'stream.js'), 'tetlod/adapters.js': resolve(folder, 'adapters.js') },
+  });
+  const server = await program([path]);
+  await (await shows('example.html', { error: 0.001, tets: 500000 }, 'tetrahedra', server)).context().close();
+  await (await shows('example-canvas.html', { error: 0.01 }, 'triangles', server)).context().close();
+  const { stdout } = await execute('node', [join(folder, 'example-node.mjs'), `${server.url}v1/meshes/fin`], { cwd: folder });
+  assert.match(stdout, /\nat 1 %: level \d+, \d+ tetrahedra, Pressure from \d[\d.]* to \d/);
+  await server.stop();
+}
+
+// <tetlod-view>: what its attributes say is shown, and follows them; another source, and none.
+async function anElement() {
+  const server = await program([path]);
+  const page = await shows('example-element.html', { error: 0.01 }, 'tetrahedra', server);
+  const view = page.locator('tetlod-view');
+  assert.deepEqual(await view.evaluate((v) => [v.stream.fields, new URLSearchParams(v.state).get('slices')]), [['Pressure'], 'y@0.5']);
+  const settledAt = (error) => page.waitForFunction((e) => document.querySelector('tetlod-view').seen?.settled && document.querySelector('tetlod-view').seen.error <= e, error);
+  await view.evaluate((v) => {
+    v.addEventListener('level', ({ detail }) => { v.seen = detail; });
+    v.addEventListener('error', ({ detail }) => { v.failure = detail.message; });
+    v.setAttribute('error', '0.2%');
+  });
+  await settledAt(0.002);
+  await view.evaluate((v) => v.setAttribute('field', 'Density'));
+  await page.waitForFunction(() => document.querySelector('tetlod-view').stream.fields.includes('Density'));
+  await view.evaluate((v) => v.setAttribute('field', 'Speed'));
+  assert.match(await view.evaluate((v) => v.failure), /no field 'Speed'; there are: /);
+  const bytes = readFileSync(path).toString('base64');
+  await view.evaluate((v, text) => {
+    v.seen = null;
+    v.removeAttribute('field');
+    v.source = new Blob([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))]);
+  }, bytes);
+  await settledAt(0.002);
+  await view.evaluate((v) => v.remove());
   assert.deepEqual(page.complaints, []);
   await page.context().close();
   await server.stop();
-  host.close();
 }
 
 async function worksUnderAStrictPolicy() {
@@ -126,4 +166,4 @@ async function resolvesByItsName() {
   for (const name of members) assert.match(types, new RegExp(`\\b${name}\\(`), `stream.d.ts has ${name}`);
 }
 
-await run([resolvesByItsName, rangesOfOneUrl, bundlesAndShowsTheExample, worksUnderAStrictPolicy]);
+await run([resolvesByItsName, rangesOfOneUrl, theExamples, anElement, worksUnderAStrictPolicy]);

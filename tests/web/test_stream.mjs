@@ -123,6 +123,39 @@ async function someFields() {
   await server.stop();
 }
 
+// Of a server only the first field comes, of other sources all; more of them join the stream while it is used.
+async function fieldsThatJoin() {
+  const names = info.fields.map(({ name }) => name);
+  const [first] = info.fields.filter((field) => field.controlled).map(({ name }) => name);
+  assert.ok(names.length > 1);
+  const server = await program([path]);
+  const stream = await TetlodStream.open(`${server.url}v1/meshes/fin`, { fields: 'first', target: { level: middle } });
+  await stream.refineTo({ level: middle });
+  assert.deepEqual(stream.fields, [first]);
+  assert.ok(stream.received < info.levels[middle].bytes);
+  const [other] = names.filter((name) => name !== first);
+  await assert.rejects(stream.show({ field: other, surface: true }), /was not opened/);
+  await stream.show({ field: first, surface: true });
+  const finer = stream.refineTo(); // under way while the field comes
+  await stream.addFields([other, first]);
+  assert.deepEqual([stream.fields, (await finer).level], [[first, other], finest]);
+  const { fields, positions } = await stream.mesh();
+  const all = meshAt(finest);
+  assert.deepEqual([positions, fields], [all.positions, { [first]: all.fields[first], [other]: all.fields[other] }]);
+  const pictures = heard(stream, 'pictures');
+  await stream.show({ field: other, surface: true });
+  assert.equal((await pictures).shade.field, other);
+  await assert.rejects(stream.addFields(['Speed']), /no field 'Speed'/);
+  assert.deepEqual(Object.keys((await stream.mesh()).fields), [first, other]); // as before
+  stream.close();
+  await server.stop();
+  const host = await fileHost(bytes);
+  const whole = await TetlodStream.open(host.url, { fields: 'first' });
+  assert.deepEqual(whole.fields, names);
+  whole.close();
+  host.close();
+}
+
 // Of several budgets a server's prefix takes one: the first levels come with the first answer, the others with the second.
 async function severalBudgets() {
   const server = await program([path]);
@@ -474,6 +507,6 @@ async function picturesOfEveryStep() {
   host.close();
 }
 
-await run([theServersRoutes, goesOnToATargetAtOnce, oneAnswerIsEnough, someFields, severalBudgets, asksAhead, levelsAreChosenAsTheServerDoes, aFileByRanges, aFileWithoutRange, explodedFiles, brokenConnectionsLoseNothing,
+await run([theServersRoutes, goesOnToATargetAtOnce, oneAnswerIsEnough, someFields, fieldsThatJoin, severalBudgets, asksAhead, levelsAreChosenAsTheServerDoes, aFileByRanges, aFileWithoutRange, explodedFiles, brokenConnectionsLoseNothing,
   waitsAsTheServerAsks, waitsForADescriptionToo, givesUpAndGoesOnLater, aServerThatIsKilledAndStartsAgain, aDamagedStream, aStreamThatEndsTooEarly,
   aFileThatChanges, whatIsNotAStream, requestsEndEarly, picturesOfEveryStep]);

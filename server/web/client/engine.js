@@ -26,6 +26,7 @@ export class Engine {
   #spec = null; #dirty = false;
   #decoding = 0;      // milliseconds since the last level was announced
   #frameTime = 0;     // milliseconds of the last pictures, as they are made while the mesh moves
+  #sampleOf = '';     // what the page has a sample of the values of
   #surfaceOf = '';    // what the page has the triangles of
   #volumeOf = '';     // what the page has a volume of
   #seen = null;       // resolves when the page has seen the last pictures
@@ -49,19 +50,20 @@ export class Engine {
     first.catch(() => {});
     this.#view = await View.create(await module);
     await first;
-    if (this.#source.partial) this.#view.select(fields);
+    const names = this.#source.partial ? this.#source.fields : Array.isArray(fields) ? fields : null;
+    if (this.#source.partial) this.#view.select(names);
     for (let reading = first; !await this.#receive(1, reading);) reading = undefined;
     this.#info = this.#view.describe();
     this.#source.cid = this.#info.cid;
     if (this.#source.partial) this.#source.levels = this.#info.levels;
-    if (fields) this.#fields = fields.map((name) => this.#fieldIndex(name));
+    if (names) this.#fields = names.map((name) => this.#fieldIndex(name));
     if (target) this.#goal = chooseLevel(this.#info, target);
     const base = this.#info.levels[0].bytes;
     while (this.#received < base) await this.#receive(this.#untilGoal);
     this.#view.open(this.#fields);
     this.#fetchLoop();
     this.#showLoop();
-    return this.#info;
+    return { info: this.#info, fields: names ?? this.#info.fields.map(({ name }) => name) };
   }
 
   /** Resolves to {level, reached} when the level is there and seen; a later request ends it earlier, unreached. */
@@ -95,6 +97,7 @@ export class Engine {
   show(spec) {
     const before = this.#spec;
     this.#spec = spec && this.#checkSpec(spec);
+    if (!before) this.#sampleOf = '';
     if (!before?.surface) this.#surfaceOf = '';
     if (!before?.volume) this.#volumeOf = '';
     this.#dirty = true;
@@ -329,12 +332,22 @@ export class Engine {
     return this.#view.surface({ lines, keep });
   }
 
-  #draw() {
-    const { shade, component, edges: lines, slices, isosurfaces, clip } = this.#spec;
+  // The value that colours; with a sample where it is of another mesh or value than the last one.
+  #drawShade(t) {
+    const { shade, component } = this.#spec;
+    const range = this.#view.shade(shade, component);
+    if (shade < 0) return null;
+    const key = JSON.stringify([this.#shown, shade, component]);
+    const fresh = t === 1 && key !== this.#sampleOf;
+    if (fresh) this.#sampleOf = key;
+    return { field: this.#info.fields[shade].name, component: component < 0 ? 'magnitude' : component, range, sample: fresh ? this.#view.sample() : undefined };
+  }
+
+  #draw(t) {
+    const { edges: lines, slices, isosurfaces, clip } = this.#spec;
     this.#view.clip(clip);
-    const { name } = this.#info.fields[shade] ?? {};
     return {
-      shade: shade < 0 ? null : { field: name, component: component < 0 ? 'magnitude' : component, range: this.#view.shade(shade, component) },
+      shade: this.#drawShade(t),
       surface: this.#drawSurface(),
       slices: slices.map(({ origin, normal }) => this.#view.slice(origin, normal, { lines })),
       isosurfaces: isosurfaces.map((iso) => this.#view.isosurface(iso.field, iso.component, iso.value, { normals: true })),
@@ -358,7 +371,7 @@ export class Engine {
     const started = performance.now();
     if (this.#moved === this.#shown) this.#view.place(t);
     else this.#rest();
-    const parts = this.#draw();
+    const parts = this.#draw(t);
     this.#frameTime = performance.now() - started;
     const volume = this.#drawVolume(t);
     const seconds = (performance.now() - started) / 1000;

@@ -69,6 +69,9 @@ const budgets = { error: 'error', absError: 'abs_error', level: 'level', tets: '
 // '+' stands for itself in the server's queries: no URLSearchParams.
 const query = (values) => Object.entries(values).map(([key, value]) => `${key}=${encodeURIComponent(value)}`).join('&');
 
+// A list in a query has commas between the names.
+const canList = (names) => !names.some((name) => name.includes(','));
+
 // The query of a server's prefix for a target. It takes one budget; of several, the first levels are a beginning.
 function prefixQuery({ field, measure, ...target } = {}, fields) {
   const given = Object.keys(budgets).filter((key) => target[key] !== undefined);
@@ -80,8 +83,7 @@ function prefixQuery({ field, measure, ...target } = {}, fields) {
 
 export class Source {
   #url; #request; #signal; #retries; #onRetry;
-  #fields;           // names of those that are wanted, separated by commas; undefined: all
-  #query;            // of a server's prefix: what the first request asks for
+  #target;           // what the first request asks for
   #least;            // of a file: bytes that its first request asks for
   #served;           // by a server's routes; else ranges of a file
   #early = null;     // a server's description: the first attempt to get it, which is on its way together with the first bytes
@@ -89,6 +91,7 @@ export class Source {
   #answer = null;    // {reader, at, end} that is being read: at its next byte of the stream; end Infinity: unknown
   #ahead = null;     // {at, answer}: the one after it, asked for already
   #validator = '';   // of the file that ranges are of
+  fields;            // names of those that are wanted; undefined: all; 'first': not known yet which that is
   partial = false;   // the server leaves out other fields: offsets and lengths are of what it sends
   cid = '';          // of the stream, once it is known: all bytes must be of the same one
   levels = null;     // {offset, bytes}: of the server's, or set to what comes without some fields
@@ -98,8 +101,8 @@ export class Source {
     this.#url = url;
     this.#request = { headers, credentials };
     this.#served = isServed(url);
-    if (fields && !fields.some((name) => name.includes(','))) this.#fields = fields.join();
-    this.#query = prefixQuery(target, this.#fields);
+    if (fields === 'first' ? this.#served : fields && canList(fields)) this.fields = fields;
+    this.#target = target;
     this.#least = target ? FIRST : OPENING;
     this.#signal = signal;
     this.#retries = retries;
@@ -121,9 +124,11 @@ export class Source {
     });
   }
 
-  /** Ends the requests under way, unless the bytes after them would have to be asked for from the start. */
+  /** Ends the requests under way, unless little is left of them or their bytes would have to be asked for from the start. */
   pause() {
-    if (this.#answer?.end !== Infinity) this.#drop();
+    const { at, end } = this.#answer ?? {};
+    if (end !== Infinity && !(end - at <= OPENING)) this.#drop();
+    this.#dropAhead();
   }
 
   close() {
@@ -132,8 +137,13 @@ export class Source {
 
   #drop() {
     if (this.#answer?.at < this.#answer?.end) this.#answer.reader.cancel().catch(() => {}); // else its connection may be used again
+    this.#answer = null;
+    this.#dropAhead();
+  }
+
+  #dropAhead() {
     this.#ahead?.answer.then(({ reader }) => reader.cancel()).catch(() => {});
-    this.#answer = this.#ahead = null;
+    this.#ahead = null;
   }
 
   async #persist(attemptOnce) {
@@ -213,12 +223,13 @@ export class Source {
   async #askPrefix() {
     const url = new URL(this.#url);
     url.pathname = url.pathname.replace(/\/?$/, '/prefix');
-    url.search = this.#query;
+    if (this.fields === 'first') await this.#chooseFirst();
+    url.search = prefixQuery(this.#target, this.fields?.join());
     try {
       const answer = await this.#fetch(url);
       const end = Number(answer.headers.get('Content-Length'));
       if (end > 0 && !/^text\//.test(answer.headers.get('Content-Type') ?? '')) {
-        this.partial = this.#fields !== undefined && answer.headers.has('Tetlod-Level'); // hosts of files know no queries
+        this.partial = this.fields !== undefined && answer.headers.has('Tetlod-Level'); // hosts of files know no queries
         return { reader: answer.body.getReader(), at: 0, end };
       }
       await answer.body?.cancel();
@@ -230,11 +241,23 @@ export class Source {
 
   async #askDescription() {
     const answer = await this.#fetch(this.#url, { headers: { Accept: 'application/json' } });
-    const { cid, levels, links } = await answer.json().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
+    const { cid, levels, links, fields = [] } = await answer.json().catch((error) => { throw new Retry(`${this.#url}: ${error.message}`); });
     if (!levels || !links) throw new FetchError(`${this.#url} does not describe a stream`);
     const base = answer.url.replace(/\/(index\.json)?$/, ''); // hosts of files may add it
     const absolute = (link) => new URL(link.replace(/\{\?.*?\}/, ''), base).href.replaceAll('%7B', '{').replaceAll('%7D', '}');
-    return { cid, levels, routes: { level: absolute(links.level), records: absolute(links.records), stream: absolute(links.stream) } };
+    return { cid, levels, fields, routes: { level: absolute(links.level), records: absolute(links.records), stream: absolute(links.stream) } };
+  }
+
+  // Where the description cannot be had, or does not say which fields there are, all of them are wanted.
+  async #chooseFirst() {
+    const early = this.#early ??= this.#askDescription();
+    const { fields } = await early.catch((error) => {
+      this.#early = null;
+      if (error instanceof FetchError) return { fields: [] };
+      throw error;
+    });
+    const { name } = fields.find((field) => field.controlled) ?? fields[0] ?? {};
+    this.fields = fields.length > 1 && canList([name]) ? [name] : undefined;
   }
 
   async #findRoutes() {
@@ -260,7 +283,7 @@ export class Source {
     let last = first;
     while (last + 1 < levels.length && levels[last].bytes < needed && levels[last + 1].bytes <= most) last++;
     const { level, records, stream } = this.#routes;
-    const some = this.partial ? `?${query({ fields: this.#fields })}` : '';
+    const some = this.partial ? `?${query({ fields: this.fields.join() })}` : '';
     const path = first ? records.replace('{from}', first - 1).replace('{to}', last) + some
       : level.replace('{level}', last).replace('{format}', 'tetlod');
     try {

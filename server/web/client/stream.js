@@ -54,9 +54,109 @@ function errorOf({ name, message, status }) {
 const nextFrame = (call) =>
   (typeof requestAnimationFrame === 'function' && !document.hidden ? requestAnimationFrame(call) : setTimeout(call, 16));
 
+// What a message leaves out because it is the same as in the last one, from `kept`.
+function completed(pictures, kept) {
+  const restore = (key, owner, name) => {
+    if (owner[name] === undefined) return { ...owner, [name]: kept.get(key) };
+    kept.set(key, owner[name]);
+    return owner;
+  };
+  const whole = restore('volume', pictures, 'volume');
+  if (whole.shade) whole.shade = restore('sample', whole.shade, 'sample');
+  if (whole.surface) whole.surface = restore('lines', restore('triangles', whole.surface, 'triangles'), 'lines');
+  return whole;
+}
+
+const closedReason = () => new DOMException('the stream was closed', 'AbortError');
+
+// One worker and the calls that wait for its answers.
+class Link {
+  #worker; #calls = new Map(); #tell; #failed; #reason = null; #running = false;
+
+  /** `tell(event, detail)` hears its events, `failed(error)` that a running worker broke. */
+  constructor(tell, failed) {
+    this.#tell = tell;
+    this.#failed = failed;
+  }
+
+  async open(options) {
+    try {
+      this.#use(await startWorker());
+      return await this.#opened(options);
+    } catch (cause) {
+      const foreign = cause instanceof DOMException && cause.name === 'SecurityError'; // the script is of another origin
+      if (this.#reason || !(foreign || cause instanceof NotStarted)) throw cause;
+      const { worker, module } = await startCopy(cause);
+      this.#use(worker);
+      return this.#opened({ ...options, wasm: options.wasm ?? module });
+    }
+  }
+
+  async #opened(options) {
+    const value = await this.call(nextId++, 'open', options);
+    this.#running = true;
+    return value;
+  }
+
+  #use(worker) {
+    this.#worker = listen(worker, (message) => this.#hear(message), (error) => {
+      if (this.#running) this.#failed(error);
+      else this.#rejectAll(error); // it never ran
+    });
+    if (this.#reason) this.#worker.terminate(); // closed while it started
+  }
+
+  send(message) {
+    if (!this.#reason) this.#worker?.postMessage(message);
+  }
+
+  call(id, action, argument) {
+    return new Promise((resolve, reject) => {
+      if (this.#reason) throw this.#reason;
+      this.#calls.set(id, { action, argument, resolve, reject });
+      this.send({ action, id, argument });
+    });
+  }
+
+  /** Another link answers what this one was asked and has not answered. */
+  handOver(other) {
+    for (const [id, call] of this.#calls) {
+      other.#calls.set(id, call);
+      other.send({ action: call.action, id, argument: call.argument });
+    }
+    this.#calls.clear();
+    this.close(closedReason());
+  }
+
+  close(reason) {
+    if (this.#reason) return;
+    this.#reason = reason;
+    this.#worker?.terminate();
+    this.#rejectAll(reason);
+  }
+
+  #rejectAll(reason) {
+    for (const { reject } of this.#calls.values()) reject(reason);
+    this.#calls.clear();
+  }
+
+  #hear({ id, value, failure, event, detail }) {
+    if (this.#reason) return;
+    if (event) this.#tell(event, detail, this);
+    const call = this.#calls.get(id);
+    if (!call) return;
+    this.#calls.delete(id);
+    if (failure) call.reject(errorOf(failure));
+    else call.resolve(value);
+  }
+}
+
+let nextId = 0; // of calls
+
 export class TetlodStream extends EventTarget {
-  #worker; #calls = new Map(); #count = 0; #closed = false; #reader = null; #reading = new AbortController();
+  #link; #next = null; #options; #spec = null; #adding = Promise.resolve(); #closed = false; #tellEnded; #ended = new Promise((resolve) => { this.#tellEnded = resolve; }); #reader = null; #reading = new AbortController();
   info = null;
+  fields = []; // names of those that are decoded
   level = 0;
   received = 0;
 
@@ -64,7 +164,9 @@ export class TetlodStream extends EventTarget {
    * Opens a stream and decodes its base mesh. `source`: the URL of a server's mesh (…/v1/meshes/{id}) or of a file, or
    * {url, headers, credentials} as of fetch; a Blob or File; or {read(from, to, signal)}, which resolves to a Uint8Array.
    * Options: `target`, as of refineTo, which it goes on to: its bytes come with the first ones; `fields`, the names of
-   * those to decode (all); `signal`; `retries` of a request that fails (8); `on`, listeners by the name of their event, which also hear what happens while it opens; `wasm`, URL of the module.
+   * those to decode (all), or 'first', the first that drove the contraction where the source can leave out the others,
+   * which addFields brings later; `signal`; `retries` of a request that fails (8); `on`, listeners by the name of their
+   * event, which also hear what happens while it opens; `wasm`, URL of the module.
    */
   static async open(source, { target, fields, signal, retries, on = {}, wasm } = {}) {
     signal?.throwIfAborted();
@@ -75,8 +177,9 @@ export class TetlodStream extends EventTarget {
     try {
       const told = described(source);
       if (told.page) stream.#reader = source;
-      const options = { source: told, target, fields, retries, wasm: wasm && new URL(wasm, globalThis.document?.baseURI ?? globalThis.location?.href).href };
-      stream.info = await stream.#begin(options);
+      stream.#options = { source: told, retries, wasm: wasm && new URL(wasm, globalThis.document?.baseURI ?? globalThis.location?.href).href };
+      stream.#link = stream.#newLink();
+      stream.#take(await stream.#link.open({ ...stream.#options, fields, target }));
     } catch (error) {
       stream.close();
       throw error;
@@ -94,13 +197,45 @@ export class TetlodStream extends EventTarget {
    */
   async refineTo(target = {}, { signal } = {}) {
     signal?.throwIfAborted();
-    const id = this.#count;
-    const stop = () => this.#send({ action: 'abort', argument: id });
+    const id = nextId++;
+    const stop = () => this.#link.send({ action: 'abort', argument: id });
     signal?.addEventListener('abort', stop, { once: true });
     try {
-      return await this.#call('refineTo', target);
+      return await this.#call('refineTo', target, id);
     } finally {
       signal?.removeEventListener('abort', stop);
+    }
+  }
+
+  /**
+   * Decodes these fields, too, from now on. Pictures and meshes go on without them until they are there, at the level that
+   * is shown; it costs what opening the stream at this level costs, and its memory meanwhile.
+   */
+  addFields(names) {
+    this.#adding = this.#adding.catch(() => {}).then(() => this.#addFields(names));
+    return this.#adding;
+  }
+
+  async #addFields(names) {
+    const missing = names.filter((name) => !this.fields.includes(name));
+    if (!missing.length) return;
+    this.#next = this.#newLink();
+    try {
+      const opened = await this.#next.open({ ...this.#options, fields: [...this.fields, ...missing], target: { level: this.level } });
+      let target;
+      do {
+        target = { level: this.level }; // the other one goes on
+        await this.#next.call(nextId++, 'refineTo', target);
+      } while (this.level !== target.level);
+      this.#take(opened);
+      this.#next.send({ action: 'show', argument: this.#spec });
+      this.#link.handOver(this.#next);
+      this.#link = this.#next;
+    } catch (error) {
+      this.#next.close(error);
+      throw error;
+    } finally {
+      this.#next = null;
     }
   }
 
@@ -115,80 +250,81 @@ export class TetlodStream extends EventTarget {
   }
 
   /** Which pictures to make of this and every following level; null: none. */
-  show(spec) {
-    return this.#call('show', spec);
+  async show(spec) {
+    await this.#call('show', spec);
+    this.#spec = spec;
   }
 
-  close(reason = new DOMException('the stream was closed', 'AbortError')) {
-    this.#end(reason);
-  }
-
-  async #begin(options) {
+  /**
+   * The pictures of a spec one after the other, whenever the next ones are asked for the newest; each is complete: it has the
+   * triangles, too, that are the same as in the one before. Ends with the stream, or when the loop is left.
+   */
+  async *frames(spec) {
+    const kept = new Map();
+    let newest = null;
+    let ring = () => {};
+    const take = ({ detail }) => {
+      newest = completed(detail, kept);
+      ring();
+    };
+    this.addEventListener('pictures', take);
     try {
-      this.#use(await startWorker());
-      return await this.#call('open', options);
-    } catch (cause) {
-      const foreign = cause instanceof DOMException && cause.name === 'SecurityError'; // the script is of another origin
-      if (this.#closed || !(foreign || cause instanceof NotStarted)) throw cause;
-      const { worker, module } = await startCopy(cause);
-      this.#use(worker);
-      return this.#call('open', { ...options, wasm: options.wasm ?? module });
+      await this.show(spec);
+      while (!this.#closed) {
+        if (!newest) await Promise.race([new Promise((resolve) => { ring = resolve; }), this.#ended]);
+        const frame = newest;
+        newest = null;
+        if (frame) yield frame;
+      }
+    } finally {
+      this.removeEventListener('pictures', take);
+      if (!this.#closed) await this.show(null);
     }
   }
 
-  #use(worker) {
-    this.#worker = listen(worker, (message) => this.#hear(message), (error) => {
-      if (this.info) return this.#end(error);
-      for (const { reject } of this.#calls.values()) reject(error); // it never ran
-      this.#calls.clear();
-    });
+  close(reason = closedReason()) {
+    this.#end(reason);
   }
 
-  #send(message) {
-    if (!this.#closed) this.#worker?.postMessage(message);
+  #newLink() {
+    return new Link((event, detail, link) => this.#tell(event, detail, link), (error) => this.#end(error));
   }
 
-  #call(action, argument) {
-    const id = this.#count++;
-    return new Promise((resolve, reject) => {
-      if (this.#closed) throw new DOMException('the stream is closed', 'InvalidStateError');
-      this.#calls.set(id, { resolve, reject });
-      this.#send({ action, id, argument });
-    });
+  #take({ info, fields }) {
+    this.info = info;
+    this.fields = fields;
+  }
+
+  #call(action, argument, id = nextId++) {
+    if (this.#closed) return Promise.reject(new DOMException('the stream is closed', 'InvalidStateError'));
+    return this.#link.call(id, action, argument);
   }
 
   #end(reason) {
     if (this.#closed) return;
     this.#closed = true;
-    this.#worker?.terminate();
+    this.#tellEnded();
     this.#reading.abort(reason);
-    for (const { reject } of this.#calls.values()) reject(reason);
-    this.#calls.clear();
+    this.#link?.close(reason);
+    this.#next?.close(reason);
   }
 
-  #hear({ id, value, failure, event, detail }) {
-    if (this.#closed) return;
-    if (event) this.#tell(event, detail);
-    const call = this.#calls.get(id);
-    if (!call) return;
-    this.#calls.delete(id);
-    if (failure) call.reject(errorOf(failure));
-    else call.resolve(value);
-  }
-
-  async #read({ id, from, to }) {
+  async #read(link, { id, from, to }) {
     try {
-      this.#send({ action: 'bytes', argument: { id, bytes: await this.#reader.read(from, to, this.#reading.signal) } });
+      link.send({ action: 'bytes', argument: { id, bytes: await this.#reader.read(from, to, this.#reading.signal) } });
     } catch (error) {
-      this.#send({ action: 'bytes', argument: { id, failure: error.message } });
+      link.send({ action: 'bytes', argument: { id, failure: error.message } });
     }
   }
 
-  #tell(event, detail) {
-    if (event === 'read') return void this.#read(detail);
+  // Of a worker that only prepares more fields, nothing is heard but that its network fails.
+  #tell(event, detail, link) {
+    if (this.#closed) return;
+    if (event === 'read') return void this.#read(link, detail);
+    if (link === this.#next && event !== 'retry') return;
     if (event === 'level') this.level = detail.level;
     if (event === 'progress') this.received = detail.received;
     this.dispatchEvent(new CustomEvent(event, { detail }));
-    if (event === 'pictures') nextFrame(() => this.#send({ action: 'seen' }));
+    if (event === 'pictures') nextFrame(() => link.send({ action: 'seen' }));
   }
 }

@@ -161,6 +161,13 @@ export class View {
     return [...this.#doubles(this.#code.view_shade(this.#view, field, component), 2)];
   }
 
+  /** Sorted values that colour, some thousands, as many of each as it has of the volume. */
+  sample() {
+    const address = this.#code.view_sample(this.#view) >>> 0;
+    const [values, count] = this.#words(address, 2);
+    return this.#floats(values, count).slice().sort();
+  }
+
   // `lines`, `normals`: what the part has beside points, values and triangles; `keep`: without triangles and lines.
   #part({ lines = false, normals = false, keep = false } = {}, make) {
     this.#check(make((lines ? 1 : 0) | (normals ? 2 : 0)));

@@ -37,7 +37,7 @@ export class Compass {
     this.ends = ends(axes, width, height);
     context.textAlign = 'center';
     context.textBaseline = 'middle';
-    context.font = `700 10.5px ${fontFamily}`;
+    context.font = `700 12px ${fontFamily}`;
     for (const { name, sign, x, y, near } of this.ends) {
       context.globalAlpha = 0.65 + 0.35 * near;
       context.strokeStyle = context.fillStyle = colors[name];

@@ -6,7 +6,8 @@ import { byId, element } from './dom.js';
 import { componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, measuresOf, spanOf, targetFieldOf, wantedLevel } from './levels.js';
 import { clamp, parseNumber, significant } from './numbers.js';
 import { Plot } from './plot.js';
-import { axisOf, defaults } from './state.js';
+import { histogram } from './first_view.js';
+import { axisOf } from './state.js';
 import { TransferEditor } from './transfer.js';
 
 const options = (select, pairs) => select.replaceChildren(...pairs.map(([value, text]) => element('option', { value }, text)));
@@ -43,12 +44,20 @@ function bindNumber(input, read, write) {
 
 const plain = (x, digits = 4) => significant(x, digits).replaceAll('\u202f', '').replaceAll('\u2212', '-');
 
+// Counts over the colours' range, by their square roots: few values are to be seen, too.
+function drawHistogram(path, counts) {
+  const most = Math.sqrt(Math.max(1, ...counts));
+  const bars = [...counts].map((count, i) => `M${i},1V${(1 - Math.sqrt(count) / most).toFixed(3)}h1V1z`);
+  path.setAttribute('d', bars.join(''));
+}
+
 export class Controls {
-  // `actions`: { look(view), viewNormal(), ranges(), isosurfaceRange(), isosurfaceSpan() }
-  constructor(store, info, actions) {
-    Object.assign(this, { store, info, actions });
+  // `actions`: { look(view), viewNormal() }
+  constructor(viewer, actions) {
+    const { store, info } = viewer;
+    Object.assign(this, { viewer, store, info, actions });
     this.opened = 'inside'; // what the boundary became when it was opened
-    options(byId('map'), mapNames);
+    options(byId('map'), [['auto', 'by the data'], ...mapNames]);
     options(byId('field'), info.fields.map((f) => [f.name, f.name]));
     options(byId('isosurface-field'), [['', 'as coloured'], ...info.fields.map((f) => [f.name, f.name])]);
   }
@@ -135,23 +144,24 @@ export class Controls {
       options(component, [['magnitude', 'magnitude'], ...Array.from({ length: components }, (_, i) => [i, componentName(components, i)])]);
       component.value = state.component;
     });
-    store.watch(['map', 'reversed'], (state) => {
-      for (const id of ['swatch', 'transfer-swatch']) byId(id).style.background = cssGradient(state.map, state.reversed, '90deg');
-    });
     const hand = (patch) => {
-      const [low, high] = this.actions.ranges();
+      const [low, high] = this.viewer.colorRange();
       store.set({ range: 'manual', low, high, ...patch });
     };
-    this.followRange = ['low', 'high'].map((key, i) => bindNumber(byId(key), () => plain(this.actions.ranges()[i]), (x) => hand({ [key]: x })));
+    this.followRange = ['low', 'high'].map((key, i) => bindNumber(byId(key), () => plain(this.viewer.colorRange()[i]), (x) => hand({ [key]: x })));
     byId('range').addEventListener('change', (event) => {
       const [low, high] = this.shownRange ?? [0, 1];
       if (event.target.value === 'manual') store.set({ low, high });
     });
   }
 
-  setRange(range) {
+  // The colours as they are now; `sample`: sorted values of the mesh.
+  setColors({ range, map, sample }) {
     this.shownRange = range;
     for (const update of this.followRange) update();
+    const { log, reversed } = this.store.state;
+    for (const id of ['swatch', 'transfer-swatch']) byId(id).style.background = cssGradient(map, reversed, '90deg');
+    for (const id of ['histogram', 'transfer-histogram']) drawHistogram(byId(id), sample ? histogram(sample, range, log, 64) : []);
     this.listIsosurfaces(this.store.state.isosurfaces);
   }
 
@@ -191,8 +201,8 @@ export class Controls {
 
   // The fractions that have isosurfaces, as far as is known: lengths of vectors reach over a part of what they could.
   isosurfaceSpan() {
-    const [low, high] = this.actions.isosurfaceRange();
-    return this.actions.isosurfaceSpan().map((value) => clamp((value - low) / (high - low || 1), 0, 1));
+    const [low, high] = this.viewer.isosurfaceRange();
+    return this.viewer.isosurfaceSpan().map((value) => clamp((value - low) / (high - low || 1), 0, 1));
   }
 
   bindLayers() {
@@ -250,7 +260,7 @@ export class Controls {
 
   listIsosurfaces(values) {
     const { store, info } = this;
-    const [low, high] = this.actions.isosurfaceRange();
+    const [low, high] = this.viewer.isosurfaceRange();
     const span = () => {
       const [least, most] = this.isosurfaceSpan();
       return { least, length: most - least || 1 };
@@ -262,7 +272,7 @@ export class Controls {
       const remove = element('button', { type: 'button', className: 'remove', ariaLabel: `Remove isosurface ${i + 1}` }, '×');
       slider.addEventListener('input', () => change(i, span().least + (slider.value / 1000) * span().length));
       number.addEventListener('change', () => {
-        const [from, to] = this.actions.isosurfaceRange();
+        const [from, to] = this.viewer.isosurfaceRange();
         const value = parseNumber(number.value);
         if (Number.isFinite(value)) change(i, (value - from) / (to - from || 1));
       });
@@ -303,7 +313,7 @@ export class Controls {
     }));
     byId('reset').addEventListener('click', () => {
       const { field } = store.state;
-      store.set({ ...defaults, field });
+      store.set({ ...this.viewer.base, field });
       actions.look('oblique');
     });
   }

@@ -15,6 +15,7 @@ const groups = [
   ['C', 'clip across the view, or no clip'],
   ['V', 'volume rendering'],
   ['M', 'next colour map'],
+  ['N', 'axes with numbers'],
   ['P', 'save a picture'],
   ['L', 'copy a link'],
   ['F', 'full screen'],

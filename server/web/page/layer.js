@@ -5,20 +5,10 @@ import vtkDataArray from '@kitware/vtk.js/Common/Core/DataArray.js';
 import vtkPolyData from '@kitware/vtk.js/Common/DataModel/PolyData.js';
 import vtkActor from '@kitware/vtk.js/Rendering/Core/Actor.js';
 import vtkMapper from '@kitware/vtk.js/Rendering/Core/Mapper.js';
+import { cells } from '../client/adapters.js';
 import { add, linesBehind, sidesOf } from './geometry.js';
 
 const polygonOffset = 1; // vtkMapper's Resolve.PolygonOffset
-
-// vtk's cell arrays: the number of corners before the corners
-export function cells(corners, each) {
-  const count = corners.length / each;
-  const packed = new Uint32Array(count * (each + 1));
-  for (let i = 0, from = 0, to = 0; i < count; i++) {
-    packed[to++] = each;
-    for (let k = 0; k < each; k++) packed[to++] = corners[from++];
-  }
-  return packed;
-}
 
 // Values that are not positive have no logarithm; they take the colour of the lowest.
 function logarithms(values) {

@@ -96,6 +96,9 @@ export function isosurfacesOf(info, state) {
   return { field: field.name, component: field.components === 1 ? 0 : 'magnitude', colored: false };
 }
 
+// Names of the fields that the picture needs.
+export const shownFields = (info, state) => [...new Set([state.field, ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : [])])];
+
 export function titleOf(info, state) {
   const component = componentOf(info, state);
   const { components } = fieldOf(info, state.field);

@@ -9,8 +9,9 @@ const margin = 26;
 const top = 24;
 const thick = 10;
 
-// `title`: the field; [low, high]: values (not logarithms); `marks`: values that are drawn as isosurfaces
-export function drawScalarBar(canvas, { title, low, high, log, map, reversed, marks }) {
+// `title`: the field; [low, high]: values (not logarithms); `below`, `above`: there are others; `marks`: values that are drawn
+// as isosurfaces
+export function drawScalarBar(canvas, { title, low, high, log, map, reversed, below, above, marks }) {
   const { context, width, color, fontFamily } = sized(canvas);
   if (!width) return;
   const long = width - 2 * margin;
@@ -27,8 +28,17 @@ export function drawScalarBar(canvas, { title, low, high, log, map, reversed, ma
   context.beginPath();
   context.roundRect(margin, top, long, thick, 3);
   context.fill();
+  for (const [there, x, reach, color] of [[below, margin, -9, table[0]], [above, margin + long, 9, table.at(-1)]]) {
+    if (!there) continue;
+    context.fillStyle = `rgb(${color})`;
+    context.beginPath();
+    context.moveTo(x, top);
+    context.lineTo(x + reach, top + thick / 2);
+    context.lineTo(x, top + thick);
+    context.fill();
+  }
   context.fillStyle = context.strokeStyle = color;
-  context.font = `11.5px ${fontFamily}`;
+  context.font = `12px ${fontFamily}`;
   for (const { value, text, x } of labels({ low, high, log }, place, (t) => context.measureText(t).width, width)) {
     context.globalAlpha = 0.7;
     context.fillRect(Math.round(clamp(place(value), margin, margin + long - 1)), top + thick, 1, 4);

@@ -9,10 +9,11 @@ import vtkRenderer from '@kitware/vtk.js/Rendering/Core/Renderer.js';
 import vtkRenderWindow from '@kitware/vtk.js/Rendering/Core/RenderWindow.js';
 import vtkInteractor from '@kitware/vtk.js/Rendering/Core/RenderWindowInteractor.js';
 import vtkOpenGLRenderWindow from '@kitware/vtk.js/Rendering/OpenGL/RenderWindow.js';
+import { cells } from '../client/adapters.js';
 import { colorTable, lineColor } from './colors.js';
 import { coalesced } from './dom.js';
 import { add, corners, cross, middle, pickPart, scale, unit } from './geometry.js';
-import { Layer, cells, makeActor } from './layer.js';
+import { Layer, makeActor } from './layer.js';
 import { clamp } from './numbers.js';
 
 const surfaceStyles = {
@@ -39,7 +40,7 @@ function fillLookup(lookup, table, low, high) {
   lookup.setMappingRange(low, high);
 }
 
-const borders = { side: 24, top: 48, bottom: 80 }; // pixels that the volume leaves to what lies over the picture
+const borders = { side: 56, top: 48, bottom: 80 }; // pixels that the volume leaves to what lies over the picture
 
 const boundsOf = ([low, high]) => [low[0], high[0], low[1], high[1], low[2], high[2]]; // vtk's order
 
@@ -70,6 +71,7 @@ export class Scene extends EventTarget {
     this.openView();
     this.lookup = vtkColorTransferFunction.newInstance();
     this.lineLookup = vtkColorTransferFunction.newInstance();
+    this.closed = false;
     this.box = null;
     this.surface = new Layer(this.renderer, this.lookup, this.lineLookup);
     this.slices = [];
@@ -79,9 +81,10 @@ export class Scene extends EventTarget {
     this.state = null;
     this.range = [0, 1];
     this.boxColor = [0, 0, 0];
-    this.render = coalesced(() => this.interactor.render());
+    this.render = coalesced(() => this.closed || this.interactor.render());
     this.startInteraction();
-    new ResizeObserver(() => this.resize()).observe(container);
+    this.resized = new ResizeObserver(() => this.resize());
+    this.resized.observe(container);
     this.resize();
   }
 
@@ -100,6 +103,7 @@ export class Scene extends EventTarget {
     const lost = this.view;
     for (let wait = 100; ; wait = Math.min(2 * wait, 5000)) {
       await new Promise((resolve) => setTimeout(resolve, wait));
+      if (this.closed) return;
       if (document.createElement('canvas').getContext('webgl2')) break;
     }
     this.window.removeView(lost);
@@ -109,6 +113,14 @@ export class Scene extends EventTarget {
     this.resize();
     this.interactor.render();
     this.dispatchEvent(new Event('restored'));
+  }
+
+  close() {
+    this.closed = true;
+    this.resized.disconnect();
+    this.interactor.unbindEvents();
+    this.window.removeView(this.view);
+    this.view.delete();
   }
 
   // The middle of the bounds is the scene's origin: 32 bits are enough for what is near it.

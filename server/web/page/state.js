@@ -14,18 +14,18 @@ export const defaults = Object.freeze({
   // the colours
   field: '',
   component: 'magnitude',
-  range: 'data', // data, visible, manual
+  range: 'auto', // auto, data, visible, manual
   low: 0,
   high: 1,
   log: false,
-  map: 'viridis',
+  map: 'auto', // by the data, or one of colors.js
   reversed: false,
   shading: 'isosurfaces', // what light falls on: isosurfaces, all, off; what it does not fall on has exactly the map's colours
   // the layers
   surface: 'solid', // solid, inside (its far walls only), glass, off
   edges: false,
   slices: [], // { normal: [x, y, z], at: 0..1 across the bounds }
-  sliceEdges: true,
+  sliceEdges: false,
   isosurfaces: [], // fractions of the data range
   isosurfaceField: '', // whose isosurfaces, as the picture is coloured if empty
   isosurfaceOpacity: 1,
@@ -35,6 +35,7 @@ export const defaults = Object.freeze({
   opacity: [[0, 0], [0.08, 0.005], [0.3, 0.08], [1, 0.9]], // the volume's: fractions of the colours' range
   // the view
   background: 'auto', // auto, white, black, grey
+  axes: true, // with numbers
   parallel: false,
   smooth: true, // levels pass into one another
   camera: null, // position, focal point and view up as nine numbers; a tenth is the height of a parallel projection
@@ -75,11 +76,11 @@ const codecs = {
   maxBytes: positive,
   field: text,
   component: { read: (t) => (t === 'magnitude' ? t : /^\d+$/.test(t) ? Number(t) : undefined), write: String },
-  range: oneOf('data', 'visible', 'manual'),
+  range: oneOf('auto', 'data', 'visible', 'manual'),
   low: real,
   high: real,
   log: flag,
-  map: { read: (t) => (mapNames.some(([name]) => name === t) ? t : undefined), write: String },
+  map: { read: (t) => (t === 'auto' || mapNames.some(([name]) => name === t) ? t : undefined), write: String },
   reversed: flag,
   shading: oneOf('isosurfaces', 'all', 'off'),
   surface: oneOf('solid', 'inside', 'glass', 'off'),
@@ -97,6 +98,7 @@ const codecs = {
     return point.length === 2 && point.every((x) => x >= 0 && x <= 1) ? point : null;
   }, (p) => p.map(round).join(':'), ','),
   background: oneOf('auto', 'white', 'black', 'grey'),
+  axes: flag,
   parallel: flag,
   smooth: flag,
   camera: {
@@ -107,20 +109,20 @@ const codecs = {
 
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
-// '#error=0.01&slices=x@0.5' and back; what is as by default is left out.
-export function fromFragment(fragment) {
-  const state = { ...defaults };
+// '#error=0.01&slices=x@0.5' and back; what is as in `base` is left out.
+export function fromFragment(fragment, base = defaults) {
+  const state = { ...base };
   for (const [key, written] of new URLSearchParams(fragment.replace(/^#/, ''))) {
     const value = codecs[key]?.read(written);
     if (value !== undefined) state[key] = value;
   }
-  if (state.opacity.length < 2) state.opacity = defaults.opacity;
+  if (state.opacity.length < 2) state.opacity = base.opacity;
   return state;
 }
 
-export function toFragment(state) {
-  const parts = Object.keys(defaults)
-    .filter((key) => !same(state[key], defaults[key]) && state[key] !== null)
+export function toFragment(state, base = defaults) {
+  const parts = Object.keys(base)
+    .filter((key) => !same(state[key], base[key]) && state[key] !== null)
     .map((key) => `${key}=${encodeURIComponent(codecs[key].write(state[key])).replace(/%(2C|3A|3B|40)/g, decodeURIComponent)}`);
   return parts.length ? `#${parts.join('&')}` : '';
 }

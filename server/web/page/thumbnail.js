@@ -1,14 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A small picture of a stream for the catalogue: the boundary of a coarse level, painted from the back to the front.
+// A small picture of a stream for the catalogue: the boundary of a coarse level, painted from the back to the front, in
+// the colours of the viewer's first view.
 
 import { sized } from './canvas.js';
 import { colorTable } from './colors.js';
+import { autoRange, mapOf } from './first_view.js';
 import { add, cross, dot, unit } from './geometry.js';
+import { clamp } from './numbers.js';
 
 const towards = unit([0.62, -0.66, 0.42]);
 const right = unit(cross([0, 0, 1], towards));
 const up = cross(towards, right);
-const table = colorTable('viridis', false, 256);
 const sizes = { SCALAR: 1, VEC2: 2, VEC3: 3, VEC4: 4 };
 
 // glTF's binary form: a header of 12 bytes, a chunk of JSON, a chunk of numbers
@@ -54,7 +56,10 @@ function paint(canvas, seen) {
   const span = (values) => values.reduce(([low, high], v) => [Math.min(low, v), Math.max(high, v)], [Infinity, -Infinity]);
   const [x0, x1] = span(seen.flatMap((t) => t.corners.map((c) => c[0])));
   const [y0, y1] = span(seen.flatMap((t) => t.corners.map((c) => c[1])));
-  const [low, high] = span(seen.map((t) => t.value));
+  const values = Float64Array.from(seen, (t) => t.value).sort();
+  const ends = [values[0], values.at(-1)];
+  const [low, high] = autoRange(ends, values);
+  const table = colorTable(mapOf({ map: 'auto' }, ends), false, 256);
   const factor = 0.94 * Math.min(width / (x1 - x0 || 1), height / (y1 - y0 || 1));
   context.translate(width / 2, height / 2);
   context.scale(factor, factor);
@@ -62,7 +67,7 @@ function paint(canvas, seen) {
   context.lineWidth = 0.8 / factor; // closes the seams between triangles
   context.lineJoin = 'round';
   for (const { corners, value, light } of seen) {
-    const color = table[Math.round((255 * (value - low)) / (high - low || 1))];
+    const color = table[clamp(Math.round((255 * (value - low)) / (high - low || 1)), 0, 255)];
     context.fillStyle = context.strokeStyle = `rgb(${color.map((c) => Math.round(c * light))})`;
     context.beginPath();
     for (const [x, y] of corners) context.lineTo(x, y);

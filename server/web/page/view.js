@@ -1,24 +1,21 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The viewer of one stream: state, stream and scene told of one another.
+// The viewer's page: the picture of one stream, and everything around it.
 
-import { TetlodStream } from '../client/stream.js';
+import { Axes } from './axes.js';
 import { chooseFile } from './choose_file.js';
 import { Compass } from './compass.js';
 import { mapNames } from './colors.js';
 import { Controls } from './controls.js';
 import { byId, coalesced, element, pause } from './dom.js';
-import { planeOf } from './geometry.js';
 import { Handles } from './handles.js';
 import { bindKeys, listKeys } from './keys.js';
-import { componentOf, defaultTets, errorOf, fieldOf, isosurfacesOf, levelForError, measureFor, memoryOf, promiseOf, shownMeasure, targetFieldOf, titleOf,
-  wantedLevel } from './levels.js';
+import { defaultTets, errorOf, fieldOf, levelForError, memoryOf, promiseOf, shownMeasure, targetFieldOf, titleOf, wantedLevel } from './levels.js';
 import { clear, notice } from './notices.js';
 import { bytes, count, percent, significant } from './numbers.js';
 import { Probe } from './probe.js';
-import { drawScalarBar } from './scalarbar.js';
 import { copyLink, savePicture } from './share.js';
-import { Store, fromFragment, toFragment } from './state.js';
 import { switchTheme, themes } from './theme.js';
+import { Viewer } from './viewer.js';
 
 // view/{id} on a server; ?stream=URL is any stream that can be fetched; without either somebody chooses a file. This module
 // lies at the root of the site.
@@ -34,116 +31,9 @@ function nameOf(from) {
   return /([^/]+)\/[0-9a-f]{32}\/stream$/.exec(path)?.[1] ?? path.split('/').pop().replace(/\.tetlod$/, '');
 }
 
-const stillness = matchMedia('(prefers-reduced-motion: reduce)');
-const store = new Store(fromFragment(location.hash));
-let stream, info, scene, controls, compass, handles, probe;
-const workerPatience = 50; // milliseconds
-let tellPictured;
-const pictured = new Promise((resolve) => { tellPictured = resolve; }); // the first picture is on the screen
-let level = -1; // the stream's, which the words tell
-let asked = 0; // changes of what the worker is to make
-let early = null; // pictures that came before there was where to draw them
-let drawn = -1; // the picture's, when it has come to rest and is what was asked for
-let shade = null; // { field, component, range } of the picture's colours
-
-// ---- colours and their range
-
-// The index has one range for all components; that of one of them, or of their length, is the picture's.
-function dataRange() {
-  const { range, components } = fieldOf(info, store.state.field);
-  const component = componentOf(info, store.state);
-  if (components > 1 && shade?.field === store.state.field && shade.component === component) return shade.range;
-  return component === 'magnitude' ? [0, Math.max(...range.map(Math.abs)) || 1] : range;
-}
-
-// What isosurfaces are fractions of; it must not change while the stream comes.
-function isosurfaceRange() {
-  const { field, component } = isosurfacesOf(info, store.state);
-  const { range, components } = fieldOf(info, field);
-  return component === 'magnitude' ? [0, Math.sqrt(components) * Math.max(...range.map(Math.abs))] : range;
-}
-
-// Where there are isosurfaces, as far as is known.
-function isosurfaceSpan() {
-  const { colored, component } = isosurfacesOf(info, store.state);
-  return colored && component === 'magnitude' ? dataRange() : isosurfaceRange();
-}
-
-// The colours' range as values; a logarithm needs positive ones.
-function colorRange() {
-  const { range, low, high, log } = store.state;
-  let [from, to] = range === 'manual' ? [low, high] : (range === 'visible' && scene.visibleRange()) || dataRange();
-  if (from > to) [from, to] = [to, from];
-  if (from === to) to = from + (Math.abs(from) * 1e-6 || 1); // a constant has one colour
-  if (log && !(from > 0)) from = to > 0 ? to / 1000 : 1e-3;
-  if (log && !(to > from)) to = 10 * from;
-  return [from, to];
-}
-
-const drawBar = coalesced(() => {
-  const { map, reversed, log, isosurfaces } = store.state;
-  const [low, high] = colorRange();
-  const [from, to] = isosurfaceRange();
-  drawScalarBar(byId('scalarbar'), {
-    title: titleOf(info, store.state), low, high, log, map, reversed,
-    marks: isosurfacesOf(info, store.state).colored ? isosurfaces.map((f) => from + f * (to - from)) : [],
-  });
-});
-
-function recolorNow() {
-  const range = colorRange();
-  const [low, high] = store.state.log ? range.map(Math.log10) : range;
-  scene.recolor(store.state, low, high);
-  controls?.setRange(range);
-  drawBar();
-}
-
-const recolor = coalesced(recolorNow);
-
-const setBackground = () => {
-  const stage = byId('stage');
-  stage.className = store.state.background === 'auto' ? '' : `on-${store.state.background}`;
-  const color = getComputedStyle(stage).backgroundColor.match(/[\d.]+/g).slice(0, 3);
-  scene.setBackground(color.map((c) => c / 255));
-};
-
-// ---- what the worker is to make
-
-function showNow() {
-  const { state } = store;
-  const [low, high] = isosurfaceRange();
-  const { field, component } = isosurfacesOf(info, state);
-  stream.show({
-    field: state.field,
-    component: componentOf(info, state),
-    surface: state.surface !== 'off',
-    edges: state.edges || (state.sliceEdges && state.slices.length > 0),
-    slices: state.slices.map((p) => planeOf(info.bounds, p)),
-    isosurfaces: state.isosurfaces.map((f) => ({ field, component, value: low + f * (high - low) })),
-    clip: state.clip && planeOf(info.bounds, state.clip),
-    volume: state.volume ? { size: state.volumeSize, logarithmic: state.log } : null,
-    morph: state.smooth && !stillness.matches,
-    tag: asked,
-  });
-}
-
-const show = coalesced(showNow);
-
-function targetOf({ error, maxTets, maxBytes }) {
-  const target = { error, tets: maxTets || defaultTets() };
-  if (maxBytes) target.bytes = maxBytes;
-  return target;
-}
-
-const refine = coalesced(async () => {
-  const { state } = store;
-  try {
-    askForMore();
-    await stream.refineTo({ ...targetOf(state), field: targetFieldOf(info, state), measure: measureFor(info, state) });
-  } catch (error) {
-    if (error.name !== 'AbortError') tellFailure(error.message);
-  }
-});
+const viewer = new Viewer({ stage: byId('stage'), picture: byId('picture'), bar: byId('scalarbar') }, location.hash);
+const { store } = viewer;
+let controls, compass, handles, axes, probe;
 
 // ---- what is asked before it is loaded
 
@@ -156,6 +46,7 @@ const button = (words, act) => {
 // What the device's memory is not for is loaded when somebody says so.
 function askForMore() {
   clear('budget');
+  const { info } = viewer;
   const { state } = store;
   const wanted = info.levels[levelForError(info, state)];
   if (state.maxTets || wanted.tets <= defaultTets()) return;
@@ -166,6 +57,7 @@ function askForMore() {
 // A drawn field that the stream does not control has an error of its own; what it takes to limit that, too, is asked.
 function askForField() {
   clear('field');
+  const { info, level } = viewer;
   const { state } = store;
   if (targetFieldOf(info, state) === state.field) return;
   const measure = shownMeasure(info, state);
@@ -177,10 +69,14 @@ function askForField() {
 
 // ---- what is shown, in words
 
+let told = -1; // the level that the words are of
+
 function tellShown() {
   if (!controls) return;
+  const { stream, info, level } = viewer;
   const { state } = store;
   const now = info.levels[level];
+  told = level;
   byId('shown').classList.toggle('busy', level !== wantedLevel(info, state));
   const put = (where, value, small = '') => {
     const note = document.createElement('small');
@@ -212,7 +108,7 @@ function countFrames() {
     const rate = intervals.length / (intervals.reduce((a, b) => a + b, 0) / 1000);
     byId('shown-fps').textContent = intervals.length > 2 ? `${Math.round(rate)} /s` : '–';
   });
-  scene.addEventListener('render', () => {
+  viewer.scene.addEventListener('render', () => {
     const now = performance.now();
     if (now - last < 250) intervals = [...intervals.slice(-30), now - last];
     last = now;
@@ -231,53 +127,35 @@ function tellRetry({ detail: { message, delay, attempt } }) {
 }
 
 // What is decoded stays in the picture; a network may have come back.
-function tellFailure(message) {
+function tellFailure({ detail: { message, retry } }) {
   clear('retry');
   const again = button('Try again', () => {
     clear('error');
-    refine();
+    retry();
   });
   notice('error', message, { failed: true, seconds: 0, children: [again] });
 }
 
-// Colours follow what is drawn. A vector's lengths are known as they come; their range only grows, so that colours do not flicker.
-function takeShade({ field, component, range: [low, high] }) {
-  const fresh = field !== shade?.field || component !== shade.component;
-  const [least, most] = fresh ? [Infinity, -Infinity] : shade.range;
-  const grown = low < least || high > most;
-  if (fresh || grown) shade = { field, component, range: [Math.min(low, least), Math.max(high, most)] };
-  if (fresh || (grown && fieldOf(info, field).components > 1) || store.state.range === 'visible') recolorNow();
-}
-
-function takePictures(event) {
-  if (!scene?.box) {
-    early = event;
-    return;
-  }
-  const pictures = event.detail;
-  byId('loading').hidden = true;
-  scene.addEventListener('render', tellPictured, { once: true });
-  scene.update(pictures, store.state);
-  takeShade(pictures.shade);
-  drawn = pictures.t === 1 && pictures.tag === asked ? pictures.level : -1;
-  if (pictures.t === 1) probe?.look();
-  if (level === pictures.level) return;
-  level = pictures.level; // the base: nothing was refined to get there
-  tellShown();
-}
-
-function follow() {
-  stream.addEventListener('progress', () => {
+function listen() {
+  viewer.addEventListener('retry', tellRetry);
+  viewer.addEventListener('loading', tellLoading);
+  viewer.addEventListener('progress', () => {
     clear('retry');
     tellShown();
   });
-  stream.addEventListener('level', ({ detail }) => {
-    level = detail.level;
+  viewer.addEventListener('level', () => {
     clear('error');
     tellShown();
   });
-  stream.addEventListener('pictures', takePictures);
-  stream.addEventListener('error', ({ detail }) => tellFailure(detail.message));
+  viewer.addEventListener('pictures', ({ detail: { t, level } }) => {
+    byId('loading').hidden = true;
+    if (t === 1) probe?.look();
+    if (level !== told) tellShown();
+  });
+  viewer.addEventListener('colors', ({ detail }) => controls?.setColors(detail));
+  viewer.addEventListener('joining', ({ detail: { fields } }) => notice('fields', `Loading ${fields.join(', ')}…`, { seconds: 0 }));
+  viewer.addEventListener('joined', () => clear('fields'));
+  viewer.addEventListener('failed', tellFailure);
 }
 
 // ---- from the controls
@@ -286,44 +164,30 @@ const remember = (() => {
   let timer = 0;
   return () => {
     clearTimeout(timer);
-    timer = setTimeout(() => history.replaceState(null, '', location.pathname + location.search + toFragment(store.state)), 250);
+    timer = setTimeout(() => history.replaceState(null, '', location.pathname + location.search + viewer.fragment), 250);
   };
 })();
 
 function watch() {
-  store.watch(['map', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'], recolor);
-  store.watch(['log'], (state) => scene.setLogarithmic(state.log));
-  store.watch(['shading'], (state) => scene.restyle(state));
+  viewer.follow();
   store.watch(['field', 'errorField', 'error'], askForField);
-  store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'clip', 'volume', 'volumeSize', 'log', 'smooth'], () => {
-    drawn = -1;
-    asked++;
-    show();
-  });
   store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes'], () => {
-    refine();
+    askForMore();
     tellShown();
   });
-  store.watch(['surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'], (state) => scene.restyle(state));
   store.watch(['slices', 'clip'], () => handles.update());
-  const repaint = () => {
-    setBackground();
-    scene.restyle(store.state);
-    drawBar();
-  };
-  store.watch(['background'], repaint);
+  store.watch(['axes'], (state) => axes.show(state.axes));
   store.addEventListener('change', remember);
-  addEventListener('hashchange', () => {
-    store.set(valid(fromFragment(location.hash)));
-    if (store.state.camera) scene.setCamera(store.state.camera);
-  });
-  themes.addEventListener('change', repaint);
+  addEventListener('hashchange', () => { viewer.fragment = location.hash; });
+  themes.addEventListener('change', () => viewer.repaint());
 }
 
 function watchScene() {
+  const { scene } = viewer;
   scene.addEventListener('render', () => {
     compass.draw(scene.axes());
     handles.update();
+    axes.update();
   });
   scene.addEventListener('lost', () => notice('graphics', 'The browser took the graphics away; the picture comes back when it gives them again.', { failed: true, seconds: 0 }));
   scene.addEventListener('restored', () => clear('graphics'));
@@ -332,7 +196,7 @@ function watchScene() {
     const hit = scene.pick(event.offsetX, event.offsetY);
     if (hit) scene.centreOn(hit.point);
   });
-  new ResizeObserver(drawBar).observe(byId('scalarbar'));
+  new ResizeObserver(viewer.drawBar).observe(byId('scalarbar'));
 }
 
 function planes() {
@@ -345,13 +209,13 @@ function planes() {
 
 // The direction towards the viewer, the nearest axis if the camera is all but along it.
 function viewNormal() {
-  const { towards } = scene.axes();
+  const { towards } = viewer.scene.axes();
   const axis = towards.findIndex((c) => Math.abs(c) > 0.999);
   return axis < 0 ? towards.map((c) => Number(c.toPrecision(4))) : [0, 1, 2].map((i) => (i === axis ? Math.sign(towards[axis]) : 0));
 }
 
 // The level that is there is what is asked for from now on.
-const stop = () => store.set({ maxTets: info.levels[level].tets });
+const stop = () => store.set({ maxTets: viewer.info.levels[viewer.level].tets });
 
 function togglePanel() {
   const closed = document.body.classList.toggle('closed');
@@ -360,10 +224,11 @@ function togglePanel() {
 
 const toggleFullScreen = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen?.());
 const cycle = (values, now) => values[(values.indexOf(now) + 1) % values.length];
-const save = () => savePicture(scene, `${name}-${level}`);
+const save = () => savePicture(viewer.scene, `${name}-${viewer.level}`);
 const inPicture = (act) => (event) => (document.activeElement === byId('picture') ? act(event) : false);
 
 function bindActions() {
+  const { scene } = viewer;
   const help = byId('help');
   listKeys();
   for (const [id, act] of [['screenshot', save], ['stop', stop], ['copy-link', copyLink], ['fullscreen', toggleFullScreen], ['theme', switchTheme],
@@ -388,8 +253,9 @@ function bindActions() {
     z: toggleSlice('z'),
     i: () => controls.addIsosurface(),
     c: () => store.set({ clip: store.state.clip ? null : { normal: viewNormal(), at: 0.5 } }),
+    n: () => store.set({ axes: !store.state.axes }),
     v: () => controls.setInner({ volume: !store.state.volume }),
-    m: () => store.set({ map: cycle(mapNames.map(([key]) => key), store.state.map) }),
+    m: () => store.set({ map: cycle(mapNames.map(([key]) => key), viewer.colorMap) }),
     p: save,
     l: copyLink,
     f: toggleFullScreen,
@@ -406,68 +272,23 @@ function bindActions() {
   });
 }
 
-// A link may name a field that this stream does not have.
-function valid(state) {
-  const known = { ...state, errorField: fieldOf(info, state.errorField) ? state.errorField : '' };
-  return fieldOf(info, state.field) ? known : { ...known, field: targetFieldOf(info, { errorField: '' }) };
-}
-
-const opening = (target, started) => TetlodStream.open(source, { target, on: { retry: tellRetry, progress: tellLoading, started } });
-
-// The target goes with the first request, so that its bytes come at once; a link may ask for a measure that is not there.
-async function openStream(started) {
-  stream = await opening(targetOf(store.state), started)
-    .catch((error) => (error instanceof RangeError ? opening(undefined, started) : Promise.reject(error)));
-  info = stream.info;
-  if (!info.fields.length) throw new Error('this stream has no fields to colour it by');
-  store.state = valid(store.state);
-  follow();
-  showNow();
-}
-
-function openScene({ Scene }) {
-  try {
-    scene = new Scene(byId('picture'));
-    scene.view.get3DContext();
-  } catch (error) {
-    throw document.createElement('canvas').getContext('webgl2') ? error : new Error('this browser has no WebGL 2, which draws the picture');
-  }
-  performance.mark('tetlod-graphics');
-  setBackground();
-}
-
-// The first picture is made while vtk.js and the graphics start, which takes longest. Making the graphics' context stops
-// this thread, and with it a worker that is not running yet: one that is about to is waited for, a slow one is not.
-async function open() {
-  const code = import('./scene.js');
-  let opened;
-  const running = new Promise((resolve) => { opened = openStream(resolve); });
-  const patience = code.then(() => new Promise((resolve) => setTimeout(resolve, workerPatience)));
-  await Promise.race([running, opened, patience]);
-  await Promise.all([opened, code.then(openScene)]);
-}
-
-function firstPicture() {
-  scene.setBounds(info.bounds, store.state.parallel);
-  if (store.state.camera) scene.setCamera(store.state.camera);
-  if (early) takePictures(early);
-  return pictured;
-}
-
 // Everything around the picture, in pieces that let others in between.
 async function openPanel() {
-  compass = new Compass(byId('compass'), (view) => scene.look(view));
+  const { scene, stream, info } = viewer;
+  const look = (view) => scene.look(view);
+  compass = new Compass(byId('compass'), look);
+  axes = new Axes(byId('handles'), scene, info.bounds);
   handles = new Handles(byId('handles'), scene, planes);
-  probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, store.state));
+  probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, viewer.coloredState));
   watchScene();
   await pause();
-  const made = new Controls(store, info, { look: (view) => scene.look(view), viewNormal, ranges: colorRange, isosurfaceRange, isosurfaceSpan });
+  const made = new Controls(viewer, { look, viewNormal });
   for (const build of made.parts()) {
     build();
     await pause();
   }
   controls = made;
-  controls.setRange(colorRange());
+  viewer.recolorNow();
   watch();
   await pause();
   bindActions();
@@ -480,18 +301,18 @@ async function openPanel() {
 async function start() {
   document.title = `${name} · tetlod`;
   byId('name').textContent = name;
-  await open();
-  await firstPicture();
-  performance.mark('tetlod-picture', { detail: { received: stream.received } });
+  listen();
+  await viewer.open(source);
+  performance.mark('tetlod-picture', { detail: { received: viewer.stream.received } });
   await openPanel();
   // what tests look at
   window.tetlod = {
-    stream,
+    stream: viewer.stream,
     get state() { return store.state; },
     set: (patch) => store.set(patch),
-    get level() { return level; },
-    get settled() { return level === wantedLevel(info, store.state) && drawn === level; },
-    scene,
+    get level() { return viewer.level; },
+    get settled() { return viewer.settled; },
+    scene: viewer.scene,
     probe,
   };
 }

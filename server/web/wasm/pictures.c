@@ -60,6 +60,38 @@ const double *view_shade(struct view *view, uint32_t field, int32_t component)
     return view->shade_range;
 }
 
+static double volume_of(const struct view *view, const uint32_t *corners)
+{
+    double edges[3][3];
+    const double *apex = view->shown.positions + 3 * (size_t)corners[3];
+    for (int i = 0; i < 3; i++)
+        for (int d = 0; d < 3; d++)
+            edges[i][d] = view->shown.positions[3 * (size_t)corners[i] + d] - apex[d];
+    return fabs(edges[0][0] * (edges[1][1] * edges[2][2] - edges[1][2] * edges[2][1]) -
+                edges[0][1] * (edges[1][0] * edges[2][2] - edges[1][2] * edges[2][0]) +
+                edges[0][2] * (edges[1][0] * edges[2][1] - edges[1][1] * edges[2][0])) / 6;
+}
+
+/* Tetrahedra in order, one value whenever another part of the whole volume is passed. */
+const struct view_sample *view_sample(struct view *view)
+{
+    struct view_sample *sample = &view->sample;
+    double whole = 0, passed = 0;
+    for (uint32_t t = 0; t < view->shown.tet_count; t++)
+        whole += volume_of(view, view->shown.corners + 4 * (size_t)t);
+    sample->values = sample->room;
+    sample->count = 0;
+    for (uint32_t t = 0; t < view->shown.tet_count && sample->count < SAMPLE_SIZE; t++) {
+        const uint32_t *corners = view->shown.corners + 4 * (size_t)t;
+        passed += volume_of(view, corners);
+        while (sample->count < SAMPLE_SIZE && passed > (sample->count + 0.5) / SAMPLE_SIZE * whole) {
+            uint32_t corner = corners[sample->count & 3];
+            sample->room[sample->count++] = (float)view->shade[corner];
+        }
+    }
+    return sample;
+}
+
 static void take_distances(const struct view *view, double ox, double oy, double oz, double nx, double ny, double nz)
 {
     for (uint32_t v = 0; v < view->shown.vertex_count; v++) {

@@ -31,6 +31,14 @@ struct view_part {
     size_t point_cap, value_cap, normal_cap;
 };
 
+/* Some of the values that colour. tetlod.js knows this layout. */
+enum { SAMPLE_SIZE = 4096 };
+struct view_sample {
+    const float *values;
+    uint32_t count; /* at most SAMPLE_SIZE */
+    float room[SAMPLE_SIZE];
+};
+
 struct view {
     struct tetlod_feed *feed;
     struct tetlod_cursor *cursor;
@@ -40,6 +48,7 @@ struct view {
     struct tetmesh from, to, between; /* a move: its ends, and where it is; the corners are `to`'s */
     double *shade, *function;        /* [vertex_count] the value that colours, the function whose zero set is cut */
     double shade_range[2];
+    struct view_sample sample;
     uint32_t shade_field;
     int32_t shade_component;
     double *probed;                  /* a value for each component of each field */
@@ -96,6 +105,8 @@ enum { WITH_LINES = 1, WITH_NORMALS = 2 };
 
 /* The value that colours, of the mesh as it is now; component -1: the magnitude. Returns its least and greatest. */
 VIEW_EXPORT(view_shade) const double *view_shade(struct view *view, uint32_t field, int32_t component);
+/* Some of those values, as many of each as it has of the volume. */
+VIEW_EXPORT(view_sample) const struct view_sample *view_sample(struct view *view);
 /* From now on pictures are of what is behind a plane; or of everything again. */
 VIEW_EXPORT(view_clip) void view_clip(struct view *view, double ox, double oy, double oz, double nx, double ny, double nz);
 VIEW_EXPORT(view_unclip) void view_unclip(struct view *view);

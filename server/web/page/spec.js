@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the state asks of the stream: which pictures, and how exact they are to be.
+
+import { planeOf } from './geometry.js';
+import { componentOf, defaultTets, fieldOf, isosurfacesOf, measureFor, targetFieldOf } from './levels.js';
+
+/** What isosurfaces are fractions of; it does not change while the stream comes. */
+export function isosurfaceRange(state, info) {
+  const { field, component } = isosurfacesOf(info, state);
+  const { range, components } = fieldOf(info, field);
+  return component === 'magnitude' ? [0, Math.sqrt(components) * Math.max(...range.map(Math.abs))] : range;
+}
+
+/** The pictures, as `TetlodStream.show` takes them. */
+export function specOf(state, info) {
+  const [low, high] = isosurfaceRange(state, info);
+  const { field, component } = isosurfacesOf(info, state);
+  return {
+    field: state.field,
+    component: componentOf(info, state),
+    surface: state.surface !== 'off',
+    edges: state.edges || (state.sliceEdges && state.slices.length > 0),
+    slices: state.slices.map((plane) => planeOf(info.bounds, plane)),
+    isosurfaces: state.isosurfaces.map((fraction) => ({ field, component, value: low + fraction * (high - low) })),
+    clip: state.clip && planeOf(info.bounds, state.clip),
+    volume: state.volume ? { size: state.volumeSize, logarithmic: state.log } : null,
+    morph: state.smooth,
+  };
+}
+
+/** The level, as `TetlodStream.refineTo` takes it; without `info`, which says what there is, for `TetlodStream.open`. */
+export function targetOf(state, info) {
+  const target = { error: state.error, tets: state.maxTets || defaultTets() };
+  if (state.maxBytes) target.bytes = state.maxBytes;
+  return info ? { ...target, field: targetFieldOf(info, state), measure: measureFor(info, state) } : target;
+}

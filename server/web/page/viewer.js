@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A stream in a picture: state, stream and scene told of one another. The page puts its panel around it, the element
+// <tetlod-view> nothing.
+
+import { TetlodStream } from '../client/stream.js';
+import { coalesced } from './dom.js';
+import { autoRange, firstView, mapOf } from './first_view.js';
+import { componentOf, fieldOf, isosurfacesOf, shownFields, targetFieldOf, titleOf, wantedLevel } from './levels.js';
+import { drawScalarBar } from './scalarbar.js';
+import { isosurfaceRange, specOf, targetOf } from './spec.js';
+import { Store, defaults, fromFragment, toFragment } from './state.js';
+
+const workerPatience = 50; // milliseconds
+const stillness = matchMedia('(prefers-reduced-motion: reduce)');
+
+// A link may name a field that this stream does not have.
+function valid(state, info) {
+  const known = { ...state, errorField: fieldOf(info, state.errorField) ? state.errorField : '' };
+  return fieldOf(info, state.field) ? known : { ...known, field: targetFieldOf(info, { errorField: '' }) };
+}
+
+export class Viewer extends EventTarget {
+  base = defaults; // what a fragment leaves out
+  stream = null;
+  info = null;
+  scene = null;
+  level = -1;      // the stream's
+  shade = null;    // { field, component, range, sample } of the picture's colours
+  #parts; #fragment; #pictured; #tellPictured;
+  #asked = 0;      // changes of what the worker is to make
+  #early = null;   // pictures that came before there was where to draw them
+  #drawn = -1;     // the picture's level, when it has come to rest and is what was asked for
+
+  /**
+   * `parts`: the elements { stage, picture, bar }: what has the background, what the picture is drawn in, the scalar bar's
+   * canvas. `fragment`: the state at first. Events: 'retry', 'loading', 'progress', 'level', 'pictures', 'error' as of the
+   * stream; 'colors' when they changed, 'joining' and 'joined' {fields}, 'failed' {message, retry}.
+   */
+  constructor(parts, fragment) {
+    super();
+    this.#parts = parts;
+    this.#fragment = fragment;
+    this.store = new Store(fromFragment(fragment));
+    this.#pictured = new Promise((resolve) => { this.#tellPictured = resolve; });
+    this.recolor = coalesced(() => this.recolorNow());
+    this.drawBar = coalesced(() => this.#drawBar());
+    this.show = coalesced(() => this.#show());
+    this.refine = coalesced(() => this.#refine());
+  }
+
+  /**
+   * Resolves when the first picture is on the screen. It is made while vtk.js and the graphics start, which takes longest.
+   * Making the graphics' context stops this thread, and with it a worker that is not running yet: one that is about to is
+   * waited for, a slow one is not.
+   */
+  async open(source) {
+    const code = import('./scene.js');
+    let opened;
+    const running = new Promise((resolve) => { opened = this.#openStream(source, resolve); });
+    const patience = code.then(() => new Promise((resolve) => setTimeout(resolve, workerPatience)));
+    await Promise.race([running, opened, patience]);
+    await Promise.all([opened, code.then((module) => this.#openScene(module))]);
+    const { state } = this.store;
+    this.scene.setBounds(this.info.bounds, state.parallel);
+    if (state.camera) this.scene.setCamera(state.camera);
+    if (this.#early) this.#takePictures(this.#early);
+    await this.#pictured;
+  }
+
+  /** From now on changes of the state are followed. */
+  follow() {
+    const { store, scene } = this;
+    store.watch(['map', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'], this.recolor);
+    store.watch(['log'], (state) => scene.setLogarithmic(state.log));
+    store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'clip', 'volume', 'volumeSize', 'log', 'smooth'], () => {
+      this.#drawn = -1;
+      this.#asked++;
+      this.show();
+    });
+    store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes'], this.refine);
+    store.watch(['shading', 'surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'], (state) => scene.restyle(state));
+    store.watch(['background'], () => this.repaint());
+  }
+
+  get settled() {
+    return this.level === wantedLevel(this.info, this.store.state) && this.#drawn === this.level;
+  }
+
+  /** The state as a link holds it, and back. */
+  get fragment() {
+    return toFragment(this.store.state, this.base);
+  }
+
+  set fragment(text) {
+    this.store.set(valid(fromFragment(text, this.base), this.info));
+    if (this.store.state.camera) this.scene.setCamera(this.store.state.camera);
+  }
+
+  close() {
+    this.stream?.close();
+    this.scene?.close();
+  }
+
+  // ---- opening
+
+  #open(source, options, started) {
+    const pass = (event) => this.#tell(event.type, event.detail);
+    const loading = ({ detail }) => this.#tell('loading', detail);
+    return TetlodStream.open(source, { ...options, on: { retry: pass, progress: loading, started } });
+  }
+
+  // The target goes with the first request, so that its bytes come at once; a link may ask for a measure or a field that is not there.
+  async #openStream(source, started) {
+    const { field, isosurfaceField } = this.store.state;
+    const fields = field ? [...new Set([field, isosurfaceField || field])] : 'first';
+    this.stream = await this.#open(source, { target: targetOf(this.store.state), fields }, started)
+      .catch((error) => (error instanceof RangeError ? this.#open(source, { fields: 'first' }, started) : Promise.reject(error)));
+    this.info = this.stream.info;
+    if (!this.info.fields.length) throw new Error('this stream has no fields to colour it by');
+    this.base = { ...defaults, ...firstView(this.info) };
+    this.store.state = valid(fromFragment(this.#fragment, this.base), this.info);
+    this.#hear();
+    this.#showNow();
+  }
+
+  #openScene({ Scene }) {
+    try {
+      this.scene = new Scene(this.#parts.picture);
+      this.scene.view.get3DContext();
+    } catch (error) {
+      throw document.createElement('canvas').getContext('webgl2') ? error : new Error('this browser has no WebGL 2, which draws the picture');
+    }
+    performance.mark('tetlod-graphics');
+    this.#setBackground();
+  }
+
+  #tell(name, detail) {
+    this.dispatchEvent(new CustomEvent(name, { detail }));
+  }
+
+  #hear() {
+    this.stream.addEventListener('progress', ({ detail }) => this.#tell('progress', detail));
+    this.stream.addEventListener('level', ({ detail }) => {
+      this.level = detail.level;
+      this.#tell('level', detail);
+    });
+    this.stream.addEventListener('pictures', (event) => this.#takePictures(event));
+    this.stream.addEventListener('error', ({ detail }) => this.#tell('failed', { ...detail, retry: this.refine }));
+  }
+
+  // ---- colours and their range
+
+  // What the picture is coloured by: until a field has come, the one before.
+  get coloredState() {
+    const { state } = this.store;
+    return this.shade && !this.stream.fields.includes(state.field) ? { ...state, field: this.shade.field, component: this.shade.component } : state;
+  }
+
+  // The index has one range for all components; that of one of them, or of their length, is the picture's.
+  dataRange() {
+    const state = this.coloredState;
+    const { range, components } = fieldOf(this.info, state.field);
+    const component = componentOf(this.info, state);
+    if (components > 1 && this.shade?.field === state.field && this.shade.component === component) return this.shade.range;
+    return component === 'magnitude' ? [0, Math.max(...range.map(Math.abs)) || 1] : range;
+  }
+
+  isosurfaceRange() {
+    return isosurfaceRange(this.store.state, this.info);
+  }
+
+  // Where there are isosurfaces, as far as is known.
+  isosurfaceSpan() {
+    const { colored, component } = isosurfacesOf(this.info, this.store.state);
+    return colored && component === 'magnitude' ? this.dataRange() : this.isosurfaceRange();
+  }
+
+  // The colours' range as values; a logarithm needs positive ones.
+  colorRange() {
+    const { range, low, high, log } = this.store.state;
+    let [from, to] = range === 'manual' ? [low, high]
+      : range === 'auto' && !log ? autoRange(this.dataRange(), this.shade?.sample) : (range === 'visible' && this.scene.visibleRange()) || this.dataRange();
+    if (from > to) [from, to] = [to, from];
+    if (from === to) to = from + (Math.abs(from) * 1e-6 || 1); // a constant has one colour
+    if (log && !(from > 0)) from = to > 0 ? to / 1000 : 1e-3;
+    if (log && !(to > from)) to = 10 * from;
+    return [from, to];
+  }
+
+  get colorMap() {
+    return mapOf(this.store.state, this.dataRange());
+  }
+
+  #drawBar() {
+    const { reversed, log, isosurfaces } = this.store.state;
+    const [low, high] = this.colorRange();
+    const [least, most] = this.dataRange();
+    const [from, to] = this.isosurfaceRange();
+    drawScalarBar(this.#parts.bar, {
+      title: titleOf(this.info, this.coloredState), low, high, log, map: this.colorMap, reversed, below: least < low, above: most > high,
+      marks: isosurfacesOf(this.info, this.store.state).colored ? isosurfaces.map((f) => from + f * (to - from)) : [],
+    });
+  }
+
+  recolorNow() {
+    const range = this.colorRange();
+    const [low, high] = this.store.state.log ? range.map(Math.log10) : range;
+    this.scene.recolor({ ...this.store.state, map: this.colorMap }, low, high);
+    this.#tell('colors', { range, map: this.colorMap, sample: this.shade?.sample });
+    this.drawBar();
+  }
+
+  #setBackground() {
+    const { stage } = this.#parts;
+    const { background } = this.store.state;
+    for (const name of ['white', 'grey', 'black']) stage.classList.toggle(`on-${name}`, name === background);
+    const color = getComputedStyle(stage).backgroundColor.match(/[\d.]+/g).slice(0, 3);
+    this.scene.setBackground(color.map((c) => c / 255));
+  }
+
+  /** The background or the page's colours have changed. */
+  repaint() {
+    this.#setBackground();
+    this.scene.restyle(this.store.state);
+    this.drawBar();
+  }
+
+  // ---- what the worker is to make
+
+  #showNow() {
+    const spec = specOf(this.store.state, this.info);
+    this.stream.show({ ...spec, morph: spec.morph && !stillness.matches, tag: this.#asked });
+  }
+
+  // Fields come when they are first shown; the picture before stays meanwhile.
+  async #show() {
+    const fields = shownFields(this.info, this.store.state).filter((field) => !this.stream.fields.includes(field));
+    if (!fields.length) return this.#showNow();
+    this.#tell('joining', { fields });
+    try {
+      await this.stream.addFields(fields);
+      this.show(); // of what is wanted by now
+    } catch (error) {
+      this.#tell('failed', { message: `${fields.join(', ')} cannot be loaded: ${error.message}`, retry: this.show });
+    }
+    this.#tell('joined', { fields });
+  }
+
+  async #refine() {
+    try {
+      await this.stream.refineTo(targetOf(this.store.state, this.info));
+    } catch (error) {
+      if (error.name !== 'AbortError') this.#tell('failed', { message: error.message, retry: this.refine });
+    }
+  }
+
+  // ---- from the stream
+
+  // Colours follow what is drawn. A vector's lengths are known as they come; their range only grows, so that colours do not flicker.
+  #takeShade({ field, component, range: [low, high], sample }) {
+    const fresh = field !== this.shade?.field || component !== this.shade.component;
+    const [least, most] = fresh ? [Infinity, -Infinity] : this.shade.range;
+    const grown = low < least || high > most;
+    if (fresh || grown) this.shade = { field, component, range: [Math.min(low, least), Math.max(high, most)], sample: this.shade?.sample };
+    if (sample) this.shade.sample = sample;
+    if (fresh || sample || (grown && fieldOf(this.info, field).components > 1) || this.store.state.range === 'visible') this.recolorNow();
+  }
+
+  #takePictures(event) {
+    if (!this.scene?.box) {
+      this.#early = event;
+      return;
+    }
+    const pictures = event.detail;
+    this.scene.addEventListener('render', this.#tellPictured, { once: true });
+    this.scene.update(pictures, this.store.state);
+    this.#takeShade(pictures.shade);
+    this.#drawn = pictures.t === 1 && pictures.tag === this.#asked ? pictures.level : -1;
+    this.level = pictures.level; // the base: nothing was refined to get there
+    this.#tell('pictures', pictures);
+  }
+}
