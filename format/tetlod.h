@@ -136,7 +136,7 @@ struct tetlod_cell_field {
     const char *name; /* UTF-8 */
     uint32_t components;
     enum tetlod_cell_type type;
-    int region;      /* its numbers tell regions, whose interfaces every level keeps */
+    int region;      /* its numbers tell regions: faces between different ones are the original's at every level */
     double range[2]; /* of the finite ones */
     uint64_t reserved[2];
 };

@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "server/answer/cells.h"
 #include "server/answer/frames.h"
 #include "server/answer/levels.h"
 #include "server/answer/respond.h"
@@ -23,6 +24,7 @@ struct choice {
     uint32_t field; /* TETLOD_NONE: all controlled ones */
     enum tetlod_measure measure;
     char format[16];
+    struct cell_choice cells;
 };
 
 static const char *target_of(const struct exchange *exchange)
@@ -172,7 +174,8 @@ static void redirect(struct exchange *exchange, const struct dataset *dataset, c
     struct response *response = exchange->response;
     const struct tetlod_info *info = dataset_info(dataset);
     response_static(response, 303, "text/plain; charset=utf-8", "The mesh is at the address of the Location header.\n");
-    response_header(response, "Location", "%s/levels/%" PRIu32 "/mesh.%s", info->cid, level, choice->format); // from .../mesh
+    response_header(response, "Location", "%s/levels/%" PRIu32 "/mesh.%s%s%s", info->cid, level, choice->format,
+                    choice->cells.any ? "?cells=" : "", choice->cells.any ? choice->cells.text : ""); // from .../mesh
     level_headers(response, dataset, level);
     cache_revalidate(response);
 }
@@ -195,10 +198,11 @@ static bool ask_level(struct exchange *exchange, const struct dataset *dataset, 
 
 static enum outcome answer_mesh(struct exchange *exchange, struct dataset *dataset)
 {
-    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "format", NULL};
+    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "format", "cells", NULL};
     struct choice choice = {0};
     uint32_t level;
-    if (check_parameters(exchange, names) && ask_level(exchange, dataset, &choice, &level) && parse_format(exchange, &choice))
+    if (check_parameters(exchange, names) && ask_level(exchange, dataset, &choice, &level) && parse_format(exchange, &choice) &&
+        query_cells(exchange, dataset_info(dataset), &choice.cells))
         redirect(exchange, dataset, &choice, level);
     return ANSWERED;
 }

@@ -3,8 +3,10 @@
 #include "server/answer/levels.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
+#include "server/answer/cells.h"
 #include "server/answer/frames.h"
 #include "server/answer/made.h"
 #include "server/answer/respond.h"
@@ -45,11 +47,25 @@ void respond_bad_format(struct exchange *exchange, const char *name)
                              "there is no format '%.64s' here", name);
 }
 
-static enum tetlod_status write_mesh(const void *choice, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
+/* A file with the values of cells that are asked for. */
+struct mesh_choice {
+    const struct mesh_format *format;
+    const struct tetlod_file *file; /* of the dataset that is held meanwhile */
+    struct cell_choice cells;
+};
+
+static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
 {
-    const struct mesh_format *format = choice;
+    const struct mesh_choice *choice = opaque;
     struct tetlodi_sink sink = buffer_sink(out);
-    return format->write(mesh, &sink, error);
+    struct tetmesh with = *mesh; // all but the values of cells is borrowed
+    enum tetlod_status status = cell_choice_add(&choice->cells, choice->file, &with, error);
+    if (status == TETLOD_OK)
+        status = choice->format->write(&with, &sink, error);
+    for (uint32_t f = 0; f < with.cell_field_count; f++)
+        point_field_fini(&with.cell_fields[f]);
+    free(with.cell_fields);
+    return status;
 }
 
 /* At most: both formats are binary. */
@@ -61,13 +77,30 @@ static uint64_t mesh_file_bytes(const struct tetlod_info *info, uint32_t level)
     return info->levels[level].vertices * components * 8 + info->levels[level].tets * (uint64_t)25 + 4096;
 }
 
-static enum outcome answer_file(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_format *format)
+static enum outcome answer_made(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_choice *choice)
 {
     const struct tetlod_info *info = dataset_info(dataset);
-    const struct level_answer answer = {level, format->name, format->media_type, mesh_file_bytes(info, level),
-                                        write_mesh, format, sizeof *format};
+    char name[16 + MOST_CELL_FIELDS / 4 + 1], cells[MOST_CELL_FIELDS / 4 + 1];
+    cell_choice_name(&choice->cells, cells);
+    snprintf(name, sizeof name, "%s%s%s", choice->format->name, choice->cells.any ? "-" : "", choice->cells.any ? cells : "");
+    uint64_t values = cell_choice_values(&choice->cells, info, (uint64_t)info->levels[level].tets + info->tets);
+    const struct level_answer answer = {level, name, choice->format->media_type, mesh_file_bytes(info, level) + 8 * values,
+                                        write_mesh, choice, sizeof *choice};
+    return answer_from_level(exchange, dataset, &answer);
+}
+
+static enum outcome answer_file(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_format *format)
+{
+    struct mesh_choice choice = {.format = format, .file = dataset_file(dataset)};
+    if (!query_cells(exchange, dataset_info(dataset), &choice.cells))
+        return ANSWERED;
     if (format->write)
-        return answer_from_level(exchange, dataset, &answer);
+        return answer_made(exchange, dataset, level, &choice);
+    if (choice.cells.any) {
+        response_problem(exchange->response, 400, exchange->request->target,
+                         "cells is for mesh files; those of a stream lie behind its last level, in the section CVAL");
+        return ANSWERED;
+    }
     enum outcome outcome = answer_immutable(exchange, respond_level_prefix(exchange, dataset, level));
     if (outcome == ANSWERED && exchange->response->status == 200)
         level_headers(exchange->response, dataset, level);
@@ -76,7 +109,7 @@ static enum outcome answer_file(struct exchange *exchange, struct dataset *datas
 
 enum outcome handle_level_mesh(struct exchange *exchange)
 {
-    static const char *const none[] = {NULL};
+    static const char *const names[] = {"cells", NULL};
     struct dataset *dataset = captured_dataset(exchange);
     enum outcome outcome = ANSWERED;
     uint32_t level;
@@ -86,7 +119,7 @@ enum outcome handle_level_mesh(struct exchange *exchange)
     const struct mesh_format *format = mesh_format_find(exchange->captures[3]);
     if (!format)
         respond_bad_format(exchange, exchange->captures[3]);
-    else if (check_parameters(exchange, none) && parse_level(exchange, info, exchange->captures[2], &level))
+    else if (check_parameters(exchange, names) && parse_level(exchange, info, exchange->captures[2], &level))
         outcome = answer_file(exchange, dataset, level, format);
     dataset_release(dataset);
     return outcome;

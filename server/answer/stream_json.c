@@ -21,9 +21,9 @@ static json_t *links_of(const struct tetlod_info *info, const char *name)
         bool content; /* under the content id */
     } all[] = {
         {"self", "", false},
-        {"mesh", "/mesh{?error,abs_error,level,tets,bytes,field,measure,format}", false},
+        {"mesh", "/mesh{?error,abs_error,level,tets,bytes,field,measure,format,cells}", false},
         {"prefix", "/prefix{?error,abs_error,level,tets,bytes,field,measure,fields}", false},
-        {"level", "/levels/{level}/mesh.{format}", true},
+        {"level", "/levels/{level}/mesh.{format}{?cells}", true},
         {"surface", "/levels/{level}/surface.{format}", true},
         {"isosurface", "/levels/{level}/isosurface.{format}{?field,value}", true},
         {"slice", "/levels/{level}/slice.{format}{?origin,normal}", true},

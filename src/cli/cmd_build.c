@@ -34,6 +34,8 @@ static const char help[] =
     "                          (default: the first scalar field)\n"
     "      --abs-error E       the error limit of the --field before it, in that field's own units\n"
     "      --carry A,B         the fields to store (default: all); those of --field are always stored\n"
+    "      --region NAME       values of cells that tell regions, such as materials: where two meet, vertices and faces stay as\n"
+    "                          they are at every level (default: integers named region, material or the like); none: no regions\n"
     "      --certify HOW       what holds the error: fast (default), a bound that is carried along; exact, the exact maximum\n"
     "                          over the whole domain: far fewer tetrahedra for the same error, in several times the time\n"
     "      --metric M          what orders the contractions: envelope (default of fast), the carried bound; field-quadric\n"
@@ -69,7 +71,7 @@ static const char help[] =
 enum { MOST_FIELDS = 64, MOST_NAMES = 6 };
 
 struct request {
-    const char *input, *output, *carry, *contract;
+    const char *input, *output, *carry, *contract, *region;
     const char *fields[MOST_FIELDS];
     double units[MOST_FIELDS]; /* --abs-error of each field; 0: none */
     uint32_t field_count;
@@ -207,12 +209,15 @@ static bool parse_option(struct request *request, int option, const char *value)
         return true;
     case 'u':
         return parse_units(request, value);
-    case 'r':
+    case 'Y':
         return request->for_mail = parse_purpose(value);
-    case 'R':
+    case 'Z':
         return cli_parse_fraction(&command_build, "error", value, &request->mail_error);
     case 'c':
         request->carry = value;
+        return true;
+    case 'r':
+        request->region = value;
         return true;
     case 'm':
         request->ordered = true;
@@ -355,6 +360,24 @@ static enum tetlod_status choose_fields(const struct request *request, struct te
     return TETLOD_OK;
 }
 
+/* ---- regions */
+
+/* Sets the cell field that tells regions: the one that is named, or the one whose name says so. */
+static enum tetlod_status choose_regions(struct request *request, const struct tetmesh *mesh, struct tetlod_error *error)
+{
+    const char *name = request->region;
+    uint32_t field = name ? tetmesh_find_cell_field(mesh, name) : tetmesh_find_region(mesh);
+    if (name && field == TETLOD_NONE && strcmp(name, "none") == 0)
+        return TETLOD_OK;
+    if (name && field == TETLOD_NONE)
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "--region: no values of cells are named '%.60s'%s%.60s", name,
+                            mesh->cell_field_count ? "; there is " : "; there are none", mesh->cell_field_count ? mesh->cell_fields[0].name : "");
+    if (name && (!mesh->cell_fields[field].is_integer || mesh->cell_fields[field].components != 1))
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "--region: '%.60s' is not one integer for each cell", name);
+    request->build.regions = field == TETLOD_NONE ? NULL : mesh->cell_fields[field].name;
+    return TETLOD_OK;
+}
+
 /* ---- the build */
 
 static const char *base_name(const char *path)
@@ -376,6 +399,8 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
                        metric_names[build->metric], "certify", certify_names[build->certify], "contract", request->contract, "candidates", (int)build->candidates,
                        "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
                        build->boundary_angle, "domain_error", build->domain_error, "growth", build->growth);
+    if (object && build->regions)
+        json_object_set_new(json_object_get(object, "options"), "region", json_string(build->regions));
     if (object && request->reading.options.nan_fill) {
         json_t *fill = request->reading.fill.kind == NAN_FILL_VALUE ? json_real(request->reading.fill.value) : json_string("neighbours");
         json_object_set_new(json_object_get(object, "options"), "nan_fill", fill);
@@ -532,6 +557,8 @@ static int build(struct request *request)
     struct tetlod_error inner = {0};
     status = choose_fields(request, &mesh, controls, &count, &inner);
     if (status == TETLOD_OK)
+        status = choose_regions(request, &mesh, &inner);
+    if (status == TETLOD_OK)
         status = build_file(request, &mesh, controls, count, &report, &write_seconds, &inner);
     int result = EXIT_DONE;
     if (status != TETLOD_OK) {
@@ -566,6 +593,7 @@ static int run(int argc, char **argv)
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},     READING_OPTIONS,
         {"field", required_argument, NULL, 'f'},      {"carry", required_argument, NULL, 'c'},
+        {"region", required_argument, NULL, 'r'},
         {"metric", required_argument, NULL, 'm'},     {"contract", required_argument, NULL, 'k'},
         {"certify", required_argument, NULL, 'C'},
         {"candidates", required_argument, NULL, 'n'},
@@ -576,8 +604,8 @@ static int run(int argc, char **argv)
         {"position-error", required_argument, NULL, 'p'}, {"field-error", required_argument, NULL, 'E'},
         {"keep-order", no_argument, NULL, 'K'},        {"compress", required_argument, NULL, 'z'},
         {"threads", required_argument, NULL, 'j'},
-        {"abs-error", required_argument, NULL, 'u'},  {"for", required_argument, NULL, 'r'},
-        {"error", required_argument, NULL, 'R'},      {"all", no_argument, NULL, ALL},
+        {"abs-error", required_argument, NULL, 'u'},  {"for", required_argument, NULL, 'Y'},
+        {"error", required_argument, NULL, 'Z'},      {"all", no_argument, NULL, ALL},
         {"memory", required_argument, NULL, 'M'},     {"json", no_argument, NULL, JSON},
         {"progress", no_argument, NULL, PROGRESS},    {"quiet", no_argument, NULL, QUIET},
         {0}};

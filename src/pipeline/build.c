@@ -55,6 +55,14 @@ static enum tetlod_status check_ranges(const struct build *build)
     return TETLOD_OK;
 }
 
+/* The regions' numbers, or NULL. */
+static const double *regions_of(const struct build *build)
+{
+    const char *name = build->options->regions;
+    uint32_t field = name ? tetmesh_find_cell_field(build->original, name) : TETLOD_NONE;
+    return field == TETLOD_NONE ? NULL : build->original->cell_fields[field].values;
+}
+
 static enum tetlod_status contract(struct build *build)
 {
     const struct build_options *options = build->options;
@@ -73,6 +81,7 @@ static enum tetlod_status contract(struct build *build)
         .boundary_angle = options->boundary_angle,
         .boundary_limit = domain_error * mesh_diagonal(build->original),
         .boundary_least = BOUNDARY_KEPT * mesh_diagonal(build->original),
+        .regions = regions_of(build),
         .growth = options->growth,
         .threads = options->threads,
         .progress = options->progress ? contract_progress : NULL,

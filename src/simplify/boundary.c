@@ -154,8 +154,14 @@ bool boundary_allows(const struct boundary *boundary, const struct complex *comp
                      const double weights[4], const double p[3])
 {
     bool touches = false;
-    for (uint32_t s = 0; s < star->simplex_count; s++)
-        touches |= complex->flags[star->simplex[s]] & VERTEX_BOUNDARY;
+    uint32_t fixed = 0;
+    for (uint32_t s = 0; s < star->simplex_count; s++) {
+        uint32_t v = star->simplex[s];
+        touches |= complex->flags[v] & VERTEX_BOUNDARY;
+        fixed += (complex->flags[v] & VERTEX_FIXED) != 0;
+        if (complex->flags[v] & VERTEX_FIXED && (fixed > 1 || distance_squared(complex->positions + 3 * (size_t)v, p) != 0))
+            return false;
+    }
     for (uint32_t s = 0; s < star->simplex_count && touches; s++) {
         uint32_t v = star->simplex[s];
         if (complex->flags[v] & VERTEX_BOUNDARY ? !vertex_may_move(boundary, complex, v, p) : weights[s] != 0)

@@ -399,7 +399,7 @@ enum tetlod_status complex_contract(struct complex *complex, const struct star *
         }
     uint8_t inherited = 0;
     for (uint32_t s = 0; s < star->simplex_count; s++) {
-        inherited |= complex->flags[star->simplex[s]] & (VERTEX_BOUNDARY | VERTEX_FROZEN);
+        inherited |= complex->flags[star->simplex[s]] & (VERTEX_BOUNDARY | VERTEX_FROZEN | VERTEX_FIXED);
         complex->changed[star->simplex[s]] = now;
         complex->flags[star->simplex[s]] &= s ? 0 : 0xff;
     }

@@ -20,6 +20,7 @@ enum {
     VERTEX_BOUNDARY = 2,
     VERTEX_FROZEN = 4, /* corner of a degenerate, inverted or folded tetrahedron: contracted only with a vertex at the same point */
     VERTEX_SINGULAR = 8, /* not a manifold point: never contracted */
+    VERTEX_FIXED = 16,   /* where regions meet: stays where it is, others may be contracted into it */
 };
 
 struct complex {

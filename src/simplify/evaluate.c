@@ -110,7 +110,7 @@ static bool allowed(const struct run *run, const struct hood *hood, uint32_t nei
     uint32_t other = hood->slots[neighbour];
     bool own_open = working->flags[hood->vertex] & VERTEX_BOUNDARY, open = working->flags[other] & VERTEX_BOUNDARY;
     *out_end = true;
-    *out_middle = hood->vertex < other && own_open == open;
+    *out_middle = hood->vertex < other && own_open == open && !(working->flags[other] & VERTEX_FIXED);
     if (working->flags[other] & (VERTEX_FROZEN | VERTEX_SINGULAR) || (own_open && !open))
         return false;
     if (!own_open)
@@ -354,7 +354,7 @@ void evaluate(const struct run *run, struct worker *worker, uint32_t slot)
     proposals->priority[slot] = PROPOSES_NOTHING;
     proposals->waits[slot] = proposals->waits_changed[slot] = INFINITY;
     proposals->evaluated[slot] = run->round;
-    if (working->flags[slot] & VERTEX_SINGULAR)
+    if (working->flags[slot] & (VERTEX_SINGULAR | VERTEX_FIXED))
         return;
     if (!hood_gather(&worker->hood, working, slot) ||
         !array_reserve(&candidates, &worker->candidate_room, 2 * (size_t)worker->hood.count, sizeof *worker->candidates)) {

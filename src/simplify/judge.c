@@ -22,7 +22,7 @@ static bool optimum_position(const struct run *run, const struct star *star, dou
     if (!metric_has_quadrics(run->options->metric))
         return false;
     for (uint32_t s = 0; s < star->simplex_count; s++)
-        if (complex->flags[star->simplex[s]] & VERTEX_BOUNDARY)
+        if (complex->flags[star->simplex[s]] & (VERTEX_BOUNDARY | VERTEX_FIXED))
             return false;
     if (!metric_optimum(run->fields, star, p))
         return false;

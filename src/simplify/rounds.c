@@ -8,6 +8,7 @@
 #include "format/fail.h"
 #include "src/simplify/ladder.h"
 #include "src/simplify/merge.h"
+#include "src/simplify/regions.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
@@ -575,6 +576,7 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     if (!rounds.run.crew)
         TETLOD_TRY_DONE(no_memory(&rounds));
     TETLOD_TRY_DONE(working_init(&rounds.working, mesh, controlled, controlled_count, limits, out, error));
+    TETLOD_TRY_DONE(regions_fix(mesh, options->regions, rounds.working.node, rounds.working.flags, error));
     TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_find(&rounds.working, rounds.run.crew, error));
     TETLOD_TRY_DONE(report(&rounds));

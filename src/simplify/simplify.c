@@ -8,6 +8,7 @@
 #include "format/fail.h"
 #include "src/simplify/judge.h"
 #include "src/simplify/ladder.h"
+#include "src/simplify/regions.h"
 #include "src/simplify/rounds.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
@@ -631,6 +632,7 @@ enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *m
     if (in_rounds(options))
         return rounds_simplify(out, mesh, controlled, controlled_count, limits, options, error);
     TETLOD_TRY_DONE(complex_init(&complex, mesh, error));
+    TETLOD_TRY_DONE(regions_fix(mesh, options->regions, NULL, complex.flags, error));
     TETLOD_TRY_DONE(fields_init(&fields, mesh, controlled, controlled_count, limits, error));
     TETLOD_TRY_DONE(log_drivers(&run));
     if (metric_has_quadrics(options->metric))

@@ -356,7 +356,7 @@ uint32_t working_contract(struct working *working, uint32_t kept, uint32_t dead,
     to->count = count;
     memcpy(working->pool + to->begin, list, count * sizeof *list);
     *star = (struct span){0, 0, 0};
-    working->flags[kept] |= working->flags[dead] & (VERTEX_BOUNDARY | VERTEX_FROZEN);
+    working->flags[kept] |= working->flags[dead] & (VERTEX_BOUNDARY | VERTEX_FROZEN | VERTEX_FIXED);
     working->flags[dead] = 0;
     return removed;
 }

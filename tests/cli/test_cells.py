@@ -6,59 +6,14 @@ import os
 import sys
 
 import numpy as np
-import vtk
-from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
+from cell_meshes import block, cells_of, save
 from common import ROOT, case, finish, must, path, read_grid, tetlod
 
 sys.path.insert(0, os.path.join(ROOT, 'tests'))
 from streams import tetlod as reference  # noqa: E402
 
 NAN = float('nan')
-
-
-def points_of(grid):
-    return vtk_to_numpy(grid.GetPoints().GetData())
-
-
-def tets_of(grid):
-    return vtk_to_numpy(grid.GetCells().GetConnectivityArray()).reshape(-1, 4)
-
-
-def cells_of(grid):
-    data = grid.GetCellData()
-    return {data.GetArrayName(i): vtk_to_numpy(data.GetArray(i)) for i in range(data.GetNumberOfArrays())}
-
-
-def save(name, points, tets, point_data, cell_data):
-    grid = vtk.vtkUnstructuredGrid()
-    at, cells = vtk.vtkPoints(), vtk.vtkCellArray()
-    at.SetData(numpy_to_vtk(points, deep=True))
-    grid.SetPoints(at)
-    cells.SetData(4, numpy_to_vtk(np.ascontiguousarray(tets, np.int64).ravel(), deep=True, array_type=vtk.VTK_ID_TYPE))
-    grid.SetCells(vtk.VTK_TETRA, cells)
-    for data, arrays in ((grid.GetPointData(), point_data), (grid.GetCellData(), cell_data)):
-        for key, values in arrays.items():
-            array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
-            array.SetName(key)
-            data.AddArray(array)
-    writer = vtk.vtkXMLUnstructuredGridWriter()
-    writer.SetFileName(path(name))
-    writer.SetInputData(grid)
-    assert writer.Write()
-
-
-def block(size):
-    """A cube of size^3 cubes of six tetrahedra each."""
-    n = size + 1
-    points = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing='ij'), -1).reshape(-1, 3).astype(np.float64) / size
-    corner = np.stack(np.meshgrid(*[np.arange(size)] * 3, indexing='ij'), -1).reshape(-1, 3) @ [n * n, n, 1]
-    steps, tets = np.array([n * n, n, 1]), []
-    for order in ((0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)):
-        path_ = np.cumsum([0] + [steps[i] for i in order])
-        path_ = path_ if order in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else path_[[0, 2, 1, 3]]
-        tets.append(corner[:, None] + path_)
-    return points, np.concatenate(tets)
 
 
 def cell_data(tets):

@@ -1,0 +1,77 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/answer/cells.h"
+
+#include <string.h>
+
+#include "format/fail.h"
+#include "server/answer/params.h"
+#include "server/answer/respond.h"
+#include "src/report/level_mesh.h"
+
+static json_t *cell_names(const struct tetlod_info *info)
+{
+    json_t *array = json_array();
+    for (uint32_t f = 0; f < info->cell_field_count; f++)
+        json_array_append_new(array, json_string(info->cell_fields[f].name));
+    return array;
+}
+
+static bool choose(const struct tetlod_info *info, const char *name, struct cell_choice *out)
+{
+    uint32_t field = tetlod_cell_field_index(info, name);
+    if (field != TETLOD_NONE)
+        return out->chosen[field] = out->any = true;
+    for (uint32_t f = 0; f < info->cell_field_count && strcmp(name, "all") == 0; f++)
+        out->chosen[f] = out->any = true;
+    return strcmp(name, "all") == 0;
+}
+
+bool query_cells(struct exchange *exchange, const struct tetlod_info *info, struct cell_choice *out)
+{
+    char list[1024];
+    *out = (struct cell_choice){0};
+    enum query_result result = query_value(exchange->query, "cells", list, sizeof list);
+    if (result == QUERY_ABSENT)
+        return true;
+    if (result == QUERY_BAD || !percent_encode(list, out->text, sizeof out->text)) {
+        response_problem(exchange->response, 400, exchange->request->target, "cells is one list of names, or all");
+        return false;
+    }
+    for (char *name = list, *next; name && *name; name = next) {
+        next = strchr(name, ',');
+        if (next)
+            *next++ = 0;
+        if (choose(info, name, out))
+            continue;
+        response_problem_choices(exchange->response, 400, exchange->request->target, "cells", cell_names(info),
+                                 "there are no values of cells '%.128s'; names are separated by commas", name);
+        return false;
+    }
+    return true;
+}
+
+void cell_choice_name(const struct cell_choice *choice, char out[MOST_CELL_FIELDS / 4 + 1])
+{
+    for (size_t i = 0; i < MOST_CELL_FIELDS / 4; i++) {
+        const bool *four = choice->chosen + 4 * i;
+        out[i] = "0123456789abcdef"[8 * four[0] + 4 * four[1] + 2 * four[2] + four[3]];
+    }
+    out[MOST_CELL_FIELDS / 4] = 0;
+}
+
+uint64_t cell_choice_values(const struct cell_choice *choice, const struct tetlod_info *info, uint64_t tets)
+{
+    uint64_t components = 0;
+    for (uint32_t f = 0; f < info->cell_field_count; f++)
+        components += choice->chosen[f] ? info->cell_fields[f].components : 0;
+    return components * tets;
+}
+
+enum tetlod_status cell_choice_add(const struct cell_choice *choice, const struct tetlod_file *file, struct tetmesh *mesh,
+                                   struct tetlod_error *error)
+{
+    for (uint32_t f = 0; f < tetlod_info(file)->cell_field_count; f++)
+        if (choice->chosen[f])
+            TETLOD_TRY(level_mesh_cells(file, f, mesh, error));
+    return TETLOD_OK;
+}

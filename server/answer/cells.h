@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The parameter `cells`: which values of tetrahedra an answer has. */
+#ifndef TETLOD_SERVER_CELLS_H
+#define TETLOD_SERVER_CELLS_H
+
+#include "server/answer/exchange.h"
+#include "src/mesh/tetmesh.h"
+
+enum { MOST_CELL_FIELDS = 256 };
+
+struct cell_choice {
+    bool any;
+    bool chosen[MOST_CELL_FIELDS];
+    char text[3 * 1024 + 1]; /* as a query has it, percent-encoded */
+};
+
+/* What the query asks for: a list of names, or `all`. False: answered, there is no such field. */
+bool query_cells(struct exchange *exchange, const struct tetlod_info *info, struct cell_choice *out);
+
+/* Tells choices apart: hexadecimal digits of four fields each. */
+void cell_choice_name(const struct cell_choice *choice, char out[MOST_CELL_FIELDS / 4 + 1]);
+
+/* Values of that many tetrahedra that are chosen. */
+uint64_t cell_choice_values(const struct cell_choice *choice, const struct tetlod_info *info, uint64_t tets);
+
+/* Adds them to the mesh of a level, which has none. ERR_NOMEM, or as tetlod_cells. */
+TETLOD_CHECKED enum tetlod_status cell_choice_add(const struct cell_choice *choice, const struct tetlod_file *file,
+                                                  struct tetmesh *mesh, struct tetlod_error *error);
+
+#endif
