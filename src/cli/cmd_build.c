@@ -209,9 +209,9 @@ static bool parse_option(struct request *request, int option, const char *value)
         return true;
     case 'u':
         return parse_units(request, value);
-    case 'r':
+    case 'Y':
         return request->for_mail = parse_purpose(value);
-    case 'R':
+    case 'Z':
         return cli_parse_fraction(&command_build, "error", value, &request->mail_error);
     case 'c':
         request->carry = value;
@@ -604,8 +604,8 @@ static int run(int argc, char **argv)
         {"position-error", required_argument, NULL, 'p'}, {"field-error", required_argument, NULL, 'E'},
         {"keep-order", no_argument, NULL, 'K'},        {"compress", required_argument, NULL, 'z'},
         {"threads", required_argument, NULL, 'j'},
-        {"abs-error", required_argument, NULL, 'u'},  {"for", required_argument, NULL, 'r'},
-        {"error", required_argument, NULL, 'R'},      {"all", no_argument, NULL, ALL},
+        {"abs-error", required_argument, NULL, 'u'},  {"for", required_argument, NULL, 'Y'},
+        {"error", required_argument, NULL, 'Z'},      {"all", no_argument, NULL, ALL},
         {"memory", required_argument, NULL, 'M'},     {"json", no_argument, NULL, JSON},
         {"progress", no_argument, NULL, PROGRESS},    {"quiet", no_argument, NULL, QUIET},
         {0}};
