@@ -118,6 +118,7 @@ def levels_of_json(told):
     report('a certified error is no less than what is sampled', all(
         l['errors']['Pressure']['max'] >= l['errors']['Pressure']['sampled'] * (1 - 1e-9) for l in levels))
     done = tetlod('info', 'fin.tetlod', '--all')
+    lines = done.stdout.decode().splitlines()
     report('info: a line for each level', done.returncode == 0 and sum(
         line.split()[:3] == [str(l['level']), str(l['vertices']), str(l['tets'])] for l in levels
         for line in lines if line[:1] == ' ') == len(levels), done.stdout.decode())
