@@ -51,7 +51,7 @@ static const char help[] =
     "                          (default 0.001; exact, measured: at most 0.000001); 0: only planar boundary is simplified\n"
     "      --boundary-angle D  degrees by which boundary faces may turn and still count as one smooth surface; edges that\n"
     "                          turn more are creases, and are kept (default 30)\n"
-    "      --growth G          vertices of a level / vertices of the one below (default 1.05)\n"
+    "      --growth G          vertices of a level / vertices of the one below (default 1.1)\n"
     "      --position-bits N   round coordinates to N bits across the bounds, 1 .. 30 (default: lossless)\n"
     "      --field-bits N      round values to N bits across the range\n"
     "      --position-error E, --field-error E   as many bits as keep it: a fraction of the diagonal, of the range\n"
@@ -616,7 +616,7 @@ static int run(int argc, char **argv)
                                         .min_tets = 1,
                                         .boundary_angle = 30,
                                         .domain_error = 1e-3,
-                                        .growth = 1.05,
+                                        .growth = 1.1,
                                         .compression = 19}};
     bool forced = false;
     for (int option; (option = cli_option(&command_build, argc, argv, "o:", options)) != -1;) {
