@@ -253,6 +253,8 @@ static bool parse_option(struct request *request, int option, const char *value)
         return cli_parse_fraction(&command_build, "position-error", value, &build->quantise.position_error);
     case 'E':
         return cli_parse_fraction(&command_build, "field-error", value, &build->quantise.field_error);
+    case 'A':
+        return request->all = true;
     case 'K':
         return build->keep_order = true;
     case 'z':
@@ -589,7 +591,7 @@ static void prepare_mail(struct request *request)
 
 static int run(int argc, char **argv)
 {
-    enum { JSON = 256, PROGRESS, QUIET, ALL };
+    enum { JSON = 256, PROGRESS, QUIET };
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},     READING_OPTIONS,
         {"field", required_argument, NULL, 'f'},      {"carry", required_argument, NULL, 'c'},
@@ -605,7 +607,7 @@ static int run(int argc, char **argv)
         {"keep-order", no_argument, NULL, 'K'},        {"compress", required_argument, NULL, 'z'},
         {"threads", required_argument, NULL, 'j'},
         {"abs-error", required_argument, NULL, 'u'},  {"for", required_argument, NULL, 'Y'},
-        {"error", required_argument, NULL, 'Z'},      {"all", no_argument, NULL, ALL},
+        {"error", required_argument, NULL, 'Z'},      {"all", no_argument, NULL, 'A'},
         {"memory", required_argument, NULL, 'M'},     {"json", no_argument, NULL, JSON},
         {"progress", no_argument, NULL, PROGRESS},    {"quiet", no_argument, NULL, QUIET},
         {0}};
@@ -622,7 +624,6 @@ static int run(int argc, char **argv)
     for (int option; (option = cli_option(&command_build, argc, argv, "o:", options)) != -1;) {
         request.json |= option == JSON;
         request.quiet |= option == QUIET;
-        request.all |= option == ALL;
         forced |= option == PROGRESS;
         if ((option < JSON || option >= READING_FIRST) && !parse_option(&request, option, optarg))
             return EXIT_USAGE;
