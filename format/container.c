@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "format/container.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -41,6 +42,33 @@ static void place_sections(struct tetlodi_index *index, uint64_t *early, uint64_
     }
 }
 
+/* A bound that takes few bytes: the least number that is no less and has 16 binary or 3 decimal digits. The latter are what people ask
+ * for: a level made for 1 % stays one. */
+static double short_error(double error)
+{
+    static const double tens[] = {1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12};
+    int exponent, digits = 2;
+    if (!(error > 0) || !isfinite(error))
+        return error;
+    double mantissa = frexp(error, &exponent), binary = ldexp(ceil(ldexp(mantissa, 16)), exponent - 16), decimal = INFINITY;
+    while (digits < 12 && error * tens[digits] < 100)
+        digits++;
+    for (double n = floor(error * tens[digits]); n <= 1000 && isinf(decimal); n++)
+        if (n / tens[digits] >= error)
+            decimal = n / tens[digits];
+    return decimal < binary ? decimal : binary;
+}
+
+/* Bits of bounds do not compress. */
+static void shorten_errors(struct tetlodi_index *index)
+{
+    size_t count = (size_t)index->info.level_count * index->info.field_count * TETLOD_MEASURES;
+    for (uint32_t k = 0; k < index->info.level_count; k++)
+        index->levels[k].domain_error = short_error(index->levels[k].domain_error);
+    for (size_t i = 0; i < count; i++)
+        index->errors[i] = short_error(index->errors[i]);
+}
+
 static size_t frame_count(const struct tetlodi_index *index)
 {
     return index->info.level_count * (1 + (size_t)index->info.field_count);
@@ -54,6 +82,7 @@ static enum tetlod_status encode_head(struct tetlodi_index *index, uint8_t bytes
     struct tetlodi_buffer packed = {0};
     uint64_t early, late;
     place_sections(index, &early, &late);
+    shorten_errors(index);
     tetlodi_index_encode(index, stored);
     if (stored->failed)
         return tetlodi_fail_nomem(error, "the index", stored->size);

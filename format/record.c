@@ -48,7 +48,7 @@ enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, stru
     number_init(&models->extra, 1);
     number_init(&models->vertex, 1);
     number_init(models->middle, 3);
-    tetlodi_bits_init(models->step[0].none, sizeof models->step / (sizeof(struct tetlodi_bit)));
+    tetlodi_bits_init(models->step[0].none[0], sizeof models->step / (sizeof(struct tetlodi_bit)));
     number_init(models->corner, 3);
     for (uint32_t f = 0; f < fields; f++) {
         struct tetlodi_field_models *of = &recorder->field_models[f];
@@ -159,7 +159,10 @@ static unsigned rank_of(const struct tetlodi_star_view *star, unsigned axis, int
 
 /* What is known of a child from the axes before. */
 struct trail {
-    unsigned far, level; /* how far it went at most, 0 to 3; whether it was level with a vertex of the link last */
+    unsigned kind;  /* the record's placement, or 3: the first child, elsewhere */
+    unsigned far;   /* how far it went at most, 0 to 3 */
+    unsigned side;  /* where it went last: 0 nowhere, 1 up, 2 down */
+    unsigned level; /* whether it was level with a vertex of the link last */
 };
 
 /* How far a step of so many bits goes where the link reaches to so many. */
@@ -173,16 +176,18 @@ TETLODI_INLINE int64_t code_step(struct tetlodi_coder *coder, struct tetlodi_ste
                                 const struct tetlodi_star_view *star, unsigned axis, int64_t own, struct reach link,
                                 struct trail *trail, int64_t value)
 {
-    if (code_bit(coder, &models->none[trail->far], value == 0))
+    unsigned eighth = star->size / 8 < 7 ? star->size / 8 : 7;
+    if (code_bit(coder, &models->none[eighth][trail->far], value == 0))
         return 0;
     unsigned side = link.high / 2 > link.low ? 4 : link.low / 2 > link.high ? 0 : link.high > link.low ? 3 : 2;
-    int negative = code_bit(coder, &models->side[side], value < 0);
+    int negative = code_bit(coder, &models->side[trail->kind][trail->side][side], value < 0);
+    trail->side = negative ? 2 : 1;
     unsigned room = bit_length(negative ? link.low : link.high), length;
     unsigned rank = coder->encoder ? rank_of(star, axis, own, (int64_t)((uint64_t)own + (uint64_t)value), negative) : 0;
-    trail->level = (unsigned)code_bit(coder, &models->level[trail->level], rank < 64);
+    trail->level = (unsigned)code_bit(coder, &models->level[trail->far][trail->level], rank < 64);
     if (trail->level) {
         int64_t code = own;
-        for (rank = code_tree(coder, models->rank, 6, rank) + 1; rank; rank--)
+        for (rank = code_tree(coder, models->rank[trail->kind][trail->far], 6, rank) + 1; rank; rank--)
             code = next_code(star, axis, code, negative);
         length = bit_length(code_distance(code, own));
         value = (int64_t)((uint64_t)code - (uint64_t)own); // codes of float64 fill 64 bits: differences wrap
@@ -214,7 +219,7 @@ TETLODI_INLINE void positions_inline(struct tetlodi_recorder *recorder, struct t
     placement = code_tree(coder, models->placement, 2, placement);
     coder->bad |= placement == 3;
     placement %= 3;
-    struct trail trails[4] = {{0, 0}, {0, 0}, {0, 0}, {0, 0}};
+    struct trail trails[4] = {{.kind = placement == ELSEWHERE ? 3 : placement}, {.kind = placement}, {.kind = placement}, {.kind = placement}};
     for (unsigned axis = 0; axis < 3; axis++) {
         int64_t *codes = recorder->codes[axis];
         struct reach link = reach(&recorder->star, own[axis], axis);
@@ -237,7 +242,7 @@ TETLODI_INLINE void positions_inline(struct tetlodi_recorder *recorder, struct t
     struct tetlodi_bit(*leaf)[16] = models->leaf[placement];
     unsigned quarter = recorder->star.size / 4 < 15 ? recorder->star.size / 4 : 15, leaves = 0;
     for (uint32_t i = 0; i < record->children; i++)
-        leaves |= (unsigned)code_bit(coder, &leaf[i > 0][quarter], record->leaves >> i & 1) << i;
+        leaves |= (unsigned)code_bit(coder, &leaf[i ? 1 + (leaves & 1) : 0][quarter], record->leaves >> i & 1) << i;
     record->leaves = leaves;
     *recorder->coders = local;
 }
@@ -270,8 +275,8 @@ static void pair_init(struct pair *pair, const double *a, const double *b)
         pair->steps[i] = steps[i] * length2;
 }
 
-/* SPEC 7.3: which of the two leave a tetrahedron in its orientation (2 bits), and which is nearer, in 8 steps. The
- * steps rise, so that all that are passed can be counted. */
+/* SPEC 7.3: which of the two leave a tetrahedron in its orientation (2 bits), which makes it larger, and which is nearer, in
+ * 8 steps. The steps rise, so that all that are passed can be counted. */
 static void geometry_contexts(struct tetlodi_star_view *star, const double *positions, uint32_t child)
 {
     struct pair pair;
@@ -291,15 +296,16 @@ static void geometry_contexts(struct tetlodi_star_view *star, const double *posi
         pair2 sign = {1 - 2 * (int)(corners[i] & 1), 1 - 2 * (int)(corners[i + (i + 1 < size)] & 1)};
         mask2 passed = (near > s[0]) + (near > s[1]) + (near > s[2]) + (near > s[3]) + (near > s[4]) + (near > s[5]) +
                        (near > s[6]);
-        mask2 context = ((of_a * sign < 0) & 8) + ((of_b * sign < 0) & 16) - passed;
+        mask2 larger = of_a * of_a > of_b * of_b;
+        mask2 context = ((of_a * sign < 0) & 8) + ((of_b * sign < 0) & 16) + (larger & 32) - passed;
         contexts[i] = (uint8_t)context[0];
         contexts[i + 1] = (uint8_t)context[1];
     }
 }
 
-/* By how many of three edges stay (in the lower two bits) and how many go: one of ten, 32 times. */
-static const uint16_t neighbour_contexts[16] = {0,      4 * 32, 7 * 32, 9 * 32, 1 * 32, 5 * 32, 8 * 32, 9 * 32,
-                                                2 * 32, 6 * 32, 8 * 32, 9 * 32, 3 * 32, 6 * 32, 8 * 32, 9 * 32};
+/* By how many of three edges stay (in the lower two bits) and how many go: one of ten, 64 times. */
+static const uint16_t neighbour_contexts[16] = {0,      4 * 64, 7 * 64, 9 * 64, 1 * 64, 5 * 64, 8 * 64, 9 * 64,
+                                                2 * 64, 6 * 64, 8 * 64, 9 * 64, 3 * 64, 6 * 64, 8 * 64, 9 * 64};
 
 TETLODI_INLINE void code_labels_inline(struct tetlodi_coder *all, struct tetlodi_bit *models, struct tetlodi_star_view *star,
                                       int encoding)
@@ -325,7 +331,7 @@ TETLODI_INLINE void code_labels_inline(struct tetlodi_coder *all, struct tetlodi
 static void code_labels(struct tetlodi_recorder *recorder, uint32_t child, unsigned at_first)
 {
     struct tetlodi_star_view *star = &recorder->star;
-    struct tetlodi_bit *models = recorder->models->label + at_first * 320;
+    struct tetlodi_bit *models = recorder->models->label + at_first * (LABEL_CONTEXTS / 2);
     geometry_contexts(star, recorder->replay->columns[0].values, child);
     if (recorder->coders->encoder)
         code_labels_inline(recorder->coders, models, star, 1);

@@ -9,19 +9,19 @@
 #include "format/coder.h"
 #include "format/replay.h"
 
-enum { LABEL_CONTEXTS = 2 * 4 * 8 * 10 };
+enum { LABEL_CONTEXTS = 2 * 2 * 4 * 8 * 10 };
 
 /* Models of how far a child is from the vertex along one axis (SPEC 7.2): whether at all, to which side, and how far in
  * bits, by how far the link reaches to that side and by how far along the axis before. */
 struct tetlodi_step {
-    struct tetlodi_bit none[4], side[5], level[2], rank[64], length[4][65][128], top[65][4];
+    struct tetlodi_bit none[8][4], side[4][3][5], level[4][2], rank[4][4][64], length[4][65][128], top[65][4];
 };
 
 /* What the geometry frames of all levels learn together. */
 struct tetlodi_geometry_models {
     struct tetlodi_bit splits[8][16], arity[4], placement[4], label[LABEL_CONTEXTS], irregular, boundary[16], made[2], flip;
     struct tetlodi_bit seed, across[2], fresh, known[64];
-    struct tetlodi_bit leaf[3][2][16];
+    struct tetlodi_bit leaf[3][3][16];
     struct tetlodi_step step[3];
     struct tetlodi_number extra, vertex, middle[3], corner[3];
 };

@@ -812,7 +812,7 @@ static enum tetlod_status choose_slowest(const struct tetlodi_write_input *input
     for (unsigned slowest = LEAST_SLOWEST; slowest <= MOST_SLOWEST; slowest++) {
         struct writer w = {.in = input, .error = error};
         enum tetlod_status status = encode(&w, slowest);
-        uint64_t size = w.order.size;
+        uint64_t size = w.order.size + (slowest == USUAL_SLOWEST ? 0 : DIGEST_SIZE); // digests pack to some bytes more or less
         for (size_t i = 0; i < (input->field_count + (size_t)1) * input->level_count && status == TETLOD_OK; i++)
             size += w.stored[i].size;
         release(&w);

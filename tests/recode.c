@@ -6,12 +6,14 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/reader.h"
 
 struct reader {
     struct recode *out;
+    const struct tetlodi_index *index;
     struct tetlod_cursor *cursor;
     const struct tetlod_info *info;
-    double *positions, *node_positions, **values, **node_values;
+    double *positions, *node_positions, **values, **node_values, **exact;
     uint32_t *corners, *children, *node_at;
 };
 
@@ -21,6 +23,18 @@ static void *copy(const void *array, size_t count, size_t size)
     if (new)
         memcpy(new, array, count * size);
     return new;
+}
+
+/* The tail's values. The cursor is at the finest level. */
+static int take_exact(struct reader *r)
+{
+    struct tetlod_mesh mesh;
+    tetlod_cursor_mesh(r->cursor, &mesh);
+    r->exact = calloc(r->info->field_count + (size_t)1, sizeof *r->exact);
+    for (uint32_t f = 0; f < r->info->field_count && r->exact; f++)
+        if (r->index->exact_later[f] && !(r->exact[f] = copy(mesh.fields[f], mesh.vertices, r->info->fields[f].components * sizeof(double))))
+            return 0;
+    return r->exact != NULL;
 }
 
 /* The original's arrays, with room for the nodes. */
@@ -79,7 +93,7 @@ static enum tetlod_status take_sequence(struct reader *r, struct tetlod_error *e
 {
     uint32_t contractions = 0;
     for (uint32_t k = r->info->level_count; k-- > 0;) {
-        struct tetlod_mesh mesh;
+        struct tetlod_mesh mesh; // the tail has no records
         for (tetlod_cursor_mesh(r->cursor, &mesh); mesh.vertices > r->info->levels[k].vertices;
              tetlod_cursor_mesh(r->cursor, &mesh))
             TETLOD_TRY(contract(r, &contractions, error));
@@ -95,7 +109,12 @@ static void fill_input(struct reader *r)
     struct tetlodi_write_input *input = &r->out->input;
     input->vertices = r->info->vertices;
     input->tets = r->info->tets;
-    input->position_type = r->info->position_type;
+    const struct tetlodi_scale *scale = &r->index->scales[0];
+    input->position_type = scale->type;
+    input->positions_were_float64 = scale->original != scale->type;
+    input->position_bits = scale->bits;
+    memcpy(input->position_origin, scale->origin, sizeof scale->origin);
+    memcpy(input->position_step, scale->step, sizeof scale->step);
     input->positions = r->positions;
     input->corners = r->corners;
     input->children = r->children;
@@ -111,10 +130,16 @@ static void fill_input(struct reader *r)
     input->compression = 1;
     for (uint32_t f = 0; f < input->field_count && r->values && r->node_values; f++) {
         const struct tetlod_field *field = &r->info->fields[f];
+        scale = &r->index->scales[1 + f];
         r->out->fields[f] = (struct tetlodi_write_field){.name = field->name,
                                                          .components = field->components,
-                                                         .type = field->type,
+                                                         .type = scale->type,
+                                                         .was_float64 = scale->original != scale->type,
                                                          .controlled = field->controlled,
+                                                         .bits = scale->bits,
+                                                         .origin = scale->origin[0],
+                                                         .step = scale->step[0],
+                                                         .exact = r->exact ? r->exact[f] : NULL,
                                                          .range = {field->range[0], field->range[1]},
                                                          .values = r->values[f],
                                                          .node_values = r->node_values[f]};
@@ -123,11 +148,15 @@ static void fill_input(struct reader *r)
 
 enum tetlod_status recode_read(struct recode *out, struct tetlod_file *file, struct tetlod_error *error)
 {
-    struct reader r = {.out = out, .info = tetlod_info(file)};
+    struct reader r = {.out = out, .index = &file->index, .info = tetlod_info(file)};
     *out = (struct recode){0};
     enum tetlod_status status = tetlod_cursor_new(&r.cursor, file, NULL, 0, error);
     if (status == TETLOD_OK)
         status = tetlod_cursor_seek(r.cursor, r.info->level_count - 1, error);
+    if (status == TETLOD_OK && r.index->tail && !take_exact(&r))
+        status = tetlodi_fail_nomem(error, "the exact values", r.info->tets);
+    if (status == TETLOD_OK && r.index->tail)
+        status = tetlod_cursor_seek(r.cursor, r.info->level_count - 2, error);
     if (status == TETLOD_OK && !take_original(&r))
         status = tetlodi_fail_nomem(error, "the sequence", r.info->tets);
     if (status == TETLOD_OK)
@@ -137,6 +166,7 @@ enum tetlod_status recode_read(struct recode *out, struct tetlod_file *file, str
     tetlod_cursor_free(r.cursor);
     free(r.node_at);
     free(r.values);
+    free(r.exact);
     free(r.node_values);
     if (status != TETLOD_OK)
         recode_free(out);
@@ -182,9 +212,28 @@ static void round_all(const double *values, size_t count, size_t step, double or
     }
 }
 
+/* Goes back to the original's values and has no tail. */
+static void leave_tail_out(struct recode *recode)
+{
+    struct tetlodi_write_input *input = &recode->input;
+    int tail = 0;
+    for (uint32_t f = 0; f < input->field_count; f++) {
+        struct tetlodi_write_field *field = &recode->fields[f];
+        if (!field->exact)
+            continue;
+        release(field->values);
+        field->values = field->exact;
+        field->exact = NULL;
+        tail = 1;
+    }
+    input->level_count -= tail;
+}
+
 void recode_quantise(struct recode *recode, unsigned position_bits, unsigned field_bits)
 {
     struct tetlodi_write_input *input = &recode->input;
+    if (field_bits)
+        leave_tail_out(recode);
     size_t n = input->vertices, m = input->contractions;
     for (unsigned axis = 0; axis < 3 && position_bits; axis++) {
         double low = INFINITY, high = -INFINITY, most = (double)((1u << position_bits) - 1);

@@ -170,6 +170,10 @@ export class TetlodStream extends EventTarget {
   mesh(): Promise<Mesh>;
   /** Of the mesh that is shown; null outside. */
   probe(point: Point): Promise<{ tet: number; values: Record<string, number[]> } | null>;
+  /** The value that colours the pictures, along a segment: `ends` has [at, value] of begin and end of each piece, `at` from 0 to 1. */
+  line(from: Point, to: Point): Promise<{ level: number; ends: Float64Array }>;
+  /** Gives back the memory that finer levels took. */
+  compact(): Promise<void>;
   show(spec: Spec | null): Promise<void>;
   /** One after the other, each complete; whenever the next one is asked for, the newest. Ends with the stream. */
   frames(spec: Spec): AsyncGenerator<Pictures, void, void>;

@@ -51,7 +51,7 @@ static const char help[] =
     "                          (default 0.001; exact, measured: at most 0.000001); 0: only planar boundary is simplified\n"
     "      --boundary-angle D  degrees by which boundary faces may turn and still count as one smooth surface; edges that\n"
     "                          turn more are creases, and are kept (default 30)\n"
-    "      --growth G          vertices of a level / vertices of the one below (default 1.05)\n"
+    "      --growth G          vertices of a level / vertices of the one below (default 1.1)\n"
     "      --position-bits N   round coordinates to N bits across the bounds, 1 .. 30 (default: lossless)\n"
     "      --field-bits N      round values to N bits across the range\n"
     "      --position-error E, --field-error E   as many bits as keep it: a fraction of the diagonal, of the range\n"
@@ -253,6 +253,8 @@ static bool parse_option(struct request *request, int option, const char *value)
         return cli_parse_fraction(&command_build, "position-error", value, &build->quantise.position_error);
     case 'E':
         return cli_parse_fraction(&command_build, "field-error", value, &build->quantise.field_error);
+    case 'A':
+        return request->all = true;
     case 'K':
         return build->keep_order = true;
     case 'z':
@@ -589,7 +591,7 @@ static void prepare_mail(struct request *request)
 
 static int run(int argc, char **argv)
 {
-    enum { JSON = 256, PROGRESS, QUIET, ALL };
+    enum { JSON = 256, PROGRESS, QUIET };
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},     READING_OPTIONS,
         {"field", required_argument, NULL, 'f'},      {"carry", required_argument, NULL, 'c'},
@@ -605,7 +607,7 @@ static int run(int argc, char **argv)
         {"keep-order", no_argument, NULL, 'K'},        {"compress", required_argument, NULL, 'z'},
         {"threads", required_argument, NULL, 'j'},
         {"abs-error", required_argument, NULL, 'u'},  {"for", required_argument, NULL, 'Y'},
-        {"error", required_argument, NULL, 'Z'},      {"all", no_argument, NULL, ALL},
+        {"error", required_argument, NULL, 'Z'},      {"all", no_argument, NULL, 'A'},
         {"memory", required_argument, NULL, 'M'},     {"json", no_argument, NULL, JSON},
         {"progress", no_argument, NULL, PROGRESS},    {"quiet", no_argument, NULL, QUIET},
         {0}};
@@ -616,13 +618,12 @@ static int run(int argc, char **argv)
                                         .min_tets = 1,
                                         .boundary_angle = 30,
                                         .domain_error = 1e-3,
-                                        .growth = 1.05,
+                                        .growth = 1.1,
                                         .compression = 19}};
     bool forced = false;
     for (int option; (option = cli_option(&command_build, argc, argv, "o:", options)) != -1;) {
         request.json |= option == JSON;
         request.quiet |= option == QUIET;
-        request.all |= option == ALL;
         forced |= option == PROGRESS;
         if ((option < JSON || option >= READING_FIRST) && !parse_option(&request, option, optarg))
             return EXIT_USAGE;

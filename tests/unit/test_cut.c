@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "src/cut/cut.h"
+#include "src/cut/line.h"
 #include "src/mesh/tet_geom.h"
 #include "tests/test.h"
 
@@ -371,6 +372,38 @@ static void test_boundary_of_overfull_faces(void)
     check_overfull(4, 6);
 }
 
+/* A linear field along a line through the cube is linear: pieces meet, and begin and end at the walls. */
+static void test_values_along_a_line(void)
+{
+    struct tetmesh mesh;
+    struct cut_line line = {0};
+    make_cube(&mesh);
+    double *values = calloc(mesh.vertex_count, sizeof *values);
+    for (uint32_t v = 0; v < mesh.vertex_count; v++)
+        values[v] = mesh.positions[3 * v] + 10 * mesh.positions[3 * v + 1] - 2 * mesh.positions[3 * v + 2];
+    static const double segments[][2][3] = {{{-1, 0.3, 0.41}, {2, 0.6, 0.55}}, {{0.1, 0.2, 0.3}, {0.9, 0.8, 0.7}}, {{0, 0, 0}, {1, 1, 1}},
+                                            {{0.25, 0.25, -1}, {0.25, 0.25, 2}}, {{1, 0, 0.5}, {1, 1, 0.5}}};
+    for (size_t s = 0; s < sizeof segments / sizeof *segments; s++) {
+        const double *a = segments[s][0], *b = segments[s][1];
+        CHECK(cut_along(&mesh, values, a, b, &line, NULL) == TETLOD_OK && line.count > 0);
+        double covered = 0;
+        for (uint32_t k = 0; k < 2 * line.count; k++) {
+            double p[3];
+            for (int i = 0; i < 3; i++)
+                p[i] = a[i] + line.ends[k].at * (b[i] - a[i]);
+            CHECK(fabs(line.ends[k].value - (p[0] + 10 * p[1] - 2 * p[2])) < 1e-12);
+            CHECK(k == 0 || line.ends[k].at >= line.ends[k - 1].at);
+            CHECK(k % 2 == 0 || k + 1 == 2 * line.count || line.ends[k + 1].at - line.ends[k].at < 1e-9); // no gap
+            covered += k % 2 ? line.ends[k].at : -line.ends[k].at;
+        }
+        CHECK(fabs(covered - (line.ends[2 * line.count - 1].at - line.ends[0].at)) < 1e-9);
+    }
+    CHECK(cut_along(&mesh, values, (double[3]){2, 0, 0}, (double[3]){2, 1, 1}, &line, NULL) == TETLOD_OK && line.count == 0);
+    free(values);
+    cut_line_fini(&line);
+    tetmesh_fini(&mesh);
+}
+
 int main(void)
 {
     RUN(test_boundary);
@@ -381,5 +414,6 @@ int main(void)
     RUN(test_trim);
     RUN(test_isosurface_normals);
     RUN(test_boundary_of_overfull_faces);
+    RUN(test_values_along_a_line);
     return test_end();
 }

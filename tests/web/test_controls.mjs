@@ -360,6 +360,40 @@ async function keys_do_what_the_help_says() {
   assert.ok(listed.length > 25, `${listed}`);
 }
 
+// The values along a line are the mesh's, within a band of the certified error; both leave as CSV.
+async function a_line_is_plotted() {
+  await open('');
+  await page.locator('#line').check();
+  await page.locator('#line-drawing .band').waitFor();
+  assert.match(await page.locator('#line-words').innerText(), /^Pressure ± [\d.]+ \([\d.]+\u202f%, certified\)$/);
+  const [download] = await Promise.all([page.waitForEvent('download'), page.locator('#line-csv').click()]);
+  const rows = readFileSync(await download.path(), 'utf8').trim().split('\n').map((row) => row.split(','));
+  assert.deepEqual(rows.shift(), ['distance', 'x', 'y', 'z', 'Pressure', 'at least', 'at most']);
+  assert.ok(rows.length > 20);
+  const bound = await page.evaluate(() => {
+    const { stream, level } = window.tetlod;
+    const { range } = stream.info.fields.find((f) => f.name === 'Pressure');
+    return stream.info.levels[level].errors.Pressure.max * (range[1] - range[0]);
+  });
+  for (const row of rows.filter((_, i) => i % 7 === 0)) {
+    const [, x, y, z, value, least, most] = row.map(Number);
+    const found = await page.evaluate(async (point) => (await window.tetlod.stream.probe(point)).values.Pressure[0], [x, y, z]);
+    assert.ok(Math.abs(found - value) < 1e-4 * Math.abs(value) + 1e-6, `${value} along the line, ${found} there`);
+    assert.ok(Math.abs(most - value - bound) < 1e-9 && Math.abs(value - least - bound) < 1e-9);
+  }
+  const words = await page.locator('#line-words').innerText();
+  const drawing = await page.locator('#line-drawing').boundingBox();
+  await page.mouse.move(drawing.x + drawing.width / 2, drawing.y + 40);
+  await page.waitForFunction((was) => document.getElementById('line-words').innerText !== was, words);
+  assert.match(await page.locator('#line-words').innerText(), /^[\d.]+ ± [\d.]+ at /);
+  const curve = await page.locator('#line-drawing .line').getAttribute('d');
+  await page.locator('.knob.along').last().press('ArrowUp');
+  await page.waitForFunction((was) => document.querySelector('#line-drawing .line').getAttribute('d') !== was, curve);
+  await page.locator('#line-close').click();
+  assert.equal((await state()).line, null);
+  assert.ok(await page.locator('#line-plot').isHidden());
+}
+
 async function values_are_probed() {
   await open('&field=Velocity&slices=z@0.5&surface=off');
   const box = await page.locator('#picture').boundingBox();
@@ -420,6 +454,6 @@ async function nothing_was_complained_of() {
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
   ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, layers_are_drawn, isosurfaces_are_drawn, a_volume_is_rendered,
   the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
-  values_are_probed, fingers_turn_and_probe, nothing_was_complained_of];
+  a_line_is_plotted, values_are_probed, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;
 await run(ONLY ? tests.filter((test) => test.name.includes(ONLY)) : tests);

@@ -146,6 +146,12 @@ async function fieldsThatJoin() {
   await stream.show({ field: other, surface: true });
   assert.equal((await pictures).shade.field, other);
   await assert.rejects(stream.addFields(['Speed']), /no field 'Speed'/);
+  // memory is given back by a new worker: the same stream goes on
+  await stream.refineTo({ level: 2 });
+  const before = await stream.mesh();
+  await stream.compact();
+  assert.deepEqual([stream.level, await stream.mesh()], [2, before]);
+  await stream.refineTo();
   assert.deepEqual(Object.keys((await stream.mesh()).fields), [first, other]); // as before
   stream.close();
   await server.stop();

@@ -527,15 +527,17 @@ class Coder:
 
 class Step:
     def __init__(self):
-        self.none, self.side, self.level, self.rank = bits(4), bits(5), bits(2), bits(64)
+        self.none, self.level = [bits(4) for _ in range(8)], [bits(2) for _ in range(4)]
+        self.side = [[bits(5) for _ in range(3)] for _ in range(4)]
+        self.rank = [[bits(64) for _ in range(4)] for _ in range(4)]
         self.length, self.top = [[NONE] * 65 for _ in range(4)], [NONE] * 65
 
 
 class Models:
     def __init__(self):
         self.splits = [bits(16), bits(16)]
-        self.leaf = [[bits(16), bits(16)] for _ in range(3)]
-        self.arity, self.placement, self.label, self.irregular = bits(4), bits(4), bits(640), bits(1)
+        self.leaf = [[bits(16), bits(16), bits(16)] for _ in range(3)]
+        self.arity, self.placement, self.label, self.irregular = bits(4), bits(4), bits(1280), bits(1)
         self.boundary, self.made, self.flip, self.across, self.fresh = bits(16), bits(2), bits(1), bits(2), bits(1)
         self.step = [Step() for _ in range(3)]
         self.extra, self.vertex = Number(), Number()
@@ -956,8 +958,10 @@ class Cursor:
         star, link = self._lay_out(vertex)
         children = 2 + coder.tree(models.arity, 2)
         require(children <= 4 and self.count + children - 1 <= to['vertices'], 'a record makes too many vertices')
-        codes, placement = self._positions(vertex, children, link)
-        leaves = [coder.bit(models.leaf[placement][i > 0], min(len(star) >> 2, 15)) for i in range(children)]
+        codes, placement = self._positions(vertex, children, link, min(len(star) >> 3, 7))
+        leaves = []
+        for i in range(children):
+            leaves.append(coder.bit(models.leaf[placement][1 + leaves[0] if i else 0], min(len(star) >> 2, 15)))
         self.leaf[vertex] = leaves[0]
         self.leaf += leaves[1:]
         first_stays = all(codes[d][0] == columns[0].codes[d][vertex] for d in range(3))
@@ -983,17 +987,18 @@ class Cursor:
 
     # ---- positions (SPEC 7.2)
 
-    def _step(self, axis, own, near, trail):
-        coder, models = self.coders[0], self.models.step[axis]
-        if coder.bit(models.none, trail[0]):
+    def _step(self, axis, own, near, eighth, trail):
+        coder, models, kind = self.coders[0], self.models.step[axis], trail[3]
+        if coder.bit(models.none[eighth], trail[0]):
             return 0
         low, high = max(own - min(near, default=own), 0), max(max(near, default=own) - own, 0)
         side = 4 if high // 2 > low else 0 if low // 2 > high else 3 if high > low else 2
-        negative = coder.bit(models.side, side)
+        negative = coder.bit(models.side[kind][trail[2]], side)
+        trail[2] = 2 if negative else 1
         room = (low if negative else high).bit_length()
-        trail[1] = coder.bit(models.level, trail[1])
+        trail[1] = coder.bit(models.level[trail[0]], trail[1])
         if trail[1]:
-            rank = coder.tree(models.rank, 6)
+            rank = coder.tree(models.rank[kind][trail[0]], 6)
             layers = sorted({c for c in near if (c < own if negative else c > own)}, reverse=bool(negative))
             code = layers[min(rank, len(layers) - 1)] if layers else own
             value, length = code - own, abs(code - own).bit_length()
@@ -1005,16 +1010,16 @@ class Cursor:
         trail[0] = max(trail[0], 1 if length + 3 <= room else 2 if length + 2 <= room else 3)
         return value
 
-    def _positions(self, vertex, children, link):
+    def _positions(self, vertex, children, link, eighth):
         coder, column = self.coders[0], self.columns[0]
         placement = coder.tree(self.models.placement, 2)
         require(placement < 3, 'a record holds what no writer writes')
-        trails, result = [[0, 0] for _ in range(4)], []
+        trails, result = [[0, 0, 0, 3 if placement == 2 and i == 0 else placement] for i in range(4)], []  # far, level, side, kind
         for axis in range(3):
             known, codes, scale = column.codes[axis], [0] * children, column.scale
             own, near = known[vertex], link(known)
             for i in range(0 if placement == 2 else 1, children):
-                codes[i] = scale.offset(own, self._step(axis, own, near, trails[i]))
+                codes[i] = scale.offset(own, self._step(axis, own, near, eighth, trails[i]))
             if placement == 0:
                 codes[0] = own
             elif placement == 1:
@@ -1163,7 +1168,7 @@ class Cursor:
         m0, m1, m2 = 1.5 * (a0 + b0), 1.5 * (a1 + b1), 1.5 * (a2 + b2)
         length2 = (d0 * d0 + d1 * d1) + d2 * d2
         bounds = [s * length2 for s in STEPS]
-        labels, edges, base = [], {}, 320 if first_stays else 0
+        labels, edges, base = [], {}, 640 if first_stays else 0
         known = edges.get
         for tet, (place, i, j, k) in enumerate(star):
             x, y, z, xj, yj, zj, xk, yk, zk = X[i], Y[i], Z[i], X[j], Y[j], Z[j], X[k], Y[k], Z[k]
@@ -1179,6 +1184,8 @@ class Cursor:
                 n += 80
             if vb < 0:
                 n += 160
+            if va * va > vb * vb:
+                n += 320
             key0 = j * vertices + k if j < k else k * vertices + j
             key1 = i * vertices + k if i < k else k * vertices + i
             key2 = i * vertices + j if i < j else j * vertices + i

@@ -94,6 +94,13 @@ export class Engine {
     return this.#view.probe(point, this.#info.fields);
   }
 
+  /** The value that colours the pictures, along a segment. */
+  line([from, to]) {
+    if (!this.#spec || this.#spec.shade < 0) throw new RangeError('a line needs pictures with a field');
+    this.#view.shade(this.#spec.shade, this.#spec.component); // the mesh may have gone on
+    return { level: this.#shown, ends: this.#view.along(from, to) };
+  }
+
   show(spec) {
     const before = this.#spec;
     this.#spec = spec && this.#checkSpec(spec);

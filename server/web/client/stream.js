@@ -154,7 +154,7 @@ class Link {
 let nextId = 0; // of calls
 
 export class TetlodStream extends EventTarget {
-  #link; #next = null; #options; #spec = null; #adding = Promise.resolve(); #closed = false; #tellEnded; #ended = new Promise((resolve) => { this.#tellEnded = resolve; }); #reader = null; #reading = new AbortController();
+  #link; #next = null; #options; #spec = null; #replacing = Promise.resolve(); #closed = false; #tellEnded; #ended = new Promise((resolve) => { this.#tellEnded = resolve; }); #reader = null; #reading = new AbortController();
   info = null;
   fields = []; // names of those that are decoded
   level = 0;
@@ -212,16 +212,29 @@ export class TetlodStream extends EventTarget {
    * is shown; it costs what opening the stream at this level costs, and its memory meanwhile.
    */
   addFields(names) {
-    this.#adding = this.#adding.catch(() => {}).then(() => this.#addFields(names));
-    return this.#adding;
+    this.#replacing = this.#replacing.catch(() => {}).then(() => this.#addFields(names));
+    return this.#replacing;
   }
 
   async #addFields(names) {
     const missing = names.filter((name) => !this.fields.includes(name));
-    if (!missing.length) return;
+    if (missing.length) await this.#replace([...this.fields, ...missing]);
+  }
+
+  /**
+   * Gives back the memory that finer levels took: the level that is shown is decoded anew, in another worker that takes over.
+   * It costs what opening the stream at this level costs.
+   */
+  compact() {
+    this.#replacing = this.#replacing.catch(() => {}).then(() => this.#replace(this.fields));
+    return this.#replacing;
+  }
+
+  // By a worker that has these fields, at the level that is shown by then.
+  async #replace(fields) {
     this.#next = this.#newLink();
     try {
-      const opened = await this.#next.open({ ...this.#options, fields: [...this.fields, ...missing], target: { level: this.level } });
+      const opened = await this.#next.open({ ...this.#options, fields, target: { level: this.level } });
       let target;
       do {
         target = { level: this.level }; // the other one goes on
@@ -247,6 +260,11 @@ export class TetlodStream extends EventTarget {
   /** {values: {field: [components]}, tet} at a point of the mesh that is shown, or null outside of it. */
   probe(point) {
     return this.#call('probe', point);
+  }
+
+  /** {level, ends}: the value that colours the pictures, along a segment: [at, value] of begin and end of each piece, exactly as the mesh has it. */
+  line(from, to) {
+    return this.#call('line', [from, to]);
   }
 
   /** Which pictures to make of this and every following level; null: none. */

@@ -216,6 +216,13 @@ export class View {
     };
   }
 
+  /** The value that colours along a segment: [at, value] of begin and end of each piece, `at` from 0 to 1. */
+  along(from, to) {
+    this.#check(this.#code.view_along(this.#view, ...from, ...to));
+    const [count, ends] = this.#words(this.#code.view_line(this.#view), 2);
+    return this.#doubles(ends, count ? 4 * count : 0).slice();
+  }
+
   /** {tet, values: {field: [components]}} of the mesh that is shown, or null outside. `fields` are those of describe(). */
   probe([x, y, z], fields) {
     const tet = this.#code.view_probe(this.#view, x, y, z) >>> 0;

@@ -44,6 +44,7 @@ const actions = {
   abort: (id) => engine.abort(id),
   mesh: () => engine.mesh(),
   probe: (point) => engine.probe(point),
+  line: (segment) => engine.line(segment),
   show: (spec) => engine.show(spec),
   seen: () => engine.seen(),
   close: () => engine.close(),

@@ -211,6 +211,8 @@ export class Controls {
     for (const button of document.querySelectorAll('[data-clip]'))
       button.addEventListener('click', () => store.set({ clip: { normal: this.normal(button.dataset.clip), at: store.state.clip?.at ?? 0.5 } }));
     byId('add-isosurface').addEventListener('click', () => this.addIsosurface());
+    byId('line').addEventListener('change', () => this.toggleLine());
+    store.watch(['line'], (state) => { byId('line').checked = Boolean(state.line); });
     store.watch(['slices'], (state) => {
       this.listPlanes(byId('slices'), state.slices, 'Slice', (slices) => this.setInner({ slices }));
       byId('slice-edges-row').hidden = !state.slices.length;
@@ -221,6 +223,17 @@ export class Controls {
     const opacity = byId('isosurface-opacity');
     opacity.addEventListener('input', () => store.set({ isosurfaceOpacity: opacity.value / 100 }));
     store.watch(['isosurfaceOpacity'], (state) => (opacity.value = 100 * state.isosurfaceOpacity));
+  }
+
+  // At first through the middle, along the longest side; far walls do not hide it.
+  toggleLine() {
+    const { line } = this.store.state;
+    if (line) return this.store.set({ line: null });
+    const [low, high] = this.info.bounds;
+    const sides = low.map((l, i) => high[i] - l);
+    const longest = sides.indexOf(Math.max(...sides));
+    const end = (at) => sides.map((_, i) => (i === longest ? at : 0.5));
+    this.store.set({ line: [...end(0), ...end(1)] });
   }
 
   // Rows are kept while their number holds, so that a slider that is being dragged stays.

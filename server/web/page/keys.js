@@ -13,6 +13,7 @@ const groups = [
   ['X Y Z', 'a slice, or none, across x, y, z'],
   ['I', 'add an isosurface'],
   ['C', 'clip across the view, or no clip'],
+  ['K', 'plot over a line, or none'],
   ['V', 'volume rendering'],
   ['M', 'next colour map'],
   ['N', 'axes with numbers'],

@@ -378,10 +378,13 @@ export class Scene extends EventTarget {
     return { x: x / this.pixels, y: this.container.clientHeight - y / this.pixels, depth };
   }
 
+  toWorld(x, y, depth) {
+    return this.view.displayToWorld(x * this.pixels, (this.container.clientHeight - y) * this.pixels, depth, this.renderer);
+  }
+
   ray(x, y) {
-    const at = (depth) => this.view.displayToWorld(x * this.pixels, (this.container.clientHeight - y) * this.pixels, depth, this.renderer);
-    const from = at(0);
-    return { from, direction: unit(add(at(1), from, -1)) };
+    const from = this.toWorld(x, y, 0);
+    return { from, direction: unit(add(this.toWorld(x, y, 1), from, -1)) };
   }
 
   // What is seen at a place of the picture: { point, value } or null; the point is the scene's.

@@ -20,10 +20,14 @@ export async function savePicture(scene, name) {
     context.drawImage(byId(id), ...place);
   }
   const blob = await new Promise((done) => canvas.toBlob(done, 'image/png'));
+  saveFile(`${name}.png`, blob);
+}
+
+export function saveFile(name, blob) {
   const url = URL.createObjectURL(blob);
-  element('a', { href: url, download: `${name}.png` }).click();
+  element('a', { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 10000);
-  notice('share', `Saved ${name}.png`);
+  notice('share', `Saved ${name}`);
 }
 
 export async function copyLink() {

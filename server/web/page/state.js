@@ -30,6 +30,7 @@ export const defaults = Object.freeze({
   isosurfaceField: '', // whose isosurfaces, as the picture is coloured if empty
   isosurfaceOpacity: 1,
   clip: null, // { normal, at }
+  line: null, // that values are plotted along: begin and end as fractions of the bounds, six numbers
   volume: false,
   volumeSize: 96,
   opacity: [[0, 0], [0.08, 0.005], [0.3, 0.08], [1, 0.9]], // the volume's: fractions of the colours' range
@@ -91,6 +92,10 @@ const codecs = {
   isosurfaceField: text,
   isosurfaceOpacity: { read: (t) => clamp(Number(t) || 1, 0.05, 1), write: (x) => String(round(x)) },
   clip: { read: (t) => readPlane(t) ?? undefined, write: writePlane },
+  line: {
+    read: (t) => (numbers(t).length === 6 && numbers(t).every((x) => x >= 0 && x <= 1) ? numbers(t) : undefined),
+    write: (l) => l.map(round).join(','),
+  },
   volume: flag,
   volumeSize: { read: (t) => clamp(Math.round(Number(t)) || defaults.volumeSize, 16, 256), write: String },
   opacity: list((t) => {

@@ -12,8 +12,9 @@ import { bindKeys, listKeys } from './keys.js';
 import { defaultTets, errorOf, fieldOf, levelForError, memoryOf, promiseOf, shownMeasure, targetFieldOf, titleOf, wantedLevel } from './levels.js';
 import { clear, notice } from './notices.js';
 import { bytes, count, percent, significant } from './numbers.js';
+import { LinePlot } from './line_plot.js';
 import { Probe } from './probe.js';
-import { copyLink, savePicture } from './share.js';
+import { copyLink, saveFile, savePicture } from './share.js';
 import { switchTheme, themes } from './theme.js';
 import { Viewer } from './viewer.js';
 
@@ -33,7 +34,7 @@ function nameOf(from) {
 
 const viewer = new Viewer({ stage: byId('stage'), picture: byId('picture'), bar: byId('scalarbar') }, location.hash);
 const { store } = viewer;
-let controls, compass, handles, axes, probe;
+let controls, compass, handles, axes, line, probe;
 
 // ---- what is asked before it is loaded
 
@@ -188,6 +189,7 @@ function watchScene() {
     compass.draw(scene.axes());
     handles.update();
     axes.update();
+    line.update();
   });
   scene.addEventListener('lost', () => notice('graphics', 'The browser took the graphics away; the picture comes back when it gives them again.', { failed: true, seconds: 0 }));
   scene.addEventListener('restored', () => clear('graphics'));
@@ -254,6 +256,7 @@ function bindActions() {
     i: () => controls.addIsosurface(),
     c: () => store.set({ clip: store.state.clip ? null : { normal: viewNormal(), at: 0.5 } }),
     n: () => store.set({ axes: !store.state.axes }),
+    k: () => controls.toggleLine(),
     v: () => controls.setInner({ volume: !store.state.volume }),
     m: () => store.set({ map: cycle(mapNames.map(([key]) => key), viewer.colorMap) }),
     p: save,
@@ -279,6 +282,7 @@ async function openPanel() {
   compass = new Compass(byId('compass'), look);
   axes = new Axes(byId('handles'), scene, info.bounds);
   handles = new Handles(byId('handles'), scene, planes);
+  line = new LinePlot(viewer, byId('handles'), (kind, blob) => saveFile(`${name}-${viewer.level}.${kind}`, blob));
   probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, viewer.coloredState));
   watchScene();
   await pause();

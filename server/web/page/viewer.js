@@ -11,6 +11,7 @@ import { isosurfaceRange, specOf, targetOf } from './spec.js';
 import { Store, defaults, fromFragment, toFragment } from './state.js';
 
 const workerPatience = 50; // milliseconds
+const muchTets = 500_000;  // that it is worth giving back
 const stillness = matchMedia('(prefers-reduced-motion: reduce)');
 
 // A link may name a field that this stream does not have.
@@ -29,6 +30,7 @@ export class Viewer extends EventTarget {
   #parts; #fragment; #pictured; #tellPictured;
   #asked = 0;      // changes of what the worker is to make
   #early = null;   // pictures that came before there was where to draw them
+  #most = 0;       // tetrahedra of the finest level since memory was given back
   #drawn = -1;     // the picture's level, when it has come to rest and is what was asked for
 
   /**
@@ -249,9 +251,19 @@ export class Viewer extends EventTarget {
   async #refine() {
     try {
       await this.stream.refineTo(targetOf(this.store.state, this.info));
+      this.#giveBack();
     } catch (error) {
       if (error.name !== 'AbortError') this.#tell('failed', { message: error.message, retry: this.refine });
     }
+  }
+
+  // After a much coarser level than before: a worker keeps its memory.
+  #giveBack() {
+    const { tets } = this.info.levels[this.level];
+    this.#most = Math.max(this.#most, tets);
+    if (this.#most < muchTets || 4 * tets > this.#most) return;
+    this.#most = tets;
+    this.stream.compact().catch(() => {}); // it goes on as it is
   }
 
   // ---- from the stream

@@ -279,6 +279,16 @@ const struct cut_grid *view_grid(const struct view *view)
     return &view->grid;
 }
 
+uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz)
+{
+    return cut_along(&view->shown, view->shade, (double[3]){ax, ay, az}, (double[3]){bx, by, bz}, &view->line, &view->error);
+}
+
+const struct cut_line *view_line(const struct view *view)
+{
+    return &view->line;
+}
+
 uint32_t view_probe(struct view *view, double x, double y, double z)
 {
     const struct tetlod_info *info = view_info(view);

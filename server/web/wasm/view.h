@@ -11,6 +11,7 @@
 
 #include "format/bytes.h"
 #include "src/cut/cut.h"
+#include "src/cut/line.h"
 #include "src/cut/resample.h"
 
 #ifdef __wasm__
@@ -64,6 +65,7 @@ struct view {
     struct cut_grid grid;
     uint32_t grid_size;              /* that it was made with, of the mesh and shade that are shown; 0: of others */
     struct cut_voxels voxels;
+    struct cut_line line;
     struct tetlodi_buffer text;
     struct tetlod_error error;
 };
@@ -121,6 +123,10 @@ VIEW_EXPORT(view_part) const struct view_part *view_part(const struct view *view
 VIEW_EXPORT(view_resample) uint32_t view_resample(struct view *view, uint32_t size, uint32_t logarithmic);
 VIEW_EXPORT(view_grid) const struct cut_grid *view_grid(const struct view *view);
 VIEW_EXPORT(view_voxels) const struct cut_voxels *view_voxels(const struct view *view);
+/* The value that colours, along a segment: view_line. */
+VIEW_EXPORT(view_along)
+uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz);
+VIEW_EXPORT(view_line) const struct cut_line *view_line(const struct view *view);
 /* Which tetrahedron a point is in, or is as good as in: the page knows points of the surface in float32 only. TETLOD_NONE, or its values
  * are in view_probed: a number for each component of each field, NaN for those that are not decoded. */
 VIEW_EXPORT(view_probe) uint32_t view_probe(struct view *view, double x, double y, double z);

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The field along a line through the volume, exactly as the level has it, within the band that its error allows.
+
+import { byId, coalesced, element, svg } from './dom.js';
+import { add, mix } from './geometry.js';
+import { componentOf, errorOf, fieldOf, shownMeasure, spanOf, titleOf } from './levels.js';
+import { clamp, percent, significant, ticks } from './numbers.js';
+
+const margin = { left: 52, right: 10, top: 8, bottom: 20 };
+
+/** How far a value may be from the original's at a level: of a length, from the errors of its components. */
+export function boundOf(info, state, level) {
+  const { components, range } = fieldOf(info, state.field);
+  const measure = shownMeasure(info, state);
+  const lengths = componentOf(info, state) === 'magnitude' ? Math.sqrt(components) : 1;
+  return { bound: errorOf(info.levels[level], state.field, measure) * spanOf({ range }) * lengths, certified: measure === 'max' };
+}
+
+/** Rows of text for spreadsheets: distance, place, value, and the bounds of the original's. */
+export function csvOf(title, from, to, ends, bound) {
+  const length = Math.hypot(...add(to, from, -1));
+  const rows = [`distance,x,y,z,${/[",\n]/.test(title) ? `"${title.replaceAll('"', '""')}"` : title},at least,at most`];
+  for (let i = 0; i < ends.length; i += 2)
+    rows.push([ends[i] * length, ...mix(from, to, ends[i]), ends[i + 1], ends[i + 1] - bound, ends[i + 1] + bound].join());
+  return `${rows.join('\n')}\n`;
+}
+
+export class LinePlot {
+  // `save(name, blob)`
+  constructor(viewer, layer, save) {
+    Object.assign(this, { viewer, save, shown: null });
+    this.box = byId('line-plot');
+    this.drawing = byId('line-drawing');
+    this.overlay = svg('svg', { class: 'outlines', 'aria-hidden': 'true' });
+    this.line = svg('line', { class: 'along' });
+    this.overlay.append(this.line);
+    layer.append(this.overlay);
+    this.knobs = [0, 1].map((end) => this.makeKnob(layer, end));
+    this.sample = coalesced(() => this.ask());
+    byId('line-csv').addEventListener('click', () => this.saveCsv());
+    byId('line-close').addEventListener('click', () => viewer.store.set({ line: null }));
+    this.drawing.addEventListener('pointermove', (event) => this.tellValue(event.offsetX));
+    this.drawing.addEventListener('pointerleave', () => this.tellBound());
+    viewer.store.watch(['line', 'field', 'component'], () => this.sample());
+    viewer.addEventListener('pictures', ({ detail: { t } }) => t === 1 && this.sample());
+    new ResizeObserver(() => this.draw()).observe(this.drawing);
+  }
+
+  // ---- in the picture
+
+  world(end) {
+    const { info, store: { state } } = this.viewer;
+    const [low, high] = info.bounds;
+    return low.map((l, i) => l + state.line[3 * end + i] * (high[i] - l));
+  }
+
+  update() {
+    const { scene, store: { state } } = this.viewer;
+    const places = state.line ? [0, 1].map((end) => scene.toScreen(add(this.world(end), scene.centre, -1))) : [];
+    const hidden = !places.length || places.some(({ depth }) => depth > 1); // behind the camera
+    this.overlay.classList.toggle('hidden', hidden);
+    this.knobs.forEach((knob, end) => {
+      knob.hidden = hidden;
+      if (!hidden) knob.style.transform = `translate(${places[end].x}px, ${places[end].y}px)`;
+    });
+    if (hidden) return;
+    for (const [name, value] of [['x1', places[0].x], ['y1', places[0].y], ['x2', places[1].x], ['y2', places[1].y]]) this.line.setAttribute(name, value.toFixed(1));
+  }
+
+  makeKnob(layer, end) {
+    const knob = element('button', { type: 'button', className: 'knob along', ariaLabel: `Line: ${end ? 'end' : 'begin'}; drag, or arrow keys` });
+    let held = false;
+    knob.addEventListener('pointerdown', (event) => {
+      held = true;
+      event.preventDefault();
+      event.stopPropagation();
+      knob.focus();
+      knob.setPointerCapture(event.pointerId);
+    });
+    knob.addEventListener('pointermove', (event) => {
+      const { left, top } = layer.getBoundingClientRect();
+      if (held) this.move(end, event.clientX - left, event.clientY - top);
+    });
+    for (const name of ['pointerup', 'pointercancel']) knob.addEventListener(name, () => { held = false; });
+    knob.addEventListener('keydown', (event) => {
+      const step = { ArrowLeft: [-8, 0], ArrowRight: [8, 0], ArrowUp: [0, -8], ArrowDown: [0, 8] }[event.key];
+      if (!step) return;
+      event.preventDefault();
+      const { scene } = this.viewer;
+      const { x, y } = scene.toScreen(add(this.world(end), scene.centre, -1));
+      this.move(end, x + step[0], y + step[1]);
+    });
+    knob.hidden = true;
+    layer.append(knob);
+    return knob;
+  }
+
+  // To a place of the picture, as far away as it was.
+  move(end, x, y) {
+    const { scene, info, store } = this.viewer;
+    const { depth } = scene.toScreen(add(this.world(end), scene.centre, -1));
+    const to = add(scene.toWorld(x, y, depth), scene.centre);
+    const [low, high] = info.bounds;
+    const line = [...store.state.line];
+    to.forEach((c, i) => { line[3 * end + i] = Number(clamp((c - low[i]) / (high[i] - low[i] || 1), 0, 1).toPrecision(4)); });
+    store.set({ line });
+  }
+
+  // ---- the values
+
+  // One question at a time, the last line next.
+  async ask() {
+    const { viewer } = this;
+    const { line } = viewer.store.state;
+    this.box.hidden = !line;
+    this.update();
+    if (!line || this.asking || !viewer.stream.fields.includes(viewer.store.state.field)) return;
+    this.asking = true;
+    const [from, to] = [this.world(0), this.world(1)];
+    const answer = await viewer.stream.line(from, to).catch(() => null); // a closed stream has no values
+    this.asking = false;
+    if (!answer) return;
+    const { info, store: { state } } = viewer;
+    this.shown = { ...answer, from, to, title: titleOf(info, state), ...boundOf(info, state, answer.level) };
+    this.draw();
+    if (line !== viewer.store.state.line) this.sample();
+  }
+
+  extent() {
+    const { ends, bound } = this.shown;
+    let [low, high] = [Infinity, -Infinity];
+    for (let i = 1; i < ends.length; i += 2) {
+      low = Math.min(low, ends[i]);
+      high = Math.max(high, ends[i]);
+    }
+    const room = Math.min(bound, high - low) || Math.abs(high) * 1e-3 || 1; // a wide band does not flatten the curve
+    return [low - room, high + room];
+  }
+
+  draw() {
+    const { width, height } = this.drawing.getBoundingClientRect();
+    if (!this.shown || this.box.hidden || !width) return;
+    const { ends, from, to, bound } = this.shown;
+    if (!ends.length) return this.drawing.replaceChildren(svg('text', { x: width / 2, y: height / 2 }, 'The line does not meet the volume.'));
+    const [low, high] = this.extent();
+    const length = Math.hypot(...add(to, from, -1));
+    this.x = (at) => margin.left + at * (width - margin.left - margin.right);
+    this.y = (value) => height - margin.bottom - ((clamp(value, low, high) - low) / (high - low)) * (height - margin.top - margin.bottom);
+    const place = (i, shift) => `${this.x(ends[i]).toFixed(1)},${this.y(ends[i + 1] + shift).toFixed(1)}`;
+    let [band, curve] = ['', ''];
+    for (let i = 0; i < ends.length; i += 4) {
+      band += `M${place(i, bound)}L${place(i + 2, bound)}L${place(i + 2, -bound)}L${place(i, -bound)}Z`;
+      curve += `M${place(i, 0)}L${place(i + 2, 0)}`;
+    }
+    const marks = [
+      ...ticks(low, high, 3).map((v) => svg('text', { class: 'value', x: margin.left - 6, y: this.y(v) }, significant(v, 3))),
+      ...ticks(0, length, 4).map((d) => svg('text', { x: this.x(d / length), y: height - 8 }, significant(d, 3))),
+    ];
+    const rules = ticks(low, high, 3).map((v) => svg('path', { class: 'grid', d: `M${margin.left},${this.y(v)}H${width - margin.right}` }));
+    this.drawing.replaceChildren(...rules, svg('path', { class: 'band', d: band }), svg('path', { class: 'line', d: curve }), ...marks);
+    this.tellBound();
+  }
+
+  tellBound() {
+    const { bound, certified, title, level } = this.shown ?? {};
+    if (title === undefined) return;
+    const error = percent(errorOf(this.viewer.info.levels[level], this.viewer.store.state.field, shownMeasure(this.viewer.info, this.viewer.store.state)));
+    byId('line-words').textContent = bound ? `${title} ± ${significant(bound, 2)} (${error}, ${certified ? 'certified' : 'measured'})` : `${title}, exact`;
+  }
+
+  tellValue(offset) {
+    const { ends, bound, from, to } = this.shown ?? { ends: [] };
+    if (!ends.length || !this.x) return;
+    const at = (offset - this.x(0)) / (this.x(1) - this.x(0));
+    for (let i = 0; i < ends.length; i += 4) {
+      if (at < ends[i] || at > ends[i + 2]) continue;
+      const value = ends[i + 1] + ((at - ends[i]) / (ends[i + 2] - ends[i])) * (ends[i + 3] - ends[i + 1]);
+      byId('line-words').textContent = `${significant(value, 5)} ± ${significant(bound, 2)} at ${mix(from, to, at).map((c) => significant(c, 4)).join(', ')}`;
+      return;
+    }
+  }
+
+  saveCsv() {
+    const { title, from, to, ends, bound } = this.shown;
+    this.save('csv', new Blob([csvOf(title, from, to, ends, bound)], { type: 'text/csv' }));
+  }
+}
