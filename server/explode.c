@@ -8,13 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include "format/fail.h"
 #include "server/answer/assets.h"
 #include "server/store/catalogue.h"
 #include "server/answer/stream_json.h"
-#include "server/store/forest.h"
+#include "src/forest/forest.h"
 #include "server/server.h"
 #include "src/io/io.h"
 #include "src/report/info_json.h"
@@ -75,18 +74,18 @@ static enum tetlod_status write_json(const struct tree *tree, struct file_output
     return finish(tree, output, status);
 }
 
-static enum tetlod_status copy_bytes(const struct tree *tree, struct file_output *output, int fd, uint64_t first, uint64_t end)
+static enum tetlod_status copy_bytes(const struct tree *tree, struct file_output *output, struct dataset *dataset, uint64_t first, uint64_t end)
 {
     struct tetlodi_sink sink = file_output_sink(output);
     unsigned char *block = array_new(COPY, 1);
     enum tetlod_status status = block ? TETLOD_OK : tetlodi_fail_nomem(tree->error, "a copy", COPY);
     while (status == TETLOD_OK && first < end) {
-        ssize_t got = pread(fd, block, end - first < COPY ? (size_t)(end - first) : COPY, (off_t)first);
-        if (got <= 0)
-            status = tetlodi_fail(tree->error, TETLOD_ERR_IO, "a stream cannot be read: %s", got ? strerror(errno) : "it shrank");
+        size_t some = end - first < COPY ? (size_t)(end - first) : COPY;
+        if (!dataset_read(dataset, first, block, some))
+            status = tetlodi_fail(tree->error, TETLOD_ERR_IO, "%s: the stream cannot be read, or was written over", dataset_id(dataset));
         else
-            status = sink.write(sink.opaque, block, (size_t)got);
-        first += got > 0 ? (uint64_t)got : 0;
+            status = sink.write(sink.opaque, block, some);
+        first += some;
     }
     free(block);
     return finish(tree, output, status);
@@ -121,18 +120,17 @@ static enum tetlod_status write_stream(const struct tree *tree, struct dataset *
     const struct tetlod_info *info = dataset_info(dataset);
     struct file_output *output;
     const char *id = dataset_id(dataset); // as it is: servers of files decode paths. A stream's file has that name
-    int fd = dataset_fd(dataset);
     TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/index.json", id));
     TETLOD_TRY(write_json(tree, output, describe_stream(info, id)));
     TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/%s/stream", id, info->cid));
-    TETLOD_TRY(copy_bytes(tree, output, fd, 0, info->bytes));
+    TETLOD_TRY(copy_bytes(tree, output, dataset, 0, info->bytes));
     TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/prefix", id)); // whatever is asked for: a beginning that a client goes on from
-    TETLOD_TRY(copy_bytes(tree, output, fd, 0, info->levels[tetlod_level_for_bytes(info, OPENING)].end));
+    TETLOD_TRY(copy_bytes(tree, output, dataset, 0, info->levels[tetlod_level_for_bytes(info, OPENING)].end));
     TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/%s/levels/0/mesh.tetlod", id, info->cid));
-    TETLOD_TRY(copy_bytes(tree, output, fd, 0, info->levels[0].end));
+    TETLOD_TRY(copy_bytes(tree, output, dataset, 0, info->levels[0].end));
     for (uint32_t k = 1; k < info->level_count; k++) {
         TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/%s/records/%" PRIu32 "-%" PRIu32, id, info->cid, k - 1, k));
-        TETLOD_TRY(copy_bytes(tree, output, fd, info->levels[k].offset, info->levels[k].end));
+        TETLOD_TRY(copy_bytes(tree, output, dataset, info->levels[k].offset, info->levels[k].end));
     }
     return tree->options->meshes ? write_levels(tree, dataset, id) : TETLOD_OK;
 }

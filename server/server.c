@@ -31,7 +31,7 @@
 #include "src/util/file.h"
 #include "src/util/parallel.h"
 
-enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250, MOST_ORIGIN_BYTES = 240, MOST_TOKEN = 200 };
+enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250, MOST_ORIGIN_BYTES = 240, MOST_TOKEN = 200, OWN_DESCRIPTORS = 48, LEAST_FILES = 8 };
 
 struct server {
     struct server_options options;
@@ -268,6 +268,24 @@ static enum tetlod_status take_access(struct server *server, struct tetlod_error
     return take_token(server, error);
 }
 
+/* Divides the descriptors that the process may have: a quarter for streams, which are opened again when they are needed, some for
+ * the process itself, the rest for connections. */
+static void divide_descriptors(struct server *server, size_t *out_all, size_t *out_files)
+{
+    struct server_options *options = &server->options;
+    long limit = sysconf(_SC_OPEN_MAX);
+    *out_all = limit > 0 && limit < MOST_DESCRIPTORS ? (size_t)limit : MOST_DESCRIPTORS;
+    size_t own = OWN_DESCRIPTORS + 8 * (size_t)options->threads;
+    *out_files = *out_all / 4 > LEAST_FILES ? *out_all / 4 : LEAST_FILES;
+    size_t left = *out_all > *out_files + own ? *out_all - *out_files - own : 1;
+    if (options->connections <= left)
+        return;
+    char message[160];
+    snprintf(message, sizeof message, "at most %zu connections: the process may have %zu descriptors (ulimit -n, LimitNOFILE)", left, *out_all);
+    say(server, "warning", message);
+    options->connections = left;
+}
+
 static enum tetlod_status build_site(struct server *server, struct tetlod_error *error)
 {
     const struct server_options *options = &server->options;
@@ -284,13 +302,14 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
     site->cache = cache_new(options->cache_bytes);
     site->memory = cache_new(options->memory_bytes);
     site->serve_metrics = !options->metrics;
-    long descriptors = sysconf(_SC_OPEN_MAX);
+    size_t descriptors, files;
+    divide_descriptors(server, &descriptors, &files);
     const struct gate_options limits = {
         .connections = options->connections,
         .per_address = options->connections_per_address,
         .request_seconds = options->idle_seconds,
         .answer_seconds = options->idle_seconds,
-        .descriptors = descriptors > 0 && descriptors < MOST_DESCRIPTORS ? (size_t)descriptors : MOST_DESCRIPTORS,
+        .descriptors = descriptors,
     };
     server->gate = gate_new(&limits);
     if (!site->metrics || !site->cache || !site->memory || !server->gate)
@@ -304,6 +323,7 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
         .paths = options->paths,
         .path_count = options->path_count,
         .keep_replaced = options->keep_replaced,
+        .most_files = files,
         .log = options->log,
         .log_opaque = options->log_opaque,
     };

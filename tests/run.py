@@ -20,7 +20,17 @@ ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 LINE = re.compile(r'^(not ok|ok)\b(?: \d+)?(?: - )?(.*?)(?:\s+# (SKIP)\s*(.*))?$')
 
 
-def tests_of(config):
+# What runs in several threads; the thread sanitizer stretches time so that it gets no more unless --every is given
+THREADED = ('unit/test_cache', 'unit/test_forest', 'unit/test_site', 'http/test_large.py', 'http/test_faults.py')
+
+
+def tests_of(config, every):
+    if config == 'tsan' and not every:
+        return [path for path in tests_of(config, True) if path.endswith(THREADED)]
+    return all_tests_of(config)
+
+
+def all_tests_of(config):
     built = os.path.join(ROOT, 'build', config, 'tests')
     for kind in ('unit/test_', 'fuzz/fuzz_'):
         for path in sorted(glob.glob(os.path.join(built, kind + '*'))):
@@ -73,10 +83,11 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('configs', nargs='+')
     parser.add_argument('--only', help='run tests whose name has this in it')
+    parser.add_argument('--every', action='store_true', help='with tsan: all tests, not only those of what has threads')
     parser.add_argument('--timeout', type=int, default=600)
     parser.add_argument('--jobs', type=int, default=2)
     options = parser.parse_args()
-    todo = [(c, p) for c in options.configs for p in tests_of(c) if not options.only or options.only in c + ':' + p]
+    todo = [(c, p) for c in options.configs for p in tests_of(c, options.every) if not options.only or options.only in c + ':' + p]
     passed = failures = skipped = 0
     with concurrent.futures.ThreadPoolExecutor(options.jobs) as pool:
         for name, found, failed, output, seconds in pool.map(lambda t: run(*t, options.timeout), todo):

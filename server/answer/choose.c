@@ -10,6 +10,7 @@
 #include "server/answer/cells.h"
 #include "server/answer/frames.h"
 #include "server/answer/levels.h"
+#include "server/answer/regions.h"
 #include "server/answer/respond.h"
 
 enum budget { BY_ERROR, BY_ABS_ERROR, BY_LEVEL, BY_TETS, BY_BYTES, BUDGETS };
@@ -24,6 +25,9 @@ struct choice {
     uint32_t field; /* TETLOD_NONE: all controlled ones */
     enum tetlod_measure measure;
     char format[16];
+    size_t box_count; /* 0: no box, or none that is finer */
+    uint32_t box_level;
+    struct region_box boxes[MOST_BOXES];
     struct cell_choice cells;
 };
 
@@ -66,13 +70,16 @@ static bool parse_budget(struct exchange *exchange, struct choice *choice)
     for (int b = 0; b < BUDGETS; b++) {
         char text[sizeof choice->text];
         enum query_result result = query_value(exchange->query, budget_names[b], text, sizeof text);
+        if (result == QUERY_BAD) {
+            response_problem(exchange->response, 400, target_of(exchange),
+                             "%s cannot be read: it is given once, and in an address a percent sign is written %%25, as in error=1%%25", budget_names[b]);
+            return false;
+        }
         if (result == QUERY_ABSENT)
             continue;
         given++;
         choice->budget = (enum budget)b;
         memcpy(choice->text, text, sizeof text);
-        if (result == QUERY_BAD)
-            given = BUDGETS;
     }
     if (given == 1)
         return true;
@@ -147,7 +154,7 @@ static bool parse_format(struct exchange *exchange, struct choice *choice)
     enum query_result result;
     snprintf(choice->format, sizeof choice->format, "vtu");
     result = query_value(exchange->query, "format", choice->format, sizeof choice->format);
-    if (result != QUERY_BAD && mesh_format_known(choice->format))
+    if (result != QUERY_BAD && mesh_format_find(choice->format) && (!choice->box_count || mesh_format_writes(mesh_format_find(choice->format))))
         return true;
     respond_bad_format(exchange, result == QUERY_BAD ? "" : choice->format);
     return false;
@@ -173,11 +180,27 @@ static void redirect(struct exchange *exchange, const struct dataset *dataset, c
 {
     struct response *response = exchange->response;
     const struct tetlod_info *info = dataset_info(dataset);
+    char boxes[BOXES_CAPACITY];
+    if (choice->box_count && !print_boxes(choice->boxes, choice->box_count, boxes)) {
+        response_problem(response, 400, target_of(exchange), "these are too many boxes: write fewer, or fewer digits");
+        return;
+    }
     response_static(response, 303, "text/plain; charset=utf-8", "The mesh is at the address of the Location header.\n");
-    response_header(response, "Location", "%s/levels/%" PRIu32 "/mesh.%s%s%s", info->cid, level, choice->format,
-                    choice->cells.any ? "?cells=" : "", choice->cells.any ? choice->cells.text : ""); // from .../mesh
+    if (choice->box_count) // from .../mesh
+        response_header(response, "Location", "%s/levels/%" PRIu32 "/region.%s?box_level=%" PRIu32 "&box=%s", info->cid, level,
+                        choice->format, choice->box_level, boxes);
+    else
+        response_header(response, "Location", "%s/levels/%" PRIu32 "/mesh.%s%s%s", info->cid, level, choice->format,
+                        choice->cells.any ? "?cells=" : "", choice->cells.any ? choice->cells.text : "");
     level_headers(response, dataset, level);
     cache_revalidate(response);
+}
+
+static void respond_no_level(struct exchange *exchange, const struct dataset *dataset, const char *error)
+{
+    response_problem(exchange->response, 422, target_of(exchange),
+                     "no level has an error of at most %s: the stream is not lossless, its finest level has %s (fractions of the range)",
+                     error, dataset_level_errors(dataset, dataset_info(dataset)->level_count - 1));
 }
 
 /* The level that the query asks for; false: answered. */
@@ -190,19 +213,56 @@ static bool ask_level(struct exchange *exchange, const struct dataset *dataset, 
     *out = choose_level(info, choice);
     if (*out != TETLOD_NONE)
         return true;
-    response_problem(exchange->response, 422, target_of(exchange),
-                     "no level has an error of at most %s: the stream is not lossless, its finest level has %s (fractions of the range)",
-                     choice->text, dataset_level_errors(dataset, info->level_count - 1));
+    respond_no_level(exchange, dataset, choice->text);
+    return false;
+}
+
+/* Boxes, and the level in them, by the same field, measure and kind of error; false: answered. */
+static bool ask_boxes(struct exchange *exchange, const struct dataset *dataset, struct choice *choice, uint32_t level)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    struct choice fine = *choice;
+    fine.budget = choice->budget == BY_ABS_ERROR ? BY_ABS_ERROR : BY_ERROR;
+    snprintf(fine.text, sizeof fine.text, "0");
+    enum query_result result = query_value(exchange->query, "box_error", fine.text, sizeof fine.text);
+    if (!parse_boxes(exchange, choice->boxes, &choice->box_count))
+        return false;
+    if (result == QUERY_BAD || (result == QUERY_FOUND && !choice->box_count)) {
+        response_problem(exchange->response, 400, target_of(exchange), "box_error is one number, and goes with box");
+        return false;
+    }
+    if (!choice->box_count)
+        return true;
+    if (!parse_amount(exchange, info, &fine) || !parse_measure(exchange, info, &fine))
+        return false;
+    choice->box_level = choose_level(info, &fine);
+    if (choice->box_level == TETLOD_NONE) {
+        respond_no_level(exchange, dataset, fine.text);
+        return false;
+    }
+    if (choice->box_level <= level)
+        choice->box_count = 0;
+    return true;
+}
+
+/* Values of cells, which regions do not have; false: answered. */
+static bool ask_cells(struct exchange *exchange, const struct dataset *dataset, struct choice *choice)
+{
+    if (!query_cells(exchange, dataset_info(dataset), &choice->cells))
+        return false;
+    if (!choice->box_count || !choice->cells.any)
+        return true;
+    response_problem(exchange->response, 400, target_of(exchange), "cells cannot go with box: a region has no values of cells");
     return false;
 }
 
 static enum outcome answer_mesh(struct exchange *exchange, struct dataset *dataset)
 {
-    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "format", "cells", NULL};
+    static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "format", "cells", "box", "box_error", NULL};
     struct choice choice = {0};
     uint32_t level;
-    if (check_parameters(exchange, names) && ask_level(exchange, dataset, &choice, &level) && parse_format(exchange, &choice) &&
-        query_cells(exchange, dataset_info(dataset), &choice.cells))
+    if (check_parameters(exchange, names) && ask_level(exchange, dataset, &choice, &level) &&
+        ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice) && ask_cells(exchange, dataset, &choice))
         redirect(exchange, dataset, &choice, level);
     return ANSWERED;
 }

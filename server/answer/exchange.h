@@ -30,6 +30,7 @@ struct site {
     const char *base_path; /* "/x/": where the site begins for its clients; NULL: "/" */
     struct access_policy access;
     bool serve_metrics; /* at /metrics; else only on an address of its own */
+    atomic_uint_fast64_t forests; /* decoded so far */
     atomic_bool draining;
 };
 

@@ -5,7 +5,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "format/fail.h"
 #include "format/reader.h"
@@ -16,60 +15,74 @@
 
 enum { MOST_CACHED = 4 << 20 };
 
-struct stored_context {
-    struct dataset *dataset;
+/* Pieces of a stream, one after the other. */
+struct stored {
+    struct dataset *dataset; /* held */
     size_t count;
     uint64_t size; /* of all spans */
     struct tetlod_span spans[];
 };
 
-static void stored_context_free(void *opaque)
+static void free_stored(void *opaque)
 {
-    struct stored_context *context = opaque;
-    dataset_release(context->dataset);
-    free(context);
+    struct stored *stored = opaque;
+    dataset_release(stored->dataset);
+    free(stored);
 }
 
-static bool read_span(const struct dataset *dataset, const struct tetlod_span *span, unsigned char *out)
+static struct stored *new_stored(struct exchange *exchange, struct dataset *dataset, const struct tetlod_span *spans, size_t count)
 {
-    uint64_t done = 0;
-    while (done < span->size) {
-        ssize_t got = pread(dataset_fd(dataset), out + done, (size_t)(span->size - done), (off_t)(span->offset + done));
-        if (got <= 0)
+    struct stored *stored = malloc(sizeof *stored + count * sizeof *spans);
+    if (!stored) {
+        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+        return NULL;
+    }
+    *stored = (struct stored){dataset_hold(dataset), count, 0};
+    for (size_t i = 0; i < count; i++) {
+        stored->spans[i] = spans[i];
+        stored->size += spans[i].size;
+    }
+    return stored;
+}
+
+/* Reads bytes begin .. begin + size of all spans in a row. */
+static bool read_stored(void *opaque, uint64_t begin, size_t size, unsigned char *out)
+{
+    struct stored *stored = opaque;
+    for (size_t i = 0; size && i < stored->count; i++) {
+        const struct tetlod_span *span = &stored->spans[i];
+        if (begin >= span->size) {
+            begin -= span->size;
+            continue;
+        }
+        size_t some = span->size - begin < size ? (size_t)(span->size - begin) : size;
+        if (!dataset_read(stored->dataset, span->offset + begin, out, some))
             return false;
-        done += (uint64_t)got;
+        begin = 0;
+        out += some;
+        size -= some;
     }
     return true;
 }
 
-static enum tetlod_status read_stored(void *opaque, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_stored(void *opaque, struct cache_value *out, struct tetlod_error *error)
 {
-    struct stored_context *context = opaque;
+    struct stored *stored = opaque;
     double started = monotonic_seconds();
     struct buffer buffer = {0};
-    bool complete = true;
-    for (size_t i = 0; complete && i < context->count; i++) {
-        unsigned char *place = buffer_extend(&buffer, (size_t)context->spans[i].size);
-        if (!place) {
-            buffer_fini(&buffer);
-            return tetlodi_fail_nomem(error, "stored bytes", context->size);
-        }
-        complete = read_span(context->dataset, &context->spans[i], place);
-    }
-    if (!complete || !dataset_intact(context->dataset)) {
+    unsigned char *place = buffer_extend(&buffer, (size_t)stored->size);
+    if (!place)
+        return tetlodi_fail_nomem(error, "stored bytes", stored->size);
+    if (!read_stored(stored, 0, (size_t)stored->size, place)) {
         buffer_fini(&buffer);
         return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the stream's file was written over; ask v1/meshes/%s for its content id",
-                            dataset_id(context->dataset));
+                            dataset_id(stored->dataset));
     }
     return body_take(&buffer, started, started, out, error);
 }
 
-static void release_dataset(void *owner)
-{
-    dataset_release(owner);
-}
-
-static void respond_file(struct exchange *exchange, struct dataset *dataset, uint64_t offset, uint64_t size, const char *etag)
+/* Answers from the file, piece by piece. */
+static void respond_file(struct exchange *exchange, struct dataset *dataset, const struct tetlod_span *spans, size_t count, const char *etag)
 {
     struct response *response = exchange->response;
     if (!dataset_intact(dataset)) {
@@ -77,66 +90,49 @@ static void respond_file(struct exchange *exchange, struct dataset *dataset, uin
                          "the stream's file was written over; ask v1/meshes/%s for its content id", dataset_id(dataset));
         return;
     }
-    response->release = release_dataset;
-    response->owner = dataset_hold(dataset);
-    response->status = 200;
-    response->media_type = "application/vnd.tetlod";
-    response->kind = BODY_FILE;
-    response->fd = dataset_fd(dataset);
-    response->offset = offset;
-    response->size = size;
-    response->ranges = true;
+    struct stored *stored = new_stored(exchange, dataset, spans, count);
+    if (!stored)
+        return;
+    response_pieces(response, "application/vnd.tetlod", stored->size, read_stored, free_stored, stored);
     snprintf(response->etag, sizeof response->etag, "\"%s\"", etag);
 }
 
-static enum outcome read_spans(struct exchange *exchange, struct dataset *dataset, const struct tetlod_span *spans, size_t count,
-                               uint64_t size, const char *key, const struct cache_value **out)
-{
-    struct stored_context *context = malloc(sizeof *context + count * sizeof *spans);
-    if (!context) {
-        *out = NULL;
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-        return ANSWERED;
-    }
-    *context = (struct stored_context){dataset_hold(dataset), count, size};
-    for (size_t i = 0; i < count; i++)
-        context->spans[i] = spans[i];
-    const struct recipe recipe = {read_stored, stored_context_free, context, size + size / 2 /* as it grows */,
-                                  count > 1 ? PATIENCE : 0, NULL};
-    return obtain(exchange, cache_for(exchange->site, recipe.bytes), key, &recipe, out);
-}
-
-/* Answers with several pieces of a stream, one after the other. */
-static enum outcome respond_spans(struct exchange *exchange, struct dataset *dataset, const struct tetlod_span *spans, size_t count,
-                           const char *etag)
+/* Answers from the cache; while a value is made the response is empty. */
+static enum outcome respond_cached(struct exchange *exchange, struct dataset *dataset, const struct tetlod_span *spans, size_t count,
+                                   uint64_t size, const char *etag)
 {
     const struct representation representation = {.media_type = "application/vnd.tetlod", .etag = etag, .alone = true};
+    struct cache *cache = exchange->site->cache;
     enum outcome outcome = ANSWERED;
-    uint64_t size = 0;
-    for (size_t i = 0; i < count; i++)
-        size += spans[i].size;
-    const struct cache_value *value = obtain_cached(exchange, cache_for(exchange->site, size + size / 2), etag);
-    if (!value && !respond_unchanged(exchange, &representation, size))
-        outcome = read_spans(exchange, dataset, spans, count, size, etag, &value);
+    const struct cache_value *value = obtain_cached(exchange, cache, etag);
+    if (!value && respond_unchanged(exchange, &representation, size))
+        return ANSWERED;
+    struct stored *stored = value ? NULL : new_stored(exchange, dataset, spans, count);
+    if (stored) {
+        const struct recipe recipe = {make_stored, free_stored, stored, size + 4096, 0, NULL};
+        outcome = obtain(exchange, cache, etag, &recipe, &value);
+    }
     if (value)
         respond_body(exchange, value, &representation);
     return outcome;
 }
 
 /* Answers with stored bytes of a stream: from the cache where they are not many, straight from the file otherwise. */
-static enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, uint64_t offset, uint64_t size,
-                            const char *etag)
+static enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, const struct tetlod_span *spans, size_t count,
+                                   const char *etag)
 {
-    const struct tetlod_span span = {offset, size};
     struct response *response = exchange->response;
+    uint64_t size = 0;
+    for (size_t i = 0; i < count; i++)
+        size += spans[i].size;
     if (size <= MOST_CACHED && !request_header(exchange->request, "Range")) {
-        enum outcome outcome = respond_spans(exchange, dataset, &span, 1, etag);
+        enum outcome outcome = respond_cached(exchange, dataset, spans, count, size, etag);
         if (outcome == WAITING || response->status == 200)
             return outcome;
         response_release(response); // no room in the cache; where something else is wrong, it is with the file as well
         response->header_count = 0;
     }
-    respond_file(exchange, dataset, offset, size, etag);
+    respond_file(exchange, dataset, spans, count, etag);
     return ANSWERED;
 }
 
@@ -147,7 +143,7 @@ enum outcome respond_level_prefix(struct exchange *exchange, struct dataset *dat
     const struct tetlod_info *info = dataset_info(dataset);
     char etag[80];
     snprintf(etag, sizeof etag, "%s-%" PRIu32 "-tetlod", info->cid, level);
-    return respond_stored(exchange, dataset, 0, info->levels[level].end, etag);
+    return respond_stored(exchange, dataset, &(struct tetlod_span){0, info->levels[level].end}, 1, etag);
 }
 
 /* Which fields a list of names selects, as text of 0 and 1 for the entity tag. */
@@ -190,7 +186,7 @@ static enum outcome answer_frames(struct exchange *exchange, struct dataset *dat
     tetlod_spans(file, from, last, fields, count, spans, most);
     char etag[80 + MOST_FIELDS];
     snprintf(etag, sizeof etag, "%s-%s%" PRIu32 "-%" PRIu32 "-%s", info->cid, index_too ? "i" : "", first, last, selected);
-    enum outcome outcome = respond_spans(exchange, dataset, spans, most, etag);
+    enum outcome outcome = respond_stored(exchange, dataset, spans, most, etag);
     free(spans);
     return outcome;
 }
@@ -231,7 +227,7 @@ static enum outcome answer_records(struct exchange *exchange, struct dataset *da
         return ANSWERED;
     uint64_t offset = info->levels[from + 1].offset;
     snprintf(etag, sizeof etag, "%s-%" PRIu32 "-%" PRIu32, info->cid, from, to);
-    return answer_immutable(exchange, respond_stored(exchange, dataset, offset, info->levels[to].end - offset, etag));
+    return answer_immutable(exchange, respond_stored(exchange, dataset, &(struct tetlod_span){offset, info->levels[to].end - offset}, 1, etag));
 }
 
 enum outcome handle_records(struct exchange *exchange)
@@ -264,7 +260,9 @@ enum outcome handle_stream(struct exchange *exchange)
         return ANSWERED;
     const struct tetlod_info *info = dataset_info(dataset);
     if (check_parameters(exchange, none))
-        outcome = answer_immutable(exchange, respond_stored(exchange, dataset, 0, info->bytes, info->cid));
+        outcome = answer_immutable(exchange, respond_stored(exchange, dataset, &(struct tetlod_span){0, info->bytes}, 1, info->cid));
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        name_download(exchange->response, dataset, ".tetlod");
     dataset_release(dataset);
     return outcome;
 }

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Stored bytes of a stream: the whole file, prefixes, records, chosen fields' frames. libmicrohttpd sends what is in memory with
- * the header in one call, and files in pieces of 128 KiB after the header: up to a few megabytes memory is faster
+ * the header in one call, and what is read in pieces after it: up to a few megabytes memory is faster
  * (tests/bench/server.py), so that records and prefixes go through the cache; what is larger, ranges, and what finds no room
- * there go from the file.
+ * there go from the file. After each piece the file's times are looked at: who reads a file that is being written over gets an
+ * answer that ends too early, never a mixture.
  */
 #ifndef TETLOD_SERVER_FRAMES_H
 #define TETLOD_SERVER_FRAMES_H

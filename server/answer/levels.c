@@ -10,22 +10,24 @@
 #include "server/answer/frames.h"
 #include "server/answer/made.h"
 #include "server/answer/respond.h"
+#include "server/answer/streamed.h"
 #include "src/io/io.h"
 
 /* A file format of an answer. `write` is NULL for the stream's own prefix. */
 struct mesh_format {
     const char *name, *media_type;
     enum tetlod_status (*write)(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error);
+    enum tetlod_status (*lay_out)(struct io_layout **out, const struct tetmesh *shape, struct tetlod_error *error);
 };
 
 static const struct mesh_format mesh_formats[] = {
-    {"vtu", "application/vnd.vtk.vtu", io_write_vtu_plain},
-    {"vtk", "application/vnd.vtk", io_write_vtk},
-    {"tetlod", "application/vnd.tetlod", NULL},
-    {NULL, NULL, NULL},
+    {"vtu", "application/vnd.vtk.vtu", io_write_vtu_plain, io_layout_vtu},
+    {"vtk", "application/vnd.vtk", io_write_vtk, io_layout_vtk},
+    {"tetlod", "application/vnd.tetlod", NULL, NULL},
+    {NULL, NULL, NULL, NULL},
 };
 
-static const struct mesh_format *mesh_format_find(const char *name)
+const struct mesh_format *mesh_format_find(const char *name)
 {
     for (const struct mesh_format *format = mesh_formats; format->name; format++)
         if (strcmp(format->name, name) == 0)
@@ -33,9 +35,26 @@ static const struct mesh_format *mesh_format_find(const char *name)
     return NULL;
 }
 
-bool mesh_format_known(const char *name)
+bool mesh_format_writes(const struct mesh_format *format)
 {
-    return mesh_format_find(name) != NULL;
+    return format->write != NULL;
+}
+
+const char *mesh_format_name(const struct mesh_format *format)
+{
+    return format->name;
+}
+
+const char *mesh_format_type(const struct mesh_format *format)
+{
+    return format->media_type;
+}
+
+enum tetlod_status mesh_format_write(const struct mesh_format *format, const struct tetmesh *mesh, struct buffer *out,
+                                     struct tetlod_error *error)
+{
+    struct tetlodi_sink sink = buffer_sink(out);
+    return format->write(mesh, &sink, error);
 }
 
 void respond_bad_format(struct exchange *exchange, const char *name)
@@ -57,19 +76,18 @@ struct mesh_choice {
 static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
 {
     const struct mesh_choice *choice = opaque;
-    struct tetlodi_sink sink = buffer_sink(out);
     struct tetmesh with = *mesh; // all but the values of cells is borrowed
     enum tetlod_status status = cell_choice_add(&choice->cells, choice->file, &with, error);
     if (status == TETLOD_OK)
-        status = choice->format->write(&with, &sink, error);
+        status = mesh_format_write(choice->format, &with, out, error);
     for (uint32_t f = 0; f < with.cell_field_count; f++)
         point_field_fini(&with.cell_fields[f]);
     free(with.cell_fields);
     return status;
 }
 
-/* At most: both formats are binary. */
-static uint64_t mesh_file_bytes(const struct tetlod_info *info, uint32_t level)
+/* Both formats are binary. */
+uint64_t mesh_format_bytes(const struct tetlod_info *info, uint32_t level)
 {
     uint64_t components = 3;
     for (uint32_t f = 0; f < info->field_count; f++)
@@ -84,9 +102,12 @@ static enum outcome answer_made(struct exchange *exchange, struct dataset *datas
     cell_choice_name(&choice->cells, cells);
     snprintf(name, sizeof name, "%s%s%s", choice->format->name, choice->cells.any ? "-" : "", choice->cells.any ? cells : "");
     uint64_t values = cell_choice_values(&choice->cells, info, (uint64_t)info->levels[level].tets + info->tets);
-    const struct level_answer answer = {level, name, choice->format->media_type, mesh_file_bytes(info, level) + 8 * values,
-                                        write_mesh, choice, sizeof *choice};
-    return answer_from_level(exchange, dataset, &answer);
+    const struct level_answer answer = {.level = level, .name = name, .media_type = choice->format->media_type,
+                                        .file_bytes = mesh_format_bytes(info, level) + 8 * values, .write = write_mesh, .choice = choice,
+                                        .choice_size = sizeof *choice};
+    if (choice->cells.any || fits_cache(exchange->site, info, &answer)) // values of cells are decoded all at once
+        return answer_from_level(exchange, dataset, &answer);
+    return answer_streamed(exchange, dataset, &(struct streamed_answer){level, choice->format->name, choice->format->media_type, choice->format->lay_out});
 }
 
 static enum outcome answer_file(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_format *format)
@@ -121,6 +142,8 @@ enum outcome handle_level_mesh(struct exchange *exchange)
         respond_bad_format(exchange, exchange->captures[3]);
     else if (check_parameters(exchange, names) && parse_level(exchange, info, exchange->captures[2], &level))
         outcome = answer_file(exchange, dataset, level, format);
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        name_download(exchange->response, dataset, "-%s.%s", exchange->captures[2], format->name);
     dataset_release(dataset);
     return outcome;
 }

@@ -2,13 +2,15 @@
 #include "server/answer/made.h"
 
 #include <inttypes.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "format/fail.h"
 #include "server/answer/obtain.h"
 #include "server/answer/respond.h"
-#include "server/store/forest.h"
+#include "src/forest/forest.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 
@@ -17,10 +19,9 @@ struct making {
     struct site *site;
     struct dataset *dataset; /* held */
     struct cache_entry *forest; /* held */
-    enum tetlod_status (*write)(const void *choice, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error);
-    uint32_t level;
+    struct level_answer answer; /* but for what it borrows */
     enum coding coding;
-    unsigned char choice[]; /* a copy */
+    _Alignas(max_align_t) unsigned char choice[]; /* a copy */
 };
 
 static void making_free(void *opaque)
@@ -31,22 +32,35 @@ static void making_free(void *opaque)
     free(making);
 }
 
+/* Makes the mesh and writes it; says when the mesh was there. */
+static enum tetlod_status write_answer(const struct making *making, struct buffer *out, struct region_note *note, double *extracted,
+                                       struct tetlod_error *error)
+{
+    const struct level_answer *answer = &making->answer;
+    const struct forest *forest = forest_of(making->forest);
+    struct tetmesh mesh;
+    TETLOD_TRY(answer->mesh ? answer->mesh(making->choice, forest, &mesh, error) : forest_mesh(forest, answer->level, &mesh, error));
+    *extracted = monotonic_seconds();
+    enum tetlod_status status = answer->measure ? answer->measure(making->choice, forest, &mesh, note, error) : TETLOD_OK;
+    if (status == TETLOD_OK)
+        status = answer->write(making->choice, &mesh, out, error);
+    tetmesh_fini(&mesh);
+    return status;
+}
+
 static enum tetlod_status make(void *opaque, struct cache_value *out, struct tetlod_error *error)
 {
     struct making *making = opaque;
-    struct tetmesh mesh;
+    struct region_note note = {0};
     struct buffer buffer = {0};
-    double started = monotonic_seconds();
-    enum tetlod_status status = forest_mesh(forest_of(making->forest), making->level, &mesh, error);
-    if (status != TETLOD_OK)
-        return status;
-    double extracted = monotonic_seconds();
-    status = making->write(making->choice, &mesh, &buffer, error);
-    tetmesh_fini(&mesh);
+    double started = monotonic_seconds(), extracted = started;
+    enum tetlod_status status = write_answer(making, &buffer, &note, &extracted, error);
     if (status == TETLOD_OK)
         status = buffer_encode(&buffer, making->coding, error);
     if (status == TETLOD_OK)
         status = body_take(&buffer, started, extracted, out, error);
+    if (status == TETLOD_OK)
+        ((struct body *)out->data)->note = note;
     buffer_fini(&buffer);
     metrics_count(making->site->metrics, METRIC_LEVELS_MADE);
     return status;
@@ -60,7 +74,12 @@ static uint64_t making_bytes(const struct tetlod_info *info, const struct level_
     for (uint32_t f = 0; f < info->field_count; f++)
         components += info->fields[f].components;
     return info->levels[answer->level].vertices * components * 8 + info->levels[answer->level].tets * (uint64_t)16 +
-           info->vertices * (uint64_t)4 + answer->file_bytes * 5 / 2 + 65536;
+           info->vertices * (uint64_t)4 + answer->file_bytes * 5 / 2 + answer->mesh_bytes + 65536;
+}
+
+bool fits_cache(const struct site *site, const struct tetlod_info *info, const struct level_answer *answer)
+{
+    return cache_for(site, making_bytes(info, answer)) == site->cache;
 }
 
 /* The value is NULL if it is not there yet, or the response says why it will not be. */
@@ -69,7 +88,7 @@ static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dat
 {
     struct cache_entry *forest;
     *out = NULL;
-    enum outcome outcome = obtain_forest(exchange, dataset, answer->level, &forest);
+    enum outcome outcome = obtain_forest(exchange, dataset, answer->mesh ? dataset_info(dataset)->level_count - 1 : answer->level, &forest);
     if (!forest)
         return outcome;
     struct making *making = malloc(sizeof *making + answer->choice_size);
@@ -78,7 +97,7 @@ static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dat
         response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
         return ANSWERED;
     }
-    *making = (struct making){exchange->site, dataset_hold(dataset), forest, answer->write, answer->level, coding};
+    *making = (struct making){exchange->site, dataset_hold(dataset), forest, *answer, coding};
     memcpy(making->choice, answer->choice, answer->choice_size);
     const struct recipe recipe = {make, making_free, making, making_bytes(dataset_info(dataset), answer), PATIENCE, NULL};
     return obtain(exchange, cache, key, &recipe, out);
@@ -88,7 +107,7 @@ enum outcome answer_from_level(struct exchange *exchange, struct dataset *datase
 {
     struct response *response = exchange->response;
     enum outcome outcome = ANSWERED;
-    char name[300], key[310];
+    char name[ETAG_CAPACITY - 8], key[ETAG_CAPACITY];
     struct representation representation = {
         .media_type = answer->media_type,
         .coding = coding_choose(request_header(exchange->request, "Accept-Encoding")),
@@ -106,7 +125,9 @@ enum outcome answer_from_level(struct exchange *exchange, struct dataset *datase
         respond_body(exchange, value, &representation);
         cache_forever(exchange);
     }
-    if (outcome == ANSWERED && response->status == 200)
+    if (outcome == ANSWERED && response->status == 200 && answer->headers)
+        answer->headers(response, dataset, answer->choice, value ? &((const struct body *)value->data)->note : NULL);
+    else if (outcome == ANSWERED && response->status == 200)
         level_headers(response, dataset, answer->level);
     return outcome;
 }

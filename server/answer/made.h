@@ -5,6 +5,8 @@
 
 #include "server/answer/buffer.h"
 #include "server/answer/exchange.h"
+#include "server/answer/respond.h"
+#include "src/forest/forest.h"
 #include "src/mesh/tetmesh.h"
 
 struct level_answer {
@@ -15,7 +17,16 @@ struct level_answer {
     enum tetlod_status (*write)(const void *choice, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error);
     const void *choice; /* copied */
     size_t choice_size;
+    /* Of a region; NULL: the mesh is the level's. It needs the stream up to its finest level, and so many bytes more. */
+    enum tetlod_status (*mesh)(const void *choice, const struct forest *forest, struct tetmesh *out, struct tetlod_error *error);
+    enum tetlod_status (*measure)(const void *choice, const struct forest *forest, const struct tetmesh *mesh, struct region_note *out,
+                                  struct tetlod_error *error);
+    void (*headers)(struct response *response, struct dataset *dataset, const void *choice, const struct region_note *note); /* note: may be NULL */
+    uint64_t mesh_bytes;
 };
+
+/* Whether what making takes has room in the cache; else the answer should be written while it is sent, if it can be. */
+bool fits_cache(const struct site *site, const struct tetlod_info *info, const struct level_answer *answer);
 
 enum outcome answer_from_level(struct exchange *exchange, struct dataset *dataset, const struct level_answer *answer);
 

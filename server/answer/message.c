@@ -68,6 +68,21 @@ void response_static(struct response *response, unsigned status, const char *med
     response->size = strlen(text);
 }
 
+void response_pieces(struct response *response, const char *media_type, uint64_t size,
+                     bool (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out), void (*release)(void *owner), void *owner)
+{
+    response_release(response);
+    response->status = 200;
+    response->media_type = media_type;
+    response->kind = BODY_PIECES;
+    response->read = read;
+    response->offset = 0;
+    response->size = size;
+    response->release = release;
+    response->owner = owner;
+    response->ranges = true;
+}
+
 void response_owned(struct response *response, unsigned status, const char *media_type, void *bytes, size_t size)
 {
     response_release(response);

@@ -30,12 +30,12 @@ struct request {
     } pins[REQUEST_PINS];
 };
 
-/* BODY_ABSENT: it is not there, for the answer will be a 304. */
-enum body_kind { BODY_NONE, BODY_BYTES, BODY_FILE, BODY_ABSENT };
+/* BODY_PIECES: made while it is sent. BODY_ABSENT: it is not there, for the answer will be a 304. */
+enum body_kind { BODY_NONE, BODY_BYTES, BODY_PIECES, BODY_ABSENT };
 
 #define SIZE_UNKNOWN UINT64_MAX
 
-enum { RESPONSE_HEADERS = 20, HEADER_VALUE = 480, ETAG_CAPACITY = 352 };
+enum { RESPONSE_HEADERS = 20, HEADER_VALUE = 1024, ETAG_CAPACITY = 1000 };
 
 struct response {
     unsigned status;
@@ -43,8 +43,10 @@ struct response {
     const char *media_type; /* static */
     enum body_kind kind;
     const void *bytes; /* BODY_BYTES */
-    int fd;            /* BODY_FILE, borrowed */
-    uint64_t offset;   /* BODY_FILE */
+    /* BODY_PIECES: writes bytes begin .. begin + size of the whole body, by one thread at a time. False: they are not to be had, and
+     * the connection ends before its time, by which the client knows. */
+    bool (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out);
+    uint64_t offset; /* BODY_PIECES: where what is sent begins */
     uint64_t size;     /* of the body that is sent; SIZE_UNKNOWN at most where it is absent */
     void (*release)(void *owner); /* lets go of what the body borrows from; NULL: it is there for good or pinned */
     void *owner;
@@ -72,6 +74,10 @@ void response_release(struct response *response);
 
 /* A body that never changes nor goes. */
 void response_static(struct response *response, unsigned status, const char *media_type, const char *text);
+
+/* A body made while it is sent; takes over `owner`. */
+void response_pieces(struct response *response, const char *media_type, uint64_t size,
+                     bool (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out), void (*release)(void *owner), void *owner);
 
 /* Takes over malloc'ed bytes. */
 void response_owned(struct response *response, unsigned status, const char *media_type, void *bytes, size_t size);

@@ -9,7 +9,7 @@
 
 #include "format/fail.h"
 #include "server/answer/respond.h"
-#include "server/store/forest.h"
+#include "src/forest/forest.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 
@@ -188,6 +188,7 @@ struct decode {
 struct decoded {
     struct forest *forest;
     struct dataset *dataset; /* held */
+    uint64_t serial;
 };
 
 static void free_decode(void *opaque)
@@ -213,6 +214,7 @@ static enum tetlod_status make_forest(void *opaque, struct cache_value *out, str
     if (!decoded)
         return tetlodi_fail_nomem(error, "a stream in memory", sizeof *decoded);
     decoded->dataset = dataset_hold(decode->dataset);
+    decoded->serial = atomic_fetch_add(&decode->site->forests, 1);
     enum tetlod_status status = forest_new(&decoded->forest, dataset_file(decode->dataset), decode->level, error);
     while (status == TETLOD_OK && forest_levels(decoded->forest) <= decode->level)
         status = pool && pool_stopping(pool) ? tetlodi_fail(error, TETLOD_ERR_LIMIT, "the server is stopping") : forest_grow(decoded->forest, error);
@@ -243,8 +245,7 @@ static const struct cache_value *find_forest(struct exchange *exchange, const st
     return value;
 }
 
-/* The entry of a value that the request has pinned; the pin becomes the caller's reference. */
-static struct cache_entry *take_pin(struct request *request, const struct cache_value *value)
+struct cache_entry *obtain_take(struct request *request, const struct cache_value *value)
 {
     for (size_t i = 0; i < REQUEST_PINS; i++) {
         struct cache_entry *entry = request->pins[i].entry;
@@ -255,6 +256,12 @@ static struct cache_entry *take_pin(struct request *request, const struct cache_
         }
     }
     return NULL;
+}
+
+uint64_t forest_serial(const struct cache_entry *entry)
+{
+    struct tetlod_error ignored;
+    return ((const struct decoded *)cache_value(entry, &ignored)->data)->serial;
 }
 
 const struct forest *forest_of(const struct cache_entry *entry)
@@ -282,6 +289,6 @@ enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, u
         outcome = obtain(exchange, exchange->site->memory, key, &recipe, &value);
     }
     if (value)
-        *out = take_pin(exchange->request, value);
+        *out = obtain_take(exchange->request, value);
     return outcome;
 }

@@ -32,4 +32,10 @@ enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, u
 
 const struct forest *forest_of(const struct cache_entry *entry);
 
+/* Tells this forest from all others that the site has decoded. */
+uint64_t forest_serial(const struct cache_entry *entry);
+
+/* The entry of a value that the request has pinned; the pin becomes the caller's reference. */
+struct cache_entry *obtain_take(struct request *request, const struct cache_value *value);
+
 #endif

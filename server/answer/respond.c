@@ -2,6 +2,7 @@
 #include "server/answer/respond.h"
 
 #include <inttypes.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -56,7 +57,7 @@ enum tetlod_status body_take(struct buffer *buffer, double started, double extra
         buffer->bytes = exact; // what it grew beyond its size is not counted
     if (!body)
         return tetlodi_fail_nomem(error, "an answer", sizeof *body);
-    *body = (struct body){buffer->size, (extracted - started) * 1e3, (monotonic_seconds() - started) * 1e3, buffer->bytes};
+    *body = (struct body){buffer->size, (extracted - started) * 1e3, (monotonic_seconds() - started) * 1e3, buffer->bytes, {0}};
     *out = (struct cache_value){body, sizeof *body + buffer->size, body_free};
     *buffer = (struct buffer){0};
     return TETLOD_OK;
@@ -70,7 +71,7 @@ static void print_etag(const struct representation *representation, char out[sta
     snprintf(out, ETAG_CAPACITY, "\"%s%s%s\"", representation->etag, coding ? "-" : "", coding_name(coding));
 }
 
-static void respond_representation(struct response *response, const struct representation *representation)
+void respond_representation(struct response *response, const struct representation *representation)
 {
     enum coding coding = representation->coding;
     response->status = 200;
@@ -178,6 +179,22 @@ void level_headers(struct response *response, const struct dataset *dataset, uin
     struct uncontrolled others = uncontrolled_at(info, level);
     if (others.count)
         response_header(response, "Tetlod-Uncontrolled", "fields=%" PRIu32 ", sampled=%.9g", others.count, others.sampled);
+}
+
+void name_download(struct response *response, const struct dataset *dataset, const char *format, ...)
+{
+    char rest[64], plain[ID_CAPACITY + 64], encoded[3 * (ID_CAPACITY + 64)];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(rest, sizeof rest, format, arguments);
+    va_end(arguments);
+    snprintf(plain, sizeof plain, "%s%s", dataset_id(dataset), rest);
+    bool encodes = percent_encode(plain, encoded, sizeof encoded);
+    for (char *c = plain; *c; c++) // for clients that know nothing but ASCII
+        if (*c < 0x20 || *c > 0x7e || strchr("\"\\/%", *c))
+            *c = '_';
+    if (encodes)
+        response_header(response, "Content-Disposition", "attachment; filename=\"%s\"; filename*=UTF-8''%s", plain, encoded);
 }
 
 struct dataset *captured_dataset(struct exchange *exchange)

@@ -8,11 +8,18 @@
 #include "server/answer/buffer.h"
 #include "server/answer/exchange.h"
 
+/* What a region's headers say of it. */
+struct region_note {
+    uint32_t vertices, tets, belt_tets;
+    double belt_error; /* the largest of the controlled fields, a fraction of the range */
+};
+
 /* The value of a cached answer. */
 struct body {
     size_t size;
     double extract, make; /* milliseconds that it took: the level alone, and all */
     unsigned char *bytes;
+    struct region_note note; /* of a region */
 };
 
 /* Turns a buffer, which it empties, into a cache value that was made from `started` until now, its level until `extracted`. */
@@ -26,6 +33,9 @@ struct representation {
     const char *etag; /* without quotes and without coding */
     bool alone;       /* it is not sent in other codings */
 };
+
+/* Status, type, coding and entity tag. */
+void respond_representation(struct response *response, const struct representation *representation);
 
 /* Answers with a cached value that is pinned, and says where it came from. */
 void respond_body(struct exchange *exchange, const struct cache_value *value, const struct representation *representation);
@@ -53,6 +63,9 @@ bool check_parameters(struct exchange *exchange, const char *const *names);
 
 json_t *json_texts(const char *const *list, size_t count);
 json_t *field_names(const struct tetlod_info *info);
+
+/* The name under which a browser saves what is answered: the stream's id and what follows. */
+void name_download(struct response *response, const struct dataset *dataset, const char *format, ...) __attribute__((format(printf, 3, 4)));
 
 /* Tetlod-Level, -Vertices, -Tets, -Error. */
 void level_headers(struct response *response, const struct dataset *dataset, uint32_t level);

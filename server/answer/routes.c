@@ -1,14 +1,17 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "server/answer/routes.h"
 
+#include <jansson.h>
 #include <stdio.h>
 #include <string.h>
 #include <strings.h>
 
 #include "server/answer/access.h"
+#include "server/answer/buffer.h"
 #include "server/answer/choose.h"
 #include "server/answer/frames.h"
 #include "server/answer/levels.h"
+#include "server/answer/regions.h"
 #include "server/answer/site.h"
 #include "server/answer/surfaces.h"
 
@@ -24,6 +27,7 @@ const struct route site_routes[] = {
     {"/v1/meshes/{id}/{cid}/stream", handle_stream},
     {"/v1/meshes/{id}/{cid}/records/{from}-{to}", handle_records},
     {"/v1/meshes/{id}/{cid}/levels/{level}/mesh.{format}", handle_level_mesh},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/region.{format}", handle_region},
     {"/v1/meshes/{id}/{cid}/levels/{level}/surface.{format}", handle_surface},
     {"/v1/meshes/{id}/{cid}/levels/{level}/isosurface.{format}", handle_isosurface},
     {"/v1/meshes/{id}/{cid}/levels/{level}/slice.{format}", handle_slice},
@@ -120,6 +124,39 @@ static void answer_options(struct response *response)
     response_header_text(response, "Allow", allow);
 }
 
+static bool put_escaped(struct buffer *out, const char *text)
+{
+    for (; *text; text++) {
+        const char *escape = *text == '&' ? "&amp;" : *text == '<' ? "&lt;" : *text == '>' ? "&gt;" : NULL;
+        if (buffer_append(out, escape ? escape : text, escape ? strlen(escape) : 1) != TETLOD_OK)
+            return false;
+    }
+    return true;
+}
+
+/* A problem as a page, for who comes with a browser's address line. The link leads to the root, relative to the path. */
+static void show_problem(struct exchange *exchange)
+{
+    struct response *response = exchange->response;
+    struct buffer page = {0};
+    json_t *problem = response->kind == BODY_BYTES ? json_loadb(response->bytes, (size_t)response->size, 0, NULL) : NULL;
+    const char *detail = json_string_value(json_object_get(problem, "detail"));
+    bool made = detail && buffer_printf(&page, "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n"
+                                               "<title>Not found</title>\n<style>body { font: 16px system-ui, sans-serif; margin: 10vh auto; max-width: 40em; padding: 0 1em }</style>\n"
+                                               "<h1>Not found</h1>\n<p>") == TETLOD_OK &&
+                put_escaped(&page, detail) && buffer_printf(&page, ".</p>\n<p><a href=\"./") == TETLOD_OK;
+    for (const char *c = exchange->path + 1; made && *c && *c != '?'; c++)
+        made = *c != '/' || buffer_append(&page, "../", 3) == TETLOD_OK;
+    made = made && buffer_printf(&page, "\">What is served here</a></p>\n</html>\n") == TETLOD_OK;
+    json_decref(problem);
+    if (!made) {
+        buffer_fini(&page);
+        return;
+    }
+    response_owned(response, 404, "text/html; charset=utf-8", page.bytes, page.size);
+    response_header_text(response, "Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'");
+}
+
 /* If-None-Match and Range (RFC 9110, 13.2.2) on an answer of 200. */
 static void apply_conditions(const struct request *request, struct response *response)
 {
@@ -148,7 +185,7 @@ static void apply_conditions(const struct request *request, struct response *res
         response_header(response, "Content-Range", "bytes %llu-%llu/%llu", (unsigned long long)first,
                         (unsigned long long)(first + length - 1), (unsigned long long)size);
         response->size = length;
-        if (response->kind == BODY_FILE)
+        if (response->kind == BODY_PIECES)
             response->offset += first;
         else
             response->bytes = (const unsigned char *)response->bytes + first;
@@ -182,6 +219,9 @@ enum outcome site_answer(struct site *site, struct request *request, struct resp
     }
     if (response->status == 200 && (request->method == METHOD_GET || request->method == METHOD_HEAD))
         apply_conditions(request, response);
+    const char *accept = request_header(request, "Accept");
+    if (response->status == 404 && exchange.path && accept && strstr(accept, "text/html"))
+        show_problem(&exchange);
     access_headers(site, request, response);
     return ANSWERED;
 }

@@ -74,9 +74,9 @@ enum outcome handle_ready(struct exchange *exchange)
         response_problem(exchange->response, 503, exchange->request->target, "the server is about to stop");
         return ANSWERED;
     }
-    char *text = malloc(120);
-    int size = text ? snprintf(text, 120, "{\"status\": \"ready\", \"meshes\": %zu, \"unreadable\": %zu}\n", catalogue_count(site->catalogue),
-                               catalogue_troubles(site->catalogue))
+    char *text = malloc(160);
+    int size = text ? snprintf(text, 160, "{\"status\": \"ready\", \"meshes\": %zu, \"unreadable\": %zu, \"open_files\": %zu}\n", catalogue_count(site->catalogue),
+                               catalogue_troubles(site->catalogue), catalogue_open_files(site->catalogue))
                     : 0;
     if (!text) {
         response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");

@@ -166,8 +166,9 @@ static enum outcome answer_surface(struct exchange *exchange, struct dataset *da
 {
     char name[200];
     print_name(choice, name, sizeof name);
-    const struct level_answer answer = {choice->level, name, choice->format->media_type,
-                                        surface_file_bytes(dataset_info(dataset), choice->level), write_surface, choice, sizeof *choice};
+    const struct level_answer answer = {.level = choice->level, .name = name, .media_type = choice->format->media_type,
+                                        .file_bytes = surface_file_bytes(dataset_info(dataset), choice->level), .write = write_surface,
+                                        .choice = choice, .choice_size = sizeof *choice};
     return answer_from_level(exchange, dataset, &answer);
 }
 
@@ -182,6 +183,9 @@ static enum outcome handle_shape(struct exchange *exchange, enum shape shape)
     if (parse_level(exchange, info, exchange->captures[2], &choice.level) &&
         take_format(exchange, exchange->captures[3], &choice) && take_shape(exchange, info, &choice))
         outcome = answer_surface(exchange, dataset, &choice);
+    static const char *const names[] = {[BOUNDARY] = "surface", [ISOSURFACE] = "isosurface", [SLICE] = "slice"};
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        name_download(exchange->response, dataset, "-%s-%s.%s", exchange->captures[2], names[shape], exchange->captures[3]);
     dataset_release(dataset);
     return outcome;
 }

@@ -15,7 +15,6 @@
 #include "server/net/http.h"
 
 #include <arpa/inet.h>
-#include <fcntl.h>
 #include <microhttpd.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -42,7 +41,8 @@ enum {
     ANSWER_BYTES = 4096,  // of a connection's memory, for headers of answers
     LINE = 65536, // no header is that long
     MOST_DRAINED = 65536, // bytes of a refused body that are read so that the client sees the refusal
-    MOST_COPIED = 16384,  // bytes of a file that are sooner copied than sent by sendfile
+    MOST_COPIED = 16384,  // bytes of a body that are sooner made at once than in pieces
+    PIECE = 16384,        // bytes of a body that are made at a time; every connection with such a body has room for one
 };
 
 /* Where a request is between its thread and whoever wakes it. */
@@ -217,23 +217,51 @@ static void release_borrowed(void *opaque)
     free(borrowed);
 }
 
-/* Few bytes are read and leave with the header in one call; more go from the file by sendfile. */
-static struct MHD_Response *make_file_body(const struct response *response)
+/* A body that is made while it is sent. */
+struct pieces {
+    bool (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out);
+    void (*release)(void *owner);
+    void *owner;
+    uint64_t offset, size;
+};
+
+static void release_pieces(void *opaque)
+{
+    struct pieces *pieces = opaque;
+    if (pieces->release)
+        pieces->release(pieces->owner);
+    free(pieces);
+}
+
+static ssize_t read_pieces(void *opaque, uint64_t position, char *out, size_t most)
+{
+    struct pieces *pieces = opaque;
+    uint64_t left = pieces->size - position;
+    size_t some = left < most ? (size_t)left : most;
+    return pieces->read(pieces->owner, pieces->offset + position, some, (unsigned char *)out) ? (ssize_t)some : MHD_CONTENT_READER_END_WITH_ERROR;
+}
+
+/* Few bytes leave with the header in one call; more are made when there is room to send them. */
+static struct MHD_Response *make_pieces_body(struct response *response)
 {
     struct MHD_Response *made = NULL;
     if (response->size <= MOST_COPIED) {
         void *bytes = array_new((size_t)response->size, 1);
-        if (bytes && pread(response->fd, bytes, (size_t)response->size, (off_t)response->offset) == (ssize_t)response->size)
+        if (bytes && response->read(response->owner, response->offset, (size_t)response->size, bytes))
             made = MHD_create_response_from_buffer((size_t)response->size, bytes, MHD_RESPMEM_MUST_FREE);
         if (!made)
             free(bytes);
         return made;
     }
-    int fd = fcntl(response->fd, F_DUPFD_CLOEXEC, 0); // the library closes what it is given
-    if (fd >= 0)
-        made = MHD_create_response_from_fd_at_offset64(response->size, fd, response->offset);
-    if (!made && fd >= 0)
-        close(fd);
+    struct pieces *pieces = array_new(1, sizeof *pieces);
+    if (!pieces)
+        return NULL;
+    *pieces = (struct pieces){response->read, response->release, response->owner, response->offset, response->size};
+    made = MHD_create_response_from_callback(response->size, PIECE, read_pieces, pieces, release_pieces);
+    if (made)
+        response->release = NULL;
+    else
+        free(pieces);
     return made;
 }
 
@@ -258,11 +286,8 @@ static struct MHD_Response *make_absent_body(uint64_t size)
 static struct MHD_Response *make_body(struct response *response)
 {
     static const char nothing[1] = "";
-    if (response->kind == BODY_FILE) {
-        struct MHD_Response *made = make_file_body(response);
-        response_release(response);
-        return made;
-    }
+    if (response->kind == BODY_PIECES)
+        return make_pieces_body(response);
     if (response->kind == BODY_ABSENT)
         return make_absent_body(response->size);
     if (response->kind == BODY_NONE || !response->release)

@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "format/fail.h"
@@ -20,6 +21,8 @@
 #include "src/util/utf8.h"
 
 static const char suffix[] = ".tetlod";
+
+enum { PATH_CAPACITY = 4096, MOST_FILES = 1 << 20 };
 
 /* A name of the table. Without dataset: a file that could not be opened, remembered so that it is tried and complained
  * of once. */
@@ -58,6 +61,7 @@ struct catalogue {
     double keep_replaced;
     atomic_size_t troubles; /* of the last scan */
     struct tellings told;
+    struct open_files *files;
     void (*log)(void *opaque, const char *level, const char *message);
     void *log_opaque;
 };
@@ -187,13 +191,27 @@ static enum tetlod_status keep_file(struct scan *scan, const char *path, int why
     return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot open: %s", path, strerror(why));
 }
 
-/* Opens a stream. One whose file changed though its content id did not is read whole: somebody may have written into it. */
-static enum tetlod_status open_stream(struct scan *scan, const char *path, int fd, struct entry *entry, struct tetlod_error *error)
+/* Where a file is found again. */
+static bool print_path(const struct scan *scan, int folder, const char *path, char out[static PATH_CAPACITY])
+{
+    const char *front = folder == AT_FDCWD ? "" : scan->catalogue->paths[scan->path];
+    int size = snprintf(out, PATH_CAPACITY, "%s%s%s", front, *front ? "/" : "", path);
+    return size > 0 && size < PATH_CAPACITY;
+}
+
+/* Opens a stream. One whose file changed though its content id did not, or was none before, is read whole: somebody may be writing
+ * into it. */
+static enum tetlod_status open_stream(struct scan *scan, int folder, const char *path, int fd, struct entry *entry, struct tetlod_error *error)
 {
     const struct entry *known = find_entry(&scan->catalogue->table, entry->id);
     struct tetlod_error inner = {0};
-    enum tetlod_status status = dataset_open(&entry->dataset, entry->id, fd, &inner);
-    if (status == TETLOD_OK && known && known->dataset && strcmp(dataset_info(known->dataset)->cid, dataset_info(entry->dataset)->cid) == 0)
+    char full[PATH_CAPACITY];
+    bool fits = print_path(scan, folder, path, full);
+    if (!fits)
+        close(fd);
+    enum tetlod_status status = fits ? dataset_open(&entry->dataset, entry->id, scan->catalogue->files, full, fd, &inner)
+                                     : tetlodi_fail(&inner, TETLOD_ERR_IO, "the path is too long");
+    if (status == TETLOD_OK && known && (!known->dataset || strcmp(dataset_info(known->dataset)->cid, dataset_info(entry->dataset)->cid) == 0))
         status = dataset_check(entry->dataset, &inner);
     if (status != TETLOD_OK) {
         dataset_release(entry->dataset);
@@ -204,6 +222,22 @@ static enum tetlod_status open_stream(struct scan *scan, const char *path, int f
     else if (!error)
         say(scan->catalogue, "warning", "%s: not served: %.200s", path, inner.message);
     return status == TETLOD_OK ? status : tetlodi_fail(error, status, "%s: %.200s", path, inner.message);
+}
+
+/* A file's times are those of a clock that ticks every few milliseconds. One that was changed in this tick may be changed again
+ * without a trace: it is left alone until the tick is over. */
+static bool settled_identity(int fd, struct file_identity *out)
+{
+    enum { TICK = 20 * 1000 * 1000 };
+    struct timespec now;
+    if (!identity_of(fd, out))
+        return false;
+    clock_gettime(CLOCK_REALTIME, &now);
+    long long age = (long long)(now.tv_sec - out->changed.tv_sec) * 1000000000 + (now.tv_nsec - out->changed.tv_nsec);
+    if (age < 0 || age >= TICK)
+        return true;
+    nanosleep(&(struct timespec){0, TICK}, NULL);
+    return identity_of(fd, out);
 }
 
 /* Takes one file of `folder` (or AT_FDCWD) into the next table. The old table is this thread's to read: nobody else changes it.
@@ -226,13 +260,13 @@ static enum tetlod_status take_file(struct scan *scan, int folder, const char *p
     int fd = openat(folder, path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
     if (fd < 0)
         return keep_file(scan, path, errno, error);
-    if (!entry.id[0] || strcmp(entry.id, ".") == 0 || strcmp(entry.id, "..") == 0 || !identity_of(fd, &entry.identity)) {
+    if (!entry.id[0] || strcmp(entry.id, ".") == 0 || strcmp(entry.id, "..") == 0 || !settled_identity(fd, &entry.identity)) {
         close(fd);
         if (!error)
             complain(catalogue, "%s: not served: it is not a regular file", path);
         return tetlodi_fail(error, TETLOD_ERR_IO, "%s: is not a regular file", path);
     }
-    enum tetlod_status status = open_stream(scan, path, fd, &entry, error);
+    enum tetlod_status status = open_stream(scan, folder, path, fd, &entry, error);
     if (!insert_entry(&scan->next, &entry)) {
         dataset_release(entry.dataset);
         scan->complete = false;
@@ -405,7 +439,8 @@ enum tetlod_status catalogue_open(struct catalogue **out, const struct catalogue
     catalogue->log = options->log;
     catalogue->log_opaque = options->log_opaque;
     catalogue->paths = array_zero(options->path_count, sizeof *catalogue->paths);
-    struct scan scan = {catalogue, {0}, catalogue->paths != NULL, 0, 0};
+    catalogue->files = open_files_new(options->most_files ? options->most_files : MOST_FILES);
+    struct scan scan = {catalogue, {0}, catalogue->paths && catalogue->files, 0, 0};
     enum tetlod_status status = TETLOD_OK;
     for (size_t i = 0; scan.complete && status == TETLOD_OK && i < options->path_count; i++) {
         catalogue->paths[i] = strdup(options->paths[i]);
@@ -439,6 +474,7 @@ void catalogue_close(struct catalogue *catalogue)
     for (size_t i = 0; i < catalogue->path_count; i++)
         free(catalogue->paths[i]);
     free(catalogue->paths);
+    open_files_free(catalogue->files);
     pthread_mutex_destroy(&catalogue->lock);
     free(catalogue);
 }
@@ -501,6 +537,11 @@ uint64_t catalogue_digest(struct catalogue *catalogue)
 size_t catalogue_troubles(struct catalogue *catalogue)
 {
     return atomic_load(&catalogue->troubles);
+}
+
+size_t catalogue_open_files(struct catalogue *catalogue)
+{
+    return open_files_count(catalogue->files);
 }
 
 struct dataset **catalogue_list(struct catalogue *catalogue, size_t most, size_t *out_count)

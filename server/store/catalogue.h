@@ -16,6 +16,7 @@ struct catalogue_options {
     const char *const *paths; /* copied */
     size_t path_count;
     double keep_replaced; /* seconds without a request after which a replaced stream goes */
+    size_t most_files;    /* that stay open; the others are opened when they are read. 0: all */
     void (*log)(void *opaque, const char *level, const char *message);
     void *log_opaque;
 };
@@ -46,6 +47,9 @@ bool catalogue_has_content(struct catalogue *catalogue, const char *cid, size_t 
 
 /* How many files and folders the last scan could not look at. */
 size_t catalogue_troubles(struct catalogue *catalogue);
+
+/* How many files are open. */
+size_t catalogue_open_files(struct catalogue *catalogue);
 
 size_t catalogue_count(struct catalogue *catalogue);
 

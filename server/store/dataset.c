@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "server/store/dataset.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include "format/fail.h"
@@ -18,41 +18,11 @@ enum { ERRORS_CAPACITY = 96 };
 struct dataset {
     atomic_uint references;
     char id[ID_CAPACITY];
-    int fd;
+    struct open_file *opened;
     struct tetlod_file *file;
     struct file_identity identity;
     char (*level_errors)[ERRORS_CAPACITY]; /* [level_count], printed once: every answer has one */
 };
-
-static bool take_identity(const struct stat *about, struct file_identity *out)
-{
-    *out = (struct file_identity){(uint64_t)about->st_dev, (uint64_t)about->st_ino, (uint64_t)about->st_size, (uint64_t)about->st_nlink, about->st_mtim, about->st_ctim};
-    return S_ISREG(about->st_mode);
-}
-
-bool identity_of(int fd, struct file_identity *out)
-{
-    struct stat about;
-    return fstat(fd, &about) == 0 && take_identity(&about, out);
-}
-
-bool identity_at(int folder, const char *path, struct file_identity *out)
-{
-    struct stat about;
-    return fstatat(folder, path, &about, 0) == 0 && take_identity(&about, out);
-}
-
-static bool same_time(const struct timespec *a, const struct timespec *b)
-{
-    return a->tv_sec == b->tv_sec && a->tv_nsec == b->tv_nsec;
-}
-
-bool identity_same(const struct file_identity *a, const struct file_identity *b)
-{
-    return a->device == b->device && a->inode == b->inode && a->size == b->size &&
-           same_time(&a->written, &b->written) &&
-           (same_time(&a->changed, &b->changed) || a->links != b->links); // another name changes the time, too
-}
 
 static void print_errors(const struct tetlod_info *info, uint32_t level, char *out, size_t capacity)
 {
@@ -82,28 +52,77 @@ static enum tetlod_status print_all_errors(struct dataset *dataset, struct tetlo
     return TETLOD_OK;
 }
 
-enum tetlod_status dataset_open(struct dataset **out, const char *id, int fd, struct tetlod_error *error)
+/* Reads bytes that the file has; false with errno. */
+static bool read_bytes(int fd, uint64_t offset, unsigned char *out, size_t size)
 {
-    enum tetlod_status status;
+    while (size) {
+        ssize_t got = pread(fd, out, size, (off_t)offset);
+        if (got <= 0) {
+            errno = got ? errno : ESTALE; // it shrank
+            return false;
+        }
+        out += got;
+        offset += (uint64_t)got;
+        size -= (size_t)got;
+    }
+    return true;
+}
+
+/* The library's source. It holds what it reads against digests. */
+static enum tetlod_status read_source(void *opaque, uint64_t offset, void *buffer, size_t size)
+{
+    struct dataset *dataset = opaque;
+    int fd = open_file_use(dataset->opened);
+    if (fd < 0)
+        return errno == ESTALE ? TETLOD_ERR_MISMATCH : TETLOD_ERR_IO;
+    bool complete = read_bytes(fd, offset, buffer, size);
+    open_file_let_go(dataset->opened);
+    return complete ? TETLOD_OK : TETLOD_ERR_IO;
+}
+
+static bool still_the_same(const struct dataset *dataset, int fd)
+{
+    struct file_identity now;
+    return identity_of(fd, &now) && identity_same(&now, &dataset->identity);
+}
+
+/* Whoever writes into a file changes its time first: bytes that were read before a look at the time are those of before. */
+bool dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t size)
+{
+    int fd = open_file_use(dataset->opened);
+    if (fd < 0)
+        return false;
+    bool good = read_bytes(fd, offset, out, size) && still_the_same(dataset, fd);
+    open_file_let_go(dataset->opened);
+    return good;
+}
+
+static enum tetlod_status open_stream(struct dataset *dataset, struct tetlod_error *error)
+{
+    const struct tetlod_source source = {read_source, dataset, dataset->identity.size};
+    TETLOD_TRY(tetlod_open(&dataset->file, &source, NULL, error));
+    if (tetlod_info(dataset->file)->bytes > dataset->identity.size)
+        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "the stream ends too early: %llu of %llu bytes",
+                            (unsigned long long)dataset->identity.size,
+                            (unsigned long long)tetlod_info(dataset->file)->bytes);
+    return print_all_errors(dataset, error);
+}
+
+enum tetlod_status dataset_open(struct dataset **out, const char *id, struct open_files *files, const char *path, int fd,
+                                struct tetlod_error *error)
+{
     struct dataset *dataset = array_zero(1, sizeof *dataset);
     *out = NULL;
-    if (!dataset) {
+    if (!dataset || !identity_of(fd, &dataset->identity)) {
         close(fd);
-        return tetlodi_fail_nomem(error, "a stream", sizeof *dataset);
+        bool memory = !dataset;
+        free(dataset);
+        return memory ? tetlodi_fail_nomem(error, "a stream", sizeof *dataset) : tetlodi_fail(error, TETLOD_ERR_IO, "is not a regular file");
     }
     atomic_init(&dataset->references, 1);
-    dataset->fd = fd;
     snprintf(dataset->id, sizeof dataset->id, "%s", id);
-    if (!identity_of(fd, &dataset->identity))
-        status = tetlodi_fail(error, TETLOD_ERR_IO, "is not a regular file");
-    else
-        status = tetlod_open_fd(&dataset->file, fd, NULL, error);
-    if (status == TETLOD_OK && tetlod_info(dataset->file)->bytes > dataset->identity.size)
-        status = tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "the stream ends too early: %llu of %llu bytes",
-                              (unsigned long long)dataset->identity.size,
-                              (unsigned long long)tetlod_info(dataset->file)->bytes);
-    if (status == TETLOD_OK)
-        status = print_all_errors(dataset, error);
+    dataset->opened = open_file_new(files, path, fd, &dataset->identity);
+    enum tetlod_status status = dataset->opened ? open_stream(dataset, error) : tetlodi_fail_nomem(error, "a stream", sizeof *dataset);
     if (status == TETLOD_OK)
         *out = dataset;
     else
@@ -122,7 +141,7 @@ void dataset_release(struct dataset *dataset)
     if (!dataset || atomic_fetch_sub(&dataset->references, 1) != 1)
         return;
     tetlod_close(dataset->file);
-    close(dataset->fd);
+    open_file_free(dataset->opened);
     free(dataset->level_errors);
     free(dataset);
 }
@@ -140,11 +159,6 @@ const struct tetlod_info *dataset_info(const struct dataset *dataset)
 const char *dataset_level_errors(const struct dataset *dataset, uint32_t level)
 {
     return dataset->level_errors[level];
-}
-
-int dataset_fd(const struct dataset *dataset)
-{
-    return dataset->fd;
 }
 
 struct tetlod_file *dataset_file(struct dataset *dataset)
@@ -170,8 +184,12 @@ enum tetlod_status dataset_check(struct dataset *dataset, struct tetlod_error *e
     return TETLOD_OK;
 }
 
-bool dataset_intact(const struct dataset *dataset)
+bool dataset_intact(struct dataset *dataset)
 {
-    struct file_identity now;
-    return identity_of(dataset->fd, &now) && identity_same(&now, &dataset->identity);
+    int fd = open_file_use(dataset->opened);
+    if (fd < 0)
+        return false;
+    bool same = still_the_same(dataset, fd);
+    open_file_let_go(dataset->opened);
+    return same;
 }

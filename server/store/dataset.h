@@ -4,22 +4,17 @@
 #define TETLOD_SERVER_DATASET_H
 
 #include <stdbool.h>
-#include <time.h>
 
 #include "format/tetlod.h"
+#include "server/store/open_files.h"
 
 enum { ID_CAPACITY = 129 }; // 128 bytes and the NUL
 
-/* Tells whether a file is still what was opened. */
-struct file_identity {
-    uint64_t device, inode, size, links;
-    struct timespec written, changed; /* the first can be set at will, the second not */
-};
-
 struct dataset;
 
-/* Takes over `fd`, also on failure. The id is copied. */
-TETLOD_CHECKED enum tetlod_status dataset_open(struct dataset **out, const char *id, int fd, struct tetlod_error *error);
+/* Takes over `fd`, which is open under the path, also on failure. Id and path are copied. */
+TETLOD_CHECKED enum tetlod_status dataset_open(struct dataset **out, const char *id, struct open_files *files, const char *path, int fd,
+                                               struct tetlod_error *error);
 
 struct dataset *dataset_hold(struct dataset *dataset);
 void dataset_release(struct dataset *dataset);
@@ -29,7 +24,8 @@ const struct tetlod_info *dataset_info(const struct dataset *dataset);
 /* "max=0.01, sampled=0.008": the measures of a level that are known, each the largest over the controlled fields. */
 const char *dataset_level_errors(const struct dataset *dataset, uint32_t level);
 
-int dataset_fd(const struct dataset *dataset);
+/* Reads stored bytes. False if they cannot be read, or if the file was written over meanwhile: then they are not to be sent. */
+bool dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t size);
 
 struct tetlod_file *dataset_file(struct dataset *dataset);
 
@@ -37,12 +33,8 @@ struct tetlod_file *dataset_file(struct dataset *dataset);
 TETLOD_CHECKED enum tetlod_status dataset_check(struct dataset *dataset, struct tetlod_error *error);
 
 /* False once the bytes were written over in place: then nothing of it may be sent any more. */
-bool dataset_intact(const struct dataset *dataset);
+bool dataset_intact(struct dataset *dataset);
 
-/* False if it is not a regular file, or cannot be looked at. */
-bool identity_of(int fd, struct file_identity *out);
-bool identity_at(int folder, const char *path, struct file_identity *out);
-bool identity_same(const struct file_identity *a, const struct file_identity *b);
 const struct file_identity *dataset_identity(const struct dataset *dataset);
 
 #endif

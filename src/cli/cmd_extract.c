@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <unistd.h>
@@ -8,12 +9,13 @@
 #include "format/cut.h"
 #include "format/fail.h"
 #include "src/cli/cli.h"
+#include "src/cli/extract_region.h"
 #include "src/io/io.h"
 #include "src/report/level_mesh.h"
 #include "src/util/file.h"
 
 static const char help[] =
-    "usage: tetlod extract FILE.tetlod -o OUT [--error E | --abs-error E | --level K | --tets N | --bytes N]\n"
+    "usage: tetlod extract FILE.tetlod -o OUT [--error E | --abs-error E | --level K | --tets N | --bytes N] [--box BOX]...\n"
     "\n"
     "Writes one level of a stream as a mesh file, in the format that OUT's extension names. Without a choice: the finest,\n"
     "which is the original mesh. With OUT.tetlod: a stream of the levels up to that one.\n"
@@ -26,6 +28,10 @@ static const char help[] =
     "      --level K      this level; 0 is the coarsest\n"
     "      --tets N       the finest level of at most N tetrahedra\n"
     "      --bytes N      the finest level whose prefix has at most N bytes; K, M, G may follow\n"
+    "      --box X0,Y0,Z0,X1,Y1,Z1  finer in this box, up to --box-error: every tetrahedron of that finer level that meets the box is\n"
+    "                     there as it is; in a belt around it no error is certified, it is measured. Up to 16 times. A cell field, Region,\n"
+    "                     tells the parts: 0 the coarse level, 1 the fine one, 2 the belt\n"
+    "      --box-error E  the error in the boxes, as of --error or --abs-error (default 0)\n"
     "      --original-order  the finest level in the input's own numbering, if tetlod build --keep-order kept it\n"
     "      --quiet        do not say which level it is, and what error each field has there at most\n"
     "\n"
@@ -42,6 +48,9 @@ struct request {
     uint64_t number;
     enum tetlod_measure measure;
     bool original_order, quiet;
+    struct region_box boxes[MOST_BOXES];
+    size_t box_count;
+    double box_error;
 };
 
 static enum tetlod_status find_field(const struct tetlod_info *info, const char *name, uint32_t *out,
@@ -134,11 +143,37 @@ static enum tetlod_status extract_stream(const struct tetlod_file *file, const s
     return file_output_finish(output, tetlodi_cut(file, level, &sink, error), error);
 }
 
+/* The level in the boxes: by the same field, measure and kind of error. */
+static enum tetlod_status choose_fine(const struct tetlod_info *info, const struct request *request, uint32_t *out,
+                                      struct tetlod_error *error)
+{
+    struct request fine = *request;
+    fine.choice = request->choice == BY_ABS_ERROR ? BY_ABS_ERROR : BY_ERROR;
+    fine.error = request->box_error;
+    return choose_by_error(info, &fine, out, error);
+}
+
+/* A level, or what is finer in boxes where they ask for a finer one: then `about` says what is promised of it. */
+static enum tetlod_status extract_boxes(struct tetlod_file *file, const struct request *request, struct tetmesh *mesh,
+                                        uint32_t level, char *about, size_t about_size, struct tetlod_error *error)
+{
+    struct region region = {.coarse = level, .boxes = request->boxes, .box_count = request->box_count};
+    TETLOD_TRY(choose_fine(tetlod_info(file), request, &region.fine, error));
+    if (region.fine <= level)
+        return TETLOD_MORE;
+    return extract_region(file, &region, mesh, about, about_size, error);
+}
+
 static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct request *request, struct tetmesh *mesh,
-                                       uint32_t level, struct tetlod_error *error)
+                                       uint32_t level, char *about, size_t about_size, struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
     struct tetlod_cursor *cursor;
+    if (request->box_count) {
+        enum tetlod_status made = extract_boxes(file, request, mesh, level, about, about_size, error);
+        if (made != TETLOD_MORE) // the boxes' level is no finer
+            return made;
+    }
     TETLOD_TRY(tetlod_cursor_new(&cursor, file, NULL, 0, error));
     enum tetlod_status status = tetlod_cursor_seek(cursor, level, error);
     if (status == TETLOD_OK)
@@ -162,6 +197,7 @@ static int extract(const struct request *request)
     struct tetlod_error error = {0}, inner = {0};
     struct tetlod_file *file;
     struct tetmesh mesh = {0};
+    char about[1024] = "";
     uint32_t level = 0;
     int fd;
     if (!is_stream(request->output) && io_check_output(request->output, &error) != TETLOD_OK)
@@ -171,12 +207,15 @@ static int extract(const struct request *request)
     const struct tetlod_info *info = tetlod_info(file);
     enum tetlod_status status = choose_here(info, fd, request, &level, &inner);
     if (status == TETLOD_OK)
-        status = is_stream(request->output) ? extract_stream(file, request, level, &inner) : extract_mesh(file, request, &mesh, level, &inner);
+        status = is_stream(request->output) ? extract_stream(file, request, level, &inner)
+                                            : extract_mesh(file, request, &mesh, level, about, sizeof about, &inner);
     if (status != TETLOD_OK)
         tetlodi_fail(&error, status, "%s: %.200s", request->input, inner.message);
     else if (!is_stream(request->output))
         status = io_write(&mesh, request->output, &error);
-    if (status == TETLOD_OK && !request->quiet) {
+    if (status == TETLOD_OK && !request->quiet && about[0]) {
+        fprintf(stderr, "tetlod extract: %u vertices, %u tetrahedra: %s\n", mesh.vertex_count, mesh.tet_count, about);
+    } else if (status == TETLOD_OK && !request->quiet) {
         fprintf(stderr, "tetlod extract: level %u of 0..%u, %u vertices, %u tetrahedra\n", level, info->level_count - 1,
                 info->levels[level].vertices, info->levels[level].tets);
         cli_print_promises(stderr, info, level);
@@ -185,6 +224,29 @@ static int extract(const struct request *request)
     tetlod_close(file);
     close(fd);
     return status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
+}
+
+static bool parse_box(struct request *request, const char *value)
+{
+    double numbers[6];
+    const char *at = value;
+    bool good = request->box_count < MOST_BOXES;
+    for (int i = 0; i < 6 && good; i++) {
+        char *end;
+        numbers[i] = strtod(at, &end);
+        good = end != at && isfinite(numbers[i]) && *end == (i < 5 ? ',' : 0);
+        at = end + 1;
+    }
+    for (int i = 0; i < 3 && good; i++)
+        good = numbers[i] <= numbers[i + 3];
+    if (!good) {
+        cli_usage("extract", "--box takes x0,y0,z0,x1,y1,z1, the least corner first, at most %d times, not '%s'", MOST_BOXES, value);
+        return false;
+    }
+    struct region_box *box = &request->boxes[request->box_count++];
+    memcpy(box->low, numbers, sizeof box->low);
+    memcpy(box->high, numbers + 3, sizeof box->high);
+    return true;
 }
 
 static bool parse_choice(struct request *request, int option, const char *name, const char *value)
@@ -215,10 +277,12 @@ static int run(int argc, char **argv)
         {"abs-error", required_argument, NULL, 'a'}, {"level", required_argument, NULL, 'k'},
         {"tets", required_argument, NULL, 't'},      {"bytes", required_argument, NULL, 'b'},
         {"field", required_argument, NULL, 'f'},     {"measure", required_argument, NULL, 'm'},
+        {"box", required_argument, NULL, 'B'},       {"box-error", required_argument, NULL, 'E'},
         {"quiet", no_argument, NULL, 'q'},           {"original-order", no_argument, NULL, 'O'},
         {0}};
     static const char *const names[] = {['e'] = "error", ['a'] = "abs-error", ['k'] = "level", ['t'] = "tets", ['b'] = "bytes"};
     struct request request = {.measure = TETLOD_MAX};
+    const char *box_error = NULL;
     for (int option; (option = cli_option(&command_extract, argc, argv, "o:", options)) != -1;) {
         bool good = option != '?';
         if (option == 'o')
@@ -227,6 +291,10 @@ static int run(int argc, char **argv)
             request.field = optarg;
         else if (option == 'q')
             request.quiet = true;
+        else if (option == 'B')
+            good = parse_box(&request, optarg);
+        else if (option == 'E')
+            box_error = optarg;
         else if (option == 'O')
             request.original_order = true;
         else if (option == 'm')
@@ -240,11 +308,20 @@ static int run(int argc, char **argv)
         return EXIT_USAGE;
     if (!request.output)
         return cli_usage("extract", "-o OUT is missing");
+    if (box_error && !(request.choice == BY_ABS_ERROR ? cli_parse_number(&command_extract, "box-error", box_error, 0, &request.box_error)
+                                                      : cli_parse_fraction(&command_extract, "box-error", box_error, &request.box_error)))
+        return EXIT_USAGE;
+    if (box_error && !request.box_count)
+        return cli_usage("extract", "--box-error needs a --box");
+    if (request.box_count && request.choice == FINEST)
+        return cli_usage("extract", "--box needs to know what is outside of it: --error or another choice of a level");
     if (request.original_order && request.choice != FINEST)
         return cli_usage("extract", "--original-order is for the finest level, without a choice of another");
     request.input = argv[optind];
     if (!cli_check_output(&command_extract, request.output, NULL, &request.input, 1))
         return EXIT_USAGE;
+    if (request.box_count && is_stream(request.output))
+        return cli_usage("extract", "--box is for a mesh file; a stream has levels that are the same everywhere");
     if (request.original_order && is_stream(request.output))
         return cli_usage("extract", "--original-order is for a mesh file; a stream keeps the order that it has");
     return extract(&request);

@@ -79,4 +79,28 @@ TETLOD_CHECKED enum tetlod_status io_write_vtu_plain(const struct tetmesh *mesh,
 TETLOD_CHECKED enum tetlod_status io_write_vtk(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
                                                struct tetlod_error *error);
 
+/* ---- files written piece by piece, for what is larger than memory ---- */
+
+/* The rows of a mesh: points and tetrahedra by number. */
+struct io_rows {
+    const void *opaque;
+    /* Of column 0, the positions, or 1 + f, field f: all components of `count` points from `first` on. */
+    void (*values)(const void *opaque, uint32_t column, uint64_t first, size_t count, double *out);
+    void (*corners)(const void *opaque, uint64_t first, size_t count, uint32_t *out);
+};
+
+/* A file of known size of which any range can be written without the rest. For one thread at a time. */
+struct io_layout;
+
+/* Of a mesh with the counts, types and names of `shape`, whose arrays may be NULL; it has no cell fields. The bytes are those of
+ * io_write_vtu_plain and io_write_vtk. */
+TETLOD_CHECKED enum tetlod_status io_layout_vtu(struct io_layout **out, const struct tetmesh *shape, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status io_layout_vtk(struct io_layout **out, const struct tetmesh *shape, struct tetlod_error *error);
+void io_layout_free(struct io_layout *layout);
+
+uint64_t io_layout_size(const struct io_layout *layout);
+
+/* Writes the bytes begin .. begin + size, which the file has. */
+void io_layout_read(struct io_layout *layout, const struct io_rows *rows, uint64_t begin, size_t size, unsigned char *out);
+
 #endif

@@ -6,6 +6,7 @@
 
 #include "format/fail.h"
 #include "src/io/io.h"
+#include "src/io/layout.h"
 #include "src/util/put.h"
 
 enum { VTK_TETRA = 10 };
@@ -31,15 +32,43 @@ static void put_doubles(struct put *put, enum tetlod_type type, const double *va
     put_text(put, "\n");
 }
 
-static void put_cells(struct put *put, const struct tetmesh *mesh)
+static void put_points_line(struct put *put, const struct tetmesh *mesh)
+{
+    put_text(put, "# vtk DataFile Version 3.0\ntetlod\nBINARY\nDATASET UNSTRUCTURED_GRID\n");
+    put_format(put, "POINTS %" PRIu32 " %s\n", mesh->vertex_count, types[mesh->position_type]);
+}
+
+static void put_cells_line(struct put *put, const struct tetmesh *mesh)
 {
     put_format(put, "CELLS %" PRIu32 " %" PRIu64 "\n", mesh->tet_count, 5 * (uint64_t)mesh->tet_count);
+}
+
+static void put_types_line(struct put *put, const struct tetmesh *mesh)
+{
+    put_format(put, "\nCELL_TYPES %" PRIu32 "\n", mesh->tet_count);
+}
+
+static void put_fields_line(struct put *put, const char *where, uint32_t count, uint32_t rows)
+{
+    if (count)
+        put_format(put, "%s %" PRIu32 "\nFIELD FieldData %" PRIu32 "\n", where, rows, count);
+}
+
+static void put_field_line(struct put *put, const struct point_field *field, const char *type, uint32_t rows)
+{
+    put_name(put, field->name);
+    put_format(put, " %" PRIu32 " %" PRIu32 " %s\n", field->components, rows, type);
+}
+
+static void put_cells(struct put *put, const struct tetmesh *mesh)
+{
+    put_cells_line(put, mesh);
     for (size_t c = 0; c < 4 * (size_t)mesh->tet_count; c++) {
         if (c % 4 == 0)
             put_word(put, 4, 4);
         put_word(put, mesh->corners[c], 4);
     }
-    put_format(put, "\nCELL_TYPES %" PRIu32 "\n", mesh->tet_count);
+    put_types_line(put, mesh);
     for (uint32_t t = 0; t < mesh->tet_count; t++)
         put_word(put, VTK_TETRA, 4);
     put_text(put, "\n");
@@ -63,13 +92,11 @@ static void put_integers(struct put *put, const double *values, size_t count, si
 
 static void put_fields(struct put *put, const char *where, const struct point_field *fields, uint32_t count, uint32_t rows)
 {
-    if (count)
-        put_format(put, "%s %" PRIu32 "\nFIELD FieldData %" PRIu32 "\n", where, rows, count);
+    put_fields_line(put, where, count, rows);
     for (uint32_t f = 0; f < count; f++) {
         size_t values = (size_t)fields[f].components * rows, integers = integer_size(&fields[f], values);
         const char *type = integers == 8 ? "vtktypeint64" : integers == 4 ? "int" : types[fields[f].type];
-        put_name(put, fields[f].name);
-        put_format(put, " %" PRIu32 " %" PRIu32 " %s\n", fields[f].components, rows, type);
+        put_field_line(put, &fields[f], type, rows);
         if (integers)
             put_integers(put, fields[f].values, values, integers);
         else
@@ -77,17 +104,88 @@ static void put_fields(struct put *put, const char *where, const struct point_fi
     }
 }
 
+static enum tetlod_status check_count(const struct tetmesh *mesh, struct tetlod_error *error)
+{
+    if (mesh->vertex_count > INT32_MAX)
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "legacy VTK numbers points with 31 bits; write .vtu");
+    return TETLOD_OK;
+}
+
 enum tetlod_status io_write_vtk(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error)
 {
     struct put put;
-    if (mesh->vertex_count > INT32_MAX)
-        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "legacy VTK numbers points with 31 bits; write .vtu");
+    TETLOD_TRY(check_count(mesh, error));
     TETLOD_TRY(put_init(&put, sink, true, error));
-    put_text(&put, "# vtk DataFile Version 3.0\ntetlod\nBINARY\nDATASET UNSTRUCTURED_GRID\n");
-    put_format(&put, "POINTS %" PRIu32 " %s\n", mesh->vertex_count, types[mesh->position_type]);
+    put_points_line(&put, mesh);
     put_doubles(&put, mesh->position_type, mesh->positions, 3 * (size_t)mesh->vertex_count);
     put_cells(&put, mesh);
     put_fields(&put, "POINT_DATA", mesh->fields, mesh->field_count, mesh->vertex_count);
     put_fields(&put, "CELL_DATA", mesh->cell_fields, mesh->cell_field_count, mesh->tet_count);
     return put_finish(&put);
+}
+
+/* ---- piece by piece ---- */
+
+/* The text in front of an array: `number` 0 the points', 1 the tetrahedra's, 2 their types', 3 + f field f's. */
+static void put_text_before(struct put *put, const struct tetmesh *shape, uint32_t number)
+{
+    if (number == 0)
+        put_points_line(put, shape);
+    if (number == 1 || number >= 3)
+        put_text(put, "\n"); // ends the array before
+    if (number == 1)
+        put_cells_line(put, shape);
+    if (number == 2)
+        put_types_line(put, shape);
+    if (number == 3)
+        put_fields_line(put, "POINT_DATA", shape->field_count, shape->vertex_count);
+    if (number >= 3 && number < 3 + shape->field_count)
+        put_field_line(put, &shape->fields[number - 3], types[shape->fields[number - 3].type], shape->vertex_count);
+}
+
+static struct layout_array array_at(const struct tetmesh *shape, uint32_t number)
+{
+    static const size_t widths[] = {[TETLOD_FLOAT32] = 4, [TETLOD_FLOAT64] = 8};
+    switch (number) {
+    case 0:
+        return (struct layout_array){ROW_VALUES, 0, 3, widths[shape->position_type], true, shape->vertex_count};
+    case 1:
+        return (struct layout_array){ROW_COUNT_CORNERS, 0, 5, 4, true, shape->tet_count};
+    case 2:
+        return (struct layout_array){ROW_TYPE, 0, 1, 4, true, shape->tet_count};
+    default: {
+        const struct point_field *field = &shape->fields[number - 3];
+        return (struct layout_array){ROW_VALUES, number - 2, field->components, widths[field->type], true, shape->vertex_count};
+    }
+    }
+}
+
+static enum tetlod_status lay_out(struct io_layout *layout, const struct tetmesh *shape, struct tetlod_error *error)
+{
+    const struct tetlodi_sink sink = layout_sink(layout);
+    for (uint32_t number = 0; number <= 3 + shape->field_count; number++) {
+        struct put put;
+        TETLOD_TRY(put_init(&put, &sink, true, error));
+        put_text_before(&put, shape, number);
+        if (put_finish(&put) != TETLOD_OK)
+            return tetlodi_fail_nomem(error, "a mesh file", 0);
+        if (number < 3 + shape->field_count) {
+            const struct layout_array array = array_at(shape, number);
+            TETLOD_TRY(layout_add(layout, &array, error));
+        }
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status io_layout_vtk(struct io_layout **out, const struct tetmesh *shape, struct tetlod_error *error)
+{
+    *out = NULL;
+    TETLOD_TRY(check_count(shape, error));
+    TETLOD_TRY(layout_start(out, error));
+    enum tetlod_status status = lay_out(*out, shape, error);
+    if (status != TETLOD_OK) {
+        io_layout_free(*out);
+        *out = NULL;
+    }
+    return status;
 }

@@ -10,6 +10,7 @@
 
 #include "format/fail.h"
 #include "src/io/io.h"
+#include "src/io/layout.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
@@ -268,7 +269,8 @@ static void put_cell_data(struct writer *w)
     put_text(w, "      </CellData>\n");
 }
 
-static void put_document(struct writer *w)
+/* All that is in front of the arrays. */
+static void put_head(struct writer *w)
 {
     const struct tetmesh *mesh = w->mesh;
     const char *float_types[] = {"Float32", "Float64"}, *int_type = is_wide(mesh) ? "Int64" : "Int32";
@@ -293,10 +295,9 @@ static void put_document(struct writer *w)
     put_array(w, int_type, "offsets", 1);
     put_array(w, "UInt8", "types", 1);
     put_text(w, "      </Cells>\n    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n   _");
-    for (uint32_t a = 0; a < w->next; a++)
-        put(w, w->arrays[a].bytes, w->arrays[a].size);
-    put_text(w, "\n  </AppendedData>\n</VTKFile>\n");
 }
+
+static const char tail[] = "\n  </AppendedData>\n</VTKFile>\n";
 
 static enum tetlod_status pack_all(const struct tetmesh *mesh, bool plain, struct packed *arrays, struct tetlod_error *error)
 {
@@ -334,7 +335,10 @@ static enum tetlod_status write_vtu(const struct tetmesh *mesh, bool plain, cons
         return tetlodi_fail_nomem(error, "the list of arrays", count * sizeof *w.arrays);
     enum tetlod_status status = pack_all(mesh, plain, w.arrays, error);
     if (status == TETLOD_OK) {
-        put_document(&w);
+        put_head(&w);
+        for (uint32_t a = 0; a < w.next; a++)
+            put(&w, w.arrays[a].bytes, w.arrays[a].size);
+        put_text(&w, tail);
         status = w.status;
     }
     for (size_t a = 0; a < count; a++)
@@ -352,4 +356,56 @@ enum tetlod_status io_write_vtu_plain(const struct tetmesh *mesh, const struct t
                                       struct tetlod_error *error)
 {
     return write_vtu(mesh, true, sink, error);
+}
+
+/* The arrays of a file without compression, in its order. */
+static void list_arrays(const struct tetmesh *shape, struct layout_array *out)
+{
+    static const size_t float_widths[] = {[TETLOD_FLOAT32] = 4, [TETLOD_FLOAT64] = 8};
+    size_t wide = is_wide(shape) ? 8 : 4;
+    uint64_t vertices = shape->vertex_count, tets = shape->tet_count;
+    for (uint32_t f = 0; f < shape->field_count; f++) {
+        const struct point_field *field = &shape->fields[f];
+        *out++ = (struct layout_array){ROW_VALUES, 1 + f, field->components, float_widths[field->type], false, vertices};
+    }
+    *out++ = (struct layout_array){ROW_VALUES, 0, 3, float_widths[shape->position_type], false, vertices};
+    *out++ = (struct layout_array){ROW_CORNERS, 0, 4, wide, false, tets};
+    *out++ = (struct layout_array){ROW_END, 0, 1, wide, false, tets};
+    *out++ = (struct layout_array){ROW_TYPE, 0, 1, 1, false, tets};
+}
+
+static enum tetlod_status lay_out(struct io_layout *layout, struct writer *w, const struct layout_array *arrays, size_t count)
+{
+    for (size_t a = 0; a < count; a++)
+        w->arrays[a].size = 8 + (size_t)(arrays[a].rows * arrays[a].words * arrays[a].width);
+    put_head(w);
+    for (size_t a = 0; a < count && w->status == TETLOD_OK; a++) {
+        unsigned char size[8];
+        store(size, w->arrays[a].size - 8, sizeof size);
+        put(w, size, sizeof size);
+        TETLOD_TRY(layout_add(layout, &arrays[a], w->error));
+    }
+    put_text(w, tail);
+    return w->status == TETLOD_OK ? TETLOD_OK : tetlodi_fail_nomem(w->error, "a mesh file", 0);
+}
+
+enum tetlod_status io_layout_vtu(struct io_layout **out, const struct tetmesh *shape, struct tetlod_error *error)
+{
+    size_t count = (size_t)shape->field_count + 4;
+    TETLOD_TRY(layout_start(out, error));
+    const struct tetlodi_sink sink = layout_sink(*out);
+    struct layout_array *arrays = array_new(count, sizeof *arrays);
+    struct writer w = {shape, &sink, error, true, array_zero(count, sizeof *w.arrays), 0, 0, TETLOD_OK};
+    enum tetlod_status status = arrays && w.arrays ? TETLOD_OK : tetlodi_fail_nomem(error, "a mesh file", count * sizeof *arrays);
+    if (status == TETLOD_OK) {
+        list_arrays(shape, arrays);
+        status = lay_out(*out, &w, arrays, count);
+    }
+    free(arrays);
+    free(w.arrays);
+    if (status != TETLOD_OK) {
+        io_layout_free(*out);
+        *out = NULL;
+    }
+    return status;
 }

@@ -2,7 +2,10 @@
 #include "src/report/promise.h"
 
 #include <math.h>
+#include <stdarg.h>
+#include <stdbool.h>
 #include <stdio.h>
+#include <string.h>
 
 static double error_of(const struct tetlod_info *info, uint32_t level, uint32_t field, enum tetlod_measure measure)
 {
@@ -25,6 +28,15 @@ struct uncontrolled uncontrolled_at(const struct tetlod_info *info, uint32_t lev
     return found;
 }
 
+__attribute__((format(printf, 3, 4))) static void add(char *out, size_t size, const char *format, ...)
+{
+    size_t used = strlen(out);
+    va_list list;
+    va_start(list, format);
+    vsnprintf(out + used, size - used, format, list);
+    va_end(list);
+}
+
 /* Percent to three digits, rounded up: a promise is not rounded down. */
 static double percent(double fraction)
 {
@@ -32,6 +44,36 @@ static double percent(double fraction)
         return 0;
     double step = pow(10, floor(log10(100 * fraction)) - 2);
     return step * ceil(100 * fraction / step - 1e-9);
+}
+
+static void print_uncontrolled(const struct tetlod_info *info, uint32_t level, char *out, size_t size)
+{
+    struct uncontrolled found = uncontrolled_at(info, level);
+    if (!found.count)
+        return;
+    const char *name = info->fields[found.worst].name;
+    if (found.count == 1)
+        add(out, size, "; %.60s not controlled: %.3g %% (measured)", name, percent(found.sampled));
+    else
+        add(out, size, "; %u fields not controlled, worst %.60s %.3g %% (measured)", found.count, name, percent(found.sampled));
+}
+
+void promise_print(const struct tetlod_info *info, uint32_t level, char *out, size_t size)
+{
+    bool first = true;
+    out[0] = 0;
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        double max = error_of(info, level, f, TETLOD_MAX);
+        if (!info->fields[f].controlled)
+            continue;
+        if (isnan(max))
+            add(out, size, "%s%.60s %.3g %% (measured)", first ? "" : ", ", info->fields[f].name,
+                percent(error_of(info, level, f, TETLOD_SAMPLED)));
+        else
+            add(out, size, "%s%.60s \u2264 %.3g %% (certified)", first ? "" : ", ", info->fields[f].name, percent(max));
+        first = false;
+    }
+    print_uncontrolled(info, level, out, size);
 }
 
 void promise_of_field(const struct tetlod_info *info, uint32_t level, uint32_t f, char *out, size_t size)

@@ -22,7 +22,7 @@ def commands(section):
 
 def test_your_own_mesh():
     found = [c for c in commands('Your own mesh') if ' serve ' not in c]
-    assert len(found) == 6, found
+    assert len(found) == 7, found
     for command in ['tetlod sample fin --size 14 -o mesh.vtu'] + found:
         done = subprocess.run(['bash', '-c', command.replace('tetlod ', "'%s' " % TETLOD, 1)], cwd=SCRATCH, stdin=subprocess.DEVNULL,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

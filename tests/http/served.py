@@ -4,6 +4,7 @@ import http.client
 import json
 import os
 import re
+import resource
 import signal
 import socket
 import subprocess
@@ -21,12 +22,13 @@ PATIENCE = 300  # seconds: what has not come by then, on however slow a machine,
 class Server:
     """`with Server(paths, options) as server`: ends with SIGTERM and checks that it ends well and silently."""
 
-    def __init__(self, *arguments, listen='127.0.0.1:0', environment=None):
+    def __init__(self, *arguments, listen='127.0.0.1:0', environment=None, descriptors=None):
         command = [TETLOD, 'serve', *(['--listen', listen] if listen else []), *map(str, arguments)]
         self.log_path = os.path.join(SCRATCH, 'server-%d.log' % time.monotonic_ns())
         self.log = open(self.log_path, 'wb')
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self.log,
-                                        env=dict(os.environ, **(environment or {})))
+                                        env=dict(os.environ, **(environment or {})),
+                                        preexec_fn=descriptors and (lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (descriptors, descriptors))))
         self.url = self.process.stdout.readline().decode().strip()
         if not self.url:
             self.process.wait()

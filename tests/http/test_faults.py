@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What goes wrong around the server: full disks, descriptors that run out, folders and files that cannot be read, files that change."""
 import os
+import random
 import resource
 import shutil
 import signal
@@ -87,6 +88,39 @@ def test_descriptors_run_out():
         eventually(lambda: server.get('/v1/meshes/c')[0] == 200)
 
 
+def test_more_files_than_descriptors():
+    """Files are opened when they are read: 10,000 of them with 1,024 descriptors, beside as many connections as there is room for."""
+    files, limit = (10000, 1024) if os.environ.get('CONFIG') == 'release' else (1000, 256)
+    folder = folder_of('many', 'f0')
+    names = ['f%d' % i for i in range(files)]
+    for name in names[1:]:
+        os.link(os.path.join(folder, 'f0.tetlod'), os.path.join(folder, name + '.tetlod'))
+    with Server(folder, '--scan', '0.2', descriptors=limit) as server:
+        assert 'connections: the process may have %d descriptors' % limit in server.messages()
+        ready = server.json('/readyz')
+        assert ready['meshes'] == files and ready['unreadable'] == 0 and 0 < ready['open_files'] <= limit / 4, ready
+        with open(MADE, 'rb') as file:
+            good = file.read()
+        cid = server.json('/v1/meshes/f0')['cid']
+        idle = [server.connect() for _ in range(limit // 2)]
+        random.seed(1)
+        for name in random.sample(names, 300) + names[:2] + names[-2:]:
+            status, _, body = server.get('/v1/meshes/%s/%s/stream' % (name, cid), Range='bytes=0-')
+            assert status == 206 and body == good, (name, status)
+        assert server.get('/v1/meshes/f7/%s/levels/3/mesh.vtu' % cid)[0] == 200
+        # One that is closed now is replaced, and what is opened is never the wrong one
+        subprocess.run([TETLOD, 'sample', 'cube', '--size', '2', '-o', 'other.vtu'], cwd=SCRATCH, check=True)
+        subprocess.run([TETLOD, 'build', 'other.vtu', '-o', os.path.join(SCRATCH, 'other.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
+        os.rename(os.path.join(SCRATCH, 'other.tetlod'), os.path.join(folder, names[5] + '.tetlod'))
+        assert server.get('/v1/meshes/%s/%s/stream' % (names[5], cid))[2] != b''
+        eventually(lambda: server.json('/v1/meshes/' + names[5])['cid'] != cid)
+        ready = server.json('/readyz')
+        assert ready['open_files'] <= limit / 4 + 8 and ready['unreadable'] == 0, ready
+        for connection in idle:
+            connection.close()
+        assert 'Too many' not in server.messages()
+
+
 def test_written_over_with_the_same_size_and_time():
     """The change time tells; a file whose index is as it was is read whole before it is trusted again."""
     folder = folder_of('over', 'fin')
@@ -162,5 +196,5 @@ def test_a_folder_that_hangs():
 
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
 subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
-run([test_explode_on_a_full_disk, test_what_is_no_stream_is_named_once, test_folder_that_goes_away_for_a_while, test_descriptors_run_out,
+run([test_explode_on_a_full_disk, test_what_is_no_stream_is_named_once, test_folder_that_goes_away_for_a_while, test_descriptors_run_out, test_more_files_than_descriptors,
      test_written_over_with_the_same_size_and_time, test_a_folder_that_hangs])

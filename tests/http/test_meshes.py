@@ -155,6 +155,8 @@ def test_bad_questions():
     problem(mesh + '?error=1&tets=2', 400)
     problem(mesh + '?error=1&error=1', 400)
     assert 'error' in problem(mesh + '?eror=1', 400)['parameters']
+    assert 'error=1%25' in problem(mesh + '?error=1%', 400)['detail']  # what everybody writes at first
+    assert 'once' in problem(mesh + '?error=1&error=2', 400)['detail']
     assert 'Pressure' in problem(mesh + '?error=1&field=pressure', 400)['fields']
     assert 'sampled' in problem(mesh + '?error=1&measure=best', 400)['measures']
     assert 'tetlod' in problem(mesh + '?error=1&format=obj', 400)['formats']
@@ -703,13 +705,29 @@ def test_levels_while_decoding():
         assert status == 200 and body == server.get(path)[2], (path, status)
 
 
+def test_names_of_downloads():
+    """What a browser saves has a name that says what it is."""
+    name = 'Fl\u00fcgel 5%"x'
+    shutil.copy(FIN, os.path.join(FOLDER, name + '.tetlod'))
+    quoted = urllib.parse.quote(name)
+    eventually(lambda: server.get('/v1/meshes/' + quoted)[0] == 200)
+    for place, plain, whole in (('fin', 'fin', 'fin'), (quoted, 'Fl__gel 5__x', urllib.parse.quote(name, safe=''))):
+        at = '/v1/meshes/%s/%s/' % (place, info['cid'])
+        for path, rest in (('levels/2/mesh.vtu', '-2.vtu'), ('levels/2/mesh.tetlod', '-2.tetlod'), ('stream', '.tetlod'), ('levels/1/surface.stl', '-1-surface.stl'),
+                           ('levels/0/slice.vtp?origin=0,1,1&normal=1,0,0', '-0-slice.vtp')):
+            head = server.get(at + path)[1]
+            assert head['content-disposition'] == 'attachment; filename="%s%s"; filename*=UTF-8\'\'%s%s' % (plain, rest, whole, rest), head
+    os.unlink(os.path.join(FOLDER, name + '.tetlod'))
+    eventually(lambda: server.get('/v1/meshes/' + quoted)[0] == 404)
+
+
 os.makedirs(FOLDER, exist_ok=True)
 make_stream('fin', FIN, 8)
 make_stream('cube', os.path.join(FOLDER, 'two words.tetlod'), 2)
 with Server(FOLDER) as server:
     info = server.json('/v1/meshes/fin')
     base = '/v1/meshes/fin/' + info['cid']
-    run([test_catalogue, test_description, test_level_for_error, test_fields_that_are_not_controlled, test_level_for_budget, test_bad_questions,
+    run([test_catalogue, test_names_of_downloads, test_description, test_level_for_error, test_fields_that_are_not_controlled, test_level_for_budget, test_bad_questions,
          test_every_level_is_the_cursors, test_levels_while_decoding, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
          test_prefix, test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
          test_small_cache, test_slow_readers, test_memory_is_bounded, test_a_level_needs_its_stage, test_replaced_stream, test_forgotten_stream, test_reload_signal, test_stop_during_answers, test_overload, test_writes_nothing, test_server_timing, test_what_is_no_stream, test_damaged_stream])

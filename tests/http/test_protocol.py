@@ -80,6 +80,21 @@ def test_unknown_paths():
         problem(path, 404)
 
 
+def test_a_page_for_browsers():
+    """Who comes with an address line sees a page with a way back; programs see a problem."""
+    browser = {'Accept': 'text/html,application/xhtml+xml,*/*;q=0.8'}
+    for path, back in (('/nothing', '"./"'), ('/no/where/here?x=1/2', '"./../../"'), ('/v1/meshes/%3Cscript%3E&', '"./../../"')):
+        status, head, body = server.get(path, **browser)
+        assert status == 404 and head['content-type'] == 'text/html; charset=utf-8', head
+        assert 'href=' + back in body.decode() and b'<script' not in body and "default-src 'none'" in head['content-security-policy'], body
+        assert head['cache-control'] == 'no-store'
+        problem(path, 404)
+        problem(path, 404, Accept='application/json, */*')
+    assert server.get('/nothing', method='HEAD', **browser)[0] == 404
+    status, head, _ = server.get('/v1/meshes?wrong=1', **browser)
+    assert head['content-type'] != 'text/html; charset=utf-8'  # only what is not there
+
+
 def test_traversal():
     for path in (b'/../etc/passwd', b'/%2e%2e/etc/passwd', b'/v1/meshes/..%2f..%2fetc%2fpasswd', b'/v1/meshes/../../etc/passwd',
                  b'/v1/meshes/%2e%2e', b'/..%5c..%5cetc', b'/v1/meshes/.%00./x', b'/./page.css/../../etc/passwd', b'/%c0%ae%c0%ae/'):
@@ -234,7 +249,7 @@ def test_pipelining():
     last = b'GET /readyz HTTP/1.1\r\n' + HOST + b'Connection: close\r\n\r\n'
     received = server.raw(request * 50 + last)
     assert statuses(received) == [200] * 51
-    assert received.rstrip().endswith(b'"meshes": 0, "unreadable": 0}')
+    assert received.rstrip().endswith(b'"unreadable": 0, "open_files": 0}')
 
 
 def test_half_closed():
@@ -513,7 +528,7 @@ def test_metrics():
 
 
 with Server(FOLDER, '--timeout', '1000') as server:  # what ends a connection is never that
-    run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths, test_traversal,
+    run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths, test_a_page_for_browsers, test_traversal,
          test_nul_does_not_cut, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue, test_nul_in_headers, test_no_silence,
          test_refusals_are_problems, test_many_parameters, test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
          test_coding, test_embedding, test_assets, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses, test_metrics_apart, test_threads,

@@ -21,15 +21,16 @@ LAYERS = {
     'src/simplify': MESHES + ['src/simplify/exact/', 'src/log/contraction_log.h'],
     'src/simplify/exact': MESHES + ['src/simplify/'],
     'src/log': MESHES,
-    'src/measure': MESHES + ['src/log/'],
+    'src/forest': MESHES,
+    'src/measure': MESHES + ['src/log/', 'src/forest/'],
     'src/pipeline': MESHES + ['src/simplify/simplify.h', 'src/log/', 'src/measure/'],
     'src/report': MESHES,
-    'server': MESHES + ['src/io/io.h', 'src/report/', 'server/net/', 'server/answer/', 'server/store/'],
+    'server': MESHES + ['src/io/io.h', 'src/report/', 'src/forest/', 'server/net/', 'server/answer/', 'server/store/'],
     'server/net': ARRAYS + ['server/answer/'],
-    'server/answer': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'format/reader.h', 'server/store/'],
+    'server/answer': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/forest/', 'src/measure/region_error.h', 'format/reader.h', 'server/store/'],
     'server/store': MESHES + ['src/report/', 'format/reader.h'],
     'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
-    'src/cli': ['format/bytes.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'server/server.h'],
+    'src/cli': ['format/bytes.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'server/server.h'],
 }
 LIBC = set('''assert ctype dirent errno fcntl float getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
     stdint stdio stdlib string strings time unistd sys/mman sys/resource sys/stat sys/types'''.split())

@@ -2,7 +2,7 @@
 /* The filter and map of the server gives the cursor's mesh at every level, bit for bit, of any sequence over any complex. */
 #include <stdlib.h>
 
-#include "server/store/forest.h"
+#include "src/forest/forest.h"
 #include "tests/gen.h"
 #include "tests/memory_sink.h"
 #include "tests/test.h"

@@ -170,8 +170,71 @@ static void test_sinks_that_fail(void)
     tetmesh_fini(&mesh);
 }
 
+/* ---- files piece by piece ---- */
+
+static void rows_values(const void *opaque, uint32_t column, uint64_t first, size_t count, double *out)
+{
+    const struct tetmesh *mesh = opaque;
+    size_t components = column ? mesh->fields[column - 1].components : 3;
+    memcpy(out, (column ? mesh->fields[column - 1].values : mesh->positions) + first * components, count * components * sizeof *out);
+}
+
+static void rows_corners(const void *opaque, uint64_t first, size_t count, uint32_t *out)
+{
+    const struct tetmesh *mesh = opaque;
+    memcpy(out, mesh->corners + 4 * first, count * 4 * sizeof *out);
+}
+
+static void check_layout(const struct tetmesh *mesh,
+                         enum tetlod_status (*write)(const struct tetmesh *, const struct tetlodi_sink *, struct tetlod_error *),
+                         enum tetlod_status (*lay_out)(struct io_layout **, const struct tetmesh *, struct tetlod_error *))
+{
+    struct memory_sink memory = {0};
+    struct tetlodi_sink sink = memory_sink(&memory);
+    struct io_layout *layout;
+    const struct io_rows rows = {mesh, rows_values, rows_corners};
+    CHECK_INT(write(mesh, &sink, NULL), TETLOD_OK);
+    REQUIRE(lay_out(&layout, mesh, NULL) == TETLOD_OK);
+    REQUIRE(io_layout_size(layout) == memory.size);
+    unsigned char *bytes = malloc(memory.size);
+    REQUIRE(bytes != NULL);
+    for (size_t begin = 0, step = 1; begin < memory.size; begin += step, step = step * 7 % 100003) {
+        size_t size = memory.size - begin < step ? memory.size - begin : step;
+        io_layout_read(layout, &rows, begin, size, bytes + begin);
+    }
+    CHECK(memcmp(bytes, memory.bytes, memory.size) == 0);
+    memset(bytes, 0, memory.size);
+    io_layout_read(layout, &rows, 0, memory.size, bytes);
+    CHECK(memcmp(bytes, memory.bytes, memory.size) == 0);
+    free(bytes);
+    free(memory.bytes);
+    io_layout_free(layout);
+}
+
+static void test_layouts(void)
+{
+    struct tetmesh mesh;
+    REQUIRE(sample_find("cube")->make(&mesh, 9, NULL) == TETLOD_OK);
+    for (int fields = 0; fields < 4; fields++) {
+        check_layout(&mesh, io_write_vtu_plain, io_layout_vtu);
+        check_layout(&mesh, io_write_vtk, io_layout_vtk);
+        uint32_t components = fields == 2 ? 5000 : 3; // more than a block has words
+        REQUIRE(tetmesh_add_field(&mesh, fields ? "a \"b\" <c>" : "plain", components, fields % 2 ? TETLOD_FLOAT32 : TETLOD_FLOAT64, NULL) == TETLOD_OK);
+        for (size_t i = 0; i < (size_t)mesh.vertex_count * components; i++)
+            mesh.fields[mesh.field_count - 1].values[i] = (double)(i % 1000) / 8;
+    }
+    mesh.position_type = mesh.position_type == TETLOD_FLOAT32 ? TETLOD_FLOAT64 : TETLOD_FLOAT32;
+    check_layout(&mesh, io_write_vtu_plain, io_layout_vtu);
+    check_layout(&mesh, io_write_vtk, io_layout_vtk);
+    tetmesh_fini(&mesh);
+    mesh = (struct tetmesh){0}; // nothing at all
+    check_layout(&mesh, io_write_vtu_plain, io_layout_vtu);
+    check_layout(&mesh, io_write_vtk, io_layout_vtk);
+}
+
 int main(void)
 {
+    RUN(test_layouts);
     RUN(test_numbers_in_text);
     RUN(test_numbers_in_bytes);
     RUN(test_lines);

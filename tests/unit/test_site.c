@@ -101,7 +101,7 @@ static void test_answers(void)
     CHECK_INT(get(&f, "stream", NULL), 200);
     uint64_t whole = f.response.size;
     CHECK_INT(get(&f, "stream", "bytes=4-9"), 206);
-    CHECK_INT(f.response.kind, BODY_FILE);
+    CHECK_INT(f.response.kind, BODY_PIECES);
     CHECK_INT(f.response.offset, 4);
     CHECK_INT(f.response.size, 6);
     char content_range[64];

@@ -11,8 +11,8 @@
  * stage above it, in O(level), and is there as soon as that stage is decoded. What is there never changes: levels are read
  * by any number of threads while one decodes further, without locks.
  */
-#ifndef TETLOD_SERVER_FOREST_H
-#define TETLOD_SERVER_FOREST_H
+#ifndef TETLOD_FOREST_H
+#define TETLOD_FOREST_H
 
 #include "format/tetlod.h"
 #include "src/mesh/tetmesh.h"
@@ -33,6 +33,8 @@ void forest_free(struct forest *forest);
  * after a failure; then what is there stays, and the next call tries again. */
 TETLOD_CHECKED enum tetlod_status forest_grow(struct forest *forest, struct tetlod_error *error);
 
+const struct tetlod_info *forest_info(const struct forest *forest);
+
 /* How many levels are there: a thread that was told so may ask for their meshes. */
 uint32_t forest_levels(const struct forest *forest);
 
@@ -42,5 +44,23 @@ uint64_t forest_bytes(const struct forest *forest);
 /* The mesh of a level that is there, vertices and tetrahedra in the cursor's order; `out` is the caller's to tetmesh_fini. */
 TETLOD_CHECKED enum tetlod_status forest_mesh(const struct forest *forest, uint32_t level, struct tetmesh *out,
                                               struct tetlod_error *error);
+
+/* The same without arrays: counts, types and names. */
+TETLOD_CHECKED enum tetlod_status forest_shape(const struct forest *forest, uint32_t level, struct tetmesh *out,
+                                               struct tetlod_error *error);
+
+/* A level of which any rows can be had without the others, in forest_mesh's order. It borrows from the forest, and may be read by
+ * any number of threads. */
+struct forest_view;
+TETLOD_CHECKED enum tetlod_status forest_view_new(struct forest_view **out, const struct forest *forest, uint32_t level,
+                                                  struct tetlod_error *error);
+void forest_view_free(struct forest_view *view);
+
+/* Memory that it takes. */
+uint64_t forest_view_bytes(const struct tetlod_info *info, uint32_t level);
+
+/* Rows from `first` on of column 0, the positions, or 1 + f, field f; corners of tetrahedra. `view` is a struct forest_view. */
+void forest_view_values(const void *view, uint32_t column, uint64_t first, size_t count, double *out);
+void forest_view_corners(const void *view, uint64_t first, size_t count, uint32_t *out);
 
 #endif

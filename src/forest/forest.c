@@ -1,54 +1,16 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "server/store/forest.h"
+#include "src/forest/forest.h"
 
 #include <assert.h>
-#include <stdatomic.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/forest/forest_data.h"
 #include "src/util/array.h"
 
-struct column {
-    char *name; /* owned; NULL for the position */
-    uint32_t components;
-    enum tetlod_type type;
-    size_t offset; /* in a row */
-};
-
-/* What a slot holds from `level` on; `previous` is the version before, of the same slot. */
-struct version {
-    uint32_t level, previous;
-};
-
-struct stage {
-    uint32_t level, vertices, tets;
-    uint32_t *corners; /* [4 * tets] */
-    uint32_t *newest;  /* [vertices] versions */
-};
-
 enum { STAGE_GROWTH = 4 };
-
-struct forest {
-    struct tetlod_file *file; /* borrowed */
-    uint32_t column_count;
-    struct column *columns; /* the position, then the fields */
-    size_t row_size;
-    uint32_t stage_count;
-    struct stage *stages;
-    /* How many are there. Set last: who sees a stage sees all that its levels need, which is never written again. */
-    atomic_uint stages_there;
-    atomic_uint_fast64_t bytes;
-    uint32_t *parents; /* [slots] */
-    struct version *versions; /* in order of time; at most two for each slot */
-    unsigned char *rows;      /* [row_size] for each version, and one for the next */
-    /* The decoding thread's: */
-    struct tetlod_cursor *cursor; /* NULL while nothing is decoded */
-    uint32_t next_level;
-    size_t version_count;
-    uint32_t *newest; /* [slots] version of a slot */
-};
 
 static void stop_decoding(struct forest *forest)
 {
@@ -79,6 +41,11 @@ void forest_free(struct forest *forest)
 uint64_t forest_bytes(const struct forest *forest)
 {
     return atomic_load_explicit(&forest->bytes, memory_order_relaxed);
+}
+
+const struct tetlod_info *forest_info(const struct forest *forest)
+{
+    return tetlod_info(forest->file);
 }
 
 static size_t width_of(enum tetlod_type type)
@@ -286,71 +253,147 @@ uint32_t forest_levels(const struct forest *forest)
     return there ? forest->stages[there - 1].level + 1 : 0;
 }
 
-static void unpack_row(const struct forest *forest, const unsigned char *row, uint32_t slot, struct tetmesh *mesh)
+/* ---- a level, as rows ---- */
+
+struct forest_view {
+    const struct forest *forest;
+    const struct stage *stage; /* that the level is mapped from */
+    uint32_t *standing; /* [slots of the stage] the vertex of the level that a slot stands for */
+    uint32_t *versions; /* [vertices of the level] */
+};
+
+uint64_t forest_view_bytes(const struct tetlod_info *info, uint32_t level)
 {
-    for (uint32_t c = 0; c < forest->column_count; c++) {
-        const struct column *column = &forest->columns[c];
-        double *values = (c ? mesh->fields[c - 1].values : mesh->positions) + (size_t)slot * column->components;
+    return sizeof(struct forest_view) + 4 * ((uint64_t)info->levels[forest_last_level(info, level)].vertices + info->levels[level].vertices);
+}
+
+void forest_view_free(struct forest_view *view)
+{
+    if (!view)
+        return;
+    free(view->standing);
+    free(view->versions);
+    free(view);
+}
+
+static void map_slots(struct forest_view *view, uint32_t level, uint32_t count)
+{
+    const struct forest *forest = view->forest;
+    for (uint32_t v = 0; v < view->stage->vertices; v++)
+        view->standing[v] = v < count ? v : view->standing[forest->parents[v]];
+    for (uint32_t v = 0; v < count; v++) {
+        uint32_t version = view->stage->newest[v];
+        while (forest->versions[version].level > level)
+            version = forest->versions[version].previous;
+        view->versions[v] = version;
+    }
+}
+
+enum tetlod_status forest_view_new(struct forest_view **out, const struct forest *forest, uint32_t level, struct tetlod_error *error)
+{
+    const struct stage *stage = forest->stages;
+    uint32_t count = tetlod_info(forest->file)->levels[level].vertices;
+    assert(level < forest_levels(forest));
+    while (stage->level < level)
+        stage++;
+    struct forest_view *view = *out = array_zero(1, sizeof *view);
+    if (view) {
+        *view = (struct forest_view){forest, stage, array_new(stage->vertices, sizeof *view->standing), array_new(count, sizeof *view->versions)};
+        if (view->standing && view->versions) {
+            map_slots(view, level, count);
+            return TETLOD_OK;
+        }
+    }
+    forest_view_free(view);
+    *out = NULL;
+    return tetlodi_fail_nomem(error, "a level", ((uint64_t)stage->vertices + count) * sizeof *view->standing);
+}
+
+void forest_view_corners(const void *opaque, uint64_t first, size_t count, uint32_t *out)
+{
+    const struct forest_view *view = opaque;
+    const uint32_t *descendants = view->stage->corners + 4 * first;
+    for (size_t i = 0; i < 4 * count; i++)
+        out[i] = view->standing[descendants[i]];
+}
+
+void forest_view_values(const void *opaque, uint32_t c, uint64_t first, size_t count, double *out)
+{
+    const struct forest_view *view = opaque;
+    const struct forest *forest = view->forest;
+    const struct column *column = &forest->columns[c];
+    size_t components = column->components;
+    for (size_t v = 0; v < count; v++, out += components) {
+        const unsigned char *row = forest->rows + view->versions[first + v] * forest->row_size + column->offset;
         if (column->type == TETLOD_FLOAT64)
-            memcpy(values, row + column->offset, 8 * column->components);
+            memcpy(out, row, 8 * components);
         else
-            for (uint32_t i = 0; i < column->components; i++) {
+            for (size_t i = 0; i < components; i++) {
                 float value;
-                memcpy(&value, row + column->offset + 4 * i, 4);
-                values[i] = value;
+                memcpy(&value, row + 4 * i, 4);
+                out[i] = value;
             }
     }
 }
 
-static enum tetlod_status allocate_mesh(const struct forest *forest, const struct tetlod_level *level, struct tetmesh *mesh,
-                                        struct tetlod_error *error)
+/* ---- a level, as a mesh ---- */
+
+enum tetlod_status forest_shape(const struct forest *forest, uint32_t level, struct tetmesh *out, struct tetlod_error *error)
 {
-    mesh->vertex_count = level->vertices;
-    mesh->tet_count = level->tets;
-    mesh->position_type = forest->columns[0].type;
-    mesh->positions = array_new(mesh->vertex_count, 3 * sizeof *mesh->positions);
-    mesh->corners = array_new(mesh->tet_count, 4 * sizeof *mesh->corners);
-    if (!mesh->positions || !mesh->corners)
-        return tetlodi_fail_nomem(error, "a level", (uint64_t)mesh->tet_count * 16);
-    for (uint32_t c = 1; c < forest->column_count; c++)
-        TETLOD_TRY(tetmesh_add_field(mesh, forest->columns[c].name, forest->columns[c].components,
-                                     forest->columns[c].type, error));
-    return TETLOD_OK;
+    const struct tetlod_level *counts = &tetlod_info(forest->file)->levels[level];
+    *out = (struct tetmesh){.vertex_count = counts->vertices, .tet_count = counts->tets, .position_type = forest->columns[0].type};
+    out->fields = array_zero(forest->column_count, sizeof *out->fields); // one more than there are, for there may be none
+    while (out->fields && out->field_count + 1 < forest->column_count) {
+        const struct column *column = &forest->columns[out->field_count + 1];
+        char *name = strdup(column->name);
+        if (!name)
+            break;
+        out->fields[out->field_count++] = (struct point_field){.name = name, .components = column->components, .type = column->type};
+    }
+    if (out->fields && out->field_count + 1 == forest->column_count)
+        return TETLOD_OK;
+    tetmesh_fini(out);
+    return tetlodi_fail_nomem(error, "a level", 0);
 }
 
-static void map_corners(const struct forest *forest, const struct stage *stage, uint32_t *standing, struct tetmesh *mesh)
+static bool allocate_arrays(struct tetmesh *mesh)
 {
-    uint32_t count = mesh->vertex_count;
-    for (uint32_t v = 0; v < stage->vertices; v++)
-        standing[v] = v < count ? v : standing[forest->parents[v]];
-    const uint32_t *descendants = stage->corners;
-    uint32_t *corners = mesh->corners;
-    for (size_t i = 0; i < (size_t)mesh->tet_count * 4; i++)
-        corners[i] = standing[descendants[i]];
+    mesh->positions = array_new(mesh->vertex_count, 3 * sizeof *mesh->positions);
+    mesh->corners = array_new(mesh->tet_count, 4 * sizeof *mesh->corners);
+    bool all = mesh->positions && mesh->corners;
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        mesh->fields[f].values = array_new(mesh->vertex_count, mesh->fields[f].components * sizeof *mesh->fields[f].values);
+        all &= mesh->fields[f].values != NULL;
+    }
+    return all;
+}
+
+/* In blocks, because the columns of a point lie together. */
+static void fill_mesh(const struct forest_view *view, struct tetmesh *mesh)
+{
+    enum { BLOCK = 1024 };
+    forest_view_corners(view, 0, mesh->tet_count, mesh->corners);
+    for (uint32_t first = 0; first < mesh->vertex_count; first += BLOCK) {
+        size_t count = mesh->vertex_count - first < BLOCK ? mesh->vertex_count - first : BLOCK;
+        forest_view_values(view, 0, first, count, mesh->positions + 3 * (size_t)first);
+        for (uint32_t f = 0; f < mesh->field_count; f++)
+            forest_view_values(view, 1 + f, first, count, mesh->fields[f].values + (size_t)mesh->fields[f].components * first);
+    }
 }
 
 enum tetlod_status forest_mesh(const struct forest *forest, uint32_t level, struct tetmesh *out,
                                struct tetlod_error *error)
 {
-    const struct stage *stage = forest->stages;
-    assert(level < forest_levels(forest));
-    while (stage->level < level)
-        stage++;
+    struct forest_view *view;
     *out = (struct tetmesh){0};
-    uint32_t *standing = array_new(stage->vertices, sizeof *standing);
-    enum tetlod_status status = allocate_mesh(forest, &tetlod_info(forest->file)->levels[level], out, error);
-    if (status == TETLOD_OK && !standing)
-        status = tetlodi_fail_nomem(error, "a level", (uint64_t)stage->vertices * sizeof *standing);
-    if (status == TETLOD_OK) {
-        map_corners(forest, stage, standing, out);
-        for (uint32_t v = 0; v < out->vertex_count; v++) {
-            uint32_t version = stage->newest[v];
-            while (forest->versions[version].level > level)
-                version = forest->versions[version].previous;
-            unpack_row(forest, forest->rows + version * forest->row_size, v, out);
-        }
-    } else
+    TETLOD_TRY(forest_view_new(&view, forest, level, error));
+    enum tetlod_status status = forest_shape(forest, level, out, error);
+    if (status == TETLOD_OK && !allocate_arrays(out)) {
+        status = tetlodi_fail_nomem(error, "a level", (uint64_t)out->tet_count * 16);
         tetmesh_fini(out);
-    free(standing);
+    }
+    if (status == TETLOD_OK)
+        fill_mesh(view, out);
+    forest_view_free(view);
     return status;
 }

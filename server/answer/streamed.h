@@ -1,0 +1,18 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Levels that are written while they are sent, straight from the stream in memory: for files that the cache has no room for. */
+#ifndef TETLOD_SERVER_STREAMED_H
+#define TETLOD_SERVER_STREAMED_H
+
+#include "server/answer/exchange.h"
+#include "src/io/io.h"
+
+struct streamed_answer {
+    uint32_t level;
+    const char *name; /* of the format: for the entity tag */
+    const char *media_type;
+    enum tetlod_status (*lay_out)(struct io_layout **out, const struct tetmesh *shape, struct tetlod_error *error);
+};
+
+enum outcome answer_streamed(struct exchange *exchange, struct dataset *dataset, const struct streamed_answer *answer);
+
+#endif

@@ -1,0 +1,791 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Each slot is at a level of its own. A slot lives if its parent lives and is at the level at which the slot arrived, or a finer
+ * one; so any levels of slots give a set of living vertices that is closed under ancestors. Splitting a vertex moves its slot to
+ * the level at which its next child arrives. Levels only rise, so that repair ends, at the latest with the fine level itself.
+ *
+ * Slots are listed by root, the vertex of the coarse level that they descend from; corners of tetrahedra by the living vertex that
+ * they stand for, from the first split of its root on. A round of repair looks at what was split and at nothing else.
+ */
+#include "src/forest/region.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/forest/forest_data.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+/* Numbers by another number: those of i are numbers[first[i]] .. numbers[first[i + 1] - 1], in ascending order. */
+struct lists {
+    uint32_t *first, *numbers;
+};
+
+struct span {
+    size_t first;
+    uint32_t count, next;
+};
+
+/* A tetrahedron with four different corners. */
+struct cell {
+    uint32_t tet, slots[4];
+};
+
+struct cut {
+    const struct forest *forest;
+    const struct region *region;
+    const struct stage *stage;
+    uint32_t slots, coarse_slots, fine_tets;
+    int orientation;       /* of the mesh */
+    uint32_t *fine_of;     /* [slots of the stage] the slot of the fine level that it stands for; NULL: itself */
+    uint32_t *arrival;     /* [slots] level */
+    uint32_t *root;        /* [slots of the stage] */
+    struct lists children; /* of a slot, that are not in the coarse level: in order of arrival */
+    struct lists family;   /* slots of a root */
+    unsigned char *listed; /* [coarse slots] roots that were split so far */
+    struct span *spans;    /* [slots] where in `ends` the corners are that stand for a living slot */
+    uint32_t *ends;        /* 4 * tetrahedron + corner */
+    size_t ends_count, ends_capacity;
+    uint32_t *spare;       /* [spare_capacity] for sorting a span */
+    size_t spare_capacity;
+    uint32_t *round_of;    /* [fine_tets] the round in which a tetrahedron became a cell; 0 the start */
+    uint32_t *level;       /* [slots] */
+    uint32_t *standing;    /* [slots] the living slot that it stands for */
+    double *positions;     /* [3 * slots] of living slots, at their levels */
+    unsigned char *dirty;  /* [coarse slots] roots of which a vertex was split in this round */
+    unsigned char *done;   /* [slots] split in this round */
+    struct cell *cells;
+    size_t count, capacity, fresh; /* from `fresh` on they are of this round */
+    uint32_t rounds;
+};
+
+static void lists_fini(struct lists *lists)
+{
+    free(lists->first);
+    free(lists->numbers);
+}
+
+static void cut_fini(struct cut *cut)
+{
+    lists_fini(&cut->children);
+    lists_fini(&cut->family);
+    free(cut->spans);
+    free(cut->ends);
+    free(cut->spare);
+    free(cut->round_of);
+    free(cut->fine_of);
+    free(cut->arrival);
+    free(cut->root);
+    free(cut->level);
+    free(cut->standing);
+    free(cut->positions);
+    free(cut->dirty);
+    free(cut->listed);
+    free(cut->done);
+    free(cut->cells);
+}
+
+uint64_t region_estimate(const struct tetlod_info *info, const struct region *region)
+{
+    const struct tetlod_level *fine = &info->levels[region->fine];
+    return fine->vertices * (uint64_t)(7 * 4 + 24 + 16 + 2 + region->box_count) + info->levels[forest_last_level(info, region->fine)].vertices * (uint64_t)4 +
+           fine->tets * (uint64_t)(4 + 2 * 16 + 20) + 65536;
+}
+
+/* ---- slots ---- */
+
+/* The counts in first[i + 1] become places, and the numbers get room. */
+static bool make_lists(struct lists *lists, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++)
+        lists->first[i + 1] += lists->first[i];
+    lists->numbers = array_new(lists->first[count], sizeof *lists->numbers);
+    return lists->numbers != NULL;
+}
+
+/* After each list was filled by first[i]++. */
+static void end_lists(struct lists *lists, uint32_t count)
+{
+    for (uint32_t i = count; i > 0; i--)
+        lists->first[i] = lists->first[i - 1];
+    lists->first[0] = 0;
+}
+
+static enum tetlod_status allocate(struct cut *cut, struct tetlod_error *error)
+{
+    size_t slots = cut->slots;
+    bool finest = cut->slots == cut->stage->vertices;
+    cut->fine_of = finest ? NULL : array_new(cut->stage->vertices, sizeof *cut->fine_of);
+    cut->arrival = array_new(slots, sizeof *cut->arrival);
+    cut->root = array_new(cut->stage->vertices, sizeof *cut->root);
+    cut->level = array_new(slots, sizeof *cut->level);
+    cut->standing = array_new(slots, sizeof *cut->standing);
+    cut->positions = array_new(slots, 3 * sizeof *cut->positions);
+    cut->dirty = array_zero(cut->coarse_slots, 1);
+    cut->done = array_zero(slots, 1);
+    cut->listed = array_zero(cut->coarse_slots, 1);
+    cut->spans = array_zero(slots, sizeof *cut->spans);
+    cut->round_of = array_zero(cut->fine_tets, sizeof *cut->round_of);
+    cut->children.first = array_zero(slots + 1, sizeof *cut->children.first);
+    cut->family.first = array_zero(cut->coarse_slots + (size_t)1, sizeof *cut->family.first);
+    if ((finest || cut->fine_of) && cut->arrival && cut->root && cut->level && cut->standing && cut->positions && cut->dirty && cut->done &&
+        cut->listed && cut->spans && cut->round_of && cut->children.first && cut->family.first)
+        return TETLOD_OK;
+    return tetlodi_fail_nomem(error, "a region", slots * (uint64_t)54);
+}
+
+/* Families and children, and what every slot stands for at first: its root. */
+static bool list_slots(struct cut *cut)
+{
+    const uint32_t *parents = cut->forest->parents;
+    for (uint32_t v = 0; v < cut->stage->vertices; v++) {
+        if (cut->fine_of)
+            cut->fine_of[v] = v < cut->slots ? v : cut->fine_of[parents[v]];
+        cut->root[v] = v < cut->coarse_slots ? v : cut->root[parents[v]];
+    }
+    for (uint32_t v = 0; v < cut->slots; v++) {
+        cut->standing[v] = cut->root[v];
+        cut->family.first[cut->root[v] + 1]++;
+        if (v >= cut->coarse_slots)
+            cut->children.first[parents[v] + 1]++;
+    }
+    if (!make_lists(&cut->children, cut->slots) || !make_lists(&cut->family, cut->coarse_slots))
+        return false;
+    for (uint32_t v = 0; v < cut->slots; v++) {
+        cut->family.numbers[cut->family.first[cut->root[v]]++] = v;
+        if (v >= cut->coarse_slots)
+            cut->children.numbers[cut->children.first[parents[v]]++] = v;
+    }
+    end_lists(&cut->children, cut->slots);
+    end_lists(&cut->family, cut->coarse_slots);
+    return true;
+}
+
+static uint32_t fine_slot(const struct cut *cut, uint32_t slot)
+{
+    return cut->fine_of ? cut->fine_of[slot] : slot;
+}
+
+static void corners_of(const struct cut *cut, size_t tet, uint32_t out[4])
+{
+    const uint32_t *corners = cut->stage->corners + 4 * tet;
+    for (int c = 0; c < 4; c++)
+        out[c] = fine_slot(cut, corners[c]);
+}
+
+/* The level at which a slot at some level splits next; above the fine level if it does not. */
+static uint32_t next_split(const struct cut *cut, uint32_t v)
+{
+    for (uint32_t i = cut->children.first[v]; i < cut->children.first[v + 1]; i++)
+        if (cut->arrival[cut->children.numbers[i]] > cut->level[v])
+            return cut->arrival[cut->children.numbers[i]];
+    return cut->region->fine + 1;
+}
+
+/* A slot that does not split any more is at the fine level: its values may be others there. */
+static void settle(struct cut *cut, uint32_t v)
+{
+    if (next_split(cut, v) > cut->region->fine)
+        cut->level[v] = cut->region->fine;
+}
+
+/* What a slot holds at a level. */
+static uint32_t version_at(const struct cut *cut, uint32_t v, uint32_t level)
+{
+    uint32_t version = cut->stage->newest[v];
+    while (cut->forest->versions[version].level > level)
+        version = cut->forest->versions[version].previous;
+    return version;
+}
+
+static void start_levels(struct cut *cut)
+{
+    const struct tetlod_level *levels = tetlod_info(cut->forest->file)->levels;
+    for (uint32_t v = 0, k = 0; v < cut->slots; v++) {
+        while (v >= levels[k].vertices)
+            k++;
+        cut->arrival[v] = k;
+        cut->level[v] = k > cut->region->coarse ? k : cut->region->coarse;
+    }
+    for (uint32_t v = cut->coarse_slots; v < cut->slots; v++)
+        settle(cut, v);
+}
+
+/* Is it as it is in the fine level? */
+static bool is_fine(const struct cut *cut, uint32_t v)
+{
+    uint32_t fine = cut->region->fine, level = cut->level[v];
+    return level == fine || (next_split(cut, v) > fine && version_at(cut, v, level) == version_at(cut, v, fine));
+}
+
+/* Is it as it is in the coarse level? */
+static bool is_coarse(const struct cut *cut, uint32_t v)
+{
+    uint32_t coarse = cut->region->coarse, first = cut->children.first[v];
+    if (v >= cut->coarse_slots || cut->level[v] == coarse)
+        return v < cut->coarse_slots;
+    bool split = first < cut->children.first[v + 1] && cut->arrival[cut->children.numbers[first]] <= cut->level[v];
+    return !split && version_at(cut, v, cut->level[v]) == version_at(cut, v, coarse);
+}
+
+static void raise(struct cut *cut, uint32_t v, uint32_t level)
+{
+    cut->level[v] = level;
+    settle(cut, v);
+    cut->done[v] = 1;
+    cut->dirty[cut->root[v]] = 1;
+}
+
+static const unsigned char *row_at(const struct cut *cut, uint32_t v, uint32_t level)
+{
+    return cut->forest->rows + version_at(cut, v, level) * cut->forest->row_size;
+}
+
+static void unpack(const struct column *column, const unsigned char *row, double *out)
+{
+    row += column->offset;
+    if (column->type == TETLOD_FLOAT64)
+        memcpy(out, row, 8 * column->components);
+    else
+        for (size_t i = 0; i < column->components; i++) {
+            float value;
+            memcpy(&value, row + 4 * i, 4);
+            out[i] = value;
+        }
+}
+
+static void take_position(struct cut *cut, uint32_t v, uint32_t level)
+{
+    unpack(&cut->forest->columns[0], row_at(cut, v, level), cut->positions + 3 * (size_t)v);
+}
+
+/* ---- boxes ---- */
+
+/* The corners' least and greatest along an axis. */
+static void span_along(const double axis[3], const double *const corners[4], const double middle[3], double *low, double *high)
+{
+    *low = INFINITY;
+    *high = -INFINITY;
+    for (int c = 0; c < 4; c++) {
+        double at = 0;
+        for (int i = 0; i < 3; i++)
+            at += axis[i] * (corners[c][i] - middle[i]);
+        *low = smaller(*low, at);
+        *high = larger(*high, at);
+    }
+}
+
+/* Does a plane across the axis separate them, and not only just? */
+static bool separates(const double axis[3], const double *const corners[4], const double middle[3], const double half[3])
+{
+    double low, high, reach = 0;
+    span_along(axis, corners, middle, &low, &high);
+    for (int i = 0; i < 3; i++)
+        reach += fabs(axis[i]) * half[i];
+    double slack = 1e-9 * (reach + fabs(low) + fabs(high));
+    return low > reach + slack || high < -reach - slack;
+}
+
+bool region_meets(const double *const corners[4], const struct region_box *box)
+{
+    double middle[3], half[3], edges[6][3];
+    for (int i = 0; i < 3; i++) {
+        middle[i] = box->low[i] / 2 + box->high[i] / 2;
+        half[i] = box->high[i] / 2 - box->low[i] / 2;
+    }
+    for (int i = 0; i < 3; i++)
+        if (separates((const double[3]){i == 0, i == 1, i == 2}, corners, middle, half))
+            return false;
+    for (int e = 0; e < 6; e++)
+        for (int i = 0; i < 3; i++)
+            edges[e][i] = corners[tet_edges[e][1]][i] - corners[tet_edges[e][0]][i];
+    for (int e = 0; e < 6; e++)
+        for (int i = 0; i < 3; i++) { // across the edge and an edge of the box
+            int j = (i + 1) % 3, k = (i + 2) % 3;
+            double axis[3] = {0, 0, 0};
+            axis[j] = -edges[e][k];
+            axis[k] = edges[e][j];
+            if (separates(axis, corners, middle, half))
+                return false;
+        }
+    for (int f = 0; f < 4; f++) { // across a face
+        const double *a = corners[tet_faces[f][0]], *b = corners[tet_faces[f][1]], *c = corners[tet_faces[f][2]];
+        double axis[3];
+        for (int i = 0; i < 3; i++) {
+            int j = (i + 1) % 3, k = (i + 2) % 3;
+            axis[i] = (b[j] - a[j]) * (c[k] - a[k]) - (b[k] - a[k]) * (c[j] - a[j]);
+        }
+        if (separates(axis, corners, middle, half))
+            return false;
+    }
+    return true;
+}
+
+/* On which sides of a box's planes a point is outside: six bits. */
+static unsigned outside(const double *p, const struct region_box *box)
+{
+    unsigned sides = 0;
+    for (int i = 0; i < 3; i++)
+        sides |= (unsigned)(p[i] < box->low[i]) << 2 * i | (unsigned)(p[i] > box->high[i]) << (2 * i + 1);
+    return sides;
+}
+
+static bool meets_any(const struct cut *cut, const uint32_t *slots)
+{
+    const double *corners[4];
+    for (int c = 0; c < 4; c++)
+        corners[c] = cut->positions + 3 * (size_t)slots[c];
+    for (size_t b = 0; b < cut->region->box_count; b++) {
+        const struct region_box *box = &cut->region->boxes[b];
+        unsigned all = outside(corners[0], box) & outside(corners[1], box) & outside(corners[2], box) & outside(corners[3], box);
+        if (!all && region_meets(corners, box))
+            return true;
+    }
+    return false;
+}
+
+/* ---- the first cut: the fine tetrahedra that meet a box ---- */
+
+/* Marks the corners of tetrahedra that meet a box. Most do not: their corners are all outside on one side of each box. */
+static void want_tets(struct cut *cut, unsigned char *sides, unsigned char *wanted)
+{
+    size_t boxes = cut->region->box_count;
+    for (uint32_t v = 0; v < cut->slots; v++) {
+        take_position(cut, v, cut->region->fine);
+        for (size_t b = 0; b < boxes; b++)
+            sides[v * boxes + b] = (unsigned char)outside(cut->positions + 3 * (size_t)v, &cut->region->boxes[b]);
+    }
+    for (size_t t = 0; t < cut->fine_tets; t++) {
+        uint32_t slots[4];
+        bool near = false;
+        corners_of(cut, t, slots);
+        for (size_t b = 0; b < boxes && !near; b++)
+            near = !(sides[slots[0] * boxes + b] & sides[slots[1] * boxes + b] & sides[slots[2] * boxes + b] & sides[slots[3] * boxes + b]);
+        for (int c = 0; c < 4 && near && (c || meets_any(cut, slots)); c++)
+            wanted[slots[c]] = 2;
+    }
+}
+
+/* Makes what is wanted live, at the fine level: from the finest up, because it needs its ancestors split. */
+static void raise_wanted(struct cut *cut, unsigned char *wanted)
+{
+    for (uint32_t v = cut->slots; v-- > 0;) {
+        if (wanted[v])
+            raise(cut, v, wanted[v] == 2 ? cut->region->fine : cut->level[v]);
+        if (!wanted[v] || v < cut->coarse_slots)
+            continue;
+        uint32_t parent = cut->forest->parents[v];
+        wanted[parent] = wanted[parent] ? wanted[parent] : 1;
+        if (cut->level[parent] < cut->arrival[v])
+            cut->level[parent] = cut->arrival[v];
+    }
+}
+
+static enum tetlod_status raise_boxes(struct cut *cut, struct tetlod_error *error)
+{
+    unsigned char *sides = array_new(cut->slots, cut->region->box_count);
+    unsigned char *wanted = array_zero(cut->slots, 1);
+    bool there = sides && wanted;
+    if (there) {
+        want_tets(cut, sides, wanted);
+        raise_wanted(cut, wanted);
+        for (uint32_t v = 0; v < cut->coarse_slots; v++)
+            take_position(cut, v, cut->level[v]);
+    }
+    free(sides);
+    free(wanted);
+    return there ? TETLOD_OK : tetlodi_fail_nomem(error, "a region", (uint64_t)cut->slots * (cut->region->box_count + 1));
+}
+
+/* ---- the mesh of a cut ---- */
+
+/* Adds a tetrahedron if its corners stand for four different slots, once in a round. */
+static bool add_cell(struct cut *cut, uint32_t tet)
+{
+    uint32_t slots[4];
+    corners_of(cut, tet, slots);
+    for (int c = 0; c < 4; c++)
+        slots[c] = cut->standing[slots[c]];
+    if (slots[0] == slots[1] || slots[0] == slots[2] || slots[0] == slots[3] || slots[1] == slots[2] || slots[1] == slots[3] ||
+        slots[2] == slots[3] || (cut->rounds && cut->round_of[tet] == cut->rounds))
+        return true;
+    if (!array_reserve((void **)&cut->cells, &cut->capacity, cut->count + 1, sizeof *cut->cells))
+        return false;
+    cut->round_of[tet] = cut->rounds;
+    cut->cells[cut->count++] = (struct cell){tet, {slots[0], slots[1], slots[2], slots[3]}};
+    return true;
+}
+
+static bool lives(const struct cut *cut, uint32_t v)
+{
+    return cut->standing[v] == v;
+}
+
+static void stand_family(struct cut *cut, uint32_t root)
+{
+    for (uint32_t i = cut->family.first[root]; i < cut->family.first[root + 1]; i++) {
+        uint32_t v = cut->family.numbers[i], parent = cut->forest->parents[v];
+        bool living = v == root || (lives(cut, parent) && cut->level[parent] >= cut->arrival[v]);
+        cut->standing[v] = living ? v : cut->standing[parent];
+        if (living)
+            take_position(cut, v, cut->level[v]);
+    }
+}
+
+static bool is_new(const struct cut *cut, uint32_t root)
+{
+    return cut->dirty[root] && !cut->listed[root];
+}
+
+/* Adds the corners that stand for roots that are split for the first time, by one look at all tetrahedra, and counts them. */
+static bool find_ends(struct cut *cut)
+{
+    unsigned char *near = array_new(cut->stage->vertices, 1);
+    bool room = near != NULL;
+    for (uint32_t v = 0; room && v < cut->stage->vertices; v++)
+        near[v] = is_new(cut, cut->root[v]);
+    for (size_t t = 0; room && t < cut->fine_tets; t++) {
+        const uint32_t *corners = cut->stage->corners + 4 * t;
+        if (!(near[corners[0]] | near[corners[1]] | near[corners[2]] | near[corners[3]]))
+            continue;
+        room = array_reserve((void **)&cut->ends, &cut->ends_capacity, cut->ends_count + 4, sizeof *cut->ends);
+        for (size_t c = 0; c < 4 && room; c++)
+            if (near[corners[c]]) {
+                cut->ends[cut->ends_count++] = (uint32_t)(4 * t + c);
+                cut->spans[cut->root[corners[c]]].count++;
+            }
+    }
+    free(near);
+    return room;
+}
+
+static uint32_t stands_for(const struct cut *cut, uint32_t end)
+{
+    return cut->standing[fine_slot(cut, cut->stage->corners[end])];
+}
+
+/* Sorts ends by what they stand for now, whose spans' counts are 0: each slot's place is where it is met first. */
+static bool sort_ends(struct cut *cut, struct span range)
+{
+    uint32_t *ends = cut->ends + range.first;
+    size_t place = range.first;
+    if (!array_reserve((void **)&cut->spare, &cut->spare_capacity, range.count, sizeof *cut->spare))
+        return false;
+    for (size_t i = 0; i < range.count; i++)
+        cut->spans[stands_for(cut, ends[i])].count++;
+    for (size_t i = 0; i < range.count; i++) {
+        struct span *span = &cut->spans[stands_for(cut, ends[i])];
+        if (span->next == 0) {
+            span->first = place;
+            place += span->count;
+        }
+        cut->spare[span->first - range.first + span->next++] = ends[i];
+    }
+    memcpy(ends, cut->spare, range.count * sizeof *ends);
+    for (size_t i = 0; i < range.count; i++)
+        cut->spans[stands_for(cut, ends[i])].next = 0;
+    return true;
+}
+
+static bool list_ends(struct cut *cut)
+{
+    size_t first = cut->ends_count;
+    bool any = false;
+    for (uint32_t root = 0; root < cut->coarse_slots && !any; root++)
+        any = is_new(cut, root);
+    if (!any)
+        return true;
+    if (!find_ends(cut))
+        return false;
+    for (uint32_t root = 0; root < cut->coarse_slots; root++)
+        if (is_new(cut, root)) {
+            cut->spans[root].count = 0;
+            cut->listed[root] = 1;
+        }
+    return sort_ends(cut, (struct span){first, (uint32_t)(cut->ends_count - first), 0});
+}
+
+/* The corners of a slot that was split are its children's now; their tetrahedra are made anew. */
+static bool renew_slot(struct cut *cut, uint32_t v)
+{
+    const struct span range = cut->spans[v];
+    cut->spans[v] = (struct span){0, 0, 0};
+    if (!sort_ends(cut, range))
+        return false;
+    for (size_t i = 0; i < range.count; i++)
+        if (!add_cell(cut, cut->ends[range.first + i] / 4))
+            return false;
+    return true;
+}
+
+static void drop_cells(struct cut *cut)
+{
+    size_t kept = 0;
+    for (size_t i = 0; i < cut->count; i++) {
+        const uint32_t *slots = cut->cells[i].slots;
+        if (!(cut->done[slots[0]] | cut->done[slots[1]] | cut->done[slots[2]] | cut->done[slots[3]]))
+            cut->cells[kept++] = cut->cells[i];
+    }
+    cut->count = cut->fresh = kept;
+}
+
+/* Takes up what was split. */
+static enum tetlod_status renew(struct cut *cut, struct tetlod_error *error)
+{
+    bool room = list_ends(cut);
+    drop_cells(cut);
+    for (uint32_t root = 0; root < cut->coarse_slots; root++)
+        if (cut->dirty[root])
+            stand_family(cut, root);
+    for (uint32_t root = 0; root < cut->coarse_slots; root++)
+        for (uint32_t i = cut->family.first[root]; cut->dirty[root] && i < cut->family.first[root + 1]; i++) {
+            uint32_t v = cut->family.numbers[i];
+            if (cut->done[v] && cut->spans[v].count && room)
+                room = renew_slot(cut, v);
+            cut->done[v] = 0;
+        }
+    memset(cut->dirty, 0, cut->coarse_slots);
+    return room ? TETLOD_OK : tetlodi_fail_nomem(error, "a region", cut->fine_tets * (uint64_t)20);
+}
+
+static enum region_part part_of(const struct cut *cut, const uint32_t *slots)
+{
+    bool fine = true, coarse = true;
+    for (int c = 0; c < 4; c++) {
+        fine &= is_fine(cut, slots[c]);
+        coarse &= is_coarse(cut, slots[c]);
+    }
+    return fine ? REGION_FINE : coarse ? REGION_COARSE : REGION_BELT;
+}
+
+/* ---- repair ---- */
+
+/* Splits the corner that was contracted last, which is the one that splits first, if it was not split in this round already. False
+ * if none splits. */
+static bool split_one(struct cut *cut, const uint32_t *slots)
+{
+    uint32_t best = TETLOD_NONE, least = cut->region->fine + 1;
+    for (int c = 0; c < 4; c++) {
+        uint32_t next = cut->done[slots[c]] ? cut->level[slots[c]] : next_split(cut, slots[c]);
+        if (next < least || (next == least && best != TETLOD_NONE && slots[c] < best)) {
+            least = next;
+            best = slots[c];
+        }
+    }
+    if (best != TETLOD_NONE && !cut->done[best])
+        raise(cut, best, least);
+    return best != TETLOD_NONE;
+}
+
+static bool split_all(struct cut *cut, const uint32_t *slots)
+{
+    bool any = false;
+    for (int c = 0; c < 4; c++)
+        if (!is_fine(cut, slots[c])) {
+            raise(cut, slots[c], cut->region->fine);
+            any = true;
+        }
+    return any;
+}
+
+static bool is_flipped(const struct cut *cut, const uint32_t *slots)
+{
+    const double *p = cut->positions;
+    return tet_orientation(p + 3 * (size_t)slots[0], p + 3 * (size_t)slots[1], p + 3 * (size_t)slots[2], p + 3 * (size_t)slots[3]) !=
+           cut->orientation;
+}
+
+/* Splits where a tetrahedron of the belt is flipped, or one that is not fine meets a box. */
+static bool repair_tets(struct cut *cut)
+{
+    bool any = false;
+    for (size_t i = cut->fresh; i < cut->count; i++) {
+        const uint32_t *slots = cut->cells[i].slots;
+        enum region_part part = part_of(cut, slots);
+        if (part == REGION_BELT && is_flipped(cut, slots))
+            any |= split_one(cut, slots);
+        else if (part != REGION_FINE && meets_any(cut, slots))
+            any |= split_all(cut, slots);
+    }
+    return any;
+}
+
+struct face {
+    uint32_t corners[3], tets;
+};
+
+static void sort_three(uint32_t a[3])
+{
+    for (int i = 0; i < 2; i++)
+        for (int j = 0; j < 2 - i; j++)
+            if (a[j] > a[j + 1]) {
+                uint32_t other = a[j];
+                a[j] = a[j + 1];
+                a[j + 1] = other;
+            }
+}
+
+/* The face's place in a table of a power of two places, twice as many as faces. */
+static struct face *find_face(struct face *table, size_t mask, const uint32_t corners[3])
+{
+    uint64_t hash = corners[0] * 0x9e3779b97f4a7c15u ^ corners[1] * 0xc2b2ae3d27d4eb4fu ^ corners[2] * 0x165667b19e3779f9u;
+    size_t place = (size_t)(hash ^ hash >> 29) & mask;
+    while (table[place].tets && memcmp(table[place].corners, corners, sizeof table[place].corners) != 0)
+        place = (place + 1) & mask;
+    return &table[place];
+}
+
+static void face_of(const uint32_t *slots, int f, uint32_t out[3])
+{
+    for (int c = 0; c < 3; c++)
+        out[c] = slots[tet_faces[f][c]];
+    sort_three(out);
+}
+
+/* Splits where three or more tetrahedra share a face: two of them, at least, are in one place. */
+static enum tetlod_status repair_faces(struct cut *cut, bool *any, struct tetlod_error *error)
+{
+    size_t places = 64;
+    uint32_t corners[3];
+    while (places < 8 * cut->count)
+        places *= 2;
+    struct face *table = array_zero(places, sizeof *table);
+    if (!table)
+        return tetlodi_fail_nomem(error, "a region", places * sizeof *table);
+    for (size_t i = 0; i < 4 * cut->count; i++) {
+        face_of(cut->cells[i / 4].slots, (int)(i % 4), corners);
+        struct face *face = find_face(table, places - 1, corners);
+        memcpy(face->corners, corners, sizeof corners);
+        face->tets++;
+    }
+    for (size_t i = 0; i < 4 * cut->count; i++) {
+        face_of(cut->cells[i / 4].slots, (int)(i % 4), corners);
+        if (find_face(table, places - 1, corners)->tets > 2 && part_of(cut, cut->cells[i / 4].slots) == REGION_BELT)
+            *any |= split_one(cut, cut->cells[i / 4].slots);
+    }
+    free(table);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status repair(struct cut *cut, struct tetlod_error *error)
+{
+    for (bool any = true; any;) {
+        cut->rounds++;
+        TETLOD_TRY(renew(cut, error));
+        any = repair_tets(cut);
+        if (!any)
+            TETLOD_TRY(repair_faces(cut, &any, error));
+    }
+    return TETLOD_OK;
+}
+
+/* ---- the answer ---- */
+
+static int by_tet(const void *a, const void *b)
+{
+    uint32_t x = ((const struct cell *)a)->tet, y = ((const struct cell *)b)->tet;
+    return (x > y) - (x < y);
+}
+
+/* Numbers the slots that tetrahedra use, in order; `standing` becomes their numbers. */
+static uint32_t number_vertices(struct cut *cut)
+{
+    uint32_t count = 0;
+    for (uint32_t v = 0; v < cut->slots; v++)
+        cut->standing[v] = 0;
+    for (size_t i = 0; i < 4 * cut->count; i++)
+        cut->standing[cut->cells[i / 4].slots[i % 4]] = 1;
+    for (uint32_t v = 0; v < cut->slots; v++)
+        cut->standing[v] = cut->standing[v] ? count++ : TETLOD_NONE;
+    return count;
+}
+
+static enum tetlod_status allocate_mesh(const struct cut *cut, uint32_t vertices, struct tetmesh *out, struct tetlod_error *error)
+{
+    const struct forest *forest = cut->forest;
+    *out = (struct tetmesh){.vertex_count = vertices, .tet_count = (uint32_t)cut->count, .position_type = forest->columns[0].type};
+    out->positions = array_new(vertices, 3 * sizeof *out->positions);
+    out->corners = array_new(cut->count, 4 * sizeof *out->corners);
+    if (!out->positions || !out->corners)
+        return tetlodi_fail_nomem(error, "a region", cut->count * 16);
+    for (uint32_t c = 1; c < forest->column_count; c++)
+        TETLOD_TRY(tetmesh_add_field(out, forest->columns[c].name, forest->columns[c].components, forest->columns[c].type, error));
+    TETLOD_TRY(tetmesh_add_cell_field(out, REGION_FIELD, 1, TETLOD_FLOAT32, cut->count, error));
+    out->cell_fields[0].is_integer = true;
+    return TETLOD_OK;
+}
+
+static void fill_mesh(const struct cut *cut, struct tetmesh *out, struct region_counts *counts)
+{
+    const struct forest *forest = cut->forest;
+    for (uint32_t v = 0; v < cut->slots; v++) {
+        uint32_t to = cut->standing[v];
+        if (to == TETLOD_NONE)
+            continue;
+        const unsigned char *row = row_at(cut, v, cut->level[v]);
+        for (uint32_t c = 0; c < forest->column_count; c++)
+            unpack(&forest->columns[c], row, (c ? out->fields[c - 1].values : out->positions) + (size_t)to * forest->columns[c].components);
+    }
+    for (size_t t = 0; t < cut->count; t++) {
+        const uint32_t *slots = cut->cells[t].slots;
+        enum region_part part = part_of(cut, slots);
+        out->cell_fields[0].values[t] = (double)part;
+        counts->tets[part]++;
+        for (size_t c = 0; c < 4; c++)
+            out->corners[4 * t + c] = cut->standing[slots[c]];
+    }
+}
+
+/* The coarse level, whose tetrahedra are the first ones. */
+static enum tetlod_status start(struct cut *cut, struct tetlod_error *error)
+{
+    double sum = 0;
+    TETLOD_TRY(allocate(cut, error));
+    if (!list_slots(cut))
+        return tetlodi_fail_nomem(error, "a region", cut->fine_tets * (uint64_t)16);
+    start_levels(cut);
+    for (uint32_t v = 0; v < cut->coarse_slots; v++)
+        take_position(cut, v, cut->region->coarse);
+    for (uint32_t t = 0; t < tetlod_info(cut->forest->file)->levels[cut->region->coarse].tets; t++)
+        if (!add_cell(cut, t))
+            return tetlodi_fail_nomem(error, "a region", cut->count * sizeof *cut->cells);
+    for (size_t i = 0; i < cut->count; i++) {
+        const uint32_t *slots = cut->cells[i].slots;
+        const double *p = cut->positions;
+        sum += tet_volume6(p + 3 * (size_t)slots[0], p + 3 * (size_t)slots[1], p + 3 * (size_t)slots[2], p + 3 * (size_t)slots[3]);
+    }
+    cut->orientation = sum < 0 ? -1 : 1;
+    return TETLOD_OK;
+}
+
+enum tetlod_status region_mesh(const struct forest *forest, const struct region *region, struct tetmesh *out,
+                               struct region_counts *counts, struct tetlod_error *error)
+{
+    const struct tetlod_level *levels = tetlod_info(forest->file)->levels;
+    struct cut cut = {.forest = forest, .region = region, .stage = forest->stages, .slots = levels[region->fine].vertices,
+                      .coarse_slots = levels[region->coarse].vertices, .fine_tets = levels[region->fine].tets};
+    assert(region->coarse < region->fine && region->fine < forest_levels(forest));
+    while (cut.stage->level < region->fine)
+        cut.stage++;
+    *out = (struct tetmesh){0};
+    *counts = (struct region_counts){{0}, 0};
+    enum tetlod_status status = start(&cut, error);
+    if (status == TETLOD_OK)
+        status = raise_boxes(&cut, error);
+    if (status == TETLOD_OK)
+        status = repair(&cut, error);
+    if (status == TETLOD_OK && cut.count)
+        qsort(cut.cells, cut.count, sizeof *cut.cells, by_tet);
+    if (status == TETLOD_OK)
+        status = allocate_mesh(&cut, number_vertices(&cut), out, error);
+    if (status == TETLOD_OK)
+        fill_mesh(&cut, out, counts);
+    else
+        tetmesh_fini(out);
+    counts->rounds = cut.rounds;
+    cut_fini(&cut);
+    return status;
+}

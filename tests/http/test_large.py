@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Answers that are larger than the cache are written while they are sent: the same bytes, ranges of them, 5 GB, and files that change meanwhile."""
+import os
+import random
+import struct
+import subprocess
+import sys
+import threading
+import time
+
+from served import ROOT, SCRATCH, TETLOD, Server, eventually, run
+
+sys.path.insert(0, os.path.join(ROOT, 'tests'))
+from streams import plain, sealed, tetlod  # noqa: E402
+
+MADE = os.path.join(SCRATCH, 'fin.tetlod')
+CROSSES = 1 << 32  # where 32 bits end
+
+
+def levels_of(server):
+    described = server.json('/v1/meshes/fin')
+    return described, ['/v1/meshes/fin/%s/levels/%d/mesh.' % (described['cid'], k) for k in range(len(described['levels']))]
+
+
+def test_streamed_files_are_the_cached_ones():
+    with Server(MADE) as whole, Server(MADE, '--cache', '1M') as small:
+        described, paths = levels_of(whole)
+        for path in paths[::7] + paths[-2:]:
+            for form in ('vtu', 'vtk'):
+                status, head, body = whole.get(path + form)
+                assert status == 200 and 'cache;desc=none' not in head['server-timing']
+                status, other, same = small.get(path + form)
+                assert status == 200 and same == body, (path, form, len(same), len(body))
+                assert other['etag'] == head['etag'] and other['content-length'] == str(len(body)) and other['tetlod-tets'] == head['tetlod-tets']
+        streamed = ['none' in small.get(path + 'vtu')[1]['server-timing'] for path in paths]
+        assert streamed[-1] and not streamed[0] and sum(streamed) > 5, streamed  # some of its levels find room in the cache
+
+
+def test_the_finest_level_is_what_extract_writes():
+    with Server(MADE, '--cache', '1M') as server:
+        body = server.get(levels_of(server)[1][-1] + 'vtu')[2]
+    with open(os.path.join(SCRATCH, 'served.vtu'), 'wb') as out:
+        out.write(body)
+    subprocess.run([TETLOD, 'extract', MADE, '-o', 'extracted.vtk', '--quiet'], cwd=SCRATCH, check=True)
+    subprocess.run([TETLOD, 'convert', 'served.vtu', '-o', 'served.vtk'], cwd=SCRATCH, check=True)
+    with open(os.path.join(SCRATCH, 'extracted.vtk'), 'rb') as one, open(os.path.join(SCRATCH, 'served.vtk'), 'rb') as other:
+        assert one.read() == other.read()
+
+
+def test_conditions_and_ranges():
+    with Server(MADE, '--cache', '1M') as server:
+        for form in ('vtu', 'vtk'):
+            path = levels_of(server)[1][-1] + form
+            _, head, body = server.get(path)
+            assert server.get(path, If_None_Match=head['etag'])[0] == 304
+            status, other, none = server.get(path, method='HEAD')
+            assert status == 200 and other['content-length'] == str(len(body)) and not none
+            random.seed(form)
+            for _ in range(40):
+                first = random.randrange(len(body))
+                last = min(len(body) - 1, first + random.choice((0, 3, 100, 20000, 200000)))
+                status, other, part = server.get(path, Range='bytes=%d-%d' % (first, last))
+                assert status == 206 and part == body[first:last + 1], (form, first, last)
+                assert other['content-range'] == 'bytes %d-%d/%d' % (first, last, len(body))
+
+
+def test_chosen_fields():
+    """Frames of chosen fields, gathered: the same from the cache, from the file, and in ranges."""
+    with Server(MADE) as server:
+        described = server.json('/v1/meshes/fin')
+        last, name = len(described['levels']) - 1, described['fields'][0]['name']
+        for path in ('/v1/meshes/fin/%s/records/1-%d?fields=%s' % (described['cid'], last, name), '/v1/meshes/fin/prefix?level=%d&fields=%s' % (last, name)):
+            status, head, body = server.get(path)
+            assert status == 200 and head['content-length'] == str(len(body))
+            for first, last in ((0, len(body) - 1), (1000, 30000)):
+                status, head, part = server.get(path, Range='bytes=%d-%d' % (first, last))
+                assert status == 206 and part == body[first:last + 1]
+
+
+def test_readers_that_wait_take_no_memory():
+    """A hundred readers of the finest level who do not read: what is sent to them is not kept."""
+    if os.environ.get('CONFIG') != 'release':
+        return 'sanitizers take memory of their own'
+    with Server(MADE, '--cache', '1M', '--memory', '32M') as server:
+        path = levels_of(server)[1][-1] + 'vtu'
+        size = len(server.get(path)[2])
+        before = server.memory()
+        readers = []
+        for _ in range(100):
+            reader = server.connect()
+            reader.sendall(b'GET %s HTTP/1.1\r\nHost: localhost\r\n\r\n' % path.encode())
+            readers.append(reader)
+        for reader in readers:
+            assert reader.recv(1000).startswith(b'HTTP/1.1 200')
+        grown = server.memory() - before
+        assert grown < 100 * size / 2, (grown, size)
+        assert server.get('/v1/meshes/fin')[0] == 200
+        for reader in readers:
+            reader.close()
+
+
+def sparse_stream(path, size):
+    """The stream with a last frame of so many bytes that are nowhere, but for a mark on each side of 4 GiB."""
+    with open(MADE, 'rb') as file:
+        data = plain(file.read())
+    stream = tetlod.open(data)
+    fields = len(stream.fields)
+    offset, old, _ = stream.frames[-1][-1]
+    index_end = 64 + int.from_bytes(data[20:24], 'little')
+    row = index_end - 48 * len(stream.sections) - 4 - (48 + 56 * fields) + 24 + 32 * fields + 24 * fields
+    assert int.from_bytes(data[row:row + 8], 'little') == old and offset + old == len(data)
+    total = offset + size
+    front = data[:row] + struct.pack('<Q', size) + data[row + 8:offset]
+    front = sealed(front[:32] + struct.pack('<Q', total) + front[40:])
+    with open(path, 'wb') as out:
+        out.write(front)
+        out.truncate(total)
+        out.seek(CROSSES - 5)
+        out.write(b'0123456789')
+    return front, total, offset
+
+
+def test_five_gigabytes():
+    path = os.path.join(SCRATCH, 'huge.tetlod')
+    front, total, offset = sparse_stream(path, 5 << 30)
+    with Server(path) as server:
+        described = server.json('/v1/meshes/huge')
+        base = '/v1/meshes/huge/%s/' % described['cid']
+        last = len(described['levels']) - 1
+        assert described['levels'][-1]['bytes'] == total
+        assert server.get(base + 'stream', method='HEAD')[1]['content-length'] == str(total)
+        status, head, part = server.get(base + 'stream', Range='bytes=%d-%d' % (CROSSES - 6, CROSSES + 6))
+        assert status == 206 and part == b'\0' + b'0123456789' + b'\0\0' and head['content-range'].endswith('/%d' % total), part
+        assert server.get(base + 'stream', Range='bytes=-3')[2] == b'\0\0\0'
+        # The gathered frames of the one field: everything behind level 0
+        name = described['fields'][-1]['name']
+        records = base + 'records/0-%d?fields=%s' % (last, name)
+        size = int(server.get(records, method='HEAD')[1]['content-length'])
+        assert size > 5 << 30
+        shift = total - size  # ends where the stream ends
+        assert server.get(records, Range='bytes=%d-%d' % (CROSSES - shift - 5, CROSSES - shift + 4))[2] == b'0123456789'
+        with server.connect() as reader:  # the whole, of which the client goes away after a while
+            reader.sendall(b'GET %sstream HTTP/1.1\r\nHost: localhost\r\n\r\n' % base.encode())
+            received = b''
+            while len(received) < len(front) + 3000000:
+                received += reader.recv(1 << 20)
+            head, _, body = received.partition(b'\r\n\r\n')
+            assert b'Content-Length: %d' % total in head and body[:len(front)] == front and not any(body[len(front):])
+        assert server.get('/healthz')[0] == 200
+    os.unlink(path)
+
+
+def test_written_over_while_it_is_read():
+    """A complete answer is the stream's, whatever a writer does to the file in place."""
+    path = os.path.join(SCRATCH, 'changing.tetlod')
+    with open(MADE, 'rb') as file:
+        good = file.read()
+    stream = tetlod.open(good)
+    bad = bytearray(good)
+    for frames in stream.frames:
+        for offset, size, _ in frames:
+            if size:
+                bad[offset + size // 2] ^= 1
+    with open(path, 'wb') as file:
+        file.write(good)
+    stop, wrong, complete = threading.Event(), [], []
+
+    def write():
+        random.seed(5)
+        with open(path, 'r+b', buffering=0) as file:
+            while not stop.is_set():
+                for data in (bytes(bad), good):
+                    for at in range(0, len(data), 16384):
+                        os.pwrite(file.fileno(), data[at:at + 16384], at)
+                        if random.random() < 0.2:
+                            time.sleep(0.001)
+                    time.sleep(random.choice((0, 0.01, 0.1)))
+
+    def read(server, base):
+        while not stop.is_set():
+            for headers in ({}, {'Range': 'bytes=0-'}):
+                try:
+                    status, _, body = server.get(base + 'stream', **headers)
+                except Exception:  # it ended too early: that is how a client knows
+                    continue
+                if status in (200, 206):
+                    complete.append(status)
+                    if body != good:
+                        wrong.append((status, len(body)))
+
+    with Server(path, '--scan', '0.02', '--cache', '1M') as server:
+        base = '/v1/meshes/changing/%s/' % server.json('/v1/meshes/changing')['cid']
+        threads = [threading.Thread(target=write)] + [threading.Thread(target=read, args=(server, base)) for _ in range(3)]
+        for thread in threads:
+            thread.start()
+        end = time.monotonic() + 60
+        time.sleep(3)
+        while len(complete) < 20 and time.monotonic() < end:
+            time.sleep(0.1)
+        stop.set()
+        for thread in threads:
+            thread.join()
+        assert not wrong and complete, (len(wrong), len(complete), wrong[:3])
+        eventually(lambda: server.get(base + 'stream')[2] == good)  # the writer's last turn
+
+
+def main():
+    subprocess.run([TETLOD, 'sample', 'fin', '--size', '16', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
+    subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
+    run([test_streamed_files_are_the_cached_ones, test_the_finest_level_is_what_extract_writes, test_conditions_and_ranges,
+         test_chosen_fields, test_readers_that_wait_take_no_memory, test_five_gigabytes, test_written_over_while_it_is_read])
+
+
+main()
