@@ -232,7 +232,7 @@ check: deps-check
 
 ## tests: the test programs of this config
 .PHONY: tests
-tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(B)/tests/oom/failmalloc.so $(B)/tests/attack/attack)
+tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(B)/tests/oom/failmalloc.so $(B)/tests/attack/attack $(B)/tests/attack/proof)
 
 ## fuzz: run each fuzz target for TIME seconds (TARGET=name for one)
 .PHONY: fuzz
@@ -286,10 +286,14 @@ bench-build: deps-bench
 SEEDS ?= 2000
 FIRST ?= 1
 ATTACK := $(B)/tests/attack/attack
-ATTACK_OBJECTS := $(call objects,$(wildcard tests/attack/*.c)) $(B)/tests/recode.o
-OBJECTS += $(ATTACK_OBJECTS)
+ORACLE_OBJECTS := $(call objects,$(filter-out tests/attack/attack.c tests/attack/falsify.c tests/attack/proof.c,$(wildcard tests/attack/*.c)))
+ATTACK_OBJECTS := $(ORACLE_OBJECTS) $(call objects,tests/attack/attack.c tests/attack/falsify.c tests/recode.c)
+PROOF := $(B)/tests/attack/proof
+OBJECTS += $(ATTACK_OBJECTS) $(B)/tests/attack/proof.o
 $(ATTACK): $(ATTACK_OBJECTS) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ -lm
+$(PROOF): $(B)/tests/attack/proof.o $(ORACLE_OBJECTS) $(INTERNAL) $(LIBTETLOD)
+	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $(filter-out $(LIBTETLOD),$^) $(LIBTETLOD) $(PACKAGE_LIBS)
 attack: deps-build
 	$(Q)$(MAKE) --no-print-directory all $(ATTACK)
 	@python3 tests/attack/run.py $(ATTACK) $(BINARY) $(B)/attack $(SEEDS) $(FIRST)

@@ -38,6 +38,8 @@ static const char help[] =
     "                          they are at every level (default: integers named region, material or the like); none: no regions\n"
     "      --certify HOW       what holds the error: fast (default), a bound that is carried along; exact, the exact maximum\n"
     "                          over the whole domain: far fewer tetrahedra for the same error, in several times the time\n"
+    "      --certify-all       a 'max' for every field, also for those that nothing holds: the exact maximum, taken of every\n"
+    "                          level when it is done; takes some times longer\n"
     "      --metric M          what orders the contractions: envelope (default of fast), the carried bound; field-quadric\n"
     "                          (Cignoni and others; default of exact) or quadric (Garland and Heckbert); or what then is\n"
     "                          the limit, too: sva, the accumulated prediction of scalar value assignment; measured, the\n"
@@ -119,6 +121,8 @@ static bool parse_metric(const char *text, enum metric *out)
     cli_usage("build", "--metric is one of envelope, sva, field-quadric, quadric, measured, not '%s'", text);
     return false;
 }
+
+enum { CERTIFY_ALL = 256 }; /* an option without a letter */
 
 static const char *const certify_names[] = {[CERTIFY_FAST] = "fast", [CERTIFY_EXACT] = "exact"};
 
@@ -224,6 +228,8 @@ static bool parse_option(struct request *request, int option, const char *value)
         return parse_metric(value, &build->metric);
     case 'C':
         return parse_certify(value, &build->certify);
+    case CERTIFY_ALL:
+        return build->certify_all = true;
     case 'k':
         request->contract = value;
         return parse_contract(value, &build->contract);
@@ -591,13 +597,13 @@ static void prepare_mail(struct request *request)
 
 static int run(int argc, char **argv)
 {
-    enum { JSON = 256, PROGRESS, QUIET };
+    enum { JSON = CERTIFY_ALL + 1, PROGRESS, QUIET };
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},     READING_OPTIONS,
         {"field", required_argument, NULL, 'f'},      {"carry", required_argument, NULL, 'c'},
         {"region", required_argument, NULL, 'r'},
         {"metric", required_argument, NULL, 'm'},     {"contract", required_argument, NULL, 'k'},
-        {"certify", required_argument, NULL, 'C'},
+        {"certify", required_argument, NULL, 'C'},    {"certify-all", no_argument, NULL, CERTIFY_ALL},
         {"candidates", required_argument, NULL, 'n'},
         {"max-error", required_argument, NULL, 'e'},  {"min-tets", required_argument, NULL, 't'},
         {"boundary-angle", required_argument, NULL, 'b'}, {"domain-error", required_argument, NULL, 'd'},

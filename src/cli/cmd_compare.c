@@ -99,7 +99,7 @@ static enum tetlod_status find(const struct tetmesh *a, const struct tetmesh *b,
     enum tetlod_status status = measure_mesh(measure, b, &fields[1], threads, &out->measured, &out->domain, error);
     measure_free(measure);
     if (status == TETLOD_OK)
-        status = overlay_max(a, &fields[0], b, &fields[1], 1, threads, &out->max, &out->overlay, error);
+        status = overlay_max(a, &fields[0], b, &fields[1], 1, &(struct overlay_options){.threads = threads}, &out->max, &out->overlay, error);
     if (status == TETLOD_OK && out->measured.sampled > out->max)
         out->max = out->measured.sampled; // at points outside b, and by rounding
     return status;
