@@ -1,23 +1,41 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * From the finest level to the coarsest, each level k:
+ *   1. its sampled and rms errors, measured as the build does, by what changed since level k + 1 (measure_levels.h). They must be
+ *      what is stored; if they are not, measure_range.h says what they may be;
+ *   2. the distance of the boundaries (boundary_check.h) must not be above the stored domain error;
+ *   3. the exact maximum over the overlay, in the tetrahedra that changed (overlay.h), must not be above `max`.
+ * A level's stored error is at least that of the next finer one, so that what is larger there accounts for it.
+ */
 #include "src/cli/against.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
 #include "src/log/coarsening.h"
+#include "src/measure/boundary_check.h"
 #include "src/measure/measure_levels.h"
+#include "src/measure/measure_range.h"
 #include "src/measure/overlay.h"
 #include "src/measure/same.h"
+#include "src/mesh/adjacency.h"
+#include "src/mesh/sheets.h"
+#include "src/mesh/tet_geom.h"
 #include "src/report/level_mesh.h"
 #include "src/util/array.h"
 
-/*
- * A lossless stream is walked down from its finest level, which is the input but for the order, as its own original: what a
- * level has in common with the one above it is then not measured again. A slot keeps its number as long as it lives, and
- * so do tetrahedra: what a cursor shows at a level is a step of a coarsening.
- */
+/* What every user of an error has to allow (PROOF.md, 3). */
+static const double TIE = 1e-9;
+
+/* Differences below this fraction of the range are not looked for. */
+static const double NO_DIFFERENCE = 1e-12;
+
+/* Work up to which the exact maximum is taken of all levels: tetrahedra of the original times levels. */
+static const double MOST_WORK = 4e6;
+
 struct against {
     const struct tetlod_file *file;
     struct tetlod_cursor *cursor;
@@ -25,19 +43,29 @@ struct against {
     const struct against_options *options;
     struct against_report *report;
     struct tetlod_error *error;
-    const struct tetmesh *original; /* that levels are compared with: the finest level, or the input of a lossy stream */
+    const struct tetmesh *original; /* that levels are compared with: in the stream's numbering, if that is known */
+    bool numbered;                  /* it is */
     uint32_t *fields;               /* [field_count] of the original */
     double *scales;                 /* [field_count] 1 / range, of the input */
     uint32_t *level_fields;         /* [field_count] of a level: all in order */
     struct measured *measured;      /* [field_count] */
-    double *exact;                  /* [field_count] */
+    double *exact, *floors;         /* [field_count] */
+    struct measured_range *ranges;  /* [field_count] */
+    struct measured *rounding;      /* [field_count] what an exact tail's values are off by at the level before it */
     double diagonal;
     struct measure *measure;
-    struct tetmesh finest;
+    struct tetmesh finest, renumbered;
     struct tetmesh level;      /* at hand */
     uint32_t *parents;         /* [slot] */
+    uint32_t *bodies;          /* [slot] */
+    uint8_t *promised;         /* [tet of the original] */
+    uint8_t *touched;          /* [slot] by the last step */
+    uint8_t *usable, *wanted;  /* [tet of the level] */
+    bool all_touched;
+    int orientation;           /* of the original */
     struct coarsening coarsening;
-    struct measure_levels *measure_levels; /* of a lossless stream */
+    struct measure_levels *measure_levels;
+    struct boundary_check *boundary;
 };
 
 static enum tetlod_status nomem(const struct against *a)
@@ -55,6 +83,52 @@ static bool has_tail(const struct tetlod_info *info)
     return info->level_count > 1 && last->vertices == last[-1].vertices && last->tets == last[-1].tets;
 }
 
+/* Bodies, and where there is a promise. */
+static enum tetlod_status find_sheets(struct against *a)
+{
+    const struct tetmesh *mesh = a->original;
+    uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
+    enum tetlod_status status = neighbours ? TETLOD_OK : nomem(a);
+    if (status == TETLOD_OK)
+        status = adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, a->error);
+    if (status == TETLOD_OK) {
+        sheets_bodies(mesh->corners, mesh->tet_count, mesh->vertex_count, a->bodies);
+        a->orientation = sheets_promised(mesh->positions, mesh->corners, neighbours, mesh->tet_count, a->promised);
+    }
+    free(neighbours);
+    return status;
+}
+
+/* By how much the level before an exact tail is off where nothing was contracted. */
+static void find_rounding(struct against *a, const struct tetmesh *coded)
+{
+    for (uint32_t f = 0; f < coded->field_count; f++) {
+        size_t count = (size_t)coded->vertex_count * coded->fields[f].components;
+        double sum = 0;
+        for (size_t i = 0; i < count; i++) {
+            double by = fabs(coded->fields[f].values[i] - a->finest.fields[f].values[i]);
+            a->rounding[f].sampled = larger(a->rounding[f].sampled, by);
+            sum += by * by;
+        }
+        a->rounding[f].rms = count ? sqrt(sum / (double)count) : 0;
+    }
+}
+
+/* The original in the stream's numbering. */
+static enum tetlod_status take_original(struct against *a)
+{
+    const struct tetlod_info *info = tetlod_info(a->file);
+    if (info->lossless) {
+        TETLOD_TRY(mesh_same(a->input, &a->finest, a->error));
+        a->original = &a->finest;
+    } else {
+        TETLOD_TRY(level_mesh_renumber(a->file, &a->finest, a->input, &a->renumbered, a->error));
+        a->original = &a->renumbered;
+    }
+    memcpy(a->fields, a->level_fields, info->field_count * sizeof *a->fields);
+    return TETLOD_OK;
+}
+
 static enum tetlod_status begin(struct against *a)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
@@ -62,22 +136,30 @@ static enum tetlod_status begin(struct against *a)
     struct tetmesh coded;
     TETLOD_TRY(tetlod_cursor_seek(a->cursor, info->level_count - 1, a->error));
     TETLOD_TRY(level_mesh_copy(info, a->cursor, &a->finest, a->error));
-    if (!info->lossless)
-        return TETLOD_OK;
-    TETLOD_TRY(mesh_same(a->input, &a->finest, a->error));
-    a->original = &a->finest;
-    memcpy(a->fields, a->level_fields, info->field_count * sizeof *a->fields);
-    a->parents = array_new(info->vertices, sizeof *a->parents);
-    if (!a->parents)
-        return nomem(a);
+    a->numbered = info->lossless || info->keeps_order;
+    if (!a->numbered) {
+        TETLOD_TRY(boundary_check_new(&a->boundary, a->original, NULL, a->options->threads, a->error));
+        return measure_new(&a->measure, a->original, a->fields, info->field_count, a->options->threads, a->error);
+    }
+    TETLOD_TRY(take_original(a));
     tetlod_cursor_mesh(a->cursor, &mesh);
+    a->parents = array_new(info->vertices, sizeof *a->parents);
+    a->bodies = array_new(info->vertices, sizeof *a->bodies);
+    a->touched = array_zero(info->vertices, 1);
+    a->promised = array_new(info->tets, 1);
+    if (!a->parents || !a->bodies || !a->touched || !a->promised)
+        return nomem(a);
     memcpy(a->parents, mesh.parents, info->vertices * sizeof *a->parents);
+    TETLOD_TRY(find_sheets(a));
+    TETLOD_TRY(boundary_check_new(&a->boundary, a->original, a->bodies, a->options->threads, a->error));
     TETLOD_TRY(tetlod_cursor_seek(a->cursor, info->level_count - 1 - has_tail(info), a->error));
     TETLOD_TRY(level_mesh_copy(info, a->cursor, &coded, a->error));
+    if (has_tail(info))
+        find_rounding(a, &coded);
     enum tetlod_status status = coarsening_init(&a->coarsening, &coded, NULL, a->error);
     tetmesh_fini(&coded);
     TETLOD_TRY(status);
-    return measure_levels_new(&a->measure_levels, &a->finest, &a->coarsening, a->options->threads, a->error);
+    return measure_levels_new(&a->measure_levels, a->original, &a->coarsening, a->options->threads, a->error);
 }
 
 static bool same_slot(const struct tetmesh *a, const struct tetmesh *b, size_t v)
@@ -97,32 +179,40 @@ static enum tetlod_status step(struct against *a, const struct tetmesh *from)
     const double **values = array_new(level->field_count, sizeof *values);
     if (!values)
         return nomem(a);
+    memset(a->touched, 0, from->vertex_count);
     for (uint32_t f = 0; f < level->field_count; f++)
         values[f] = level->fields[f].values;
-    for (uint32_t v = from->vertex_count; v-- > level->vertex_count;)
+    for (uint32_t v = from->vertex_count; v-- > level->vertex_count;) {
         coarsening_merge(&a->coarsening, v, a->parents[v]);
+        a->touched[v] = a->touched[a->parents[v]] = 1;
+    }
     for (uint32_t v = 0; v < level->vertex_count; v++)
-        if (!same_slot(from, level, v))
+        if (!same_slot(from, level, v)) {
             coarsening_move(&a->coarsening, v, level->positions, values, v);
+            a->touched[v] = 1;
+        }
     free(values);
     coarsening_step(&a->coarsening, a->options->threads);
     return TETLOD_OK;
 }
 
+/* The level becomes the one at hand, and is measured. The domain error comes out as a length. */
 static enum tetlod_status measure_this(struct against *a, uint32_t k, double *out_domain)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
     struct tetmesh above = a->level;
+    bool tail = has_tail(info), first = k + 1 + (tail && a->numbered) >= info->level_count;
     *out_domain = 0;
     a->level = (struct tetmesh){0};
+    a->all_touched = first || !a->numbered;
     enum tetlod_status status = tetlod_cursor_seek(a->cursor, k, a->error);
     if (status == TETLOD_OK)
         status = level_mesh_copy(info, a->cursor, &a->level, a->error);
-    if (status == TETLOD_OK && info->lossless && k + 1 + has_tail(info) < info->level_count)
+    if (status == TETLOD_OK && a->numbered && !first)
         status = step(a, &above);
-    if (has_tail(info) && info->lossless && k + 1 == info->level_count) // mesh_same has found it to be the input
+    if (tail && info->lossless && k + 1 == info->level_count) // mesh_same has found it to be the input
         memset(a->measured, 0, info->field_count * sizeof *a->measured);
-    else if (status == TETLOD_OK && info->lossless)
+    else if (status == TETLOD_OK && a->numbered)
         status = measure_levels_next(a->measure_levels, a->measured, out_domain, a->error);
     else if (status == TETLOD_OK)
         status = measure_mesh(a->measure, &a->level, a->level_fields, a->options->threads, a->measured, out_domain, a->error);
@@ -132,53 +222,122 @@ static enum tetlod_status measure_this(struct against *a, uint32_t k, double *ou
 
 /* ---- what the index says */
 
-/* Two ways of measuring differ by the rounding of positions, which is that of the largest coordinate; a mean also where the
- * original has several values, of which the build knows the right one and we take the nearest. */
-static bool honest(const struct tetlod_info *info, double stored, double measured, enum tetlod_measure measure)
+/* What rounding alone makes of a field whose values are far from 0, as a fraction of its range. */
+static double noise_of(const struct tetlod_info *info, uint32_t field)
 {
-    double largest = 0, smallest_side = INFINITY;
-    for (int d = 0; d < 3; d++) {
-        largest = fmax(largest, fmax(fabs(info->bounds[0][d]), fabs(info->bounds[1][d])));
-        smallest_side = fmin(smallest_side, info->bounds[1][d] - info->bounds[0][d]);
-    }
-    double rounding = smallest_side > 0 ? 1e-12 * largest / smallest_side : 0;
-    return measured <= stored * (measure == TETLOD_RMS ? 1 + 1e-3 : 1 + 1e-6) + 1e-9 + rounding;
+    const double *range = info->fields[field].range;
+    double width = range[1] - range[0];
+    return 1e-14 + (width > 0 ? 8 * DBL_EPSILON * larger(fabs(range[0]), fabs(range[1])) / width : 0);
 }
 
-static enum tetlod_status check_measured(const struct against *a, uint32_t k, double domain)
+static double stored_error(const struct tetlod_info *info, uint32_t k, uint32_t field, enum tetlod_measure measure)
+{
+    return k < info->level_count ? info->levels[k].errors[field * TETLOD_MEASURES + (uint32_t)measure] : 0;
+}
+
+static double of_measured(const struct measured *measured, enum tetlod_measure measure)
+{
+    return measure == TETLOD_RMS ? measured->rms : measured->sampled;
+}
+
+/* Is the stored error between the two, or what it is for the sake of the next finer level? */
+static enum tetlod_status check_between(const struct against *a, uint32_t k, uint32_t f, enum tetlod_measure measure,
+                                        const struct measured *least, const struct measured *most)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
-    if (!honest(info, info->levels[k].domain_error, domain, TETLOD_MAX))
-        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u: its domain error is %g, stored is %g", k, domain,
-                            info->levels[k].domain_error);
-    for (uint32_t f = 0; f < info->field_count; f++) {
-        const double *errors = info->levels[k].errors + f * TETLOD_MEASURES;
-        const double now[2] = {a->measured[f].sampled * a->scales[f], a->measured[f].rms * a->scales[f]};
+    double stored = stored_error(info, k, f, measure), finer = stored_error(info, k + 1, f, measure), noise = noise_of(info, f);
+    double low = of_measured(least, measure) * a->scales[f], high = of_measured(most, measure) * a->scales[f];
+    bool tail_above = has_tail(info) && k + 1 < info->level_count;
+    high = larger(larger(high, finer), tail_above ? of_measured(&a->rounding[f], measure) * a->scales[f] : 0);
+    if (stored >= low * (1 - TIE) - noise && (stored <= high * (1 + TIE) + noise || !a->numbered))
+        return TETLOD_OK;
+    return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: its %s error is %.9g, stored is %.9g", k,
+                        info->fields[f].name, tetlod_measure_name(measure), stored < low ? low : high, stored);
+}
+
+static enum tetlod_status check_sampled(const struct against *a, uint32_t k)
+{
+    const struct tetlod_info *info = tetlod_info(a->file);
+    enum tetlod_status status = TETLOD_OK;
+    for (uint32_t f = 0; f < info->field_count && status == TETLOD_OK; f++)
+        for (int i = 0; i < 2 && status == TETLOD_OK; i++)
+            status = check_between(a, k, f, (enum tetlod_measure)(TETLOD_SAMPLED + i), &a->measured[f], &a->measured[f]);
+    if (status != TETLOD_ERR_MISMATCH || !a->numbered)
+        return status;
+    TETLOD_TRY(measure_range(a->original, a->bodies, &a->level, a->options->threads, a->ranges, a->error));
+    for (uint32_t f = 0; f < info->field_count; f++)
         for (int i = 0; i < 2; i++)
-            if (!honest(info, errors[TETLOD_SAMPLED + i], now[i], (enum tetlod_measure)(TETLOD_SAMPLED + i)))
-                return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: its %s error is %g, stored is %g", k,
-                                    info->fields[f].name,
-                                    tetlod_measure_name((enum tetlod_measure)(TETLOD_SAMPLED + i)), now[i],
-                                    errors[TETLOD_SAMPLED + i]);
-        if (!isnan(errors[TETLOD_MAX]) && !honest(info, errors[TETLOD_MAX], now[0], TETLOD_MAX))
-            return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: certified is %g, but measured is %g", k,
-                                info->fields[f].name, errors[TETLOD_MAX], now[0]);
+            TETLOD_TRY(check_between(a, k, f, (enum tetlod_measure)(TETLOD_SAMPLED + i), &a->ranges[f].least, &a->ranges[f].most));
+    return TETLOD_OK;
+}
+
+/* No bound is below what was measured. */
+static enum tetlod_status check_order(const struct against *a, uint32_t k)
+{
+    const struct tetlod_info *info = tetlod_info(a->file);
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        double max = stored_error(info, k, f, TETLOD_MAX), sampled = stored_error(info, k, f, TETLOD_SAMPLED);
+        if (max < sampled * (1 - TIE) - noise_of(info, f))
+            return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: certified is %.9g, but measured is %.9g", k,
+                                info->fields[f].name, max, sampled);
     }
     return TETLOD_OK;
 }
 
-static enum tetlod_status check_exact(const struct against *a, uint32_t k)
+static enum tetlod_status check_domain(const struct against *a, uint32_t k, double measured)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
-    struct overlay_report overlay;
-    TETLOD_TRY(overlay_max(a->original, a->fields, &a->level, a->level_fields, info->field_count, a->options->threads,
-                           a->exact, &overlay, a->error));
-    for (uint32_t f = 0; f < info->field_count; f++) {
-        double certified = info->levels[k].errors[f * TETLOD_MEASURES + TETLOD_MAX], now = a->exact[f] * a->scales[f];
-        if (!isnan(certified) && !honest(info, certified, now, TETLOD_MAX))
-            return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: certified is %g, but the exact maximum is %g",
-                                k, info->fields[f].name, certified, now);
+    double stored = info->levels[k].domain_error, found;
+    TETLOD_TRY(boundary_check_level(a->boundary, &a->level, a->all_touched ? NULL : a->touched, stored * a->diagonal, &found, a->error));
+    found = larger(found, measured > stored * a->diagonal * (1 + TIE) + 4e-12 * a->diagonal ? measured : 0);
+    if (found > 0)
+        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u: its domain error is at least %.9g, stored is %.9g", k,
+                            found / a->diagonal, stored);
+    return TETLOD_OK;
+}
+
+/* ---- the exact maximum */
+
+/* Which of the level's tetrahedra may hold a larger difference than the next finer level has. */
+static enum tetlod_status choose_tets(struct against *a, struct overlay_options *options)
+{
+    const struct tetmesh *level = &a->level;
+    if (!a->numbered)
+        return TETLOD_OK;
+    for (size_t t = 0; t < level->tet_count; t++) {
+        const double *p[4];
+        a->wanted[t] = a->all_touched;
+        for (int c = 0; c < 4; c++) {
+            uint32_t v = level->corners[4 * t + (size_t)c];
+            p[c] = level->positions + 3 * (size_t)v;
+            a->wanted[t] |= a->touched[v];
+        }
+        a->usable[t] = tet_orientation(p[0], p[1], p[2], p[3]) == a->orientation;
     }
+    options->bodies[0] = options->bodies[1] = a->bodies;
+    options->usable[0] = a->promised;
+    options->usable[1] = a->usable;
+    options->wanted = a->wanted;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status check_exact(struct against *a, uint32_t k, bool all)
+{
+    const struct tetlod_info *info = tetlod_info(a->file);
+    struct overlay_options options = {.threads = a->options->threads, .floors = a->floors};
+    struct overlay_report overlay;
+    TETLOD_TRY(choose_tets(a, &options));
+    if (!all)
+        options.wanted = NULL;
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        double certified = stored_error(info, k, f, TETLOD_MAX);
+        a->floors[f] = isnan(certified) || !(a->scales[f] > 0) ? INFINITY : (certified * (1 + TIE) + NO_DIFFERENCE + noise_of(info, f)) / a->scales[f];
+    }
+    TETLOD_TRY(overlay_max(a->original, a->fields, &a->level, a->level_fields, info->field_count, &options, a->exact, &overlay, a->error));
+    for (uint32_t f = 0; f < info->field_count; f++)
+        if (a->exact[f] > a->floors[f])
+            return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: certified is %.9g, but the exact maximum is %.9g",
+                                k, info->fields[f].name, stored_error(info, k, f, TETLOD_MAX), a->exact[f] * a->scales[f]);
     return TETLOD_OK;
 }
 
@@ -195,13 +354,17 @@ static bool is_spread(const struct tetlod_info *info, uint32_t k)
 static enum tetlod_status check_levels(struct against *a)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
+    bool all = a->options->all_levels || (double)info->tets * info->level_count <= MOST_WORK;
     for (uint32_t k = info->level_count; k-- > 0;) {
         double domain;
         TETLOD_TRY(measure_this(a, k, &domain));
-        TETLOD_TRY(check_measured(a, k, a->diagonal > 0 ? domain / a->diagonal : 0));
+        TETLOD_TRY(check_sampled(a, k));
+        TETLOD_TRY(check_order(a, k));
+        TETLOD_TRY(check_domain(a, k, domain));
         a->report->measured++;
-        if (is_spread(info, k)) {
-            TETLOD_TRY(check_exact(a, k));
+        if (all || is_spread(info, k)) {
+            if (!info->lossless || k + 1 < info->level_count) // the finest is the input
+                TETLOD_TRY(check_exact(a, k, all));
             a->report->exact[a->report->exact_count++] = k;
         }
         if (a->options->progress)
@@ -219,8 +382,15 @@ static enum tetlod_status prepare(struct against *a)
     a->level_fields = array_new(info->field_count, sizeof *a->level_fields);
     a->scales = array_new(info->field_count, sizeof *a->scales);
     a->measured = array_new(info->field_count, sizeof *a->measured);
+    a->ranges = array_new(info->field_count, sizeof *a->ranges);
+    a->rounding = array_zero(info->field_count, sizeof *a->rounding);
     a->exact = array_new(info->field_count, sizeof *a->exact);
-    if (!a->fields || !a->level_fields || !a->scales || !a->measured || !a->exact)
+    a->floors = array_new(info->field_count, sizeof *a->floors);
+    a->usable = array_new(info->tets, 1);
+    a->wanted = array_new(info->tets, 1);
+    a->report->exact = array_new(info->level_count, sizeof *a->report->exact);
+    if (!a->fields || !a->level_fields || !a->scales || !a->measured || !a->ranges || !a->rounding || !a->exact || !a->floors ||
+        !a->usable || !a->wanted || !a->report->exact)
         return nomem(a);
     a->original = a->input;
     a->diagonal = mesh_diagonal(a->input);
@@ -241,29 +411,32 @@ static enum tetlod_status prepare(struct against *a)
     return TETLOD_OK;
 }
 
+static void release(struct against *a)
+{
+    void *const owned[] = {a->parents, a->bodies,   a->promised, a->touched, a->usable,       a->wanted, a->fields,
+                           a->scales,  a->measured, a->ranges,   a->exact,   a->level_fields, a->floors, a->rounding};
+    measure_free(a->measure);
+    measure_levels_free(a->measure_levels);
+    boundary_check_free(a->boundary);
+    coarsening_fini(&a->coarsening);
+    tetmesh_fini(&a->level);
+    tetmesh_fini(&a->finest);
+    tetmesh_fini(&a->renumbered);
+    for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
+        free(owned[i]);
+}
+
 enum tetlod_status against_check(const struct tetlod_file *file, struct tetlod_cursor *cursor, const struct tetmesh *input,
                                  const struct against_options *options, struct against_report *report,
                                  struct tetlod_error *error)
 {
     struct against a = {.file = file, .cursor = cursor, .input = input, .options = options, .report = report, .error = error};
-    enum tetlod_status status;
     *report = (struct against_report){0};
-    TETLOD_TRY_DONE(prepare(&a));
-    TETLOD_TRY_DONE(begin(&a));
-    if (!tetlod_info(file)->lossless)
-        TETLOD_TRY_DONE(measure_new(&a.measure, a.original, a.fields, tetlod_info(file)->field_count, options->threads, error));
-    status = check_levels(&a);
-done:
-    measure_free(a.measure);
-    measure_levels_free(a.measure_levels);
-    coarsening_fini(&a.coarsening);
-    tetmesh_fini(&a.level);
-    tetmesh_fini(&a.finest);
-    free(a.parents);
-    free(a.fields);
-    free(a.level_fields);
-    free(a.scales);
-    free(a.measured);
-    free(a.exact);
+    enum tetlod_status status = prepare(&a);
+    if (status == TETLOD_OK)
+        status = begin(&a);
+    if (status == TETLOD_OK)
+        status = check_levels(&a);
+    release(&a);
     return status;
 }

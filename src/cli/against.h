@@ -5,23 +5,31 @@
 
 #include "src/mesh/tetmesh.h"
 
+/* Unless all levels are asked for, the exact maximum is taken of that many levels where they have more tetrahedra together, each
+ * times those of the original, than that. */
 enum { AGAINST_MOST_EXACT = 6 };
 
 struct against_options {
     unsigned threads;
+    bool all_levels;
     void (*progress)(void *opaque, double done); /* 0..1 */
     void *progress_opaque;
 };
 
 struct against_report {
-    uint32_t measured;                  /* levels whose sampled, rms and domain errors were measured again: all */
-    uint32_t exact[AGAINST_MOST_EXACT]; /* levels whose certified error was held against the exact maximum, fine to coarse */
+    uint32_t measured; /* levels whose sampled, rms and domain errors were measured again: all */
+    uint32_t *exact;   /* [exact_count] levels whose certified error was held against the exact maximum, fine to coarse; to be freed */
     uint32_t exact_count;
 };
 
-/* Measures every level against the mesh, whose fields have the stream's names, and takes the exact maximum over the overlay
- * at levels spread evenly from the coarsest to the one below the finest. ERR_MISMATCH names the first that is not as the
- * index says. The cursor holds all fields; it ends at level 0. */
+/* Measures every level against the mesh, whose fields have the stream's names. ERR_MISMATCH names the first level that is not as the
+ * index says: a `max` or domain error that is too small, a sampled or rms error that is too small or too large.
+ *
+ * Where the stream says which of its vertices was which of the mesh's (lossless ones, and those that keep the order), each body is compared
+ * with itself, and what a figure may be where rounding or overlaps leave a choice is worked out before it is refused. Of others the
+ * nearest point and the best value count.
+ *
+ * The cursor holds all fields; it ends at level 0. */
 TETLOD_CHECKED enum tetlod_status against_check(const struct tetlod_file *file, struct tetlod_cursor *cursor,
                                                 const struct tetmesh *input, const struct against_options *options,
                                                 struct against_report *report, struct tetlod_error *error);

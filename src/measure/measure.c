@@ -155,7 +155,7 @@ static void measure_distances(void *context, unsigned worker, size_t begin, size
     uint32_t face;
     (void)worker;
     for (size_t i = begin; i < end; i++)
-        c->distances[i] = mesh_surface_distance(c->to, c->from->positions + 3 * (size_t)c->points[i], c->enough, &face);
+        c->distances[i] = mesh_surface_distance(c->to, 0, c->from->positions + 3 * (size_t)c->points[i], c->enough, &face);
 }
 
 /* Appends the vertices of a mesh's boundary, once each. */

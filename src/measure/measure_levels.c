@@ -18,6 +18,7 @@
 #include "src/measure/tally.h"
 #include "src/measure/walk.h"
 #include "src/mesh/sample_points.h"
+#include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/triangle.h"
 #include "src/util/array.h"
@@ -51,6 +52,7 @@ struct measure_levels {
     unsigned threads;
     uint32_t field_count;
     size_t counted;         /* samples that count */
+    uint32_t *bodies;       /* [slot] each body is compared with itself */
     uint32_t *hosts;        /* [sample] */
     double *errors;         /* [field][sample] */
     size_t samples, chunks;
@@ -221,8 +223,15 @@ static enum tetlod_status need_surface(struct measure_levels *m, struct tetlod_e
     const struct coarsening *mesh = m->mesh;
     if (m->surface.triangles)
         return TETLOD_OK;
-    return mesh_surface_init(&m->surface, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored, mesh->states, COARSE_SAME,
-                             COARSE_CHANGED, error);
+    TETLOD_TRY(mesh_surface_init(&m->surface, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored, mesh->states, COARSE_SAME,
+                                 COARSE_CHANGED, error));
+    m->surface.bodies = m->bodies;
+    return TETLOD_OK;
+}
+
+static uint32_t body_of(const struct measure_levels *m, const struct place *place)
+{
+    return m->bodies[place->vertices[0]];
 }
 
 static void find_stray(struct measure_levels *m, struct worker *worker, struct stray *stray)
@@ -232,7 +241,7 @@ static void find_stray(struct measure_levels *m, struct worker *worker, struct s
     double start[3], weights[4];
     bool room;
     find_point(m, stray->sample, &point);
-    stray->distance = mesh_surface_closest(&m->surface, point.p, &closest, &stray->face);
+    stray->distance = mesh_surface_closest(&m->surface, body_of(m, &point.place), point.p, &closest, &stray->face);
     if (stray->face == TETLOD_NONE) // it has no boundary at all: nothing is outside
         return;
     for (uint32_t d = 0; d < 3; d++)
@@ -271,7 +280,7 @@ static void check_strays(void *context, unsigned number, size_t begin, size_t en
         if (stray->face == TETLOD_NONE)
             continue;
         find_point(m, stray->sample, &point);
-        if (mesh_surface_distance(&m->changed, point.p, stray->distance, &face) <= stray->distance)
+        if (mesh_surface_distance(&m->changed, body_of(m, &point.place), point.p, stray->distance, &face) <= stray->distance)
             stray->face = TETLOD_NONE;
     }
 }
@@ -279,8 +288,10 @@ static void check_strays(void *context, unsigned number, size_t begin, size_t en
 static enum tetlod_status need_changed(struct measure_levels *m, struct tetlod_error *error)
 {
     const struct coarsening *mesh = m->mesh;
-    return mesh_surface_init(&m->changed, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored, mesh->states,
-                             COARSE_CHANGED, COARSE_CHANGED, error);
+    TETLOD_TRY(mesh_surface_init(&m->changed, mesh->positions, mesh->corners, mesh->neighbours, mesh->stored, mesh->states,
+                                 COARSE_CHANGED, COARSE_CHANGED, error));
+    m->changed.bodies = m->bodies;
+    return TETLOD_OK;
 }
 
 /* Keeps those that are outside, and adds up the chunks that strays are in. */
@@ -364,8 +375,8 @@ static void search_distances(void *context, unsigned worker, size_t begin, size_
     (void)worker;
     for (size_t i = begin; i < end; i++)
         if (!(m->distances[i] <= m->enough))
-            m->distances[i] = mesh_surface_distance(&m->surface, m->original->positions + 3 * (size_t)m->bound[i], m->enough,
-                                               &m->nearest[i]);
+            m->distances[i] = mesh_surface_distance(&m->surface, m->bodies[m->bound[i]],
+                                                    m->original->positions + 3 * (size_t)m->bound[i], m->enough, &m->nearest[i]);
 }
 
 static void made_distances(void *context, unsigned worker, size_t begin, size_t end)
@@ -374,7 +385,8 @@ static void made_distances(void *context, unsigned worker, size_t begin, size_t 
     uint32_t face;
     (void)worker;
     for (size_t i = begin; i < end; i++)
-        m->distances[i] = mesh_surface_distance(&m->boundary, m->mesh->positions + 3 * (size_t)m->list[i], m->enough, &face);
+        m->distances[i] = mesh_surface_distance(&m->boundary, m->bodies[m->list[i]], m->mesh->positions + 3 * (size_t)m->list[i],
+                                                m->enough, &face);
 }
 
 /* The vertices of the level's boundary that the last step made or moved; at first, where it is displaced, all. */
@@ -533,6 +545,7 @@ static enum tetlod_status list_boundary(struct measure_levels *m, struct tetlod_
     const struct mesh_surface *boundary = &m->boundary;
     TETLOD_TRY(mesh_surface_init(&m->boundary, m->original->positions, m->original->corners, m->mesh->neighbours,
                             m->original->tet_count, NULL, 0, 0, error));
+    m->boundary.bodies = m->bodies;
     for (size_t i = 0; i < 3 * (size_t)boundary->count; i++)
         m->made[boundary->triangles[i]] = 1;
     for (uint32_t v = 0; v < m->original->vertex_count; v++)
@@ -579,6 +592,7 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
                                  .mesh = coarsening,
                                  .threads = threads,
                                  .field_count = original->field_count,
+                                 .bodies = array_new(original->vertex_count, sizeof(uint32_t)),
                                  .hosts = array_new(samples, sizeof(uint32_t)),
                                  .errors = array_zero(samples * fields, sizeof(double)),
                                  .scales = array_new(fields, sizeof(double)),
@@ -590,7 +604,7 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
                                  .rounding = 1e-14 * mesh_diagonal(original),
                                  .displaced = is_displaced(original, coarsening)};
     m->rounded = !m->displaced && is_rounded(original, coarsening);
-    if (!m->hosts || !m->errors || !m->scales || !m->tallies || !m->dirty || !m->made)
+    if (!m->bodies || !m->hosts || !m->errors || !m->scales || !m->tallies || !m->dirty || !m->made)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", measure_levels_bytes(original)));
     for (uint32_t f = 0; f < original->field_count; f++) {
         struct point_field level = {.components = coarsening->fields[f].components, .values = coarsening->fields[f].values};
@@ -599,6 +613,7 @@ enum tetlod_status measure_levels_new(struct measure_levels **out, const struct 
         point_field_range(&level, original->vertex_count, ranges[1]);
         m->scales[f] = tally_scale(ranges[0], ranges[1]);
     }
+    sheets_bodies(original->corners, original->tet_count, original->vertex_count, m->bodies);
     place_samples(m);
     TETLOD_TRY_DONE(make_workers(m, error));
     TETLOD_TRY_DONE(list_boundary(m, error));
@@ -620,7 +635,7 @@ void measure_levels_free(struct measure_levels *m)
     }
     mesh_surface_fini(&m->boundary);
     mesh_surface_fini(&m->surface);
-    void *const owned[] = {m->hosts, m->errors, m->scales, m->tallies, m->workers, m->strays, m->dirty,
+    void *const owned[] = {m->bodies, m->hosts, m->errors, m->scales, m->tallies, m->workers, m->strays, m->dirty,
                            m->bound, m->nearest, m->distances, m->made, m->list, m};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
@@ -628,5 +643,5 @@ void measure_levels_free(struct measure_levels *m)
 
 uint64_t measure_levels_bytes(const struct tetmesh *original)
 {
-    return sample_count(original) * (uint64_t)(4 + 8 * original->field_count) + original->vertex_count;
+    return sample_count(original) * (uint64_t)(4 + 8 * original->field_count) + 5 * (uint64_t)original->vertex_count;
 }

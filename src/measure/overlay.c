@@ -1,28 +1,30 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/measure/overlay.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/measure/exact_cell.h"
 #include "src/mesh/bvh.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-/* The middle of an intersection is at least this far inside both tetrahedra, by barycentric weights; less is a contact. What is less far
- * outside is in a tetrahedron, but for rounding. */
+/* The middle of an intersection is at least this far inside both tetrahedra, by barycentric weights; less is a contact. */
 static const double THIN = 1e-9;
 
-/* Which tetrahedra are at a corner of the overlay is looked up this much towards the middle of its cell. */
-static const double INWARDS = 1e-6;
+/* A pair whose weights may be wrong by more than this is not looked at in doubles at all. */
+static const double HOPELESS = 1e-4;
 
 enum { MOST_ENDS = 24, CHUNK = 64 };
 
 /* lambda_j(p) = rows[j-1] . (p - origin), j = 1..3. */
 struct weights_map {
     double origin[3], rows[3][3];
+    double noise; /* what rounding makes of a weight of about 1 */
 };
 
 /* A component of a field, in both meshes. */
@@ -34,7 +36,7 @@ struct compared {
 /* One thread's. */
 struct worker {
     double *most;         /* [field_count] */
-    uint32_t *candidates; /* of b, near the tetrahedron of a at hand */
+    uint32_t *candidates; /* of b, near the tetrahedron of a at hand: numbers in `wanted`, then tetrahedra */
     size_t capacity;
     uint32_t candidate_count;
     uint64_t cells;
@@ -43,10 +45,13 @@ struct worker {
 
 struct overlay {
     const struct tetmesh *meshes[2]; /* borrowed */
-    struct bvh bvh;                  /* of b's tetrahedra */
+    uint32_t wanted_count, *wanted;  /* [wanted_count] tetrahedra of b that are to be looked at */
+    uint32_t *wanted_corners;        /* [4 * wanted] */
+    struct bvh bvh;                  /* of those */
     double *boxes;                   /* [6 * tet of b] */
     struct weights_map *maps[2];     /* [tet] */
-    uint8_t *degenerate[2];          /* [tet] */
+    uint8_t *usable[2];              /* [tet] it has an interpolant, and is to be looked at */
+    const struct overlay_options *options;
     uint32_t field_count, compared_count;
     struct compared *compared;
     struct worker *workers;
@@ -58,6 +63,7 @@ struct cell {
     int count;
     double ends[MOST_ENDS][2][4];
     double middle[2][4];
+    double slack; /* of a weight */
 };
 
 static const double *corner(const struct tetmesh *mesh, uint32_t tet, int c)
@@ -65,50 +71,62 @@ static const double *corner(const struct tetmesh *mesh, uint32_t tet, int c)
     return mesh->positions + 3 * (size_t)mesh->corners[4 * (size_t)tet + (size_t)c];
 }
 
+/* Are the tetrahedra parts of the same body, as far as that is known? */
+static bool same_body(const struct overlay *overlay, uint32_t tet_a, uint32_t tet_b)
+{
+    const uint32_t *const *bodies = overlay->options->bodies;
+    return !bodies[0] || bodies[0][overlay->meshes[0]->corners[4 * (size_t)tet_a]] ==
+                             bodies[1][overlay->meshes[1]->corners[4 * (size_t)tet_b]];
+}
+
+static double value_of(const struct overlay *overlay, const struct compared *compared, int m, uint32_t tet, int k)
+{
+    return compared->values[m][(size_t)overlay->meshes[m]->corners[4 * (size_t)tet + (size_t)k] * compared->stride];
+}
+
 static void make_map(const struct tetmesh *mesh, uint32_t tet, struct weights_map *out)
 {
-    double edges[3][3], volume6;
-    memcpy(out->origin, corner(mesh, tet, 0), sizeof out->origin);
+    const double *p[4];
+    double edges[3][3];
+    for (int c = 0; c < 4; c++)
+        p[c] = corner(mesh, tet, c);
+    memcpy(out->origin, p[0], sizeof out->origin);
     for (int j = 0; j < 3; j++)
         for (int i = 0; i < 3; i++)
-            edges[j][i] = corner(mesh, tet, j + 1)[i] - out->origin[i];
-    volume6 = tet_volume6(corner(mesh, tet, 0), corner(mesh, tet, 1), corner(mesh, tet, 2), corner(mesh, tet, 3));
+            edges[j][i] = p[j + 1][i] - out->origin[i];
+    double volume6 = tet_volume6(p[0], p[1], p[2], p[3]), size2 = tet_size_squared(p[0], p[1], p[2], p[3]);
     for (int j = 0; j < 3; j++) {
         const double *u = edges[(j + 1) % 3], *v = edges[(j + 2) % 3];
         for (int i = 0; i < 3; i++)
             out->rows[j][i] = (u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]) / volume6;
     }
+    out->noise = 48 * DBL_EPSILON * size2 * sqrt(size2) / fabs(volume6);
 }
 
-static void weights_of(const struct weights_map *map, const double p[3], double out[4])
-{
-    double r[3] = {p[0] - map->origin[0], p[1] - map->origin[1], p[2] - map->origin[2]};
-    for (int j = 0; j < 3; j++)
-        out[j + 1] = map->rows[j][0] * r[0] + map->rows[j][1] * r[1] + map->rows[j][2] * r[2];
-    out[0] = 1 - out[1] - out[2] - out[3];
-}
-
-/* Weights in tetrahedron `in` of mesh `m` of the other's corners. False if they all lie on or behind one of its faces: most
- * pairs, so that is asked face by face. */
-static bool weigh_corners(const struct overlay *overlay, int m, uint32_t in, uint32_t other, double out[4][4])
+/* Weights in tetrahedron `in` of mesh `m` of the other's corners, and what rounding may make of them. False if they all lie on
+ * or behind one of its faces: most pairs, so that is asked face by face. */
+static bool weigh_corners(const struct overlay *overlay, int m, uint32_t in, uint32_t other, double out[4][4], double *slack)
 {
     const struct weights_map *map = &overlay->maps[m][in];
-    double r[4][3], most;
+    double r[4][3], largest = 1;
     for (int c = 0; c < 4; c++)
         for (int i = 0; i < 3; i++)
             r[c][i] = corner(overlay->meshes[!m], other, c)[i] - map->origin[i];
-    for (int k = 1; k < 4; k++) {
-        const double *row = map->rows[k - 1];
-        for (int c = 0; c < 4; c++)
-            out[c][k] = row[0] * r[c][0] + row[1] * r[c][1] + row[2] * r[c][2];
-        most = larger(larger(out[0][k], out[1][k]), larger(out[2][k], out[3][k]));
-        if (!(most > THIN))
+    for (int k = 1; k < 5; k++) {
+        double most = -INFINITY, least = INFINITY;
+        for (int c = 0; c < 4; c++) {
+            const double *row = map->rows[(k - 1) % 3];
+            double *w = out[c];
+            w[k % 4] = k < 4 ? row[0] * r[c][0] + row[1] * r[c][1] + row[2] * r[c][2] : 1 - w[1] - w[2] - w[3];
+            most = larger(most, w[k % 4]);
+            least = smaller(least, w[k % 4]);
+        }
+        largest = larger(largest, larger(most, -least));
+        if (!(most > THIN - map->noise * largest))
             return false;
     }
-    for (int c = 0; c < 4; c++)
-        out[c][0] = 1 - out[c][1] - out[c][2] - out[c][3];
-    most = larger(larger(out[0][0], out[1][0]), larger(out[2][0], out[3][0]));
-    return most > THIN;
+    *slack = map->noise * largest;
+    return true;
 }
 
 /* A corner that both have is where it is, whatever rounding says. */
@@ -151,83 +169,145 @@ static void clip_edges(struct cell *cell, int m, double in[4][4])
     }
 }
 
-/* False: they do not overlap, at most touch. */
-static bool make_cell(const struct overlay *overlay, uint32_t tet_a, uint32_t tet_b, struct cell *cell)
+/* The values of a component at the corners of the cell's tetrahedra, less one of them: so that rounding is about what varies, not
+ * about how far from zero it does. The largest of them is returned. */
+static double gather_values(const struct overlay *overlay, const struct compared *compared, const struct cell *cell, double out[2][4])
 {
-    double in_b[4][4], in_a[4][4];
-    *cell = (struct cell){.tets = {tet_a, tet_b}};
-    if (!weigh_corners(overlay, 1, tet_b, tet_a, in_b) || !weigh_corners(overlay, 0, tet_a, tet_b, in_a))
-        return false;
-    match_corners(overlay, cell->tets, in_b, in_a);
-    clip_edges(cell, 0, in_b);
-    clip_edges(cell, 1, in_a);
+    double base = value_of(overlay, compared, 0, cell->tets[0], 0), most = 0;
+    for (int m = 0; m < 2; m++)
+        for (int k = 0; k < 4; k++) {
+            out[m][k] = value_of(overlay, compared, m, cell->tets[m], k) - base;
+            most = larger(most, fabs(out[m][k]));
+        }
+    return most;
+}
+
+static double weigh(const double weights[4], const double values[4])
+{
+    return weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2] + weights[3] * values[3];
+}
+
+/* May the pair have a difference above what was found? In the intersection it is at most what it is at the worst corner of either
+ * tetrahedron. */
+static bool may_be_worse(const struct overlay *overlay, const struct worker *worker, const struct cell *cell, double in[2][4][4])
+{
+    for (uint32_t c = 0; c < overlay->compared_count; c++) {
+        const struct compared *compared = &overlay->compared[c];
+        double values[2][4], size = gather_values(overlay, compared, cell, values), bound = INFINITY;
+        for (int m = 0; m < 2; m++) { // the corners of tetrahedron m
+            double most = 0;
+            for (int k = 0; k < 4; k++)
+                most = larger(most, fabs(values[m][k] - weigh(in[m][k], values[!m])));
+            bound = smaller(bound, most);
+        }
+        if (bound + 8 * size * cell->slack > worker->most[compared->field])
+            return true;
+    }
+    return false;
+}
+
+/* Clips in doubles. False: they do not overlap, at most touch. */
+static bool make_cell(struct cell *cell, double in[2][4][4])
+{
+    for (int m = 0; m < 2; m++)
+        clip_edges(cell, m, in[m]);
     for (int m = 0; m < 2; m++)
         for (int k = 0; k < 4; k++) {
             for (int i = 0; i < cell->count; i++)
                 cell->middle[m][k] += cell->ends[i][m][k] / cell->count;
-            if (cell->middle[m][k] <= THIN)
+            if (cell->middle[m][k] <= THIN - cell->slack)
                 return false;
         }
     return cell->count > 0;
 }
 
-/* A value of the field in tetrahedron `tet` of mesh m, at its first corner. */
-static double base_of(const struct overlay *overlay, const struct compared *compared, int m, uint32_t tet)
+/* Is one of the differences at the cell's ends above what was found, but for rounding? */
+static bool is_worse(const struct overlay *overlay, const struct worker *worker, const struct cell *cell)
 {
-    return compared->values[m][(size_t)overlay->meshes[m]->corners[4 * (size_t)tet] * compared->stride];
-}
-
-/* The field less a base: so that rounding is about what varies, not about how far from zero it does. */
-static double value_at(const struct overlay *overlay, const struct compared *compared, int m, uint32_t tet,
-                       const double weights[4], double base)
-{
-    const uint32_t *corners = overlay->meshes[m]->corners + 4 * (size_t)tet;
-    double sum = 0;
-    for (int k = 0; k < 4; k++)
-        sum += weights[k] * (compared->values[m][(size_t)corners[k] * compared->stride] - base);
-    return sum;
-}
-
-/* The difference at one end of the cell. It is above `most`: so it counts only if no other tetrahedron of b that is there,
- * too, is nearer to a's value. */
-static double difference(const struct overlay *overlay, const struct worker *worker, const struct compared *compared,
-                         const struct cell *cell, const double end[2][4], double found)
-{
-    double p[3] = {0, 0, 0}, inside[3] = {0, 0, 0}, weights[4];
-    double base = base_of(overlay, compared, 0, cell->tets[0]);
-    double value = value_at(overlay, compared, 0, cell->tets[0], end[0], base);
-    for (int c = 0; c < 4; c++)
-        for (int i = 0; i < 3; i++) {
-            double x = corner(overlay->meshes[0], cell->tets[0], c)[i];
-            p[i] += end[0][c] * x;
-            inside[i] += (end[0][c] + INWARDS * (cell->middle[0][c] - end[0][c])) * x;
+    for (uint32_t c = 0; c < overlay->compared_count; c++) {
+        const struct compared *compared = &overlay->compared[c];
+        double values[2][4], size = gather_values(overlay, compared, cell, values);
+        for (int i = 0; i < cell->count; i++) {
+            double found = fabs(weigh(cell->ends[i][0], values[0]) - weigh(cell->ends[i][1], values[1]));
+            if (found + 8 * size * cell->slack > worker->most[compared->field])
+                return true;
         }
-    for (uint32_t i = 0; i < worker->candidate_count; i++) {
-        uint32_t tet = worker->candidates[i];
-        if (overlay->degenerate[1][tet] || tet == cell->tets[1])
+    }
+    return false;
+}
+
+static void exact_corners(const struct overlay *overlay, int m, uint32_t tet, const double *out[4])
+{
+    for (int c = 0; c < 4; c++)
+        out[c] = corner(overlay->meshes[m], tet, c);
+}
+
+/* Rounded to doubles, which a box has: an end on a face is not outside by its last digits. */
+static bool in_box(const double box[6], const quad x[3])
+{
+    for (int i = 0; i < 3; i++)
+        if ((double)x[i] < box[i] || (double)x[i] > box[i + 3])
+            return false;
+    return true;
+}
+
+/* The difference at an end that is above what was found: it counts only if no other tetrahedron of b that is there, too, is nearer
+ * to a's value. All are asked, which is rare. */
+static quad best_difference(const struct overlay *overlay, const struct compared *compared, const struct exact_cell *exact,
+                            const struct cell *cell, int end, double values[2][4], quad found)
+{
+    for (uint32_t tet = 0; tet < overlay->meshes[1]->tet_count; tet++) {
+        const double *corners[4];
+        quad other;
+        if (!overlay->usable[1][tet] || tet == cell->tets[1] || !in_box(overlay->boxes + 6 * (size_t)tet, exact->ends[end]) ||
+            !same_body(overlay, cell->tets[0], tet))
             continue;
-        weights_of(&overlay->maps[1][tet], inside, weights);
-        if (weights[0] < -THIN || weights[1] < -THIN || weights[2] < -THIN || weights[3] < -THIN)
-            continue;
-        weights_of(&overlay->maps[1][tet], p, weights);
-        found = smaller(found, fabs(value - value_at(overlay, compared, 1, tet, weights, base)));
+        exact_corners(overlay, 1, tet, corners);
+        for (int k = 0; k < 4; k++)
+            values[1][k] = value_of(overlay, compared, 1, tet, k);
+        if (exact_cell_other(exact, end, corners, (const double(*)[4])values, &other) && other < found)
+            found = other;
     }
     return found;
 }
 
-static void compare_cell(const struct overlay *overlay, struct worker *worker, const struct cell *cell)
+/* The verdict, in 113 bits. */
+static void compare_exactly(const struct overlay *overlay, struct worker *worker, const struct cell *cell)
 {
-    worker->cells++;
+    struct exact_cell exact;
+    exact_corners(overlay, 0, cell->tets[0], exact.corners[0]);
+    exact_corners(overlay, 1, cell->tets[1], exact.corners[1]);
+    if (!exact_cell_clip(&exact))
+        return;
     for (uint32_t c = 0; c < overlay->compared_count; c++) {
         const struct compared *compared = &overlay->compared[c];
-        double *most = &worker->most[compared->field], base = base_of(overlay, compared, 0, cell->tets[0]);
-        for (int i = 0; i < cell->count; i++) {
-            double found = fabs(value_at(overlay, compared, 0, cell->tets[0], cell->ends[i][0], base) -
-                                value_at(overlay, compared, 1, cell->tets[1], cell->ends[i][1], base));
+        double *most = &worker->most[compared->field], values[2][4];
+        for (int end = 0; end < exact.count; end++) {
+            for (int m = 0; m < 2; m++)
+                for (int k = 0; k < 4; k++)
+                    values[m][k] = value_of(overlay, compared, m, cell->tets[m], k);
+            quad found = exact_cell_difference(&exact, end, (const double(*)[4])values);
             if (found > *most)
-                *most = larger(*most, difference(overlay, worker, compared, cell, (const double(*)[4])cell->ends[i], found));
+                found = best_difference(overlay, compared, &exact, cell, end, values, found);
+            *most = larger(*most, (double)found);
         }
     }
+}
+
+static void compare_pair(const struct overlay *overlay, struct worker *worker, uint32_t tet_a, uint32_t tet_b)
+{
+    struct cell cell = {.tets = {tet_a, tet_b}};
+    double in[2][4][4], slack; // in[m]: of the corners of tetrahedron m, in the other one
+    if (!same_body(overlay, tet_a, tet_b) || !weigh_corners(overlay, 1, tet_b, tet_a, in[0], &slack))
+        return;
+    cell.slack = slack;
+    if (!weigh_corners(overlay, 0, tet_a, tet_b, in[1], &slack))
+        return;
+    cell.slack = larger(cell.slack, slack);
+    match_corners(overlay, cell.tets, in[0], in[1]);
+    worker->cells++;
+    if (cell.slack > HOPELESS || (may_be_worse(overlay, worker, &cell, in) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
+        compare_exactly(overlay, worker, &cell);
 }
 
 static void tet_box(const struct tetmesh *mesh, uint32_t tet, double box[6])
@@ -246,11 +326,12 @@ static void cull_candidates(const struct overlay *overlay, struct worker *worker
 {
     uint32_t kept = 0;
     for (uint32_t k = 0; k < worker->candidate_count; k++) {
-        const double *other = overlay->boxes + 6 * (size_t)worker->candidates[k];
+        uint32_t tet = overlay->wanted[worker->candidates[k]];
+        const double *other = overlay->boxes + 6 * (size_t)tet;
         bool meets = true;
         for (int i = 0; i < 3; i++)
             meets &= other[i] <= box[i + 3] && other[i + 3] >= box[i];
-        worker->candidates[kept] = worker->candidates[k];
+        worker->candidates[kept] = tet;
         kept += meets;
     }
     worker->candidate_count = kept;
@@ -278,18 +359,15 @@ static void compare_range(void *context, unsigned number, size_t begin, size_t e
 {
     const struct overlay *overlay = context;
     struct worker *worker = &overlay->workers[number];
-    struct cell cell;
     for (size_t tet = begin; tet < end && !worker->failed; tet++) {
-        if (overlay->degenerate[0][tet])
+        if (!overlay->usable[0][tet])
             continue;
         if (!find_candidates(overlay, worker, (uint32_t)tet)) {
             worker->failed = true;
             return;
         }
         for (uint32_t i = 0; i < worker->candidate_count; i++)
-            if (!overlay->degenerate[1][worker->candidates[i]] &&
-                make_cell(overlay, (uint32_t)tet, worker->candidates[i], &cell))
-                compare_cell(overlay, worker, &cell);
+            compare_pair(overlay, worker, (uint32_t)tet, worker->candidates[i]);
     }
 }
 
@@ -298,15 +376,16 @@ static enum tetlod_status prepare_mesh(struct overlay *overlay, int m, struct ov
 {
     const struct tetmesh *mesh = overlay->meshes[m];
     overlay->maps[m] = array_new(mesh->tet_count, sizeof(struct weights_map));
-    overlay->degenerate[m] = array_new(mesh->tet_count, 1);
-    if (!overlay->maps[m] || !overlay->degenerate[m])
+    overlay->usable[m] = array_new(mesh->tet_count, 1);
+    if (!overlay->maps[m] || !overlay->usable[m])
         return tetlodi_fail_nomem(error, "the overlay", mesh->tet_count * (uint64_t)sizeof(struct weights_map));
     for (uint32_t t = 0; t < mesh->tet_count; t++) {
         bool degenerate =
             tet_orientation(corner(mesh, t, 0), corner(mesh, t, 1), corner(mesh, t, 2), corner(mesh, t, 3)) == 0;
-        overlay->degenerate[m][t] = degenerate;
+        const uint8_t *usable = overlay->options->usable[m];
+        overlay->usable[m][t] = !degenerate && (!usable || usable[t]);
         report->degenerate[m] += degenerate;
-        if (!degenerate)
+        if (overlay->usable[m][t])
             make_map(mesh, t, &overlay->maps[m][t]);
     }
     return TETLOD_OK;
@@ -315,12 +394,20 @@ static enum tetlod_status prepare_mesh(struct overlay *overlay, int m, struct ov
 static enum tetlod_status prepare_boxes(struct overlay *overlay, struct tetlod_error *error)
 {
     const struct tetmesh *b = overlay->meshes[1];
+    const uint8_t *wanted = overlay->options->wanted;
     overlay->boxes = array_new(b->tet_count, 6 * sizeof *overlay->boxes);
-    if (!overlay->boxes)
-        return tetlodi_fail_nomem(error, "the overlay", b->tet_count * (uint64_t)48);
-    for (uint32_t t = 0; t < b->tet_count; t++)
+    overlay->wanted = array_new(b->tet_count, sizeof *overlay->wanted);
+    overlay->wanted_corners = array_new(b->tet_count, 4 * sizeof *overlay->wanted_corners);
+    if (!overlay->boxes || !overlay->wanted || !overlay->wanted_corners)
+        return tetlodi_fail_nomem(error, "the overlay", b->tet_count * (uint64_t)68);
+    for (uint32_t t = 0; t < b->tet_count; t++) {
         tet_box(b, t, overlay->boxes + 6 * (size_t)t);
-    return bvh_build(&overlay->bvh, b->positions, b->corners, b->tet_count, 4, error);
+        if (!overlay->usable[1][t] || (wanted && !wanted[t]))
+            continue;
+        memcpy(overlay->wanted_corners + 4 * (size_t)overlay->wanted_count, b->corners + 4 * (size_t)t, 4 * sizeof(uint32_t));
+        overlay->wanted[overlay->wanted_count++] = t;
+    }
+    return bvh_build(&overlay->bvh, b->positions, overlay->wanted_corners, overlay->wanted_count, 4, error);
 }
 
 static enum tetlod_status prepare_fields(struct overlay *overlay, const uint32_t *a_fields, const uint32_t *b_fields,
@@ -346,6 +433,8 @@ static enum tetlod_status prepare_workers(struct overlay *overlay, unsigned thre
     bool done = overlay->workers;
     for (unsigned w = 0; w < threads && done; w++)
         done = (overlay->workers[w].most = array_zero(overlay->field_count, sizeof(double))) != NULL;
+    for (unsigned w = 0; w < threads && done && overlay->options->floors; w++)
+        memcpy(overlay->workers[w].most, overlay->options->floors, overlay->field_count * sizeof(double));
     return done ? TETLOD_OK : tetlodi_fail_nomem(error, "the overlay", threads * (uint64_t)sizeof *overlay->workers);
 }
 
@@ -353,7 +442,7 @@ static void overlay_fini(struct overlay *overlay, unsigned threads)
 {
     for (int m = 0; m < 2; m++) {
         free(overlay->maps[m]);
-        free(overlay->degenerate[m]);
+        free(overlay->usable[m]);
     }
     for (unsigned w = 0; w < threads && overlay->workers; w++) {
         free(overlay->workers[w].most);
@@ -362,6 +451,8 @@ static void overlay_fini(struct overlay *overlay, unsigned threads)
     free(overlay->workers);
     free(overlay->compared);
     free(overlay->boxes);
+    free(overlay->wanted);
+    free(overlay->wanted_corners);
     bvh_fini(&overlay->bvh);
 }
 
@@ -381,11 +472,12 @@ static enum tetlod_status gather(const struct overlay *overlay, unsigned threads
 }
 
 enum tetlod_status overlay_max(const struct tetmesh *a, const uint32_t *a_fields, const struct tetmesh *b,
-                               const uint32_t *b_fields, uint32_t count, unsigned threads, double *out,
-                               struct overlay_report *report, struct tetlod_error *error)
+                               const uint32_t *b_fields, uint32_t count, const struct overlay_options *options,
+                               double *out, struct overlay_report *report, struct tetlod_error *error)
 {
-    struct overlay overlay = {.meshes = {a, b}, .field_count = count};
+    struct overlay overlay = {.meshes = {a, b}, .field_count = count, .options = options};
     enum tetlod_status status;
+    unsigned threads = options->threads;
     threads = threads < 1 ? 1 : threads > PARALLEL_MOST_THREADS ? PARALLEL_MOST_THREADS : threads;
     *report = (struct overlay_report){0};
     TETLOD_TRY_DONE(prepare_mesh(&overlay, 0, report, error));
@@ -393,7 +485,8 @@ enum tetlod_status overlay_max(const struct tetmesh *a, const uint32_t *a_fields
     TETLOD_TRY_DONE(prepare_fields(&overlay, a_fields, b_fields, error));
     TETLOD_TRY_DONE(prepare_workers(&overlay, threads, error));
     TETLOD_TRY_DONE(prepare_boxes(&overlay, error));
-    parallel_for(threads, a->tet_count, CHUNK, compare_range, &overlay);
+    if (overlay.wanted_count)
+        parallel_for(threads, a->tet_count, CHUNK, compare_range, &overlay);
     status = gather(&overlay, threads, out, report, error);
 done:
     overlay_fini(&overlay, threads);

@@ -177,7 +177,7 @@ enum tetlod_status region_error(const struct forest *forest, const struct tetmes
         if (status == TETLOD_OK)
             status = take_finest(forest, &cells, mesh, &finest, error);
         if (status == TETLOD_OK)
-            status = overlay_max(&belt, fields, &finest, fields, mesh->field_count, threads, out, &report, error);
+            status = overlay_max(&belt, fields, &finest, fields, mesh->field_count, &(struct overlay_options){.threads = threads}, out, &report, error);
     }
     tetmesh_fini(&finest);
     free(cells.marked);

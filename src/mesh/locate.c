@@ -112,5 +112,5 @@ uint32_t locator_walk(const struct locator *locator, uint32_t from, const double
 double locator_closest(const struct locator *locator, const double p[3], struct place *out)
 {
     uint32_t face;
-    return mesh_surface_closest(&locator->surface, p, out, &face);
+    return mesh_surface_closest(&locator->surface, 0, p, out, &face);
 }

@@ -45,7 +45,7 @@ void mesh_surface_fini(struct mesh_surface *surface)
 }
 
 /* The square of the distance; what is within the square `enough` ends the search. */
-static double search(const struct mesh_surface *surface, const double p[3], double enough, struct place *out,
+static double search(const struct mesh_surface *surface, uint32_t body, const double p[3], double enough, struct place *out,
                      uint32_t *out_triangle)
 {
     const struct bvh *bvh = &surface->boxes;
@@ -70,6 +70,8 @@ static double search(const struct mesh_surface *surface, const double p[3], doub
         uint64_t first = (uint64_t)(node - bvh->leaf_first) * BVH_LEAF;
         for (uint64_t i = first; i < bvh->count && i < first + BVH_LEAF; i++) {
             const uint32_t *triangle = surface->triangles + 3 * (size_t)bvh->order[i];
+            if (surface->bodies && surface->bodies[triangle[0]] != body)
+                continue;
             double distance2 = triangle_distance2(p, surface->positions + 3 * (size_t)triangle[0],
                                            surface->positions + 3 * (size_t)triangle[1],
                                            surface->positions + 3 * (size_t)triangle[2], weights);
@@ -86,19 +88,21 @@ static double search(const struct mesh_surface *surface, const double p[3], doub
     return best;
 }
 
-double mesh_surface_closest(const struct mesh_surface *surface, const double p[3], struct place *out, uint32_t *out_face)
+double mesh_surface_closest(const struct mesh_surface *surface, uint32_t body, const double p[3], struct place *out,
+                            uint32_t *out_face)
 {
     uint32_t triangle = TETLOD_NONE;
-    double distance = sqrt(search(surface, p, 0, out, &triangle));
+    double distance = sqrt(search(surface, body, p, 0, out, &triangle));
     *out_face = triangle == TETLOD_NONE ? triangle : surface->faces[triangle];
     return distance;
 }
 
-double mesh_surface_distance(const struct mesh_surface *surface, const double p[3], double enough, uint32_t *out_face)
+double mesh_surface_distance(const struct mesh_surface *surface, uint32_t body, const double p[3], double enough,
+                             uint32_t *out_face)
 {
     struct place place;
     uint32_t triangle = TETLOD_NONE;
-    double distance = sqrt(search(surface, p, enough * enough, &place, &triangle));
+    double distance = sqrt(search(surface, body, p, enough * enough, &place, &triangle));
     *out_face = triangle == TETLOD_NONE ? triangle : surface->faces[triangle];
     return distance;
 }

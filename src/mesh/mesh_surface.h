@@ -13,6 +13,7 @@ struct place {
 
 struct mesh_surface {
     const double *positions; /* borrowed */
+    const uint32_t *bodies;  /* [vertex] borrowed, as sheets_bodies finds them; NULL: all is one */
     uint32_t count;          /* triangles */
     uint32_t *triangles;     /* [3 * triangle] */
     uint32_t *faces;         /* [triangle] 4 * tet + face */
@@ -26,10 +27,12 @@ TETLOD_CHECKED enum tetlod_status mesh_surface_init(struct mesh_surface *surface
                                                uint8_t least, uint8_t most, struct tetlod_error *error);
 void mesh_surface_fini(struct mesh_surface *surface);
 
-/* The closest point to p, and its face in *out_face; its distance is returned, INFINITY if there is no boundary. */
-double mesh_surface_closest(const struct mesh_surface *surface, const double p[3], struct place *out, uint32_t *out_face);
+/* The closest point to p of a body's boundary, and its face in *out_face; its distance is returned, INFINITY if there is none. */
+double mesh_surface_closest(const struct mesh_surface *surface, uint32_t body, const double p[3], struct place *out,
+                            uint32_t *out_face);
 
 /* The distance from p, or, found sooner, that of any point within `enough`. *out_face becomes the face with that point. */
-double mesh_surface_distance(const struct mesh_surface *surface, const double p[3], double enough, uint32_t *out_face);
+double mesh_surface_distance(const struct mesh_surface *surface, uint32_t body, const double p[3], double enough,
+                             uint32_t *out_face);
 
 #endif

@@ -8,6 +8,7 @@
 #include "format/fail.h"
 #include "src/log/coarsening.h"
 #include "src/measure/measure_levels.h"
+#include "src/measure/overlay_levels.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/build_memory.h"
 #include "src/pipeline/limits.h"
@@ -17,6 +18,12 @@
 /* How far the boundary may move while it counts as kept, as a fraction of the diagonal: by rounding, and where the limit
  * speaks of one domain: the exact one (PROOF.md, 8), and the true error at samples, which are to stay inside. */
 static const double BOUNDARY_KEPT = 1e-12, BOUNDARY_OF_EXACT = 1e-6;
+
+/* Up to this domain error, the default, the proved bound is stored as it is; above, the exact maximum is taken as well (PROOF.md, 5). */
+static const double DOMAIN_ERROR_SMALL = 0.001;
+
+/* Exact maxima up to this fraction of the range are not looked for. */
+static const double NO_DIFFERENCE = 1e-12;
 
 struct build {
     const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised */
@@ -30,6 +37,8 @@ struct build {
     struct contraction_log log;
     struct tetlodi_write_level *levels; /* coarse to fine */
     double *errors;                     /* [mark][field][measure], fine to coarse */
+    struct overlay_levels *overlay;     /* if it is asked for */
+    double *exact;                      /* [field] what it says of the mark at hand */
     struct tetlod_error *error;
 };
 
@@ -159,6 +168,45 @@ static void copy_components(struct build *build)
     }
 }
 
+static double scale_of(const struct build *build, uint32_t field)
+{
+    double range[2];
+    point_field_range(&build->original->fields[field], build->original->vertex_count, range);
+    return range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
+}
+
+/* The exact maximum of the level at hand, of the fields that are asked about, as far as it is above what finer ones have come to. */
+static enum tetlod_status find_exact(struct build *build, const struct coarsening *coarsening, uint32_t mark)
+{
+    for (uint32_t f = 0; f < build->mesh->field_count; f++) {
+        double scale = scale_of(build, f), finer = NO_DIFFERENCE;
+        if (mark)
+            finer = larger(finer, build->errors[((size_t)(mark - 1) * build->mesh->field_count + f) * TETLOD_MEASURES + TETLOD_MAX]);
+        bool asked = scale > 0 && (is_controlled(build, f) || build->options->certify_all);
+        build->exact[f] = asked ? finer / scale : INFINITY;
+    }
+    return overlay_levels_next(build->overlay, coarsening, build->exact, build->error);
+}
+
+/* `max` becomes no less than the exact maximum: where it is proved for another point than the one at the same place, or not at all. */
+static void raise_max(const struct build *build, uint32_t mark)
+{
+    for (uint32_t f = 0; f < build->mesh->field_count; f++) {
+        double *errors = build->errors + ((size_t)mark * build->mesh->field_count + f) * TETLOD_MEASURES, exact = build->exact[f] * scale_of(build, f);
+        if (isfinite(build->exact[f]) && exact > NO_DIFFERENCE)
+            errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], larger(exact, errors[TETLOD_SAMPLED]));
+        else if (isnan(errors[TETLOD_MAX]) && build->options->certify_all)
+            errors[TETLOD_MAX] = errors[TETLOD_SAMPLED];
+    }
+}
+
+bool build_asks_overlay(const struct build_options *options)
+{
+    const struct quantise_options *quantise = &options->quantise;
+    return options->certify_all || options->certify == CERTIFY_EXACT || options->metric == METRIC_MEASURED ||
+           options->domain_error > DOMAIN_ERROR_SMALL || quantise->position_bits || quantise->position_error > 0;
+}
+
 static enum tetlod_status measure_mark(struct build *build, struct coarsening *coarsening, struct measure_levels *measure,
                                        uint32_t mark, struct measured *measured, double diagonal)
 {
@@ -166,8 +214,12 @@ static enum tetlod_status measure_mark(struct build *build, struct coarsening *c
     double domain = at->moved + build->rounded_by;
     if (mark)
         coarsening_advance(coarsening, &build->log, at->contractions, build->options->threads);
+    if (build->overlay)
+        TETLOD_TRY(find_exact(build, coarsening, mark));
     TETLOD_TRY(measure_levels_next(measure, measured, &domain, build->error));
     file_errors(build, mark, measured);
+    if (build->overlay)
+        raise_max(build, mark);
     build->levels[build->log.mark_count - 1 - mark] = (struct tetlodi_write_level){
         at->contractions, diagonal > 0 ? domain / diagonal : 0,
         build->errors + (size_t)mark * build->mesh->field_count * TETLOD_MEASURES};
@@ -192,14 +244,17 @@ static enum tetlod_status measure_marks(struct build *build)
     struct coarsening coarsening = {0};
     struct measure_levels *measure = NULL;
     struct measured *measured = array_new(fields, sizeof *measured);
-    double diagonal = mesh_diagonal(build->original);
+    build->exact = array_new(fields, sizeof *build->exact);
+    double diagonal = smaller(mesh_diagonal(build->original), mesh_diagonal(build->mesh)); // the stream knows the rounded one's
     enum tetlod_status status = TETLOD_OK;
     build->levels = array_new(marks + (size_t)1, sizeof *build->levels);
     build->errors = array_new((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));
-    if (!measured || !build->levels || !build->errors)
+    if (!measured || !build->exact || !build->levels || !build->errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
     TETLOD_TRY_DONE(coarsening_init(&coarsening, build->coded, &build->log, build->error));
     TETLOD_TRY_DONE(measure_levels_new(&measure, build->original, &coarsening, build->options->threads, build->error));
+    if (build_asks_overlay(build->options))
+        TETLOD_TRY_DONE(overlay_levels_new(&build->overlay, build->original, &coarsening, build->options->threads, build->error));
     for (uint32_t mark = 0; mark < marks; mark++) {
         TETLOD_TRY_DONE(measure_mark(build, &coarsening, measure, mark, measured, diagonal));
         if (build->options->progress &&
@@ -209,6 +264,8 @@ static enum tetlod_status measure_marks(struct build *build)
     add_tail(build);
 done:
     measure_levels_free(measure);
+    overlay_levels_free(build->overlay);
+    free(build->exact);
     coarsening_fini(&coarsening);
     free(measured);
     return status;

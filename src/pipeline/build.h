@@ -23,6 +23,7 @@ struct build_options {
     uint32_t control_count;
     enum metric metric;
     enum certify certify;    /* (simplify.h) */
+    bool certify_all;        /* every field gets a `max`: the exact maximum, where it has no bound */
     unsigned contract;       /* CONTRACT_... (simplify.h) */
     uint32_t candidates;     /* per simplex; 0: the usual number (candidates.h) */
     double max_error;        /* fraction of the range */
@@ -46,6 +47,9 @@ struct build_report {
     uint64_t refused[LOG_REFUSALS]; /* (contraction_log.h) */
     uint64_t degenerate_tets, inverted_tets, folded_tets; /* the stream counts folded ones as inverted */
 };
+
+/* Is the exact maximum of every level taken, over the overlay? */
+bool build_asks_overlay(const struct build_options *options);
 
 /* The mesh has passed tetmesh_validate and has a field at least. */
 TETLOD_CHECKED enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_options *options,

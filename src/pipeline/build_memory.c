@@ -3,6 +3,7 @@
 
 #include "format/fail.h"
 #include "src/measure/measure_levels.h"
+#include "src/measure/overlay_levels.h"
 #include "src/simplify/simplify.h"
 
 /* What the writer takes a tetrahedron and a vertex, without what it borrows, and what the program takes: measured. */
@@ -23,7 +24,8 @@ uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *opt
     uint64_t vertices = mesh->vertex_count, tets = mesh->tet_count, components = component_count(mesh);
     uint64_t held = vertices * (24 + 8 * components) + tets * 16, log = vertices * (40 + 8 * components);
     uint64_t contract = simplify_bytes(mesh, options->control_count, &simplify_options);
-    uint64_t measure = log + coarsening_bytes(mesh) + measure_levels_bytes(mesh);
+    uint64_t measure = log + coarsening_bytes(mesh) + measure_levels_bytes(mesh) +
+                       (build_asks_overlay(options) ? overlay_levels_bytes(mesh) : 0);
     uint64_t encode = log + tets * WRITER_TET + vertices * (WRITER_VERTEX + 16 * (3 + components));
     uint64_t most = contract > measure ? contract : measure;
     held += quantise_wanted(&options->quantise) ? held : 0;

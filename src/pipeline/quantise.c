@@ -139,7 +139,7 @@ enum tetlod_status quantise_bounds(const struct tetmesh *copy, const struct tetm
         out[f] = changed_by(&copy->fields[f], &mesh->fields[f], mesh->vertex_count);
     }
     if (memcmp(copy->positions, mesh->positions, mesh->vertex_count * 3 * sizeof *copy->positions) != 0)
-        status = overlay_max(mesh, fields, copy, fields, mesh->field_count, threads, out, &report, error);
+        status = overlay_max(mesh, fields, copy, fields, mesh->field_count, &(struct overlay_options){.threads = threads}, out, &report, error);
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         double range[2];
         point_field_range(&mesh->fields[f], mesh->vertex_count, range);

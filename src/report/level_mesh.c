@@ -131,3 +131,51 @@ enum tetlod_status level_mesh_reorder(const struct tetlod_file *file, struct tet
     free(places);
     return status;
 }
+
+static enum tetlod_status gather(const struct tetmesh *finest, const struct tetmesh *original, const uint32_t *vertices,
+                                 const uint32_t *tets, const uint8_t *places, struct tetmesh *out, struct tetlod_error *error)
+{
+    for (size_t i = 0; i < 4 * (size_t)finest->tet_count; i++)
+        if (original->corners[4 * (size_t)tets[i / 4] + i % 4] != vertices[finest->corners[(i & ~(size_t)3) + places[i]]])
+            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "tetrahedron %u of the input is another one in the stream", tets[i / 4]);
+    out->positions = array_new(finest->vertex_count, 3 * sizeof(double));
+    out->corners = array_new(finest->tet_count, 4 * sizeof(uint32_t));
+    if (!out->positions || !out->corners)
+        return tetlodi_fail_nomem(error, "the input", (uint64_t)finest->vertex_count * 24);
+    memcpy(out->corners, finest->corners, 4 * (size_t)finest->tet_count * sizeof(uint32_t));
+    for (size_t v = 0; v < finest->vertex_count; v++)
+        memcpy(out->positions + 3 * v, original->positions + 3 * (size_t)vertices[v], 3 * sizeof(double));
+    for (uint32_t f = 0; f < finest->field_count; f++) {
+        const struct point_field *from = &original->fields[tetmesh_find_field(original, finest->fields[f].name)];
+        size_t n = from->components;
+        TETLOD_TRY(tetmesh_add_field(out, from->name, from->components, from->type, error));
+        for (size_t v = 0; v < finest->vertex_count; v++)
+            memcpy(out->fields[f].values + n * v, from->values + n * vertices[v], n * sizeof(double));
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status level_mesh_renumber(const struct tetlod_file *file, const struct tetmesh *finest, const struct tetmesh *original,
+                                       struct tetmesh *out, struct tetlod_error *error)
+{
+    uint32_t n = finest->vertex_count, m = finest->tet_count, *vertices = array_new(n, sizeof *vertices), *tets = array_new(m, sizeof *tets);
+    uint8_t *places = array_new(m, 4);
+    enum tetlod_status status;
+    *out = (struct tetmesh){.vertex_count = n, .tet_count = m, .position_type = original->position_type};
+    if (!vertices || !tets || !places)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the original order", (uint64_t)m * 8));
+    if (original->vertex_count != n || original->tet_count != m)
+        TETLOD_TRY_DONE(tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the finest level has %u vertices and %u tetrahedra, the input %u and %u",
+                                     n, m, original->vertex_count, original->tet_count));
+    TETLOD_TRY_DONE(tetlod_order(file, vertices, tets, places, error));
+    TETLOD_TRY_DONE(check_permutation(vertices, n, error));
+    TETLOD_TRY_DONE(check_permutation(tets, m, error));
+    status = gather(finest, original, vertices, tets, places, out, error);
+done:
+    if (status != TETLOD_OK)
+        tetmesh_fini(out);
+    free(vertices);
+    free(tets);
+    free(places);
+    return status;
+}

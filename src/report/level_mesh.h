@@ -18,4 +18,9 @@ TETLOD_CHECKED enum tetlod_status level_mesh_cells(const struct tetlod_file *fil
 TETLOD_CHECKED enum tetlod_status level_mesh_reorder(const struct tetlod_file *file, struct tetmesh *mesh,
                                                      struct tetlod_error *error);
 
+/* The other way round: the original (with the stream's fields, found by their names) in the numbering of the stream's finest level,
+ * `finest`. ERR_MISMATCH if its tetrahedra are others. */
+TETLOD_CHECKED enum tetlod_status level_mesh_renumber(const struct tetlod_file *file, const struct tetmesh *finest,
+                                                      const struct tetmesh *original, struct tetmesh *out, struct tetlod_error *error);
+
 #endif

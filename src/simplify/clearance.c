@@ -7,6 +7,7 @@
 
 #include "format/fail.h"
 #include "src/mesh/locate.h"
+#include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/triangle.h"
 #include "src/mesh/vector.h"
@@ -25,34 +26,12 @@ static const double INSIDE = 1e-9;
 struct clearance {
     struct locator locator;
     uint32_t vertex_count;
-    uint32_t *body;   /* [vertex] the least vertex of its body, after settle */
+    uint32_t *body;   /* [vertex] the least vertex of its body */
     double *normals;  /* [3 * triangle] of length 1, or 0 */
     uint32_t *holding; /* [holding_room] one more than any vertex has tetrahedra */
     uint32_t holding_room;
     double *out;
 };
-
-static uint32_t root(uint32_t *body, uint32_t v)
-{
-    while (body[v] != v)
-        v = body[v] = body[body[v]];
-    return v;
-}
-
-/* Vertices that tetrahedra join have the same body. */
-static void find_bodies(struct clearance *c)
-{
-    const uint32_t *corners = c->locator.corners;
-    for (uint32_t v = 0; v < c->vertex_count; v++)
-        c->body[v] = v;
-    for (size_t t = 0; t < c->locator.tet_count; t++)
-        for (int i = 1; i < 4; i++) {
-            uint32_t a = root(c->body, corners[4 * t]), b = root(c->body, corners[4 * t + (size_t)i]);
-            c->body[a < b ? b : a] = a < b ? a : b;
-        }
-    for (uint32_t v = 0; v < c->vertex_count; v++)
-        c->body[v] = root(c->body, v);
-}
 
 static void find_normals(struct clearance *c)
 {
@@ -198,7 +177,7 @@ enum tetlod_status clearance_find(const double *positions, uint32_t vertex_count
     c.normals = array_new(c.locator.surface.count, 3 * sizeof(double));
     if (!make_holding(&c) || !c.normals)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", c.locator.surface.count * (uint64_t)24));
-    find_bodies(&c);
+    sheets_bodies(corners, tet_count, vertex_count, c.body);
     find_normals(&c);
     find_all(&c, most, least);
 done:

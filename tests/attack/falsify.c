@@ -9,13 +9,13 @@
 #include "tests/attack/oracle.h"
 #include "tests/recode.h"
 
-enum lie { LIE_MAX, LIE_SAMPLED, LIE_DOMAIN, LIES };
+enum lie { LIE_MAX, LIE_SAMPLED, LIE_DOMAIN, LIE_LARGE, LIES };
 
 void falsehood_begin(struct falsehood *falsehood, const struct tetlod_info *info)
 {
     size_t count = (size_t)info->level_count * info->field_count;
     *falsehood = (struct falsehood){oracle_memory(count, sizeof(double)), oracle_memory(count, sizeof(double)),
-                                    oracle_memory(info->level_count, sizeof(double)), info->level_count, info->field_count};
+                                    oracle_memory(info->level_count, sizeof(double)), info->level_count, info->field_count, false};
     for (size_t i = 0; i < count; i++)
         falsehood->max[i] = falsehood->sampled[i] = NAN;
     for (uint32_t k = 0; k < info->level_count; k++)
@@ -49,7 +49,9 @@ static bool choose(const struct falsehood *f, struct dice *dice, enum lie *what,
         *level = dice_below(dice, f->levels);
         *field = dice_below(dice, f->fields);
         size_t i = (size_t)*level * f->fields + *field;
-        *truth = *what == LIE_MAX ? f->max[i] : *what == LIE_SAMPLED ? f->sampled[i] : f->domain[*level];
+        if (*what == LIE_LARGE && !f->definite)
+            continue;
+        *truth = *what == LIE_LARGE ? f->sampled[i] : *what == LIE_MAX ? f->max[i] : *what == LIE_SAMPLED ? f->sampled[i] : f->domain[*level];
         if (*truth > 1e-6)
             return true;
     }
@@ -72,7 +74,7 @@ static bool seal(const struct recode *recode, const char *path)
 bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct dice *dice, const char *path, bool *out_lie,
                      char *text, size_t size)
 {
-    static const char *const names[] = {"max", "sampled", "domain error"};
+    static const char *const names[] = {"max", "sampled", "domain error", "too large: sampled"};
     const struct tetlod_info *info = tetlod_info(file);
     uint32_t level, field, step = f->fields * TETLOD_MEASURES;
     struct recode recode;
@@ -90,7 +92,13 @@ bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct
         if (what == LIE_DOMAIN && k >= level)
             recode.levels[k].domain_error = fmin(recode.levels[k].domain_error, lie);
     }
-    if (what != LIE_DOMAIN)
+    for (uint32_t k = 0; k <= level && what == LIE_LARGE && *out_lie; k++) { // as a whole in order: no level below a finer one
+        double *of = errors + (size_t)k * step + field * TETLOD_MEASURES;
+        lie = 2 * info->levels[level].errors[field * TETLOD_MEASURES + TETLOD_SAMPLED];
+        of[TETLOD_SAMPLED] = fmax(of[TETLOD_SAMPLED], lie);
+        of[TETLOD_MAX] = isnan(of[TETLOD_MAX]) ? of[TETLOD_MAX] : fmax(of[TETLOD_MAX], lie);
+    }
+    if (what == LIE_MAX || what == LIE_SAMPLED)
         lower(errors + field * TETLOD_MEASURES + (what == LIE_MAX ? TETLOD_MAX : TETLOD_SAMPLED), level, f->levels, step, lie);
     snprintf(text, size, "%s of %.20s at level %u of %u put to %.9g, it is %.9g", names[what], info->fields[field].name, level,
              f->levels, lie, truth);

@@ -15,6 +15,7 @@ struct falsehood {
     double *sampled; /* the same at original vertices */
     double *domain; /* [level] */
     uint32_t levels, fields;
+    bool definite; /* a sample has one value only: nothing overlaps, nothing is almost flat */
 };
 
 void falsehood_begin(struct falsehood *falsehood, const struct tetlod_info *info);

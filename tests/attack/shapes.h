@@ -10,6 +10,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* Seeds from here on make the odd ones. */
+enum { SHAPE_ODD_SEEDS = 1000000 };
+
 enum { SHAPE_MOST_FIELDS = 4, SHAPE_MOST_VERTICES = 8192, SHAPE_MOST_TETS = 40000 };
 
 struct shape_field {
@@ -39,6 +42,8 @@ bool dice_once_in(struct dice *dice, uint32_t times);
 
 /* Exits when out of memory. */
 void shape_make(struct shape *out, struct dice *dice);
+/* The same, then spoiled in ways of its own (odd.c). */
+void shape_make_odd(struct shape *out, struct dice *dice);
 void shape_free(struct shape *shape);
 
 /* Legacy VTK, binary. False: the file could not be written. */

@@ -5,8 +5,8 @@
 Takes one line of the proof out at a time, in a copy of the tree under build/mutants, and expects a test to go red. A mutant that
 no test sees is a hole in the tests; a line that is no longer there is a fault of the table (table.py).
 
-A killer is a test (`unit/test_exact`, `cli/test_promise.py`), or `attack FIRST COUNT`: seeds of the attack, of which one must find what it does not find
-without the mutant.
+A killer is a test (`unit/test_exact`, `cli/test_promise.py`), or `attack FIRST COUNT` or `proof FIRST COUNT`: seeds of these programs
+of tests/attack, of which one must find what it does not find without the mutant.
 """
 import os
 import re
@@ -43,11 +43,15 @@ def make(targets):
     return done.returncode == 0, done.stdout.decode(errors='replace')[-1500:]
 
 
+def is_seeds(killer):
+    return killer.split()[0] in ('attack', 'proof')
+
+
 def targets_of(killers):
     targets = {'build/release/tetlod'}
     for killer in killers:
         if not killer.startswith('cli/'):
-            targets.add('build/release/tests/attack/attack' if killer.startswith('attack') else 'build/release/tests/' + killer)
+            targets.add('build/release/tests/attack/' + killer.split()[0] if is_seeds(killer) else 'build/release/tests/' + killer)
     return sorted(targets)
 
 
@@ -67,8 +71,10 @@ def red_tests(killer):
 
 def attack(killer, known):
     """Findings of the attack that are not known: the first one is enough, unless nothing is known yet."""
-    _, first, count = killer.split()
-    command = ['python3', 'tests/attack/run.py', 'build/release/tests/attack/attack', 'build/release/tetlod', 'build/attack', count, first]
+    kind, first, count = killer.split()
+    command = ['build/release/tests/attack/proof', first, count]
+    if kind == 'attack':
+        command = ['python3', 'tests/attack/run.py', 'build/release/tests/attack/attack', 'build/release/tetlod', 'build/attack', count, first]
     found = set()
     with subprocess.Popen(command, cwd=TREE, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                           errors='replace', start_new_session=True) as process:
@@ -84,29 +90,37 @@ def attack(killer, known):
 
 def findings(killer, known=None):
     """What a killer complains of, apart from what is known."""
-    return attack(killer, known) if killer.startswith('attack') else red_tests(killer) - (known or set())
+    return attack(killer, known) if is_seeds(killer) else red_tests(killer) - (known or set())
 
 
-class Line:
-    """A line of the copy that is replaced, and put back."""
+class Lines:
+    """Lines of the copy that are replaced, and put back."""
 
     def __init__(self, mutant):
-        self.path = os.path.join(TREE, mutant['file'])
-        self.text = open(self.path).read()
-        found = self.text.count(mutant['old'])
-        if found != 1:
-            raise LookupError('%s is %d times in %s: %s' % (mutant['name'], found, mutant['file'], mutant['old']))
-        self.changed = self.text.replace(mutant['old'], mutant['new'])
+        self.before, self.after = {}, {}
+        for file, old, new in mutant['edits']:
+            path = os.path.join(TREE, file)
+            text = self.after.get(path) or open(path).read()
+            self.before.setdefault(path, text)
+            if text.count(old) != 1:
+                raise LookupError('%s is %d times in %s: %s' % (mutant['name'], text.count(old), file, old))
+            self.after[path] = text.replace(old, new)
+
+    @staticmethod
+    def write(texts):
+        for path, text in texts.items():
+            with open(path, 'w') as file:
+                file.write(text)
 
     def __enter__(self):
-        open(self.path, 'w').write(self.changed)
+        self.write(self.after)
 
     def __exit__(self, *_):
-        open(self.path, 'w').write(self.text)
+        self.write(self.before)
 
 
 def try_mutant(mutant, before):
-    with Line(mutant):
+    with Lines(mutant):
         built, said = make(targets_of(mutant['killers']))
         if not built:
             return 'DOES NOT BUILD', said
@@ -123,7 +137,7 @@ def main():
         sys.exit('mutants: there is none of that name')
     copy_tree()
     for mutant in chosen:
-        Line(mutant)  # all lines are there, before anything is tried
+        Lines(mutant)  # all lines are there, before anything is tried
     killers = sorted({k for m in chosen for k in m['killers']})
     built, said = make(targets_of(killers))
     if not built:

@@ -160,7 +160,7 @@ static double overlay_error(const struct world *world)
     for (uint32_t t = 0; t < world->complex.tet_count && level.corners; t++)
         if (world->complex.corners[4 * (size_t)t] != TETLOD_NONE)
             memcpy(level.corners + 4 * (size_t)level.tet_count++, world->complex.corners + 4 * (size_t)t, 16);
-    if (!level.corners || overlay_max(&level, (uint32_t[]){0}, &world->mesh, (uint32_t[]){0}, 1, 1, &error, &report, NULL) != TETLOD_OK)
+    if (!level.corners || overlay_max(&level, (uint32_t[]){0}, &world->mesh, (uint32_t[]){0}, 1, &(struct overlay_options){.threads = 1}, &error, &report, NULL) != TETLOD_OK)
         TEST_FAIL("out of memory");
     free(level.corners);
     return error * world->fields.drivers[0].scale;

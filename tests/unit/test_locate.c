@@ -93,10 +93,10 @@ static bool distances_agree(const struct locator *locator, const double p[3], do
 {
     uint32_t face = TETLOD_NONE, closest;
     struct place place;
-    double near = mesh_surface_distance(&locator->surface, p, 2 * distance, &face);
+    double near = mesh_surface_distance(&locator->surface, 0, p, 2 * distance, &face);
     bool right = face != TETLOD_NONE && near >= distance && near <= 2 * distance;
-    right &= mesh_surface_closest(&locator->surface, p, &place, &closest) == distance;
-    return right && mesh_surface_distance(&locator->surface, p, 0, &face) == distance && face == closest;
+    right &= mesh_surface_closest(&locator->surface, 0, p, &place, &closest) == distance;
+    return right && mesh_surface_distance(&locator->surface, 0, p, 0, &face) == distance && face == closest;
 }
 
 static void check_point(const struct locator *locator, const double p[3], double size, unsigned *wrong)

@@ -33,7 +33,7 @@ static double exact(const struct tetmesh *a, const struct tetmesh *b, unsigned t
     static const uint32_t first[1] = {0};
     double most = -1;
     struct overlay_report report;
-    CHECK(overlay_max(a, first, b, first, 1, threads, &most, &report, NULL) == TETLOD_OK);
+    CHECK(overlay_max(a, first, b, first, 1, &(struct overlay_options){.threads = threads}, &most, &report, NULL) == TETLOD_OK);
     return most;
 }
 
@@ -123,7 +123,7 @@ static void test_jump(void)
     REQUIRE(make_mesh(&mesh, points, 8, corners, 3));
     for (int v = 4; v < 8; v++)
         mesh.fields[0].values[v] = 5;
-    REQUIRE(overlay_max(&mesh, only, &mesh, only, 1, 1, &most, &report, NULL) == TETLOD_OK);
+    REQUIRE(overlay_max(&mesh, only, &mesh, only, 1, &(struct overlay_options){.threads = 1}, &most, &report, NULL) == TETLOD_OK);
     CHECK(most == 0);
     CHECK_INT(report.cells, 2);
     CHECK_INT(report.degenerate[0], 1);

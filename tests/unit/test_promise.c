@@ -143,7 +143,7 @@ static void check_level(const struct checked *c, const struct tetlod_level *stor
     }
     for (int i = 0; i < POINTS; i++)
         found = larger(found, point_error(c, level, locator, &random));
-    REQUIRE(overlay_max(c->original, fields, level, fields, 1, 2, &exact, &report, NULL) == TETLOD_OK);
+    REQUIRE(overlay_max(c->original, fields, level, fields, 1, &(struct overlay_options){.threads = 2}, &exact, &report, NULL) == TETLOD_OK);
     REQUIRE(measure_new(&measure, c->original, fields, 1, 2, NULL) == TETLOD_OK);
     REQUIRE(measure_mesh(measure, level, fields, 2, &measured, &domain, NULL) == TETLOD_OK);
     double max = stored->errors[TETLOD_MAX] * (1 + 1e-9) + 1e-13;

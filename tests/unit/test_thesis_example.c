@@ -42,7 +42,7 @@ static double contraction_error(double v, double s)
     const double x[3] = {line_x[0], v, line_x[3]}, values[3] = {line_s[0], s, line_s[3]};
     CHECK_INT(thicken(&before, line_x, line_s, 3), TETLOD_OK);
     CHECK_INT(thicken(&after, x, values, 2), TETLOD_OK);
-    CHECK_INT(overlay_max(&before, first, &after, first, 1, 1, &most, &report, NULL), TETLOD_OK);
+    CHECK_INT(overlay_max(&before, first, &after, first, 1, &(struct overlay_options){.threads = 1}, &most, &report, NULL), TETLOD_OK);
     tetmesh_fini(&before);
     tetmesh_fini(&after);
     return most;

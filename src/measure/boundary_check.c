@@ -1,0 +1,245 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/measure/boundary_check.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/measure/exact_cell.h"
+#include "src/measure/measure.h"
+#include "src/mesh/adjacency.h"
+#include "src/mesh/mesh_surface.h"
+#include "src/mesh/tet_geom.h"
+#include "src/mesh/triangle.h"
+#include "src/util/array.h"
+#include "src/util/parallel.h"
+
+/* Parts of a face that are looked at, at most; where there are many faces; and where the boundary is where it was. */
+enum { MOST_PARTS = 341, MOST_PARTS_OF_MANY = 21, MOST_PARTS_KEPT = 5, MANY_FACES = 5000, MOST_DEPTH = 12 };
+
+/* How far a boundary may be off by rounding, as a fraction of the diagonal (build.c: BOUNDARY_KEPT). */
+static const double KEPT = 1e-12;
+
+struct boundary_check {
+    const struct tetmesh *original; /* borrowed */
+    const uint32_t *bodies;
+    unsigned threads;
+    struct mesh_surface surface; /* of the original */
+    uint32_t *witnesses;         /* [3 * face of it] vertices of the level's face that is near to all of it, or TETLOD_NONE */
+    double rounding;
+};
+
+/* One way. */
+struct way {
+    const struct boundary_check *check;
+    const struct mesh_surface *from, *to;
+    const uint32_t *to_corners; /* of its tetrahedra */
+    const uint8_t *touched; /* NULL: all */
+    bool forth;             /* from the original */
+    double limit;
+    double *found; /* [face of from] a distance above the limit, or 0 */
+};
+
+/* A triangle that is being looked at. */
+struct look {
+    const struct way *way;
+    uint32_t body, witness; /* the face of `to` that is near to all of it, as 4 * tet + face, or TETLOD_NONE */
+    int parts, most;
+    double distance, found; /* of the last point; the largest above the limit */
+};
+
+/* Beside faces that are almost lines doubles say anything: before a distance is too much it is taken in 113 bits, of all faces. */
+static double exact_distance(const struct look *look, const double p[3])
+{
+    const struct mesh_surface *to = look->way->to;
+    double best = INFINITY;
+    for (size_t f = 0; f < to->count; f++) {
+        const uint32_t *v = to->triangles + 3 * f;
+        if (!to->bodies || to->bodies[v[0]] == look->body)
+            best = smaller(best, exact_triangle_distance2(p, (const double *const[3]){to->positions + 3 * (size_t)v[0], to->positions + 3 * (size_t)v[1],
+                                                                                      to->positions + 3 * (size_t)v[2]}));
+    }
+    return sqrt(best);
+}
+
+static void test_point(struct look *look, const double p[3], uint32_t *out_face)
+{
+    double distance = mesh_surface_distance(look->way->to, look->body, p, 0, out_face);
+    if (distance > look->way->limit)
+        distance = exact_distance(look, p);
+    look->distance = distance;
+    if (distance > look->way->limit)
+        look->found = larger(look->found, distance);
+}
+
+static uint32_t face_vertex(const struct way *way, uint32_t face, int k)
+{
+    return way->to_corners[(face & ~(size_t)3) + tet_faces[face & 3][k]];
+}
+
+/* Is the face near enough to all of the triangle? The distance from a triangle is largest at a corner. */
+static bool is_near(const struct look *look, const double *const p[3], uint32_t face)
+{
+    const double *q[3];
+    double weights[3], most = 0;
+    for (int k = 0; k < 3; k++)
+        q[k] = look->way->to->positions + 3 * (size_t)face_vertex(look->way, face, k);
+    for (int k = 0; k < 3; k++)
+        most = larger(most, triangle_distance2(p[k], q[0], q[1], q[2], weights));
+    return sqrt(most) <= look->way->limit;
+}
+
+static void middle(const double *p, const double *q, double out[3])
+{
+    for (int d = 0; d < 3; d++)
+        out[d] = 0.5 * (p[d] + q[d]);
+}
+
+/* Looks at a triangle; sets look->found if a point of it is too far. */
+static void look_at(struct look *look, const double *const p[3], int depth)
+{
+    double centre[3], middles[3][3], reach = 0;
+    uint32_t face, other;
+    for (int d = 0; d < 3; d++)
+        centre[d] = (p[0][d] + p[1][d] + p[2][d]) / 3;
+    test_point(look, centre, &face);
+    look->parts++;
+    for (int k = 0; k < 3; k++)
+        reach = larger(reach, distance_squared(centre, p[k]));
+    if (look->found > 0 || face == TETLOD_NONE || look->distance + sqrt(reach) <= look->way->limit)
+        return;
+    if (is_near(look, p, face)) {
+        look->witness = depth == 0 ? face : TETLOD_NONE;
+        return;
+    }
+    for (int k = 0; k < 3; k++) {
+        middle(p[k], p[(k + 1) % 3], middles[k]);
+        test_point(look, middles[k], &other);
+    }
+    if (look->found > 0 || look->parts + 4 > look->most || depth == MOST_DEPTH)
+        return;
+    for (int k = 0; k < 3; k++)
+        look_at(look, (const double *const[3]){p[k], middles[k], middles[(k + 2) % 3]}, depth + 1);
+    look_at(look, (const double *const[3]){middles[0], middles[1], middles[2]}, depth + 1);
+}
+
+/* Was the face looked at before, and is all that it was held against what it was? */
+static bool is_known(const struct way *way, size_t face)
+{
+    const uint32_t *of = way->forth ? way->check->witnesses + 3 * face : way->from->triangles + 3 * face;
+    return way->touched && of[0] != TETLOD_NONE && !way->touched[of[0]] && !way->touched[of[1]] && !way->touched[of[2]];
+}
+
+static int most_parts(const struct way *way)
+{
+    if (way->limit <= 2 * way->check->rounding)
+        return MOST_PARTS_KEPT;
+    return way->check->surface.count > MANY_FACES ? MOST_PARTS_OF_MANY : MOST_PARTS;
+}
+
+static void look_at_faces(void *context, unsigned worker, size_t begin, size_t end)
+{
+    const struct way *way = context;
+    (void)worker;
+    for (size_t f = begin; f < end; f++) {
+        const uint32_t *v = way->from->triangles + 3 * f;
+        const double *p[3];
+        uint32_t face;
+        way->found[f] = 0;
+        if (is_known(way, f))
+            continue;
+        struct look look = {.way = way, .body = way->check->bodies ? way->check->bodies[v[0]] : 0, .witness = TETLOD_NONE,
+                            .most = most_parts(way)};
+        for (int k = 0; k < 3; k++) {
+            p[k] = way->from->positions + 3 * (size_t)v[k];
+            test_point(&look, p[k], &face);
+        }
+        if (!(look.found > 0))
+            look_at(&look, p, 0);
+        way->found[f] = look.found;
+        for (size_t k = 0; k < 3 && way->forth; k++)
+            way->check->witnesses[3 * f + k] = look.witness == TETLOD_NONE ? TETLOD_NONE : face_vertex(way, look.witness, (int)k);
+    }
+}
+
+static enum tetlod_status go(struct way *way, double *out_distance, struct tetlod_error *error)
+{
+    way->found = array_new(way->from->count, sizeof *way->found);
+    if (!way->found)
+        return tetlodi_fail_nomem(error, "the boundary", way->from->count * (uint64_t)8);
+    parallel_for(way->check->threads, way->from->count, 64, look_at_faces, way);
+    for (uint32_t f = 0; f < way->from->count; f++)
+        *out_distance = larger(*out_distance, way->found[f]);
+    free(way->found);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status make_surface(struct mesh_surface *surface, const struct tetmesh *mesh, const uint32_t *bodies,
+                                       struct tetlod_error *error)
+{
+    uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
+    enum tetlod_status status = TETLOD_OK;
+    if (!neighbours)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", 16 * (uint64_t)mesh->tet_count));
+    TETLOD_TRY_DONE(adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error));
+    status = mesh_surface_init(surface, mesh->positions, mesh->corners, neighbours, mesh->tet_count, NULL, 0, 0, error);
+    surface->bodies = bodies;
+done:
+    free(neighbours);
+    return status;
+}
+
+enum tetlod_status boundary_check_level(struct boundary_check *check, const struct tetmesh *level, const uint8_t *touched,
+                                        double limit, double *out_distance, struct tetlod_error *error)
+{
+    struct mesh_surface surface = {0};
+    *out_distance = 0;
+    TETLOD_TRY(make_surface(&surface, level, check->bodies, error));
+    struct way forth = {.check = check, .from = &check->surface, .to = &surface, .to_corners = level->corners, .touched = touched, .forth = true};
+    forth.limit = limit * (1 + 1e-9) + check->rounding;
+    struct way back = forth;
+    back.from = &surface;
+    back.to = &check->surface;
+    back.to_corners = check->original->corners;
+    back.forth = false;
+    enum tetlod_status status = go(&forth, out_distance, error);
+    if (status == TETLOD_OK)
+        status = go(&back, out_distance, error);
+    mesh_surface_fini(&surface);
+    return status;
+}
+
+enum tetlod_status boundary_check_new(struct boundary_check **out, const struct tetmesh *original, const uint32_t *bodies,
+                                      unsigned threads, struct tetlod_error *error)
+{
+    struct boundary_check *check = array_zero(1, sizeof *check);
+    enum tetlod_status status = TETLOD_OK;
+    *out = NULL;
+    if (!check)
+        return tetlodi_fail_nomem(error, "the boundary", sizeof *check);
+    *check = (struct boundary_check){.original = original, .bodies = bodies, .threads = threads};
+    check->rounding = KEPT * mesh_diagonal(original);
+    for (size_t i = 0; i < 3 * (size_t)original->vertex_count; i++)
+        check->rounding = larger(check->rounding, 16 * DBL_EPSILON * fabs(original->positions[i]));
+    TETLOD_TRY_DONE(make_surface(&check->surface, original, bodies, error));
+    check->witnesses = array_new(check->surface.count, 3 * sizeof *check->witnesses);
+    if (!check->witnesses)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", check->surface.count * (uint64_t)12));
+    memset(check->witnesses, 0xff, 3 * (size_t)check->surface.count * sizeof *check->witnesses);
+    *out = check;
+done:
+    if (status != TETLOD_OK)
+        boundary_check_free(check);
+    return status;
+}
+
+void boundary_check_free(struct boundary_check *check)
+{
+    if (!check)
+        return;
+    mesh_surface_fini(&check->surface);
+    free(check->witnesses);
+    free(check);
+}

@@ -1,0 +1,113 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/measure/overlay_levels.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/measure/overlay.h"
+#include "src/mesh/sheets.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+struct overlay_levels {
+    const struct tetmesh *original;
+    unsigned threads;
+    bool started;
+    int orientation;
+    uint32_t *bodies;         /* [slot] */
+    uint8_t *promised;        /* [tet of the original] */
+    uint32_t *corners;        /* [4 * tet of the level] */
+    uint8_t *usable, *wanted; /* [tet of the level] */
+    struct point_field *fields;
+    uint32_t *numbers;        /* [field] */
+    double *most;             /* [field] */
+};
+
+uint64_t overlay_levels_bytes(const struct tetmesh *original)
+{
+    return (uint64_t)original->tet_count * (16 + 3 + 2 * 104 + 48 + 24 + 8) + (uint64_t)original->vertex_count * 4;
+}
+
+void overlay_levels_free(struct overlay_levels *levels)
+{
+    if (!levels)
+        return;
+    void *const owned[] = {levels->bodies, levels->promised, levels->corners, levels->usable, levels->wanted,
+                           levels->fields, levels->numbers,  levels->most,    levels};
+    for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
+        free(owned[i]);
+}
+
+enum tetlod_status overlay_levels_new(struct overlay_levels **out, const struct tetmesh *original,
+                                      const struct coarsening *coarsening, unsigned threads, struct tetlod_error *error)
+{
+    uint32_t fields = original->field_count;
+    size_t tets = original->tet_count;
+    struct overlay_levels *levels = array_zero(1, sizeof *levels);
+    *out = NULL;
+    if (!levels)
+        return tetlodi_fail_nomem(error, "the overlay", sizeof *levels);
+    *levels = (struct overlay_levels){.original = original,
+                                      .threads = threads,
+                                      .bodies = array_new(original->vertex_count, sizeof(uint32_t)),
+                                      .promised = array_new(tets, 1),
+                                      .corners = array_new(tets, 4 * sizeof(uint32_t)),
+                                      .usable = array_new(tets, 1),
+                                      .wanted = array_new(tets, 1),
+                                      .fields = array_zero(fields, sizeof(struct point_field)),
+                                      .numbers = array_new(fields, sizeof(uint32_t)),
+                                      .most = array_new(fields, sizeof(double))};
+    if (!levels->bodies || !levels->promised || !levels->corners || !levels->usable || !levels->wanted || !levels->fields ||
+        !levels->numbers || !levels->most) {
+        overlay_levels_free(levels);
+        return tetlodi_fail_nomem(error, "the overlay", overlay_levels_bytes(original));
+    }
+    sheets_bodies(original->corners, original->tet_count, original->vertex_count, levels->bodies);
+    levels->orientation = sheets_promised(original->positions, original->corners, coarsening->neighbours, original->tet_count,
+                                          levels->promised);
+    for (uint32_t f = 0; f < fields; f++)
+        levels->numbers[f] = f;
+    *out = levels;
+    return TETLOD_OK;
+}
+
+/* The tetrahedra that are there, and which of them changed: at first all may be other than the original's. */
+static void take_level(struct overlay_levels *levels, const struct coarsening *mesh, struct tetmesh *out)
+{
+    for (size_t t = 0; t < mesh->stored; t++) {
+        const uint32_t *c = mesh->corners + 4 * t;
+        const double *p[4];
+        size_t at = out->tet_count;
+        if (mesh->states[t] >= COARSE_DIED)
+            continue;
+        for (int i = 0; i < 4; i++)
+            p[i] = mesh->positions + 3 * (size_t)c[i];
+        memcpy(levels->corners + 4 * at, c, 4 * sizeof *c);
+        levels->usable[at] = tet_orientation(p[0], p[1], p[2], p[3]) == levels->orientation;
+        levels->wanted[at] = !levels->started || mesh->states[t] == COARSE_CHANGED;
+        out->tet_count++;
+    }
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        levels->fields[f] = (struct point_field){.components = mesh->fields[f].components, .values = mesh->fields[f].values};
+}
+
+enum tetlod_status overlay_levels_next(struct overlay_levels *levels, const struct coarsening *coarsening, double *io_most,
+                                       struct tetlod_error *error)
+{
+    const struct tetmesh *original = levels->original;
+    struct tetmesh level = {.vertex_count = coarsening->slot_count, .positions = coarsening->positions, .corners = levels->corners,
+                            .field_count = coarsening->field_count, .fields = levels->fields};
+    take_level(levels, coarsening, &level);
+    const struct overlay_options options = {.threads = levels->threads,
+                                            .bodies = {levels->bodies, levels->bodies},
+                                            .usable = {levels->promised, levels->usable},
+                                            .wanted = levels->wanted,
+                                            .floors = io_most};
+    struct overlay_report report;
+    TETLOD_TRY(overlay_max(original, levels->numbers, &level, levels->numbers, original->field_count, &options, levels->most,
+                           &report, error));
+    memcpy(io_most, levels->most, original->field_count * sizeof *io_most);
+    levels->started = true;
+    return TETLOD_OK;
+}

@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/mesh/sheets.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "format/tetlod.h"
+#include "src/mesh/tet_geom.h"
+
+static uint32_t root(uint32_t *body, uint32_t v)
+{
+    while (body[v] != v)
+        v = body[v] = body[body[v]];
+    return v;
+}
+
+void sheets_bodies(const uint32_t *corners, uint32_t tet_count, uint32_t vertex_count, uint32_t *out)
+{
+    for (uint32_t v = 0; v < vertex_count; v++)
+        out[v] = v;
+    for (size_t t = 0; t < tet_count; t++)
+        for (int i = 1; i < 4; i++) {
+            uint32_t a = root(out, corners[4 * t]), b = root(out, corners[4 * t + (size_t)i]);
+            out[a < b ? b : a] = a < b ? a : b;
+        }
+    for (uint32_t v = 0; v < vertex_count; v++)
+        out[v] = root(out, v);
+}
+
+/* Is the face listed in the same turn by both of its tetrahedra? Then they lie on one side of it. */
+static bool same_turn(const uint32_t *corners, const uint32_t *neighbours, size_t slot)
+{
+    uint32_t across = neighbours[slot];
+    const uint32_t *own = corners + (slot & ~(size_t)3), *other = corners + (across & ~(uint32_t)3);
+    uint32_t first = own[tet_faces[slot & 3][0]], second = own[tet_faces[slot & 3][1]];
+    for (int k = 0; k < 3; k++)
+        if (other[tet_faces[across & 3][k]] == first)
+            return other[tet_faces[across & 3][(k + 1) % 3]] == second;
+    return false;
+}
+
+int sheets_promised(const double *positions, const uint32_t *corners, const uint32_t *neighbours, uint32_t tet_count,
+                    uint8_t *out)
+{
+    enum { GOOD = 1, FOLDED = 2 };
+    double volume = 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (size_t t = 0; t < tet_count; t++) {
+            const double *p[4];
+            for (int c = 0; c < 4; c++)
+                p[c] = positions + 3 * (size_t)corners[4 * t + (size_t)c];
+            if (pass == 0)
+                volume += tet_volume6(p[0], p[1], p[2], p[3]);
+            else
+                out[t] = tet_orientation(p[0], p[1], p[2], p[3]) == (volume < 0 ? -1 : 1);
+        }
+    for (size_t slot = 0; slot < 4 * (size_t)tet_count; slot++)
+        if (neighbours[slot] != TETLOD_NONE && out[slot / 4] & GOOD && out[neighbours[slot] / 4] & GOOD &&
+            same_turn(corners, neighbours, slot))
+            out[slot / 4] |= FOLDED;
+    for (size_t t = 0; t < tet_count; t++)
+        out[t] = out[t] == GOOD;
+    return volume < 0 ? -1 : 1;
+}
