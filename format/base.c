@@ -315,7 +315,7 @@ static int code_base_vertex(struct tetlodi_column *column, struct tetlodi_coder 
             continue;
         }
         int64_t base = predict(column, axis, c, corners, vertex, &context);
-        int64_t difference = code_difference(*code, base, width);
+        int64_t difference = coder->encoder ? code_difference(*code, base, width) : 0; // a decoder's code is not there yet
         difference = code_number(coder, &models[axis], context, difference);
         *code = code_offset(base, difference, &column->scale);
         double value = scale_value(&column->scale, axis, *code);

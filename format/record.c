@@ -427,7 +427,7 @@ static enum tetlod_status code_extras(struct tetlodi_recorder *recorder, uint32_
         return tetlodi_no_room(memory, error);
     for (uint32_t i = 0; i < star->extra_count; i++) {
         for (int k = 0; k < 2; k++) {
-            int64_t id = code_number(coder, &recorder->models->extra, 1, star->extras[i][k]);
+            int64_t id = code_number(coder, &recorder->models->extra, 1, recorder->plan ? star->extras[i][k] : 0);
             if (id < 0 || id >= child || id == star->vertex)
                 return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record names a vertex that is not there");
             star->extras[i][k] = (uint32_t)id;

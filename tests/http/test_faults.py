@@ -102,7 +102,7 @@ def test_more_files_than_descriptors():
         with open(MADE, 'rb') as file:
             good = file.read()
         cid = server.json('/v1/meshes/f0')['cid']
-        idle = [server.connect() for _ in range(limit // 2)]
+        idle = [server.connect() for _ in range(limit // 4)]
         random.seed(1)
         for name in random.sample(names, 300) + names[:2] + names[-2:]:
             status, _, body = server.get('/v1/meshes/%s/%s/stream' % (name, cid), Range='bytes=0-')
