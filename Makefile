@@ -9,6 +9,7 @@ bindir ?= $(PREFIX)/bin
 libdir ?= $(PREFIX)/lib
 includedir ?= $(PREFIX)/include
 mandir ?= $(PREFIX)/share/man
+completionsdir ?= $(PREFIX)/share/bash-completion/completions
 INSTALL ?= install
 -include config.mk
 
@@ -20,7 +21,7 @@ B := build/$(config)
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev \
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
-DEPS_CHECK := clang python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema nginx-light varnish openssl chromium
+DEPS_CHECK := clang libcurl4-openssl-dev python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema nginx-light varnish openssl chromium
 DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
@@ -94,7 +95,7 @@ WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128
     -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS)
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) src/mesh/tetmesh.c src/util/array.c
-WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c format/container.c,$(FORMAT_SRC)) $(CUT_SRC)
+WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c format/container.c format/cut.c,$(FORMAT_SRC)) $(CUT_SRC)
 WASM := build/wasm/tetlod.wasm
 CLIENT := build/client
 CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)
@@ -352,7 +353,7 @@ endif
 ## install: into $(DESTDIR)$(PREFIX); uninstall removes it again
 .PHONY: install uninstall
 install: all $(B)/tetlod.1
-	$(INSTALL) -d $(DESTDIR)$(bindir) $(DESTDIR)$(libdir)/pkgconfig $(DESTDIR)$(includedir) $(DESTDIR)$(mandir)/man1
+	$(INSTALL) -d $(DESTDIR)$(bindir) $(DESTDIR)$(libdir)/pkgconfig $(DESTDIR)$(includedir) $(DESTDIR)$(mandir)/man1 $(DESTDIR)$(completionsdir)
 	$(INSTALL) -m 755 $(BINARY) $(DESTDIR)$(bindir)/tetlod
 	$(INSTALL) -m 644 $(LIBTETLOD) $(DESTDIR)$(libdir)/libtetlod.a
 	$(INSTALL) -m 755 $(SHARED) $(DESTDIR)$(libdir)/libtetlod.so.$(VERSION)
@@ -360,11 +361,12 @@ install: all $(B)/tetlod.1
 	ln -sf libtetlod.so.$(SOVERSION) $(DESTDIR)$(libdir)/libtetlod.so
 	$(INSTALL) -m 644 format/tetlod.h $(DESTDIR)$(includedir)/tetlod.h
 	$(INSTALL) -m 644 $(B)/tetlod.1 $(DESTDIR)$(mandir)/man1/tetlod.1
+	$(INSTALL) -m 644 src/cli/tetlod.bash $(DESTDIR)$(completionsdir)/tetlod
 	printf 'prefix=%s\nlibdir=%s\nincludedir=%s\n\nName: tetlod\nDescription: levels of detail for tetrahedral volumes\nVersion: %s\nLibs: -L$${libdir} -ltetlod\nLibs.private: -lm\nCflags: -I$${includedir}\n' \
 	    '$(PREFIX)' '$(libdir)' '$(includedir)' '$(VERSION)' > $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc
 uninstall:
 	rm -f $(DESTDIR)$(bindir)/tetlod $(DESTDIR)$(libdir)/libtetlod.* $(DESTDIR)$(includedir)/tetlod.h \
-	    $(DESTDIR)$(mandir)/man1/tetlod.1 $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc
+	    $(DESTDIR)$(mandir)/man1/tetlod.1 $(DESTDIR)$(completionsdir)/tetlod $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc
 
 ## clean: remove build/
 .PHONY: clean

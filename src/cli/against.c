@@ -30,8 +30,8 @@
 /* What every user of an error has to allow (PROOF.md, 3). */
 static const double TIE = 1e-9;
 
-/* A sample's error is kept as a float that is not below it (measure/tally.h). */
-static const double KEPT = 1.2e-7;
+/* A measured error that is too large breaks no promise: it is refused where it is so by more than this. */
+static const double TOO_LARGE = 1e-3;
 
 /* Differences below this fraction of the range are not looked for. */
 static const double NO_DIFFERENCE = 1e-12;
@@ -252,7 +252,7 @@ static enum tetlod_status check_between(const struct against *a, uint32_t k, uin
     double low = of_measured(least, measure) * a->scales[f], high = of_measured(most, measure) * a->scales[f];
     bool tail_above = has_tail(info) && k + 1 < info->level_count;
     high = larger(larger(high, finer), tail_above ? of_measured(&a->rounding[f], measure) * a->scales[f] : 0);
-    if (stored >= low * (1 - KEPT) - noise && (stored <= high * (1 + KEPT) + noise || !a->numbered))
+    if (stored >= low * (1 - TIE) - noise && (stored <= high * (1 + TOO_LARGE) + noise || !a->numbered))
         return TETLOD_OK;
     return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: its %s error is %.9g, stored is %.9g", k,
                         info->fields[f].name, tetlod_measure_name(measure), stored < low ? low : high, stored);

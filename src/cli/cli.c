@@ -23,12 +23,17 @@ static int exit_status(enum tetlod_status status)
     return status >= 20 ? EXIT_INVALID : EXIT_FAILED;
 }
 
+void cli_print_safe(const char *text)
+{
+    for (; *text; text++)
+        fputc((unsigned char)*text < ' ' || *text == 0x7f ? '?' : *text, stderr);
+}
+
 int cli_fail(const struct tetlod_error *error)
 {
     const char *message = error->message[0] ? error->message : tetlod_status_text(error->status);
     fprintf(stderr, "tetlod: ");
-    for (; *message; message++) // names in it may come from a file
-        fputc((unsigned char)*message < ' ' || *message == 0x7f ? '?' : *message, stderr);
+    cli_print_safe(message);
     fputc('\n', stderr);
     return exit_status(error->status);
 }

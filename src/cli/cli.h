@@ -8,6 +8,7 @@
 
 #include <getopt.h>
 #include <stdbool.h>
+#include <stdio.h>
 
 #include "format/tetlod.h"
 #include "src/mesh/nan_fill.h"
@@ -25,6 +26,9 @@ extern const struct command command_build, command_info, command_extract, comman
 
 /* Prints the error as one line and gives the exit status for it. */
 int cli_fail(const struct tetlod_error *error);
+
+/* Prints text that may come from a file, without its control characters, on standard error. */
+void cli_print_safe(const char *text);
 
 /* Prints "tetlod COMMAND: message; try tetlod help COMMAND" and gives EXIT_USAGE. */
 int cli_usage(const char *command, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -44,6 +48,20 @@ bool cli_parse_measure(const struct command *command, const char *text, enum tet
 
 /* Exactly `count` operands after the options, or a usage message that names `what` is wanted. */
 bool cli_operands(const struct command *command, int argc, int count, const char *what);
+
+/* Whether a command may write `output`: false, after a message, if it is one of the `count` files `inputs` (NULL ones are skipped), or
+ * if its extension names a format other than `extension` (NULL: any will do). */
+bool cli_check_output(const struct command *command, const char *output, const char *extension, const char *const *inputs,
+                      size_t count);
+
+/* The finest level whose bytes are all in a stream file, of which a part may be missing; TETLOD_NONE: not even level 0. */
+uint32_t cli_finest_here(const struct tetlod_info *info, int fd);
+
+/* Prints the table of levels: about ten of them, or all. */
+void cli_print_levels(const struct tetlod_info *info, bool all);
+
+/* Prints a line for each field: its error at a level, certified or measured, in percent and in its units. */
+void cli_print_promises(FILE *out, const struct tetlod_info *info, uint32_t level);
 
 /* Opens a stream file; messages start with the path. *out_fd is to be closed after the file. */
 TETLOD_CHECKED enum tetlod_status cli_open_stream(const char *path, struct tetlod_file **out, int *out_fd,

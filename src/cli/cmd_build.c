@@ -11,6 +11,7 @@
 #include "src/pipeline/build.h"
 #include "src/simplify/simplify.h"
 #include "src/cli/cli.h"
+#include "src/cli/mail.h"
 #include "src/cli/progress.h"
 #include "src/cli/reading.h"
 #include "src/io/io.h"
@@ -30,6 +31,7 @@ static const char help[] =
     "                          held so that its length is as exact as that), NAME:0 for a component, NAME:0.01 (or :1%)\n"
     "                          for an error limit of its own, which rounding is inside of; may be given several times\n"
     "                          (default: the first scalar field)\n"
+    "      --abs-error E       the error limit of the --field before it, in that field's own units\n"
     "      --carry A,B         the fields to store (default: all); those of --field are always stored\n"
     "      --region NAME       values of cells that tell regions, such as materials: where two meet, vertices and faces stay as\n"
     "                          they are at every level (default: integers named region, material or the like); none: no regions\n"
@@ -55,25 +57,30 @@ static const char help[] =
     "      --field-bits N      round values to N bits across the range\n"
     "      --position-error E, --field-error E   as many bits as keep it: a fraction of the diagonal, of the range\n"
     "                          (rounding is in every error that the stream states)\n"
+    "      --for mail          one small file to send: rounded, of the --field alone (and --carry), with the levels up to --error\n"
+    "      --error E           with --for: the error of the finest level in the file (default 1%)\n"
     "      --keep-order        store the input's numbering too, for tetlod extract --original-order\n"
     "      --compress N        1 fast .. 22 small (default 19): from 20 on the coder's rates of learning are all tried\n"
     "      --threads N         0 (default): all cores; the bytes do not depend on it\n"
     "      --memory BYTES      refuse what needs more; K, M, G may follow\n"
+    "      --all               list every level (default: about ten)\n"
     "      --json              print the stream's index, and times and memory, as JSON\n"
     "      --progress, --quiet draw the progress bar in any case; say nothing but errors\n"
     "\n"
     "example: tetlod build bluntfinxyz.bin --q bluntfinq.bin --field Pressure -o blunt.tetlod\n";
 
-enum { MOST_FIELDS = 64 };
+enum { MOST_FIELDS = 64, MOST_NAMES = 6 };
 
 struct request {
     const char *input, *output, *carry, *contract, *region;
     const char *fields[MOST_FIELDS];
+    double units[MOST_FIELDS]; /* --abs-error of each field; 0: none */
     uint32_t field_count;
+    double mail_error; /* of the finest level that is written; 0: all levels are */
     struct build_options build;
     struct reading reading;
     uint64_t nan_filled;
-    bool json, quiet, ordered; /* ordered: --metric is given */
+    bool for_mail, json, quiet, all, ordered; /* ordered: --metric is given */
     struct progress progress;
     double phase_started;
     enum build_phase phase;
@@ -166,6 +173,28 @@ static bool parse_bits(const char *name, const char *text, unsigned *out)
     return true;
 }
 
+static bool parse_units(struct request *request, const char *text)
+{
+    double *units = &request->units[request->field_count ? request->field_count - 1 : 0];
+    if (!request->field_count || *units > 0) {
+        cli_usage("build", "--abs-error %s: it belongs to the --field before it, one each", text);
+        return false;
+    }
+    if (!cli_parse_number(&command_build, "abs-error", text, 0, units))
+        return false;
+    if (!(*units > 0))
+        cli_usage("build", "--abs-error is more than 0; without it and with --max-error 0 nothing is simplified");
+    return *units > 0;
+}
+
+static bool parse_purpose(const char *text)
+{
+    if (strcmp(text, "mail") == 0)
+        return true;
+    cli_usage("build", "--for takes mail, not '%s'", text);
+    return false;
+}
+
 static bool parse_option(struct request *request, int option, const char *value)
 {
     struct build_options *build = &request->build;
@@ -181,6 +210,12 @@ static bool parse_option(struct request *request, int option, const char *value)
         }
         request->fields[request->field_count++] = value;
         return true;
+    case 'u':
+        return parse_units(request, value);
+    case 'Y':
+        return request->for_mail = parse_purpose(value);
+    case 'Z':
+        return cli_parse_fraction(&command_build, "error", value, &request->mail_error);
     case 'c':
         request->carry = value;
         return true;
@@ -223,6 +258,8 @@ static bool parse_option(struct request *request, int option, const char *value)
         return cli_parse_fraction(&command_build, "position-error", value, &build->quantise.position_error);
     case 'E':
         return cli_parse_fraction(&command_build, "field-error", value, &build->quantise.field_error);
+    case 'A':
+        return request->all = true;
     case 'K':
         return build->keep_order = true;
     case 'z':
@@ -290,12 +327,29 @@ static void drop_fields(struct tetmesh *mesh, const char *carry, struct build_co
     mesh->field_count = kept;
 }
 
+/* A --field with the limit that --abs-error gives it. */
+static enum tetlod_status parse_control(const struct request *request, uint32_t i, struct tetmesh *mesh, struct build_control *out,
+                                        struct tetlod_error *error)
+{
+    double range[2];
+    TETLOD_TRY(build_control_parse(mesh, request->fields[i], out, error));
+    if (!(request->units[i] > 0))
+        return TETLOD_OK;
+    const struct point_field *field = &mesh->fields[out->field];
+    if (out->limit > 0)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "--field %.60s has a limit already; leave out --abs-error", request->fields[i]);
+    point_field_range(field, mesh->vertex_count, range);
+    if (request->units[i] < range[1] - range[0])
+        out->limit = request->units[i] / (range[1] - range[0]);
+    return TETLOD_OK;
+}
+
 static enum tetlod_status choose_fields(const struct request *request, struct tetmesh *mesh,
                                         struct build_control *controls, uint32_t *count, struct tetlod_error *error)
 {
     *count = request->field_count;
     for (uint32_t i = 0; i < request->field_count; i++)
-        TETLOD_TRY(build_control_parse(mesh, request->fields[i], &controls[i], error));
+        TETLOD_TRY(parse_control(request, i, mesh, &controls[i], error));
     if (request->carry)
         TETLOD_TRY(check_carry(mesh, request->carry, error));
     if (!*count) {
@@ -369,13 +423,14 @@ static enum tetlod_status build_file(struct request *request, const struct tetme
                                      double *write_seconds, struct tetlod_error *error)
 {
     struct file_output *output;
+    struct tetlodi_buffer whole = {0};
     struct build_options *options = &request->build;
     char *metadata = make_metadata(request, mesh, controls, count);
     if (!metadata)
         return tetlodi_fail_nomem(error, "the metadata", 1024);
     enum tetlod_status status = file_output_open(&output, request->output, error);
     if (status == TETLOD_OK) {
-        struct tetlodi_sink sink = file_output_sink(output);
+        const struct tetlodi_sink file = file_output_sink(output), sink = request->for_mail ? mail_sink(&whole) : file;
         options->controls = controls;
         options->control_count = count;
         options->metadata = metadata;
@@ -386,12 +441,15 @@ static enum tetlod_status build_file(struct request *request, const struct tetme
         double encoded = clock_seconds();
         request->seconds[request->phase] = encoded - request->phase_started;
         progress_end(&request->progress);
+        if (status == TETLOD_OK && request->for_mail)
+            status = mail_write(&whole, request->mail_error, &file, error);
         if (status == TETLOD_OK)
             status = file_output_commit(output, error);
         else
             file_output_abort(output);
         *write_seconds = clock_seconds() - encoded;
     }
+    tetlodi_buffer_fini(&whole);
     free(metadata);
     return status;
 }
@@ -426,10 +484,11 @@ static int print_json(const struct request *request, const struct build_report *
     json_t *seconds = json_pack("{s:f, s:f, s:f, s:f, s:f}", "read", read_seconds, "contract",
                                 request->seconds[BUILD_CONTRACT], "measure", request->seconds[BUILD_MEASURE], "encode",
                                 request->seconds[BUILD_ENCODE], "write", write_seconds);
-    json_t *refused = json_pack("{s:I, s:I, s:I, s:I}", "flip", (json_int_t)report->refused[LOG_REFUSED_FLIP], "link",
+    json_t *refused = json_pack("{s:I, s:I, s:I, s:I, s:I}", "flip", (json_int_t)report->refused[LOG_REFUSED_FLIP], "link",
                                 (json_int_t)report->refused[LOG_REFUSED_LINK], "boundary",
                                 (json_int_t)report->refused[LOG_REFUSED_BOUNDARY], "rounding",
-                                (json_int_t)report->refused[LOG_REFUSED_ROUNDING]);
+                                (json_int_t)report->refused[LOG_REFUSED_ROUNDING], "size",
+                                (json_int_t)report->refused[LOG_REFUSED_SIZE]);
     json_t *more = json_pack("{s:o, s:o, s:I, s:I, s:I, s:f, s:i}", "seconds", seconds, "refused", refused, "contractions",
                              (json_int_t)report->contractions,
                              "nan_filled", (json_int_t)request->nan_filled,
@@ -453,10 +512,19 @@ static void say_fields(const struct request *request, const struct tetmesh *mesh
 {
     if (!request->field_count)
         fprintf(stderr, "tetlod build: no --field is given: the error of '%s' is held down\n", mesh->fields[controls[0].field].name);
-    uint32_t others = mesh->field_count - count;
+    char names[300] = "";
+    size_t used = 0;
+    uint32_t others = 0;
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        bool controlled = false;
+        for (uint32_t i = 0; i < count; i++)
+            controlled |= controls[i].field == f;
+        if (!controlled && others++ < MOST_NAMES && used < sizeof names)
+            used += (size_t)snprintf(names + used, sizeof names - used, "%s%.40s", others > 1 ? ", " : "", mesh->fields[f].name);
+    }
     if (others)
-        fprintf(stderr, "tetlod build: %" PRIu32 " field%s not controlled: their error is measured, nothing holds it down (tetlod info)\n",
-                others, others == 1 ? " is" : "s are");
+        fprintf(stderr, "tetlod build: %" PRIu32 " field%s not controlled: their error is measured, nothing holds it down: %s%s\n", others,
+                others == 1 ? " is" : "s are", names, others > MOST_NAMES ? ", ..." : "");
 }
 
 static void say(const struct request *request, const struct io_report *read, const struct tetmesh *mesh,
@@ -476,6 +544,22 @@ static void say(const struct request *request, const struct io_report *read, con
             fprintf(stderr, "tetlod build: %" PRIu64 " %s\n", notes[i].count, notes[i].what);
     fprintf(stderr, "tetlod build: %s: %" PRIu32 " vertices, %" PRIu32 " tetrahedra in %" PRIu32 " levels\n",
             request->output, mesh->vertex_count, mesh->tet_count, report->levels);
+}
+
+/* The levels, and what the file promises of every field. */
+static int print_text(const struct request *request)
+{
+    struct tetlod_file *file;
+    struct tetlod_error error = {0};
+    int fd;
+    if (cli_open_stream(request->output, &file, &fd, &error) != TETLOD_OK)
+        return cli_fail(&error);
+    cli_print_levels(tetlod_info(file), request->all);
+    if (request->for_mail)
+        cli_print_promises(stdout, tetlod_info(file), tetlod_info(file)->level_count - 1);
+    tetlod_close(file);
+    close(fd);
+    return EXIT_DONE;
 }
 
 static int build(struct request *request)
@@ -510,9 +594,19 @@ static int build(struct request *request)
         }
         if (request->json)
             result = print_json(request, &report, read_seconds, write_seconds);
+        else if (!request->quiet)
+            result = print_text(request);
     }
     tetmesh_fini(&mesh);
     return result;
+}
+
+/* What the user did not choose is chosen for a small file. */
+static void prepare_mail(struct request *request)
+{
+    request->mail_error = request->mail_error > 0 ? request->mail_error : MAIL_ERROR;
+    request->carry = request->carry ? request->carry : "";
+    mail_round(&request->build.quantise, request->mail_error);
 }
 
 static int run(int argc, char **argv)
@@ -532,6 +626,8 @@ static int run(int argc, char **argv)
         {"position-error", required_argument, NULL, 'p'}, {"field-error", required_argument, NULL, 'E'},
         {"keep-order", no_argument, NULL, 'K'},        {"compress", required_argument, NULL, 'z'},
         {"threads", required_argument, NULL, 'j'},
+        {"abs-error", required_argument, NULL, 'u'},  {"for", required_argument, NULL, 'Y'},
+        {"error", required_argument, NULL, 'Z'},      {"all", no_argument, NULL, 'A'},
         {"memory", required_argument, NULL, 'M'},     {"json", no_argument, NULL, JSON},
         {"progress", no_argument, NULL, PROGRESS},    {"quiet", no_argument, NULL, QUIET},
         {0}};
@@ -568,6 +664,12 @@ static int run(int argc, char **argv)
         snprintf(output, sizeof output, "%.*s.tetlod", (int)(dot && dot != name ? dot - name : (long)strlen(name)), name);
         request.output = output;
     }
+    if (!cli_check_output(&command_build, request.output, "tetlod", (const char *const[]){request.input, request.reading.options.solution}, 2))
+        return EXIT_USAGE;
+    if (request.mail_error > 0 && !request.for_mail)
+        return cli_usage("build", "--error goes with --for mail; the limit of the contraction is --max-error, that of a level is chosen later");
+    if (request.for_mail)
+        prepare_mail(&request);
     progress_init(&request.progress, forced, request.quiet);
     return build(&request);
 }

@@ -6,6 +6,7 @@
 #include "format/fail.h"
 #include "src/measure/measure.h"
 #include "src/measure/overlay.h"
+#include "src/pipeline/build.h"
 #include "src/cli/cli.h"
 #include "src/io/io.h"
 #include "src/report/info_json.h"
@@ -18,7 +19,7 @@ static const char help[] =
     "'sampled' and 'rms' are of all vertices of A and two points inside each of its tetrahedra. A point of A outside B is\n"
     "compared with the closest point of B's boundary. Degenerate tetrahedra have no interpolant: they are left out.\n"
     "\n"
-    "      --field NAME  the field; both meshes have it (default: A's first)\n"
+    "      --field NAME  the field; both meshes have it (default: A's first). NAME:mag is a vector's magnitude, NAME:0 a component\n"
     "      --threads N   0 (default): all cores\n"
     "      --json        as JSON\n"
     "\n"
@@ -67,16 +68,24 @@ static int print(const struct tetmesh *a, const struct tetmesh *b, uint32_t fiel
     return text ? EXIT_DONE : EXIT_FAILED;
 }
 
-static enum tetlod_status find_fields(const struct tetmesh *a, const struct tetmesh *b, const char *name,
-                                      uint32_t fields[2], struct tetlod_error *error)
+/* Field `name` of a mesh, which may be NAME:mag or NAME:0 as in tetlod build. */
+static enum tetlod_status find_field(struct tetmesh *mesh, const char *which, const char *name, uint32_t *out, struct tetlod_error *error)
+{
+    struct tetlod_error inner = {0};
+    struct build_control control;
+    enum tetlod_status status = build_control_parse(mesh, name, &control, &inner);
+    *out = control.field;
+    return status == TETLOD_OK ? status : tetlodi_fail(error, status, "the %s mesh: %.200s", which, inner.message);
+}
+
+static enum tetlod_status find_fields(struct tetmesh *a, struct tetmesh *b, const char *name, uint32_t fields[2],
+                                      struct tetlod_error *error)
 {
     if (!a->field_count)
         return tetlodi_fail(error, TETLOD_ERR_FIELD, "the first mesh has no field");
-    fields[0] = name ? tetmesh_find_field(a, name) : 0;
-    if (fields[0] == TETLOD_NONE)
-        return tetlodi_fail(error, TETLOD_ERR_FIELD, "the first mesh has no field '%.100s'", name);
-    fields[1] = tetmesh_find_field(b, a->fields[fields[0]].name);
-    if (fields[1] == TETLOD_NONE || b->fields[fields[1]].components != a->fields[fields[0]].components)
+    TETLOD_TRY(find_field(a, "first", name ? name : a->fields[0].name, &fields[0], error));
+    TETLOD_TRY(find_field(b, "second", a->fields[fields[0]].name, &fields[1], error));
+    if (b->fields[fields[1]].components != a->fields[fields[0]].components)
         return tetlodi_fail(error, TETLOD_ERR_FIELD, "the second mesh has no field '%.100s' of %u components",
                             a->fields[fields[0]].name, a->fields[fields[0]].components);
     return TETLOD_OK;

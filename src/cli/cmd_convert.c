@@ -46,6 +46,9 @@ static int run(int argc, char **argv)
         return EXIT_USAGE;
     if (!output)
         return cli_usage("convert", "-o OUT is missing: the file to write");
+    const char *const inputs[] = {argv[optind], reading.options.solution};
+    if (!cli_check_output(&command_convert, output, NULL, inputs, 2))
+        return EXIT_USAGE;
     return convert(argv[optind], &reading.options, output);
 }
 

@@ -3,20 +3,22 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
+#include "format/cut.h"
 #include "format/fail.h"
 #include "src/cli/cli.h"
 #include "src/cli/extract_region.h"
 #include "src/io/io.h"
 #include "src/report/level_mesh.h"
-#include "src/report/promise.h"
+#include "src/util/file.h"
 
 static const char help[] =
     "usage: tetlod extract FILE.tetlod -o OUT [--error E | --abs-error E | --level K | --tets N | --bytes N] [--box BOX]...\n"
     "\n"
     "Writes one level of a stream as a mesh file, in the format that OUT's extension names. Without a choice: the finest,\n"
-    "which is the original mesh.\n"
+    "which is the original mesh. With OUT.tetlod: a stream of the levels up to that one.\n"
     "\n"
     "  -o, --output OUT   the file to write\n"
     "      --error E      the coarsest level within this error, a fraction of the range: 0.01 or 1%\n"
@@ -32,6 +34,8 @@ static const char help[] =
     "      --box-error E  the error in the boxes, as of --error or --abs-error (default 0)\n"
     "      --original-order  the finest level in the input's own numbering, if tetlod build --keep-order kept it\n"
     "      --quiet        do not say which level it is, and what error each field has there at most\n"
+    "\n"
+    "Of a file that is cut off, such as a download that stopped, the levels that are whole can be extracted.\n"
     "\n"
     "example: tetlod extract blunt.tetlod --error 1% -o coarse.vtu\n";
 
@@ -111,6 +115,34 @@ static enum tetlod_status choose(const struct tetlod_info *info, const struct re
     return TETLOD_OK;
 }
 
+/* Of a file that is cut off: the finest level that is there, or a refusal that says what is there. */
+static enum tetlod_status choose_here(const struct tetlod_info *info, int fd, const struct request *request, uint32_t *level,
+                                      struct tetlod_error *error)
+{
+    uint32_t here = cli_finest_here(info, fd);
+    TETLOD_TRY(choose(info, request, level, error));
+    if (here != TETLOD_NONE && *level <= here)
+        return TETLOD_OK;
+    if (here == TETLOD_NONE)
+        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off before the end of level 0");
+    if (request->choice != FINEST)
+        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off: levels 0 to %u of %u are here, not level %u", here,
+                            info->level_count - 1, *level);
+    fprintf(stderr, "tetlod extract: %s is cut off: levels 0 to %u of %u are here\n", request->input, here, info->level_count - 1);
+    *level = here;
+    return TETLOD_OK;
+}
+
+/* The levels up to one, as a stream. */
+static enum tetlod_status extract_stream(const struct tetlod_file *file, const struct request *request, uint32_t level,
+                                         struct tetlod_error *error)
+{
+    struct file_output *output;
+    TETLOD_TRY(file_output_open(&output, request->output, error));
+    const struct tetlodi_sink sink = file_output_sink(output);
+    return file_output_finish(output, tetlodi_cut(file, level, &sink, error), error);
+}
+
 /* The level in the boxes: by the same field, measure and kind of error. */
 static enum tetlod_status choose_fine(const struct tetlod_info *info, const struct request *request, uint32_t *out,
                                       struct tetlod_error *error)
@@ -133,18 +165,17 @@ static enum tetlod_status extract_boxes(struct tetlod_file *file, const struct r
 }
 
 static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct request *request, struct tetmesh *mesh,
-                                       uint32_t *level, char *about, size_t about_size, struct tetlod_error *error)
+                                       uint32_t level, char *about, size_t about_size, struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
     struct tetlod_cursor *cursor;
-    TETLOD_TRY(choose(info, request, level, error));
     if (request->box_count) {
-        enum tetlod_status made = extract_boxes(file, request, mesh, *level, about, about_size, error);
+        enum tetlod_status made = extract_boxes(file, request, mesh, level, about, about_size, error);
         if (made != TETLOD_MORE) // the boxes' level is no finer
             return made;
     }
     TETLOD_TRY(tetlod_cursor_new(&cursor, file, NULL, 0, error));
-    enum tetlod_status status = tetlod_cursor_seek(cursor, *level, error);
+    enum tetlod_status status = tetlod_cursor_seek(cursor, level, error);
     if (status == TETLOD_OK)
         status = level_mesh_copy(info, cursor, mesh, error);
     if (status == TETLOD_OK)
@@ -155,6 +186,12 @@ static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct re
     return status;
 }
 
+static bool is_stream(const char *path)
+{
+    size_t length = strlen(path), ending = sizeof ".tetlod" - 1;
+    return length > ending && strcasecmp(path + length - ending, ".tetlod") == 0;
+}
+
 static int extract(const struct request *request)
 {
     struct tetlod_error error = {0}, inner = {0};
@@ -163,20 +200,25 @@ static int extract(const struct request *request)
     char about[1024] = "";
     uint32_t level = 0;
     int fd;
+    if (!is_stream(request->output) && io_check_output(request->output, &error) != TETLOD_OK)
+        return cli_fail(&error);
     if (cli_open_stream(request->input, &file, &fd, &error) != TETLOD_OK)
         return cli_fail(&error);
-    enum tetlod_status status = extract_mesh(file, request, &mesh, &level, about, sizeof about, &inner);
+    const struct tetlod_info *info = tetlod_info(file);
+    enum tetlod_status status = choose_here(info, fd, request, &level, &inner);
+    if (status == TETLOD_OK)
+        status = is_stream(request->output) ? extract_stream(file, request, level, &inner)
+                                            : extract_mesh(file, request, &mesh, level, about, sizeof about, &inner);
     if (status != TETLOD_OK)
         tetlodi_fail(&error, status, "%s: %.200s", request->input, inner.message);
-    else
+    else if (!is_stream(request->output))
         status = io_write(&mesh, request->output, &error);
-    if (status == TETLOD_OK && !request->quiet && about[0])
+    if (status == TETLOD_OK && !request->quiet && about[0]) {
         fprintf(stderr, "tetlod extract: %u vertices, %u tetrahedra: %s\n", mesh.vertex_count, mesh.tet_count, about);
-    else if (status == TETLOD_OK && !request->quiet) {
-        char promise[512];
-        promise_print(tetlod_info(file), level, promise, sizeof promise);
-        fprintf(stderr, "tetlod extract: level %u of 0..%u, %u vertices, %u tetrahedra; %s\n", level,
-                tetlod_info(file)->level_count - 1, mesh.vertex_count, mesh.tet_count, promise);
+    } else if (status == TETLOD_OK && !request->quiet) {
+        fprintf(stderr, "tetlod extract: level %u of 0..%u, %u vertices, %u tetrahedra\n", level, info->level_count - 1,
+                info->levels[level].vertices, info->levels[level].tets);
+        cli_print_promises(stderr, info, level);
     }
     tetmesh_fini(&mesh);
     tetlod_close(file);
@@ -276,6 +318,12 @@ static int run(int argc, char **argv)
     if (request.original_order && request.choice != FINEST)
         return cli_usage("extract", "--original-order is for the finest level, without a choice of another");
     request.input = argv[optind];
+    if (!cli_check_output(&command_extract, request.output, NULL, &request.input, 1))
+        return EXIT_USAGE;
+    if (request.box_count && is_stream(request.output))
+        return cli_usage("extract", "--box is for a mesh file; a stream has levels that are the same everywhere");
+    if (request.original_order && is_stream(request.output))
+        return cli_usage("extract", "--original-order is for a mesh file; a stream keeps the order that it has");
     return extract(&request);
 }
 

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <unistd.h>
@@ -7,58 +6,30 @@
 #include "format/fail.h"
 #include "src/cli/cli.h"
 #include "src/report/info_json.h"
-#include "src/report/promise.h"
 
 static const char help[] =
-    "usage: tetlod info FILE.tetlod [--json]\n"
+    "usage: tetlod info FILE.tetlod [--all | --json]\n"
     "\n"
-    "Says what is in a stream: counts, fields, and the levels with their errors and bytes.\n"
+    "Says what is in a stream: counts, fields, and the levels with their errors and bytes. About ten levels are shown: the\n"
+    "coarsest, the finest, and those at an error of 20, 10, 5, 2, 1, 0.5, 0.2 and 0.1 %.\n"
     "\n"
+    "      --all   every level, and the measure 'predicted'\n"
     "      --json  the index as JSON, as /v1/meshes/{id} of the server gives it\n"
     "\n"
     "Errors are fractions of the field's range, in percent; a dash: not known. 'bytes' is the length of the prefix of the\n"
     "file that decodes to the level. 'others': the largest measured error of the fields that nothing held down.\n";
 
-/* The field that the table's errors are about: the first controlled one. */
-static uint32_t shown_field(const struct tetlod_info *info)
+/* A download that stopped still shows the levels that came. */
+static void print_cut(const struct tetlod_info *info, int fd)
 {
-    for (uint32_t f = 0; f < info->field_count; f++)
-        if (info->fields[f].controlled)
-            return f;
-    return 0;
+    uint32_t here = cli_finest_here(info, fd);
+    if (here == TETLOD_NONE)
+        printf("cut off       not even level 0 is whole\n");
+    else if (here + 1 < info->level_count)
+        printf("cut off       levels 0 to %u of %u are here\n", here, info->level_count - 1);
 }
 
-static void print_levels(const struct tetlod_info *info)
-{
-    uint32_t field = shown_field(info);
-    const struct uncontrolled others = uncontrolled_at(info, 0);
-    printf("\n%5s %10s %10s %12s %10s", "level", "vertices", "tets", "bytes", "domain");
-    for (int m = 0; m < TETLOD_MEASURES && info->field_count; m++)
-        printf(" %9s%%", tetlod_measure_name((enum tetlod_measure)m));
-    printf("%s\n", others.count ? "    others%" : "");
-    for (uint32_t k = 0; k < info->level_count; k++) {
-        const struct tetlod_level *level = &info->levels[k];
-        printf("%5u %10u %10u %12llu %10.3g", k, level->vertices, level->tets, (unsigned long long)level->end,
-               level->domain_error);
-        for (int m = 0; m < TETLOD_MEASURES && info->field_count; m++) {
-            double error = level->errors[field * TETLOD_MEASURES + (uint32_t)m];
-            if (isnan(error))
-                printf(" %10s", "-");
-            else
-                printf(" %10.4g", 100 * error);
-        }
-        if (others.count)
-            printf(" %10.4g", 100 * uncontrolled_at(info, k).sampled);
-        printf("\n");
-    }
-    if (info->field_count)
-        printf("errors of %s, %% of its range\n", info->fields[field].name);
-    if (others.count)
-        printf("others: the largest measured error of the %u field%s not controlled, at level 0 that of %s\n", others.count,
-               others.count == 1 ? " that is" : "s that are", info->fields[others.worst].name);
-}
-
-static void print_text(const struct tetlod_info *info)
+static void print_text(const struct tetlod_info *info, int fd, bool all)
 {
     printf("content id    %s\n", info->cid);
     printf("vertices      %u\n", info->vertices);
@@ -81,7 +52,9 @@ static void print_text(const struct tetlod_info *info)
         printf("cell field    %s, %u x %s, range %.9g .. %.9g%s\n", field->name, field->components, types[field->type],
                field->range[0], field->range[1], field->region ? ", regions" : "");
     }
-    print_levels(info);
+    print_cut(info, fd);
+    printf("\n");
+    cli_print_levels(info, all);
 }
 
 static int print_json(const struct tetlod_info *info, const char *path)
@@ -102,15 +75,16 @@ static int print_json(const struct tetlod_info *info, const char *path)
 
 static int run(int argc, char **argv)
 {
-    static const struct option options[] = {{"json", no_argument, NULL, 'j'}, {0}};
+    static const struct option options[] = {{"json", no_argument, NULL, 'j'}, {"all", no_argument, NULL, 'a'}, {0}};
     struct tetlod_error error = {0};
     struct tetlod_file *file;
-    bool json = false;
+    bool json = false, all = false;
     int fd, result = EXIT_DONE;
     for (int option; (option = cli_option(&command_info, argc, argv, "", options)) != -1;) {
-        if (option != 'j')
+        if (option == '?')
             return EXIT_USAGE;
-        json = true;
+        json |= option == 'j';
+        all |= option == 'a';
     }
     if (!cli_operands(&command_info, argc, 1, "the stream"))
         return EXIT_USAGE;
@@ -119,7 +93,7 @@ static int run(int argc, char **argv)
     if (json)
         result = print_json(tetlod_info(file), argv[optind]);
     else
-        print_text(tetlod_info(file));
+        print_text(tetlod_info(file), fd, all);
     tetlod_close(file);
     close(fd);
     return result;

@@ -82,6 +82,8 @@ static int run(int argc, char **argv)
         return EXIT_USAGE;
     if (!output)
         return cli_usage("plot", "where to? give -o OUT.svg");
+    if (!cli_check_output(&command_plot, output, "svg", (const char *const[]){argv[optind]}, 1))
+        return EXIT_USAGE;
     return plot(argv[optind], output, field);
 }
 

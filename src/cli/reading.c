@@ -74,4 +74,9 @@ void reading_notes(const char *command, const struct io_report *report, const st
     for (size_t i = 0; i < sizeof notes / sizeof *notes; i++)
         if (notes[i].count)
             fprintf(stderr, "tetlod %s: %" PRIu64 " %s\n", command, notes[i].count, notes[i].what);
+    if (report->left_out[0]) {
+        fprintf(stderr, "tetlod %s: left out: ", command);
+        cli_print_safe(report->left_out);
+        fputc('\n', stderr);
+    }
 }

@@ -318,6 +318,17 @@ static enum tetlod_status read_solution(struct zone *z, const struct solution *s
     return TETLOD_OK;
 }
 
+/* Counts the fields of a solution that is not read, by their names. */
+static void leave_out(const struct zone *z, const struct solution *s)
+{
+    for (int f = 1; f <= s->fields; f++) {
+        char name[33] = "";
+        CGNS_ENUMT(DataType_t) type;
+        if (cg_field_info(z->file, z->base, z->zone, s->number, f, &type, name) == CG_OK)
+            io_leave_out(z->report, &z->report->skipped_arrays, name, strlen(name));
+    }
+}
+
 /* The name of the step's solution, or "" if the zone does not say. */
 static void solution_of_step(const struct zone *z, uint64_t steps, char out[33])
 {
@@ -362,7 +373,7 @@ static enum tetlod_status read_solutions(struct zone *z)
             continue;
         s.cell = where == CGNS_ENUMV(CellCenter);
         if ((where != CGNS_ENUMV(Vertex) && !s.cell) || (s.cell && (uint64_t)z->cells != block_cell_count(z->block)))
-            z->report->skipped_arrays += (uint32_t)s.fields;
+            leave_out(z, &s);
         else
             TETLOD_TRY(read_solution(z, &s));
     }

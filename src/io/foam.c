@@ -308,7 +308,8 @@ static enum tetlod_status read_field(struct foam *f, const char *path, const cha
     enum tetlod_status status = TETLOD_OK;
     enum tetlod_type type = file.binary && file.scalar == VALUE_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
     if (!width) {
-        f->report->skipped_arrays += strstr(file.class_name, "Field") != NULL;
+        if (strstr(file.class_name, "Field"))
+            io_leave_out(f->report, &f->report->skipped_arrays, name, strlen(name));
         goto done;
     }
     TETLOD_TRY_DONE(internal_values(&file, width, rows, &values));

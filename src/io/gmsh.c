@@ -523,7 +523,8 @@ static enum tetlod_status read_section(struct gmsh *g, struct text name)
                                     g->rest.at - g->begin, text_length(name), name.at);
             return TETLOD_OK;
         }
-    g->report->skipped_arrays += text_is(name, "$ElementNodeData");
+    if (text_is(name, "$ElementNodeData"))
+        io_leave_out(g->report, &g->report->skipped_arrays, name.at, (size_t)(name.end - name.at));
     TETLOD_TRY(skip_section(g, name));
     text_word(&g->rest);
     return TETLOD_OK;

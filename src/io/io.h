@@ -41,6 +41,7 @@ struct io_report {
     double time;           /* of that step */
     uint32_t skipped_arrays; /* arrays that are not numbers */
     uint32_t partial_arrays; /* arrays that not all blocks have */
+    char left_out[256];      /* names of both kinds, as many as fit */
     uint32_t averaged_fields; /* cell fields that became point fields */
 };
 
@@ -48,6 +49,9 @@ struct io_report {
  * unreadable, a directory), ERR_MESH for contents. On failure *out is empty. */
 TETLOD_CHECKED enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct io_read_options *options,
                                           struct io_report *report, struct tetlod_error *error);
+
+/* For readers: counts an array that is left out, in one of the two counters, and notes its name of `length` bytes. */
+void io_leave_out(struct io_report *report, uint32_t *counter, const char *name, size_t length);
 
 /* A format, for a list of them. */
 struct io_format {

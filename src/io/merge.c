@@ -44,7 +44,7 @@ static enum tetlod_status merge_field(struct blocks *blocks, struct block *out, 
         if (!rows_of(&blocks->at[b], cell))
             continue;
         if (!field) {
-            report->partial_arrays++;
+            io_leave_out(report, &report->partial_arrays, like->name, strlen(like->name));
             return TETLOD_OK;
         }
         type = field->type == TETLOD_FLOAT64 ? TETLOD_FLOAT64 : type;

@@ -336,7 +336,8 @@ static enum tetlod_status take_attribute(struct legacy *l, struct text name, str
         return fail(l, l->attributes == POINT_DATA ? "this point array has another number of values than there are points"
                                                    : "this cell array has another number of values than there are cells");
     if (!wanted) {
-        l->report->skipped_arrays += l->attributes != FIELD_DATA;
+        if (l->attributes != FIELD_DATA)
+            io_leave_out(l->report, &l->report->skipped_arrays, name.at, (size_t)(name.end - name.at));
         return vtk_skip(&l->stream, type, count, l->error);
     }
     TETLOD_TRY(vtk_check_count(&l->stream, type.type, count, l->error));

@@ -161,7 +161,7 @@ static herr_t on_array(hid_t group, const char *name, const H5L_info_t *link, vo
     (void)group;
     int length = snprintf(path, sizeof path, "%s/%s", w->group, name);
     if (link->type >= H5L_TYPE_EXTERNAL || length < 0 || (size_t)length >= sizeof path) {
-        w->v->report->skipped_arrays++;
+        io_leave_out(w->v->report, &w->v->report->skipped_arrays, name, strlen(name));
         return 0;
     }
     if (!w->cell && strcmp(name, "vtkGhostType") == 0)
@@ -172,7 +172,7 @@ static herr_t on_array(hid_t group, const char *name, const H5L_info_t *link, vo
     bool numbers = h5_open_set(w->v->root, path, w->v->size, &set, &inner) == TETLOD_OK;
     w->v->error = error;
     if (!numbers) { // strings, say
-        w->v->report->skipped_arrays++;
+        io_leave_out(w->v->report, &w->v->report->skipped_arrays, name, strlen(name));
         return 0;
     }
     H5Dclose(set.id);
@@ -307,7 +307,7 @@ static herr_t on_image_array(hid_t group, const char *name, const H5L_info_t *li
     (void)group;
     int length = snprintf(path, sizeof path, "%s/%s", w->group, name);
     if (link->type >= H5L_TYPE_EXTERNAL || length < 0 || (size_t)length >= sizeof path)
-        w->v->report->skipped_arrays++;
+        io_leave_out(w->v->report, &w->v->report->skipped_arrays, name, strlen(name));
     else
         w->status = take_image_array(w, path, name);
     return w->status == TETLOD_OK ? 0 : -1;

@@ -279,7 +279,7 @@ static enum tetlod_status inflate_all(struct inflate_job *job, const struct vtkx
     const struct compressed *blocks = job->blocks;
     unsigned threads = blocks->count > 1 ? parallel_cores() : 1;
     threads = threads < PARALLEL_MOST_THREADS ? threads : PARALLEL_MOST_THREADS;
-    uint64_t size = blocks->size > blocks->last ? blocks->size : blocks->last;
+    uint64_t size = blocks->count == 1 && blocks->last ? blocks->last : blocks->size; // a size that no block has may be anything
     bool good = true;
     for (unsigned t = 0; t < threads; t++) {
         job->buffers[t] = array_new((size_t)size, 1);

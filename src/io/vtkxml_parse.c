@@ -223,9 +223,10 @@ static void start_array(struct parse *parse, const char **attributes)
     bool is_data = parse->section == VTKXML_CELL_DATA || parse->section == VTKXML_POINT_DATA;
     if (parse->section == VTKXML_ELSEWHERE || document->piece_count == 0 || document->kind == VTKXML_POLYGONS)
         return;
-    parse->report->skipped_arrays += is_data && !known;
-    if (is_data && !known)
+    if (is_data && !known) {
+        io_leave_out(parse->report, &parse->report->skipped_arrays, name ? name : "", name ? strlen(name) : 0);
         return;
+    }
     if (!known) {
         const char *type = attribute(attributes, "type");
         fail(parse, "this array is not of numbers, its type is", type ? type : "");

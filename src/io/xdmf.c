@@ -218,7 +218,7 @@ static enum tetlod_status read_attribute(const struct xdmf *x, const struct xml_
     uint64_t rows = cell ? block_cell_count(block) : mesh->vertex_count;
     struct xdmf_item item;
     if ((*centre && !cell && strcasecmp(centre, "Node") != 0) || !child || rows == 0) {
-        x->report->skipped_arrays++;
+        io_leave_out(x->report, &x->report->skipped_arrays, name, strlen(name));
         return TETLOD_OK;
     }
     TETLOD_TRY(xdmf_load(&x->source, child, false, &item, x->error));

@@ -43,7 +43,14 @@ struct log_field {
 };
 
 /* Why contractions were refused that the error would have allowed, as often as they were asked for. */
-enum log_refusal { LOG_REFUSED_FLIP, LOG_REFUSED_LINK, LOG_REFUSED_BOUNDARY, LOG_REFUSED_ROUNDING, LOG_REFUSALS };
+enum log_refusal {
+    LOG_REFUSED_FLIP,
+    LOG_REFUSED_LINK,
+    LOG_REFUSED_BOUNDARY,
+    LOG_REFUSED_ROUNDING,
+    LOG_REFUSED_SIZE, /* by the exact limit: a star with too many originals in it */
+    LOG_REFUSALS
+};
 
 struct contraction_log {
     uint32_t vertex_count; /* of the original */
@@ -59,7 +66,7 @@ struct contraction_log {
     double *certified;      /* [component_count * mark] running maximum of the certified error, fraction of the range */
     double *predicted;      /* [component_count * mark] running maximum of the prediction, fraction of the range */
     size_t mark_capacity, certified_capacity, predicted_capacity;
-    uint64_t refused[LOG_REFUSALS]; /* by the rounds of the default; else zero */
+    uint64_t refused[LOG_REFUSALS]; /* [enum log_refusal] */
     uint64_t degenerate_tets, inverted_tets, folded_tets; /* of the original; folded: on one side of a face with a neighbour */
 };
 

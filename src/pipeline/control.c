@@ -122,6 +122,27 @@ static bool is_limit(const char *text, double *out)
     return (*end == 0 || strcmp(end, "%") == 0) && *out > 0 && isfinite(*out);
 }
 
+/* NAME:500, where 500 is no component: somebody means units. */
+static bool looks_like_units(const struct tetmesh *mesh, const char *text)
+{
+    const char *colon = strrchr(text, ':');
+    char *end;
+    if (!colon || !isdigit((unsigned char)colon[1]) || (strtod(colon + 1, &end), *end))
+        return false;
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        if (strlen(mesh->fields[f].name) == (size_t)(colon - text) && strncmp(mesh->fields[f].name, text, (size_t)(colon - text)) == 0)
+            return true;
+    return false;
+}
+
+static enum tetlod_status unit_limit(const char *text, struct tetlod_error *error)
+{
+    const char *colon = strrchr(text, ':');
+    int length = (int)(colon - text);
+    return tetlodi_fail(error, TETLOD_ERR_FIELD, "'%.60s' has no component %.20s; a limit in its units is --field %.*s --abs-error %.20s, "
+                        "one in the range %.*s:0.01 or %.*s:1%%", text, colon + 1, length, text, colon + 1, length, text, length, text);
+}
+
 enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, struct build_control *out,
                                        struct tetlod_error *error)
 {
@@ -144,7 +165,7 @@ enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, s
             status = derive(mesh, whole, component, name, &out->field, error);
     }
     if (status == TETLOD_OK && out->field == TETLOD_NONE)
-        status = no_such_field(mesh, name, error);
+        status = looks_like_units(mesh, name) ? unit_limit(name, error) : no_such_field(mesh, name, error);
     free(name);
     return status;
 }

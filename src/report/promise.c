@@ -75,3 +75,12 @@ void promise_print(const struct tetlod_info *info, uint32_t level, char *out, si
     }
     print_uncontrolled(info, level, out, size);
 }
+
+void promise_of_field(const struct tetlod_info *info, uint32_t level, uint32_t f, char *out, size_t size)
+{
+    const struct tetlod_field *field = &info->fields[f];
+    double max = error_of(info, level, f, TETLOD_MAX), error = isnan(max) ? error_of(info, level, f, TETLOD_SAMPLED) : max;
+    double fraction = percent(error) / 100;
+    snprintf(out, size, "%.60s %s %.3g %% of the range, %.4g in its units (%s%s)", field->name, isnan(max) ? "about" : "\u2264", 100 * fraction,
+             fraction * (field->range[1] - field->range[0]), isnan(max) ? "measured" : "certified", field->controlled ? "" : ", not controlled");
+}

@@ -18,4 +18,7 @@ struct uncontrolled uncontrolled_at(const struct tetlod_info *info, uint32_t lev
 /* "VonMises ≤ 1 % (certified); 9 fields not controlled, worst Stress 31.9 % (measured)". Cut off at `size` bytes. */
 void promise_print(const struct tetlod_info *info, uint32_t level, char *out, size_t size);
 
+/* One field: "Pressure ≤ 1 % of the range, 0.097 in its units (certified)". Rounded up. */
+void promise_of_field(const struct tetlod_info *info, uint32_t level, uint32_t f, char *out, size_t size);
+
 #endif

@@ -8,6 +8,7 @@
 
 enum tetlod_status sample_make_cube(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
 enum tetlod_status sample_make_fin(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
+enum tetlod_status sample_make_post(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
 enum tetlod_status sample_make_torus(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
 enum tetlod_status sample_make_shell(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
 enum tetlod_status sample_make_delta(struct tetmesh *out, uint32_t size, struct tetlod_error *error);

@@ -15,6 +15,8 @@ const struct sample samples[] = {
      sample_make_cube},
     {"fin", "flow around a blunt fin on a plate: bow shock, Pressure, Density, Velocity; N cells along the fin", 24, 4,
      400, sample_make_fin},
+    {"post", "flow past a post between plates, cells stretched up to 1 : 200 in thin layers; Pressure, Velocity; N cells around it", 24,
+     4, 400, sample_make_post},
     {"torus", "a ring, which has a handle; field temperature; N cells across", 8, 1, 200, sample_make_torus},
     {"shell", "a ball with a cavity; field temperature; N cells along an edge of the cubed sphere", 10, 2, 300,
      sample_make_shell},

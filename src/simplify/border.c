@@ -9,6 +9,7 @@
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/vector.h"
 #include "src/simplify/clearance.h"
+#include "src/simplify/table.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
@@ -244,8 +245,42 @@ void border_classify(struct border *border, const struct working *working, uint3
     border->kinds[slot] = count == 1 ? BOUNDARY_SMOOTH : BOUNDARY_CREASE;
 }
 
+/* The corners of the boundary faces in the mesh's numbers; their count in *out_count, NULL: no memory. */
+static uint32_t *list_faces(const struct working *working, uint32_t *out_count)
+{
+    uint32_t count = 0;
+    for (uint32_t t = 0; t < working->tet_count; t++)
+        for (unsigned faces = working->boundary_faces[t]; faces; faces &= faces - 1)
+            count++;
+    uint32_t *triangles = array_new(count, 3 * sizeof(uint32_t)), *next = triangles;
+    for (uint32_t t = 0; t < working->tet_count && triangles; t++)
+        for (unsigned f = 0; working->boundary_faces[t] >> f; f++)
+            for (int k = 0; k < 3 && working->boundary_faces[t] >> f & 1; k++)
+                *next++ = working->node[working->corners[t][tet_faces[f][k]]];
+    *out_count = count;
+    return triangles;
+}
+
+/* border->most, from the mesh as it was given. */
+static enum tetlod_status find_most(struct border *border, const struct working *working, const struct tetmesh *mesh, double least,
+                                    unsigned threads, struct tetlod_error *error)
+{
+    struct clearance_mesh of = {.positions = mesh->positions, .corners = mesh->corners, .vertex_count = mesh->vertex_count,
+                                .tet_count = mesh->tet_count};
+    uint32_t *triangles = list_faces(working, &of.triangle_count);
+    double *most = array_new(mesh->vertex_count, sizeof *most);
+    of.triangles = triangles;
+    enum tetlod_status status = triangles && most ? clearance_find(&of, border->limit, least, threads, most, error)
+                                                  : tetlodi_fail_nomem(error, "the boundary", 8 * (uint64_t)mesh->vertex_count);
+    for (uint32_t v = 0; v < mesh->vertex_count && status == TETLOD_OK; v++)
+        border->most[v] = most[working->node[v]];
+    free(triangles);
+    free(most);
+    return status;
+}
+
 enum tetlod_status border_init(struct border *border, const struct working *working, const struct tetmesh *mesh,
-                                double angle_degrees, double limit, double least, struct tetlod_error *error)
+                                double angle_degrees, double limit, double least, unsigned threads, struct tetlod_error *error)
 {
     size_t n = working->slot_count;
     *border = (struct border){.limit = limit, .kinds = array_zero(n, 1), .directions = array_zero(n, 3 * sizeof(float)),
@@ -253,7 +288,7 @@ enum tetlod_status border_init(struct border *border, const struct working *work
     boundary_angle(angle_degrees, &border->cosine, &border->sine);
     if (!border->kinds || !border->directions || !border->most)
         return tetlodi_fail_nomem(error, "the boundary", n * 21);
-    TETLOD_TRY(clearance_find(mesh->positions, mesh->vertex_count, mesh->corners, mesh->tet_count, limit, least, border->most, error));
+    TETLOD_TRY(find_most(border, working, mesh, least, threads, error));
     for (uint32_t v = 0; v < n; v++)
         if (working->flags[v] & VERTEX_BOUNDARY)
             border_classify(border, working, v);

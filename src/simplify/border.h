@@ -28,7 +28,8 @@ bool border_folded(const struct working *working, uint32_t tet);
 
 /* Of the mesh's working mesh. `limit`, `least`: as in boundary_init. ERR_NOMEM, ERR_LIMIT. */
 TETLOD_CHECKED enum tetlod_status border_init(struct border *border, const struct working *working, const struct tetmesh *mesh,
-                                               double angle_degrees, double limit, double least, struct tetlod_error *error);
+                                               double angle_degrees, double limit, double least, unsigned threads,
+                                             struct tetlod_error *error);
 void border_fini(struct border *border);
 
 /* A boundary vertex's kind anew. */

@@ -94,6 +94,24 @@ static void classify(struct boundary *boundary, const struct complex *complex, u
     boundary->kinds[v] = count == 1 ? BOUNDARY_SMOOTH : BOUNDARY_CREASE;
 }
 
+static enum tetlod_status find_most(struct boundary *boundary, const struct complex *complex, double least, struct tetlod_error *error)
+{
+    struct clearance_mesh mesh = {.positions = complex->positions, .corners = complex->corners,
+                                  .vertex_count = complex->vertex_count, .tet_count = complex->tet_count};
+    for (size_t s = 0; s < 4 * (size_t)complex->tet_count; s++)
+        mesh.triangle_count += complex->neighbours[s] == TETLOD_NONE;
+    uint32_t *triangles = array_new(mesh.triangle_count, 3 * sizeof(uint32_t)), *next = triangles;
+    if (!triangles)
+        return tetlodi_fail_nomem(error, "the boundary", 12 * (uint64_t)mesh.triangle_count);
+    for (size_t s = 0; s < 4 * (size_t)complex->tet_count; s++)
+        for (int k = 0; k < 3 && complex->neighbours[s] == TETLOD_NONE; k++)
+            *next++ = complex->corners[(s & ~(size_t)3) + tet_faces[s & 3][k]];
+    mesh.triangles = triangles;
+    enum tetlod_status status = clearance_find(&mesh, boundary->limit, least, 1, boundary->most, error);
+    free(triangles);
+    return status;
+}
+
 enum tetlod_status boundary_init(struct boundary *boundary, const struct complex *complex, double angle_degrees,
                                  double limit, double least, struct tetlod_error *error)
 {
@@ -108,8 +126,7 @@ enum tetlod_status boundary_init(struct boundary *boundary, const struct complex
     if (!boundary->kinds || !boundary->directions || !boundary->moved || !boundary->most)
         status = tetlodi_fail_nomem(error, "the boundary", n * 29);
     if (status == TETLOD_OK)
-        status = clearance_find(complex->positions, complex->vertex_count, complex->corners, complex->tet_count, limit, least,
-                                boundary->most, error);
+        status = find_most(boundary, complex, least, error);
     if (status != TETLOD_OK) {
         boundary_fini(boundary);
         return status;

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/fail.h"
 #include "src/mesh/locate.h"
@@ -12,6 +13,7 @@
 #include "src/mesh/triangle.h"
 #include "src/mesh/vector.h"
 #include "src/util/array.h"
+#include "src/util/parallel.h"
 
 /* Faces of one body whose normals have a cosine below this are other parts of the boundary to each other. */
 static const double TURNED = -0.2;
@@ -24,23 +26,32 @@ static const double SHARE = 0.2;
 static const double INSIDE = 1e-9;
 
 struct clearance {
-    struct locator locator;
-    uint32_t vertex_count;
-    uint32_t *body;   /* [vertex] the least vertex of its body */
-    double *normals;  /* [3 * triangle] of length 1, or 0 */
-    uint32_t *holding; /* [holding_room] one more than any vertex has tetrahedra */
-    uint32_t holding_room;
-    double *out;
+    const struct clearance_mesh *mesh;
+    double most;
+    uint32_t *body;      /* [vertex] the least vertex of its body */
+    double *normals;     /* [3 * triangle] of length 1, or 0 */
+    double *shares;      /* [triangle] */
+    uint32_t *vertices;  /* [vertex_boxes.count] those of the boundary */
+    uint8_t *overlapped; /* [vertex] it is inside a tetrahedron */
+    struct bvh triangle_boxes, vertex_boxes;
 };
+
+static const double *position_of(const struct clearance *c, uint32_t vertex)
+{
+    return c->mesh->positions + 3 * (size_t)vertex;
+}
+
+static const uint32_t *triangle_of(const struct clearance *c, uint32_t face)
+{
+    return c->mesh->triangles + 3 * (size_t)face;
+}
 
 static void find_normals(struct clearance *c)
 {
-    for (uint32_t f = 0; f < c->locator.surface.count; f++) {
-        const double *p[3];
+    for (uint32_t f = 0; f < c->mesh->triangle_count; f++) {
+        const uint32_t *v = triangle_of(c, f);
         double *n = c->normals + 3 * (size_t)f;
-        for (int k = 0; k < 3; k++)
-            p[k] = c->locator.positions + 3 * (size_t)c->locator.surface.triangles[3 * (size_t)f + (size_t)k];
-        triangle_cross(p[0], p[1], p[2], n);
+        triangle_cross(position_of(c, v[0]), position_of(c, v[1]), position_of(c, v[2]), n);
         double length = sqrt(dot(n, n));
         for (int i = 0; i < 3; i++)
             n[i] = length > 0 ? n[i] / length : 0;
@@ -50,7 +61,7 @@ static void find_normals(struct clearance *c)
 /* Is face g another part of the boundary than f? */
 static bool another_part(const struct clearance *c, uint32_t f, uint32_t g)
 {
-    const uint32_t *a = c->locator.surface.triangles + 3 * (size_t)f, *b = c->locator.surface.triangles + 3 * (size_t)g;
+    const uint32_t *a = triangle_of(c, f), *b = triangle_of(c, g);
     if (c->body[a[0]] != c->body[b[0]])
         return true;
     for (int i = 0; i < 3; i++)
@@ -60,13 +71,14 @@ static bool another_part(const struct clearance *c, uint32_t f, uint32_t g)
     return dot(c->normals + 3 * (size_t)f, c->normals + 3 * (size_t)g) < TURNED;
 }
 
-static void triangle_box(const struct clearance *c, uint32_t f, double grown, double box[6])
+/* The box of some vertices, grown to all sides. */
+static void box_of(const struct clearance *c, const uint32_t *vertices, int count, double grown, double box[6])
 {
     for (int i = 0; i < 3; i++) {
         box[i] = INFINITY;
         box[i + 3] = -INFINITY;
-        for (int k = 0; k < 3; k++) {
-            double x = c->locator.positions[3 * (size_t)c->locator.surface.triangles[3 * (size_t)f + (size_t)k] + (size_t)i];
+        for (int k = 0; k < count; k++) {
+            double x = position_of(c, vertices[k])[i];
             box[i] = smaller(box[i], x - grown);
             box[i + 3] = larger(box[i + 3], x + grown);
         }
@@ -85,13 +97,13 @@ static bool meets_node(const struct bvh *bvh, uint32_t node, const double box[6]
 /* The distance of face f from the next other part, if that is below `most`; else `most`. */
 static double distance_of(const struct clearance *c, uint32_t f, double most)
 {
-    const struct bvh *bvh = &c->locator.surface.boxes;
+    const struct bvh *bvh = &c->triangle_boxes;
     uint32_t stack[BVH_DEPTH], depth = 0;
     const double *p[3], *q[3];
     double box[6];
     for (int k = 0; k < 3; k++)
-        p[k] = c->locator.positions + 3 * (size_t)c->locator.surface.triangles[3 * (size_t)f + (size_t)k];
-    triangle_box(c, f, most, box);
+        p[k] = position_of(c, triangle_of(c, f)[k]);
+    box_of(c, triangle_of(c, f), 3, most, box);
     stack[depth++] = 0;
     while (depth && most > 0) {
         uint32_t node = stack[--depth];
@@ -107,83 +119,108 @@ static double distance_of(const struct clearance *c, uint32_t f, double most)
             if (!another_part(c, f, bvh->order[i]))
                 continue;
             for (int k = 0; k < 3; k++)
-                q[k] = c->locator.positions + 3 * (size_t)c->locator.surface.triangles[3 * (size_t)bvh->order[i] + (size_t)k];
+                q[k] = position_of(c, triangle_of(c, bvh->order[i])[k]);
             double distance = sqrt(triangles_distance2(p, q));
             if (distance >= most)
                 continue;
             most = distance;
-            triangle_box(c, f, most, box);
+            box_of(c, triangle_of(c, f), 3, most, box);
         }
     }
     return most;
 }
 
-/* Is a boundary vertex inside a tetrahedron? Only where the mesh overlaps itself. */
-static bool overlapped(const struct clearance *c, uint32_t v)
+static void share_range(void *context, unsigned worker, size_t begin, size_t end)
 {
-    double weights[4];
-    const double *p = c->locator.positions + 3 * (size_t)v;
-    uint32_t count = locator_find(&c->locator, p, c->holding, c->holding_room);
-    for (uint32_t i = 0; i < count; i++) {
-        const uint32_t *corners = c->locator.corners + 4 * (size_t)c->holding[i];
-        if (corners[0] != v && corners[1] != v && corners[2] != v && corners[3] != v &&
-            locator_weights(&c->locator, c->holding[i], p, weights) > INSIDE)
-            return true;
-    }
-    return count == c->holding_room; // so many cannot all be its own
+    struct clearance *c = context;
+    (void)worker;
+    for (size_t f = begin; f < end; f++)
+        c->shares[f] = SHARE * distance_of(c, (uint32_t)f, c->most / SHARE);
 }
 
-/* Room for all tetrahedra of any vertex and one more. */
-static bool make_holding(struct clearance *c)
+/* Which boundary vertices are inside a tetrahedron of others? Only where the mesh overlaps itself. */
+static void mark_overlapped(struct clearance *c, uint32_t tet)
 {
-    uint32_t *stars = array_zero(c->vertex_count, sizeof *stars);
-    for (size_t i = 0; stars && i < 4 * (size_t)c->locator.tet_count; i++) {
-        uint32_t count = ++stars[c->locator.corners[i]];
-        c->holding_room = count + 1 > c->holding_room ? count + 1 : c->holding_room;
+    const struct bvh *bvh = &c->vertex_boxes;
+    const struct locator locator = {.positions = c->mesh->positions, .corners = c->mesh->corners};
+    const uint32_t *corners = c->mesh->corners + 4 * (size_t)tet;
+    uint32_t stack[BVH_DEPTH], depth = 0;
+    double box[6], weights[4];
+    box_of(c, corners, 4, 0, box);
+    stack[depth++] = 0;
+    while (depth) {
+        uint32_t node = stack[--depth];
+        if (!meets_node(bvh, node, box))
+            continue;
+        if (node < bvh->leaf_first) {
+            stack[depth++] = 2 * node + 2;
+            stack[depth++] = 2 * node + 1;
+            continue;
+        }
+        uint64_t first = (uint64_t)(node - bvh->leaf_first) * BVH_LEAF;
+        for (uint64_t i = first; i < bvh->count && i < first + BVH_LEAF; i++) {
+            uint32_t v = c->vertices[bvh->order[i]];
+            if (corners[0] != v && corners[1] != v && corners[2] != v && corners[3] != v &&
+                locator_weights(&locator, tet, position_of(c, v), weights) > INSIDE)
+                __atomic_store_n(&c->overlapped[v], 1, __ATOMIC_RELAXED);
+        }
     }
-    bool done = stars;
-    free(stars);
-    c->holding = array_new(c->holding_room, sizeof *c->holding);
-    return done && c->holding;
 }
 
-static void find_all(struct clearance *c, double most, double least)
+static void overlap_range(void *context, unsigned worker, size_t begin, size_t end)
 {
-    for (uint32_t v = 0; v < c->vertex_count; v++)
-        c->out[v] = most;
-    for (uint32_t f = 0; f < c->locator.surface.count; f++) {
-        const uint32_t *corners = c->locator.surface.triangles + 3 * (size_t)f;
-        double share = SHARE * distance_of(c, f, most / SHARE);
-        for (int k = 0; k < 3; k++)
-            c->out[corners[k]] = smaller(c->out[corners[k]], share);
-    }
-    for (size_t i = 0; i < 3 * (size_t)c->locator.surface.count; i++) {
-        uint32_t v = c->locator.surface.triangles[i];
-        if (c->out[v] > least && overlapped(c, v))
-            c->out[v] = least;
-    }
-    for (uint32_t v = 0; v < c->vertex_count; v++)
-        c->out[v] = larger(c->out[v], least);
+    (void)worker;
+    for (size_t t = begin; t < end; t++)
+        mark_overlapped(context, (uint32_t)t);
 }
 
-enum tetlod_status clearance_find(const double *positions, uint32_t vertex_count, const uint32_t *corners, uint32_t tet_count,
-                                  double most, double least, double *out, struct tetlod_error *error)
+/* The boundary's triangles and vertices in boxes. */
+static enum tetlod_status fill_boxes(struct clearance *c, struct tetlod_error *error)
 {
-    struct clearance c = {.vertex_count = vertex_count, .out = out, .body = array_new(vertex_count, sizeof(uint32_t))};
+    uint32_t count = 0;
+    TETLOD_TRY(bvh_build(&c->triangle_boxes, c->mesh->positions, c->mesh->triangles, c->mesh->triangle_count, 3, error));
+    for (size_t i = 0; i < 3 * (size_t)c->mesh->triangle_count; i++) {
+        uint32_t v = c->mesh->triangles[i];
+        if (!c->overlapped[v])
+            c->vertices[count++] = v;
+        c->overlapped[v] = 1;
+    }
+    memset(c->overlapped, 0, c->mesh->vertex_count);
+    return bvh_build(&c->vertex_boxes, c->mesh->positions, c->vertices, count, 1, error);
+}
+
+enum tetlod_status clearance_find(const struct clearance_mesh *mesh, double most, double least, unsigned threads, double *out,
+                                  struct tetlod_error *error)
+{
+    size_t n = mesh->vertex_count, triangles = mesh->triangle_count;
+    struct clearance c = {.mesh = mesh,
+                          .most = most,
+                          .body = array_new(n, sizeof(uint32_t)),
+                          .normals = array_new(triangles, 3 * sizeof(double)),
+                          .shares = array_new(triangles, sizeof(double)),
+                          .vertices = array_new(n, sizeof(uint32_t)),
+                          .overlapped = array_zero(n, 1)};
     enum tetlod_status status = TETLOD_OK;
-    if (!c.body)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", vertex_count * (uint64_t)4));
-    TETLOD_TRY_DONE(locator_init(&c.locator, positions, vertex_count, corners, tet_count, error));
-    c.normals = array_new(c.locator.surface.count, 3 * sizeof(double));
-    if (!make_holding(&c) || !c.normals)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", c.locator.surface.count * (uint64_t)24));
-    sheets_bodies(corners, tet_count, vertex_count, c.body);
+    if (!c.body || !c.normals || !c.shares || !c.vertices || !c.overlapped)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", n * 9 + triangles * 32));
+    TETLOD_TRY_DONE(fill_boxes(&c, error));
+    sheets_bodies(mesh->corners, mesh->tet_count, mesh->vertex_count, c.body);
     find_normals(&c);
-    find_all(&c, most, least);
+    parallel_for(threads, triangles, 256, share_range, &c);
+    parallel_for(threads, mesh->tet_count, 4096, overlap_range, &c);
+    for (size_t v = 0; v < n; v++)
+        out[v] = c.overlapped[v] ? least : most;
+    for (size_t i = 0; i < 3 * triangles; i++)
+        out[mesh->triangles[i]] = smaller(out[mesh->triangles[i]], c.shares[i / 3]);
+    for (size_t v = 0; v < n; v++)
+        out[v] = larger(out[v], least);
 done:
-    locator_fini(&c.locator);
-    free(c.normals);
-    free(c.holding);
+    bvh_fini(&c.triangle_boxes);
+    bvh_fini(&c.vertex_boxes);
     free(c.body);
+    free(c.normals);
+    free(c.shares);
+    free(c.vertices);
+    free(c.overlapped);
     return status;
 }

@@ -14,6 +14,7 @@
 #include <stdbool.h>
 
 #include "src/log/contraction_log.h"
+#include "src/simplify/table.h"
 
 enum {
     VERTEX_ALIVE = 1,
@@ -73,8 +74,10 @@ struct star {
     size_t capacity;
     uint32_t *tets;
     uint8_t *moving;  /* the corner that moves, or STAR_REMOVED */
-    size_t local_tet_capacity, number_capacity;
-    uint32_t *local_tets, *numbers; /* scratch of the link condition */
+    size_t local_tet_capacity, mark_capacity;
+    uint32_t *local_tets; /* scratch of the link condition, as is the rest */
+    uint8_t *marks;
+    struct table filed;
 };
 
 enum { STAR_REMOVED = 4 };

@@ -281,6 +281,7 @@ static void propose(const struct run *run, struct worker *worker, uint32_t slot,
 {
     run->proposals.priority[slot] = priority_of(key_of(candidate->error, worker->hood.shared[candidate->neighbour]), slot);
     run->proposals.target[slot] = 2 * worker->hood.slots[candidate->neighbour] + candidate->middle;
+    run->proposals.blocker[slot] = slot;
 }
 
 /* Examines candidates, best first, until one passes. */

@@ -22,6 +22,7 @@ struct proposals {
     float *waits, *waits_changed; /* [slot] */
     uint32_t *evaluated; /* [slot] the round in which it was */
     uint32_t *changed;   /* [slot] the round in which its star was last */
+    uint32_t *blocker;   /* [slot] a vertex around it that had a lesser priority, or itself */
     uint8_t *dirty;      /* [slot] enum dirty */
 };
 

@@ -8,57 +8,6 @@
 #include "src/util/array.h"
 #include "src/util/wide.h"
 
-static const uint64_t FREE = ~(uint64_t)0;
-
-bool table_clear(struct table *table, size_t most)
-{
-    table->size = 16;
-    while (table->size < most + most / 2 + 1)
-        table->size *= 2;
-    if (table->size > table->capacity) {
-        free(table->keys);
-        free(table->values);
-        table->keys = array_new(table->size, sizeof *table->keys);
-        table->values = array_new(table->size, sizeof *table->values);
-        table->capacity = table->keys && table->values ? table->size : 0;
-        if (!table->capacity)
-            return false;
-    }
-    memset(table->keys, 0xff, table->size * sizeof *table->keys);
-    return true;
-}
-
-void table_fini(struct table *table)
-{
-    free(table->keys);
-    free(table->values);
-    *table = (struct table){0};
-}
-
-static inline size_t place_of(const struct table *table, uint64_t key)
-{
-    size_t at = (size_t)(key * UINT64_C(0x9e3779b97f4a7c15) >> 32) & (table->size - 1);
-    while (table->keys[at] != key && table->keys[at] != FREE)
-        at = (at + 1) & (table->size - 1);
-    return at;
-}
-
-uint32_t *table_at(struct table *table, uint64_t key, uint32_t value)
-{
-    size_t at = place_of(table, key);
-    if (table->keys[at] == FREE) {
-        table->keys[at] = key;
-        table->values[at] = value;
-    }
-    return &table->values[at];
-}
-
-const uint32_t *table_find(const struct table *table, uint64_t key)
-{
-    size_t at = place_of(table, key);
-    return table->keys[at] == FREE ? NULL : &table->values[at];
-}
-
 void hood_fini(struct hood *hood)
 {
     free(hood->tets);
@@ -70,7 +19,8 @@ void hood_fini(struct hood *hood)
     free(hood->rows);
     free(hood->planes);
     free(hood->reach);
-    table_fini(&hood->numbers);
+    free(hood->numbering.slots);
+    free(hood->numbering.numbers);
     *hood = (struct hood){0};
 }
 
@@ -99,20 +49,43 @@ static bool grow(struct hood *hood, const struct working *working, size_t tets)
 /* The corners beside each, so that with it first the tetrahedron is positive. */
 static const uint8_t others_of[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
 
-static uint32_t number_of(struct hood *hood, uint32_t slot)
+/* Forgets all numbers; there will be at most so many. */
+static bool clear_numbering(struct numbering *numbering, size_t most)
 {
-    uint32_t number = *table_at(&hood->numbers, slot, hood->count);
-    if (number == hood->count) {
-        hood->slots[number] = slot;
-        hood->shared[number] = 0;
-        hood->along[number] = 0;
-        hood->count++;
+    size_t size = 16;
+    while (size <= most)
+        size *= 2;
+    if (size > numbering->room) {
+        free(numbering->slots);
+        free(numbering->numbers);
+        numbering->slots = array_new(size, sizeof *numbering->slots);
+        numbering->numbers = array_new(size, sizeof *numbering->numbers);
+        numbering->room = numbering->slots && numbering->numbers ? size : 0;
+        if (!numbering->room)
+            return false;
     }
+    memset(numbering->slots, 0xff, size * sizeof *numbering->slots);
+    numbering->mask = (uint32_t)size - 1;
+    return true;
+}
+
+static inline uint32_t number_of(struct hood *hood, uint32_t slot)
+{
+    struct numbering *numbering = &hood->numbering;
+    uint32_t at = numbering_place(numbering, slot);
+    if (numbering->slots[at] == TETLOD_NONE) {
+        numbering->slots[at] = slot;
+        numbering->numbers[at] = hood->count;
+        hood->slots[hood->count] = slot;
+        hood->shared[hood->count] = 0;
+        hood->along[hood->count++] = 0;
+    }
+    uint32_t number = numbering->numbers[at];
     hood->shared[number]++;
     return number;
 }
 
-static void add_tet(struct hood *hood, const struct working *working, uint32_t tet)
+static inline void add_tet(struct hood *hood, const struct working *working, uint32_t tet)
 {
     const uint32_t *corners = working->corners[tet];
     unsigned own = corner_of(corners, hood->vertex);
@@ -133,7 +106,7 @@ bool hood_gather(struct hood *hood, const struct working *working, uint32_t slot
     const uint32_t *tets = working->pool + star->begin;
     if (star->count + WIDE > hood->room && !grow(hood, working, star->count + WIDE))
         return false;
-    if (!table_clear(&hood->numbers, 3 * (size_t)star->count))
+    if (!clear_numbering(&hood->numbering, 3 * (size_t)star->count))
         return false;
     for (uint32_t i = 0; i < star->count; i++)
         __builtin_prefetch(working->corners[tets[i]]);

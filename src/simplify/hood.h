@@ -11,22 +11,12 @@
 
 #include "src/simplify/working.h"
 
-/* A hash table of small numbers by key, that forgets all at once. */
-struct table {
-    uint64_t *keys; /* TABLE_FREE where there is none */
-    uint32_t *values;
-    size_t size, capacity; /* powers of two */
+/* Which neighbour a slot is: a hash table that forgets all at once. */
+struct numbering {
+    uint32_t *slots, *numbers; /* [place] TETLOD_NONE: free */
+    uint32_t mask;             /* places less one, a power of two */
+    size_t room;
 };
-
-/* Forgets everything; room for `most` keys. False: no memory. */
-bool table_clear(struct table *table, size_t most);
-void table_fini(struct table *table);
-
-/* The value of the key, which is `value` if it was not there. */
-uint32_t *table_at(struct table *table, uint64_t key, uint32_t value);
-
-/* NULL if it is not there. */
-const uint32_t *table_find(const struct table *table, uint64_t key);
 
 struct hood {
     uint32_t vertex, tet_count, count; /* count: of the neighbours */
@@ -39,18 +29,27 @@ struct hood {
     double *planes;       /* [plane * room] by tetrahedron: see kernels.h */
     double *reach;        /* [neighbour * 2 * components] what the star says there, at most of U and at least of L, less the vertex's own */
     size_t room; /* tetrahedra that fit, a multiple of four */
-    struct table numbers;
+    struct numbering numbering;
 };
 
 /* Gathers the star of a slot: all but rows and what is computed of them. False: no memory. */
 bool hood_gather(struct hood *hood, const struct working *working, uint32_t slot);
 void hood_fini(struct hood *hood);
 
+/* Where the slot is in the table, or else the free place that it would take. */
+static inline uint32_t numbering_place(const struct numbering *numbering, uint32_t slot)
+{
+    uint32_t at = slot * UINT32_C(0x9e3779b1) >> 15 & numbering->mask;
+    while (numbering->slots[at] != slot && numbering->slots[at] != TETLOD_NONE)
+        at = (at + 1) & numbering->mask;
+    return at;
+}
+
 /* The number of a neighbour, or TETLOD_NONE. */
 static inline uint32_t hood_number(const struct hood *hood, uint32_t slot)
 {
-    const uint32_t *found = table_find(&hood->numbers, slot);
-    return found ? *found : TETLOD_NONE;
+    uint32_t at = numbering_place(&hood->numbering, slot);
+    return hood->numbering.slots[at] == TETLOD_NONE ? TETLOD_NONE : hood->numbering.numbers[at];
 }
 
 static inline double *hood_plane(const struct hood *hood, uint32_t plane)

@@ -65,9 +65,10 @@ static void ask_boundary(const struct run *run, struct judge *judge, struct queu
 {
     double before = trial->error;
     double moved = boundary_moves(&run->boundary, run->complex, &judge->star, trial->position, &judge->shift);
-    if (!(moved <= run->boundary.limit))
+    if (!(moved <= run->boundary.limit)) {
         trial->error = INFINITY;
-    else if (metric_is_certified(run->options->metric) && !is_exact(run))
+        judge->refused[LOG_REFUSED_BOUNDARY]++;
+    } else if (metric_is_certified(run->options->metric) && !is_exact(run))
         metric_demand(&judge->scratch, run->fields, &judge->shift, number, &trial->error);
     if (trial->error > before)
         entry->witness_count = QUEUE_WITNESSES + 1;
@@ -207,5 +208,8 @@ bool judge_place(const struct run *run, struct judge *judge, const struct queue_
     else if (!optimum_position(run, star, p))
         return false;
     *moved = boundary_moves(&run->boundary, run->complex, star, p, &judge->shift);
-    return *moved <= run->boundary.limit && star_fits(star, run->complex, p);
+    bool stays = *moved <= run->boundary.limit, fits = stays && star_fits(star, run->complex, p);
+    judge->refused[LOG_REFUSED_BOUNDARY] += !stays;
+    judge->refused[LOG_REFUSED_FLIP] += stays && !fits;
+    return fits;
 }

@@ -20,6 +20,7 @@ struct judge {
     struct descent descent;   /* of the same */
     struct sampler sampler; /* of the measured metric */
     struct shift shift;
+    uint64_t refused[LOG_REFUSALS];
     struct tetlod_error error;
     enum tetlod_status status;
 };

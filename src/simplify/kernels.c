@@ -195,6 +195,8 @@ static inline bool halfway_with(const struct working *working, uint32_t from, ui
     wide r[3];
     for (int i = 0; i < 3; i++)
         r[i] = wide_all(target[i] - own[i]);
+    for (uint32_t i = 0; i < working->stars[from].count; i++)
+        __builtin_prefetch(working->corners[working->pool[working->stars[from].begin + i]]);
     for (uint32_t at = 0; four_of_star(working, from, &at, rows);) {
         wide corner[3][4], normals[3][3], weight[3], value[3];
         for (int k = 0; k < 3; k++) {

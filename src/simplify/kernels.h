@@ -45,6 +45,7 @@ struct weighing {
     uint32_t count;
     size_t room;
     const double **rows[4]; /* [tet] of the corners; the first is the end that it is at */
+    uint32_t (*slots)[4];   /* [tet] the same corners */
     uint8_t *moves;         /* [tet] it is kept, with the first corner moved */
     double *weights[3];     /* [tet] out: of the other corners */
     double *spread;         /* [tet] out: rounding of a value per difference of values (PROOF.md, 4) */

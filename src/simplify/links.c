@@ -12,7 +12,7 @@ enum { RING = 1, ALONG_B = 2, OPEN = 4 };
 void links_fini(struct links *links)
 {
     free(links->marks);
-    free(links->triangles);
+    free(links->beside);
     table_fini(&links->pairs);
     *links = (struct links){0};
 }
@@ -24,24 +24,31 @@ static inline uint64_t pair_key(uint32_t x, uint32_t y)
 
 static bool reserve(struct links *links, const struct hood *hood)
 {
-    void *marks = links->marks, *triangles = links->triangles;
+    void *marks = links->marks, *beside = links->beside;
     bool room = array_reserve(&marks, &links->mark_room, hood->count, 1) &&
-                array_reserve(&triangles, &links->triangle_room, hood->tet_count, sizeof *links->triangles);
+                array_reserve(&beside, &links->beside_room, hood->count, sizeof *links->beside);
     links->marks = marks;
-    links->triangles = triangles;
-    return room && table_clear(&links->pairs, 3 * (size_t)hood->tet_count);
+    links->beside = beside;
+    return room;
 }
 
-static void sort3(uint32_t v[3])
+/* The vertex x of the ring has y beside it. False: it has two already, so that the ring is no cycle and no path. */
+static bool join_ring(struct links *links, uint32_t x, uint32_t y)
 {
-    for (int i = 0; i < 3; i++) {
-        int a = i == 1, b = a + 1; // 0 1, 1 2, 0 1
-        if (v[a] > v[b]) {
-            uint32_t swap = v[a];
-            v[a] = v[b];
-            v[b] = swap;
-        }
-    }
+    uint32_t *beside = links->beside[x];
+    if (!(links->marks[x] & RING))
+        beside[0] = beside[1] = TETLOD_NONE;
+    links->marks[x] |= RING;
+    if (beside[0] != TETLOD_NONE && beside[1] != TETLOD_NONE)
+        return false;
+    beside[beside[0] != TETLOD_NONE] = y;
+    return true;
+}
+
+/* Is the edge of two vertices of the ring in Lk(ab)? */
+static inline bool in_ring(const struct links *links, uint32_t x, uint32_t y)
+{
+    return links->beside[x][0] == y || links->beside[x][1] == y;
 }
 
 /* Marks Lk(ab) by the tetrahedra of ab. False: one of them has boundary faces at both of its ends. */
@@ -56,9 +63,8 @@ static bool mark_ring(struct links *links, const struct hood *hood, const struct
         for (int k = 0; k < 3; k++)
             if (hood->corners[k][i] != b)
                 ring[count++ & 1] = hood->corners[k][i];
-        links->marks[ring[0]] |= RING;
-        links->marks[ring[1]] |= RING;
-        *table_at(&links->pairs, pair_key(ring[0], ring[1]), 1) = 1;
+        if (!join_ring(links, ring[0], ring[1]) || !join_ring(links, ring[1], ring[0]))
+            return false;
         unsigned faces = working->boundary_faces[hood->tets[i]];
         const uint32_t *corners = working->corners[hood->tets[i]];
         if (!faces)
@@ -72,47 +78,47 @@ static bool mark_ring(struct links *links, const struct hood *hood, const struct
     return true;
 }
 
-/* Edges of Lk(a) between vertices of the ring that are not of Lk(ab), and triangles. Returns how many triangles. */
-static uint32_t list_own(struct links *links, const struct hood *hood, uint32_t b)
+/* Lists what Lk(a) has between vertices of the ring that is not of Lk(ab): edges, and the triangle inside a ring of three. False: no
+ * memory. */
+static bool list_own(struct links *links, const struct hood *hood, uint32_t b)
 {
-    uint32_t triangles = 0;
+    links->pair_count = 0;
+    links->closed = false;
     for (uint32_t i = 0; i < hood->tet_count; i++) {
-        uint32_t v[3] = {hood->corners[0][i], hood->corners[1][i], hood->corners[2][i]}, on_ring = 0;
-        if (v[0] == b || v[1] == b || v[2] == b)
-            continue;
-        for (int k = 0; k < 3; k++) {
-            on_ring += links->marks[v[k]] & RING;
-            if (links->marks[v[k]] & links->marks[v[(k + 1) % 3]] & RING)
-                table_at(&links->pairs, pair_key(v[k], v[(k + 1) % 3]), 0);
+        uint32_t v[3] = {hood->corners[0][i], hood->corners[1][i], hood->corners[2][i]}, of_ring = 0;
+        for (int k = 0; k < 3 && v[0] != b && v[1] != b && v[2] != b; k++) {
+            uint32_t x = v[k], y = v[(k + 1) % 3];
+            if (!(links->marks[x] & links->marks[y] & RING))
+                continue;
+            if (in_ring(links, x, y))
+                of_ring++;
+            else if (!links->pair_count++ && !table_clear(&links->pairs, 3 * (size_t)hood->tet_count))
+                return false;
+            else
+                table_at(&links->pairs, pair_key(x, y), 0);
         }
-        if (on_ring == 3) {
-            sort3(v);
-            memcpy(links->triangles[triangles++], v, sizeof v);
-        }
+        links->closed |= of_ring == 3;
     }
-    return triangles;
+    return true;
 }
 
 /* A tetrahedron of b's star without a: does its link triangle meet Lk(a) in Lk(ab) only? */
-static bool meets_well(const struct links *links, const uint32_t v[3], uint32_t triangles)
+static bool meets_well(const struct links *links, const uint32_t v[3])
 {
-    uint32_t on_ring = 0, sorted[3] = {v[0], v[1], v[2]};
-    for (int k = 0; k < 3; k++) {
+    uint32_t of_ring = 0;
+    for (int k = 0; k < 3; k++)
         if (v[k] != TETLOD_NONE && !(links->marks[v[k]] & RING))
             return false;
-        on_ring += v[k] != TETLOD_NONE;
-    }
     for (int k = 0; k < 3; k++) {
         uint32_t x = v[k], y = v[(k + 1) % 3];
-        const uint32_t *found = x == TETLOD_NONE || y == TETLOD_NONE ? NULL : table_find(&links->pairs, pair_key(x, y));
-        if (found && !*found)
+        if (x == TETLOD_NONE || y == TETLOD_NONE)
+            continue;
+        if (in_ring(links, x, y))
+            of_ring++;
+        else if (links->pair_count && table_find(&links->pairs, pair_key(x, y)))
             return false;
     }
-    sort3(sorted);
-    for (uint32_t i = 0; i < triangles && on_ring == 3; i++)
-        if (memcmp(links->triangles[i], sorted, sizeof sorted) == 0)
-            return false;
-    return true;
+    return !(of_ring == 3 && links->closed); // then the ring is that triangle, and both have it
 }
 
 bool links_hold(struct links *links, const struct hood *hood, const struct working *working, uint32_t neighbour, bool *out_room)
@@ -129,7 +135,10 @@ bool links_hold(struct links *links, const struct hood *hood, const struct worki
     }
     if (!mark_ring(links, hood, working, neighbour))
         return false;
-    uint32_t triangles = list_own(links, hood, neighbour);
+    if (!list_own(links, hood, neighbour)) {
+        *out_room = false;
+        return false;
+    }
     for (uint32_t i = 0; i < star->count; i++) {
         uint32_t tet = working->pool[star->begin + i], v[3], count = 0;
         const uint32_t *corners = working->corners[tet];
@@ -141,7 +150,7 @@ bool links_hold(struct links *links, const struct hood *hood, const struct worki
             if (corners[c] != slot_b && count < 3)
                 v[count++] = corners[c] == slot_a ? TETLOD_NONE : hood_number(hood, corners[c]);
         }
-        if (!has_a && !meets_well(links, v, triangles))
+        if (!has_a && !meets_well(links, v))
             return false;
         for (unsigned f = 0; f < 4 && open && faces; f++)
             for (unsigned c = 0; c < 4 && faces >> f & 1 && corners[f] != slot_b; c++) {

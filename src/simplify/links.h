@@ -7,12 +7,15 @@
 #define TETLOD_LINKS_H
 
 #include "src/simplify/hood.h"
+#include "src/simplify/table.h"
 
 struct links {
-    uint8_t *marks; /* [neighbour] */
-    uint32_t (*triangles)[3];
-    size_t mark_room, triangle_room;
+    uint8_t *marks;        /* [neighbour] */
+    uint32_t (*beside)[2]; /* [neighbour] of the ring: the vertices before and behind it */
+    size_t mark_room, beside_room;
+    uint32_t pair_count;   /* edges of Lk(a) between vertices of the ring, but not of it: in `pairs` */
     struct table pairs;
+    bool closed;           /* Lk(a) has a triangle all of whose edges are the ring's */
 };
 
 void links_fini(struct links *links);

@@ -25,6 +25,7 @@ static bool reserve_weighing(struct weighing *weighing, size_t count)
         return true;
     size_t room = count + count / 2 + 64;
     bool done = true;
+    free(weighing->slots);
     free(weighing->moves);
     free(weighing->spread);
     for (int k = 0; k < 4; k++) {
@@ -35,9 +36,10 @@ static bool reserve_weighing(struct weighing *weighing, size_t count)
         free(weighing->weights[k]);
         done &= (weighing->weights[k] = array_new(room, sizeof(double))) != NULL;
     }
+    weighing->slots = array_new(room, sizeof *weighing->slots);
     weighing->moves = array_new(room, 1);
     weighing->spread = array_new(room, sizeof(double));
-    done &= weighing->moves && weighing->spread;
+    done &= weighing->slots && weighing->moves && weighing->spread;
     weighing->room = done ? room : 0;
     return done;
 }
@@ -60,9 +62,10 @@ static void list_star(struct weighing *weighing, uint32_t *list, const struct wo
         uint32_t at = weighing->count++;
         list[at] = tet;
         weighing->moves[at] = !both;
-        weighing->rows[0][at] = working_row(working, end);
-        for (int k = 0; k < 3; k++)
-            weighing->rows[k + 1][at] = working_row(working, corners[others[k]]);
+        for (int k = 0; k < 4; k++) {
+            uint32_t slot = weighing->slots[at][k] = k ? corners[others[k - 1]] : end;
+            weighing->rows[k][at] = working_row(working, slot);
+        }
     }
 }
 
@@ -85,8 +88,8 @@ static double continued(const struct weighing *weighing, uint32_t column, double
 }
 
 /* The same of the values that the fields have now, without their rounding: least and greatest. */
-static void continued_values(const struct worker *worker, const struct working *working, const struct join *join,
-                             const double *values, size_t stride, double out[2])
+static void continued_values(const struct worker *worker, const struct join *join, const double *values, size_t stride,
+                             double out[2])
 {
     const struct weighing *weighing = &worker->weighing;
     out[0] = INFINITY;
@@ -94,7 +97,7 @@ static void continued_values(const struct worker *worker, const struct working *
     for (uint32_t i = 0; i < weighing->count && !join->still; i++) {
         double f[4], value;
         for (int k = 0; k < 4; k++)
-            f[k] = values[(size_t)(weighing->rows[k][i] - working->rows) / working->stride * stride];
+            f[k] = values[weighing->slots[i][k] * stride];
         value = f[0] + weighing->weights[0][i] * (f[1] - f[0]) + weighing->weights[1][i] * (f[2] - f[0]) +
                 weighing->weights[2][i] * (f[3] - f[0]);
         out[0] = smaller(out[0], value);
@@ -167,11 +170,10 @@ static double carried_value(const struct worker *worker, const struct working *w
                             const struct working_field *field, uint32_t component)
 {
     double range[2], least = INFINITY, greatest = -INFINITY;
-    continued_values(worker, working, join, field->values + component, field->components, range);
+    continued_values(worker, join, field->values + component, field->components, range);
     for (uint32_t i = 0; i < worker->weighing.count; i++)
         for (int k = 0; k < 4; k++) {
-            size_t slot = (size_t)(worker->weighing.rows[k][i] - working->rows) / working->stride;
-            double value = field->values[slot * field->components + component];
+            double value = field->values[(size_t)worker->weighing.slots[i][k] * field->components + component];
             least = smaller(least, value);
             greatest = larger(greatest, value);
         }
@@ -219,7 +221,7 @@ static void set_components(const struct run *run, const struct worker *worker, c
         struct controlled *component = &working->components[c];
         const struct working_field *field = &working->fields[component->field];
         double range[2];
-        continued_values(worker, working, join, field->values + component->component, field->components, range);
+        continued_values(worker, join, field->values + component->component, field->components, range);
         double before = component->predicted[join->kept] + component->predicted[join->dead];
         component->predicted[join->kept] = before + larger(range[1] - values[c], values[c] - range[0]);
         predicted[c] = component->predicted[join->kept] * component->scale;

@@ -19,8 +19,14 @@ static const double EASED = 0.8;
 /* Times that a rung looks again at vertices whose stars have changed. */
 enum { MOST_PASSES = 3 };
 
+/* Of the proposals one in PART is compared at a time, those with the least priorities, until they are one in REFILL; fewer than FEW
+ * are not parted. */
+enum { PART = 4, REFILL = 8, FEW = 512 };
+
 /* Slots that are evaluated between two reports of progress. */
 enum { SLICE = 1 << 14 };
+
+enum listed { NOT_LISTED, LISTED_NOW, LISTED_LATER };
 
 struct list {
     uint32_t *slots;
@@ -32,7 +38,10 @@ struct rounds {
     struct run run;
     uint64_t *claims;      /* [slot] the least priority of a proposal with that end in this round */
     struct list alive;     /* slots, ascending */
-    struct list proposing, winners, again; /* again: to be evaluated */
+    struct list proposing, later; /* slots with proposals up to `bound`, and those beyond (some more than once) */
+    struct list winners, again;   /* again: to be evaluated */
+    uint8_t *listed;       /* [slot] enum listed */
+    uint64_t bound;        /* of the priorities that are proposed now */
     uint8_t *won;          /* [proposing] */
     size_t won_room;
     struct merged *merged; /* [winner] */
@@ -100,12 +109,38 @@ struct slice {
     size_t begin;
 };
 
+/* Memory is slow: what evaluating slots in turn will read is asked for some turns before, one step of the way in each turn. */
+static void fetch_ahead(const struct working *working, const uint32_t *slots, size_t left)
+{
+    const struct span *star;
+    if (left > 4)
+        __builtin_prefetch(&working->stars[slots[4]]);
+    if (left > 3)
+        __builtin_prefetch(working->pool + working->stars[slots[3]].begin);
+    if (left > 2) {
+        star = &working->stars[slots[2]];
+        for (uint32_t i = 0; i < star->count; i++)
+            __builtin_prefetch(working->corners[working->pool[star->begin + i]]);
+    }
+    if (left > 1) {
+        star = &working->stars[slots[1]];
+        for (uint32_t i = 0; i < star->count; i++) {
+            const uint32_t *corners = working->corners[working->pool[star->begin + i]];
+            for (int c = 0; c < 4 && corners[0] != TETLOD_NONE; c++)
+                __builtin_prefetch(working_row(working, corners[c]));
+        }
+    }
+}
+
 static void evaluate_range(void *context, unsigned worker, size_t begin, size_t end)
 {
     const struct slice *slice = context;
     struct rounds *rounds = slice->rounds;
-    for (size_t i = slice->begin + begin; i < slice->begin + end; i++)
-        evaluate(&rounds->run, &rounds->run.workers[worker], rounds->again.slots[i]);
+    const uint32_t *slots = rounds->again.slots + slice->begin;
+    for (size_t i = begin; i < end; i++) {
+        fetch_ahead(&rounds->working, slots + i, end - i);
+        evaluate(&rounds->run, &rounds->run.workers[worker], slots[i]);
+    }
 }
 
 /* Evaluates the vertices that are listed for it. Stars are pruned first, while nobody reads them. */
@@ -128,8 +163,80 @@ static enum tetlod_status take_proposals(struct rounds *rounds)
 {
     for (size_t i = 0; i < rounds->again.count; i++) {
         uint32_t slot = rounds->again.slots[i];
-        if (rounds->run.proposals.priority[slot] != PROPOSES_NOTHING && !list_add(&rounds->proposing, slot))
+        uint64_t priority = rounds->run.proposals.priority[slot];
+        enum listed place = priority <= rounds->bound ? LISTED_NOW : LISTED_LATER;
+        if (priority == PROPOSES_NOTHING || rounds->listed[slot] == LISTED_NOW || rounds->listed[slot] == place)
+            continue;
+        rounds->listed[slot] = (uint8_t)place;
+        if (!list_add(place == LISTED_NOW ? &rounds->proposing : &rounds->later, slot))
             return no_memory(rounds);
+    }
+    return TETLOD_OK;
+}
+
+/* Those that have nothing to propose any more leave. */
+static void drop_proposals(struct rounds *rounds)
+{
+    struct list *list = &rounds->proposing;
+    size_t kept = 0;
+    for (size_t i = 0; i < list->count; i++) {
+        uint32_t slot = list->slots[i];
+        if (rounds->run.proposals.priority[slot] != PROPOSES_NOTHING)
+            list->slots[kept++] = slot;
+        else
+            rounds->listed[slot] = NOT_LISTED;
+    }
+    list->count = kept;
+}
+
+static int compare_priorities(const void *a, const void *b)
+{
+    uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* A priority that about one in PART of the later ones is below. */
+static uint64_t find_bound(const struct rounds *rounds)
+{
+    enum { SAMPLES = 256 };
+    uint64_t samples[SAMPLES];
+    size_t count = rounds->later.count;
+    if (count < (size_t)FEW)
+        return PROPOSES_NOTHING - 1;
+    for (size_t i = 0; i < SAMPLES; i++)
+        samples[i] = rounds->run.proposals.priority[rounds->later.slots[i * count / SAMPLES]];
+    qsort(samples, SAMPLES, sizeof *samples, compare_priorities);
+    return samples[SAMPLES / PART] < PROPOSES_NOTHING ? samples[SAMPLES / PART] : PROPOSES_NOTHING - 1;
+}
+
+/* Moves later proposals up to the bound to those that are compared. */
+static enum tetlod_status advance(struct rounds *rounds)
+{
+    struct list *later = &rounds->later;
+    size_t kept = 0;
+    for (size_t i = 0; i < later->count; i++) {
+        uint32_t slot = later->slots[i];
+        uint64_t priority = rounds->run.proposals.priority[slot];
+        if (rounds->listed[slot] != LISTED_LATER)
+            continue;
+        if (priority > rounds->bound && priority != PROPOSES_NOTHING) {
+            later->slots[kept++] = slot;
+            continue;
+        }
+        rounds->listed[slot] = priority == PROPOSES_NOTHING ? NOT_LISTED : LISTED_NOW;
+        if (priority != PROPOSES_NOTHING && !list_add(&rounds->proposing, slot))
+            return no_memory(rounds);
+    }
+    later->count = kept;
+    return TETLOD_OK;
+}
+
+/* When few proposals are left the next best join them. So what is far from being the least is not compared in each round. */
+static enum tetlod_status refill(struct rounds *rounds)
+{
+    while (rounds->later.count && (!rounds->proposing.count || rounds->proposing.count < rounds->later.count / REFILL)) {
+        rounds->bound = find_bound(rounds);
+        TETLOD_TRY(advance(rounds));
     }
     return TETLOD_OK;
 }
@@ -165,15 +272,20 @@ static void release_range(void *context, unsigned worker, size_t begin, size_t e
     }
 }
 
-/* Is no vertex of the slot's star claimed by a lesser priority? */
-static bool unclaimed(const struct rounds *rounds, uint32_t slot, uint64_t priority)
+/* Is no vertex of the slot's star claimed by a lesser priority? The one that is is remembered. */
+static bool unclaimed(const struct rounds *rounds, uint32_t slot, uint64_t priority, uint32_t *blocker)
 {
     const struct span *star = &rounds->working.stars[slot];
+    const uint32_t *tets = rounds->working.pool + star->begin;
+    for (uint32_t i = 0; i < star->count; i++)
+        __builtin_prefetch(rounds->working.corners[tets[i]]);
     for (uint32_t i = 0; i < star->count; i++) {
-        const uint32_t *corners = rounds->working.corners[rounds->working.pool[star->begin + i]];
+        const uint32_t *corners = rounds->working.corners[tets[i]];
         for (int c = 0; c < 4 && corners[0] != TETLOD_NONE; c++)
-            if (rounds->claims[corners[c]] < priority)
+            if (rounds->claims[corners[c]] < priority) {
+                *blocker = corners[c];
                 return false;
+            }
     }
     return true;
 }
@@ -181,12 +293,14 @@ static bool unclaimed(const struct rounds *rounds, uint32_t slot, uint64_t prior
 static void win_range(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct rounds *rounds = context;
+    const struct proposals *proposals = &rounds->run.proposals;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        uint32_t slot = rounds->proposing.slots[i], other = rounds->run.proposals.target[slot] / 2;
-        uint64_t priority = rounds->run.proposals.priority[slot];
+        uint32_t slot = rounds->proposing.slots[i], other = proposals->target[slot] / 2, *blocker = &proposals->blocker[slot];
+        uint64_t priority = proposals->priority[slot];
         rounds->won[i] = rounds->claims[slot] >= priority && rounds->claims[other] >= priority &&
-                         unclaimed(rounds, slot, priority) && unclaimed(rounds, other, priority);
+                         rounds->claims[*blocker] >= priority && unclaimed(rounds, slot, priority, blocker) &&
+                         unclaimed(rounds, other, priority, blocker);
     }
 }
 
@@ -391,20 +505,15 @@ static enum tetlod_status contract(struct rounds *rounds)
 /* Until there is nothing to propose any more. */
 static enum tetlod_status play_rounds(struct rounds *rounds)
 {
-    struct proposals *proposals = &rounds->run.proposals;
+    TETLOD_TRY(refill(rounds));
     while (rounds->proposing.count && !finished(rounds)) {
-        size_t kept = 0;
         rounds->run.round++;
         TETLOD_TRY(choose_winners(rounds));
         TETLOD_TRY(contract(rounds));
         TETLOD_TRY(evaluate_again(rounds));
-        for (size_t i = 0; i < rounds->proposing.count; i++) {
-            uint32_t slot = rounds->proposing.slots[i];
-            if (proposals->priority[slot] != PROPOSES_NOTHING && proposals->evaluated[slot] != rounds->run.round)
-                rounds->proposing.slots[kept++] = slot;
-        }
-        rounds->proposing.count = kept;
+        drop_proposals(rounds);
         TETLOD_TRY(take_proposals(rounds));
+        TETLOD_TRY(refill(rounds));
         TETLOD_TRY(report(rounds));
     }
     return TETLOD_OK;
@@ -450,6 +559,7 @@ static enum tetlod_status list_changed(struct rounds *rounds)
 static enum tetlod_status climb_rung(struct rounds *rounds, double limit)
 {
     rounds->run.limit = limit;
+    rounds->bound = 0;
     rounds->run.round++;
     TETLOD_TRY(list_reached(rounds));
     for (int pass = 0; rounds->again.count && !finished(rounds); pass++) {
@@ -488,7 +598,7 @@ uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
     uint64_t components = 0;
     for (uint32_t f = 0; f < mesh->field_count; f++)
         components += mesh->fields[f].components;
-    uint64_t log = 16 + 24 + 8 * components, proposals = 8 + 4 + 8 + 8 + 1 + 8 + 4 + 13;
+    uint64_t log = 16 + 24 + 8 * components, proposals = 8 + 4 + 8 + 8 + 1 + 8 + 4 + 18;
     return working_bytes(mesh, controlled_count) + mesh->vertex_count * (log + proposals);
 }
 
@@ -502,14 +612,16 @@ static enum tetlod_status allocate(struct rounds *rounds)
     proposals->waits_changed = array_zero(n, sizeof(float));
     proposals->evaluated = array_zero(n, sizeof(uint32_t));
     proposals->changed = array_zero(n, sizeof(uint32_t));
+    proposals->blocker = array_zero(n, sizeof(uint32_t));
     proposals->dirty = array_zero(n, 1);
     rounds->claims = array_new(n, sizeof *rounds->claims);
+    rounds->listed = array_zero(n, 1);
     rounds->certified = array_zero(k, sizeof(double));
     rounds->predicted = array_zero(k, sizeof(double));
     rounds->run.factors = array_zero(k, sizeof(double));
     rounds->run.workers = array_zero(crew_size(rounds->run.crew), sizeof *rounds->run.workers);
     if (!proposals->priority || !proposals->target || !proposals->waits || !proposals->waits_changed || !proposals->evaluated ||
-        !proposals->changed || !proposals->dirty || !rounds->claims || !rounds->certified || !rounds->predicted ||
+        !proposals->changed || !proposals->blocker || !proposals->dirty || !rounds->claims || !rounds->listed || !rounds->certified || !rounds->predicted ||
         !rounds->run.factors || !rounds->run.workers)
         return no_memory(rounds);
     for (unsigned w = 0; w < crew_size(rounds->run.crew); w++) {
@@ -537,6 +649,7 @@ static void worker_fini(struct worker *worker)
         free(worker->weighing.rows[k]);
     for (int k = 0; k < 3; k++)
         free(worker->weighing.weights[k]);
+    free(worker->weighing.slots);
     free(worker->weighing.moves);
     free(worker->weighing.spread);
     free(worker->candidates);
@@ -552,10 +665,10 @@ static void rounds_fini(struct rounds *rounds)
     for (unsigned w = 0; rounds->run.workers && w < crew_size(rounds->run.crew); w++)
         worker_fini(&rounds->run.workers[w]);
     void *const owned[] = {rounds->run.workers,   rounds->run.factors, rounds->claims,       rounds->alive.slots,
-                           rounds->proposing.slots, rounds->winners.slots, rounds->again.slots, rounds->won,
+                           rounds->proposing.slots, rounds->later.slots, rounds->listed, rounds->winners.slots, rounds->again.slots, rounds->won,
                            rounds->merged,        rounds->errors,      rounds->certified,    rounds->predicted,
                            proposals->priority,   proposals->target,   proposals->waits,     proposals->waits_changed,
-                           proposals->evaluated,  proposals->changed,  proposals->dirty};
+                           proposals->evaluated,  proposals->changed,  proposals->blocker,     proposals->dirty};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     border_fini(&rounds->run.border);
@@ -581,7 +694,7 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     TETLOD_TRY_DONE(border_find(&rounds.working, rounds.run.crew, error));
     TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, mesh, options->boundary_angle, options->boundary_limit,
-                                options->boundary_least, error));
+                                options->boundary_least, crew_size(rounds.run.crew), error));
     TETLOD_TRY_DONE(allocate(&rounds));
     status = climb(&rounds);
     for (unsigned w = 0; w < crew_size(rounds.run.crew); w++)

@@ -3,9 +3,11 @@
 
 #include <float.h>
 #include <math.h>
+#include <stdlib.h>
 
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/vector.h"
+#include "src/util/array.h"
 
 /* Faces of both patches are at least this steep: the cosine of their normals with the direction of the map. */
 static const double LEAST_SLOPE = 0.2;
@@ -31,7 +33,8 @@ struct work {
     const struct star *star;
     const double *p;
     uint32_t count;
-    struct face faces[SHIFT_MOST_FACES];
+    struct shift *shift;
+    struct face *faces; /* the shift's */
     double direction[3], axes[2][3];
 };
 
@@ -57,7 +60,7 @@ static void face_normal(const struct work *work, const struct face *face, bool a
                    position(work, face->corners[2]), out);
 }
 
-/* Takes in a boundary face if one of its contracted corners moves. False: too many. */
+/* Takes in a boundary face if one of its contracted corners moves. False: no memory. */
 static bool add_face(struct work *work, const uint32_t corners[4], unsigned opposite)
 {
     struct face face = {0};
@@ -73,8 +76,10 @@ static bool add_face(struct work *work, const uint32_t corners[4], unsigned oppo
     }
     if (!moves)
         return true;
-    if (work->count == SHIFT_MOST_FACES)
+    work->shift->failed |= !array_reserve(&work->shift->faces, &work->shift->face_room, work->count + 1, sizeof *work->faces);
+    if (work->shift->failed)
         return false;
+    work->faces = work->shift->faces;
     struct face *out = &work->faces[work->count++];
     *out = (struct face){.vanishes = inside > 1};
     for (int k = 0; k < 3; k++) {
@@ -152,10 +157,27 @@ static bool over_plane(const struct work *work, const double n[3])
     return height > 0 && height * height > LEAST_SLOPE * LEAST_SLOPE * dot(n, n);
 }
 
+/* Is the direction in the sector from a to b, which turns left by less than half a turn? At a it is, at b it is not. */
+static bool in_sector(const double direction[2], const double a[2], const double b[2])
+{
+    double from = cross2(a, direction);
+    return (from > 0 || (from == 0 && a[0] * direction[0] + a[1] * direction[1] > 0)) && cross2(direction, b) > 0;
+}
+
+/* Does the new fan go around the result at most once? Then no sector begins inside another. */
+static bool goes_around_once(const struct work *work)
+{
+    for (uint32_t f = 0; f < work->count; f++)
+        for (uint32_t g = 0; g < work->count; g++)
+            if (f != g && !work->faces[f].vanishes && !work->faces[g].vanishes &&
+                in_sector(work->faces[f].flat[1], work->faces[g].flat[1], work->faces[g].flat[2]))
+                return false;
+    return true;
+}
+
 /* Are both patches graphs over the plane, and is the new one a fan that goes around at most once? */
 static bool graphs(const struct work *work, double cosine)
 {
-    double turn = 0;
     for (uint32_t f = 0; f < work->count; f++) {
         const struct face *face = &work->faces[f];
         double before[3], after[3];
@@ -165,20 +187,21 @@ static bool graphs(const struct work *work, double cosine)
         if (face->vanishes)
             continue;
         face_normal(work, face, true, after);
-        if (!over_plane(work, after) ||
+        if (!over_plane(work, after) || !(cross2(face->flat[1], face->flat[2]) > 0) ||
             dot(before, after) < cosine * sqrt(dot(before, before) * dot(after, after)))
             return false;
-        turn += atan2(cross2(face->flat[1], face->flat[2]),
-                      face->flat[1][0] * face->flat[2][0] + face->flat[1][1] * face->flat[2][1]);
     }
-    return turn < 6.2832; // a whole turn and its rounding
+    return goes_around_once(work);
 }
 
-/* Files a vertex of the overlay with its distance. False: no room. */
+/* Files a vertex of the overlay with its distance. False: no memory. */
 static bool add_point(struct shift *shift, const struct work *work, struct shift_point point)
 {
     double sum = 0;
-    if (shift->count == SHIFT_MOST_POINTS)
+    void *points = shift->points;
+    shift->failed |= !array_reserve(&points, &shift->point_room, shift->count + 1, sizeof *shift->points);
+    shift->points = points;
+    if (shift->failed)
         return false;
     for (int i = 0; i < 3; i++) {
         double d = 0, size = 0, *from = point.from_weights, *to = point.to_weights; // relative to the result
@@ -317,15 +340,18 @@ static bool map_vertices(struct shift *shift, struct work *work)
     return !result || map_result(shift, work);
 }
 
+void shift_fini(struct shift *shift)
+{
+    free(shift->points);
+    free(shift->faces);
+    *shift = (struct shift){0};
+}
+
 bool shift_map(struct shift *shift, const struct complex *complex, const struct star *star, const double p[3],
                double cosine)
 {
-    struct work work;
-    work.complex = complex;
-    work.star = star;
-    work.p = p;
-    work.count = shift->count = 0;
-    work.direction[0] = work.direction[1] = work.direction[2] = 0;
+    struct work work = {.complex = complex, .star = star, .p = p, .shift = shift};
+    shift->count = 0;
     if (!gather_faces(&work))
         return false;
     if (!work.count)

@@ -9,8 +9,6 @@
 
 #include "src/simplify/complex.h"
 
-enum { SHIFT_MOST_FACES = 256, SHIFT_MOST_POINTS = 1024 };
-
 /* A vertex of the overlay: a point of the old patch, and the one of the new patch that it is mapped to. */
 struct shift_point {
     uint32_t from[3], to[2]; /* slots */
@@ -21,11 +19,16 @@ struct shift_point {
 
 struct shift {
     uint32_t count;
-    struct shift_point points[SHIFT_MOST_POINTS];
+    struct shift_point *points;
+    void *faces; /* scratch */
+    size_t point_room, face_room;
+    bool failed; /* out of memory */
 };
 
+void shift_fini(struct shift *shift);
+
 /* Maps the boundary of a gathered star to what contracting to p makes of it. False: there is no such map, or a face would
- * turn by more than the angle of that cosine. No points: the boundary does not change. */
+ * turn by more than the angle of that cosine (or memory ran out: shift->failed). No points: the boundary does not change. */
 bool shift_map(struct shift *shift, const struct complex *complex, const struct star *star, const double p[3],
                double cosine);
 

@@ -176,8 +176,10 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     if (!judge_place(run, judge, entry, p, &moved))
         return refuse(run, *entry, INFINITY);
     TETLOD_TRY(star_link_condition(star, run->complex, &holds, run->error));
-    if (!holds)
+    if (!holds) {
+        judge->refused[LOG_REFUSED_LINK]++;
         return refuse(run, *entry, INFINITY);
+    }
     struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
     if (judge_try(run, judge, &judge->shift, run->limit, &trial, 1) != TETLOD_OK) {
         *run->error = judge->error;
@@ -188,8 +190,10 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     judge_assigned(run, judge, run->assigned);
     fields_outcome(run->fields, run->complex, star, &judge->shift, p, run->assigned, run->outcome);
     double certified = outcome_error(run->fields, run->outcome);
-    if (metric_is_certified(run->options->metric) && certified > run->limit * (1 + ROUNDING)) // its rounding is too much
+    if (metric_is_certified(run->options->metric) && certified > run->limit * (1 + ROUNDING)) { // its rounding is too much
+        judge->refused[LOG_REFUSED_ROUNDING]++;
         return refuse(run, *entry, certified);
+    }
     if (run->options->metric == METRIC_MEASURED)
         samples_contract(&run->samples, &judge->sampler, run->fields, star, trial.error);
     if (run->options->metric == METRIC_ENVELOPE)
@@ -284,6 +288,7 @@ static enum tetlod_status examine(const struct run *run, struct judge *judge, st
             TETLOD_TRY(ask(run, judge, work, horizon, false, &finding));
         else
             entry->witness_count = QUEUE_WITNESSES + 1;
+        judge->refused[LOG_REFUSED_SIZE] += finding.large;
         if (finding.allowed)
             return TETLOD_OK;
         if (finding.error < least) {
@@ -336,8 +341,10 @@ static enum tetlod_status contract_exactly(struct run *run, const struct work *w
         return file(run, entry, true);
     TETLOD_TRY(star_gather(star, run->complex, entry->vertices, vertex_count(entry), run->error));
     TETLOD_TRY(star_link_condition(star, run->complex, &holds, run->error));
-    if (!holds)
+    if (!holds) {
+        run->judges->refused[LOG_REFUSED_LINK]++;
         return refuse(run, *entry, INFINITY);
+    }
     double moved = boundary_moves(&run->boundary, run->complex, star, p, &run->judges->shift);
     fields_outcome(run->fields, run->complex, star, &run->judges->shift, p, work->values, run->outcome);
     TETLOD_TRY(overlaps_take(&run->overlaps, star, &work->handover, run->error));
@@ -346,11 +353,14 @@ static enum tetlod_status contract_exactly(struct run *run, const struct work *w
 
 static enum tetlod_status first_failure(struct run *run)
 {
-    for (unsigned j = 0; j < run->judge_count; j++)
+    for (unsigned j = 0; j < run->judge_count; j++) {
         if (run->judges[j].status != TETLOD_OK) {
             *run->error = run->judges[j].error;
             return run->judges[j].status;
         }
+        if (run->judges[j].shift.failed)
+            return tetlodi_fail_nomem(run->error, "a boundary", 0);
+    }
     return TETLOD_OK;
 }
 
@@ -525,6 +535,7 @@ static enum tetlod_status rung(struct run *run, double limit, bool named)
     for (int round = 0; any && !finished(run) && round < 4; round++) {
         uint32_t before = run->complex->log.count;
         TETLOD_TRY(is_exact(run) ? climb_exactly(run) : climb(run));
+        TETLOD_TRY(first_failure(run));
         if (run->complex->log.count == before)
             break;
         TETLOD_TRY(rescan(run, &any));
@@ -594,6 +605,7 @@ static void free_judges(struct run *run)
         examiner_fini(&run->judges[j].examiner);
         sampler_fini(&run->judges[j].sampler);
         descent_fini(&run->judges[j].descent);
+        shift_fini(&run->judges[j].shift);
     }
     free(run->judges);
 }
@@ -653,6 +665,9 @@ enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *m
     run.predicted = run.certified + fields.driver_count;
     run.assigned = run.predicted + fields.driver_count;
     TETLOD_TRY_DONE(run_ladder(&run));
+    for (unsigned j = 0; j < run.judge_count; j++)
+        for (int r = 0; r < LOG_REFUSALS; r++)
+            complex.log.refused[r] += run.judges[j].refused[r];
     log_finish(&complex.log);
     *out = complex.log;
     complex.log = (struct contraction_log){0};

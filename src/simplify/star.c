@@ -13,7 +13,8 @@ void star_fini(struct star *star)
     free(star->tets);
     free(star->moving);
     free(star->local_tets);
-    free(star->numbers);
+    free(star->marks);
+    table_fini(&star->filed);
     *star = (struct star){0};
 }
 
@@ -177,7 +178,10 @@ static enum tetlod_status copy_star(struct local_complex *copy, struct star *sta
     star->local_tets = grown;
     copy->tets = grown;
     copy->count = copy->vertex_count = 0;
-    complex->epoch++;
+    if (++complex->epoch == 0) { // it wraps
+        memset(complex->epoch_of, 0, complex->vertex_count * sizeof *complex->epoch_of);
+        complex->epoch = 1;
+    }
     for (uint32_t s = 0; s < star->simplex_count; s++)
         local_number(complex, star->simplex[s], &copy->vertex_count);
     uint32_t apex = copy->vertex_count++;
@@ -196,15 +200,7 @@ static enum tetlod_status copy_star(struct local_complex *copy, struct star *sta
     return TETLOD_OK;
 }
 
-enum { IN_A = 1, IN_B = 2, IN_AB = 4, MOST_RING = 64 };
-
-/* The ring: vertices of both links. row[k][i] has bit j where the edge of the ring's vertices i and j is in the link of a
- * (k = 0), b (1) or ab (2). */
-struct ring {
-    uint32_t count;
-    uint64_t row[3][MOST_RING];
-    uint32_t triangle_count[2], triangles[2][MOST_RING][3];
-};
+enum { IN_A = 1, IN_B = 2, IN_AB = 4 };
 
 static unsigned corner_mask(const uint32_t tet[4], uint32_t a, uint32_t b)
 {
@@ -214,74 +210,81 @@ static unsigned corner_mask(const uint32_t tet[4], uint32_t a, uint32_t b)
     return mask;
 }
 
-static void sort_triangle(uint32_t v[3])
+/* Is the vertex in both links? */
+static bool on_ring(const uint8_t *marks, uint32_t v)
 {
-    for (int i = 0; i < 3; i++) {
-        int j = i % 2; // pairs (0,1), (1,2), (0,1) sort three
-        if (v[j] > v[j + 1]) {
-            uint32_t swap = v[j];
-            v[j] = v[j + 1];
-            v[j + 1] = swap;
-        }
-    }
+    return (marks[v] & (IN_A | IN_B)) == (IN_A | IN_B);
 }
 
-/* Adds what a tetrahedron's opposite edge or triangle gives to the ring's edges and triangles. False: no room. */
-static bool ring_add(struct ring *ring, const uint32_t tet[4], unsigned mask, uint32_t a, uint32_t b,
-                     const uint32_t *number)
+/* Numbers of a copy's vertices are below 2^21; a triangle's key has the highest bit set. */
+static const uint32_t MOST_OF_COPY = UINT32_C(1) << 21;
+
+static uint64_t pair_key(uint32_t x, uint32_t y)
 {
-    uint32_t link[3];
-    int count = 0;
-    for (int c = 0; c < 4; c++)
-        if (tet[c] != a && tet[c] != b && number[tet[c]] != TETLOD_NONE)
-            link[count++] = number[tet[c]];
-    for (int i = 0; i < count; i++)
-        for (int j = 0; j < count; j++)
-            for (int k = 0; k < 2 && i != j; k++)
-                ring->row[k][link[i]] |= mask & (1u << k) ? (uint64_t)1 << link[j] : 0;
-    if (mask == (IN_A | IN_B) && count == 2) {
-        ring->row[2][link[0]] |= (uint64_t)1 << link[1];
-        ring->row[2][link[1]] |= (uint64_t)1 << link[0];
-    }
-    if (mask == (IN_A | IN_B) || count < 3)
-        return true;
-    int side = mask == IN_B;
-    if (ring->triangle_count[side] == MOST_RING)
-        return false;
-    sort_triangle(link);
-    memcpy(ring->triangles[side][ring->triangle_count[side]++], link, sizeof link);
-    return true;
+    return x < y ? (uint64_t)x << 32 | y : (uint64_t)y << 32 | x;
 }
 
-/* Lk(a) and Lk(b) meet in Lk(ab) only. `marks` and `number` have room for the copy's vertices. */
-static bool edge_links_meet_well(const struct local_complex *copy, uint32_t a, uint32_t b, uint8_t *marks,
-                                 uint32_t *number)
+static uint32_t smallest(uint32_t x, uint32_t y)
 {
-    struct ring ring;
-    memset(&ring, 0, sizeof ring);
+    return x < y ? x : y;
+}
+
+static uint64_t triangle_key(const uint32_t v[3])
+{
+    uint64_t least = smallest(v[0], smallest(v[1], v[2])), sum = (uint64_t)v[0] + v[1] + v[2];
+    uint64_t greatest = (uint32_t)~smallest(~v[0], smallest(~v[1], ~v[2]));
+    return (uint64_t)1 << 63 | least << 42 | (sum - least - greatest) << 21 | greatest;
+}
+
+/* Marks the vertices of both links, and files the edges of Lk(ab) with the value 1. False: a common vertex is outside Lk(ab). */
+static bool file_ring(struct table *filed, uint8_t *marks, const struct local_complex *copy, uint32_t a, uint32_t b)
+{
     memset(marks, 0, copy->vertex_count);
     for (uint32_t i = 0; i < copy->count; i++) {
         unsigned mask = corner_mask(copy->tets[i], a, b);
-        for (int c = 0; c < 4 && mask; c++)
+        uint32_t ends[2] = {0, 0}, count = 0;
+        for (int c = 0; c < 4 && mask; c++) {
             marks[copy->tets[i][c]] |= (uint8_t)(mask == (IN_A | IN_B) ? IN_A | IN_B | IN_AB : mask);
+            if (copy->tets[i][c] != a && copy->tets[i][c] != b)
+                ends[count++ & 1] = copy->tets[i][c];
+        }
+        if (mask == (IN_A | IN_B))
+            *table_at(filed, pair_key(ends[0], ends[1]), 1) = 1;
     }
-    for (uint32_t v = 0; v < copy->vertex_count; v++) {
-        bool both = v != a && v != b && (marks[v] & (IN_A | IN_B)) == (IN_A | IN_B);
-        if (both && (!(marks[v] & IN_AB) || ring.count == MOST_RING))
-            return false; // a common vertex outside Lk(ab); or a ring so large that its star is no good anyway
-        number[v] = both ? ring.count++ : TETLOD_NONE;
-    }
-    for (uint32_t i = 0; i < copy->count; i++) {
-        unsigned mask = corner_mask(copy->tets[i], a, b);
-        if (mask && !ring_add(&ring, copy->tets[i], mask, a, b, number))
+    marks[a] = marks[b] = 0;
+    for (uint32_t v = 0; v < copy->vertex_count; v++)
+        if (on_ring(marks, v) && !(marks[v] & IN_AB))
             return false;
-    }
-    for (uint32_t i = 0; i < ring.count; i++)
-        if (ring.row[0][i] & ring.row[1][i] & ~ring.row[2][i])
-            return false;
-    for (uint32_t i = 0; i < ring.triangle_count[0]; i++)
-        for (uint32_t j = 0; j < ring.triangle_count[1]; j++)
-            if (memcmp(ring.triangles[0][i], ring.triangles[1][j], sizeof ring.triangles[0][i]) == 0)
+    return true;
+}
+
+/* What a tetrahedron of a or of b has between vertices of the ring: of a it is filed; of b, false if a has it and Lk(ab) does not. */
+static bool compare_links(struct table *filed, const uint8_t *marks, const uint32_t tet[4], unsigned mask)
+{
+    uint32_t v[4], count = 0;
+    for (int c = 0; c < 4; c++)
+        if (on_ring(marks, tet[c]))
+            v[count++] = tet[c];
+    for (uint32_t i = 0; i < count; i++)
+        for (uint32_t k = i + 1; k < count; k++) {
+            uint64_t key = pair_key(v[i], v[k]);
+            const uint32_t *found = mask == IN_A ? table_at(filed, key, 0) : table_find(filed, key);
+            if (mask == IN_B && found && !*found)
+                return false;
+        }
+    if (count == 3 && mask == IN_A)
+        table_at(filed, triangle_key(v), 0);
+    return !(count == 3 && mask == IN_B && table_find(filed, triangle_key(v)));
+}
+
+/* Lk(a) and Lk(b) meet in Lk(ab) only. The table is empty and has room for all. */
+static bool edge_links_meet_well(const struct local_complex *copy, uint32_t a, uint32_t b, uint8_t *marks, struct table *filed)
+{
+    if (!file_ring(filed, marks, copy, a, b))
+        return false;
+    for (unsigned mask = IN_A; mask <= IN_B; mask++)
+        for (uint32_t i = 0; i < copy->count; i++)
+            if (corner_mask(copy->tets[i], a, b) == mask && !compare_links(filed, marks, copy->tets[i], mask))
                 return false;
     return true;
 }
@@ -303,17 +306,18 @@ static void copy_contract(struct local_complex *copy, uint32_t a, uint32_t b)
 enum tetlod_status star_link_condition(struct star *star, struct complex *complex, bool *out_holds,
                                        struct tetlod_error *error)
 {
-    struct local_complex copy;
+    struct local_complex copy = {0};
     *out_holds = false;
     TETLOD_TRY(copy_star(&copy, star, complex, error));
-    void *grown = star->numbers;
-    if (!array_reserve(&grown, &star->number_capacity, copy.vertex_count, sizeof(uint32_t) + 1))
-        return tetlodi_fail_nomem(error, "a link", copy.vertex_count * (sizeof(uint32_t) + 1));
-    star->numbers = grown;
-    *out_holds = true;
+    void *grown = star->marks;
+    if (!array_reserve(&grown, &star->mark_capacity, copy.vertex_count, 1))
+        return tetlodi_fail_nomem(error, "a link", copy.vertex_count);
+    star->marks = grown;
+    *out_holds = copy.vertex_count < MOST_OF_COPY;
     for (uint32_t s = 1; s < star->simplex_count && *out_holds; s++) {
-        uint8_t *marks = (uint8_t *)(star->numbers + copy.vertex_count);
-        *out_holds = edge_links_meet_well(&copy, 0, s, marks, star->numbers);
+        if (!table_clear(&star->filed, 4 * (size_t)copy.count))
+            return tetlodi_fail_nomem(error, "a link", copy.count * (uint64_t)72);
+        *out_holds = edge_links_meet_well(&copy, 0, s, star->marks, &star->filed);
         copy_contract(&copy, 0, s);
     }
     return TETLOD_OK;

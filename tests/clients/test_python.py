@@ -61,7 +61,10 @@ def test_both_decoders_agree():
         assert repr(a) == repr(b), path
         count = len(a.levels)
         for level in (*range(count), count // 2, 0, count - 1):
-            assert same(*(stream.seek(level).mesh for stream in streams)), (path, level)
+            meshes = [stream.seek(level).mesh for stream in streams]
+            assert same(*meshes), (path, level)
+            assert all(np.array_equal(meshes[0].cells[name], meshes[1].cells[name], equal_nan=True) and
+                       len(meshes[0].cells[name]) == len(meshes[0].tets) for name in a.cells), (path, level)
 
 
 def test_levels_are_those_of_the_program():
@@ -204,6 +207,24 @@ class Slow(http.server.BaseHTTPRequestHandler):
         pass
 
 
+def test_cells():
+    """Values of tetrahedra, of a file and of a server, which is asked for them alone."""
+    mesh = tetlod.read(FIN)
+    material = (mesh.points[mesh.tets].mean(axis=1)[:, 0] > 0).astype('i4')
+    made = os.path.join(SCRATCH, 'material.tetlod')
+    tetlod.build(mesh.points, mesh.tets, mesh.fields, cells={'material': material}, output=made, program=TETLOD, field='Pressure')
+    level = tetlod.read(made, error=0.02)
+    assert list(level.cells) == ['material'] and set(level.cells['material']) == {0, 1} and level.cells['material'].dtype.kind == 'i'
+    assert level.to_meshio().cell_data['material'][0].shape == (len(level.tets),)
+    assert level.to_vtk().GetCellData().GetArray('material').GetNumberOfTuples() == len(level.tets)
+    with Server(made) as server:
+        for decoder in ('library', 'python'):
+            stream = tetlod.open(server.url + 'v1/meshes/material', error=0.02, decoder=decoder)
+            found = stream.seek(error=0.02).mesh
+            assert stream._source.requests == 1 and np.array_equal(found.cells['material'], level.cells['material'])
+            assert stream._source.requests == 2 and len(stream._source.data) == stream.levels[found.level].bytes
+
+
 def test_levels_while_bytes_arrive():
     server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), Slow)
     threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -276,7 +297,7 @@ def test_pyvista():
 def test_structs_are_those_of_the_header():
     """Sizes and places of members as a C compiler lays them out."""
     pairs = {'tetlod_error': _library.CError, 'tetlod_source': _library.CSource, 'tetlod_field': _library.CField,
-             'tetlod_level': _library.CLevel, 'tetlod_info': _library.CInfo, 'tetlod_mesh': _library.CMesh}
+             'tetlod_level': _library.CLevel, 'tetlod_cell_field': _library.CCellField, 'tetlod_info': _library.CInfo, 'tetlod_mesh': _library.CMesh}
     lines = ['printf("%%zu\\n", sizeof(struct %s));' % name for name in pairs]
     wanted = [ctypes.sizeof(struct) for struct in pairs.values()]
     for name, struct in pairs.items():
@@ -333,4 +354,4 @@ def test_types():
 command('sample', 'fin', '--size', '18', '-o', os.path.join(SCRATCH, 'fin.vtu'))
 command('build', os.path.join(SCRATCH, 'fin.vtu'), '-o', FIN)
 run([test_both_decoders_agree, test_levels_are_those_of_the_program, test_choices, test_local_sources, test_arrays_are_safe, test_cut_off,
-     test_server, test_levels_while_bytes_arrive, test_build, test_pyvista, test_structs_are_those_of_the_header, test_documents, test_types])
+     test_server, test_cells, test_levels_while_bytes_arrive, test_build, test_pyvista, test_structs_are_those_of_the_header, test_documents, test_types])

@@ -8,7 +8,7 @@ import re
 from common import ROOT, finish, report
 
 # folder: what it may include beside itself and libc; a name that ends in / is a folder. CONTRIBUTING.md says why.
-FORMAT = ['format/tetlod.h', 'format/fail.h', 'format/writer.h', 'format/utf8.h']
+FORMAT = ['format/tetlod.h', 'format/fail.h', 'format/writer.h', 'format/utf8.h', 'format/cut.h']
 ARRAYS = FORMAT + ['src/util/']
 MESHES = ARRAYS + ['src/mesh/']
 LAYERS = {
@@ -30,7 +30,7 @@ LAYERS = {
     'server/answer': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/forest/', 'src/measure/region_error.h', 'format/reader.h', 'server/store/'],
     'server/store': MESHES + ['src/report/', 'format/reader.h'],
     'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
-    'src/cli': MESHES + ['src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'server/server.h'],
+    'src/cli': ['format/bytes.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'server/server.h'],
 }
 LIBC = set('''assert ctype dirent errno fcntl float getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
     stdint stdio stdlib string strings time unistd sys/mman sys/resource sys/stat sys/types'''.split())

@@ -65,6 +65,7 @@ static void close_world(struct world *world)
     fields_fini(&world->fields);
     complex_fini(&world->complex);
     star_fini(&world->star);
+    shift_fini(&world->shift);
     tetmesh_fini(&world->mesh);
 }
 

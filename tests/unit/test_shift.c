@@ -19,7 +19,7 @@ static void test_pyramid(void)
                            .corners = corners};
     struct complex complex;
     struct star star = {0};
-    static struct shift shift;
+    struct shift shift = {0};
     double values[6] = {7, 3, 2, 5, 2, 0};
     REQUIRE(complex_init(&complex, &mesh, NULL) == TETLOD_OK);
     REQUIRE(star_gather(&star, &complex, (uint32_t[]){0, 1}, 2, NULL) == TETLOD_OK);
@@ -32,6 +32,7 @@ static void test_pyramid(void)
     CHECK_NEAR(shift_greatest(&shift, values), 9, 1e-12);
     CHECK(shift_least(&shift, values, 0) >= 9 && shift_greatest(&shift, values) <= 9);
     CHECK(!shift_map(&shift, &complex, &star, positions + 3, 0.99)); // the faces turn by 14 degrees
+    shift_fini(&shift);
     star_fini(&star);
     complex_fini(&complex);
 }
@@ -74,7 +75,7 @@ static void check_points(const struct shift *shift, const struct complex *comple
 static void test_curved(void)
 {
     static const char *const names[] = {"torus", "shell"};
-    static struct shift shift;
+    struct shift shift = {0};
     for (int i = 0; i < 2; i++) {
         struct tetmesh mesh = {0};
         struct complex complex;
@@ -103,6 +104,7 @@ static void test_curved(void)
         complex_fini(&complex);
         tetmesh_fini(&mesh);
     }
+    shift_fini(&shift);
 }
 
 int main(void)

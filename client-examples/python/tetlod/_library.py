@@ -18,7 +18,8 @@ from ._sources import Source
 from .reference import StreamError
 
 VERSION = '0.1'  # of the library: structs may differ in another one
-ERR_NOMEM, ERR_LIMIT, ERR_IO = 10, 11, 12
+ERR_NOMEM, ERR_IO = 10, 12
+CELL_TYPES = ('f4', 'f8', 'i1', 'i2', 'i4', 'i8')  # by enum tetlod_cell_type
 READ = ctypes.CFUNCTYPE(c_int, c_void_p, c_uint64, c_void_p, c_size_t)
 
 
@@ -40,12 +41,17 @@ class CLevel(Structure):
                 ('errors', POINTER(c_double)), ('reserved', c_uint64 * 2)]
 
 
+class CCellField(Structure):
+    _fields_ = [('name', c_char_p), ('components', c_uint32), ('type', c_int), ('region', c_int), ('range', c_double * 2),
+                ('reserved', c_uint64 * 2)]
+
+
 class CInfo(Structure):
     _fields_ = [('cid', c_char * 33), ('vertices', c_uint32), ('tets', c_uint32), ('bytes', c_uint64), ('bounds', c_double * 6),
                 ('position_type', c_int), ('lossless', c_int), ('degenerate_tets', c_uint64), ('inverted_tets', c_uint64),
                 ('unused_points', c_uint64), ('field_count', c_uint32), ('level_count', c_uint32), ('fields', POINTER(CField)),
                 ('levels', POINTER(CLevel)), ('metadata', c_char_p), ('metadata_size', c_size_t), ('keeps_order', c_int),
-                ('section_count', c_uint32), ('sections', c_void_p)]
+                ('section_count', c_uint32), ('sections', c_void_p), ('cell_field_count', c_uint32), ('cell_fields', POINTER(CCellField))]
 
 
 class CMesh(Structure):
@@ -58,6 +64,7 @@ FUNCTIONS: Dict[str, Tuple[Any, List[Any]]] = {
     'tetlod_open': (c_int, [POINTER(c_void_p), POINTER(CSource), c_void_p, POINTER(CError)]),
     'tetlod_close': (None, [c_void_p]),
     'tetlod_info': (POINTER(CInfo), [c_void_p]),
+    'tetlod_cells': (c_int, [c_void_p, c_uint32, c_void_p, POINTER(CError)]),
     'tetlod_cursor_new': (c_int, [POINTER(c_void_p), c_void_p, POINTER(c_uint32), c_uint32, POINTER(CError)]),
     'tetlod_cursor_free': (None, [c_void_p]),
     'tetlod_cursor_seek': (c_int, [c_void_p, c_uint32, POINTER(CError)]),
@@ -158,7 +165,7 @@ class LibraryDecoder:
             levels.append(Level(number, level.vertices, level.tets, level.end, level.domain_error, errors))
         b = c.bounds[:]
         return Info(c.cid.decode(), c.vertices, c.tets, c.bytes, ((b[0], b[1], b[2]), (b[3], b[4], b[5])), bool(c.lossless), fields,
-                    tuple(levels), metadata_of(c.metadata))
+                    tuple(levels), metadata_of(c.metadata), tuple(f.name.decode() for f in c.cell_fields[:c.cell_field_count]))
 
     def seek(self, level: int) -> None:
         error = CError()
@@ -176,6 +183,15 @@ class LibraryDecoder:
             fields[field.name] = view(self, mesh.fields[number], shape, '=f8')
         points = view(self, mesh.positions, (mesh.vertices, 3), '=f8')
         return points, view(self, mesh.corners, (mesh.tets, 4), '=u4'), fields
+
+
+    def cells(self, name: str) -> Any:
+        number = self.info.cells.index(name)
+        field, error = self._library.tetlod_info(self._file).contents.cell_fields[number], CError()
+        shape = (self.info.tets,) if field.components == 1 else (self.info.tets, field.components)
+        values = np.empty(shape, np.float64)
+        self._check(self._library.tetlod_cells(self._file, number, values.ctypes.data, byref(error)), error)
+        return values.astype(CELL_TYPES[field.type])
 
 
 def metadata_of(text: Optional[bytes]) -> Dict[str, Any]:

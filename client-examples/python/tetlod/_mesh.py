@@ -2,10 +2,32 @@
 """One level as arrays, and as a mesh of VTK, PyVista and meshio."""
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any, Dict
+from dataclasses import dataclass
+from typing import Any, Callable, Dict, Iterator, Mapping, Sequence
 
 VTK_TETRA = 10
+
+
+class Cells(Mapping[str, Any]):
+    """Values of tetrahedra by name. They lie at the end of a stream, and are read when they are asked for."""
+
+    def __init__(self, names: Sequence[str], read: Callable[[str], Any], count: int) -> None:
+        self._names, self._read, self._count, self._held = names, read, count, {}  # type: Sequence[str], Callable[[str], Any], int, Dict[str, Any]
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._names:
+            raise KeyError(name)
+        if name not in self._held:
+            values = self._read(name)[:self._count]
+            values.flags.writeable = False
+            self._held[name] = values
+        return self._held[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -13,7 +35,7 @@ class Mesh:
     """A level. `points` (n, 3), `tets` (m, 4), `fields` by name: (n,) or (n, components). The arrays are read-only.
 
     `error` is the error that was asked for: the largest of the fields meant, in the measure meant, as a fraction of the range.
-    `errors[field][measure]` are all of them. `cells` holds values of tetrahedra, by name, where the stream has such.
+    `errors[field][measure]` are all of them. `cells` holds values of tetrahedra by name, such as materials.
     """
     points: Any
     tets: Any
@@ -22,7 +44,7 @@ class Mesh:
     error: float
     errors: Dict[str, Dict[str, float]]
     domain_error: float
-    cells: Dict[str, Any] = field(default_factory=dict)
+    cells: Mapping[str, Any]
 
     def to_vtk(self) -> Any:
         """A vtkUnstructuredGrid with copies of the arrays. Needs the vtk package."""

@@ -33,7 +33,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Info:
-    """The index of a stream."""
+    """The index of a stream. `cells` are the names of fields whose values belong to tetrahedra."""
     cid: str
     vertices: int
     tets: int
@@ -43,6 +43,7 @@ class Info:
     fields: Tuple[Field, ...]
     levels: Tuple[Level, ...]
     metadata: Dict[str, Any]
+    cells: Tuple[str, ...]
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,9 @@ class PythonDecoder:
             self._cursor = self._stream.cursor(self._names)
         self._cursor.seek(level)
 
+    def cells(self, name: str) -> Any:
+        return self._stream.cells(name)
+
     def arrays(self) -> Tuple[Any, Any, Dict[str, Any]]:
         arrays = [self._cursor.positions, self._cursor.tets, *(self._cursor.field(name) for name in self._names)]
         for array in arrays:
@@ -36,4 +39,5 @@ def information(stream: Any) -> Info:
     exact = [f['exact_later'] or not scale.bits for f, scale in zip(stream.fields, stream.scales[1:])]
     low, high = stream.bounds
     return Info(stream.cid, stream.vertices, stream.tets, stream.bytes, ((low[0], low[1], low[2]), (high[0], high[1], high[2])),
-                not stream.scales[0].bits and all(exact), fields, levels, stream.metadata)
+                not stream.scales[0].bits and all(exact), fields, levels, stream.metadata,
+                tuple(f['name'] for f in stream.cell_fields))

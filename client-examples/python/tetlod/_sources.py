@@ -2,6 +2,7 @@
 """Where a stream's bytes come from: memory, a file, a tetlod server, or any web host."""
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
 import os
@@ -62,9 +63,6 @@ class File(Source):
             offset, size = offset + len(part), size - len(part)
         return b''.join(parts)
 
-    def close(self) -> None:
-        self.file.close()
-
 
 class Remote(Source):
     """Bytes that arrive in order. Only those that a level needs are asked for, in one request; reading waits for them."""
@@ -82,6 +80,8 @@ class Remote(Source):
 
     def read(self, offset: int, size: int) -> bytes:
         end = offset + size
+        if offset > max(len(self.data), self.wanted) and (apart := self._apart(offset, size)) is not None:
+            return apart
         while len(self.data) < end:
             if self.answer is None and not self._ask(max(end, self.wanted)):
                 break
@@ -95,6 +95,11 @@ class Remote(Source):
         if self.answer is not None:
             self.answer.close()
             self.answer = None
+
+    def _apart(self, offset: int, size: int) -> Optional[bytes]:
+        """A section behind levels that nobody wants, by a request of its own. None: the host does not answer Range requests."""
+        with contextlib.closing(self._open(self.url, {'Range': 'bytes=%d-%d' % (offset, offset + size - 1)})) as answer:
+            return answer.read() if answer.status == 206 else None
 
     def _receive(self) -> None:
         assert self.answer is not None
@@ -120,8 +125,6 @@ class Remote(Source):
         if self.tag:
             headers['If-Range'] = self.tag  # the file may be replaced between two requests: then the answer is all of the new one
         answer = self._open(self.url, headers)
-        if answer is None:
-            return False
         if answer.status == 200:
             if have:
                 answer.close()
@@ -133,14 +136,12 @@ class Remote(Source):
         self.answer = answer
         return True
 
-    def _open(self, url: str, headers: Dict[str, str]) -> Optional[http.client.HTTPResponse]:
+    def _open(self, url: str, headers: Dict[str, str]) -> http.client.HTTPResponse:
         self.requests += 1
         try:
             answer: http.client.HTTPResponse = urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=TIMEOUT)
             return answer
         except urllib.error.HTTPError as refused:
-            if refused.code == 416:  # nothing is there
-                return None
             raise OSError('%s: %s' % (url, explanation(refused))) from None
         except urllib.error.URLError as problem:
             raise OSError('%s: %s' % (url, problem.reason)) from None
@@ -165,8 +166,7 @@ class Server(Remote):
         if set(query) <= {'field', 'measure'}:
             query['tets'] = str(MOST_TETS)  # the finest level
         self.answer = self._open(url + '/prefix?' + urllib.parse.urlencode(query), {})
-        if self.answer is not None:
-            self.wanted = int(self.answer.headers.get('Content-Length') or 0)
+        self.wanted = int(self.answer.headers.get('Content-Length') or 0)
         self.start()
         if len(self.data) >= HEADER:
             self.url = '%s/%s/stream' % (url, self.data[40:56].hex())

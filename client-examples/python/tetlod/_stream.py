@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Any, Iterator, Optional, Sequence, Tuple, Type, Union
 
 from ._library import LibraryDecoder, library_path
-from ._mesh import Mesh
+from ._mesh import Cells, Mesh
 from ._model import Choice, Field, Fraction, Info, Level, error_of, level_for
 from ._python import PythonDecoder
 from ._sources import Location, Progress, Source, open_source
@@ -95,7 +95,8 @@ class Stream:
         points, tets, fields = self._decoder.arrays()
         if copy:
             points, tets, fields = frozen(points), frozen(tets), {name: frozen(values) for name, values in fields.items()}
-        return Mesh(points, tets, fields, self.level, error_of(level, self.fields, self._choice), level.errors, level.domain_error)
+        return Mesh(points, tets, fields, self.level, error_of(level, self.fields, self._choice), level.errors, level.domain_error,
+                    Cells(self.info.cells, self._decoder.cells, len(tets)))
 
     def _available(self, choice: Choice) -> int:
         """The level that is meant. Of a stream that is cut off: the finest that is there, unless the choice needs a finer one."""

@@ -727,6 +727,7 @@ enum tetlod_status exact_examine(struct examiner *examiner, const struct overlap
     bool hope = ask_sentinels(&e) && examiner->point_count != SIZE_MAX;
     if (hope) {
         TETLOD_TRY(gather(examiner, overlaps, fields, star, &good, error));
+        out->large = !good;
         if (!good)
             return TETLOD_OK;
         open_intervals(examiner, fields, limit);

@@ -48,6 +48,7 @@ struct examiner {
 
 struct finding {
     bool allowed;
+    bool large;          /* it was not asked: the star has too many originals in it */
     double error;        /* fraction of the range of the worst weighted driver; if not allowed, a lower bound of it */
     struct sentinel witness[2]; /* if not allowed: while their tetrahedra stay as they are, so does the bound; without one it always does */
 };

@@ -1,0 +1,103 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The table of levels that build and info print. */
+#include <math.h>
+#include <stdio.h>
+#include <sys/stat.h>
+
+#include "src/cli/cli.h"
+#include "src/report/promise.h"
+
+/* The errors whose levels are shown: those that people ask for. */
+static const double shown_errors[] = {0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001};
+
+uint32_t cli_finest_here(const struct tetlod_info *info, int fd)
+{
+    struct stat about;
+    uint32_t level = info->level_count;
+    if (fstat(fd, &about) != 0)
+        return info->level_count - 1;
+    while (level > 0 && info->levels[level - 1].end > (uint64_t)about.st_size)
+        level--;
+    return level ? level - 1 : TETLOD_NONE;
+}
+
+/* The field that the table's errors are about: the first controlled one. */
+static uint32_t shown_field(const struct tetlod_info *info)
+{
+    for (uint32_t f = 0; f < info->field_count; f++)
+        if (info->fields[f].controlled)
+            return f;
+    return 0;
+}
+
+/* Where max is not known, what is measured says which levels to show. */
+static enum tetlod_measure shown_measure(const struct tetlod_info *info, uint32_t field)
+{
+    return info->field_count && isnan(info->levels[0].errors[field * TETLOD_MEASURES + TETLOD_MAX]) ? TETLOD_SAMPLED : TETLOD_MAX;
+}
+
+static bool is_shown(const struct tetlod_info *info, uint32_t field, uint32_t level)
+{
+    bool shown = level == 0 || level + 1 == info->level_count || !info->field_count;
+    for (size_t i = 0; i < sizeof shown_errors / sizeof *shown_errors && !shown; i++)
+        shown = tetlod_level_for_error(info, shown_errors[i], field, shown_measure(info, field)) == level;
+    return shown;
+}
+
+/* `predicted` is for those who ask for everything. */
+static int measure_count(bool all)
+{
+    return all ? TETLOD_MEASURES : TETLOD_PREDICTED;
+}
+
+static void print_head(const struct tetlod_info *info, bool all, bool others)
+{
+    printf("%5s %10s %10s %12s %10s", "level", "vertices", "tets", "bytes", "domain");
+    for (int m = 0; m < measure_count(all) && info->field_count; m++)
+        printf(" %9s%%", tetlod_measure_name((enum tetlod_measure)m));
+    printf("%s\n", others ? "    others%" : "");
+}
+
+static void print_row(const struct tetlod_info *info, uint32_t field, uint32_t k, bool all, bool others)
+{
+    const struct tetlod_level *level = &info->levels[k];
+    printf("%5u %10u %10u %12llu %10.3g", k, level->vertices, level->tets, (unsigned long long)level->end, level->domain_error);
+    for (int m = 0; m < measure_count(all) && info->field_count; m++) {
+        double error = level->errors[field * TETLOD_MEASURES + (uint32_t)m];
+        if (isnan(error))
+            printf(" %10s", "-");
+        else
+            printf(" %10.4g", 100 * error);
+    }
+    if (others)
+        printf(" %10.4g", 100 * uncontrolled_at(info, k).sampled);
+    printf("\n");
+}
+
+void cli_print_levels(const struct tetlod_info *info, bool all)
+{
+    uint32_t field = shown_field(info), left_out = 0;
+    const struct uncontrolled others = uncontrolled_at(info, 0);
+    print_head(info, all, others.count);
+    for (uint32_t k = 0; k < info->level_count; k++)
+        if (all || is_shown(info, field, k))
+            print_row(info, field, k, all, others.count);
+        else
+            left_out++;
+    if (info->field_count)
+        printf("errors of %s, %% of its range\n", info->fields[field].name);
+    if (others.count)
+        printf("others: the largest measured error of the %u field%s not controlled, at level 0 that of %s\n", others.count,
+               others.count == 1 ? " that is" : "s that are", info->fields[others.worst].name);
+    if (left_out)
+        printf("%u more levels: tetlod info --all\n", left_out);
+}
+
+void cli_print_promises(FILE *out, const struct tetlod_info *info, uint32_t level)
+{
+    char text[256];
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        promise_of_field(info, level, f, text, sizeof text);
+        fprintf(out, "  %s\n", text);
+    }
+}

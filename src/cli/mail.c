@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/cli/mail.h"
+
+#include "format/cut.h"
+#include "format/fail.h"
+
+static const double FIELD_SHARE = 0.1;
+
+void mail_round(struct quantise_options *quantise, double error)
+{
+    if (!quantise->field_bits && !(quantise->field_error > 0))
+        quantise->field_error = FIELD_SHARE * error;
+}
+
+static enum tetlod_status append(void *opaque, const void *bytes, size_t size)
+{
+    struct tetlodi_buffer *whole = opaque;
+    tetlodi_put_block(whole, bytes, size);
+    return whole->failed ? TETLOD_ERR_NOMEM : TETLOD_OK;
+}
+
+struct tetlodi_sink mail_sink(struct tetlodi_buffer *whole)
+{
+    return (struct tetlodi_sink){append, whole};
+}
+
+enum tetlod_status mail_write(const struct tetlodi_buffer *whole, double limit, const struct tetlodi_sink *sink, struct tetlod_error *error)
+{
+    struct tetlod_file *file;
+    TETLOD_TRY(tetlod_open_memory(&file, whole->bytes, whole->size, NULL, error));
+    uint32_t level = tetlod_level_for_error(tetlod_info(file), limit, TETLOD_NONE, TETLOD_MAX);
+    if (level == TETLOD_NONE) // --metric sva and measured do not certify
+        level = tetlod_level_for_error(tetlod_info(file), limit, TETLOD_NONE, TETLOD_SAMPLED);
+    enum tetlod_status status = level == TETLOD_NONE
+                                    ? tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "no level is within an error of %g: rounding is in it; keep more bits", limit)
+                                    : tetlodi_cut(file, level, sink, error);
+    tetlod_close(file);
+    return status;
+}

@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* What a command may write to. */
+#include <stdio.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+
+#include "src/cli/cli.h"
+#include "src/io/io.h"
+
+static bool is_input(const char *output, const char *input)
+{
+    struct stat out, in;
+    return input && stat(output, &out) == 0 && stat(input, &in) == 0 && S_ISREG(out.st_mode) && out.st_dev == in.st_dev &&
+           out.st_ino == in.st_ino;
+}
+
+/* What an extension stands for; NULL: nothing that is known. */
+static const char *meaning(const char *extension)
+{
+    static const char *const others[] = {"svg", "png", "jpg", "jpeg", "gif", "pdf", "html", "json", "csv", "txt", "npz"};
+    struct io_format format;
+    for (size_t i = 0; io_format(i, &format); i++)
+        for (size_t e = 0; format.extensions[e]; e++)
+            if (strcasecmp(extension, format.extensions[e]) == 0)
+                return format.name;
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++)
+        if (strcasecmp(extension, others[i]) == 0)
+            return others[i];
+    return NULL;
+}
+
+bool cli_check_output(const struct command *command, const char *output, const char *extension, const char *const *inputs,
+                      size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (is_input(output, inputs[i])) {
+            cli_usage(command->name, "-o %s is the input %s: give the output another name", output, inputs[i]);
+            return false;
+        }
+    const char *slash = strrchr(output, '/'), *dot = strrchr(slash ? slash : output, '.');
+    const char *other = dot && extension && strcasecmp(dot + 1, extension) != 0 ? meaning(dot + 1) : NULL;
+    if (other)
+        cli_usage(command->name, "-o %s says %s, and this command writes %s: name it %.*s.%s", output, other, extension,
+                  (int)(dot - output), output, extension);
+    return !other;
+}
