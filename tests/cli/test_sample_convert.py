@@ -11,7 +11,7 @@ import numpy as np
 
 from common import DATA, TETLOD, finish, path, read_grid, read_vtu, report, tetlod
 
-SAMPLES = {'cube': (9261, 48000), 'fin': (9025, 38880), 'torus': (4050, 19200), 'shell': (3612, 18000),
+SAMPLES = {'cube': (9261, 48000), 'fin': (9025, 38880), 'post': (6175, 25920), 'torus': (4050, 19200), 'shell': (3612, 18000),
            'delta': (8598, 43416)}
 
 

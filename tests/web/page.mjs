@@ -72,7 +72,7 @@ async function state_is_in_the_url() {
 
 async function a_slice_is_dragged() {
   const at = () => page.evaluate(() => window.tetlod.state.slices[0].at);
-  const knob = await page.locator('.knob').boundingBox();
+  const knob = await page.locator('.knob.slice-0').boundingBox();
   const before = await at();
   await page.mouse.move(knob.x + 9, knob.y + 9);
   await page.mouse.down();
@@ -80,7 +80,7 @@ async function a_slice_is_dragged() {
   await page.mouse.up();
   const dragged = await at();
   assert.ok(dragged > before + 0.02, `${before} to ${dragged}`);
-  await page.locator('.knob').focus();
+  await page.locator('.knob.slice-0').focus();
   await page.keyboard.press('ArrowDown');
   assert.ok(Math.abs(await at() - dragged + 0.01) < 1e-9);
 }

@@ -46,7 +46,8 @@ async function page_and_viewer_stay_under_the_prefix() {
   await page.goto(proxy.origin);
   await page.getByText('Levels and files').click();
   const file = await page.getByRole('link', { name: 'VTU' }).first().getAttribute('href');
-  assert.equal((await fetch(new URL(file, proxy.origin))).status, 200);
+  const answer = await fetch(new URL(file, proxy.origin));
+  assert.equal(answer.status, 200, await answer.text());
   await page.getByRole('link', { name: 'View' }).click();
   await firstPicture(page);
   await settled(page);

@@ -56,7 +56,7 @@ function worst(stream, level, measure) {
 }
 
 function levelRow(stream, level, columns) {
-  const path = (format) => new URL(stream.links.level.replace('{level}', level.level).replace('{format}', format), stream.url).href;
+  const path = (format) => new URL(stream.links.level.replace(/\{\?.*?\}/, '').replace('{level}', level.level).replace('{format}', format), stream.url).href;
   return element(
     'tr', {},
     element('td', {}, String(level.level)),
