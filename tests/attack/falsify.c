@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "tests/attack/falsify.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -41,8 +42,15 @@ static void lower(double *errors, uint32_t k, uint32_t levels, uint32_t step, do
         errors[(size_t)k * step] = fmin(errors[(size_t)k * step], to);
 }
 
+/* What `verify` allows for rounding where values are far from 0: units in their last place, as a fraction of the range. */
+static double rounding_of(const struct tetlod_field *field)
+{
+    double width = field->range[1] - field->range[0];
+    return width > 0 ? 8 * DBL_EPSILON * fmax(fabs(field->range[0]), fabs(field->range[1])) / width : 0;
+}
+
 /* Where to lie: a level with a true figure that is large enough for a lie of 1 % to be one. */
-static bool choose(const struct falsehood *f, struct dice *dice, enum lie *what, uint32_t *level, uint32_t *field, double *truth)
+static bool choose(const struct falsehood *f, const struct tetlod_info *info, struct dice *dice, enum lie *what, uint32_t *level, uint32_t *field, double *truth)
 {
     for (int tries = 0; tries < 60; tries++) {
         *what = (enum lie)dice_below(dice, LIES);
@@ -52,7 +60,7 @@ static bool choose(const struct falsehood *f, struct dice *dice, enum lie *what,
         if (*what == LIE_LARGE && !f->definite)
             continue;
         *truth = *what == LIE_LARGE ? f->sampled[i] : *what == LIE_MAX ? f->max[i] : *what == LIE_SAMPLED ? f->sampled[i] : f->domain[*level];
-        if (*truth > 1e-6)
+        if (*truth > 1e-6 && (*what == LIE_DOMAIN || 0.01 * *truth > 2 * rounding_of(&info->fields[*field])))
             return true;
     }
     return false;
@@ -80,7 +88,7 @@ bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct
     struct recode recode;
     enum lie what;
     double truth;
-    if (!choose(f, dice, &what, &level, &field, &truth) || recode_read(&recode, file, NULL) != TETLOD_OK)
+    if (!choose(f, info, dice, &what, &level, &field, &truth) || recode_read(&recode, file, NULL) != TETLOD_OK)
         return false;
     double *errors = oracle_memory((size_t)f->levels * step, sizeof *errors), lie = 0.99 * truth;
     *out_lie = !dice_once_in(dice, 8);
