@@ -319,3 +319,57 @@ bool border_may_move(const struct border *border, uint32_t slot, const double st
     }
     return length2 == 0;
 }
+
+/* ---- the map of contracting an edge */
+
+/* The faces that have an end that moves. */
+static void add_faces(struct boundary_map *map, const struct working *working, int end)
+{
+    const struct span *star = &working->stars[map->simplex[end]];
+    for (uint32_t i = 0; i < star->count; i++) {
+        uint32_t tet = working->pool[star->begin + i];
+        const uint32_t *corners = working->corners[tet];
+        unsigned faces = tet_gone(working, tet) ? 0 : working->boundary_faces[tet];
+        for (unsigned f = 0; faces >> f; f++) {
+            bool again = false; // it came with the first end
+            for (unsigned c = 0; c < 4; c++)
+                again |= end == 1 && map->moves[0] && c != f && corners[c] == map->simplex[0];
+            if (faces >> f & 1 && corners[f] != map->simplex[end] && !again)
+                boundary_map_add_face(map, corners, f);
+        }
+    }
+}
+
+/* All faces are in planes across an axis, the result in each of them, and nothing has moved yet: the boundary's points stay. */
+static bool stays(const struct boundary_map *map, const struct working *working)
+{
+    uint32_t moved = row_moved(working);
+    for (uint32_t f = 0; f < map->face_count; f++) {
+        const double *p[3];
+        bool in_plane = false;
+        for (int k = 0; k < 3; k++) {
+            p[k] = working_row(working, map->faces[f].corners[k]);
+            if (p[k][moved] != 0)
+                return false;
+        }
+        for (int i = 0; i < 3; i++)
+            in_plane |= p[0][i] == map->p[i] && p[1][i] == map->p[i] && p[2][i] == map->p[i];
+        if (!in_plane)
+            return false;
+    }
+    return true;
+}
+
+double border_moves(const struct border *border, const struct working *working, const uint32_t ends[2], const double p[3],
+                    struct boundary_map *map)
+{
+    boundary_map_begin(map, working->rows, working->stride, ends, 2, p);
+    for (int end = 0; end < 2; end++) {
+        map->moves[end] &= (working->flags[ends[end]] & VERTEX_BOUNDARY) != 0;
+        if (map->moves[end])
+            add_faces(map, working, end);
+    }
+    if (map->failed || (!stays(map, working) && !boundary_map_find(map, border->cosine)))
+        return INFINITY;
+    return boundary_map_moved(map, working->rows + row_moved(working), working->stride, border->most, border->limit);
+}

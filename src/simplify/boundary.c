@@ -203,62 +203,23 @@ void boundary_follow(const struct boundary *boundary, const struct complex *comp
     }
 }
 
-enum { STAYS, CONTRACTED, MOVES };
-
-static int part_in(const struct complex *complex, const struct star *star, const double p[3], uint32_t v)
+bool boundary_find_map(const struct complex *complex, const struct star *star, const double p[3], double cosine,
+                       struct boundary_map *map)
 {
-    for (uint32_t s = 0; s < star->simplex_count; s++)
-        if (star->simplex[s] == v)
-            return distance_squared(complex->positions + 3 * (size_t)v, p) == 0 ? CONTRACTED : MOVES;
-    return STAYS;
-}
-
-/* How far the faces that a contraction moves may be from the original boundary at most, and how far their rim is already. */
-static void look_at_patch(const struct boundary *boundary, const struct complex *complex, const struct star *star,
-                          const double p[3], double *most, double *rim)
-{
-    *most = boundary->limit;
-    *rim = 0;
-    for (uint32_t s = 0; s < star->simplex_count; s++)
-        *most = smaller(*most, boundary->most[star->simplex[s]]);
+    boundary_map_begin(map, complex->positions, 3, star->simplex, star->simplex_count, p);
     for (uint32_t i = 0; i < star->tet_count; i++)
-        for (unsigned f = 0; f < 4; f++) {
-            const uint32_t *corners = complex->corners + 4 * (size_t)star->tets[i];
-            bool moves = false;
-            if (!complex_boundary_face(complex, star->tets[i], f) || star->moving[i] == f)
-                continue;
-            for (int k = 0; k < 3; k++)
-                moves |= part_in(complex, star, p, corners[tet_faces[f][k]]) == MOVES;
-            for (int k = 0; k < 3 && moves; k++) {
-                uint32_t v = corners[tet_faces[f][k]];
-                *most = smaller(*most, boundary->most[v]);
-                if (part_in(complex, star, p, v) == STAYS)
-                    *rim = larger(*rim, boundary->moved[v]);
-            }
-        }
+        for (unsigned f = 0; f < 4; f++)
+            if (complex_boundary_face(complex, star->tets[i], f) && star->moving[i] != f)
+                boundary_map_add_face(map, complex->corners + 4 * (size_t)star->tets[i], f);
+    return boundary_map_find(map, cosine);
 }
 
 double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
-                      const double p[3], struct shift *shift)
+                      const double p[3], struct boundary_map *map)
 {
-    double most, rim;
-    if (!shift_map(shift, complex, star, p, boundary->cosine))
+    if (!boundary_find_map(complex, star, p, boundary->cosine, map))
         return INFINITY;
-    double moved = larger(shift_least(shift, boundary->moved, 1), 0);
-    for (uint32_t s = 0; s < star->simplex_count; s++)
-        if (distance_squared(complex->positions + 3 * (size_t)star->simplex[s], p) == 0)
-            moved = larger(moved, boundary->moved[star->simplex[s]]);
-    if (!shift->count || !(moved <= boundary->limit))
-        return moved;
-    look_at_patch(boundary, complex, star, p, &most, &rim);
-    return moved <= most && rim <= most ? moved : INFINITY;
-}
-
-double boundary_most(const struct boundary *boundary, const struct complex *complex, const struct star *star, const double p[3])
-{
-    double most, rim;
-    look_at_patch(boundary, complex, star, p, &most, &rim);
-    return most;
+    return boundary_map_moved(map, boundary->moved, 1, boundary->most, boundary->limit);
 }
 
 void boundary_update(struct boundary *boundary, const struct complex *complex, uint32_t vertex, double moved, double most)

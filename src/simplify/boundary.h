@@ -8,7 +8,8 @@
 #ifndef TETLOD_BOUNDARY_H
 #define TETLOD_BOUNDARY_H
 
-#include "src/simplify/shift.h"
+#include "src/simplify/boundary_map.h"
+#include "src/simplify/complex.h"
 
 enum boundary_kind { BOUNDARY_CORNER, BOUNDARY_CREASE, BOUNDARY_SMOOTH };
 
@@ -39,13 +40,14 @@ bool boundary_allows(const struct boundary *boundary, const struct complex *comp
 void boundary_follow(const struct boundary *boundary, const struct complex *complex, const struct star *star,
                      double vector[3]);
 
-/* How far the boundary at the result would be from the original one in all, INFINITY if it cannot be mapped, turns by more than the
- * angle or comes too near to another part of it; and the map. */
-double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
-                      const double p[3], struct shift *shift);
+/* The map of contracting a gathered star to p. False: there is none (boundary_map_find). */
+bool boundary_find_map(const struct complex *complex, const struct star *star, const double p[3], double cosine,
+                       struct boundary_map *map);
 
-/* Before a contraction: how far its result may be from the original boundary at most. */
-double boundary_most(const struct boundary *boundary, const struct complex *complex, const struct star *star, const double p[3]);
+/* How far the boundary would have moved in all at the result of contracting a gathered star to p, and the map; INFINITY: it cannot
+ * be mapped, turns by more than the angle or comes too near to another part of it. */
+double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
+                      const double p[3], struct boundary_map *map);
 
 /* After a contraction: what is known of its result, and the kinds of it and of the boundary vertices around it anew. */
 void boundary_update(struct boundary *boundary, const struct complex *complex, uint32_t vertex, double moved, double most);
