@@ -189,60 +189,20 @@ enum tetlod_status border_find(struct working *working, struct crew *crew, struc
 
 /* ---- where they may move */
 
-/* The unit normal of a boundary face; false if it has no area. */
-static bool face_normal(const struct working *working, const uint32_t corners[4], unsigned face, double out[3])
-{
-    const double *p = working_row(working, corners[tet_faces[face][0]]), *q = working_row(working, corners[tet_faces[face][1]]),
-                 *r = working_row(working, corners[tet_faces[face][2]]);
-    double a[3], b[3];
-    subtract(q, p, a);
-    subtract(r, p, b);
-    cross(a, b, out);
-    double length = sqrt(dot(out, out));
-    if (!(length * length > 1e-24 * dot(a, a) * dot(b, b)))
-        return false;
-    for (int i = 0; i < 3; i++)
-        out[i] /= length;
-    return true;
-}
-
-/* Sorts a normal into one of two groups; false if it belongs to neither. */
-static bool join_group(const struct border *border, double groups[2][3], int *count, const double normal[3])
-{
-    for (int g = 0; g < *count; g++)
-        if (dot(groups[g], normal) >= border->cosine)
-            return true;
-    if (*count == 2)
-        return false;
-    memcpy(groups[(*count)++], normal, 3 * sizeof(double));
-    return true;
-}
-
 void border_classify(struct border *border, const struct working *working, uint32_t slot)
 {
     const struct span *star = &working->stars[slot];
-    double groups[2][3] = {{0}}, normal[3], direction[3];
-    int count = 0;
-    border->kinds[slot] = BOUNDARY_CORNER;
-    for (uint32_t i = 0; i < star->count; i++) {
+    struct boundary_normals normals = {0};
+    for (uint32_t i = 0; i < star->count && !normals.corner; i++) {
         uint32_t tet = working->pool[star->begin + i];
         const uint32_t *corners = working->corners[tet];
         unsigned faces = tet_gone(working, tet) ? 0 : working->boundary_faces[tet];
         for (unsigned f = 0; faces >> f; f++)
-            if (faces >> f & 1 && corners[f] != slot &&
-                (!face_normal(working, corners, f, normal) || !join_group(border, groups, &count, normal)))
-                return;
+            if (faces >> f & 1 && corners[f] != slot)
+                boundary_normals_add(&normals, border->cosine, working_row(working, corners[tet_faces[f][0]]),
+                                     working_row(working, corners[tet_faces[f][1]]), working_row(working, corners[tet_faces[f][2]]));
     }
-    if (count == 1)
-        memcpy(direction, groups[0], sizeof direction);
-    else
-        cross(groups[0], groups[1], direction);
-    double length = sqrt(dot(direction, direction));
-    if (!(length > 0))
-        return;
-    for (int i = 0; i < 3; i++)
-        border->directions[3 * (size_t)slot + (size_t)i] = (float)(direction[i] / length);
-    border->kinds[slot] = count == 1 ? BOUNDARY_SMOOTH : BOUNDARY_CREASE;
+    border->kinds[slot] = boundary_normals_kind(&normals, border->directions + 3 * (size_t)slot);
 }
 
 /* The corners of the boundary faces in the mesh's numbers; their count in *out_count, NULL: no memory. */
@@ -305,19 +265,7 @@ void border_fini(struct border *border)
 
 bool border_may_move(const struct border *border, uint32_t slot, const double step[3])
 {
-    double length2 = dot(step, step);
-    const float *d = border->directions + 3 * (size_t)slot;
-    double along = d[0] * step[0] + d[1] * step[1] + d[2] * step[2];
-    double slope2 = border->sine * border->sine * length2 + border->limit * border->limit * 1e-6;
-    switch ((enum boundary_kind)border->kinds[slot]) {
-    case BOUNDARY_SMOOTH:
-        return along * along <= slope2;
-    case BOUNDARY_CREASE:
-        return length2 - along * along <= slope2;
-    case BOUNDARY_CORNER:
-        break;
-    }
-    return length2 == 0;
+    return boundary_step_allowed(border->kinds[slot], border->directions + 3 * (size_t)slot, border->sine, border->limit, step);
 }
 
 /* ---- the map of contracting an edge */

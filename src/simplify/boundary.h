@@ -22,6 +22,19 @@ struct boundary {
     double *most;        /* [slot] how far it may be at most, anywhere on the faces around the vertex */
 };
 
+/* What the boundary faces around a vertex say of its kind: their normals, in two groups. */
+struct boundary_normals {
+    double groups[2][3];
+    int count;
+    bool corner; /* there are more, or a face without area */
+};
+
+void boundary_normals_add(struct boundary_normals *normals, double cosine, const double *p, const double *q, const double *r);
+enum boundary_kind boundary_normals_kind(const struct boundary_normals *normals, float direction[3]);
+
+/* May a boundary vertex move by that step? `sine`, `limit`: as in struct boundary. */
+bool boundary_step_allowed(enum boundary_kind kind, const float direction[3], double sine, double limit, const double step[3]);
+
 /* Cosine and sine of an angle, 0 .. 180 degrees: from the four operations, so that every machine has the same. */
 void boundary_angle(double degrees, double *cosine, double *sine);
 
