@@ -12,6 +12,8 @@ enum tetlod_status sample_make_post(struct tetmesh *out, uint32_t size, struct t
 enum tetlod_status sample_make_torus(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
 enum tetlod_status sample_make_shell(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
 enum tetlod_status sample_make_delta(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
+enum tetlod_status sample_make_wake(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
+void sample_move_wake(struct tetmesh *mesh, double time);
 
 /* Room for a mesh of float32 positions; ERR_LIMIT where ids would not fit. */
 TETLOD_CHECKED enum tetlod_status sample_alloc(struct tetmesh *out, uint64_t vertices, uint64_t tets,
