@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lines that the promise hangs on: each is taken out in turn, and a test must go red (run.py).
+"""Lines that the promise hangs on: each is taken out in turn, and a test must go red (run_mutants.py).
 
 `old` is text that is once in the file; `why` says what the line is for. Where several lines ask the same, each alone may go without harm:
 `more` are the others, (file, old, new), and all go at once.
