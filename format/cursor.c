@@ -121,8 +121,6 @@ static enum tetlod_status begin_records(struct tetlod_cursor *cursor, uint32_t l
 {
     const struct tetlod_level *to = &cursor->file->index.info.levels[level];
     TETLOD_TRY(make_room(cursor, to, error));
-    for (int i = 0; i < 2; i++)
-        tetlodi_field_log_clear(&cursor->recorder.logs[i]);
     tetlodi_level_begin(&cursor->recorder, to->vertices, to->tets);
     return TETLOD_OK;
 }
@@ -137,6 +135,9 @@ static void decode_field(void *opaque, uint32_t number)
 static enum tetlod_status end_fields(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
     tetlodi_helpers_wait(cursor->helpers);
+    if (cursor->decoding)
+        tetlodi_field_log_clear(cursor->decoding);
+    cursor->decoding = NULL;
     for (uint32_t c = 1; c < cursor->replay.column_count; c++)
         if (cursor->recorder.coders[c].bad)
             return tetlodi_fail(error, TETLOD_ERR_STREAM, cursor->recorder.coders[c].bad == BAD_VALUE
@@ -156,7 +157,6 @@ static enum tetlod_status begin_fields(struct tetlod_cursor *cursor, struct tetl
         return tetlodi_no_room(&cursor->memory, error);
     cursor->decoding = recorder->log;
     recorder->log = &recorder->logs[recorder->log == recorder->logs];
-    tetlodi_field_log_clear(recorder->log);
     tetlodi_helpers_start(cursor->helpers, decode_field, cursor, cursor->replay.column_count - 1);
     return TETLOD_OK;
 }
@@ -248,6 +248,9 @@ static enum tetlod_status abandon(struct tetlod_cursor *cursor, uint32_t level, 
     while (replay->records > records && tetlodi_replay_back(replay))
         continue;
     tetlodi_replay_forget(replay);
+    for (uint32_t c = 0; c < replay->column_count; c++)
+        if (cursor->columns[c].records > replay->records)
+            cursor->columns[c].records = replay->records;
     free_frames(cursor);
     cursor->broken = status;
     tetlodi_fail(&cursor->damage, status, "level %u: %.220s", level, inner->message);

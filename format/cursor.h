@@ -19,7 +19,7 @@ struct tetlod_cursor {
     uint32_t loading;  /* the level whose frames are being read */
     uint32_t level, decoded; /* the level at hand, or the one below; the finest in the log */
     struct tetlodi_helpers *helpers; /* while tetlod_cursor_seek decodes; NULL: none */
-    struct tetlodi_field_log *decoding; /* what fields are being decoded from */
+    struct tetlodi_field_log *decoding; /* what fields are being decoded from; NULL: nothing, and both logs are empty */
     struct tetlod_error *errors;     /* [column] of tasks */
     uint8_t **frames;          /* [column] of the level that is being decoded, if any */
     uint64_t frame_bytes;      /* theirs */

@@ -565,8 +565,10 @@ enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct
         return TETLOD_OK;
     while (replay->splits > splits && tetlodi_replay_undo(replay))
         continue;
-    if (replay->records > records)
-        tetlodi_replay_exchange(replay, record->vertex, --replay->records);
+    if (replay->records > records) { // fields do not have the record, and other threads may have them
+        tetlodi_column_exchange(replay->columns, 1, record->vertex, --replay->records);
+        replay->columns->records = replay->records;
+    }
     tetlodi_replay_forget(replay);
     return status;
 }

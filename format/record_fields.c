@@ -108,8 +108,8 @@ int tetlodi_field_log_add(struct tetlodi_recorder *recorder, struct tetlodi_fiel
                                                                .children = (uint8_t)record->children,
                                                                .placement = (uint8_t)record->placement,
                                                                .leaves = (uint8_t)record->leaves};
-    memcpy(log->links + log->link_count, star->link, star->link_count * sizeof *star->link);
-    log->link_count += star->link_count;
+    for (uint32_t i = 0; i < star->link_count; i++)
+        log->links[log->link_count++] = star->link[i];
     for (uint32_t i = 0; i < record->children; i++)
         locate(recorder, record, i, &log->locations[log->location_count++]);
     return 1;

@@ -323,7 +323,4 @@ void tetlodi_replay_forget(struct tetlodi_replay *replay)
     replay->all_tets = replay->tets;
     replay->all_splits = replay->splits;
     replay->all_records = replay->records;
-    for (uint32_t i = 0; i < replay->column_count; i++)
-        if (replay->columns[i].records > replay->records)
-            replay->columns[i].records = replay->records;
 }

@@ -80,7 +80,7 @@ def damaged_order():
     must('build', MESH, '--growth', '1.5', '--keep-order', '-o', 'kept.tetlod')
     data = bytearray(open(path('kept.tetlod'), 'rb').read())
     data[-5] ^= 1
-    write('damaged.tetlod', data)
+    write('damaged.tetlod', bytes(data))
     must('info', 'damaged.tetlod', '--json')
     must('extract', 'damaged.tetlod', '-o', 'levels.vtu', '--quiet')
     for command in (['verify', 'damaged.tetlod'], ['extract', 'damaged.tetlod', '--original-order', '-o', 'none.vtu']):
