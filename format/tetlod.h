@@ -11,7 +11,8 @@
  *
  * Threads. An open file does not change: any number of threads may use it, and cursors on it, at the same time, if its source's
  * `read` may be called by several at once (those of tetlod_open_memory and tetlod_open_fd may). A cursor is for one thread at a
- * time. So is a feed, together with its file and the cursors on that.
+ * time. So is a feed, together with its file and the cursors on that. With `threads` of struct tetlod_options above 1, a cursor
+ * has helpers of its own while it decodes.
  *
  * Growing. Structs that the library fills have room for members to come, `reserved`, 0 until then. Those that a caller fills
  * begin with struct_size: members beyond it have their defaults.
