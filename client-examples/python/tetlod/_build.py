@@ -28,7 +28,7 @@ def build(mesh: Any, tets: Any = None, fields: Optional[Mapping[str, Any]] = Non
     keep_order=True; lists repeat an option.
 
     Arrays, a Mesh, and meshio's tetrahedra are built by libtetlod-build where it is installed, without a file between. It also takes
-    progress=function(phase, fraction), which cancels by returning False, and metadata=dict. Otherwise the program builds: `program`,
+    progress=function(phase, fraction), which cancels by returning False, and metadata=dict or JSON text. Otherwise the program builds: `program`,
     $TETLOD, or `tetlod` of the PATH.
     """
     library = None if program else _build_library.library_path()

@@ -107,7 +107,8 @@ def c_options(library: ctypes.CDLL, given: Mapping[str, Any], kept: List[Any]) -
     options.region = str(given['region']).encode() if given.get('region') is not None else None
     options.certify_exact = given.get('certify') == 'exact'
     options.compression = given.get('compress') or options.compression
-    options.metadata = json.dumps(given['metadata']).encode() if given.get('metadata') is not None else None
+    metadata = given.get('metadata')
+    options.metadata = metadata.encode() if isinstance(metadata, str) else json.dumps(metadata).encode() if metadata is not None else None
     return options
 
 
