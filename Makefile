@@ -335,6 +335,12 @@ bench-build: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@/usr/bin/python3 tests/bench/build.py $(BINARY) $(MESHES)
 
+## report: one HTML page: error against bytes beside VTK's decimation and compressed VTU, bytes by column, build time by phase (MESHES='a.tetlod fin:30')
+.PHONY: report
+report: needs-check
+	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_columns
+	@/usr/bin/python3 tests/bench/report_page.py $(BINARY) $(B)/tests/bench/bench_columns build/report.html $(MESHES)
+
 ## attack: SEEDS random adversarial meshes with random options, held against an oracle (FIRST=seed to begin with)
 .PHONY: attack
 SEEDS ?= 2000

@@ -8,16 +8,9 @@ import shlex
 import shutil
 import subprocess
 
+from tap import finish, report
+
 ROOT, SCRATCH = os.environ['ROOT'], os.environ['SCRATCH']
-failures = 0
-
-
-def report(name, good, note=''):
-    global failures
-    failures += not good
-    print('%s - %s' % ('ok' if good else 'not ok', name))
-    if not good:
-        print('\n'.join('# ' + line for line in str(note).splitlines()))
 
 
 def run(*command, input=None, **more):
@@ -83,8 +76,8 @@ def main():
         print('ok - the headers are C++, too # SKIP there is no C++ compiler')
     done = make('uninstall', stage)
     report('make uninstall leaves nothing', done.returncode == 0 and not files(stage), done.stderr + str(files(stage)))
-    return 1 if failures else 0
+    finish()
 
 
 if __name__ == '__main__':
-    raise SystemExit(main())
+    main()
