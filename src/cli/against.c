@@ -9,7 +9,6 @@
  */
 #include "src/cli/against.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,11 +29,15 @@
 /* What every user of an error has to allow (PROOF.md, 3). */
 static const double TIE = 1e-9;
 
-/* A measured error that is too large breaks no promise: it is refused where it is so by more than this. */
-static const double TOO_LARGE = 1e-3;
+/* What the index may round an error up by: it keeps 16 binary digits (format/SPEC.md, 15). A measured error that is larger is refused. */
+static const double TOO_LARGE = 0x1p-15 + 1e-9;
 
 /* Differences below this fraction of the range are not looked for. */
 static const double NO_DIFFERENCE = 1e-12;
+
+/* What rounding makes of an error, as a fraction of the range: values are taken less one of them, so how far they are from 0 does not
+ * matter. */
+static const double NOISE = 1e-14;
 
 /* Work up to which the exact maximum is taken of all levels: tetrahedra of the original times levels. */
 static const double MOST_WORK = 4e6;
@@ -225,14 +228,6 @@ static enum tetlod_status measure_this(struct against *a, uint32_t k, double *ou
 
 /* ---- what the index says */
 
-/* What rounding alone makes of a field whose values are far from 0, as a fraction of its range. */
-static double noise_of(const struct tetlod_info *info, uint32_t field)
-{
-    const double *range = info->fields[field].range;
-    double width = range[1] - range[0];
-    return 1e-14 + (width > 0 ? 8 * DBL_EPSILON * larger(fabs(range[0]), fabs(range[1])) / width : 0);
-}
-
 static double stored_error(const struct tetlod_info *info, uint32_t k, uint32_t field, enum tetlod_measure measure)
 {
     return k < info->level_count ? info->levels[k].errors[field * TETLOD_MEASURES + (uint32_t)measure] : 0;
@@ -248,11 +243,11 @@ static enum tetlod_status check_between(const struct against *a, uint32_t k, uin
                                         const struct measured *least, const struct measured *most)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
-    double stored = stored_error(info, k, f, measure), finer = stored_error(info, k + 1, f, measure), noise = noise_of(info, f);
+    double stored = stored_error(info, k, f, measure), finer = stored_error(info, k + 1, f, measure);
     double low = of_measured(least, measure) * a->scales[f], high = of_measured(most, measure) * a->scales[f];
     bool tail_above = has_tail(info) && k + 1 < info->level_count;
     high = larger(larger(high, finer), tail_above ? of_measured(&a->rounding[f], measure) * a->scales[f] : 0);
-    if (stored >= low * (1 - TIE) - noise && (stored <= high * (1 + TOO_LARGE) + noise || !a->numbered))
+    if (stored >= low * (1 - TIE) - NOISE && (stored <= high * (1 + TOO_LARGE) + NOISE || !a->numbered))
         return TETLOD_OK;
     return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: its %s error is %.9g, stored is %.9g", k,
                         info->fields[f].name, tetlod_measure_name(measure), stored < low ? low : high, stored);
@@ -280,7 +275,7 @@ static enum tetlod_status check_order(const struct against *a, uint32_t k)
     const struct tetlod_info *info = tetlod_info(a->file);
     for (uint32_t f = 0; f < info->field_count; f++) {
         double max = stored_error(info, k, f, TETLOD_MAX), sampled = stored_error(info, k, f, TETLOD_SAMPLED);
-        if (max < sampled * (1 - TIE) - noise_of(info, f))
+        if (max < sampled * (1 - TIE) - NOISE)
             return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: certified is %.9g, but measured is %.9g", k,
                                 info->fields[f].name, max, sampled);
     }
@@ -334,7 +329,7 @@ static enum tetlod_status check_exact(struct against *a, uint32_t k, bool all)
         options.wanted = NULL;
     for (uint32_t f = 0; f < info->field_count; f++) {
         double certified = stored_error(info, k, f, TETLOD_MAX);
-        a->floors[f] = isnan(certified) || !(a->scales[f] > 0) ? INFINITY : (certified * (1 + TIE) + NO_DIFFERENCE + noise_of(info, f)) / a->scales[f];
+        a->floors[f] = isnan(certified) || !(a->scales[f] > 0) ? INFINITY : (certified * (1 + TIE) + NO_DIFFERENCE) / a->scales[f];
     }
     TETLOD_TRY(overlay_max(a->original, a->fields, &a->level, a->level_fields, info->field_count, &options, a->exact, &overlay, a->error));
     for (uint32_t f = 0; f < info->field_count; f++)

@@ -242,12 +242,14 @@ static void exact_corners(const struct overlay *overlay, int m, uint32_t tet, co
         out[c] = corner(overlay->meshes[m], tet, c);
 }
 
-/* Rounded to doubles, which a box has: an end on a face is not outside by its last digits. */
+/* With room for the end's last digits: beside 0 they are no digits of a double. */
 static bool in_box(const double box[6], const quad x[3])
 {
-    for (int i = 0; i < 3; i++)
-        if ((double)x[i] < box[i] || (double)x[i] > box[i + 3])
+    for (int i = 0; i < 3; i++) {
+        double room = 1e-9 * (box[i + 3] - box[i]);
+        if (x[i] < box[i] - room || x[i] > box[i + 3] + room)
             return false;
+    }
     return true;
 }
 
