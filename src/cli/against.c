@@ -52,7 +52,6 @@ struct against {
     const struct tetmesh *original; /* that levels are compared with: in the stream's numbering, if that is known */
     bool numbered;                  /* it is */
     uint32_t *fields;               /* [field_count] of the original */
-    double *scales;                 /* [field_count] 1 / range, of the input */
     uint32_t *level_fields;         /* [field_count] of a level: all in order */
     struct measured *measured;      /* [field_count] */
     double *exact, *floors;         /* [field_count] */
@@ -244,9 +243,10 @@ static enum tetlod_status check_between(const struct against *a, uint32_t k, uin
 {
     const struct tetlod_info *info = tetlod_info(a->file);
     double stored = stored_error(info, k, f, measure), finer = stored_error(info, k + 1, f, measure);
-    double low = of_measured(least, measure) * a->scales[f], high = of_measured(most, measure) * a->scales[f];
+    const double *range = info->fields[f].range;
+    double low = range_fraction(range, of_measured(least, measure)), high = range_fraction(range, of_measured(most, measure));
     bool tail_above = has_tail(info) && k + 1 < info->level_count;
-    high = larger(larger(high, finer), tail_above ? of_measured(&a->rounding[f], measure) * a->scales[f] : 0);
+    high = larger(larger(high, finer), tail_above ? range_fraction(range, of_measured(&a->rounding[f], measure)) : 0);
     if (stored >= low * (1 - TIE) - NOISE && (stored <= high * (1 + TOO_LARGE) + NOISE || !a->numbered))
         return TETLOD_OK;
     return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: its %s error is %.9g, stored is %.9g", k,
@@ -328,14 +328,16 @@ static enum tetlod_status check_exact(struct against *a, uint32_t k, bool all)
     if (!all)
         options.wanted = NULL;
     for (uint32_t f = 0; f < info->field_count; f++) {
+        const double *range = info->fields[f].range;
         double certified = stored_error(info, k, f, TETLOD_MAX);
-        a->floors[f] = isnan(certified) || !(a->scales[f] > 0) ? INFINITY : (certified * (1 + TIE) + NO_DIFFERENCE) / a->scales[f];
+        bool looked_for = !isnan(certified) && range_has_scale(range);
+        a->floors[f] = looked_for ? (certified * (1 + TIE) + NO_DIFFERENCE) * (range[1] - range[0]) : INFINITY;
     }
     TETLOD_TRY(overlay_max(a->original, a->fields, &a->level, a->level_fields, info->field_count, &options, a->exact, &overlay, a->error));
     for (uint32_t f = 0; f < info->field_count; f++)
         if (a->exact[f] > a->floors[f])
             return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: certified is %.9g, but the exact maximum is %.9g",
-                                k, info->fields[f].name, stored_error(info, k, f, TETLOD_MAX), a->exact[f] * a->scales[f]);
+                                k, info->fields[f].name, stored_error(info, k, f, TETLOD_MAX), range_fraction(info->fields[f].range, a->exact[f]));
     return TETLOD_OK;
 }
 
@@ -378,7 +380,6 @@ static enum tetlod_status prepare(struct against *a)
     const struct tetlod_info *info = tetlod_info(a->file);
     a->fields = array_new(info->field_count, sizeof *a->fields);
     a->level_fields = array_new(info->field_count, sizeof *a->level_fields);
-    a->scales = array_new(info->field_count, sizeof *a->scales);
     a->measured = array_new(info->field_count, sizeof *a->measured);
     a->ranges = array_new(info->field_count, sizeof *a->ranges);
     a->rounding = array_zero(info->field_count, sizeof *a->rounding);
@@ -387,7 +388,7 @@ static enum tetlod_status prepare(struct against *a)
     a->usable = array_new(info->tets, 1);
     a->wanted = array_new(info->tets, 1);
     a->report->exact = array_new(info->level_count, sizeof *a->report->exact);
-    if (!a->fields || !a->level_fields || !a->scales || !a->measured || !a->ranges || !a->rounding || !a->exact || !a->floors ||
+    if (!a->fields || !a->level_fields || !a->measured || !a->ranges || !a->rounding || !a->exact || !a->floors ||
         !a->usable || !a->wanted || !a->report->exact)
         return nomem(a);
     a->original = a->input;
@@ -404,7 +405,6 @@ static enum tetlod_status prepare(struct against *a)
         if (range[0] != stored[0] || range[1] != stored[1])
             return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "%.60s: the input's range is %g .. %g, stored is %g .. %g",
                                 info->fields[f].name, range[0], range[1], stored[0], stored[1]);
-        a->scales[f] = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
     }
     return TETLOD_OK;
 }
@@ -412,7 +412,7 @@ static enum tetlod_status prepare(struct against *a)
 static void release(struct against *a)
 {
     void *const owned[] = {a->parents, a->bodies,   a->promised, a->touched, a->usable,       a->wanted, a->fields,
-                           a->scales,  a->measured, a->ranges,   a->exact,   a->level_fields, a->floors, a->rounding};
+                           a->measured, a->ranges,   a->exact,   a->level_fields, a->floors, a->rounding};
     measure_free(a->measure);
     measure_levels_free(a->measure_levels);
     boundary_check_free(a->boundary);
