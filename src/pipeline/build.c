@@ -48,18 +48,26 @@ static bool contract_progress(void *opaque, double done)
     return build->options->progress(build->options->progress_opaque, BUILD_CONTRACT, done);
 }
 
+static bool is_controlled(const struct build *build, uint32_t field)
+{
+    for (uint32_t i = 0; i < build->options->control_count; i++)
+        if (build->options->controls[i].field == field)
+            return true;
+    return false;
+}
+
 /* An error is a fraction of the range: one that overflows, or whose reciprocal does, would hide every error (PROOF.md, 7). */
 static enum tetlod_status check_ranges(const struct build *build)
 {
-    for (uint32_t i = 0; i < build->options->control_count; i++) {
-        const struct point_field *field = &build->mesh->fields[build->options->controls[i].field];
+    for (uint32_t f = 0; f < build->mesh->field_count; f++) {
+        const struct point_field *field = &build->mesh->fields[f];
         double range[2];
         point_field_range(field, build->mesh->vertex_count, range);
-        double width = range[1] - range[0];
-        if (!isfinite(width) || (width > 0 && !isfinite(1 / width)))
+        bool narrow = range[1] > range[0] && !range_has_scale(range) && is_controlled(build, f);
+        if (narrow || !isfinite(range[1] - range[0]))
             return tetlodi_fail(build->error, TETLOD_ERR_MESH,
                                 "field '%.60s' has the range %g .. %g, too %s for errors relative to it; scale its values",
-                                field->name, range[0], range[1], width > 1 ? "wide" : "narrow");
+                                field->name, range[0], range[1], range[1] - range[0] > 1 ? "wide" : "narrow");
     }
     return TETLOD_OK;
 }
@@ -142,14 +150,6 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
         for (int m = 0; m < TETLOD_MEASURES && finer; m++)
             errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);
     }
-}
-
-static bool is_controlled(const struct build *build, uint32_t field)
-{
-    for (uint32_t i = 0; i < build->options->control_count; i++)
-        if (build->options->controls[i].field == field)
-            return true;
-    return false;
 }
 
 /* A component that drives as a field of its own is also in its vector: there its values are the same ones. */
