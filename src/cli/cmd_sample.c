@@ -2,19 +2,23 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
+#include <strings.h>
 
 #include "src/cli/cli.h"
+#include "src/cli/sample_series.h"
 #include "src/io/io.h"
 #include "src/sample/sample.h"
 
 static const char help[] =
     "usage: tetlod sample NAME [--size N] -o OUT\n"
+    "       tetlod sample wake --steps N [--size N] -o OUT.pvd\n"
     "       tetlod sample --list\n"
     "\n"
     "Makes a mesh by formula, the same on every machine, and writes it by OUT's extension (.vtu, .vtk, .msh).\n"
     "\n"
     "  -o, --output OUT   the file to write\n"
     "      --size N       how fine it is; what N counts, and the default, differ between samples\n"
+    "      --steps N      a series of N steps in time, from 0 to 1, on one mesh: OUT.pvd and, beside it, OUT_0.vtu, OUT_1.vtu, ...\n"
     "      --list         what there is\n"
     "\n"
     "example: tetlod sample fin -o fin.vtu\n";
@@ -24,6 +28,22 @@ static int list(void)
     for (const struct sample *s = samples; s->name; s++)
         printf("%-6s %s; default %" PRIu32 "\n", s->name, s->text, s->default_size);
     return EXIT_DONE;
+}
+
+static bool is_collection(const char *path)
+{
+    size_t length = strlen(path);
+    return length > 4 && strcasecmp(path + length - 4, ".pvd") == 0;
+}
+
+static int make_series(const struct sample *sample, uint32_t size, uint32_t steps, const char *output)
+{
+    struct tetlod_error error = {0};
+    if (!sample->move)
+        return cli_usage("sample", "nothing moves in '%s': --steps goes with wake", sample->name);
+    if (!is_collection(output))
+        return cli_usage("sample", "a series of --steps is written as -o OUT.pvd, not '%s'", output);
+    return sample_series_write(sample, size, steps, output, &error) == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
 }
 
 static int make(const struct sample *sample, uint32_t size, const char *output)
@@ -42,15 +62,18 @@ static int make(const struct sample *sample, uint32_t size, const char *output)
 static int run(int argc, char **argv)
 {
     static const struct option options[] = {
-        {"output", required_argument, NULL, 'o'}, {"size", required_argument, NULL, 's'}, {"list", no_argument, NULL, 'l'}, {0}};
+        {"output", required_argument, NULL, 'o'}, {"size", required_argument, NULL, 's'}, {"list", no_argument, NULL, 'l'},
+        {"steps", required_argument, NULL, 't'}, {0}};
     const char *output = NULL, *size_text = NULL;
-    uint64_t size = 0;
+    uint64_t size = 0, steps = 0;
     for (int option; (option = cli_option(&command_sample, argc, argv, "o:", options)) != -1;) {
         if (option == 'o')
             output = optarg;
         else if (option == 's')
             size_text = optarg;
-        else
+        else if (option == 't' && !cli_parse_count(&command_sample, "steps", optarg, 1, MOST_SAMPLE_STEPS, &steps))
+            return EXIT_USAGE;
+        else if (option != 't')
             return option == 'l' ? list() : EXIT_USAGE;
     }
     if (!cli_operands(&command_sample, argc, 1, "the sample's NAME ('tetlod sample --list' shows them)"))
@@ -63,7 +86,7 @@ static int run(int argc, char **argv)
         return EXIT_USAGE;
     if (!output)
         return cli_usage("sample", "-o OUT is missing: the file to write");
-    return make(sample, (uint32_t)size, output);
+    return steps ? make_series(sample, (uint32_t)size, (uint32_t)steps, output) : make(sample, (uint32_t)size, output);
 }
 
 const struct command command_sample = {"sample", "make a sample mesh", help, run};

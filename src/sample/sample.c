@@ -7,21 +7,23 @@
 #include "format/fail.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/cell_split.h"
-#include "src/sample/build.h"
+#include "src/sample/make.h"
 #include "src/util/array.h"
 
 const struct sample samples[] = {
     {"cube", "N x N x N unit cubes of six tetrahedra, field xyz = x y z (N = 20: 48,000 tetrahedra)", 20, 1, 500,
-     sample_make_cube},
+     sample_make_cube, NULL},
     {"fin", "flow around a blunt fin on a plate: bow shock, Pressure, Density, Velocity; N cells along the fin", 24, 4,
-     400, sample_make_fin},
+     400, sample_make_fin, NULL},
     {"post", "flow past a post between plates, cells stretched up to 1 : 200 in thin layers; Pressure, Velocity; N cells around it", 24,
-     4, 400, sample_make_post},
-    {"torus", "a ring, which has a handle; field temperature; N cells across", 8, 1, 200, sample_make_torus},
+     4, 400, sample_make_post, NULL},
+    {"torus", "a ring, which has a handle; field temperature; N cells across", 8, 1, 200, sample_make_torus, NULL},
     {"shell", "a ball with a cavity; field temperature; N cells along an edge of the cubed sphere", 10, 2, 300,
-     sample_make_shell},
+     sample_make_shell, NULL},
     {"delta", "a cube graded towards one corner, cell sizes over 1 : 10,000; field potential; N cells a side", 6, 1, 100,
-     sample_make_delta},
+     sample_make_delta, NULL},
+    {"wake", "a shock runs over the wake of a post: a series with --steps; Pressure, Velocity; N cells across", 16, 4, 200,
+     sample_make_wake, sample_move_wake},
     {0},
 };
 

@@ -9,6 +9,7 @@ struct sample {
     const char *name, *text; /* one line for --list */
     uint32_t default_size, least_size, most_size;
     enum tetlod_status (*make)(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
+    void (*move)(struct tetmesh *mesh, double time); /* sets the fields of a time from 0 to 1; NULL: nothing moves */
 };
 
 extern const struct sample samples[]; /* ends with name == NULL */

@@ -14,7 +14,7 @@ RANGES += [(seed, 1) for seed in MENDED]
 
 bad = 0
 for number, (first, count) in enumerate(RANGES, 1):
-    done = subprocess.run([sys.executable, os.path.join(ROOT, 'tests/attack/run.py'), ATTACK, TETLOD, SCRATCH, str(count), str(first)],
+    done = subprocess.run([sys.executable, os.path.join(ROOT, 'tests/attack/run_attack.py'), ATTACK, TETLOD, SCRATCH, str(count), str(first)],
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     bad += done.returncode != 0
     print('%s %d - seeds %d to %d' % ('not ok' if done.returncode else 'ok', number, first, first + count - 1))

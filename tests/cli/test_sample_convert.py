@@ -12,7 +12,7 @@ import numpy as np
 from common import DATA, TETLOD, finish, path, read_grid, read_vtu, report, tetlod
 
 SAMPLES = {'cube': (9261, 48000), 'fin': (9025, 38880), 'post': (6175, 25920), 'torus': (4050, 19200), 'shell': (3612, 18000),
-           'delta': (8598, 43416)}
+           'delta': (8598, 43416), 'wake': (5049, 20480)}
 
 
 def active_scalars(name):
@@ -39,10 +39,23 @@ def samples():
     report('sample --size', done.returncode == 0 and len(read_vtu('cube.vtu')[1]) == 48)
 
 
+def series():
+    done = tetlod('sample', 'wake', '--steps', '3', '--size', '4', '-o', path('wake.pvd'))
+    report('sample --steps: a PVD file and a file of each step', done.returncode == 0 and not done.stderr and
+           all(os.path.exists(path('wake_%d.vtu' % i)) for i in range(3)) and not os.path.exists(path('wake_3.vtu')), done)
+    done = tetlod('convert', path('wake.pvd'), '--time', '1', '-o', path('second.vtu'))
+    report('convert reads a step of it', b'0.5' in done.stderr, done)
+    steps = [read_vtu(name) for name in ('wake_0.vtu', 'second.vtu', 'wake_2.vtu')]
+    report('one mesh, other values', all(np.array_equal(steps[0][i], steps[k][i]) for i in (0, 1) for k in (1, 2)) and
+           not any(np.array_equal(steps[i][2][n], steps[i + 1][2][n]) for i in (0, 1) for n in steps[0][2]))
+
+
 def usage():
     for name, arguments, mentions in (
             ('no name', ['sample', '-o', 'x.vtu'], 'NAME'), ('unknown name', ['sample', 'ball', '-o', 'x.vtu'], 'ball'),
-            ('no output', ['sample', 'cube'], '-o'), ('size 0', ['sample', 'cube', '--size', '0', '-o', 'x.vtu'], 'size'),
+            ('no output', ['sample', 'cube'], '-o'), ('nothing moves', ['sample', 'cube', '--steps', '2', '-o', 'x.pvd'], 'wake'),
+            ('a series is a PVD file', ['sample', 'wake', '--steps', '2', '-o', 'x.vtu'], '.pvd'),
+            ('no steps', ['sample', 'wake', '--steps', '0', '-o', 'x.pvd'], 'steps'), ('size 0', ['sample', 'cube', '--size', '0', '-o', 'x.vtu'], 'size'),
             ('size too large', ['sample', 'cube', '--size', '501', '-o', 'x.vtu'], '500'),
             ('unknown extension', ['sample', 'cube', '-o', 'x.obj'], '.vtu'),
             ('no extension', ['convert', path('fin.vtu'), '-o', 'x'], 'extension'),
@@ -150,6 +163,7 @@ def output():
 
 
 samples()
+series()
 usage()
 blunt_fin()
 plot3d()

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* What the samples share. Only + - * / and sqrt, which IEEE 754 rounds alike everywhere, and no libm. */
-#ifndef TETLOD_SAMPLE_BUILD_H
-#define TETLOD_SAMPLE_BUILD_H
+#ifndef TETLOD_SAMPLE_MAKE_H
+#define TETLOD_SAMPLE_MAKE_H
 
 #include "src/mesh/tetmesh.h"
 #include "src/sample/sample.h"
@@ -12,6 +12,8 @@ enum tetlod_status sample_make_post(struct tetmesh *out, uint32_t size, struct t
 enum tetlod_status sample_make_torus(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
 enum tetlod_status sample_make_shell(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
 enum tetlod_status sample_make_delta(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
+enum tetlod_status sample_make_wake(struct tetmesh *out, uint32_t size, struct tetlod_error *error);
+void sample_move_wake(struct tetmesh *mesh, double time);
 
 /* Room for a mesh of float32 positions; ERR_LIMIT where ids would not fit. */
 TETLOD_CHECKED enum tetlod_status sample_alloc(struct tetmesh *out, uint64_t vertices, uint64_t tets,

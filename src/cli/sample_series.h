@@ -1,0 +1,14 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* A sample as a series in time: a PVD file and a VTU file of each step beside it. */
+#ifndef TETLOD_SAMPLE_SERIES_H
+#define TETLOD_SAMPLE_SERIES_H
+
+#include "src/sample/sample.h"
+
+enum { MOST_SAMPLE_STEPS = 100000 };
+
+/* Writes OUT.pvd, last, and OUT_0.vtu, OUT_1.vtu, ... Steps are made one at a time. The message names the file. */
+TETLOD_CHECKED enum tetlod_status sample_series_write(const struct sample *sample, uint32_t size, uint32_t steps,
+                                                      const char *output, struct tetlod_error *error);
+
+#endif
