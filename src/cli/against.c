@@ -247,6 +247,8 @@ static enum tetlod_status check_between(const struct against *a, uint32_t k, uin
     double low = range_fraction(range, of_measured(least, measure)), high = range_fraction(range, of_measured(most, measure));
     bool tail_above = has_tail(info) && k + 1 < info->level_count;
     high = larger(larger(high, finer), tail_above ? range_fraction(range, of_measured(&a->rounding[f], measure)) : 0);
+    if (range[1] > range[0] && !range_has_scale(range)) // it is 0 or the whole, by the last bit of a number that has few
+        return TETLOD_OK;
     if (stored >= low * (1 - TIE) - NOISE && (stored <= high * (1 + TOO_LARGE) + NOISE || !a->numbered))
         return TETLOD_OK;
     return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: its %s error is %.9g, stored is %.9g", k,
