@@ -428,7 +428,7 @@ static void check_vertices(struct attack *a, uint32_t k, const struct oracle_mes
     for (size_t c = 0; c < 4 * (size_t)a->original.tets; c++) {
         uint32_t v = a->corners[c];
         const double *p = a->positions + 3 * (size_t)v;
-        if (done[v] || !a->original.details[c / 4].usable || (a->lossy && in_fold[v])) // rounding turns what lies over a fold
+        if (done[v] || !a->original.details[c / 4].usable || (a->lossy && (in_fold[v] || a->counts.overfull_faces))) // rounding puts it outside its own sheet, and into another
             continue;
         done[v] = true;
         for (uint32_t i = 0; i < a->original.value_count; i++) {

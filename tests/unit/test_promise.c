@@ -281,6 +281,28 @@ static void test_rounded_positions(void)
     }
 }
 
+/* A boundary that may move far leaves points behind and comes back to them: `max` is for the same position all the same. */
+static void test_the_boundary_comes_back(void)
+{
+    const struct build_control control = {0};
+    for (uint32_t i = 0; i < 6; i++) {
+        struct build_options options = usual(&control);
+        struct build_report report;
+        struct tetmesh mesh = {0};
+        REQUIRE(sample_find("torus")->make(&mesh, 2 + i % 3, NULL) == TETLOD_OK);
+        for (uint32_t v = 0; v < mesh.vertex_count && i >= 3; v++) { // a flat ring of another field
+            double *p = mesh.positions + 3 * (size_t)v;
+            p[2] = (double)(float)(0.4 * p[2]);
+            mesh.fields[0].values[v] = (double)(float)(sin(4 * p[0]) * p[1] + p[2]);
+        }
+        options.domain_error = 0.3;
+        options.boundary_angle = 60;
+        options.growth = 5;
+        check("torus", &mesh, &options, &report);
+        tetmesh_fini(&mesh);
+    }
+}
+
 /* A carried field whose range has no reciprocal: of an error no more is said than that there is one. One whose range is no number is
  * refused. */
 static void test_ranges_without_scale(void)
@@ -323,6 +345,7 @@ int main(void)
     RUN(test_folds);
     RUN(test_bodies);
     RUN(test_rounded_positions);
+    RUN(test_the_boundary_comes_back);
     RUN(test_ranges_without_scale);
     return test_end();
 }
