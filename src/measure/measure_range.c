@@ -16,6 +16,7 @@
 
 #include "format/fail.h"
 #include "src/measure/exact_cell.h"
+#include "src/measure/tally.h"
 #include "src/measure/walk.h"
 #include "src/mesh/locate.h"
 #include "src/mesh/sample_points.h"
@@ -32,7 +33,7 @@ enum { CHUNK = 1024 };
 
 /* Sums over a chunk of samples. */
 struct sums {
-    double most[2], squares[2]; /* of the least and of the greatest errors */
+    double most[2], squares[2]; /* of the least and of the greatest errors; these times the scale */
 };
 
 /* One thread's. */
@@ -54,6 +55,7 @@ struct ranges {
     double size; /* of the level: its diagonal */
     bool in_place; /* the level is the original but for values: each sample is where it was, whatever else lies at the same point */
     struct sums *sums; /* [chunk][field] */
+    double *scales;    /* [field] so that no square is too large or too small (tally.h) */
     struct worker *workers;
 };
 
@@ -239,7 +241,7 @@ static void sum_chunk(void *context, unsigned number, size_t begin, size_t end)
                 double error = worker->errors[2 * f + (size_t)side];
                 error = isfinite(error) ? error : side ? DBL_MAX : 0;
                 sums[f].most[side] = larger(sums[f].most[side], error);
-                sums[f].squares[side] += error * error;
+                sums[f].squares[side] += error * r->scales[f] * (error * r->scales[f]);
             }
     }
 }
@@ -255,8 +257,8 @@ static void add_up(const struct ranges *r, size_t chunks, size_t counted, struct
                 sum.squares[side] += r->sums[i * fields + f].squares[side];
             }
         double by = counted ? (double)counted : 1;
-        out[f].least = (struct measured){sum.most[0], sqrt(sum.squares[0] / by)};
-        out[f].most = (struct measured){sum.most[1], sqrt(sum.squares[1] / by)};
+        out[f].least = (struct measured){sum.most[0], sqrt(sum.squares[0] / by) / r->scales[f]};
+        out[f].most = (struct measured){sum.most[1], sqrt(sum.squares[1] / by) / r->scales[f]};
     }
 }
 
@@ -296,11 +298,18 @@ enum tetlod_status measure_range(const struct tetmesh *original, const uint32_t 
     r.vertex_counts = array_zero(original->vertex_count, 1);
     r.sums = array_zero(chunks * fields, sizeof *r.sums);
     r.workers = array_zero(threads, sizeof *r.workers);
-    bool room = counts && r.vertex_counts && r.sums && r.workers;
+    r.scales = array_new(fields, sizeof *r.scales);
+    bool room = r.scales && counts && r.vertex_counts && r.sums && r.workers;
     for (unsigned i = 0; i < threads && room; i++)
         room = (r.workers[i].errors = array_new(2 * (size_t)fields, sizeof(double))) != NULL;
     if (!room)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", chunks * fields * sizeof *r.sums));
+    for (uint32_t f = 0; f < fields; f++) {
+        double ranges[2][2];
+        point_field_range(&original->fields[f], original->vertex_count, ranges[0]);
+        point_field_range(&level->fields[f], level->vertex_count, ranges[1]);
+        r.scales[f] = tally_scale(ranges[0], ranges[1]);
+    }
     size_t counted = find_counting(&r, counts);
     TETLOD_TRY_DONE(locator_init(&r.locator, level->positions, level->vertex_count, level->corners, level->tet_count, error));
     r.locator.surface.bodies = bodies;
@@ -322,6 +331,7 @@ done:
     free(counts);
     free(r.vertex_counts);
     free(r.sums);
+    free(r.scales);
     coarsening_fini(&r.mesh);
     free(r.workers);
     return status;
