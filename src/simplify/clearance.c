@@ -85,6 +85,45 @@ static void box_of(const struct clearance *c, const uint32_t *vertices, int coun
     }
 }
 
+/* Are two triangles more than `most` apart along a direction, rounding aside? */
+static bool apart_along(const double direction[3], const double *const p[3], const double *const q[3], double most)
+{
+    static const double rounding = 1e-12;
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, size = 0, r[3];
+    for (int k = 0; k < 6; k++) {
+        subtract(k < 3 ? p[k] : q[k - 3], p[0], r);
+        double along = dot(direction, r);
+        low[k / 3] = smaller(low[k / 3], along);
+        high[k / 3] = larger(high[k / 3], along);
+        size = larger(size, fabs(r[0]) + fabs(r[1]) + fabs(r[2]));
+    }
+    return larger(low[1] - high[0], low[0] - high[1]) > (most + rounding * size) * sqrt(dot(direction, direction));
+}
+
+static void longest_edge(const double *const p[3], double out[3])
+{
+    double edge[3];
+    subtract(p[1], p[0], out);
+    for (int k = 1; k < 3; k++) {
+        subtract(p[(k + 1) % 3], p[k], edge);
+        if (dot(edge, edge) > dot(out, out))
+            memcpy(out, edge, sizeof edge);
+    }
+}
+
+/* Far from each other for a reason that is cheap to see? Needles around one point have boxes that all meet. */
+static bool surely_farther(const double normal_p[3], const double normal_q[3], const double *const p[3], const double *const q[3],
+                           double most)
+{
+    double a[3], b[3], across[3];
+    if (apart_along(normal_p, p, q, most) || apart_along(normal_q, p, q, most))
+        return true;
+    longest_edge(p, a);
+    longest_edge(q, b);
+    cross(a, b, across);
+    return apart_along(across, p, q, most);
+}
+
 /* The distance of face f from the next other part, if that is below `most`; else `most`. */
 static double distance_of(const struct clearance *c, uint32_t f, double most)
 {
@@ -102,6 +141,8 @@ static double distance_of(const struct clearance *c, uint32_t f, double most)
                 continue;
             for (int k = 0; k < 3; k++)
                 q[k] = position_of(c, triangle_of(c, g)[k]);
+            if (surely_farther(c->normals + 3 * (size_t)f, c->normals + 3 * (size_t)g, p, q, most))
+                continue;
             double distance = sqrt(triangles_distance2(p, q));
             if (distance >= most)
                 continue;
@@ -119,29 +160,55 @@ static void share_range(void *context, unsigned worker, size_t begin, size_t end
         c->shares[f] = SHARE * distance_of(c, (uint32_t)f, c->most / SHARE);
 }
 
-/* Which boundary vertices are inside a tetrahedron of others? Only where the mesh overlaps itself. */
-static void mark_overlapped(struct clearance *c, uint32_t tet)
+static bool in_box(const double box[6], const double p[3])
+{
+    return p[0] >= box[0] && p[1] >= box[1] && p[2] >= box[2] && p[0] <= box[3] && p[1] <= box[4] && p[2] <= box[5];
+}
+
+/* Which boundary vertices are inside one of `count` tetrahedra of others? `boxes` are the tetrahedra's, `box` holds them all. */
+static void mark_overlapped(struct clearance *c, uint32_t tet, uint32_t count, double (*boxes)[6], const double box[6])
 {
     struct bvh_walk walk = bvh_walk_begin(&c->vertex_boxes);
     const struct locator locator = {.positions = c->mesh->positions, .corners = c->mesh->corners};
-    const uint32_t *corners = c->mesh->corners + 4 * (size_t)tet;
-    double box[6], weights[4];
+    double weights[4];
     uint32_t first, end;
-    box_of(c, corners, 4, 0, box);
     while (bvh_next_leaf(&walk, box, &first, &end))
         for (uint32_t i = first; i < end; i++) {
             uint32_t v = c->vertices[c->vertex_boxes.order[i]];
-            if (corners[0] != v && corners[1] != v && corners[2] != v && corners[3] != v &&
-                locator_weights(&locator, tet, position_of(c, v), weights) > INSIDE)
-                __atomic_store_n(&c->overlapped[v], 1, __ATOMIC_RELAXED);
+            const double *p = position_of(c, v);
+            for (uint32_t t = 0; t < count; t++) {
+                const uint32_t *corners = c->mesh->corners + 4 * (size_t)(tet + t);
+                if (in_box(boxes[t], p) && corners[0] != v && corners[1] != v && corners[2] != v && corners[3] != v &&
+                    locator_weights(&locator, tet + t, p, weights) > INSIDE)
+                    __atomic_store_n(&c->overlapped[v], 1, __ATOMIC_RELAXED);
+            }
         }
 }
 
+/* Only where the mesh overlaps itself there are any. Tetrahedra that are near each other are looked up together. */
 static void overlap_range(void *context, unsigned worker, size_t begin, size_t end)
 {
+    enum { TOGETHER = 16, WIDER = 4 }; // their box is so many times the widest one's at most
+    struct clearance *c = context;
     (void)worker;
-    for (size_t t = begin; t < end; t++)
-        mark_overlapped(context, (uint32_t)t);
+    for (size_t tet = begin; tet < end; tet += TOGETHER) {
+        uint32_t count = (uint32_t)(end - tet < TOGETHER ? end - tet : TOGETHER);
+        const uint32_t *corners = c->mesh->corners + 4 * tet;
+        double boxes[TOGETHER][6], all[6], widest[3] = {0, 0, 0};
+        bool near = true;
+        box_of(c, corners, 4 * (int)count, 0, all);
+        for (uint32_t t = 0; t < count; t++) {
+            box_of(c, corners + 4 * (size_t)t, 4, 0, boxes[t]);
+            for (int i = 0; i < 3; i++)
+                widest[i] = larger(widest[i], boxes[t][i + 3] - boxes[t][i]);
+        }
+        for (int i = 0; i < 3; i++)
+            near &= all[i + 3] - all[i] <= WIDER * widest[i];
+        if (near)
+            mark_overlapped(c, (uint32_t)tet, count, boxes, all);
+        for (uint32_t t = 0; t < count && !near; t++)
+            mark_overlapped(c, (uint32_t)tet + t, 1, boxes + t, boxes[t]);
+    }
 }
 
 /* The boundary's triangles and vertices in boxes. */

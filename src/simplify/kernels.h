@@ -9,12 +9,18 @@
 #include "src/simplify/hood.h"
 
 /* Planes of a hood. The volume of a tetrahedron (six times it) with the vertex moved by r is volume + slope . r; it counts as
- * turned over where that is at most `least`. U and L of component c rise by gradient . r. */
+ * turned over where that is at most `least`. U and L of component c rise by gradient . r. Those of four tetrahedra stand together. */
 enum { PLANE_SLOPE = 0, PLANE_VOLUME = 3, PLANE_LEAST = 4, PLANE_GRADIENTS = 5 };
 
 static inline size_t plane_count(uint32_t components)
 {
     return PLANE_GRADIENTS + 6 * (size_t)components;
+}
+
+/* The first plane of the i-th tetrahedron and the next three (i is a multiple of four); the others are WIDE behind each other. */
+static inline double *planes_at(const struct hood *hood, uint32_t components, uint32_t i)
+{
+    return hood->planes + plane_count(components) * i;
 }
 
 /* How a position on the edge to a neighbour is looked at. */
@@ -56,6 +62,8 @@ struct kernels {
     void (*prepare)(struct hood *hood, const struct working *working);
     /* What the hood says at a neighbour. hood->reach of it is set. */
     struct seen (*look)(const struct hood *hood, uint32_t neighbour, const struct look *look, uint32_t stride);
+    /* Lists in hood->doubtful the tetrahedra that may turn over where the vertex moves by r; the others surely do not. Returns how many. */
+    uint32_t (*doubt)(struct hood *hood, uint32_t components, const double r[3]);
     /* The star of `from` at the middle of its edge to `to`. False: a tetrahedron is turned over there. */
     bool (*halfway)(const struct working *working, uint32_t from, uint32_t to, const struct look *look, struct half *half);
     /* Weights of p. False: a kept tetrahedron would not be well oriented. */
