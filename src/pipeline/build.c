@@ -195,6 +195,18 @@ static void raise_max(const struct build *build, uint32_t mark)
     }
 }
 
+struct build_options build_options_default(void)
+{
+    return (struct build_options){.metric = METRIC_ENVELOPE,
+                                  .contract = CONTRACT_EDGES,
+                                  .max_error = 1,
+                                  .min_tets = 1,
+                                  .boundary_angle = 30,
+                                  .domain_error = DOMAIN_ERROR_SMALL,
+                                  .growth = 1.1,
+                                  .compression = 19};
+}
+
 bool build_asks_overlay(const struct build_options *options)
 {
     const struct quantise_options *quantise = &options->quantise;
