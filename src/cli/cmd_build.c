@@ -51,7 +51,7 @@ static const char help[] =
     "      --max-error E       stop at this error, a fraction of the range: 0.1 or 10% (default 1)\n"
     "      --min-tets N        stop at that many tetrahedra\n"
     "      --domain-error E    how far the boundary may move from the original's in all, a fraction of the diagonal\n"
-    "                          (default 0.001; exact, measured: at most 0.000001); 0: only planar boundary is simplified\n"
+    "                          (default 0.001; exact, measured: at most 0.000001; a series: 0); 0: only planar boundary is simplified\n"
     "      --boundary-angle D  degrees by which boundary faces may turn and still count as one smooth surface; edges that\n"
     "                          turn more are creases, and are kept (default 30)\n"
     "      --growth G          vertices of a level / vertices of the one below (default 1.1)\n"
@@ -86,7 +86,7 @@ struct request {
     struct reading reading;
     struct series_input series;
     uint64_t nan_filled;
-    bool for_mail, json, quiet, all, ordered; /* ordered: --metric is given */
+    bool for_mail, json, quiet, all, ordered, moves_boundary; /* ordered: --metric is given; moves_boundary: --domain-error */
     struct progress progress;
     double phase_started;
     enum build_phase phase;
@@ -253,6 +253,7 @@ static bool parse_option(struct request *request, int option, const char *value)
     case 'b':
         return cli_parse_number(&command_build, "boundary-angle", value, 0, &build->boundary_angle);
     case 'd':
+        request->moves_boundary = true;
         return cli_parse_fraction(&command_build, "domain-error", value, &build->domain_error);
     case 'g':
         return parse_growth(value, &build->growth);
@@ -540,7 +541,10 @@ static void say_fields(const struct request *request, const struct tetmesh *mesh
 static void say(const struct request *request, const struct io_report *read, const struct tetmesh *mesh,
                 const struct build_report *report)
 {
-    reading_notes("build", read, mesh);
+    struct io_report notes_read = *read;
+    if (request->build.series)
+        notes_read.steps = 0; // all of them were read
+    reading_notes("build", &notes_read, mesh);
     const struct {
         uint64_t count;
         const char *what;
@@ -608,6 +612,8 @@ static const char *against_series(const struct request *request)
         return "--metric, --certify exact, --contract or --candidates";
     if (quantise_wanted(&build->quantise) || request->for_mail)
         return "rounding (--position-bits, --field-bits, --for mail and the like)";
+    if (request->moves_boundary && build->domain_error > 0)
+        return "--domain-error: it keeps its boundary";
     return build->certify_all ? "--certify-all" : NULL;
 }
 
@@ -621,6 +627,7 @@ static enum tetlod_status load_series(struct request *request, const struct io_r
     uint64_t steps = request->series.path_count > 1 ? request->series.path_count : read->steps;
     TETLOD_TRY(series_input_load(&request->series, steps, &request->reading, mesh, controls, count, &request->progress, error));
     request->build.series = &request->series.series;
+    request->build.domain_error = 0; // a step's error is then one at the same position (PROOF.md, 5)
     return TETLOD_OK;
 }
 

@@ -3,7 +3,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
@@ -30,18 +29,6 @@ static enum tetlod_status choose_step(const struct tetlod_series_info *info, con
                         (unsigned long long)choice->step);
 }
 
-static enum tetlod_status add_values(const struct tetlod_info *info, const struct tetlod_series *series, struct tetmesh *out,
-                                     struct tetlod_error *error)
-{
-    const struct tetlod_series_info *steps = tetlod_series_info(series);
-    for (uint32_t f = 0; f < steps->field_count; f++) {
-        const struct tetlod_field *field = &info->fields[steps->fields[f]];
-        TETLOD_TRY(tetmesh_add_field(out, field->name, field->components, field->type, error));
-        memcpy(out->fields[f].values, tetlod_step_values(series, f), (size_t)out->vertex_count * field->components * sizeof(double));
-    }
-    return TETLOD_OK;
-}
-
 static void describe(const struct tetlod_series *series, const struct tetlod_info *info, uint32_t band, uint32_t step, char *about, size_t size)
 {
     const struct tetlod_series_info *steps = tetlod_series_info(series);
@@ -63,7 +50,7 @@ static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *s
     TETLOD_TRY(tetlod_seek_step(series, cursor, band, step, error));
     TETLOD_TRY(level_mesh_copy(info, cursor, out, error));
     describe(series, info, band, step, about, about_size);
-    return add_values(info, series, out, error);
+    return level_mesh_step(info, series, out, error);
 }
 
 enum tetlod_status extract_step(struct tetlod_file *file, const struct step_choice *choice, bool original_order, struct tetmesh *out,

@@ -88,6 +88,11 @@ bool series_input_parse_bands(struct series_input *input, const struct command *
 
 /* ---- steps */
 
+uint64_t series_input_number(const struct series_input *input, uint64_t step)
+{
+    return input->begin + step * input->stride;
+}
+
 enum tetlod_status series_input_read(const struct series_input *input, uint64_t step, const struct reading *reading, struct tetmesh *out,
                                      struct io_report *report, struct tetlod_error *error)
 {
@@ -154,12 +159,6 @@ static enum tetlod_status put_step(struct series_input *input, struct tetmesh *m
     return TETLOD_OK;
 }
 
-/* The number of the series' step among all. */
-static uint64_t step_number(const struct series_input *input, uint64_t step)
-{
-    return input->begin + step * input->stride;
-}
-
 static enum tetlod_status put_steps(struct series_input *input, const struct reading *reading, const struct tetmesh *first,
                                     const struct build_control *controls, uint32_t count, struct progress *progress, struct tetlod_error *error)
 {
@@ -170,7 +169,7 @@ static enum tetlod_status put_steps(struct series_input *input, const struct rea
         struct tetmesh mesh = {0};
         struct io_report report;
         struct tetlod_error inner = {0};
-        uint64_t number = step_number(input, s);
+        uint64_t number = series_input_number(input, s);
         TETLOD_TRY(series_input_read(input, number, reading, &mesh, &report, error));
         input->times[s] = report.steps ? report.time : (double)number;
         enum tetlod_status status = put_step(input, &mesh, first, controls, count, &inner);
@@ -191,7 +190,7 @@ static void check_times(struct series_input *input)
     for (uint32_t s = 1; s < input->series.step_count; s++)
         rise &= input->times[s] > input->times[s - 1];
     for (uint32_t s = 0; s < input->series.step_count && !rise; s++)
-        input->times[s] = (double)step_number(input, s);
+        input->times[s] = (double)series_input_number(input, s);
     input->own_times = !rise;
 }
 

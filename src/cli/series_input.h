@@ -33,6 +33,9 @@ void series_input_fini(struct series_input *input);
 bool series_input_parse_times(struct series_input *input, const struct command *command, const char *text);
 bool series_input_parse_bands(struct series_input *input, const struct command *command, const char *text);
 
+/* The number, among all, of step `step` of the series. */
+uint64_t series_input_number(const struct series_input *input, uint64_t step);
+
 /* Reads one step's mesh: `step` counts from 0 over all of them, before --times. */
 TETLOD_CHECKED enum tetlod_status series_input_read(const struct series_input *input, uint64_t step, const struct reading *reading,
                                                     struct tetmesh *out, struct io_report *report, struct tetlod_error *error);

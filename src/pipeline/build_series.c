@@ -17,8 +17,8 @@ enum { LEAST_KEYS = 16, GROUP = 8, BATCH_COMPONENTS = 32 };
 /* What a component takes a vertex while it drives, in bytes: its values here, in the working mesh and in the log, U, L, the prediction. */
 enum { DRIVING_BYTES = 48 };
 
-/* The part of a band's error that its level may have. The rest is for rounding values. */
-static const double LEVEL_SHARE = 0.75;
+/* The part of a band's error that its level may have; the rest is for rounding values. The ladder's rungs are this part of round errors. */
+static const double LEVEL_SHARE = 0.9;
 
 /* ---- values */
 
@@ -275,7 +275,7 @@ static enum tetlod_status drive(struct series_build *series, struct contraction_
         TETLOD_TRY_DONE(step_fields_add(&fields, series, key_step(series, key), error));
     for (uint32_t i = 0; i < count; i++) {
         controlled[i] = i < controls ? series->options->controls[i].field : mesh->field_count + i - controls;
-        limits[i] = step_weight(series, &fields.mesh, controlled[i], i % controls, weights[i % controls]);
+        limits[i] = LEVEL_SHARE * step_weight(series, &fields.mesh, controlled[i], i % controls, weights[i % controls]);
     }
     status = simplify(log, &fields.mesh, controlled, count, limits, &series->simplify, error);
 done:

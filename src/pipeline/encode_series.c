@@ -19,7 +19,7 @@
 
 /* Codes up to this size are exact in float32. Steps of a band's grid in its error, at least. */
 static const double FLOAT32_CODES = 0x1p24;
-enum { GRID_STEPS = 4 };
+enum { GRID_STEPS = 5 };
 
 /* The level of a band in the stream's numbers. */
 struct band_level {
@@ -169,6 +169,10 @@ static void allow(const struct target *target, const double bounds[2], int64_t o
 {
     double least = larger(bounds[0], target->range[0]), greatest = smaller(bounds[1], target->range[1]);
     double middle = least / 2 + greatest / 2, half = target->tolerance / 2;
+    if (bounds[0] == bounds[1] && !(target->tolerance > 0)) { // bit for bit, also -0
+        out[0] = out[1] = float_code(target->scale.type, bounds[0]);
+        return;
+    }
     out[0] = code_up(&target->scale, larger(middle - half, greatest - target->tolerance));
     out[1] = code_down(&target->scale, smaller(middle + half, least + target->tolerance));
     if (out[0] > out[1]) // no code is that near: the nearest to the middle
