@@ -167,8 +167,7 @@ static int64_t code_down(const struct tetlodi_step_scale *scale, double x)
 /* Half the tolerance is for cheap codes at most: values stay near the middle of L and U. */
 static void allow(const struct target *target, const double bounds[2], int64_t out[2])
 {
-    double least = larger(bounds[0], target->range[0]), greatest = smaller(bounds[1], target->range[1]);
-    double middle = least / 2 + greatest / 2, half = target->tolerance / 2;
+    double least = bounds[0], greatest = bounds[1], middle = least / 2 + greatest / 2, half = target->tolerance / 2;
     if (bounds[0] == bounds[1] && !(target->tolerance > 0)) { // bit for bit, also -0
         out[0] = out[1] = float_code(target->scale.type, bounds[0]);
         return;
@@ -179,11 +178,10 @@ static void allow(const struct target *target, const double bounds[2], int64_t o
         out[0] = out[1] = target->scale.quantum > 0 ? (int64_t)floor(middle / target->scale.quantum + 0.5) : float_code(target->scale.type, middle);
 }
 
-/* How far a value is off at most: L and U, and the step's range, hold the original. */
-static double error_of(const struct target *target, const double bounds[2], double value)
+/* How far a value is off at most. */
+static double error_of(const double bounds[2], double value)
 {
-    double least = larger(bounds[0], target->range[0]), greatest = smaller(bounds[1], target->range[1]);
-    double error = larger(greatest - value, value - least);
+    double error = larger(bounds[1] - value, value - bounds[0]);
     return error > 0 ? error * (1 + 0x1p-50) : 0;
 }
 
@@ -222,7 +220,8 @@ static void set_target(const struct row *row, uint32_t component, struct target 
     }
 }
 
-/* What L and U are at a vertex of the level; at the finest the value itself. */
+/* What L and U are at a vertex of the level; at the finest the value itself. A step whose whole range is within the tolerance has that range
+ * for L and U everywhere. They are not cut to the range vertex by vertex: between the vertices that would not hold the original. */
 static void bounds_at(const struct row *row, const struct target *target, uint32_t step, uint32_t component, uint32_t v, double out[2])
 {
     const struct series_build *series = row->batch->series;
@@ -230,6 +229,8 @@ static void bounds_at(const struct row *row, const struct target *target, uint32
     uint32_t number = (step - row->batch->first) * series->component_count + component;
     if (series->band_marks[row->band] == 0)
         out[0] = out[1] = target->values[(size_t)level->nodes[v] * target->components];
+    else if (target->range[1] - target->range[0] <= target->tolerance)
+        memcpy(out, target->range, sizeof target->range);
     else
         retrace_bounds(row->mark->state, level->nodes[v], number, out);
 }
@@ -260,7 +261,7 @@ static enum tetlod_status encode_step(struct row *row, uint32_t step, struct tet
         set_target(row, c, &target);
         for (uint32_t v = 0; v < n; v++) {
             bounds_at(row, &target, step, first + c, v, bounds);
-            worst = larger(worst, error_of(&target, bounds, tetlodi_step_value(&row->steps.scale, row->steps.codes[c * n + v])));
+            worst = larger(worst, error_of(bounds, tetlodi_step_value(&row->steps.scale, row->steps.codes[c * n + v])));
         }
     }
     if (worst > tolerance_of(row) * (1 + 1e-9) || size > UINT32_MAX)
