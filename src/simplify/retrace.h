@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Contracts a mesh once more as a log says, to bound fields that did not drive that contraction. The conditions of the proof (PROOF.md,
- * 2: C1 to C4) do not mention fields: the same sequence certifies every field by its own U and L. So the other steps of a series in
- * time are certified over one sequence.
+ * 10) do not mention fields: the same sequence certifies every field by its own U and L. So the other steps of a series in time are
+ * certified over one sequence.
  */
 #ifndef TETLOD_RETRACE_H
 #define TETLOD_RETRACE_H
