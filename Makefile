@@ -80,7 +80,7 @@ UNIT_SRC := $(sort $(wildcard tests/unit/test_*.c))
 FUZZ_SRC := $(sort $(wildcard tests/fuzz/fuzz_*.c))
 objects = $(patsubst %.c,$(B)/%.o,$(1))
 OBJECTS := $(call objects,$(FORMAT_SRC) $(LIBRARY_SRC) $(CLI_SRC) $(SERVER_SRC) $(SUPPORT_SRC) $(UNIT_SRC) $(FUZZ_SRC) \
-    tests/fuzz/replay.c)
+    tests/fuzz/rerun.c)
 LIBTETLOD := $(B)/libtetlod.a
 SHARED := $(B)/libtetlod.so.$(VERSION)
 # The page and what it loads, bundled by esbuild, become part of the program
@@ -95,7 +95,7 @@ WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128
     -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS)
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) src/mesh/tetmesh.c src/util/array.c
-WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c format/container.c format/cut.c,$(FORMAT_SRC)) $(CUT_SRC)
+WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c format/container.c format/prefix.c,$(FORMAT_SRC)) $(CUT_SRC)
 WASM := build/wasm/tetlod.wasm
 CLIENT := build/client
 CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)
@@ -188,7 +188,7 @@ $(B)/tests/bench/%: $(B)/tests/bench/%.o $(call objects,$(SUPPORT_SRC)) $(INTERN
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
 
 # A fuzz target runs under libFuzzer in config=fuzz, elsewhere it replays its corpus.
-$(B)/tests/fuzz/fuzz_%: $(B)/tests/fuzz/fuzz_%.o $(if $(FUZZER),,$(B)/tests/fuzz/replay.o) $(call objects,$(SUPPORT_SRC)) $(INTERNAL) $(LIBTETLOD)
+$(B)/tests/fuzz/fuzz_%: $(B)/tests/fuzz/fuzz_%.o $(if $(FUZZER),,$(B)/tests/fuzz/rerun.o) $(call objects,$(SUPPORT_SRC)) $(INTERNAL) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(FUZZER) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
 
 $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so: $(B)/%.so: %.c
@@ -296,13 +296,13 @@ $(PROOF): $(B)/tests/attack/proof.o $(ORACLE_OBJECTS) $(INTERNAL) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $(filter-out $(LIBTETLOD),$^) $(LIBTETLOD) $(PACKAGE_LIBS)
 attack: deps-build
 	$(Q)$(MAKE) --no-print-directory all $(ATTACK)
-	@python3 tests/attack/run.py $(ATTACK) $(BINARY) $(B)/attack $(SEEDS) $(FIRST)
+	@python3 tests/attack/run_attack.py $(ATTACK) $(BINARY) $(B)/attack $(SEEDS) $(FIRST)
 
 ## mutants: take one line of the proof out at a time; a test must go red (NAME='one of tests/mutants/table.py')
 .PHONY: mutants
 mutants: deps-build
 	$(Q)$(MAKE) --no-print-directory all tests $(ATTACK)
-	@python3 tests/mutants/run.py $(if $(NAME),'$(NAME)')
+	@python3 tests/mutants/run_mutants.py $(if $(NAME),'$(NAME)')
 
 ## bench-certificate: 100 random levels of all samples and the blunt fin (BLUNT=folder), 200,000 points each, against what is promised of them
 .PHONY: bench-certificate

@@ -31,7 +31,7 @@
 #include "src/util/file.h"
 #include "src/util/parallel.h"
 
-enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250, MOST_ORIGIN_BYTES = 240, MOST_TOKEN = 200, OWN_DESCRIPTORS = 48, LEAST_FILES = 8 };
+enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250, MOST_ORIGIN_BYTES = 240, MOST_TOKEN = 200, OWN_DESCRIPTORS = 48, LEAST_FILES = 8, UNSENT = 64 << 10 };
 
 struct server {
     struct server_options options;
@@ -70,7 +70,8 @@ static void refuse(struct server *server, int fd)
     metrics_count(server->site.metrics, METRIC_CONNECTIONS_REFUSED);
 }
 
-/* Accepts one connection; false if there is none, or none can be had now. */
+/* Accepts one connection; false if there is none, or none can be had now. Of an answer the kernel gets little more than what is on its
+ * way to the reader. By default it takes a whole large answer; a thousand of those fill its memory, and some readers wait for seconds. */
 static bool accept_one(struct server *server, struct listener *listener, struct http *http)
 {
     union {
@@ -80,7 +81,7 @@ static bool accept_one(struct server *server, struct listener *listener, struct 
         struct sockaddr_un path;
     } address = {0};
     socklen_t size = sizeof address;
-    int on = 1, fd = accept4(listener->fd, &address.any, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    int on = 1, unsent = UNSENT, fd = accept4(listener->fd, &address.any, &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
     if (fd < 0) {
         bool scarce = errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM;
         if (scarce)
@@ -91,8 +92,10 @@ static bool accept_one(struct server *server, struct listener *listener, struct 
         refuse(server, fd);
         return true;
     }
-    if (address.any.sa_family != AF_UNIX)
+    if (address.any.sa_family != AF_UNIX) {
         setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+        setsockopt(fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &unsent, sizeof unsent);
+    }
     metrics_count(server->site.metrics, METRIC_CONNECTIONS);
     http_serve(http, fd, &address.any, size);
     return true;

@@ -17,6 +17,7 @@ import sys
 import time
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+PYTHONPATH = os.pathsep.join(os.path.join(ROOT, folder) for folder in ('tests', 'client-examples/python'))
 LINE = re.compile(r'^(not ok|ok)\b(?: \d+)?(?: - )?(.*?)(?:\s+# (SKIP)\s*(.*))?$')
 
 
@@ -50,7 +51,8 @@ def run(config, path, timeout):
     shutil.rmtree(scratch, ignore_errors=True)
     os.makedirs(scratch)
     environment = dict(os.environ, TETLOD=os.path.join(ROOT, 'build', config, 'tetlod'), CONFIG=config, ROOT=ROOT,
-                       SCRATCH=scratch, LC_ALL='C.UTF-8', ASAN_OPTIONS='allocator_may_return_null=1:detect_leaks=1',
+                       SCRATCH=scratch, LC_ALL='C.UTF-8', PYTHONPATH=PYTHONPATH,
+                       ASAN_OPTIONS='allocator_may_return_null=1:detect_leaks=1',
                        UBSAN_OPTIONS='print_stacktrace=1')
     command = [path]
     if path.endswith('.py'):

@@ -7,10 +7,10 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "server/answer/cells.h"
+#include "server/answer/cell_choice.h"
 #include "server/answer/frames.h"
-#include "server/answer/levels.h"
-#include "server/answer/regions.h"
+#include "server/answer/level_file.h"
+#include "server/answer/boxes.h"
 #include "server/answer/respond.h"
 
 enum budget { BY_ERROR, BY_ABS_ERROR, BY_LEVEL, BY_TETS, BY_BYTES, BUDGETS };

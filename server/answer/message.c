@@ -8,7 +8,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "src/util/utf8.h"
+#include "src/util/utf8_clean.h"
 
 void response_init(struct response *response)
 {

@@ -10,8 +10,8 @@
 #include "server/answer/buffer.h"
 #include "server/answer/choose.h"
 #include "server/answer/frames.h"
-#include "server/answer/levels.h"
-#include "server/answer/regions.h"
+#include "server/answer/level_file.h"
+#include "server/answer/boxes.h"
 #include "server/answer/site.h"
 #include "server/answer/surfaces.h"
 

@@ -18,7 +18,7 @@
 #include "format/utf8.h"
 #include "src/report/info_json.h"
 #include "src/util/array.h"
-#include "src/util/utf8.h"
+#include "src/util/utf8_clean.h"
 
 static const char suffix[] = ".tetlod";
 

@@ -6,7 +6,7 @@
 #include <strings.h>
 #include <unistd.h>
 
-#include "format/cut.h"
+#include "format/prefix.h"
 #include "format/fail.h"
 #include "src/cli/cli.h"
 #include "src/cli/extract_region.h"
@@ -146,7 +146,7 @@ static enum tetlod_status extract_stream(const struct tetlod_file *file, const s
     struct file_output *output;
     TETLOD_TRY(file_output_open(&output, request->output, error));
     const struct tetlodi_sink sink = file_output_sink(output);
-    return file_output_finish(output, tetlodi_cut(file, level, &sink, error), error);
+    return file_output_finish(output, tetlodi_write_prefix(file, level, &sink, error), error);
 }
 
 /* The level in the boxes: by the same field, measure and kind of error. */

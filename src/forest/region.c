@@ -4,8 +4,9 @@
  * one; so any levels of slots give a set of living vertices that is closed under ancestors. Splitting a vertex moves its slot to
  * the level at which its next child arrives. Levels only rise, so that repair ends, at the latest with the fine level itself.
  *
- * Slots are listed by root, the vertex of the coarse level that they descend from; corners of tetrahedra by the living vertex that
- * they stand for, from the first split of its root on. A round of repair looks at what was split and at nothing else.
+ * Slots have places: those of the coarse level one after the other, each followed by its descendants, children that arrive later
+ * first. So what stands for a living slot lies in one piece, whatever the levels are: the slot, then the children that have not been split
+ * from it. A split only ends the piece sooner. A round of repair looks at what was split and at nothing else.
  */
 #include "src/forest/region.h"
 
@@ -24,11 +25,6 @@ struct lists {
     uint32_t *first, *numbers;
 };
 
-struct span {
-    size_t first;
-    uint32_t count, next;
-};
-
 /* A tetrahedron with four different corners. */
 struct cell {
     uint32_t tet, slots[4];
@@ -42,21 +38,20 @@ struct cut {
     int orientation;       /* of the mesh */
     uint32_t *fine_of;     /* [slots of the stage] the slot of the fine level that it stands for; NULL: itself */
     uint32_t *arrival;     /* [slots] level */
-    uint32_t *root;        /* [slots of the stage] */
     struct lists children; /* of a slot, that are not in the coarse level: in order of arrival */
-    struct lists family;   /* slots of a root */
-    unsigned char *listed; /* [coarse slots] roots that were split so far */
-    struct span *spans;    /* [slots] where in `ends` the corners are that stand for a living slot */
-    uint32_t *ends;        /* 4 * tetrahedron + corner */
-    size_t ends_count, ends_capacity;
-    uint32_t *spare;       /* [spare_capacity] for sorting a span */
-    size_t spare_capacity;
+    uint32_t *place, *order; /* [slots] of a slot; the slot at a place */
+    uint32_t *family;      /* [slots] how many it and its descendants are */
+    uint32_t *tets;        /* of the fine level, one for each of their corners, by the corners' places; NULL while nothing is split */
+    uint32_t *tets_end;    /* [slots] where in `tets` those of a slot end */
     uint32_t *round_of;    /* [fine_tets] the round in which a tetrahedron became a cell; 0 the start */
     uint32_t *level;       /* [slots] */
     uint32_t *standing;    /* [slots] the living slot that it stands for */
     double *positions;     /* [3 * slots] of living slots, at their levels */
-    unsigned char *dirty;  /* [coarse slots] roots of which a vertex was split in this round */
     unsigned char *done;   /* [slots] split in this round */
+    uint32_t *split, *born; /* [slots] those slots; those that came to live by that */
+    size_t split_count, born_count;
+    uint32_t *renewed;     /* tetrahedra that have a corner that was split */
+    size_t renewed_count, renewed_capacity;
     struct cell *cells;
     size_t count, capacity, fresh; /* from `fresh` on they are of this round */
     uint32_t rounds;
@@ -71,28 +66,29 @@ static void lists_fini(struct lists *lists)
 static void cut_fini(struct cut *cut)
 {
     lists_fini(&cut->children);
-    lists_fini(&cut->family);
-    free(cut->spans);
-    free(cut->ends);
-    free(cut->spare);
+    free(cut->tets);
+    free(cut->tets_end);
+    free(cut->place);
+    free(cut->order);
+    free(cut->family);
     free(cut->round_of);
     free(cut->fine_of);
     free(cut->arrival);
-    free(cut->root);
     free(cut->level);
     free(cut->standing);
     free(cut->positions);
-    free(cut->dirty);
-    free(cut->listed);
     free(cut->done);
+    free(cut->split);
+    free(cut->born);
+    free(cut->renewed);
     free(cut->cells);
 }
 
 uint64_t region_estimate(const struct tetlod_info *info, const struct region *region)
 {
     const struct tetlod_level *fine = &info->levels[region->fine];
-    return fine->vertices * (uint64_t)(7 * 4 + 24 + 16 + 2 + region->box_count) + info->levels[forest_last_level(info, region->fine)].vertices * (uint64_t)4 +
-           fine->tets * (uint64_t)(4 + 2 * 16 + 20) + 65536;
+    return fine->vertices * (uint64_t)(11 * 4 + 24 + 2 + region->box_count) + info->levels[forest_last_level(info, region->fine)].vertices * (uint64_t)4 +
+           fine->tets * (uint64_t)(4 + 16 + 30 + 6) + 65536;
 }
 
 /* ---- slots ---- */
@@ -120,53 +116,88 @@ static enum tetlod_status allocate(struct cut *cut, struct tetlod_error *error)
     bool finest = cut->slots == cut->stage->vertices;
     cut->fine_of = finest ? NULL : array_new(cut->stage->vertices, sizeof *cut->fine_of);
     cut->arrival = array_new(slots, sizeof *cut->arrival);
-    cut->root = array_new(cut->stage->vertices, sizeof *cut->root);
+    cut->place = array_new(slots, sizeof *cut->place);
+    cut->order = array_new(slots, sizeof *cut->order);
+    cut->family = array_new(slots, sizeof *cut->family);
     cut->level = array_new(slots, sizeof *cut->level);
     cut->standing = array_new(slots, sizeof *cut->standing);
     cut->positions = array_new(slots, 3 * sizeof *cut->positions);
-    cut->dirty = array_zero(cut->coarse_slots, 1);
     cut->done = array_zero(slots, 1);
-    cut->listed = array_zero(cut->coarse_slots, 1);
-    cut->spans = array_zero(slots, sizeof *cut->spans);
+    cut->split = array_new(slots, sizeof *cut->split);
+    cut->born = array_new(slots, sizeof *cut->born);
     cut->round_of = array_zero(cut->fine_tets, sizeof *cut->round_of);
     cut->children.first = array_zero(slots + 1, sizeof *cut->children.first);
-    cut->family.first = array_zero(cut->coarse_slots + (size_t)1, sizeof *cut->family.first);
-    if ((finest || cut->fine_of) && cut->arrival && cut->root && cut->level && cut->standing && cut->positions && cut->dirty && cut->done &&
-        cut->listed && cut->spans && cut->round_of && cut->children.first && cut->family.first)
+    cut->tets_end = array_zero(slots, sizeof *cut->tets_end);
+    if ((finest || cut->fine_of) && cut->arrival && cut->place && cut->order && cut->family && cut->level && cut->standing && cut->positions &&
+        cut->done && cut->split && cut->born && cut->round_of && cut->children.first && cut->tets_end)
         return TETLOD_OK;
-    return tetlodi_fail_nomem(error, "a region", slots * (uint64_t)54);
-}
-
-/* Families and children, and what every slot stands for at first: its root. */
-static bool list_slots(struct cut *cut)
-{
-    const uint32_t *parents = cut->forest->parents;
-    for (uint32_t v = 0; v < cut->stage->vertices; v++) {
-        if (cut->fine_of)
-            cut->fine_of[v] = v < cut->slots ? v : cut->fine_of[parents[v]];
-        cut->root[v] = v < cut->coarse_slots ? v : cut->root[parents[v]];
-    }
-    for (uint32_t v = 0; v < cut->slots; v++) {
-        cut->standing[v] = cut->root[v];
-        cut->family.first[cut->root[v] + 1]++;
-        if (v >= cut->coarse_slots)
-            cut->children.first[parents[v] + 1]++;
-    }
-    if (!make_lists(&cut->children, cut->slots) || !make_lists(&cut->family, cut->coarse_slots))
-        return false;
-    for (uint32_t v = 0; v < cut->slots; v++) {
-        cut->family.numbers[cut->family.first[cut->root[v]]++] = v;
-        if (v >= cut->coarse_slots)
-            cut->children.numbers[cut->children.first[parents[v]]++] = v;
-    }
-    end_lists(&cut->children, cut->slots);
-    end_lists(&cut->family, cut->coarse_slots);
-    return true;
+    return tetlodi_fail_nomem(error, "a region", slots * (uint64_t)70);
 }
 
 static uint32_t fine_slot(const struct cut *cut, uint32_t slot)
 {
     return cut->fine_of ? cut->fine_of[slot] : slot;
+}
+
+/* Children, families, and what every slot stands for at first: its root. */
+static bool list_slots(struct cut *cut)
+{
+    const uint32_t *parents = cut->forest->parents;
+    for (uint32_t v = 0; cut->fine_of && v < cut->stage->vertices; v++)
+        cut->fine_of[v] = v < cut->slots ? v : cut->fine_of[parents[v]];
+    for (uint32_t v = 0; v < cut->slots; v++) {
+        cut->standing[v] = v < cut->coarse_slots ? v : cut->standing[parents[v]];
+        cut->family[v] = 1;
+        if (v >= cut->coarse_slots)
+            cut->children.first[parents[v] + 1]++;
+    }
+    if (!make_lists(&cut->children, cut->slots))
+        return false;
+    for (uint32_t v = cut->coarse_slots; v < cut->slots; v++)
+        cut->children.numbers[cut->children.first[parents[v]]++] = v;
+    end_lists(&cut->children, cut->slots);
+    for (uint32_t v = cut->slots; v-- > cut->coarse_slots;)
+        cut->family[parents[v]] += cut->family[v];
+    return true;
+}
+
+/* Parents come before their children by number, too. */
+static void place_slots(struct cut *cut)
+{
+    uint32_t next = 0;
+    for (uint32_t v = 0; v < cut->slots; v++) {
+        if (v < cut->coarse_slots) {
+            cut->place[v] = next;
+            next += cut->family[v];
+        }
+        cut->order[cut->place[v]] = v;
+        uint32_t at = cut->place[v] + 1;
+        for (uint32_t i = cut->children.first[v + 1]; i-- > cut->children.first[v];) {
+            cut->place[cut->children.numbers[i]] = at;
+            at += cut->family[cut->children.numbers[i]];
+        }
+    }
+}
+
+/* Lists the tetrahedra at each slot, by the places of slots. */
+static bool list_tets(struct cut *cut)
+{
+    const uint32_t *corners = cut->stage->corners;
+    const size_t count = 4 * (size_t)cut->fine_tets;
+    uint32_t next = 0;
+    cut->tets = array_new(count, sizeof *cut->tets);
+    if (!cut->tets)
+        return false;
+    for (size_t c = 0; c < count; c++)
+        cut->tets_end[fine_slot(cut, corners[c])]++;
+    for (uint32_t place = 0; place < cut->slots; place++) {
+        uint32_t *end = &cut->tets_end[cut->order[place]], here = *end;
+        *end = next;
+        next += here;
+    }
+    for (size_t c = 0; c < count; c++)
+        cut->tets[cut->tets_end[fine_slot(cut, corners[c])]++] = (uint32_t)(c / 4);
+    return true;
 }
 
 static void corners_of(const struct cut *cut, size_t tet, uint32_t out[4])
@@ -235,8 +266,9 @@ static void raise(struct cut *cut, uint32_t v, uint32_t level)
 {
     cut->level[v] = level;
     settle(cut, v);
+    if (!cut->done[v])
+        cut->split[cut->split_count++] = v;
     cut->done[v] = 1;
-    cut->dirty[cut->root[v]] = 1;
 }
 
 static const unsigned char *row_at(const struct cut *cut, uint32_t v, uint32_t level)
@@ -424,130 +456,77 @@ static bool lives(const struct cut *cut, uint32_t v)
     return cut->standing[v] == v;
 }
 
-static void stand_family(struct cut *cut, uint32_t root)
+/* Where the piece of places ends that stands for a living slot. */
+static uint32_t piece_end(const struct cut *cut, uint32_t v)
 {
-    for (uint32_t i = cut->family.first[root]; i < cut->family.first[root + 1]; i++) {
-        uint32_t v = cut->family.numbers[i], parent = cut->forest->parents[v];
-        bool living = v == root || (lives(cut, parent) && cut->level[parent] >= cut->arrival[v]);
-        cut->standing[v] = living ? v : cut->standing[parent];
-        if (living)
-            take_position(cut, v, cut->level[v]);
-    }
+    for (uint32_t i = cut->children.first[v + 1]; i-- > cut->children.first[v];)
+        if (cut->arrival[cut->children.numbers[i]] <= cut->level[v])
+            return cut->place[cut->children.numbers[i]];
+    return cut->place[v] + cut->family[v];
 }
 
-static bool is_new(const struct cut *cut, uint32_t root)
+/* A living slot takes its position; the children that were split from it come to live. */
+static void bear_children(struct cut *cut, uint32_t v)
 {
-    return cut->dirty[root] && !cut->listed[root];
-}
-
-/* Adds the corners that stand for roots that are split for the first time, by one look at all tetrahedra, and counts them. */
-static bool find_ends(struct cut *cut)
-{
-    unsigned char *near = array_new(cut->stage->vertices, 1);
-    bool room = near != NULL;
-    for (uint32_t v = 0; room && v < cut->stage->vertices; v++)
-        near[v] = is_new(cut, cut->root[v]);
-    for (size_t t = 0; room && t < cut->fine_tets; t++) {
-        const uint32_t *corners = cut->stage->corners + 4 * t;
-        if (!(near[corners[0]] | near[corners[1]] | near[corners[2]] | near[corners[3]]))
+    take_position(cut, v, cut->level[v]);
+    for (uint32_t i = cut->children.first[v]; i < cut->children.first[v + 1]; i++) {
+        uint32_t child = cut->children.numbers[i];
+        if (cut->arrival[child] > cut->level[v])
+            break;
+        if (lives(cut, child))
             continue;
-        room = array_reserve((void **)&cut->ends, &cut->ends_capacity, cut->ends_count + 4, sizeof *cut->ends);
-        for (size_t c = 0; c < 4 && room; c++)
-            if (near[corners[c]]) {
-                cut->ends[cut->ends_count++] = (uint32_t)(4 * t + c);
-                cut->spans[cut->root[corners[c]]].count++;
-            }
+        for (uint32_t place = cut->place[child], end = piece_end(cut, child); place < end; place++)
+            cut->standing[cut->order[place]] = child;
+        cut->born[cut->born_count++] = child;
     }
-    free(near);
-    return room;
 }
 
-static uint32_t stands_for(const struct cut *cut, uint32_t end)
-{
-    return cut->standing[fine_slot(cut, cut->stage->corners[end])];
-}
-
-/* Sorts ends by what they stand for now, whose spans' counts are 0: each slot's place is where it is met first. */
-static bool sort_ends(struct cut *cut, struct span range)
-{
-    uint32_t *ends = cut->ends + range.first;
-    size_t place = range.first;
-    if (!array_reserve((void **)&cut->spare, &cut->spare_capacity, range.count, sizeof *cut->spare))
-        return false;
-    for (size_t i = 0; i < range.count; i++)
-        cut->spans[stands_for(cut, ends[i])].count++;
-    for (size_t i = 0; i < range.count; i++) {
-        struct span *span = &cut->spans[stands_for(cut, ends[i])];
-        if (span->next == 0) {
-            span->first = place;
-            place += span->count;
-        }
-        cut->spare[span->first - range.first + span->next++] = ends[i];
-    }
-    memcpy(ends, cut->spare, range.count * sizeof *ends);
-    for (size_t i = 0; i < range.count; i++)
-        cut->spans[stands_for(cut, ends[i])].next = 0;
-    return true;
-}
-
-static bool list_ends(struct cut *cut)
-{
-    size_t first = cut->ends_count;
-    bool any = false;
-    for (uint32_t root = 0; root < cut->coarse_slots && !any; root++)
-        any = is_new(cut, root);
-    if (!any)
-        return true;
-    if (!find_ends(cut))
-        return false;
-    for (uint32_t root = 0; root < cut->coarse_slots; root++)
-        if (is_new(cut, root)) {
-            cut->spans[root].count = 0;
-            cut->listed[root] = 1;
-        }
-    return sort_ends(cut, (struct span){first, (uint32_t)(cut->ends_count - first), 0});
-}
-
-/* The corners of a slot that was split are its children's now; their tetrahedra are made anew. */
-static bool renew_slot(struct cut *cut, uint32_t v)
-{
-    const struct span range = cut->spans[v];
-    cut->spans[v] = (struct span){0, 0, 0};
-    if (!sort_ends(cut, range))
-        return false;
-    for (size_t i = 0; i < range.count; i++)
-        if (!add_cell(cut, cut->ends[range.first + i] / 4))
-            return false;
-    return true;
-}
-
-static void drop_cells(struct cut *cut)
+/* Takes out the tetrahedra that have a corner that was split. */
+static bool take_renewed(struct cut *cut)
 {
     size_t kept = 0;
+    cut->renewed_count = 0;
+    if (!array_reserve((void **)&cut->renewed, &cut->renewed_capacity, cut->count, sizeof *cut->renewed))
+        return false;
     for (size_t i = 0; i < cut->count; i++) {
         const uint32_t *slots = cut->cells[i].slots;
-        if (!(cut->done[slots[0]] | cut->done[slots[1]] | cut->done[slots[2]] | cut->done[slots[3]]))
+        if (cut->done[slots[0]] | cut->done[slots[1]] | cut->done[slots[2]] | cut->done[slots[3]])
+            cut->renewed[cut->renewed_count++] = cut->cells[i].tet;
+        else
             cut->cells[kept++] = cut->cells[i];
     }
     cut->count = cut->fresh = kept;
+    return true;
+}
+
+/* A tetrahedron that was not there has a corner that stands for a slot that was not living. */
+static bool add_born(struct cut *cut, uint32_t v)
+{
+    const uint32_t place = cut->place[v], last = cut->tets_end[cut->order[piece_end(cut, v) - 1]];
+    bool room = true;
+    for (uint32_t i = place ? cut->tets_end[cut->order[place - 1]] : 0; room && i < last; i++)
+        room = add_cell(cut, cut->tets[i]);
+    return room;
 }
 
 /* Takes up what was split. */
 static enum tetlod_status renew(struct cut *cut, struct tetlod_error *error)
 {
-    bool room = list_ends(cut);
-    drop_cells(cut);
-    for (uint32_t root = 0; root < cut->coarse_slots; root++)
-        if (cut->dirty[root])
-            stand_family(cut, root);
-    for (uint32_t root = 0; root < cut->coarse_slots; root++)
-        for (uint32_t i = cut->family.first[root]; cut->dirty[root] && i < cut->family.first[root + 1]; i++) {
-            uint32_t v = cut->family.numbers[i];
-            if (cut->done[v] && cut->spans[v].count && room)
-                room = renew_slot(cut, v);
-            cut->done[v] = 0;
-        }
-    memset(cut->dirty, 0, cut->coarse_slots);
+    if (!cut->split_count)
+        return TETLOD_OK;
+    bool room = (cut->tets || list_tets(cut)) && take_renewed(cut);
+    for (size_t i = 0; i < cut->split_count; i++)
+        if (lives(cut, cut->split[i]))
+            bear_children(cut, cut->split[i]);
+    for (size_t i = 0; i < cut->born_count; i++)
+        bear_children(cut, cut->born[i]);
+    for (size_t i = 0; room && i < cut->renewed_count; i++)
+        room = add_cell(cut, cut->renewed[i]);
+    for (size_t i = 0; room && i < cut->born_count; i++)
+        room = add_born(cut, cut->born[i]);
+    for (size_t i = 0; i < cut->split_count; i++)
+        cut->done[cut->split[i]] = 0;
+    cut->split_count = cut->born_count = 0;
     return room ? TETLOD_OK : tetlodi_fail_nomem(error, "a region", cut->fine_tets * (uint64_t)20);
 }
 
@@ -747,6 +726,7 @@ static enum tetlod_status start(struct cut *cut, struct tetlod_error *error)
     if (!list_slots(cut))
         return tetlodi_fail_nomem(error, "a region", cut->fine_tets * (uint64_t)16);
     start_levels(cut);
+    place_slots(cut);
     for (uint32_t v = 0; v < cut->coarse_slots; v++)
         take_position(cut, v, cut->region->coarse);
     for (uint32_t t = 0; t < tetlod_info(cut->forest->file)->levels[cut->region->coarse].tets; t++)

@@ -7,7 +7,7 @@
 
 #include "format/fail.h"
 #include "src/util/array.h"
-#include "src/util/utf8.h"
+#include "src/util/utf8_clean.h"
 
 enum { MOST_COMPONENTS = 4096 }; // more than any field of a mesh has
 

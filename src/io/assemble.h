@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * What the readers share. A reader turns a file into blocks: points, cells of any kind, and values at both. From there the way
- * to a tetmesh is the same for all formats: merge.c joins blocks, split.c makes tetrahedra.
+ * to a tetmesh is the same for all formats: blocks_merge.c joins blocks, split.c makes tetrahedra.
  */
 #ifndef TETLOD_ASSEMBLE_H
 #define TETLOD_ASSEMBLE_H

@@ -188,13 +188,13 @@ static double weigh(const double weights[4], const double values[4])
 }
 
 /* May the pair have a difference above what was found? In the intersection it is at most what it is at the worst corner of either
- * tetrahedron. */
-static bool may_be_worse(const struct overlay *overlay, const struct worker *worker, const struct cell *cell, double in[2][4][4])
+ * tetrahedron; looked at from `first` on. */
+static bool may_be_worse(const struct overlay *overlay, const struct worker *worker, const struct cell *cell, double in[2][4][4], int first)
 {
     for (uint32_t c = 0; c < overlay->compared_count; c++) {
         const struct compared *compared = &overlay->compared[c];
         double values[2][4], size = gather_values(overlay, compared, cell, values), bound = INFINITY;
-        for (int m = 0; m < 2; m++) { // the corners of tetrahedron m
+        for (int m = first; m < 2; m++) { // the corners of tetrahedron m
             double most = 0;
             for (int k = 0; k < 4; k++)
                 most = larger(most, fabs(values[m][k] - weigh(in[m][k], values[!m])));
@@ -242,11 +242,10 @@ static void exact_corners(const struct overlay *overlay, int m, uint32_t tet, co
         out[c] = corner(overlay->meshes[m], tet, c);
 }
 
-/* Rounded to doubles, which a box has: an end on a face is not outside by its last digits. */
-static bool in_box(const double box[6], const quad x[3])
+static bool in_box(const double box[6], const double x[3])
 {
     for (int i = 0; i < 3; i++)
-        if ((double)x[i] < box[i] || (double)x[i] > box[i + 3])
+        if (x[i] < box[i] || x[i] > box[i + 3])
             return false;
     return true;
 }
@@ -256,10 +255,12 @@ static bool in_box(const double box[6], const quad x[3])
 static quad best_difference(const struct overlay *overlay, const struct compared *compared, const struct exact_cell *exact,
                             const struct cell *cell, int end, double values[2][4], quad found)
 {
+    const quad *x = exact->ends[end];
+    const double at[3] = {(double)x[0], (double)x[1], (double)x[2]}; // as boxes are: an end on a face is not outside by its last digits
     for (uint32_t tet = 0; tet < overlay->meshes[1]->tet_count; tet++) {
         const double *corners[4];
         quad other;
-        if (!overlay->usable[1][tet] || tet == cell->tets[1] || !in_box(overlay->boxes + 6 * (size_t)tet, exact->ends[end]) ||
+        if (!overlay->usable[1][tet] || tet == cell->tets[1] || !in_box(overlay->boxes + 6 * (size_t)tet, at) ||
             !same_body(overlay, cell->tets[0], tet))
             continue;
         exact_corners(overlay, 1, tet, corners);
@@ -294,19 +295,23 @@ static void compare_exactly(const struct overlay *overlay, struct worker *worker
     }
 }
 
+/* Where a level is compared with the original, a's tetrahedra are the larger ones: most of b's near one are outside it, or are inside it and
+ * differ by less than what was found. Both are known from b's corners alone. */
 static void compare_pair(const struct overlay *overlay, struct worker *worker, uint32_t tet_a, uint32_t tet_b)
 {
     struct cell cell = {.tets = {tet_a, tet_b}};
     double in[2][4][4], slack; // in[m]: of the corners of tetrahedron m, in the other one
-    if (!same_body(overlay, tet_a, tet_b) || !weigh_corners(overlay, 1, tet_b, tet_a, in[0], &slack))
+    if (!same_body(overlay, tet_a, tet_b) || !weigh_corners(overlay, 0, tet_a, tet_b, in[1], &slack))
         return;
     cell.slack = slack;
-    if (!weigh_corners(overlay, 0, tet_a, tet_b, in[1], &slack))
+    if (slack <= HOPELESS && !may_be_worse(overlay, worker, &cell, in, 1))
+        return;
+    if (!weigh_corners(overlay, 1, tet_b, tet_a, in[0], &slack))
         return;
     cell.slack = larger(cell.slack, slack);
     match_corners(overlay, cell.tets, in[0], in[1]);
     worker->cells++;
-    if (cell.slack > HOPELESS || (may_be_worse(overlay, worker, &cell, in) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
+    if (cell.slack > HOPELESS || (may_be_worse(overlay, worker, &cell, in, 0) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
         compare_exactly(overlay, worker, &cell);
 }
 

@@ -168,20 +168,25 @@ enum tetlod_status region_error(const struct forest *forest, const struct tetmes
     for (uint32_t f = 0; f < mesh->field_count; f++)
         out[f] = 0;
     TETLOD_TRY(take_belt(mesh, &belt, error));
-    uint32_t *fields = array_new(mesh->field_count, sizeof *fields);
-    enum tetlod_status status = fields ? TETLOD_OK : tetlodi_fail_nomem(error, "a region's error", mesh->field_count);
+    uint32_t count = 0, *fields = array_new(mesh->field_count, sizeof *fields);
+    double *most = array_new(mesh->field_count, sizeof *most);
+    enum tetlod_status status = fields && most ? TETLOD_OK : tetlodi_fail_nomem(error, "a region's error", mesh->field_count);
     for (uint32_t f = 0; fields && f < mesh->field_count; f++)
-        fields[f] = f;
-    if (status == TETLOD_OK && belt.tet_count && mesh->field_count) {
+        if (forest_info(forest)->fields[f].controlled)
+            fields[count++] = f;
+    if (status == TETLOD_OK && belt.tet_count && count) {
         status = mark_cells(&cells, &belt, error);
         if (status == TETLOD_OK)
             status = take_finest(forest, &cells, mesh, &finest, error);
         if (status == TETLOD_OK)
-            status = overlay_max(&belt, fields, &finest, fields, mesh->field_count, &(struct overlay_options){.threads = threads}, out, &report, error);
+            status = overlay_max(&belt, fields, &finest, fields, count, &(struct overlay_options){.threads = threads}, most, &report, error);
+        for (uint32_t i = 0; status == TETLOD_OK && i < count; i++)
+            out[fields[i]] = most[i];
     }
     tetmesh_fini(&finest);
     free(cells.marked);
     free(belt.corners);
     free(fields);
+    free(most);
     return status;
 }

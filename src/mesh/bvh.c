@@ -2,7 +2,6 @@
 #include "src/mesh/bvh.h"
 
 #include <math.h>
-#include <stdbool.h>
 #include <stdlib.h>
 
 #include "format/fail.h"
@@ -172,31 +171,13 @@ double bvh_box_distance2(const struct bvh *bvh, uint32_t node, const double p[3]
     return sum;
 }
 
-static bool boxes_meet(const float *a, const double *b)
-{
-    for (int d = 0; d < 3; d++)
-        if (a[d] > b[d + 3] || a[d + 3] < b[d])
-            return false;
-    return true;
-}
-
 uint32_t bvh_find_box(const struct bvh *bvh, const double box[6], uint32_t *out, uint32_t most)
 {
-    uint32_t stack[BVH_DEPTH], depth = 0, found = 0;
-    stack[depth++] = 0;
-    while (depth) {
-        uint32_t node = stack[--depth];
-        if (!boxes_meet(bvh->boxes + 6 * (size_t)node, box))
-            continue;
-        if (node < bvh->leaf_first) {
-            stack[depth++] = 2 * node + 2;
-            stack[depth++] = 2 * node + 1;
-            continue;
-        }
-        uint64_t first = (uint64_t)(node - bvh->leaf_first) * BVH_LEAF;
-        for (uint64_t i = first; i < bvh->count && i < first + BVH_LEAF; i++, found++)
+    struct bvh_walk walk = bvh_walk_begin(bvh);
+    uint32_t found = 0, first, end;
+    while (bvh_next_leaf(&walk, box, &first, &end))
+        for (uint32_t i = first; i < end; i++, found++)
             if (found < most)
                 out[found] = bvh->order[i];
-    }
     return found;
 }

@@ -3,6 +3,8 @@
 #ifndef TETLOD_BVH_H
 #define TETLOD_BVH_H
 
+#include <stdbool.h>
+
 #include "format/tetlod.h"
 
 struct bvh {
@@ -26,6 +28,41 @@ void bvh_fini(struct bvh *bvh);
 
 /* Square of the distance of p from a node's box; 0 inside. */
 double bvh_box_distance2(const struct bvh *bvh, uint32_t node, const double p[3]);
+
+/* A walk through the leaves that meet a box. */
+struct bvh_walk {
+    const struct bvh *bvh;
+    uint32_t depth, stack[BVH_DEPTH];
+};
+
+static inline struct bvh_walk bvh_walk_begin(const struct bvh *bvh)
+{
+    return (struct bvh_walk){.bvh = bvh, .depth = 1}; // at the root, 0
+}
+
+/* The next leaf that meets a box (lower corner, upper corner), which may have shrunk since the last: it holds order[*out_first .. *out_end). */
+static inline bool bvh_next_leaf(struct bvh_walk *walk, const double box[6], uint32_t *out_first, uint32_t *out_end)
+{
+    const struct bvh *bvh = walk->bvh;
+    while (walk->depth) {
+        uint32_t node = walk->stack[--walk->depth];
+        const float *own = bvh->boxes + 6 * (size_t)node;
+        bool meets = true;
+        for (int d = 0; d < 3; d++)
+            meets &= !((double)own[d] > box[d + 3] || (double)own[d + 3] < box[d]);
+        if (!meets)
+            continue;
+        if (node >= bvh->leaf_first) {
+            uint64_t first = (uint64_t)(node - bvh->leaf_first) * BVH_LEAF, end = first + BVH_LEAF;
+            *out_first = (uint32_t)(first < bvh->count ? first : bvh->count);
+            *out_end = (uint32_t)(end < bvh->count ? end : bvh->count);
+            return true;
+        }
+        walk->stack[walk->depth++] = 2 * node + 2;
+        walk->stack[walk->depth++] = 2 * node + 1;
+    }
+    return false;
+}
 
 /* Primitives of the leaves that meet a box (lower corner, upper corner): all that meet it, and some near it. Their number is
  * returned, of which the first `most` are written. */

@@ -72,24 +72,16 @@ double locator_weights(const struct locator *locator, uint32_t tet, const double
 
 uint32_t locator_find(const struct locator *locator, const double p[3], uint32_t *out_tets, uint32_t most)
 {
-    const struct bvh *bvh = &locator->tets;
-    uint32_t stack[BVH_DEPTH], depth = 0, found = 0;
+    struct bvh_walk walk = bvh_walk_begin(&locator->tets);
+    const double box[6] = {p[0], p[1], p[2], p[0], p[1], p[2]};
+    uint32_t found = 0, first, end;
     double weights[4];
-    stack[depth++] = 0;
-    while (depth && found < most) {
-        uint32_t node = stack[--depth];
-        if (bvh_box_distance2(bvh, node, p) > 0)
-            continue;
-        if (node < bvh->leaf_first) {
-            stack[depth++] = 2 * node + 2;
-            stack[depth++] = 2 * node + 1;
-            continue;
+    while (found < most && bvh_next_leaf(&walk, box, &first, &end))
+        for (uint32_t i = first; i < end && found < most; i++) {
+            uint32_t tet = locator->tets.order[i];
+            if (locator_weights(locator, tet, p, weights) >= ON_FACE)
+                out_tets[found++] = tet;
         }
-        uint64_t first = (uint64_t)(node - bvh->leaf_first) * BVH_LEAF;
-        for (uint64_t i = first; i < bvh->count && i < first + BVH_LEAF && found < most; i++)
-            if (locator_weights(locator, bvh->order[i], p, weights) >= ON_FACE)
-                out_tets[found++] = bvh->order[i];
-    }
     return found;
 }
 

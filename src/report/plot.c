@@ -9,7 +9,7 @@
 
 #include "format/fail.h"
 #include "src/util/put.h"
-#include "src/util/utf8.h"
+#include "src/util/utf8_clean.h"
 
 /* Okabe and Ito's colours, which are told apart whatever one's colour vision; dashes for black and white. */
 static const struct style {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* The mesh generator of the thesis: unit cubes, each cut into the six paths along its edges from 000 to 111, which
  * makes neighbours compatible by translation. */
-#include "src/sample/build.h"
+#include "src/sample/make.h"
 
 enum tetlod_status sample_make_cube(struct tetmesh *out, uint32_t size, struct tetlod_error *error)
 {

@@ -3,7 +3,7 @@
  * cells that all have the same shape, each larger than the one inside it by 1 + 1/N. */
 #include <math.h>
 
-#include "src/sample/build.h"
+#include "src/sample/make.h"
 #include "src/sample/layers.h"
 
 static const double core_most = 5e-5; // the core's side; the largest cells are near 1/N, the core's below this / N

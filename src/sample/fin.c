@@ -9,7 +9,7 @@
 #include <math.h>
 
 #include "src/mesh/cell_split.h"
-#include "src/sample/build.h"
+#include "src/sample/make.h"
 
 static const double flank_end = 4, height = 4, nose_share = 0.4; // lengths in nose radii; share of the cells on the nose
 

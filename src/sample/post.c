@@ -8,7 +8,7 @@
 #include <math.h>
 
 #include "src/mesh/cell_split.h"
-#include "src/sample/build.h"
+#include "src/sample/make.h"
 
 static const double reach = 12, height = 4; // in radii of the post
 

@@ -7,7 +7,7 @@
 #include "format/fail.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/cell_split.h"
-#include "src/sample/build.h"
+#include "src/sample/make.h"
 #include "src/util/array.h"
 
 const struct sample samples[] = {

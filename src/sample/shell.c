@@ -2,7 +2,7 @@
 /* A ball with a cavity: layers over a cubed sphere. */
 #include <math.h>
 
-#include "src/sample/build.h"
+#include "src/sample/make.h"
 #include "src/sample/layers.h"
 
 static const double cavity = 0.35;

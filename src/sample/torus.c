@@ -2,7 +2,7 @@
 /* A ring: a square of cells bent into a disc, carried around the z axis. */
 #include <math.h>
 
-#include "src/sample/build.h"
+#include "src/sample/make.h"
 
 static const double ring = 2, thickness = 0.8;
 

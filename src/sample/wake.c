@@ -8,7 +8,7 @@
 #include <math.h>
 
 #include "src/mesh/cell_split.h"
-#include "src/sample/build.h"
+#include "src/sample/make.h"
 
 enum { VORTICES = 7 };
 static const double length = 12, half_width = 3, height = 2, spacing = 2.2; // in diameters of the post

@@ -189,60 +189,20 @@ enum tetlod_status border_find(struct working *working, struct crew *crew, struc
 
 /* ---- where they may move */
 
-/* The unit normal of a boundary face; false if it has no area. */
-static bool face_normal(const struct working *working, const uint32_t corners[4], unsigned face, double out[3])
-{
-    const double *p = working_row(working, corners[tet_faces[face][0]]), *q = working_row(working, corners[tet_faces[face][1]]),
-                 *r = working_row(working, corners[tet_faces[face][2]]);
-    double a[3], b[3];
-    subtract(q, p, a);
-    subtract(r, p, b);
-    cross(a, b, out);
-    double length = sqrt(dot(out, out));
-    if (!(length * length > 1e-24 * dot(a, a) * dot(b, b)))
-        return false;
-    for (int i = 0; i < 3; i++)
-        out[i] /= length;
-    return true;
-}
-
-/* Sorts a normal into one of two groups; false if it belongs to neither. */
-static bool join_group(const struct border *border, double groups[2][3], int *count, const double normal[3])
-{
-    for (int g = 0; g < *count; g++)
-        if (dot(groups[g], normal) >= border->cosine)
-            return true;
-    if (*count == 2)
-        return false;
-    memcpy(groups[(*count)++], normal, 3 * sizeof(double));
-    return true;
-}
-
 void border_classify(struct border *border, const struct working *working, uint32_t slot)
 {
     const struct span *star = &working->stars[slot];
-    double groups[2][3] = {{0}}, normal[3], direction[3];
-    int count = 0;
-    border->kinds[slot] = BOUNDARY_CORNER;
-    for (uint32_t i = 0; i < star->count; i++) {
+    struct boundary_normals normals = {0};
+    for (uint32_t i = 0; i < star->count && !normals.corner; i++) {
         uint32_t tet = working->pool[star->begin + i];
         const uint32_t *corners = working->corners[tet];
         unsigned faces = tet_gone(working, tet) ? 0 : working->boundary_faces[tet];
         for (unsigned f = 0; faces >> f; f++)
-            if (faces >> f & 1 && corners[f] != slot &&
-                (!face_normal(working, corners, f, normal) || !join_group(border, groups, &count, normal)))
-                return;
+            if (faces >> f & 1 && corners[f] != slot)
+                boundary_normals_add(&normals, border->cosine, working_row(working, corners[tet_faces[f][0]]),
+                                     working_row(working, corners[tet_faces[f][1]]), working_row(working, corners[tet_faces[f][2]]));
     }
-    if (count == 1)
-        memcpy(direction, groups[0], sizeof direction);
-    else
-        cross(groups[0], groups[1], direction);
-    double length = sqrt(dot(direction, direction));
-    if (!(length > 0))
-        return;
-    for (int i = 0; i < 3; i++)
-        border->directions[3 * (size_t)slot + (size_t)i] = (float)(direction[i] / length);
-    border->kinds[slot] = count == 1 ? BOUNDARY_SMOOTH : BOUNDARY_CREASE;
+    border->kinds[slot] = boundary_normals_kind(&normals, border->directions + 3 * (size_t)slot);
 }
 
 /* The corners of the boundary faces in the mesh's numbers; their count in *out_count, NULL: no memory. */
@@ -305,17 +265,59 @@ void border_fini(struct border *border)
 
 bool border_may_move(const struct border *border, uint32_t slot, const double step[3])
 {
-    double length2 = dot(step, step);
-    const float *d = border->directions + 3 * (size_t)slot;
-    double along = d[0] * step[0] + d[1] * step[1] + d[2] * step[2];
-    double slope2 = border->sine * border->sine * length2 + border->limit * border->limit * 1e-6;
-    switch ((enum boundary_kind)border->kinds[slot]) {
-    case BOUNDARY_SMOOTH:
-        return along * along <= slope2;
-    case BOUNDARY_CREASE:
-        return length2 - along * along <= slope2;
-    case BOUNDARY_CORNER:
-        break;
+    return boundary_step_allowed(border->kinds[slot], border->directions + 3 * (size_t)slot, border->sine, border->limit, step);
+}
+
+/* ---- the map of contracting an edge */
+
+/* The faces that have an end that moves. */
+static void add_faces(struct boundary_map *map, const struct working *working, int end)
+{
+    const struct span *star = &working->stars[map->simplex[end]];
+    for (uint32_t i = 0; i < star->count; i++) {
+        uint32_t tet = working->pool[star->begin + i];
+        const uint32_t *corners = working->corners[tet];
+        unsigned faces = tet_gone(working, tet) ? 0 : working->boundary_faces[tet];
+        for (unsigned f = 0; faces >> f; f++) {
+            bool again = false; // it came with the first end
+            for (unsigned c = 0; c < 4; c++)
+                again |= end == 1 && map->moves[0] && c != f && corners[c] == map->simplex[0];
+            if (faces >> f & 1 && corners[f] != map->simplex[end] && !again)
+                boundary_map_add_face(map, corners, f);
+        }
     }
-    return length2 == 0;
+}
+
+/* All faces are in planes across an axis, the result in each of them, and nothing has moved yet: the boundary's points stay. */
+static bool stays(const struct boundary_map *map, const struct working *working)
+{
+    uint32_t moved = row_moved(working);
+    for (uint32_t f = 0; f < map->face_count; f++) {
+        const double *p[3];
+        bool in_plane = false;
+        for (int k = 0; k < 3; k++) {
+            p[k] = working_row(working, map->faces[f].corners[k]);
+            if (p[k][moved] != 0)
+                return false;
+        }
+        for (int i = 0; i < 3; i++)
+            in_plane |= p[0][i] == map->p[i] && p[1][i] == map->p[i] && p[2][i] == map->p[i];
+        if (!in_plane)
+            return false;
+    }
+    return true;
+}
+
+double border_moves(const struct border *border, const struct working *working, const uint32_t ends[2], const double p[3],
+                    struct boundary_map *map)
+{
+    boundary_map_begin(map, working->rows, working->stride, ends, 2, p);
+    for (int end = 0; end < 2; end++) {
+        map->moves[end] &= (working->flags[ends[end]] & VERTEX_BOUNDARY) != 0;
+        if (map->moves[end])
+            add_faces(map, working, end);
+    }
+    if (map->failed || (!stays(map, working) && !boundary_map_find(map, border->cosine)))
+        return INFINITY;
+    return boundary_map_moved(map, working->rows + row_moved(working), working->stride, border->most, border->limit);
 }

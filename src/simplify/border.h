@@ -38,4 +38,9 @@ void border_classify(struct border *border, const struct working *working, uint3
 /* May a boundary vertex move by that step? */
 bool border_may_move(const struct border *border, uint32_t slot, const double step[3]);
 
+/* How far the boundary would have moved in all at the result of contracting an edge to p, and the map; INFINITY: it cannot be
+ * mapped, turns by more than the angle or comes too near to another part of it. */
+double border_moves(const struct border *border, const struct working *working, const uint32_t ends[2], const double p[3],
+                    struct boundary_map *map);
+
 #endif

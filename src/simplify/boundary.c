@@ -47,51 +47,62 @@ static bool triangle_normal(const double *p, const double *q, const double *r, d
     return true;
 }
 
-static bool face_normal(const struct complex *complex, uint32_t tet, unsigned face, double out[3])
+void boundary_normals_add(struct boundary_normals *normals, double cosine, const double *p, const double *q, const double *r)
 {
-    const double *p[3];
-    for (int i = 0; i < 3; i++)
-        p[i] = complex->positions + 3 * (size_t)complex->corners[4 * (size_t)tet + tet_faces[face][i]];
-    return triangle_normal(p[0], p[1], p[2], out);
+    double normal[3];
+    if (normals->corner || (normals->corner = !triangle_normal(p, q, r, normal)))
+        return;
+    for (int g = 0; g < normals->count; g++)
+        if (dot(normals->groups[g], normal) >= cosine)
+            return;
+    normals->corner = normals->count == 2;
+    if (!normals->corner)
+        memcpy(normals->groups[normals->count++], normal, sizeof normal);
 }
 
-/* Sorts a normal into one of two groups; false if it belongs to neither or has no direction. */
-static bool join_group(const struct boundary *boundary, double groups[2][3], int *count, const double normal[3])
+enum boundary_kind boundary_normals_kind(const struct boundary_normals *normals, float direction[3])
 {
-    for (int g = 0; g < *count; g++)
-        if (dot(groups[g], normal) >= boundary->cosine)
-            return true;
-    if (*count == 2)
-        return false;
+    double d[3];
+    if (normals->count == 1)
+        memcpy(d, normals->groups[0], sizeof d);
+    else
+        cross(normals->groups[0], normals->groups[1], d);
+    double length = sqrt(dot(d, d));
+    if (normals->corner || !(length > 0))
+        return BOUNDARY_CORNER;
     for (int i = 0; i < 3; i++)
-        groups[*count][i] = normal[i];
-    (*count)++;
-    return true;
+        direction[i] = (float)(d[i] / length);
+    return normals->count == 1 ? BOUNDARY_SMOOTH : BOUNDARY_CREASE;
+}
+
+bool boundary_step_allowed(enum boundary_kind kind, const float direction[3], double sine, double limit, const double step[3])
+{
+    double length2 = dot(step, step), along = direction[0] * step[0] + direction[1] * step[1] + direction[2] * step[2];
+    double slope2 = sine * sine * length2 + limit * limit * 1e-6;
+    switch (kind) {
+    case BOUNDARY_SMOOTH:
+        return along * along <= slope2;
+    case BOUNDARY_CREASE:
+        return length2 - along * along <= slope2;
+    case BOUNDARY_CORNER:
+        break;
+    }
+    return length2 == 0;
 }
 
 static void classify(struct boundary *boundary, const struct complex *complex, uint32_t v)
 {
     const uint32_t *tets = complex->pool + complex->star_begin[v];
-    double groups[2][3] = {{0}}, normal[3], direction[3];
-    int count = 0;
-    boundary->kinds[v] = BOUNDARY_CORNER;
-    for (uint32_t i = 0; i < complex->star_count[v]; i++)
+    struct boundary_normals normals = {0};
+    for (uint32_t i = 0; i < complex->star_count[v] && !normals.corner; i++)
         for (unsigned f = 0; f < 4; f++) {
-            if (!complex_boundary_face(complex, tets[i], f) || complex->corners[4 * (size_t)tets[i] + f] == v)
-                continue;
-            if (!face_normal(complex, tets[i], f, normal) || !join_group(boundary, groups, &count, normal))
-                return;
+            const uint32_t *corners = complex->corners + 4 * (size_t)tets[i];
+            if (complex_boundary_face(complex, tets[i], f) && corners[f] != v)
+                boundary_normals_add(&normals, boundary->cosine, complex->positions + 3 * (size_t)corners[tet_faces[f][0]],
+                                     complex->positions + 3 * (size_t)corners[tet_faces[f][1]],
+                                     complex->positions + 3 * (size_t)corners[tet_faces[f][2]]);
         }
-    if (count == 1)
-        memcpy(direction, groups[0], sizeof direction);
-    else
-        cross(groups[0], groups[1], direction);
-    double length = sqrt(dot(direction, direction));
-    if (!(length > 0))
-        return;
-    for (int i = 0; i < 3; i++)
-        boundary->directions[3 * (size_t)v + i] = (float)(direction[i] / length);
-    boundary->kinds[v] = count == 1 ? BOUNDARY_SMOOTH : BOUNDARY_CREASE;
+    boundary->kinds[v] = boundary_normals_kind(&normals, boundary->directions + 3 * (size_t)v);
 }
 
 static enum tetlod_status find_most(struct boundary *boundary, const struct complex *complex, double least, struct tetlod_error *error)
@@ -149,22 +160,9 @@ void boundary_fini(struct boundary *boundary)
 static bool vertex_may_move(const struct boundary *boundary, const struct complex *complex, uint32_t v,
                             const double p[3])
 {
-    const double *from = complex->positions + 3 * (size_t)v;
-    double step[3] = {p[0] - from[0], p[1] - from[1], p[2] - from[2]}, length2 = dot(step, step);
-    if (length2 == 0)
-        return true;
-    const float *d = boundary->directions + 3 * (size_t)v;
-    double along = d[0] * step[0] + d[1] * step[1] + d[2] * step[2];
-    double slope2 = boundary->sine * boundary->sine * length2 + boundary->limit * boundary->limit * 1e-6;
-    switch ((enum boundary_kind)boundary->kinds[v]) {
-    case BOUNDARY_SMOOTH:
-        return along * along <= slope2;
-    case BOUNDARY_CREASE:
-        return length2 - along * along <= slope2;
-    case BOUNDARY_CORNER:
-        break;
-    }
-    return false;
+    double step[3];
+    subtract(p, complex->positions + 3 * (size_t)v, step);
+    return boundary_step_allowed(boundary->kinds[v], boundary->directions + 3 * (size_t)v, boundary->sine, boundary->limit, step);
 }
 
 bool boundary_allows(const struct boundary *boundary, const struct complex *complex, const struct star *star,
@@ -203,62 +201,23 @@ void boundary_follow(const struct boundary *boundary, const struct complex *comp
     }
 }
 
-enum { STAYS, CONTRACTED, MOVES };
-
-static int part_in(const struct complex *complex, const struct star *star, const double p[3], uint32_t v)
+bool boundary_find_map(const struct complex *complex, const struct star *star, const double p[3], double cosine,
+                       struct boundary_map *map)
 {
-    for (uint32_t s = 0; s < star->simplex_count; s++)
-        if (star->simplex[s] == v)
-            return distance_squared(complex->positions + 3 * (size_t)v, p) == 0 ? CONTRACTED : MOVES;
-    return STAYS;
-}
-
-/* How far the faces that a contraction moves may be from the original boundary at most, and how far their rim is already. */
-static void look_at_patch(const struct boundary *boundary, const struct complex *complex, const struct star *star,
-                          const double p[3], double *most, double *rim)
-{
-    *most = boundary->limit;
-    *rim = 0;
-    for (uint32_t s = 0; s < star->simplex_count; s++)
-        *most = smaller(*most, boundary->most[star->simplex[s]]);
+    boundary_map_begin(map, complex->positions, 3, star->simplex, star->simplex_count, p);
     for (uint32_t i = 0; i < star->tet_count; i++)
-        for (unsigned f = 0; f < 4; f++) {
-            const uint32_t *corners = complex->corners + 4 * (size_t)star->tets[i];
-            bool moves = false;
-            if (!complex_boundary_face(complex, star->tets[i], f) || star->moving[i] == f)
-                continue;
-            for (int k = 0; k < 3; k++)
-                moves |= part_in(complex, star, p, corners[tet_faces[f][k]]) == MOVES;
-            for (int k = 0; k < 3 && moves; k++) {
-                uint32_t v = corners[tet_faces[f][k]];
-                *most = smaller(*most, boundary->most[v]);
-                if (part_in(complex, star, p, v) == STAYS)
-                    *rim = larger(*rim, boundary->moved[v]);
-            }
-        }
+        for (unsigned f = 0; f < 4; f++)
+            if (complex_boundary_face(complex, star->tets[i], f) && star->moving[i] != f)
+                boundary_map_add_face(map, complex->corners + 4 * (size_t)star->tets[i], f);
+    return boundary_map_find(map, cosine);
 }
 
 double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
-                      const double p[3], struct shift *shift)
+                      const double p[3], struct boundary_map *map)
 {
-    double most, rim;
-    if (!shift_map(shift, complex, star, p, boundary->cosine))
+    if (!boundary_find_map(complex, star, p, boundary->cosine, map))
         return INFINITY;
-    double moved = larger(shift_least(shift, boundary->moved, 1), 0);
-    for (uint32_t s = 0; s < star->simplex_count; s++)
-        if (distance_squared(complex->positions + 3 * (size_t)star->simplex[s], p) == 0)
-            moved = larger(moved, boundary->moved[star->simplex[s]]);
-    if (!shift->count || !(moved <= boundary->limit))
-        return moved;
-    look_at_patch(boundary, complex, star, p, &most, &rim);
-    return moved <= most && rim <= most ? moved : INFINITY;
-}
-
-double boundary_most(const struct boundary *boundary, const struct complex *complex, const struct star *star, const double p[3])
-{
-    double most, rim;
-    look_at_patch(boundary, complex, star, p, &most, &rim);
-    return most;
+    return boundary_map_moved(map, boundary->moved, 1, boundary->most, boundary->limit);
 }
 
 void boundary_update(struct boundary *boundary, const struct complex *complex, uint32_t vertex, double moved, double most)

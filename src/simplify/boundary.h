@@ -8,7 +8,8 @@
 #ifndef TETLOD_BOUNDARY_H
 #define TETLOD_BOUNDARY_H
 
-#include "src/simplify/shift.h"
+#include "src/simplify/boundary_map.h"
+#include "src/simplify/complex.h"
 
 enum boundary_kind { BOUNDARY_CORNER, BOUNDARY_CREASE, BOUNDARY_SMOOTH };
 
@@ -20,6 +21,19 @@ struct boundary {
     double *moved;       /* [slot] how far the surface at the vertex may be from the original one */
     double *most;        /* [slot] how far it may be at most, anywhere on the faces around the vertex */
 };
+
+/* What the boundary faces around a vertex say of its kind: their normals, in two groups. */
+struct boundary_normals {
+    double groups[2][3];
+    int count;
+    bool corner; /* there are more, or a face without area */
+};
+
+void boundary_normals_add(struct boundary_normals *normals, double cosine, const double *p, const double *q, const double *r);
+enum boundary_kind boundary_normals_kind(const struct boundary_normals *normals, float direction[3]);
+
+/* May a boundary vertex move by that step? `sine`, `limit`: as in struct boundary. */
+bool boundary_step_allowed(enum boundary_kind kind, const float direction[3], double sine, double limit, const double step[3]);
 
 /* Cosine and sine of an angle, 0 .. 180 degrees: from the four operations, so that every machine has the same. */
 void boundary_angle(double degrees, double *cosine, double *sine);
@@ -39,13 +53,14 @@ bool boundary_allows(const struct boundary *boundary, const struct complex *comp
 void boundary_follow(const struct boundary *boundary, const struct complex *complex, const struct star *star,
                      double vector[3]);
 
-/* How far the boundary at the result would be from the original one in all, INFINITY if it cannot be mapped, turns by more than the
- * angle or comes too near to another part of it; and the map. */
-double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
-                      const double p[3], struct shift *shift);
+/* The map of contracting a gathered star to p. False: there is none (boundary_map_find). */
+bool boundary_find_map(const struct complex *complex, const struct star *star, const double p[3], double cosine,
+                       struct boundary_map *map);
 
-/* Before a contraction: how far its result may be from the original boundary at most. */
-double boundary_most(const struct boundary *boundary, const struct complex *complex, const struct star *star, const double p[3]);
+/* How far the boundary would have moved in all at the result of contracting a gathered star to p, and the map; INFINITY: it cannot
+ * be mapped, turns by more than the angle or comes too near to another part of it. */
+double boundary_moves(const struct boundary *boundary, const struct complex *complex, const struct star *star,
+                      const double p[3], struct boundary_map *map);
 
 /* After a contraction: what is known of its result, and the kinds of it and of the boundary vertices around it anew. */
 void boundary_update(struct boundary *boundary, const struct complex *complex, uint32_t vertex, double moved, double most);

@@ -4,6 +4,7 @@
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/vector.h"
@@ -31,9 +32,9 @@ static double cross2(const double a[2], const double b[2])
     return a[0] * b[1] - a[1] * b[0];
 }
 
-static const double *position(const struct boundary_map *map, uint32_t slot)
+static const double *position(const struct boundary_map *map, uint32_t vertex)
 {
-    return working_row(map->working, slot);
+    return map->positions + map->stride * vertex;
 }
 
 static bool same(const double a[3], const double b[3])
@@ -48,70 +49,47 @@ static void face_normal(const struct boundary_map *map, const struct map_face *f
                    position(map, face->corners[2]), out);
 }
 
-/* Takes in a boundary face. False: no memory. */
-static bool add_face(struct boundary_map *map, const uint32_t corners[4], unsigned opposite)
+void boundary_map_begin(struct boundary_map *map, const double *positions, size_t stride, const uint32_t *simplex, uint32_t count,
+                        const double p[3])
+{
+    map->positions = positions;
+    map->stride = stride;
+    map->simplex_count = count;
+    map->face_count = map->point_count = 0;
+    memcpy(map->p, p, sizeof map->p);
+    for (uint32_t s = 0; s < count; s++) {
+        map->simplex[s] = simplex[s];
+        map->moves[s] = !same(position(map, simplex[s]), p);
+    }
+}
+
+void boundary_map_add_face(struct boundary_map *map, const uint32_t corners[4], unsigned opposite)
 {
     void *faces = map->faces;
-    bool inside[3];
+    bool inside[3] = {false, false, false}, moves = false;
     int contracted = 0, first = 0;
-    if (!array_reserve(&faces, &map->face_room, map->face_count + 1, sizeof *map->faces))
-        return false;
-    map->faces = faces;
     for (int k = 0; k < 3; k++) {
-        uint32_t corner = corners[tet_faces[opposite][k]];
-        inside[k] = corner == map->ends[0] || corner == map->ends[1];
+        for (uint32_t s = 0; s < map->simplex_count; s++)
+            if (corners[tet_faces[opposite][k]] == map->simplex[s]) {
+                inside[k] = true;
+                moves |= map->moves[s];
+            }
         first = inside[k] ? k : first;
         contracted += inside[k];
     }
+    if (!moves)
+        return;
+    if (!array_reserve(&faces, &map->face_room, map->face_count + 1, sizeof *map->faces)) {
+        map->failed = true;
+        return;
+    }
+    map->faces = faces;
     struct map_face *face = &map->faces[map->face_count++];
     face->vanishes = contracted > 1;
     for (int k = 0; k < 3; k++) {
         face->corners[k] = corners[tet_faces[opposite][(first + k) % 3]];
         face->inside[k] = inside[(first + k) % 3];
     }
-    return true;
-}
-
-/* The faces that have an end that moves. */
-static bool gather_faces(struct boundary_map *map)
-{
-    const struct working *working = map->working;
-    for (int end = 0; end < 2; end++) {
-        const struct span *star = &working->stars[map->ends[end]];
-        for (uint32_t i = 0; i < star->count && map->moves[end]; i++) {
-            uint32_t tet = working->pool[star->begin + i];
-            const uint32_t *corners = working->corners[tet];
-            unsigned faces = tet_gone(working, tet) ? 0 : working->boundary_faces[tet];
-            for (unsigned f = 0; faces >> f; f++) {
-                bool again = false; // it came with the first end
-                for (unsigned c = 0; c < 4; c++)
-                    again |= end == 1 && map->moves[0] && c != f && corners[c] == map->ends[0];
-                if (faces >> f & 1 && corners[f] != map->ends[end] && !again && !add_face(map, corners, f))
-                    return false;
-            }
-        }
-    }
-    return true;
-}
-
-/* All faces are in planes across an axis, the result in each of them, and nothing has moved yet: the boundary's points stay. */
-static bool stays(const struct boundary_map *map)
-{
-    uint32_t moved = row_moved(map->working);
-    for (uint32_t f = 0; f < map->face_count; f++) {
-        const double *p[3];
-        bool in_plane = false;
-        for (int k = 0; k < 3; k++) {
-            p[k] = position(map, map->faces[f].corners[k]);
-            if (p[k][moved] != 0)
-                return false;
-        }
-        for (int i = 0; i < 3; i++)
-            in_plane |= p[0][i] == map->p[i] && p[1][i] == map->p[i] && p[2][i] == map->p[i];
-        if (!in_plane)
-            return false;
-    }
-    return true;
 }
 
 /* The direction of the map: about the axis of the narrowest cone around the faces' normals, whose steps get shorter. False: a
@@ -212,13 +190,16 @@ static bool graphs(const struct boundary_map *map, double cosine)
 
 /* ---- the overlay's vertices */
 
-static enum map_status add_point(struct boundary_map *map, struct map_point point)
+/* False: no memory. */
+static bool add_point(struct boundary_map *map, struct map_point point)
 {
     double sum = 0;
     void *points = map->points;
     if (!array_reserve(&points, &map->point_room, map->point_count + 1, sizeof *map->points))
-        return MAP_NO_MEMORY;
+        map->failed = true;
     map->points = points;
+    if (map->failed)
+        return false;
     for (int i = 0; i < 3; i++) {
         double d = 0, size = 0, *from = point.from_weights, *to = point.to_weights; // relative to the result
         for (int k = 0; k < 5; k++) {
@@ -232,7 +213,7 @@ static enum map_status add_point(struct boundary_map *map, struct map_point poin
     }
     point.distance = sqrt(sum);
     map->points[map->point_count++] = point;
-    return MAP_FOUND;
+    return true;
 }
 
 /* Weights that rounding has made negative become 0. */
@@ -260,10 +241,10 @@ static double weigh(const double flat[3][2], const double at[2], double weights[
     return smaller(weights[0], smaller(weights[1], weights[2]));
 }
 
-/* An end of the edge in the new patch. */
-static enum map_status map_end(struct boundary_map *map, uint32_t slot, const double flat[2])
+/* A contracted vertex in the new patch. */
+static bool map_vertex(struct boundary_map *map, uint32_t vertex, const double flat[2])
 {
-    struct map_point point = {.from = {slot, slot, slot}, .from_weights = {1, 0, 0}};
+    struct map_point point = {.from = {vertex, vertex, vertex}, .from_weights = {1, 0, 0}};
     double best = -INFINITY, weights[3];
     for (uint32_t f = 0; f < map->face_count; f++) {
         const struct map_face *face = &map->faces[f];
@@ -279,11 +260,11 @@ static enum map_status map_end(struct boundary_map *map, uint32_t slot, const do
             point.to_weights[k] = weights[k + 1];
         }
     }
-    return best > -1e-12 ? add_point(map, point) : MAP_NONE;
+    return best > -1e-12 && add_point(map, point);
 }
 
 /* The result in the old patch. */
-static enum map_status map_result(struct boundary_map *map)
+static bool map_result(struct boundary_map *map)
 {
     const double origin[2] = {0, 0};
     double best = -INFINITY, weights[3];
@@ -300,36 +281,37 @@ static enum map_status map_result(struct boundary_map *map)
         }
         point.to[0] = point.to[1] = point.from[0];
     }
-    return best > -1e-12 ? add_point(map, point) : MAP_NONE;
+    return best > -1e-12 && add_point(map, point);
 }
 
-/* Ends that move, each from the first face that has it; and the result, if it is neither of them. */
-static enum map_status map_ends(struct boundary_map *map)
+/* Vertices that are contracted and move, each from the first face that has it; and the result, if it is none of them. */
+static bool map_vertices(struct boundary_map *map)
 {
-    for (int end = 0; end < 2; end++) {
+    bool result = true;
+    for (uint32_t s = 0; s < map->simplex_count; s++) {
         bool found = false;
-        for (uint32_t f = 0; f < map->face_count && map->moves[end] && !found; f++)
+        result &= map->moves[s];
+        for (uint32_t f = 0; f < map->face_count && map->moves[s] && !found; f++)
             for (int k = 0; k < 3 && !found; k++) {
-                found = map->faces[f].corners[k] == map->ends[end];
-                enum map_status status = found ? map_end(map, map->ends[end], map->faces[f].flat[k]) : MAP_FOUND;
-                if (status != MAP_FOUND)
-                    return status;
+                found = map->faces[f].corners[k] == map->simplex[s];
+                if (found && !map_vertex(map, map->simplex[s], map->faces[f].flat[k]))
+                    return false;
             }
     }
-    return map->moves[0] && map->moves[1] ? map_result(map) : MAP_FOUND;
+    return !result || map_result(map);
 }
 
 /* Where an old edge from a to b crosses the new one from the result to x. */
-static enum map_status map_crossing(struct boundary_map *map, const struct map_face *old, int k, const struct map_face *new)
+static bool map_crossing(struct boundary_map *map, const struct map_face *old, int k, const struct map_face *new)
 {
     const double *a = old->flat[k], *b = old->flat[(k + 1) % 3], *x = new->flat[1];
     double side_a = cross2(x, a), side_b = cross2(x, b);
     if (!((side_a < 0 && side_b > 0) || (side_a > 0 && side_b < 0)))
-        return MAP_FOUND;
+        return true;
     double t = side_a / (side_a - side_b), c[2] = {a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])};
     double s = (c[0] * x[0] + c[1] * x[1]) / (x[0] * x[0] + x[1] * x[1]);
     if (!(s > 0 && s < 1))
-        return MAP_FOUND;
+        return true;
     uint32_t from = old->corners[k], end = old->corners[(k + 1) % 3];
     return add_point(map, (struct map_point){.from = {from, end, end},
                                              .from_weights = {1 - t, t, 0},
@@ -339,57 +321,45 @@ static enum map_status map_crossing(struct boundary_map *map, const struct map_f
 }
 
 /* All crossings. An edge inside the old patch is in two faces: it is taken where it runs up, one at the rim is taken or not. */
-static enum map_status map_crossings(struct boundary_map *map)
+static bool map_crossings(struct boundary_map *map)
 {
-    enum map_status status = MAP_FOUND;
     for (uint32_t f = 0; f < map->face_count; f++)
         for (int k = 0; k < 3; k++) {
             const struct map_face *old = &map->faces[f];
             uint32_t from = old->corners[k], end = old->corners[(k + 1) % 3];
             if (from > end || !(old->inside[k] || old->inside[(k + 1) % 3]))
                 continue;
-            for (uint32_t g = 0; g < map->face_count && status == MAP_FOUND; g++)
-                if (!map->faces[g].vanishes)
-                    status = map_crossing(map, old, k, &map->faces[g]);
+            for (uint32_t g = 0; g < map->face_count; g++)
+                if (!map->faces[g].vanishes && !map_crossing(map, old, k, &map->faces[g]))
+                    return false;
         }
-    return status;
+    return true;
 }
 
-enum map_status boundary_map_find(struct boundary_map *map, const struct working *working, const uint32_t ends[2],
-                                  const double p[3], double cosine)
+bool boundary_map_find(struct boundary_map *map, double cosine)
 {
-    map->working = working;
-    map->face_count = map->point_count = 0;
-    for (int i = 0; i < 3; i++)
-        map->p[i] = p[i];
-    for (int end = 0; end < 2; end++) {
-        map->ends[end] = ends[end];
-        map->moves[end] = working->flags[ends[end]] & VERTEX_BOUNDARY && !same(working_row(working, ends[end]), p);
-    }
-    if (!gather_faces(map))
-        return MAP_NO_MEMORY;
-    if (!map->face_count || stays(map))
-        return MAP_FOUND;
+    if (map->failed)
+        return false;
+    if (!map->face_count)
+        return true;
     if (!choose_direction(map))
-        return MAP_NONE;
+        return false;
     choose_axes(map);
     flatten(map);
-    if (!graphs(map, cosine))
-        return MAP_NONE;
-    enum map_status status = map_ends(map);
-    return status == MAP_FOUND ? map_crossings(map) : status;
+    return graphs(map, cosine) && map_vertices(map) && map_crossings(map);
 }
 
 /* What the result's value must be, from above (sign 1) or below (-1), widened by the rounding of doing so. */
-static double extreme(const struct boundary_map *map, uint32_t column, double per_distance, double sign)
+static double extreme(const struct boundary_map *map, const double *values, size_t stride, double per_distance,
+                      double sign)
 {
     double extreme = -INFINITY;
     for (uint32_t i = 0; i < map->point_count; i++) {
         const struct map_point *at = &map->points[i];
-        double base = position(map, at->from[0])[column], needed = per_distance * at->distance, size = needed;
+        double base = values[stride * at->from[0]], needed = per_distance * at->distance, size = needed;
         for (int k = 0; k < 5; k++) {
             double weight = k < 3 ? at->from_weights[k] : -at->to_weights[k - 3];
-            double part = weight * (position(map, k < 3 ? at->from[k] : at->to[k - 3])[column] - base) * sign;
+            double part = weight * (values[stride * (k < 3 ? at->from[k] : at->to[k - 3])] - base) * sign;
             needed += part;
             size += fabs(part);
         }
@@ -402,12 +372,37 @@ static double extreme(const struct boundary_map *map, uint32_t column, double pe
     return sign * extreme;
 }
 
-double boundary_map_least(const struct boundary_map *map, uint32_t column, double per_distance)
+double boundary_map_least(const struct boundary_map *map, const double *values, size_t stride, double per_distance)
 {
-    return extreme(map, column, per_distance, 1);
+    return extreme(map, values, stride, per_distance, 1);
 }
 
-double boundary_map_greatest(const struct boundary_map *map, uint32_t column)
+double boundary_map_greatest(const struct boundary_map *map, const double *values, size_t stride)
 {
-    return extreme(map, column, 0, -1);
+    return extreme(map, values, stride, 0, -1);
+}
+
+double boundary_map_most(const struct boundary_map *map, const double *most)
+{
+    double least = INFINITY;
+    for (uint32_t s = 0; s < map->simplex_count; s++)
+        least = smaller(least, most[map->simplex[s]]);
+    for (uint32_t f = 0; f < map->face_count; f++)
+        for (int k = 0; k < 3; k++)
+            least = smaller(least, most[map->faces[f].corners[k]]);
+    return least;
+}
+
+double boundary_map_moved(const struct boundary_map *map, const double *moved, size_t stride, const double *most, double limit)
+{
+    double all = larger(boundary_map_least(map, moved, stride, 1), 0), rim = 0;
+    for (uint32_t s = 0; s < map->simplex_count; s++)
+        if (!map->moves[s])
+            all = larger(all, moved[stride * map->simplex[s]]);
+    for (uint32_t f = 0; f < map->face_count; f++)
+        for (int k = 0; k < 3; k++)
+            if (!map->faces[f].inside[k])
+                rim = larger(rim, moved[stride * map->faces[f].corners[k]]);
+    bool may = all <= limit && (!map->face_count || larger(all, rim) <= boundary_map_most(map, most));
+    return may ? all : INFINITY;
 }

@@ -85,48 +85,29 @@ static void box_of(const struct clearance *c, const uint32_t *vertices, int coun
     }
 }
 
-static bool meets_node(const struct bvh *bvh, uint32_t node, const double box[6])
-{
-    const float *other = bvh->boxes + 6 * (size_t)node;
-    for (int i = 0; i < 3; i++)
-        if ((double)other[i] > box[i + 3] || (double)other[i + 3] < box[i])
-            return false;
-    return true;
-}
-
 /* The distance of face f from the next other part, if that is below `most`; else `most`. */
 static double distance_of(const struct clearance *c, uint32_t f, double most)
 {
-    const struct bvh *bvh = &c->triangle_boxes;
-    uint32_t stack[BVH_DEPTH], depth = 0;
+    struct bvh_walk walk = bvh_walk_begin(&c->triangle_boxes);
     const double *p[3], *q[3];
     double box[6];
+    uint32_t first, end;
     for (int k = 0; k < 3; k++)
         p[k] = position_of(c, triangle_of(c, f)[k]);
     box_of(c, triangle_of(c, f), 3, most, box);
-    stack[depth++] = 0;
-    while (depth && most > 0) {
-        uint32_t node = stack[--depth];
-        if (!meets_node(bvh, node, box))
-            continue;
-        if (node < bvh->leaf_first) {
-            stack[depth++] = 2 * node + 2;
-            stack[depth++] = 2 * node + 1;
-            continue;
-        }
-        uint64_t first = (uint64_t)(node - bvh->leaf_first) * BVH_LEAF;
-        for (uint64_t i = first; i < bvh->count && i < first + BVH_LEAF; i++) {
-            if (!another_part(c, f, bvh->order[i]))
+    while (most > 0 && bvh_next_leaf(&walk, box, &first, &end))
+        for (uint32_t i = first; i < end; i++) {
+            uint32_t g = c->triangle_boxes.order[i];
+            if (!another_part(c, f, g))
                 continue;
             for (int k = 0; k < 3; k++)
-                q[k] = position_of(c, triangle_of(c, bvh->order[i])[k]);
+                q[k] = position_of(c, triangle_of(c, g)[k]);
             double distance = sqrt(triangles_distance2(p, q));
             if (distance >= most)
                 continue;
             most = distance;
             box_of(c, triangle_of(c, f), 3, most, box);
         }
-    }
     return most;
 }
 
@@ -138,40 +119,55 @@ static void share_range(void *context, unsigned worker, size_t begin, size_t end
         c->shares[f] = SHARE * distance_of(c, (uint32_t)f, c->most / SHARE);
 }
 
-/* Which boundary vertices are inside a tetrahedron of others? Only where the mesh overlaps itself. */
-static void mark_overlapped(struct clearance *c, uint32_t tet)
+static bool in_box(const double box[6], const double p[3])
 {
-    const struct bvh *bvh = &c->vertex_boxes;
-    const struct locator locator = {.positions = c->mesh->positions, .corners = c->mesh->corners};
-    const uint32_t *corners = c->mesh->corners + 4 * (size_t)tet;
-    uint32_t stack[BVH_DEPTH], depth = 0;
-    double box[6], weights[4];
-    box_of(c, corners, 4, 0, box);
-    stack[depth++] = 0;
-    while (depth) {
-        uint32_t node = stack[--depth];
-        if (!meets_node(bvh, node, box))
-            continue;
-        if (node < bvh->leaf_first) {
-            stack[depth++] = 2 * node + 2;
-            stack[depth++] = 2 * node + 1;
-            continue;
-        }
-        uint64_t first = (uint64_t)(node - bvh->leaf_first) * BVH_LEAF;
-        for (uint64_t i = first; i < bvh->count && i < first + BVH_LEAF; i++) {
-            uint32_t v = c->vertices[bvh->order[i]];
-            if (corners[0] != v && corners[1] != v && corners[2] != v && corners[3] != v &&
-                locator_weights(&locator, tet, position_of(c, v), weights) > INSIDE)
-                __atomic_store_n(&c->overlapped[v], 1, __ATOMIC_RELAXED);
-        }
-    }
+    return p[0] >= box[0] && p[1] >= box[1] && p[2] >= box[2] && p[0] <= box[3] && p[1] <= box[4] && p[2] <= box[5];
 }
 
+/* Which boundary vertices are inside one of `count` tetrahedra of others? `boxes` are the tetrahedra's, `box` holds them all. */
+static void mark_overlapped(struct clearance *c, uint32_t tet, uint32_t count, double (*boxes)[6], const double box[6])
+{
+    struct bvh_walk walk = bvh_walk_begin(&c->vertex_boxes);
+    const struct locator locator = {.positions = c->mesh->positions, .corners = c->mesh->corners};
+    double weights[4];
+    uint32_t first, end;
+    while (bvh_next_leaf(&walk, box, &first, &end))
+        for (uint32_t i = first; i < end; i++) {
+            uint32_t v = c->vertices[c->vertex_boxes.order[i]];
+            const double *p = position_of(c, v);
+            for (uint32_t t = 0; t < count; t++) {
+                const uint32_t *corners = c->mesh->corners + 4 * (size_t)(tet + t);
+                if (in_box(boxes[t], p) && corners[0] != v && corners[1] != v && corners[2] != v && corners[3] != v &&
+                    locator_weights(&locator, tet + t, p, weights) > INSIDE)
+                    __atomic_store_n(&c->overlapped[v], 1, __ATOMIC_RELAXED);
+            }
+        }
+}
+
+/* Only where the mesh overlaps itself there are any. Tetrahedra that are near each other are looked up together. */
 static void overlap_range(void *context, unsigned worker, size_t begin, size_t end)
 {
+    enum { TOGETHER = 16, WIDER = 4 }; // their box is so many times the widest one's at most
+    struct clearance *c = context;
     (void)worker;
-    for (size_t t = begin; t < end; t++)
-        mark_overlapped(context, (uint32_t)t);
+    for (size_t tet = begin; tet < end; tet += TOGETHER) {
+        uint32_t count = (uint32_t)(end - tet < TOGETHER ? end - tet : TOGETHER);
+        const uint32_t *corners = c->mesh->corners + 4 * tet;
+        double boxes[TOGETHER][6], all[6], widest[3] = {0, 0, 0};
+        bool near = true;
+        box_of(c, corners, 4 * (int)count, 0, all);
+        for (uint32_t t = 0; t < count; t++) {
+            box_of(c, corners + 4 * (size_t)t, 4, 0, boxes[t]);
+            for (int i = 0; i < 3; i++)
+                widest[i] = larger(widest[i], boxes[t][i + 3] - boxes[t][i]);
+        }
+        for (int i = 0; i < 3; i++)
+            near &= all[i + 3] - all[i] <= WIDER * widest[i];
+        if (near)
+            mark_overlapped(c, (uint32_t)tet, count, boxes, all);
+        for (uint32_t t = 0; t < count && !near; t++)
+            mark_overlapped(c, (uint32_t)tet + t, 1, boxes + t, boxes[t]);
+    }
 }
 
 /* The boundary's triangles and vertices in boxes. */

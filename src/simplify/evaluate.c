@@ -29,52 +29,14 @@ void middle_of(const struct working *working, uint32_t from, uint32_t to, double
     working_round(working, p);
 }
 
-double most_of(const struct run *run, const struct worker *worker)
-{
-    const struct boundary_map *map = &worker->map;
-    const double *most = run->border.most;
-    double least = smaller(most[map->ends[0]], most[map->ends[1]]);
-    for (uint32_t f = 0; f < map->face_count; f++)
-        for (int k = 0; k < 3; k++)
-            least = smaller(least, most[map->faces[f].corners[k]]);
-    return least;
-}
-
-/* How far the rim of the map's patches has moved. */
-static double moved_rim(const struct boundary_map *map, uint32_t column)
-{
-    double most = 0;
-    for (uint32_t f = 0; f < map->face_count; f++)
-        for (int k = 0; k < 3; k++)
-            if (!map->faces[f].inside[k])
-                most = larger(most, working_row(map->working, map->faces[f].corners[k])[column]);
-    return most;
-}
-
-double moved_by(const struct run *run, struct worker *worker, const uint32_t ends[2], const double p[3])
-{
-    const struct working *working = run->working;
-    uint32_t column = row_moved(working);
-    enum map_status status = boundary_map_find(&worker->map, working, ends, p, run->border.cosine);
-    if (status == MAP_NO_MEMORY)
-        worker->failed = true;
-    if (status != MAP_FOUND)
-        return INFINITY;
-    double moved = larger(boundary_map_least(&worker->map, column, 1), 0);
-    for (int end = 0; end < 2; end++)
-        if (distance_squared(working_row(working, ends[end]), p) == 0)
-            moved = larger(moved, working_row(working, ends[end])[column]);
-    if (!worker->map.face_count || !(moved <= run->border.limit))
-        return moved <= run->border.limit ? moved : INFINITY;
-    return larger(moved, moved_rim(&worker->map, column)) <= most_of(run, worker) ? moved : INFINITY;
-}
-
 void add_demands(const struct run *run, struct worker *worker)
 {
     double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
-    for (uint32_t c = 0; c < run->working->component_count && worker->map.point_count; c++) {
-        upper[c] = larger(upper[c], boundary_map_least(&worker->map, ROW_FIELDS + 2 * c, 0));
-        lower[c] = smaller(lower[c], boundary_map_greatest(&worker->map, ROW_FIELDS + 2 * c + 1));
+    const struct working *working = run->working;
+    for (uint32_t c = 0; c < working->component_count && worker->map.point_count; c++) {
+        const double *values = working->rows + ROW_FIELDS + 2 * c; // U, then L
+        upper[c] = larger(upper[c], boundary_map_least(&worker->map, values, working->stride, 0));
+        lower[c] = smaller(lower[c], boundary_map_greatest(&worker->map, values + 1, working->stride));
     }
 }
 
@@ -271,7 +233,7 @@ static enum log_refusal examine(const struct run *run, struct worker *worker, st
     }
     if (!(working->flags[hood->vertex] & VERTEX_BOUNDARY))
         return LOG_REFUSALS;
-    if (isinf(moved_by(run, worker, ends, p)))
+    if (isinf(border_moves(&run->border, working, ends, p, &worker->map)))
         return refuse(worker, LOG_REFUSED_BOUNDARY);
     add_demands(run, worker);
     candidate->error = larger(candidate->error, assigned_error(run, worker, NULL));

@@ -11,7 +11,6 @@
 #ifndef TETLOD_EVALUATE_H
 #define TETLOD_EVALUATE_H
 
-#include "src/simplify/boundary_map.h"
 #include "src/simplify/kernels.h"
 #include "src/simplify/links.h"
 #include "src/simplify/border.h"
@@ -87,12 +86,6 @@ void evaluate(const struct run *run, struct worker *worker, uint32_t slot);
 
 /* The position halfway from a slot to another, as the mesh can hold it. */
 void middle_of(const struct working *working, uint32_t from, uint32_t to, double p[3]);
-
-/* How far the boundary would have moved at the result, with the map of contracting the edge to p in worker->map; INFINITY: it may not. */
-double moved_by(const struct run *run, struct worker *worker, const uint32_t ends[2], const double p[3]);
-
-/* How far the boundary at the result of that map may be at most. */
-double most_of(const struct run *run, const struct worker *worker);
 
 /* Widens U and L of the result (numbers_of) by the map's demands. */
 void add_demands(const struct run *run, struct worker *worker);

@@ -235,7 +235,7 @@ static void extremes(const struct complex *complex, const struct star *star, con
 }
 
 void fields_outcome(const struct fields *fields, const struct complex *complex, const struct star *star,
-                    const struct shift *shift, const double p[3], const double *assigned, struct outcome *out)
+                    const struct boundary_map *map, const double p[3], const double *assigned, struct outcome *out)
 {
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         const struct driver *driver = &fields->drivers[d];
@@ -244,8 +244,8 @@ void fields_outcome(const struct fields *fields, const struct complex *complex, 
         extremes(complex, star, field->values + driver->component, field->components, p, false, range);
         extremes(complex, star, driver->upper, 1, p, true, envelope[1]);
         extremes(complex, star, driver->lower, 1, p, true, envelope[0]);
-        double most = larger(envelope[1][1], shift_least(shift, driver->upper, 0));
-        double least = smaller(envelope[0][0], shift_greatest(shift, driver->lower));
+        double most = larger(envelope[1][1], boundary_map_least(map, driver->upper, 1, 0));
+        double least = smaller(envelope[0][0], boundary_map_greatest(map, driver->lower, 1));
         double value = isnan(assigned[d]) ? (range[0] + range[1]) / 2 : assigned[d];
         value = field_round(field, driver->component, value);
         for (uint32_t s = 0; s < star->simplex_count; s++)

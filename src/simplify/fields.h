@@ -8,7 +8,8 @@
 #ifndef TETLOD_FIELDS_H
 #define TETLOD_FIELDS_H
 
-#include "src/simplify/shift.h"
+#include "src/simplify/boundary_map.h"
+#include "src/simplify/complex.h"
 #include "src/simplify/quadric.h"
 
 /* The interpolants of L and U in a tetrahedron: their values at its first corner, and their gradients. */
@@ -66,10 +67,10 @@ struct outcome {
     double value, upper, lower, predicted;
 };
 
-/* The outcome of contracting a star to p, which maps its boundary by the shift, for every driver, with rigorous bounds. `assigned` is its metric's
+/* The outcome of contracting a star to p, which maps its boundary so, for every driver, with rigorous bounds. `assigned` is its metric's
  * value, or NaN for scalar value assignment. */
 void fields_outcome(const struct fields *fields, const struct complex *complex, const struct star *star,
-                    const struct shift *shift, const double p[3], const double *assigned, struct outcome *out);
+                    const struct boundary_map *map, const double p[3], const double *assigned, struct outcome *out);
 
 /* A round value is no further from the best one than this part of the error that it may have. */
 enum { CHEAP_PART = 8 };

@@ -26,7 +26,7 @@ struct hood {
     uint32_t *shared;     /* [neighbour] tetrahedra that have it */
     uint8_t *along;       /* [neighbour] the edge to it is on the boundary */
     double *rows;         /* [neighbour * stride] less the vertex's own */
-    double *planes;       /* [plane * room] by tetrahedron: see kernels.h */
+    double *planes;       /* see kernels.h */
     double *reach;        /* [neighbour * 2 * components] what the star says there, at most of U and at least of L, less the vertex's own */
     size_t room; /* tetrahedra that fit, a multiple of four */
     struct numbering numbering;
@@ -50,11 +50,6 @@ static inline uint32_t hood_number(const struct hood *hood, uint32_t slot)
 {
     uint32_t at = numbering_place(&hood->numbering, slot);
     return hood->numbering.slots[at] == TETLOD_NONE ? TETLOD_NONE : hood->numbering.numbers[at];
-}
-
-static inline double *hood_plane(const struct hood *hood, uint32_t plane)
-{
-    return hood->planes + plane * hood->room;
 }
 
 #endif

@@ -41,13 +41,13 @@ static double horizon(const struct run *run)
     return is_exact(run) ? INFINITY : HORIZON * run->limit;
 }
 
-enum tetlod_status judge_try(const struct run *run, struct judge *judge, const struct shift *shift, double most,
+enum tetlod_status judge_try(const struct run *run, struct judge *judge, const struct boundary_map *map, double most,
                              struct trial *trials, uint32_t count)
 {
     if (run->options->metric == METRIC_MEASURED)
         return samples_try(&run->samples, &judge->sampler, run->complex, run->fields, &judge->star, run->limit, most,
                            trials, count, &judge->error);
-    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, shift, most, trials, count);
+    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, map, most, trials, count);
     return TETLOD_OK;
 }
 
@@ -64,12 +64,12 @@ static void ask_boundary(const struct run *run, struct judge *judge, struct queu
                          uint32_t number)
 {
     double before = trial->error;
-    double moved = boundary_moves(&run->boundary, run->complex, &judge->star, trial->position, &judge->shift);
+    double moved = boundary_moves(&run->boundary, run->complex, &judge->star, trial->position, &judge->map);
     if (!(moved <= run->boundary.limit)) {
         trial->error = INFINITY;
         judge->refused[LOG_REFUSED_BOUNDARY]++;
     } else if (metric_is_certified(run->options->metric) && !is_exact(run))
-        metric_demand(&judge->scratch, run->fields, &judge->shift, number, &trial->error);
+        metric_demand(&judge->scratch, run->fields, &judge->map, number, &trial->error);
     if (trial->error > before)
         entry->witness_count = QUEUE_WITNESSES + 1;
 }
@@ -207,7 +207,7 @@ bool judge_place(const struct run *run, struct judge *judge, const struct queue_
         candidate_position(run->complex, star, entry->candidate, p);
     else if (!optimum_position(run, star, p))
         return false;
-    *moved = boundary_moves(&run->boundary, run->complex, star, p, &judge->shift);
+    *moved = boundary_moves(&run->boundary, run->complex, star, p, &judge->map);
     bool stays = *moved <= run->boundary.limit, fits = stays && star_fits(star, run->complex, p);
     judge->refused[LOG_REFUSED_BOUNDARY] += !stays;
     judge->refused[LOG_REFUSED_FLIP] += stays && !fits;

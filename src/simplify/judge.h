@@ -19,7 +19,7 @@ struct judge {
     struct examiner examiner; /* of the exact limit */
     struct descent descent;   /* of the same */
     struct sampler sampler; /* of the measured metric */
-    struct shift shift;
+    struct boundary_map map;
     uint64_t refused[LOG_REFUSALS];
     struct tetlod_error error;
     enum tetlod_status status;
@@ -85,12 +85,12 @@ TETLOD_CHECKED enum tetlod_status judge_evaluate(const struct run *run, struct j
 TETLOD_CHECKED enum tetlod_status judge_best(const struct run *run, struct judge *judge, struct queue_entry *entry,
                                              double *out_error);
 
-/* Where the entry's candidate is on the judge's star, and how far the boundary then has moved in all, by judge->shift. False: it cannot
+/* Where the entry's candidate is on the judge's star, and how far the boundary then has moved in all, by judge->map. False: it cannot
  * be had. */
 bool judge_place(const struct run *run, struct judge *judge, const struct queue_entry *entry, double p[3], double *moved);
 
 /* Errors of trials on the judge's star, followed up to `most`. */
-TETLOD_CHECKED enum tetlod_status judge_try(const struct run *run, struct judge *judge, const struct shift *shift,
+TETLOD_CHECKED enum tetlod_status judge_try(const struct run *run, struct judge *judge, const struct boundary_map *map,
                                             double most, struct trial *trials, uint32_t count);
 
 /* The values that they have assigned to the drivers at the first of them. */

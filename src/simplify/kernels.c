@@ -34,15 +34,13 @@ static inline wide largest(wide a, wide b, wide c)
 }
 
 /* The gradients of the two or four functions in one column block of the rows. */
-static inline void set_gradient(struct hood *hood, uint32_t function, uint32_t i, const wide value[3], wide normals[3][3],
-                                wide inverse)
+static inline void set_gradient(double *gradient, const wide value[3], wide normals[3][3], wide inverse)
 {
     wide f[3];
     for (int k = 0; k < 3; k++)
         f[k] = wide_mul(value[k], inverse);
     for (uint32_t d = 0; d < 3; d++)
-        wide_store(hood_plane(hood, PLANE_GRADIENTS + 3 * function + d) + i,
-                   wide_dot(f[0], normals[0][d], f[1], normals[1][d], f[2], normals[2][d]));
+        wide_store(gradient + WIDE * d, wide_dot(f[0], normals[0][d], f[1], normals[1][d], f[2], normals[2][d]));
 }
 
 static void set_rows(struct hood *hood, const struct working *working)
@@ -65,6 +63,7 @@ static void prepare(struct hood *hood, const struct working *working)
             hood->corners[k][i] = hood->corners[k][0];
     for (uint32_t i = 0; i < count; i += WIDE) {
         const double *rows[3][WIDE];
+        double *planes = planes_at(hood, working->component_count, i);
         wide at[3][4], normals[3][3], value[3];
         for (int k = 0; k < 3; k++) {
             for (int j = 0; j < WIDE; j++)
@@ -84,34 +83,30 @@ static void prepare(struct hood *hood, const struct working *working)
                 }
             if (column == ROW_FIELDS) { // the positions are in the same block
                 wide size = largest(length1(at[0]), length1(at[1]), length1(at[2]));
-                wide_store(hood_plane(hood, PLANE_VOLUME) + i, volume);
-                wide_store(hood_plane(hood, PLANE_LEAST) + i,
+                wide_store(planes + WIDE * PLANE_VOLUME, volume);
+                wide_store(planes + WIDE * PLANE_LEAST,
                            wide_mul(wide_all(LEAST_VOLUME), wide_mul(size, wide_mul(size, size))));
                 for (uint32_t d = 0; d < 3; d++)
-                    wide_store(hood_plane(hood, PLANE_SLOPE + d) + i,
+                    wide_store(planes + WIDE * (PLANE_SLOPE + d),
                                wide_sub(wide_all(0), wide_add(normals[0][d], wide_add(normals[1][d], normals[2][d]))));
             }
             for (int k = 0; k < 3; k++)
                 value[k] = at[k][column % WIDE];
-            set_gradient(hood, f, i, value, normals, inverse);
+            set_gradient(planes + WIDE * (PLANE_GRADIENTS + 3 * f), value, normals, inverse);
         }
     }
     for (uint32_t i = count; i % WIDE; i++) { // and never turn over
+        double *planes = planes_at(hood, working->component_count, i / WIDE * WIDE) + i % WIDE;
         for (uint32_t d = 0; d < 3; d++)
-            hood_plane(hood, PLANE_SLOPE + d)[i] = 0;
-        hood_plane(hood, PLANE_LEAST)[i] = 0;
-        hood_plane(hood, PLANE_VOLUME)[i] = 1;
+            planes[WIDE * (PLANE_SLOPE + d)] = 0;
+        planes[WIDE * PLANE_LEAST] = 0;
+        planes[WIDE * PLANE_VOLUME] = 1;
     }
 }
 
-static inline wide plane_at(const double *plane, size_t room, uint32_t i, wide x, wide y, wide z)
+static inline wide plane_at(const double *plane, wide x, wide y, wide z)
 {
-    return wide_dot(wide_load(plane + i), x, wide_load(plane + room + i), y, wide_load(plane + 2 * room + i), z);
-}
-
-static inline uint32_t bits(unsigned four)
-{
-    return (four & 1) + (four >> 1 & 1) + (four >> 2 & 1) + (four >> 3);
+    return wide_dot(wide_load(plane), x, wide_load(plane + WIDE), y, wide_load(plane + 2 * WIDE), z);
 }
 
 static inline struct seen look_with(const struct hood *hood, uint32_t neighbour, const struct look *look, uint32_t stride,
@@ -122,9 +117,6 @@ static inline struct seen look_with(const struct hood *hood, uint32_t neighbour,
     const double *r = hood->rows + (size_t)neighbour * stride;
     double *reach = hood->reach + (size_t)neighbour * 2 * components;
     wide x = wide_all(r[0]), y = wide_all(r[1]), z = wide_all(r[2]), half = wide_all(0.5);
-    const double *slope = hood_plane(hood, PLANE_SLOPE), *volume = hood_plane(hood, PLANE_VOLUME),
-                 *least = hood_plane(hood, PLANE_LEAST), *gradients = hood_plane(hood, PLANE_GRADIENTS);
-    size_t room = hood->room;
     for (uint32_t c = 0; c < components; c++) {
         reach[2 * c] = -INFINITY;
         reach[2 * c + 1] = INFINITY;
@@ -133,21 +125,22 @@ static inline struct seen look_with(const struct hood *hood, uint32_t neighbour,
         uint32_t end = begin + BLOCK < hood->tet_count ? begin + BLOCK : hood->tet_count;
         double error = 0;
         for (uint32_t c = 0; c < components; c++) {
-            const double *gradient = gradients + 6 * room * c;
             wide upper = wide_all(reach[2 * c]), lower = wide_all(reach[2 * c + 1]);
             for (uint32_t i = begin; i < end; i += WIDE) {
-                upper = wide_max(upper, plane_at(gradient, room, i, x, y, z));
-                lower = wide_min(lower, plane_at(gradient + 3 * room, room, i, x, y, z));
+                const double *gradient = planes_at(hood, components, i) + WIDE * (PLANE_GRADIENTS + 6 * c);
+                upper = wide_max(upper, plane_at(gradient, x, y, z));
+                lower = wide_min(lower, plane_at(gradient + 3 * WIDE, x, y, z));
             }
             reach[2 * c] = wide_greatest(upper);
             reach[2 * c + 1] = wide_least(lower);
             error = larger(error, (look->gaps[c] + look->part * (reach[2 * c] - reach[2 * c + 1])) / 2 * look->factors[c]);
         }
         for (uint32_t i = begin; i < end; i += WIDE) {
-            wide before = wide_load(volume + i), small = wide_load(least + i);
-            wide after = wide_add(before, plane_at(slope, room, i, x, y, z));
-            seen.turned += bits(wide_at_most(after, small));
-            seen.half_turned += bits(wide_at_most(wide_mul(half, wide_add(after, before)), small));
+            const double *planes = planes_at(hood, components, i);
+            wide before = wide_load(planes + WIDE * PLANE_VOLUME), small = wide_load(planes + WIDE * PLANE_LEAST);
+            wide after = wide_add(before, plane_at(planes + WIDE * PLANE_SLOPE, x, y, z));
+            seen.turned += wide_count_at_most(after, small);
+            seen.half_turned += wide_count_at_most(wide_mul(half, wide_add(after, before)), small);
         }
         seen.error = error;
         if (error > look->most) {

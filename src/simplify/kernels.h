@@ -9,12 +9,18 @@
 #include "src/simplify/hood.h"
 
 /* Planes of a hood. The volume of a tetrahedron (six times it) with the vertex moved by r is volume + slope . r; it counts as
- * turned over where that is at most `least`. U and L of component c rise by gradient . r. */
+ * turned over where that is at most `least`. U and L of component c rise by gradient . r. Those of four tetrahedra stand together. */
 enum { PLANE_SLOPE = 0, PLANE_VOLUME = 3, PLANE_LEAST = 4, PLANE_GRADIENTS = 5 };
 
 static inline size_t plane_count(uint32_t components)
 {
     return PLANE_GRADIENTS + 6 * (size_t)components;
+}
+
+/* The first plane of the i-th tetrahedron and the next three (i is a multiple of four); the others are WIDE behind each other. */
+static inline double *planes_at(const struct hood *hood, uint32_t components, uint32_t i)
+{
+    return hood->planes + plane_count(components) * i;
 }
 
 /* How a position on the edge to a neighbour is looked at. */

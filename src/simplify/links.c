@@ -86,9 +86,12 @@ static bool list_own(struct links *links, const struct hood *hood, uint32_t b)
     links->closed = false;
     for (uint32_t i = 0; i < hood->tet_count; i++) {
         uint32_t v[3] = {hood->corners[0][i], hood->corners[1][i], hood->corners[2][i]}, of_ring = 0;
+        unsigned marks[3] = {links->marks[v[0]], links->marks[v[1]], links->marks[v[2]]};
+        if (!(((marks[0] & marks[1]) | (marks[1] & marks[2]) | (marks[2] & marks[0])) & RING))
+            continue;
         for (int k = 0; k < 3 && v[0] != b && v[1] != b && v[2] != b; k++) {
             uint32_t x = v[k], y = v[(k + 1) % 3];
-            if (!(links->marks[x] & links->marks[y] & RING))
+            if (!(marks[k] & marks[(k + 1) % 3] & RING))
                 continue;
             if (in_ring(links, x, y))
                 of_ring++;
@@ -109,6 +112,8 @@ static bool meets_well(const struct links *links, const uint32_t v[3])
     for (int k = 0; k < 3; k++)
         if (v[k] != TETLOD_NONE && !(links->marks[v[k]] & RING))
             return false;
+    if ((v[0] != TETLOD_NONE) + (v[1] != TETLOD_NONE) + (v[2] != TETLOD_NONE) < 2)
+        return true;
     for (int k = 0; k < 3; k++) {
         uint32_t x = v[k], y = v[(k + 1) % 3];
         if (x == TETLOD_NONE || y == TETLOD_NONE)
@@ -142,14 +147,13 @@ bool links_hold(struct links *links, const struct hood *hood, const struct worki
     for (uint32_t i = 0; i < star->count; i++) {
         uint32_t tet = working->pool[star->begin + i], v[3], count = 0;
         const uint32_t *corners = working->corners[tet];
-        unsigned faces = working->boundary_faces[tet], has_a = 0;
+        unsigned faces = working->boundary_faces[tet];
         if (corners[0] == TETLOD_NONE)
             continue;
-        for (unsigned c = 0; c < 4; c++) {
-            has_a |= corners[c] == slot_a;
+        bool has_a = corners[0] == slot_a || corners[1] == slot_a || corners[2] == slot_a || corners[3] == slot_a;
+        for (unsigned c = 0; c < 4 && !has_a; c++)
             if (corners[c] != slot_b && count < 3)
-                v[count++] = corners[c] == slot_a ? TETLOD_NONE : hood_number(hood, corners[c]);
-        }
+                v[count++] = hood_number(hood, corners[c]);
         if (!has_a && !meets_well(links, v))
             return false;
         for (unsigned f = 0; f < 4 && open && faces; f++)

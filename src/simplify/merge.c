@@ -320,12 +320,12 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
         return;
     }
     if ((working->flags[join.dead] | working->flags[join.kept]) & VERTEX_BOUNDARY) {
-        moved = moved_by(run, worker, ends, join.p);
+        moved = border_moves(&run->border, working, ends, join.p, &worker->map);
         if (isinf(moved)) {
             refuse(run, worker, slot, 0, LOG_REFUSED_BOUNDARY);
             return;
         }
-        most = most_of(run, worker);
+        most = boundary_map_most(&worker->map, run->border.most);
         add_demands(run, worker);
     }
     double error = assigned_error(run, worker, values);

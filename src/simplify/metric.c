@@ -186,7 +186,7 @@ static bool any_left(const struct trial *trials, uint32_t count, double limit)
 }
 
 void metric_try(enum metric metric, struct metric_scratch *scratch, const struct fields *fields,
-                const struct complex *complex, const struct star *star, const struct shift *shift, double limit,
+                const struct complex *complex, const struct star *star, const struct boundary_map *map, double limit,
                 struct trial *trials, uint32_t count)
 {
     for (uint32_t t = 0; t < count; t++) {
@@ -199,9 +199,9 @@ void metric_try(enum metric metric, struct metric_scratch *scratch, const struct
             bounds.value[0] = smaller(bounds.value[0], fields->drivers[d].lower[star->simplex[s]]);
             bounds.value[1] = larger(bounds.value[1], fields->drivers[d].upper[star->simplex[s]]);
         }
-        if (shift && metric != METRIC_SVA) {
-            bounds.value[0] = smaller(bounds.value[0], shift_greatest(shift, fields->drivers[d].lower));
-            bounds.value[1] = larger(bounds.value[1], shift_least(shift, fields->drivers[d].upper, 0));
+        if (map && metric != METRIC_SVA) {
+            bounds.value[0] = smaller(bounds.value[0], boundary_map_greatest(map, fields->drivers[d].lower, 1));
+            bounds.value[1] = larger(bounds.value[1], boundary_map_least(map, fields->drivers[d].upper, 1, 0));
         }
         for (uint32_t t = 0; t < count; t++)
             scratch->bounds[d * MOST_TRIALS + t] = bounds;
@@ -222,14 +222,14 @@ void metric_try(enum metric metric, struct metric_scratch *scratch, const struct
     assign(metric, scratch, fields, star, limit, trials, count);
 }
 
-void metric_demand(const struct metric_scratch *scratch, const struct fields *fields, const struct shift *shift,
+void metric_demand(const struct metric_scratch *scratch, const struct fields *fields, const struct boundary_map *map,
                    uint32_t trial, double *io_error)
 {
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         const struct driver *driver = &fields->drivers[d];
         const double *bounds = scratch->bounds[d * MOST_TRIALS + trial].value;
-        double least = smaller(bounds[0], shift_greatest(shift, driver->lower));
-        double greatest = larger(bounds[1], shift_least(shift, driver->upper, 0));
+        double least = smaller(bounds[0], boundary_map_greatest(map, driver->lower, 1));
+        double greatest = larger(bounds[1], boundary_map_least(map, driver->upper, 1, 0));
         *io_error = larger(*io_error, (greatest - least) / 2 * driver->scale * driver->weight);
     }
 }

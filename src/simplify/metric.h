@@ -59,13 +59,13 @@ TETLOD_CHECKED enum tetlod_status metric_init(struct metric_scratch *scratch, co
 void metric_fini(struct metric_scratch *scratch);
 
 /* Tries positions on a gathered star. One pass over its tetrahedra that ends as soon as every trial is impossible or above
- * the limit, as most are. With a shift of the boundary (may be NULL), the bounds are also what it demands. */
+ * the limit, as most are. With a map of the boundary (may be NULL), the bounds are also what it demands. */
 void metric_try(enum metric metric, struct metric_scratch *scratch, const struct fields *fields,
-                const struct complex *complex, const struct star *star, const struct shift *shift, double limit,
+                const struct complex *complex, const struct star *star, const struct boundary_map *map, double limit,
                 struct trial *trials, uint32_t count);
 
 /* Raises the error of a trial of the last metric_try, and its lower bound, to what the map of its boundary demands. */
-void metric_demand(const struct metric_scratch *scratch, const struct fields *fields, const struct shift *shift,
+void metric_demand(const struct metric_scratch *scratch, const struct fields *fields, const struct boundary_map *map,
                    uint32_t trial, double *io_error);
 
 /* The values that the metric assigned to the drivers at a trial of the last metric_try; NaN: scalar value assignment. */

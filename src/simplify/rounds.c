@@ -89,7 +89,7 @@ static enum tetlod_status report(const struct rounds *rounds)
 static enum tetlod_status failure(struct rounds *rounds)
 {
     for (unsigned w = 0; w < crew_size(rounds->run.crew); w++)
-        if (rounds->run.workers[w].failed)
+        if (rounds->run.workers[w].failed || rounds->run.workers[w].map.failed)
             return no_memory(rounds);
     return TETLOD_OK;
 }

@@ -148,7 +148,7 @@ static enum tetlod_status perform(struct run *run, const struct star *star, cons
                                   const double *errors)
 {
     uint32_t v = star->simplex[0];
-    double most = boundary_most(&run->boundary, run->complex, star, p);
+    double most = smaller(boundary_map_most(&run->judges->map, run->boundary.most), run->boundary.limit);
     fields_contract(run->fields, run->complex, star, p, run->outcome);
     TETLOD_TRY(complex_contract(run->complex, star, p, run->error));
     metric_update_envelopes(run->options->metric, run->fields, run->complex, v);
@@ -181,14 +181,14 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
         return refuse(run, *entry, INFINITY);
     }
     struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
-    if (judge_try(run, judge, &judge->shift, run->limit, &trial, 1) != TETLOD_OK) {
+    if (judge_try(run, judge, &judge->map, run->limit, &trial, 1) != TETLOD_OK) {
         *run->error = judge->error;
         return run->error->status;
     }
     if (run->options->metric == METRIC_MEASURED && (!trial.possible || trial.error > run->limit))
         return refuse(run, *entry, trial.possible ? trial.error : INFINITY);
     judge_assigned(run, judge, run->assigned);
-    fields_outcome(run->fields, run->complex, star, &judge->shift, p, run->assigned, run->outcome);
+    fields_outcome(run->fields, run->complex, star, &judge->map, p, run->assigned, run->outcome);
     double certified = outcome_error(run->fields, run->outcome);
     if (metric_is_certified(run->options->metric) && certified > run->limit * (1 + ROUNDING)) { // its rounding is too much
         judge->refused[LOG_REFUSED_ROUNDING]++;
@@ -241,7 +241,7 @@ static bool may_go(const struct run *run, struct judge *judge, const double p[3]
 {
     static const double anywhere[4] = {0.25, 0.25, 0.25, 0.25};
     return boundary_allows(&run->boundary, run->complex, &judge->star, anywhere, p) &&
-           boundary_moves(&run->boundary, run->complex, &judge->star, p, &judge->shift) <= run->boundary.limit &&
+           boundary_moves(&run->boundary, run->complex, &judge->star, p, &judge->map) <= run->boundary.limit &&
            star_fits(&judge->star, run->complex, p);
 }
 
@@ -345,8 +345,8 @@ static enum tetlod_status contract_exactly(struct run *run, const struct work *w
         run->judges->refused[LOG_REFUSED_LINK]++;
         return refuse(run, *entry, INFINITY);
     }
-    double moved = boundary_moves(&run->boundary, run->complex, star, p, &run->judges->shift);
-    fields_outcome(run->fields, run->complex, star, &run->judges->shift, p, work->values, run->outcome);
+    double moved = boundary_moves(&run->boundary, run->complex, star, p, &run->judges->map);
+    fields_outcome(run->fields, run->complex, star, &run->judges->map, p, work->values, run->outcome);
     TETLOD_TRY(overlaps_take(&run->overlaps, star, &work->handover, run->error));
     return perform(run, star, p, moved, work->errors);
 }
@@ -358,7 +358,7 @@ static enum tetlod_status first_failure(struct run *run)
             *run->error = run->judges[j].error;
             return run->judges[j].status;
         }
-        if (run->judges[j].shift.failed)
+        if (run->judges[j].map.failed)
             return tetlodi_fail_nomem(run->error, "a boundary", 0);
     }
     return TETLOD_OK;
@@ -605,7 +605,7 @@ static void free_judges(struct run *run)
         examiner_fini(&run->judges[j].examiner);
         sampler_fini(&run->judges[j].sampler);
         descent_fini(&run->judges[j].descent);
-        shift_fini(&run->judges[j].shift);
+        boundary_map_fini(&run->judges[j].map);
     }
     free(run->judges);
 }

@@ -31,6 +31,9 @@ static inline wide wide_abs(wide a) { return _mm256_andnot_pd(_mm256_set1_pd(-0.
 /* Bit i is set where a is at most b in place i. */
 static inline unsigned wide_at_most(wide a, wide b) { return (unsigned)_mm256_movemask_pd(_mm256_cmp_pd(a, b, _CMP_LE_OQ)); }
 
+/* In how many places it is. */
+static inline unsigned wide_count_at_most(wide a, wide b) { return (unsigned)__builtin_popcount(wide_at_most(a, b)); }
+
 /* Columns of four rows. */
 static inline void wide_columns(const double *const row[4], wide out[4])
 {
@@ -87,6 +90,14 @@ static inline unsigned wide_at_most(wide a, wide b)
     for (int i = 0; i < WIDE; i++)
         bits |= (unsigned)(a.at[i] <= b.at[i]) << i;
     return bits;
+}
+
+static inline unsigned wide_count_at_most(wide a, wide b)
+{
+    unsigned count = 0;
+    for (int i = 0; i < WIDE; i++)
+        count += a.at[i] <= b.at[i];
+    return count;
 }
 
 static inline void wide_columns(const double *const row[4], wide out[4])

@@ -6,24 +6,24 @@ import os
 import subprocess
 import sys
 
+from tap import finish, note, report
+
 ROOT, TETLOD, SCRATCH = os.environ['ROOT'], os.environ['TETLOD'], os.environ['SCRATCH']
 ATTACK = os.path.join(os.path.dirname(TETLOD), 'tests', 'attack', 'attack')
 RANGES = [(1, 10), (131, 12), (188, 20)]  # first seed, how many
 MENDED = (20, 91, 121, 251, 313, 320, 357, 406, 504, 617, 650, 715, 809, 847, 1206, 1210, 1424)  # each was a finding once
 RANGES += [(seed, 1) for seed in MENDED]
 
-bad = 0
-for number, (first, count) in enumerate(RANGES, 1):
-    done = subprocess.run([sys.executable, os.path.join(ROOT, 'tests/attack/run.py'), ATTACK, TETLOD, SCRATCH, str(count), str(first)],
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    bad += done.returncode != 0
-    print('%s %d - seeds %d to %d' % ('not ok' if done.returncode else 'ok', number, first, first + count - 1))
-    if done.returncode:
-        print(''.join('# %s\n' % line for line in done.stdout.decode(errors='replace').splitlines()))
-    sys.stdout.flush()
-done = subprocess.run([os.path.join(os.path.dirname(ATTACK), 'proof'), '1', '100'], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-bad += done.returncode != 0
-print('%s %d - the certificate, seeds 1 to 100' % ('not ok' if done.returncode else 'ok', len(RANGES) + 1))
-print(''.join('# %s\n' % line for line in done.stdout.decode(errors='replace').splitlines()), end='')
-print('1..%d' % (len(RANGES) + 1))
-sys.exit(bool(bad))
+
+def run(name, *command):
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    said = done.stdout.decode(errors='replace')
+    report(name, done.returncode == 0, said)
+    return said
+
+
+for first, count in RANGES:
+    run('seeds %d to %d' % (first, first + count - 1),
+        sys.executable, os.path.join(ROOT, 'tests/attack/run_attack.py'), ATTACK, TETLOD, SCRATCH, str(count), str(first))
+note(run('the certificate, seeds 1 to 100', os.path.join(os.path.dirname(ATTACK), 'proof'), '1', '100'))
+finish()

@@ -3,20 +3,12 @@
 import json
 import os
 import subprocess
-import sys
+
+from tap import finish, note, report  # noqa: F401 (for the tests)
 
 TETLOD, SCRATCH, ROOT = os.environ['TETLOD'], os.environ['SCRATCH'], os.environ['ROOT']
 CONFIG = os.environ.get('CONFIG', 'release')
 DATA = os.path.join(ROOT, '..', 'shared', 'data')
-results = []
-
-
-def report(name, good, detail='', skip=None):
-    results.append(bool(good))
-    print('%s %d - %s%s' % ('ok' if good else 'not ok', len(results), name, ' # SKIP ' + skip if skip else ''))
-    if not good:
-        print('# %s' % str(detail)[:2000].replace('\n', '\n# '))
-    sys.stdout.flush()
 
 
 def report_problem(name, problem):
@@ -31,11 +23,6 @@ def case(name, function, *arguments):
     except Exception as raised:
         problem = repr(raised)
     report_problem(name, problem)
-
-
-def finish():
-    print('1..%d' % len(results))
-    sys.exit(not all(results))
 
 
 def path(name):

@@ -3,13 +3,11 @@
 """The Python decoder chooses levels by the table of tests/choices, as the library and the web client do."""
 import json
 import os
-import sys
 
-ROOT = os.environ.get('ROOT', '.')
-sys.path.insert(0, os.path.join(ROOT, 'client-examples', 'python'))
-import tetlod.reference as tetlod  # noqa: E402
+import tetlod.reference as tetlod
+from tap import finish, report
 
-table = json.load(open(os.path.join(ROOT, 'tests/choices/choices.json')))
+table = json.load(open(os.path.join(os.environ['ROOT'], 'tests/choices/choices.json')))
 stream = object.__new__(tetlod.Stream)
 stream.fields, stream.levels = table['fields'], table['levels']
 wrong = []
@@ -24,6 +22,5 @@ for absolute in (False, True):
         wrong.append('carried has no max: level %d' % stream.level_for_error(1, 'carried', 'max', absolute))
     except ValueError:
         pass
-print('%s 1 - levels by the table of choices\n1..1' % ('not ok' if wrong else 'ok'))
-print(''.join('# %s\n' % w for w in wrong), end='')
-sys.exit(bool(wrong))
+report('levels by the table of choices', not wrong, '\n'.join(wrong))
+finish()

@@ -6,17 +6,10 @@ import os
 import shutil
 import subprocess
 
+from tap import finish, report
+
 ROOT = os.environ.get('ROOT', '.')
 SOURCES = sorted(glob.glob(os.path.join(ROOT, 'format', '*.c'))) + [os.path.join(ROOT, 'tests', 'unit', 'test_golden.c')]
-number = 0
-
-
-def report(name, good, said=''):
-    global number
-    number += 1
-    print('%s %d - %s' % ('ok' if good else 'not ok', number, name))
-    if not good:
-        print('\n'.join('# ' + line for line in said.splitlines()[-12:]))
 
 
 def build(name, compiler, *flags):
@@ -27,7 +20,7 @@ def build(name, compiler, *flags):
 
 def decodes(what, compiler, flags, emulator=()):
     if not shutil.which(compiler) or emulator and not shutil.which(emulator[0]):
-        return print('ok - %s # SKIP %s is not there (make deps-check)' % (what, compiler))
+        return report(what, True, skip='%s is not there (make deps-check)' % compiler)
     said = build('decode', compiler, *flags)
     if not said:
         done = subprocess.run([*emulator, './decode'], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -50,5 +43,5 @@ if shutil.which('clang') and 'fma' in open('/proc/cpuinfo').read():
     done = subprocess.run(['./fused'], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     report('clang -ffp-contract=fast: right, or refused', not said and 'hashes' not in done.stdout, said + done.stdout)
 else:
-    print('ok - clang -ffp-contract=fast # SKIP no clang, or no fused multiply-add here')
-print('1..%d' % number)
+    report('clang -ffp-contract=fast', True, skip='no clang, or no fused multiply-add here')
+finish()

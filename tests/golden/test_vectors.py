@@ -7,23 +7,13 @@ import random
 import resource
 import struct
 import subprocess
-import sys
+
+from streams import plain, sealed, tetlod
+from tap import finish, report
 
 ROOT = os.environ.get('ROOT', '.')
-sys.path.insert(0, os.path.join(ROOT, 'tests'))
-from streams import plain, sealed, tetlod  # noqa: E402
-
 GOLDEN = os.path.join(ROOT, 'tests', 'golden')
 SCRATCH = os.environ.get('SCRATCH', '.')
-number = 0
-
-
-def report(name, good, said=''):
-    global number
-    number += 1
-    print('%s %d - %s' % ('ok' if good else 'not ok', number, name))
-    if not good:
-        print('# %s' % (said,))
 
 
 def command(verb, path):
@@ -125,4 +115,4 @@ def check_forged():
 check_bomb()
 check_invalid()
 check_forged()
-print('1..%d' % number)
+finish()

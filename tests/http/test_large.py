@@ -2,6 +2,7 @@
 """Answers that are larger than the cache are written while they are sent: the same bytes, ranges of them, 5 GB, and files that change meanwhile."""
 import os
 import random
+import socket
 import struct
 import subprocess
 import sys
@@ -97,6 +98,26 @@ def test_readers_that_wait_take_no_memory():
         assert server.get('/v1/meshes/fin')[0] == 200
         for reader in readers:
             reader.close()
+
+
+def test_the_kernel_holds_little():
+    """Whole answers in the kernel's buffers would fill them where many read at once: one that is not read leaves most of it in the server."""
+    with Server(MADE, '--cache', '64M') as server:
+        path = levels_of(server)[1][-1] + 'vtk'
+        size, held = len(server.get(path)[2]), 0
+        assert size > 1 << 18, size
+        with socket.socket() as reader:
+            reader.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            reader.connect(server.address)
+            reader.sendall(b'GET %s HTTP/1.1\r\nHost: localhost\r\n\r\n' % path.encode())
+            reader.recv(1)
+            end = ':%04X' % server.address[1], ':%04X' % reader.getsockname()[1]
+            for _ in range(20):
+                with open('/proc/net/tcp') as table:
+                    rows = [line.split() for line in table]
+                held = max([held] + [int(row[4].split(':')[0], 16) for row in rows if (row[1][8:], row[2][8:]) == end])
+                time.sleep(0.02)
+        assert 0 < held < size / 2, (held, size)
 
 
 def sparse_stream(path, size):
@@ -208,7 +229,8 @@ def main():
     subprocess.run([TETLOD, 'sample', 'fin', '--size', '16', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
     subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
     run([test_streamed_files_are_the_cached_ones, test_the_finest_level_is_what_extract_writes, test_conditions_and_ranges,
-         test_chosen_fields, test_readers_that_wait_take_no_memory, test_five_gigabytes, test_written_over_while_it_is_read])
+         test_chosen_fields, test_readers_that_wait_take_no_memory, test_the_kernel_holds_little,
+         test_five_gigabytes, test_written_over_while_it_is_read])
 
 
 main()

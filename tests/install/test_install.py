@@ -5,6 +5,8 @@ import os
 import shlex
 import subprocess
 
+from tap import finish, report
+
 ROOT, SCRATCH = os.environ['ROOT'], os.environ['SCRATCH']
 PROGRAM = r'''
 #include <fcntl.h>
@@ -30,15 +32,6 @@ int main(int argc, char **argv)
     return 0;
 }
 '''
-failures = 0
-
-
-def report(name, good, note=''):
-    global failures
-    failures += not good
-    print('%s - %s' % ('ok' if good else 'not ok', name))
-    if not good:
-        print('\n'.join('# ' + line for line in str(note).splitlines()))
 
 
 def run(*command, **more):
@@ -86,8 +79,8 @@ def main():
         report('and reads the stream with it', done.stdout == '125 384\n', done.stdout + done.stderr)
     done = make('uninstall', stage)
     report('make uninstall leaves nothing', done.returncode == 0 and not files(stage), done.stderr + str(files(stage)))
-    return 1 if failures else 0
+    finish()
 
 
 if __name__ == '__main__':
-    raise SystemExit(main())
+    main()

@@ -5,7 +5,7 @@ import glob
 import os
 import re
 
-from common import ROOT, finish, output, report
+from lint_report import ROOT, finish, output, report
 
 TETLOD = os.environ['TETLOD']
 OPTION = re.compile(r'(?<![\w-])--[a-z][a-z0-9-]*')

@@ -5,10 +5,10 @@ import glob
 import os
 import re
 
-from common import ROOT, finish, report
+from lint_report import ROOT, finish, report
 
 # folder: what it may include beside itself and libc; a name that ends in / is a folder. CONTRIBUTING.md says why.
-FORMAT = ['format/tetlod.h', 'format/fail.h', 'format/writer.h', 'format/utf8.h', 'format/cut.h']
+FORMAT = ['format/tetlod.h', 'format/fail.h', 'format/writer.h', 'format/utf8.h', 'format/prefix.h']
 ARRAYS = FORMAT + ['src/util/']
 MESHES = ARRAYS + ['src/mesh/']
 LAYERS = {
@@ -85,6 +85,16 @@ def mutual(sources):
     return ['%s and %s' % (a, b) for a in uses for b in sorted(uses[a]) if a < b and a in uses.get(b, ()) and a.startswith('server/')]
 
 
+def twins():
+    """Source files of one name: a reader who is sent to one of them should not find two."""
+    places = {}
+    for top in ('src', 'format', 'server', 'tests', 'client-examples'):
+        for path in glob.glob(os.path.join(ROOT, top, '**', '*'), recursive=True):
+            if path.endswith(('.c', '.h', '.py', '.js', '.mjs', '.sh')) and not os.path.basename(path).startswith('__') and 'node_modules' not in path:
+                places.setdefault(os.path.basename(path), []).append(os.path.relpath(path, ROOT))
+    return ['%s is %s' % (name, ' and '.join(sorted(paths))) for name, paths in sorted(places.items()) if len(paths) > 1]
+
+
 def main():
     sources = {}
     for folder in LAYERS:
@@ -111,6 +121,7 @@ def main():
     report('%d files were found' % len(sources), [] if len(sources) > 100 else ['too few: is ROOT the tree?'])
     report('every #include is within the layers', includes)
     report('no two files of the server include each other', mutual(sources))
+    report('no two files have one name', twins())
     report('no call that knows no bounds', banned)
     report('nothing outside src/cli prints, exits or takes signals', speaking)
     report('no file is too long to read', long_files)

@@ -8,7 +8,7 @@ import re
 import shutil
 import subprocess
 
-from common import ROOT, finish, output, report
+from lint_report import ROOT, finish, output, report
 
 BUILT = os.path.join(ROOT, 'build', os.environ['CONFIG'])
 # The signal handler's flag, which only a global can be

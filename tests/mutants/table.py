@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Lines that the promise hangs on: each is taken out in turn, and a test must go red (run.py).
+"""Lines that the promise hangs on: each is taken out in turn, and a test must go red (run_mutants.py).
 
 `old` is text that is once in the file; `why` says what the line is for. Where several lines ask the same, each alone may go without harm:
 `more` are the others, (file, old, new), and all go at once.
@@ -43,18 +43,18 @@ mutant("link condition's boundary", 'src/simplify/links.c',
        'if (faces >> corner_of(corners, slot_a) & 1 && faces >> corner_of(corners, slot_b) & 1)\n            return false;', '',
        'a tetrahedron with boundary faces at both ends', PROOF, 'unit/test_complex')
 
-# ---- the boundary (5), in rounds
+# ---- the boundary (5)
 
-mutant('no demands of the map, above', 'src/simplify/evaluate.c', 'upper[c] = larger(upper[c], boundary_map_least(&worker->map, ROW_FIELDS + 2 * c, 0));', '',
+mutant('no demands of the map, above', 'src/simplify/evaluate.c', 'upper[c] = larger(upper[c], boundary_map_least(&worker->map, values, working->stride, 0));', '',
        'what the boundary map demands of the upper value', PROOF)
-mutant('no demands of the map, below', 'src/simplify/evaluate.c', 'lower[c] = smaller(lower[c], boundary_map_greatest(&worker->map, ROW_FIELDS + 2 * c + 1));', '',
+mutant('no demands of the map, below', 'src/simplify/evaluate.c', 'lower[c] = smaller(lower[c], boundary_map_greatest(&worker->map, values + 1, working->stride));', '',
        'what the boundary map demands of the lower value', PROOF)
-mutant('no crossings', 'src/simplify/boundary_map.c', 'return status == MAP_FOUND ? map_crossings(map) : status;', 'return status;',
-       'edges of the old and the new patch cross', PROOF)
-mutant('no result in the old patch', 'src/simplify/boundary_map.c', 'return map->moves[0] && map->moves[1] ? map_result(map) : MAP_FOUND;', 'return MAP_FOUND;',
+mutant('no crossings', 'src/simplify/boundary_map.c', 'return graphs(map, cosine) && map_vertices(map) && map_crossings(map);', 'return graphs(map, cosine) && map_vertices(map);',
+       'edges of the old and the new patch cross', PROOF, 'unit/test_boundary_map')
+mutant('no result in the old patch', 'src/simplify/boundary_map.c', 'return !result || map_result(map);', 'return true;',
        'the result between the ends', PROOF)
-mutant('distance is not counted', 'src/simplify/evaluate.c', 'double moved = larger(boundary_map_least(&worker->map, column, 1), 0);',
-       'double moved = larger(boundary_map_least(&worker->map, column, 0), 0);', 'how far the boundary moved', PROOF)
+mutant('distance is not counted', 'src/simplify/boundary_map.c', 'double all = larger(boundary_map_least(map, moved, stride, 1), 0), rim = 0;',
+       'double all = larger(boundary_map_least(map, moved, stride, 0), 0), rim = 0;', 'how far the boundary moved', PROOF)
 mutant('distance does not add up', 'src/simplify/merge.c', 'row[row_moved(working)] = moved;', 'row[row_moved(working)] = 0;',
        'how far the boundary moved in all', PROOF)
 mutant('interior joins the boundary', 'src/simplify/evaluate.c', 'if (working->flags[other] & (VERTEX_FROZEN | VERTEX_SINGULAR) || (own_open && !open))',
@@ -75,10 +75,8 @@ mutant('serial: star without a tetrahedron', 'src/simplify/fields.c',
        'all tetrahedra of the star are continued to the new vertex', PROOF)
 mutant('serial: upper is the value', 'src/simplify/fields.c', 'driver->upper[v] = outcome[d].upper;', 'driver->upper[v] = outcome[d].value;',
        'errors accumulate', PROOF)
-mutant('serial: no demands of the map', 'src/simplify/fields.c', 'double most = larger(envelope[1][1], shift_least(shift, driver->upper, 0));',
+mutant('serial: no demands of the map', 'src/simplify/fields.c', 'double most = larger(envelope[1][1], boundary_map_least(map, driver->upper, 1, 0));',
        'double most = envelope[1][1];', 'what the boundary map demands of the upper value', PROOF)
-mutant('serial: no crossings', 'src/simplify/shift.c', 'return graphs(&work, cosine) && map_vertices(shift, &work) && map_crossings(shift, &work);',
-       'return graphs(&work, cosine) && map_vertices(shift, &work);', 'edges of the old and the new patch cross', 'unit/test_shift', PROOF)
 mutant('serial: flips', 'src/simplify/star.c', 'if (tet_orientation(q[0], q[1], q[2], q[3]) != complex->orientation)', 'if (tet_orientation(q[0], q[1], q[2], q[3]) > 2)',
        'C1', PROOF, 'unit/test_complex')
 mutant('serial: link triangles', 'src/simplify/star.c', 'return !(count == 3 && mask == IN_B && table_find(filed, triangle_key(v)));',

@@ -6,12 +6,12 @@ import os
 import re
 import struct
 import subprocess
-import sys
+
+from tap import finish, report
 
 TETLOD, SCRATCH, ROOT = os.environ['TETLOD'], os.environ['SCRATCH'], os.environ['ROOT']
 PRELOAD = os.path.join(ROOT, 'build/release/tests/oom/failmalloc.so')
 MOST_RUNS = 120  # of one command; where it allocates more often, evenly spread ones fail
-count = failed = 0
 
 
 def path(name):
@@ -53,17 +53,12 @@ def attempt(arguments, mode, number):
 
 
 def check(name, arguments):
-    global count, failed
     total = allocations(arguments)
     numbers = range(1, total + 1) if total <= MOST_RUNS else [1 + total * i // MOST_RUNS for i in range(MOST_RUNS)]
     attempts = [('AT', n) for n in numbers] + [('FROM', n) for n in list(numbers)[::4]]
     with concurrent.futures.ThreadPoolExecutor(2) as pool:
         problems = [p for p in pool.map(lambda a: attempt(arguments, *a), attempts) if p]
-    count += 1
-    failed += bool(problems)
-    print('%s %d - %s: %d of %d allocations' % ('not ok' if problems else 'ok', count, name, len(numbers), total))
-    for problem in problems[:10]:
-        print('# %s' % problem)
+    report('%s: %d of %d allocations' % (name, len(numbers), total), not problems, '\n'.join(problems[:10]))
 
 
 def make_inputs():
@@ -123,8 +118,7 @@ def main():
     check('verify', ['verify', path('cube.tetlod')])
     check('verify --against', ['verify', path('cube.tetlod'), '--against', path('cube.vtu')])
     check('compare', ['compare', path('cube.vtu'), path('cube.tetlod'), '--field', 'xyz'])
-    print('1..%d' % count)
-    return failed != 0
+    finish()
 
 
-sys.exit(main())
+main()

@@ -18,7 +18,7 @@
 
 /* What there is of a mesh that is contracted at random. */
 struct world {
-    struct shift shift;
+    struct boundary_map map;
     struct tetmesh mesh;
     struct complex complex;
     struct fields fields;
@@ -65,7 +65,7 @@ static void close_world(struct world *world)
     fields_fini(&world->fields);
     complex_fini(&world->complex);
     star_fini(&world->star);
-    shift_fini(&world->shift);
+    boundary_map_fini(&world->map);
     tetmesh_fini(&world->mesh);
 }
 
@@ -98,7 +98,7 @@ static bool pick(struct world *world)
         if ((whole = weights[s] == 1))
             memcpy(world->p, complex->positions + 3 * (size_t)simplex[s], 24);
     return boundary_allows(&world->boundary, complex, &world->star, weights, world->p) &&
-           boundary_moves(&world->boundary, complex, &world->star, world->p, &world->shift) <= world->boundary.limit &&
+           boundary_moves(&world->boundary, complex, &world->star, world->p, &world->map) <= world->boundary.limit &&
            star_fits(&world->star, complex, world->p) &&
            star_link_condition(&world->star, complex, &holds, NULL) == TETLOD_OK && holds;
 }
@@ -179,7 +179,7 @@ static void check_envelope(const char *name, uint32_t size, uint64_t seed, doubl
         struct outcome outcome;
         if (!pick(&world))
             continue;
-        fields_outcome(&world.fields, &world.complex, &world.star, &world.shift, world.p, (double[]){NAN}, &outcome);
+        fields_outcome(&world.fields, &world.complex, &world.star, &world.map, world.p, (double[]){NAN}, &outcome);
         double envelope = outcome_error(&world.fields, &outcome);
         if (!(envelope > 0 && envelope <= most))
             continue;
@@ -261,7 +261,7 @@ static void check_sequence(const char *name, uint32_t size, uint64_t seed, int t
         CHECK(finding.allowed ? finding.error <= limit * (1 + 1e-9) : finding.error > limit * (1 - (flat ? 1e-3 : 1e-6)));
         if (!finding.allowed)
             continue;
-        fields_outcome(&world.fields, &world.complex, &world.star, &world.shift, world.p, world.examiner.chosen, &outcome);
+        fields_outcome(&world.fields, &world.complex, &world.star, &world.map, world.p, world.examiner.chosen, &outcome);
         envelope = larger(envelope, outcome_error(&world.fields, &outcome));
         contract(&world, &outcome);
         done++;

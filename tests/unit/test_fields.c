@@ -39,7 +39,7 @@ static void star_bounds(const struct complex *complex, const struct star *star, 
     }
 }
 
-static const struct shift no_shift; /* the edge is inside, or the boundary does not matter */
+static const struct boundary_map no_map; /* the edge is inside, or the boundary does not matter */
 
 static void check_contraction(struct complex *complex, struct fields *fields, const uint32_t edge[2])
 {
@@ -57,7 +57,7 @@ static void check_contraction(struct complex *complex, struct fields *fields, co
     star_bounds(complex, &star, fields->fields[0].values, p, field);
     star_bounds(complex, &star, driver->upper, p, upper);
     star_bounds(complex, &star, driver->lower, p, lower);
-    fields_outcome(fields, complex, &star, &no_shift, p, &assigned, &outcome);
+    fields_outcome(fields, complex, &star, &no_map, p, &assigned, &outcome);
     const double *range = fields->fields[0].component_range[0];
     double middle = smaller(larger((field[0] + field[1]) / 2, range[0]), range[1]);
     CHECK_NEAR(outcome.value, middle, 1e-6 * scale); // rounded to float32

@@ -6,7 +6,7 @@
 #include "src/io/formats.h"
 #include "src/io/tag_map.h"
 #include "src/sample/sample.h"
-#include "src/util/utf8.h"
+#include "src/util/utf8_clean.h"
 #include "tests/memory_sink.h"
 #include "tests/test.h"
 

@@ -117,18 +117,22 @@ static void test_jump(void)
                                         {0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0.2, 0.2, -1}};
     static const uint32_t corners[3][4] = {{0, 1, 2, 3}, {4, 6, 5, 7}, {0, 1, 2, 4}};
     static const uint32_t only[1] = {0};
-    struct tetmesh mesh;
+    struct tetmesh mesh, other;
     struct overlay_report report;
     double most;
-    REQUIRE(make_mesh(&mesh, points, 8, corners, 3));
-    for (int v = 4; v < 8; v++)
+    REQUIRE(make_mesh(&mesh, points, 8, corners, 3) && make_mesh(&other, points, 8, corners, 3));
+    for (int v = 4; v < 8; v++) {
         mesh.fields[0].values[v] = 5;
-    REQUIRE(overlay_max(&mesh, only, &mesh, only, 1, &(struct overlay_options){.threads = 1}, &most, &report, NULL) == TETLOD_OK);
-    CHECK(most == 0);
-    CHECK_INT(report.cells, 2);
+        other.fields[0].values[v] = 6;
+    }
+    CHECK(exact(&mesh, &mesh, 1) == 0);
+    REQUIRE(overlay_max(&mesh, only, &other, only, 1, &(struct overlay_options){.threads = 1}, &most, &report, NULL) == TETLOD_OK);
+    CHECK(most == 1);
+    CHECK_INT(report.cells, 1); // the other pair is equal
     CHECK_INT(report.degenerate[0], 1);
     CHECK_INT(report.degenerate[1], 1);
     tetmesh_fini(&mesh);
+    tetmesh_fini(&other);
 }
 
 /* A mesh that covers its domain twice, with different values, is itself; and a single sheet is compared with the nearer. */

@@ -13,7 +13,7 @@
 #include "src/sample/sample.h"
 #include "tests/test.h"
 
-static const struct shift no_shift; /* the edge is inside */
+static const struct boundary_map no_map; /* the edge is inside */
 
 static const double line_x[4] = {0, 1, 3, 4}, line_s[4] = {0, 1, 2, 1};
 
@@ -133,7 +133,7 @@ static void try_assignment(struct tetmesh *mesh, const struct trial *places, uin
         double assigned;
         metric_assigned(&scratch, &fields, t, &assigned);
         CHECK(trials[t].possible);
-        fields_outcome(&fields, &complex, &star, &no_shift, trials[t].position, &assigned, &outcome);
+        fields_outcome(&fields, &complex, &star, &no_map, trials[t].position, &assigned, &outcome);
         errors[t] = trials[t].error / fields.drivers[0].scale;
         values[t] = outcome.value;
         CHECK_NEAR(outcome.predicted, errors[t], 1e-9);

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""usage: run.py [NAME...]
+"""usage: run_mutants.py [NAME...]
 
 Takes one line of the proof out at a time, in a copy of the tree under build/mutants, and expects a test to go red. A mutant that
 no test sees is a hole in the tests; a line that is no longer there is a fault of the table (table.py).
@@ -74,7 +74,7 @@ def attack(killer, known):
     kind, first, count = killer.split()
     command = ['build/release/tests/attack/proof', first, count]
     if kind == 'attack':
-        command = ['python3', 'tests/attack/run.py', 'build/release/tests/attack/attack', 'build/release/tetlod', 'build/attack', count, first]
+        command = ['python3', 'tests/attack/run_attack.py', 'build/release/tests/attack/attack', 'build/release/tetlod', 'build/attack', count, first]
     found = set()
     with subprocess.Popen(command, cwd=TREE, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                           errors='replace', start_new_session=True) as process:

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* A level as a mesh file: VTU, legacy VTK, or the stream's own prefix. */
-#ifndef TETLOD_SERVER_LEVELS_H
-#define TETLOD_SERVER_LEVELS_H
+#ifndef TETLOD_SERVER_LEVEL_FILE_H
+#define TETLOD_SERVER_LEVEL_FILE_H
 
 #include "server/answer/buffer.h"
 #include "server/answer/exchange.h"

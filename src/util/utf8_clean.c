@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/util/utf8.h"
+#include "src/util/utf8_clean.h"
 
 #include <string.h>
 

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""usage: run.py ATTACK PROGRAM FOLDER SEEDS [FIRST]
+"""usage: run_attack.py ATTACK PROGRAM FOLDER SEEDS [FIRST]
 
 Runs the attack over SEEDS seeds, in chunks, one process a core. Prints every finding, and a summary by kind.
 Exit status 1 if there is one, or if a process ends in another way than the attack does.

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* A level as a mesh file. */
-#include "server/answer/levels.h"
+#include "server/answer/level_file.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "server/answer/cells.h"
+#include "server/answer/cell_choice.h"
 #include "server/answer/frames.h"
 #include "server/answer/made.h"
 #include "server/answer/respond.h"

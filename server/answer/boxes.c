@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "server/answer/regions.h"
+#include "server/answer/boxes.h"
 
 #include <inttypes.h>
 #include <math.h>
@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "server/answer/levels.h"
+#include "server/answer/level_file.h"
 #include "server/answer/made.h"
 #include "server/answer/respond.h"
 #include "src/measure/region_error.h"

@@ -5,13 +5,13 @@ import glob
 import hashlib
 import os
 import subprocess
-import sys
 
 import numpy as np
 
+from streams import plain, sealed, tetlod
+from tap import finish, report
+
 ROOT = os.environ.get('ROOT', '.')
-sys.path.insert(0, os.path.join(ROOT, 'tests'))
-from streams import plain, sealed, tetlod  # noqa: E402
 
 
 def state(stream, cursor):
@@ -111,10 +111,8 @@ def same_verdicts(path, stride):
     return differ == 0
 
 
-number = 0
 for path in sorted(glob.glob(os.path.join(ROOT, 'tests', 'golden', '*.tetlod'))):
-    number += 1
-    print('%s %d - Python agrees on %s' % ('ok' if check(path) else 'not ok', number, os.path.basename(path)))
+    report('Python agrees on ' + os.path.basename(path), check(path))
 golden = os.path.join(ROOT, 'tests', 'golden')
 for verdict, what in ((check_cells(os.path.join(golden, 'cells_float32.tetlod')), 'Python agrees on values of cells'),
                       (check_steps(os.path.join(golden, 'series_float32.tetlod')), 'Python agrees on steps in time'),
@@ -124,5 +122,5 @@ for verdict, what in ((check_cells(os.path.join(golden, 'cells_float32.tetlod'))
                       (same_verdicts(os.path.join(golden, 'one_tet.tetlod'), 1), 'Python refuses what C refuses, of one level'),
                       (same_verdicts(os.path.join(golden, 'grid_12_bit.tetlod'), 7), 'Python refuses what C refuses, of several'),
                       (same_verdicts(os.path.join(golden, 'cells_float32.tetlod'), 3), 'Python refuses what C refuses, with cells')):
-    number += 1
-    print('%s %d - %s' % ('ok' if verdict else 'not ok', number, what))
+    report(what, verdict)
+finish()

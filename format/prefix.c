@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "format/cut.h"
+#include "format/prefix.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -114,8 +114,8 @@ static enum tetlod_status take_frames(struct part *part, const struct tetlod_fil
     return TETLOD_OK;
 }
 
-enum tetlod_status tetlodi_cut(const struct tetlod_file *file, uint32_t level, const struct tetlodi_sink *sink,
-                               struct tetlod_error *error)
+enum tetlod_status tetlodi_write_prefix(const struct tetlod_file *file, uint32_t level, const struct tetlodi_sink *sink,
+                                        struct tetlod_error *error)
 {
     const struct tetlod_info *info = &file->index.info;
     if (level >= info->level_count)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* The map between a star's old and new boundary, on a pyramid that is flattened and on curved samples. */
-#include "src/simplify/shift.h"
+#include "src/simplify/boundary.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -19,35 +19,35 @@ static void test_pyramid(void)
                            .corners = corners};
     struct complex complex;
     struct star star = {0};
-    struct shift shift = {0};
+    struct boundary_map map = {0};
     double values[6] = {7, 3, 2, 5, 2, 0};
     REQUIRE(complex_init(&complex, &mesh, NULL) == TETLOD_OK);
     REQUIRE(star_gather(&star, &complex, (uint32_t[]){0, 1}, 2, NULL) == TETLOD_OK);
-    REQUIRE(shift_map(&shift, &complex, &star, positions + 3, 0.5));
-    CHECK_INT(shift.count, 1); // the middle, half way along the new edge from corner 1 to corner 3
-    CHECK_NEAR(shift.points[0].apex, 0.5, 1e-12);
-    CHECK_NEAR(shift.points[0].distance, 0.25, 1e-12);
-    CHECK_NEAR(shift_least(&shift, values, 0), 9, 1e-12);      // (9 + 5) / 2 is the 7 that was there
-    CHECK_NEAR(shift_least(&shift, values, 4), 11, 1e-12);     // and (11 + 5) / 2 is 1 more
-    CHECK_NEAR(shift_greatest(&shift, values), 9, 1e-12);
-    CHECK(shift_least(&shift, values, 0) >= 9 && shift_greatest(&shift, values) <= 9);
-    CHECK(!shift_map(&shift, &complex, &star, positions + 3, 0.99)); // the faces turn by 14 degrees
-    shift_fini(&shift);
+    REQUIRE(boundary_find_map(&complex, &star, positions + 3, 0.5, &map));
+    CHECK_INT(map.point_count, 1); // the middle, half way along the new edge from corner 1 to corner 3
+    CHECK_NEAR(map.points[0].apex, 0.5, 1e-12);
+    CHECK_NEAR(map.points[0].distance, 0.25, 1e-12);
+    CHECK_NEAR(boundary_map_least(&map, values, 1, 0), 9, 1e-12);      // (9 + 5) / 2 is the 7 that was there
+    CHECK_NEAR(boundary_map_least(&map, values, 1, 4), 11, 1e-12);     // and (11 + 5) / 2 is 1 more
+    CHECK_NEAR(boundary_map_greatest(&map, values, 1), 9, 1e-12);
+    CHECK(boundary_map_least(&map, values, 1, 0) >= 9 && boundary_map_greatest(&map, values, 1) <= 9);
+    CHECK(!boundary_find_map(&complex, &star, positions + 3, 0.99, &map)); // the faces turn by 14 degrees
+    boundary_map_fini(&map);
     star_fini(&star);
     complex_fini(&complex);
 }
 
 /* Of the points of a map of a curved boundary: both ends are convex combinations, the distance is that between them, and the bounds
  * are the least that do. */
-static void check_points(const struct shift *shift, const struct complex *complex, const double p[3], uint64_t *random)
+static void check_points(const struct boundary_map *map, const struct complex *complex, const double p[3], uint64_t *random)
 {
     double *values = malloc(complex->vertex_count * sizeof *values);
     REQUIRE(values);
     for (uint32_t v = 0; v < complex->vertex_count; v++)
         values[v] = (double)(gen_random(random) >> 11) * 0x1p-53;
-    double least = shift_least(shift, values, 0.5), tightest = INFINITY;
-    for (uint32_t i = 0; i < shift->count; i++) {
-        const struct shift_point *at = &shift->points[i];
+    double least = boundary_map_least(map, values, 1, 0.5), tightest = INFINITY;
+    for (uint32_t i = 0; i < map->point_count; i++) {
+        const struct map_point *at = &map->points[i];
         double from[4] = {0, 0, 0, 0}, to[4] = {p[0] * at->apex, p[1] * at->apex, p[2] * at->apex, least * at->apex};
         double sums[2] = {0, at->apex}, distance2 = 0;
         for (int k = 0; k < 5; k++) {
@@ -68,14 +68,14 @@ static void check_points(const struct shift *shift, const struct complex *comple
         CHECK(to[3] >= from[3] + 0.5 * at->distance - 1e-12);
         tightest = smaller(tightest, to[3] - from[3] - 0.5 * at->distance);
     }
-    CHECK(!shift->count || tightest < 1e-9);
+    CHECK(!map->point_count || tightest < 1e-9);
     free(values);
 }
 
 static void test_curved(void)
 {
     static const char *const names[] = {"torus", "shell"};
-    struct shift shift = {0};
+    struct boundary_map map = {0};
     for (int i = 0; i < 2; i++) {
         struct tetmesh mesh = {0};
         struct complex complex;
@@ -93,18 +93,18 @@ static void test_curved(void)
                 for (uint32_t d = 0; d < 3; d++)
                     p[d] = mesh.positions[3 * a + d] + half * (mesh.positions[3 * b + d] - mesh.positions[3 * a + d]);
                 REQUIRE(star_gather(&star, &complex, (uint32_t[]){a, b}, 2, NULL) == TETLOD_OK);
-                if (!shift_map(&shift, &complex, &star, p, 0.5))
+                if (!boundary_find_map(&complex, &star, p, 0.5, &map))
                     continue;
                 mapped++;
-                crossed += shift.count > 3;
-                check_points(&shift, &complex, p, &random);
+                crossed += map.point_count > 3;
+                check_points(&map, &complex, p, &random);
             }
         CHECK(mapped > 100 && crossed > 50);
         star_fini(&star);
         complex_fini(&complex);
         tetmesh_fini(&mesh);
     }
-    shift_fini(&shift);
+    boundary_map_fini(&map);
 }
 
 int main(void)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* What the samples share. Only + - * / and sqrt, which IEEE 754 rounds alike everywhere, and no libm. */
-#ifndef TETLOD_SAMPLE_BUILD_H
-#define TETLOD_SAMPLE_BUILD_H
+#ifndef TETLOD_SAMPLE_MAKE_H
+#define TETLOD_SAMPLE_MAKE_H
 
 #include "src/mesh/tetmesh.h"
 #include "src/sample/sample.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Levels that are finer in boxes. */
-#ifndef TETLOD_SERVER_REGIONS_H
-#define TETLOD_SERVER_REGIONS_H
+#ifndef TETLOD_SERVER_BOXES_H
+#define TETLOD_SERVER_BOXES_H
 
 #include "server/answer/exchange.h"
 #include "src/forest/region.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* The parameter `cells`: which values of tetrahedra an answer has. */
-#ifndef TETLOD_SERVER_CELLS_H
-#define TETLOD_SERVER_CELLS_H
+#ifndef TETLOD_SERVER_CELL_CHOICE_H
+#define TETLOD_SERVER_CELL_CHOICE_H
 
 #include "server/answer/exchange.h"
 #include "src/mesh/tetmesh.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "server/answer/cells.h"
+#include "server/answer/cell_choice.h"
 
 #include <string.h>
 

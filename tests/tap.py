@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Results of a Python test in TAP (run.py)."""
+import sys
+
+results = []
+
+
+def report(name, good, said='', skip=None):
+    """One result; `said` is printed below a bad one."""
+    results.append(bool(good))
+    print('%s %d - %s%s' % ('ok' if good else 'not ok', len(results), name, ' # SKIP ' + skip if skip else ''))
+    if not good:
+        note(said)
+    sys.stdout.flush()
+
+
+def note(said):
+    """Text beside the results, at most its first lines."""
+    for line in str(said)[:4000].splitlines()[:40]:
+        print('# ' + line)
+
+
+def finish():
+    print('1..%d' % len(results))
+    sys.exit(not all(results))
