@@ -140,7 +140,7 @@ static enum tetlod_status put_step(struct series_input *input, struct tetmesh *m
 {
     const char *wrong = other_mesh(mesh, first);
     if (wrong)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "%s; --time N builds one step", wrong);
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "%s", wrong);
     for (uint32_t c = 0; c < count; c++) {
         const struct point_field *like = &first->fields[controls[c].field];
         struct build_control found;
@@ -176,8 +176,10 @@ static enum tetlod_status put_steps(struct series_input *input, const struct rea
         tetmesh_fini(&mesh);
         if (status == TETLOD_MORE)
             return status;
+        if (status != TETLOD_OK && input->path_count > 1)
+            return tetlodi_fail(error, status, "step %" PRIu64 ", %.90s: %.130s", number, input->paths[number], inner.message);
         if (status != TETLOD_OK)
-            return tetlodi_fail(error, status, "step %" PRIu64 ": %.200s", number, inner.message);
+            return tetlodi_fail(error, status, "step %" PRIu64 ": %.160s; --time N builds one step", number, inner.message);
         progress_update(progress, "read", (s + 1.0) / input->series.step_count);
     }
     return TETLOD_OK;
