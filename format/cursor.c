@@ -13,6 +13,9 @@
 #include "format/record_fields.h"
 #include "format/tail.h"
 
+/* Records whose fields are decoded in one go: enough that waking helpers costs little, few enough for the cache. */
+enum { FIELD_RECORDS = 96 };
+
 static void free_frames(struct tetlod_cursor *cursor)
 {
     for (uint32_t c = 0; c < cursor->replay.column_count && cursor->frames; c++)
@@ -23,28 +26,56 @@ static void free_frames(struct tetlod_cursor *cursor)
     cursor->frame_bytes = 0;
 }
 
-static enum tetlod_status load_frame(struct tetlod_cursor *cursor, uint32_t level, uint32_t column, struct tetlod_error *error)
+/* Does task(cursor, 0 ... columns - 1), with the helpers that there are: tasks say in cursor->errors what went wrong. The first
+ * column's failure counts. */
+static enum tetlod_status for_columns(struct tetlod_cursor *cursor, void (*task)(void *cursor, uint32_t column), struct tetlod_error *error)
 {
-    uint32_t part = cursor->parts[column];
-    uint64_t stored = cursor->file->index.frames[level * (1 + (size_t)cursor->file->index.info.field_count) + part].size;
-    size_t size;
-    if (!tetlodi_count(&cursor->memory, stored))
-        return tetlodi_no_room(&cursor->memory, error);
-    cursor->frame_bytes += stored;
-    TETLOD_TRY(tetlodi_read_frame(cursor->file, level, part, &cursor->frames[column], &size, error));
-    tetlodi_decode_start(&cursor->recorder.coders[column], cursor->file->index.slowest, cursor->frames[column], size);
+    uint32_t count = cursor->replay.column_count;
+    for (uint32_t c = 0; c < count; c++)
+        cursor->errors[c].status = TETLOD_OK;
+    tetlodi_helpers_start(cursor->helpers, task, cursor, count);
+    tetlodi_helpers_wait(cursor->helpers);
+    for (uint32_t c = 0; c < count; c++)
+        if (cursor->errors[c].status != TETLOD_OK) {
+            if (error)
+                *error = cursor->errors[c];
+            return cursor->errors[c].status;
+        }
     return TETLOD_OK;
+}
+
+/* Reads a column's frame of the level that is to be decoded, and starts the coder on it. */
+static void load_frame(void *opaque, uint32_t column)
+{
+    struct tetlod_cursor *cursor = opaque;
+    struct tetlod_error *error = &cursor->errors[column];
+    size_t size;
+    error->status =
+        tetlodi_read_frame(cursor->file, cursor->loading, cursor->parts[column], &cursor->frames[column], &size, error);
+    if (error->status == TETLOD_OK)
+        tetlodi_decode_start(&cursor->recorder.coders[column], cursor->file->index.slowest, cursor->frames[column], size);
 }
 
 /* Reads a level's frames of the selected parts and starts the coders on them. They are kept until the level is decoded. */
 static enum tetlod_status load_frames(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
+    const struct tetlodi_index *index = &cursor->file->index;
+    const struct tetlodi_frame *frames = index->frames + level * (1 + (size_t)index->info.field_count);
+    uint32_t count = cursor->replay.column_count;
     enum tetlod_status status = TETLOD_OK;
-    cursor->frames = calloc(cursor->replay.column_count, sizeof *cursor->frames);
+    cursor->frames = calloc(count, sizeof *cursor->frames);
     if (!cursor->frames)
-        return tetlodi_fail_nomem(error, "a level", cursor->replay.column_count * sizeof *cursor->frames);
-    for (uint32_t c = 0; c < cursor->replay.column_count && status == TETLOD_OK; c++)
-        status = load_frame(cursor, level, c, error);
+        return tetlodi_fail_nomem(error, "a level", count * sizeof *cursor->frames);
+    for (uint32_t c = 0; c < count && status == TETLOD_OK; c++) {
+        uint64_t stored = frames[cursor->parts[c]].size;
+        if (tetlodi_count(&cursor->memory, stored))
+            cursor->frame_bytes += stored;
+        else
+            status = tetlodi_no_room(&cursor->memory, error);
+    }
+    cursor->loading = level;
+    if (status == TETLOD_OK)
+        status = for_columns(cursor, load_frame, error);
     if (status != TETLOD_OK)
         free_frames(cursor);
     return status;
@@ -60,13 +91,21 @@ static enum tetlod_status check_ends(const struct tetlod_cursor *cursor, struct 
     return TETLOD_OK;
 }
 
+/* Room for a level's mesh and columns. */
+static enum tetlod_status make_room(struct tetlod_cursor *cursor, const struct tetlod_level *level, struct tetlod_error *error)
+{
+    int done = tetlodi_replay_room(&cursor->replay, level->vertices, level->tets);
+    for (uint32_t c = 0; c < cursor->replay.column_count && done; c++)
+        done = tetlodi_column_room(&cursor->columns[c], &cursor->memory, level->vertices, 0);
+    return done ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
+}
+
 static enum tetlod_status decode_base(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
     const struct tetlod_level *base = &cursor->file->index.info.levels[0];
     struct tetlodi_replay *replay = &cursor->replay;
     struct tetlodi_recorder *recorder = &cursor->recorder;
-    if (!tetlodi_replay_room(replay, base->vertices, base->tets))
-        return tetlodi_no_room(&cursor->memory, error);
+    TETLOD_TRY(make_room(cursor, base, error));
     TETLOD_TRY(tetlodi_base_connectivity(recorder, base->vertices, base->tets, NULL, error));
     TETLOD_TRY(tetlodi_base_column(replay, cursor->columns, recorder->coders, recorder->models->corner, NULL, error));
     for (uint32_t c = 1; c < replay->column_count; c++) {
@@ -81,45 +120,106 @@ static enum tetlod_status decode_base(struct tetlod_cursor *cursor, struct tetlo
 static enum tetlod_status begin_records(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
     const struct tetlod_level *to = &cursor->file->index.info.levels[level];
-    if (!tetlodi_replay_room(&cursor->replay, to->vertices, to->tets))
-        return tetlodi_no_room(&cursor->memory, error);
+    TETLOD_TRY(make_room(cursor, to, error));
     tetlodi_level_begin(&cursor->recorder, to->vertices, to->tets);
     return TETLOD_OK;
 }
 
-/* Goes on with them, as far as *most records allow. The log is at its end. */
-static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t level, uint32_t *most, struct tetlod_error *error)
+static void decode_field(void *opaque, uint32_t number)
 {
-    const struct tetlod_level *to = &cursor->file->index.info.levels[level];
+    struct tetlod_cursor *cursor = opaque;
+    tetlodi_field_decode(&cursor->recorder, cursor->decoding, 1 + number);
+}
+
+/* Waits until fields have what they are being decoded from. */
+static enum tetlod_status end_fields(struct tetlod_cursor *cursor, struct tetlod_error *error)
+{
+    tetlodi_helpers_wait(cursor->helpers);
+    if (cursor->decoding)
+        tetlodi_field_log_clear(cursor->decoding);
+    cursor->decoding = NULL;
+    for (uint32_t c = 1; c < cursor->replay.column_count; c++)
+        if (cursor->recorder.coders[c].bad)
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, cursor->recorder.coders[c].bad == BAD_VALUE
+                                                              ? "a record holds a value that is not finite"
+                                                              : "a record holds what no writer writes");
+    return TETLOD_OK;
+}
+
+/* Decodes fields up to the last record: begins with it, where there are helpers. */
+static enum tetlod_status begin_fields(struct tetlod_cursor *cursor, struct tetlod_error *error)
+{
+    struct tetlodi_recorder *recorder = &cursor->recorder;
+    TETLOD_TRY(end_fields(cursor, error));
+    if (!recorder->log || !recorder->log->count)
+        return TETLOD_OK;
+    if (!tetlodi_fields_room(recorder))
+        return tetlodi_no_room(&cursor->memory, error);
+    cursor->decoding = recorder->log;
+    recorder->log = &recorder->logs[recorder->log == recorder->logs];
+    tetlodi_helpers_start(cursor->helpers, decode_field, cursor, cursor->replay.column_count - 1);
+    return TETLOD_OK;
+}
+
+/* Goes on with a level's records, as far as *most allows. The log is at its end. */
+static enum tetlod_status decode_geometry(struct tetlod_cursor *cursor, const struct tetlod_level *to, uint32_t *most,
+                                          struct tetlod_error *error)
+{
     struct tetlodi_replay *replay = &cursor->replay;
-    while (replay->vertices < to->vertices) {
-        if (!*most)
-            return TETLOD_MORE;
-        --*most;
+    for (; replay->vertices < to->vertices && *most; --*most) {
+        struct tetlodi_field_log *log = cursor->recorder.log;
+        if (log && log->count == FIELD_RECORDS)
+            TETLOD_TRY(begin_fields(cursor, error));
         if (!tetlodi_level_next(&cursor->recorder))
             return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has fewer records than its index says");
         struct tetlodi_record record = {.vertex = cursor->recorder.walk, .children = 2};
         TETLOD_TRY(tetlodi_record_code(&cursor->recorder, &record, error));
     }
-    if (replay->tets != to->tets)
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has %u tetrahedra, its index says %u", replay->tets, to->tets);
+    return begin_fields(cursor, error);
+}
+
+static enum tetlod_status decode_records(struct tetlod_cursor *cursor, uint32_t level, uint32_t *most, struct tetlod_error *error)
+{
+    const struct tetlod_level *to = &cursor->file->index.info.levels[level];
+    struct tetlod_error later = {0};
+    enum tetlod_status status = decode_geometry(cursor, to, most, &later);
+    TETLOD_TRY(end_fields(cursor, error)); // of records before: that failure is the first
+    if (status != TETLOD_OK) {
+        *error = later;
+        return status;
+    }
+    if (cursor->replay.vertices < to->vertices)
+        return TETLOD_MORE;
+    if (cursor->replay.tets != to->tets)
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has %u tetrahedra, its index says %u", cursor->replay.tets, to->tets);
     return TETLOD_OK;
+}
+
+/* Does the tail give this column exact values? */
+static int is_exact_later(const struct tetlod_cursor *cursor, uint32_t column)
+{
+    return column && cursor->file->index.exact_later[cursor->parts[column] - 1];
+}
+
+static void decode_exact(void *opaque, uint32_t c)
+{
+    struct tetlod_cursor *cursor = opaque;
+    struct tetlod_error *error = &cursor->errors[c];
+    if (is_exact_later(cursor, c))
+        error->status = tetlodi_tail_code(&cursor->recorder.coders[c], &cursor->columns[c], cursor->replay.vertices,
+                                          cursor->columns[c].other_values, error);
 }
 
 /* The tail: exact values beside those on the grid. */
 static enum tetlod_status decode_tail(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
-    const struct tetlodi_index *index = &cursor->file->index;
     for (uint32_t c = 1; c < cursor->replay.column_count; c++) {
         struct tetlodi_column *column = &cursor->columns[c];
         size_t count = (size_t)cursor->replay.vertices * column->components;
-        if (!index->exact_later[cursor->parts[c] - 1])
-            continue;
-        if (!TETLODI_ROOM(&cursor->memory, column->other_values, column->other_capacity, count))
+        if (is_exact_later(cursor, c) && !TETLODI_ROOM(&cursor->memory, column->other_values, column->other_capacity, count))
             return tetlodi_no_room(&cursor->memory, error);
-        TETLOD_TRY(tetlodi_tail_code(&cursor->recorder.coders[c], column, cursor->replay.vertices, column->other_values, error));
     }
-    return TETLOD_OK;
+    return for_columns(cursor, decode_exact, error);
 }
 
 /* Exchanges the values on the grid and the exact ones. All records are applied. */
@@ -129,7 +229,7 @@ static void exchange_exact(struct tetlod_cursor *cursor)
         struct tetlodi_column *column = &cursor->columns[c];
         double *values = column->values;
         size_t capacity = column->values_capacity;
-        if (!cursor->file->index.exact_later[cursor->parts[c] - 1])
+        if (!is_exact_later(cursor, c))
             continue;
         column->values = column->other_values;
         column->values_capacity = column->other_capacity;
@@ -148,6 +248,9 @@ static enum tetlod_status abandon(struct tetlod_cursor *cursor, uint32_t level, 
     while (replay->records > records && tetlodi_replay_back(replay))
         continue;
     tetlodi_replay_forget(replay);
+    for (uint32_t c = 0; c < replay->column_count; c++)
+        if (cursor->columns[c].records > replay->records)
+            cursor->columns[c].records = replay->records;
     free_frames(cursor);
     cursor->broken = status;
     tetlodi_fail(&cursor->damage, status, "level %u: %.220s", level, inner->message);
@@ -263,9 +366,10 @@ enum tetlod_status tetlod_cursor_new(struct tetlod_cursor **out, struct tetlod_f
     cursor->parts = calloc(1 + (size_t)info->field_count, sizeof *cursor->parts);
     cursor->fields = calloc(1 + (size_t)info->field_count, sizeof *cursor->fields);
     cursor->records = calloc(info->level_count, sizeof *cursor->records);
+    cursor->errors = calloc(1 + (size_t)info->field_count, sizeof *cursor->errors);
     tetlodi_replay_init(&cursor->replay, &cursor->memory, cursor->columns, 0);
     enum tetlod_status status;
-    if (!cursor->columns || !cursor->parts || !cursor->fields || !cursor->records)
+    if (!cursor->columns || !cursor->parts || !cursor->fields || !cursor->records || !cursor->errors)
         status = tetlodi_fail_nomem(error, "a cursor", info->level_count * sizeof *cursor->records);
     else
         status = open_base(cursor, fields, field_count, error);
@@ -287,6 +391,7 @@ void tetlod_cursor_free(struct tetlod_cursor *cursor)
     free(cursor->parts);
     free(cursor->fields);
     free(cursor->records);
+    free(cursor->errors);
     free(cursor);
 }
 
@@ -394,7 +499,11 @@ static enum tetlod_status move_to(struct tetlod_cursor *cursor, uint32_t level, 
 enum tetlod_status tetlod_cursor_seek(struct tetlod_cursor *cursor, uint32_t level, struct tetlod_error *error)
 {
     TETLOD_TRY(check_level(cursor, level, error));
+    if (level > cursor->decoded && cursor->replay.column_count > 1 && cursor->file->options.threads > 1)
+        cursor->helpers = tetlodi_helpers_new(cursor->file->options.threads - 1);
     enum tetlod_status status = move_to(cursor, level, error);
+    tetlodi_helpers_free(cursor->helpers);
+    cursor->helpers = NULL;
     settle(cursor);
     return status;
 }

@@ -5,6 +5,7 @@
 
 #include "format/reader.h"
 #include "format/record.h"
+#include "format/threads.h"
 
 struct tetlod_cursor {
     struct tetlod_file *file; /* borrowed */
@@ -15,7 +16,11 @@ struct tetlod_cursor {
     struct tetlodi_replay replay;
     struct tetlodi_recorder recorder;
     uint32_t *records; /* [level] in the log at the level's end, as far as decoded */
+    uint32_t loading;  /* the level whose frames are being read */
     uint32_t level, decoded; /* the level at hand, or the one below; the finest in the log */
+    struct tetlodi_helpers *helpers; /* while tetlod_cursor_seek decodes; NULL: none */
+    struct tetlodi_field_log *decoding; /* what fields are being decoded from; NULL: nothing, and both logs are empty */
+    struct tetlod_error *errors;     /* [column] of tasks */
     uint8_t **frames;          /* [column] of the level that is being decoded, if any */
     uint64_t frame_bytes;      /* theirs */
     int exact;               /* fields have the tail's values: level is the last */

@@ -33,6 +33,7 @@ enum tetlod_status tetlodi_recorder_init(struct tetlodi_recorder *recorder, stru
         tetlodi_recorder_fini(recorder);
         return tetlodi_fail_nomem(error, "the coder's models", (fields + 1) * sizeof *recorder->field_models);
     }
+    recorder->log = fields ? &recorder->logs[0] : NULL;
     struct tetlodi_geometry_models *models = recorder->models;
     tetlodi_bits_init(models->splits[0], sizeof models->splits / sizeof(struct tetlodi_bit));
     tetlodi_bits_init(models->label, LABEL_CONTEXTS);
@@ -72,6 +73,8 @@ uint64_t tetlodi_recorder_bytes(const struct tetlodi_recorder *recorder)
 
 void tetlodi_recorder_fini(struct tetlodi_recorder *recorder)
 {
+    for (int i = 0; i < 2 && recorder->replay; i++)
+        tetlodi_field_log_fini(&recorder->logs[i], recorder->replay->memory);
     if (recorder->replay)
         tetlodi_star_fini(&recorder->star, recorder->replay->memory);
     free(recorder->coders);
@@ -373,7 +376,7 @@ static int code_boundary(struct tetlodi_recorder *recorder, uint32_t e, uint32_t
     return code_bit(recorder->coders, &recorder->models->boundary[context], star->made[e] != NOT_MADE);
 }
 
-/* Keeps an edge in the list if a tetrahedron comes back at it. Few do, and which cannot be foretold: no branch. */
+/* Keeps an edge in the list if a tetrahedron comes back at it. Few do, and which ones cannot be predicted: no branch. */
 TETLODI_INLINE uint32_t keep_edge(struct tetlodi_star_view *star, uint32_t kept, uint32_t e, unsigned made)
 {
     star->edge[kept] = star->edge[e];
@@ -496,35 +499,32 @@ static enum tetlod_status code_split(struct tetlodi_recorder *recorder, unsigned
     return TETLOD_OK;
 }
 
-/* Puts the children's codes into the columns: the first in the vertex's place, the others behind. */
+/* Puts the children's positions in place. */
 static enum tetlod_status place_children(struct tetlodi_recorder *recorder, const struct tetlodi_record *record,
                                          struct tetlod_error *error)
 {
     struct tetlodi_replay *replay = recorder->replay;
-    if (!tetlodi_replay_room(replay, (size_t)replay->vertices + 3, replay->tets))
+    size_t vertices = (size_t)replay->vertices + record->children - 1;
+    if (!tetlodi_replay_room(replay, vertices, replay->tets) ||
+        !tetlodi_column_room(replay->columns, replay->memory, vertices, replay->records + (size_t)1))
         return tetlodi_no_room(replay->memory, error);
-    int64_t(*codes)[4] = recorder->codes;
-    for (uint32_t f = 0; f < replay->column_count; f++) {
-        struct tetlodi_column *column = &replay->columns[f];
-        size_t n = column->components, before = (size_t)replay->records * n, at = (size_t)replay->vertices * n;
-        if (!TETLODI_ROOM(replay->memory, column->before, column->before_capacity, before + n))
-            return tetlodi_no_room(replay->memory, error);
-        for (unsigned c = 0; c < n; c++, codes++) {
-            column->before[before + c] = (*codes)[0];
-            for (uint32_t i = 0; i < record->children; i++) {
-                double value = scale_value(&column->scale, f ? 0 : c, (*codes)[i]);
-                if (!isfinite(value))
-                    return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record holds a value that is not finite");
-                if (i) {
-                    column->codes[at + (i - 1) * n + c] = (*codes)[i];
-                    column->values[at + (i - 1) * n + c] = value;
-                }
-            }
-        }
-    }
-    tetlodi_replay_exchange(replay, record->vertex, replay->records);
-    replay->records++;
+    if (!tetlodi_column_place(replay->columns, 1, record->vertex, replay->vertices, record->children, replay->records, recorder->codes))
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record holds a value that is not finite");
+    replay->columns->records = ++replay->records;
     replay->all_records++;
+    return TETLOD_OK;
+}
+
+/* An encoder's fields follow each record at once. */
+static enum tetlod_status encode_fields(struct tetlodi_recorder *recorder, struct tetlod_error *error)
+{
+    struct tetlodi_replay *replay = recorder->replay;
+    int64_t(*codes)[4] = recorder->codes + 3;
+    if (!tetlodi_fields_room(recorder))
+        return tetlodi_no_room(replay->memory, error);
+    for (uint32_t f = 1; f < replay->column_count; codes += replay->columns[f++].components)
+        tetlodi_field_encode(recorder, recorder->log, f, codes);
+    tetlodi_field_log_clear(recorder->log);
     return TETLOD_OK;
 }
 
@@ -538,9 +538,10 @@ static enum tetlod_status code_record(struct tetlodi_recorder *recorder, struct 
     if (record->children > 4 || record->children - 1 > recorder->most_vertices - replay->vertices)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record makes more vertices than its level has");
     code_positions(recorder, record);
-    tetlodi_record_fields(recorder, record);
     if (recorder->coders[0].bad)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "a record holds what no writer writes");
+    if (recorder->log && !tetlodi_field_log_add(recorder, recorder->log, record))
+        return tetlodi_no_room(replay->memory, error);
     const int64_t *own = replay->columns[0].codes + (size_t)record->vertex * 3;
     unsigned at_first = own[0] == recorder->codes[0][0] && own[1] == recorder->codes[1][0] && own[2] == recorder->codes[2][0];
     TETLOD_TRY(place_children(recorder, record, error));
@@ -551,7 +552,7 @@ static enum tetlod_status code_record(struct tetlodi_recorder *recorder, struct 
             return tetlodi_no_room(replay->memory, error);
         TETLOD_TRY(code_split(recorder, i, at_first, error));
     }
-    return TETLOD_OK;
+    return recorder->plan && recorder->log ? encode_fields(recorder, error) : TETLOD_OK;
 }
 
 enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct tetlodi_record *record,
@@ -564,8 +565,10 @@ enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct
         return TETLOD_OK;
     while (replay->splits > splits && tetlodi_replay_undo(replay))
         continue;
-    if (replay->records > records)
-        tetlodi_replay_exchange(replay, record->vertex, --replay->records);
+    if (replay->records > records) { // fields do not have the record, and other threads may have them
+        tetlodi_column_exchange(replay->columns, 1, record->vertex, --replay->records);
+        replay->columns->records = replay->records;
+    }
     tetlodi_replay_forget(replay);
     return status;
 }

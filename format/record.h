@@ -26,7 +26,7 @@ struct tetlodi_geometry_models {
     struct tetlodi_number extra, vertex, middle[3], corner[3];
 };
 
-/* Trailing zeros of a code that are told, at most. */
+/* Trailing zeros of a code that are counted, at most. */
 enum { MOST_ZEROS = 15 };
 
 /* Of one field. A component that always has the codes of another one is not coded: copied[c] is that one, or c. */
@@ -71,12 +71,36 @@ struct tetlodi_record {
     enum tetlodi_placement placement;
 };
 
+/* What fields need to know of a record's geometry (format/record_fields.c). */
+struct tetlodi_field_record {
+    uint32_t vertex, first_child, number, link_count; /* first_child: number of the second child, which is new */
+    uint8_t children, placement, leaves;
+};
+
+/* Where a child is in the star before the split. */
+struct tetlodi_location {
+    uint32_t corners[3]; /* of a tetrahedron, but the vertex; TETLOD_NONE: at the vertex, or there is none */
+    double weights[3];
+};
+
+struct tetlodi_field_log {
+    uint32_t count;
+    struct tetlodi_field_record *records;
+    uint32_t *links;                    /* the vertices of all records' links */
+    struct tetlodi_location *locations; /* of all their children */
+    size_t link_count, location_count, records_capacity, links_capacity, locations_capacity;
+};
+
+enum { BAD_FRAME = 1, BAD_VALUE = 2 }; /* what a coder's `bad` says */
+
 struct tetlodi_recorder {
     struct tetlodi_replay *replay;  /* borrowed */
     struct tetlodi_coder *coders;   /* [column] geometry, then the fields */
     struct tetlodi_geometry_models *models;
     struct tetlodi_field_models *field_models;
     struct tetlodi_star_view star;
+    struct tetlodi_field_log *log;      /* of the records since fields were coded; NULL: nobody wants fields */
+    struct tetlodi_field_log logs[2];   /* an encoder's is the first one; a decoder writes one while fields are decoded from the other */
     int64_t (*codes)[4];                /* [components of all columns][child] of the record: an encoder sets them */
     uint32_t most_vertices, most_tets;  /* what the level may have */
     uint32_t walk, level_start;         /* the walk's vertex; vertices at its begin */
@@ -106,7 +130,7 @@ void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, u
 int tetlodi_level_says(struct tetlodi_recorder *recorder, int split);
 int tetlodi_level_next(struct tetlodi_recorder *recorder);
 
-/* Codes one record, logs it and applies it. On failure the mesh is as it was. */
+/* Codes one record, logs it and applies it. A decoder decodes fields later, from the log. On failure the mesh is as it was. */
 TETLOD_CHECKED enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct tetlodi_record *record,
                                                       struct tetlod_error *error);
 

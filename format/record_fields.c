@@ -1,9 +1,12 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * The values of fields in a record (SPEC 8), both ways. A child is predicted where it lies in the star before the split;
+ * The values of fields in a record (SPEC 8), both ways. What fields need of a record's geometry goes into a log, from which they are
+ * decoded some hundred records at a time, each field by itself: in other threads, if there are any. A child is predicted where it lies in the star before the split;
  * the vertex's own value often is its first child's, or the middle of all children's, so that nothing is left to say of one.
  */
 #include "format/record_fields.h"
+
+#include <string.h>
 
 #include "format/star_view.h"
 
@@ -19,23 +22,18 @@ void tetlodi_copies_code(struct tetlodi_coder *coder, struct tetlodi_field_model
 }
 
 /* Bits of the largest distance of a component of the link from the vertex's own. */
-static unsigned extent(const struct tetlodi_star_view *star, const struct tetlodi_column *column, unsigned component)
+static unsigned extent(const struct tetlodi_column *column, const struct tetlodi_field_record *record, const uint32_t *link,
+                       unsigned component)
 {
     const int64_t *codes = column->codes + component;
-    int64_t own = codes[(size_t)star->vertex * column->components];
+    int64_t own = codes[(size_t)record->vertex * column->components];
     uint64_t most = 0;
-    for (uint32_t i = 0; i < star->link_count; i++) {
-        uint64_t distance = code_distance(codes[(size_t)star->link[i] * column->components], own);
+    for (uint32_t i = 0; i < record->link_count; i++) {
+        uint64_t distance = code_distance(codes[(size_t)link[i] * column->components], own);
         most = distance > most ? distance : most;
     }
     return bit_length(most);
 }
-
-/* Where a child is in the star before the split: a tetrahedron, by place, and the weights of its other three corners. */
-struct location {
-    uint32_t tet; /* TETLOD_NONE: at the vertex, or there is none */
-    double weights[3];
-};
 
 TETLODI_INLINE double least_of(double least, double b, double c, double d)
 {
@@ -44,13 +42,13 @@ TETLODI_INLINE double least_of(double least, double b, double c, double d)
     return d < least ? d : least;
 }
 
-/* The first tetrahedron that holds the point, or the one whose least barycentric weight is greatest. */
-static void locate(const struct tetlodi_recorder *recorder, const double point[3], struct location *out)
+/* The first tetrahedron that holds the point, by its place in the star, or the one whose least barycentric weight is greatest. */
+static uint32_t find_tet(const struct tetlodi_recorder *recorder, const double point[3], double weights[3])
 {
     const struct tetlodi_star_view *star = &recorder->star;
     const double *v = recorder->replay->columns[0].values + (size_t)star->vertex * 3;
     double px = point[0] - v[0], py = point[1] - v[1], pz = point[2] - v[2], best = -INFINITY;
-    out->tet = TETLOD_NONE;
+    uint32_t found = TETLOD_NONE;
     for (uint32_t i = 0; i < star->size && !(best >= 0); i += 2) {
         struct corner2 p0 = corner2(star, i, 0), p1 = corner2(star, i, 1), p2 = corner2(star, i, 2);
         pair2 ax = p0.x - v[0], ay = p0.y - v[1], az = p0.z - v[2];
@@ -66,47 +64,76 @@ static void locate(const struct tetlodi_recorder *recorder, const double point[3
         double least0 = least_of(rest[0], w0[0], w1[0], w2[0]), least1 = least_of(rest[1], w0[1], w1[1], w2[1]);
         if (least0 > best) {
             best = least0;
-            *out = (struct location){i, {w0[0], w1[0], w2[0]}};
+            found = i;
+            weights[0] = w0[0], weights[1] = w1[0], weights[2] = w2[0];
         }
         if (least1 > best && !(best >= 0)) {
             best = least1;
-            *out = (struct location){i + 1, {w0[1], w1[1], w2[1]}};
+            found = i + 1;
+            weights[0] = w0[1], weights[1] = w1[1], weights[2] = w2[1];
         }
     }
+    return found;
 }
 
-static int64_t interpolate(const struct tetlodi_recorder *recorder, const struct tetlodi_column *column, unsigned component,
-                           const struct location *where)
-{
-    uint32_t v = recorder->star.vertex;
-    size_t n = column->components;
-    if (where->tet == TETLOD_NONE)
-        return column->codes[v * n + component];
-    const uint32_t *others = recorder->star.others[where->tet], *link = recorder->star.link;
-    double own = scale_value(&column->scale, 0, column->codes[v * n + component]), value = own;
-    for (int k = 0; k < 3; k++) {
-        double other = scale_value(&column->scale, 0, column->codes[link[others[k]] * n + component]);
-        value = value + where->weights[k] * (other - own);
-    }
-    return isfinite(value) ? scale_code(&column->scale, 0, value) : column->codes[v * n + component];
-}
-
-/* Locates the children's positions in the star. */
-static void locate_children(const struct tetlodi_recorder *recorder, const struct tetlodi_record *record,
-                            struct location where[4])
+/* Where a child's position is in the star. */
+static void locate(const struct tetlodi_recorder *recorder, const struct tetlodi_record *record, unsigned child,
+                   struct tetlodi_location *out)
 {
     const struct tetlodi_column *positions = recorder->replay->columns;
-    for (uint32_t i = 0; i < record->children; i++) {
-        double point[3];
-        int same = 1;
-        for (unsigned axis = 0; axis < 3; axis++) {
-            same &= recorder->codes[axis][i] == positions->codes[(size_t)record->vertex * 3 + axis];
-            point[axis] = scale_value(&positions->scale, axis, recorder->codes[axis][i]);
-        }
-        where[i].tet = TETLOD_NONE;
-        if (!same)
-            locate(recorder, point, &where[i]);
+    double point[3];
+    int same = 1;
+    for (unsigned axis = 0; axis < 3; axis++) {
+        same &= recorder->codes[axis][child] == positions->codes[(size_t)record->vertex * 3 + axis];
+        point[axis] = scale_value(&positions->scale, axis, recorder->codes[axis][child]);
     }
+    uint32_t tet = same ? TETLOD_NONE : find_tet(recorder, point, out->weights);
+    for (int k = 0; k < 3; k++)
+        out->corners[k] = tet == TETLOD_NONE ? TETLOD_NONE : recorder->star.link[recorder->star.others[tet][k]];
+}
+
+int tetlodi_field_log_add(struct tetlodi_recorder *recorder, struct tetlodi_field_log *log, const struct tetlodi_record *record)
+{
+    const struct tetlodi_star_view *star = &recorder->star;
+    struct tetlodi_replay *replay = recorder->replay;
+    struct tetlodi_memory *memory = replay->memory;
+    if (!TETLODI_ROOM(memory, log->records, log->records_capacity, log->count + (size_t)1) ||
+        !TETLODI_ROOM(memory, log->locations, log->locations_capacity, log->location_count + (size_t)4) ||
+        !TETLODI_ROOM(memory, log->links, log->links_capacity, log->link_count + (size_t)star->link_count))
+        return 0;
+    log->records[log->count++] = (struct tetlodi_field_record){.vertex = record->vertex,
+                                                               .first_child = replay->vertices,
+                                                               .number = replay->records,
+                                                               .link_count = star->link_count,
+                                                               .children = (uint8_t)record->children,
+                                                               .placement = (uint8_t)record->placement,
+                                                               .leaves = (uint8_t)record->leaves};
+    for (uint32_t i = 0; i < star->link_count; i++)
+        log->links[log->link_count++] = star->link[i];
+    for (uint32_t i = 0; i < record->children; i++)
+        locate(recorder, record, i, &log->locations[log->location_count++]);
+    return 1;
+}
+
+void tetlodi_field_log_fini(struct tetlodi_field_log *log, struct tetlodi_memory *memory)
+{
+    TETLODI_FREE(memory, log->records, log->records_capacity);
+    TETLODI_FREE(memory, log->locations, log->locations_capacity);
+    TETLODI_FREE(memory, log->links, log->links_capacity);
+}
+
+static int64_t interpolate(const struct tetlodi_column *column, unsigned component, int64_t own_code,
+                           const struct tetlodi_location *where)
+{
+    size_t n = column->components;
+    if (where->corners[0] == TETLOD_NONE)
+        return own_code;
+    double own = scale_value(&column->scale, 0, own_code), value = own;
+    for (int k = 0; k < 3; k++) {
+        double other = scale_value(&column->scale, 0, column->codes[where->corners[k] * n + component]);
+        value = value + where->weights[k] * (other - own);
+    }
+    return isfinite(value) ? scale_code(&column->scale, 0, value) : own_code;
 }
 
 /* What is known when a component's values are coded. */
@@ -117,7 +144,7 @@ struct context {
     unsigned extent; /* bits of the link's greatest distance */
 };
 
-/* Most trailing zeros that a code is told to have. */
+/* The most trailing zeros that are counted for a code. */
 static unsigned most_zeros(const struct tetlodi_scale *scale)
 {
     return scale->bits - 1 < MOST_ZEROS ? scale->bits - 1 : MOST_ZEROS;
@@ -168,45 +195,97 @@ TETLODI_INLINE int64_t code_first(struct tetlodi_coder *coder, const struct cont
     return code_value(coder, context, 1, leaf, base, code);
 }
 
-TETLODI_INLINE void field_inline(struct tetlodi_recorder *recorder, uint32_t field, const struct tetlodi_record *record,
-                                const struct location where[4], int64_t (*codes)[4], int encoding)
+/* The codes of a record's children, component by component. */
+TETLODI_INLINE void code_children(struct tetlodi_coder *coder, struct tetlodi_field_models *models, const struct tetlodi_column *column,
+                                 const struct tetlodi_field_record *record, const uint32_t *link,
+                                 const struct tetlodi_location *where, int64_t (*codes)[4])
 {
-    const struct tetlodi_column *column = &recorder->replay->columns[field];
-    struct tetlodi_field_models *models = &recorder->field_models[field - 1];
-    struct tetlodi_coder coder = recorder->coders[field]; // in registers
     const int64_t *own = column->codes + (size_t)record->vertex * column->components;
-    coder.encoder = encoding ? coder.encoder : NULL;
     for (unsigned c = 0; c < column->components; c++) {
         if (models->copied[c] < c) {
             memcpy(codes[c], codes[models->copied[c]], sizeof *codes);
             continue;
         }
-        struct context context = {models, &column->scale, &models->last_zeros[c], extent(&recorder->star, column, c)};
+        struct context context = {models, &column->scale, &models->last_zeros[c], extent(column, record, link, c)};
         for (uint32_t i = 1; i < record->children; i++)
-            codes[c][i] = code_value(&coder, &context, 0, record->leaves >> i & 1, interpolate(recorder, column, c, &where[i]),
+            codes[c][i] = code_value(coder, &context, 0, record->leaves >> i & 1, interpolate(column, c, own[c], &where[i]),
                                      codes[c][i]);
         int64_t special = own[c];
         if (record->placement == IN_MIDDLE)
             special = tetlodi_middle(&column->scale, 0, own[c], codes[c], record->children);
-        codes[c][0] = code_first(&coder, &context, record->placement, record->leaves & 1, special,
-                                 interpolate(recorder, column, c, &where[0]), codes[c][0]);
+        codes[c][0] = code_first(coder, &context, (enum tetlodi_placement)record->placement, record->leaves & 1, special,
+                                 interpolate(column, c, own[c], &where[0]), codes[c][0]);
     }
+}
+
+int tetlodi_column_place(struct tetlodi_column *column, int position, uint32_t vertex, uint32_t first_child, uint32_t children,
+                         uint32_t record, int64_t (*codes)[4])
+{
+    size_t n = column->components;
+    for (unsigned c = 0; c < n; c++) {
+        unsigned axis = position ? c : 0;
+        if (!isfinite(scale_value(&column->scale, axis, codes[c][0])))
+            return 0;
+        for (uint32_t i = 1; i < children; i++) {
+            size_t at = (first_child + (size_t)i - 1) * n + c;
+            column->codes[at] = codes[c][i];
+            column->values[at] = scale_value(&column->scale, axis, codes[c][i]);
+            if (!isfinite(column->values[at]))
+                return 0;
+        }
+    }
+    for (unsigned c = 0; c < n; c++) {
+        size_t at = vertex * n + c;
+        column->before[record * n + c] = column->codes[at];
+        column->codes[at] = codes[c][0];
+        column->values[at] = scale_value(&column->scale, position ? c : 0, codes[c][0]);
+    }
+    return 1;
+}
+
+TETLODI_INLINE void code_field(struct tetlodi_recorder *recorder, const struct tetlodi_field_log *log, uint32_t field, int64_t (*codes)[4],
+                              int encoding)
+{
+    struct tetlodi_column *column = &recorder->replay->columns[field];
+    struct tetlodi_coder coder = recorder->coders[field]; // in registers
+    const struct tetlodi_location *where = log->locations;
+    const uint32_t *link = log->links;
+    uint32_t placed = column->records;
+    coder.encoder = encoding ? coder.encoder : NULL;
+    for (uint32_t r = 0; r < log->count && !coder.bad; r++) {
+        const struct tetlodi_field_record *record = &log->records[r];
+        for (size_t i = 0, end = r + 1 < log->count ? record[1].link_count : 0; i < end; i++) // the next record's
+            __builtin_prefetch(column->codes + (size_t)link[record->link_count + i] * column->components);
+        code_children(&coder, &recorder->field_models[field - 1], column, record, link, where, codes);
+        if (coder.bad)
+            break;
+        if (!tetlodi_column_place(column, 0, record->vertex, record->first_child, record->children, record->number, codes))
+            coder.bad = BAD_VALUE;
+        else
+            placed = record->number + 1;
+        link += record->link_count;
+        where += record->children;
+    }
+    column->records = placed; // once: the next column's thread has the same cache line
     recorder->coders[field] = coder;
 }
 
-void tetlodi_record_fields(struct tetlodi_recorder *recorder, const struct tetlodi_record *record)
+void tetlodi_field_decode(struct tetlodi_recorder *recorder, const struct tetlodi_field_log *log, uint32_t field)
 {
-    const struct tetlodi_replay *replay = recorder->replay;
-    struct location where[4];
-    if (replay->column_count < 2)
-        return;
-    locate_children(recorder, record, where);
-    int64_t(*codes)[4] = recorder->codes + 3;
-    for (uint32_t f = 1; f < replay->column_count; codes += replay->columns[f++].components) {
-        if (recorder->coders[f].encoder)
-            field_inline(recorder, f, record, where, codes, 1);
-        else
-            field_inline(recorder, f, record, where, codes, 0);
-        recorder->coders[0].bad |= recorder->coders[f].bad;
-    }
+    int64_t codes[MOST_COMPONENTS][4] = {{0}};
+    code_field(recorder, log, field, codes, 0);
+}
+
+void tetlodi_field_encode(struct tetlodi_recorder *recorder, const struct tetlodi_field_log *log, uint32_t field, int64_t (*codes)[4])
+{
+    code_field(recorder, log, field, codes, 1);
+}
+
+int tetlodi_fields_room(struct tetlodi_recorder *recorder)
+{
+    struct tetlodi_replay *replay = recorder->replay;
+    for (uint32_t f = 1; f < replay->column_count; f++)
+        if (!tetlodi_column_room(&replay->columns[f], replay->memory, replay->vertices, replay->records))
+            return 0;
+    return 1;
 }

@@ -39,15 +39,17 @@ void tetlodi_replay_fini(struct tetlodi_replay *replay)
     TETLODI_FREE(memory, replay->labels, replay->labels_capacity);
 }
 
+int tetlodi_column_room(struct tetlodi_column *column, struct tetlodi_memory *memory, size_t vertices, size_t records)
+{
+    size_t n = column->components;
+    return TETLODI_ROOM(memory, column->codes, column->codes_capacity, vertices * n) &&
+           TETLODI_ROOM(memory, column->values, column->values_capacity, vertices * n) &&
+           TETLODI_ROOM(memory, column->before, column->before_capacity, records * n);
+}
+
 int tetlodi_replay_room(struct tetlodi_replay *replay, size_t vertices, size_t tets)
 {
     struct tetlodi_memory *memory = replay->memory;
-    for (uint32_t i = 0; i < replay->column_count; i++) {
-        struct tetlodi_column *column = &replay->columns[i];
-        if (!TETLODI_ROOM(memory, column->codes, column->codes_capacity, vertices * column->components) ||
-            !TETLODI_ROOM(memory, column->values, column->values_capacity, vertices * column->components))
-            return 0;
-    }
     return TETLODI_ROOM(memory, replay->corners, replay->corners_capacity, tets * 4) &&
            TETLODI_ROOM(memory, replay->parents, replay->parents_capacity, vertices) &&
            TETLODI_ROOM(memory, replay->stars, replay->stars_capacity, vertices);
@@ -264,19 +266,22 @@ int tetlodi_replay_undo(struct tetlodi_replay *replay)
     return 1;
 }
 
+void tetlodi_column_exchange(struct tetlodi_column *column, int position, uint32_t vertex, uint32_t record)
+{
+    size_t n = column->components;
+    for (unsigned c = 0; c < n && record < column->records; c++) {
+        int64_t *now = &column->codes[vertex * n + c], *other = &column->before[record * n + c];
+        int64_t code = *now;
+        *now = *other;
+        *other = code;
+        column->values[vertex * n + c] = scale_value(&column->scale, position ? c : 0, *now);
+    }
+}
+
 void tetlodi_replay_exchange(struct tetlodi_replay *replay, uint32_t vertex, uint32_t record)
 {
-    for (uint32_t i = 0; i < replay->column_count; i++) {
-        struct tetlodi_column *column = &replay->columns[i];
-        unsigned n = column->components;
-        for (unsigned c = 0; c < n; c++) {
-            int64_t *now = &column->codes[(size_t)vertex * n + c], *other = &column->before[(size_t)record * n + c];
-            int64_t code = *now;
-            *now = *other;
-            *other = code;
-            column->values[(size_t)vertex * n + c] = scale_value(&column->scale, i ? 0 : c, *now);
-        }
-    }
+    for (uint32_t i = 0; i < replay->column_count; i++)
+        tetlodi_column_exchange(&replay->columns[i], i == 0, vertex, record);
 }
 
 static int goes_on(const struct tetlodi_replay *replay)

@@ -15,6 +15,7 @@
 struct tetlodi_column {
     struct tetlodi_scale scale;
     unsigned components;
+    uint32_t records; /* of the log that the column has: fewer than all where fields are still to be decoded */
     int64_t *codes, *before;
     double *values;
     double *other_values; /* on the grid where `values` are the tail's exact ones, and the other way round; NULL: there is no tail */
@@ -56,7 +57,10 @@ void tetlodi_replay_init(struct tetlodi_replay *replay, struct tetlodi_memory *m
                          uint32_t column_count);
 void tetlodi_replay_fini(struct tetlodi_replay *replay); /* the columns' arrays as well */
 
-/* 0 if there is no memory for them. */
+/* Room in a column for so many vertices and records. 0 if there is no memory for them. */
+int tetlodi_column_room(struct tetlodi_column *column, struct tetlodi_memory *memory, size_t vertices, size_t records);
+
+/* Room for a mesh without its columns, likewise. */
 int tetlodi_replay_room(struct tetlodi_replay *replay, size_t vertices, size_t tets);
 
 /* The stars of a base mesh whose corners and counts are set. 0 if out of memory. */
@@ -83,5 +87,8 @@ void tetlodi_replay_forget(struct tetlodi_replay *replay);
 
 /* Exchanges a record's vertex's codes and values with `before`. */
 void tetlodi_replay_exchange(struct tetlodi_replay *replay, uint32_t vertex, uint32_t record);
+
+/* The same in one column, of positions or of a field. Nothing happens if the column does not have the record. */
+void tetlodi_column_exchange(struct tetlodi_column *column, int position, uint32_t vertex, uint32_t record);
 
 #endif

@@ -8,7 +8,7 @@ enum { LINK_SMALL = 256 };
 
 static int room(struct tetlodi_star_view *view, struct tetlodi_memory *memory, size_t size, size_t vertices)
 {
-    size_t edges = 3 * size + 1, marks = view->mark_capacity; // one is written in vain
+    size_t edges = 3 * size + 1, marks = view->mark_capacity; // one is written and not counted
     if (!TETLODI_ROOM(memory, view->others, view->others_capacity, size + 1) ||
         !TETLODI_ROOM(memory, view->edges, view->edges_capacity, size + 1) ||
         !TETLODI_ROOM(memory, view->labels, view->labels_capacity, size + 1) ||
@@ -31,7 +31,7 @@ static int room(struct tetlodi_star_view *view, struct tetlodi_memory *memory, s
 }
 
 /* The number of a link vertex, in the order in which they are met. Each star has marks of its own, higher than all before,
- * so that none are cleared. Which are new cannot be foretold: all are written behind the last, some are counted. */
+ * so that none are cleared. Which ones are new cannot be predicted: all are written behind the last, the new ones are counted. */
 static inline uint32_t number_vertex(uint32_t *mark, uint32_t first, uint32_t *link, uint32_t *count, uint32_t vertex)
 {
     uint32_t known = mark[vertex] - first, end = *count, n = known < end ? known : end;
@@ -61,15 +61,13 @@ static uint32_t number_link(struct tetlodi_star_view *view, const uint32_t *all)
     return count;
 }
 
-/* The link's positions, from codes: values, as well, would be as many misses of the cache again in large meshes. What is soon
- * wanted of the fields is fetched at the same time. */
+/* The link's positions, from codes: values, as well, would be as many misses of the cache again in large meshes. */
 static void gather(struct tetlodi_star_view *view, const struct tetlodi_replay *replay)
 {
     const struct tetlodi_column *columns = replay->columns;
     uint32_t count = view->link_count;
-    for (uint32_t f = 0; f < replay->column_count; f++)
-        for (uint32_t i = 0; i < count; i++)
-            __builtin_prefetch(columns[f].codes + (size_t)view->link[i] * columns[f].components);
+    for (uint32_t i = 0; i < count; i++)
+        __builtin_prefetch(columns->codes + (size_t)view->link[i] * 3);
     int64_t *x = view->codes, *y = x + count, *z = y + count;
     view->axis_codes[0] = x;
     view->axis_codes[1] = y;

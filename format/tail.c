@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A value is told by its distance, in numbers of a kind, from its value on the grid. The kind is each component's: floats of the
+ * A value is coded as its distance, in numbers of a kind, from its value on the grid. The kind is each component's: floats of the
  * type, or decimals, which are few where a program wrote a few digits. Values of which there are few (0, a material's) are
  * remembered by their place on the grid.
  */
@@ -255,13 +255,15 @@ enum tetlod_status tetlodi_tail_code(struct tetlodi_coder *coder, const struct t
                                      double *exact, struct tetlod_error *error)
 {
     struct tail *tail = malloc(sizeof *tail);
+    struct tetlodi_coder own = *coder; // other threads use the coders beside this one
     if (!tail)
         return tetlodi_fail_nomem(error, "a field's exact values", sizeof *tail);
     start(tail);
     for (unsigned c = 0; c < column->components; c++) {
         memset(tail->memory, 0, sizeof tail->memory);
-        code_component(coder, tail, column, vertices, c, exact);
+        code_component(&own, tail, column, vertices, c, exact);
     }
     free(tail);
+    *coder = own;
     return coder->bad ? tetlodi_fail(error, TETLOD_ERR_STREAM, "its exact values are damaged") : TETLOD_OK;
 }

@@ -11,7 +11,8 @@
  *
  * Threads. An open file does not change: any number of threads may use it, and cursors on it, at the same time, if its source's
  * `read` may be called by several at once (those of tetlod_open_memory and tetlod_open_fd may). A cursor is for one thread at a
- * time. So is a feed, together with its file and the cursors on that.
+ * time. So is a feed, together with its file and the cursors on that. With `threads` of struct tetlod_options above 1, a cursor
+ * has helpers of its own while it decodes.
  *
  * Growing. Structs that the library fills have room for members to come, `reserved`, 0 until then. Those that a caller fills
  * begin with struct_size: members beyond it have their defaults.
@@ -112,7 +113,7 @@ struct tetlod_level {
     uint64_t reserved[2];
 };
 
-/* A part of a stream that belongs to no level: what it holds is said by its tag (SPEC 3.5). */
+/* A part of a stream that belongs to no level: its tag says what it holds (SPEC 3.5). */
 struct tetlod_section {
     char tag[5];     /* "META", "ORDR", ...; ended by NUL */
     int critical;    /* who does not know the tag cannot read the stream */
@@ -136,7 +137,7 @@ struct tetlod_cell_field {
     const char *name; /* UTF-8 */
     uint32_t components;
     enum tetlod_cell_type type;
-    int region;      /* its numbers tell regions: faces between different ones are the original's at every level */
+    int region;      /* its numbers are those of regions: faces between different ones are the original's at every level */
     double range[2]; /* of the finite ones */
     uint64_t reserved[2];
 };
@@ -170,6 +171,9 @@ struct tetlod_options {
      * `size` bytes and returns it, or NULL with the block unchanged; `size` 0 frees it. Called by the cursor's thread. */
     void *(*allocate)(void *opaque, void *block, size_t size);
     void *opaque;
+    /* Threads that tetlod_cursor_seek decodes fields with, the caller's included; 0 and 1: that one alone. They end before it returns.
+     * The source's `read` is called by all of them. Results do not depend on it. */
+    uint32_t threads;
 };
 
 struct tetlod_file;

@@ -125,10 +125,12 @@ static void exchange(struct tetlod_cursor *a, struct tetlod_cursor *b)
     struct tetlod_cursor was = *a;
     *a = *b;
     *b = was;
-    a->replay.memory = &a->memory;
-    a->recorder.replay = &a->replay;
-    b->replay.memory = &b->memory;
-    b->recorder.replay = &b->replay;
+    struct tetlod_cursor *both[2] = {a, b};
+    for (int i = 0; i < 2; i++) {
+        both[i]->replay.memory = &both[i]->memory;
+        both[i]->recorder.replay = &both[i]->replay;
+        both[i]->recorder.log = both[i]->recorder.log ? both[i]->recorder.logs : NULL; // both are empty
+    }
 }
 
 enum tetlod_status tetlod_cursor_add_field(struct tetlod_cursor *cursor, uint32_t field, struct tetlod_error *error)

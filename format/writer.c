@@ -309,7 +309,10 @@ static enum tetlod_status code_base(struct writer *w, struct base *base)
 {
     struct tetlodi_recorder *recorder = &w->recorder;
     TETLOD_TRY(gather_base(w, base));
-    if (!tetlodi_replay_room(&w->replay, w->in->vertices, w->in->tets))
+    bool room = tetlodi_replay_room(&w->replay, w->in->vertices, w->in->tets);
+    for (uint32_t c = 0; c < w->replay.column_count && room; c++)
+        room = tetlodi_column_room(&w->columns[c], &w->memory, w->in->vertices, 1);
+    if (!room)
         return tetlodi_no_room(&w->memory, w->error);
     TETLOD_TRY(tetlodi_base_connectivity(recorder, base->guide.vertices, base->guide.tets, &base->guide, w->error));
     for (uint32_t v = 0; v < base->guide.vertices; v++) {
@@ -444,7 +447,7 @@ static void arrive(struct writer *w, uint32_t i, uint32_t *count)
     w->arrived[i] = w->arrived[--w->arrived_count];
 }
 
-/* A waiting tetrahedron at a link edge is told; in what orientation as well. */
+/* Plans a waiting tetrahedron at a link edge, and in which orientation it comes back. */
 static void plan_edge(struct writer *w, struct tetlodi_star_view *star, uint32_t e, uint32_t *count)
 {
     uint32_t child = w->replay.vertices, corners[4], others[2], implied[4];

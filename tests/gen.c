@@ -2,8 +2,12 @@
 #include "tests/gen.h"
 
 #include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "tests/memory_sink.h"
 
 struct maker {
     const struct gen_options *options;
@@ -287,4 +291,17 @@ int gen_make(struct recode *out, const struct gen_options *options)
 void gen_free(struct recode *recode)
 {
     recode_free(recode);
+}
+
+int gen_write(const char *path, const struct gen_options *options)
+{
+    struct recode recode;
+    struct memory_sink memory = {0};
+    struct tetlodi_sink sink = memory_sink(&memory);
+    bool made = gen_make(&recode, options) && tetlodi_write(&recode.input, &sink, NULL) == TETLOD_OK;
+    FILE *file = made ? fopen(path, "wb") : NULL;
+    made = file && fwrite(memory.bytes, 1, memory.size, file) == memory.size && fclose(file) == 0;
+    free(memory.bytes);
+    gen_free(&recode);
+    return made;
 }

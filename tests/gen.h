@@ -32,6 +32,9 @@ uint64_t gen_random(uint64_t *state);
  * memory. */
 int gen_make(struct recode *out, const struct gen_options *options);
 
+/* The sequence as a stream, in a file. */
+int gen_write(const char *path, const struct gen_options *options);
+
 /* Frees what gen_make made. */
 void gen_free(struct recode *recode);
 

@@ -113,7 +113,7 @@ static void feed_fuzz(const uint8_t *bytes, size_t size, const struct tetlod_opt
 
 void stream_fuzz(const uint8_t *bytes, size_t size)
 {
-    struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = 64 << 20};
+    struct tetlod_options options = {.struct_size = sizeof options, .max_bytes = 64 << 20, .threads = 1 + size % 2};
     struct tetlod_error error;
     struct tetlod_file *file;
     struct tetlod_cursor *cursor;

@@ -10,6 +10,7 @@
 
 #include "format/fail.h"
 #include "src/util/array.h"
+#include "src/util/put.h"
 
 enum {
     GZIP_LEVEL = 4,  // 6 takes twice the time for 1 % less on mesh arrays
@@ -39,6 +40,15 @@ enum tetlod_status buffer_append(struct buffer *buffer, const void *bytes, size_
         return TETLOD_ERR_NOMEM;
     if (size)
         memcpy(place, bytes, size);
+    return TETLOD_OK;
+}
+
+enum tetlod_status buffer_append_escaped(struct buffer *buffer, const char *text)
+{
+    for (; *text; text++) {
+        const char *escape = xml_escape(*text);
+        TETLOD_TRY(buffer_append(buffer, escape ? escape : text, escape ? strlen(escape) : 1));
+    }
     return TETLOD_OK;
 }
 

@@ -14,6 +14,8 @@ struct buffer {
 void buffer_fini(struct buffer *buffer);
 
 TETLOD_CHECKED enum tetlod_status buffer_append(struct buffer *buffer, const void *bytes, size_t size);
+/* As XML and HTML want it. */
+TETLOD_CHECKED enum tetlod_status buffer_append_escaped(struct buffer *buffer, const char *text);
 TETLOD_CHECKED enum tetlod_status buffer_printf(struct buffer *buffer, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 

@@ -124,16 +124,6 @@ static void answer_options(struct response *response)
     response_header_text(response, "Allow", allow);
 }
 
-static bool put_escaped(struct buffer *out, const char *text)
-{
-    for (; *text; text++) {
-        const char *escape = *text == '&' ? "&amp;" : *text == '<' ? "&lt;" : *text == '>' ? "&gt;" : NULL;
-        if (buffer_append(out, escape ? escape : text, escape ? strlen(escape) : 1) != TETLOD_OK)
-            return false;
-    }
-    return true;
-}
-
 /* A problem as a page, for who comes with a browser's address line. The link leads to the root, relative to the path. */
 static void show_problem(struct exchange *exchange)
 {
@@ -144,7 +134,7 @@ static void show_problem(struct exchange *exchange)
     bool made = detail && buffer_printf(&page, "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n"
                                                "<title>Not found</title>\n<style>body { font: 16px system-ui, sans-serif; margin: 10vh auto; max-width: 40em; padding: 0 1em }</style>\n"
                                                "<h1>Not found</h1>\n<p>") == TETLOD_OK &&
-                put_escaped(&page, detail) && buffer_printf(&page, ".</p>\n<p><a href=\"./") == TETLOD_OK;
+                buffer_append_escaped(&page, detail) == TETLOD_OK && buffer_printf(&page, ".</p>\n<p><a href=\"./") == TETLOD_OK;
     for (const char *c = exchange->path + 1; made && *c && *c != '?'; c++)
         made = *c != '/' || buffer_append(&page, "../", 3) == TETLOD_OK;
     made = made && buffer_printf(&page, "\">What is served here</a></p>\n</html>\n") == TETLOD_OK;

@@ -68,25 +68,12 @@ static enum tetlod_status put_triangles(const struct cut *surface, struct buffer
 
 /* ---- VTP ---- */
 
-static enum tetlod_status put_escaped(struct buffer *out, const char *text)
-{
-    for (; *text; text++) {
-        const char *escape = *text == '&'   ? "&amp;"
-                             : *text == '<' ? "&lt;"
-                             : *text == '>' ? "&gt;"
-                             : *text == '"' ? "&quot;"
-                                            : NULL;
-        TETLOD_TRY(buffer_append(out, escape ? escape : text, escape ? strlen(escape) : 1));
-    }
-    return TETLOD_OK;
-}
-
 /* An array's element; `offset` moves on past its bytes and their count. */
 static enum tetlod_status put_element(struct buffer *out, const char *type, const char *name, uint32_t components,
                                       uint64_t bytes, uint64_t *offset)
 {
     TETLOD_TRY(buffer_printf(out, "<DataArray type=\"%s\" Name=\"", type));
-    TETLOD_TRY(put_escaped(out, name));
+    TETLOD_TRY(buffer_append_escaped(out, name));
     TETLOD_TRY(buffer_printf(out, "\" NumberOfComponents=\"%" PRIu32 "\" format=\"appended\" offset=\"%" PRIu64 "\"/>\n",
                              components, *offset));
     *offset += 8 + bytes;

@@ -12,6 +12,7 @@
 #include "format/fail.h"
 #include "format/reader.h"
 #include "src/util/array.h"
+#include "src/util/parallel.h"
 
 enum { ERRORS_CAPACITY = 96 };
 
@@ -100,7 +101,8 @@ bool dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t si
 static enum tetlod_status open_stream(struct dataset *dataset, struct tetlod_error *error)
 {
     const struct tetlod_source source = {read_source, dataset, dataset->identity.size};
-    TETLOD_TRY(tetlod_open(&dataset->file, &source, NULL, error));
+    const struct tetlod_options options = {.struct_size = sizeof options, .threads = parallel_cores()};
+    TETLOD_TRY(tetlod_open(&dataset->file, &source, &options, error));
     if (tetlod_info(dataset->file)->bytes > dataset->identity.size)
         return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "the stream ends too early: %llu of %llu bytes",
                             (unsigned long long)dataset->identity.size,

@@ -157,8 +157,10 @@ bool cli_operands(const struct command *command, int argc, int count, const char
     return false;
 }
 
-enum tetlod_status cli_open_stream(const char *path, struct tetlod_file **out, int *out_fd, struct tetlod_error *error)
+enum tetlod_status cli_open_stream(const char *path, unsigned threads, struct tetlod_file **out, int *out_fd,
+                                   struct tetlod_error *error)
 {
+    const struct tetlod_options options = {.struct_size = sizeof options, .threads = threads};
     struct stat about;
     struct tetlod_error inner = {0};
     *out = NULL;
@@ -169,7 +171,7 @@ enum tetlod_status cli_open_stream(const char *path, struct tetlod_file **out, i
     if (fstat(*out_fd, &about) == 0 && !S_ISREG(about.st_mode))
         status = tetlodi_fail(&inner, TETLOD_ERR_IO, "is not a regular file");
     else
-        status = tetlod_open_fd(out, *out_fd, NULL, &inner);
+        status = tetlod_open_fd(out, *out_fd, &options, &inner);
     if (status == TETLOD_OK)
         return TETLOD_OK;
     close(*out_fd);

@@ -63,8 +63,8 @@ void cli_print_levels(const struct tetlod_info *info, bool all);
 /* Prints a line for each field: its error at a level, certified or measured, in percent and in its units. */
 void cli_print_promises(FILE *out, const struct tetlod_info *info, uint32_t level);
 
-/* Opens a stream file; messages start with the path. *out_fd is to be closed after the file. */
-TETLOD_CHECKED enum tetlod_status cli_open_stream(const char *path, struct tetlod_file **out, int *out_fd,
+/* Opens a stream file that cursors decode with so many threads; messages start with the path. *out_fd is to be closed after the file. */
+TETLOD_CHECKED enum tetlod_status cli_open_stream(const char *path, unsigned threads, struct tetlod_file **out, int *out_fd,
                                                   struct tetlod_error *error);
 
 #endif

@@ -487,7 +487,7 @@ static int print_json(const struct request *request, const struct build_report *
     struct tetlod_error error = {0};
     int fd;
     char id[256];
-    if (cli_open_stream(request->output, &file, &fd, &error) != TETLOD_OK)
+    if (cli_open_stream(request->output, 1, &file, &fd, &error) != TETLOD_OK)
         return cli_fail(&error);
     stream_id(request->output, id, sizeof id);
     uint64_t peak = peak_memory();
@@ -571,7 +571,7 @@ static int print_text(const struct request *request)
     struct tetlod_file *file;
     struct tetlod_error error = {0};
     int fd;
-    if (cli_open_stream(request->output, &file, &fd, &error) != TETLOD_OK)
+    if (cli_open_stream(request->output, 1, &file, &fd, &error) != TETLOD_OK)
         return cli_fail(&error);
     cli_print_levels(tetlod_info(file), request->all);
     if (request->for_mail)

@@ -14,6 +14,7 @@
 #include "src/io/io.h"
 #include "src/report/level_mesh.h"
 #include "src/util/file.h"
+#include "src/util/parallel.h"
 
 static const char help[] =
     "usage: tetlod extract FILE.tetlod -o OUT [--error E | --abs-error E | --level K | --tets N | --bytes N] [--box BOX]...\n"
@@ -210,7 +211,7 @@ static int extract(const struct request *request)
     int fd;
     if (!is_stream(request->output) && io_check_output(request->output, &error) != TETLOD_OK)
         return cli_fail(&error);
-    if (cli_open_stream(request->input, &file, &fd, &error) != TETLOD_OK)
+    if (cli_open_stream(request->input, parallel_cores(), &file, &fd, &error) != TETLOD_OK)
         return cli_fail(&error);
     const struct tetlod_info *info = tetlod_info(file);
     enum tetlod_status status = request->of_step ? TETLOD_OK : choose_here(info, fd, request, &level, &inner);

@@ -111,7 +111,7 @@ static int run(int argc, char **argv)
     }
     if (!cli_operands(&command_info, argc, 1, "the stream"))
         return EXIT_USAGE;
-    if (cli_open_stream(argv[optind], &file, &fd, &error) != TETLOD_OK)
+    if (cli_open_stream(argv[optind], 1, &file, &fd, &error) != TETLOD_OK)
         return cli_fail(&error);
     if (json)
         result = print_json(file, argv[optind]);

@@ -52,7 +52,7 @@ static int plot(const char *path, const char *output, const char *name)
     struct tetlod_file *file;
     uint32_t field;
     int fd;
-    enum tetlod_status status = cli_open_stream(path, &file, &fd, &error);
+    enum tetlod_status status = cli_open_stream(path, 1, &file, &fd, &error);
     if (status != TETLOD_OK)
         return cli_fail(&error);
     status = choose_field(tetlod_info(file), name, &field, &inner);

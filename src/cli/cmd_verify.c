@@ -366,7 +366,7 @@ static int verify(struct request *request)
     struct tetlod_file *file;
     int fd;
     struct verification v = {.request = request, .error = &inner};
-    enum tetlod_status status = cli_open_stream(request->stream, &file, &fd, &error);
+    enum tetlod_status status = cli_open_stream(request->stream, request->threads, &file, &fd, &error);
     if (status == TETLOD_OK) {
         v.file = file;
         status = verify_file(&v);

@@ -478,22 +478,12 @@ static enum tetlod_status read_file(struct blocks *out, const struct io_input *i
 
 bool cgns_sniff(const unsigned char *bytes, size_t size)
 {
-    static const char wanted[] = "CGNSLibraryVersion", adf[] = "ADF Database Version";
-    size_t head = size < 65536 ? size : 65536, length = sizeof wanted - 1;
+    static const char adf[] = "ADF Database Version";
     if (size >= 64)
         for (const unsigned char *at = bytes; at < bytes + 32; at++)
             if (memcmp(at, adf, sizeof adf - 1) == 0)
                 return true;
-    if (size < length || memcmp(bytes, "\x89HDF\r\n\x1a\n", 8) != 0)
-        return false;
-    for (const unsigned char *at = bytes; (size_t)(bytes + head - at) >= length; at++) {
-        at = memchr(at, 'C', (size_t)(bytes + head - at) - length + 1);
-        if (!at)
-            return false;
-        if (memcmp(at, wanted, length) == 0)
-            return true;
-    }
-    return false;
+    return size >= 8 && memcmp(bytes, "\x89HDF\r\n\x1a\n", 8) == 0 && sniff_holds(bytes, size < 65536 ? size : 65536, "CGNSLibraryVersion");
 }
 
 enum tetlod_status cgns_read(struct blocks *out, const struct io_input *input, struct io_report *report,

@@ -355,20 +355,11 @@ static enum tetlod_status read_file(struct blocks *out, const struct io_input *i
 /* Classic netCDF by its magic; in HDF5 files the names of Exodus are looked for. */
 bool exodus_sniff(const unsigned char *bytes, size_t size)
 {
-    static const char wanted[] = "num_el_blk";
     if (size < 8 || (memcmp(bytes, "CDF", 3) != 0 && memcmp(bytes, "\x89HDF\r\n\x1a\n", 8) != 0))
         return false;
     if (*bytes == 'C')
         return true;
-    size_t length = sizeof wanted - 1;
-    for (const unsigned char *at = bytes; (size_t)(bytes + size - at) >= length; at++) {
-        at = memchr(at, 'n', (size_t)(bytes + size - at) - length + 1);
-        if (!at)
-            return false;
-        if (memcmp(at, wanted, length) == 0)
-            return true;
-    }
-    return false;
+    return sniff_holds(bytes, size, "num_el_blk");
 }
 
 enum tetlod_status exodus_read(struct blocks *out, const struct io_input *input, struct io_report *report,

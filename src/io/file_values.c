@@ -146,6 +146,17 @@ struct text text_word(struct text *text)
     return word;
 }
 
+struct text text_word_past_comments(struct text *text)
+{
+    for (;;) {
+        struct text word = text_word(text);
+        if (word.at == word.end || *word.at != '#')
+            return word;
+        text->at = word.at;
+        text_line(text);
+    }
+}
+
 bool text_is(struct text word, const char *name)
 {
     size_t length = strlen(name);

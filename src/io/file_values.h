@@ -41,6 +41,9 @@ struct text {
 /* The next run of characters that are not white space; its length is 0 at the end. */
 struct text text_word(struct text *text);
 
+/* The same, past comments: from a # that begins a word to the end of its line. */
+struct text text_word_past_comments(struct text *text);
+
 /* Whether `word` is `name`, whatever its case. */
 bool text_is(struct text word, const char *name);
 

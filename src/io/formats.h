@@ -22,6 +22,9 @@ TETLOD_CHECKED enum tetlod_status io_read_named(struct blocks *out, const struct
 TETLOD_CHECKED enum tetlod_status io_resolve(const struct io_input *from, const char *name, char **out,
                                              struct tetlod_error *error);
 
+/* Whether the word stands somewhere in the bytes. */
+bool sniff_holds(const unsigned char *bytes, size_t size, const char *word);
+
 bool vtkxml_sniff(const unsigned char *bytes, size_t size);
 TETLOD_CHECKED enum tetlod_status vtkxml_read(struct blocks *out, const struct io_input *input, struct io_report *report,
                                             struct tetlod_error *error);

@@ -240,6 +240,19 @@ static bool is_beside(const char *base, const char *path)
     return beside;
 }
 
+bool sniff_holds(const unsigned char *bytes, size_t size, const char *word)
+{
+    size_t length = strlen(word);
+    for (const unsigned char *at = bytes, *end = bytes + size; (size_t)(end - at) >= length; at++) {
+        at = memchr(at, *word, (size_t)(end - at) - length + 1);
+        if (!at)
+            return false;
+        if (memcmp(at, word, length) == 0)
+            return true;
+    }
+    return false;
+}
+
 enum tetlod_status io_resolve(const struct io_input *from, const char *name, char **out, struct tetlod_error *error)
 {
     const char *slash = from->path && *name != '/' ? strrchr(from->path, '/') : NULL;

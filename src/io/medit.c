@@ -28,18 +28,6 @@ static enum tetlod_status fail(const struct medit *m, const char *why)
     return tetlodi_fail(m->error, TETLOD_ERR_MESH, "line %lu: %s", line, why);
 }
 
-/* The next word that is not in a comment, which goes from # to the end of the line. */
-static struct text next_word(struct text *rest)
-{
-    for (;;) {
-        struct text word = text_word(rest);
-        if (word.at == word.end || *word.at != '#')
-            return word;
-        rest->at = word.at;
-        text_line(rest);
-    }
-}
-
 static bool is_keyword(struct text word)
 {
     return word.at < word.end && ((*word.at >= 'A' && *word.at <= 'Z') || (*word.at >= 'a' && *word.at <= 'z'));
@@ -47,13 +35,13 @@ static bool is_keyword(struct text word)
 
 static enum tetlod_status take_int(struct medit *m, int64_t *out)
 {
-    struct text word = next_word(&m->rest);
+    struct text word = text_word_past_comments(&m->rest);
     return text_int(&word, out) ? TETLOD_OK : fail(m, "there should be a whole number here; is the file truncated?");
 }
 
 static enum tetlod_status take_double(struct medit *m, double *out)
 {
-    struct text word = next_word(&m->rest);
+    struct text word = text_word_past_comments(&m->rest);
     return text_double(&word, m->is_float, out) ? TETLOD_OK
                                                 : fail(m, "there should be a number here; is the file truncated?");
 }
@@ -141,7 +129,7 @@ static enum tetlod_status read_keyword(struct medit *m, struct text keyword)
             return read_cells(m, cells[k].type, cells[k].corners);
     struct text look = m->rest;
     while (look.at < look.end) {
-        struct text word = next_word(&look);
+        struct text word = text_word_past_comments(&look);
         if (is_keyword(word))
             break;
         m->rest = look;
@@ -153,7 +141,7 @@ static enum tetlod_status read_keyword(struct medit *m, struct text keyword)
 static enum tetlod_status read_all(struct medit *m, enum tetlod_status (*read)(struct medit *m, struct text keyword))
 {
     for (;;) {
-        struct text keyword = next_word(&m->rest);
+        struct text keyword = text_word_past_comments(&m->rest);
         if (keyword.at == keyword.end || text_is(keyword, "End"))
             return TETLOD_OK;
         if (!is_keyword(keyword))
@@ -225,7 +213,7 @@ static enum tetlod_status add_regions(struct medit *m)
 bool medit_sniff(const unsigned char *bytes, size_t size)
 {
     struct text rest = {(const char *)bytes, (const char *)bytes + size};
-    return text_is(next_word(&rest), "MeshVersionFormatted");
+    return text_is(text_word_past_comments(&rest), "MeshVersionFormatted");
 }
 
 enum tetlod_status medit_read(struct blocks *out, const struct io_input *input, struct io_report *report,

@@ -276,8 +276,7 @@ static enum tetlod_status split_polyhedron(struct splitter *s, uint64_t c, struc
         uint32_t sides = stream[at], least = sides ? fan_start(s->out->positions, face, sides) : 0;
         for (uint32_t i = 1; i + 1 < sides; i++) {
             uint32_t tet[1][4] = {{centre, face[least], face[(least + i) % sides], face[(least + i + 1) % sides]}};
-            if (cell_tet_volume6(tet[0], s->out->positions) < 0)
-                cell_tet_turn(tet[0]); // the faces of a stream are not turned alike
+            cell_tets_turn(tet, 1, s->out->positions); // the faces of a stream are not turned alike
             put_tets(s, c, tet, 1);
         }
     }

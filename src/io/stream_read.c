@@ -6,6 +6,7 @@
 #include "format/fail.h"
 #include "src/io/formats.h"
 #include "src/util/array.h"
+#include "src/util/parallel.h"
 
 static enum tetlod_status copy_mesh(struct tetmesh *mesh, struct cells *cells, const struct tetlod_info *info, const struct tetlod_mesh *from,
                                     struct tetlod_error *error)
@@ -56,8 +57,9 @@ enum tetlod_status stream_read(struct blocks *out, const struct io_input *input,
     struct tetlod_cursor *cursor = NULL;
     struct tetlod_mesh finest;
     enum tetlod_status status;
+    const struct tetlod_options options = {.struct_size = sizeof options, .threads = parallel_cores()};
     (void)report;
-    TETLOD_TRY_DONE(tetlod_open_memory(&file, input->bytes, input->size, NULL, error));
+    TETLOD_TRY_DONE(tetlod_open_memory(&file, input->bytes, input->size, &options, error));
     TETLOD_TRY_DONE(tetlod_cursor_new(&cursor, file, NULL, 0, error));
     TETLOD_TRY_DONE(tetlod_cursor_seek(cursor, tetlod_info(file)->level_count - 1, error));
     tetlod_cursor_mesh(cursor, &finest);

@@ -37,17 +37,6 @@ static void put_triangles(struct put *put, const struct boundary_surface *surfac
 
 /* ---- VTP */
 
-static void put_escaped(struct put *put, const char *text)
-{
-    for (; *text; text++) {
-        const char *escape = *text == '&' ? "&amp;" : *text == '<' ? "&lt;" : *text == '>' ? "&gt;" : *text == '"' ? "&quot;" : NULL;
-        if (escape)
-            put_text(put, escape);
-        else
-            put_word(put, (unsigned char)*text, 1);
-    }
-}
-
 static void put_array(struct put *put, const char *type, const char *name, uint32_t components, uint64_t bytes, uint64_t *offset)
 {
     put_format(put, "<DataArray type=\"%s\" NumberOfComponents=\"%" PRIu32 "\" format=\"appended\" offset=\"%" PRIu64 "\" Name=\"",

@@ -23,26 +23,15 @@ static enum tetlod_status fail(const struct file *f, const char *why)
     return tetlodi_fail(f->error, TETLOD_ERR_MESH, "%s, line %lu: %s", f->name, line, why);
 }
 
-static struct text next_word(struct text *rest)
-{
-    for (;;) {
-        struct text word = text_word(rest);
-        if (word.at == word.end || *word.at != '#')
-            return word;
-        rest->at = word.at;
-        text_line(rest);
-    }
-}
-
 static enum tetlod_status take_int(struct file *f, int64_t *out)
 {
-    struct text word = next_word(&f->rest);
+    struct text word = text_word_past_comments(&f->rest);
     return text_int(&word, out) ? TETLOD_OK : fail(f, "there should be a whole number here; is the file truncated?");
 }
 
 static enum tetlod_status take_double(struct file *f, double *out)
 {
-    struct text word = next_word(&f->rest);
+    struct text word = text_word_past_comments(&f->rest);
     return text_double(&word, false, out) ? TETLOD_OK : fail(f, "there should be a number here; is the file truncated?");
 }
 

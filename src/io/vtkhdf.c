@@ -124,11 +124,33 @@ struct walk {
     enum tetlod_status status;
 };
 
+/* Adds a field of these rows of the set. */
+static enum tetlod_status take_set(const struct walk *w, const char *name, const struct h5_set *set, uint64_t width, uint64_t first,
+                                   uint64_t rows, struct point_field **out)
+{
+    struct tetmesh *mesh = &w->block->mesh;
+    TETLOD_TRY(w->cell ? assemble_cell_field(mesh, name, width, set->type, w->rows, w->v->error)
+                       : assemble_field(mesh, name, width, set->type, w->v->error));
+    *out = w->cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
+    (*out)->is_integer = set->is_integer;
+    return h5_read_doubles(set, first, rows, (*out)->values, w->v->error);
+}
+
+/* The path of a data set, or false: it is left out. */
+static bool path_of(const struct walk *w, const char *name, const H5L_info_t *link, char path[static 300])
+{
+    int length = snprintf(path, 300, "%s/%s", w->group, name);
+    if (link->type < H5L_TYPE_EXTERNAL && length >= 0 && length < 300)
+        return true;
+    io_leave_out(w->v->report, &w->v->report->skipped_arrays, name, strlen(name));
+    return false;
+}
+
 static enum tetlod_status take_array(const struct walk *w, const char *name, const char *path)
 {
     char offsets[300];
     struct h5_set set;
-    struct tetmesh *mesh = &w->block->mesh;
+    struct point_field *field;
     uint64_t first;
     int length = snprintf(offsets, sizeof offsets, "%sOffsets/%s", w->group, name);
     TETLOD_TRY(step_entry(w->v, length > 0 && (size_t)length < sizeof offsets ? offsets : "", &first));
@@ -138,17 +160,11 @@ static enum tetlod_status take_array(const struct walk *w, const char *name, con
     if (set.rank < 1 || set.rank > 2 || set.dims[0] < w->rows)
         status = tetlodi_fail(w->v->error, TETLOD_ERR_MESH, "data set %.80s should have %llu rows", path, (unsigned long long)w->rows);
     if (status == TETLOD_OK)
-        status = w->cell ? assemble_cell_field(mesh, name, width, set.type, w->rows, w->v->error)
-                         : assemble_field(mesh, name, width, set.type, w->v->error);
-    if (status == TETLOD_OK) {
-        struct point_field *field = w->cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
-        field->is_integer = set.is_integer;
-        status = h5_read_doubles(&set, first + w->first, w->rows, field->values, w->v->error);
-        if (status == TETLOD_OK && w->cell && strcmp(name, "vtkGhostType") == 0 && width == 1) {
-            status = block_hide(w->block, field->values, w->v->report, w->v->error);
-            point_field_fini(field);
-            mesh->cell_field_count--;
-        }
+        status = take_set(w, name, &set, width, first + w->first, w->rows, &field);
+    if (status == TETLOD_OK && w->cell && strcmp(name, "vtkGhostType") == 0 && width == 1) {
+        status = block_hide(w->block, field->values, w->v->report, w->v->error);
+        point_field_fini(field);
+        w->block->mesh.cell_field_count--;
     }
     H5Dclose(set.id);
     return status;
@@ -159,12 +175,7 @@ static herr_t on_array(hid_t group, const char *name, const H5L_info_t *link, vo
     struct walk *w = opaque;
     char path[300];
     (void)group;
-    int length = snprintf(path, sizeof path, "%s/%s", w->group, name);
-    if (link->type >= H5L_TYPE_EXTERNAL || length < 0 || (size_t)length >= sizeof path) {
-        io_leave_out(w->v->report, &w->v->report->skipped_arrays, name, strlen(name));
-        return 0;
-    }
-    if (!w->cell && strcmp(name, "vtkGhostType") == 0)
+    if (!path_of(w, name, link, path) || (!w->cell && strcmp(name, "vtkGhostType") == 0))
         return 0;
     struct tetlod_error *error = w->v->error, inner = {0};
     w->v->error = &inner;
@@ -278,7 +289,7 @@ static bool read_attribute(hid_t where, const char *name, hid_t type, size_t cou
 static enum tetlod_status take_image_array(struct walk *w, const char *path, const char *name)
 {
     struct h5_set set;
-    struct tetmesh *mesh = &w->block->mesh;
+    struct point_field *field;
     uint64_t first;
     TETLOD_TRY(h5_open_set(w->v->root, path, w->v->size, &set, w->v->error));
     first = w->v->has_steps && set.dims[0] ? w->v->step : 0;
@@ -289,13 +300,7 @@ static enum tetlod_status take_image_array(struct walk *w, const char *path, con
         status = tetlodi_fail(w->v->error, TETLOD_ERR_MESH, "data set %.80s should have a value for each of %llu", path,
                               (unsigned long long)w->rows);
     if (status == TETLOD_OK)
-        status = w->cell ? assemble_cell_field(mesh, name, width, set.type, w->rows, w->v->error)
-                         : assemble_field(mesh, name, width, set.type, w->v->error);
-    if (status == TETLOD_OK) {
-        struct point_field *field = w->cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
-        field->is_integer = set.is_integer;
-        status = h5_read_doubles(&set, first, rows, field->values, w->v->error);
-    }
+        status = take_set(w, name, &set, width, first, rows, &field);
     H5Dclose(set.id);
     return status;
 }
@@ -305,10 +310,7 @@ static herr_t on_image_array(hid_t group, const char *name, const H5L_info_t *li
     struct walk *w = opaque;
     char path[300];
     (void)group;
-    int length = snprintf(path, sizeof path, "%s/%s", w->group, name);
-    if (link->type >= H5L_TYPE_EXTERNAL || length < 0 || (size_t)length >= sizeof path)
-        io_leave_out(w->v->report, &w->v->report->skipped_arrays, name, strlen(name));
-    else
+    if (path_of(w, name, link, path))
         w->status = take_image_array(w, path, name);
     return w->status == TETLOD_OK ? 0 : -1;
 }

@@ -13,6 +13,7 @@
 #include "src/io/layout.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
+#include "src/util/put.h"
 
 enum {
     GROUP = 32, // blocks that are compressed at a time, on all threads
@@ -192,19 +193,15 @@ static void put(struct writer *w, const void *bytes, size_t size)
         w->status = w->sink->write(w->sink->opaque, bytes, size);
 }
 
-static void put_text(struct writer *w, const char *text)
+static void write_text(struct writer *w, const char *text)
 {
     put(w, text, strlen(text));
 }
 
-static void put_escaped(struct writer *w, const char *text)
+static void put_name(struct writer *w, const char *text)
 {
     for (; *text; text++) {
-        const char *escape = *text == '&'   ? "&amp;"
-                             : *text == '<' ? "&lt;"
-                             : *text == '>' ? "&gt;"
-                             : *text == '"' ? "&quot;"
-                                            : NULL;
+        const char *escape = xml_escape(*text);
         put(w, escape ? escape : text, escape ? strlen(escape) : 1);
     }
 }
@@ -213,11 +210,11 @@ static void put_array(struct writer *w, const char *type, const char *name, uint
 {
     char line[160];
     snprintf(line, sizeof line, "        <DataArray type=\"%s\" Name=\"", type);
-    put_text(w, line);
-    put_escaped(w, name);
+    write_text(w, line);
+    put_name(w, name);
     snprintf(line, sizeof line, "\" NumberOfComponents=\"%" PRIu32 "\" format=\"appended\" offset=\"%" PRIu64 "\"/>\n",
              components, w->offset);
-    put_text(w, line);
+    write_text(w, line);
     w->offset += w->arrays[w->next++].size;
 }
 
@@ -226,9 +223,9 @@ static void put_active(struct writer *w, const char *attribute, uint32_t compone
 {
     for (uint32_t f = 0; f < w->mesh->field_count; f++)
         if (w->mesh->fields[f].components == components) {
-            put_text(w, attribute);
-            put_escaped(w, w->mesh->fields[f].name);
-            put_text(w, "\"");
+            write_text(w, attribute);
+            put_name(w, w->mesh->fields[f].name);
+            write_text(w, "\"");
             return;
         }
 }
@@ -264,9 +261,9 @@ static void put_cell_data(struct writer *w)
     const struct tetmesh *mesh = w->mesh;
     if (!mesh->cell_field_count)
         return;
-    put_text(w, "      <CellData>\n");
+    write_text(w, "      <CellData>\n");
     put_fields(w, mesh->cell_fields, mesh->cell_field_count, mesh->tet_count);
-    put_text(w, "      </CellData>\n");
+    write_text(w, "      </CellData>\n");
 }
 
 /* All that is in front of the arrays. */
@@ -275,26 +272,26 @@ static void put_head(struct writer *w)
     const struct tetmesh *mesh = w->mesh;
     const char *float_types[] = {"Float32", "Float64"}, *int_type = is_wide(mesh) ? "Int64" : "Int32";
     char line[160];
-    put_text(w, "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
+    write_text(w, "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
                 "header_type=\"UInt64\"");
-    put_text(w, w->plain ? "" : " compressor=\"vtkZLibDataCompressor\"");
-    put_text(w, ">\n  <UnstructuredGrid>\n");
+    write_text(w, w->plain ? "" : " compressor=\"vtkZLibDataCompressor\"");
+    write_text(w, ">\n  <UnstructuredGrid>\n");
     snprintf(line, sizeof line, "    <Piece NumberOfPoints=\"%" PRIu32 "\" NumberOfCells=\"%" PRIu32 "\">\n      <PointData",
              mesh->vertex_count, mesh->tet_count);
-    put_text(w, line);
+    write_text(w, line);
     put_active(w, " Scalars=\"", 1);
     put_active(w, " Vectors=\"", 3);
-    put_text(w, ">\n");
+    write_text(w, ">\n");
     put_fields(w, mesh->fields, mesh->field_count, mesh->vertex_count);
-    put_text(w, "      </PointData>\n");
+    write_text(w, "      </PointData>\n");
     put_cell_data(w);
-    put_text(w, "      <Points>\n");
+    write_text(w, "      <Points>\n");
     put_array(w, float_types[mesh->position_type], "Points", 3);
-    put_text(w, "      </Points>\n      <Cells>\n");
+    write_text(w, "      </Points>\n      <Cells>\n");
     put_array(w, int_type, "connectivity", 1);
     put_array(w, int_type, "offsets", 1);
     put_array(w, "UInt8", "types", 1);
-    put_text(w, "      </Cells>\n    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n   _");
+    write_text(w, "      </Cells>\n    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n   _");
 }
 
 static const char tail[] = "\n  </AppendedData>\n</VTKFile>\n";
@@ -338,7 +335,7 @@ static enum tetlod_status write_vtu(const struct tetmesh *mesh, bool plain, cons
         put_head(&w);
         for (uint32_t a = 0; a < w.next; a++)
             put(&w, w.arrays[a].bytes, w.arrays[a].size);
-        put_text(&w, tail);
+        write_text(&w, tail);
         status = w.status;
     }
     for (size_t a = 0; a < count; a++)
@@ -385,7 +382,7 @@ static enum tetlod_status lay_out(struct io_layout *layout, struct writer *w, co
         put(w, size, sizeof size);
         TETLOD_TRY(layout_add(layout, &arrays[a], w->error));
     }
-    put_text(w, tail);
+    write_text(w, tail);
     return w->status == TETLOD_OK ? TETLOD_OK : tetlodi_fail_nomem(w->error, "a mesh file", 0);
 }
 

@@ -7,17 +7,6 @@
 #include "src/io/formats.h"
 #include "src/util/put.h"
 
-static void put_escaped(struct put *put, const char *text)
-{
-    for (; *text; text++) {
-        const char *escape = *text == '&' ? "&amp;" : *text == '<' ? "&lt;" : *text == '>' ? "&gt;" : *text == '"' ? "&quot;" : NULL;
-        if (escape)
-            put_text(put, escape);
-        else
-            put_word(put, (unsigned char)*text, 1);
-    }
-}
-
 static void put_values(struct put *put, const struct point_field *field, uint64_t rows)
 {
     uint32_t n = field->components;

@@ -85,10 +85,6 @@ unsigned cell_refine(enum cell_shape shape, const uint32_t *points, uint32_t cen
                 tets[count][c + 1] = triangles[t][c];
         }
     }
-    double volume = 0;
-    for (unsigned t = 0; t < count; t++)
-        volume += cell_tet_volume6(tets[t], positions);
-    for (unsigned t = 0; volume < 0 && t < count; t++)
-        cell_tet_turn(tets[t]);
+    cell_tets_turn(tets, count, positions);
     return count;
 }

@@ -73,6 +73,15 @@ void cell_tet_turn(uint32_t tet[4])
     tet[3] = swap;
 }
 
+void cell_tets_turn(uint32_t (*tets)[4], size_t count, const double *positions)
+{
+    double volume = 0;
+    for (size_t t = 0; t < count; t++)
+        volume += cell_tet_volume6(tets[t], positions);
+    for (size_t t = 0; volume < 0 && t < count; t++)
+        cell_tet_turn(tets[t]);
+}
+
 /* The cone from `apex` over a face, fanned from its smallest vertex; nothing if the apex is on it. */
 static unsigned cone(uint32_t apex, const uint32_t *face, unsigned sides, uint32_t tets[][4])
 {
@@ -108,11 +117,7 @@ unsigned cell_split(enum cell_shape shape, const uint32_t *corners, const double
             face[i] = corners[s->face[f][i]];
         count += cone(apex, face, s->sides[f], tets + count);
     }
-    double volume = 0;
-    for (unsigned t = 0; t < count; t++)
-        volume += cell_tet_volume6(tets[t], positions);
-    for (unsigned t = 0; volume < 0 && t < count; t++)
-        cell_tet_turn(tets[t]);
+    cell_tets_turn(tets, count, positions);
     return count;
 }
 
@@ -134,7 +139,6 @@ void grid_split(const uint32_t dims[3], const double *positions, uint32_t *corne
 {
     uint32_t row = dims[0], slab = dims[0] * dims[1];
     size_t count = 0;
-    double volume = 0;
     for (uint32_t k = 0; k + 1 < dims[2]; k++)
         for (uint32_t j = 0; j + 1 < dims[1]; j++)
             for (uint32_t i = 0; i + 1 < dims[0]; i++) {
@@ -145,9 +149,7 @@ void grid_split(const uint32_t dims[3], const double *positions, uint32_t *corne
                     uint32_t *tet = corners + 4 * count;
                     for (int c = 0; c < 4; c++)
                         tet[c] = cell[five_tets[(i + j + k) & 1][t][c]];
-                    volume += cell_tet_volume6(tet, positions);
                 }
             }
-    for (size_t t = 0; volume < 0 && t < count; t++)
-        cell_tet_turn(corners + 4 * t);
+    cell_tets_turn((uint32_t (*)[4])corners, count, positions);
 }

@@ -36,6 +36,9 @@ unsigned cell_split(enum cell_shape shape, const uint32_t *corners, const double
 double cell_tet_volume6(const uint32_t tet[4], const double *positions);
 void cell_tet_turn(uint32_t tet[4]);
 
+/* Turns all tetrahedra if the sum of their volumes is negative. */
+void cell_tets_turn(uint32_t (*tets)[4], size_t count, const double *positions);
+
 /* A structured grid of dims points, i fastest: five tetrahedra a cell, mirrored from cell to cell so that faces match.
  * All are turned alike, to a positive sum of volumes. */
 uint64_t grid_tet_count(const uint32_t dims[3]);

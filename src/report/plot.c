@@ -91,16 +91,6 @@ static struct axis size_axis(const struct plot *plot, bool bytes, double from)
     return make_axis(fmin(least, greatest), greatest, from, from + PANEL_WIDTH);
 }
 
-/* Text as XML wants it. */
-static void put_escaped(struct plot *plot, const char *text)
-{
-    for (; *text; text++)
-        if (strchr("<>&\"", *text))
-            put_format(&plot->put, "&#%d;", *text);
-        else
-            put_format(&plot->put, "%c", *text);
-}
-
 static void put_label(struct plot *plot, double x, double y, const char *anchor, const char *text)
 {
     put_format(&plot->put, "<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">%s</text>\n", x, y, anchor, text);
@@ -190,9 +180,9 @@ static void put_legend(struct plot *plot)
 static void put_title(struct plot *plot, const char *tag, const char *id, const char *field)
 {
     put_text(&plot->put, tag);
-    put_escaped(plot, id);
+    put_escaped(&plot->put, id);
     put_text(&plot->put, ": error of ");
-    put_escaped(plot, field);
+    put_escaped(&plot->put, field);
     put_text(&plot->put, ", % of its range");
 }
 

@@ -7,6 +7,7 @@
  */
 #include <math.h>
 
+#include "format/fail.h"
 #include "src/mesh/cell_split.h"
 #include "src/sample/make.h"
 
@@ -73,15 +74,7 @@ enum tetlod_status sample_make_post(struct tetmesh *out, uint32_t size, struct t
 {
     const uint32_t across = size * 3 / 4, half = size / 4, dims[3] = {size + 1, across + 1, 2 * half + 1};
     double outwards[512], upwards[512]; // of the greatest size
-    enum tetlod_status status = sample_alloc(out, (uint64_t)dims[0] * dims[1] * dims[2], grid_tet_count(dims), error);
-    if (status == TETLOD_OK)
-        status = tetmesh_add_field(out, "Pressure", 1, TETLOD_FLOAT32, error);
-    if (status == TETLOD_OK)
-        status = tetmesh_add_field(out, "Velocity", 3, TETLOD_FLOAT32, error);
-    if (status != TETLOD_OK) {
-        tetmesh_fini(out);
-        return status;
-    }
+    TETLOD_TRY(sample_alloc_flow(out, dims, error));
     graded(outwards, across, 7);
     graded(upwards, half, 5);
     fill(out, dims, outwards, upwards);

@@ -51,6 +51,18 @@ enum tetlod_status sample_alloc(struct tetmesh *out, uint64_t vertices, uint64_t
     return TETLOD_OK;
 }
 
+enum tetlod_status sample_alloc_flow(struct tetmesh *out, const uint32_t dims[3], struct tetlod_error *error)
+{
+    enum tetlod_status status = sample_alloc(out, (uint64_t)dims[0] * dims[1] * dims[2], grid_tet_count(dims), error);
+    if (status == TETLOD_OK)
+        status = tetmesh_add_field(out, "Pressure", 1, TETLOD_FLOAT32, error);
+    if (status == TETLOD_OK)
+        status = tetmesh_add_field(out, "Velocity", 3, TETLOD_FLOAT32, error);
+    if (status != TETLOD_OK)
+        tetmesh_fini(out);
+    return status;
+}
+
 static void round_all(double *values, size_t count)
 {
     for (size_t i = 0; i < count; i++)

@@ -7,6 +7,7 @@
  */
 #include <math.h>
 
+#include "format/fail.h"
 #include "src/mesh/cell_split.h"
 #include "src/sample/make.h"
 
@@ -74,15 +75,7 @@ static void place(struct tetmesh *mesh, const uint32_t dims[3])
 enum tetlod_status sample_make_wake(struct tetmesh *out, uint32_t size, struct tetlod_error *error)
 {
     const uint32_t dims[3] = {2 * size + 1, size + 1, size / 2 + 1};
-    enum tetlod_status status = sample_alloc(out, (uint64_t)dims[0] * dims[1] * dims[2], grid_tet_count(dims), error);
-    if (status == TETLOD_OK)
-        status = tetmesh_add_field(out, "Pressure", 1, TETLOD_FLOAT32, error);
-    if (status == TETLOD_OK)
-        status = tetmesh_add_field(out, "Velocity", 3, TETLOD_FLOAT32, error);
-    if (status != TETLOD_OK) {
-        tetmesh_fini(out);
-        return status;
-    }
+    TETLOD_TRY(sample_alloc_flow(out, dims, error));
     place(out, dims);
     sample_move_wake(out, 0);
     grid_split(dims, out->positions, out->corners);

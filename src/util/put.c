@@ -61,6 +61,20 @@ void put_text(struct put *put, const char *text)
         put_word(put, (unsigned char)*text, 1);
 }
 
+const char *xml_escape(char c)
+{
+    return c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '>' ? "&gt;" : c == '"' ? "&quot;" : NULL;
+}
+
+void put_escaped(struct put *put, const char *text)
+{
+    for (; *text; text++)
+        if (xml_escape(*text))
+            put_text(put, xml_escape(*text));
+        else
+            put_word(put, (unsigned char)*text, 1);
+}
+
 void put_format(struct put *put, const char *format, ...)
 {
     char text[256];

@@ -10,6 +10,9 @@ finest() { "$TETLOD" info "$1" --json | /usr/bin/python3 -c "import json,sys; i 
 "$TETLOD" build cube.vtu -o bits.tetlod --position-bits 14 --field-bits 12 --quiet
 "$TETLOD" build cube.vtu -o error.tetlod --field-error 0.001 --quiet
 check "12 bits are smaller than 64" "[ $(size bits.tetlod) -lt $(size lossless.tetlod) ]"
+tail() { "$TETLOD" info "$1" --json | /usr/bin/python3 -c "import json,sys; a, b = json.load(sys.stdin)['levels'][-2:]; sys.exit((a['tets'], a['vertices']) != (b['tets'], b['vertices']))"; }
+check "values on a grid of the builder's choice are exact in a tail" "tail lossless.tetlod"
+check "values rounded as asked have no tail" "! tail bits.tetlod && ! tail error.tetlod"
 check "the lossless one says so and has no error" "[ '$(finest lossless.tetlod max)' = 'True 0.0' ]"
 check "the finest level of the others has one" "finest bits.tetlod max | grep -q '^False 0.0[0-9]*[1-9]'"
 check "a field error asked for is certified" \

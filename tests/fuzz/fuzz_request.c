@@ -13,23 +13,8 @@
 
 #include "server/answer/routes.h"
 #include "tests/gen.h"
-#include "tests/memory_sink.h"
 
 static char cid[64];
-
-static bool write_stream(const char *path)
-{
-    struct recode recode;
-    struct memory_sink memory = {0};
-    struct tetlodi_sink sink = memory_sink(&memory);
-    const struct gen_options options = {.kind = GEN_GRID, .seed = 1, .size = 2, .levels = 5, .arity = 2, .type = TETLOD_FLOAT32};
-    bool made = gen_make(&recode, &options) && tetlodi_write(&recode.input, &sink, NULL) == TETLOD_OK;
-    FILE *file = made ? fopen(path, "wb") : NULL;
-    made = file && fwrite(memory.bytes, 1, memory.size, file) == memory.size && fclose(file) == 0;
-    free(memory.bytes);
-    gen_free(&recode);
-    return made;
-}
 
 /* The stream is open when its file goes again. */
 static bool open_catalogue(struct site *site)
@@ -39,8 +24,9 @@ static bool open_catalogue(struct site *site)
         return false;
     snprintf(path, sizeof path, "%s/m.tetlod", folder);
     const char *const paths[] = {folder};
+    const struct gen_options made = {.kind = GEN_GRID, .seed = 1, .size = 2, .levels = 5, .arity = 2, .type = TETLOD_FLOAT32};
     const struct catalogue_options options = {.paths = paths, .path_count = 1};
-    bool opened = write_stream(path) && catalogue_open(&site->catalogue, &options, NULL) == TETLOD_OK;
+    bool opened = gen_write(path, &made) && catalogue_open(&site->catalogue, &options, NULL) == TETLOD_OK;
     unlink(path);
     rmdir(folder);
     struct dataset *dataset = opened ? catalogue_find(site->catalogue, "m") : NULL;

@@ -597,7 +597,7 @@ def test_stop_during_answers():
 
 
 def ask_at_once(busy, paths):
-    """The status of each, by number; who is refused is told when to come again."""
+    """The status of each, by number; a refused one says when to come again."""
     found = {200: [], 503: []}
     with contextlib.ExitStack() as stack:
         asking = [stack.enter_context(busy.connect()) for _ in paths]
@@ -625,7 +625,7 @@ def test_overload():
             found = ask_at_once(busy, [slices % (attempt, number) for number in range(600)])
             if found[503]:
                 break
-        assert found[503] and len(found[200]) > 256, {status: len(paths) for status, paths in found.items()}
+        assert found[503] and len(found[200]) >= 256, {status: len(paths) for status, paths in found.items()}
         assert all(busy.get(path)[0] == 200 for path in found[503][:20])
 
 

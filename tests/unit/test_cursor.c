@@ -5,6 +5,7 @@
 
 #include "tests/gen.h"
 #include "tests/memory_sink.h"
+#include "tests/stream_fuzz.h"
 #include "tests/test.h"
 
 struct stream {
@@ -319,8 +320,67 @@ static void test_older_options(void)
     stream_close(&s);
 }
 
+/* Opens bytes for one thread and for three, goes up as far as both lead, and counts what differs: meshes, failures. */
+static size_t compare_threads(const uint8_t *bytes, size_t size)
+{
+    struct stream s[2];
+    struct tetlod_cursor *cursors[2];
+    struct tetlod_error errors[2] = {{0}, {0}};
+    enum tetlod_status status[2];
+    for (int i = 0; i < 2; i++) {
+        const struct tetlod_options options = {.struct_size = sizeof options, .threads = 1 + 2 * (uint32_t)i};
+        REQUIRE(tetlod_open_memory(&s[i].file, bytes, size, &options, NULL) == TETLOD_OK);
+        s[i].info = tetlod_info(s[i].file);
+        status[i] = tetlod_cursor_new(&cursors[i], s[i].file, NULL, 0, &errors[i]);
+    }
+    size_t wrong = status[0] != status[1];
+    if (!wrong && status[0] == TETLOD_OK) {
+        const uint32_t targets[] = {1, s->info->level_count - 1, 0, s->info->level_count - 1};
+        for (int t = 0; t < 4; t++) {
+            for (int i = 0; i < 2; i++)
+                status[i] = tetlod_cursor_seek(cursors[i], targets[t], &errors[i]);
+            wrong += status[0] != status[1] || differences(s, cursors[0], cursors[1]);
+        }
+    }
+    wrong += strcmp(errors[0].message, errors[1].message) != 0;
+    for (int i = 0; i < 2; i++) {
+        tetlod_cursor_free(cursors[i]);
+        tetlod_close(s[i].file);
+    }
+    return wrong;
+}
+
+/* Any number of threads decodes the same, and finds the same damage. */
+static void test_threads(void)
+{
+    const struct gen_options more[] = {{GEN_GRID, 6, 8, 3, 3, TETLOD_FLOAT32, 0, 12}, {GEN_HOLES, 7, 7, 9, 4, TETLOD_FLOAT64, 20, 0}};
+    for (int kind = 0; kind < 2; kind++) {
+        struct recode recode;
+        struct memory_sink memory = {0};
+        struct tetlodi_sink sink = memory_sink(&memory);
+        uint64_t random = 1;
+        size_t size, wrong = 0;
+        REQUIRE(gen_make(&recode, &more[kind]) && tetlodi_write(&recode.input, &sink, NULL) == TETLOD_OK);
+        uint8_t *plain = stream_fuzz_plain(memory.bytes, memory.size, &size), *damaged = malloc(size);
+        REQUIRE(plain && damaged);
+        wrong += compare_threads(plain, size);
+        for (int i = 0; i < 24; i++) {
+            memcpy(damaged, plain, size);
+            damaged[size / 2 + gen_random(&random) % (size / 2)] ^= (uint8_t)(1 + gen_random(&random) % 255);
+            stream_fuzz_seal(damaged, size);
+            wrong += compare_threads(damaged, size);
+        }
+        CHECK_INT(wrong, 0);
+        free(damaged);
+        free(plain);
+        free(memory.bytes);
+        gen_free(&recode);
+    }
+}
+
 int main(void)
 {
+    RUN(test_threads);
     RUN(test_step);
     RUN(test_add_field);
     RUN(test_changes);

@@ -8,7 +8,6 @@
 #include "server/answer/routes.h"
 #include "src/util/clock.h"
 #include "tests/gen.h"
-#include "tests/memory_sink.h"
 #include "tests/test.h"
 
 struct fixture {
@@ -20,16 +19,7 @@ struct fixture {
 
 static bool write_stream(const char *path, uint64_t seed)
 {
-    struct recode recode;
-    struct memory_sink memory = {0};
-    struct tetlodi_sink sink = memory_sink(&memory);
-    const struct gen_options options = {.kind = GEN_GRID, .seed = seed, .size = 3, .levels = 8, .arity = 2, .type = TETLOD_FLOAT32};
-    bool made = gen_make(&recode, &options) && tetlodi_write(&recode.input, &sink, NULL) == TETLOD_OK;
-    FILE *file = made ? fopen(path, "wb") : NULL;
-    made = file && fwrite(memory.bytes, 1, memory.size, file) == memory.size && fclose(file) == 0;
-    free(memory.bytes);
-    gen_free(&recode);
-    return made;
+    return gen_write(path, &(struct gen_options){.kind = GEN_GRID, .seed = seed, .size = 3, .levels = 8, .arity = 2, .type = TETLOD_FLOAT32});
 }
 
 static bool open_fixture(struct fixture *f, uint64_t cache_bytes)

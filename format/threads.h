@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Threads that help the caller's. Not installed. */
+#ifndef TETLOD_THREADS_H
+#define TETLOD_THREADS_H
+
+#include <stdint.h>
+
+struct tetlodi_helpers;
+
+/* So many threads beside the caller's, fewer if some cannot be started; NULL if none can: everything works without. */
+struct tetlodi_helpers *tetlodi_helpers_new(uint32_t count);
+void tetlodi_helpers_free(struct tetlodi_helpers *helpers);
+
+/* Begins task(context, 0 ... count - 1), in any order. The tasks before have ended: the caller has waited. Without helpers
+ * everything is done at once. */
+void tetlodi_helpers_start(struct tetlodi_helpers *helpers, void (*task)(void *context, uint32_t number), void *context, uint32_t count);
+
+/* Until all tasks have ended. The caller takes part. */
+void tetlodi_helpers_wait(struct tetlodi_helpers *helpers);
+
+#endif
