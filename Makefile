@@ -10,22 +10,31 @@ libdir ?= $(PREFIX)/lib
 includedir ?= $(PREFIX)/include
 mandir ?= $(PREFIX)/share/man
 completionsdir ?= $(PREFIX)/share/bash-completion/completions
+unitdir ?= $(PREFIX)/lib/systemd/system
 INSTALL ?= install
+OBJCOPY ?= objcopy
 -include config.mk
 
 VERSION := $(shell sed -n 's/^.define TETLOD_VERSION_STRING "\(.*\)"/\1/p' format/tetlod.h)
 SOVERSION := $(firstword $(subst ., ,$(VERSION)))
 B := build/$(config)
 
-# ---- what must be installed, as Debian packages; `make deps` installs what is missing
+# ---- what a build asks for. `make needs` looks for it on any system; `make deps` installs it, on Debian alone
+NEEDS_COMMANDS = $(CC) $(AR) $(LD) $(OBJCOPY) $(PKG_CONFIG) python3 $(if $(ALONE),,zstd) $(if $(filter 0,$(WEB))$(ALONE)$(PREBUILT),,node npm $(WASM_CC))
+NEEDS_CHECK := clang mypy gmsh adf2hdf qemu-ppc nginx varnishd openssl chromium lintian dh
+NEEDS_PYTHON := numpy scipy vtk meshio h5py netCDF4 jsonschema setuptools wheel pip venv
+# Debian packages of all that
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev \
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
-DEPS_CHECK := clang libcurl4-openssl-dev python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema nginx-light varnish openssl chromium
+DEPS_CHECK := lintian debhelper clang libcurl4-openssl-dev python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema nginx-light varnish openssl chromium
 DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
-PACKAGES := libzstd expat zlib liblz4 liblzma jansson libmicrohttpd
+# SERVER=0 builds the program without `serve` and `explode`: neither libmicrohttpd nor the page is asked for
+SERVER ?= 1
+PACKAGES := libzstd expat zlib liblz4 liblzma jansson $(if $(filter 0,$(SERVER)),,libmicrohttpd)
+REQUIRED := $(PACKAGES)
 # Libraries of single formats: used where they are installed; HDF5=0 and so on leave one out
 HDF5 ?= $(shell $(PKG_CONFIG) --exists hdf5 && echo 1)
 NETCDF ?= $(shell $(PKG_CONFIG) --exists netcdf && echo 1)
@@ -73,8 +82,11 @@ PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES)) $(if $(filter 1,$(CGNS
 # ---- sources and what is made of them
 FORMAT_SRC := $(sort $(wildcard format/*.c))
 LIBRARY_SRC := $(sort $(filter-out src/cli/% $(OPTIONAL_SRC),$(wildcard src/*/*.c src/*/*/*.c)))
+# What builds a stream out of arrays: libtetlod-build
+BUILD_SRC := $(filter src/library/% src/pipeline/% src/simplify/% src/log/% src/measure/% src/forest/% src/mesh/% src/util/%,$(LIBRARY_SRC))
 CLI_SRC := $(sort $(wildcard src/cli/*.c))
 SERVER_SRC := $(sort $(wildcard server/*.c server/net/*.c server/answer/*.c server/store/*.c))
+ALONE := $(if $(filter 0,$(SERVER)),-alone)
 SUPPORT_SRC := $(sort $(wildcard tests/*.c))
 UNIT_SRC := $(sort $(wildcard tests/unit/test_*.c))
 FUZZ_SRC := $(sort $(wildcard tests/fuzz/fuzz_*.c))
@@ -83,14 +95,19 @@ OBJECTS := $(call objects,$(FORMAT_SRC) $(LIBRARY_SRC) $(CLI_SRC) $(SERVER_SRC) 
     tests/fuzz/rerun.c)
 LIBTETLOD := $(B)/libtetlod.a
 SHARED := $(B)/libtetlod.so.$(VERSION)
+LIBBUILD := $(B)/libtetlod-build.a
+SHARED_BUILD := $(B)/libtetlod-build.so.$(VERSION)
 # The page and what it loads, bundled by esbuild, become part of the program
 WEB_DIR := server/web
 WEB_SRC := $(sort $(shell find $(WEB_DIR) -name node_modules -prune -o -type f -print))
-WEB_OUT := build/web
+# `make dist` puts the page and the package in here, so that what is built from it needs neither npm nor a network
+PREBUILT := $(wildcard $(WEB_DIR)/prebuilt)
+WEB_OUT := $(if $(PREBUILT),$(PREBUILT)/page,build/web)
+WEB_STAMP := $(if $(PREBUILT),$(PREBUILT),build/web.stamp)
 # WEB=0 builds the server without the page, and no package for the web: neither npm nor a network is asked for
 WEB ?= 1
 # The codec and its geometry as WebAssembly, for the page and for clients of their own: package of ES modules in build/client
-WASM_CC ?= clang-14
+WASM_CC ?= $(firstword $(foreach c,clang-14 clang,$(if $(shell command -v $(c)),$(c))) clang)
 WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O3 -ffp-contract=off \
     -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS)
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
@@ -100,10 +117,10 @@ WASM := build/wasm/tetlod.wasm
 CLIENT := build/client
 CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)
 NODE_MODULES := $(WEB_DIR)/node_modules/.package-lock.json
-EMBEDDED := $(B)/server/embedded$(if $(filter 0,$(WEB)),-api).o
+EMBEDDED := $(if $(ALONE),,$(B)/server/embedded$(if $(filter 0,$(WEB)),-api).o)
 EMBEDDED_SRC := build/$(if $(filter 0,$(WEB)),embedded-api,embedded)/embedded.c
-INTERNAL := $(call objects,$(LIBRARY_SRC) $(SERVER_SRC)) $(EMBEDDED)
-BINARY := $(B)/tetlod
+INTERNAL := $(call objects,$(LIBRARY_SRC) $(if $(ALONE),,$(SERVER_SRC))) $(EMBEDDED)
+BINARY := $(B)/tetlod$(ALONE)
 UNIT_TESTS := $(patsubst tests/unit/%.c,$(B)/tests/unit/%,$(UNIT_SRC))
 FUZZ_TARGETS := $(patsubst tests/fuzz/%.c,$(B)/tests/fuzz/%,$(FUZZ_SRC))
 
@@ -112,16 +129,23 @@ FUZZ_TARGETS := $(patsubst tests/fuzz/%.c,$(B)/tests/fuzz/%,$(FUZZ_SRC))
 .SECONDARY:
 Q := $(if $(V),,@)
 
-## all: the program, the library and the package of the web client (WEB=0: without the page and the package, needs no npm; config=release|debug|asan|tsan|coverage|fuzz)
+## all: the program, the libraries and the package of the web client (WEB=0: without the page and the package, needs no npm; SERVER=0: without the server; config=release|debug|asan|tsan|coverage|fuzz)
 .PHONY: all
-all: $(BINARY) $(LIBTETLOD) $(SHARED) $(if $(filter 0,$(WEB)),,$(CLIENT)/package.json)
+all: $(BINARY) $(LIBTETLOD) $(SHARED) $(LIBBUILD) $(SHARED_BUILD) $(if $(filter 0,$(WEB))$(ALONE)$(PREBUILT),,$(CLIENT)/package.json)
 
 # A change of flags rebuilds: the stamp holds the line that compiles.
 FLAGS_LINE = $(CC) $(TETLOD_CFLAGS) $(OPTIONAL_CFLAGS) $(CPPFLAGS) $(CFLAGS) $(TETLOD_LDFLAGS) $(LDFLAGS)
 $(B)/flags: FORCE
-	@mkdir -p $(@D); echo '$(FLAGS_LINE)' | cmp -s - $@ || echo '$(FLAGS_LINE)' > $@
+	@mkdir -p $(@D); echo '$(FLAGS_LINE)' | cmp -s - $@ || { $(look_for_needs) [ -z "$$missing" ] || { $(say_needs); exit 1; }; echo '$(FLAGS_LINE)' > $@; }
 .PHONY: FORCE
 FORCE:
+
+# The commands of a program without the server
+$(B)/src/cli/main-alone.o: private CPPFLAGS += -DTETLOD_NO_SERVER
+$(B)/src/cli/main-alone.o: src/cli/main.c $(B)/flags
+	$(Q)$(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
+CLI_OBJECTS := $(if $(ALONE),$(call objects,$(filter-out %/main.c %/cmd_serve.c %/cmd_explode.c,$(CLI_SRC))) $(B)/src/cli/main-alone.o,$(call objects,$(CLI_SRC)))
+OBJECTS += $(B)/src/cli/main-alone.o
 
 # The same arithmetic for processors that have it; the program asks which it runs on.
 $(B)/src/simplify/kernels_avx2.o: private TETLOD_CFLAGS += $(if $(filter x86_64%,$(shell $(CC) -dumpmachine)),-mavx2)
@@ -132,13 +156,13 @@ $(B)/%.o: %.c $(B)/flags
 
 # What bundles the page; exactly the versions of the lock file. npm itself writes the file that stands for all of it.
 $(NODE_MODULES): $(WEB_DIR)/package.json $(WEB_DIR)/package-lock.json
-	@command -v npm >/dev/null || { echo "make: node and npm are missing (run: make deps-build)" >&2; exit 1; }
+	@command -v npm >/dev/null || { echo "make: node and npm are missing (run: make deps)" >&2; exit 1; }
 	@echo "  NPM $(WEB_DIR)"
 	$(Q)cd $(WEB_DIR) && npm ci --ignore-scripts --no-audit --no-fund --loglevel=error >/dev/null && touch node_modules/.package-lock.json
 
 $(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h) Makefile
 	@mkdir -p $(@D)
-	@command -v $(WASM_CC) >/dev/null || { echo "make: $(WASM_CC) is missing (run: make deps-build)" >&2; exit 1; }
+	@command -v $(WASM_CC) >/dev/null || { echo "make: $(WASM_CC) is missing (run: make deps)" >&2; exit 1; }
 	@echo "  WASM $@"
 	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(WASM_SRC)
 
@@ -154,7 +178,7 @@ build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
 	@echo "  WEB $(WEB_DIR)"
 	$(Q)node $(WEB_DIR)/build.mjs $(WEB_OUT) $(WASM) && touch $@
 
-$(EMBEDDED_SRC): server/embed.py $(if $(filter 0,$(WEB)),,build/web.stamp) server/api/openapi.json
+$(EMBEDDED_SRC): server/embed.py $(if $(filter 0,$(WEB)),,$(WEB_STAMP)) server/api/openapi.json
 	$(Q)python3 server/embed.py $(@D) $(if $(filter 0,$(WEB)),,$(WEB_OUT)) server/api
 
 $(EMBEDDED): $(EMBEDDED_SRC) server/answer/assets.h $(B)/flags
@@ -169,11 +193,22 @@ $(SHARED): $(call objects,$(FORMAT_SRC))
 	$(Q)$(CC) -shared $(if $(filter fuzz,$(config)),,-Wl$(comma)-z$(comma)defs) -Wl,-soname,libtetlod.so.$(SOVERSION) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ -lm
 comma := ,
 
-$(BINARY): $(call objects,$(CLI_SRC)) $(INTERNAL) $(LIBTETLOD)
+# One object, whose inner names are its own: a program that links it may have a `simplify` too
+$(LIBBUILD): $(call objects,$(BUILD_SRC))
+	@rm -f $@
+	$(Q)$(LD) -r -o $(B)/tetlod-build.o $^ && $(OBJCOPY) --localize-hidden $(B)/tetlod-build.o && $(AR) rcs $@ $(B)/tetlod-build.o
+
+# It brings the codec along, which exports nothing here
+$(SHARED_BUILD): $(call objects,$(BUILD_SRC) $(FORMAT_SRC)) src/library/exports.map
+	$(Q)$(CC) -shared $(if $(filter fuzz,$(config)),,-Wl$(comma)-z$(comma)defs) -Wl,-soname,libtetlod-build.so.$(SOVERSION) -Wl,--version-script=src/library/exports.map \
+	    $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $(filter %.o,$^) -lm
+
+$(BINARY): $(CLI_OBJECTS) $(INTERNAL) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ $(PACKAGE_LIBS)
 
 # The manual says what the commands say.
-$(B)/tetlod.1: $(BINARY) src/cli/man.py
+MANUAL := $(B)/tetlod$(ALONE).1
+$(MANUAL): $(BINARY) src/cli/man.py
 	$(Q)python3 src/cli/man.py $(BINARY) > $@
 
 $(B)/tests/unit/%: $(B)/tests/unit/%.o $(call objects,$(SUPPORT_SRC)) $(INTERNAL) $(LIBTETLOD)
@@ -195,6 +230,25 @@ $(B)/tests/oom/failmalloc.so $(B)/tests/cli/no_tmpfile.so: $(B)/%.so: %.c
 	@mkdir -p $(@D)
 	$(Q)$(CC) -std=c11 -O1 -fPIC -shared -o $@ $< -ldl
 
+## needs: look for what a build asks for, on any system; needs-check: for what the tests ask for, too
+.PHONY: needs needs-check
+define look_for_needs
+missing=; for c in $(NEEDS_COMMANDS); do command -v $$c >/dev/null || missing="$$missing $$c"; done; \
+for p in $(REQUIRED); do $(PKG_CONFIG) --exists $$p 2>/dev/null || missing="$$missing $$p(pkg-config)"; done; \
+$(if $(filter 0,$(WEB))$(PREBUILT),,! command -v $(WASM_CC) >/dev/null || echo 'int main(void) { return 0; }' | $(WASM_CC) --target=wasm32-wasi -x c - -o /dev/null 2>/dev/null || missing="$$missing wasi-libc";)
+endef
+define look_for_tests
+for c in $(NEEDS_CHECK); do command -v $$c >/dev/null || missing="$$missing $$c"; done; \
+for m in $(NEEDS_PYTHON); do /usr/bin/python3 -c "import $$m" 2>/dev/null || missing="$$missing python3-$$m"; done;
+endef
+say_needs = echo "make: this is missing:$$missing (make deps installs it on Debian; WEB=0 and SERVER=0 ask for less)" >&2
+# What is missing is installed where that is Debian's and root's to do
+install_needs = [ -z "$$missing" ] || { if command -v apt-get >/dev/null && [ "$$(id -u)" = 0 ]; then $(MAKE) --no-print-directory $(1); else $(say_needs); exit 1; fi; }
+needs:
+	@$(look_for_needs) $(call install_needs,deps-build)
+needs-check:
+	@$(look_for_needs) $(look_for_tests) $(call install_needs,deps-build deps-check)
+
 ## deps: install what is missing (Debian packages, as root); deps-build is the part that the program needs, deps-check the tests', deps-bench the benchmarks'
 .PHONY: deps deps-build deps-check deps-bench
 deps: deps-build deps-check deps-bench
@@ -206,14 +260,14 @@ define install_missing
 endef
 deps-build:
 	$(call install_missing,$(DEPS_BUILD))
-deps-check: deps-build
+deps-check:
 	$(call install_missing,$(DEPS_CHECK))
-deps-bench: deps-build
+deps-bench:
 	$(call install_missing,$(DEPS_BENCH))
 
 ## demo: install, build, make a sample and its stream, serve it and print the viewer's URL
 .PHONY: demo
-demo: deps-build
+demo: needs
 	$(Q)$(MAKE) --no-print-directory all
 	@mkdir -p build/demo
 	$(BINARY) sample fin -o build/demo/fin.vtu
@@ -224,7 +278,7 @@ demo: deps-build
 
 ## check: install, build and run all tests; ends with 'N passed, N failed' (ONLY=pattern runs some)
 .PHONY: check
-check: deps-check
+check: needs-check
 	$(Q)$(MAKE) --no-print-directory all tests
 	$(Q)$(MAKE) --no-print-directory config=asan all tests
 	$(Q)$(MAKE) --no-print-directory config=tsan threaded
@@ -237,7 +291,7 @@ tests: $(UNIT_TESTS) $(FUZZ_TARGETS) $(if $(filter release,$(config)),$(B)/tests
 ## fuzz: run each fuzz target for TIME seconds (TARGET=name for one)
 .PHONY: fuzz
 TIME ?= 60
-fuzz: deps-check
+fuzz: needs-check
 	$(Q)$(MAKE) --no-print-directory config=fuzz tests
 	@for t in $(if $(TARGET),fuzz_$(TARGET),$(notdir $(FUZZ_SRC:.c=))); do echo "== $$t"; mkdir -p build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_}; \
 	build/fuzz/tests/fuzz/$$t -max_total_time=$(TIME) -rss_limit_mb=4096 -timeout=20 -artifact_prefix=build/fuzz/found/$$t/ build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
@@ -246,16 +300,16 @@ fuzz: deps-check
 ## bench-server: stored bytes against nginx, levels that are not cached, memory; bench-opening: the first answers of ten million tetrahedra; bench-soak: a minute of mixed load; bench-hostile: a million hostile requests
 .PHONY: bench-server bench-opening bench-soak bench-hostile
 BENCHES += bench-server bench-opening bench-soak bench-hostile
-bench-server: deps-bench
+bench-server: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/server.py $(BINARY) 2 5
-bench-opening: deps-build
+bench-opening: needs
 	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/tile_stream
 	@python3 tests/bench/opening.py $(BINARY) $(B)/tests/bench/tile_stream
-bench-soak: deps-bench
+bench-soak: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/soak.py $(BINARY) $(TIME)
-bench-hostile: deps-bench
+bench-hostile: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@rm -rf build/scratch/bench-hostile; mkdir -p build/scratch/bench-hostile
 	@cd build/scratch/bench-hostile && HOSTILE=1000000 TETLOD=$(CURDIR)/$(BINARY) ROOT=$(CURDIR) SCRATCH=$$PWD CONFIG=release python3 $(CURDIR)/tests/http/test_hostile.py
@@ -263,23 +317,29 @@ bench-hostile: deps-bench
 ## bench-format: sizes of streams, by column, and speeds against tests/bench/format_sizes.csv (BLUNT=folder of the blunt fin; UPDATE=1 takes over)
 .PHONY: bench-format
 BENCHES += bench-format
-bench-format: deps-bench
+bench-format: needs-check
 	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_format $(B)/tests/bench/bench_columns
 	@/usr/bin/python3 tests/bench/bench_format.py $(BINARY) $(B)/tests/bench tests/bench/format_sizes.csv build/bench-format
 
 ## bench-thesis: the thesis's Tables 4.1 and 4.2 beside ours; bench-builder: percent of tetrahedra left, by metric and mesh (BLUNT=folder of the blunt fin)
 .PHONY: bench-thesis bench-builder
 BENCHES += bench-thesis bench-builder
-bench-thesis bench-builder: bench-%: deps-build
+bench-thesis bench-builder: bench-%: needs
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/$*.py $(BINARY)
 
 ## bench-build: what building costs beside VTK's decimation, one and two threads, and the true error of both (BLUNT=folder; MESHES='blunt cube:60'; REPEAT=3)
 .PHONY: bench-build
 BENCHES += bench-build
-bench-build: deps-bench
+bench-build: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@/usr/bin/python3 tests/bench/build.py $(BINARY) $(MESHES)
+
+## report: one HTML page: error against bytes beside VTK's decimation and compressed VTU, bytes by column, build time by phase (MESHES='a.tetlod fin:30')
+.PHONY: report
+report: needs-check
+	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_columns
+	@/usr/bin/python3 tests/bench/report_page.py $(BINARY) $(B)/tests/bench/bench_columns build/report.html $(MESHES)
 
 ## attack: SEEDS random adversarial meshes with random options, held against an oracle (FIRST=seed to begin with)
 .PHONY: attack
@@ -294,13 +354,13 @@ $(ATTACK): $(ATTACK_OBJECTS) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $^ -lm
 $(PROOF): $(B)/tests/attack/proof.o $(ORACLE_OBJECTS) $(INTERNAL) $(LIBTETLOD)
 	$(Q)$(CC) $(TETLOD_LDFLAGS) $(LDFLAGS) -o $@ $(filter-out $(LIBTETLOD),$^) $(LIBTETLOD) $(PACKAGE_LIBS)
-attack: deps-build
+attack: needs
 	$(Q)$(MAKE) --no-print-directory all $(ATTACK)
 	@python3 tests/attack/run_attack.py $(ATTACK) $(BINARY) $(B)/attack $(SEEDS) $(FIRST)
 
 ## mutants: take one line of the proof out at a time; a test must go red (NAME='one of tests/mutants/table.py')
 .PHONY: mutants
-mutants: deps-build
+mutants: needs
 	$(Q)$(MAKE) --no-print-directory all tests $(ATTACK)
 	@python3 tests/mutants/run_mutants.py $(if $(NAME),'$(NAME)')
 
@@ -315,32 +375,32 @@ bench-certificate: $(B)/tests/unit/test_certificate
 BENCHES += bench-cut
 build/wasm/bench_cut.wasm: tests/bench/bench_cut.c $(WASM) Makefile
 	$(Q)$(WASM_CC) $(filter-out -mexec-model=reactor,$(WASM_CFLAGS)) $(WASM_LDFLAGS) -o $@ $< $(CUT_SRC) format/status.c
-bench-cut: deps-build $(B)/tests/bench/bench_cut build/wasm/bench_cut.wasm
+bench-cut: needs $(B)/tests/bench/bench_cut build/wasm/bench_cut.wasm
 	@echo "== native"; $(B)/tests/bench/bench_cut
 	@echo "== WebAssembly"; node tests/bench/run_wasm.mjs build/wasm/bench_cut.wasm
 
 ## bench-web: the web client in headless Chromium, and over a slow link (BLUNT=folder of the blunt fin)
 .PHONY: bench-web
 BENCHES += bench-web
-bench-web: deps-bench
+bench-web: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@node tests/bench/web.mjs $(BINARY) build/bench-web$(if $(BLUNT),-blunt)
 
 ## bench: measure; bench-* are its parts
 .PHONY: bench
-bench: deps-bench $(BENCHES)
+bench: needs-check $(BENCHES)
 
 ## check-tsan: all tests of the server under the thread sanitizer, of which `check` runs some; threaded: builds what they need
 .PHONY: check-tsan threaded
 threaded: $(BINARY) $(patsubst %,$(B)/tests/unit/test_%,cache forest site)
-check-tsan: deps-check
+check-tsan: needs-check
 	$(Q)$(MAKE) --no-print-directory config=tsan threaded
 	@/usr/bin/python3 tests/run.py --every tsan --only http/
 	@/usr/bin/python3 tests/run.py tsan --only unit/
 
 ## figures: the pictures of the README, from the program's output (BLUNT=folder of the blunt fin: those of it, too)
 .PHONY: figures
-figures: deps-check all
+figures: needs-check all
 	@mkdir -p build/figures samples/figures
 	$(BINARY) sample fin -o build/figures/fin.vtu
 	$(BINARY) build build/figures/fin.vtu -o build/figures/fin.tetlod --quiet
@@ -350,23 +410,48 @@ ifdef BLUNT
 	TETLOD=$(BINARY) node tests/figures/blunt_fin.mjs build/figures/blunt.tetlod samples/figures
 endif
 
-## install: into $(DESTDIR)$(PREFIX); uninstall removes it again
+## install: program, libraries, headers, manual, completion and systemd units into $(DESTDIR)$(PREFIX); uninstall removes them again
 .PHONY: install uninstall
-install: all $(B)/tetlod.1
-	$(INSTALL) -d $(DESTDIR)$(bindir) $(DESTDIR)$(libdir)/pkgconfig $(DESTDIR)$(includedir) $(DESTDIR)$(mandir)/man1 $(DESTDIR)$(completionsdir)
+pc = printf 'prefix=%s\nlibdir=%s\nincludedir=%s\n\nName: %s\nDescription: levels of detail for tetrahedral volumes%s\nVersion: %s\nLibs: -L$${libdir} -l%s\nLibs.private: %s\nCflags: -I$${includedir}\n' \
+    '$(PREFIX)' '$(libdir)' '$(includedir)' $(1) '$(2)' '$(VERSION)' $(1) '$(3)' > $(DESTDIR)$(libdir)/pkgconfig/$(1).pc
+install_library = $(INSTALL) -m 644 $(1).a $(DESTDIR)$(libdir)/; $(INSTALL) -m 644 $(1).so.$(VERSION) $(DESTDIR)$(libdir)/; \
+    ln -sf $(notdir $(1)).so.$(VERSION) $(DESTDIR)$(libdir)/$(notdir $(1)).so.$(SOVERSION); ln -sf $(notdir $(1)).so.$(SOVERSION) $(DESTDIR)$(libdir)/$(notdir $(1)).so
+install: all $(MANUAL)
+	$(INSTALL) -d $(DESTDIR)$(bindir) $(DESTDIR)$(libdir)/pkgconfig $(DESTDIR)$(includedir) $(DESTDIR)$(mandir)/man1 $(DESTDIR)$(completionsdir) $(if $(ALONE),,$(DESTDIR)$(unitdir))
 	$(INSTALL) -m 755 $(BINARY) $(DESTDIR)$(bindir)/tetlod
-	$(INSTALL) -m 644 $(LIBTETLOD) $(DESTDIR)$(libdir)/libtetlod.a
-	$(INSTALL) -m 755 $(SHARED) $(DESTDIR)$(libdir)/libtetlod.so.$(VERSION)
-	ln -sf libtetlod.so.$(VERSION) $(DESTDIR)$(libdir)/libtetlod.so.$(SOVERSION)
-	ln -sf libtetlod.so.$(SOVERSION) $(DESTDIR)$(libdir)/libtetlod.so
+	$(call install_library,$(LIBTETLOD:.a=))
+	$(call install_library,$(LIBBUILD:.a=))
 	$(INSTALL) -m 644 format/tetlod.h $(DESTDIR)$(includedir)/tetlod.h
-	$(INSTALL) -m 644 $(B)/tetlod.1 $(DESTDIR)$(mandir)/man1/tetlod.1
+	sed 's|"format/tetlod.h"|<tetlod.h>|' src/library/tetlod_build.h > $(DESTDIR)$(includedir)/tetlod_build.h
+	$(INSTALL) -m 644 $(MANUAL) $(DESTDIR)$(mandir)/man1/tetlod.1
 	$(INSTALL) -m 644 src/cli/tetlod.bash $(DESTDIR)$(completionsdir)/tetlod
-	printf 'prefix=%s\nlibdir=%s\nincludedir=%s\n\nName: tetlod\nDescription: levels of detail for tetrahedral volumes\nVersion: %s\nLibs: -L$${libdir} -ltetlod\nLibs.private: -lm\nCflags: -I$${includedir}\n' \
-	    '$(PREFIX)' '$(libdir)' '$(includedir)' '$(VERSION)' > $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc
+	$(if $(ALONE),,sed 's|/usr/local/bin/|$(bindir)/|' server/deploy/tetlod.service > $(DESTDIR)$(unitdir)/tetlod.service)
+	$(if $(ALONE),,$(INSTALL) -m 644 server/deploy/tetlod.socket $(DESTDIR)$(unitdir)/tetlod.socket)
+	$(call pc,tetlod,,-lm)
+	$(call pc,tetlod-build, (building streams),-ltetlod -pthread -lm)
 uninstall:
-	rm -f $(DESTDIR)$(bindir)/tetlod $(DESTDIR)$(libdir)/libtetlod.* $(DESTDIR)$(includedir)/tetlod.h \
-	    $(DESTDIR)$(mandir)/man1/tetlod.1 $(DESTDIR)$(completionsdir)/tetlod $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc
+	rm -f $(DESTDIR)$(bindir)/tetlod $(DESTDIR)$(libdir)/libtetlod.* $(DESTDIR)$(libdir)/libtetlod-build.* $(DESTDIR)$(includedir)/tetlod.h $(DESTDIR)$(includedir)/tetlod_build.h \
+	    $(DESTDIR)$(mandir)/man1/tetlod.1 $(DESTDIR)$(completionsdir)/tetlod $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc \
+	    $(DESTDIR)$(libdir)/pkgconfig/tetlod-build.pc $(DESTDIR)$(unitdir)/tetlod.service $(DESTDIR)$(unitdir)/tetlod.socket
+
+## dist: the sources with the page prebuilt: what is built from them needs neither npm nor a network
+.PHONY: dist
+DIST := tetlod-$(VERSION)
+dist: all
+	@rm -rf build/dist && mkdir -p build/dist/$(DIST)/$(WEB_DIR)/prebuilt
+	$(Q)git ls-files -z | xargs -0 cp -p --parents -t build/dist/$(DIST)
+	$(Q)cp -R $(WEB_OUT) build/dist/$(DIST)/$(WEB_DIR)/prebuilt/page && cp -R $(CLIENT) build/dist/$(DIST)/$(WEB_DIR)/prebuilt/client
+	$(Q)tar -C build/dist --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct) -c $(DIST) | gzip -9n > build/$(DIST).tar.gz
+	@echo "build/$(DIST).tar.gz"
+
+## deb: Debian packages of what is built, in build/deb: tetlod, libtetlod0, libtetlod-dev
+.PHONY: deb
+deb: all $(MANUAL)
+	@command -v dh >/dev/null || { echo "make: debhelper is missing (run: make deps)" >&2; exit 1; }
+	@rm -rf build/deb && mkdir -p build/deb/$(DIST)
+	$(Q)cp -R server/deploy/debian build/deb/$(DIST)/
+	$(Q)cd build/deb/$(DIST) && DEB_BUILD_OPTIONS=noautodbgsym TREE=$(CURDIR) debian/rules binary
+	@cd build/deb && ls *.deb
 
 ## clean: remove build/
 .PHONY: clean

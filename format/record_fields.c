@@ -99,7 +99,7 @@ int tetlodi_field_log_add(struct tetlodi_recorder *recorder, struct tetlodi_fiel
     struct tetlodi_memory *memory = replay->memory;
     if (!TETLODI_ROOM(memory, log->records, log->records_capacity, log->count + (size_t)1) ||
         !TETLODI_ROOM(memory, log->locations, log->locations_capacity, log->location_count + (size_t)4) ||
-        !TETLODI_ROOM(memory, log->links, log->links_capacity, log->link_count + (size_t)star->link_count))
+        !TETLODI_ROOM(memory, log->links, log->links_capacity, log->link_count + (size_t)star->link_count + 1)) // never NULL
         return 0;
     log->records[log->count++] = (struct tetlodi_field_record){.vertex = record->vertex,
                                                                .first_child = replay->vertices,

@@ -38,7 +38,8 @@ def embed(label, path, data):
 
 
 def main(out, *folders):
-    files = sorted((os.path.join(where, name), folder) for folder in folders for where, _, names in os.walk(folder) for name in names)
+    files = [(os.path.join(where, name), folder) for folder in folders for where, _, names in os.walk(folder) for name in names]
+    files.sort(key=lambda file: os.path.relpath(*file))  # wherever the folders are
     blocks, rows = [], []
     os.makedirs(out, exist_ok=True)
     for i, (path, folder) in enumerate(files):

@@ -9,7 +9,6 @@
  */
 #include "src/cli/against.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,11 +29,15 @@
 /* What every user of an error has to allow (PROOF.md, 3). */
 static const double TIE = 1e-9;
 
-/* A measured error that is too large breaks no promise: it is refused where it is so by more than this. */
-static const double TOO_LARGE = 1e-3;
+/* What the index may round an error up by: it keeps 16 binary digits (format/SPEC.md, 15). A measured error that is larger is refused. */
+static const double TOO_LARGE = 0x1p-15 + 1e-9;
 
 /* Differences below this fraction of the range are not looked for. */
 static const double NO_DIFFERENCE = 1e-12;
+
+/* What rounding makes of an error, as a fraction of the range: values are taken less one of them, so how far they are from 0 does not
+ * matter. */
+static const double NOISE = 1e-14;
 
 /* Work up to which the exact maximum is taken of all levels: tetrahedra of the original times levels. */
 static const double MOST_WORK = 4e6;
@@ -49,7 +52,6 @@ struct against {
     const struct tetmesh *original; /* that levels are compared with: in the stream's numbering, if that is known */
     bool numbered;                  /* it is */
     uint32_t *fields;               /* [field_count] of the original */
-    double *scales;                 /* [field_count] 1 / range, of the input */
     uint32_t *level_fields;         /* [field_count] of a level: all in order */
     struct measured *measured;      /* [field_count] */
     double *exact, *floors;         /* [field_count] */
@@ -225,14 +227,6 @@ static enum tetlod_status measure_this(struct against *a, uint32_t k, double *ou
 
 /* ---- what the index says */
 
-/* What rounding alone makes of a field whose values are far from 0, as a fraction of its range. */
-static double noise_of(const struct tetlod_info *info, uint32_t field)
-{
-    const double *range = info->fields[field].range;
-    double width = range[1] - range[0];
-    return 1e-14 + (width > 0 ? 8 * DBL_EPSILON * larger(fabs(range[0]), fabs(range[1])) / width : 0);
-}
-
 static double stored_error(const struct tetlod_info *info, uint32_t k, uint32_t field, enum tetlod_measure measure)
 {
     return k < info->level_count ? info->levels[k].errors[field * TETLOD_MEASURES + (uint32_t)measure] : 0;
@@ -248,11 +242,14 @@ static enum tetlod_status check_between(const struct against *a, uint32_t k, uin
                                         const struct measured *least, const struct measured *most)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
-    double stored = stored_error(info, k, f, measure), finer = stored_error(info, k + 1, f, measure), noise = noise_of(info, f);
-    double low = of_measured(least, measure) * a->scales[f], high = of_measured(most, measure) * a->scales[f];
+    double stored = stored_error(info, k, f, measure), finer = stored_error(info, k + 1, f, measure);
+    const double *range = info->fields[f].range;
+    double low = range_fraction(range, of_measured(least, measure)), high = range_fraction(range, of_measured(most, measure));
     bool tail_above = has_tail(info) && k + 1 < info->level_count;
-    high = larger(larger(high, finer), tail_above ? of_measured(&a->rounding[f], measure) * a->scales[f] : 0);
-    if (stored >= low * (1 - TIE) - noise && (stored <= high * (1 + TOO_LARGE) + noise || !a->numbered))
+    high = larger(larger(high, finer), tail_above ? range_fraction(range, of_measured(&a->rounding[f], measure)) : 0);
+    if (range[1] > range[0] && !range_has_scale(range)) // it is 0 or the whole, by the last bit of a number that has few
+        return TETLOD_OK;
+    if (stored >= low * (1 - TIE) - NOISE && (stored <= high * (1 + TOO_LARGE) + NOISE || !a->numbered))
         return TETLOD_OK;
     return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: its %s error is %.9g, stored is %.9g", k,
                         info->fields[f].name, tetlod_measure_name(measure), stored < low ? low : high, stored);
@@ -280,7 +277,7 @@ static enum tetlod_status check_order(const struct against *a, uint32_t k)
     const struct tetlod_info *info = tetlod_info(a->file);
     for (uint32_t f = 0; f < info->field_count; f++) {
         double max = stored_error(info, k, f, TETLOD_MAX), sampled = stored_error(info, k, f, TETLOD_SAMPLED);
-        if (max < sampled * (1 - TIE) - noise_of(info, f))
+        if (max < sampled * (1 - TIE) - NOISE)
             return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: certified is %.9g, but measured is %.9g", k,
                                 info->fields[f].name, max, sampled);
     }
@@ -333,14 +330,16 @@ static enum tetlod_status check_exact(struct against *a, uint32_t k, bool all)
     if (!all)
         options.wanted = NULL;
     for (uint32_t f = 0; f < info->field_count; f++) {
+        const double *range = info->fields[f].range;
         double certified = stored_error(info, k, f, TETLOD_MAX);
-        a->floors[f] = isnan(certified) || !(a->scales[f] > 0) ? INFINITY : (certified * (1 + TIE) + NO_DIFFERENCE + noise_of(info, f)) / a->scales[f];
+        bool looked_for = !isnan(certified) && range_has_scale(range);
+        a->floors[f] = looked_for ? (certified * (1 + TIE) + NO_DIFFERENCE) * (range[1] - range[0]) : INFINITY;
     }
     TETLOD_TRY(overlay_max(a->original, a->fields, &a->level, a->level_fields, info->field_count, &options, a->exact, &overlay, a->error));
     for (uint32_t f = 0; f < info->field_count; f++)
         if (a->exact[f] > a->floors[f])
             return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: certified is %.9g, but the exact maximum is %.9g",
-                                k, info->fields[f].name, stored_error(info, k, f, TETLOD_MAX), a->exact[f] * a->scales[f]);
+                                k, info->fields[f].name, stored_error(info, k, f, TETLOD_MAX), range_fraction(info->fields[f].range, a->exact[f]));
     return TETLOD_OK;
 }
 
@@ -383,7 +382,6 @@ static enum tetlod_status prepare(struct against *a)
     const struct tetlod_info *info = tetlod_info(a->file);
     a->fields = array_new(info->field_count, sizeof *a->fields);
     a->level_fields = array_new(info->field_count, sizeof *a->level_fields);
-    a->scales = array_new(info->field_count, sizeof *a->scales);
     a->measured = array_new(info->field_count, sizeof *a->measured);
     a->ranges = array_new(info->field_count, sizeof *a->ranges);
     a->rounding = array_zero(info->field_count, sizeof *a->rounding);
@@ -392,7 +390,7 @@ static enum tetlod_status prepare(struct against *a)
     a->usable = array_new(info->tets, 1);
     a->wanted = array_new(info->tets, 1);
     a->report->exact = array_new(info->level_count, sizeof *a->report->exact);
-    if (!a->fields || !a->level_fields || !a->scales || !a->measured || !a->ranges || !a->rounding || !a->exact || !a->floors ||
+    if (!a->fields || !a->level_fields || !a->measured || !a->ranges || !a->rounding || !a->exact || !a->floors ||
         !a->usable || !a->wanted || !a->report->exact)
         return nomem(a);
     a->original = a->input;
@@ -409,7 +407,6 @@ static enum tetlod_status prepare(struct against *a)
         if (range[0] != stored[0] || range[1] != stored[1])
             return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "%.60s: the input's range is %g .. %g, stored is %g .. %g",
                                 info->fields[f].name, range[0], range[1], stored[0], stored[1]);
-        a->scales[f] = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
     }
     return TETLOD_OK;
 }
@@ -417,7 +414,7 @@ static enum tetlod_status prepare(struct against *a)
 static void release(struct against *a)
 {
     void *const owned[] = {a->parents, a->bodies,   a->promised, a->touched, a->usable,       a->wanted, a->fields,
-                           a->scales,  a->measured, a->ranges,   a->exact,   a->level_fields, a->floors, a->rounding};
+                           a->measured, a->ranges,   a->exact,   a->level_fields, a->floors, a->rounding};
     measure_free(a->measure);
     measure_levels_free(a->measure_levels);
     boundary_check_free(a->boundary);

@@ -338,61 +338,15 @@ static void drop_fields(struct tetmesh *mesh, const char *carry, struct build_co
     mesh->field_count = kept;
 }
 
-/* A --field with the limit that --abs-error gives it. */
-static enum tetlod_status parse_control(const struct request *request, uint32_t i, struct tetmesh *mesh, struct build_control *out,
-                                        struct tetlod_error *error)
-{
-    double range[2];
-    TETLOD_TRY(build_control_parse(mesh, request->fields[i], out, error));
-    if (!(request->units[i] > 0))
-        return TETLOD_OK;
-    const struct point_field *field = &mesh->fields[out->field];
-    if (out->limit > 0)
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "--field %.60s has a limit already; leave out --abs-error", request->fields[i]);
-    point_field_range(field, mesh->vertex_count, range);
-    if (request->units[i] < range[1] - range[0])
-        out->limit = request->units[i] / (range[1] - range[0]);
-    return TETLOD_OK;
-}
-
 static enum tetlod_status choose_fields(const struct request *request, struct tetmesh *mesh,
                                         struct build_control *controls, uint32_t *count, struct tetlod_error *error)
 {
-    *count = request->field_count;
-    for (uint32_t i = 0; i < request->field_count; i++)
-        TETLOD_TRY(parse_control(request, i, mesh, &controls[i], error));
-    if (request->carry)
+    TETLOD_TRY(build_controls_parse(mesh, request->fields, request->units, request->field_count, controls, count, error));
+    if (request->carry) {
         TETLOD_TRY(check_carry(mesh, request->carry, error));
-    if (!*count) {
-        TETLOD_TRY(build_control_default(mesh, controls, error));
-        *count = 1;
-    }
-    for (uint32_t i = 0; i < *count; i++)
-        for (uint32_t j = 0; j < i; j++)
-            if (controls[i].field == controls[j].field)
-                return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "--field %s is given twice",
-                                    mesh->fields[controls[i].field].name);
-    if (request->carry)
         drop_fields(mesh, request->carry, controls, *count);
+    }
     build_controls_add_vectors(mesh, controls, count);
-    return TETLOD_OK;
-}
-
-/* ---- regions */
-
-/* Sets the cell field that tells regions: the one that is named, or the one whose name says so. */
-static enum tetlod_status choose_regions(struct request *request, const struct tetmesh *mesh, struct tetlod_error *error)
-{
-    const char *name = request->region;
-    uint32_t field = name ? tetmesh_find_cell_field(mesh, name) : tetmesh_find_region(mesh);
-    if (name && field == TETLOD_NONE && strcmp(name, "none") == 0)
-        return TETLOD_OK;
-    if (name && field == TETLOD_NONE)
-        return tetlodi_fail(error, TETLOD_ERR_FIELD, "--region: no values of cells are named '%.60s'%s%.60s", name,
-                            mesh->cell_field_count ? "; there is " : "; there are none", mesh->cell_field_count ? mesh->cell_fields[0].name : "");
-    if (name && (!mesh->cell_fields[field].is_integer || mesh->cell_fields[field].components != 1))
-        return tetlodi_fail(error, TETLOD_ERR_FIELD, "--region: '%.60s' is not one integer for each cell", name);
-    request->build.regions = field == TETLOD_NONE ? NULL : mesh->cell_fields[field].name;
     return TETLOD_OK;
 }
 
@@ -648,7 +602,7 @@ static int build(struct request *request)
     struct tetlod_error inner = {0};
     status = choose_fields(request, &mesh, controls, &count, &inner);
     if (status == TETLOD_OK)
-        status = choose_regions(request, &mesh, &inner);
+        status = build_regions_choose(&mesh, request->region, &request->build.regions, &inner);
     if (status == TETLOD_OK && is_series(request, &read))
         status = load_series(request, &read, &mesh, controls, count, &inner);
     if (status == TETLOD_OK)
@@ -704,15 +658,7 @@ static int run(int argc, char **argv)
         {"memory", required_argument, NULL, 'M'},     {"json", no_argument, NULL, JSON},
         {"progress", no_argument, NULL, PROGRESS},    {"quiet", no_argument, NULL, QUIET},
         {0}};
-    struct request request = {.contract = "edge",
-                              .build = {.metric = METRIC_ENVELOPE,
-                                        .contract = CONTRACT_EDGES,
-                                        .max_error = 1,
-                                        .min_tets = 1,
-                                        .boundary_angle = 30,
-                                        .domain_error = 1e-3,
-                                        .growth = 1.1,
-                                        .compression = 19}};
+    struct request request = {.contract = "edge", .build = build_options_default()};
     bool forced = false;
     series_input_init(&request.series);
     for (int option; (option = cli_option(&command_build, argc, argv, "o:", options)) != -1;) {

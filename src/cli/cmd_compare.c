@@ -39,7 +39,7 @@ static int print(const struct tetmesh *a, const struct tetmesh *b, uint32_t fiel
     const struct measured *measured = &found->measured;
     double range[2], diagonal = mesh_diagonal(a);
     point_field_range(&a->fields[field], a->vertex_count, range);
-    double scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
+    double fractions[3] = {range_fraction(range, found->max), range_fraction(range, measured->sampled), range_fraction(range, measured->rms)};
     double domain = diagonal > 0 ? found->domain / diagonal : 0;
     if (!json) {
         printf("field         %s, range %.9g .. %.9g\n", a->fields[field].name, range[0], range[1]);
@@ -48,9 +48,9 @@ static int print(const struct tetmesh *a, const struct tetmesh *b, uint32_t fiel
                100.0 * b->tet_count / a->tet_count);
         printf("degenerate    %llu against %llu tetrahedra, left out\n", (unsigned long long)found->overlay.degenerate[1],
                (unsigned long long)found->overlay.degenerate[0]);
-        printf("max           %.6g %% of the range (%.9g)\n", 100 * found->max * scale, found->max);
-        printf("sampled       %.6g %% of the range (%.9g)\n", 100 * measured->sampled * scale, measured->sampled);
-        printf("rms           %.6g %% of the range (%.9g)\n", 100 * measured->rms * scale, measured->rms);
+        printf("max           %.6g %% of the range (%.9g)\n", 100 * fractions[0], found->max);
+        printf("sampled       %.6g %% of the range (%.9g)\n", 100 * fractions[1], measured->sampled);
+        printf("rms           %.6g %% of the range (%.9g)\n", 100 * fractions[2], measured->rms);
         printf("domain error  %.6g of the diagonal\n", domain);
         return EXIT_DONE;
     }
@@ -58,8 +58,8 @@ static int print(const struct tetmesh *a, const struct tetmesh *b, uint32_t fiel
                                "range", range[0], range[1], "vertices", (int)a->vertex_count, (int)b->vertex_count,
                                "tets", (int)a->tet_count, (int)b->tet_count, "degenerate_tets",
                                (json_int_t)found->overlay.degenerate[0], (json_int_t)found->overlay.degenerate[1],
-                               "errors", "max", found->max * scale, "sampled", measured->sampled * scale, "rms",
-                               measured->rms * scale, "domain_error", domain);
+                               "errors", "max", fractions[0], "sampled", fractions[1], "rms",
+                               fractions[2], "domain_error", domain);
     char *text = object ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
     if (text)
         puts(text);

@@ -49,6 +49,7 @@ static int run(int argc, char **argv)
     const char *const inputs[] = {argv[optind], reading.options.solution};
     if (!cli_check_output(&command_convert, output, NULL, inputs, 2))
         return EXIT_USAGE;
+    reading.options.output = output;
     return convert(argv[optind], &reading.options, output);
 }
 

@@ -6,7 +6,10 @@
 
 static const struct command *const commands[] = {
     &command_build,   &command_info,    &command_extract, &command_verify,
-    &command_compare, &command_convert, &command_sample,  &command_serve, &command_explode,
+    &command_compare, &command_convert, &command_sample,
+#ifndef TETLOD_NO_SERVER
+    &command_serve,   &command_explode,
+#endif
     &command_plot,    &command_formats,
 };
 

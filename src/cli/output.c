@@ -3,17 +3,10 @@
 #include <stdio.h>
 #include <string.h>
 #include <strings.h>
-#include <sys/stat.h>
 
 #include "src/cli/cli.h"
 #include "src/io/io.h"
-
-static bool is_input(const char *output, const char *input)
-{
-    struct stat out, in;
-    return input && stat(output, &out) == 0 && stat(input, &in) == 0 && S_ISREG(out.st_mode) && out.st_dev == in.st_dev &&
-           out.st_ino == in.st_ino;
-}
+#include "src/util/file.h"
 
 /* What an extension stands for; NULL: nothing that is known. */
 static const char *meaning(const char *extension)
@@ -34,7 +27,7 @@ bool cli_check_output(const struct command *command, const char *output, const c
                       size_t count)
 {
     for (size_t i = 0; i < count; i++)
-        if (is_input(output, inputs[i])) {
+        if (inputs[i] && file_same(output, inputs[i])) {
             cli_usage(command->name, "-o %s is the input %s: give the output another name", output, inputs[i]);
             return false;
         }

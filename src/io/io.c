@@ -266,6 +266,11 @@ enum tetlod_status io_resolve(const struct io_input *from, const char *name, cha
     char *real = realpath(*out, NULL);
     bool is_there = real != NULL;
     free(real);
+    if (from->options && from->options->output && file_same(*out, from->options->output)) {
+        free(*out);
+        *out = NULL;
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "names the file %.80s, which is the output, too: give the output another name", name);
+    }
     if (!is_there || (from->options && from->options->follow) || is_beside(from->path, *out))
         return TETLOD_OK; // opening it says why it is not there
     free(*out);

@@ -41,6 +41,7 @@ struct stray {
 struct source {
     size_t tet;             /* or NO_TET */
     bool has_values;
+    uint32_t corners[4];    /* sorted (sample_points.h) */
     double positions[4][3];
     double random[4];       /* weights of its second sample */
     double *values;         /* as walk_gather makes them */
@@ -103,16 +104,17 @@ struct point {
 
 static void load_source(const struct measure_levels *m, struct source *source, size_t tet)
 {
-    const uint32_t *corners = m->original->corners + 4 * tet;
     uint64_t hashes[4];
     if (source->tet == tet)
         return;
     source->tet = tet;
     source->has_values = false;
-    for (int i = 0; i < 4; i++) {
-        memcpy(source->positions[i], m->original->positions + 3 * (size_t)corners[i], sizeof source->positions[i]);
-        hashes[i] = m->hashes[corners[i]];
-    }
+    memcpy(source->corners, m->original->corners + 4 * tet, sizeof source->corners);
+    for (int i = 0; i < 4; i++)
+        hashes[i] = m->hashes[source->corners[i]];
+    sample_sort(hashes, source->corners);
+    for (int i = 0; i < 4; i++)
+        memcpy(source->positions[i], m->original->positions + 3 * (size_t)source->corners[i], sizeof source->positions[i]);
     sample_weights_of_hashes(hashes, source->random);
 }
 
@@ -140,7 +142,7 @@ static const double *source_values(const struct measure_levels *m, struct worker
     uint32_t vertex = (uint32_t)sample, alone[4] = {vertex, vertex, vertex, vertex};
     bool is_vertex = sample < m->original->vertex_count;
     if (is_vertex || !source->has_values)
-        walk_gather(m->components, m->width, is_vertex ? alone : m->original->corners + 4 * source->tet, source->values);
+        walk_gather(m->components, m->width, is_vertex ? alone : source->corners, source->values);
     source->has_values = !is_vertex;
     return source->values;
 }
@@ -225,7 +227,7 @@ static void file_rounding(struct measure_levels *m, struct worker *worker, size_
     const uint32_t vertex = (uint32_t)sample, alone[4] = {vertex, vertex, vertex, vertex};
     find_point(m, worker, sample, &point);
     walk_gather(worker->walker.components, m->width,
-                sample < m->original->vertex_count ? alone : m->original->corners + 4 * worker->source.tet, worker->values);
+                sample < m->original->vertex_count ? alone : worker->source.corners, worker->values);
     file_error(m, worker, sample, &point, worker->values, point.weights);
 }
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A sample is known to be within a few units in the last place of its coordinates, and in a tetrahedron whatever its weights,
- * computed in doubles, may say so. Every tetrahedron, or else every closest face, that may be the one gives a difference and how
- * far off that may be: the sample's error is between the least and the greatest of these.
+ * Where a sample is has the same bits in whatever order a mesh lists its corners (sample_points.h). It is in a tetrahedron whatever its
+ * weights, computed in doubles, may say so. Every tetrahedron, or else every closest face, that may be the one gives a difference and
+ * how far off that may be: the sample's error is between the least and the greatest of these.
  *
  * Where sheets of the level lie over each other, the straight way from the closest point of the boundary may not lead to the sample:
  * a search may then say that it is outside, and the closest faces are asked, too.
@@ -16,6 +16,7 @@
 
 #include "format/fail.h"
 #include "src/measure/exact_cell.h"
+#include "src/measure/tally.h"
 #include "src/measure/walk.h"
 #include "src/mesh/locate.h"
 #include "src/mesh/sample_points.h"
@@ -32,7 +33,7 @@ enum { CHUNK = 1024 };
 
 /* Sums over a chunk of samples. */
 struct sums {
-    double most[2], squares[2]; /* of the least and of the greatest errors */
+    double most[2], squares[2]; /* of the least and of the greatest errors; these times the scale */
 };
 
 /* One thread's. */
@@ -52,7 +53,9 @@ struct ranges {
     struct locator locator;
     struct coarsening mesh; /* the level */
     double size; /* of the level: its diagonal */
+    bool in_place; /* the level is the original but for values: each sample is where it was, whatever else lies at the same point */
     struct sums *sums; /* [chunk][field] */
+    double *scales;    /* [field] so that no square is too large or too small (tally.h) */
     struct worker *workers;
 };
 
@@ -60,7 +63,6 @@ struct ranges {
 struct sample {
     struct place place;
     double p[3];
-    double doubt; /* how far from p it may be */
     uint32_t body;
     bool held;
 };
@@ -121,7 +123,7 @@ static void try_tets(const struct ranges *r, struct worker *worker, struct sampl
         exact_map_set(&map, q);
         exact_weights(&map, (const quad[3]){sample->p[0], sample->p[1], sample->p[2]}, weights);
         // heights are at least the volume by the square of the longest edge
-        double doubt = ON_FACE + (48 * DBL_EPSILON * sqrt(size2) + sample->doubt) * size2 / volume6;
+        double doubt = ON_FACE + 48 * DBL_EPSILON * sqrt(size2) * size2 / volume6;
         for (int c = 0; c < 4; c++)
             least = smaller(least, place.weights[c] = (double)weights[c]);
         if (!(least >= -doubt))
@@ -138,7 +140,7 @@ static bool is_closest(const struct ranges *r, const struct sample *sample, uint
     *out = (struct place){{v[0], v[1], v[2], v[0]}, {0}};
     return r->bodies[v[0]] == sample->body &&
            sqrt(triangle_distance2(sample->p, position(r, v[0]), position(r, v[1]), position(r, v[2]), out->weights)) <=
-               distance * (1 + 1e-9) + 4 * sample->doubt;
+               distance * (1 + 1e-9);
 }
 
 /* The faces that may be the closest. */
@@ -155,7 +157,7 @@ static void try_faces(const struct ranges *r, struct worker *worker, const struc
         subtract(q[2], q[0], v);
         cross(u, v, normal);
         double area2 = dot(normal, normal);
-        double doubt = area2 > 0 ? ON_FACE + 64 * DBL_EPSILON * size2 * size2 / area2 + 8 * sample->doubt * sqrt(size2 / area2) : 1;
+        double doubt = area2 > 0 ? ON_FACE + 64 * DBL_EPSILON * size2 * size2 / area2 : 1;
         add_place(r, worker, sample, &place, smaller(doubt, 1));
     }
 }
@@ -203,21 +205,22 @@ static void find_errors(const struct ranges *r, struct worker *worker, size_t nu
     uint32_t count, face;
     sample_place(r->original, number, &sample.place);
     sample.body = r->bodies[sample.place.vertices[0]];
-    for (uint32_t d = 0; d < 3; d++) {
+    for (uint32_t d = 0; d < 3; d++)
         sample.p[d] = place_value(r->original->positions, 3, d, &sample.place);
-        for (int c = 0; c < 4 && number >= r->original->vertex_count; c++)
-            sample.doubt = larger(sample.doubt, 8 * DBL_EPSILON * fabs(r->original->positions[3 * (size_t)sample.place.vertices[c] + d]));
-    }
     for (uint32_t f = 0; f < r->original->field_count; f++) {
         worker->errors[2 * f] = INFINITY;
         worker->errors[2 * f + 1] = 0;
     }
-    if (!find_near(&r->locator.tets, worker, sample.p, sample.doubt + 1e-7 * r->size, &count))
+    if (r->in_place) {
+        add_place(r, worker, &sample, &sample.place, 0);
+        return;
+    }
+    if (!find_near(&r->locator.tets, worker, sample.p, 1e-7 * r->size, &count))
         return;
     try_tets(r, worker, &sample, count);
     double distance = mesh_surface_closest(&r->locator.surface, sample.body, sample.p, &closest, &face);
     if (face == TETLOD_NONE ||
-        !find_near(&r->locator.surface.boxes, worker, sample.p, distance * (1 + 1e-9) + 4 * sample.doubt, &count) ||
+        !find_near(&r->locator.surface.boxes, worker, sample.p, distance * (1 + 1e-9), &count) ||
         (sample.held && is_reached(r, worker, &sample, distance, count)))
         return;
     try_faces(r, worker, &sample, distance, count);
@@ -238,7 +241,7 @@ static void sum_chunk(void *context, unsigned number, size_t begin, size_t end)
                 double error = worker->errors[2 * f + (size_t)side];
                 error = isfinite(error) ? error : side ? DBL_MAX : 0;
                 sums[f].most[side] = larger(sums[f].most[side], error);
-                sums[f].squares[side] += error * error;
+                sums[f].squares[side] += error * r->scales[f] * (error * r->scales[f]);
             }
     }
 }
@@ -254,8 +257,8 @@ static void add_up(const struct ranges *r, size_t chunks, size_t counted, struct
                 sum.squares[side] += r->sums[i * fields + f].squares[side];
             }
         double by = counted ? (double)counted : 1;
-        out[f].least = (struct measured){sum.most[0], sqrt(sum.squares[0] / by)};
-        out[f].most = (struct measured){sum.most[1], sqrt(sum.squares[1] / by)};
+        out[f].least = (struct measured){sum.most[0], sqrt(sum.squares[0] / by) / r->scales[f]};
+        out[f].most = (struct measured){sum.most[1], sqrt(sum.squares[1] / by) / r->scales[f]};
     }
 }
 
@@ -276,23 +279,37 @@ static size_t find_counting(struct ranges *r, uint8_t *counts)
     return counted;
 }
 
+static bool is_in_place(const struct tetmesh *original, const struct tetmesh *level)
+{
+    return original->vertex_count == level->vertex_count && original->tet_count == level->tet_count &&
+           memcmp(original->positions, level->positions, original->vertex_count * 3 * sizeof *level->positions) == 0 &&
+           memcmp(original->corners, level->corners, original->tet_count * 4 * sizeof *level->corners) == 0;
+}
+
 enum tetlod_status measure_range(const struct tetmesh *original, const uint32_t *bodies, const struct tetmesh *level,
                                  unsigned threads, struct measured_range *out, struct tetlod_error *error)
 {
     uint32_t fields = original->field_count;
     size_t samples = sample_count(original), chunks = (samples + CHUNK - 1) / CHUNK;
     threads = threads < 1 ? 1 : threads > PARALLEL_MOST_THREADS ? PARALLEL_MOST_THREADS : threads;
-    struct ranges r = {.original = original, .level = level, .bodies = bodies, .size = mesh_diagonal(level)};
+    struct ranges r = {.original = original, .level = level, .bodies = bodies, .size = mesh_diagonal(level), .in_place = is_in_place(original, level)};
     uint8_t *counts = array_new(original->tet_count, 1);
     enum tetlod_status status = TETLOD_OK;
     r.vertex_counts = array_zero(original->vertex_count, 1);
     r.sums = array_zero(chunks * fields, sizeof *r.sums);
     r.workers = array_zero(threads, sizeof *r.workers);
-    bool room = counts && r.vertex_counts && r.sums && r.workers;
+    r.scales = array_new(fields, sizeof *r.scales);
+    bool room = r.scales && counts && r.vertex_counts && r.sums && r.workers;
     for (unsigned i = 0; i < threads && room; i++)
         room = (r.workers[i].errors = array_new(2 * (size_t)fields, sizeof(double))) != NULL;
     if (!room)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the samples", chunks * fields * sizeof *r.sums));
+    for (uint32_t f = 0; f < fields; f++) {
+        double ranges[2][2];
+        point_field_range(&original->fields[f], original->vertex_count, ranges[0]);
+        point_field_range(&level->fields[f], level->vertex_count, ranges[1]);
+        r.scales[f] = tally_scale(ranges[0], ranges[1]);
+    }
     size_t counted = find_counting(&r, counts);
     TETLOD_TRY_DONE(locator_init(&r.locator, level->positions, level->vertex_count, level->corners, level->tet_count, error));
     r.locator.surface.bodies = bodies;
@@ -314,6 +331,7 @@ done:
     free(counts);
     free(r.vertex_counts);
     free(r.sums);
+    free(r.scales);
     coarsening_fini(&r.mesh);
     free(r.workers);
     return status;

@@ -242,11 +242,14 @@ static void exact_corners(const struct overlay *overlay, int m, uint32_t tet, co
         out[c] = corner(overlay->meshes[m], tet, c);
 }
 
+/* With room for last digits: beside 0 they are no digits of what the box ends at. */
 static bool in_box(const double box[6], const double x[3])
 {
-    for (int i = 0; i < 3; i++)
-        if (x[i] < box[i] || x[i] > box[i + 3])
+    for (int i = 0; i < 3; i++) {
+        double room = 1e-9 * (box[i + 3] - box[i]);
+        if (x[i] < box[i] - room || x[i] > box[i + 3] + room)
             return false;
+    }
     return true;
 }
 
@@ -256,7 +259,7 @@ static quad best_difference(const struct overlay *overlay, const struct compared
                             const struct cell *cell, int end, double values[2][4], quad found)
 {
     const quad *x = exact->ends[end];
-    const double at[3] = {(double)x[0], (double)x[1], (double)x[2]}; // as boxes are: an end on a face is not outside by its last digits
+    const double at[3] = {(double)x[0], (double)x[1], (double)x[2]};
     for (uint32_t tet = 0; tet < overlay->meshes[1]->tet_count; tet++) {
         const double *corners[4];
         quad other;

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/measure/walk.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -169,12 +170,18 @@ const struct walk_cell *walk_to(struct walker *walker, uint32_t from, const doub
 static bool meets(const struct walk_cell *cell, const double start[3], const double p[3])
 {
     double a[4], b[4], from = 0, to = 1;
+    double size = 0, steep = 0;
     if (cell->flat)
         return true;
     cell_weights(cell, start, a);
     cell_weights(cell, p, b);
+    for (int i = 0; i < 9; i++) {
+        size = larger(size, fabs(start[i % 3]));
+        steep += fabs(cell->rows[i / 3][i % 3]);
+    }
+    double room = -ON_FACE + DBL_EPSILON * size * steep; // by how much rounding of its coordinates may put the start beside the face
     for (int i = 0; i < 4; i++) {
-        double at = a[i] - ON_FACE, end = b[i] - ON_FACE; // >= 0 inside
+        double at = a[i] + room, end = b[i] + room; // >= 0 inside
         if (at < 0 && end < 0)
             return false;
         if (at < 0)

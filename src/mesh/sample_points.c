@@ -22,6 +22,19 @@ uint64_t sample_hash(const double p[3])
     return mix(bits[0] + 0x9e3779b97f4a7c15ull * bits[1] + 0xc2b2ae3d27d4eb4full * bits[2]);
 }
 
+void sample_sort(uint64_t hashes[4], uint32_t corners[4])
+{
+    for (int i = 1; i < 4; i++)
+        for (int k = i; k > 0 && hashes[k] < hashes[k - 1]; k--) {
+            uint64_t hash = hashes[k];
+            uint32_t corner = corners[k];
+            hashes[k] = hashes[k - 1];
+            corners[k] = corners[k - 1];
+            hashes[k - 1] = hash;
+            corners[k - 1] = corner;
+        }
+}
+
 void sample_weights_of_hashes(const uint64_t hashes[4], double weights[4])
 {
     uint64_t sum = hashes[0] + hashes[1] + hashes[2] + hashes[3];
@@ -52,7 +65,11 @@ void sample_place(const struct tetmesh *mesh, size_t sample, struct place *out)
         return;
     }
     size_t k = sample - mesh->vertex_count;
+    uint64_t hashes[4];
     memcpy(out->vertices, mesh->corners + 4 * (k / SAMPLES_PER_TET), sizeof out->vertices);
+    for (int i = 0; i < 4; i++)
+        hashes[i] = sample_hash(mesh->positions + 3 * (size_t)out->vertices[i]);
+    sample_sort(hashes, out->vertices);
     sample_weights(mesh, out->vertices, k % SAMPLES_PER_TET, out->weights);
 }
 

@@ -22,13 +22,16 @@ static inline size_t sample_count(const struct tetmesh *mesh)
 /* A number that depends on a position only. */
 uint64_t sample_hash(const double p[3]);
 
+/* Sorts a tetrahedron's corners by their hashes: what is added up in this order has the same bits however a mesh lists them. */
+void sample_sort(uint64_t hashes[4], uint32_t corners[4]);
+
 /* Weights of the point at random in a tetrahedron whose corners have these hashes. */
 void sample_weights_of_hashes(const uint64_t hashes[4], double weights[4]);
 
 /* Weights of sample `which` < SAMPLES_PER_TET in a tetrahedron. */
 void sample_weights(const struct tetmesh *mesh, const uint32_t corners[4], unsigned which, double weights[4]);
 
-/* A sample as a combination of vertices of the original. */
+/* A sample as a combination of vertices of the original, which are sorted. */
 void sample_place(const struct tetmesh *mesh, size_t sample, struct place *out);
 
 /* Has a tetrahedron no interpolant? Then its samples do not count, nor do vertices of such tetrahedra only. */

@@ -169,3 +169,16 @@ void point_field_range(const struct point_field *field, uint32_t vertex_count, d
             range[1] = field->values[i];
     }
 }
+
+bool range_has_scale(const double range[2])
+{
+    double width = range[1] - range[0];
+    return width > 0 && isfinite(width) && isfinite(1 / width);
+}
+
+double range_fraction(const double range[2], double error)
+{
+    if (range_has_scale(range))
+        return error / (range[1] - range[0]);
+    return range[1] > range[0] && error > 0;
+}

@@ -65,4 +65,10 @@ TETLOD_CHECKED enum tetlod_status tetmesh_validate_tets(const struct tetmesh *me
 /* Least and greatest over all components. */
 void point_field_range(const struct point_field *field, uint32_t vertex_count, double range[2]);
 
+/* Is the range's width, and one by it, a number? Else no fraction of it means anything. */
+bool range_has_scale(const double range[2]);
+
+/* An error as a fraction of the range: 0 if that is a point, the whole of it where the range has no scale. */
+double range_fraction(const double range[2], double error);
+
 #endif

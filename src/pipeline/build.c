@@ -50,18 +50,26 @@ static bool contract_progress(void *opaque, double done)
     return build->options->progress(build->options->progress_opaque, BUILD_CONTRACT, done);
 }
 
+static bool is_controlled(const struct build *build, uint32_t field)
+{
+    for (uint32_t i = 0; i < build->options->control_count; i++)
+        if (build->options->controls[i].field == field)
+            return true;
+    return false;
+}
+
 /* An error is a fraction of the range: one that overflows, or whose reciprocal does, would hide every error (PROOF.md, 7). */
 static enum tetlod_status check_ranges(const struct build *build)
 {
-    for (uint32_t i = 0; i < build->options->control_count; i++) {
-        const struct point_field *field = &build->mesh->fields[build->options->controls[i].field];
+    for (uint32_t f = 0; f < build->mesh->field_count; f++) {
+        const struct point_field *field = &build->mesh->fields[f];
         double range[2];
         point_field_range(field, build->mesh->vertex_count, range);
-        double width = range[1] - range[0];
-        if (!isfinite(width) || (width > 0 && !isfinite(1 / width)))
+        bool narrow = range[1] > range[0] && !range_has_scale(range) && is_controlled(build, f);
+        if (narrow || !isfinite(range[1] - range[0]))
             return tetlodi_fail(build->error, TETLOD_ERR_MESH,
                                 "field '%.60s' has the range %g .. %g, too %s for errors relative to it; scale its values",
-                                field->name, range[0], range[1], width > 1 ? "wide" : "narrow");
+                                field->name, range[0], range[1], range[1] - range[0] > 1 ? "wide" : "narrow");
     }
     return TETLOD_OK;
 }
@@ -108,7 +116,7 @@ static enum tetlod_status contract(struct build *build)
 
 /* The certified and the predicted error of a field at a mark, as fractions of the original's range: its worst component's. NaN if it
  * does not drive. */
-static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, double scale, double *errors)
+static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, const double range[2], double *errors)
 {
     const struct contraction_log *log = &build->log;
     errors[TETLOD_MAX] = errors[TETLOD_PREDICTED] = NAN;
@@ -116,11 +124,11 @@ static void mark_errors(const struct build *build, uint32_t mark, uint32_t field
         if (log->components[d].field != field)
             continue;
         size_t i = (size_t)mark * log->component_count + d;
-        double rounding = build->rounding ? build->rounding[field] * scale : 0, certified = log->certified[i];
+        double rounding = build->rounding ? range_fraction(range, build->rounding[field]) : 0, certified = log->certified[i];
         if (build->rounding && log->components[d].scale > 0) // is relative to the rounded field's range
-            certified *= scale / log->components[d].scale;
+            certified = range_fraction(range, certified / log->components[d].scale);
         if (build->precision.tail) // vertices that are left are rounded
-            certified = larger(certified, build->precision.rounding[field] * scale);
+            certified = larger(certified, range_fraction(range, build->precision.rounding[field]));
         errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], fmin(certified + rounding, 1));
         errors[TETLOD_PREDICTED] = fmax(errors[TETLOD_PREDICTED], log->predicted[i]);
     }
@@ -134,27 +142,18 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
         double *errors = build->errors + ((size_t)mark * fields + f) * TETLOD_MEASURES, range[2];
         const double *finer = mark ? errors - fields * TETLOD_MEASURES : NULL;
         point_field_range(&build->original->fields[f], build->original->vertex_count, range);
-        double scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
-        mark_errors(build, mark, f, scale, errors);
-        errors[TETLOD_SAMPLED] = measured[f].sampled * scale;
-        errors[TETLOD_RMS] = measured[f].rms * scale;
+        mark_errors(build, mark, f, range, errors);
+        errors[TETLOD_SAMPLED] = range_fraction(range, measured[f].sampled);
+        errors[TETLOD_RMS] = range_fraction(range, measured[f].rms);
         if (build->precision.tail) { // what has not been contracted is not measured
-            errors[TETLOD_SAMPLED] = larger(errors[TETLOD_SAMPLED], build->precision.rounding[f] * scale);
-            errors[TETLOD_RMS] = larger(errors[TETLOD_RMS], build->precision.rounding_rms[f] * scale);
+            errors[TETLOD_SAMPLED] = larger(errors[TETLOD_SAMPLED], range_fraction(range, build->precision.rounding[f]));
+            errors[TETLOD_RMS] = larger(errors[TETLOD_RMS], range_fraction(range, build->precision.rounding_rms[f]));
         }
         if (!isnan(errors[TETLOD_MAX])) // where the boundary moved it is proved for another point than it is measured at (PROOF.md, 5)
             errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);
         for (int m = 0; m < TETLOD_MEASURES && finer; m++)
             errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);
     }
-}
-
-static bool is_controlled(const struct build *build, uint32_t field)
-{
-    for (uint32_t i = 0; i < build->options->control_count; i++)
-        if (build->options->controls[i].field == field)
-            return true;
-    return false;
 }
 
 /* A component that drives as a field of its own is also in its vector: there its values are the same ones. */
@@ -172,22 +171,16 @@ static void copy_components(struct build *build)
     }
 }
 
-static double scale_of(const struct build *build, uint32_t field)
-{
-    double range[2];
-    point_field_range(&build->original->fields[field], build->original->vertex_count, range);
-    return range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
-}
-
 /* The exact maximum of the level at hand, of the fields that are asked about, as far as it is above what finer ones have come to. */
 static enum tetlod_status find_exact(struct build *build, const struct coarsening *coarsening, uint32_t mark)
 {
     for (uint32_t f = 0; f < build->mesh->field_count; f++) {
-        double scale = scale_of(build, f), finer = NO_DIFFERENCE;
+        double range[2], finer = NO_DIFFERENCE;
+        point_field_range(&build->original->fields[f], build->original->vertex_count, range);
         if (mark)
             finer = larger(finer, build->errors[((size_t)(mark - 1) * build->mesh->field_count + f) * TETLOD_MEASURES + TETLOD_MAX]);
-        bool asked = scale > 0 && (is_controlled(build, f) || build->options->certify_all);
-        build->exact[f] = asked ? finer / scale : INFINITY;
+        bool asked = range_has_scale(range) && (is_controlled(build, f) || build->options->certify_all);
+        build->exact[f] = asked ? finer * (range[1] - range[0]) : INFINITY;
     }
     return overlay_levels_next(build->overlay, coarsening, build->exact, build->error);
 }
@@ -196,12 +189,26 @@ static enum tetlod_status find_exact(struct build *build, const struct coarsenin
 static void raise_max(const struct build *build, uint32_t mark)
 {
     for (uint32_t f = 0; f < build->mesh->field_count; f++) {
-        double *errors = build->errors + ((size_t)mark * build->mesh->field_count + f) * TETLOD_MEASURES, exact = build->exact[f] * scale_of(build, f);
+        double *errors = build->errors + ((size_t)mark * build->mesh->field_count + f) * TETLOD_MEASURES, range[2];
+        point_field_range(&build->original->fields[f], build->original->vertex_count, range);
+        double exact = range_fraction(range, build->exact[f]);
         if (isfinite(build->exact[f]) && exact > NO_DIFFERENCE)
             errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], larger(exact, errors[TETLOD_SAMPLED]));
-        else if (isnan(errors[TETLOD_MAX]) && build->options->certify_all)
+        else if (isnan(errors[TETLOD_MAX]) && build->options->certify_all && (range[0] == range[1] || range_has_scale(range)))
             errors[TETLOD_MAX] = errors[TETLOD_SAMPLED];
     }
+}
+
+struct build_options build_options_default(void)
+{
+    return (struct build_options){.metric = METRIC_ENVELOPE,
+                                  .contract = CONTRACT_EDGES,
+                                  .max_error = 1,
+                                  .min_tets = 1,
+                                  .boundary_angle = 30,
+                                  .domain_error = DOMAIN_ERROR_SMALL,
+                                  .growth = 1.1,
+                                  .compression = 19};
 }
 
 bool build_asks_overlay(const struct build_options *options)

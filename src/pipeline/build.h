@@ -52,6 +52,9 @@ struct build_report {
     uint64_t degenerate_tets, inverted_tets, folded_tets; /* the stream counts folded ones as inverted */
 };
 
+/* What a build without options does; it needs controls, threads and metadata. */
+struct build_options build_options_default(void);
+
 /* Is the exact maximum of every level taken, over the overlay? */
 bool build_asks_overlay(const struct build_options *options);
 
@@ -64,6 +67,15 @@ TETLOD_CHECKED enum tetlod_status build_stream(const struct tetmesh *mesh, const
  * components become fields of their own under that name. ERR_FIELD lists what there is. */
 TETLOD_CHECKED enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, struct build_control *out,
                                                       struct tetlod_error *error);
+
+/* The controls that `count` texts, as above, say; without any the usual one. units[i] > 0 is the limit of text i in the field's units;
+ * `units` may be NULL. `controls` has room for one at least. ERR_ARGUMENT if a field is given twice, or has two limits. */
+TETLOD_CHECKED enum tetlod_status build_controls_parse(struct tetmesh *mesh, const char *const *texts, const double *units, uint32_t count,
+                                                       struct build_control *controls, uint32_t *out_count, struct tetlod_error *error);
+
+/* The cell field that tells regions: `name`; without one (NULL) the field whose name says so; for "none" no field (*out is NULL). */
+TETLOD_CHECKED enum tetlod_status build_regions_choose(const struct tetmesh *mesh, const char *name, const char **out,
+                                                       struct tetlod_error *error);
 
 /* Of which field is this one the magnitude (*component is TETLOD_NONE) or a component, by name and value? TETLOD_NONE: of none. */
 uint32_t build_control_source(const struct tetmesh *mesh, uint32_t field, uint32_t *component);

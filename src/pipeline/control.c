@@ -189,3 +189,48 @@ enum tetlod_status build_control_default(struct tetmesh *mesh, struct build_cont
     free(name);
     return status;
 }
+
+/* A text's control with the limit that its units give it. */
+static enum tetlod_status parse_control(struct tetmesh *mesh, const char *text, double units, struct build_control *out, struct tetlod_error *error)
+{
+    double range[2];
+    TETLOD_TRY(build_control_parse(mesh, text, out, error));
+    if (!(units > 0))
+        return TETLOD_OK;
+    if (out->limit > 0)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "--field %.60s has a limit already; leave out --abs-error", text);
+    point_field_range(&mesh->fields[out->field], mesh->vertex_count, range);
+    if (units < range[1] - range[0])
+        out->limit = units / (range[1] - range[0]);
+    return TETLOD_OK;
+}
+
+enum tetlod_status build_controls_parse(struct tetmesh *mesh, const char *const *texts, const double *units, uint32_t count,
+                                        struct build_control *controls, uint32_t *out_count, struct tetlod_error *error)
+{
+    for (uint32_t i = 0; i < count; i++)
+        TETLOD_TRY(parse_control(mesh, texts[i], units ? units[i] : 0, &controls[i], error));
+    if (!count)
+        TETLOD_TRY(build_control_default(mesh, controls, error));
+    for (uint32_t i = 0; i < count; i++)
+        for (uint32_t j = 0; j < i; j++)
+            if (controls[i].field == controls[j].field)
+                return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the field %.60s is given twice", mesh->fields[controls[i].field].name);
+    *out_count = count ? count : 1;
+    return TETLOD_OK;
+}
+
+enum tetlod_status build_regions_choose(const struct tetmesh *mesh, const char *name, const char **out, struct tetlod_error *error)
+{
+    uint32_t field = name ? tetmesh_find_cell_field(mesh, name) : tetmesh_find_region(mesh);
+    *out = NULL;
+    if (name && field == TETLOD_NONE && strcmp(name, "none") == 0)
+        return TETLOD_OK;
+    if (name && field == TETLOD_NONE)
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "--region: no values of cells are named '%.60s'%s%.60s", name,
+                            mesh->cell_field_count ? "; there is " : "; there are none", mesh->cell_field_count ? mesh->cell_fields[0].name : "");
+    if (name && (!mesh->cell_fields[field].is_integer || mesh->cell_fields[field].components != 1))
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "--region: '%.60s' is not one integer for each cell", name);
+    *out = field == TETLOD_NONE ? NULL : mesh->cell_fields[field].name;
+    return TETLOD_OK;
+}

@@ -93,11 +93,11 @@ static bool allowed(const struct run *run, const struct hood *hood, uint32_t nei
     bool own_open = working->flags[hood->vertex] & VERTEX_BOUNDARY, open = working->flags[other] & VERTEX_BOUNDARY;
     *out_end = true;
     *out_middle = hood->vertex < other && own_open == open && !(working->flags[other] & VERTEX_FIXED);
-    if (working->flags[other] & (VERTEX_FROZEN | VERTEX_SINGULAR) || (own_open && !open))
+    if (working->flags[other] & (VERTEX_FROZEN | VERTEX_SINGULAR))
         return false;
     if (!own_open)
         return true;
-    if (!hood->along[neighbour])
+    if (!hood->along[neighbour]) // it leads inside, or to another part of the boundary
         return false;
     const double *step = hood->rows + (size_t)neighbour * working->stride;
     double half[3] = {0.5 * step[0], 0.5 * step[1], 0.5 * step[2]}, back[3] = {-half[0], -half[1], -half[2]};

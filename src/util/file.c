@@ -52,6 +52,12 @@ static enum tetlod_status read_open_file(int fd, const char *path, unsigned char
     return TETLOD_OK;
 }
 
+bool file_same(const char *one, const char *other)
+{
+    struct stat a, b;
+    return stat(one, &a) == 0 && stat(other, &b) == 0 && S_ISREG(a.st_mode) && a.st_dev == b.st_dev && a.st_ino == b.st_ino;
+}
+
 enum tetlod_status file_read(const char *path, unsigned char **out_bytes, size_t *out_size, struct tetlod_error *error)
 {
     *out_bytes = NULL;

@@ -3,11 +3,16 @@
 #ifndef TETLOD_FILE_H
 #define TETLOD_FILE_H
 
+#include <stdbool.h>
+
 #include "format/writer.h"
 
 /* Reads a regular file into an exact-size heap block that the caller frees. ERR_IO names path and reason. */
 TETLOD_CHECKED enum tetlod_status file_read(const char *path, unsigned char **out_bytes, size_t *out_size,
                                             struct tetlod_error *error);
+
+/* Are two paths one regular file, whatever links are on the way? */
+bool file_same(const char *one, const char *other);
 
 /* An output that commit puts in its place in one step and abort takes back; a process that is killed between leaves
  * nothing. To a device or pipe it is written straight. */

@@ -386,7 +386,7 @@ static bool has_partner(const struct attack *a, uint32_t k, const struct oracle_
 {
     uint32_t field = a->field_of[i];
     double within = error_of(a, k, field, TETLOD_MAX) * range_of(a, field);
-    within = within * (1 + 1e-6) + 1e-9 * range_of(a, field) + 1e-15 * fabs(value);
+    within = within * (1 + 1e-6) + 1e-9 * range_of(a, field);
     return oracle_partner(level, a->part[a->corners[4 * (size_t)tet]], point, domain_radius(a, k), i, value, within);
 }
 
@@ -428,13 +428,13 @@ static void check_vertices(struct attack *a, uint32_t k, const struct oracle_mes
     for (size_t c = 0; c < 4 * (size_t)a->original.tets; c++) {
         uint32_t v = a->corners[c];
         const double *p = a->positions + 3 * (size_t)v;
-        if (done[v] || !a->original.details[c / 4].usable || (a->lossy && in_fold[v])) // rounding turns what lies over a fold
+        if (done[v] || !a->original.details[c / 4].usable || (a->lossy && (in_fold[v] || a->counts.overfull_faces))) // rounding puts it outside its own sheet, and into another
             continue;
         done[v] = true;
         for (uint32_t i = 0; i < a->original.value_count; i++) {
             uint32_t f = a->field_of[i];
             double here, range = range_of(a, f), sampled = error_of(a, k, f, TETLOD_SAMPLED);
-            double slack = 1e-6 * range + 1e-14 * fabs(a->values[i][v]);
+            double slack = 1e-6 * range;
             bool held = oracle_difference_at(level, a->part[v], p, i, a->values[i][v], &here);
             if (held && range > 0)
                 falsehood_note(&a->falsehood.sampled[(size_t)k * a->info->field_count + f], (here - slack) / range);
@@ -485,19 +485,12 @@ static void check_level(struct attack *a, uint32_t k)
 
 /* ---- the index */
 
-/* What rounding alone makes of a field whose values are far from 0, as a fraction of the range. */
-static double noise_of(const struct attack *a, uint32_t field)
-{
-    const double *range = a->info->fields[field].range;
-    return range[1] > range[0] ? 1e-15 + 1e-15 * fmax(fabs(range[0]), fabs(range[1])) / (range[1] - range[0]) : 0;
-}
-
 static void check_index(struct attack *a)
 {
     for (uint32_t k = 0; k < a->info->level_count; k++)
         for (uint32_t f = 0; f < a->info->field_count; f++) {
             double max = error_of(a, k, f, TETLOD_MAX), sampled = error_of(a, k, f, TETLOD_SAMPLED);
-            if (sampled > max * (1 + 1e-9) + noise_of(a, f) || error_of(a, k, f, TETLOD_RMS) > sampled * (1 + 1e-9))
+            if (sampled > max * (1 + 1e-9) || error_of(a, k, f, TETLOD_RMS) > sampled * (1 + 1e-9))
                 found(a, "index", "level %u, %s: max %g, sampled %g, rms %g", k, a->info->fields[f].name, max, sampled,
                       error_of(a, k, f, TETLOD_RMS));
             for (int m = 0; m < TETLOD_MEASURES && k; m++)

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "tests/attack/falsify.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -42,15 +41,8 @@ static void lower(double *errors, uint32_t k, uint32_t levels, uint32_t step, do
         errors[(size_t)k * step] = fmin(errors[(size_t)k * step], to);
 }
 
-/* What `verify` allows for rounding where values are far from 0: units in their last place, as a fraction of the range. */
-static double rounding_of(const struct tetlod_field *field)
-{
-    double width = field->range[1] - field->range[0];
-    return width > 0 ? 8 * DBL_EPSILON * fmax(fabs(field->range[0]), fabs(field->range[1])) / width : 0;
-}
-
 /* Where to lie: a level with a true figure that is large enough for a lie of 1 % to be one. */
-static bool choose(const struct falsehood *f, const struct tetlod_info *info, struct dice *dice, enum lie *what, uint32_t *level, uint32_t *field, double *truth)
+static bool choose(const struct falsehood *f, struct dice *dice, enum lie *what, uint32_t *level, uint32_t *field, double *truth)
 {
     for (int tries = 0; tries < 60; tries++) {
         *what = (enum lie)dice_below(dice, LIES);
@@ -60,7 +52,7 @@ static bool choose(const struct falsehood *f, const struct tetlod_info *info, st
         if (*what == LIE_LARGE && !f->definite)
             continue;
         *truth = *what == LIE_LARGE ? f->sampled[i] : *what == LIE_MAX ? f->max[i] : *what == LIE_SAMPLED ? f->sampled[i] : f->domain[*level];
-        if (*truth > 1e-6 && (*what == LIE_DOMAIN || 0.01 * *truth > 2 * rounding_of(&info->fields[*field])))
+        if (*truth > 1e-6)
             return true;
     }
     return false;
@@ -88,7 +80,7 @@ bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct
     struct recode recode;
     enum lie what;
     double truth;
-    if (!choose(f, info, dice, &what, &level, &field, &truth) || recode_read(&recode, file, NULL) != TETLOD_OK)
+    if (!choose(f, dice, &what, &level, &field, &truth) || recode_read(&recode, file, NULL) != TETLOD_OK)
         return false;
     double *errors = oracle_memory((size_t)f->levels * step, sizeof *errors), lie = 0.99 * truth;
     *out_lie = !dice_once_in(dice, 8);
@@ -102,7 +94,7 @@ bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct
     }
     for (uint32_t k = 0; k <= level && what == LIE_LARGE && *out_lie; k++) { // as a whole in order: no level below a finer one
         double *of = errors + (size_t)k * step + field * TETLOD_MEASURES;
-        lie = 2 * info->levels[level].errors[field * TETLOD_MEASURES + TETLOD_SAMPLED];
+        lie = 1.001 * info->levels[level].errors[field * TETLOD_MEASURES + TETLOD_SAMPLED];
         of[TETLOD_SAMPLED] = fmax(of[TETLOD_SAMPLED], lie);
         of[TETLOD_MAX] = isnan(of[TETLOD_MAX]) ? of[TETLOD_MAX] : fmax(of[TETLOD_MAX], lie);
     }

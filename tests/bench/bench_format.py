@@ -22,10 +22,10 @@ def run(*command):
     return subprocess.run(command, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL).stdout
 
 
-def others(folder, stream, tets):
-    """Bits a tetrahedron of gzip'd VTU, and of zstd -19 on the arrays of VTU, their bytes shuffled."""
+def others(folder, source, fields, tets):
+    """Bits a tetrahedron of gzip'd VTU, and of zstd -19 on the input's arrays in their own order, their bytes shuffled."""
     mesh = os.path.join(folder, 'mesh.vtu')
-    run(tetlod, 'extract', stream, '-o', mesh, '--quiet')
+    run(tetlod, 'convert', *source, '-o', mesh)
     import vtk
     from vtk.util.numpy_support import vtk_to_numpy
     reader = vtk.vtkXMLUnstructuredGridReader()
@@ -33,11 +33,19 @@ def others(folder, stream, tets):
     reader.Update()
     grid = reader.GetOutput()
     arrays = [vtk_to_numpy(grid.GetPoints().GetData()), vtk_to_numpy(grid.GetCells().GetConnectivityArray()).astype('<u4')]
-    arrays += [vtk_to_numpy(grid.GetPointData().GetArray(i)) for i in range(grid.GetPointData().GetNumberOfArrays())]
+    arrays += [vtk_to_numpy(grid.GetPointData().GetArray(name)) for name in fields]
     raw = os.path.join(folder, 'raw')
     with open(raw, 'wb') as file:
         for array in arrays:
             file.write(array.reshape(-1).view('u1').reshape(-1, array.itemsize).T.tobytes())
+    for name in [grid.GetPointData().GetArrayName(i) for i in range(grid.GetPointData().GetNumberOfArrays())]:
+        if name not in fields:
+            grid.GetPointData().RemoveArray(name)
+    writer = vtk.vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(grid)
+    writer.SetFileName(mesh)
+    writer.SetEncodeAppendedData(False)
+    writer.Write()
     packed = gzip.compress(open(mesh, 'rb').read(), 9)
     return 8 * len(packed) / tets, 8 * len(run('zstd', '-19', '-c', '-q', raw)) / tets
 
@@ -50,21 +58,21 @@ def build(folder, name, options):
 
 
 def streams(folder):
-    """Names and streams of what is measured."""
+    """Names, what to convert, and streams of what is measured."""
     fin, cube = os.path.join(folder, 'fin.vtu'), os.path.join(folder, 'cube.vtu')
     run(tetlod, 'sample', 'fin', '-o', fin)
-    yield 'fin', build(folder, 'fin', [fin])
+    yield 'fin', [fin], build(folder, 'fin', [fin])
     blunt = os.environ.get('BLUNT', '')
     if os.path.exists(os.path.join(blunt, 'bluntfinxyz.bin')):
-        yield 'blunt', build(folder, 'blunt', [os.path.join(blunt, 'bluntfinxyz.bin'), '--q', os.path.join(blunt, 'bluntfinq.bin'),
-                                               '--field', 'Pressure', '--carry', 'Pressure'])
+        source = [os.path.join(blunt, 'bluntfinxyz.bin'), '--q', os.path.join(blunt, 'bluntfinq.bin')]
+        yield 'blunt', source, build(folder, 'blunt', source + ['--field', 'Pressure', '--carry', 'Pressure'])
     for kind, points in (('elastic', '9000'), ('block', '12000')):
         mesh = os.path.join(folder, kind + '.vtu')
         run('/usr/bin/python3', os.path.join(os.path.dirname(__file__), 'fe_results.py'), mesh, points, kind)
-        yield kind, build(folder, kind, [mesh, '--field', 'Temperature'])
+        yield kind, [mesh], build(folder, kind, [mesh, '--field', 'Temperature'])
     run(tetlod, 'sample', 'cube', '--size', '60', '-o', cube)
     os.makedirs(cache, exist_ok=True)
-    yield 'cube60', build(cache, 'cube60', [cube])
+    yield 'cube60', [cube], build(cache, 'cube60', [cube])
 
 
 def measure(folder, stream, bits):
@@ -79,12 +87,13 @@ def main():
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         print(HEADER + ',' + COLUMNS + ',Mtets/s decoded,undone,redone,ms a level near 50000,bytes/tet', flush=True)
-        for name, stream in streams(folder):
+        for name, source, stream in streams(folder):
             for bits in ([], ['16', '16']):
                 values = measure(folder, stream, bits)
                 rows.append(','.join(values[:11]))
                 print(','.join(values), flush=True)
-            packed, plain = others(folder, stream, json.loads(run(tetlod, 'info', stream, '--json'))['tets'])
+            info = json.loads(run(tetlod, 'info', stream, '--json'))
+            packed, plain = others(folder, source, [field['name'] for field in info['fields']], info['tets'])
             for what, size in (('gzip -9 of VTU', packed), ('zstd -19 of its arrays', plain)):
                 rows.append('%s %s,%.2f' % (name, what, size) + 9 * ',')
                 print(rows[-1], flush=True)

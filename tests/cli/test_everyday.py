@@ -23,6 +23,8 @@ def outputs_over_inputs():
     fails('extract refuses', 2, ['input'], 'extract', 'fin.tetlod', '-o', './fin.tetlod')
     shutil.copy(path('fin.tetlod'), path('picture.svg'))
     fails('plot refuses', 2, ['input'], 'plot', 'picture.svg', '-o', 'picture.svg')
+    write('two.pvtu', '<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid><Piece Source="fin.vtu"/></PUnstructuredGrid></VTKFile>')
+    fails('convert refuses to write onto a piece of its input', 2, ['two.pvtu', 'fin.vtu', 'output'], 'convert', 'two.pvtu', '-o', 'linked.vtu')
     report('and the input is as it was', content('fin.vtu') == before)
 
 

@@ -27,9 +27,10 @@ from served import SCRATCH, TETLOD, Server, run  # noqa: E402
 PACKAGE = os.path.join(ROOT, 'client-examples', 'python')
 LIBRARY = sorted(glob.glob(os.path.join(ROOT, 'build', os.environ['CONFIG'], 'libtetlod.so.*')))[-1]
 os.environ['TETLOD_LIBRARY'] = LIBRARY
+os.environ['TETLOD_BUILD_LIBRARY'] = BUILD_LIBRARY = LIBRARY.replace('libtetlod.so', 'libtetlod-build.so')
 sys.path.insert(0, PACKAGE)
 import tetlod  # noqa: E402
-from tetlod import _library, _model  # noqa: E402
+from tetlod import _build_library, _library, _model  # noqa: E402
 
 HAS_PYVISTA = importlib.util.find_spec('pyvista') is not None
 FIN = os.path.join(SCRATCH, 'fin.tetlod')
@@ -292,6 +293,36 @@ def test_build():
     raises(ValueError, '(m, 4)', tetlod.build, mesh.points, mesh.tets[:, :3], program=TETLOD)
 
 
+def test_build_by_library():
+    """The library's bytes are those of the program; progress, cancelling, what is wrong."""
+    mesh = tetlod.read(FIN, fields=['Pressure', 'Velocity'])
+    fields = {'Pressure': mesh.fields['Pressure'].astype('f4'), 'Velocity': mesh.fields['Velocity']}
+    arrays = mesh.points.astype('f4'), mesh.tets, fields
+    cells = {'material': (np.arange(len(mesh.tets)) % 3).astype('u1'), 'volume': np.linspace(0, 1, len(mesh.tets))}
+    for options in (dict(field='Pressure'), dict(field=['Velocity:mag', 'Pressure:2%'], max_error='10%', region='none', threads=2),
+                    dict(field='Pressure', certify='exact', min_tets=len(mesh.tets) // 2, keep_order=True, field_bits=16)):
+        wanted = tetlod.build(*arrays, cells=cells, program=TETLOD, **options)
+        phases = []
+        made = tetlod.build(*arrays, cells=cells, metadata=re.search(rb'{"program":.*}}', wanted)[0].decode(),
+                            progress=lambda phase, done: phases.append((phase, done)), **options)
+        assert made == wanted, options
+        order = [p for i, (p, _) in enumerate(phases) if i == 0 or phases[i - 1][0] != p]
+        assert order == ['contract', 'measure', 'encode'][-len(order):] and len(order) >= (2 if 'certify' in options else 3), (options, phases)
+        assert all(0 <= done <= 1 for _, done in phases)
+    out = os.path.join(SCRATCH, 'by_library.tetlod')
+    assert tetlod.build(mesh, output=out, max_error=0.1) is None and len(tetlod.read(out).tets) == len(mesh.tets) and not os.path.exists(out + '.part')
+    raises(InterruptedError, 'cancelled', tetlod.build, mesh, progress=lambda phase, done: False)
+    raises(ZeroDivisionError, 'division', tetlod.build, mesh, progress=lambda phase, done: 1 / 0)
+    raises(ValueError, "'T'", tetlod.build, mesh, field='T')
+    raises(ValueError, 'growth', tetlod.build, mesh, growth=99.0)
+    raises(ValueError, 'points', tetlod.build, mesh.points, mesh.tets + 10 ** 6, {'a': mesh.fields['Pressure']})
+    raises(ValueError, 'NaN', tetlod.build, mesh.points, mesh.tets, {'a': np.full(len(mesh.points), np.nan)})
+    raises(ValueError, 'no point field', tetlod.build, mesh.points, mesh.tets)
+    raises(ValueError, 'beyond 2^53', tetlod.build, mesh.points, mesh.tets, fields, cells={'i': np.full(len(mesh.tets), 2 ** 60)})
+    raises(TypeError, 'complex', tetlod.build, mesh.points, mesh.tets, {'a': np.zeros(len(mesh.points), complex)})
+    raises(TypeError, 'progress=', tetlod.build, mesh, program=TETLOD, progress=print)
+
+
 def test_pyvista():
     if not HAS_PYVISTA:
         return 'pyvista is not installed'
@@ -304,7 +335,8 @@ def test_pyvista():
 def test_structs_are_those_of_the_header():
     """Sizes and places of members as a C compiler lays them out."""
     pairs = {'tetlod_error': _library.CError, 'tetlod_source': _library.CSource, 'tetlod_field': _library.CField,
-             'tetlod_level': _library.CLevel, 'tetlod_cell_field': _library.CCellField, 'tetlod_info': _library.CInfo, 'tetlod_mesh': _library.CMesh}
+             'tetlod_level': _library.CLevel, 'tetlod_cell_field': _library.CCellField, 'tetlod_info': _library.CInfo, 'tetlod_mesh': _library.CMesh, 'tetlod_build_array': _build_library.CArray,
+             'tetlod_build_mesh': _build_library.CMesh, 'tetlod_build_options': _build_library.COptions}
     lines = ['printf("%%zu\\n", sizeof(struct %s));' % name for name in pairs]
     wanted = [ctypes.sizeof(struct) for struct in pairs.values()]
     for name, struct in pairs.items():
@@ -313,7 +345,7 @@ def test_structs_are_those_of_the_header():
             wanted.append(getattr(struct, member).offset)
     source, program = os.path.join(SCRATCH, 'layout.c'), os.path.join(SCRATCH, 'layout')
     with open(source, 'w') as file:
-        file.write('#include <stddef.h>\n#include <stdio.h>\n#include "format/tetlod.h"\nint main(void)\n{\n%s\nreturn 0;\n}\n' % '\n'.join(lines))
+        file.write('#include <stddef.h>\n#include <stdio.h>\n#include "src/library/tetlod_build.h"\nint main(void)\n{\n%s\nreturn 0;\n}\n' % '\n'.join(lines))
     subprocess.run(['cc', '-I' + ROOT, source, '-o', program], check=True)
     assert [int(n) for n in subprocess.check_output([program]).split()] == wanted
 
@@ -361,4 +393,4 @@ def test_types():
 command('sample', 'fin', '--size', '18', '-o', os.path.join(SCRATCH, 'fin.vtu'))
 command('build', os.path.join(SCRATCH, 'fin.vtu'), '-o', FIN)
 run([test_both_decoders_agree, test_levels_are_those_of_the_program, test_choices, test_local_sources, test_arrays_are_safe, test_cut_off,
-     test_server, test_cells, test_levels_while_bytes_arrive, test_build, test_pyvista, test_structs_are_those_of_the_header, test_documents, test_types])
+     test_server, test_cells, test_levels_while_bytes_arrive, test_build, test_build_by_library, test_pyvista, test_structs_are_those_of_the_header, test_documents, test_types])

@@ -24,6 +24,7 @@ LAYERS = {
     'src/forest': MESHES,
     'src/measure': MESHES + ['src/log/', 'src/forest/'],
     'src/pipeline': MESHES + ['format/step_code.h', 'format/time_table.h', 'src/simplify/simplify.h', 'src/simplify/retrace.h', 'src/log/', 'src/measure/'],
+    'src/library': MESHES + ['src/pipeline/build.h'],
     'src/report': MESHES,
     'server': MESHES + ['src/io/io.h', 'src/report/', 'src/forest/', 'server/net/', 'server/answer/', 'server/store/'],
     'server/net': ARRAYS + ['server/answer/'],
@@ -119,6 +120,7 @@ def main():
         if not text.startswith('/* SPDX-License-Identifier: BSD-3-Clause */\n'):
             licence.append(path)
     report('%d files were found' % len(sources), [] if len(sources) > 100 else ['too few: is ROOT the tree?'])
+    report('every folder of sources has its layer', sorted({os.path.dirname(os.path.relpath(path, ROOT)) for path in glob.glob(os.path.join(ROOT, 'src/**/*.c'), recursive=True)} - set(LAYERS)))
     report('every #include is within the layers', includes)
     report('no two files of the server include each other', mutual(sources))
     report('no two files have one name', twins())

@@ -53,6 +53,9 @@ def check_exports():
         header = re.sub(r'/\*.*?\*/', '', file.read(), flags=re.S)
     declared = set(re.findall(r'TETLOD_API [^;{]*?\b(tetlod_\w+)\s*\(', header))
     report('and what tetlod.h declares, all of it', sorted(declared.symmetric_difference(exported)))
+    building = {'tetlod_build', 'tetlod_build_defaults'}
+    for library in (['-D', shared[0].replace('libtetlod.so', 'libtetlod-build.so')], [os.path.join(BUILT, 'libtetlod-build.a')]):
+        report('%s exports what tetlod_build.h declares' % os.path.basename(library[-1]), sorted(building.symmetric_difference(defined(*library, '--defined-only'))))
     names = defined('--defined-only', os.path.join(BUILT, 'libtetlod.a'))
     report('the static library takes no other names', [name for name in names if not re.match('tetlodi?_', name)])
 

@@ -95,6 +95,10 @@ static void test_curved(void)
                 REQUIRE(star_gather(&star, &complex, (uint32_t[]){a, b}, 2, NULL) == TETLOD_OK);
                 if (!boundary_find_map(&complex, &star, p, 0.5, &map))
                     continue;
+                bool has_result = half == 0;
+                for (uint32_t k = 0; k < map.point_count; k++)
+                    has_result |= map.points[k].apex == 1;
+                CHECK(has_result || !map.point_count);
                 mapped++;
                 crossed += map.point_count > 3;
                 check_points(&map, &complex, p, &random);

@@ -244,6 +244,34 @@ static void test_one_contraction(void)
     CHECK(done > 30);
 }
 
+/* A linear field whose values are rounded: what a contraction is off by is largest at its result. */
+static void test_the_result_counts(void)
+{
+    struct world world;
+    int done = 0;
+    REQUIRE(open_world(&world, "cube", 4, 3));
+    for (uint32_t v = 0; v < world.mesh.vertex_count; v++) {
+        const double *p = world.mesh.positions + 3 * (size_t)v;
+        world.mesh.fields[0].values[v] = p[0] + 2 * p[1] - p[2];
+    }
+    fields_fini(&world.fields);
+    examiner_fini(&world.examiner);
+    REQUIRE(fields_init(&world.fields, &world.mesh, (uint32_t[]){0}, 1, NULL, NULL) == TETLOD_OK &&
+            examiner_init(&world.examiner, &world.complex, &world.fields, NULL) == TETLOD_OK);
+    struct working_field *field = &world.fields.fields[0];
+    field->grid = (struct grid){8, field->component_range[0][0], 0.25, 255};
+    for (int tries = 0; tries < 5000; tries++) {
+        if (!pick(&world))
+            continue;
+        struct finding finding = examine(&world, 10);
+        double there = fabs(world.examiner.chosen[0] - (world.p[0] + 2 * world.p[1] - world.p[2])) * world.fields.drivers[0].scale;
+        CHECK(finding.allowed && there <= finding.error * (1 + 1e-9) + 1e-12);
+        done += there > 1e-3;
+    }
+    CHECK(done > 200);
+    close_world(&world);
+}
+
 /* As many contractions within a limit as there are in so many tries, far beyond what the envelope would allow: the overlay holds
  * it. A part of them makes flat cones, whose walls are almost one plane. */
 static void check_sequence(const char *name, uint32_t size, uint64_t seed, int tries, bool flat)
@@ -288,6 +316,7 @@ int main(void)
 {
     RUN(test_what_the_envelope_accepts);
     RUN(test_one_contraction);
+    RUN(test_the_result_counts);
     RUN(test_sequences);
     return test_end();
 }

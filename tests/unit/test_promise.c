@@ -281,11 +281,71 @@ static void test_rounded_positions(void)
     }
 }
 
+/* A boundary that may move far leaves points behind and comes back to them: `max` is for the same position all the same. */
+static void test_the_boundary_comes_back(void)
+{
+    const struct build_control control = {0};
+    for (uint32_t i = 0; i < 6; i++) {
+        struct build_options options = usual(&control);
+        struct build_report report;
+        struct tetmesh mesh = {0};
+        REQUIRE(sample_find("torus")->make(&mesh, 2 + i % 3, NULL) == TETLOD_OK);
+        for (uint32_t v = 0; v < mesh.vertex_count && i >= 3; v++) { // a flat ring of another field
+            double *p = mesh.positions + 3 * (size_t)v;
+            p[2] = (double)(float)(0.4 * p[2]);
+            mesh.fields[0].values[v] = (double)(float)(sin(4 * p[0]) * p[1] + p[2]);
+        }
+        options.domain_error = 0.3;
+        options.boundary_angle = 60;
+        options.growth = 5;
+        check("torus", &mesh, &options, &report);
+        tetmesh_fini(&mesh);
+    }
+}
+
+/* A carried field whose range has no reciprocal: of an error no more is said than that there is one. One whose range is no number is
+ * refused. */
+static void test_ranges_without_scale(void)
+{
+    const struct build_control control = {0};
+    struct build_options options = usual(&control);
+    struct memory_sink memory = {0};
+    struct tetlodi_sink sink = memory_sink(&memory);
+    struct build_report report;
+    struct tetlod_file *file;
+    struct tetmesh mesh;
+    REQUIRE(new_mesh(&mesh, 3));
+    add_block(&mesh, 3, origin, cube, 0.5, 1);
+    REQUIRE(tetmesh_add_field(&mesh, "tiny", 1, TETLOD_FLOAT64, NULL) == TETLOD_OK);
+    for (uint32_t v = 0; v < mesh.vertex_count; v++) {
+        const double *p = mesh.positions + 3 * (size_t)v;
+        mesh.fields[0].values[v] = p[0];
+        mesh.fields[1].values[v] = 3e-313 * p[1] * p[2];
+    }
+    REQUIRE(build_stream(&mesh, &options, &sink, &report, NULL) == TETLOD_OK);
+    REQUIRE(tetlod_open_memory(&file, memory.bytes, memory.size, NULL, NULL) == TETLOD_OK);
+    const struct tetlod_info *info = tetlod_info(file);
+    for (uint32_t k = 0; k < info->level_count; k++) {
+        const double *errors = info->levels[k].errors + TETLOD_MEASURES;
+        CHECK((errors[TETLOD_SAMPLED] == 0 || errors[TETLOD_SAMPLED] == 1) && errors[TETLOD_RMS] == errors[TETLOD_SAMPLED]);
+        CHECK(k || errors[TETLOD_SAMPLED] == 1);
+        CHECK(isnan(errors[TETLOD_MAX]));
+    }
+    for (uint32_t v = 0; v < mesh.vertex_count; v++)
+        mesh.fields[1].values[v] = v % 2 ? 1.7e308 : -1.7e308;
+    CHECK_INT(build_stream(&mesh, &options, &sink, &report, NULL), TETLOD_ERR_MESH);
+    tetlod_close(file);
+    free(memory.bytes);
+    tetmesh_fini(&mesh);
+}
+
 int main(void)
 {
     RUN(test_far_from_zero);
     RUN(test_folds);
     RUN(test_bodies);
     RUN(test_rounded_positions);
+    RUN(test_the_boundary_comes_back);
+    RUN(test_ranges_without_scale);
     return test_end();
 }

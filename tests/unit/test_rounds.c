@@ -240,6 +240,36 @@ static void test_clearance_by_slot(void)
     tetmesh_fini(&mesh);
 }
 
+/* ---- what the boundary map demands */
+
+/* A square with a raised middle, over a point below: the middle goes to a corner. The value that it had is then the mean of that corner's
+ * and the one across; the bound covers it from above and from below. */
+static void test_the_map_is_heard(void)
+{
+    double positions[] = {0, 0, 0.25, 1, 1, 0, -1, 1, 0, -1, -1, 0, 1, -1, 0, 0, 0, -1};
+    uint32_t corners[] = {0, 1, 2, 5, 0, 2, 3, 5, 0, 3, 4, 5, 0, 4, 1, 5};
+    const double values[6] = {7, 3, 2, 5, 2, 0};
+    for (int sign = -1; sign <= 1; sign += 2) {
+        struct tetmesh mesh = {.vertex_count = 6, .tet_count = 4, .position_type = TETLOD_FLOAT64, .positions = positions, .corners = corners};
+        struct contraction_log log;
+        REQUIRE(tetmesh_add_field(&mesh, "s", 1, TETLOD_FLOAT64, NULL) == TETLOD_OK);
+        for (int v = 0; v < 6; v++)
+            mesh.fields[0].values[v] = sign * values[v];
+        struct simplify_options options = usual(&mesh, 1);
+        options.boundary_limit = 1;
+        options.boundary_least = 1;
+        REQUIRE(rounds_simplify(&log, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
+        CHECK_INT(log.count, 1);
+        uint32_t other = log.children[0] ? log.children[0] : log.children[1], across = (other + 1) % 4 + 1;
+        double there = (log.fields[0].values[0] + sign * values[across]) / 2;
+        printf("# to corner %u: %g instead of %g, certified %g\n", other, there, sign * values[0], 7 * log.certified[(log.mark_count - 1) * log.component_count]);
+        CHECK(other >= 1 && other <= 4 && fabs(there - sign * values[0]) <= 7 * log.certified[(log.mark_count - 1) * log.component_count] + 1e-12);
+        log_fini(&log);
+        free(mesh.fields[0].values);
+        free(mesh.fields);
+    }
+}
+
 /* ---- stopping */
 
 static bool stop_at(void *opaque, double done)
@@ -297,6 +327,7 @@ int main(void)
     RUN(test_rings_of_any_size);
     RUN(test_rings_in_sequence);
     RUN(test_clearance_by_slot);
+    RUN(test_the_map_is_heard);
     RUN(test_stops_where_told);
     RUN(test_bounds_are_widened);
     return test_end();

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Building streams from meshes in memory: the mesh is written as VTU, the installed program `tetlod build` does the rest."""
+"""Building streams from meshes in memory: by libtetlod-build where it is installed, else by the program, of a VTU file."""
 from __future__ import annotations
 
 import os
@@ -10,7 +10,10 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
+from . import _build_library
 from ._mesh import VTK_TETRA, Mesh
+
+Arrays = Tuple[Any, Any, Mapping[str, Any], Mapping[str, Any]]
 
 TYPES = {'f4': 'Float32', 'f8': 'Float64', 'i1': 'Int8', 'u1': 'UInt8', 'i2': 'Int16', 'u2': 'UInt16', 'i4': 'Int32', 'u4': 'UInt32',
          'i8': 'Int64', 'u8': 'UInt64'}
@@ -22,14 +25,38 @@ def build(mesh: Any, tets: Any = None, fields: Optional[Mapping[str, Any]] = Non
 
     `mesh` is a Mesh, a meshio mesh, a grid of VTK or PyVista, or an array of points with `tets` (m, 4) and `fields` of the points
     and `cells` of the tetrahedra by name. Options are those of `tetlod build`, with _ for -: field='Pressure', max_error=0.1,
-    keep_order=True; lists repeat an option. The program is `program`, $TETLOD, or `tetlod` of the PATH.
+    keep_order=True; lists repeat an option.
+
+    Arrays, a Mesh, and meshio's tetrahedra are built by libtetlod-build where it is installed, without a file between. It also takes
+    progress=function(phase, fraction), which cancels by returning False, and metadata=dict or JSON text. Otherwise the program builds: `program`,
+    $TETLOD, or `tetlod` of the PATH.
     """
+    library = None if program else _build_library.library_path()
+    arrays = arrays_of(mesh, tets, fields, cells)
+    if library and arrays and set(options) <= _build_library.OPTIONS:
+        stream = _build_library.build(library, *arrays, options)
+        if output is None:
+            return stream
+        part = os.fspath(output) + '.part'
+        with open(part, 'wb') as file:
+            file.write(stream)
+        os.replace(part, output)
+        return None
+    for name in {'progress', 'metadata'} & set(options):
+        raise TypeError('%s= is for libtetlod-build, which %s' % (name, 'does not take this' if library else 'is not installed'))
+    return build_by_program(mesh, arrays, output, program, options)
+
+
+def build_by_program(mesh: Any, arrays: Optional[Arrays], output: Any, program: Optional[str], options: Mapping[str, Any]) -> Optional[bytes]:
     command = program or os.environ.get('TETLOD') or shutil.which('tetlod')
     if not command:
-        raise FileNotFoundError('the program tetlod is not installed (or name it: program=, or $TETLOD)')
+        raise FileNotFoundError('neither libtetlod-build nor the program tetlod is installed (or name it: program=, or $TETLOD)')
     with tempfile.TemporaryDirectory(prefix='tetlod-') as folder:
         path = os.path.join(folder, 'mesh.vtu')
-        save(path, mesh, tets, fields, cells)
+        if arrays:
+            write_vtu(path, *arrays)
+        else:
+            save(path, mesh)
         made = os.path.join(folder, 'mesh.tetlod') if output is None else os.fspath(output)
         done = subprocess.run([command, 'build', path, '-o', made, '--quiet', *arguments(options)], stdin=subprocess.DEVNULL,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -54,28 +81,22 @@ def arguments(options: Mapping[str, Any]) -> List[str]:
     return given
 
 
-def save(path: str, mesh: Any, tets: Any, fields: Optional[Mapping[str, Any]], cells: Optional[Mapping[str, Any]]) -> None:
-    """Writes any of the meshes that `build` takes as VTU."""
+def arrays_of(mesh: Any, tets: Any, fields: Optional[Mapping[str, Any]], cells: Optional[Mapping[str, Any]]) -> Optional[Arrays]:
+    """Points, tets, fields and cells of a mesh; None for a grid that a file has to be written of."""
     if hasattr(mesh, 'GetPointData'):  # VTK, and PyVista, whose grids are VTK's
-        from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
-        writer = vtkXMLUnstructuredGridWriter()
-        writer.SetFileName(path)
-        writer.SetInputData(mesh)
-        if not writer.Write():
-            raise OSError('VTK cannot write this grid as VTU: it has to be a vtkUnstructuredGrid')
-    elif hasattr(mesh, 'point_data') and hasattr(mesh, 'cells'):
-        import meshio
-        meshio.write(path, mesh, file_format='vtu')
-    elif isinstance(mesh, Mesh):
-        write_vtu(path, mesh.points, mesh.tets, mesh.fields, mesh.cells)
-    else:
-        if tets is None:
-            raise TypeError('with an array of points, give their tets, too')
-        write_vtu(path, mesh, tets, fields or {}, cells or {})
+        return None
+    if hasattr(mesh, 'point_data') and hasattr(mesh, 'cells'):  # meshio
+        if [block.type for block in mesh.cells] != ['tetra']:
+            return None
+        return checked(mesh.points, mesh.cells[0].data, mesh.point_data, {name: values[0] for name, values in mesh.cell_data.items()})
+    if isinstance(mesh, Mesh):
+        return checked(mesh.points, mesh.tets, mesh.fields, mesh.cells)
+    if tets is None:
+        raise TypeError('with an array of points, give their tets, too')
+    return checked(mesh, tets, fields or {}, cells or {})
 
 
-def write_vtu(path: str, points: Any, tets: Any, fields: Mapping[str, Any], cells: Mapping[str, Any]) -> None:
-    """A VTU file with raw appended arrays."""
+def checked(points: Any, tets: Any, fields: Mapping[str, Any], cells: Mapping[str, Any]) -> Arrays:
     points, tets = np.asarray(points), np.asarray(tets)
     if points.ndim != 2 or points.shape[1] != 3 or tets.ndim != 2 or tets.shape[1] != 4:
         raise ValueError('points are an array of (n, 3), tets one of (m, 4), not %s and %s' % (points.shape, tets.shape))
@@ -84,6 +105,25 @@ def write_vtu(path: str, points: Any, tets: Any, fields: Mapping[str, Any], cell
     for name, values, count in [(n, v, len(points)) for n, v in fields.items()] + [(n, v, len(tets)) for n, v in cells.items()]:
         if np.shape(values)[:1] != (count,):
             raise ValueError('%r has values of shape %s; there are %d %s' % (name, np.shape(values), count, 'points' if name in fields else 'tets'))
+    return points, tets, fields, cells
+
+
+def save(path: str, mesh: Any) -> None:
+    """Writes a grid of VTK, or a meshio mesh of any cells, as VTU."""
+    if not hasattr(mesh, 'GetPointData'):
+        import meshio
+        meshio.write(path, mesh, file_format='vtu')
+        return
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetFileName(path)
+    writer.SetInputData(mesh)
+    if not writer.Write():
+        raise OSError('VTK cannot write this grid as VTU: it has to be a vtkUnstructuredGrid')
+
+
+def write_vtu(path: str, points: Any, tets: Any, fields: Mapping[str, Any], cells: Mapping[str, Any]) -> None:
+    """A VTU file with raw appended arrays."""
     appended: List[Tuple[str, Any]] = []
 
     def section(tag: str, arrays: Dict[str, Any]) -> str:

@@ -1,0 +1,228 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* libtetlod-build: a mesh of arrays in memory, checked and copied, goes through the pipeline that the program uses. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/library/tetlod_build.h"
+#include "src/pipeline/build.h"
+#include "src/util/array.h"
+#include "src/util/parallel.h"
+
+static const char *const phase_names[BUILD_PHASES] = {[BUILD_CONTRACT] = "contract", [BUILD_MEASURE] = "measure", [BUILD_ENCODE] = "encode"};
+
+void tetlod_build_defaults(struct tetlod_build_options *options)
+{
+    const struct build_options usual = build_options_default();
+    *options = (struct tetlod_build_options){.struct_size = sizeof *options,
+                                             .max_error = usual.max_error,
+                                             .min_tets = usual.min_tets,
+                                             .domain_error = usual.domain_error,
+                                             .boundary_angle = usual.boundary_angle,
+                                             .growth = usual.growth,
+                                             .compression = usual.compression};
+}
+
+/* ---- arrays */
+
+/* Value i of an array as the double that it is. A 64 bit integer beyond 2^53 is none: false. */
+static bool value_at(const void *values, enum tetlod_cell_type type, size_t i, double *out)
+{
+    switch (type) {
+    case TETLOD_CELL_FLOAT32:
+        *out = ((const float *)values)[i];
+        return true;
+    case TETLOD_CELL_FLOAT64:
+        *out = ((const double *)values)[i];
+        return true;
+    case TETLOD_CELL_INT8:
+        *out = ((const int8_t *)values)[i];
+        return true;
+    case TETLOD_CELL_INT16:
+        *out = ((const int16_t *)values)[i];
+        return true;
+    case TETLOD_CELL_INT32:
+        *out = ((const int32_t *)values)[i];
+        return true;
+    case TETLOD_CELL_INT64:
+        *out = (double)((const int64_t *)values)[i];
+        return *out >= -0x1p53 && *out <= 0x1p53;
+    }
+    return false;
+}
+
+static enum tetlod_status check_array(const struct tetlod_build_array *array, const char *what, enum tetlod_cell_type last,
+                                      struct tetlod_error *error)
+{
+    if (!array->name || !*array->name || !array->values || array->components < 1)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "values of %s need a name, at least one component, and an array", what);
+    if ((unsigned)array->type > (unsigned)last)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "'%.60s': values of %s cannot have type %d", array->name, what, (int)array->type);
+    return TETLOD_OK;
+}
+
+/* Fills the field that was added for an array. */
+static enum tetlod_status copy_values(struct point_field *field, const struct tetlod_build_array *array, size_t rows, struct tetlod_error *error)
+{
+    field->is_integer = array->type > TETLOD_CELL_FLOAT64;
+    for (size_t i = 0; i < rows * array->components; i++)
+        if (!value_at(array->values, array->type, i, &field->values[i]))
+            return tetlodi_fail(error, TETLOD_ERR_FIELD, "'%.60s': the integer at %zu is beyond 2^53", array->name, i);
+    return TETLOD_OK;
+}
+
+static enum tetlod_type type_of(const struct tetlod_build_array *array)
+{
+    return array->type == TETLOD_CELL_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
+}
+
+static enum tetlod_status copy_fields(struct tetmesh *mesh, const struct tetlod_build_mesh *given, struct tetlod_error *error)
+{
+    for (uint32_t f = 0; f < given->field_count; f++) {
+        const struct tetlod_build_array *array = &given->fields[f];
+        TETLOD_TRY(check_array(array, "points", TETLOD_CELL_FLOAT64, error));
+        if (tetmesh_find_field(mesh, array->name) != TETLOD_NONE)
+            return tetlodi_fail(error, TETLOD_ERR_FIELD, "two fields are named '%.60s'", array->name);
+        TETLOD_TRY(tetmesh_add_field(mesh, array->name, array->components, type_of(array), error));
+        TETLOD_TRY(copy_values(&mesh->fields[f], array, given->vertices, error));
+    }
+    for (uint32_t f = 0; f < given->cell_field_count; f++) {
+        const struct tetlod_build_array *array = &given->cell_fields[f];
+        TETLOD_TRY(check_array(array, "tetrahedra", TETLOD_CELL_INT64, error));
+        if (tetmesh_find_cell_field(mesh, array->name) != TETLOD_NONE)
+            return tetlodi_fail(error, TETLOD_ERR_FIELD, "two fields of tetrahedra are named '%.60s'", array->name);
+        TETLOD_TRY(tetmesh_add_cell_field(mesh, array->name, array->components, type_of(array), given->tets, error));
+        TETLOD_TRY(copy_values(&mesh->cell_fields[f], array, given->tets, error));
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status copy_mesh(struct tetmesh *mesh, const struct tetlod_build_mesh *given, struct tetlod_error *error)
+{
+    size_t points = 3 * (size_t)given->vertices, corners = 4 * (size_t)given->tets;
+    if (!given->positions || !given->corners || (given->position_type != TETLOD_FLOAT32 && given->position_type != TETLOD_FLOAT64))
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "a mesh needs positions of type float32 or float64, and corners");
+    mesh->positions = array_new(points, sizeof *mesh->positions);
+    mesh->corners = array_new(corners, sizeof *mesh->corners);
+    if (!mesh->positions || !mesh->corners)
+        return tetlodi_fail_nomem(error, "the mesh", 8 * (uint64_t)points + 4 * (uint64_t)corners);
+    mesh->vertex_count = given->vertices;
+    mesh->tet_count = given->tets;
+    mesh->position_type = given->position_type;
+    for (size_t i = 0; i < points; i++)
+        mesh->positions[i] = given->position_type == TETLOD_FLOAT32 ? ((const float *)given->positions)[i] : ((const double *)given->positions)[i];
+    if (corners)
+        memcpy(mesh->corners, given->corners, corners * sizeof *mesh->corners);
+    TETLOD_TRY(copy_fields(mesh, given, error));
+    TETLOD_TRY(tetmesh_validate_tets(mesh, error));
+    TETLOD_TRY(tetmesh_drop_unused(mesh, error));
+    return tetmesh_validate(mesh, error);
+}
+
+/* ---- options */
+
+struct progress_of_caller {
+    int (*call)(void *opaque, const char *phase, double done);
+    void *opaque;
+};
+
+static bool pass_progress(void *opaque, enum build_phase phase, double done)
+{
+    const struct progress_of_caller *caller = opaque;
+    return caller->call(caller->opaque, phase_names[phase], done) != 0;
+}
+
+static bool within(double value, double least, double most)
+{
+    return value >= least && value <= most;
+}
+
+static enum tetlod_status check_options(const struct tetlod_build_options *options, struct tetlod_error *error)
+{
+    const struct {
+        const char *name;
+        bool good;
+    } checks[] = {{"max_error is 0 .. 1", within(options->max_error, 0, 1)},
+                  {"domain_error is 0 .. 1", within(options->domain_error, 0, 1)},
+                  {"boundary_angle is 0 .. 180", within(options->boundary_angle, 0, 180)},
+                  {"growth is 1.001 .. 16", within(options->growth, 1.001, 16)},
+                  {"compression is 1 .. 22", options->compression >= 1 && options->compression <= 22},
+                  {"position_bits and field_bits are at most 30",
+                   options->position_bits <= QUANTISE_MOST_BITS && options->field_bits <= QUANTISE_MOST_BITS},
+                  {"position_error and field_error are 0 .. 1", within(options->position_error, 0, 1) && within(options->field_error, 0, 1)}};
+    for (size_t i = 0; i < sizeof checks / sizeof *checks; i++)
+        if (!checks[i].good)
+            return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s; tetlod_build_defaults sets what is usual", checks[i].name);
+    return TETLOD_OK;
+}
+
+static struct build_options options_of(const struct tetlod_build_options *options)
+{
+    struct build_options build = build_options_default();
+    build.max_error = options->max_error;
+    build.min_tets = options->min_tets ? options->min_tets : 1;
+    build.domain_error = options->domain_error;
+    build.boundary_angle = options->boundary_angle;
+    build.growth = options->growth;
+    build.compression = options->compression;
+    build.certify_all = options->certify_all;
+    build.keep_order = options->keep_order;
+    build.quantise = (struct quantise_options){options->position_bits, options->field_bits, options->position_error, options->field_error};
+    build.threads = options->threads ? options->threads : parallel_cores();
+    build.memory = options->memory;
+    build.metadata = options->metadata ? options->metadata : "{\"program\":\"libtetlod-build " TETLOD_VERSION_STRING "\"}";
+    if (options->certify_exact) {
+        build.certify = CERTIFY_EXACT;
+        build.metric = METRIC_FIELD_QUADRIC;
+    }
+    return build;
+}
+
+/* ---- building */
+
+static enum tetlod_status build(struct tetmesh *mesh, const struct tetlod_build_options *given, const struct tetlodi_sink *sink,
+                                struct tetlod_error *error)
+{
+    struct build_options options = options_of(given);
+    struct build_report report;
+    struct progress_of_caller caller = {given->progress, given->progress_opaque};
+    uint32_t count;
+    if (caller.call) {
+        options.progress = pass_progress;
+        options.progress_opaque = &caller;
+    }
+    struct build_control *controls = array_new(2 * ((size_t)given->control_count + 1), sizeof *controls); // a magnitude brings its vector
+    if (!controls)
+        return tetlodi_fail_nomem(error, "the controlled fields", given->control_count * sizeof *controls);
+    enum tetlod_status status;
+    TETLOD_TRY_DONE(build_controls_parse(mesh, given->controls, NULL, given->control_count, controls, &count, error));
+    TETLOD_TRY_DONE(build_regions_choose(mesh, given->region, &options.regions, error));
+    build_controls_add_vectors(mesh, controls, &count);
+    options.controls = controls;
+    options.control_count = count;
+    status = build_stream(mesh, &options, sink, &report, error);
+done:
+    free(controls);
+    return status;
+}
+
+enum tetlod_status tetlod_build(const struct tetlod_build_mesh *mesh, const struct tetlod_build_options *options,
+                                enum tetlod_status (*write)(void *opaque, const void *bytes, size_t size), void *opaque,
+                                struct tetlod_error *error)
+{
+    struct tetlod_build_options all;
+    struct tetlod_build_mesh given = {0};
+    struct tetmesh copy = {0};
+    const struct tetlodi_sink sink = {write, opaque};
+    tetlod_build_defaults(&all);
+    if (options)
+        memcpy(&all, options, options->struct_size < sizeof all ? options->struct_size : sizeof all);
+    memcpy(&given, mesh, mesh->struct_size < sizeof given ? mesh->struct_size : sizeof given);
+    enum tetlod_status status = check_options(&all, error);
+    if (status == TETLOD_OK)
+        status = copy_mesh(&copy, &given, error);
+    if (status == TETLOD_OK)
+        status = build(&copy, &all, &sink, error);
+    tetmesh_fini(&copy);
+    return status;
+}

@@ -1,0 +1,79 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Building streams from arrays in memory: the public interface of libtetlod-build, with libtetlod's conventions (tetlod.h).
+ *
+ * A solver passes its mesh and its fields and receives the bytes of the stream in order. The bytes are those that `tetlod build`
+ * writes of the same mesh, with the same options and metadata. Nothing of the mesh is changed or kept.
+ *
+ *     struct tetlod_build_array p = {.name = "p", .components = 1, .type = TETLOD_CELL_FLOAT64, .values = pressure};
+ *     struct tetlod_build_mesh mesh = {.struct_size = sizeof mesh, .vertices = n, .tets = m, .position_type = TETLOD_FLOAT64,
+ *                                      .positions = xyz, .corners = tets, .field_count = 1, .fields = &p};
+ *     status = tetlod_build(&mesh, NULL, write_bytes, file, &error);
+ */
+#ifndef TETLOD_BUILD_PUBLIC_H
+#define TETLOD_BUILD_PUBLIC_H
+
+#include "format/tetlod.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Values of the points or of the tetrahedra, one row after the other. */
+struct tetlod_build_array {
+    const char *name;
+    uint32_t components;        /* values in a row */
+    enum tetlod_cell_type type; /* of a value; at points TETLOD_CELL_FLOAT32 or TETLOD_CELL_FLOAT64 */
+    const void *values;         /* [components * rows] */
+};
+
+/* Borrowed for the call. */
+struct tetlod_build_mesh {
+    size_t struct_size; /* sizeof(struct tetlod_build_mesh) */
+    uint32_t vertices, tets;
+    enum tetlod_type position_type;
+    const void *positions;   /* [3 * vertices] of that type */
+    const uint32_t *corners; /* [4 * tets] 0-based */
+    uint32_t field_count, cell_field_count;
+    const struct tetlod_build_array *fields;      /* values of the points: at least one */
+    const struct tetlod_build_array *cell_fields; /* values of the tetrahedra, stored exactly */
+};
+
+/* tetlod_build_defaults sets what `tetlod build` does without options. `tetlod help build` says more about each of them. */
+struct tetlod_build_options {
+    size_t struct_size;
+    const char *const *controls; /* fields whose error is certified: "p", "p:1%", "U:mag", "U:0"; none: the first scalar */
+    uint32_t control_count;
+    const char *region;          /* field of the tetrahedra that tells regions; "none"; NULL: by its name */
+    double max_error;            /* stop at this error, a fraction of the range */
+    uint32_t min_tets;           /* stop at that many tetrahedra */
+    double domain_error;         /* how far the boundary may move, a fraction of the diagonal */
+    double boundary_angle;       /* degrees between boundary faces that make a crease */
+    double growth;               /* vertices of a level / vertices of the one below */
+    int certify_exact;           /* 1: the exact maximum is the limit: fewer tetrahedra, more time */
+    int certify_all;             /* 1: a certified error for every field */
+    unsigned position_bits, field_bits;   /* round to so many bits; 0: lossless */
+    double position_error, field_error;   /* as many bits as keep this error; 0: lossless */
+    int keep_order;              /* 1: store the numbering of the arrays, too */
+    int compression;             /* 1 fast .. 22 small */
+    unsigned threads;            /* 0: all cores; the bytes do not depend on it */
+    uint64_t memory;             /* refuse what needs more bytes; 0: no limit */
+    const char *metadata;        /* a JSON object; NULL: which program made the stream */
+    /* Called now and then, always by the calling thread; `done` is a fraction of the phase. Returns 0 to cancel. May be NULL. */
+    int (*progress)(void *opaque, const char *phase, double done);
+    void *progress_opaque;
+};
+
+TETLOD_API void tetlod_build_defaults(struct tetlod_build_options *options);
+
+/* Builds the stream of a mesh and passes its bytes on in order: `write` returns TETLOD_OK, or a status that ends the build.
+ * `options` NULL: the defaults. TETLOD_ERR_MESH and TETLOD_ERR_FIELD name what is wrong with the arrays; TETLOD_ERR_ARGUMENT an
+ * option; TETLOD_ERR_CANCELLED if progress returned 0; TETLOD_ERR_LIMIT and TETLOD_ERR_NOMEM. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_build(const struct tetlod_build_mesh *mesh, const struct tetlod_build_options *options,
+                                                          enum tetlod_status (*write)(void *opaque, const void *bytes, size_t size),
+                                                          void *opaque, struct tetlod_error *error);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,136 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* libtetlod-build: what it takes, what it refuses, progress, a sink that fails. That its bytes are the program's: tests/clients/test_python.py. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "src/library/tetlod_build.h"
+#include "tests/memory_sink.h"
+#include "tests/test.h"
+
+/* Two tetrahedra, and a point that none uses. */
+static const double positions[][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 1}, {9, 9, 9}};
+static const uint32_t corners[][4] = {{0, 1, 2, 3}, {1, 2, 3, 4}};
+static const float values[] = {0, 1, 2, 3, 4, 5};
+static const int64_t ids[] = {7, -1};
+
+static struct tetlod_build_array field = {"p", 1, TETLOD_CELL_FLOAT32, values};
+static struct tetlod_build_array cells = {"id", 1, TETLOD_CELL_INT64, ids};
+
+static struct tetlod_build_mesh mesh_of(void)
+{
+    return (struct tetlod_build_mesh){sizeof(struct tetlod_build_mesh), 6, 2, TETLOD_FLOAT64, positions, corners[0], 1, 1, &field, &cells};
+}
+
+static enum tetlod_status count(void *opaque, const void *bytes, size_t size)
+{
+    (void)bytes;
+    *(size_t *)opaque += size;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status refuse(void *opaque, const void *bytes, size_t size)
+{
+    (void)opaque, (void)bytes, (void)size;
+    return TETLOD_ERR_IO;
+}
+
+static int never(void *opaque, const char *phase, double done)
+{
+    (void)opaque, (void)phase, (void)done;
+    return 0;
+}
+
+static enum tetlod_status build(const struct tetlod_build_mesh *mesh, const struct tetlod_build_options *options, struct tetlod_error *error)
+{
+    size_t size = 0;
+    enum tetlod_status status = tetlod_build(mesh, options, count, &size, error);
+    CHECK((status == TETLOD_OK) == (size > 0));
+    return status;
+}
+
+static void test_stream(void)
+{
+    struct tetlod_build_mesh mesh = mesh_of();
+    struct tetlod_error error = {0};
+    struct memory_sink out = {0};
+    struct tetlod_file *file;
+    const struct tetlodi_sink sink = memory_sink(&out);
+    CHECK(tetlod_build(&mesh, NULL, sink.write, sink.opaque, &error) == TETLOD_OK);
+    CHECK(tetlod_open_memory(&file, out.bytes, out.size, NULL, &error) == TETLOD_OK);
+    const struct tetlod_info *info = tetlod_info(file);
+    CHECK(info->vertices == 5 && info->tets == 2 && info->unused_points == 1 && info->lossless);
+    CHECK(info->field_count == 1 && info->fields[0].controlled && info->cell_field_count == 1 && info->cell_fields[0].type == TETLOD_CELL_INT8);
+    tetlod_close(file);
+    free(out.bytes);
+}
+
+static void test_refusals(void)
+{
+    struct tetlod_build_mesh mesh = mesh_of();
+    struct tetlod_error error = {0};
+    struct tetlod_build_array wrong = field;
+    static const uint32_t outside[] = {0, 1, 2, 6};
+    static const float not_finite[] = {0, 1, 2, 3, NAN, 5};
+    static const int64_t large[] = {1, INT64_MAX};
+    mesh.positions = NULL;
+    CHECK(build(&mesh, NULL, &error) == TETLOD_ERR_ARGUMENT);
+    mesh = mesh_of();
+    mesh.corners = outside;
+    mesh.tets = 1;
+    CHECK(build(&mesh, NULL, &error) == TETLOD_ERR_MESH && strstr(error.message, "point 6"));
+    mesh = mesh_of();
+    mesh.fields = &wrong;
+    wrong.values = not_finite;
+    CHECK(build(&mesh, NULL, &error) == TETLOD_ERR_MESH && strstr(error.message, "NaN"));
+    wrong.type = TETLOD_CELL_INT32;
+    CHECK(build(&mesh, NULL, &error) == TETLOD_ERR_ARGUMENT && strstr(error.message, "'p'"));
+    wrong.name = NULL;
+    CHECK(build(&mesh, NULL, &error) == TETLOD_ERR_ARGUMENT);
+    mesh = mesh_of();
+    mesh.cell_fields = &wrong;
+    wrong = cells;
+    wrong.values = large;
+    CHECK(build(&mesh, NULL, &error) == TETLOD_ERR_FIELD && strstr(error.message, "2^53"));
+    mesh = mesh_of();
+    struct tetlod_build_array twice[] = {field, field};
+    mesh.fields = twice;
+    mesh.field_count = 2;
+    CHECK(build(&mesh, NULL, &error) == TETLOD_ERR_FIELD && strstr(error.message, "two fields"));
+    mesh = mesh_of();
+    mesh.field_count = 0;
+    CHECK(build(&mesh, NULL, &error) == TETLOD_ERR_MESH);
+}
+
+static void test_options(void)
+{
+    struct tetlod_build_mesh mesh = mesh_of();
+    struct tetlod_build_options options;
+    struct tetlod_error error = {0};
+    static const char *const names[] = {"q", "p", "p"};
+    tetlod_build_defaults(&options);
+    options.controls = names;
+    options.control_count = 1;
+    CHECK(build(&mesh, &options, &error) == TETLOD_ERR_FIELD && strstr(error.message, "'q'"));
+    options.controls = names + 1;
+    CHECK(build(&mesh, &options, &error) == TETLOD_OK);
+    options.control_count = 2;
+    CHECK(build(&mesh, &options, &error) == TETLOD_ERR_ARGUMENT && strstr(error.message, "twice"));
+    tetlod_build_defaults(&options);
+    options.growth = 1;
+    CHECK(build(&mesh, &options, &error) == TETLOD_ERR_ARGUMENT && strstr(error.message, "growth"));
+    options.struct_size = sizeof options.struct_size; // a program of another day: what it does not know has its default
+    CHECK(build(&mesh, &options, &error) == TETLOD_OK);
+    tetlod_build_defaults(&options);
+    options.progress = never;
+    CHECK(build(&mesh, &options, &error) == TETLOD_ERR_CANCELLED);
+    CHECK(tetlod_build(&mesh, NULL, refuse, NULL, &error) == TETLOD_ERR_IO);
+}
+
+int main(void)
+{
+    RUN(test_stream);
+    RUN(test_refusals);
+    RUN(test_options);
+    return test_end();
+}
