@@ -463,4 +463,5 @@ clean:
 help:
 	@sed -n 's/^## //p' $(firstword $(MAKEFILE_LIST))
 
+OBJECTS += $(call objects,$(wildcard tests/bench/*.c))
 -include $(OBJECTS:.o=.d)

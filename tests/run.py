@@ -81,6 +81,12 @@ def run(config, path, timeout):
     return name, found, failed, output, time.time() - start
 
 
+def of_interest(lines):
+    """Without the good results that stand above the last lines."""
+    above = [line for line in lines[:-20] if not re.match(r'ok\b', line)]
+    return above[:60] + lines[-20:]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('configs', nargs='+')
@@ -98,7 +104,7 @@ def main():
             for f in skips:
                 print('     skipped: %s (%s)' % (f[1], f[3]))
             if failed:
-                print(''.join('     | %s\n' % line for line in output.splitlines()[-60:]), end='')
+                print(''.join('     | %s\n' % line for line in of_interest(output.splitlines())), end='')
             sys.stdout.flush()
             failures += failed
             skipped += len(skips)

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "server/answer/cell_choice.h"
 #include "server/answer/level_file.h"
 #include "server/answer/made.h"
 #include "server/answer/respond.h"
@@ -16,6 +17,8 @@
 
 struct region_choice {
     const struct mesh_format *format;
+    const struct tetlod_file *file; /* of the dataset that is held meanwhile */
+    struct cell_choice cells;
     uint32_t coarse, fine;
     size_t box_count;
     struct region_box boxes[MOST_BOXES];
@@ -99,9 +102,17 @@ bool print_boxes(const struct region_box *boxes, size_t count, char out[static B
 
 static enum tetlod_status make_mesh(const void *opaque, const struct forest *forest, struct tetmesh *out, struct tetlod_error *error)
 {
-    struct region region = region_of(opaque);
+    const struct region_choice *choice = opaque;
+    struct region region = region_of(choice);
     struct region_counts counts;
-    return region_mesh(forest, &region, out, &counts, error);
+    uint32_t *tets;
+    enum tetlod_status status = region_mesh(forest, &region, out, &tets, &counts, error);
+    if (status == TETLOD_OK)
+        status = cell_choice_add(&choice->cells, choice->file, tets, out, error);
+    if (status != TETLOD_OK)
+        tetmesh_fini(out);
+    free(tets);
+    return status;
 }
 
 static enum tetlod_status measure(const void *opaque, const struct forest *forest, const struct tetmesh *mesh, struct region_note *out,
@@ -154,31 +165,47 @@ static enum outcome answer_region(struct exchange *exchange, struct dataset *dat
 {
     const struct tetlod_info *info = dataset_info(dataset);
     const struct region region = region_of(choice);
-    char boxes[BOXES_CAPACITY], name[BOXES_CAPACITY + 80];
+    char boxes[BOXES_CAPACITY], cells[MOST_CELL_FIELDS / 4 + 1], name[BOXES_CAPACITY + sizeof cells + 80];
     if (!print_boxes(choice->boxes, choice->box_count, boxes)) {
         response_problem(exchange->response, 400, exchange->request->target, "these are too many boxes: write fewer, or fewer digits");
         return ANSWERED;
     }
-    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s", mesh_format_name(choice->format), choice->coarse, boxes);
+    cell_choice_name(&choice->cells, cells);
+    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s%s%s", mesh_format_name(choice->format), choice->coarse, boxes, choice->cells.any ? "-" : "",
+             choice->cells.any ? cells : "");
+    uint64_t values = 8 * cell_choice_values(&choice->cells, info, info->levels[choice->fine].tets);
     const struct level_answer answer = {
         .level = choice->fine,
         .name = name,
         .media_type = mesh_format_type(choice->format),
-        .file_bytes = mesh_format_bytes(info, choice->fine),
+        .file_bytes = mesh_format_bytes(info, choice->fine) + values,
         .write = write_mesh,
         .choice = choice,
         .choice_size = sizeof *choice,
         .mesh = make_mesh,
         .measure = measure,
         .headers = put_headers,
-        .mesh_bytes = region_estimate(info, &region) + info->vertices * (uint64_t)40,
+        .mesh_bytes = region_estimate(info, &region) + info->vertices * (uint64_t)40 + values +
+                      8 * cell_choice_values(&choice->cells, info, info->tets),
     };
     return answer_from_level(exchange, dataset, &answer);
 }
 
+/* The field that tells the parts keeps its name to itself. */
+static bool take_cells(struct exchange *exchange, const struct tetlod_info *info, struct cell_choice *out)
+{
+    if (!query_cells(exchange, info, out))
+        return false;
+    uint32_t clash = tetlod_cell_field_index(info, REGION_FIELD);
+    if (clash == TETLOD_NONE || !out->chosen[clash])
+        return true;
+    response_problem(exchange->response, 400, exchange->request->target, "cells cannot have '%s' here: so is called what tells the parts", REGION_FIELD);
+    return false;
+}
+
 static bool take_choice(struct exchange *exchange, const struct tetlod_info *info, struct region_choice *choice)
 {
-    static const char *const names[] = {"box", "box_level", NULL};
+    static const char *const names[] = {"box", "box_level", "cells", NULL};
     char text[24];
     choice->format = mesh_format_find(exchange->captures[3]);
     if (!choice->format || !mesh_format_writes(choice->format)) {
@@ -186,7 +213,7 @@ static bool take_choice(struct exchange *exchange, const struct tetlod_info *inf
         return false;
     }
     if (!check_parameters(exchange, names) || !parse_level(exchange, info, exchange->captures[2], &choice->coarse) ||
-        !parse_boxes(exchange, choice->boxes, &choice->box_count))
+        !parse_boxes(exchange, choice->boxes, &choice->box_count) || !take_cells(exchange, info, &choice->cells))
         return false;
     if (choice->box_count && query_value(exchange->query, "box_level", text, sizeof text) == QUERY_FOUND) {
         if (!parse_level(exchange, info, text, &choice->fine))
@@ -206,6 +233,7 @@ enum outcome handle_region(struct exchange *exchange)
     if (!dataset)
         return ANSWERED;
     memset(&choice, 0, sizeof choice);
+    choice.file = dataset_file(dataset);
     if (take_choice(exchange, dataset_info(dataset), &choice))
         outcome = answer_region(exchange, dataset, &choice);
     if (outcome == ANSWERED && exchange->response->status == 200)

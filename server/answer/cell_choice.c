@@ -67,11 +67,11 @@ uint64_t cell_choice_values(const struct cell_choice *choice, const struct tetlo
     return components * tets;
 }
 
-enum tetlod_status cell_choice_add(const struct cell_choice *choice, const struct tetlod_file *file, struct tetmesh *mesh,
-                                   struct tetlod_error *error)
+enum tetlod_status cell_choice_add(const struct cell_choice *choice, const struct tetlod_file *file, const uint32_t *tets,
+                                   struct tetmesh *mesh, struct tetlod_error *error)
 {
     for (uint32_t f = 0; f < tetlod_info(file)->cell_field_count; f++)
         if (choice->chosen[f])
-            TETLOD_TRY(level_mesh_cells(file, f, mesh, error));
+            TETLOD_TRY(level_mesh_cells(file, f, tets, mesh, error));
     return TETLOD_OK;
 }

@@ -23,8 +23,8 @@ void cell_choice_name(const struct cell_choice *choice, char out[MOST_CELL_FIELD
 /* Values of that many tetrahedra that are chosen. */
 uint64_t cell_choice_values(const struct cell_choice *choice, const struct tetlod_info *info, uint64_t tets);
 
-/* Adds them to the mesh of a level, which has none. ERR_NOMEM, or as tetlod_cells. */
-TETLOD_CHECKED enum tetlod_status cell_choice_add(const struct cell_choice *choice, const struct tetlod_file *file,
+/* Adds them to a mesh of the tetrahedra that have these numbers (NULL: a level's). ERR_NOMEM, or as tetlod_cells. */
+TETLOD_CHECKED enum tetlod_status cell_choice_add(const struct cell_choice *choice, const struct tetlod_file *file, const uint32_t *tets,
                                                   struct tetmesh *mesh, struct tetlod_error *error);
 
 #endif

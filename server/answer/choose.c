@@ -181,17 +181,18 @@ static void redirect(struct exchange *exchange, const struct dataset *dataset, c
     struct response *response = exchange->response;
     const struct tetlod_info *info = dataset_info(dataset);
     char boxes[BOXES_CAPACITY];
+    const char *cells = choice->cells.any ? choice->cells.text : "";
     if (choice->box_count && !print_boxes(choice->boxes, choice->box_count, boxes)) {
         response_problem(response, 400, target_of(exchange), "these are too many boxes: write fewer, or fewer digits");
         return;
     }
     response_static(response, 303, "text/plain; charset=utf-8", "The mesh is at the address of the Location header.\n");
     if (choice->box_count) // from .../mesh
-        response_header(response, "Location", "%s/levels/%" PRIu32 "/region.%s?box_level=%" PRIu32 "&box=%s", info->cid, level,
-                        choice->format, choice->box_level, boxes);
+        response_header(response, "Location", "%s/levels/%" PRIu32 "/region.%s?box_level=%" PRIu32 "&box=%s%s%s", info->cid, level,
+                        choice->format, choice->box_level, boxes, choice->cells.any ? "&cells=" : "", cells);
     else
         response_header(response, "Location", "%s/levels/%" PRIu32 "/mesh.%s%s%s", info->cid, level, choice->format,
-                        choice->cells.any ? "?cells=" : "", choice->cells.any ? choice->cells.text : "");
+                        choice->cells.any ? "?cells=" : "", cells);
     level_headers(response, dataset, level);
     cache_revalidate(response);
 }
@@ -245,24 +246,13 @@ static bool ask_boxes(struct exchange *exchange, const struct dataset *dataset, 
     return true;
 }
 
-/* Values of cells, which regions do not have; false: answered. */
-static bool ask_cells(struct exchange *exchange, const struct dataset *dataset, struct choice *choice)
-{
-    if (!query_cells(exchange, dataset_info(dataset), &choice->cells))
-        return false;
-    if (!choice->box_count || !choice->cells.any)
-        return true;
-    response_problem(exchange->response, 400, target_of(exchange), "cells cannot go with box: a region has no values of cells");
-    return false;
-}
-
 static enum outcome answer_mesh(struct exchange *exchange, struct dataset *dataset)
 {
     static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "format", "cells", "box", "box_error", NULL};
     struct choice choice = {0};
     uint32_t level;
     if (check_parameters(exchange, names) && ask_level(exchange, dataset, &choice, &level) &&
-        ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice) && ask_cells(exchange, dataset, &choice))
+        ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice) && query_cells(exchange, dataset_info(dataset), &choice.cells))
         redirect(exchange, dataset, &choice, level);
     return ANSWERED;
 }

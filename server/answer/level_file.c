@@ -77,7 +77,7 @@ static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *m
 {
     const struct mesh_choice *choice = opaque;
     struct tetmesh with = *mesh; // all but the values of cells is borrowed
-    enum tetlod_status status = cell_choice_add(&choice->cells, choice->file, &with, error);
+    enum tetlod_status status = cell_choice_add(&choice->cells, choice->file, NULL, &with, error);
     if (status == TETLOD_OK)
         status = mesh_format_write(choice->format, &with, out, error);
     for (uint32_t f = 0; f < with.cell_field_count; f++)

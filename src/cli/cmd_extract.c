@@ -32,7 +32,7 @@ static const char help[] =
     "      --bytes N      the finest level whose prefix has at most N bytes; K, M, G may follow\n"
     "      --box X0,Y0,Z0,X1,Y1,Z1  finer in this box, up to --box-error: every tetrahedron of that finer level that meets the box is\n"
     "                     there as it is; in a belt around it no error is certified, it is measured. Up to 16 times. A cell field, Region,\n"
-    "                     tells the parts: 0 the coarse level, 1 the fine one, 2 the belt\n"
+    "                     tells the parts: 0 the coarse level, 1 the fine one, 2 the belt; one of that name in the stream is left out\n"
     "      --box-error E  the error in the boxes, as of --error or --abs-error (default 0)\n"
     "      --time T       of a series the step whose time is nearest to T, in its coarsest form within --error or --abs-error: a fraction\n"
     "                     of the range over all steps. Without an error: exactly. Only fields that have steps are written\n"
@@ -188,7 +188,7 @@ static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct re
     if (status == TETLOD_OK)
         status = level_mesh_copy(info, cursor, mesh, error);
     if (status == TETLOD_OK)
-        status = level_mesh_cells(file, TETLOD_NONE, mesh, error);
+        status = level_mesh_cells(file, TETLOD_NONE, NULL, mesh, error);
     if (status == TETLOD_OK && request->original_order)
         status = level_mesh_reorder(file, mesh, error);
     tetlod_cursor_free(cursor);

@@ -4,9 +4,11 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/fail.h"
 #include "src/measure/region_error.h"
+#include "src/report/level_mesh.h"
 #include "src/report/promise.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
@@ -32,19 +34,33 @@ static void print_about(const struct tetlod_info *info, const struct region *reg
         snprintf(out + used, size - (size_t)used, " (measured)");
 }
 
-static enum tetlod_status make(const struct forest *forest, const struct region *region, struct tetmesh *out, char *about,
+/* All values of cells but those whose name is that of the parts. */
+static enum tetlod_status add_cells(const struct tetlod_file *file, const uint32_t *tets, struct tetmesh *out, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    for (uint32_t f = 0; f < info->cell_field_count; f++)
+        if (strcmp(info->cell_fields[f].name, REGION_FIELD) != 0)
+            TETLOD_TRY(level_mesh_cells(file, f, tets, out, error));
+    return TETLOD_OK;
+}
+
+static enum tetlod_status make(const struct forest *forest, struct tetlod_file *file, const struct region *region, struct tetmesh *out, char *about,
                                size_t about_size, struct tetlod_error *error)
 {
     const struct tetlod_info *info = forest_info(forest);
     struct region_counts counts;
+    uint32_t *tets = NULL;
     double *errors = array_new(info->field_count, sizeof *errors);
     if (!errors)
         return tetlodi_fail_nomem(error, "a region", info->field_count * sizeof *errors);
-    enum tetlod_status status = region_mesh(forest, region, out, &counts, error);
+    enum tetlod_status status = region_mesh(forest, region, out, &tets, &counts, error);
     if (status == TETLOD_OK)
         status = region_error(forest, out, parallel_cores(), errors, error);
     if (status == TETLOD_OK)
+        status = add_cells(file, tets, out, error);
+    if (status == TETLOD_OK)
         print_about(info, region, &counts, errors, about, about_size);
+    free(tets);
     free(errors);
     return status;
 }
@@ -59,7 +75,7 @@ enum tetlod_status extract_region(struct tetlod_file *file, const struct region 
     while (status == TETLOD_OK && forest_levels(forest) < levels)
         status = forest_grow(forest, error);
     if (status == TETLOD_OK)
-        status = make(forest, region, out, about, about_size, error);
+        status = make(forest, file, region, out, about, about_size, error);
     forest_free(forest);
     return status;
 }

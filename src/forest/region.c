@@ -697,7 +697,7 @@ static enum tetlod_status allocate_mesh(const struct cut *cut, uint32_t vertices
     return TETLOD_OK;
 }
 
-static void fill_mesh(const struct cut *cut, struct tetmesh *out, struct region_counts *counts)
+static void fill_mesh(const struct cut *cut, struct tetmesh *out, uint32_t *tets, struct region_counts *counts)
 {
     const struct forest *forest = cut->forest;
     for (uint32_t v = 0; v < cut->slots; v++) {
@@ -712,6 +712,7 @@ static void fill_mesh(const struct cut *cut, struct tetmesh *out, struct region_
         const uint32_t *slots = cut->cells[t].slots;
         enum region_part part = part_of(cut, slots);
         out->cell_fields[0].values[t] = (double)part;
+        tets[t] = cut->cells[t].tet;
         counts->tets[part]++;
         for (size_t c = 0; c < 4; c++)
             out->corners[4 * t + c] = cut->standing[slots[c]];
@@ -741,7 +742,7 @@ static enum tetlod_status start(struct cut *cut, struct tetlod_error *error)
     return TETLOD_OK;
 }
 
-enum tetlod_status region_mesh(const struct forest *forest, const struct region *region, struct tetmesh *out,
+enum tetlod_status region_mesh(const struct forest *forest, const struct region *region, struct tetmesh *out, uint32_t **tets,
                                struct region_counts *counts, struct tetlod_error *error)
 {
     const struct tetlod_level *levels = tetlod_info(forest->file)->levels;
@@ -751,6 +752,7 @@ enum tetlod_status region_mesh(const struct forest *forest, const struct region 
     while (cut.stage->level < region->fine)
         cut.stage++;
     *out = (struct tetmesh){0};
+    *tets = NULL;
     *counts = (struct region_counts){{0}, 0};
     enum tetlod_status status = start(&cut, error);
     if (status == TETLOD_OK)
@@ -761,8 +763,10 @@ enum tetlod_status region_mesh(const struct forest *forest, const struct region 
         qsort(cut.cells, cut.count, sizeof *cut.cells, by_tet);
     if (status == TETLOD_OK)
         status = allocate_mesh(&cut, number_vertices(&cut), out, error);
+    if (status == TETLOD_OK && !(*tets = array_new(cut.count, sizeof **tets)))
+        status = tetlodi_fail_nomem(error, "a region", cut.count * sizeof **tets);
     if (status == TETLOD_OK)
-        fill_mesh(&cut, out, counts);
+        fill_mesh(&cut, out, *tets, counts);
     else
         tetmesh_fini(out);
     counts->rounds = cut.rounds;

@@ -33,8 +33,8 @@ struct region_counts {
 /* The name of the cell field that says each tetrahedron's part. */
 #define REGION_FIELD "Region"
 
-/* The mesh; its vertices and tetrahedra are in the order of the levels'. */
-TETLOD_CHECKED enum tetlod_status region_mesh(const struct forest *forest, const struct region *region, struct tetmesh *out,
+/* The mesh; its vertices and tetrahedra are in the order of the levels'. *tets: their numbers in the fine level, the caller's to free. */
+TETLOD_CHECKED enum tetlod_status region_mesh(const struct forest *forest, const struct region *region, struct tetmesh *out, uint32_t **tets,
                                               struct region_counts *counts, struct tetlod_error *error);
 
 /* Memory that making takes beside the forest. */

@@ -47,7 +47,8 @@ enum tetlod_status level_mesh_step(const struct tetlod_info *info, const struct 
     return TETLOD_OK;
 }
 
-static enum tetlod_status add_cells(const struct tetlod_file *file, uint32_t f, struct tetmesh *mesh, double *all, struct tetlod_error *error)
+static enum tetlod_status add_cells(const struct tetlod_file *file, uint32_t f, const uint32_t *tets, struct tetmesh *mesh, double *all,
+                                    struct tetlod_error *error)
 {
     const struct tetlod_cell_field *field = &tetlod_info(file)->cell_fields[f];
     enum tetlod_type type = field->type == TETLOD_CELL_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
@@ -55,11 +56,13 @@ static enum tetlod_status add_cells(const struct tetlod_file *file, uint32_t f, 
     TETLOD_TRY(tetmesh_add_cell_field(mesh, field->name, field->components, type, mesh->tet_count, error));
     struct point_field *out = &mesh->cell_fields[mesh->cell_field_count - 1];
     out->is_integer = field->type > TETLOD_CELL_FLOAT64;
-    memcpy(out->values, all, (size_t)mesh->tet_count * field->components * sizeof *all);
+    for (size_t t = 0; t < mesh->tet_count; t++)
+        memcpy(out->values + t * field->components, all + (tets ? tets[t] : t) * field->components, field->components * sizeof *all);
     return TETLOD_OK;
 }
 
-enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t field, struct tetmesh *mesh, struct tetlod_error *error)
+enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t field, const uint32_t *tets, struct tetmesh *mesh,
+                                    struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
     enum tetlod_status status = TETLOD_OK;
@@ -67,7 +70,7 @@ enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t fie
         if (field != TETLOD_NONE && f != field)
             continue;
         double *all = array_new(info->tets, info->cell_fields[f].components * sizeof *all);
-        status = all ? add_cells(file, f, mesh, all, error)
+        status = all ? add_cells(file, f, tets, mesh, all, error)
                      : tetlodi_fail_nomem(error, info->cell_fields[f].name, (uint64_t)info->tets * info->cell_fields[f].components * 8);
         free(all);
     }

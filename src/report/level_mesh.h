@@ -13,8 +13,9 @@ TETLOD_CHECKED enum tetlod_status level_mesh_copy(const struct tetlod_info *info
 TETLOD_CHECKED enum tetlod_status level_mesh_step(const struct tetlod_info *info, const struct tetlod_series *series, struct tetmesh *mesh,
                                                   struct tetlod_error *error);
 
-/* Adds the stream's values of cells, all fields or the one number `field` (TETLOD_NONE: all), to the mesh of any level. */
-TETLOD_CHECKED enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t field, struct tetmesh *mesh,
+/* Adds the stream's values of cells, all fields or the one number `field` (TETLOD_NONE: all), to the mesh of any level, or to one of the
+ * tetrahedra that have these numbers (NULL: those of a level have the first ones). */
+TETLOD_CHECKED enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t field, const uint32_t *tets, struct tetmesh *mesh,
                                                    struct tetlod_error *error);
 
 /* Puts the mesh of the finest level into the original's own numbering of vertices, tetrahedra and corners. ERR_ARGUMENT if the

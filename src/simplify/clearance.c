@@ -85,6 +85,45 @@ static void box_of(const struct clearance *c, const uint32_t *vertices, int coun
     }
 }
 
+/* Are two triangles more than `most` apart along a direction, rounding aside? */
+static bool apart_along(const double direction[3], const double *const p[3], const double *const q[3], double most)
+{
+    static const double rounding = 1e-12;
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, size = 0, r[3];
+    for (int k = 0; k < 6; k++) {
+        subtract(k < 3 ? p[k] : q[k - 3], p[0], r);
+        double along = dot(direction, r);
+        low[k / 3] = smaller(low[k / 3], along);
+        high[k / 3] = larger(high[k / 3], along);
+        size = larger(size, fabs(r[0]) + fabs(r[1]) + fabs(r[2]));
+    }
+    return larger(low[1] - high[0], low[0] - high[1]) > (most + rounding * size) * sqrt(dot(direction, direction));
+}
+
+static void longest_edge(const double *const p[3], double out[3])
+{
+    double edge[3];
+    subtract(p[1], p[0], out);
+    for (int k = 1; k < 3; k++) {
+        subtract(p[(k + 1) % 3], p[k], edge);
+        if (dot(edge, edge) > dot(out, out))
+            memcpy(out, edge, sizeof edge);
+    }
+}
+
+/* Far from each other for a reason that is cheap to see? Needles around one point have boxes that all meet. */
+static bool surely_farther(const double normal_p[3], const double normal_q[3], const double *const p[3], const double *const q[3],
+                           double most)
+{
+    double a[3], b[3], across[3];
+    if (apart_along(normal_p, p, q, most) || apart_along(normal_q, p, q, most))
+        return true;
+    longest_edge(p, a);
+    longest_edge(q, b);
+    cross(a, b, across);
+    return apart_along(across, p, q, most);
+}
+
 /* The distance of face f from the next other part, if that is below `most`; else `most`. */
 static double distance_of(const struct clearance *c, uint32_t f, double most)
 {
@@ -102,6 +141,8 @@ static double distance_of(const struct clearance *c, uint32_t f, double most)
                 continue;
             for (int k = 0; k < 3; k++)
                 q[k] = position_of(c, triangle_of(c, g)[k]);
+            if (surely_farther(c->normals + 3 * (size_t)f, c->normals + 3 * (size_t)g, p, q, most))
+                continue;
             double distance = sqrt(triangles_distance2(p, q));
             if (distance >= most)
                 continue;

@@ -190,10 +190,14 @@ static bool set_bounds(const struct run *run, struct worker *worker, const struc
 }
 
 /* Would the hood's own tetrahedra that are kept be well oriented with the vertex at p? */
-static bool fits(const struct working *working, const struct hood *hood, uint32_t neighbour, const double p[3])
+static bool fits(const struct run *run, struct hood *hood, uint32_t neighbour, const double p[3])
 {
-    for (uint32_t i = 0; i < hood->tet_count; i++) {
-        uint32_t a = hood->corners[0][i], b = hood->corners[1][i], c = hood->corners[2][i];
+    const struct working *working = run->working;
+    double r[3];
+    subtract(p, working_row(working, hood->vertex), r);
+    uint32_t count = run->kernels->doubt(hood, working->component_count, r);
+    for (uint32_t j = 0; j < count; j++) {
+        uint32_t i = hood->doubtful[j], a = hood->corners[0][i], b = hood->corners[1][i], c = hood->corners[2][i];
         if (a != neighbour && b != neighbour && c != neighbour &&
             tet_orientation(p, working_row(working, hood->slots[a]), working_row(working, hood->slots[b]),
                             working_row(working, hood->slots[c])) <= 0)
@@ -225,7 +229,7 @@ static enum log_refusal examine(const struct run *run, struct worker *worker, st
         middle_of(working, ends[0], ends[1], p);
     else
         memcpy(p, working_row(working, ends[1]), sizeof p);
-    if (!fits(working, hood, candidate->neighbour, p))
+    if (!fits(run, &worker->hood, candidate->neighbour, p))
         return refuse(worker, LOG_REFUSED_FLIP);
     if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room)) {
         worker->failed |= !room;

@@ -18,6 +18,7 @@ void hood_fini(struct hood *hood)
     free(hood->along);
     free(hood->rows);
     free(hood->planes);
+    free(hood->doubtful);
     free(hood->reach);
     free(hood->numbering.slots);
     free(hood->numbering.numbers);
@@ -38,9 +39,10 @@ static bool grow(struct hood *hood, const struct working *working, size_t tets)
     hood->rows = array_new(neighbours, working->stride * sizeof(double));
     hood->planes = array_new(room, plane_count(working->component_count) * sizeof(double));
     hood->reach = array_new(neighbours, 2 * working->component_count * sizeof(double));
+    hood->doubtful = array_new(room, sizeof(uint32_t));
     hood->room = room;
     bool done = hood->tets && hood->corners[0] && hood->corners[1] && hood->corners[2] && hood->slots && hood->shared &&
-                hood->along && hood->rows && hood->planes && hood->reach;
+                hood->along && hood->rows && hood->planes && hood->doubtful && hood->reach;
     if (!done)
         hood_fini(hood);
     return done;

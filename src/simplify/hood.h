@@ -27,6 +27,7 @@ struct hood {
     uint8_t *along;       /* [neighbour] the edge to it is on the boundary */
     double *rows;         /* [neighbour * stride] less the vertex's own */
     double *planes;       /* see kernels.h */
+    uint32_t *doubtful;   /* [tet] scratch: some of their numbers */
     double *reach;        /* [neighbour * 2 * components] what the star says there, at most of U and at least of L, less the vertex's own */
     size_t room; /* tetrahedra that fit, a multiple of four */
     struct numbering numbering;

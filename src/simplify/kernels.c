@@ -3,6 +3,7 @@
 #include "src/simplify/kernels.h"
 
 #include <float.h>
+#include <math.h>
 
 #include "src/mesh/tet_geom.h"
 #include "src/util/wide.h"
@@ -159,6 +160,24 @@ static struct seen look(const struct hood *hood, uint32_t neighbour, const struc
                                  : look_with(hood, neighbour, look, stride, look->components);
 }
 
+/* Twice what tet_orientation asks for at most, for r may be longer than the edges were. */
+static uint32_t doubt(struct hood *hood, uint32_t components, const double r[3])
+{
+    wide x = wide_all(r[0]), y = wide_all(r[1]), z = wide_all(r[2]);
+    double length = fabs(r[0]) + fabs(r[1]) + fabs(r[2]);
+    wide two = wide_all(2), own = wide_all(2 * LEAST_VOLUME * (length * length * length));
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < hood->tet_count; i += WIDE) {
+        const double *planes = planes_at(hood, components, i);
+        wide after = wide_add(wide_load(planes + WIDE * PLANE_VOLUME), plane_at(planes + WIDE * PLANE_SLOPE, x, y, z));
+        unsigned small = wide_at_most(after, wide_max(own, wide_mul(two, wide_load(planes + WIDE * PLANE_LEAST))));
+        for (uint32_t j = 0; j < WIDE && small; j++)
+            if (small >> j & 1 && i + j < hood->tet_count)
+                hood->doubtful[count++] = i + j;
+    }
+    return count;
+}
+
 /* Rows of the other corners of up to four tetrahedra of a star, from the *at-th on; the rest repeat the first. Returns how many. */
 static inline uint32_t four_of_star(const struct working *working, uint32_t slot, uint32_t *at, const double *rows[3][WIDE])
 {
@@ -310,9 +329,9 @@ static bool weigh(struct weighing *weighing, const double p[3])
 }
 
 #if defined(KERNELS)
-const struct kernels KERNELS = {prepare, look, halfway, weigh};
+const struct kernels KERNELS = {prepare, look, doubt, halfway, weigh};
 #else
-const struct kernels kernels_plain = {prepare, look, halfway, weigh};
+const struct kernels kernels_plain = {prepare, look, doubt, halfway, weigh};
 
 const struct kernels *kernels_choose(void)
 {

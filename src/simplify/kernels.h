@@ -62,6 +62,8 @@ struct kernels {
     void (*prepare)(struct hood *hood, const struct working *working);
     /* What the hood says at a neighbour. hood->reach of it is set. */
     struct seen (*look)(const struct hood *hood, uint32_t neighbour, const struct look *look, uint32_t stride);
+    /* Lists in hood->doubtful the tetrahedra that may turn over where the vertex moves by r; the others surely do not. Returns how many. */
+    uint32_t (*doubt)(struct hood *hood, uint32_t components, const double r[3]);
     /* The star of `from` at the middle of its edge to `to`. False: a tetrahedron is turned over there. */
     bool (*halfway)(const struct working *working, uint32_t from, uint32_t to, const struct look *look, struct half *half);
     /* Weights of p. False: a kept tetrahedron would not be well oriented. */

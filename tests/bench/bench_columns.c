@@ -56,7 +56,7 @@ int main(int argc, char **argv)
     if (!in || tetlod_open_fd(&file, fileno(in), NULL, &error) != TETLOD_OK ||
         tetlod_cursor_new(&cursor, file, NULL, 0, &error) != TETLOD_OK ||
         tetlod_cursor_seek(cursor, tetlod_info(file)->level_count - 1, &error) != TETLOD_OK) {
-        fprintf(stderr, "usage: bench_columns FILE.tetlod (a whole stream)\n");
+        fprintf(stderr, "bench_columns: %s\n", in ? error.message : "FILE.tetlod is missing: a whole stream");
         return 2;
     }
     const struct tetlodi_geometry_models *m = cursor->recorder.models;

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.parse
 
 TETLOD, TILE = (os.path.abspath(path) for path in sys.argv[1:3])
 
@@ -43,7 +44,7 @@ class Server:
     def level(self, query):
         """The address of a level, whose meshes are below it, and its tetrahedra."""
         answer, _ = self.get('%s/mesh?%s' % (self.about, query))
-        return answer.getheader('Location').rsplit('/', 1)[0], int(answer.getheader('Tetlod-Tets'))
+        return urllib.parse.urljoin(self.about + '/mesh', answer.getheader('Location')).rsplit('/', 1)[0], int(answer.getheader('Tetlod-Tets'))
 
     def processor_seconds(self):
         with open('/proc/%d/stat' % self.process.pid) as stat:

@@ -190,7 +190,7 @@ def memory(folder, stream):
 def missed(result):
     """Floors, and what misses them."""
     bodies = {name: row for name, row in result.items() if 'ratio' in row}
-    return ['%s: %.2f of nginx' % (name, row['ratio']) for name, row in bodies.items() if max(row['ratio'], 1 / row['cost_ratio']) < 0.8] + [
+    return ['%s: %.2f of nginx' % (name, row['ratio']) for name, row in bodies.items() if max(row['ratio'], 1 / row['cost_ratio']) < 0.9] + [
         name for name, fine in (('extraction', result['levels']['mtets_per_second'] >= 20), ('levels', result['levels']['waited_ms'] <= 40),
                                 ('work before encoding', result['levels']['extracted_ms'] <= 15), ('memory', result['memory']['beyond_mb'] <= 64)) if not fine]
 

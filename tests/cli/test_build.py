@@ -424,6 +424,8 @@ def stopped():
                 os.makedirs(folder)
                 build = subprocess.Popen([TETLOD, 'build', '../big.vtu', '-o', 'out.tetlod', '--quiet'], cwd=folder, env=environment)
                 time.sleep(delay)
+                while preload and not os.listdir(folder) and build.poll() is None:  # a busy machine is slow to begin
+                    time.sleep(.01)
                 seen |= {file for file in os.listdir(folder) if file != 'out.tetlod'}
                 build.send_signal(number)
                 code, left = build.wait(), os.listdir(folder)

@@ -25,14 +25,18 @@ done
 check "more than 30 bits are refused" "[ $? = 2 ] && grep -q '30 bits' message.txt && [ ! -e none.tetlod ]"
 "$TETLOD" build cube.vtu -o none.tetlod --position-bits 31 --quiet 2>message.txt
 check "31 bits are not an option" "[ $? = 2 ] && grep -q position-bits message.txt"
+"$TETLOD" build cube.vtu -o fast.tetlod --compress 1 --quiet
+check "effort: no larger, and the same mesh" "[ $(size lossless.tetlod) -le $(size fast.tetlod) ] && \"$TETLOD\" extract fast.tetlod -o fast.vtu --quiet && \"$TETLOD\" extract lossless.tetlod -o small.vtu --quiet && cmp -s fast.vtu small.vtu"
+if [ "$CONFIG" != release ]; then # larger meshes take a sanitizer minutes, and nothing is new in them for it
+    echo "1..$number"
+    exit
+fi
 "$TETLOD" sample fin -o fin.vtu >/dev/null 2>&1
 "$TETLOD" build fin.vtu -o fin.tetlod --field Pressure --carry Pressure --position-bits 12 --min-tets 30000 --quiet
 within() { "$TETLOD" info "$1" --json | /usr/bin/python3 -c "import json,sys; e = json.load(sys.stdin)['levels'][-1]['errors']['Pressure']; sys.exit(not e['sampled'] <= e['max'] <= $2)"; }
 check "rounded positions: certified by the overlay, not by the steepest place" "within fin.tetlod 0.002"
 "$TETLOD" verify fin.tetlod --against fin.vtu --quiet >fin.txt 2>&1
 check "the errors of fin are true" "grep -q ok fin.txt"
-"$TETLOD" build cube.vtu -o fast.tetlod --compress 1 --quiet
-check "effort: no larger, and the same mesh" "[ $(size lossless.tetlod) -le $(size fast.tetlod) ] && \"$TETLOD\" extract fast.tetlod -o fast.vtu --quiet && \"$TETLOD\" extract lossless.tetlod -o small.vtu --quiet && cmp -s fast.vtu small.vtu"
 data=$ROOT/../shared/data
 if [ -e "$data/bluntfinxyz.bin" ]; then
     "$TETLOD" build "$data/bluntfinxyz.bin" --q "$data/bluntfinq.bin" --field Pressure --carry Pressure --position-bits 16 --field-bits 16 --min-tets 187000 -o blunt.tetlod --quiet

@@ -62,7 +62,7 @@ def test_readme():
     page = text('README.md')
     section = page.split('\n## Your own mesh\n')[1].split('\n## ')[0]
     folder = place('readme')
-    shell('tetlod sample fin --size 12 -o mesh.vtu', folder)
+    shell('tetlod sample fin --size 8 -o mesh.vtu', folder)
     assert len(follow(section, folder)) == 7
     assert os.path.getsize(os.path.join(folder, 'mail.tetlod')) < os.path.getsize(os.path.join(folder, 'part.tetlod'))
     code = re.search(r'```python\n(.*?)```', page, re.S)[1] + '\nassert mesh.error <= 0.01 and len(mesh.tets) > 100\n'
@@ -72,7 +72,7 @@ def test_readme():
 
 def test_tutorial():
     folder = place('tutorial')
-    said = follow(text('client-examples/TUTORIAL.md').replace('--size 20', '--size 12'), folder)
+    said = follow(text('client-examples/TUTORIAL.md').replace('--size 20', '--size 8'), folder)
     assert len(said) == 9 and os.path.exists(os.path.join(folder, 'site', 'index.html')), said
     maximum = re.search(r'max\D*([\d.e-]+) ?%', said[6])
     assert maximum and float(maximum[1]) <= 1, said[6]
@@ -80,7 +80,7 @@ def test_tutorial():
 
 def test_faq():
     folder = place('faq')
-    shell('tetlod sample fin --size 8 -o mesh.vtu', folder)
+    shell('tetlod sample fin --size 6 -o mesh.vtu', folder)
     assert len(follow(text('client-examples/FAQ.md'), folder)) == 11
 
 

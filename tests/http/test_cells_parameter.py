@@ -19,7 +19,7 @@ stream = tetlod.open(STREAM)
 server = base = None
 
 
-def cells_of(data, kind):
+def read(data, kind):
     path = os.path.join(SCRATCH, 'mesh.' + kind)
     with open(path, 'wb') as file:
         file.write(data)
@@ -28,7 +28,11 @@ def cells_of(data, kind):
     if kind == 'vtk':
         reader.ReadAllFieldsOn()
     reader.Update()
-    cell_data = reader.GetOutput().GetCellData()
+    return reader.GetOutput()
+
+
+def cells_of(data, kind):
+    cell_data = read(data, kind).GetCellData()
     return {cell_data.GetArrayName(i): vtk_to_numpy(cell_data.GetArray(i)) for i in range(cell_data.GetNumberOfArrays())}
 
 
@@ -57,6 +61,30 @@ def test_redirection():
         get('/v1/meshes/cells_float32/' + head['location'])
 
 
+def by_corners(data):
+    """Values of the tetrahedra, by their corners' coordinates."""
+    mesh = read(data, 'vtk')
+    points, rows = vtk_to_numpy(mesh.GetPoints().GetData()), vtk_to_numpy(mesh.GetCells().GetData()).reshape(-1, 5)[:, 1:]
+    cell_data = mesh.GetCellData()
+    columns = {cell_data.GetArrayName(i): vtk_to_numpy(cell_data.GetArray(i)) for i in range(cell_data.GetNumberOfArrays())}
+    return {points[row].tobytes(): {name: values[i].tolist() for name, values in columns.items()} for i, row in enumerate(rows)}
+
+
+def test_in_boxes():
+    """Tetrahedra of the coarse and of the fine level have the values that they have there."""
+    last, middle = len(stream.levels) - 1, numpy.array(stream.bounds).mean(0)
+    coarse, fine = (by_corners(get('%s/levels/%d/mesh.vtk?cells=all' % (base, level))) for level in (2, last))
+    checked = []
+    for low, high in ((middle - 9, middle + 9), (middle - 9, stream.bounds[0]), (middle + 8, middle + 9), (middle, middle)):
+        box = ','.join('%.9g' % x for x in (*low, *high))
+        for corners, values in by_corners(get('%s/levels/2/region.vtk?box_level=%d&box=%s&cells=all' % (base, last, box))).items():
+            part = values.pop('Region')
+            checked.append(part)
+            assert list(values) == ['strain', 'energy', 'material', 'part', 'element', 'time µs'], list(values)
+            assert part == 2 or values == (coarse, fine)[part][corners], (part, values)
+    assert {0, 1} <= set(checked), set(checked)
+
+
 def test_refusals():
     for path in (base + '/levels/1/mesh.vtu?cells=nothing', base + '/levels/1/mesh.vtu?cells=material&cells=part', base + '/levels/1/mesh.tetlod?cells=part',
                  '/v1/meshes/cells_float32/mesh?level=1&cells=nothing'):
@@ -76,4 +104,4 @@ def test_description():
 
 with Server(STREAM) as server:
     base = '/v1/meshes/cells_float32/' + stream.cid
-    run([test_levels, test_redirection, test_refusals, test_tags_differ, test_description])
+    run([test_levels, test_redirection, test_in_boxes, test_refusals, test_tags_differ, test_description])

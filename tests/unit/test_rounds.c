@@ -76,6 +76,25 @@ static void test_threads_do_not_matter(void)
     check_threads("fin", 6, 2); // a scalar and the three components of the velocity
 }
 
+/* With the vertex moved by r: both kernels doubt the same tetrahedra, and all that turn over. */
+static void check_doubt(const struct working *working, struct hood hoods[2], const double r[3])
+{
+    const double *own = working_row(working, hoods[0].vertex), p[3] = {own[0] + r[0], own[1] + r[1], own[2] + r[2]};
+    uint32_t count = kernels_plain.doubt(&hoods[0], working->component_count, r), turned = 0, doubted = 0;
+    CHECK_INT(kernels_avx2.doubt(&hoods[1], working->component_count, r), count);
+    CHECK_INT(memcmp(hoods[0].doubtful, hoods[1].doubtful, count * sizeof(uint32_t)), 0);
+    for (uint32_t i = 0; i < hoods[0].tet_count; i++) {
+        const double *q[3];
+        for (int k = 0; k < 3; k++)
+            q[k] = working_row(working, hoods[0].slots[hoods[0].corners[k][i]]);
+        bool over = tet_orientation(p, q[0], q[1], q[2]) <= 0;
+        turned += over;
+        for (uint32_t j = 0; j < count; j++)
+            doubted += over && hoods[0].doubtful[j] == i;
+    }
+    CHECK_INT(doubted, turned);
+}
+
 /* Every star of a mesh, by both. */
 static void check_kernels(const struct tetmesh *mesh, const uint32_t *controlled, uint32_t count)
 {
@@ -106,6 +125,7 @@ static void check_kernels(const struct tetmesh *mesh, const uint32_t *controlled
             size_t width = 2 * (size_t)working.component_count;
             CHECK(a.error == b.error && a.followed == b.followed && a.turned == b.turned && a.half_turned == b.half_turned);
             CHECK_INT(memcmp(hoods[0].reach + n * width, hoods[1].reach + n * width, width * sizeof(double)), 0);
+            check_doubt(&working, hoods, hoods[0].rows + (size_t)n * working.stride);
         }
     }
     CHECK(slots > mesh->vertex_count / 2);

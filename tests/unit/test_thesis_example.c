@@ -167,19 +167,21 @@ static void test_scalar_value_assignment(void)
     tetmesh_fini(&mesh);
 }
 
-/* The least of a function of one peak downwards. */
+/* The least of a function of one peak downwards, by golden sections: each step keeps one of two values for the next. */
 static double least_between(double low, double high, double (*f)(double, double), double fixed, double *out_at)
 {
     const double ratio = (sqrt(5) - 1) / 2;
-    for (int i = 0; i < 30; i++) {
-        double a = high - ratio * (high - low), b = low + ratio * (high - low);
-        if (f(a, fixed) < f(b, fixed))
-            high = b;
-        else
-            low = a;
-    }
-    *out_at = (low + high) / 2;
-    return f(*out_at, fixed);
+    double a = high - ratio * (high - low), b = low + ratio * (high - low), at_a = f(a, fixed), at_b = f(b, fixed);
+    for (int i = 0; i < 24; i++)
+        if (at_a < at_b) {
+            high = b, b = a, at_b = at_a;
+            a = high - ratio * (high - low), at_a = f(a, fixed);
+        } else {
+            low = a, a = b, at_a = at_b;
+            b = low + ratio * (high - low), at_b = f(b, fixed);
+        }
+    *out_at = at_a < at_b ? a : b;
+    return smaller(at_a, at_b);
 }
 
 static double error_of_value(double s, double v)
