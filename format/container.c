@@ -15,10 +15,10 @@ enum { LARGE_SECTION = 1 << 16 }; /* sections are packed from this size on; smal
 static enum tetlod_status add_section(struct tetlodi_section *section, const struct tetlodi_write_section *in,
                                       struct tetlodi_buffer *stored, struct tetlod_error *error)
 {
-    bool packed = (in->row || in->size >= LARGE_SECTION) && tetlodi_pack(in->bytes, in->size, in->row ? in->row : 1, stored);
+    bool packed = in->row != ROW_CODED && (in->row || in->size >= LARGE_SECTION) && tetlodi_pack(in->bytes, in->size, in->row ? in->row : 1, stored);
     if (strlen(in->tag) != TAG_SIZE)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "a section's tag has %d letters, not '%.16s'", TAG_SIZE, in->tag);
-    if (!packed) {
+    if (!packed && in->row != ROW_CODED) {
         tetlodi_buffer_fini(stored);
         tetlodi_put_block(stored, in->bytes, in->size);
     }
@@ -27,7 +27,7 @@ static enum tetlod_status add_section(struct tetlodi_section *section, const str
     memcpy(section->tag, in->tag, TAG_SIZE);
     section->flags = (in->critical ? SECTION_CRITICAL : 0u) | (in->early ? SECTION_EARLY : 0u) | (packed ? SECTION_PACKED : 0u);
     section->plain = in->size;
-    section->frame = tetlodi_frame_of(stored->bytes, stored->size);
+    section->frame = in->row == ROW_CODED ? tetlodi_frame_of(in->bytes, in->size) : tetlodi_frame_of(stored->bytes, stored->size);
     return TETLOD_OK;
 }
 
@@ -111,24 +111,25 @@ static enum tetlod_status put(const struct tetlodi_sink *sink, const void *bytes
     return size ? sink->write(sink->opaque, bytes, size) : TETLOD_OK;
 }
 
-static enum tetlod_status put_sections(const struct tetlodi_index *index, const struct tetlodi_buffer *stored, uint32_t early,
-                                       const struct tetlodi_sink *sink)
+static enum tetlod_status put_sections(const struct tetlodi_index *index, const struct tetlodi_write_section *in,
+                                       const struct tetlodi_buffer *stored, uint32_t early, const struct tetlodi_sink *sink)
 {
     for (uint32_t i = 0; i < index->info.section_count; i++)
         if ((index->sections[i].flags & SECTION_EARLY) == early)
-            TETLOD_TRY(put(sink, stored[i].bytes, stored[i].size));
+            TETLOD_TRY(in[i].row == ROW_CODED ? put(sink, in[i].bytes, in[i].size) : put(sink, stored[i].bytes, stored[i].size));
     return TETLOD_OK;
 }
 
 static enum tetlod_status put_all(struct tetlodi_index *index, const uint8_t header[HEADER_SIZE], const struct tetlodi_buffer *stored_index,
-                                  const struct tetlodi_buffer *frames, const struct tetlodi_buffer *sections, const struct tetlodi_sink *sink)
+                                  const struct tetlodi_buffer *frames, const struct tetlodi_write_section *in,
+                                  const struct tetlodi_buffer *sections, const struct tetlodi_sink *sink)
 {
     TETLOD_TRY(put(sink, header, HEADER_SIZE));
     TETLOD_TRY(put(sink, stored_index->bytes, stored_index->size));
-    TETLOD_TRY(put_sections(index, sections, SECTION_EARLY, sink));
+    TETLOD_TRY(put_sections(index, in, sections, SECTION_EARLY, sink));
     for (size_t i = 0; i < frame_count(index); i++)
         TETLOD_TRY(put(sink, frames[i].bytes, frames[i].size));
-    return put_sections(index, sections, 0, sink);
+    return put_sections(index, in, sections, 0, sink);
 }
 
 enum tetlod_status tetlodi_container_write(struct tetlodi_index *index, const struct tetlodi_buffer *frames,
@@ -144,7 +145,7 @@ enum tetlod_status tetlodi_container_write(struct tetlodi_index *index, const st
     for (uint32_t i = 0; i < count; i++)
         TETLOD_TRY_DONE(add_section(&index->sections[i], &sections[i], &stored[i], error));
     TETLOD_TRY_DONE(encode_head(index, header, &head, error));
-    status = put_all(index, header, &head, frames, stored, sink);
+    status = put_all(index, header, &head, frames, sections, stored, sink);
     if (status != TETLOD_OK)
         tetlodi_fail(error, status, "cannot write the stream");
 done:

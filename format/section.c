@@ -6,12 +6,14 @@
 #include "format/cells.h"
 #include "format/fail.h"
 #include "format/pack.h"
+#include "format/time_table.h"
 
 /* Tags that this library reads, and where their sections are. */
 static const struct known {
     const char *tag;
     bool early, once;
-} known_tags[] = {{TAG_METADATA, true, true}, {TAG_ORDER, false, true}, {TAG_CELLS, true, true}, {TAG_CELL_VALUES, false, false}};
+} known_tags[] = {{TAG_METADATA, true, true}, {TAG_ORDER, false, true}, {TAG_CELLS, true, true}, {TAG_CELL_VALUES, false, false},
+                {TAG_TIME, false, true},     {TAG_STEP_VALUES, false, false}};
 
 static const struct known *find_known(const char *tag)
 {

@@ -339,6 +339,55 @@ TETLOD_API void tetlod_feed_drop(struct tetlod_feed *feed, uint32_t level);
 /* How many bytes have to be added for a level, once the index is there: the length of its prefix without what is not selected. */
 TETLOD_API uint64_t tetlod_feed_bytes(const struct tetlod_feed *feed, uint32_t level);
 
+/* ---- series in time (SPEC 3.7): values of some fields at steps, over levels of the one mesh */
+
+/* Values that are within `error` of the original's at every step: a fraction of the field's range over the series. 0: exact. */
+struct tetlod_band {
+    double error;
+    uint32_t level; /* whose vertices have values */
+    uint64_t reserved[2];
+};
+
+struct tetlod_series_info {
+    uint32_t step_count, band_count, field_count;
+    const double *times;             /* [step_count], not falling */
+    const struct tetlod_band *bands; /* coarse to fine */
+    const uint32_t *fields;          /* [field_count] of the stream */
+    const double (*ranges)[2];       /* [field_count] over all steps */
+    uint64_t reserved[4];
+};
+
+struct tetlod_series;
+
+/* Reads the table of steps. The file is borrowed. ERR_ARGUMENT if the stream has no steps; ERR_STREAM, or as tetlod_section_read. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_series_new(struct tetlod_series **out, const struct tetlod_file *file,
+                                                               struct tetlod_error *error);
+TETLOD_API void tetlod_series_free(struct tetlod_series *series);
+
+/* Borrowed from the series. */
+TETLOD_API const struct tetlod_series_info *tetlod_series_info(const struct tetlod_series *series);
+
+/* The coarsest band whose error is at most `error` (a fraction of the range), or TETLOD_NONE. */
+TETLOD_API uint32_t tetlod_band_for_error(const struct tetlod_series_info *info, double error);
+
+/* The step whose time is nearest: the first of several. */
+TETLOD_API uint32_t tetlod_step_for_time(const struct tetlod_series_info *info, double time);
+
+/* A bound of the error of the series' field number `field` at one step in one band, a fraction of its range; NaN if there is none such. */
+TETLOD_API double tetlod_step_error(const struct tetlod_series *series, uint32_t field, uint32_t band, uint32_t step);
+
+/* The bytes of the stream that a step needs in a band, of one field: those of its group of steps. Size 0 if there is none such. */
+TETLOD_API struct tetlod_span tetlod_step_span(const struct tetlod_series *series, uint32_t field, uint32_t band, uint32_t step);
+
+/* Moves the cursor, which is on the series' file, to the band's level, and decodes the values of a step there. The step after the last one
+ * costs one frame, others those of their group up to it. Keep one series for each cursor. ERR_ARGUMENT, or as tetlod_cursor_seek. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_seek_step(struct tetlod_series *series, struct tetlod_cursor *cursor, uint32_t band,
+                                                              uint32_t step, struct tetlod_error *error);
+
+/* The values that the last tetlod_seek_step gave, of the series' field number `field`: [components * vertices of the band's level]; NULL
+ * if there are none. Valid until the next one. */
+TETLOD_API const double *tetlod_step_values(const struct tetlod_series *series, uint32_t field);
+
 #ifdef __cplusplus
 }
 #endif

@@ -647,8 +647,12 @@ static void fill_info(struct writer *w)
 static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink *sink)
 {
     const struct tetlodi_write_input *in = w->in;
-    struct tetlodi_write_section *sections = calloc(in->section_count + (size_t)in->cell_field_count + 3, sizeof *sections);
-    uint32_t count = 0;
+    const struct tetlodi_write_section *late = NULL;
+    uint32_t count = 0, late_count = 0;
+    if (in->late)
+        TETLOD_TRY(in->late(in->late_opaque, w->node_at, &late, &late_count, w->error));
+    struct tetlodi_write_section *sections =
+        calloc(in->section_count + (size_t)late_count + (size_t)in->cell_field_count + 3, sizeof *sections);
     if (!sections)
         return out_of_memory(w);
     if (*in->metadata)
@@ -658,6 +662,8 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
     count += tetlodi_cells_list(&w->cells, in->cells, sections + count);
     for (uint32_t i = 0; i < in->section_count; i++)
         sections[count++] = in->sections[i];
+    for (uint32_t i = 0; i < late_count; i++)
+        sections[count++] = late[i];
     enum tetlod_status status = tetlodi_container_write(&w->index, w->stored, sections, count, sink, w->error);
     free(sections);
     return status;

@@ -35,12 +35,14 @@ struct tetlodi_write_level {
 
 enum { EFFORT_ALL_RATES = 20 };
 
+#define ROW_CODED UINT32_MAX
+
 /* A section of its own kind (SPEC 3.5); META, ORDR, CELL and CVAL are the writer's. */
 struct tetlodi_write_section {
     const char *tag; /* 4 of A-Z, 0-9 */
     int critical;    /* who does not know it must not read the stream */
     int early;       /* before level 0, so that every prefix has it */
-    uint32_t row;    /* bytes of a row of its table; 0: it is no table */
+    uint32_t row;    /* bytes of a row of its table; 0: it is no table; ROW_CODED: its bytes are neither packed nor copied */
     const void *bytes;
     size_t size;
 };
@@ -76,6 +78,11 @@ struct tetlodi_write_input {
     const struct tetlodi_write_section *sections; /* further ones */
     uint32_t cell_field_count;
     const struct tetlodi_write_cells *cells;
+    /* Makes more of them when the levels are written, or NULL: original_of[i] is the number above of the finest level's vertex i. Vertex i
+     * of a coarser level is the node there that this one comes from. What it gives is borrowed until tetlodi_write returns. */
+    enum tetlod_status (*late)(void *opaque, const uint32_t *original_of, const struct tetlodi_write_section **out, uint32_t *count,
+                               struct tetlod_error *error);
+    void *late_opaque;
 };
 
 /* Takes the next `size` bytes of the stream, in order. */

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "format/index.h"
+#include "format/time_table.h"
 
 static void demand(int condition)
 {
@@ -63,6 +64,29 @@ static void check_cells(const struct tetlod_file *file, const struct tetlod_info
     }
 }
 
+/* Steps forwards and back are the same, and finite. */
+static void check_steps(struct tetlod_file *file, const struct tetlod_info *info)
+{
+    struct tetlod_series *series;
+    struct tetlod_cursor *cursor;
+    if (tetlod_series_new(&series, file, NULL) != TETLOD_OK)
+        return;
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    demand(tetlod_cursor_new(&cursor, file, steps->fields, 0, NULL) != TETLOD_ERR_ARGUMENT);
+    for (uint32_t b = 0; b < steps->band_count && b < 4 && cursor; b++)
+        for (uint32_t s = 0; s < steps->step_count && s < 20; s++) {
+            if (tetlod_seek_step(series, cursor, b, s ^ 1, NULL) != TETLOD_OK)
+                continue;
+            struct tetlod_mesh mesh;
+            tetlod_cursor_mesh(cursor, &mesh);
+            for (uint32_t f = 0; f < steps->field_count; f++)
+                for (size_t i = 0; i < (size_t)mesh.vertices * info->fields[steps->fields[f]].components; i++)
+                    demand(isfinite(tetlod_step_values(series, f)[i]));
+        }
+    tetlod_cursor_free(cursor);
+    tetlod_series_free(series);
+}
+
 /* In pieces, as from the network: all of them, or as if they were what belongs to one field. */
 static void feed_fuzz(const uint8_t *bytes, size_t size, const struct tetlod_options *options, const char *field)
 {
@@ -98,6 +122,7 @@ void stream_fuzz(const uint8_t *bytes, size_t size)
     const struct tetlod_info *info = tetlod_info(file);
     check_order(file, info);
     check_cells(file, info);
+    check_steps(file, info);
     feed_fuzz(bytes, size, &options, NULL);
     if (info->field_count)
         feed_fuzz(bytes, size, &options, info->fields[0].name);
@@ -117,6 +142,34 @@ void stream_fuzz(const uint8_t *bytes, size_t size)
     tetlod_close(file);
 }
 
+static const struct tetlodi_section *section_of(const struct tetlodi_index *index, const char *tag, uint32_t number)
+{
+    for (uint32_t i = 0; i < index->info.section_count; i++)
+        if (strcmp(index->sections[i].tag, tag) == 0 && number-- == 0)
+            return &index->sections[i];
+    return NULL;
+}
+
+/* The digests of groups of steps, in a table that is not packed. */
+static void seal_steps(const struct tetlodi_index *index, uint8_t *bytes, size_t size)
+{
+    const struct tetlodi_section *table = section_of(index, TAG_TIME, 0), *values;
+    struct tetlodi_time time = {0};
+    if (!table || table->flags & SECTION_PACKED || table->frame.offset > size || table->frame.size > size - table->frame.offset)
+        return;
+    uint8_t *end = bytes + table->frame.offset + table->frame.size;
+    if (tetlodi_time_decode(&time, bytes + table->frame.offset, (size_t)table->frame.size, NULL) == TETLOD_OK)
+        for (uint32_t row = 0; row < time.field_count * time.band_count; row++)
+            for (uint32_t g = 0; g < time.group_count && (values = section_of(index, TAG_STEP_VALUES, row)); g++) {
+                uint64_t at, length, groups = (uint64_t)time.field_count * time.band_count * time.group_count;
+                tetlodi_time_place(&time, row / time.band_count, row % time.band_count, g, &at, &length);
+                if (values->frame.offset <= size && at + length <= size - values->frame.offset)
+                    tetlodi_digest(bytes + values->frame.offset + at, (size_t)length,
+                                   end - DIGEST_SIZE * (groups - (uint64_t)row * time.group_count - g));
+            }
+    tetlodi_time_fini(&time);
+}
+
 /* Where the index's digests are: behind the levels' sizes, and at the end of every section's entry. */
 static void seal_parts(uint8_t *bytes, size_t size, size_t index_size)
 {
@@ -132,6 +185,7 @@ static void seal_parts(uint8_t *bytes, size_t size, size_t index_size)
             if (frame->offset <= size && frame->size <= size - frame->offset)
                 tetlodi_digest(bytes + frame->offset, (size_t)frame->size, levels + (k + 1) * row - 24 * (fields + 1 - part) + 8);
         }
+    seal_steps(&index, bytes, size);
     for (size_t i = 0; i < sections; i++) {
         const struct tetlodi_frame *frame = &index.sections[i].frame;
         if (frame->offset <= size && frame->size <= size - frame->offset)

@@ -14,6 +14,7 @@
 #include "src/cli/mail.h"
 #include "src/cli/progress.h"
 #include "src/cli/reading.h"
+#include "src/cli/series_input.h"
 #include "src/io/io.h"
 #include "src/report/info_json.h"
 #include "src/util/array.h"
@@ -21,9 +22,10 @@
 #include "src/util/parallel.h"
 
 static const char help[] =
-    "usage: tetlod build INPUT [-o OUT.tetlod] [OPTIONS]\n"
+    "usage: tetlod build INPUT... [-o OUT.tetlod] [OPTIONS]\n"
     "\n"
-    "Reads a mesh, contracts it and writes the stream of its levels: from a few tetrahedra to the original.\n"
+    "Reads a mesh, contracts it and writes the stream of its levels: from a few tetrahedra to the original. A file with several\n"
+    "times, or several files, become a series: one mesh, with the --field values of every step.\n"
     "\n"
     "  -o, --output OUT        the stream to write (default: INPUT's name with .tetlod in this folder)\n"
     READING_HELP
@@ -49,7 +51,7 @@ static const char help[] =
     "      --max-error E       stop at this error, a fraction of the range: 0.1 or 10% (default 1)\n"
     "      --min-tets N        stop at that many tetrahedra\n"
     "      --domain-error E    how far the boundary may move from the original's in all, a fraction of the diagonal\n"
-    "                          (default 0.001; exact, measured: at most 0.000001); 0: only planar boundary is simplified\n"
+    "                          (default 0.001; exact, measured: at most 0.000001; a series: 0); 0: only planar boundary is simplified\n"
     "      --boundary-angle D  degrees by which boundary faces may turn and still count as one smooth surface; edges that\n"
     "                          turn more are creases, and are kept (default 30)\n"
     "      --growth G          vertices of a level / vertices of the one below (default 1.1)\n"
@@ -57,6 +59,9 @@ static const char help[] =
     "      --field-bits N      round values to N bits across the range\n"
     "      --position-error E, --field-error E   as many bits as keep it: a fraction of the diagonal, of the range\n"
     "                          (rounding is in every error that the stream states)\n"
+    "      --times A:B:C       of a series the steps numbered A to B, from 0, every C-th (default: all); --time N: that one step\n"
+    "      --bands E,E,...     errors that the steps' values are stored for, fractions of the range over the series (default\n"
+    "                          5%,2%,1%,0.5%,0.2%,0.1%); the exact values are always stored\n"
     "      --for mail          one small file to send: rounded, of the --field alone (and --carry), with the levels up to --error\n"
     "      --error E           with --for: the error of the finest level in the file (default 1%)\n"
     "      --keep-order        store the input's numbering too, for tetlod extract --original-order\n"
@@ -79,8 +84,9 @@ struct request {
     double mail_error; /* of the finest level that is written; 0: all levels are */
     struct build_options build;
     struct reading reading;
+    struct series_input series;
     uint64_t nan_filled;
-    bool for_mail, json, quiet, all, ordered; /* ordered: --metric is given */
+    bool for_mail, json, quiet, all, ordered, moves_boundary; /* ordered: --metric is given; moves_boundary: --domain-error */
     struct progress progress;
     double phase_started;
     enum build_phase phase;
@@ -247,6 +253,7 @@ static bool parse_option(struct request *request, int option, const char *value)
     case 'b':
         return cli_parse_number(&command_build, "boundary-angle", value, 0, &build->boundary_angle);
     case 'd':
+        request->moves_boundary = true;
         return cli_parse_fraction(&command_build, "domain-error", value, &build->domain_error);
     case 'g':
         return parse_growth(value, &build->growth);
@@ -260,6 +267,10 @@ static bool parse_option(struct request *request, int option, const char *value)
         return cli_parse_fraction(&command_build, "field-error", value, &build->quantise.field_error);
     case 'A':
         return request->all = true;
+    case 'T':
+        return series_input_parse_times(&request->series, &command_build, value);
+    case 'B':
+        return series_input_parse_bands(&request->series, &command_build, value);
     case 'K':
         return build->keep_order = true;
     case 'z':
@@ -484,7 +495,10 @@ static void say_fields(const struct request *request, const struct tetmesh *mesh
 static void say(const struct request *request, const struct io_report *read, const struct tetmesh *mesh,
                 const struct build_report *report)
 {
-    reading_notes("build", read, mesh);
+    struct io_report notes_read = *read;
+    if (request->build.series)
+        notes_read.steps = 0; // all of them were read
+    reading_notes("build", &notes_read, mesh);
     const struct {
         uint64_t count;
         const char *what;
@@ -496,6 +510,11 @@ static void say(const struct request *request, const struct io_report *read, con
     for (size_t i = 0; i < sizeof notes / sizeof *notes; i++)
         if (notes[i].count)
             fprintf(stderr, "tetlod build: %" PRIu64 " %s\n", notes[i].count, notes[i].what);
+    if (request->series.own_times)
+        fprintf(stderr, "tetlod build: the steps' times do not rise: their numbers stand for them\n");
+    if (request->build.series)
+        fprintf(stderr, "tetlod build: %" PRIu32 " steps in time, of which %" PRIu32 " drove; fields that are not controlled are those of the first step\n",
+                request->build.series->step_count, report->keys);
     fprintf(stderr, "tetlod build: %s: %" PRIu32 " vertices, %" PRIu32 " tetrahedra in %" PRIu32 " levels\n",
             request->output, mesh->vertex_count, mesh->tet_count, report->levels);
 }
@@ -516,6 +535,56 @@ static int print_text(const struct request *request)
     return EXIT_DONE;
 }
 
+/* Is it a series? Then --time has not chosen one step of it. */
+static bool is_series(const struct request *request, const struct io_report *read)
+{
+    return !request->reading.options.time && (request->series.path_count > 1 || read->steps > 1);
+}
+
+/* The mesh, or a series' first step. */
+static enum tetlod_status read_first(struct request *request, struct tetmesh *mesh, struct io_report *read, struct tetlod_error *error)
+{
+    const struct series_input *series = &request->series;
+    if (request->reading.options.time)
+        return io_read(mesh, request->input, &request->reading.options, read, error);
+    TETLOD_TRY(series_input_read(series, 0, &request->reading, mesh, read, error));
+    uint64_t steps = series->path_count > 1 ? series->path_count : read->steps;
+    if (steps < 2 || series->begin == 0)
+        return TETLOD_OK;
+    tetmesh_fini(mesh);
+    if (series->begin >= steps)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "%s: has %" PRIu64 " steps in time, 0 to %" PRIu64 ": --times begins behind them", request->input,
+                            steps, steps - 1);
+    return series_input_read(series, series->begin, &request->reading, mesh, read, error);
+}
+
+/* Why a series cannot be built with these options, or NULL. */
+static const char *against_series(const struct request *request)
+{
+    const struct build_options *build = &request->build;
+    if (build->metric != METRIC_ENVELOPE || build->certify != CERTIFY_FAST || build->contract != CONTRACT_EDGES || build->candidates)
+        return "--metric, --certify exact, --contract or --candidates";
+    if (quantise_wanted(&build->quantise) || request->for_mail)
+        return "rounding (--position-bits, --field-bits, --for mail and the like)";
+    if (request->moves_boundary && build->domain_error > 0)
+        return "--domain-error: it keeps its boundary";
+    return build->certify_all ? "--certify-all" : NULL;
+}
+
+static enum tetlod_status load_series(struct request *request, const struct io_report *read, const struct tetmesh *mesh,
+                                      const struct build_control *controls, uint32_t count, struct tetlod_error *error)
+{
+    const char *wrong = against_series(request);
+    if (wrong)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has several steps in time, and a series cannot be built with %s; --time N builds one step",
+                            wrong);
+    uint64_t steps = request->series.path_count > 1 ? request->series.path_count : read->steps;
+    TETLOD_TRY(series_input_load(&request->series, steps, &request->reading, mesh, controls, count, &request->progress, error));
+    request->build.series = &request->series.series;
+    request->build.domain_error = 0; // a step's error is then one at the same position (PROOF.md, 5)
+    return TETLOD_OK;
+}
+
 static int build(struct request *request)
 {
     struct tetmesh mesh = {0};
@@ -525,7 +594,7 @@ static int build(struct request *request)
     struct build_control controls[2 * MOST_FIELDS]; // a magnitude brings its vector
     uint32_t count;
     double started = clock_seconds(), read_seconds, write_seconds = 0;
-    enum tetlod_status status = io_read(&mesh, request->input, &request->reading.options, &read, &error);
+    enum tetlod_status status = read_first(request, &mesh, &read, &error);
     request->nan_filled = read.nan_filled;
     read_seconds = clock_seconds() - started;
     if (status != TETLOD_OK)
@@ -534,6 +603,8 @@ static int build(struct request *request)
     status = choose_fields(request, &mesh, controls, &count, &inner);
     if (status == TETLOD_OK)
         status = build_regions_choose(&mesh, request->region, &request->build.regions, &inner);
+    if (status == TETLOD_OK && is_series(request, &read))
+        status = load_series(request, &read, &mesh, controls, count, &inner);
     if (status == TETLOD_OK)
         status = build_file(request, &mesh, controls, count, &report, &write_seconds, &inner);
     int result = EXIT_DONE;
@@ -551,6 +622,7 @@ static int build(struct request *request)
         else if (!request->quiet)
             result = print_text(request);
     }
+    series_input_fini(&request->series);
     tetmesh_fini(&mesh);
     return result;
 }
@@ -582,11 +654,13 @@ static int run(int argc, char **argv)
         {"threads", required_argument, NULL, 'j'},
         {"abs-error", required_argument, NULL, 'u'},  {"for", required_argument, NULL, 'Y'},
         {"error", required_argument, NULL, 'Z'},      {"all", no_argument, NULL, 'A'},
+        {"times", required_argument, NULL, 'T'},      {"bands", required_argument, NULL, 'B'},
         {"memory", required_argument, NULL, 'M'},     {"json", no_argument, NULL, JSON},
         {"progress", no_argument, NULL, PROGRESS},    {"quiet", no_argument, NULL, QUIET},
         {0}};
     struct request request = {.contract = "edge", .build = build_options_default()};
     bool forced = false;
+    series_input_init(&request.series);
     for (int option; (option = cli_option(&command_build, argc, argv, "o:", options)) != -1;) {
         request.json |= option == JSON;
         request.quiet |= option == QUIET;
@@ -594,8 +668,12 @@ static int run(int argc, char **argv)
         if ((option < JSON || option >= READING_FIRST) && !parse_option(&request, option, optarg))
             return EXIT_USAGE;
     }
-    if (!cli_operands(&command_build, argc, 1, "the INPUT mesh"))
+    if (argc == optind && !cli_operands(&command_build, argc, 1, "the INPUT mesh"))
         return EXIT_USAGE;
+    request.series.paths = (const char *const *)(argv + optind);
+    request.series.path_count = (uint32_t)(argc - optind);
+    if (request.series.path_count > 1 && request.reading.options.time)
+        return cli_usage("build", "--time chooses a step of one file, and there are %d files", argc - optind);
     if (request.build.certify == CERTIFY_EXACT && !request.ordered)
         request.build.metric = METRIC_FIELD_QUADRIC;
     if (request.build.certify == CERTIFY_EXACT && !metric_is_certified(request.build.metric))

@@ -10,6 +10,7 @@
 #include "format/fail.h"
 #include "src/cli/cli.h"
 #include "src/cli/extract_region.h"
+#include "src/cli/extract_step.h"
 #include "src/io/io.h"
 #include "src/report/level_mesh.h"
 #include "src/util/file.h"
@@ -33,6 +34,9 @@ static const char help[] =
     "                     there as it is; in a belt around it no error is certified, it is measured. Up to 16 times. A cell field, Region,\n"
     "                     tells the parts: 0 the coarse level, 1 the fine one, 2 the belt; one of that name in the stream is left out\n"
     "      --box-error E  the error in the boxes, as of --error or --abs-error (default 0)\n"
+    "      --time T       of a series the step whose time is nearest to T, in its coarsest form within --error or --abs-error: a fraction\n"
+    "                     of the range over all steps. Without an error: exactly. Only fields that have steps are written\n"
+    "      --step N       the same for the step with this number, from 0\n"
     "      --original-order  the finest level in the input's own numbering, if tetlod build --keep-order kept it\n"
     "      --quiet        do not say which level it is, and what error each field has there at most\n"
     "\n"
@@ -52,6 +56,8 @@ struct request {
     struct region_box boxes[MOST_BOXES];
     size_t box_count;
     double box_error;
+    struct step_choice step;
+    bool of_step;
 };
 
 static enum tetlod_status find_field(const struct tetlod_info *info, const char *name, uint32_t *out,
@@ -170,6 +176,8 @@ static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct re
 {
     const struct tetlod_info *info = tetlod_info(file);
     struct tetlod_cursor *cursor;
+    if (request->of_step)
+        return extract_step(file, &request->step, request->original_order, mesh, about, about_size, error);
     if (request->box_count) {
         enum tetlod_status made = extract_boxes(file, request, mesh, level, about, about_size, error);
         if (made != TETLOD_MORE) // the boxes' level is no finer
@@ -206,7 +214,7 @@ static int extract(const struct request *request)
     if (cli_open_stream(request->input, parallel_cores(), &file, &fd, &error) != TETLOD_OK)
         return cli_fail(&error);
     const struct tetlod_info *info = tetlod_info(file);
-    enum tetlod_status status = choose_here(info, fd, request, &level, &inner);
+    enum tetlod_status status = request->of_step ? TETLOD_OK : choose_here(info, fd, request, &level, &inner);
     if (status == TETLOD_OK)
         status = is_stream(request->output) ? extract_stream(file, request, level, &inner)
                                             : extract_mesh(file, request, &mesh, level, about, sizeof about, &inner);
@@ -250,6 +258,36 @@ static bool parse_box(struct request *request, const char *value)
     return true;
 }
 
+static bool parse_step(struct request *request, int option, const char *value)
+{
+    bool again = request->of_step;
+    request->of_step = true;
+    request->step.by_time = option == 'T';
+    if (again) {
+        cli_usage("extract", "--time or --step: one step can be chosen");
+        return false;
+    }
+    char *end;
+    request->step.time = strtod(value, &end);
+    if (option == 'T' && (end == value || *end || !isfinite(request->step.time))) {
+        cli_usage("extract", "--time takes a number, not '%s'", value);
+        return false;
+    }
+    return option == 'T' || cli_parse_count(&command_extract, "step", value, 0, UINT32_MAX, &request->step.step);
+}
+
+/* What does not go with a step. */
+static const char *against_step(const struct request *request)
+{
+    if (request->choice != FINEST && request->choice != BY_ERROR && request->choice != BY_ABS_ERROR)
+        return "--level, --tets or --bytes: a step is there within errors; take --error";
+    if (request->box_count)
+        return "--box";
+    if (request->field || request->measure != TETLOD_MAX)
+        return "--field or --measure: its error is certified for every field";
+    return is_stream(request->output) ? "a stream as output: it holds all steps" : NULL;
+}
+
 static bool parse_choice(struct request *request, int option, const char *name, const char *value)
 {
     static const struct {
@@ -280,6 +318,7 @@ static int run(int argc, char **argv)
         {"field", required_argument, NULL, 'f'},     {"measure", required_argument, NULL, 'm'},
         {"box", required_argument, NULL, 'B'},       {"box-error", required_argument, NULL, 'E'},
         {"quiet", no_argument, NULL, 'q'},           {"original-order", no_argument, NULL, 'O'},
+        {"time", required_argument, NULL, 'T'},      {"step", required_argument, NULL, 'S'},
         {0}};
     static const char *const names[] = {['e'] = "error", ['a'] = "abs-error", ['k'] = "level", ['t'] = "tets", ['b'] = "bytes"};
     struct request request = {.measure = TETLOD_MAX};
@@ -292,6 +331,8 @@ static int run(int argc, char **argv)
             request.field = optarg;
         else if (option == 'q')
             request.quiet = true;
+        else if (option == 'T' || option == 'S')
+            good = parse_step(&request, option, optarg);
         else if (option == 'B')
             good = parse_box(&request, optarg);
         else if (option == 'E')
@@ -318,6 +359,10 @@ static int run(int argc, char **argv)
         return cli_usage("extract", "--box needs to know what is outside of it: --error or another choice of a level");
     if (request.original_order && request.choice != FINEST)
         return cli_usage("extract", "--original-order is for the finest level, without a choice of another");
+    if (request.of_step && against_step(&request))
+        return cli_usage("extract", "--time and --step do not go with %s", against_step(&request));
+    request.step.error = request.choice == FINEST ? 0 : request.error;
+    request.step.absolute = request.choice == BY_ABS_ERROR;
     request.input = argv[optind];
     if (!cli_check_output(&command_extract, request.output, NULL, &request.input, 1))
         return EXIT_USAGE;

@@ -6,6 +6,7 @@
 #include "format/fail.h"
 #include "src/cli/cli.h"
 #include "src/report/info_json.h"
+#include "src/report/series_json.h"
 
 static const char help[] =
     "usage: tetlod info FILE.tetlod [--all | --json]\n"
@@ -15,6 +16,8 @@ static const char help[] =
     "\n"
     "      --all   every level, and the measure 'predicted'\n"
     "      --json  the index as JSON, as /v1/meshes/{id} of the server gives it\n"
+    "\n"
+    "Of a series in time: the bands that its steps are stored in, with the bytes of a step.\n"
     "\n"
     "Errors are fractions of the field's range, in percent; a dash: not known. 'bytes' is the length of the prefix of the\n"
     "file that decodes to the level. 'others': the largest measured error of the fields that nothing held down.\n";
@@ -29,8 +32,19 @@ static void print_cut(const struct tetlod_info *info, int fd)
         printf("cut off       levels 0 to %u of %u are here\n", here, info->level_count - 1);
 }
 
-static void print_text(const struct tetlod_info *info, int fd, bool all)
+/* The series, if the file is one and holds the table whole; NULL otherwise. */
+static struct tetlod_series *find_series(const struct tetlod_file *file)
 {
+    struct tetlod_series *series;
+    if (tetlod_section_index(tetlod_info(file), "TIME") == TETLOD_NONE || tetlod_series_new(&series, file, NULL) != TETLOD_OK)
+        return NULL;
+    return series;
+}
+
+static void print_text(const struct tetlod_file *file, int fd, bool all)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    struct tetlod_series *series = find_series(file);
     printf("content id    %s\n", info->cid);
     printf("vertices      %u\n", info->vertices);
     printf("tetrahedra    %u (%llu degenerate, %llu inverted or folded)\n", info->tets, (unsigned long long)info->degenerate_tets,
@@ -53,15 +67,24 @@ static void print_text(const struct tetlod_info *info, int fd, bool all)
                field->range[0], field->range[1], field->region ? ", regions" : "");
     }
     print_cut(info, fd);
+    if (series)
+        series_print(stdout, series, info);
+    tetlod_series_free(series);
     printf("\n");
     cli_print_levels(info, all);
 }
 
-static int print_json(const struct tetlod_info *info, const char *path)
+static int print_json(const struct tetlod_file *file, const char *path)
 {
     char id[256];
     stream_id(path, id, sizeof id);
-    json_t *object = info_json(info, id);
+    json_t *object = info_json(tetlod_info(file), id);
+    struct tetlod_series *series = find_series(file);
+    if (series && object && json_object_set_new(object, "series", series_json(series, tetlod_info(file)))) {
+        json_decref(object);
+        object = NULL;
+    }
+    tetlod_series_free(series);
     char *text = object ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
     struct tetlod_error error = {0};
     if (text)
@@ -91,9 +114,9 @@ static int run(int argc, char **argv)
     if (cli_open_stream(argv[optind], 1, &file, &fd, &error) != TETLOD_OK)
         return cli_fail(&error);
     if (json)
-        result = print_json(tetlod_info(file), argv[optind]);
+        result = print_json(file, argv[optind]);
     else
-        print_text(tetlod_info(file), fd, all);
+        print_text(file, fd, all);
     tetlod_close(file);
     close(fd);
     return result;

@@ -9,6 +9,7 @@
 #include "format/fail.h"
 #include "src/pipeline/build.h"
 #include "src/cli/against.h"
+#include "src/cli/against_steps.h"
 #include "src/cli/cli.h"
 #include "src/cli/progress.h"
 #include "src/cli/reading.h"
@@ -30,6 +31,9 @@ static const char help[] =
     "                       the boundary is nowhere further off than the domain error, and 'max' is not below the exact maximum.\n"
     "                       Of large meshes (levels times tetrahedra above 4 million) the exact maximum is taken at six levels,\n"
     "                       which it names\n"
+    "                       Of a series every step is read: exact values are the input's bit for bit, and no band is further off\n"
+    "                       than it says. Given once for each file where the series is of several\n"
+    "      --times A:B:C    of a series: as when it was built\n"
     "      --all-levels     the exact maximum at every level of large meshes, too\n"
     "      --threads N      0 (default): all cores\n"
     "      --json           the result as JSON\n"
@@ -40,8 +44,11 @@ static const char help[] =
     "\n"
     "Exit status 0: all is well; 3: the message says what is not, and which levels can be read.\n";
 
+enum { MOST_INPUTS = 1024 };
+
 struct request {
-    const char *stream, *against;
+    const char *stream;
+    struct series_input series; /* what --against names */
     struct reading reading;
     unsigned threads;
     bool json, all_levels;
@@ -55,6 +62,7 @@ struct verification {
     uint64_t *hashes; /* [level] of the arrays on the way up */
     struct mesh_report finest;
     struct against_report against;
+    uint32_t steps; /* of a series */
     struct tetlod_error *error;
 };
 
@@ -213,10 +221,26 @@ static void compare_progress(void *opaque, double done)
     progress(opaque, "compare", done);
 }
 
+/* The mesh that the levels are held against: of a series its first step. */
+static enum tetlod_status read_input(const struct verification *v, struct tetmesh *out)
+{
+    const struct series_input *series = &v->request->series;
+    struct io_report report;
+    if (v->steps)
+        return series_input_read(series, series->begin, &v->request->reading, out, &report, v->error);
+    return io_read(out, series->paths[0], &v->request->reading.options, NULL, v->error);
+}
+
+static enum tetlod_status verify_steps(struct verification *v)
+{
+    const struct steps_comparison comparison = {&v->request->series, &v->request->reading, v->request->threads, compare_progress, v};
+    return v->steps ? steps_against(v->file, &comparison, v->error) : TETLOD_OK;
+}
+
 static enum tetlod_status verify_against(struct verification *v)
 {
     struct tetmesh input;
-    TETLOD_TRY(io_read(&input, v->request->against, &v->request->reading.options, NULL, v->error));
+    TETLOD_TRY(read_input(v, &input));
     enum tetlod_status status = derive_fields(tetlod_info(v->file), &input, v->error);
     const struct against_options comparing = {v->request->threads, v->request->all_levels, compare_progress, v};
     if (status == TETLOD_OK)
@@ -283,9 +307,13 @@ static enum tetlod_status verify_file(struct verification *v)
     TETLOD_TRY_DONE(check_metadata(v));
     if (tetlod_info(v->file)->keeps_order)
         TETLOD_TRY_DONE(check_order(v));
+    if (tetlod_section_index(tetlod_info(v->file), "TIME") != TETLOD_NONE)
+        TETLOD_TRY_DONE(steps_decode(v->file, &v->steps, v->error));
     TETLOD_TRY_DONE(undo(v));
-    if (v->request->against)
+    if (v->request->series.path_count) {
         TETLOD_TRY_DONE(verify_against(v));
+        TETLOD_TRY_DONE(verify_steps(v));
+    }
 done:
     tetlod_cursor_free(v->cursor);
     free(v->hashes);
@@ -298,7 +326,9 @@ static void print_done(const struct verification *v)
 {
     const struct against_report *against = &v->against;
     printf("%s: ok", v->request->stream);
-    if (v->request->against)
+    if (v->steps)
+        printf("; %u steps", v->steps);
+    if (v->request->series.path_count)
         printf("; %u levels measured", against->measured);
     if (against->measured && against->exact_count == against->measured)
         printf(", max held against the exact maximum at all of them");
@@ -319,8 +349,8 @@ static int print_result(const struct verification *v, enum tetlod_status status,
     json_t *levels = json_array(), *object;
     for (uint32_t i = v->against.exact_count; i-- > 0 && levels;)
         json_array_append_new(levels, json_integer(v->against.exact[i]));
-    object = json_pack("{s:s, s:b, s:s, s:i, s:o}", "file", v->request->stream, "ok", status == TETLOD_OK, "message",
-                       status == TETLOD_OK ? "" : error->message, "measured_levels", (int)v->against.measured,
+    object = json_pack("{s:s, s:b, s:s, s:i, s:i, s:o}", "file", v->request->stream, "ok", status == TETLOD_OK, "message",
+                       status == TETLOD_OK ? "" : error->message, "steps", (int)v->steps, "measured_levels", (int)v->against.measured,
                        "exact_levels", levels);
     char *text = object ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
     if (text)
@@ -353,16 +383,24 @@ static int verify(struct request *request)
 
 static int run(int argc, char **argv)
 {
-    static const struct option options[] = {{"against", required_argument, NULL, 'a'}, READING_OPTIONS, {"threads", required_argument, NULL, 't'}, {"all-levels", no_argument, NULL, 'l'}, {"json", no_argument, NULL, 'j'},
+    static const struct option options[] = {{"against", required_argument, NULL, 'a'}, READING_OPTIONS, {"threads", required_argument, NULL, 't'}, {"all-levels", no_argument, NULL, 'l'}, {"times", required_argument, NULL, 'T'}, {"json", no_argument, NULL, 'j'},
                                             {"progress", no_argument, NULL, 'p'},      {"quiet", no_argument, NULL, 's'},
                                             {0}};
     struct request request = {0};
+    const char *inputs[MOST_INPUTS];
     uint64_t threads = 0;
     bool forced = false, quiet = false;
+    series_input_init(&request.series);
+    request.series.paths = inputs;
     for (int option; (option = cli_option(&command_verify, argc, argv, "", options)) != -1;) {
-        if (option == 'a')
-            request.against = optarg;
-        else if (option >= READING_FIRST && option < READING_END) {
+        if (option == 'a' && request.series.path_count < MOST_INPUTS)
+            inputs[request.series.path_count++] = optarg;
+        else if (option == 'a')
+            return cli_usage("verify", "at most %d --against", MOST_INPUTS);
+        else if (option == 'T') {
+            if (!series_input_parse_times(&request.series, &command_verify, optarg))
+                return EXIT_USAGE;
+        } else if (option >= READING_FIRST && option < READING_END) {
             if (!reading_option(&request.reading, &command_verify, option, optarg))
                 return EXIT_USAGE;
         } else if (option == 'j')

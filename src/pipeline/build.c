@@ -11,6 +11,7 @@
 #include "src/measure/overlay_levels.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/build_memory.h"
+#include "src/pipeline/build_series.h"
 #include "src/pipeline/limits.h"
 #include "src/pipeline/precision.h"
 #include "src/util/array.h"
@@ -35,6 +36,7 @@ struct build {
     struct precision precision;     /* if not */
     const struct build_options *options;
     struct contraction_log log;
+    struct series_build *series;    /* if there is one */
     struct tetlodi_write_level *levels; /* coarse to fine */
     double *errors;                     /* [mark][field][measure], fine to coarse */
     struct overlay_levels *overlay;     /* if it is asked for */
@@ -104,8 +106,10 @@ static enum tetlod_status contract(struct build *build)
         .progress = options->progress ? contract_progress : NULL,
         .progress_opaque = build,
     };
-    enum tetlod_status status = simplify(&build->log, build->mesh, limits.fields, options->control_count, limits.weights,
-                                         &simplify_options, build->error);
+    enum tetlod_status status =
+        build->series ? series_contract(build->series, &build->log, build->mesh, limits.weights, &simplify_options, build->error)
+                      : simplify(&build->log, build->mesh, limits.fields, options->control_count, limits.weights, &simplify_options,
+                                 build->error);
     limits_fini(&limits);
     return status;
 }
@@ -357,7 +361,9 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .compression = build->options->compression,
                                         .keep_order = build->options->keep_order,
                                         .cell_field_count = build->original->cell_field_count,
-                                        .cells = cells};
+                                        .cells = cells,
+                                        .late = build->series ? series_sections : NULL,
+                                        .late_opaque = build->series};
     input.position_bits = mesh->position_grid[0].bits;
     for (int i = 0; i < 3; i++) {
         input.position_origin[i] = mesh->position_grid[i].origin;
@@ -403,6 +409,8 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     else
         TETLOD_TRY_DONE(fit_precision(&build));
     TETLOD_TRY_DONE(check_ranges(&build));
+    if (options->series)
+        TETLOD_TRY_DONE(series_new(&build.series, mesh, options, error));
     TETLOD_TRY_DONE(contract(&build));
     copy_components(&build);
     TETLOD_TRY_DONE(measure_marks(&build));
@@ -413,7 +421,9 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
                                     .inverted_tets = build.log.inverted_tets,
                                     .folded_tets = build.log.folded_tets};
     memcpy(report->refused, build.log.refused, sizeof report->refused);
+    report->keys = build.series ? series_key_count(build.series) : 0;
 done:
+    series_free(build.series);
     log_fini(&build.log);
     tetmesh_fini(&build.rounded);
     precision_fini(&build.precision);

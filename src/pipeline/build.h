@@ -18,6 +18,8 @@ struct build_control {
     double share;   /* of that limit: what it may use; 0: all of it */
 };
 
+struct build_series;
+
 struct build_options {
     const struct build_control *controls; /* at least one */
     uint32_t control_count;
@@ -38,6 +40,7 @@ struct build_options {
     uint64_t memory;         /* bytes; 0: no limit */
     const char *metadata;    /* a JSON object */
     const char *regions;     /* the cell field that tells regions, or NULL */
+    const struct build_series *series; /* the mesh's other steps in time (build_series.h), or NULL; with the default metric, lossless */
     bool (*progress)(void *opaque, enum build_phase phase, double done); /* false cancels; may be NULL */
     void *progress_opaque;
 };
@@ -45,6 +48,7 @@ struct build_options {
 struct build_report {
     uint32_t contractions, levels;
     uint64_t refused[LOG_REFUSALS]; /* (contraction_log.h) */
+    uint32_t keys;                  /* steps of a series that drove the contraction */
     uint64_t degenerate_tets, inverted_tets, folded_tets; /* the stream counts folded ones as inverted */
 };
 

@@ -34,6 +34,19 @@ done:
     return status;
 }
 
+enum tetlod_status level_mesh_step(const struct tetlod_info *info, const struct tetlod_series *series, struct tetmesh *mesh,
+                                   struct tetlod_error *error)
+{
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    for (uint32_t f = 0; f < steps->field_count; f++) {
+        const struct tetlod_field *field = &info->fields[steps->fields[f]];
+        TETLOD_TRY(tetmesh_add_field(mesh, field->name, field->components, field->type, error));
+        memcpy(mesh->fields[mesh->field_count - 1].values, tetlod_step_values(series, f),
+               (size_t)mesh->vertex_count * field->components * sizeof(double));
+    }
+    return TETLOD_OK;
+}
+
 static enum tetlod_status add_cells(const struct tetlod_file *file, uint32_t f, const uint32_t *tets, struct tetmesh *mesh, double *all,
                                     struct tetlod_error *error)
 {

@@ -9,6 +9,10 @@
 TETLOD_CHECKED enum tetlod_status level_mesh_copy(const struct tetlod_info *info, const struct tetlod_cursor *cursor,
                                                   struct tetmesh *out, struct tetlod_error *error);
 
+/* Adds the values that tetlod_seek_step gave: the series' fields, in its order, to the mesh of the band's level. */
+TETLOD_CHECKED enum tetlod_status level_mesh_step(const struct tetlod_info *info, const struct tetlod_series *series, struct tetmesh *mesh,
+                                                  struct tetlod_error *error);
+
 /* Adds the stream's values of cells, all fields or the one number `field` (TETLOD_NONE: all), to the mesh of any level, or to one of the
  * tetrahedra that have these numbers (NULL: those of a level have the first ones). */
 TETLOD_CHECKED enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t field, const uint32_t *tets, struct tetmesh *mesh,

@@ -23,7 +23,7 @@ static void add_vortex(struct flow *flow, const double p[3], int number, double 
 {
     double travelled = number - 2 + 3 * time, x = spacing * travelled, side = number % 2 ? 1 : -1;
     double dx = p[0] - x - 0.15 * p[2], dy = p[1] - side * (0.45 + 0.03 * x);
-    double core = 0.16 + 0.025 * (x > 0 ? x : 0), strength = sample_step(2 * travelled) / (1 + 0.03 * x * x);
+    double core = 0.4 + 0.04 * (x > 0 ? x : 0), strength = sample_step(2 * travelled) / (1 + 0.03 * x * x);
     double swirl = strength / (1 + (dx * dx + dy * dy) / core);
     flow->pressure -= 0.55 * swirl;
     flow->velocity[0] += side * 1.6 * swirl * dy;
@@ -36,7 +36,7 @@ static struct flow flow_at(const double p[3], double time)
     double deficit = 1 / (1 + p[1] * p[1] / (0.35 + 0.06 * p[0])) / (1 + 0.12 * p[0]);
     double at_floor = p[2] / sqrt(p[2] * p[2] + 0.03);
     double front = -1 + (length + 3) * time - 0.12 * p[1] * p[1] + 0.3 * p[2];
-    double behind = sample_step((front - p[0]) / 0.18);
+    double behind = sample_step((front - p[0]) / 0.5);
     struct flow flow = {1 - 0.3 * deficit, {(1 - 0.7 * deficit), 0, 0}};
     for (int i = 0; i < VORTICES; i++)
         add_vortex(&flow, p, i, time);

@@ -8,6 +8,7 @@
 #include "src/simplify/evaluate.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "src/mesh/tet_geom.h"
@@ -51,6 +52,25 @@ double assigned_error(const struct run *run, const struct worker *worker, double
             values[c] = value;
     }
     return worst;
+}
+
+void worker_fini(struct worker *worker)
+{
+    hood_fini(&worker->hood);
+    links_fini(&worker->links);
+    boundary_map_fini(&worker->map);
+    for (int k = 0; k < 4; k++)
+        free(worker->weighing.rows[k]);
+    for (int k = 0; k < 3; k++)
+        free(worker->weighing.weights[k]);
+    free(worker->weighing.slots);
+    free(worker->weighing.moves);
+    free(worker->weighing.spread);
+    free(worker->candidates);
+    free(worker->list);
+    free(worker->numbers);
+    free(worker->open);
+    free(worker->thawing);
 }
 
 /* ---- step 2 */

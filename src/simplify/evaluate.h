@@ -79,6 +79,9 @@ static inline double *numbers_of(const struct run *run, const struct worker *wor
     return worker->numbers + (size_t)row * run->working->component_count;
 }
 
+/* Frees what the worker has grown. */
+void worker_fini(struct worker *worker);
+
 void evaluate(const struct run *run, struct worker *worker, uint32_t slot);
 
 /* The position halfway from a slot to another, as the mesh can hold it. */

@@ -640,25 +640,6 @@ static enum tetlod_status allocate(struct rounds *rounds)
     return TETLOD_OK;
 }
 
-static void worker_fini(struct worker *worker)
-{
-    hood_fini(&worker->hood);
-    links_fini(&worker->links);
-    boundary_map_fini(&worker->map);
-    for (int k = 0; k < 4; k++)
-        free(worker->weighing.rows[k]);
-    for (int k = 0; k < 3; k++)
-        free(worker->weighing.weights[k]);
-    free(worker->weighing.slots);
-    free(worker->weighing.moves);
-    free(worker->weighing.spread);
-    free(worker->candidates);
-    free(worker->list);
-    free(worker->numbers);
-    free(worker->open);
-    free(worker->thawing);
-}
-
 static void rounds_fini(struct rounds *rounds)
 {
     struct proposals *proposals = &rounds->run.proposals;

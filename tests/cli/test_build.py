@@ -314,7 +314,7 @@ def usage():
                            (['min-tets'], ('--min-tets', '0')), (['wish'], ('--wish',)), (['memory'], ('--memory', '0'))):
         fails('build %s' % ' '.join(options), 2, words, 'build', 'cube.vtu', '-o', 'x.tetlod', *options)
     fails('build without a mesh', 2, ['INPUT'], 'build')
-    fails('build of two meshes', 2, [], 'build', 'cube.vtu', 'fin.vtu')
+    fails('build of two meshes that are no series', 3, ['step 1', 'fin.vtu'], 'build', 'cube.vtu', 'fin.vtu')
     fails('build --memory 1', 1, ['--memory'], 'build', 'cube.vtu', '-o', 'x.tetlod', '--memory', '1')
     fails('build into a folder that is not there', 1, ['nowhere'], 'build', 'cube.vtu', '-o', 'nowhere/x.tetlod', '--quiet')
     report('failed builds leave no file', not os.path.exists(path('x.tetlod')))

@@ -7,10 +7,10 @@ import struct
 import sys
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..'))
-from streams import plain, sealed, tetlod  # noqa: E402
+from streams import plain, sealed, tetlod, with_section  # noqa: E402
 
 FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)))
-ONE, GRID, KEPT, CELLS = (plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read()) for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32'))
+ONE, GRID, KEPT, CELLS, STEPS = (plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read()) for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32', 'series_float64'))
 NAN, INFINITY = float('nan'), float('inf')
 
 
@@ -39,7 +39,7 @@ def level_of(data, level):
 def section(data, tag, flags, offset=None):
     """A further, empty section."""
     end, size = index_end(data), int.from_bytes(data[20:24], 'little')
-    late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] not in ('META', 'CELL'))
+    late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] not in ('META', 'CELL'))  # those of these streams that are early
     entry = struct.pack('<4sIQQQ16s', tag, flags, late if offset is None else offset, 0, 0, tetlod.digest(b''))
     count = len(sections_of(data)) + 1
     at = sections_of(data)[0] - 4
@@ -91,7 +91,42 @@ def cases():
         bytes([KEPT[tetlod.open(KEPT).frames[1][0][0]] ^ 1]) + KEPT[tetlod.open(KEPT).frames[1][0][0] + 1:]
     yield 'frame_random', 'decode', 'a frame of other bytes, with its digest', reframed(GRID, 1, 0, lambda frame: bytes(255 - b for b in frame))
     yield 'frame_zero', 'decode', 'a base mesh of zeros, with its digest', reframed(GRID, 0, 0, lambda frame: bytes(len(frame)))
+    yield 'time_early', 'open', 'steps in time before level 0', section(ONE, b'TIME', 2)
+    yield 'time_twice', 'open', 'TIME twice', section(STEPS, b'TIME', 0)
+    yield 'time_length', 'decode', 'a table of steps that is too long', retimed(0, '', b'', 8)
+    yield 'time_steps', 'decode', 'a table of steps of another number of them', retimed(8, 'I', 10)
+    yield 'time_field', 'decode', 'steps of a field that is not there', retimed(16, 'I', 2)
+    yield 'time_bands', 'decode', 'bands whose errors do not fall', retimed(16 + 48 + 16, 'd', 0.5)
+    yield 'time_level', 'decode', 'a band of a level that is not there', retimed(16 + 48 + 32 + 8, 'Q', 99)
+    yield 'time_quantum', 'decode', 'a grid with a step that is negative', retimed(16 + 48 + 48, 'd', -1.0)
+    yield 'time_falls', 'decode', 'times that fall', retimed(16 + 48 + 48 + 48 + 16, 'd', 0.5)
+    yield 'time_frame', 'decode', 'a frame of another size than its section has', retimed(16 + 48 + 48 + 48 + 72, 'I', 5)
+    yield 'time_error', 'decode', 'a step with an error that is not a number', retimed(16 + 48 + 48 + 48 + 72 + 4, 'f', NAN)
+    yield 'time_digest', 'decode', 'a group of steps with another digest', retimed(-16, '16s', bytes(16))
+    yield 'time_random', 'decode', 'steps of other bytes, with their digests', shuffled(lambda group: bytes(255 - b for b in group))
+    yield 'time_mode', 'decode', 'a first step that is told from the one before', shuffled(lambda group: b'\xff' * len(group))
     yield 'truncated', 'decode', 'the last byte is missing', GRID[:-1]
+
+
+def retimed(at, form, value, longer=0):
+    """The table of steps with a number changed, or with more bytes."""
+    table = bytearray(tetlod.open(STEPS).section('TIME')) + bytes(longer)
+    if form:
+        struct.pack_into('<' + form, table, at % len(table), value)
+    return with_section(STEPS, 'TIME', bytes(table))
+
+
+def shuffled(change):
+    """The first row's groups changed, of the same sizes, with digests that match."""
+    series, table = tetlod.open(STEPS).series(), bytearray(tetlod.open(STEPS).section('TIME'))
+    sizes, values = [size for size, _ in series._entries[0]], b''
+    rows, groups = len(series._entries), len(series._digests[0])
+    data = tetlod.open(STEPS).section('TVAL', 0)
+    for group in range(groups):
+        part = change(data[sum(sizes[:8 * group]):sum(sizes[:8 * group + 8])])
+        struct.pack_into('<16s', table, len(table) - 16 * rows * groups + 16 * group, tetlod.digest(part))
+        values += part
+    return with_section(with_section(STEPS, 'TIME', bytes(table)), 'TVAL', values)
 
 
 def renamed(data):

@@ -45,6 +45,36 @@ def check_cells(path):
     return found == wanted and len(found) > 3
 
 
+def check_steps(path):
+    wanted, found = open(path + '.steps').read().split(), []
+    series = tetlod.open(path).series()
+    for band in range(len(series.bands)):
+        for step in range(len(series.times)):
+            sha = hashlib.sha256()
+            for values in series.seek(band, step)[1].values():
+                sha.update(np.ascontiguousarray(values, '<f8').tobytes())
+            found.append(sha.hexdigest())
+    return found == wanted and len(found) > 20
+
+
+def damage_steps(path):
+    """A changed byte of a late section is an error."""
+    data = bytearray(open(path, 'rb').read())
+    found, places = 0, range(tetlod.open(path).levels[-1]['bytes'], len(data), 397)
+    for i in places:
+        data[i] ^= 16
+        try:
+            series = tetlod.open(bytes(data)).series()
+            for band in range(len(series.bands)):
+                for step in range(7, len(series.times), 8):
+                    series.seek(band, step)
+                series.seek(band, len(series.times) - 1)
+        except tetlod.StreamError:
+            found += 1
+        data[i] ^= 16
+    return found == len(places) > 15
+
+
 def damage(path):
     """A changed byte is an error, wherever it is."""
     data = bytearray(open(path, 'rb').read())
@@ -85,6 +115,9 @@ for path in sorted(glob.glob(os.path.join(ROOT, 'tests', 'golden', '*.tetlod')))
     report('Python agrees on ' + os.path.basename(path), check(path))
 golden = os.path.join(ROOT, 'tests', 'golden')
 for verdict, what in ((check_cells(os.path.join(golden, 'cells_float32.tetlod')), 'Python agrees on values of cells'),
+                      (check_steps(os.path.join(golden, 'series_float32.tetlod')), 'Python agrees on steps in time'),
+                      (check_steps(os.path.join(golden, 'series_float64.tetlod')), 'Python agrees on steps of float64'),
+                      (damage_steps(os.path.join(golden, 'series_float64.tetlod')), 'Python notices damage of steps'),
                       (damage(os.path.join(golden, 'one_tet.tetlod')), 'Python notices damage'),
                       (same_verdicts(os.path.join(golden, 'one_tet.tetlod'), 1), 'Python refuses what C refuses, of one level'),
                       (same_verdicts(os.path.join(golden, 'grid_12_bit.tetlod'), 7), 'Python refuses what C refuses, of several'),

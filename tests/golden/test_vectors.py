@@ -32,6 +32,7 @@ def decode(data, levels=None):
         stream = tetlod.open(data)
         for section in stream.sections:
             stream.section(section['tag'])
+        series = stream.series() if levels is not None else None
         for field in stream.cell_fields:
             stream.cells(field['name'])
         for level in range(len(stream.levels)):
@@ -39,6 +40,9 @@ def decode(data, levels=None):
                 stream.frame(level, part)
         if levels is not None:
             stream.cursor().seek(len(stream.levels) - 1)
+        for band in range(len(series.bands) if series else 0):
+            for step in range(len(series.times)):
+                series.seek(band, step)
         return stream.cid
     except (tetlod.StreamError, IndexError, KeyError):
         return None

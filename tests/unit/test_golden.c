@@ -84,6 +84,57 @@ static void check_cells(const struct tetlod_file *file, const char *path)
         fclose(list);
 }
 
+static void hash_step(const struct tetlod_series *series, const struct tetlod_info *info, uint32_t vertices, char hash[65])
+{
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    struct tetlodi_sha256 sha;
+    tetlodi_sha256_init(&sha);
+    for (uint32_t f = 0; f < steps->field_count; f++)
+        add_numbers(&sha, tetlod_step_values(series, f), (size_t)vertices * info->fields[steps->fields[f]].components, 8);
+    hash_text(&sha, hash);
+}
+
+/* Every step in every band, forwards; then backwards, which must not matter. */
+static void check_steps(const struct tetlod_file *file, struct tetlod_cursor *cursor, const char *path)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    struct tetlod_series *series;
+    char hash[65], line[128];
+    if (tetlod_series_new(&series, file, NULL) != TETLOD_OK) {
+        CHECK_INT(tetlod_section_index(info, "TIME"), TETLOD_NONE);
+        return;
+    }
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    FILE *list = open_list(path, "steps");
+    REQUIRE(list);
+    uint32_t count = steps->band_count * steps->step_count;
+    char (*hashes)[65] = malloc(count * sizeof *hashes);
+    for (uint32_t i = 0; i < count; i++) {
+        CHECK_INT(tetlod_seek_step(series, cursor, i / steps->step_count, i % steps->step_count, NULL), TETLOD_OK);
+        hash_step(series, info, info->levels[steps->bands[i / steps->step_count].level].vertices, hashes[i]);
+        if (getenv("UPDATE"))
+            fprintf(list, "%s\n", hashes[i]);
+    }
+    rewind(list);
+    for (uint32_t i = 0; i < count; i++) {
+        REQUIRE(fgets(line, sizeof line, list) != NULL);
+        line[strcspn(line, "\n")] = 0;
+        CHECK_TEXT(hashes[i], line);
+    }
+    for (uint32_t i = count; i-- > 0;) {
+        CHECK_INT(tetlod_seek_step(series, cursor, i / steps->step_count, i % steps->step_count, NULL), TETLOD_OK);
+        hash_step(series, info, info->levels[steps->bands[i / steps->step_count].level].vertices, hash);
+        CHECK_TEXT(hash, hashes[i]);
+    }
+    CHECK_INT(tetlod_seek_step(series, cursor, 0, steps->step_count, NULL), TETLOD_ERR_ARGUMENT);
+    CHECK(tetlod_step_values(series, steps->field_count) == NULL);
+    CHECK_INT(tetlod_band_for_error(steps, steps->bands[0].error), 0);
+    CHECK_INT(tetlod_step_for_time(steps, steps->times[steps->step_count - 1] + 1), steps->step_count - 1);
+    fclose(list);
+    free(hashes);
+    tetlod_series_free(series);
+}
+
 static void check_stream(const char *path)
 {
     char line[128], (*hashes)[65];
@@ -116,6 +167,7 @@ static void check_stream(const char *path)
     }
     free(hashes);
     check_cells(file, path);
+    check_steps(file, cursor, path);
     tetlod_cursor_free(cursor);
     tetlod_close(file);
     fclose(list);

@@ -88,7 +88,7 @@ static const struct wanted ball_like[] = {
     {"fin", 0, 9025, 38880, 1, 2, 1, 0xe663ccc53e7cd8a6},
     {"fin", 5, 96, 225, 1, 2, 1, 0x6f5b68d0df8a12bc},
     {"delta", 0, 8598, 43416, 1, 2, 1, 0x1e9345211a86fcc0},
-    {"wake", 4, 135, 320, 1, 2, 1, 0x1e5d74bc6060524e},
+    {"wake", 4, 135, 320, 1, 2, 1, 0x53dc391609fac07f},
     {"delta", 1, 113, 276, 1, 2, 1, 0xd9d6701618e01abd},
 };
 

@@ -7,6 +7,7 @@
     cursor.seek(stream.level_for_error(0.01))     # up by replaying records, down by undoing them
     cursor.positions, cursor.tets, cursor.field('Pressure')
     stream.cells('material')[:len(cursor.tets)]   # of the level's tetrahedra
+    stream.series()                               # the steps in time, of a stream that has some (reference_steps)
     stream.order()                                # the original's own numbering, of a stream built with --keep-order
 
 From a shell: python3 -m tetlod.reference FILE_OR_URL [--error E | --level K] [-o OUT.npz]
@@ -234,8 +235,8 @@ class Stream:
             require(offset == ends[place], 'sections that do not follow each other')
             ends[place] += size
             require(plain // 256 <= size if flags & 4 else plain == size, 'a section of another size than its bytes can hold')
-            known = {'META': 2, 'ORDR': 0, 'CELL': 2, 'CVAL': 0}
-            twice = tag != 'CVAL' and any(tag == s['tag'] for s in self.sections)
+            known = {'META': 2, 'ORDR': 0, 'CELL': 2, 'CVAL': 0, 'TIME': 0, 'TVAL': 0}
+            twice = tag not in ('CVAL', 'TVAL') and any(tag == s['tag'] for s in self.sections)
             require(tag not in known or known[tag] == place and not twice, 'a section at the wrong place')
             require(tag != 'META' or plain <= 1 << 20, 'too much metadata')
             require(tag in known or not flags & 1, 'the stream cannot be read without its section %s, which is not known here' % tag)
@@ -273,6 +274,12 @@ class Stream:
         values = np.frombuffer(self.section('CVAL', number), np.dtype(field['type']).newbyteorder('<'))
         require(field['type'] != 'int64' or not np.any((values > 1 << 53) | (values < -(1 << 53))), 'cell data beyond 2^53')
         return values.reshape(self.tets, -1) if field['components'] > 1 else values
+
+    def series(self):
+        """The steps in time (reference_steps.Series), or None."""
+        from .reference_steps import Series
+        table = self.section('TIME')
+        return None if table is None else Series(self, table)
 
     def _part(self, what, offset, size, sha):
         data = self._read(offset, size)

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Reads the steps in time of a tetlod stream (SPEC 3.7); numpy only. A part of tetlod.reference.
+
+    stream = reference.open('wake.tetlod')
+    series = stream.series()                       # None: the stream has one moment only
+    band = series.band_for_error(0.01)
+    cursor, values = series.seek(band, series.step_for_time(0.5))
+    cursor.positions, cursor.tets, values['Pressure']
+"""
+import math
+
+import numpy as np
+
+from .reference import Bytes, Coder, Number, Scale, bits, digest, in_ring, require
+
+GROUP, KEY, SAME, MOVED = 8, 0, 1, 2
+
+
+class Series:
+    def __init__(self, stream, table):
+        self.stream, data = stream, Bytes(table)
+        fields, bands, steps, reserved = data.take('IIII')
+        groups, rows = (steps + GROUP - 1) // GROUP, fields * bands
+        require(0 < fields <= 256 and 0 < bands <= 64 and 0 < steps <= 1 << 20 and not reserved, 'a series beyond the limits')
+        size = 16 + 24 * fields + 16 * bands + 8 * (rows + steps + rows * steps) + 16 * rows * groups
+        require(len(table) == size, 'the table of steps has another length')
+        self.fields = [self._field(data) for _ in range(fields)]
+        require(len({field['field'] for field in self.fields}) == fields, 'a field has steps twice')
+        self.bands = [dict(zip(('error', 'level'), data.take('dQ'))) for _ in range(bands)]
+        for band, before in zip(self.bands, [None] + self.bands):
+            require(0 <= band['error'] < math.inf and band['level'] < len(stream.levels), 'a band of no level')
+            require(before is None or band['error'] < before['error'] and band['level'] >= before['level'], 'bands that do not fall')
+        self._quanta = [data.take('d') for _ in range(rows)]
+        require(all(0 <= quantum <= 2.0 ** 900 for quantum in self._quanta), 'a grid that is none')
+        self.times = [data.take('d') for _ in range(steps)]
+        require(all(map(math.isfinite, self.times)) and self.times == sorted(self.times), 'times that fall')
+        self._entries = [[data.take('If') for _ in range(steps)] for _ in range(rows)]
+        require(all(0 <= error < math.inf for row in self._entries for _, error in row), 'a step with an error that is none')
+        self._digests = [[data.take('16s') for _ in range(groups)] for _ in range(rows)]
+        self._sections = [section for section in stream.sections if section['tag'] == 'TVAL']
+        sizes = [sum(size for size, _ in row) for row in self._entries]
+        require([(s['stored'], s['packed']) for s in self._sections] == [(size, False) for size in sizes],
+                'the table of steps does not go with the stream')
+        self._cursor, self._lower = None, {}
+
+    def _field(self, data):
+        number, kind, low, high = data.take('IIdd')
+        require(number < len(self.stream.fields) and kind < 2, 'steps of no field')
+        require(math.isfinite(low) and math.isfinite(high) and low <= high, 'steps without a range')
+        return {'field': number, 'name': self.stream.fields[number]['name'], 'type': kind, 'range': [low, high],
+                'components': self.stream.fields[number]['components']}
+
+    def band_for_error(self, error):
+        """The coarsest band within the error; None if there is none."""
+        return next((number for number, band in enumerate(self.bands) if band['error'] <= error), None)
+
+    def step_for_time(self, time):
+        return min(range(len(self.times)), key=lambda step: abs(self.times[step] - time))
+
+    def error(self, band, step, field=0):
+        """A bound, as a fraction of the field's range over the series."""
+        return min(self._entries[field * len(self.bands) + band][step][1], self.bands[band]['error'])
+
+    def seek(self, band, step):
+        """A cursor at the band's level, without fields, and the values there by name."""
+        self._cursor = self._cursor or self.stream.cursor([])
+        level = self.bands[band]['level']
+        self._cursor.seek(level)
+        if level not in self._lower:
+            self._lower = {level: lower_neighbours(self._cursor)}
+        return self._cursor, {field['name']: self._values(number, band, step) for number, field in enumerate(self.fields)}
+
+    def _values(self, number, band, step):
+        row, begin = number * len(self.bands) + band, step // GROUP * GROUP
+        sizes = [size for size, _ in self._entries[row]]
+        offset = self._sections[row]['offset'] + sum(sizes[:begin])
+        group = self.stream._part('a group of steps', offset, sum(sizes[begin:begin + GROUP]), self._digests[row][begin // GROUP])
+        field = self.fields[number]
+        steps = Steps(self._lower[self.bands[band]['level']], field['type'], self._quanta[band * len(self.fields) + number], field['components'])
+        for size in sizes[begin:step + 1]:
+            steps.decode(group[:size])
+            group = group[size:]
+        values = np.array([[steps.value(code) for code in codes] for codes in steps.codes]).T
+        return values[:, 0] if field['components'] == 1 else values
+
+
+def lower_neighbours(cursor):
+    """Of each vertex the vertices of lower numbers that it shares a tetrahedron with, ascending."""
+    lower = [set() for _ in range(cursor.count)]
+    for corners in cursor.tets.tolist():
+        for a in corners:
+            lower[a].update(b for b in corners if b < a)
+    return [sorted(vertices) for vertices in lower]
+
+
+class Steps:
+    """One field in one group."""
+
+    def __init__(self, lower, kind, quantum, components):
+        self.lower, self.quantum, self.scale = lower, quantum, Scale(Bytes(bytes([kind, 0])), 1)
+        self.codes, self.first = [[0] * len(lower) for _ in range(components)], True
+        self.mode, self.models, self.coder = bits(4), (Number(), Number()), Coder((1 << 7) - 2)
+        self.width = 64 if quantum else self.scale.width
+
+    def value(self, code):
+        return self.scale.rounded(self.quantum * float(code)) if self.quantum else self.scale.float_value(code)
+
+    def decode(self, frame):
+        self.coder.start(frame)
+        mode = self.coder.tree(self.mode, 2)
+        require(mode <= MOVED and (mode == KEY or not self.first), 'a step is predicted from none')
+        for codes in self.codes:
+            self._component(mode, codes)
+        self.first = False
+        self.coder.finish('a step')
+
+    def _number(self, code):
+        return float(code) if self.quantum else self.scale.float_value(code)
+
+    def _component(self, mode, codes):
+        before = [self._number(code) for code in codes] if mode else None
+        now, lengths = [], []
+        for v, lower in enumerate(self.lower):
+            x = self._predict(mode, v, lower, before, now)
+            near = math.floor(x + 0.5) if self.quantum else self.scale.float_code(x)
+            if lower:
+                context = 2 * sum(lengths[n] for n in lower) // len(lower)
+            else:
+                context = 2 * lengths[v - 1] if v else 0
+            number = self.coder.number(self.models[mode != KEY], min(context, 65))
+            codes[v] = in_ring(near + number, self.width, True)
+            require(not self.quantum or abs(codes[v]) <= 1 << 30, 'a step holds a code that is none')
+            require(math.isfinite(self.value(codes[v])), 'a step holds a value that is not finite')
+            now.append(self._number(codes[v]))
+            lengths.append(abs(number).bit_length())
+
+    @staticmethod
+    def _predict(mode, v, lower, before, now):
+        rest = before[v] if mode else now[v - 1] if v else 0.0
+        if mode == SAME or not lower:
+            return rest
+        total = 0.0
+        for n in lower:
+            total += now[n] - before[n] if mode else now[n]
+        mean = total / len(lower)
+        x = rest + mean if mode else mean
+        return x if math.isfinite(x) else rest

@@ -1,0 +1,313 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "format/step_code.h"
+
+#include <stdlib.h>
+
+#include "format/fail.h"
+#include "format/reader.h"
+#include "format/time_table.h"
+
+/* A field's part of the band at hand. */
+struct track {
+    struct tetlodi_steps steps;
+    uint8_t *bytes; /* of the group */
+    uint64_t at, size;
+    double *values; /* [components * vertices] */
+};
+
+struct tetlod_series {
+    const struct tetlod_file *file;
+    struct tetlod_series_info info;
+    struct tetlodi_time time;
+    uint32_t *fields;
+    double (*ranges)[2];
+    const struct tetlodi_section **sections; /* [field][band] */
+    struct tetlodi_memory memory;            /* of the band at hand */
+    uint32_t band, group, next;              /* TETLOD_NONE: none; next: the step that its tracks would decode */
+    struct tetlodi_lower lower;
+    struct track *tracks; /* [field] */
+    int ready;            /* the tracks' values are there */
+};
+
+static uint32_t components_of(const struct tetlod_series *series, uint32_t field)
+{
+    return series->file->index.info.fields[series->fields[field]].components;
+}
+
+static void drop_band(struct tetlod_series *series)
+{
+    for (uint32_t f = 0; f < series->time.field_count && series->tracks; f++) {
+        tetlodi_steps_fini(&series->tracks[f].steps);
+        free(series->tracks[f].bytes);
+        free(series->tracks[f].values);
+        series->tracks[f] = (struct track){0};
+    }
+    tetlodi_lower_fini(&series->lower);
+    series->memory = (struct tetlodi_memory){.most = series->file->options.max_bytes};
+    series->band = series->group = TETLOD_NONE;
+    series->ready = 0;
+}
+
+void tetlod_series_free(struct tetlod_series *series)
+{
+    if (!series)
+        return;
+    drop_band(series);
+    tetlodi_time_fini(&series->time);
+    free(series->fields);
+    free(series->ranges);
+    free(series->sections);
+    free(series->tracks);
+    free(series);
+}
+
+/* ---- the table */
+
+static enum tetlod_status read_table(struct tetlod_series *series, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = &series->file->index.info;
+    uint32_t section = tetlod_section_index(info, TAG_TIME);
+    if (section == TETLOD_NONE)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it is no series: it has one moment only");
+    size_t size = (size_t)info->sections[section].size;
+    uint8_t *bytes = malloc(size ? size : 1);
+    if (!bytes)
+        return tetlodi_fail_nomem(error, "the table of steps", size);
+    enum tetlod_status status = tetlod_section_read(series->file, section, bytes, error);
+    if (status == TETLOD_OK)
+        status = tetlodi_time_decode(&series->time, bytes, size, error);
+    free(bytes);
+    return status;
+}
+
+static enum tetlod_status mismatch(struct tetlod_error *error)
+{
+    return tetlodi_fail(error, TETLOD_ERR_STREAM, "the table of steps does not go with the stream");
+}
+
+/* The table's fields and levels are the stream's, and its rows fill their sections. */
+static enum tetlod_status check_table(struct tetlod_series *series, struct tetlod_error *error)
+{
+    const struct tetlodi_index *index = &series->file->index;
+    const struct tetlodi_time *time = &series->time;
+    uint32_t rows = time->field_count * time->band_count, row = 0;
+    for (uint32_t f = 0; f < time->field_count; f++)
+        if (time->fields[f].field >= index->info.field_count)
+            return mismatch(error);
+    if (time->bands[time->band_count - 1].level >= index->info.level_count)
+        return mismatch(error);
+    for (uint32_t i = 0; i < index->info.section_count; i++) {
+        uint64_t offset, size;
+        if (strcmp(index->sections[i].tag, TAG_STEP_VALUES) != 0)
+            continue;
+        if (row == rows || index->sections[i].flags & SECTION_PACKED)
+            return mismatch(error);
+        tetlodi_time_place(time, row / time->band_count, row % time->band_count, time->group_count - 1, &offset, &size);
+        if (offset + size != index->sections[i].frame.size)
+            return mismatch(error);
+        series->sections[row++] = &index->sections[i];
+    }
+    return row == rows ? TETLOD_OK : mismatch(error);
+}
+
+static enum tetlod_status open_series(struct tetlod_series *series, struct tetlod_error *error)
+{
+    TETLOD_TRY(read_table(series, error));
+    const struct tetlodi_time *time = &series->time;
+    series->fields = malloc(time->field_count * sizeof *series->fields);
+    series->ranges = malloc(time->field_count * sizeof *series->ranges);
+    series->sections = calloc((size_t)time->field_count * time->band_count, sizeof *series->sections);
+    series->tracks = calloc(time->field_count, sizeof *series->tracks);
+    if (!series->fields || !series->ranges || !series->sections || !series->tracks)
+        return tetlodi_fail_nomem(error, "the steps", time->field_count * sizeof *series->tracks);
+    for (uint32_t f = 0; f < time->field_count; f++) {
+        series->fields[f] = time->fields[f].field;
+        memcpy(series->ranges[f], time->fields[f].range, sizeof *series->ranges);
+    }
+    series->info = (struct tetlod_series_info){.step_count = time->step_count, .band_count = time->band_count,
+                                               .field_count = time->field_count, .times = time->times, .bands = time->bands,
+                                               .fields = series->fields, .ranges = (const double(*)[2])series->ranges};
+    return check_table(series, error);
+}
+
+enum tetlod_status tetlod_series_new(struct tetlod_series **out, const struct tetlod_file *file, struct tetlod_error *error)
+{
+    struct tetlod_series *series = calloc(1, sizeof *series);
+    *out = NULL;
+    if (!series)
+        return tetlodi_fail_nomem(error, "the series", sizeof *series);
+    series->file = file;
+    drop_band(series);
+    enum tetlod_status status = open_series(series, error);
+    if (status == TETLOD_OK)
+        *out = series;
+    else
+        tetlod_series_free(series);
+    return status;
+}
+
+/* ---- what there is */
+
+const struct tetlod_series_info *tetlod_series_info(const struct tetlod_series *series)
+{
+    return &series->info;
+}
+
+uint32_t tetlod_band_for_error(const struct tetlod_series_info *info, double error)
+{
+    for (uint32_t b = 0; b < info->band_count; b++)
+        if (info->bands[b].error <= error)
+            return b;
+    return TETLOD_NONE;
+}
+
+uint32_t tetlod_step_for_time(const struct tetlod_series_info *info, double time)
+{
+    uint32_t best = 0;
+    for (uint32_t s = 1; s < info->step_count; s++)
+        if (fabs(info->times[s] - time) < fabs(info->times[best] - time))
+            best = s;
+    return best;
+}
+
+static int is_there(const struct tetlod_series *series, uint32_t field, uint32_t band, uint32_t step)
+{
+    return field < series->time.field_count && band < series->time.band_count && step < series->time.step_count;
+}
+
+double tetlod_step_error(const struct tetlod_series *series, uint32_t field, uint32_t band, uint32_t step)
+{
+    if (!is_there(series, field, band, step))
+        return NAN;
+    double stored = (double)time_entries(&series->time, field, band)[step].error;
+    return fmin(stored, series->time.bands[band].error);
+}
+
+/* Of a group that there is. */
+static struct tetlod_span group_span(const struct tetlod_series *series, uint32_t field, uint32_t band, uint32_t group)
+{
+    struct tetlod_span span;
+    tetlodi_time_place(&series->time, field, band, group, &span.offset, &span.size);
+    const struct tetlodi_section *section = series->sections[time_row(&series->time, field, band)];
+    span.offset += series->file->index.info.sections[section - series->file->index.sections].offset;
+    return span;
+}
+
+struct tetlod_span tetlod_step_span(const struct tetlod_series *series, uint32_t field, uint32_t band, uint32_t step)
+{
+    if (!is_there(series, field, band, step))
+        return (struct tetlod_span){0, 0};
+    return group_span(series, field, band, step / STEP_GROUP);
+}
+
+/* ---- values */
+
+static enum tetlod_status no_room(const struct tetlod_series *series, struct tetlod_error *error)
+{
+    return tetlodi_no_room(&series->memory, error);
+}
+
+static enum tetlod_status open_band(struct tetlod_series *series, const struct tetlod_cursor *cursor, uint32_t band, struct tetlod_error *error)
+{
+    struct tetlod_mesh mesh;
+    drop_band(series);
+    tetlod_cursor_mesh(cursor, &mesh);
+    if (!tetlodi_lower_init(&series->lower, mesh.corners, mesh.tets, mesh.vertices, &series->memory))
+        return no_room(series, error);
+    for (uint32_t f = 0; f < series->time.field_count; f++) {
+        struct track *track = &series->tracks[f];
+        struct tetlodi_step_scale scale = {series->time.fields[f].type, series->time.quanta[(size_t)band * series->time.field_count + f]};
+        size_t room = 0;
+        if (!tetlodi_steps_init(&track->steps, &series->lower, &scale, components_of(series, f), &series->memory) ||
+            !TETLODI_ROOM(&series->memory, track->values, room, (size_t)mesh.vertices * components_of(series, f) + 1))
+            return no_room(series, error);
+    }
+    series->band = band;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status read_group(struct tetlod_series *series, uint32_t field, uint32_t group, struct tetlod_error *error)
+{
+    struct track *track = &series->tracks[field];
+    const struct tetlod_source *source = &series->file->source;
+    struct tetlod_span span = group_span(series, field, series->band, group);
+    uint8_t digest[DIGEST_SIZE];
+    free(track->bytes);
+    track->bytes = NULL;
+    if (span.offset > source->size || span.size > source->size - span.offset)
+        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "the steps of group %u are not here", group);
+    track->bytes = malloc(span.size ? (size_t)span.size : 1);
+    if (!track->bytes)
+        return tetlodi_fail_nomem(error, "a group of steps", span.size);
+    if (span.size)
+        TETLOD_TRY(source->read(source->opaque, span.offset, track->bytes, (size_t)span.size));
+    tetlodi_digest(track->bytes, (size_t)span.size, digest);
+    size_t row = time_row(&series->time, field, series->band);
+    if (memcmp(digest, series->time.digests[row * series->time.group_count + group], DIGEST_SIZE) != 0)
+        return tetlodi_fail(error, TETLOD_ERR_CHECKSUM, "the steps of group %u do not match their digest", group);
+    track->at = 0;
+    track->size = span.size;
+    tetlodi_steps_start(&track->steps);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status open_group(struct tetlod_series *series, uint32_t group, struct tetlod_error *error)
+{
+    series->group = TETLOD_NONE;
+    for (uint32_t f = 0; f < series->time.field_count; f++)
+        TETLOD_TRY(read_group(series, f, group, error));
+    series->group = group;
+    series->next = group * STEP_GROUP;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status decode_next(struct tetlod_series *series, struct tetlod_error *error)
+{
+    for (uint32_t f = 0; f < series->time.field_count; f++) {
+        struct track *track = &series->tracks[f];
+        uint32_t size = time_entries(&series->time, f, series->band)[series->next].size;
+        if (!tetlodi_steps_decode(&track->steps, track->bytes + track->at, size)) {
+            series->group = TETLOD_NONE;
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, "step %u is damaged", series->next);
+        }
+        track->at += size;
+    }
+    series->next++;
+    return TETLOD_OK;
+}
+
+static void set_values(struct tetlod_series *series)
+{
+    size_t n = series->lower.vertices;
+    for (uint32_t f = 0; f < series->time.field_count; f++) {
+        struct track *track = &series->tracks[f];
+        size_t k = track->steps.components;
+        for (size_t c = 0; c < k; c++)
+            for (size_t v = 0; v < n; v++)
+                track->values[v * k + c] = tetlodi_step_value(&track->steps.scale, track->steps.codes[c * n + v]);
+    }
+    series->ready = 1;
+}
+
+enum tetlod_status tetlod_seek_step(struct tetlod_series *series, struct tetlod_cursor *cursor, uint32_t band, uint32_t step,
+                                    struct tetlod_error *error)
+{
+    uint32_t group = step / STEP_GROUP;
+    if (!is_there(series, 0, band, step))
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no step %u in band %u", step, band);
+    series->ready = 0;
+    TETLOD_TRY(tetlod_cursor_seek(cursor, series->time.bands[band].level, error));
+    if (series->band != band)
+        TETLOD_TRY(open_band(series, cursor, band, error));
+    if (series->group != group || step + 1 < series->next)
+        TETLOD_TRY(open_group(series, group, error));
+    while (series->next <= step)
+        TETLOD_TRY(decode_next(series, error));
+    set_values(series);
+    return TETLOD_OK;
+}
+
+const double *tetlod_step_values(const struct tetlod_series *series, uint32_t field)
+{
+    return series->ready && field < series->time.field_count ? series->tracks[field].values : NULL;
+}

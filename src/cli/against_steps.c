@@ -1,0 +1,179 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/cli/against_steps.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "format/fail.h"
+#include "src/measure/measure.h"
+#include "src/measure/overlay.h"
+#include "src/measure/same.h"
+#include "src/report/level_mesh.h"
+#include "src/util/array.h"
+
+/* What rounding may add to a bound (PROOF.md, 3), and the overlay's arithmetic to a difference, as a part of the range. */
+static const double ROUNDING = 1e-9, LAST_PLACES = 8;
+
+/* A band: a cursor that stays at its level, so that a step is one frame. */
+struct band_reader {
+    struct tetlod_series *series;
+    struct tetlod_cursor *cursor;
+};
+
+struct steps_check {
+    struct tetlod_file *file;
+    const struct steps_comparison *comparison;
+    struct band_reader *bands;
+    uint32_t band_count, field_count, step_count;
+    uint32_t *fields; /* [field] of the input's mesh, then of the level's: in order */
+    double *floors, *found;
+    struct tetlod_error *error;
+};
+
+static void close_bands(struct steps_check *check)
+{
+    for (uint32_t b = 0; b < check->band_count && check->bands; b++) {
+        tetlod_cursor_free(check->bands[b].cursor);
+        tetlod_series_free(check->bands[b].series);
+    }
+    free(check->bands);
+    free(check->fields);
+    free(check->floors);
+    free(check->found);
+}
+
+static enum tetlod_status open_bands(struct steps_check *check)
+{
+    static const uint32_t none[1] = {0};
+    struct tetlod_series *first;
+    TETLOD_TRY(tetlod_series_new(&first, check->file, check->error));
+    const struct tetlod_series_info *info = tetlod_series_info(first);
+    uint32_t bands = info->band_count;
+    check->field_count = info->field_count;
+    check->step_count = info->step_count;
+    tetlod_series_free(first);
+    check->bands = array_zero(bands, sizeof *check->bands);
+    check->fields = array_zero(2 * (size_t)check->field_count, sizeof *check->fields);
+    check->floors = array_zero(check->field_count, sizeof *check->floors);
+    check->found = array_zero(check->field_count, sizeof *check->found);
+    if (!check->bands || !check->fields || !check->floors || !check->found)
+        return tetlodi_fail_nomem(check->error, "the bands", bands * sizeof *check->bands);
+    check->band_count = bands;
+    for (uint32_t f = 0; f < check->field_count; f++)
+        check->fields[check->field_count + f] = f;
+    for (uint32_t b = 0; b < bands; b++) {
+        TETLOD_TRY(tetlod_series_new(&check->bands[b].series, check->file, check->error));
+        TETLOD_TRY(tetlod_cursor_new(&check->bands[b].cursor, check->file, none, 0, check->error));
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status steps_decode(struct tetlod_file *file, uint32_t *steps, struct tetlod_error *error)
+{
+    struct steps_check check = {.file = file, .error = error};
+    enum tetlod_status status = open_bands(&check);
+    for (uint32_t b = 0; b < check.band_count && status == TETLOD_OK; b++)
+        for (uint32_t s = 0; s < check.step_count && status == TETLOD_OK; s++)
+            status = tetlod_seek_step(check.bands[b].series, check.bands[b].cursor, b, s, error);
+    *steps = check.step_count;
+    close_bands(&check);
+    return status;
+}
+
+/* ---- one step */
+
+static enum tetlod_status find_fields(struct steps_check *check, struct tetmesh *input)
+{
+    const struct tetlod_info *info = tetlod_info(check->file);
+    const struct tetlod_series_info *steps = tetlod_series_info(check->bands[0].series);
+    for (uint32_t f = 0; f < check->field_count; f++) {
+        struct build_control control;
+        TETLOD_TRY(build_control_parse(input, info->fields[steps->fields[f]].name, &control, check->error));
+        check->fields[f] = control.field;
+        if (input->fields[control.field].components != info->fields[steps->fields[f]].components)
+            return tetlodi_fail(check->error, TETLOD_ERR_MISMATCH, "field '%.60s' has another number of components",
+                                info->fields[steps->fields[f]].name);
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status too_large(const struct steps_check *check, uint32_t b, uint32_t step, uint32_t f, const char *what, double found)
+{
+    const struct band_reader *band = &check->bands[b];
+    const struct tetlod_series_info *steps = tetlod_series_info(band->series);
+    double width = steps->ranges[f][1] - steps->ranges[f][0];
+    return tetlodi_fail(check->error, TETLOD_ERR_MISMATCH, "step %u in the band of %g: %s of '%.60s' is %.9g of the range, the stream says %.9g",
+                        step, steps->bands[b].error, what, tetlod_info(check->file)->fields[steps->fields[f]].name,
+                        width > 0 ? found / width : found, tetlod_step_error(band->series, f, b, step));
+}
+
+/* A step in a band against the input's. */
+static enum tetlod_status compare_band(struct steps_check *check, const struct tetmesh *input, const struct measure *measure, uint32_t b,
+                                       uint32_t step, struct tetmesh *mesh, struct measured *measured)
+{
+    const struct band_reader *band = &check->bands[b];
+    const struct tetlod_series_info *steps = tetlod_series_info(band->series);
+    struct overlay_report report;
+    struct overlay_options options = {.threads = check->comparison->threads, .floors = check->floors};
+    double domain;
+    TETLOD_TRY(tetlod_seek_step(band->series, band->cursor, b, step, check->error));
+    TETLOD_TRY(level_mesh_copy(tetlod_info(check->file), band->cursor, mesh, check->error));
+    TETLOD_TRY(level_mesh_step(tetlod_info(check->file), band->series, mesh, check->error));
+    if (!(steps->bands[b].error > 0))
+        return mesh_same(input, mesh, check->error);
+    TETLOD_TRY(measure_mesh(measure, mesh, NULL, check->comparison->threads, measured, &domain, check->error));
+    for (uint32_t f = 0; f < check->field_count; f++) {
+        double width = steps->ranges[f][1] - steps->ranges[f][0], size = fmax(fabs(steps->ranges[f][0]), fabs(steps->ranges[f][1]));
+        check->floors[f] = (tetlod_step_error(band->series, f, b, step) + ROUNDING) * width + LAST_PLACES * DBL_EPSILON * size;
+        if (measured[f].sampled > check->floors[f])
+            return too_large(check, b, step, f, "the error at samples", measured[f].sampled);
+    }
+    TETLOD_TRY(overlay_max(input, check->fields, mesh, check->fields + check->field_count, check->field_count, &options, check->found, &report, check->error));
+    for (uint32_t f = 0; f < check->field_count; f++)
+        if (check->found[f] > check->floors[f])
+            return too_large(check, b, step, f, "the exact maximum", check->found[f]);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status compare_step(struct steps_check *check, struct tetmesh *input, uint32_t step)
+{
+    struct measure *measure = NULL;
+    struct measured *measured = array_new(check->field_count, sizeof *measured);
+    enum tetlod_status status = measured ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a step", check->field_count * sizeof *measured);
+    if (status == TETLOD_OK)
+        status = find_fields(check, input);
+    if (status == TETLOD_OK)
+        status = measure_new(&measure, input, check->fields, check->field_count, check->comparison->threads, check->error);
+    for (uint32_t b = 0; b < check->band_count && status == TETLOD_OK; b++) {
+        struct tetmesh mesh = {0};
+        status = compare_band(check, input, measure, b, step, &mesh, measured);
+        tetmesh_fini(&mesh);
+    }
+    measure_free(measure);
+    free(measured);
+    return status;
+}
+
+enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_comparison *comparison, struct tetlod_error *error)
+{
+    struct steps_check check = {.file = file, .comparison = comparison, .error = error};
+    enum tetlod_status status = open_bands(&check);
+    for (uint32_t s = 0; s < check.step_count && status == TETLOD_OK; s++) {
+        struct tetmesh input = {0};
+        struct io_report report;
+        struct tetlod_error inner = {0};
+        status = series_input_read(comparison->input, series_input_number(comparison->input, s), comparison->reading, &input, &report, error);
+        if (status == TETLOD_OK) {
+            check.error = &inner;
+            status = compare_step(&check, &input, s);
+            check.error = error;
+            if (status != TETLOD_OK)
+                tetlodi_fail(error, status, "%.230s", inner.message);
+        }
+        tetmesh_fini(&input);
+        comparison->progress(comparison->progress_opaque, (s + 1.0) / check.step_count);
+    }
+    close_bands(&check);
+    return status;
+}

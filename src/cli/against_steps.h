@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Are the steps of a stream's series those that it was built from? */
+#ifndef TETLOD_AGAINST_STEPS_H
+#define TETLOD_AGAINST_STEPS_H
+
+#include "src/cli/series_input.h"
+
+/* Decodes every step in every band. ERR_STREAM, ERR_CHECKSUM. */
+TETLOD_CHECKED enum tetlod_status steps_decode(struct tetlod_file *file, uint32_t *steps, struct tetlod_error *error);
+
+struct steps_comparison {
+    const struct series_input *input; /* the steps that it was built from: --times as then */
+    const struct reading *reading;
+    unsigned threads;
+    void (*progress)(void *opaque, double done);
+    void *progress_opaque;
+};
+
+/* Reads every step of the input: the exact values are the input's bit for bit, and in each band no difference is above what is promised,
+ * at samples and by the exact maximum over the overlay. ERR_MISMATCH names the step and the band. */
+TETLOD_CHECKED enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_comparison *comparison, struct tetlod_error *error);
+
+#endif

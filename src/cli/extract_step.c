@@ -1,0 +1,76 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/cli/extract_step.h"
+
+#include <math.h>
+#include <stdio.h>
+
+#include "format/fail.h"
+#include "src/mesh/tet_geom.h"
+#include "src/report/level_mesh.h"
+
+/* The coarsest band within the error: of one in units, in every field's range. */
+static uint32_t choose_band(const struct tetlod_series_info *info, const struct step_choice *choice)
+{
+    double error = choice->error;
+    for (uint32_t f = 0; f < info->field_count && choice->absolute; f++) {
+        double width = info->ranges[f][1] - info->ranges[f][0];
+        error = f ? smaller(error, width > 0 ? choice->error / width : INFINITY) : width > 0 ? choice->error / width : INFINITY;
+    }
+    return tetlod_band_for_error(info, error);
+}
+
+static enum tetlod_status choose_step(const struct tetlod_series_info *info, const struct step_choice *choice, uint32_t *step,
+                                      struct tetlod_error *error)
+{
+    *step = choice->by_time ? tetlod_step_for_time(info, choice->time) : (uint32_t)choice->step;
+    if (choice->by_time || choice->step < info->step_count)
+        return TETLOD_OK;
+    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has %u steps, 0 to %u; there is no step %llu", info->step_count, info->step_count - 1,
+                        (unsigned long long)choice->step);
+}
+
+static void describe(const struct tetlod_series *series, const struct tetlod_info *info, uint32_t band, uint32_t step, char *about, size_t size)
+{
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    int used = snprintf(about, size, "step %u of 0..%u, time %.9g, level %u", step, steps->step_count - 1, steps->times[step],
+                        steps->bands[band].level);
+    for (uint32_t f = 0; f < steps->field_count && used >= 0 && (size_t)used < size; f++)
+        used += snprintf(about + used, size - (size_t)used, "%s%.60s within %.3g %% of its range over the series", f ? ", " : ": ",
+                         info->fields[steps->fields[f]].name, 100 * tetlod_step_error(series, f, band, step));
+}
+
+static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *series, struct tetlod_cursor *cursor,
+                               const struct step_choice *choice, struct tetmesh *out, char *about, size_t about_size, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    uint32_t step, band = choose_band(tetlod_series_info(series), choice);
+    if (band == TETLOD_NONE)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "none of its bands is within an error of %g", choice->error);
+    TETLOD_TRY(choose_step(tetlod_series_info(series), choice, &step, error));
+    TETLOD_TRY(tetlod_seek_step(series, cursor, band, step, error));
+    TETLOD_TRY(level_mesh_copy(info, cursor, out, error));
+    describe(series, info, band, step, about, about_size);
+    return level_mesh_step(info, series, out, error);
+}
+
+enum tetlod_status extract_step(struct tetlod_file *file, const struct step_choice *choice, bool original_order, struct tetmesh *out,
+                                char *about, size_t about_size, struct tetlod_error *error)
+{
+    static const uint32_t none[1] = {0};
+    struct tetlod_series *series = NULL;
+    struct tetlod_cursor *cursor = NULL;
+    enum tetlod_status status = tetlod_series_new(&series, file, error);
+    if (status == TETLOD_OK)
+        status = tetlod_cursor_new(&cursor, file, none, 0, error); // positions alone: the fields' values are the step's
+    if (status == TETLOD_OK)
+        status = take(file, series, cursor, choice, out, about, about_size, error);
+    if (status == TETLOD_OK)
+        status = level_mesh_cells(file, TETLOD_NONE, NULL, out, error);
+    if (status == TETLOD_OK && original_order)
+        status = level_mesh_reorder(file, out, error);
+    tetlod_cursor_free(cursor);
+    tetlod_series_free(series);
+    if (status != TETLOD_OK)
+        tetmesh_fini(out);
+    return status;
+}

@@ -1,0 +1,227 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/cli/series_input.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+
+#include "format/fail.h"
+#include "src/pipeline/precision.h"
+#include "src/util/array.h"
+
+static const double usual_bands[] = {0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 0};
+
+void series_input_init(struct series_input *input)
+{
+    *input = (struct series_input){.end = UINT64_MAX, .stride = 1};
+    memcpy(input->bands, usual_bands, sizeof usual_bands);
+    input->series.band_count = sizeof usual_bands / sizeof *usual_bands;
+}
+
+/* Reading it again must not keep what was read before. */
+static void forget(struct series_input *input)
+{
+    if (input->values)
+        munmap(input->values, input->size);
+    if (input->spool)
+        fclose(input->spool);
+    input->values = NULL;
+    input->spool = NULL;
+    input->size = 0;
+}
+
+void series_input_fini(struct series_input *input)
+{
+    forget(input);
+    free(input->times);
+    free(input->types);
+    input->times = NULL;
+    input->types = NULL;
+}
+
+/* ---- options */
+
+bool series_input_parse_times(struct series_input *input, const struct command *command, const char *text)
+{
+    uint64_t *const numbers[3] = {&input->begin, &input->end, &input->stride};
+    const char *at = text;
+    bool good = *text != 0;
+    for (int i = 0; i < 3 && good && *at; i++) {
+        char *end;
+        if (*at != ':') {
+            good = *at >= '0' && *at <= '9';
+            *numbers[i] = strtoull(at, &end, 10);
+            at = good ? end : at;
+        }
+        good = good && (*at == 0 || (*at == ':' && i < 2));
+        at += good && *at == ':';
+    }
+    good = good && *at == 0 && input->begin <= input->end && input->stride;
+    if (!good)
+        cli_usage(command->name, "--times takes A:B:C: the steps numbered A to B, every C-th of them; all three may be left out; not '%s'", text);
+    return good;
+}
+
+bool series_input_parse_bands(struct series_input *input, const struct command *command, const char *text)
+{
+    uint32_t count = 0;
+    char part[32];
+    for (const char *at = text; *at;) {
+        size_t length = strcspn(at, ",");
+        double error;
+        snprintf(part, sizeof part, "%.*s", (int)(length < sizeof part ? length : sizeof part), at);
+        if (!cli_parse_fraction(command, "bands", part, &error))
+            return false;
+        if (count + 1 >= MOST_SERIES_BANDS || !(error > 0) || error > 1 || (count && error >= input->bands[count - 1])) {
+            cli_usage(command->name, "--bands takes falling errors up to 1, at most %d, such as 5%%,1%%,0.1%%; not '%s'", MOST_SERIES_BANDS - 1, text);
+            return false;
+        }
+        input->bands[count++] = error;
+        at += length + (at[length] == ',');
+    }
+    input->bands[count++] = 0; // the exact one is always there
+    input->series.band_count = count;
+    return true;
+}
+
+/* ---- steps */
+
+uint64_t series_input_number(const struct series_input *input, uint64_t step)
+{
+    return input->begin + step * input->stride;
+}
+
+enum tetlod_status series_input_read(const struct series_input *input, uint64_t step, const struct reading *reading, struct tetmesh *out,
+                                     struct io_report *report, struct tetlod_error *error)
+{
+    char number[24];
+    struct io_read_options options = reading->options;
+    *report = (struct io_report){0};
+    if (input->path_count > 1)
+        return io_read(out, input->paths[step], &options, report, error);
+    snprintf(number, sizeof number, "%" PRIu64, step);
+    options.time = number;
+    return io_read(out, input->paths[0], &options, report, error);
+}
+
+/* What is wrong with a step's mesh, or NULL. */
+static const char *other_mesh(const struct tetmesh *mesh, const struct tetmesh *first)
+{
+    if (mesh->vertex_count != first->vertex_count || mesh->tet_count != first->tet_count ||
+        memcmp(mesh->corners, first->corners, 16 * (size_t)mesh->tet_count) != 0)
+        return "its tetrahedra are others than those of the first step; a series keeps one mesh";
+    if (memcmp(mesh->positions, first->positions, 24 * (size_t)mesh->vertex_count) != 0)
+        return "its points are elsewhere than in the first step; meshes that move cannot be built as a series yet";
+    return NULL;
+}
+
+static enum tetlod_status put_values(struct series_input *input, const struct point_field *field, uint32_t vertices, enum tetlod_type type,
+                                     struct tetlod_error *error)
+{
+    size_t count = (size_t)field->components * vertices, width = type == TETLOD_FLOAT32 ? sizeof(float) : sizeof(double), written = 0;
+    float single[512];
+    for (size_t i = 0; i < count && type == TETLOD_FLOAT32; i += 512) {
+        size_t some = count - i < 512 ? count - i : 512;
+        for (size_t k = 0; k < some; k++)
+            single[k] = (float)field->values[i + k];
+        written += fwrite(single, width, some, input->spool);
+    }
+    if (type == TETLOD_FLOAT64)
+        written = fwrite(field->values, width, count, input->spool);
+    input->size += count * width;
+    return written == count ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
+}
+
+/* One step's values. TETLOD_MORE: a field needs float64 after all. */
+static enum tetlod_status put_step(struct series_input *input, struct tetmesh *mesh, const struct tetmesh *first,
+                                   const struct build_control *controls, uint32_t count, struct tetlod_error *error)
+{
+    const char *wrong = other_mesh(mesh, first);
+    if (wrong)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "%s", wrong);
+    for (uint32_t c = 0; c < count; c++) {
+        const struct point_field *like = &first->fields[controls[c].field];
+        struct build_control found;
+        TETLOD_TRY(build_control_parse(mesh, like->name, &found, error));
+        const struct point_field *field = &mesh->fields[found.field];
+        if (field->components != like->components)
+            return tetlodi_fail(error, TETLOD_ERR_FIELD, "field '%.60s' has %u components, in the first step %u", like->name, field->components,
+                                like->components);
+        if (input->types[c] == TETLOD_FLOAT32 && field->type == TETLOD_FLOAT64 &&
+            !precision_is_narrow(field->values, (size_t)field->components * mesh->vertex_count)) {
+            input->types[c] = TETLOD_FLOAT64;
+            return TETLOD_MORE;
+        }
+        TETLOD_TRY(put_values(input, field, mesh->vertex_count, input->types[c], error));
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status put_steps(struct series_input *input, const struct reading *reading, const struct tetmesh *first,
+                                    const struct build_control *controls, uint32_t count, struct progress *progress, struct tetlod_error *error)
+{
+    forget(input);
+    if (!(input->spool = tmpfile()))
+        return tetlodi_fail(error, TETLOD_ERR_IO, "there is no temporary file for the steps; TMPDIR names a folder for it");
+    for (uint32_t s = 0; s < input->series.step_count; s++) {
+        struct tetmesh mesh = {0};
+        struct io_report report;
+        struct tetlod_error inner = {0};
+        uint64_t number = series_input_number(input, s);
+        TETLOD_TRY(series_input_read(input, number, reading, &mesh, &report, error));
+        input->times[s] = report.steps ? report.time : (double)number;
+        enum tetlod_status status = put_step(input, &mesh, first, controls, count, &inner);
+        tetmesh_fini(&mesh);
+        if (status == TETLOD_MORE)
+            return status;
+        if (status != TETLOD_OK && input->path_count > 1)
+            return tetlodi_fail(error, status, "step %" PRIu64 ", %.90s: %.130s", number, input->paths[number], inner.message);
+        if (status != TETLOD_OK)
+            return tetlodi_fail(error, status, "step %" PRIu64 ": %.160s; --time N builds one step", number, inner.message);
+        progress_update(progress, "read", (s + 1.0) / input->series.step_count);
+    }
+    return TETLOD_OK;
+}
+
+/* Times that do not rise tell nothing. */
+static void check_times(struct series_input *input)
+{
+    bool rise = true;
+    for (uint32_t s = 1; s < input->series.step_count; s++)
+        rise &= input->times[s] > input->times[s - 1];
+    for (uint32_t s = 0; s < input->series.step_count && !rise; s++)
+        input->times[s] = (double)series_input_number(input, s);
+    input->own_times = !rise;
+}
+
+enum tetlod_status series_input_load(struct series_input *input, uint64_t steps, const struct reading *reading, const struct tetmesh *first,
+                                     const struct build_control *controls, uint32_t count, struct progress *progress, struct tetlod_error *error)
+{
+    uint64_t last = input->end < steps ? input->end : steps - 1, wanted = (last - input->begin) / input->stride + 1;
+    if (wanted > MOST_SERIES_STEPS)
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%" PRIu64 " steps are more than a stream can have (%d); --times takes fewer", wanted, MOST_SERIES_STEPS);
+    input->series.step_count = (uint32_t)wanted;
+    input->times = array_new(wanted, sizeof *input->times);
+    input->types = array_zero(count, sizeof *input->types); // float32 until a step says otherwise
+    if (!input->times || !input->types)
+        return tetlodi_fail_nomem(error, "the times", wanted * sizeof *input->times);
+    enum tetlod_status status;
+    do
+        status = put_steps(input, reading, first, controls, count, progress, error);
+    while (status == TETLOD_MORE);
+    TETLOD_TRY(status);
+    check_times(input);
+    if (fflush(input->spool) != 0)
+        return tetlodi_fail(error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
+    void *values = mmap(NULL, input->size, PROT_READ, MAP_PRIVATE, fileno(input->spool), 0);
+    if (values == MAP_FAILED)
+        return tetlodi_fail_nomem(error, "the steps", input->size);
+    input->values = values;
+    input->series.values = values;
+    input->series.times = input->times;
+    input->series.types = input->types;
+    input->series.bands = input->bands;
+    return TETLOD_OK;
+}

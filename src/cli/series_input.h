@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* The steps of a series, read one at a time: of a file with several times, or a file each. */
+#ifndef TETLOD_SERIES_INPUT_H
+#define TETLOD_SERIES_INPUT_H
+
+#include <stdio.h>
+
+#include "src/cli/progress.h"
+#include "src/cli/reading.h"
+#include "src/pipeline/build_series.h"
+
+enum { MOST_SERIES_STEPS = 1 << 20, MOST_SERIES_BANDS = 32 };
+
+struct series_input {
+    const char *const *paths; /* as the command line has them */
+    uint32_t path_count;
+    uint64_t begin, end, stride; /* of --times: steps from begin to end, every stride-th */
+    double bands[MOST_SERIES_BANDS];
+    struct build_series series;
+    double *times;
+    enum tetlod_type *types;
+    FILE *spool; /* the controlled fields' values */
+    void *values; /* mapped */
+    size_t size;
+    uint32_t own_times; /* numbers stand for times, which fall or are not there */
+};
+
+/* To begin with: all steps, the usual bands. */
+void series_input_init(struct series_input *input);
+void series_input_fini(struct series_input *input);
+
+/* --times A:B:C and --bands. False after a message. */
+bool series_input_parse_times(struct series_input *input, const struct command *command, const char *text);
+bool series_input_parse_bands(struct series_input *input, const struct command *command, const char *text);
+
+/* The number, among all, of step `step` of the series. */
+uint64_t series_input_number(const struct series_input *input, uint64_t step);
+
+/* Reads one step's mesh: `step` counts from 0 over all of them, before --times. */
+TETLOD_CHECKED enum tetlod_status series_input_read(const struct series_input *input, uint64_t step, const struct reading *reading,
+                                                    struct tetmesh *out, struct io_report *report, struct tetlod_error *error);
+
+/* Takes the steps over: what `controls` names of each, all on the tetrahedra of `first`, the first of the `steps` that there are. The message
+ * names the step. */
+TETLOD_CHECKED enum tetlod_status series_input_load(struct series_input *input, uint64_t steps, const struct reading *reading,
+                                                    const struct tetmesh *first, const struct build_control *controls, uint32_t count,
+                                                    struct progress *progress, struct tetlod_error *error);
+
+#endif

@@ -1,0 +1,357 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/pipeline/build_series.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/mesh/tet_geom.h"
+#include "src/pipeline/build_memory.h"
+#include "src/pipeline/series_parts.h"
+#include "src/util/array.h"
+
+/* Steps that drive at least, where there are so many; steps of a group; components that are retraced together, where they fit. */
+enum { LEAST_KEYS = 16, GROUP = 8, BATCH_COMPONENTS = 32 };
+
+/* What a component takes a vertex while it drives, in bytes: its values here, in the working mesh and in the log, U, L, the prediction. */
+enum { DRIVING_BYTES = 48 };
+
+/* The part of a band's error that its level may have; the rest is for rounding values. The ladder's rungs are this part of round errors. */
+static const double LEVEL_SHARE = 0.9;
+
+/* ---- values */
+
+uint32_t series_components(const struct series_build *series, uint32_t control)
+{
+    return series->mesh->fields[series->options->controls[control].field].components;
+}
+
+static size_t control_bytes(const struct series_build *series, uint32_t control)
+{
+    size_t width = series->input->types[control] == TETLOD_FLOAT32 ? sizeof(float) : sizeof(double);
+    return width * series_components(series, control) * series->mesh->vertex_count;
+}
+
+void series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out)
+{
+    size_t offset = 0, row = 0, count = (size_t)series_components(series, control) * series->mesh->vertex_count;
+    for (uint32_t i = 0; i < series->options->control_count; i++) {
+        offset += i < control ? control_bytes(series, i) : 0;
+        row += control_bytes(series, i);
+    }
+    const unsigned char *from = (const unsigned char *)series->input->values + step * row + offset;
+    if (series->input->types[control] == TETLOD_FLOAT64) {
+        memcpy(out, from, count * sizeof *out);
+        return;
+    }
+    for (size_t i = 0; i < count; i++) {
+        float value;
+        memcpy(&value, from + i * sizeof value, sizeof value);
+        out[i] = (double)value;
+    }
+}
+
+/* ---- set-up */
+
+static enum tetlod_status find_ranges(struct series_build *series, struct tetlod_error *error)
+{
+    for (uint32_t c = 0; c < series->options->control_count; c++) {
+        size_t count = (size_t)series_components(series, c) * series->mesh->vertex_count;
+        double *values = array_new(count, sizeof *values), *range = series->ranges[c];
+        if (!values)
+            return tetlodi_fail_nomem(error, "a step's values", count * sizeof *values);
+        range[0] = INFINITY;
+        range[1] = -INFINITY;
+        for (uint32_t s = 0; s < series->input->step_count; s++) {
+            series_load(series, s, c, values);
+            for (size_t i = 0; i < count; i++) {
+                range[0] = smaller(range[0], values[i]);
+                range[1] = larger(range[1], values[i]);
+            }
+        }
+        free(values);
+        double width = range[1] - range[0];
+        if (!isfinite(width) || (width > 0 && !isfinite(1 / width)))
+            return tetlodi_fail(error, TETLOD_ERR_MESH, "field '%.60s' has the range %g .. %g over the series, too %s for errors relative to it",
+                                series->mesh->fields[series->options->controls[c].field].name, range[0], range[1], width > 1 ? "wide" : "narrow");
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status series_new(struct series_build **out, const struct tetmesh *mesh, const struct build_options *options,
+                              struct tetlod_error *error)
+{
+    struct series_build *series = *out = array_zero(1, sizeof *series);
+    if (!series)
+        return tetlodi_fail_nomem(error, "the series", sizeof *series);
+    series->mesh = mesh;
+    series->options = options;
+    series->input = options->series;
+    series->ranges = array_new(options->control_count, sizeof *series->ranges);
+    series->band_marks = array_zero(series->input->band_count, sizeof *series->band_marks);
+    if (!series->ranges || !series->band_marks)
+        return tetlodi_fail_nomem(error, "the series", options->control_count * sizeof *series->ranges);
+    for (uint32_t c = 0; c < options->control_count; c++)
+        series->component_count += series_components(series, c);
+    return find_ranges(series, error);
+}
+
+void series_free(struct series_build *series)
+{
+    if (!series)
+        return;
+    series_encoding_free(series->encoding);
+    free(series->ranges);
+    free(series->band_marks);
+    free(series->worst);
+    free(series);
+}
+
+uint32_t series_key_count(const struct series_build *series)
+{
+    return series->key_count;
+}
+
+/* What is left of --memory. */
+static uint64_t left_over(const struct series_build *series)
+{
+    uint64_t base = build_bytes(series->mesh, series->options), memory = series->options->memory;
+    return !memory ? UINT64_MAX : memory > base ? memory - base : 0;
+}
+
+static enum tetlod_status choose_keys(struct series_build *series, struct tetlod_error *error)
+{
+    uint64_t one = (uint64_t)series->mesh->vertex_count * DRIVING_BYTES * series->component_count, fit = left_over(series) / one;
+    uint32_t steps = series->input->step_count, least = steps < LEAST_KEYS ? steps : LEAST_KEYS;
+    series->key_count = fit < steps ? (uint32_t)fit : steps;
+    if (series->key_count >= least)
+        return TETLOD_OK;
+    return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%u of %u steps have to drive the contraction, each takes %llu MB, and --memory leaves room for %u",
+                        least, steps, (unsigned long long)(one >> 20) + 1, series->key_count);
+}
+
+static uint32_t key_step(const struct series_build *series, uint32_t key)
+{
+    uint64_t last = series->input->step_count - 1;
+    return series->key_count < 2 ? 0 : (uint32_t)(((uint64_t)key * last + (series->key_count - 1) / 2) / (series->key_count - 1));
+}
+
+uint32_t series_batch(const struct series_build *series)
+{
+    uint32_t steps = BATCH_COMPONENTS / series->component_count / GROUP * GROUP;
+    if (steps > GROUP && retrace_bytes(series->mesh, steps * series->component_count) > left_over(series))
+        steps = GROUP;
+    return steps ? steps : GROUP;
+}
+
+/* ---- fields of steps */
+
+/* Room for the controlled fields of `count` steps behind `fields`, which it copies. */
+struct step_fields {
+    struct tetmesh mesh; /* borrows all else */
+    uint32_t given;      /* fields that are not freed */
+};
+
+static enum tetlod_status step_fields_init(struct step_fields *out, const struct series_build *series, const struct tetmesh *mesh, uint32_t given,
+                                           uint32_t count, struct tetlod_error *error)
+{
+    size_t most = given + (size_t)count * series->options->control_count;
+    out->mesh = *mesh;
+    out->given = out->mesh.field_count = given;
+    out->mesh.fields = array_zero(most, sizeof *out->mesh.fields);
+    if (!out->mesh.fields)
+        return tetlodi_fail_nomem(error, "the steps", most * sizeof *out->mesh.fields);
+    for (uint32_t f = 0; f < given; f++)
+        out->mesh.fields[f] = mesh->fields[f];
+    return TETLOD_OK;
+}
+
+static void step_fields_fini(struct step_fields *fields)
+{
+    for (uint32_t f = fields->given; f < fields->mesh.field_count && fields->mesh.fields; f++)
+        free(fields->mesh.fields[f].values);
+    free(fields->mesh.fields);
+}
+
+static enum tetlod_status step_fields_add(struct step_fields *fields, const struct series_build *series, uint32_t step, struct tetlod_error *error)
+{
+    for (uint32_t c = 0; c < series->options->control_count; c++) {
+        size_t count = (size_t)series_components(series, c) * series->mesh->vertex_count;
+        struct point_field *field = &fields->mesh.fields[fields->mesh.field_count];
+        *field = (struct point_field){.name = series->mesh->fields[series->options->controls[c].field].name,
+                                      .components = series_components(series, c),
+                                      .type = series->input->types[c],
+                                      .values = array_new(count, sizeof(double))};
+        if (!field->values)
+            return tetlodi_fail_nomem(error, "a step's values", count * sizeof(double));
+        fields->mesh.field_count++;
+        series_load(series, step, c, field->values);
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status series_retrace(const struct series_build *series, const uint32_t *steps, uint32_t count,
+                                  enum tetlod_status (*visit)(void *opaque, const struct retrace_mark *mark), void *opaque,
+                                  struct tetlod_error *error)
+{
+    struct step_fields fields = {0};
+    enum tetlod_status status = step_fields_init(&fields, series, series->mesh, 0, count, error);
+    for (uint32_t i = 0; i < count && status == TETLOD_OK; i++)
+        status = step_fields_add(&fields, series, steps[i], error);
+    if (status == TETLOD_OK)
+        status = retrace(&fields.mesh, series->log, &series->simplify, visit, opaque, error);
+    step_fields_fini(&fields);
+    return status;
+}
+
+/* ---- contraction */
+
+static double width_of(const struct series_build *series, uint32_t control)
+{
+    return series->ranges[control][1] - series->ranges[control][0];
+}
+
+static double field_width(const struct tetmesh *mesh, uint32_t field)
+{
+    double range[2];
+    point_field_range(&mesh->fields[field], mesh->vertex_count, range);
+    return range[1] - range[0];
+}
+
+/* A step's limit counts in the range of the series, not in its own. */
+static double step_weight(const struct series_build *series, const struct tetmesh *mesh, uint32_t field, uint32_t control, double weight)
+{
+    double width = field_width(mesh, field), factor = width > 0 ? width_of(series, control) / width : 1;
+    return isfinite(factor) ? weight * factor : weight;
+}
+
+static void raise_worst(struct series_build *series, uint32_t mark, uint32_t control, double bound)
+{
+    double *worst = &series->worst[(size_t)mark * series->options->control_count + control], width = width_of(series, control);
+    *worst = larger(*worst, width > 0 ? smaller(bound / width, 1) : 0);
+}
+
+/* What the key steps are certified to. */
+static void note_keys(struct series_build *series, const struct contraction_log *log)
+{
+    uint32_t controls = series->options->control_count, own = series->component_count;
+    for (uint32_t m = 0; m < log->mark_count; m++)
+        for (uint32_t d = 0; d < log->component_count; d++) {
+            uint32_t control = 0;
+            for (uint32_t first = series_components(series, 0); first <= d % own; first += series_components(series, control))
+                control++;
+            double scale = log->components[d].scale;
+            if (control < controls && scale > 0)
+                raise_worst(series, m, control, log->certified[(size_t)m * log->component_count + d] / scale);
+        }
+}
+
+/* Only what is about the mesh's own fields is left in the log. */
+static void strip(struct contraction_log *log, uint32_t fields, uint32_t components)
+{
+    for (uint32_t f = fields; f < log->field_count; f++)
+        free(log->fields[f].values);
+    log->field_count = fields;
+    for (uint32_t m = 0; m < log->mark_count; m++) {
+        memmove(log->certified + (size_t)m * components, log->certified + (size_t)m * log->component_count, components * sizeof(double));
+        memmove(log->predicted + (size_t)m * components, log->predicted + (size_t)m * log->component_count, components * sizeof(double));
+    }
+    log->component_count = components;
+}
+
+static enum tetlod_status drive(struct series_build *series, struct contraction_log *log, const struct tetmesh *mesh, const double *weights,
+                                struct tetlod_error *error)
+{
+    uint32_t controls = series->options->control_count, count = controls * series->key_count;
+    uint32_t *controlled = array_new(count, sizeof *controlled);
+    double *limits = array_new(count, sizeof *limits);
+    struct step_fields fields = {0};
+    enum tetlod_status status = TETLOD_OK;
+    if (!controlled || !limits)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the steps", count * sizeof *limits));
+    TETLOD_TRY_DONE(step_fields_init(&fields, series, mesh, mesh->field_count, series->key_count, error));
+    for (uint32_t key = 1; key < series->key_count; key++)
+        TETLOD_TRY_DONE(step_fields_add(&fields, series, key_step(series, key), error));
+    for (uint32_t i = 0; i < count; i++) {
+        controlled[i] = i < controls ? series->options->controls[i].field : mesh->field_count + i - controls;
+        limits[i] = LEVEL_SHARE * step_weight(series, &fields.mesh, controlled[i], i % controls, weights[i % controls]);
+    }
+    status = simplify(log, &fields.mesh, controlled, count, limits, &series->simplify, error);
+done:
+    step_fields_fini(&fields);
+    free(controlled);
+    free(limits);
+    return status;
+}
+
+/* ---- the other steps */
+
+struct bounding {
+    struct series_build *series;
+    uint32_t count; /* steps at hand */
+};
+
+static enum tetlod_status bound_mark(void *opaque, const struct retrace_mark *mark)
+{
+    const struct bounding *bounding = opaque;
+    struct series_build *series = bounding->series;
+    uint32_t d = 0;
+    for (uint32_t s = 0; s < bounding->count; s++)
+        for (uint32_t c = 0; c < series->options->control_count; c++)
+            for (uint32_t k = 0; k < series_components(series, c); k++)
+                raise_worst(series, mark->number, c, mark->halves[d++]);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status bound_others(struct series_build *series, struct tetlod_error *error)
+{
+    uint32_t batch = series_batch(series), key = 0, *steps = array_new(batch, sizeof *steps);
+    struct bounding bounding = {series, 0};
+    enum tetlod_status status = steps ? TETLOD_OK : tetlodi_fail_nomem(error, "the steps", batch * sizeof *steps);
+    for (uint32_t s = 0; s < series->input->step_count && status == TETLOD_OK; s++) {
+        bool drives = key < series->key_count && key_step(series, key) == s;
+        key += drives;
+        if (!drives)
+            steps[bounding.count++] = s;
+        if (bounding.count == batch || (bounding.count && s + 1 == series->input->step_count)) {
+            status = series_retrace(series, steps, bounding.count, bound_mark, &bounding, error);
+            bounding.count = 0;
+        }
+    }
+    free(steps);
+    return status;
+}
+
+/* The coarsest mark whose bound leaves room for rounding at every step. */
+static void choose_marks(struct series_build *series)
+{
+    uint32_t controls = series->options->control_count;
+    for (uint32_t b = 0; b < series->input->band_count; b++)
+        for (uint32_t m = series->log->mark_count; m-- > 0;) {
+            bool within = true;
+            for (uint32_t c = 0; c < controls; c++)
+                within &= series->worst[(size_t)m * controls + c] <= LEVEL_SHARE * series->input->bands[b] * (1 + 1e-9);
+            if (!within && m)
+                continue;
+            series->band_marks[b] = m;
+            break;
+        }
+}
+
+enum tetlod_status series_contract(struct series_build *series, struct contraction_log *log, const struct tetmesh *mesh,
+                                   const double *weights, const struct simplify_options *options, struct tetlod_error *error)
+{
+    series->simplify = *options;
+    series->log = log;
+    TETLOD_TRY(choose_keys(series, error));
+    TETLOD_TRY(drive(series, log, mesh, weights, error));
+    series->worst = array_zero((size_t)log->mark_count * series->options->control_count, sizeof *series->worst);
+    if (!series->worst)
+        return tetlodi_fail_nomem(error, "the levels", log->mark_count * sizeof *series->worst);
+    note_keys(series, log);
+    strip(log, mesh->field_count, series->component_count);
+    TETLOD_TRY(bound_others(series, error));
+    choose_marks(series);
+    return TETLOD_OK;
+}

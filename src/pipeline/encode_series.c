@@ -1,0 +1,404 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * In batches of whole groups the steps are retraced. At the mark of each band the living nodes have L and U of every step: the values that
+ * are stored lie where both are within the band's error, on the band's grid, and cost least to tell (format/step_code.h). Frames wait in a file
+ * for each control and band, so that memory does not grow with the steps.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+
+#include "format/fail.h"
+#include "format/step_code.h"
+#include "format/time_table.h"
+#include "src/mesh/tet_geom.h"
+#include "src/pipeline/series_parts.h"
+#include "src/util/array.h"
+
+/* Codes up to this size are exact in float32. Steps of a band's grid in its error, at least. */
+static const double FLOAT32_CODES = 0x1p24;
+enum { GRID_STEPS = 5 };
+
+/* The level of a band in the stream's numbers. */
+struct band_level {
+    uint32_t vertices;
+    uint32_t *nodes; /* [vertex] */
+    struct tetlodi_lower lower;
+};
+
+struct spool {
+    FILE *file;
+    void *bytes; /* mapped, in the end */
+    size_t size;
+};
+
+struct series_encoding {
+    uint32_t band_count, row_count;
+    struct tetlodi_time time;
+    struct band_level *levels; /* [band] */
+    struct spool *spools;      /* [control][band] */
+    struct tetlodi_buffer table;
+    struct tetlodi_write_section *sections;
+};
+
+/* A batch. */
+struct batch {
+    struct series_build *series;
+    const uint32_t *original_of;
+    uint32_t first, count; /* steps */
+    struct tetlod_error *error;
+};
+
+void series_encoding_free(struct series_encoding *encoding)
+{
+    if (!encoding)
+        return;
+    for (uint32_t b = 0; b < encoding->band_count && encoding->levels; b++) {
+        free(encoding->levels[b].nodes);
+        tetlodi_lower_fini(&encoding->levels[b].lower);
+    }
+    for (uint32_t i = 0; i < encoding->row_count && encoding->spools; i++) {
+        if (encoding->spools[i].bytes)
+            munmap(encoding->spools[i].bytes, encoding->spools[i].size);
+        if (encoding->spools[i].file)
+            fclose(encoding->spools[i].file);
+    }
+    tetlodi_time_fini(&encoding->time);
+    free(encoding->levels);
+    free(encoding->spools);
+    tetlodi_buffer_fini(&encoding->table);
+    free(encoding->sections);
+    free(encoding);
+}
+
+/* ---- levels */
+
+/* Of each node the ancestor that lives after so many contractions. */
+static uint32_t *find_ancestors(const struct contraction_log *log, uint32_t contractions)
+{
+    uint32_t n = log->vertex_count, *ancestor = array_new((size_t)n + contractions, sizeof *ancestor);
+    for (uint32_t node = 0; ancestor && node < n + contractions; node++)
+        ancestor[node] = node;
+    for (uint32_t c = contractions; ancestor && c-- > 0;)
+        for (int i = 0; i < 4 && log->children[4 * (size_t)c + (size_t)i] != TETLOD_NONE; i++)
+            ancestor[log->children[4 * (size_t)c + (size_t)i]] = ancestor[n + c];
+    return ancestor;
+}
+
+/* The level's tetrahedra: those of the original whose corners have four different ancestors. Returns how many. */
+static size_t level_corners(const struct tetmesh *mesh, const uint32_t *number_of, const uint32_t *ancestor, uint32_t *out)
+{
+    size_t count = 0;
+    for (size_t t = 0; t < mesh->tet_count; t++) {
+        uint32_t *c = out + 4 * count;
+        for (size_t i = 0; i < 4; i++)
+            c[i] = number_of[ancestor[mesh->corners[4 * t + i]]];
+        count += c[0] != c[1] && c[0] != c[2] && c[0] != c[3] && c[1] != c[2] && c[1] != c[3] && c[2] != c[3];
+    }
+    return count;
+}
+
+/* Vertex i of a level is the ancestor of the finest level's vertex i, because a split keeps the number (SPEC 1). */
+static enum tetlod_status find_level(struct band_level *level, const struct batch *batch, uint32_t mark)
+{
+    const struct contraction_log *log = batch->series->log;
+    const struct tetmesh *mesh = batch->series->mesh;
+    uint32_t contractions = log->marks[mark].contractions;
+    uint32_t *ancestor = find_ancestors(log, contractions), *number_of = array_new((size_t)log->vertex_count + contractions, sizeof *number_of);
+    uint32_t *corners = array_new(mesh->tet_count, 4 * sizeof *corners);
+    struct tetlodi_memory memory = {.most = UINT64_MAX};
+    level->vertices = log->marks[mark].vertices;
+    level->nodes = array_new(level->vertices, sizeof *level->nodes);
+    bool room = ancestor && number_of && corners && level->nodes;
+    for (uint32_t v = 0; v < level->vertices && room; v++) {
+        level->nodes[v] = ancestor[batch->original_of[v]];
+        number_of[level->nodes[v]] = v;
+    }
+    room = room && tetlodi_lower_init(&level->lower, corners, level_corners(mesh, number_of, ancestor, corners), level->vertices, &memory);
+    free(ancestor);
+    free(number_of);
+    free(corners);
+    return room ? TETLOD_OK : tetlodi_fail_nomem(batch->error, "a band's level", 16 * (uint64_t)mesh->tet_count);
+}
+
+/* ---- codes that will do */
+
+/* A band's values of one control at one step. */
+struct target {
+    struct tetlodi_step_scale scale;
+    double tolerance;         /* of the value; 0: exact */
+    double range[2];          /* of the component at that step */
+    const double *values;     /* the original's, of the component */
+    uint32_t components;
+};
+
+/* A power of two: multiples are exact in the type, if they are not too many. 0: there is none. */
+static double choose_quantum(const double range[2], double tolerance, enum tetlod_type type)
+{
+    int exponent;
+    if (!(tolerance > 0))
+        return 0;
+    frexp(tolerance / GRID_STEPS, &exponent);
+    double quantum = ldexp(1, exponent - 1), most = larger(fabs(range[0]), fabs(range[1])) / quantum + 1;
+    double limit = type == TETLOD_FLOAT32 ? FLOAT32_CODES : (double)MOST_STEP_CODE;
+    bool normal = quantum > (type == TETLOD_FLOAT32 ? 0x1p-126 : 0x1p-1022);
+    return normal && most < limit ? quantum : 0;
+}
+
+/* The least code whose value is at least x. */
+static int64_t code_up(const struct tetlodi_step_scale *scale, double x)
+{
+    if (scale->quantum > 0)
+        return (int64_t)ceil(x / scale->quantum);
+    int64_t code = float_code(scale->type, x);
+    return code + (float_value(scale->type, code) < x);
+}
+
+static int64_t code_down(const struct tetlodi_step_scale *scale, double x)
+{
+    if (scale->quantum > 0)
+        return (int64_t)floor(x / scale->quantum);
+    int64_t code = float_code(scale->type, x);
+    return code - (float_value(scale->type, code) > x);
+}
+
+/* Half the tolerance is for cheap codes at most: values stay near the middle of L and U. */
+static void allow(const struct target *target, const double bounds[2], int64_t out[2])
+{
+    double least = bounds[0], greatest = bounds[1], middle = least / 2 + greatest / 2, half = target->tolerance / 2;
+    if (bounds[0] == bounds[1] && !(target->tolerance > 0)) { // bit for bit, also -0
+        out[0] = out[1] = float_code(target->scale.type, bounds[0]);
+        return;
+    }
+    out[0] = code_up(&target->scale, larger(middle - half, greatest - target->tolerance));
+    out[1] = code_down(&target->scale, smaller(middle + half, least + target->tolerance));
+    if (out[0] > out[1]) // no code is that near: the nearest to the middle
+        out[0] = out[1] = target->scale.quantum > 0 ? (int64_t)floor(middle / target->scale.quantum + 0.5) : float_code(target->scale.type, middle);
+}
+
+/* How far a value is off at most. */
+static double error_of(const double bounds[2], double value)
+{
+    double error = larger(bounds[1] - value, value - bounds[0]);
+    return error > 0 ? error * (1 + 0x1p-50) : 0;
+}
+
+/* ---- a group */
+
+static float float_up(double x)
+{
+    int exponent;
+    double mantissa = frexp(x, &exponent);
+    return x > 0 ? (float)ldexp(ceil(ldexp(mantissa, 10)), exponent - 10) : 0; // 10 bits: the table is packed
+}
+
+/* A band of one control, over the batch. */
+struct row {
+    const struct batch *batch;
+    const struct retrace_mark *mark;
+    uint32_t control, band;
+    struct tetlodi_steps steps;
+    double *values;   /* of the step at hand */
+    int64_t *allowed;
+};
+
+static double tolerance_of(const struct row *row)
+{
+    const double *range = row->batch->series->ranges[row->control];
+    return row->batch->series->input->bands[row->band] * (range[1] - range[0]);
+}
+
+static void set_target(const struct row *row, uint32_t component, struct target *out)
+{
+    uint32_t n = row->batch->series->mesh->vertex_count, k = row->steps.components;
+    *out = (struct target){row->steps.scale, tolerance_of(row), {INFINITY, -INFINITY}, row->values + component, k};
+    for (size_t v = 0; v < n; v++) {
+        out->range[0] = smaller(out->range[0], out->values[v * k]);
+        out->range[1] = larger(out->range[1], out->values[v * k]);
+    }
+}
+
+/* What L and U are at a vertex of the level; at the finest the value itself. A step whose whole range is within the tolerance has that range
+ * for L and U everywhere. They are not cut to the range vertex by vertex: between the vertices that would not hold the original. */
+static void bounds_at(const struct row *row, const struct target *target, uint32_t step, uint32_t component, uint32_t v, double out[2])
+{
+    const struct series_build *series = row->batch->series;
+    const struct band_level *level = &series->encoding->levels[row->band];
+    uint32_t number = (step - row->batch->first) * series->component_count + component;
+    if (series->band_marks[row->band] == 0)
+        out[0] = out[1] = target->values[(size_t)level->nodes[v] * target->components];
+    else if (target->range[1] - target->range[0] <= target->tolerance)
+        memcpy(out, target->range, sizeof target->range);
+    else
+        retrace_bounds(row->mark->state, level->nodes[v], number, out);
+}
+
+/* One step's frame, into the group; its error. */
+static enum tetlod_status encode_step(struct row *row, uint32_t step, struct tetlodi_buffer *group)
+{
+    struct series_build *series = row->batch->series;
+    struct series_encoding *encoding = series->encoding;
+    const struct band_level *level = &encoding->levels[row->band];
+    uint32_t first = 0, k = row->steps.components;
+    size_t n = level->vertices;
+    double worst = 0, width = series->ranges[row->control][1] - series->ranges[row->control][0], bounds[2];
+    for (uint32_t c = 0; c < row->control; c++)
+        first += series_components(series, c);
+    series_load(series, step, row->control, row->values);
+    for (uint32_t c = 0; c < k; c++) {
+        struct target target;
+        set_target(row, c, &target);
+        for (uint32_t v = 0; v < n; v++) {
+            bounds_at(row, &target, step, first + c, v, bounds);
+            allow(&target, bounds, row->allowed + 2 * (c * n + v));
+        }
+    }
+    size_t size = tetlodi_steps_encode(&row->steps, row->allowed, group);
+    for (uint32_t c = 0; c < k; c++) {
+        struct target target;
+        set_target(row, c, &target);
+        for (uint32_t v = 0; v < n; v++) {
+            bounds_at(row, &target, step, first + c, v, bounds);
+            worst = larger(worst, error_of(bounds, tetlodi_step_value(&row->steps.scale, row->steps.codes[c * n + v])));
+        }
+    }
+    if (worst > tolerance_of(row) * (1 + 1e-9) || size > UINT32_MAX)
+        return tetlodi_fail(row->batch->error, TETLOD_ERR_LIMIT, "step %u is off by %g in the band of %g", step, worst, tolerance_of(row));
+    time_entries(&encoding->time, row->control, row->band)[step] =
+        (struct tetlodi_time_entry){(uint32_t)size, width > 0 ? float_up(worst / width) : 0};
+    return group->failed ? tetlodi_fail_nomem(row->batch->error, "a step", size) : TETLOD_OK;
+}
+
+static enum tetlod_status encode_group(struct row *row, uint32_t begin, uint32_t end)
+{
+    struct series_encoding *encoding = row->batch->series->encoding;
+    struct tetlodi_buffer group = {0};
+    struct spool *spool = &encoding->spools[time_row(&encoding->time, row->control, row->band)];
+    enum tetlod_status status = TETLOD_OK;
+    tetlodi_steps_start(&row->steps);
+    for (uint32_t step = begin; step < end && status == TETLOD_OK; step++)
+        status = encode_step(row, step, &group);
+    if (status == TETLOD_OK) {
+        size_t at = time_row(&encoding->time, row->control, row->band) * encoding->time.group_count + begin / STEP_GROUP;
+        tetlodi_digest(group.bytes, group.size, encoding->time.digests[at]);
+        if (fwrite(group.bytes, 1, group.size, spool->file) != group.size)
+            status = tetlodi_fail(row->batch->error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
+        spool->size += group.size;
+    }
+    tetlodi_buffer_fini(&group);
+    return status;
+}
+
+static enum tetlod_status encode_row(const struct batch *batch, const struct retrace_mark *mark, uint32_t control, uint32_t band)
+{
+    struct series_build *series = batch->series;
+    const struct band_level *level = &series->encoding->levels[band];
+    struct row row = {.batch = batch, .mark = mark, .control = control, .band = band};
+    struct tetlodi_memory memory = {.most = UINT64_MAX};
+    uint32_t k = series_components(series, control);
+    struct tetlodi_step_scale scale = {series->input->types[control], choose_quantum(series->ranges[control], tolerance_of(&row), series->input->types[control])};
+    enum tetlod_status status = TETLOD_OK;
+    series->encoding->time.quanta[(size_t)band * series->options->control_count + control] = scale.quantum;
+    row.values = array_new((size_t)series->mesh->vertex_count * k, sizeof *row.values);
+    row.allowed = array_new((size_t)level->vertices * k, 2 * sizeof *row.allowed);
+    if (!tetlodi_steps_init(&row.steps, &level->lower, &scale, k, &memory) || !row.values || !row.allowed)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(batch->error, "a band", (uint64_t)level->vertices * k * 40));
+    for (uint32_t at = 0; at < batch->count; at += STEP_GROUP) {
+        uint32_t begin = batch->first + at, left = batch->count - at;
+        TETLOD_TRY_DONE(encode_group(&row, begin, begin + (left < STEP_GROUP ? left : STEP_GROUP)));
+    }
+done:
+    tetlodi_steps_fini(&row.steps);
+    free(row.values);
+    free(row.allowed);
+    return status;
+}
+
+static enum tetlod_status encode_mark(void *opaque, const struct retrace_mark *mark)
+{
+    const struct batch *batch = opaque;
+    struct series_build *series = batch->series;
+    for (uint32_t b = 0; b < series->input->band_count; b++) {
+        struct band_level *level = &series->encoding->levels[b];
+        if (series->band_marks[b] != mark->number)
+            continue;
+        if (!level->nodes)
+            TETLOD_TRY(find_level(level, batch, mark->number));
+        for (uint32_t c = 0; c < series->options->control_count; c++)
+            TETLOD_TRY(encode_row(batch, mark, c, b));
+    }
+    return TETLOD_OK;
+}
+
+/* ---- all of it */
+
+static enum tetlod_status start(struct series_build *series, struct tetlod_error *error)
+{
+    const struct build_series *input = series->input;
+    uint32_t controls = series->options->control_count;
+    struct series_encoding *encoding = series->encoding = array_zero(1, sizeof *encoding);
+    if (!encoding)
+        return tetlodi_fail_nomem(error, "the steps", sizeof *encoding);
+    encoding->band_count = input->band_count;
+    encoding->row_count = controls * input->band_count;
+    encoding->levels = array_zero(encoding->band_count, sizeof *encoding->levels);
+    encoding->spools = array_zero(encoding->row_count, sizeof *encoding->spools);
+    encoding->sections = array_zero(1 + (size_t)encoding->row_count, sizeof *encoding->sections);
+    if (!encoding->levels || !encoding->spools || !encoding->sections ||
+        !tetlodi_time_allocate(&encoding->time, controls, input->band_count, input->step_count))
+        return tetlodi_fail_nomem(error, "the table of steps", (uint64_t)encoding->row_count * input->step_count * 8);
+    for (uint32_t i = 0; i < encoding->row_count; i++)
+        if (!(encoding->spools[i].file = tmpfile()))
+            return tetlodi_fail(error, TETLOD_ERR_IO, "there is no temporary file for the steps; TMPDIR names a folder for it");
+    for (uint32_t c = 0; c < controls; c++)
+        encoding->time.fields[c] = (struct tetlodi_time_field){series->options->controls[c].field, input->types[c],
+                                                               {series->ranges[c][0], series->ranges[c][1]}};
+    for (uint32_t b = 0; b < input->band_count; b++)
+        encoding->time.bands[b] = (struct tetlod_band){.error = input->bands[b], .level = series->log->mark_count - 1 - series->band_marks[b]};
+    memcpy(encoding->time.times, input->times, input->step_count * sizeof *input->times);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status list_sections(struct series_encoding *encoding, struct tetlod_error *error)
+{
+    tetlodi_time_encode(&encoding->time, &encoding->table);
+    if (encoding->table.failed)
+        return tetlodi_fail_nomem(error, "the table of steps", encoding->table.size);
+    encoding->sections[0] = (struct tetlodi_write_section){.tag = TAG_TIME, .row = 8, .bytes = encoding->table.bytes, .size = encoding->table.size};
+    for (uint32_t i = 0; i < encoding->row_count; i++) {
+        struct spool *spool = &encoding->spools[i];
+        if (fflush(spool->file) != 0)
+            return tetlodi_fail(error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
+        void *bytes = spool->size ? mmap(NULL, spool->size, PROT_READ, MAP_PRIVATE, fileno(spool->file), 0) : NULL;
+        if (bytes == MAP_FAILED)
+            return tetlodi_fail_nomem(error, "the steps", spool->size);
+        spool->bytes = bytes;
+        encoding->sections[1 + i] = (struct tetlodi_write_section){.tag = TAG_STEP_VALUES, .row = ROW_CODED, .bytes = bytes, .size = spool->size};
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, const struct tetlodi_write_section **out, uint32_t *count,
+                                   struct tetlod_error *error)
+{
+    struct series_build *series = opaque;
+    uint32_t batch_steps = series_batch(series), *numbers = array_new(batch_steps, sizeof *numbers);
+    enum tetlod_status status = numbers ? start(series, error) : tetlodi_fail_nomem(error, "the steps", batch_steps * sizeof *numbers);
+    for (uint32_t first = 0; first < series->input->step_count && status == TETLOD_OK; first += batch_steps) {
+        uint32_t left = series->input->step_count - first;
+        struct batch batch = {series, original_of, first, left < batch_steps ? left : batch_steps, error};
+        for (uint32_t i = 0; i < batch.count; i++)
+            numbers[i] = first + i;
+        status = series_retrace(series, numbers, batch.count, encode_mark, &batch, error);
+        if (status == TETLOD_OK && series->options->progress)
+            series->options->progress(series->options->progress_opaque, BUILD_ENCODE, (first + batch.count) / (double)series->input->step_count);
+    }
+    free(numbers);
+    if (status == TETLOD_OK)
+        status = list_sections(series->encoding, error);
+    *out = status == TETLOD_OK ? series->encoding->sections : NULL;
+    *count = status == TETLOD_OK ? 1 + series->encoding->row_count : 0;
+    return status;
+}

@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* What the two halves of a series' build share: bounding (build_series.c) and encoding (encode_series.c). */
+#ifndef TETLOD_SERIES_PARTS_H
+#define TETLOD_SERIES_PARTS_H
+
+#include "src/pipeline/build_series.h"
+#include "src/simplify/retrace.h"
+
+struct series_encoding;
+
+struct series_build {
+    const struct tetmesh *mesh; /* the first step */
+    const struct build_options *options;
+    const struct build_series *input;
+    uint32_t component_count; /* of all controls, at one step */
+    double (*ranges)[2];      /* [control] over all steps */
+    uint32_t key_count;
+    const struct contraction_log *log;
+    struct simplify_options simplify;
+    double *worst;            /* [mark][control] the largest bound over the steps so far, a fraction of the range */
+    uint32_t *band_marks;     /* [band] */
+    struct series_encoding *encoding;
+};
+
+uint32_t series_components(const struct series_build *series, uint32_t control);
+
+/* The values of a control at a step: [components * vertices]. */
+void series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out);
+
+/* Retraces `count` steps, whose numbers are listed: components are counted step by step, control by control. */
+TETLOD_CHECKED enum tetlod_status series_retrace(const struct series_build *series, const uint32_t *steps, uint32_t count,
+                                                 enum tetlod_status (*visit)(void *opaque, const struct retrace_mark *mark), void *opaque,
+                                                 struct tetlod_error *error);
+
+/* Steps that are retraced together: groups of steps. */
+uint32_t series_batch(const struct series_build *series);
+
+void series_encoding_free(struct series_encoding *encoding);
+
+#endif

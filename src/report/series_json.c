@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/report/series_json.h"
+
+#include <math.h>
+#include <stdbool.h>
+
+enum { GROUP_OF_EQUALS = 8 }; /* steps that share a span (SPEC 3.7) */
+
+/* What all steps of a band come to: bytes, and the largest error of a field. */
+static void sum_band(const struct tetlod_series *series, uint32_t band, uint64_t *bytes, double *error)
+{
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    *bytes = 0;
+    *error = 0;
+    for (uint32_t f = 0; f < steps->field_count; f++)
+        for (uint32_t s = 0; s < steps->step_count; s++) {
+            *bytes += s % GROUP_OF_EQUALS ? 0 : tetlod_step_span(series, f, band, s).size;
+            *error = fmax(*error, tetlod_step_error(series, f, band, s));
+        }
+}
+
+static json_t *band_json(const struct tetlod_series *series, const struct tetlod_info *info, uint32_t b)
+{
+    const struct tetlod_band *band = &tetlod_series_info(series)->bands[b];
+    uint64_t bytes;
+    double error;
+    sum_band(series, b, &bytes, &error);
+    return json_pack("{s:f, s:i, s:I, s:I, s:I, s:f}", "error", band->error, "level", (int)band->level, "vertices",
+                     (json_int_t)info->levels[band->level].vertices, "tets", (json_int_t)info->levels[band->level].tets, "bytes", (json_int_t)bytes,
+                     "largest_error", error);
+}
+
+json_t *series_json(const struct tetlod_series *series, const struct tetlod_info *info)
+{
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    json_t *times = json_array(), *fields = json_array(), *bands = json_array();
+    bool room = times && fields && bands;
+    for (uint32_t s = 0; s < steps->step_count && room; s++)
+        room = !json_array_append_new(times, json_real(steps->times[s]));
+    for (uint32_t f = 0; f < steps->field_count && room; f++) {
+        json_t *field = json_pack("{s:s, s:[f,f]}", "name", info->fields[steps->fields[f]].name, "range", steps->ranges[f][0], steps->ranges[f][1]);
+        room = !json_array_append_new(fields, field);
+    }
+    for (uint32_t b = 0; b < steps->band_count && room; b++)
+        room = !json_array_append_new(bands, band_json(series, info, b));
+    json_t *object = json_pack("{s:i, s:o, s:o, s:o}", "steps", (int)steps->step_count, "times", times, "fields", fields, "bands", bands);
+    if (room)
+        return object;
+    json_decref(object);
+    return NULL;
+}
+
+void series_print(FILE *out, const struct tetlod_series *series, const struct tetlod_info *info)
+{
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    fprintf(out, "series        %u steps in time, %.9g .. %.9g; of", steps->step_count, steps->times[0], steps->times[steps->step_count - 1]);
+    for (uint32_t f = 0; f < steps->field_count; f++)
+        fprintf(out, " %s, range %.9g .. %.9g%s", info->fields[steps->fields[f]].name, steps->ranges[f][0], steps->ranges[f][1],
+                f + 1 < steps->field_count ? ";" : "\n");
+    fprintf(out, "\n band     level   vertices tetrahedra   bytes/step   max %%\n");
+    for (uint32_t b = 0; b < steps->band_count; b++) {
+        const struct tetlod_level *level = &info->levels[steps->bands[b].level];
+        uint64_t bytes;
+        double error;
+        sum_band(series, b, &bytes, &error);
+        fprintf(out, "%5.3g %% %8u %10u %10u %12.0f %7.4g\n", 100 * steps->bands[b].error, steps->bands[b].level, level->vertices, level->tets,
+                (double)bytes / steps->step_count, 100 * error);
+    }
+}
