@@ -330,6 +330,8 @@ static enum tetlod_status read_elements(struct gmsh *g)
 {
     int64_t header[4], block[3], count, tag; // block: dimension, tag, type
     struct element element;
+    if (g->mesh->cell_field_count)
+        return fail(g, "$Elements come after $ElementData");
     TETLOD_TRY(finish_points(g));
     if (!g->is_4)
         return read_elements_2(g);
