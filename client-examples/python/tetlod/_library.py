@@ -157,7 +157,7 @@ class LibraryDecoder:
         try:
             data = self._source.read(offset, size)
         except BaseException as problem:  # it must not pass through C; _check raises it
-            self._problem = problem
+            self._problem = self._problem or problem
             return ERR_IO
         if len(data) < size:
             self._problem = StreamError('%s: the stream ends too early' % self._source.name)
