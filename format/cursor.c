@@ -33,8 +33,12 @@ static enum tetlod_status for_columns(struct tetlod_cursor *cursor, void (*task)
     uint32_t count = cursor->replay.column_count;
     for (uint32_t c = 0; c < count; c++)
         cursor->errors[c].status = TETLOD_OK;
-    tetlodi_helpers_start(cursor->helpers, task, cursor, count);
-    tetlodi_helpers_wait(cursor->helpers);
+    if (cursor->helpers) {
+        tetlodi_helpers_start(cursor->helpers, task, cursor, count);
+        tetlodi_helpers_wait(cursor->helpers);
+    } else // a source that has failed is not asked again
+        for (uint32_t c = 0; c < count && (c == 0 || cursor->errors[c - 1].status == TETLOD_OK); c++)
+            task(cursor, c);
     for (uint32_t c = 0; c < count; c++)
         if (cursor->errors[c].status != TETLOD_OK) {
             if (error)

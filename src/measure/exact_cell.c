@@ -1,11 +1,30 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/measure/exact_cell.h"
 
+#include <math.h>
+#include <string.h>
+
 /* By weights: intersections that are thinner are contacts. */
 static const double THIN = 1e-9;
 
-/* Which tetrahedra hold an end is asked this much towards the middle: on the face itself neighbours hold it, too. */
+/* Which tetrahedra hold an end is asked this much inside the intersection: on the face itself neighbours hold it, too. */
 static const double INWARDS = 1e-7;
+
+/* Of the intersection's size: ends that are nearer are one corner of it, found by several edges. */
+static const double SAME_END = 1e-20;
+
+/* A weight in 113 bits is wrong by less than this. */
+static const double NOISE = 1e-20;
+
+static quad magnitude(quad x)
+{
+    return x < 0 ? -x : x;
+}
+
+static quad larger_quad(quad a, quad b)
+{
+    return a > b ? a : b;
+}
 
 static void cross(const quad a[3], const quad b[3], quad out[3])
 {
@@ -60,6 +79,28 @@ static void clip_edge(struct exact_cell *cell, int m, int a, int b, quad in[4][4
         }
 }
 
+/* How often a corner was found hangs on the order of the tetrahedra's corners: one of each is kept, so that the middle does not. */
+static void merge_ends(struct exact_cell *cell)
+{
+    int found = cell->count;
+    quad size = 0;
+    for (int i = 1; i < found; i++)
+        for (int d = 0; d < 3; d++)
+            size = larger_quad(size, magnitude(cell->ends[i][d] - cell->ends[0][d]));
+    cell->count = 0;
+    for (int i = 0; i < found; i++) {
+        bool is_new = true;
+        for (int j = 0; j < cell->count && is_new; j++) {
+            quad apart = 0;
+            for (int d = 0; d < 3; d++)
+                apart = larger_quad(apart, magnitude(cell->ends[i][d] - cell->ends[j][d]));
+            is_new = apart > SAME_END * size;
+        }
+        if (is_new)
+            memmove(cell->ends[cell->count++], cell->ends[i], sizeof *cell->ends);
+    }
+}
+
 bool exact_cell_clip(struct exact_cell *cell)
 {
     quad weights[4][4];
@@ -70,11 +111,14 @@ bool exact_cell_clip(struct exact_cell *cell)
         for (int c = 0; c < 4; c++) {
             const double *p = cell->corners[m][c];
             exact_weights(&cell->maps[!m], (const quad[3]){p[0], p[1], p[2]}, weights[c]);
+            for (int k = 0; k < 4; k++) // on a face's plane is neither side of it
+                weights[c][k] = magnitude(weights[c][k]) <= NOISE ? 0 : weights[c][k];
         }
         for (int a = 0; a < 4; a++)
             for (int b = 0; b < a; b++)
                 clip_edge(cell, m, a, b, weights);
     }
+    merge_ends(cell);
     for (int d = 0; d < 3; d++) {
         cell->middle[d] = 0;
         for (int i = 0; i < cell->count; i++)
@@ -101,8 +145,7 @@ static quad value_at(const struct exact_map *map, const quad x[3], const double 
 
 static quad difference(const struct exact_cell *cell, const struct exact_map *map, const quad x[3], const double values[2][4])
 {
-    quad by = value_at(map, x, values[1], values[0][0]) - value_at(&cell->maps[0], x, values[0], values[0][0]);
-    return by < 0 ? -by : by;
+    return magnitude(value_at(map, x, values[1], values[0][0]) - value_at(&cell->maps[0], x, values[0], values[0][0]));
 }
 
 quad exact_cell_difference(const struct exact_cell *cell, int end, const double values[2][4])
@@ -110,19 +153,23 @@ quad exact_cell_difference(const struct exact_cell *cell, int end, const double 
     return difference(cell, &cell->maps[1], cell->ends[end], values);
 }
 
-bool exact_cell_other(const struct exact_cell *cell, int end, const double *const corners[4], const double values[2][4], quad *out)
+uint32_t exact_cell_other(const struct exact_cell *cell, int end, const double *const corners[4], const double values[2][4], quad *out)
 {
     struct exact_map map;
-    quad x[3], weights[4];
-    for (int d = 0; d < 3; d++)
-        x[d] = cell->ends[end][d] + INWARDS * (cell->middle[d] - cell->ends[end][d]);
+    uint32_t held = 0;
     exact_map_set(&map, corners);
-    exact_weights(&map, x, weights);
-    for (int k = 0; k < 4; k++)
-        if (!(weights[k] >= 0))
-            return false;
-    *out = difference(cell, &map, cell->ends[end], values);
-    return true;
+    for (int side = 0; side < cell->count; side++) {
+        quad x[3], weights[4];
+        bool holds = true;
+        for (int d = 0; d < 3; d++)
+            x[d] = cell->ends[end][d] + INWARDS * ((cell->middle[d] + cell->ends[side][d]) / 2 - cell->ends[end][d]);
+        exact_weights(&map, x, weights);
+        for (int k = 0; k < 4; k++)
+            holds &= weights[k] >= -NOISE;
+        held |= (uint32_t)holds << side;
+    }
+    *out = held ? difference(cell, &map, cell->ends[end], values) : INFINITY;
+    return held;
 }
 
 static quad dot(const quad a[3], const quad b[3])

@@ -7,6 +7,7 @@
 #define TETLOD_EXACT_CELL_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #include "src/util/quad.h"
 
@@ -22,7 +23,7 @@ struct exact_cell {
     const double *corners[2][4]; /* set by the caller */
     struct exact_map maps[2];
     int count;
-    quad ends[EXACT_MOST_ENDS][3]; /* of the clipped edges: the intersection's corners are among them */
+    quad ends[EXACT_MOST_ENDS][3]; /* of the clipped edges: the intersection's corners, each once, are among them */
     quad middle[3];
 };
 
@@ -35,8 +36,9 @@ bool exact_cell_clip(struct exact_cell *cell);
 /* The difference of two linear functions at an end: values[m] are those at the corners of tetrahedron m. */
 quad exact_cell_difference(const struct exact_cell *cell, int end, const double values[2][4]);
 
-/* The same with another tetrahedron in the second one's place, if that holds the end, seen from the middle. False: it does not. */
-bool exact_cell_other(const struct exact_cell *cell, int end, const double *const corners[4], const double values[2][4], quad *out);
+/* The same with another tetrahedron in the second one's place. Returned is on which sides of the end, of `count`, that one is: bit k is
+ * set if it holds the place a hair inside the intersection, towards half way between its middle and end k. */
+uint32_t exact_cell_other(const struct exact_cell *cell, int end, const double *const corners[4], const double values[2][4], quad *out);
 
 /* The square of the distance of p from a triangle, which may have no area. */
 double exact_triangle_distance2(const double p[3], const double *const corners[3]);

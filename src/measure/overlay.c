@@ -13,7 +13,7 @@
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-/* The middle of an intersection is at least this far inside both tetrahedra, by barycentric weights; less is a contact. */
+/* An intersection goes at least this far inside both tetrahedra, by barycentric weights; less is a contact. */
 static const double THIN = 1e-9;
 
 /* A pair whose weights may be wrong by more than this is not looked at in doubles at all. */
@@ -62,7 +62,6 @@ struct cell {
     uint32_t tets[2];
     int count;
     double ends[MOST_ENDS][2][4];
-    double middle[2][4];
     double slack; /* of a weight */
 };
 
@@ -129,9 +128,14 @@ static bool weigh_corners(const struct overlay *overlay, int m, uint32_t in, uin
     return true;
 }
 
-/* A corner that both have is where it is, whatever rounding says. */
-static void match_corners(const struct overlay *overlay, const uint32_t tets[2], double in_b[4][4], double in_a[4][4])
+/* A corner that is on a face's plane, but for rounding, is on no side of it: else what lies in the plane may be lost when it is clipped.
+ * One that both have is where it is, whatever rounding says. */
+static void match_corners(const struct overlay *overlay, const uint32_t tets[2], double slack, double in_b[4][4], double in_a[4][4])
 {
+    for (int i = 0; i < 16; i++) {
+        in_a[i / 4][i % 4] = fabs(in_a[i / 4][i % 4]) <= slack ? 0 : in_a[i / 4][i % 4];
+        in_b[i / 4][i % 4] = fabs(in_b[i / 4][i % 4]) <= slack ? 0 : in_b[i / 4][i % 4];
+    }
     for (int i = 0; i < 4; i++)
         for (int j = 0; j < 4; j++) {
             const double *p = corner(overlay->meshes[0], tets[0], i), *q = corner(overlay->meshes[1], tets[1], j);
@@ -213,9 +217,10 @@ static bool make_cell(struct cell *cell, double in[2][4][4])
         clip_edges(cell, m, in[m]);
     for (int m = 0; m < 2; m++)
         for (int k = 0; k < 4; k++) {
+            double most = 0;
             for (int i = 0; i < cell->count; i++)
-                cell->middle[m][k] += cell->ends[i][m][k] / cell->count;
-            if (cell->middle[m][k] <= THIN - cell->slack)
+                most = larger(most, cell->ends[i][m][k]);
+            if (most <= THIN - cell->slack)
                 return false;
         }
     return cell->count > 0;
@@ -253,13 +258,16 @@ static bool in_box(const double box[6], const double x[3])
     return true;
 }
 
-/* The difference at an end that is above what was found: it counts only if no other tetrahedron of b that is there, too, is nearer
- * to a's value. All are asked, which is rare. */
+/* The difference at an end that is above what was found: it counts only if, on one side of the end, no other tetrahedron of b that is
+ * there, too, is nearer to a's value. All are asked, which is rare. */
 static quad best_difference(const struct overlay *overlay, const struct compared *compared, const struct exact_cell *exact,
                             const struct cell *cell, int end, double values[2][4], quad found)
 {
     const quad *x = exact->ends[end];
     const double at[3] = {(double)x[0], (double)x[1], (double)x[2]};
+    quad best[EXACT_MOST_ENDS], most = 0;
+    for (int side = 0; side < exact->count; side++)
+        best[side] = found;
     for (uint32_t tet = 0; tet < overlay->meshes[1]->tet_count; tet++) {
         const double *corners[4];
         quad other;
@@ -269,10 +277,14 @@ static quad best_difference(const struct overlay *overlay, const struct compared
         exact_corners(overlay, 1, tet, corners);
         for (int k = 0; k < 4; k++)
             values[1][k] = value_of(overlay, compared, 1, tet, k);
-        if (exact_cell_other(exact, end, corners, (const double(*)[4])values, &other) && other < found)
-            found = other;
+        uint32_t held = exact_cell_other(exact, end, corners, (const double(*)[4])values, &other);
+        for (int side = 0; side < exact->count; side++)
+            if (held >> side & 1 && other < best[side])
+                best[side] = other;
     }
-    return found;
+    for (int side = 0; side < exact->count; side++)
+        most = best[side] > most ? best[side] : most;
+    return most;
 }
 
 /* The verdict, in 113 bits. */
@@ -312,7 +324,7 @@ static void compare_pair(const struct overlay *overlay, struct worker *worker, u
     if (!weigh_corners(overlay, 1, tet_b, tet_a, in[0], &slack))
         return;
     cell.slack = larger(cell.slack, slack);
-    match_corners(overlay, cell.tets, in[0], in[1]);
+    match_corners(overlay, cell.tets, cell.slack, in[0], in[1]);
     worker->cells++;
     if (cell.slack > HOPELESS || (may_be_worse(overlay, worker, &cell, in, 0) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
         compare_exactly(overlay, worker, &cell);

@@ -417,18 +417,35 @@ static bool once(unsigned *set, uint32_t member)
     return first;
 }
 
+/* Vertices that rounding may put outside their own sheet and into another of the same body, with which the oracle compares them: those of
+ * folds; and on the boundary where the body overlaps itself at faces of more than two tetrahedra. */
+static bool *find_strays(const struct attack *a)
+{
+    const struct oracle_mesh *o = &a->original;
+    bool *strays = oracle_memory(o->vertices, 1);
+    size_t count = a->lossy ? 4 * (size_t)o->tets : 0;
+    struct oracle_face *faces = oracle_faces(o);
+    for (size_t c = 0; c < count; c++)
+        strays[a->corners[c]] |= !o->details[c / 4].usable;
+    for (size_t i = 0, end; i < count && a->counts.overfull_faces && strstr(a->options, "position-"); i = end) {
+        for (end = i + 1; end < count && oracle_same_face(&faces[i], &faces[end]);)
+            end++;
+        for (int k = 0; k < 3 && end - i != 2; k++)
+            strays[faces[i].v[k]] = true;
+    }
+    free(faces);
+    return strays;
+}
+
 /* Original vertices, where `sampled` cannot be below the difference; those outside the level have a partner. */
 static void check_vertices(struct attack *a, uint32_t k, const struct oracle_mesh *level)
 {
-    bool *done = oracle_memory(a->original.vertices, 1);
-    bool *in_fold = oracle_memory(a->original.vertices, 1);
-    for (size_t c = 0; c < 4 * (size_t)a->original.tets; c++)
-        in_fold[a->corners[c]] |= !a->original.details[c / 4].usable;
+    bool *done = find_strays(a);
     unsigned told[2] = {0, 0}; /* sets of values: one line for each is enough */
     for (size_t c = 0; c < 4 * (size_t)a->original.tets; c++) {
         uint32_t v = a->corners[c];
         const double *p = a->positions + 3 * (size_t)v;
-        if (done[v] || !a->original.details[c / 4].usable || (a->lossy && (in_fold[v] || a->counts.overfull_faces))) // rounding puts it outside its own sheet, and into another
+        if (done[v] || !a->original.details[c / 4].usable)
             continue;
         done[v] = true;
         for (uint32_t i = 0; i < a->original.value_count; i++) {
@@ -448,7 +465,6 @@ static void check_vertices(struct attack *a, uint32_t k, const struct oracle_mes
         }
     }
     free(done);
-    free(in_fold);
 }
 
 static void check_domain(struct attack *a, uint32_t k, const struct oracle_mesh *level)

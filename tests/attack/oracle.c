@@ -283,6 +283,8 @@ static bool clip(struct pair *p)
         for (uint32_t c = 0; c < 4; c++) {
             const double *x = position_of(p, m, c);
             oracle_weights(p->meshes[!m], p->tets[!m], (const quad[3]){x[0], x[1], x[2]}, w[c]);
+            for (int k = 0; k < 4; k++) // what lies in a face's plane belongs to the face
+                w[c][k] = magnitude(w[c][k]) < 1e-20 ? 0 : w[c][k];
         }
         for (uint32_t a = 0; a < 4; a++)
             for (uint32_t b = 0; b < a; b++)

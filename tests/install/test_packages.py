@@ -89,7 +89,7 @@ def only(*commands):
     folder = os.path.join(SCRATCH, 'only-%d' % len(glob.glob(os.path.join(SCRATCH, 'only-*'))))
     os.mkdir(folder)
     for command in commands:
-        os.symlink(shutil.which(command), os.path.join(folder, command))
+        os.symlink(shutil.which(command, path='/usr/bin:/bin'), os.path.join(folder, command))
     return folder
 
 

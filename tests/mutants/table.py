@@ -40,6 +40,8 @@ mutant('link condition', 'src/simplify/evaluate.c',
        'if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room)) {', 'if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room) && !room) {',
        'C4 is asked', 'unit/test_links')
 mutant('link triangles', 'src/simplify/links.c', 'if (!has_a && !meets_well(links, v))', 'if (!has_a && count > 3 && !meets_well(links, v))', 'C4', 'unit/test_links')
+mutant('link condition across the inside', 'src/simplify/links.c', 'if (open && !hood->along[neighbour])\n        return false;', '',
+       'an edge through the inside with both ends on the boundary', 'unit/test_links')
 mutant("link condition's boundary", 'src/simplify/links.c',
        'if (faces >> corner_of(corners, slot_a) & 1 && faces >> corner_of(corners, slot_b) & 1)\n            return false;', '',
        'a tetrahedron with boundary faces at both ends', 'unit/test_links')
@@ -58,7 +60,6 @@ mutant('distance is not counted', 'src/simplify/boundary_map.c', 'double all = l
        'double all = larger(boundary_map_least(map, moved, stride, 0), 0), rim = 0;', 'how far the boundary moved', PROOF)
 mutant('distance does not add up', 'src/simplify/merge.c', 'row[row_moved(working)] = moved;', 'row[row_moved(working)] = 0;',
        'how far the boundary moved in all', PROOF)
-mutant('the boundary is pulled inside', 'src/simplify/evaluate.c', 'if (!hood->along[neighbour]) //', 'if (0) //', 'the boundary is not pulled inside', PROOF)
 
 # ---- frozen vertices (6)
 
@@ -75,8 +76,10 @@ mutant('serial: star without a tetrahedron', 'src/simplify/fields.c',
        'all tetrahedra of the star are continued to the new vertex', 'unit/test_fields')
 mutant('serial: upper is the value', 'src/simplify/fields.c', 'driver->upper[v] = outcome[d].upper;', 'driver->upper[v] = outcome[d].value;',
        'errors accumulate', PROOF)
-mutant('serial: no demands of the map', 'src/simplify/fields.c', 'double most = larger(envelope[1][1], boundary_map_least(map, driver->upper, 1, 0));',
-       'double most = envelope[1][1];', 'what the boundary map demands of the upper value', PROOF)
+mutant('serial: no demands of the map, above', 'src/simplify/fields.c', 'double most = larger(envelope[1][1], boundary_map_least(map, driver->upper, 1, 0));',
+       'double most = envelope[1][1];', 'what the boundary map demands of the upper value', 'unit/test_fields')
+mutant('serial: no demands of the map, below', 'src/simplify/fields.c', 'double least = smaller(envelope[0][0], boundary_map_greatest(map, driver->lower, 1));',
+       'double least = envelope[0][0];', 'what the boundary map demands of the lower value', 'unit/test_fields')
 mutant('serial: flips', 'src/simplify/star.c', 'if (tet_orientation(q[0], q[1], q[2], q[3]) != complex->orientation)', 'if (tet_orientation(q[0], q[1], q[2], q[3]) > 2)',
        'C1', 'unit/test_complex', PROOF)
 mutant('serial: link triangles', 'src/simplify/star.c', 'return !(count == 3 && mask == IN_B && table_find(filed, triangle_key(v)));',
@@ -84,7 +87,7 @@ mutant('serial: link triangles', 'src/simplify/star.c', 'return !(count == 3 && 
 mutant("serial: link condition's boundary", 'src/simplify/star.c', 'if (complex_boundary_face(complex, star->tets[i], f)) {', 'if (f > 3) {',
        'C4: the boundary is coned', 'unit/test_complex')
 mutant('serial: distance does not add up', 'src/simplify/boundary.c', 'boundary->moved[vertex] = moved;', 'boundary->moved[vertex] = 0;',
-       'how far the boundary moved in all', 'unit/test_simplify', PROOF)
+       'how far the boundary moved in all', 'unit/test_boundary_map')
 
 # ---- the exact limit (8)
 

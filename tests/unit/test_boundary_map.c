@@ -37,6 +37,31 @@ static void test_pyramid(void)
     complex_fini(&complex);
 }
 
+/* How far the boundary has moved at a vertex counts when the vertex moves again: the one that began higher is further in all. */
+static void test_moves_add_up(void)
+{
+    double positions[] = {0, 0, 0.25, 1, 1, 0, -1, 1, 0, -1, -1, 0, 1, -1, 0, 0, 0, -1};
+    uint32_t corners[] = {0, 1, 2, 5, 0, 2, 3, 5, 0, 3, 4, 5, 0, 4, 1, 5};
+    struct tetmesh mesh = {.vertex_count = 6, .tet_count = 4, .position_type = TETLOD_FLOAT64, .positions = positions,
+                           .corners = corners};
+    struct complex complex;
+    struct boundary boundary;
+    struct star star = {0};
+    struct boundary_map map = {0};
+    REQUIRE(complex_init(&complex, &mesh, NULL) == TETLOD_OK);
+    REQUIRE(boundary_init(&boundary, &complex, 60, 0.9, 0.9, NULL) == TETLOD_OK);
+    REQUIRE(star_gather(&star, &complex, (uint32_t[]){0, 1}, 2, NULL) == TETLOD_OK);
+    CHECK_NEAR(boundary_moves(&boundary, &complex, &star, positions + 3, &map), 0.5, 1e-9); // half of it at the middle
+    boundary_update(&boundary, &complex, 0, 0.125, 0.9);
+    CHECK_NEAR(boundary_moves(&boundary, &complex, &star, positions + 3, &map), 0.75, 1e-9);
+    boundary_update(&boundary, &complex, 0, 0.25, 0.9);
+    CHECK(boundary_moves(&boundary, &complex, &star, positions + 3, &map) == INFINITY);
+    boundary_map_fini(&map);
+    star_fini(&star);
+    boundary_fini(&boundary);
+    complex_fini(&complex);
+}
+
 /* Of the points of a map of a curved boundary: both ends are convex combinations, the distance is that between them, and the bounds
  * are the least that do. */
 static void check_points(const struct boundary_map *map, const struct complex *complex, const double p[3], uint64_t *random)
@@ -114,6 +139,7 @@ static void test_curved(void)
 int main(void)
 {
     RUN(test_pyramid);
+    RUN(test_moves_add_up);
     RUN(test_curved);
     return test_end();
 }

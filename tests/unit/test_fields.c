@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Scalar value assignment, envelope and prediction of one contraction, from their definitions. */
+#include "src/simplify/boundary.h"
 #include "src/simplify/fields.h"
 
 #include <stdlib.h>
@@ -132,10 +133,47 @@ static void test_limits_of_their_own(void)
     tetmesh_fini(&mesh);
 }
 
+/* What goes with the boundary: a pyramid's top, where a linear field is 1, comes to lie half way to the corner that it is contracted to. The
+ * tetrahedra continue the field by 0 there, but the points that were at the top are to keep their values, and those at the bottom. */
+static void test_the_map_demands(void)
+{
+    double positions[] = {0, 0, 0.25, 1, 1, 0, -1, 1, 0, -1, -1, 0, 1, -1, 0, 0, 0, -1}, values[6], p[3] = {1, 1, 0};
+    uint32_t corners[] = {0, 1, 2, 5, 0, 2, 3, 5, 0, 3, 4, 5, 0, 4, 1, 5};
+    for (int sign = -1; sign < 2; sign += 2) {
+        struct point_field field = {.name = (char[]){"f"}, .components = 1, .type = TETLOD_FLOAT64, .values = values};
+        struct tetmesh mesh = {.vertex_count = 6, .tet_count = 4, .position_type = TETLOD_FLOAT64, .positions = positions,
+                               .corners = corners, .field_count = 1, .fields = &field};
+        struct complex complex;
+        struct fields fields;
+        struct star star = {0};
+        struct boundary_map map = {0};
+        struct outcome outcome;
+        double assigned = NAN;
+        for (int v = 0; v < 6; v++)
+            values[v] = 4 * sign * positions[3 * v + 2];
+        REQUIRE(complex_init(&complex, &mesh, NULL) == TETLOD_OK);
+        REQUIRE(fields_init(&fields, &mesh, (uint32_t[]){0}, 1, NULL, NULL) == TETLOD_OK);
+        REQUIRE(star_gather(&star, &complex, (uint32_t[]){0, 1}, 2, NULL) == TETLOD_OK);
+        REQUIRE(boundary_find_map(&complex, &star, p, 0.5, &map));
+        fields_outcome(&fields, &complex, &star, &no_map, p, &assigned, &outcome);
+        double middle = outcome.value;
+        CHECK_NEAR(outcome.upper, middle, 1e-12);
+        CHECK_NEAR(outcome.lower, middle, 1e-12);
+        fields_outcome(&fields, &complex, &star, &map, p, &assigned, &outcome);
+        CHECK_NEAR(outcome.upper, sign > 0 ? middle + 2 : middle, 1e-12);
+        CHECK_NEAR(outcome.lower, sign > 0 ? middle : middle - 2, 1e-12);
+        boundary_map_fini(&map);
+        star_fini(&star);
+        fields_fini(&fields);
+        complex_fini(&complex);
+    }
+}
+
 int main(void)
 {
     RUN(test_first_contractions);
     RUN(test_later_contractions);
     RUN(test_limits_of_their_own);
+    RUN(test_the_map_demands);
     return test_end();
 }

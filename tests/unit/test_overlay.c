@@ -135,6 +135,37 @@ static void test_jump(void)
     tetmesh_fini(&other);
 }
 
+/* Two tetrahedra with a face each in one plane, of which rounding says now this, now that: what they have in common is the same
+ * whichever corner is the first. */
+static void test_common_plane(void)
+{
+    static const double x = 0.031948491930961609, y = -0.0032258168794214725;
+    const double points[8][3] = {{0.02129899337887764, 0, 0.75}, {x, 0, 1}, {x, -0.30000001192092896, 0.67500001192092896}, {x, 1, 1},
+                                 {x, y, 0.75870847702026367}, {0.021642526611685753, y, 0.48294669389724731},
+                                 {x, 1.0354838371276855, 0.75870847702026367}, {x, y, 0.48294669389724731}};
+    double first = 0;
+    for (int order = 0; order < 24 * 24; order++) {
+        struct tetmesh meshes[2];
+        for (int m = 0; m < 2; m++) {
+            uint32_t left[4] = {0, 1, 2, 3}, corners[1][4];
+            for (int k = 0, code = m ? order / 24 : order % 24; k < 4; code /= 4 - k, k++) {
+                int taken = code % (4 - k);
+                corners[0][k] = left[taken];
+                memmove(left + taken, left + taken + 1, sizeof *left * (size_t)(3 - taken));
+            }
+            REQUIRE(make_mesh(&meshes[m], points + 4 * m, 4, corners, 1));
+            for (int v = 0; v < 4; v++)
+                meshes[m].fields[0].values[v] = m ? 0 : points[v][2];
+        }
+        double most = exact(&meshes[0], &meshes[1], 1);
+        first = order ? first : most;
+        CHECK_NEAR(most, first, 1e-15);
+        tetmesh_fini(&meshes[0]);
+        tetmesh_fini(&meshes[1]);
+    }
+    CHECK_NEAR(first, 0.75870847702026367, 1e-15);
+}
+
 /* A mesh that covers its domain twice, with different values, is itself; and a single sheet is compared with the nearer. */
 static void test_overlap(void)
 {
@@ -215,6 +246,7 @@ int main(void)
     RUN(test_tent);
     RUN(test_crossing_edges);
     RUN(test_jump);
+    RUN(test_common_plane);
     RUN(test_overlap);
     RUN(test_against_sampling);
     return test_end();

@@ -391,7 +391,7 @@ async function a_line_is_plotted() {
   await page.waitForFunction((was) => document.querySelector('#line-drawing .line').getAttribute('d') !== was, curve);
   await page.locator('#line-close').click();
   assert.equal((await state()).line, null);
-  assert.ok(await page.locator('#line-plot').isHidden());
+  await page.locator('#line-plot').waitFor({ state: 'hidden' });
 }
 
 async function values_are_probed() {
