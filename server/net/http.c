@@ -272,7 +272,7 @@ static ssize_t read_nothing(void *opaque, uint64_t position, char *out, size_t m
 }
 
 /* For a 304, which has no body but may have the length of one. Where that is not known either, the library announces chunks
- * and sends the last of them unless it is told that the connection ends. */
+ * and sends the last of them unless it knows that the connection ends. */
 static struct MHD_Response *make_absent_body(uint64_t size)
 {
     struct MHD_Response *made =

@@ -45,7 +45,7 @@ struct replaced {
 };
 
 /* Complaints that were logged: each is made once, until a scan goes by without it. */
-struct tellings {
+struct warnings {
     char **texts;
     bool *again; /* by this scan */
     size_t count, text_capacity, again_capacity;
@@ -60,7 +60,7 @@ struct catalogue {
     size_t path_count;
     double keep_replaced;
     atomic_size_t troubles; /* of the last scan */
-    struct tellings told;
+    struct warnings given;
     struct open_files *files;
     void (*log)(void *opaque, const char *level, const char *message);
     void *log_opaque;
@@ -82,40 +82,40 @@ __attribute__((format(printf, 3, 4))) static void say(struct catalogue *catalogu
 /* Warns of a complaint, once as long as it lasts. */
 __attribute__((format(printf, 2, 3))) static void complain(struct catalogue *catalogue, const char *format, ...)
 {
-    struct tellings *told = &catalogue->told;
+    struct warnings *told = &catalogue->given;
     char message[640];
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(message, sizeof message, format, arguments);
     va_end(arguments);
-    for (size_t i = 0; i < told->count; i++)
-        if (strcmp(told->texts[i], message) == 0) {
-            told->again[i] = true;
+    for (size_t i = 0; i < given->count; i++)
+        if (strcmp(given->texts[i], message) == 0) {
+            given->again[i] = true;
             return;
         }
     say(catalogue, "warning", "%s", message);
     char *text = strdup(message); // where memory is out it is said again
-    if (text && array_reserve((void **)&told->texts, &told->text_capacity, told->count + 1, sizeof *told->texts) &&
-        array_reserve((void **)&told->again, &told->again_capacity, told->count + 1, sizeof *told->again)) {
-        told->texts[told->count] = text;
-        told->again[told->count++] = true;
+    if (text && array_reserve((void **)&given->texts, &given->text_capacity, given->count + 1, sizeof *given->texts) &&
+        array_reserve((void **)&given->again, &given->again_capacity, given->count + 1, sizeof *given->again)) {
+        given->texts[given->count] = text;
+        given->again[given->count++] = true;
     } else
         free(text);
 }
 
 /* Forgets complaints that the scan did not repeat. */
-static void forget_tellings(struct tellings *told, bool all)
+static void forget_warnings(struct warnings *given, bool all)
 {
     size_t kept = 0;
-    for (size_t i = 0; i < told->count; i++) {
-        if (all || !told->again[i])
-            free(told->texts[i]);
+    for (size_t i = 0; i < given->count; i++) {
+        if (all || !given->again[i])
+            free(given->texts[i]);
         else {
-            told->texts[kept] = told->texts[i];
-            told->again[kept++] = false;
+            given->texts[kept] = given->texts[i];
+            given->again[kept++] = false;
         }
     }
-    told->count = kept;
+    given->count = kept;
 }
 
 static struct entry *find_entry(const struct table *table, const char *id)
@@ -420,7 +420,7 @@ void catalogue_scan(struct catalogue *catalogue, double now)
         return;
     }
     atomic_store(&catalogue->troubles, scan.troubles);
-    forget_tellings(&catalogue->told, false);
+    forget_warnings(&catalogue->given, false);
     pthread_mutex_lock(&catalogue->lock);
     replace_table(catalogue, &scan.next, now);
     drop_replaced(catalogue, now - catalogue->keep_replaced);
@@ -468,9 +468,9 @@ void catalogue_close(struct catalogue *catalogue)
         return;
     table_fini(&catalogue->table);
     drop_replaced(catalogue, 1e300);
-    forget_tellings(&catalogue->told, true);
-    free(catalogue->told.texts);
-    free(catalogue->told.again);
+    forget_warnings(&catalogue->given, true);
+    free(catalogue->given.texts);
+    free(catalogue->given.again);
     for (size_t i = 0; i < catalogue->path_count; i++)
         free(catalogue->paths[i]);
     free(catalogue->paths);

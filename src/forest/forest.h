@@ -35,7 +35,7 @@ TETLOD_CHECKED enum tetlod_status forest_grow(struct forest *forest, struct tetl
 
 const struct tetlod_info *forest_info(const struct forest *forest);
 
-/* How many levels are there: a thread that was told so may ask for their meshes. */
+/* How many levels are there: a thread that has read it may ask for their meshes. */
 uint32_t forest_levels(const struct forest *forest);
 
 /* Memory that what is there takes. */

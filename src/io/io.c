@@ -214,7 +214,7 @@ done:
 
 /* ---- files */
 
-/* The two files of a mesh that is told by its extension; the caller frees the names. */
+/* The two files of a mesh whose extension names its format; the caller frees the names. */
 static enum tetlod_status name_siblings(const char *path, const struct format *format, char *names[2],
                                         struct tetlod_error *error)
 {

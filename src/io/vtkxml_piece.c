@@ -320,7 +320,7 @@ static enum tetlod_status read_fields(struct reader *r)
         if (!cell && is_ghosts(array->name))
             continue; // the cells' say which to leave out
         if (vtkxml_find(r->document, r->piece, array->section, array->name) != array)
-            io_leave_out(r->report, &r->report->skipped_arrays, array->name, strlen(array->name)); // a second one of that name could not be told from the first
+            io_leave_out(r->report, &r->report->skipped_arrays, array->name, strlen(array->name)); // a second one of that name would look like the first
         else
             TETLOD_TRY(read_field(r, array, cell));
     }

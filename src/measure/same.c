@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Vertices of both meshes are ranked together by position and values; a tetrahedron is then its four sorted ranks and the
- * parity of the sorting. Vertices with the same bits have the same rank: they cannot be told apart. */
+ * parity of the sorting. Vertices with the same bits have the same rank: nothing distinguishes them. */
 #include "src/measure/same.h"
 
 #include <stdlib.h>
@@ -89,7 +89,7 @@ static struct key *make_keys(const struct tetmesh *mesh, const uint32_t *ranks)
                 key.ranks[j - 1] = swap;
                 key.odd ^= 1;
             }
-        key.odd &= !twins; // with two that cannot be told apart there is no parity
+        key.odd &= !twins; // with two equal ones there is no parity
         keys[t] = key;
     }
     if (keys)

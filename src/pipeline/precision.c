@@ -21,7 +21,7 @@ bool precision_is_narrow(const double *values, size_t count)
 }
 
 /* A power of two times whole numbers, 0 among them where it is in the range: what is round there stays round. It ends inside the
- * range. bits 0: there is none, every value is told exactly at once. */
+ * range. bits 0: there is no grid, every value is exact at once. */
 static struct grid choose_grid(const double range[2], enum tetlod_type type)
 {
     struct grid none = {0, 0, 0, 0};

@@ -11,7 +11,7 @@
 #include "src/util/put.h"
 #include "src/util/utf8_clean.h"
 
-/* Okabe and Ito's colours, which are told apart whatever one's colour vision; dashes for black and white. */
+/* Okabe and Ito's colours, which differ for every kind of colour vision; dashes for black and white. */
 static const struct style {
     const char *colour, *dashes, *text;
 } styles[TETLOD_MEASURES] = {

@@ -441,7 +441,7 @@ static bool *find_strays(const struct attack *a)
 static void check_vertices(struct attack *a, uint32_t k, const struct oracle_mesh *level)
 {
     bool *done = find_strays(a);
-    unsigned told[2] = {0, 0}; /* sets of values: one line for each is enough */
+    unsigned reported[2] = {0, 0}; /* sets of values: one line for each is enough */
     for (size_t c = 0; c < 4 * (size_t)a->original.tets; c++) {
         uint32_t v = a->corners[c];
         const double *p = a->positions + 3 * (size_t)v;
@@ -455,11 +455,11 @@ static void check_vertices(struct attack *a, uint32_t k, const struct oracle_mes
             bool held = oracle_difference_at(level, a->part[v], p, i, a->values[i][v], &here);
             if (held && range > 0)
                 falsehood_note(&a->falsehood.sampled[(size_t)k * a->info->field_count + f], (here - slack) / range);
-            if (held && here > sampled * range + slack && once(&told[0], i))
+            if (held && here > sampled * range + slack && once(&reported[0], i))
                 found(a, "sampled", "level %u, %s: stored %.9g, at vertex %u it is %.9g", k, a->info->fields[f].name, sampled,
                       v, here / range);
             if (!held && !isnan(error_of(a, k, f, TETLOD_MAX)) &&
-                !has_partner(a, k, level, (uint32_t)(c / 4), p, i, a->values[i][v]) && once(&told[1], i))
+                !has_partner(a, k, level, (uint32_t)(c / 4), p, i, a->values[i][v]) && once(&reported[1], i))
                 found(a, "partner", "level %u, %s: stored %.9g, domain error %.9g: none for vertex %u", k,
                       a->info->fields[f].name, error_of(a, k, f, TETLOD_MAX), a->info->levels[k].domain_error, v);
         }

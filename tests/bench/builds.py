@@ -13,7 +13,7 @@ place = tempfile.TemporaryDirectory(prefix='tetlod-bench-')
 
 
 def mesh(name):
-    """What `build` is to be told of it; None where the data is not there."""
+    """Its arguments of `build`; None where the data is not there."""
     if name == 'blunt fin':
         grid, solution = os.path.join(BLUNT, 'bluntfinxyz.bin'), os.path.join(BLUNT, 'bluntfinq.bin')
         return [grid, '--q', solution, '--field', 'Pressure', '--carry', 'Pressure'] if os.path.exists(grid) else None

@@ -163,11 +163,11 @@ def memory(folder, stream):
     try:
         wait_for(port)
         name = os.path.basename(stream)[:-len('.tetlod')]
-        told = json.loads(fetch(port, '/v1/meshes/' + name)[0])
+        shown = json.loads(fetch(port, '/v1/meshes/' + name)[0])
         script = os.path.join(folder, 'mix.lua')
         with open(script, 'w') as file:
-            file.write(MIX % ('/v1/meshes/%s/%s' % (name, told['cid']), len(told['levels']) - 1))
-        fetch(port, '/v1/meshes/%s/%s/levels/0/mesh.vtu' % (name, told['cid']))
+            file.write(MIX % ('/v1/meshes/%s/%s' % (name, shown['cid']), len(shown['levels']) - 1))
+        fetch(port, '/v1/meshes/%s/%s/levels/0/mesh.vtu' % (name, shown['cid']))
         while b'\ntetlod_streams_decoded_total 1\n' not in fetch(port, '/metrics')[0]:
             time.sleep(0.05)
         with open('/proc/%d/clear_refs' % server.pid, 'w') as file:
@@ -213,8 +213,8 @@ def main():
                                            '--quiet', '--threads', str(CORES)], stdout=subprocess.DEVNULL))
         processes.append(start_nginx(folder, nginx_port))
         wait_for(tetlod_port)
-        told = json.loads(fetch(tetlod_port, '/v1/meshes/fin')[0])
-        at, levels = '/v1/meshes/fin/' + told['cid'], told['levels']
+        shown = json.loads(fetch(tetlod_port, '/v1/meshes/fin')[0])
+        at, levels = '/v1/meshes/fin/' + shown['cid'], shown['levels']
         servers = ((tetlod_port, processes[0].pid), (nginx_port, processes[1].pid))
         result = {}
         for name, size in (('records-4K', 4 << 10), ('records-64K', 64 << 10), ('records-1M', 1 << 20)):

@@ -121,8 +121,8 @@ def main():
     try:
         port = int(re.search(rb':(\d+)/', server.stdout.readline())[1])
         with urllib.request.urlopen('http://127.0.0.1:%d/v1/meshes/fin' % port) as answer:
-            told = json.load(answer)
-        at, levels = '/v1/meshes/fin/' + told['cid'], told['levels']
+            shown = json.load(answer)
+        at, levels = '/v1/meshes/fin/' + shown['cid'], shown['levels']
         cached = ['/v1/meshes/fin', at + '/records/0-5', at + '/levels/0/mesh.vtu', at + '/levels/3/mesh.tetlod', '/page.css']
         for path in cached:
             urllib.request.urlopen('http://127.0.0.1:%d%s' % (port, path)).read()

@@ -83,30 +83,30 @@ def samples():
 def shape_of_json():
     done = tetlod('build', 'fin.vtu', '-o', 'fin.tetlod', '--field', 'Pressure', '--json', '--quiet')
     report('build --json --quiet: JSON alone', done.returncode == 0 and not done.stderr, done)
-    built, told = json.loads(done.stdout), info('fin.tetlod')
-    report('build --json is info --json and more', all(built[k] == v for k, v in told.items()) and
-           set(built) - set(told) == {'seconds', 'refused', 'contractions', 'peak_memory', 'bytes_per_tetrahedron', 'threads', 'nan_filled'}, set(built) ^ set(told))
+    built, shown = json.loads(done.stdout), info('fin.tetlod')
+    report('build --json is info --json and more', all(built[k] == v for k, v in shown.items()) and
+           set(built) - set(shown) == {'seconds', 'refused', 'contractions', 'peak_memory', 'bytes_per_tetrahedron', 'threads', 'nan_filled'}, set(built) ^ set(shown))
     report('build --json: seconds by phase', set(built['seconds']) == {'read', 'contract', 'measure', 'encode', 'write'} and
            all(s >= 0 for s in built['seconds'].values()), built['seconds'])
     report('info --json: what it has', {'id', 'cid', 'vertices', 'tets', 'bytes', 'bounds', 'lossless', 'degenerate_tets',
-           'inverted_tets', 'unused_points', 'fields', 'levels'} <= set(told) and told['id'] == 'fin', sorted(told))
+           'inverted_tets', 'unused_points', 'fields', 'levels'} <= set(shown) and shown['id'] == 'fin', sorted(shown))
     points, cells, fields = read_vtu('fin.vtu')
-    report('info --json: counts, bounds, bytes', (told['vertices'], told['tets'], told['lossless']) ==
-           (len(points), len(cells), True) and told['bytes'] == os.path.getsize(path('fin.tetlod')) and
-           np.array_equal(told['bounds'], [points.min(0), points.max(0)]), told['bounds'])
-    good = [f['name'] for f in told['fields']] == list(fields)
-    for field in told['fields']:
+    report('info --json: counts, bounds, bytes', (shown['vertices'], shown['tets'], shown['lossless']) ==
+           (len(points), len(cells), True) and shown['bytes'] == os.path.getsize(path('fin.tetlod')) and
+           np.array_equal(shown['bounds'], [points.min(0), points.max(0)]), shown['bounds'])
+    good = [f['name'] for f in shown['fields']] == list(fields)
+    for field in shown['fields']:
         values = fields[field['name']]
         good &= field['range'] == [values.min(), values.max()] and field['components'] == values.size // len(points)
         good &= field['type'] == 'float32' and field['controlled'] == (field['name'] == 'Pressure')
-    report('info --json: fields', good, told['fields'])
-    levels_of_json(told)
+    report('info --json: fields', good, shown['fields'])
+    levels_of_json(shown)
 
 
-def levels_of_json(told):
-    levels = told['levels']
+def levels_of_json(shown):
+    levels = shown['levels']
     good = [l['level'] for l in levels] == list(range(len(levels))) and len(levels) > 5
-    good &= (levels[-1]['vertices'], levels[-1]['tets'], levels[-1]['bytes']) == (told['vertices'], told['tets'], told['bytes'])
+    good &= (levels[-1]['vertices'], levels[-1]['tets'], levels[-1]['bytes']) == (shown['vertices'], shown['tets'], shown['bytes'])
     for a, b in zip(levels, levels[1:]):  # the last is the tail: the same mesh with the original's values
         good &= a['vertices'] < b['vertices'] or (b is levels[-1] and a['vertices'] == b['vertices'])
         good &= a['bytes'] < b['bytes'] and a['domain_error'] >= b['domain_error']
@@ -183,13 +183,13 @@ def extract():
 
 
 def compare():
-    told = info('fin.tetlod')
-    level = told['levels'][3]
+    shown = info('fin.tetlod')
+    level = shown['levels'][3]
     extracted('--level', '3')
     done = tetlod('compare', 'fin.vtu', 'level.vtu', '--field', 'Pressure', '--json')
     got, wanted = json.loads(done.stdout or '{}'), level['errors']['Pressure']
-    report('compare: what the builder measured', done.returncode == 0 and got['vertices'] == [told['vertices'], level['vertices']]
-           and got['tets'] == [told['tets'], level['tets']] and 0 < got['errors']['sampled'] <= wanted['sampled'] * (1 + 1e-9)
+    report('compare: what the builder measured', done.returncode == 0 and got['vertices'] == [shown['vertices'], level['vertices']]
+           and got['tets'] == [shown['tets'], level['tets']] and 0 < got['errors']['sampled'] <= wanted['sampled'] * (1 + 1e-9)
            and got['errors']['rms'] <= wanted['rms'] * (1 + 1e-9), (got, level))
     report('compare: not far below either', got['errors']['sampled'] > .5 * wanted['sampled'], (got, wanted))
     one = tetlod('compare', 'fin.vtu', 'level.vtu', '--field', 'Pressure', '--json', '--threads', '1')
@@ -232,11 +232,11 @@ def fields():
     build = ('build', 'fin.vtu', '-o', 'f.tetlod', '--quiet')
     names = [f['name'] for f in info('fin.tetlod')['fields']]
     succeeds('two fields', *build, '--field', 'Pressure', '--field', 'Density')
-    told = info('f.tetlod')
+    shown = info('f.tetlod')
     report('two fields: both are held', [n for n, c in controlled('f.tetlod').items() if c] == ['Pressure', 'Density'] or
-           {n for n, c in controlled('f.tetlod').items() if c} == {'Pressure', 'Density'}, told['fields'])
+           {n for n, c in controlled('f.tetlod').items() if c} == {'Pressure', 'Density'}, shown['fields'])
     report('two fields: a level for both', extracted_of('f.tetlod', '5%') == next(
-        l['tets'] for l in told['levels'] if all(l['errors'][f]['max'] <= .05 for f in ('Pressure', 'Density'))))
+        l['tets'] for l in shown['levels'] if all(l['errors'][f]['max'] <= .05 for f in ('Pressure', 'Density'))))
     for part in 'mag', '0', '2':
         succeeds('Velocity:%s' % part, *build, '--field', 'Velocity:%s' % part)
         held = controlled('f.tetlod')
@@ -340,9 +340,9 @@ def special_meshes():
            mirrored['levels'][0]['tets'] < 30 and plain['levels'][0]['tets'] < 30, mirrored['levels'][0])
     write_vtu('constant.vtu', points, cells, {'s': np.full(len(points), 7.5)})
     round_trip('constant')
-    told = info('constant.tetlod')
-    report('a constant field: all errors are 0, the base is small', told['levels'][0]['tets'] < 30 and
-           all(e == 0 for l in told['levels'] for e in l['errors']['s'].values()), told['levels'][0])
+    shown = info('constant.tetlod')
+    report('a constant field: all errors are 0, the base is small', shown['levels'][0]['tets'] < 30 and
+           all(e == 0 for l in shown['levels'] for e in l['errors']['s'].values()), shown['levels'][0])
     apart = np.concatenate([points, points + [10, 0, 0], points + [0, 20, 5]])
     write_vtu('three.vtu', apart, np.concatenate([cells, cells + len(points), cells + 2 * len(points)]), {'s': apart[:, 0] * apart[:, 1]})
     round_trip('three')
@@ -350,9 +350,9 @@ def special_meshes():
     loose = np.concatenate([[[99, 99, 99]], points, [[-99, 0, 0]]])
     write_vtu('loose.vtu', loose, cells + 1, {'s': loose[:, 0]})
     done = tetlod('build', 'loose.vtu', '-o', 'loose.tetlod')
-    told = info('loose.tetlod')
-    report('isolated points: dropped, counted and said', told['unused_points'] == 2 and told['vertices'] == len(points) and
-           told['bounds'][1] == [4, 4, 4] and b'2 points' in done.stderr, (told['bounds'], done.stderr))
+    shown = info('loose.tetlod')
+    report('isolated points: dropped, counted and said', shown['unused_points'] == 2 and shown['vertices'] == len(points) and
+           shown['bounds'][1] == [4, 4, 4] and b'2 points' in done.stderr, (shown['bounds'], done.stderr))
     flat = np.array([[0, 0, 9], [1, 0, 9], [0, 1, 9], [1, 1, 9]], 'f4')
     write_vtu('flat.vtu', np.concatenate([points, flat]), np.concatenate([cells, [np.arange(4) + len(points)]]),
               {'s': np.concatenate([points, flat]).sum(1)})
@@ -505,9 +505,9 @@ def against():
 
 def forge_max(name, coarsest, most):
     """The stream with the stored `max` of its only field cut to `most` from a level on, whole in every other respect."""
-    told, data = info(name), bytearray(plain(open(path(name), 'rb').read()))
+    shown, data = info(name), bytearray(plain(open(path(name), 'rb').read()))
     size = struct.unpack_from('<I', data, 20)[0]
-    for level in told['levels'][coarsest:]:
+    for level in shown['levels'][coarsest:]:
         at = data.index(struct.pack('<QQd', level['vertices'], level['tets'], level['domain_error']), 64, 64 + size) + 24
         stored = struct.unpack_from('<d', data, at)[0]
         struct.pack_into('<d', data, at, min(stored, most))
@@ -560,21 +560,21 @@ def blunt_fin():
     done = tetlod('build', grid, '--q', solution, '--field', 'Pressure', '--carry', 'Pressure', '--metric', 'sva',
                   '--growth', '1.3', '-o', 'blunt.tetlod', '--json')
     report(name + ': build', done.returncode == 0 and b'77 degenerate' in done.stderr, done)
-    told = json.loads(done.stdout)
-    report(name + ': counts', (told['vertices'], told['tets'], told['degenerate_tets']) == (40960, 187395, 77), told['tets'])
+    shown = json.loads(done.stdout)
+    report(name + ': counts', (shown['vertices'], shown['tets'], shown['degenerate_tets']) == (40960, 187395, 77), shown['tets'])
     for error, most in (.001, 74.05), (.002, 64.48), (.003, 58.13), (.005, 50.21), (.01, 39.54):
-        left = next(l['tets'] for l in told['levels'] if l['errors']['Pressure']['predicted'] <= error) / told['tets'] * 100
+        left = next(l['tets'] for l in shown['levels'] if l['errors']['Pressure']['predicted'] <= error) / shown['tets'] * 100
         report('%s: predicted %g %%: at most %.2f %% of the tetrahedra, as in the thesis (Table 4.2)' % (name, 100 * error, most),
                left <= most, left)
-    report(name + ': a certified error is at most the range', told['levels'][0]['errors']['Pressure']['max'] <= 1)
+    report(name + ': a certified error is at most the range', shown['levels'][0]['errors']['Pressure']['max'] <= 1)
     checked = tetlod('verify', 'blunt.tetlod', '--against', grid, '--q', solution)
     report(name + ': verify --against, the exact maximum at six levels', checked.returncode == 0 and
            checked.stdout.decode().split('levels')[-1].count(',') == 5, checked)
     certified = tetlod('build', grid, '--q', solution, '--field', 'Pressure', '--carry', 'Pressure', '-o', 'certified.tetlod',
                        '--json', '--quiet')
-    told = json.loads(certified.stdout)
+    shown = json.loads(certified.stdout)
     for error, most in (.001, 56), (.01, 18.5), (.05, 6.5):
-        left = next(l['tets'] for l in told['levels'] if l['errors']['Pressure']['max'] <= error) / told['tets'] * 100
+        left = next(l['tets'] for l in shown['levels'] if l['errors']['Pressure']['max'] <= error) / shown['tets'] * 100
         report('%s: certified %g %%: at most %g %% of the tetrahedra' % (name, 100 * error, most), left <= most, left)
 
 

@@ -147,10 +147,10 @@ def test_cut_off():
         data = file.read()
     ends = [level.bytes for level in tetlod.open(data).levels]
     for decoder in ('library', 'python'):
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter('always')
             mesh = tetlod.read(data[:ends[7] + 10], decoder=decoder)
-        assert mesh.level == 7 and 'levels 0 to 7 of' in str(told[0].message) and len(told) == 1
+        assert mesh.level == 7 and 'levels 0 to 7 of' in str(warned[0].message) and len(warned) == 1
         raises(tetlod.StreamError, 'levels 0 to 7', tetlod.read, data[:ends[7]], error=0.001, decoder=decoder)
         assert tetlod.read(data[:ends[7]], level=3, decoder=decoder).level == 3
         raises(tetlod.StreamError, 'cut off', tetlod.read, data[:ends[0] - 1], decoder=decoder)
@@ -194,7 +194,7 @@ def some_levels():
 
 
 class Slow(http.server.BaseHTTPRequestHandler):
-    """A host without Range: sends a stream's first half, and the rest when it is told to."""
+    """A host without Range: sends a stream's first half, and the rest when the test lets it."""
     requests, rest = [], threading.Event()
 
     def do_GET(self):
@@ -296,7 +296,7 @@ def test_levels_while_bytes_arrive():
         for decoder in ('library', 'python'):
             Slow.requests.clear()
             Slow.rest.clear()
-            with warnings.catch_warnings(record=True) as told:
+            with warnings.catch_warnings(record=True) as warned:
                 warnings.simplefilter('always')
                 with tetlod.open(url + 'fin.tetlod', level=last, decoder=decoder) as stream:
                     seen = []
@@ -305,7 +305,7 @@ def test_levels_while_bytes_arrive():
                         if mesh.level == early:
                             Slow.rest.set()  # that level came before the bytes of the next one were sent
             assert seen == list(range(last + 1)) and len(Slow.requests) == 1
-            assert any('does not answer Range' in str(w.message) for w in told)
+            assert any('does not answer Range' in str(w.message) for w in warned)
             assert same(mesh, tetlod.read(FIN, level=last))
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')

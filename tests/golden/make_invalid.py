@@ -104,7 +104,7 @@ def cases():
     yield 'time_error', 'decode', 'a step with an error that is not a number', retimed(16 + 48 + 48 + 48 + 72 + 4, 'f', NAN)
     yield 'time_digest', 'decode', 'a group of steps with another digest', retimed(-16, '16s', bytes(16))
     yield 'time_random', 'decode', 'steps of other bytes, with their digests', shuffled(lambda group: bytes(255 - b for b in group))
-    yield 'time_mode', 'decode', 'a first step that is told from the one before', shuffled(lambda group: b'\xff' * len(group))
+    yield 'time_mode', 'decode', 'a first step that is predicted from the one before', shuffled(lambda group: b'\xff' * len(group))
     yield 'truncated', 'decode', 'the last byte is missing', GRID[:-1]
 
 

@@ -97,11 +97,11 @@ def test_catalogue():
 
 
 def test_description():
-    told = json.loads(tetlod('info', '--json', FIN))
-    for key in told:
+    shown = json.loads(tetlod('info', '--json', FIN))
+    for key in shown:
         if key != 'levels':
-            assert info[key] == told[key], key
-    for ours, theirs in zip(info['levels'], told['levels']):
+            assert info[key] == shown[key], key
+    for ours, theirs in zip(info['levels'], shown['levels']):
         assert {k: v for k, v in ours.items() if k != 'offset'} == {k: v for k, v in theirs.items() if k != 'offset'}
     end = info['levels'][0]['bytes']
     for level in info['levels'][1:]:
@@ -449,8 +449,8 @@ def test_slow_readers():
     stream, path = os.path.join(SCRATCH, 'held.tetlod'), os.path.join(SCRATCH, 'held.sock')
     make_stream('fin', stream, 16)  # its mesh is more than the buffers of a Unix socket hold
     with Server(stream, '--cache', '8M', '--memory', '64M', '--timeout', '2', '--quiet', '--listen', 'unix:' + path) as small, contextlib.ExitStack() as stack:
-        told = small.json('/v1/meshes/held')
-        at, last = '/v1/meshes/held/%s/' % told['cid'], len(told['levels']) - 1
+        shown = small.json('/v1/meshes/held')
+        at, last = '/v1/meshes/held/%s/' % shown['cid'], len(shown['levels']) - 1
         cached = at + 'levels/0/mesh.vtu'
         small.get(cached)
         held = []
@@ -467,7 +467,7 @@ def test_slow_readers():
         with open(stream, 'rb') as file:
             whole = file.read()
         assert small.get(at + 'stream')[2] == whole
-        first, end = told['levels'][0]['bytes'], told['levels'][last]['bytes']
+        first, end = shown['levels'][0]['bytes'], shown['levels'][last]['bytes']
         assert small.get(at + 'records/0-%d' % last)[2] == whole[first:end]
         for slow in held:  # all lost their connection
             with contextlib.suppress(ConnectionResetError):
@@ -484,10 +484,10 @@ def test_memory_is_bounded():
     with Server(folder, '--memory', '3M', '--cache', '1M') as small, Server(folder) as ample:
         for _ in range(2):
             for i in range(12):
-                told = ample.json('/v1/meshes/m%d' % i)
-                last = len(told['levels']) - 1
+                shown = ample.json('/v1/meshes/m%d' % i)
+                last = len(shown['levels']) - 1
                 for level in (0, last // 2, last):
-                    path = '/v1/meshes/m%d/%s/levels/%d/mesh.vtu' % (i, told['cid'], level)
+                    path = '/v1/meshes/m%d/%s/levels/%d/mesh.vtu' % (i, shown['cid'], level)
                     status, _, body = small.get(path)
                     assert status == 200 and body == ample.get(path)[2], (path, status, body[:300])
                     assert metric('tetlod_stream_memory_bytes', small) <= 3 << 20
@@ -576,8 +576,8 @@ def test_stop_during_answers():
     stream, path = os.path.join(SCRATCH, 'larger.tetlod'), os.path.join(SCRATCH, 'stop.sock')
     make_stream('fin', stream, 16)  # its mesh is more than the buffers of a Unix socket hold
     with Server(stream, '--drain', '1000', '--timeout', '1000', '--quiet', '--listen', 'unix:' + path) as ending, socket.socket(socket.AF_UNIX) as slow, ending.connect() as patient:
-        told = ending.json('/v1/meshes/larger')
-        request = b'GET /v1/meshes/larger/%s/levels/%d/mesh.%%s HTTP/1.1\r\nHost: localhost\r\n\r\n' % (told['cid'].encode(), len(told['levels']) - 1)
+        shown = ending.json('/v1/meshes/larger')
+        request = b'GET /v1/meshes/larger/%s/levels/%d/mesh.%%s HTTP/1.1\r\nHost: localhost\r\n\r\n' % (shown['cid'].encode(), len(shown['levels']) - 1)
         slow.settimeout(PATIENCE)
         slow.connect(path)
         slow.sendall(request % b'vtk')
@@ -617,9 +617,9 @@ def test_overload():
     """More to be made than can wait is refused for now, and answered later; nothing is lost."""
     stream = os.path.join(SCRATCH, 'larger.tetlod')  # of the test before
     with Server(stream, '--threads', '1', '--quiet') as busy:
-        told = busy.json('/v1/meshes/larger')
-        base_path = '/v1/meshes/larger/%s/levels/' % told['cid']
-        slices = base_path + '%d/slice.vtp?normal=0,0,1&origin=%%d,0,%%d' % (len(told['levels']) - 1)
+        shown = busy.json('/v1/meshes/larger')
+        base_path = '/v1/meshes/larger/%s/levels/' % shown['cid']
+        slices = base_path + '%d/slice.vtp?normal=0,0,1&origin=%%d,0,%%d' % (len(shown['levels']) - 1)
         busy.get(base_path + '0/mesh.vtu')
         for attempt in range(5):  # where we ask more slowly than it makes, none is refused
             found = ask_at_once(busy, [slices % (attempt, number) for number in range(600)])

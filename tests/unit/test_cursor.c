@@ -228,7 +228,7 @@ static void test_spans(void)
     stream_close(&s);
 }
 
-/* What is dropped is not wanted any more by a cursor that has it; who comes later is told. */
+/* What is dropped is not wanted any more by a cursor that has it; a later cursor gets an error. */
 static void test_drop(void)
 {
     struct stream s;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * The parallel rounds: the same bytes on any number of threads and with either arithmetic; rings and stars of any size are contracted,
- * and what is refused is counted; a run stops where it is told to.
+ * and what is refused is counted; a run stops at its limits.
  */
 #include "src/simplify/rounds.h"
 

@@ -160,7 +160,7 @@ static void check_level(const struct tetmesh *original, const struct mesh_report
     }
 }
 
-/* Neighbours that are handed on from level to level are those of the level's faces. */
+/* Neighbours that are passed on from level to level are those of the level's faces. */
 static void check_neighbours(const struct ancestry_level *level)
 {
     size_t slots = 4 * (size_t)level->mesh.tet_count;

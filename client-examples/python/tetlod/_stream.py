@@ -132,10 +132,10 @@ class Stream:
         cut = '%s: the stream is cut off' % self._source.name
         if not here:
             raise StreamError(cut + ' before the end of its coarsest level')
-        told = cut + ': it holds levels 0 to %d of %d' % (here[-1], len(self.levels) - 1)
+        message = cut + ': it holds levels 0 to %d of %d' % (here[-1], len(self.levels) - 1)
         if choice != Choice():
-            raise StreamError('%s, not level %d' % (told, wanted))
-        warnings.warn(told, stacklevel=4)
+            raise StreamError('%s, not level %d' % (message, wanted))
+        warnings.warn(message, stacklevel=4)
         return here[-1]
 
 

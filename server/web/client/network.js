@@ -7,7 +7,7 @@ const LEAST = 1 << 17;  // that one request may ask for, if so much is needed; l
 const MOST = 1 << 20;
 const longest = 30_000; // milliseconds without a byte, and between two attempts at most a third of it
 
-/** A failure that trying again does not mend. */
+/** A failure that stays when it is tried again. */
 export class FetchError extends Error {
   constructor(message) {
     super(message);
@@ -96,7 +96,7 @@ export class Source {
   cid = '';          // of the stream, once it is known: all bytes must be of the same one
   levels = null;     // {offset, bytes}: of the server's, or set to what comes without some fields
 
-  /** `headers` and `credentials` are fetch's. `onRetry({attempt, delay, message})` is told of every failure that is tried again. */
+  /** `headers` and `credentials` are fetch's. `onRetry({attempt, delay, message})` is called for every failure that is tried again. */
   constructor({ url, headers, credentials }, { target, fields, signal, retries = 8, onRetry = () => {} } = {}) {
     this.#url = url;
     this.#request = { headers, credentials };

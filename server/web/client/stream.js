@@ -28,7 +28,7 @@ class NotStarted extends Error {}
 
 const isReader = (source) => typeof source?.read === 'function';
 
-// What the worker is told of a source.
+// What the worker gets of a source.
 function described(source) {
   if (typeof Blob !== 'undefined' && source instanceof Blob) return { blob: source };
   if (isReader(source)) return { page: true };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Colour maps. The sequential ones are perceptually uniform, the diverging ones have a light middle; all of them are
-// told apart with the common forms of colour blindness.
+// distinct with the common forms of colour blindness.
 
 import { interpolateCividis, interpolateGreys, interpolateInferno, interpolateMagma, interpolatePlasma, interpolatePuOr, interpolateRdBu,
   interpolateTurbo, interpolateViridis } from 'd3-scale-chromatic';

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What the picture is to show. One flat object; it is told to those who subscribe and written into the URL's fragment.
+// What the picture is to show. One flat object; subscribers get it, and it is written into the URL's fragment.
 
 import { mapNames } from './colors.js';
 import { clamp } from './numbers.js';

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A stream in a picture: state, stream and scene told of one another. The page puts its panel around it, the element
+// A stream in a picture: state, stream and scene kept in step. The page puts its panel around it, the element
 // <tetlod-view> nothing.
 
 import { TetlodStream } from '../client/stream.js';

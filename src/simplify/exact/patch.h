@@ -29,7 +29,7 @@ struct overlaps {
     uint32_t *pool;
     size_t pool_size, pool_capacity;
     float *slopes;              /* [original tet] (longest edge)^2 / 6V, rounded up; 0: it has no volume */
-    struct sentinel *sentinels; /* [tet of the level][SENTINELS] points near which contractions were refused of late */
+    struct sentinel *sentinels; /* [tet of the level][SENTINELS] points near which contractions were refused last */
     uint32_t *host;             /* [original vertex] the tetrahedron of the level that it is in: a hint, what to look at first */
 };
 
