@@ -152,8 +152,6 @@ class LibraryDecoder:
 
     def _fill(self, offset: int, buffer: int, size: int) -> int:
         """The library's callback."""
-        if self._problem is not None:  # the library reads several frames before it looks at the first one's status: that one is told
-            return ERR_IO
         try:
             data = self._source.read(offset, size)
         except BaseException as problem:  # it must not pass through C; _check raises it
