@@ -82,7 +82,7 @@ __attribute__((format(printf, 3, 4))) static void say(struct catalogue *catalogu
 /* Warns of a complaint, once as long as it lasts. */
 __attribute__((format(printf, 2, 3))) static void complain(struct catalogue *catalogue, const char *format, ...)
 {
-    struct warnings *told = &catalogue->given;
+    struct warnings *given = &catalogue->given;
     char message[640];
     va_list arguments;
     va_start(arguments, format);
