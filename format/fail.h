@@ -6,7 +6,7 @@
 #include "format/tetlod.h"
 
 /* Fills *error (may be NULL) with a printf-formatted message and returns `status`. The message is one line, without a
- * trailing full stop or newline; it names the place and, where there is one, the mend. */
+ * trailing full stop or newline; it says where the failure is and, if possible, how to fix it. */
 enum tetlod_status tetlodi_fail(struct tetlod_error *error, enum tetlod_status status, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 

@@ -23,7 +23,7 @@ int tetlodi_lower_init(struct tetlodi_lower *lower, const uint32_t *corners, siz
                        struct tetlodi_memory *memory);
 void tetlodi_lower_fini(struct tetlodi_lower *lower);
 
-/* How a field's values are told in a band. quantum 0: bit for bit as the type. Else the value is (type)(quantum * code). */
+/* How a field's values are coded in a band. quantum 0: bit for bit as the type. Else the value is (type)(quantum * code). */
 struct tetlodi_step_scale {
     enum tetlod_type type;
     double quantum;

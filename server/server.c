@@ -65,7 +65,7 @@ static void refuse(struct server *server, int fd)
                                  "Content-Type: application/problem+json\r\nContent-Length: 85\r\n\r\n"
                                  "{\"title\":\"Service Unavailable\",\"status\":503,\"detail\":\"too many connections; try later\"}";
     ssize_t ignored = send(fd, answer, sizeof answer - 1, MSG_NOSIGNAL | MSG_DONTWAIT);
-    (void)ignored; // it is told if it can be
+    (void)ignored; // the client may be gone already
     close(fd);
     metrics_count(server->site.metrics, METRIC_CONNECTIONS_REFUSED);
 }

@@ -13,7 +13,7 @@
 /* False: answered, because the request may not be served. `path` is below the base path. */
 bool access_allows(struct exchange *exchange, const char *path);
 
-/* Adds to an answer what browsers are told of other origins. */
+/* Adds the headers that tell browsers which other origins may read an answer. */
 void access_headers(const struct site *site, const struct request *request, struct response *response);
 
 /* Whether the answer may not be kept by caches that others share. */

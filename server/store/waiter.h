@@ -5,7 +5,7 @@
 
 #include <stddef.h>
 
-/* Is told once, from the maker's thread. Its storage is the caller's until then. */
+/* Called once, from the maker's thread. Its storage is the caller's until then. */
 struct waiter {
     void (*wake)(struct waiter *waiter);
     struct waiter *next;

@@ -7,7 +7,7 @@
 static const char help[] = "usage: tetlod formats\n"
                            "\n"
                            "Lists the mesh files that this binary reads and writes: name, read, written, extensions, what of\n"
-                           "the format. A file is told by its content first, by its extension second.\n"
+                           "the format. A file's content decides its format, then its extension.\n"
                            "\n"
                            "example: tetlod formats\n";
 

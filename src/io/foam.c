@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Reading an OpenFOAM case by the (usually empty) file NAME.foam in its folder: constant/polyMesh, and the volume fields of a time,
- * a folder whose name is a number. Cells are told by their faces: tetrahedra, hexahedra, wedges and pyramids become these, all
+ * a folder whose name is a number. Cells are recognised by their faces: tetrahedra, hexahedra, wedges and pyramids become these, all
  * others polyhedra. Values are those of cells; boundary conditions are not read.
  */
 #include <dirent.h>

@@ -365,7 +365,7 @@ enum tetlod_status io_check_output(const char *path, struct tetlod_error *error)
             length += (size_t)snprintf(known + length, sizeof known - length, "%s.%s", length ? ", " : "",
                                        formats[f].extensions[0]);
     return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
-                        "%.120s: the format of an output is told by its extension, which is one of %s", path, known);
+                        "%.120s: the extension of an output decides its format: use one of %s", path, known);
 }
 
 enum tetlod_status io_write(const struct tetmesh *mesh, const char *path, struct tetlod_error *error)

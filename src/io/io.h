@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Mesh files. Formats are told by content first, by extension second. A reader turns bytes into blocks, from which one mesh is
+ * Mesh files. The content decides the format, then the extension. A reader turns bytes into blocks, from which one mesh is
  * made: blocks are merged, cells that are not tetrahedra are split so that neighbours match, points that nothing uses are
  * dropped and counted, integer arrays become float64. A writer turns a tetmesh into bytes for a sink.
  */

@@ -64,6 +64,8 @@ def test_readme():
     folder = place('readme')
     shell('tetlod sample fin --size 8 -o mesh.vtu', folder)
     assert len(follow(section, folder)) == 7
+    series = page.split('\n## Series in time\n')[1].split('\n## ')[0]
+    assert len(follow(series.replace('--steps 32', '--size 5 --steps 8'), folder)) == 4
     assert os.path.getsize(os.path.join(folder, 'mail.tetlod')) < os.path.getsize(os.path.join(folder, 'part.tetlod'))
     code = re.search(r'```python\n(.*?)```', page, re.S)[1] + '\nassert mesh.error <= 0.01 and len(mesh.tets) > 100\n'
     done = subprocess.run(['/usr/bin/python3', '-c', code], cwd=folder, env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -81,7 +83,7 @@ def test_tutorial():
 def test_faq():
     folder = place('faq')
     shell('tetlod sample fin --size 6 -o mesh.vtu', folder)
-    assert len(follow(text('client-examples/FAQ.md'), folder)) == 11
+    assert len(follow(text('client-examples/FAQ.md'), folder)) == 14
 
 
 def test_http_guide():

@@ -21,7 +21,8 @@ import warnings
 import numpy as np
 
 ROOT = os.environ['ROOT']
-sys.path.insert(0, os.path.join(ROOT, 'tests', 'http'))
+sys.path[:0] = [os.path.join(ROOT, 'tests', folder) for folder in ('http', 'cli')]
+from common import read_vtu  # noqa: E402
 from served import SCRATCH, TETLOD, Server, run  # noqa: E402
 
 PACKAGE = os.path.join(ROOT, 'client-examples', 'python')
@@ -232,6 +233,60 @@ def test_cells():
             assert stream._source.requests == 2 and len(stream._source.data) == stream.levels[found.level].bytes
 
 
+def make_series(steps):
+    out, made = os.path.join(SCRATCH, 'wake.pvd'), os.path.join(SCRATCH, 'wake.tetlod')
+    command('sample', 'wake', '--size', '8', '--steps', str(steps), '-o', out)
+    command('build', out, '--field', 'Pressure', '--carry', 'Velocity', '--bands', '5%,1%', '-o', made)
+    return made
+
+
+def test_series():
+    """Steps in time: both decoders, the program, damage, a server that sends only what a step needs."""
+    made = make_series(12)
+    golden = os.path.join(ROOT, 'tests', 'golden', 'series_float')
+    for path in (golden + '32.tetlod', golden + '64.tetlod', made):
+        streams = [tetlod.open(path, decoder=decoder) for decoder in ('library', 'python')]
+        times = streams[0].times
+        assert len(times) > 8 and times == streams[1].times
+        for time, choice in ((times[3], {}), (0.7 * times[7] + 0.3 * times[8], {'error': '10%'}), (-1e300, {'abs_error': 1e9}), (times[2], {'error': 1.0})):
+            a, b = meshes = [stream.at(time, **choice) for stream in streams]
+            assert same(a, b) and a.time == b.time and a.errors == b.errors and a.fields, (path, time)
+            assert a.time == min(times, key=lambda t: abs(t - time)) and a.error <= (0.1 if choice == {'error': '10%'} else 1.0)
+            assert all(stream.level == -1 for stream in streams)  # it stays where it was
+            if choice != {'error': 1.0}:
+                options = [word for name, value in choice.items() for word in ('--' + name.replace('_', '-'), str(value))]
+                command('extract', path, '--time', repr(time), *options, '-o', os.path.join(SCRATCH, 'step.vtu'))
+                points, tets, fields = read_vtu('step.vtu')
+                assert np.array_equal(points, a.points) and np.array_equal(tets, a.tets) and fields.keys() == a.fields.keys(), path
+                assert all(fields[name].tobytes() == a.fields[name].astype(fields[name].dtype).tobytes() for name in fields), (path, time)
+        for name in meshes[0].fields:
+            raises(ValueError, 'read-only', a.fields[name].__setitem__, 0, 1.0)
+        assert list(tetlod.open(path, fields=[name]).at(0).fields) == [name]
+    refused_steps(made)
+    with Server(made) as server:
+        for decoder in ('library', 'python'):
+            stream = tetlod.open(server.url + 'v1/meshes/wake', error=1.0, decoder=decoder)
+            assert same(stream.at(0.5, '5%'), tetlod.open(made).at(0.5, '5%'))
+            level = stream.levels[stream.at(0.5, '5%').level]
+            assert len(stream._source.data) == level.bytes < stream.levels[-1].bytes, (len(stream._source.data), level)
+
+
+def refused_steps(made):
+    with open(made, 'rb') as file:
+        data = bytearray(file.read())
+    cut = bytes(data[:tetlod.open(made).levels[-1].bytes])
+    data[-20] ^= 1  # in the last group of steps
+    for decoder in ('library', 'python'):
+        stream = tetlod.open(made, decoder=decoder)
+        assert tetlod.open(FIN, decoder=decoder).times == ()
+        raises(ValueError, 'no series', tetlod.open(FIN, decoder=decoder).at, 0)
+        raises(ValueError, 'a time', stream.at, float('nan'))
+        raises(ValueError, 'give one', stream.at, 0, 0.1, abs_error=1)
+        raises(ValueError, 'not negative', stream.at, 0, -1)
+        raises(tetlod.StreamError, 'steps', tetlod.open(data, decoder=decoder).at, 1)
+        raises(tetlod.StreamError, '', tetlod.open(cut, level=0, decoder=decoder).at, 1)
+
+
 def test_levels_while_bytes_arrive():
     server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), Slow)
     threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -335,7 +390,8 @@ def test_pyvista():
 def test_structs_are_those_of_the_header():
     """Sizes and places of members as a C compiler lays them out."""
     pairs = {'tetlod_error': _library.CError, 'tetlod_source': _library.CSource, 'tetlod_field': _library.CField,
-             'tetlod_level': _library.CLevel, 'tetlod_cell_field': _library.CCellField, 'tetlod_info': _library.CInfo, 'tetlod_mesh': _library.CMesh, 'tetlod_build_array': _build_library.CArray,
+             'tetlod_level': _library.CLevel, 'tetlod_cell_field': _library.CCellField, 'tetlod_band': _library.CBand, 'tetlod_series_info': _library.CSeriesInfo,
+             'tetlod_info': _library.CInfo, 'tetlod_mesh': _library.CMesh, 'tetlod_build_array': _build_library.CArray,
              'tetlod_build_mesh': _build_library.CMesh, 'tetlod_build_options': _build_library.COptions}
     lines = ['printf("%%zu\\n", sizeof(struct %s));' % name for name in pairs]
     wanted = [ctypes.sizeof(struct) for struct in pairs.values()]
@@ -358,6 +414,7 @@ def test_documents():
         with open(os.path.join(PACKAGE, 'README.md')) as file:
             blocks = re.findall(r'```python\n(.*?)```', file.read(), re.S)
         mesh = tetlod.read(FIN)
+        make_series(8)
         names = {'points': mesh.points, 'tets': mesh.tets, 'temperature': mesh.fields['Pressure'], 'grid': with_names(mesh)}
         os.environ['TETLOD'] = TETLOD
         for block in blocks:
@@ -393,4 +450,4 @@ def test_types():
 command('sample', 'fin', '--size', '18', '-o', os.path.join(SCRATCH, 'fin.vtu'))
 command('build', os.path.join(SCRATCH, 'fin.vtu'), '-o', FIN)
 run([test_both_decoders_agree, test_levels_are_those_of_the_program, test_choices, test_local_sources, test_arrays_are_safe, test_cut_off,
-     test_server, test_cells, test_levels_while_bytes_arrive, test_build, test_build_by_library, test_pyvista, test_structs_are_those_of_the_header, test_documents, test_types])
+     test_server, test_cells, test_series, test_levels_while_bytes_arrive, test_build, test_build_by_library, test_pyvista, test_structs_are_those_of_the_header, test_documents, test_types])

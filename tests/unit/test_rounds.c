@@ -285,7 +285,7 @@ static void test_the_map_is_heard(void)
         printf("# to corner %u: %g instead of %g, certified %g\n", other, there, sign * values[0], 7 * log.certified[(log.mark_count - 1) * log.component_count]);
         CHECK(other >= 1 && other <= 4 && fabs(there - sign * values[0]) <= 7 * log.certified[(log.mark_count - 1) * log.component_count] + 1e-12);
         log_fini(&log);
-        free(mesh.fields[0].values);
+        point_field_fini(&mesh.fields[0]);
         free(mesh.fields);
     }
 }

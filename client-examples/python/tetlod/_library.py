@@ -15,10 +15,12 @@ import numpy as np
 
 from ._model import MEASURES, Field, Info, Level
 from ._sources import Source
+from ._steps import Steps
 from .reference import StreamError
 
 VERSION = '0.1'  # of the library: structs may differ in another one
 ERR_NOMEM, ERR_IO = 10, 12
+NONE = 0xffffffff
 CELL_TYPES = ('f4', 'f8', 'i1', 'i2', 'i4', 'i8')  # by enum tetlod_cell_type
 READ = ctypes.CFUNCTYPE(c_int, c_void_p, c_uint64, c_void_p, c_size_t)
 
@@ -59,6 +61,15 @@ class CMesh(Structure):
                 ('corners', c_void_p), ('parents', c_void_p), ('reserved', c_void_p * 4)]
 
 
+class CBand(Structure):
+    _fields_ = [('error', c_double), ('level', c_uint32), ('reserved', c_uint64 * 2)]
+
+
+class CSeriesInfo(Structure):
+    _fields_ = [('step_count', c_uint32), ('band_count', c_uint32), ('field_count', c_uint32), ('times', POINTER(c_double)),
+                ('bands', POINTER(CBand)), ('fields', POINTER(c_uint32)), ('ranges', POINTER(c_double * 2)), ('reserved', c_uint64 * 4)]
+
+
 FUNCTIONS: Dict[str, Tuple[Any, List[Any]]] = {
     'tetlod_version': (c_char_p, []),
     'tetlod_open': (c_int, [POINTER(c_void_p), POINTER(CSource), c_void_p, POINTER(CError)]),
@@ -69,6 +80,13 @@ FUNCTIONS: Dict[str, Tuple[Any, List[Any]]] = {
     'tetlod_cursor_free': (None, [c_void_p]),
     'tetlod_cursor_seek': (c_int, [c_void_p, c_uint32, POINTER(CError)]),
     'tetlod_cursor_mesh': (None, [c_void_p, POINTER(CMesh)]),
+    'tetlod_section_index': (c_uint32, [POINTER(CInfo), c_char_p]),
+    'tetlod_series_new': (c_int, [POINTER(c_void_p), c_void_p, POINTER(CError)]),
+    'tetlod_series_free': (None, [c_void_p]),
+    'tetlod_series_info': (POINTER(CSeriesInfo), [c_void_p]),
+    'tetlod_step_error': (c_double, [c_void_p, c_uint32, c_uint32, c_uint32]),
+    'tetlod_seek_step': (c_int, [c_void_p, c_void_p, c_uint32, c_uint32, POINTER(CError)]),
+    'tetlod_step_values': (c_void_p, [c_void_p, c_uint32]),
 }
 
 
@@ -118,9 +136,9 @@ class LibraryDecoder:
             return ERR_IO if decoder is None else decoder._fill(offset, buffer, size)
 
         self._read = READ(read)
-        self._file, self._cursor, error = c_void_p(), c_void_p(), CError()
+        self._file, self._cursor, self._series, self._series_cursor, error = c_void_p(), c_void_p(), c_void_p(), c_void_p(), CError()
         self._check(self._library.tetlod_open(byref(self._file), byref(CSource(self._read, None, source.size)), None, byref(error)), error)
-        weakref.finalize(self, free, self._library, self._file, self._cursor, self._read)
+        weakref.finalize(self, free, self._library, self._file, self._cursor, self._series, self._series_cursor, self._read)
         self.info = self._information()
         names = [f.name for f in self.info.fields]
         for name in fields or ():
@@ -128,9 +146,9 @@ class LibraryDecoder:
                 raise KeyError('no field %r; there are %s' % (name, ', '.join(names)))
         self._selected = list(range(len(names))) if fields is None else sorted({names.index(f) for f in fields})
 
-    def open_cursor(self) -> None:
-        numbers, error = (c_uint32 * max(1, len(self._selected)))(*self._selected), CError()
-        self._check(self._library.tetlod_cursor_new(byref(self._cursor), self._file, numbers, len(self._selected), byref(error)), error)
+    def open_cursor(self, cursor: c_void_p, fields: Sequence[int]) -> None:
+        numbers, error = (c_uint32 * max(1, len(fields)))(*fields), CError()
+        self._check(self._library.tetlod_cursor_new(byref(cursor), self._file, numbers, len(fields), byref(error)), error)
 
     def _fill(self, offset: int, buffer: int, size: int) -> int:
         """The library's callback."""
@@ -170,20 +188,45 @@ class LibraryDecoder:
     def seek(self, level: int) -> None:
         error = CError()
         if not self._cursor:
-            self.open_cursor()
+            self.open_cursor(self._cursor, self._selected)
         self._check(self._library.tetlod_cursor_seek(self._cursor, level, byref(error)), error)
 
     def arrays(self) -> Tuple[Any, Any, Dict[str, Any]]:
         mesh = CMesh()
         self._library.tetlod_cursor_mesh(self._cursor, byref(mesh))
+        values = {number: mesh.fields[number] for number in self._selected}
+        return self._arrays(mesh, values)
+
+    def _arrays(self, mesh: CMesh, values: Dict[int, Optional[int]]) -> Tuple[Any, Any, Dict[str, Any]]:
         fields = {}
-        for number in self._selected:
+        for number, address in values.items():
             field = self.info.fields[number]
             shape = (mesh.vertices,) if field.components == 1 else (mesh.vertices, field.components)
-            fields[field.name] = view(self, mesh.fields[number], shape, '=f8')
+            fields[field.name] = view(self, address, shape, '=f8')
         points = view(self, mesh.positions, (mesh.vertices, 3), '=f8')
         return points, view(self, mesh.corners, (mesh.tets, 4), '=u4'), fields
 
+    @functools.cached_property
+    def steps(self) -> Optional[Steps]:
+        error = CError()
+        if self._library.tetlod_section_index(self._library.tetlod_info(self._file), b'TIME') == NONE:
+            return None
+        self._check(self._library.tetlod_series_new(byref(self._series), self._file, byref(error)), error)
+        c = self._library.tetlod_series_info(self._series).contents
+        self._series_fields = c.fields[:c.field_count]
+        ranges = {self.info.fields[number].name: (c.ranges[i][0], c.ranges[i][1]) for i, number in enumerate(self._series_fields)}
+        return Steps(tuple(c.times[:c.step_count]), tuple((band.error, band.level) for band in c.bands[:c.band_count]), ranges)
+
+    def seek_step(self, band: int, step: int) -> Tuple[Any, Any, Dict[str, Any]]:
+        mesh, error = CMesh(), CError()
+        if not self._series_cursor:
+            self.open_cursor(self._series_cursor, [])
+        self._check(self._library.tetlod_seek_step(self._series, self._series_cursor, band, step, byref(error)), error)
+        self._library.tetlod_cursor_mesh(self._series_cursor, byref(mesh))
+        return self._arrays(mesh, {number: self._library.tetlod_step_values(self._series, i) for i, number in enumerate(self._series_fields)})
+
+    def step_error(self, field: int, band: int, step: int) -> float:
+        return float(self._library.tetlod_step_error(self._series, field, band, step))
 
     def cells(self, name: str) -> Any:
         number = self.info.cells.index(name)
@@ -202,6 +245,8 @@ def metadata_of(text: Optional[bytes]) -> Dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def free(library: ctypes.CDLL, file: c_void_p, cursor: c_void_p, _: Any) -> None:
+def free(library: ctypes.CDLL, file: c_void_p, cursor: c_void_p, series: c_void_p, series_cursor: c_void_p, _: Any) -> None:
+    library.tetlod_series_free(series)
+    library.tetlod_cursor_free(series_cursor)
     library.tetlod_cursor_free(cursor)
     library.tetlod_close(file)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, Iterator, Mapping, Sequence
+from typing import Any, Callable, Dict, Iterator, Mapping, Optional, Sequence
 
 VTK_TETRA = 10
 
@@ -36,6 +36,7 @@ class Mesh:
 
     `error` is the error that was asked for: the largest of the fields meant, in the measure meant, as a fraction of the range.
     `errors[field][measure]` are all of them. `cells` holds values of tetrahedra by name, such as materials.
+    `time` is that of the step that `Stream.at` found.
     """
     points: Any
     tets: Any
@@ -45,6 +46,7 @@ class Mesh:
     errors: Dict[str, Dict[str, float]]
     domain_error: float
     cells: Mapping[str, Any]
+    time: Optional[float] = None
 
     def to_vtk(self) -> Any:
         """A vtkUnstructuredGrid with copies of the arrays. Needs the vtk package."""

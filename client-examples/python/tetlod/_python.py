@@ -2,11 +2,13 @@
 """Decoding without a library: the reference decoder behind the interface of _library.LibraryDecoder."""
 from __future__ import annotations
 
+import functools
 from typing import Any, Dict, Optional, Sequence, Tuple
 
 from . import reference
 from ._model import Field, Info, Level
 from ._sources import Source
+from ._steps import Steps
 
 
 class PythonDecoder:
@@ -25,6 +27,21 @@ class PythonDecoder:
 
     def cells(self, name: str) -> Any:
         return self._stream.cells(name)
+
+    @functools.cached_property
+    def steps(self) -> Optional[Steps]:
+        self._series: Any = self._stream.series()
+        if self._series is None:
+            return None
+        return Steps(tuple(self._series.times), tuple((band['error'], band['level']) for band in self._series.bands),
+                     {field['name']: (field['range'][0], field['range'][1]) for field in self._series.fields})
+
+    def seek_step(self, band: int, step: int) -> Tuple[Any, Any, Dict[str, Any]]:
+        cursor, values = self._series.seek(band, step)
+        return cursor.positions, cursor.tets, values
+
+    def step_error(self, field: int, band: int, step: int) -> float:
+        return float(self._series.error(band, step, field))
 
     def arrays(self) -> Tuple[Any, Any, Dict[str, Any]]:
         arrays = [self._cursor.positions, self._cursor.tets, *(self._cursor.field(name) for name in self._names)]

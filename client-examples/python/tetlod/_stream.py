@@ -2,6 +2,7 @@
 """`open` and `read`: streams that move from level to level, and one level at once."""
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from types import TracebackType
@@ -24,7 +25,7 @@ class Stream:
     """
 
     def __init__(self, source: Source, choice: Choice, fields: Optional[Sequence[str]], decoder: Optional[str]) -> None:
-        self._source, self._choice = source, choice
+        self._source, self._choice, self._selected = source, choice, fields
         self._decoder = choose_decoder(source, fields, decoder)
         self.info: Info = self._decoder.info
         self.target = self._available(choice)
@@ -40,6 +41,12 @@ class Stream:
         return self.info.fields
 
     @property
+    def times(self) -> Tuple[float, ...]:
+        """The times of the steps of a series; () of a stream with one moment."""
+        steps = self._decoder.steps
+        return steps.times if steps else ()
+
+    @property
     def mesh(self) -> Mesh:
         """The mesh of the current level. Its arrays are copies: they stay as they are when the stream moves on."""
         return self._mesh(copy=True)
@@ -48,6 +55,24 @@ class Stream:
         """Moves to a level: its number, or `error`, `abs_error`, `tets`, `bytes` with `field` and `measure` as in `open`."""
         self._choice = Choice(level=level, **choice)
         return self._seek(level_for(self.fields, self.levels, self._choice))
+
+    def at(self, time: float, error: Optional[Fraction] = None, *, abs_error: Optional[float] = None) -> Mesh:
+        """The step whose time is nearest, as a mesh of copies with the fields that have steps. The stream stays at its level.
+
+        error: a fraction of each field's range over all steps; abs_error: the same in the fields' units. The coarsest form within
+        it is taken; without one, the exact form.
+        """
+        steps = self._decoder.steps
+        if steps is None:
+            raise ValueError('%s is no series: it has one moment only' % self._source.name)
+        band, step = steps.band_for(Choice(error=error, abs_error=abs_error)), steps.step_for(time)
+        level = self.levels[steps.bands[band][1]]
+        self._source.expect(level.bytes)
+        points, tets, values = self._decoder.seek_step(band, step)
+        fields = {name: frozen(found) for name, found in values.items() if self._selected is None or name in self._selected}
+        errors = {name: {'max': self._decoder.step_error(i, band, step)} for i, name in enumerate(values) if name in fields}
+        return Mesh(frozen(points), frozen(tets), fields, level.level, max((known['max'] for known in errors.values()), default=math.nan), errors,
+                    level.domain_error, Cells(self.info.cells, self._decoder.cells, len(tets)), steps.times[step])
 
     def refine(self) -> bool:
         """One level finer. False if this is the finest."""

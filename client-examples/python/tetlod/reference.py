@@ -417,17 +417,16 @@ class Coder:
         self.seen_most = seen_most
 
     def start(self, data):
-        self.data, self.at, self.range, self.code = data, 4, 0xffffffff, int.from_bytes(data[:4].ljust(4, b'\0'), 'big')
+        self.rest, self.range, self.code = iter(data[4:]), 0xffffffff, int.from_bytes(data[:4].ljust(4, b'\0'), 'big')
 
     def finish(self, what):
         """What is left of the frame is zeros (SPEC 6.1)."""
-        require(not any(self.data[self.at:]), what + ' has bytes that belong to nothing')
+        require(not any(self.rest), what + ' has bytes that belong to nothing')
 
     def _refill(self, width):
         while width < 0x1000000:
             width <<= 8
-            self.code = self.code << 8 | (self.data[self.at] if self.at < len(self.data) else 0)
-            self.at += 1
+            self.code = self.code << 8 | next(self.rest, 0)
         self.range = width
 
     def bit(self, models, i=0):
@@ -458,7 +457,7 @@ class Coder:
 
     def tree(self, models, depth):
         chances, counts = models
-        width, code, most, node = self.range, self.code, self.seen_most, 1
+        width, code, most, rest, node = self.range, self.code, self.seen_most, self.rest, 1
         for _ in range(depth):  # bit(models, node), written out: most of the time goes here
             p, seen = chances[node], counts[node]
             bound = (width >> 12) * (p >> 4)
@@ -473,10 +472,9 @@ class Coder:
                 width = bound
                 chances[node] = p + ((65536 - p) >> SHIFT[seen])
                 node += node
-            if width < 0x1000000:
-                self.code = code
-                self._refill(width)
-                width, code = self.range, self.code
+            while width < 0x1000000:
+                width <<= 8
+                code = code << 8 | next(rest, 0)
         self.range, self.code = width, code
         return node - (1 << depth)
 
@@ -581,11 +579,14 @@ NEIGHBOURS = [((0, 1, 2, 3), (4, 5, 6, 6), (7, 8, 8, 8), (9, 9, 9, 9))[bin(n & 0
 STEPS = (-6.0, -2.5, -0.75, 0.0, 0.75, 2.5, 6.0)
 
 
+OTHERS = [[[c for c in range(4) if c != place and c != opposite][:2] for opposite in range(4)] for place in range(4)]
+
+
 def replaced(corners, place, opposite, own, other):
     """The tetrahedron on the other side of the face that has `own` at `place` and not the corner `opposite` (SPEC 7.4)."""
     out = list(corners)
     out[place], out[opposite] = own, other
-    first, second = [c for c in range(4) if c != place and c != opposite]
+    first, second = OTHERS[place][opposite]
     out[first], out[second] = out[second], out[first]
     return out
 
@@ -910,7 +911,7 @@ class Cursor:
     def _walk(self, walk, start):
         """The next vertex from `walk` on that splits, or the number of vertices (SPEC 7.1)."""
         coder, stars, leaf, end = self.coders[0], self.stars, self.leaf, self.count
-        width, code, most = coder.range, coder.code, coder.seen_most
+        width, code, most, rest = coder.range, coder.code, coder.seen_most, coder.rest
         while walk < end:
             if leaf[walk]:
                 walk += 1
@@ -932,10 +933,9 @@ class Cursor:
                 width = bound
                 chances[i] = p + ((65536 - p) >> SHIFT[seen])
                 walk += 1
-            if width < 0x1000000:
-                coder.code = code
-                coder._refill(width)
-                width, code = coder.range, coder.code
+            while width < 0x1000000:
+                width <<= 8
+                code = code << 8 | next(rest, 0)
             if splits:
                 break
         coder.range, coder.code = width, code
@@ -1047,10 +1047,12 @@ class Cursor:
             bx, by, bz = X[j] - vx, Y[j] - vy, Z[j] - vz
             cx, cy, cz = X[k] - vx, Y[k] - vy, Z[k] - vz
             nx, ny, nz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
-            mx, my, mz = py * az - pz * ay, pz * ax - px * az, px * ay - py * ax
             volume = (ax * nx + ay * ny) + az * nz
             scale = 1 / volume if volume else math.copysign(math.inf, volume)
             w0 = ((px * nx + py * ny) + pz * nz) * scale
+            if w0 <= best:  # the least weight is no larger
+                continue
+            mx, my, mz = py * az - pz * ay, pz * ax - px * az, px * ay - py * ax
             w1 = ((cx * mx + cy * my) + cz * mz) * scale
             w2 = 0 - ((bx * mx + by * my) + bz * mz) * scale
             least = 1 - ((w0 + w1) + w2)
@@ -1168,7 +1170,7 @@ class Cursor:
         tetrahedra than that one, 2 if one goes, 1 if one stays."""
         X, Y, Z = self.columns[0].values
         coder, (chances, counts), vertices = self.coders[0], self.models.label, self.count
-        width, code, most = coder.range, coder.code, coder.seen_most
+        width, code, most, rest = coder.range, coder.code, coder.seen_most, coder.rest
         a0, a1, a2 = a
         b0, b1, b2 = b
         d0, d1, d2 = b0 - a0, b1 - a1, b2 - a2
@@ -1216,10 +1218,9 @@ class Cursor:
                 chances[n] = p + ((65536 - p) >> SHIFT[seen])
                 labels.append(0)
                 mark = 1
-            if width < 0x1000000:
-                coder.code = code
-                coder._refill(width)
-                width, code = coder.range, coder.code
+            while width < 0x1000000:
+                width <<= 8
+                code = code << 8 | next(rest, 0)
             edges[key0], edges[key1], edges[key2] = edge0 | mark, edge1 | mark, edge2 | mark
         coder.range, coder.code = width, code
         return labels, edges.values()
@@ -1246,6 +1247,8 @@ class Cursor:
         irregular = coder.bit(models.irregular)
         added = []
         for edge in edges:
+            if 4 <= edge & 7 < 7 and not irregular:
+                continue  # inside, between tetrahedra that all stay or all go
             corners, differ = None, edge & 3 == 3
             if not edge & 4:
                 corners = self._between(star, vertex, child, edge, labels)
