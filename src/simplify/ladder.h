@@ -14,7 +14,7 @@ static inline double next_limit(double limit, double most, bool *out_named)
     enum { DECADES = 6, RUNGS = 6, STEPS = 2 };
     static const double rungs[RUNGS] = {1.0, 1.5, 2.0, 3.0, 5.0, 7.0};
     static const double powers[DECADES] = {1e6, 1e5, 1e4, 1e3, 1e2, 1e1};
-    double next = 1;
+    double next = limit * (1 + 1e-6) < 1 ? 1 : most; // more than all of the range may be asked for: in one step
     *out_named = true;
     for (int decade = 0; decade < DECADES && next == 1; decade++)
         for (int rung = 0; rung < RUNGS && next == 1; rung++)

@@ -490,6 +490,10 @@ static void test_limits(void)
     options.min_tets = 1;
     options.max_error = 0.1;
     check_sequence(&mesh, &options, mesh.tet_count - 1);
+    options.max_error = 5; // more than the whole range
+    check_sequence(&mesh, &options, 120);
+    options.metric = METRIC_SVA;
+    check_sequence(&mesh, &options, 120);
     tetmesh_fini(&mesh);
 }
 
