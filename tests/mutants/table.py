@@ -121,7 +121,7 @@ mutant('one range for all fields', 'format/reader.c', 'info->fields[f].range[1] 
 
 # ---- verify
 
-mutant('verify: no exact maximum', 'src/cli/against.c', 'if (a->exact[f] > a->floors[f])', 'if (a->exact[f] > 1e300)',
+mutant('verify: no exact maximum', 'src/cli/against.c', 'if (a->exact[f] > a->floors[f])', 'if (a->exact[f] < 0)',
        'max is held against the overlay', ATTACK)
 mutant('verify: samples are believed', 'src/cli/against.c', 'if (stored >= low * (1 - TIE) - NOISE && (', 'if (stored >= 0 && (', 'sampled and rms are measured again', ATTACK)
 mutant('verify: domain error is believed', 'src/cli/against.c', '    if (found > 0)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u: its domain', '    if (found > 1e300)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u: its domain',
