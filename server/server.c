@@ -485,7 +485,7 @@ static void stop_keeper(struct server *server)
         pthread_join(server->keeper, NULL);
 }
 
-/* False if a path hangs and the thread with it; then the catalogue is not ours to free. */
+/* False if a path hangs and the thread with it; then the catalogue and the caches, which it reads, are not ours to free. */
 static bool stop_scanner(struct server *server)
 {
     struct timespec until;
@@ -513,13 +513,13 @@ void server_stop(struct server *server)
         cache_wake_seekers(server->site.memory);
     http_stop(server->metrics_http);
     http_stop(server->http);
+    if (!stop_scanner(server))
+        return; // the process is about to end
     pool_free(server->site.decoders);
     pool_free(server->site.pool);
     gate_free(server->gate);
     cache_free(server->site.cache);
     cache_free(server->site.memory);
-    if (!stop_scanner(server))
-        return; // the process is about to end
     catalogue_close(server->site.catalogue);
     metrics_free(server->site.metrics);
     free(server->routes);

@@ -52,7 +52,7 @@ class Server:
         code = self.process.wait(timeout=PATIENCE)
         self.log.close()
         if code != 0 or 'Sanitizer' in self.messages():
-            raise AssertionError('the server ended with %d: %s' % (code, self.messages()[-3000:]))
+            raise AssertionError('the server ended with %d: %s' % (code, self.messages()[:3000]))
 
     def memory(self):
         with open('/proc/%d/status' % self.process.pid) as status:

@@ -194,7 +194,17 @@ def test_a_folder_that_hangs():
     os.unlink(flag)
 
 
+def test_stop_while_scanning():
+    """The thread that looks at the paths reads the catalogue and the caches to its last step."""
+    folder = folder_of('scanned', 'fin')
+    with Server(folder, '--scan', '1000') as ending:
+        for i in range(100):
+            os.link(MADE, os.path.join(folder, '%d.tetlod' % i))
+        ending.process.send_signal(signal.SIGHUP)
+        time.sleep(0.002)
+
+
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
 subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
 run([test_explode_on_a_full_disk, test_what_is_no_stream_is_named_once, test_folder_that_goes_away_for_a_while, test_descriptors_run_out, test_more_files_than_descriptors,
-     test_written_over_with_the_same_size_and_time, test_a_folder_that_hangs])
+     test_written_over_with_the_same_size_and_time, test_a_folder_that_hangs, test_stop_while_scanning])
