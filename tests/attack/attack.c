@@ -393,7 +393,7 @@ static bool has_partner(const struct attack *a, uint32_t k, const struct oracle_
 static void check_max(struct attack *a, uint32_t k, const struct oracle_mesh *level)
 {
     struct oracle_place worst[ORACLE_MOST_VALUES];
-    oracle_overlay(&a->original, level, worst);
+    oracle_overlay(&a->original, level, domain_radius(a, k), worst);
     for (uint32_t i = 0; i < a->original.value_count; i++) {
         uint32_t f = a->field_of[i];
         double stored = error_of(a, k, f, TETLOD_MAX), range = range_of(a, f), truth = worst[i].difference;

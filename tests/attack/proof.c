@@ -143,7 +143,7 @@ static double radius(const struct proof *p, uint32_t mark)
 static void check_max(struct proof *p, uint32_t mark, const struct oracle_mesh *level)
 {
     struct oracle_place worst[ORACLE_MOST_VALUES];
-    oracle_overlay(&p->original, level, worst);
+    oracle_overlay(&p->original, level, radius(p, mark), worst);
     for (uint32_t c = 0; c < p->original.value_count; c++) {
         double scale = p->log.components[c].scale, certified = p->log.certified[(size_t)mark * p->log.component_count + c];
         bool moved = p->log.marks[mark].moved > 1e-9 * mesh_diagonal(&p->mesh);
