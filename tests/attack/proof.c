@@ -215,7 +215,7 @@ static unsigned attack(uint64_t seed)
 {
     struct proof p = {.seed = seed, .dice = {seed * UINT64_C(0xd1342543de82ef95)}};
     struct tetlod_error error = {0};
-    (seed >= SHAPE_ODD_SEEDS ? shape_make_odd : shape_make)(&p.shape, &p.dice);
+    shape_of_seed(&p.shape, &p.dice, seed);
     if (p.shape.tets <= MOST_TETS && make_mesh(&p)) {
         choose_options(&p);
         if (simplify(&p.log, &p.mesh, p.controlled, p.controlled_count, NULL, &p.options, &error) == TETLOD_OK)
