@@ -64,9 +64,10 @@ static double exact_distance(const struct look *look, const double p[3])
     return sqrt(best);
 }
 
-static void test_point(struct look *look, const double p[3], uint32_t *out_face)
+/* Any face within `enough` will do. */
+static void test_point(struct look *look, const double p[3], double enough, uint32_t *out_face)
 {
-    double distance = mesh_surface_distance(look->way->to, look->body, p, 0, out_face);
+    double distance = mesh_surface_distance(look->way->to, look->body, p, enough, out_face);
     if (distance > look->way->limit)
         distance = exact_distance(look, p);
     look->distance = distance;
@@ -104,7 +105,7 @@ static void look_at(struct look *look, const double *const p[3], int depth)
     uint32_t face, other;
     for (int d = 0; d < 3; d++)
         centre[d] = (p[0][d] + p[1][d] + p[2][d]) / 3;
-    test_point(look, centre, &face);
+    test_point(look, centre, look->way->check->rounding, &face);
     look->parts++;
     for (int k = 0; k < 3; k++)
         reach = larger(reach, distance_squared(centre, p[k]));
@@ -116,7 +117,7 @@ static void look_at(struct look *look, const double *const p[3], int depth)
     }
     for (int k = 0; k < 3; k++) {
         middle(p[k], p[(k + 1) % 3], middles[k]);
-        test_point(look, middles[k], &other);
+        test_point(look, middles[k], look->way->limit, &other);
     }
     if (look->found > 0 || look->parts + 4 > look->most || depth == MOST_DEPTH)
         return;
@@ -154,7 +155,7 @@ static void look_at_faces(void *context, unsigned worker, size_t begin, size_t e
                             .most = most_parts(way)};
         for (int k = 0; k < 3; k++) {
             p[k] = way->from->positions + 3 * (size_t)v[k];
-            test_point(&look, p[k], &face);
+            test_point(&look, p[k], way->limit, &face);
         }
         if (!(look.found > 0))
             look_at(&look, p, 0);

@@ -351,6 +351,7 @@ static bool attempt_all(struct sampler *sampler, const struct complex *complex, 
         trials[t].error = trials[t].cost = 0;
         trials[t].witness[0] = trials[t].witness[1] = TETLOD_NONE;
         make_cones(attempt->cones, complex, star, &trials[t]);
+        trials[t].possible &= attempt->cone_count > 0; // a body of its own does not vanish
         any |= trials[t].possible;
     }
     return any;
