@@ -45,9 +45,8 @@ struct attack {
 __attribute__((format(printf, 3, 4))) static void found(struct attack *a, const char *what, const char *format, ...)
 {
     va_list list;
-    printf("seed %" PRIu64 " (%s, %u tets): %s: ", a->seed, a->shape.kind, a->shape.tets, what);
     va_start(list, format);
-    vprintf(format, list);
+    shape_print_finding(&a->shape, a->seed, what, format, list);
     va_end(list);
     printf(" |%s\n", a->options);
     fflush(stdout);

@@ -45,9 +45,8 @@ struct proof {
 __attribute__((format(printf, 3, 4))) static void found(struct proof *p, const char *what, const char *format, ...)
 {
     va_list list;
-    printf("seed %" PRIu64 " (%s, %u tets): %s: ", p->seed, p->shape.kind, p->shape.tets, what);
     va_start(list, format);
-    vprintf(format, list);
+    shape_print_finding(&p->shape, p->seed, what, format, list);
     va_end(list);
     printf(" | metric %d, certify %d, contract %u, domain %g, angle %g\n", p->options.metric, p->options.certify, p->options.contract,
            p->options.boundary_limit / mesh_diagonal(&p->mesh), p->options.boundary_angle);

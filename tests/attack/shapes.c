@@ -6,6 +6,7 @@
  */
 #include "tests/attack/shapes.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -540,6 +541,12 @@ void shape_free(struct shape *shape)
     free(shape->corners);
     free(shape->body);
     free(shape->region);
+}
+
+void shape_print_finding(const struct shape *shape, uint64_t seed, const char *what, const char *format, va_list list)
+{
+    printf("seed %" PRIu64 " (%s, %u tets): %s: ", seed, shape->kind, shape->tets, what);
+    vprintf(format, list);
 }
 
 /* ---- the mesh file */

@@ -7,6 +7,7 @@
 #ifndef TETLOD_ATTACK_SHAPES_H
 #define TETLOD_ATTACK_SHAPES_H
 
+#include <stdarg.h>
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -51,6 +52,9 @@ void shape_free(struct shape *shape);
 
 void shape_drop_unused(struct shape *shape);                   /* vertices without a tetrahedron */
 uint32_t shape_copy_vertex(struct shape *shape, uint32_t v); /* a further vertex of the same place and values */
+
+/* Prints the beginning of the line of a finding: its seed, its mesh, what it is. */
+void shape_print_finding(const struct shape *shape, uint64_t seed, const char *what, const char *format, va_list list);
 
 /* Legacy VTK, binary. False: the file could not be written. */
 bool shape_write(const struct shape *shape, const char *path);
