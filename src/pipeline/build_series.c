@@ -6,13 +6,14 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/time_table.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/build_memory.h"
 #include "src/pipeline/series_parts.h"
 #include "src/util/array.h"
 
-/* Steps that drive at least, where there are so many; steps of a group; components that are retraced together, where they fit. */
-enum { LEAST_KEYS = 16, GROUP = 8, BATCH_COMPONENTS = 32 };
+/* Steps that drive at least, where there are so many; components that are retraced together, where they fit. */
+enum { LEAST_KEYS = 16, BATCH_COMPONENTS = 32 };
 
 /* What a component takes a vertex while it drives, in bytes: its values here, in the working mesh and in the log, U, L, the prediction. */
 enum { DRIVING_BYTES = 48 };
@@ -139,10 +140,10 @@ static uint32_t key_step(const struct series_build *series, uint32_t key)
 
 uint32_t series_batch(const struct series_build *series)
 {
-    uint32_t steps = BATCH_COMPONENTS / series->component_count / GROUP * GROUP;
-    if (steps > GROUP && retrace_bytes(series->mesh, steps * series->component_count) > left_over(series))
-        steps = GROUP;
-    return steps ? steps : GROUP;
+    uint32_t steps = BATCH_COMPONENTS / series->component_count / STEP_GROUP * STEP_GROUP;
+    if (steps > STEP_GROUP && retrace_bytes(series->mesh, steps * series->component_count) > left_over(series))
+        steps = STEP_GROUP;
+    return steps ? steps : STEP_GROUP;
 }
 
 /* ---- fields of steps */
