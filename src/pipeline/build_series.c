@@ -72,7 +72,7 @@ static enum tetlod_status find_ranges(struct series_build *series, struct tetlod
             }
         }
         free(values);
-        double width = range[1] - range[0];
+        double width = series_width(series, c);
         if (!isfinite(width) || (width > 0 && !isfinite(1 / width)))
             return tetlodi_fail(error, TETLOD_ERR_MESH, "field '%.60s' has the range %g .. %g over the series, too %s for errors relative to it",
                                 series->mesh->fields[series->options->controls[c].field].name, range[0], range[1], width > 1 ? "wide" : "narrow");
@@ -208,11 +208,6 @@ enum tetlod_status series_retrace(const struct series_build *series, const uint3
 
 /* ---- contraction */
 
-static double width_of(const struct series_build *series, uint32_t control)
-{
-    return series->ranges[control][1] - series->ranges[control][0];
-}
-
 static double field_width(const struct tetmesh *mesh, uint32_t field)
 {
     double range[2];
@@ -223,13 +218,13 @@ static double field_width(const struct tetmesh *mesh, uint32_t field)
 /* A step's limit counts in the range of the series, not in its own. */
 static double step_weight(const struct series_build *series, const struct tetmesh *mesh, uint32_t field, uint32_t control, double weight)
 {
-    double width = field_width(mesh, field), factor = width > 0 ? width_of(series, control) / width : 1;
+    double width = field_width(mesh, field), factor = width > 0 ? series_width(series, control) / width : 1;
     return isfinite(factor) ? weight * factor : weight;
 }
 
 static void raise_worst(struct series_build *series, uint32_t mark, uint32_t control, double bound)
 {
-    double *worst = &series->worst[(size_t)mark * series->options->control_count + control], width = width_of(series, control);
+    double *worst = &series->worst[(size_t)mark * series->options->control_count + control], width = series_width(series, control);
     *worst = larger(*worst, width > 0 ? smaller(bound / width, 1) : 0);
 }
 
