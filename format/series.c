@@ -175,6 +175,16 @@ uint32_t tetlod_band_for_error(const struct tetlod_series_info *info, double err
     return TETLOD_NONE;
 }
 
+uint32_t tetlod_band_for_abs_error(const struct tetlod_series_info *info, double error)
+{
+    double least = INFINITY; // of the fractions; a field without a range has no error
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        double width = info->ranges[f][1] - info->ranges[f][0];
+        least = width > 0 ? fmin(least, error / width) : least;
+    }
+    return tetlod_band_for_error(info, least);
+}
+
 uint32_t tetlod_step_for_time(const struct tetlod_series_info *info, double time)
 {
     uint32_t best = 0;

@@ -354,6 +354,9 @@ struct tetlod_band {
     uint64_t reserved[2];
 };
 
+/* Steps that are stored together: 0 to 7, 8 to 15, ... */
+enum { TETLOD_STEP_GROUP = 8 };
+
 struct tetlod_series_info {
     uint32_t step_count, band_count, field_count;
     const double *times;             /* [step_count], not falling */
@@ -375,6 +378,9 @@ TETLOD_API const struct tetlod_series_info *tetlod_series_info(const struct tetl
 
 /* The coarsest band whose error is at most `error` (a fraction of the range), or TETLOD_NONE. */
 TETLOD_API uint32_t tetlod_band_for_error(const struct tetlod_series_info *info, double error);
+
+/* The same for an error in the fields' units, which holds for every field. */
+TETLOD_API uint32_t tetlod_band_for_abs_error(const struct tetlod_series_info *info, double error);
 
 /* The step whose time is nearest: the first of several. */
 TETLOD_API uint32_t tetlod_step_for_time(const struct tetlod_series_info *info, double time);
