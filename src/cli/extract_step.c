@@ -11,10 +11,10 @@
 /* The coarsest band within the error: of one in units, in every field's range. */
 static uint32_t choose_band(const struct tetlod_series_info *info, const struct step_choice *choice)
 {
-    double error = choice->error;
+    double error = choice->absolute ? INFINITY : choice->error;
     for (uint32_t f = 0; f < info->field_count && choice->absolute; f++) {
         double width = info->ranges[f][1] - info->ranges[f][0];
-        error = f ? smaller(error, width > 0 ? choice->error / width : INFINITY) : width > 0 ? choice->error / width : INFINITY;
+        error = width > 0 ? smaller(error, choice->error / width) : error;
     }
     return tetlod_band_for_error(info, error);
 }
