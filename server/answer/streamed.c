@@ -46,7 +46,7 @@ static enum tetlod_status make_view(void *opaque, struct cache_value *out, struc
     struct forest_view *view;
     TETLOD_TRY(forest_view_new(&view, forest, viewing->level, error));
     metrics_count(viewing->site->metrics, METRIC_LEVELS_MADE);
-    *out = (struct cache_value){view, (size_t)forest_view_bytes(forest_info(forest), viewing->level), free_view};
+    *out = (struct cache_value){view, (size_t)forest_view_bytes(forest, viewing->level), free_view};
     return TETLOD_OK;
 }
 
@@ -83,7 +83,7 @@ static enum outcome obtain_view(struct exchange *exchange, const struct streamed
     cache_hold(site->memory, forest);
     *viewing = (struct viewing){site, forest, answer->level};
     snprintf(key, sizeof key, "%s/view/%" PRIu64 "/%" PRIu32, info->cid, forest_serial(forest), answer->level);
-    const struct recipe recipe = {make_view, free_viewing, viewing, forest_view_bytes(info, answer->level), PATIENCE, NULL};
+    const struct recipe recipe = {make_view, free_viewing, viewing, forest_view_bytes(forest_of(forest), answer->level), PATIENCE, NULL};
     enum outcome outcome = obtain(exchange, site->memory, key, &recipe, &value);
     if (value)
         *out = obtain_take(exchange->request, value);
