@@ -228,7 +228,7 @@ export class Engine {
     this.#view.forget();
     this.#groups = new Groups((band, group) => this.#readGroup(series, band, group), (error) => {
       if (error) this.#fail(error);
-      if (this.#time) this.#emit('buffered', { band: this.#time.band, groups: this.#groups.of(this.#time.band) });
+      if (this.#time) this.#emit('buffered', { band: this.#time.band, groups: this.#groups.of(this.#time.band), received: this.#groups.received });
       this.#wake();
     });
     this.#emit('series', series);
@@ -296,7 +296,7 @@ export class Engine {
     this.#moved = moves ? level : -1;
     this.#shown = level;
     if (fresh) this.#announce(level);
-    this.#emit('step', { step, band, error, level, time: times[step], seconds });
+    this.#emit('step', { step, band, error, level, time: times[step], groups: this.#groups.of(band), seconds });
     if (moves) await this.#animate(0, 1, blend);
     if (this.#at?.step === step) await this.#present(1);
   }

@@ -27,6 +27,7 @@ export function infoOfSteps(info, series, band) {
 /** The bytes of groups of steps: one after the other, in the order in which they are needed, kept while there is room. */
 export class Groups {
   #read; #heard; #kept = new Map(); #bytes = 0; #wanted = []; #reading = false;
+  received = 0; // bytes, of groups that were dropped, too
 
   /** `read(band, group)` resolves to pieces [{offset, bytes}]; `heard(error)` is called when they are there, or why they are not. */
   constructor(read, heard) {
@@ -71,6 +72,7 @@ export class Groups {
     const size = (list) => list.reduce((sum, { bytes }) => sum + bytes.length, 0);
     this.#kept.set(key, pieces);
     this.#bytes += size(pieces);
+    this.received += size(pieces);
     for (const [old, list] of this.#kept) {
       if (this.#bytes <= most || old === key) break;
       this.#kept.delete(old);

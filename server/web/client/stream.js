@@ -159,6 +159,7 @@ export class TetlodStream extends EventTarget {
   fields = []; // names of those that are decoded
   level = 0;
   received = 0;
+  receivedSteps = 0; // bytes of steps, beside those
   series = null; // {group, times, bands: [{error, level}], fields: [{name, range}]} of a series in time, from the event `series` on
 
   /**
@@ -357,6 +358,7 @@ export class TetlodStream extends EventTarget {
     if (event === 'read') return void this.#read(link, detail);
     if (link === this.#next && event !== 'retry') return;
     if (event === 'level') this.level = detail.level;
+    if (event === 'buffered') this.receivedSteps = detail.received;
     if (event === 'series') this.series = detail;
     if (event === 'progress') this.received = detail.received;
     this.dispatchEvent(new CustomEvent(event, { detail }));
