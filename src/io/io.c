@@ -72,6 +72,8 @@ static const struct format formats[] = {
     {"sol", "Medit's values at vertices: --q, and the fields of a .mesh", {"sol"}, WHOLE, NULL, NULL, sol_write},
     {"openfoam", "OpenFOAM cases by an empty NAME.foam in their folder: text, binary, gzip, polyhedra, times", {"foam", "openfoam"},
      WHOLE, NULL, foam_read, NULL},
+    {"ensight", "EnSight Gold cases: text, C and Fortran binary, parts, variables of nodes and elements, times", {"case", "encas"}, WHOLE,
+     ensight_sniff, ensight_read, NULL},
     {"tetgen", "TetGen .node with .ele", {"node", "ele"}, SIBLING, NULL, tetgen_read, NULL},
     {"plot3d", "PLOT3D grids with their solution: multi-grid, iblank, both endians, record markers", {"xyz", "p3d", "x"}, SOLUTION, plot3d_sniff, plot3d_read, NULL},
 };
