@@ -353,7 +353,7 @@ static enum tetlod_status read_structured(struct ensight *e, struct block *block
 {
     char kind[ENSIGHT_LINE + 1];
     uint64_t points = 0;
-    strcpy(kind, e->line);
+    memcpy(kind, e->line, sizeof kind);
     TETLOD_TRY(read_dims(e, strstr(kind, "range") != NULL, block->dims, &points));
     uint64_t cells = block_cell_count(block);
     bool is_uniform = strstr(kind, "uniform") != NULL, is_rectilinear = strstr(kind, "rectilinear") != NULL;

@@ -80,6 +80,8 @@ TETLOD_CHECKED enum tetlod_status inp_read(struct blocks *out, const struct io_i
 
 TETLOD_CHECKED enum tetlod_status medit_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
                                              struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status meshb_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                             struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status sol_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
                                              struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status xdmf_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
