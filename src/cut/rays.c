@@ -89,7 +89,7 @@ static enum tetlod_status find_faces(const struct tetmesh *mesh, struct cut_rays
     out->face_count = (count + RAYS_LEAF - 1) / RAYS_LEAF * RAYS_LEAF;
     bool room = slots && order && middles &&
                 array_reserve((void **)&out->faces, &out->face_cap, 4 * (size_t)out->face_count, sizeof *out->faces) &&
-                array_reserve((void **)&out->nodes, &out->node_cap, 4 * (size_t)out->face_count, sizeof *out->nodes);
+                array_reserve((void **)&out->nodes, &out->node_cap, 16 * (size_t)out->face_count, sizeof *out->nodes);
     enum tetlod_status status = room ? plant(mesh, count, slots, middles, order, out, error)
                                      : tetlodi_fail_nomem(error, "the boundary's faces", 64 * (uint64_t)count);
     free(slots);

@@ -31,8 +31,8 @@ export class RayLayer {
   update(cells) {
     this.actor.setVisibility(Boolean(cells));
     if (!cells) return;
-    const { vertices, nodes, corners, neighbours, faces } = cells;
-    this.mapper.put({ textures: { vertices, nodes, corners, neighbours, faces } });
+    const { vertices, nodes, corners, neighbours, faces, moves } = cells;
+    this.mapper.put({ textures: { vertices, nodes, corners, neighbours, faces }, uniforms: { moves } });
   }
 
   // `state` of the picture, [low, high] of the colours, the bounds' `sides`; `clip`: {origin, normal} or null

@@ -12,6 +12,13 @@ void main() {
   gl_Position = vec4(place, 0.0, 1.0);
 }`;
 
+export const copyShader = `#version 300 es
+precision mediump float;
+uniform sampler2D image;
+in vec2 place;
+out vec4 seen;
+void main() { seen = texture(image, 0.5 * place + 0.5); }`;
+
 export const fragmentShader = `#version 300 es
 precision highp float;
 precision highp int;
@@ -27,7 +34,7 @@ uniform vec4 clip;              // drawn is where dot(clip.xyz, p) < clip.w
 in vec2 place;
 out vec4 seen;
 
-const uint NONE = 0xffffffffu;
+const uint NONE = 0xffffffffu, LEAF = 4u; // LEAF as RAYS_LEAF
 const float FAR = 1e30;
 
 vec3 origin, direction, across, up;
@@ -49,11 +56,13 @@ vec3 unproject(float depth) {
   return p.xyz / p.w;
 }
 
-bool meets(vec3 low, vec3 high, float last) {
+// Is a part of the box between two places?
+bool meets(vec3 low, vec3 high, float last, float first) {
   vec3 a = (low - origin) / direction, b = (high - origin) / direction;
   vec3 near = min(a, b), far = max(a, b);
   float from = max(max(near.x, near.y), near.z), to = min(min(far.x, far.y), far.z);
-  return from <= to + 1e-5 * abs(to) && to >= last;
+  float rounding = 1e-5 * abs(to);
+  return from <= to + rounding && to + rounding >= last && from <= first + rounding;
 }
 
 // The next face behind \`last\` by which the ray enters: its number, and where.
@@ -62,14 +71,14 @@ uint enter(float last, out float first) {
   first = FAR;
   for (uint i = 0u; i < nodeCount;) {
     vec4 low = texelFetch(nodes, at(2u * i), 0), high = texelFetch(nodes, at(2u * i + 1u), 0);
-    if (!meets(low.xyz, high.xyz, last)) {
+    if (!meets(low.xyz, high.xyz, last, first)) {
       i = uint(low.w);
       continue;
     }
     i++;
     if (high.w < 0.0) continue;
-    for (uint k = 0u; k < 4u; k++) {
-      uint number = 4u * uint(high.w) + k;
+    for (uint k = 0u; k < LEAF; k++) {
+      uint number = LEAF * uint(high.w) + k;
       uvec4 face = texelFetch(faces, at(number), 0);
       if (face.w == NONE) break;
       vec4 a = along(face.x), b = along(face.y), c = along(face.z);
@@ -148,7 +157,7 @@ void look() {
   up = cross(direction, across);
   extent = vec2(0.0, FAR);
   if (hasOpaque) {
-    vec4 written = texelFetch(opaque, ivec2(gl_FragCoord.xy), 0);
+    vec4 written = texelFetch(opaque, ivec2((0.5 * place + 0.5) * vec2(textureSize(opaque, 0))), 0);
     float depth = (written.r * 256.0 + written.g) / 257.0;
     if (depth < 1.0) extent.y = dot(unproject(2.0 * depth - 1.0) - origin, direction);
   }

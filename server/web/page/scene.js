@@ -195,7 +195,7 @@ export class Scene extends EventTarget {
       this.volume?.update(this.grid);
     }
     if (pictures.rays !== undefined) {
-      this.cells = pictures.rays && { ...this.cells, ...pictures.rays, range: pictures.shade.range };
+      this.cells = pictures.rays && { ...this.cells, ...pictures.rays, range: pictures.shade.range, moves: pictures.t < 1 };
       this.rays?.update(this.cells);
     }
     this.restyle(state);
