@@ -319,6 +319,40 @@ async function tetrahedra_are_rendered() {
   await changesThePicture('a wall among them', () => page.evaluate(() => window.tetlod.set({ slices: [{ normal: [0, 1, 0], at: 0.2 }] })));
 }
 
+// The last frame of a move has the finer level's tetrahedra, many of them flat, in the coarser one's shape: it looks as that.
+async function rays_pass_flat_tetrahedra() {
+  await open('&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4&error=0.02');
+  await until(() => window.tetlod.scene.rays?.actor.getVisibility());
+  const moved = () => page.evaluate(() => new Promise((resolve) => {
+    const { stream, scene, set } = window.tetlod;
+    stream.addEventListener('pictures', function keep({ detail: { t } }) {
+      if (t !== 0) return;
+      stream.removeEventListener('pictures', keep);
+      window.flat = { ...scene.cells, moves: false };
+      resolve(scene.cells.corners.length / 4);
+    });
+    set({ smooth: true, error: 0.1 });
+  }));
+  const before = await moved();
+  await picture();
+  const { worst, tets } = await page.evaluate(async () => {
+    const { scene } = window.tetlod;
+    const pixels = async () => {
+      const image = await scene.capture();
+      const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
+      context.drawImage(image, 0, 0);
+      return context.getImageData(0, 0, image.width, image.height).data;
+    };
+    const coarse = await pixels();
+    const now = scene.cells.corners.length / 4;
+    scene.rays.update(window.flat);
+    const fine = await pixels();
+    return { worst: coarse.reduce((most, x, i) => Math.max(most, Math.abs(x - fine[i])), 0), tets: now };
+  });
+  assert.ok(before > 1.5 * tets, `${before} of which ${tets} are not flat`);
+  assert.ok(worst <= 3, `${worst} of 255`);
+}
+
 async function a_volume_is_rendered() {
   await open('');
   await page.locator('#volume').check();
@@ -562,7 +596,7 @@ async function nothing_was_complained_of() {
 }
 
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
-  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, tetrahedra_are_rendered, a_volume_is_rendered,
+  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
   the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
   a_line_is_plotted, values_are_probed, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;
