@@ -337,6 +337,13 @@ bench-build: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@/usr/bin/python3 tests/bench/build.py $(BINARY) $(MESHES)
 
+## bench-io: reading and writing VTU of ten million tetrahedra beside VTK's reader and writer (SIZE=60: 1.3 million; REPEAT=5)
+.PHONY: bench-io
+BENCHES += bench-io
+bench-io: needs-check
+	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_io
+	@/usr/bin/python3 tests/bench/mesh_files.py $(B)/tests/bench/bench_io $(BINARY) $(SIZE)
+
 ## report: one HTML page: error against bytes beside VTK's decimation and compressed VTU, bytes by column, build time by phase (MESHES='a.tetlod fin:30')
 .PHONY: report
 report: needs-check
