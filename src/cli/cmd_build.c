@@ -160,16 +160,6 @@ static bool parse_contract(const char *text, unsigned *out)
     return false;
 }
 
-static bool parse_growth(const char *text, double *out)
-{
-    if (!cli_parse_number(&command_build, "growth", text, 1.001, out))
-        return false;
-    if (*out <= 16)
-        return true;
-    cli_usage("build", "--growth is at most 16, not '%s'", text);
-    return false;
-}
-
 static bool parse_bits(const char *name, const char *text, unsigned *out)
 {
     uint64_t bits;
@@ -256,7 +246,7 @@ static bool parse_option(struct request *request, int option, const char *value)
         request->moves_boundary = true;
         return cli_parse_fraction(&command_build, "domain-error", value, &build->domain_error);
     case 'g':
-        return parse_growth(value, &build->growth);
+        return cli_parse_number(&command_build, "growth", value, 1, &build->growth);
     case 'P':
         return parse_bits("position-bits", value, &build->quantise.position_bits);
     case 'F':
@@ -668,6 +658,9 @@ static int run(int argc, char **argv)
         if ((option < JSON || option >= READING_FIRST) && !parse_option(&request, option, optarg))
             return EXIT_USAGE;
     }
+    struct build_range bad;
+    if (build_options_out_of_range(&request.build, &bad))
+        return cli_usage("build", "--%s is %g to %g, not %g", bad.option, bad.least, bad.most, bad.value);
     if (argc == optind && !cli_operands(&command_build, argc, 1, "the INPUT mesh"))
         return EXIT_USAGE;
     request.series.paths = (const char *const *)(argv + optind);
