@@ -18,6 +18,8 @@ OBJCOPY ?= objcopy
 VERSION := $(shell sed -n 's/^.define TETLOD_VERSION_STRING "\(.*\)"/\1/p' format/tetlod.h)
 SOVERSION := $(firstword $(subst ., ,$(VERSION)))
 B := build/$(config)
+# What demo and check build uses every core, unless the caller has said how many (-jN)
+PARALLEL = $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc 2>/dev/null || echo 2))
 
 # ---- what a build asks for. `make needs` looks for it on any system; `make deps` installs it, on Debian alone
 NEEDS_COMMANDS = $(CC) $(AR) $(LD) $(OBJCOPY) $(PKG_CONFIG) python3 $(if $(ALONE),,zstd) $(if $(filter 0,$(WEB))$(ALONE)$(PREBUILT),,node npm $(WASM_CC))
@@ -268,7 +270,7 @@ deps-bench:
 ## demo: install, build, make a sample and its stream, serve it and print the viewer's URL
 .PHONY: demo
 demo: needs
-	$(Q)$(MAKE) --no-print-directory all
+	$(Q)$(MAKE) $(PARALLEL) --no-print-directory all
 	@mkdir -p build/demo
 	$(BINARY) sample fin -o build/demo/fin.vtu
 	$(BINARY) build build/demo/fin.vtu -o build/demo/fin.tetlod
@@ -279,9 +281,9 @@ demo: needs
 ## check: install, build and run all tests; ends with 'N passed, N failed' (ONLY=pattern runs some)
 .PHONY: check
 check: needs-check
-	$(Q)$(MAKE) --no-print-directory all tests
-	$(Q)$(MAKE) --no-print-directory config=asan all tests
-	$(Q)$(MAKE) --no-print-directory config=tsan threaded
+	$(Q)$(MAKE) $(PARALLEL) --no-print-directory all tests
+	$(Q)$(MAKE) $(PARALLEL) --no-print-directory config=asan all tests
+	$(Q)$(MAKE) $(PARALLEL) --no-print-directory config=tsan threaded
 	@/usr/bin/python3 tests/run.py $(if $(ONLY),--only '$(ONLY)') release asan tsan
 
 ## tests: the test programs of this config
@@ -334,6 +336,13 @@ BENCHES += bench-build
 bench-build: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@/usr/bin/python3 tests/bench/build.py $(BINARY) $(MESHES)
+
+## bench-io: reading and writing VTU of ten million tetrahedra beside VTK's reader and writer (SIZE=60: 1.3 million; REPEAT=5)
+.PHONY: bench-io
+BENCHES += bench-io
+bench-io: needs-check
+	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_io
+	@/usr/bin/python3 tests/bench/mesh_files.py $(B)/tests/bench/bench_io $(BINARY) $(SIZE)
 
 ## report: one HTML page: error against bytes beside VTK's decimation and compressed VTU, bytes by column, build time by phase (MESHES='a.tetlod fin:30')
 .PHONY: report
@@ -394,7 +403,7 @@ bench: needs-check $(BENCHES)
 .PHONY: check-tsan threaded
 threaded: $(BINARY) $(patsubst %,$(B)/tests/unit/test_%,cache forest site)
 check-tsan: needs-check
-	$(Q)$(MAKE) --no-print-directory config=tsan threaded
+	$(Q)$(MAKE) $(PARALLEL) --no-print-directory config=tsan threaded
 	@/usr/bin/python3 tests/run.py --every tsan --only http/
 	@/usr/bin/python3 tests/run.py tsan --only unit/
 

@@ -25,7 +25,8 @@ int tetlodi_time_allocate(struct tetlodi_time *time, uint32_t fields, uint32_t b
     time->times = zeroed(steps, sizeof *time->times);
     time->entries = zeroed(rows * steps, sizeof *time->entries);
     time->digests = zeroed(rows * time->group_count, sizeof *time->digests);
-    return time->fields && time->bands && time->quanta && time->times && time->entries && time->digests;
+    time->ends = zeroed(rows * time->group_count, sizeof *time->ends);
+    return time->fields && time->bands && time->quanta && time->times && time->entries && time->digests && time->ends;
 }
 
 void tetlodi_time_fini(struct tetlodi_time *time)
@@ -36,18 +37,26 @@ void tetlodi_time_fini(struct tetlodi_time *time)
     free(time->times);
     free(time->entries);
     free(time->digests);
+    free(time->ends);
     *time = (struct tetlodi_time){0};
 }
 
 void tetlodi_time_place(const struct tetlodi_time *time, uint32_t field, uint32_t band, uint32_t group, uint64_t *offset, uint64_t *size)
 {
-    const struct tetlodi_time_entry *entries = time_entries(time, field, band);
-    uint32_t begin = group * STEP_GROUP, end = time->step_count - begin < STEP_GROUP ? time->step_count : begin + STEP_GROUP;
-    *offset = *size = 0;
-    for (uint32_t step = 0; step < begin; step++)
-        *offset += entries[step].size;
-    for (uint32_t step = begin; step < end; step++)
-        *size += entries[step].size;
+    const uint64_t *ends = time->ends + time_row(time, field, band) * time->group_count;
+    *offset = group ? ends[group - 1] : 0;
+    *size = ends[group] - *offset;
+}
+
+static void add_sizes(struct tetlodi_time *time)
+{
+    for (size_t row = 0; row < (size_t)time->field_count * time->band_count; row++) {
+        uint64_t end = 0;
+        for (uint32_t step = 0; step < time->step_count; step++) {
+            end += time->entries[row * time->step_count + step].size;
+            time->ends[row * time->group_count + step / STEP_GROUP] = end;
+        }
+    }
 }
 
 /* ---- bytes: every part has a multiple of 8 of them, so that columns stay columns when the section is packed */
@@ -142,6 +151,7 @@ static int decode_rows(struct tetlodi_time *time, struct tetlodi_bytes *in)
         time->entries[i].error = get_f32(in);
         good &= time->entries[i].error >= 0 && isfinite(time->entries[i].error);
     }
+    add_sizes(time);
     const uint8_t *digests = tetlodi_get_block(in, rows * time->group_count * DIGEST_SIZE);
     if (digests)
         memcpy(time->digests, digests, rows * time->group_count * DIGEST_SIZE);

@@ -10,7 +10,7 @@
 #define TAG_TIME "TIME"
 #define TAG_STEP_VALUES "TVAL"
 
-enum { MOST_STEPS = 1 << 20, MOST_BANDS = 64, STEP_GROUP = 8 };
+enum { MOST_STEPS = 1 << 20, MOST_BANDS = 64, STEP_GROUP = TETLOD_STEP_GROUP };
 
 struct tetlodi_time_field {
     uint32_t field;        /* of the stream */
@@ -31,6 +31,7 @@ struct tetlodi_time {
     double *times;                     /* [step] */
     struct tetlodi_time_entry *entries;        /* [field][band][step] */
     uint8_t (*digests)[DIGEST_SIZE];           /* [field][band][group] */
+    uint64_t *ends;                            /* [field][band][group] of the group's frames among the row's; of a table that was decoded */
 };
 
 /* Room for all of it, zero. 0: out of memory. */
@@ -52,7 +53,7 @@ void tetlodi_time_encode(const struct tetlodi_time *time, struct tetlodi_buffer 
 TETLOD_CHECKED enum tetlod_status tetlodi_time_decode(struct tetlodi_time *time, const uint8_t *bytes, size_t size,
                                                       struct tetlod_error *error);
 
-/* The frames of a group of a row of the table: their first byte among the row's, and their bytes together. */
+/* The frames of a group of a row of a decoded table: their first byte among the row's, and their bytes together. */
 void tetlodi_time_place(const struct tetlodi_time *time, uint32_t field, uint32_t band, uint32_t group, uint64_t *offset, uint64_t *size);
 
 #endif

@@ -66,7 +66,10 @@ export interface Spec {
   component?: Component;
   surface?: boolean;
   slices?: { origin: Point; normal: Point }[];
-  isosurfaces?: { field?: string; component?: Component; value: number }[];
+  /** `zone`: the two isosurfaces between which the original's lies, too. */
+  isosurfaces?: { field?: string; component?: Component; value: number; zone?: boolean }[];
+  /** Draw only tetrahedra whose corners have values from `low` to `high`. */
+  threshold?: { field?: string; component?: Component; low?: number; high?: number } | null;
   /** Lines of the cells in surface and slices. */
   edges?: boolean;
   /** Everything is of what is behind the plane; the surface is closed there. */
@@ -85,6 +88,14 @@ export interface Part {
   triangles?: Uint32Array;
   lines?: Uint32Array | null;
   normals: Float32Array | null;
+}
+
+/** The original's isosurface lies between the two at value - bound and value + bound. */
+export interface Zone {
+  bound: number;
+  /** The bound is proved; else it is the largest error that was measured. */
+  certified: boolean;
+  sides: [Part, Part];
 }
 
 export interface Grid {
@@ -117,6 +128,8 @@ export interface Pictures {
   surface: Part | null;
   slices: Part[];
   isosurfaces: Part[];
+  /** One for each isosurface: null where none was asked for. */
+  zones: (Zone | null)[];
   /** Absent while the mesh moves, and where it is the same as in the last message. */
   volume?: Grid | null;
   seconds: number;

@@ -6,13 +6,14 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/time_table.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/build_memory.h"
 #include "src/pipeline/series_parts.h"
 #include "src/util/array.h"
 
-/* Steps that drive at least, where there are so many; steps of a group; components that are retraced together, where they fit. */
-enum { LEAST_KEYS = 16, GROUP = 8, BATCH_COMPONENTS = 32 };
+/* Steps that drive at least, where there are so many; components that are retraced together, where they fit. */
+enum { LEAST_KEYS = 16, BATCH_COMPONENTS = 32 };
 
 /* What a component takes a vertex while it drives, in bytes: its values here, in the working mesh and in the log, U, L, the prediction. */
 enum { DRIVING_BYTES = 48 };
@@ -71,7 +72,7 @@ static enum tetlod_status find_ranges(struct series_build *series, struct tetlod
             }
         }
         free(values);
-        double width = range[1] - range[0];
+        double width = series_width(series, c);
         if (!isfinite(width) || (width > 0 && !isfinite(1 / width)))
             return tetlodi_fail(error, TETLOD_ERR_MESH, "field '%.60s' has the range %g .. %g over the series, too %s for errors relative to it",
                                 series->mesh->fields[series->options->controls[c].field].name, range[0], range[1], width > 1 ? "wide" : "narrow");
@@ -139,10 +140,10 @@ static uint32_t key_step(const struct series_build *series, uint32_t key)
 
 uint32_t series_batch(const struct series_build *series)
 {
-    uint32_t steps = BATCH_COMPONENTS / series->component_count / GROUP * GROUP;
-    if (steps > GROUP && retrace_bytes(series->mesh, steps * series->component_count) > left_over(series))
-        steps = GROUP;
-    return steps ? steps : GROUP;
+    uint32_t steps = BATCH_COMPONENTS / series->component_count / STEP_GROUP * STEP_GROUP;
+    if (steps > STEP_GROUP && retrace_bytes(series->mesh, steps * series->component_count) > left_over(series))
+        steps = STEP_GROUP;
+    return steps ? steps : STEP_GROUP;
 }
 
 /* ---- fields of steps */
@@ -207,11 +208,6 @@ enum tetlod_status series_retrace(const struct series_build *series, const uint3
 
 /* ---- contraction */
 
-static double width_of(const struct series_build *series, uint32_t control)
-{
-    return series->ranges[control][1] - series->ranges[control][0];
-}
-
 static double field_width(const struct tetmesh *mesh, uint32_t field)
 {
     double range[2];
@@ -222,13 +218,13 @@ static double field_width(const struct tetmesh *mesh, uint32_t field)
 /* A step's limit counts in the range of the series, not in its own. */
 static double step_weight(const struct series_build *series, const struct tetmesh *mesh, uint32_t field, uint32_t control, double weight)
 {
-    double width = field_width(mesh, field), factor = width > 0 ? width_of(series, control) / width : 1;
+    double width = field_width(mesh, field), factor = width > 0 ? series_width(series, control) / width : 1;
     return isfinite(factor) ? weight * factor : weight;
 }
 
 static void raise_worst(struct series_build *series, uint32_t mark, uint32_t control, double bound)
 {
-    double *worst = &series->worst[(size_t)mark * series->options->control_count + control], width = width_of(series, control);
+    double *worst = &series->worst[(size_t)mark * series->options->control_count + control], width = series_width(series, control);
     *worst = larger(*worst, width > 0 ? smaller(bound / width, 1) : 0);
 }
 

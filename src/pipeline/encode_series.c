@@ -125,13 +125,18 @@ static enum tetlod_status find_level(struct band_level *level, const struct batc
 
 /* ---- codes that will do */
 
-/* A band's values of one control at one step. */
-struct target {
-    struct tetlodi_step_scale scale;
-    double tolerance;         /* of the value; 0: exact */
-    double range[2];          /* of the component at that step */
-    const double *values;     /* the original's, of the component */
-    uint32_t components;
+/* A band of one control, over the batch. */
+struct row {
+    const struct batch *batch;
+    const struct retrace_mark *mark;
+    uint32_t control, band;
+    uint32_t first;       /* component of the control, among those of all */
+    double tolerance;     /* of a value; 0: exact */
+    struct tetlodi_steps steps;
+    double *values;       /* the original's, of the step at hand */
+    double (*ranges)[2];  /* [component] of these */
+    double (*bounds)[2];  /* [component * vertices + vertex of the level] L and U there */
+    int64_t *allowed;
 };
 
 /* A power of two: multiples are exact in the type, if they are not too many. 0: there is none. */
@@ -165,17 +170,18 @@ static int64_t code_down(const struct tetlodi_step_scale *scale, double x)
 }
 
 /* Half the tolerance is for cheap codes at most: values stay near the middle of L and U. */
-static void allow(const struct target *target, const double bounds[2], int64_t out[2])
+static void allow(const struct row *row, const double bounds[2], int64_t out[2])
 {
-    double least = bounds[0], greatest = bounds[1], middle = least / 2 + greatest / 2, half = target->tolerance / 2;
-    if (bounds[0] == bounds[1] && !(target->tolerance > 0)) { // bit for bit, also -0
-        out[0] = out[1] = float_code(target->scale.type, bounds[0]);
+    const struct tetlodi_step_scale *scale = &row->steps.scale;
+    double least = bounds[0], greatest = bounds[1], middle = least / 2 + greatest / 2, half = row->tolerance / 2;
+    if (bounds[0] == bounds[1] && !(row->tolerance > 0)) { // bit for bit, also -0
+        out[0] = out[1] = float_code(scale->type, bounds[0]);
         return;
     }
-    out[0] = code_up(&target->scale, larger(middle - half, greatest - target->tolerance));
-    out[1] = code_down(&target->scale, smaller(middle + half, least + target->tolerance));
+    out[0] = code_up(scale, larger(middle - half, greatest - row->tolerance));
+    out[1] = code_down(scale, smaller(middle + half, least + row->tolerance));
     if (out[0] > out[1]) // no code is that near: the nearest to the middle
-        out[0] = out[1] = target->scale.quantum > 0 ? (int64_t)floor(middle / target->scale.quantum + 0.5) : float_code(target->scale.type, middle);
+        out[0] = out[1] = scale->quantum > 0 ? (int64_t)floor(middle / scale->quantum + 0.5) : float_code(scale->type, middle);
 }
 
 /* How far a value is off at most. */
@@ -194,45 +200,33 @@ static float float_up(double x)
     return x > 0 ? (float)ldexp(ceil(ldexp(mantissa, 10)), exponent - 10) : 0; // 10 bits: the table is packed
 }
 
-/* A band of one control, over the batch. */
-struct row {
-    const struct batch *batch;
-    const struct retrace_mark *mark;
-    uint32_t control, band;
-    struct tetlodi_steps steps;
-    double *values;   /* of the step at hand */
-    int64_t *allowed;
-};
-
-static double tolerance_of(const struct row *row)
+static void find_component_ranges(struct row *row)
 {
-    const double *range = row->batch->series->ranges[row->control];
-    return row->batch->series->input->bands[row->band] * (range[1] - range[0]);
-}
-
-static void set_target(const struct row *row, uint32_t component, struct target *out)
-{
-    uint32_t n = row->batch->series->mesh->vertex_count, k = row->steps.components;
-    *out = (struct target){row->steps.scale, tolerance_of(row), {INFINITY, -INFINITY}, row->values + component, k};
-    for (size_t v = 0; v < n; v++) {
-        out->range[0] = smaller(out->range[0], out->values[v * k]);
-        out->range[1] = larger(out->range[1], out->values[v * k]);
+    uint32_t k = row->steps.components;
+    for (uint32_t c = 0; c < k; c++) {
+        double *range = row->ranges[c];
+        range[0] = INFINITY;
+        range[1] = -INFINITY;
+        for (size_t v = 0; v < row->batch->series->mesh->vertex_count; v++) {
+            range[0] = smaller(range[0], row->values[v * k + c]);
+            range[1] = larger(range[1], row->values[v * k + c]);
+        }
     }
 }
 
 /* What L and U are at a vertex of the level; at the finest the value itself. A step whose whole range is within the tolerance has that range
  * for L and U everywhere. They are not cut to the range vertex by vertex: between the vertices that would not hold the original. */
-static void bounds_at(const struct row *row, const struct target *target, uint32_t step, uint32_t component, uint32_t v, double out[2])
+static void bounds_at(const struct row *row, uint32_t step, uint32_t component, uint32_t v, double out[2])
 {
     const struct series_build *series = row->batch->series;
     const struct band_level *level = &series->encoding->levels[row->band];
-    uint32_t number = (step - row->batch->first) * series->component_count + component;
+    const double *range = row->ranges[component];
     if (series->band_marks[row->band] == 0)
-        out[0] = out[1] = target->values[(size_t)level->nodes[v] * target->components];
-    else if (target->range[1] - target->range[0] <= target->tolerance)
-        memcpy(out, target->range, sizeof target->range);
+        out[0] = out[1] = row->values[(size_t)level->nodes[v] * row->steps.components + component];
+    else if (range[1] - range[0] <= row->tolerance)
+        memcpy(out, range, 2 * sizeof *out);
     else
-        retrace_bounds(row->mark->state, level->nodes[v], number, out);
+        retrace_bounds(row->mark->state, level->nodes[v], (step - row->batch->first) * series->component_count + row->first + component, out);
 }
 
 /* One step's frame, into the group; its error. */
@@ -240,32 +234,21 @@ static enum tetlod_status encode_step(struct row *row, uint32_t step, struct tet
 {
     struct series_build *series = row->batch->series;
     struct series_encoding *encoding = series->encoding;
-    const struct band_level *level = &encoding->levels[row->band];
-    uint32_t first = 0, k = row->steps.components;
-    size_t n = level->vertices;
-    double worst = 0, width = series->ranges[row->control][1] - series->ranges[row->control][0], bounds[2];
-    for (uint32_t c = 0; c < row->control; c++)
-        first += series_components(series, c);
+    uint32_t n = encoding->levels[row->band].vertices, k = row->steps.components;
+    double worst = 0, width = series_width(series, row->control), (*bounds)[2] = row->bounds;
     series_load(series, step, row->control, row->values);
-    for (uint32_t c = 0; c < k; c++) {
-        struct target target;
-        set_target(row, c, &target);
+    find_component_ranges(row);
+    for (uint32_t c = 0; c < k; c++)
         for (uint32_t v = 0; v < n; v++) {
-            bounds_at(row, &target, step, first + c, v, bounds);
-            allow(&target, bounds, row->allowed + 2 * (c * n + v));
+            size_t i = (size_t)c * n + v;
+            bounds_at(row, step, c, v, bounds[i]);
+            allow(row, bounds[i], row->allowed + 2 * i);
         }
-    }
     size_t size = tetlodi_steps_encode(&row->steps, row->allowed, group);
-    for (uint32_t c = 0; c < k; c++) {
-        struct target target;
-        set_target(row, c, &target);
-        for (uint32_t v = 0; v < n; v++) {
-            bounds_at(row, &target, step, first + c, v, bounds);
-            worst = larger(worst, error_of(bounds, tetlodi_step_value(&row->steps.scale, row->steps.codes[c * n + v])));
-        }
-    }
-    if (worst > tolerance_of(row) * (1 + 1e-9) || size > UINT32_MAX)
-        return tetlodi_fail(row->batch->error, TETLOD_ERR_LIMIT, "step %u is off by %g in the band of %g", step, worst, tolerance_of(row));
+    for (size_t i = 0; i < (size_t)n * k; i++)
+        worst = larger(worst, error_of(bounds[i], tetlodi_step_value(&row->steps.scale, row->steps.codes[i])));
+    if (worst > row->tolerance * (1 + 1e-9) || size > UINT32_MAX)
+        return tetlodi_fail(row->batch->error, TETLOD_ERR_LIMIT, "step %u is off by %g in the band of %g", step, worst, row->tolerance);
     time_entries(&encoding->time, row->control, row->band)[step] =
         (struct tetlodi_time_entry){(uint32_t)size, width > 0 ? float_up(worst / width) : 0};
     return group->failed ? tetlodi_fail_nomem(row->batch->error, "a step", size) : TETLOD_OK;
@@ -295,16 +278,21 @@ static enum tetlod_status encode_row(const struct batch *batch, const struct ret
 {
     struct series_build *series = batch->series;
     const struct band_level *level = &series->encoding->levels[band];
-    struct row row = {.batch = batch, .mark = mark, .control = control, .band = band};
+    double tolerance = series->input->bands[band] * series_width(series, control);
+    struct row row = {.batch = batch, .mark = mark, .control = control, .band = band, .tolerance = tolerance};
     struct tetlodi_memory memory = {.most = UINT64_MAX};
     uint32_t k = series_components(series, control);
-    struct tetlodi_step_scale scale = {series->input->types[control], choose_quantum(series->ranges[control], tolerance_of(&row), series->input->types[control])};
+    struct tetlodi_step_scale scale = {series->input->types[control], choose_quantum(series->ranges[control], tolerance, series->input->types[control])};
     enum tetlod_status status = TETLOD_OK;
+    for (uint32_t c = 0; c < control; c++)
+        row.first += series_components(series, c);
     series->encoding->time.quanta[(size_t)band * series->options->control_count + control] = scale.quantum;
     row.values = array_new((size_t)series->mesh->vertex_count * k, sizeof *row.values);
+    row.ranges = array_new(k, sizeof *row.ranges);
+    row.bounds = array_new((size_t)level->vertices * k, sizeof *row.bounds);
     row.allowed = array_new((size_t)level->vertices * k, 2 * sizeof *row.allowed);
-    if (!tetlodi_steps_init(&row.steps, &level->lower, &scale, k, &memory) || !row.values || !row.allowed)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(batch->error, "a band", (uint64_t)level->vertices * k * 40));
+    if (!tetlodi_steps_init(&row.steps, &level->lower, &scale, k, &memory) || !row.values || !row.ranges || !row.bounds || !row.allowed)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(batch->error, "a band", (uint64_t)level->vertices * k * 56));
     for (uint32_t at = 0; at < batch->count; at += STEP_GROUP) {
         uint32_t begin = batch->first + at, left = batch->count - at;
         TETLOD_TRY_DONE(encode_group(&row, begin, begin + (left < STEP_GROUP ? left : STEP_GROUP)));
@@ -312,6 +300,8 @@ static enum tetlod_status encode_row(const struct batch *batch, const struct ret
 done:
     tetlodi_steps_fini(&row.steps);
     free(row.values);
+    free(row.ranges);
+    free(row.bounds);
     free(row.allowed);
     return status;
 }

@@ -24,6 +24,12 @@ struct series_build {
 
 uint32_t series_components(const struct series_build *series, uint32_t control);
 
+/* Of a control's range over all steps. */
+static inline double series_width(const struct series_build *series, uint32_t control)
+{
+    return series->ranges[control][1] - series->ranges[control][0];
+}
+
 /* The values of a control at a step: [components * vertices]. */
 void series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out);
 

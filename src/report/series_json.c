@@ -4,19 +4,21 @@
 #include <math.h>
 #include <stdbool.h>
 
-enum { GROUP_OF_EQUALS = 8 }; /* steps that share a span (SPEC 3.7) */
-
 /* What all steps of a band come to: bytes, and the largest error of a field. */
 static void sum_band(const struct tetlod_series *series, uint32_t band, uint64_t *bytes, double *error)
 {
     const struct tetlod_series_info *steps = tetlod_series_info(series);
     *bytes = 0;
     *error = 0;
-    for (uint32_t f = 0; f < steps->field_count; f++)
+    for (uint32_t f = 0; f < steps->field_count; f++) {
+        struct tetlod_span group = {0, 0};
         for (uint32_t s = 0; s < steps->step_count; s++) {
-            *bytes += s % GROUP_OF_EQUALS ? 0 : tetlod_step_span(series, f, band, s).size;
+            struct tetlod_span span = tetlod_step_span(series, f, band, s);
+            *bytes += span.offset == group.offset && span.size == group.size ? 0 : span.size; // steps of a group share theirs
             *error = fmax(*error, tetlod_step_error(series, f, band, s));
+            group = span;
         }
+    }
 }
 
 static json_t *band_json(const struct tetlod_series *series, const struct tetlod_info *info, uint32_t b)

@@ -13,7 +13,6 @@ const { launch, openPage } = await import('../web/browser.mjs');
 const { folderHost, program } = await import('../web/hosts.mjs');
 
 const { BLUNT } = process.env;
-const rate = 10e6 / 8 / 1000; // bytes a millisecond
 const oneWay = 25;            // milliseconds
 
 function make(name, ...command) {
@@ -50,7 +49,8 @@ function deliverTo(socket) {
 }
 
 /** A link to a port of this machine that all its connections share. A new one costs a round trip more. */
-function slowLink(port) {
+function slowLink(port, megabits) {
+  const rate = megabits * 125; // bytes a millisecond
   let free = 0;
   const server = createServer((near) => {
     const far = connect(port, '127.0.0.1');
@@ -160,6 +160,16 @@ async function openViewer(id) {
   return { seconds: picture.startTime / 1000, bytes: picture.received, ours: longest(tasks.filter((t) => !isGraphics(t))), graphics: longest(tasks.filter(isGraphics)) };
 }
 
+/** The same over a link: {picture, settled}: seconds from navigation to the first picture, and to the 1 % that it is opened with. */
+async function visitOver(port) {
+  const page = await openPage(browser, `http://127.0.0.1:${port}`);
+  await page.goto(`http://127.0.0.1:${port}/view/fin`);
+  const settled = await page.waitForFunction(() => window.tetlod?.settled && performance.now() / 1000).then((handle) => handle.jsonValue());
+  const picture = await page.evaluate(() => performance.getEntriesByName('tetlod-picture')[0].startTime / 1000);
+  await page.context().close();
+  return { picture, settled };
+}
+
 // ---- the report
 
 function report(what, value, unit, floor, atLeast = false) {
@@ -198,16 +208,26 @@ const visits = [];
 for (let i = 0; i < 5; i++) visits.push(await openViewer('fin'));
 const middle = (key) => visits.map((visit) => visit[key]).sort((a, b) => a - b)[visits.length >> 1];
 report(`viewer, ${name}: first picture after navigation, median of 5`, middle('seconds'), 's', 1);
-report(`viewer, ${name}: bytes of the mesh until then`, middle('bytes') / 1000, 'kB', 100);
+report(`viewer, ${name}: bytes of the mesh until then`, middle('bytes') / 1000, 'kB', 60);
 report('viewer: longest task of its thread at start, processor time', middle('ours'), 'ms', 50);
 report("viewer: the browser's making of the graphics' context, processor time", middle('graphics'), 'ms');
 
-const [slowServer, slowFiles] = await Promise.all([slowLink(server.port), slowLink(Number(new URL(files.origin).port))]);
+const [slowServer, slowFiles] = await Promise.all([slowLink(server.port, 10), slowLink(Number(new URL(files.origin).port), 10)]);
 // The median of some runs: others use this machine, too.
 async function median(work, argument) {
   const runs = [];
   for (let i = 0; i < 5; i++) runs.push(await inPage(work, argument));
   return runs.sort((x, y) => x - y)[2];
+}
+
+for (const [megabits, most] of [[10, 1.2], [1, 3.5]]) {
+  const port = await slowLink(server.port, megabits);
+  const over = [];
+  for (let i = 0; i < 5; i++) over.push(await visitOver(port));
+  const at = (key) => over.map((visit) => visit[key]).sort((a, b) => a - b)[2];
+  console.log(`viewer over ${megabits} Mbit/s with a round trip of ${2 * oneWay} ms, after navigation, medians of 5:`);
+  report('  first picture', at('picture'), 's');
+  report('  1 %, panel and all', at('settled'), 's', most);
 }
 
 console.log(`over 10 Mbit/s with a round trip of ${2 * oneWay} ms, ${name}, certified error, medians of 5:`);

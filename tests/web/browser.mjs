@@ -20,7 +20,7 @@ export async function launch() {
 export async function openPage(browser, origin, options = {}) {
   const context = await browser.newContext({ viewport: { width: 1200, height: 800 }, acceptDownloads: true, ...options });
   const page = await context.newPage();
-  page.setDefaultTimeout(30000);
+  page.setDefaultTimeout(120000); // what has not come by then, on however slow a machine, will not come
   page.complaints = [];
   page.strangers = [];
   page.on('pageerror', (error) => page.complaints.push(String(error.stack ?? error)));

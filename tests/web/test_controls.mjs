@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Every control of the viewer does what it says: in the state, in the picture, in what leaves the page.
 import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
 import { readFileSync } from 'node:fs';
 import { launch, openPage, firstPicture, settled } from './browser.mjs';
 import { program, sampleStream } from './hosts.mjs';
@@ -202,6 +203,22 @@ async function layers_are_drawn() {
   await changesThePicture('no clip', () => page.getByLabel('Remove clip 1').click());
 }
 
+async function a_threshold_leaves_cells() {
+  await open('');
+  await changesThePicture('a threshold', () => page.locator('#threshold').check());
+  await becomes('threshold', [0.5, 1]);
+  await changesThePicture('a lower one', () => page.locator('#threshold-low').fill('200'));
+  await enter('threshold-most', '6');
+  const { fields } = await infoOf();
+  const [low, high] = fields[0].range;
+  const [from, to] = (await state()).threshold;
+  assert.ok(from === 0.2 && Math.abs(to - (6 - low) / (high - low)) < 1e-4, `${from} to ${to}`);
+  await settled(page);
+  const values = await page.evaluate(() => [...window.tetlod.scene.surface.part.values]);
+  assert.ok(values.length > 10 && values.every((x) => x >= low + 0.2 * (high - low) - 1e-4 && x <= 6 + 1e-3));
+  await changesThePicture('no threshold', () => page.locator('#threshold').uncheck());
+}
+
 async function isosurfaces_are_drawn() {
   await open('');
   await changesThePicture('an isosurface', () => page.locator('#add-isosurface').click());
@@ -214,6 +231,8 @@ async function isosurfaces_are_drawn() {
   const { fields } = await infoOf();
   const [low, high] = fields[0].range;
   assert.ok(Math.abs((await state()).isosurfaces[1] - (2 - low) / (high - low)) < 1e-9);
+  await changesThePicture('the zone of the original', () => page.locator('#zone').check());
+  assert.match(await page.locator('#zone-words').innerText(), /between the shells: ± [\d.]+ \([\d.]+\u202f%, certified\)/);
   await changesThePicture('isosurfaces of another field', () => page.locator('#isosurface-field').selectOption('Density'));
   await changesThePicture('opacity', () => page.locator('#isosurface-opacity').fill('40'));
   await page.getByLabel('Remove isosurface 1').click();
@@ -295,6 +314,20 @@ async function a_link_shows_the_same() {
   assert.ok(there.length > 1000);
 }
 
+// The words of a PNG, as another language reads them; every chunk is as long and has the checksum that it says.
+const readTexts = `
+import json, sys, zlib
+png, at, texts = sys.stdin.buffer.read(), 8, {}
+assert png[:8] == bytes([137]) + b'PNG' + bytes([13, 10, 26, 10])
+while at < len(png):
+    end = at + 8 + int.from_bytes(png[at:at + 4], 'big')
+    assert int.from_bytes(png[end:end + 4], 'big') == zlib.crc32(png[at + 4:end])
+    if png[at + 4:at + 8] == b'iTXt':
+        keyword, _, _, _, _, text = png[at + 8:end].decode().split(chr(0))
+        texts[keyword] = text
+    at = end + 4
+print(json.dumps(texts))`;
+
 async function what_leaves_the_page() {
   await open('');
   const download = async (id) => {
@@ -307,7 +340,10 @@ async function what_leaves_the_page() {
   assert.match(mesh.bytes.subarray(0, 2000).toString('latin1'), new RegExp(`NumberOfCells="${tets}"`));
   const shot = await download('screenshot');
   assert.equal(shot.name, `fin-${level}.png`);
-  assert.deepEqual([...shot.bytes.subarray(1, 4)], [...Buffer.from('PNG')]);
+  const texts = JSON.parse(execFileSync('python3', ['-c', readTexts], { input: shot.bytes }));
+  assert.equal(texts.Title, 'fin');
+  assert.match(texts.Description, new RegExp(`^Pressure, level ${level} of \\d+: Pressure ≤ [\\d.]+\\s%`));
+  assert.match(texts.Source, /view\/fin#.*error=0.05/);
   const { width, height } = await page.locator('#stage').boundingBox();
   assert.deepEqual([shot.bytes.readUInt32BE(16), shot.bytes.readUInt32BE(20)], [Math.round(width), Math.round(height)]);
 }
@@ -365,7 +401,7 @@ async function a_line_is_plotted() {
   await open('');
   await page.locator('#line').check();
   await page.locator('#line-drawing .band').waitFor();
-  assert.match(await page.locator('#line-words').innerText(), /^Pressure ± [\d.]+ \([\d.]+\u202f%, certified\)$/);
+  assert.match(await page.locator('#line-words').innerText(), /^Pressure ± [\d.]+ \([\d.]+\u202f%, certified\), length [\d.]+$/);
   const [download] = await Promise.all([page.waitForEvent('download'), page.locator('#line-csv').click()]);
   const rows = readFileSync(await download.path(), 'utf8').trim().split('\n').map((row) => row.split(','));
   assert.deepEqual(rows.shift(), ['distance', 'x', 'y', 'z', 'Pressure', 'at least', 'at most']);
@@ -452,7 +488,7 @@ async function nothing_was_complained_of() {
 }
 
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
-  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, layers_are_drawn, isosurfaces_are_drawn, a_volume_is_rendered,
+  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, a_volume_is_rendered,
   the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
   a_line_is_plotted, values_are_probed, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;

@@ -20,7 +20,7 @@ function a_state_survives_its_fragment() {
   const state = {
     ...defaults, error: 0.003, measure: 'rms', errorField: 'q', shading: 'all', maxTets: 5000, maxBytes: 2.5e6, field: 'Größe & mehr=x', component: 2, range: 'manual', low: -1.25, high: 3e-7,
     log: true, map: 'cividis', reversed: true, surface: 'glass', edges: true, slices: [{ normal: [0, 1, 0], at: 0.25 }, { normal: [0.6, 0, -0.8], at: 1 }],
-    sliceEdges: true, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, clip: { normal: [1, 0, 0], at: 0 }, line: [0, 0.25, 0.5, 1, 0.75, 0.5], volume: true, volumeSize: 64,
+    sliceEdges: true, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, zone: true, threshold: [0.1, 0.75], clip: { normal: [1, 0, 0], at: 0 }, line: [0, 0.25, 0.5, 1, 0.75, 0.5], volume: true, volumeSize: 64,
     opacity: [[0, 0.5], [1, 0]], background: 'black', axes: false, parallel: true, smooth: false, camera: [1, 2, 3, 0, 0, 0, 0, 0, 1],
   };
   for (const key of Object.keys(defaults)) assert.notDeepEqual(state[key], defaults[key], `${key} is not tested`);
@@ -28,7 +28,7 @@ function a_state_survives_its_fragment() {
 }
 
 function a_broken_fragment_gives_defaults() {
-  const written = '#error=-1&measure=best&slices=q@0.5;x@7;y@0.5;0,0,0@0.5&isosurfaces=2,nothing,0.5&clip=x&volumeSize=1e9&opacity=0:0&component=-3&camera=1,2&unknown=1&low=a';
+  const written = '#error=-1&measure=best&slices=q@0.5;x@7;y@0.5;0,0,0@0.5&isosurfaces=2,nothing,0.5&threshold=0.5,2&clip=x&volumeSize=1e9&opacity=0:0&component=-3&camera=1,2&unknown=1&low=a';
   const state = fromFragment(written);
   assert.deepEqual(state, { ...defaults, slices: [{ normal: [0, 1, 0], at: 0.5 }], isosurfaces: [0.5], volumeSize: 256 });
 }
@@ -96,7 +96,9 @@ function the_state_says_what_to_ask_for() {
   const spec = specOf(state, stream);
   assert.deepEqual([spec.field, spec.component, spec.surface, spec.edges, spec.clip, spec.volume], ['p', 0, false, true, null, { size: defaults.volumeSize, logarithmic: true }]);
   assert.deepEqual([spec.slices[0].normal, spec.slices[0].origin[2]], [[0, 0, 1], 2]);
-  assert.deepEqual(spec.isosurfaces, [{ field: 'p', component: 0, value: 2 }]);
+  assert.deepEqual(spec.isosurfaces, [{ field: 'p', component: 0, value: 2, zone: false }]);
+  assert.equal(spec.threshold, null);
+  assert.deepEqual(specOf({ ...state, threshold: [0, 0.25] }, stream).threshold, { low: -Infinity, high: 1.5 });
   assert.deepEqual(isosurfaceRange({ ...state, isosurfaceField: 'v' }, stream), [0, 2 * Math.sqrt(3)]);
   assert.deepEqual(targetOf({ ...state, error: 0.02, maxTets: 7, maxBytes: 9 }), { error: 0.02, tets: 7, bytes: 9 });
   assert.deepEqual(targetOf({ ...state, error: 0.02, maxTets: 7, field: 'v' }, stream), { error: 0.02, tets: 7, field: 'p', measure: 'max' }); // v is not controlled

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the worker does: fetches the bytes that the goal needs, moves the cursor towards it, and makes the pictures of
 // what it shows. Two loops, one for bytes and one for levels; whoever changes something wakes them.
-import { chooseLevel } from './choose.js';
+import { boundOf, chooseLevel } from './choose.js';
 import { Held, readerOf } from './held.js';
 import { Source, sleep } from './network.js';
 import { View } from './tetlod.js';
@@ -22,6 +22,7 @@ export class Engine {
   #limit = Infinity;  // finest level that can be decoded: the stream is damaged after it
   #shown = 0;         // level of the mesh that is shown; the cursor may be ahead of it
   #moved = -1;        // level whose copy is shown, if one is
+  #coarser = 0;       // level that it comes from or goes to
   #request = null;    // {id, level, resolve, reject} of refineTo
   #spec = null; #dirty = false;
   #decoding = 0;      // milliseconds since the last level was announced
@@ -292,18 +293,17 @@ export class Engine {
   }
 
   // The spec with indices for names.
-  #checkSpec({ field, component, surface = false, edges = false, slices = [], isosurfaces = [], clip = null, volume = null, morph = true, tag = null }) {
+  #checkSpec({ field, component, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, morph = true, tag = null }) {
     const shade = field === undefined ? -1 : this.#fieldIndex(field);
     const of = (name) => (name === undefined ? shade : this.#fieldIndex(name));
-    if (shade < 0 && isosurfaces.some((iso) => iso.field === undefined)) throw new RangeError('an isosurface needs a field');
+    if (shade < 0 && [...isosurfaces, threshold].some((what) => what && what.field === undefined)) throw new RangeError('an isosurface or threshold needs a field');
     if (volume && !(volume.size >= 2 && volume.size <= 512)) throw new RangeError(`volume.size is from 2 to 512, not ${volume.size}`);
+    const valueOf = (what) => ({ field: of(what.field), component: this.#component(of(what.field), what.component ?? (what.field === undefined ? component : 0)) });
     return {
       surface, edges, slices, clip, volume, morph, tag, shade,
       component: shade < 0 ? 0 : this.#component(shade, component),
-      isosurfaces: isosurfaces.map((iso) => ({
-        field: of(iso.field), value: iso.value,
-        component: this.#component(of(iso.field), iso.component ?? (iso.field === undefined ? component : 0)),
-      })),
+      threshold: threshold && { low: -Infinity, high: Infinity, ...threshold, ...valueOf(threshold) },
+      isosurfaces: isosurfaces.map((iso) => ({ ...valueOf(iso), value: iso.value, zone: Boolean(iso.zone) })),
     };
   }
 
@@ -313,6 +313,7 @@ export class Engine {
     try {
       this.#view.move(coarser);
       this.#moved = this.#view.level;
+      this.#coarser = coarser;
     } catch {
       return false; // no memory for it: then a jump
     }
@@ -331,9 +332,9 @@ export class Engine {
   }
 
   #drawSurface() {
-    const { surface, clip, edges: lines } = this.#spec;
+    const { surface, clip, threshold, edges: lines } = this.#spec;
     if (!surface) return null;
-    const key = clip ? '' : `${this.#shown} ${lines}`; // a clipped one has other triangles each time
+    const key = clip ? '' : JSON.stringify([this.#shown, lines, threshold]); // a clipped one has other triangles each time
     const keep = key && key === this.#surfaceOf;
     this.#surfaceOf = key;
     return this.#view.surface({ lines, keep });
@@ -351,21 +352,32 @@ export class Engine {
   }
 
   #draw(t) {
-    const { edges: lines, slices, isosurfaces, clip } = this.#spec;
+    const { edges: lines, slices, isosurfaces, threshold, clip } = this.#spec;
     this.#view.clip(clip);
+    this.#view.threshold(threshold);
     return {
       shade: this.#drawShade(t),
       surface: this.#drawSurface(),
       slices: slices.map(({ origin, normal }) => this.#view.slice(origin, normal, { lines })),
       isosurfaces: isosurfaces.map((iso) => this.#view.isosurface(iso.field, iso.component, iso.value, { normals: true })),
+      zones: isosurfaces.map((iso) => (iso.zone ? this.#drawZone(iso, t) : null)),
     };
+  }
+
+  // Where the original's isosurface is: no farther in value than the bound, which goes from one level's to the other's in a move.
+  #drawZone({ field, component, value }, t) {
+    const at = (level) => boundOf(this.#info, level, this.#info.fields[field].name, component < 0 ? 'magnitude' : component);
+    const { bound: fine, certified } = at(this.#shown);
+    const bound = t < 1 ? fine + (1 - t) * (at(this.#coarser).bound - fine) : fine;
+    const sides = [-bound, bound].map((shift) => this.#view.isosurface(field, component, value + shift, { normals: true }));
+    return { bound, certified, sides };
   }
 
   // A grid takes too long to be made while the mesh moves: undefined then and where it is the same, null where none is wanted.
   #drawVolume(t) {
-    const { volume, shade, component, clip } = this.#spec;
+    const { volume, shade, component, threshold, clip } = this.#spec;
     if (!volume) return null;
-    const key = JSON.stringify([this.#shown, volume.size, volume.logarithmic, shade, component, clip]);
+    const key = JSON.stringify([this.#shown, volume.size, volume.logarithmic, shade, component, threshold, clip]);
     if (t < 1 || key === this.#volumeOf) return undefined;
     this.#volumeOf = key;
     return this.#view.resample(volume.size, volume.logarithmic);

@@ -189,6 +189,12 @@ export class View {
     else this.#code.view_unclip(this.#view);
   }
 
+  /** From now on pictures are of tetrahedra whose corners have values from `low` to `high` at the end of a move, or of all (null). */
+  threshold(range) {
+    if (range) this.#check(this.#code.view_threshold(this.#view, range.field, range.component, range.low, range.high));
+    else this.#code.view_unthreshold(this.#view);
+  }
+
   /** The boundary; its triangles and lines are the same all the way of a move. */
   surface(options) {
     return this.#part(options, (flags) => this.#code.view_surface(this.#view, flags));

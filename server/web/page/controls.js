@@ -3,10 +3,11 @@
 
 import { cssGradient, mapNames } from './colors.js';
 import { byId, element } from './dom.js';
-import { componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, measuresOf, spanOf, targetFieldOf, wantedLevel } from './levels.js';
-import { clamp, parseNumber, significant } from './numbers.js';
+import { componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, isosurfacesOf, measuresOf, spanOf, targetFieldOf, wantedLevel, wordsOfBound } from './levels.js';
+import { clamp, parseNumber, percent, significant } from './numbers.js';
 import { Plot } from './plot.js';
 import { histogram } from './first_view.js';
+import { thresholdRange } from './spec.js';
 import { axisOf } from './state.js';
 import { TransferEditor } from './transfer.js';
 
@@ -64,7 +65,7 @@ export class Controls {
 
   // What makes the panel, each a short piece of work.
   parts() {
-    return [() => bindPlain(this.store), () => this.bindDetail(), () => this.bindColors(), () => this.bindLayers(), () => this.bindVolume(),
+    return [() => bindPlain(this.store), () => this.bindDetail(), () => this.bindColors(), () => this.bindLayers(), () => this.bindThreshold(), () => this.bindVolume(),
       () => this.bindView(), () => this.describe()];
   }
 
@@ -225,6 +226,34 @@ export class Controls {
     store.watch(['isosurfaceOpacity'], (state) => (opacity.value = 100 * state.isosurfaceOpacity));
   }
 
+  bindThreshold() {
+    const { store, info } = this;
+    const box = byId('threshold');
+    // what is left is looked at from outside
+    box.addEventListener('change', () => store.set(box.checked ? { threshold: [0.5, 1], surface: 'solid' } : { threshold: null }));
+    const put = (end, x) => {
+      const ends = [...store.state.threshold];
+      ends[end] = Number(clamp(x, 0, 1).toPrecision(5));
+      store.set({ threshold: end ? [Math.min(...ends), ends[1]] : [ends[0], Math.max(...ends)] });
+    };
+    const follow = ['low', 'high'].map((name, end) => {
+      const slider = byId(`threshold-${name}`);
+      slider.addEventListener('input', () => put(end, slider.value / 1000));
+      const range = () => thresholdRange(store.state, info);
+      const number = bindNumber(byId(`threshold-${end ? 'most' : 'least'}`),
+        () => plain(range()[0] + store.state.threshold[end] * (range()[1] - range()[0])), (x) => put(end, (x - range()[0]) / (range()[1] - range()[0] || 1)));
+      return () => {
+        slider.value = 1000 * store.state.threshold[end];
+        number();
+      };
+    });
+    store.watch(['threshold', 'field', 'component'], ({ threshold }) => {
+      box.checked = Boolean(threshold);
+      byId('threshold-body').hidden = !threshold;
+      if (threshold) for (const update of follow) update();
+    });
+  }
+
   // At first through the middle, along the longest side; far walls do not hide it.
   toggleLine() {
     const { line } = this.store.state;
@@ -299,6 +328,17 @@ export class Controls {
       slider.value = (1000 * (values[i] - span().least)) / span().length;
       if (document.activeElement !== number) number.value = plain(low + values[i] * (high - low));
     });
+  }
+
+  // The shells of the picture at a level, in words.
+  setZones({ zones, level }) {
+    const zone = zones.find(Boolean);
+    byId('zone-words').hidden = !zone;
+    if (!zone) return;
+    const { domainError } = this.info.levels[level];
+    const field = isosurfacesOf(this.info, this.store.state).field;
+    const moved = domainError > 1e-9 ? `; where the boundary moved, within ${percent(domainError)} of the diagonal` : '';
+    byId('zone-words').textContent = `The original's isosurface lies between the shells: ${wordsOfBound(this.info, field, zone)}${moved}.`;
   }
 
   // ---- volume rendering and the view

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Levels and their errors, as the stream's index has them.
 
-import { percent } from './numbers.js';
+import { percent, significant } from './numbers.js';
 
 export const measureNames = {
   max: 'certified maximum',
@@ -80,6 +80,10 @@ export function errorSpan(info, state) {
 export function fieldOf(info, name) {
   return info.fields.find((f) => f.name === name);
 }
+
+// '± 0.04 (0.5 %, certified)' of what boundOf gives; a length's bound is in proportion to a component's range.
+export const wordsOfBound = (info, name, { bound, certified }) =>
+  (bound ? `± ${significant(bound, 2)} (${percent(bound / (spanOf(fieldOf(info, name)) || 1))}, ${certified ? 'certified' : 'measured'})` : 'exact');
 export const spanOf = (field) => field.range[1] - field.range[0];
 
 // What is drawn of a field: its only component has no choice.

@@ -1,20 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The field along a line through the volume, exactly as the level has it, within the band that its error allows.
 
+import { boundOf } from '../client/choose.js';
 import { byId, coalesced, element, svg } from './dom.js';
 import { add, mix } from './geometry.js';
-import { componentOf, errorOf, fieldOf, shownMeasure, spanOf, titleOf } from './levels.js';
-import { clamp, percent, significant, ticks } from './numbers.js';
+import { componentOf, titleOf, wordsOfBound } from './levels.js';
+import { clamp, significant, ticks } from './numbers.js';
 
 const margin = { left: 52, right: 10, top: 8, bottom: 20 };
-
-/** How far a value may be from the original's at a level: of a length, from the errors of its components. */
-export function boundOf(info, state, level) {
-  const { components, range } = fieldOf(info, state.field);
-  const measure = shownMeasure(info, state);
-  const lengths = componentOf(info, state) === 'magnitude' ? Math.sqrt(components) : 1;
-  return { bound: errorOf(info.levels[level], state.field, measure) * spanOf({ range }) * lengths, certified: measure === 'max' };
-}
 
 /** Rows of text for spreadsheets: distance, place, value, and the bounds of the original's. */
 export function csvOf(title, from, to, ends, bound) {
@@ -121,7 +114,7 @@ export class LinePlot {
     this.asking = false;
     if (!answer) return;
     const { info, store: { state } } = viewer;
-    this.shown = { ...answer, from, to, title: titleOf(info, state), ...boundOf(info, state, answer.level) };
+    this.shown = { ...answer, from, to, title: titleOf(info, state), ...boundOf(info, answer.level, state.field, componentOf(info, state)) };
     this.draw();
     if (line !== viewer.store.state.line) this.sample();
   }
@@ -162,10 +155,9 @@ export class LinePlot {
   }
 
   tellBound() {
-    const { bound, certified, title, level } = this.shown ?? {};
-    if (title === undefined) return;
-    const error = percent(errorOf(this.viewer.info.levels[level], this.viewer.store.state.field, shownMeasure(this.viewer.info, this.viewer.store.state)));
-    byId('line-words').textContent = bound ? `${title} ± ${significant(bound, 2)} (${error}, ${certified ? 'certified' : 'measured'})` : `${title}, exact`;
+    if (!this.shown) return;
+    const length = Math.hypot(...add(this.shown.to, this.shown.from, -1));
+    byId('line-words').textContent = `${this.shown.title} ${wordsOfBound(this.viewer.info, this.viewer.store.state.field, this.shown)}, length ${significant(length, 4)}`;
   }
 
   tellValue(offset) {

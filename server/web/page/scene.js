@@ -40,6 +40,8 @@ function fillLookup(lookup, table, low, high) {
   lookup.setMappingRange(low, high);
 }
 
+const zoneOpacity = 0.3;
+
 const borders = { side: 56, top: 48, bottom: 80 }; // pixels that the volume leaves to what lies over the picture
 
 const boundsOf = ([low, high]) => [low[0], high[0], low[1], high[1], low[2], high[2]]; // vtk's order
@@ -76,6 +78,7 @@ export class Scene extends EventTarget {
     this.surface = new Layer(this.renderer, this.lookup, this.lineLookup);
     this.slices = [];
     this.isosurfaces = [];
+    this.zones = []; // two for each isosurface that has one
     this.volume = null;
     this.grid = null;
     this.state = null;
@@ -183,6 +186,7 @@ export class Scene extends EventTarget {
     if (pictures.surface !== undefined) this.surface.update(pictures.surface, state.log);
     this.updateList('slices', pictures.slices, state.log);
     this.updateList('isosurfaces', pictures.isosurfaces, state.log);
+    this.updateList('zones', pictures.zones?.flatMap((zone) => zone?.sides ?? []), state.log);
     if (pictures.volume !== undefined) {
       this.grid = pictures.volume;
       this.volume?.update(this.grid);
@@ -212,13 +216,14 @@ export class Scene extends EventTarget {
     const style = surfaceStyles[state.surface];
     this.surface.visible = Boolean(style);
     this.surface.showLines = state.edges;
-    this.box.setVisibility(state.surface !== 'solid' || Boolean(state.clip));
+    this.box.setVisibility(state.surface !== 'solid' || Boolean(state.clip || state.threshold));
     this.box.getProperty().setColor(...this.boxColor);
     if (style) this.surface.triangles.actor.getProperty().set(style);
     for (const slice of this.slices) slice.showLines = state.sliceEdges;
     for (const isosurface of this.isosurfaces) isosurface.triangles.actor.getProperty().setOpacity(state.isosurfaceOpacity);
     for (const part of [this.surface, ...this.slices]) part.shaded = state.shading === 'all';
-    for (const isosurface of this.isosurfaces) isosurface.shaded = state.shading !== 'off';
+    for (const isosurface of [...this.isosurfaces, ...this.zones]) isosurface.shaded = state.shading !== 'off';
+    for (const zone of this.zones) zone.triangles.actor.getProperty().setOpacity(zoneOpacity);
     for (const layer of this.layers()) {
       layer.place(this.offset);
       layer.refresh();
@@ -231,7 +236,7 @@ export class Scene extends EventTarget {
   }
 
   layers() {
-    return [this.surface, ...this.slices, ...this.isosurfaces];
+    return [this.surface, ...this.slices, ...this.isosurfaces, ...this.zones];
   }
 
   // Colours from `low` to `high`, which are logarithms if the state says so.
@@ -392,7 +397,7 @@ export class Scene extends EventTarget {
     const ray = this.ray(x, y);
     const from = add(ray.from, this.offset, -1);
     const hits = this.layers()
-      .filter((layer) => layer.part?.triangles?.length && layer.visible && !(layer === this.surface && this.state.surface === 'glass'))
+      .filter((layer) => layer.part?.triangles?.length && layer.visible && !this.zones.includes(layer) && !(layer === this.surface && this.state.surface === 'glass'))
       .map((layer) => pickPart(layer.part, from, ray.direction, layer === this.surface && this.state.surface === 'inside' ? -1 : 0))
       .filter(Boolean);
     const nearest = hits.reduce((best, hit) => (!best || hit.distance < best.distance ? hit : best), null);

@@ -3,8 +3,10 @@
 
 import { byId, element } from './dom.js';
 import { notice } from './notices.js';
+import { withTexts } from './png_text.js';
 
-export async function savePicture(scene, name) {
+/** `texts`: what the file says of itself. */
+export async function savePicture(scene, name, texts) {
   const shot = await scene.capture();
   const canvas = element('canvas', { width: shot.width, height: shot.height });
   const context = canvas.getContext('2d');
@@ -20,7 +22,7 @@ export async function savePicture(scene, name) {
     context.drawImage(byId(id), ...place);
   }
   const blob = await new Promise((done) => canvas.toBlob(done, 'image/png'));
-  saveFile(`${name}.png`, blob);
+  saveFile(`${name}.png`, withTexts(blob, texts));
 }
 
 export function saveFile(name, blob) {

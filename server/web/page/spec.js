@@ -4,11 +4,21 @@
 import { planeOf } from './geometry.js';
 import { componentOf, defaultTets, fieldOf, isosurfacesOf, measureFor, targetFieldOf } from './levels.js';
 
-/** What isosurfaces are fractions of; it does not change while the stream comes. */
-export function isosurfaceRange(state, info) {
-  const { field, component } = isosurfacesOf(info, state);
+// What the state's fractions are of; it does not change while the stream comes.
+function rangeOf(info, { field, component }) {
   const { range, components } = fieldOf(info, field);
   return component === 'magnitude' ? [0, Math.sqrt(components) * Math.max(...range.map(Math.abs))] : range;
+}
+
+/** What isosurfaces are fractions of, and what a threshold's ends are. */
+export const isosurfaceRange = (state, info) => rangeOf(info, isosurfacesOf(info, state));
+export const thresholdRange = (state, info) => rangeOf(info, { field: state.field, component: componentOf(info, state) });
+
+function thresholdOf(state, info) {
+  if (!state.threshold) return null;
+  const [low, high] = thresholdRange(state, info);
+  const [from, to] = state.threshold;
+  return { low: from > 0 ? low + from * (high - low) : -Infinity, high: to < 1 ? low + to * (high - low) : Infinity };
 }
 
 /** The pictures, as `TetlodStream.show` takes them. */
@@ -21,7 +31,8 @@ export function specOf(state, info) {
     surface: state.surface !== 'off',
     edges: state.edges || (state.sliceEdges && state.slices.length > 0),
     slices: state.slices.map((plane) => planeOf(info.bounds, plane)),
-    isosurfaces: state.isosurfaces.map((fraction) => ({ field, component, value: low + fraction * (high - low) })),
+    isosurfaces: state.isosurfaces.map((fraction) => ({ field, component, value: low + fraction * (high - low), zone: state.zone })),
+    threshold: thresholdOf(state, info),
     clip: state.clip && planeOf(info.bounds, state.clip),
     volume: state.volume ? { size: state.volumeSize, logarithmic: state.log } : null,
     morph: state.smooth,

@@ -29,6 +29,8 @@ export const defaults = Object.freeze({
   isosurfaces: [], // fractions of the data range
   isosurfaceField: '', // whose isosurfaces, as the picture is coloured if empty
   isosurfaceOpacity: 1,
+  zone: false, // the isosurfaces' certified zones
+  threshold: null, // cells with values between two fractions of the data range
   clip: null, // { normal, at }
   line: null, // that values are plotted along: begin and end as fractions of the bounds, six numbers
   volume: false,
@@ -91,6 +93,11 @@ const codecs = {
   isosurfaces: list((t) => (t >= 0 && t <= 1 ? Number(t) : null), (x) => String(round(x)), ','),
   isosurfaceField: text,
   isosurfaceOpacity: { read: (t) => clamp(Number(t) || 1, 0.05, 1), write: (x) => String(round(x)) },
+  zone: flag,
+  threshold: {
+    read: (t) => (numbers(t).length === 2 && numbers(t).every((x) => x >= 0 && x <= 1) ? numbers(t).sort((a, b) => a - b) : undefined),
+    write: (l) => l.map(round).join(','),
+  },
   clip: { read: (t) => readPlane(t) ?? undefined, write: writePlane },
   line: {
     read: (t) => (numbers(t).length === 6 && numbers(t).every((x) => x >= 0 && x <= 1) ? numbers(t) : undefined),

@@ -148,8 +148,9 @@ function listen() {
     clear('error');
     tellShown();
   });
-  viewer.addEventListener('pictures', ({ detail: { t, level } }) => {
+  viewer.addEventListener('pictures', ({ detail: { t, level, zones } }) => {
     byId('loading').hidden = true;
+    if (t === 1) controls?.setZones({ zones, level });
     if (t === 1) probe?.look();
     if (level !== told) tellShown();
   });
@@ -226,7 +227,12 @@ function togglePanel() {
 
 const toggleFullScreen = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen?.());
 const cycle = (values, now) => values[(values.indexOf(now) + 1) % values.length];
-const save = () => savePicture(viewer.scene, `${name}-${viewer.level}`);
+const save = () => savePicture(viewer.scene, `${name}-${viewer.level}`, {
+  Title: name,
+  Description: `${titleOf(viewer.info, viewer.coloredState)}, level ${viewer.level} of ${viewer.info.levels.length - 1}: ${promiseOf(viewer.info, viewer.level)}; content ${viewer.info.cid}`,
+  Source: new URL(location.pathname + location.search + viewer.fragment, location).href,
+  Software: 'tetlod',
+});
 const inPicture = (act) => (event) => (document.activeElement === byId('picture') ? act(event) : false);
 
 function bindActions() {

@@ -74,7 +74,7 @@ export class Viewer extends EventTarget {
     const { store, scene } = this;
     store.watch(['map', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'], this.recolor);
     store.watch(['log'], (state) => scene.setLogarithmic(state.log));
-    store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'clip', 'volume', 'volumeSize', 'log', 'smooth'], () => {
+    store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'volume', 'volumeSize', 'log', 'smooth'], () => {
       this.#drawn = -1;
       this.#asked++;
       this.show();

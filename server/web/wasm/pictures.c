@@ -2,6 +2,7 @@
 /* What is drawn of the mesh that is shown: its boundary, slices, isosurfaces, a grid, with the value that colours them. */
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/fail.h"
 #include "server/web/wasm/view.h"
@@ -16,7 +17,7 @@ enum tetlod_status view_begin_pictures(struct view *view)
     double *function = array_resize(view->function, vertices, sizeof *function);
     if (function)
         view->function = function;
-    view->has_boundary = view->has_lines = false;
+    view->has_boundary = view->has_lines = view->has_kept = false;
     view->grid_size = 0;
     view->shade_field = TETLOD_NONE;
     if (!shade || !function)
@@ -27,10 +28,10 @@ enum tetlod_status view_begin_pictures(struct view *view)
 }
 
 /* One value per vertex: a component, or the length of all. A field that is not decoded counts as 0. */
-static void take_values(const struct view *view, uint32_t field, int32_t component, double *out)
+static void take_values(const struct tetmesh *mesh, uint32_t vertices, uint32_t field, int32_t component, double *out)
 {
-    const struct point_field *of = &view->shown.fields[field];
-    for (uint32_t v = 0; v < view->shown.vertex_count; v++) {
+    const struct point_field *of = &mesh->fields[field];
+    for (uint32_t v = 0; v < vertices; v++) {
         const double *values = of->values ? of->values + (size_t)v * of->components : NULL;
         double sum = 0;
         if (values && component >= 0)
@@ -46,7 +47,7 @@ static void take_values(const struct view *view, uint32_t field, int32_t compone
 const double *view_shade(struct view *view, uint32_t field, int32_t component)
 {
     double low = INFINITY, high = -INFINITY;
-    take_values(view, field, component, view->shade);
+    take_values(&view->shown, view->shown.vertex_count, field, component, view->shade);
     if (field != view->shade_field || component != view->shade_component)
         view->grid_size = 0;
     view->shade_field = field;
@@ -139,6 +140,64 @@ static enum tetlod_status draw(struct view *view, const struct cut *cut, uint32_
     return TETLOD_OK;
 }
 
+/* ---- tetrahedra in a range ---- */
+
+static bool keep_corners(struct view *view)
+{
+    const struct tetmesh *shown = &view->shown;
+    uint32_t *corners = array_resize(view->kept.corners, shown->tet_count ? shown->tet_count : 1, 4 * sizeof *corners);
+    if (!corners)
+        return false;
+    view->kept.corners = corners;
+    view->kept.tet_count = 0;
+    for (size_t t = 0; t < shown->tet_count; t++) {
+        const uint32_t *tet = shown->corners + 4 * t;
+        bool in = true;
+        for (int i = 0; i < 4; i++)
+            in = in && view->function[tet[i]] >= view->range.low && view->function[tet[i]] <= view->range.high;
+        if (in)
+            memcpy(corners + 4 * (size_t)view->kept.tet_count++, tet, 4 * sizeof *tet);
+    }
+    return true;
+}
+
+uint32_t view_threshold(struct view *view, uint32_t field, int32_t component, double low, double high)
+{
+    const struct view_range *last = &view->range;
+    bool same = view->filters && last->field == field && last->component == component && last->low == low && last->high == high;
+    if (same && view->has_kept)
+        return TETLOD_OK;
+    view->filters = true;
+    view->range = (struct view_range){field, component, low, high};
+    view->has_boundary = view->has_lines = false;
+    view->grid_size = 0;
+    take_values(view->moving ? &view->to : &view->shown, view->shown.vertex_count, field, component, view->function);
+    view->has_kept = keep_corners(view);
+    return view->has_kept ? TETLOD_OK : tetlodi_fail_nomem(&view->error, "a threshold", 16 * (uint64_t)view->shown.tet_count);
+}
+
+void view_unthreshold(struct view *view)
+{
+    if (!view->filters)
+        return;
+    view->filters = view->has_kept = view->has_boundary = view->has_lines = false;
+    view->grid_size = 0;
+    free(view->kept.corners);
+    view->kept.corners = NULL;
+}
+
+/* What pictures are of. */
+static const struct tetmesh *drawn(struct view *view)
+{
+    if (!view->filters)
+        return &view->shown;
+    uint32_t *corners = view->kept.corners, count = view->kept.tet_count;
+    view->kept = view->shown;
+    view->kept.corners = corners;
+    view->kept.tet_count = count;
+    return &view->kept;
+}
+
 /* ---- what is behind a plane ---- */
 
 void view_clip(struct view *view, double ox, double oy, double oz, double nx, double ny, double nz)
@@ -191,7 +250,7 @@ static enum tetlod_status trim(struct view *view, uint32_t with)
 /* Of the mesh at the end of a move: its triangles and lines are the same all the way. */
 static enum tetlod_status find_boundary(struct view *view)
 {
-    struct tetmesh mesh = view->shown;
+    struct tetmesh mesh = *drawn(view);
     if (view->has_boundary)
         return TETLOD_OK;
     if (view->moving)
@@ -207,7 +266,7 @@ static enum tetlod_status clip_surface(struct view *view, uint32_t with)
 {
     const double *o = view->clip.origin, *n = view->clip.normal;
     take_distances(view, o[0], o[1], o[2], n[0], n[1], n[2]);
-    TETLOD_TRY(cut_clip(&view->shown, &view->boundary, view->function, &view->cut, &view->error));
+    TETLOD_TRY(cut_clip(drawn(view), &view->boundary, view->function, &view->cut, &view->error));
     if (with & WITH_LINES)
         TETLOD_TRY(cut_lines(&view->cut, view->function, &view->error));
     return draw(view, &view->cut, with, &view->part);
@@ -242,16 +301,16 @@ static enum tetlod_status finish_cut(struct view *view, uint32_t with)
 uint32_t view_slice(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz)
 {
     take_distances(view, ox, oy, oz, nx, ny, nz);
-    TETLOD_TRY(cut_zero(&view->shown, view->function, &view->cut, &view->error));
+    TETLOD_TRY(cut_zero(drawn(view), view->function, &view->cut, &view->error));
     return finish_cut(view, with);
 }
 
 uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32_t component, double value)
 {
-    take_values(view, field, component, view->function);
+    take_values(&view->shown, view->shown.vertex_count, field, component, view->function);
     for (uint32_t v = 0; v < view->shown.vertex_count; v++)
         view->function[v] -= value;
-    TETLOD_TRY(cut_zero(&view->shown, view->function, &view->cut, &view->error));
+    TETLOD_TRY(cut_zero(drawn(view), view->function, &view->cut, &view->error));
     return finish_cut(view, with);
 }
 
@@ -263,7 +322,7 @@ uint32_t view_resample(struct view *view, uint32_t size, uint32_t logarithmic)
     if (size != view->grid_size) { // a clip plane that is dragged needs no other grid
         view->grid_size = 0;
         cut_grid_cover(&view->grid, info->bounds[0], info->bounds[1], size);
-        TETLOD_TRY(cut_resample(&view->shown, view->shade, &view->grid, &view->error));
+        TETLOD_TRY(cut_resample(drawn(view), view->shade, &view->grid, &view->error));
         view->grid_size = size;
     }
     return cut_make_voxels(&view->grid, logarithmic, view->clips ? &view->clip : NULL, &view->voxels, &view->error);

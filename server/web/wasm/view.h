@@ -40,6 +40,13 @@ struct view_sample {
     float room[SAMPLE_SIZE];
 };
 
+/* Tetrahedra whose four corners have values from low to high. */
+struct view_range {
+    uint32_t field;
+    int32_t component;
+    double low, high;
+};
+
 struct view {
     struct tetlod_feed *feed;
     struct tetlod_cursor *cursor;
@@ -56,6 +63,9 @@ struct view {
     double centre[3];                /* that points are relative to */
     struct cut boundary;             /* of the mesh that is shown, if `has_boundary`; and its lines */
     bool has_boundary, has_lines;
+    bool filters, has_kept;          /* pictures are of tetrahedra in a range only; those are known */
+    struct view_range range;
+    struct tetmesh kept;             /* those; borrows all but its corners */
     bool clips;
     struct cut_plane clip;
     struct cut cut, trimmed;         /* a section or isosurface; what is behind the clip plane of it, if `clips` */
@@ -112,6 +122,10 @@ VIEW_EXPORT(view_sample) const struct view_sample *view_sample(struct view *view
 /* From now on pictures are of what is behind a plane; or of everything again. */
 VIEW_EXPORT(view_clip) void view_clip(struct view *view, double ox, double oy, double oz, double nx, double ny, double nz);
 VIEW_EXPORT(view_unclip) void view_unclip(struct view *view);
+/* From now on pictures are of tetrahedra in a range, at the end of a move; or of all again. */
+VIEW_EXPORT(view_threshold)
+uint32_t view_threshold(struct view *view, uint32_t field, int32_t component, double low, double high);
+VIEW_EXPORT(view_unthreshold) void view_unthreshold(struct view *view);
 /* Each makes view_part. */
 VIEW_EXPORT(view_surface) uint32_t view_surface(struct view *view, uint32_t with);
 VIEW_EXPORT(view_slice)
