@@ -74,6 +74,8 @@ export interface Spec {
   edges?: boolean;
   /** Everything is of what is behind the plane; the surface is closed there. */
   clip?: { origin: Point; normal: Point } | null;
+  /** What it takes to follow rays through the tetrahedra. */
+  rays?: boolean;
   /** A grid with so many points along its longest side, of the values or of their decimal logarithms. */
   volume?: { size: number; logarithmic?: boolean } | null;
   /** Whether a change of the level is a move (the default) or a jump. */
@@ -109,6 +111,20 @@ export interface Grid {
   logarithmic: boolean;
 }
 
+/** For rays that go from tetrahedron to tetrahedron. What a move does not change is absent where it is the same as in the last message. */
+export interface Rays {
+  /** Four numbers for each: the place, relative to the pictures' origin, and the value. */
+  vertices: Float32Array;
+  /** A tree of boxes over the boundary's faces, eight numbers for each: low corner, number of the node to go on with behind this
+   *  one's; high corner, number of the leaf or -1. A node's first child is the next one; leaf i has faces 4 i to 4 i + 3. */
+  nodes: Float32Array;
+  /** Four for each tetrahedron: its vertices; 4 times the neighbour opposite each, plus which of its faces that is, or 2^32 - 1. */
+  corners?: Uint32Array;
+  neighbours?: Uint32Array;
+  /** Of the boundary, four for each: vertices, counter-clockwise seen from outside; 4 times the tetrahedron plus which of its faces. */
+  faces?: Uint32Array;
+}
+
 /** What colours. */
 export interface Shade {
   field: string;
@@ -130,6 +146,7 @@ export interface Pictures {
   isosurfaces: Part[];
   /** One for each isosurface: null where none was asked for. */
   zones: (Zone | null)[];
+  rays: Rays | null;
   /** Absent while the mesh moves, and where it is the same as in the last message. */
   volume?: Grid | null;
   seconds: number;

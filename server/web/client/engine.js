@@ -30,6 +30,7 @@ export class Engine {
   #sampleOf = '';     // what the page has a sample of the values of
   #surfaceOf = '';    // what the page has the triangles of
   #volumeOf = '';     // what the page has a volume of
+  #raysOf = '';       // what the page has the tetrahedra of
   #seen = null;       // resolves when the page has seen the last pictures
   #bells = [];        // of loops that wait
   #turn = new MessageChannel(); // lets messages in between two pieces of work
@@ -108,6 +109,7 @@ export class Engine {
     if (!before) this.#sampleOf = '';
     if (!before?.surface) this.#surfaceOf = '';
     if (!before?.volume) this.#volumeOf = '';
+    if (!before?.rays) this.#raysOf = '';
     this.#dirty = true;
     this.#wake();
   }
@@ -293,14 +295,14 @@ export class Engine {
   }
 
   // The spec with indices for names.
-  #checkSpec({ field, component, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, morph = true, tag = null }) {
+  #checkSpec({ field, component, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, rays = false, morph = true, tag = null }) {
     const shade = field === undefined ? -1 : this.#fieldIndex(field);
     const of = (name) => (name === undefined ? shade : this.#fieldIndex(name));
     if (shade < 0 && [...isosurfaces, threshold].some((what) => what && what.field === undefined)) throw new RangeError('an isosurface or threshold needs a field');
     if (volume && !(volume.size >= 2 && volume.size <= 512)) throw new RangeError(`volume.size is from 2 to 512, not ${volume.size}`);
     const valueOf = (what) => ({ field: of(what.field), component: this.#component(of(what.field), what.component ?? (what.field === undefined ? component : 0)) });
     return {
-      surface, edges, slices, clip, volume, morph, tag, shade,
+      surface, edges, slices, clip, volume, rays, morph, tag, shade,
       component: shade < 0 ? 0 : this.#component(shade, component),
       threshold: threshold && { low: -Infinity, high: Infinity, ...threshold, ...valueOf(threshold) },
       isosurfaces: isosurfaces.map((iso) => ({ ...valueOf(iso), value: iso.value, zone: Boolean(iso.zone) })),
@@ -340,6 +342,15 @@ export class Engine {
     return this.#view.surface({ lines, keep });
   }
 
+  #drawRays() {
+    const { rays, threshold } = this.#spec;
+    if (!rays) return null;
+    const key = JSON.stringify([this.#shown, threshold]);
+    const keep = key === this.#raysOf;
+    this.#raysOf = key;
+    return this.#view.rays({ keep });
+  }
+
   // The value that colours; with a sample where it is of another mesh or value than the last one.
   #drawShade(t) {
     const { shade, component } = this.#spec;
@@ -358,6 +369,7 @@ export class Engine {
     return {
       shade: this.#drawShade(t),
       surface: this.#drawSurface(),
+      rays: this.#drawRays(),
       slices: slices.map(({ origin, normal }) => this.#view.slice(origin, normal, { lines })),
       isosurfaces: isosurfaces.map((iso) => this.#view.isosurface(iso.field, iso.component, iso.value, { normals: true })),
       zones: isosurfaces.map((iso) => (iso.zone ? this.#drawZone(iso, t) : null)),

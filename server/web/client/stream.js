@@ -64,6 +64,7 @@ function completed(pictures, kept) {
   const whole = restore('volume', pictures, 'volume');
   if (whole.shade) whole.shade = restore('sample', whole.shade, 'sample');
   if (whole.surface) whole.surface = restore('lines', restore('triangles', whole.surface, 'triangles'), 'lines');
+  if (whole.rays) for (const name of ['corners', 'neighbours', 'faces']) whole.rays = restore(name, whole.rays, name);
   return whole;
 }
 

@@ -222,6 +222,15 @@ export class View {
     };
   }
 
+  /** What rays through the tetrahedra need (src/cut/rays.h); `keep`: only what a move changes. */
+  rays({ keep = false } = {}) {
+    this.#check(this.#code.view_rays(this.#view));
+    const [vertexCount, tetCount, faceCount, nodeCount, vertices, corners, neighbours, faces, nodes] = this.#words(this.#code.view_ray_data(this.#view), 9);
+    const placed = { vertices: this.#floats(vertices, 4 * vertexCount).slice(), nodes: this.#floats(nodes, 8 * nodeCount).slice() };
+    const words = (address, count) => this.#words(address, 4 * count).slice();
+    return keep ? placed : { ...placed, corners: words(corners, tetCount), neighbours: words(neighbours, tetCount), faces: words(faces, faceCount) };
+  }
+
   /** The value that colours along a segment: [at, value] of begin and end of each piece, `at` from 0 to 1. */
   along(from, to) {
     this.#check(this.#code.view_along(this.#view, ...from, ...to));

@@ -34,7 +34,7 @@ export const defaults = Object.freeze({
   clip: null, // { normal, at }
   line: null, // that values are plotted along: begin and end as fractions of the bounds, six numbers
   volume: false,
-  volumeSize: 96,
+  volumeSize: 0, // of a grid, or 0: the tetrahedra themselves
   opacity: [[0, 0], [0.08, 0.005], [0.3, 0.08], [1, 0.9]], // the volume's: fractions of the colours' range
   // the view
   background: 'auto', // auto, white, black, grey
@@ -104,7 +104,7 @@ const codecs = {
     write: (l) => l.map(round).join(','),
   },
   volume: flag,
-  volumeSize: { read: (t) => clamp(Math.round(Number(t)) || defaults.volumeSize, 16, 256), write: String },
+  volumeSize: { read: (t) => (Number(t) > 0 ? clamp(Math.round(Number(t)), 16, 256) : 0), write: String },
   opacity: list((t) => {
     const point = t.split(':').map(Number);
     return point.length === 2 && point.every((x) => x >= 0 && x <= 1) ? point : null;

@@ -133,6 +133,7 @@ export class Viewer extends EventTarget {
       throw document.createElement('canvas').getContext('webgl2') ? error : new Error('this browser has no WebGL 2, which draws the picture');
     }
     performance.mark('tetlod-graphics');
+    this.scene.addEventListener('norays', () => this.store.set({ volumeSize: 96 })); // a grid is less sharp
     this.#setBackground();
   }
 

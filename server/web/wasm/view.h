@@ -12,6 +12,7 @@
 #include "format/bytes.h"
 #include "src/cut/cut.h"
 #include "src/cut/line.h"
+#include "src/cut/rays.h"
 #include "src/cut/resample.h"
 
 #ifdef __wasm__
@@ -76,6 +77,8 @@ struct view {
     uint32_t grid_size;              /* that it was made with, of the mesh and shade that are shown; 0: of others */
     struct cut_voxels voxels;
     struct cut_line line;
+    struct cut_rays rays;            /* connected as what is drawn, if `has_rays` */
+    bool has_rays;
     struct tetlodi_buffer text;
     struct tetlod_error error;
 };
@@ -137,6 +140,9 @@ VIEW_EXPORT(view_part) const struct view_part *view_part(const struct view *view
 VIEW_EXPORT(view_resample) uint32_t view_resample(struct view *view, uint32_t size, uint32_t logarithmic);
 VIEW_EXPORT(view_grid) const struct cut_grid *view_grid(const struct view *view);
 VIEW_EXPORT(view_voxels) const struct cut_voxels *view_voxels(const struct view *view);
+/* What rays through the tetrahedra need: view_ray_data. */
+VIEW_EXPORT(view_rays) uint32_t view_rays(struct view *view);
+VIEW_EXPORT(view_ray_data) const struct cut_rays *view_ray_data(const struct view *view);
 /* The value that colours, along a segment: view_line. */
 VIEW_EXPORT(view_along)
 uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz);
