@@ -6,6 +6,14 @@
 #include "format/fail.h"
 #include "format/reader.h"
 
+/* Bytes of the stream that came out of turn. */
+struct piece {
+    struct piece *next;
+    uint64_t offset;
+    size_t size;
+    uint8_t bytes[];
+};
+
 struct tetlod_feed {
     struct tetlodi_buffer bytes; /* what was added */
     uint64_t dropped;            /* bytes that were added before those */
@@ -17,6 +25,7 @@ struct tetlod_feed {
     bool *skipped;               /* [1 + field_count], if it selects: what is left out of every level */
     uint64_t *left_out;          /* [frames + 1] bytes that are left out before each */
     size_t frame;                /* that the next byte belongs to */
+    struct piece *pieces;
 };
 
 enum tetlod_status tetlod_feed_new(struct tetlod_feed **out, const struct tetlod_options *options,
@@ -43,6 +52,7 @@ void tetlod_feed_free(struct tetlod_feed *feed)
 {
     if (!feed)
         return;
+    tetlod_feed_forget(feed);
     close_file(feed);
     tetlodi_buffer_fini(&feed->bytes);
     tetlodi_buffer_fini(&feed->names);
@@ -63,10 +73,23 @@ static size_t frame_at(const struct tetlodi_index *index, uint64_t offset)
     return low;
 }
 
-/* A part of the stream that is there by `end`, if it is not left out. */
+static const struct piece *find_piece(const struct tetlod_feed *feed, uint64_t offset, size_t size)
+{
+    const struct piece *piece = feed->pieces;
+    while (piece && (offset < piece->offset || size > piece->size || offset - piece->offset > piece->size - size))
+        piece = piece->next;
+    return piece;
+}
+
+/* A part of the stream that is there, if it is not left out. */
 static enum tetlod_status read_fed(void *opaque, uint64_t offset, void *buffer, size_t size)
 {
     const struct tetlod_feed *feed = opaque;
+    const struct piece *piece = find_piece(feed, offset, size);
+    if (piece) {
+        memcpy(buffer, piece->bytes + (offset - piece->offset), size);
+        return TETLOD_OK;
+    }
     if (feed->left_out) {
         const struct tetlodi_index *index = &feed->file->index;
         size_t frame = frame_at(index, offset), part = frame % (1 + (size_t)index->info.field_count);
@@ -74,7 +97,7 @@ static enum tetlod_status read_fed(void *opaque, uint64_t offset, void *buffer, 
             return TETLOD_ERR_FIELD;
         offset -= feed->left_out[frame];
     }
-    if (offset < feed->dropped && size)
+    if (size && (offset < feed->dropped || offset - feed->dropped > feed->bytes.size || size > feed->bytes.size - (offset - feed->dropped)))
         return TETLOD_ERR_TRUNCATED;
     if (size)
         memcpy(buffer, feed->bytes.bytes + (offset - feed->dropped), size);
@@ -184,6 +207,15 @@ static enum tetlod_status take_frames(struct tetlod_feed *feed, const uint8_t *b
     return put(feed, bytes, size, error);
 }
 
+/* What the file believes to be there: read_fed knows better. */
+static void set_size(struct tetlod_feed *feed)
+{
+    uint64_t end = feed->end;
+    for (const struct piece *piece = feed->pieces; piece; piece = piece->next)
+        end = piece->offset + piece->size > end ? piece->offset + piece->size : end;
+    feed->file->source.size = end;
+}
+
 enum tetlod_status tetlod_feed_add(struct tetlod_feed *feed, const void *bytes, size_t size, struct tetlod_error *error)
 {
     const uint8_t *at = bytes;
@@ -193,8 +225,35 @@ enum tetlod_status tetlod_feed_add(struct tetlod_feed *feed, const void *bytes, 
     if (feed->end > feed->file->index.info.bytes)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "%llu bytes follow the end of the stream",
                             (unsigned long long)(feed->end - feed->file->index.info.bytes));
-    feed->file->source.size = feed->end;
+    set_size(feed);
     return TETLOD_OK;
+}
+
+enum tetlod_status tetlod_feed_put(struct tetlod_feed *feed, uint64_t offset, const void *bytes, size_t size, struct tetlod_error *error)
+{
+    uint64_t whole = feed->file ? feed->file->index.info.bytes : 0;
+    if (offset > whole || size > whole - offset)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the stream has no %zu bytes at %llu", size, (unsigned long long)offset);
+    struct piece *piece = malloc(sizeof *piece + size);
+    if (!piece)
+        return tetlodi_fail_nomem(error, "a part of the stream", size);
+    *piece = (struct piece){feed->pieces, offset, size};
+    if (size)
+        memcpy(piece->bytes, bytes, size);
+    feed->pieces = piece;
+    set_size(feed);
+    return TETLOD_OK;
+}
+
+void tetlod_feed_forget(struct tetlod_feed *feed)
+{
+    while (feed->pieces) {
+        struct piece *next = feed->pieces->next;
+        free(feed->pieces);
+        feed->pieces = next;
+    }
+    if (feed->file)
+        set_size(feed);
 }
 
 struct tetlod_file *tetlod_feed_file(const struct tetlod_feed *feed)

@@ -26,6 +26,7 @@ struct tetlod_series {
     uint32_t band, group, next;              /* TETLOD_NONE: none; next: the step that its tracks would decode */
     struct tetlodi_lower lower;
     struct track *tracks; /* [field] */
+    bool *chosen;         /* [field] to be decoded */
     int ready;            /* the tracks' values are there */
 };
 
@@ -58,6 +59,7 @@ void tetlod_series_free(struct tetlod_series *series)
     free(series->ranges);
     free(series->sections);
     free(series->tracks);
+    free(series->chosen);
     free(series);
 }
 
@@ -118,8 +120,10 @@ static enum tetlod_status open_series(struct tetlod_series *series, struct tetlo
     series->ranges = malloc(time->field_count * sizeof *series->ranges);
     series->sections = calloc((size_t)time->field_count * time->band_count, sizeof *series->sections);
     series->tracks = calloc(time->field_count, sizeof *series->tracks);
-    if (!series->fields || !series->ranges || !series->sections || !series->tracks)
+    series->chosen = malloc(time->field_count * sizeof *series->chosen);
+    if (!series->fields || !series->ranges || !series->sections || !series->tracks || !series->chosen)
         return tetlodi_fail_nomem(error, "the steps", time->field_count * sizeof *series->tracks);
+    tetlod_series_select(series, NULL, 0);
     for (uint32_t f = 0; f < time->field_count; f++) {
         series->fields[f] = time->fields[f].field;
         memcpy(series->ranges[f], time->fields[f].range, sizeof *series->ranges);
@@ -146,6 +150,16 @@ enum tetlod_status tetlod_series_new(struct tetlod_series **out, const struct te
     return status;
 }
 
+void tetlod_series_select(struct tetlod_series *series, const uint32_t *fields, uint32_t count)
+{
+    for (uint32_t f = 0; f < series->time.field_count; f++) {
+        series->chosen[f] = !fields;
+        for (uint32_t i = 0; i < count && fields; i++)
+            series->chosen[f] |= fields[i] == f;
+    }
+    drop_band(series);
+}
+
 /* ---- what there is */
 
 const struct tetlod_series_info *tetlod_series_info(const struct tetlod_series *series)
@@ -159,6 +173,16 @@ uint32_t tetlod_band_for_error(const struct tetlod_series_info *info, double err
         if (info->bands[b].error <= error)
             return b;
     return TETLOD_NONE;
+}
+
+uint32_t tetlod_band_for_abs_error(const struct tetlod_series_info *info, double error)
+{
+    double least = INFINITY; // of the fractions; a field without a range has no error
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        double width = info->ranges[f][1] - info->ranges[f][0];
+        least = width > 0 ? fmin(least, error / width) : least;
+    }
+    return tetlod_band_for_error(info, least);
 }
 
 uint32_t tetlod_step_for_time(const struct tetlod_series_info *info, double time)
@@ -207,19 +231,20 @@ static enum tetlod_status no_room(const struct tetlod_series *series, struct tet
     return tetlodi_no_room(&series->memory, error);
 }
 
-static enum tetlod_status open_band(struct tetlod_series *series, const struct tetlod_cursor *cursor, uint32_t band, struct tetlod_error *error)
+static enum tetlod_status open_band(struct tetlod_series *series, const uint32_t *corners, uint32_t band, struct tetlod_error *error)
 {
-    struct tetlod_mesh mesh;
+    const struct tetlod_level *level = &series->file->index.info.levels[series->time.bands[band].level];
     drop_band(series);
-    tetlod_cursor_mesh(cursor, &mesh);
-    if (!tetlodi_lower_init(&series->lower, mesh.corners, mesh.tets, mesh.vertices, &series->memory))
+    if (!tetlodi_lower_init(&series->lower, corners, level->tets, level->vertices, &series->memory))
         return no_room(series, error);
     for (uint32_t f = 0; f < series->time.field_count; f++) {
+        if (!series->chosen[f])
+            continue;
         struct track *track = &series->tracks[f];
         struct tetlodi_step_scale scale = {series->time.fields[f].type, series->time.quanta[(size_t)band * series->time.field_count + f]};
         size_t room = 0;
         if (!tetlodi_steps_init(&track->steps, &series->lower, &scale, components_of(series, f), &series->memory) ||
-            !TETLODI_ROOM(&series->memory, track->values, room, (size_t)mesh.vertices * components_of(series, f) + 1))
+            !TETLODI_ROOM(&series->memory, track->values, room, (size_t)level->vertices * components_of(series, f) + 1))
             return no_room(series, error);
     }
     series->band = band;
@@ -234,13 +259,15 @@ static enum tetlod_status read_group(struct tetlod_series *series, uint32_t fiel
     uint8_t digest[DIGEST_SIZE];
     free(track->bytes);
     track->bytes = NULL;
-    if (span.offset > source->size || span.size > source->size - span.offset)
-        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "the steps of group %u are not here", group);
-    track->bytes = malloc(span.size ? (size_t)span.size : 1);
+    int here = span.offset <= source->size && span.size <= source->size - span.offset;
+    track->bytes = malloc(span.size && here ? (size_t)span.size : 1);
     if (!track->bytes)
         return tetlodi_fail_nomem(error, "a group of steps", span.size);
-    if (span.size)
-        TETLOD_TRY(source->read(source->opaque, span.offset, track->bytes, (size_t)span.size));
+    enum tetlod_status status = here ? TETLOD_OK : TETLOD_ERR_TRUNCATED;
+    if (here && span.size)
+        status = source->read(source->opaque, span.offset, track->bytes, (size_t)span.size);
+    if (status != TETLOD_OK)
+        return tetlodi_fail(error, status, "the steps of group %u are not here", group);
     tetlodi_digest(track->bytes, (size_t)span.size, digest);
     size_t row = time_row(&series->time, field, series->band);
     if (memcmp(digest, series->time.digests[row * series->time.group_count + group], DIGEST_SIZE) != 0)
@@ -255,7 +282,8 @@ static enum tetlod_status open_group(struct tetlod_series *series, uint32_t grou
 {
     series->group = TETLOD_NONE;
     for (uint32_t f = 0; f < series->time.field_count; f++)
-        TETLOD_TRY(read_group(series, f, group, error));
+        if (series->chosen[f])
+            TETLOD_TRY(read_group(series, f, group, error));
     series->group = group;
     series->next = group * STEP_GROUP;
     return TETLOD_OK;
@@ -266,7 +294,7 @@ static enum tetlod_status decode_next(struct tetlod_series *series, struct tetlo
     for (uint32_t f = 0; f < series->time.field_count; f++) {
         struct track *track = &series->tracks[f];
         uint32_t size = time_entries(&series->time, f, series->band)[series->next].size;
-        if (!tetlodi_steps_decode(&track->steps, track->bytes + track->at, size)) {
+        if (series->chosen[f] && !tetlodi_steps_decode(&track->steps, track->bytes + track->at, size)) {
             series->group = TETLOD_NONE;
             return tetlodi_fail(error, TETLOD_ERR_STREAM, "step %u is damaged", series->next);
         }
@@ -281,7 +309,7 @@ static void set_values(struct tetlod_series *series)
     size_t n = series->lower.vertices;
     for (uint32_t f = 0; f < series->time.field_count; f++) {
         struct track *track = &series->tracks[f];
-        size_t k = track->steps.components;
+        size_t k = track->steps.components; // 0: not chosen
         for (size_t c = 0; c < k; c++)
             for (size_t v = 0; v < n; v++)
                 track->values[v * k + c] = tetlodi_step_value(&track->steps.scale, track->steps.codes[c * n + v]);
@@ -289,22 +317,31 @@ static void set_values(struct tetlod_series *series)
     series->ready = 1;
 }
 
-enum tetlod_status tetlod_seek_step(struct tetlod_series *series, struct tetlod_cursor *cursor, uint32_t band, uint32_t step,
-                                    struct tetlod_error *error)
+enum tetlod_status tetlod_series_decode(struct tetlod_series *series, const uint32_t *corners, uint32_t band, uint32_t step,
+                                        struct tetlod_error *error)
 {
     uint32_t group = step / STEP_GROUP;
+    series->ready = 0;
     if (!is_there(series, 0, band, step))
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no step %u in band %u", step, band);
-    series->ready = 0;
-    TETLOD_TRY(tetlod_cursor_seek(cursor, series->time.bands[band].level, error));
     if (series->band != band)
-        TETLOD_TRY(open_band(series, cursor, band, error));
+        TETLOD_TRY(open_band(series, corners, band, error));
     if (series->group != group || step + 1 < series->next)
         TETLOD_TRY(open_group(series, group, error));
     while (series->next <= step)
         TETLOD_TRY(decode_next(series, error));
     set_values(series);
     return TETLOD_OK;
+}
+
+enum tetlod_status tetlod_seek_step(struct tetlod_series *series, struct tetlod_cursor *cursor, uint32_t band, uint32_t step,
+                                    struct tetlod_error *error)
+{
+    struct tetlod_mesh mesh;
+    if (is_there(series, 0, band, step))
+        TETLOD_TRY(tetlod_cursor_seek(cursor, series->time.bands[band].level, error));
+    tetlod_cursor_mesh(cursor, &mesh);
+    return tetlod_series_decode(series, mesh.corners, band, step, error);
 }
 
 const double *tetlod_step_values(const struct tetlod_series *series, uint32_t field)

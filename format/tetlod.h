@@ -336,6 +336,12 @@ TETLOD_API uint32_t tetlod_feed_level(const struct tetlod_feed *feed);
  * a cursor that needs them from now on, a new one too, says ERR_TRUNCATED. */
 TETLOD_API void tetlod_feed_drop(struct tetlod_feed *feed, uint32_t level);
 
+/* Copies bytes of the stream that lie elsewhere, once the index is there: a section, a group of steps. They are found by whoever reads
+ * exactly these, or some of them, until they are forgotten. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_feed_put(struct tetlod_feed *feed, uint64_t offset, const void *bytes, size_t size,
+                                                             struct tetlod_error *error);
+TETLOD_API void tetlod_feed_forget(struct tetlod_feed *feed);
+
 /* How many bytes have to be added for a level, once the index is there: the length of its prefix without what is not selected. */
 TETLOD_API uint64_t tetlod_feed_bytes(const struct tetlod_feed *feed, uint32_t level);
 
@@ -347,6 +353,9 @@ struct tetlod_band {
     uint32_t level; /* whose vertices have values */
     uint64_t reserved[2];
 };
+
+/* Steps that are stored together: 0 to 7, 8 to 15, ... */
+enum { TETLOD_STEP_GROUP = 8 };
 
 struct tetlod_series_info {
     uint32_t step_count, band_count, field_count;
@@ -370,6 +379,9 @@ TETLOD_API const struct tetlod_series_info *tetlod_series_info(const struct tetl
 /* The coarsest band whose error is at most `error` (a fraction of the range), or TETLOD_NONE. */
 TETLOD_API uint32_t tetlod_band_for_error(const struct tetlod_series_info *info, double error);
 
+/* The same for an error in the fields' units, which holds for every field. */
+TETLOD_API uint32_t tetlod_band_for_abs_error(const struct tetlod_series_info *info, double error);
+
 /* The step whose time is nearest: the first of several. */
 TETLOD_API uint32_t tetlod_step_for_time(const struct tetlod_series_info *info, double time);
 
@@ -383,6 +395,13 @@ TETLOD_API struct tetlod_span tetlod_step_span(const struct tetlod_series *serie
  * costs one frame, others those of their group up to it. Keep one series for each cursor. ERR_ARGUMENT, or as tetlod_cursor_seek. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_seek_step(struct tetlod_series *series, struct tetlod_cursor *cursor, uint32_t band,
                                                               uint32_t step, struct tetlod_error *error);
+
+/* The same without a cursor: `corners` are those of the band's level, from wherever the caller has them. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_series_decode(struct tetlod_series *series, const uint32_t *corners, uint32_t band,
+                                                                  uint32_t step, struct tetlod_error *error);
+
+/* From now on only `count` of the series' fields are read and decoded; NULL: all. */
+TETLOD_API void tetlod_series_select(struct tetlod_series *series, const uint32_t *fields, uint32_t count);
 
 /* The values that the last tetlod_seek_step gave, of the series' field number `field`: [components * vertices of the band's level]; NULL
  * if there are none. Valid until the next one. */

@@ -10,7 +10,7 @@
 #define TAG_TIME "TIME"
 #define TAG_STEP_VALUES "TVAL"
 
-enum { MOST_STEPS = 1 << 20, MOST_BANDS = 64, STEP_GROUP = 8 };
+enum { MOST_STEPS = 1 << 20, MOST_BANDS = 64, STEP_GROUP = TETLOD_STEP_GROUP };
 
 struct tetlodi_time_field {
     uint32_t field;        /* of the stream */

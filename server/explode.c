@@ -121,7 +121,7 @@ static enum tetlod_status write_stream(const struct tree *tree, struct dataset *
     struct file_output *output;
     const char *id = dataset_id(dataset); // as it is: servers of files decode paths. A stream's file has that name
     TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/index.json", id));
-    TETLOD_TRY(write_json(tree, output, describe_stream(info, id)));
+    TETLOD_TRY(write_json(tree, output, describe_stream(dataset, id)));
     TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/%s/stream", id, info->cid));
     TETLOD_TRY(copy_bytes(tree, output, dataset, 0, info->bytes));
     TETLOD_TRY(begin(tree, &output, "v1/meshes/%s/prefix", id)); // whatever is asked for: a beginning that a client goes on from

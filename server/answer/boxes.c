@@ -182,6 +182,7 @@ static enum outcome answer_region(struct exchange *exchange, struct dataset *dat
         .write = write_mesh,
         .choice = choice,
         .choice_size = sizeof *choice,
+        .finest = true,
         .mesh = make_mesh,
         .measure = measure,
         .headers = put_headers,

@@ -11,6 +11,7 @@
 #include "server/answer/frames.h"
 #include "server/answer/level_file.h"
 #include "server/answer/boxes.h"
+#include "server/answer/groups.h"
 #include "server/answer/respond.h"
 
 enum budget { BY_ERROR, BY_ABS_ERROR, BY_LEVEL, BY_TETS, BY_BYTES, BUDGETS };
@@ -30,6 +31,8 @@ struct choice {
     struct region_box boxes[MOST_BOXES];
     struct cell_choice cells;
 };
+
+static const char redirected[] = "The mesh is at the address of the Location header.\n";
 
 static const char *target_of(const struct exchange *exchange)
 {
@@ -149,12 +152,12 @@ static bool parse_measure(struct exchange *exchange, const struct tetlod_info *i
     return false;
 }
 
-static bool parse_format(struct exchange *exchange, struct choice *choice)
+static bool parse_format(struct exchange *exchange, struct choice *choice, bool written)
 {
     enum query_result result;
     snprintf(choice->format, sizeof choice->format, "vtu");
     result = query_value(exchange->query, "format", choice->format, sizeof choice->format);
-    if (result != QUERY_BAD && mesh_format_find(choice->format) && (!choice->box_count || mesh_format_writes(mesh_format_find(choice->format))))
+    if (result != QUERY_BAD && mesh_format_find(choice->format) && (!written || mesh_format_writes(mesh_format_find(choice->format))))
         return true;
     respond_bad_format(exchange, result == QUERY_BAD ? "" : choice->format);
     return false;
@@ -186,7 +189,7 @@ static void redirect(struct exchange *exchange, const struct dataset *dataset, c
         response_problem(response, 400, target_of(exchange), "these are too many boxes: write fewer, or fewer digits");
         return;
     }
-    response_static(response, 303, "text/plain; charset=utf-8", "The mesh is at the address of the Location header.\n");
+    response_static(response, 303, "text/plain; charset=utf-8", redirected);
     if (choice->box_count) // from .../mesh
         response_header(response, "Location", "%s/levels/%" PRIu32 "/region.%s?box_level=%" PRIu32 "&box=%s%s%s", info->cid, level,
                         choice->format, choice->box_level, boxes, choice->cells.any ? "&cells=" : "", cells);
@@ -246,23 +249,58 @@ static bool ask_boxes(struct exchange *exchange, const struct dataset *dataset, 
     return true;
 }
 
+/* To the step's immutable URL. */
+static enum outcome redirect_to_step(struct exchange *exchange, struct dataset *dataset, const struct step_choice *step)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    struct choice choice = {0};
+    if (!parse_format(exchange, &choice, true) || !query_cells(exchange, info, &choice.cells))
+        return ANSWERED;
+    response_static(exchange->response, 303, "text/plain; charset=utf-8", redirected);
+    response_header(exchange->response, "Location", "%s/bands/%" PRIu32 "/steps/%" PRIu32 "/mesh.%s%s%s", info->cid, step->band, step->step,
+                    choice.format, choice.cells.any ? "?cells=" : "", choice.cells.any ? choice.cells.text : "");
+    step_headers(exchange->response, dataset, step);
+    cache_revalidate(exchange->response);
+    return ANSWERED;
+}
+
 static enum outcome answer_mesh(struct exchange *exchange, struct dataset *dataset)
 {
+    static const char *const of_step[] = {"error", "abs_error", "time", "step", "format", "cells", NULL};
     static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "format", "cells", "box", "box_error", NULL};
     struct choice choice = {0};
+    struct step_choice step;
     uint32_t level;
+    enum query_result asked = query_step(exchange, dataset, of_step, &step);
+    if (asked != QUERY_ABSENT)
+        return asked == QUERY_FOUND ? redirect_to_step(exchange, dataset, &step) : ANSWERED;
     if (check_parameters(exchange, names) && ask_level(exchange, dataset, &choice, &level) &&
-        ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice) && query_cells(exchange, dataset_info(dataset), &choice.cells))
+        ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice, choice.box_count) && query_cells(exchange, dataset_info(dataset), &choice.cells))
         redirect(exchange, dataset, &choice, level);
     return ANSWERED;
+}
+
+static enum outcome answer_step_prefix(struct exchange *exchange, struct dataset *dataset, const struct step_choice *step)
+{
+    enum outcome outcome = respond_step_prefix(exchange, dataset, step);
+    if (outcome == ANSWERED && exchange->response->status == 200) {
+        step_headers(exchange->response, dataset, step);
+        cache_revalidate(exchange->response);
+    }
+    return outcome;
 }
 
 /* Stored bytes cost nothing to choose: a client's first request is answered without a redirection. */
 static enum outcome answer_prefix(struct exchange *exchange, struct dataset *dataset)
 {
+    static const char *const of_step[] = {"error", "abs_error", "time", "step", "fields", NULL};
     static const char *const names[] = {"error", "abs_error", "level", "tets", "bytes", "field", "measure", "fields", NULL};
     struct choice choice = {0};
+    struct step_choice step;
     uint32_t level;
+    enum query_result asked = query_step(exchange, dataset, of_step, &step);
+    if (asked != QUERY_ABSENT)
+        return asked == QUERY_FOUND ? answer_step_prefix(exchange, dataset, &step) : ANSWERED;
     if (!check_parameters(exchange, names) || !ask_level(exchange, dataset, &choice, &level))
         return ANSWERED;
     enum outcome outcome = respond_prefix(exchange, dataset, level);

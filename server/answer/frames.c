@@ -118,8 +118,7 @@ static enum outcome respond_cached(struct exchange *exchange, struct dataset *da
 }
 
 /* Answers with stored bytes of a stream: from the cache where they are not many, straight from the file otherwise. */
-static enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, const struct tetlod_span *spans, size_t count,
-                                   const char *etag)
+enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, const struct tetlod_span *spans, size_t count, const char *etag)
 {
     struct response *response = exchange->response;
     uint64_t size = 0;
@@ -191,8 +190,7 @@ static enum outcome answer_frames(struct exchange *exchange, struct dataset *dat
     return outcome;
 }
 
-/* The list of fields that the query has, as select_fields makes it; QUERY_BAD: answered. */
-static enum query_result query_fields(struct exchange *exchange, const struct tetlod_info *info, char *selected)
+enum query_result query_fields(struct exchange *exchange, const struct tetlod_info *info, char *selected)
 {
     char list[1024];
     enum query_result result = query_value(exchange->query, "fields", list, sizeof list);

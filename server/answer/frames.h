@@ -17,6 +17,12 @@ enum outcome respond_level_prefix(struct exchange *exchange, struct dataset *dat
 /* The same; of the fields' frames only those that the query's `fields` names, if it is there. */
 enum outcome respond_prefix(struct exchange *exchange, struct dataset *dataset, uint32_t level);
 
+/* Pieces of the stream in a row, under an entity tag without quotes. */
+enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, const struct tetlod_span *spans, size_t count, const char *etag);
+
+/* The list of names that the query's `fields` has: text of 0 and 1, one for each field. QUERY_BAD: answered. */
+enum query_result query_fields(struct exchange *exchange, const struct tetlod_info *info, char *selected);
+
 enum outcome handle_records(struct exchange *exchange);
 enum outcome handle_stream(struct exchange *exchange);
 

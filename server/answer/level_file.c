@@ -10,6 +10,7 @@
 #include "server/answer/frames.h"
 #include "server/answer/made.h"
 #include "server/answer/respond.h"
+#include "server/answer/steps.h"
 #include "server/answer/streamed.h"
 #include "src/io/io.h"
 
@@ -71,7 +72,19 @@ struct mesh_choice {
     const struct mesh_format *format;
     const struct tetlod_file *file; /* of the dataset that is held meanwhile */
     struct cell_choice cells;
+    struct step_choice step;
 };
+
+static enum tetlod_status make_step(const void *opaque, const struct forest *forest, struct tetmesh *out, struct tetlod_error *error)
+{
+    return step_mesh(&((const struct mesh_choice *)opaque)->step, forest, out, error);
+}
+
+static void put_step_headers(struct response *response, struct dataset *dataset, const void *opaque, const struct region_note *note)
+{
+    (void)note;
+    step_headers(response, dataset, &((const struct mesh_choice *)opaque)->step);
+}
 
 static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
 {
@@ -98,14 +111,17 @@ uint64_t mesh_format_bytes(const struct tetlod_info *info, uint32_t level)
 static enum outcome answer_made(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_choice *choice)
 {
     const struct tetlod_info *info = dataset_info(dataset);
-    char name[16 + MOST_CELL_FIELDS / 4 + 1], cells[MOST_CELL_FIELDS / 4 + 1];
+    bool step = choice->step.any;
+    char name[16 + STEP_NAME + MOST_CELL_FIELDS / 4 + 1], cells[MOST_CELL_FIELDS / 4 + 1], of_step[STEP_NAME];
     cell_choice_name(&choice->cells, cells);
-    snprintf(name, sizeof name, "%s%s%s", choice->format->name, choice->cells.any ? "-" : "", choice->cells.any ? cells : "");
+    step_name(&choice->step, of_step);
+    snprintf(name, sizeof name, "%s%s%s%s", choice->format->name, of_step, choice->cells.any ? "-" : "", choice->cells.any ? cells : "");
     uint64_t values = cell_choice_values(&choice->cells, info, (uint64_t)info->levels[level].tets + info->tets);
     const struct level_answer answer = {.level = level, .name = name, .media_type = choice->format->media_type,
                                         .file_bytes = mesh_format_bytes(info, level) + 8 * values, .write = write_mesh, .choice = choice,
-                                        .choice_size = sizeof *choice};
-    if (fits_cache(exchange->site, info, &answer))
+                                        .choice_size = sizeof *choice, .mesh = step ? make_step : NULL,
+                                        .headers = step ? put_step_headers : NULL, .mesh_bytes = step ? step_bytes(info, level) : 0};
+    if (step || fits_cache(exchange->site, info, &answer)) // a step is decoded all at once
         return answer_from_level(exchange, dataset, &answer);
     return answer_streamed(exchange, dataset, &(struct streamed_answer){level, name, choice->format->media_type, choice->format->lay_out, &choice->cells});
 }
@@ -125,6 +141,32 @@ static enum outcome answer_file(struct exchange *exchange, struct dataset *datas
     enum outcome outcome = answer_immutable(exchange, respond_level_prefix(exchange, dataset, level));
     if (outcome == ANSWERED && exchange->response->status == 200)
         level_headers(exchange->response, dataset, level);
+    return outcome;
+}
+
+static bool take_step_format(struct exchange *exchange, struct mesh_choice *choice)
+{
+    choice->format = mesh_format_find(exchange->captures[4]);
+    if (choice->format && choice->format->write)
+        return true;
+    respond_bad_format(exchange, exchange->captures[4]);
+    return false;
+}
+
+enum outcome handle_step_mesh(struct exchange *exchange)
+{
+    static const char *const names[] = {"cells", NULL};
+    struct dataset *dataset = captured_dataset(exchange);
+    enum outcome outcome = ANSWERED;
+    if (!dataset)
+        return ANSWERED;
+    struct mesh_choice choice = {.file = dataset_file(dataset)};
+    if (check_parameters(exchange, names) && captured_step(exchange, dataset, &choice.step) && take_step_format(exchange, &choice) &&
+        query_cells(exchange, dataset_info(dataset), &choice.cells))
+        outcome = answer_made(exchange, dataset, choice.step.level, &choice);
+    if (outcome == ANSWERED && exchange->response->status == 200)
+        name_download(exchange->response, dataset, "-step%s-%s.%s", exchange->captures[3], exchange->captures[2], exchange->captures[4]);
+    dataset_release(dataset);
     return outcome;
 }
 

@@ -26,4 +26,7 @@ void respond_bad_format(struct exchange *exchange, const char *name);
 
 enum outcome handle_level_mesh(struct exchange *exchange);
 
+/* A step in a band, as a file that is written from its mesh. */
+enum outcome handle_step_mesh(struct exchange *exchange);
+
 #endif

@@ -88,7 +88,7 @@ static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dat
 {
     struct cache_entry *forest;
     *out = NULL;
-    enum outcome outcome = obtain_forest(exchange, dataset, answer->mesh ? dataset_info(dataset)->level_count - 1 : answer->level, &forest);
+    enum outcome outcome = obtain_forest(exchange, dataset, answer->finest ? dataset_info(dataset)->level_count - 1 : answer->level, &forest);
     if (!forest)
         return outcome;
     struct making *making = malloc(sizeof *making + answer->choice_size);

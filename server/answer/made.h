@@ -17,7 +17,8 @@ struct level_answer {
     enum tetlod_status (*write)(const void *choice, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error);
     const void *choice; /* copied */
     size_t choice_size;
-    /* Of a region; NULL: the mesh is the level's. It needs the stream up to its finest level, and so many bytes more. */
+    bool finest; /* making it needs the stream up to its finest level, not only up to `level` */
+    /* Of a region or a step; NULL: the mesh is the level's. It needs so many bytes more. */
     enum tetlod_status (*mesh)(const void *choice, const struct forest *forest, struct tetmesh *out, struct tetlod_error *error);
     enum tetlod_status (*measure)(const void *choice, const struct forest *forest, const struct tetmesh *mesh, struct region_note *out,
                                   struct tetlod_error *error);

@@ -10,6 +10,7 @@
 #include "server/answer/buffer.h"
 #include "server/answer/choose.h"
 #include "server/answer/frames.h"
+#include "server/answer/groups.h"
 #include "server/answer/level_file.h"
 #include "server/answer/boxes.h"
 #include "server/answer/site.h"
@@ -31,6 +32,11 @@ const struct route site_routes[] = {
     {"/v1/meshes/{id}/{cid}/levels/{level}/surface.{format}", handle_surface},
     {"/v1/meshes/{id}/{cid}/levels/{level}/isosurface.{format}", handle_isosurface},
     {"/v1/meshes/{id}/{cid}/levels/{level}/slice.{format}", handle_slice},
+    {"/v1/meshes/{id}/{cid}/bands/{band}/groups/{group}", handle_group},
+    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/mesh.{format}", handle_step_mesh},
+    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/surface.{format}", handle_step_surface},
+    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/isosurface.{format}", handle_step_isosurface},
+    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/slice.{format}", handle_step_slice},
     {NULL, NULL},
 };
 

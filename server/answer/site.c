@@ -151,8 +151,7 @@ static void free_info_context(void *opaque)
 static enum tetlod_status make_info(void *opaque, struct cache_value *out, struct tetlod_error *error)
 {
     struct info_context *context = opaque;
-    const struct tetlod_info *info = dataset_info(context->dataset);
-    return json_body(describe_stream(info, dataset_id(context->dataset)), context->coding, out, error);
+    return json_body(describe_stream(context->dataset, dataset_id(context->dataset)), context->coding, out, error);
 }
 
 enum outcome handle_stream_info(struct exchange *exchange)

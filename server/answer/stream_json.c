@@ -7,9 +7,10 @@
 #include "server/store/dataset.h"
 #include "server/answer/params.h"
 #include "src/report/info_json.h"
+#include "src/report/series_json.h"
 
 /* What belongs to a stream, relative to the description's URL; links with {} are templates (RFC 6570). */
-static json_t *links_of(const struct tetlod_info *info, const char *name)
+static json_t *links_of(const struct tetlod_info *info, bool series, const char *name)
 {
     char id[3 * ID_CAPACITY];
     const char *cid = info->cid;
@@ -19,19 +20,27 @@ static json_t *links_of(const struct tetlod_info *info, const char *name)
     static const struct {
         const char *name, *tail;
         bool content; /* under the content id */
+        bool steps;   /* of a series only */
     } all[] = {
-        {"self", "", false},
-        {"mesh", "/mesh{?error,abs_error,level,tets,bytes,field,measure,format,cells}", false},
-        {"prefix", "/prefix{?error,abs_error,level,tets,bytes,field,measure,fields}", false},
-        {"level", "/levels/{level}/mesh.{format}{?cells}", true},
-        {"surface", "/levels/{level}/surface.{format}", true},
-        {"isosurface", "/levels/{level}/isosurface.{format}{?field,value}", true},
-        {"slice", "/levels/{level}/slice.{format}{?origin,normal}", true},
-        {"records", "/records/{from}-{to}{?fields}", true},
-        {"stream", "/stream", true},
+        {"self", "", false, false},
+        {"mesh", "/mesh{?error,abs_error,level,tets,bytes,field,measure,format,cells,time,step}", false, false},
+        {"prefix", "/prefix{?error,abs_error,level,tets,bytes,field,measure,fields,time,step}", false, false},
+        {"level", "/levels/{level}/mesh.{format}{?cells}", true, false},
+        {"surface", "/levels/{level}/surface.{format}", true, false},
+        {"isosurface", "/levels/{level}/isosurface.{format}{?field,value}", true, false},
+        {"slice", "/levels/{level}/slice.{format}{?origin,normal}", true, false},
+        {"records", "/records/{from}-{to}{?fields}", true, false},
+        {"stream", "/stream", true, false},
+        {"group", "/bands/{band}/groups/{group}{?fields}", true, true},
+        {"step", "/bands/{band}/steps/{step}/mesh.{format}{?cells}", true, true},
+        {"stepSurface", "/bands/{band}/steps/{step}/surface.{format}", true, true},
+        {"stepIsosurface", "/bands/{band}/steps/{step}/isosurface.{format}{?field,value}", true, true},
+        {"stepSlice", "/bands/{band}/steps/{step}/slice.{format}{?origin,normal}", true, true},
     };
     for (size_t i = 0; links && i < sizeof all / sizeof *all; i++) {
         char path[640];
+        if (all[i].steps && !series)
+            continue;
         snprintf(path, sizeof path, "%s%s%s%s", id, all[i].content ? "/" : "", all[i].content ? cid : "",
                  all[i].tail);
         json_object_set_new(links, all[i].name, json_string(path));
@@ -39,13 +48,17 @@ static json_t *links_of(const struct tetlod_info *info, const char *name)
     return links;
 }
 
-json_t *describe_stream(const struct tetlod_info *info, const char *id)
+json_t *describe_stream(const struct dataset *dataset, const char *id)
 {
+    const struct tetlod_info *info = dataset_info(dataset);
+    const struct tetlod_series *series = dataset_series(dataset);
     json_t *object = info_json(info, id);
     json_t *levels = json_object_get(object, "levels");
     for (uint32_t k = 0; k < info->level_count; k++)
         json_object_set_new(json_array_get(levels, k), "offset", json_integer((json_int_t)info->levels[k].offset));
-    json_object_set_new(object, "links", links_of(info, id));
+    json_object_set_new(object, "links", links_of(info, series, id));
+    if (series)
+        json_object_set_new(object, "series", series_json(series, info));
     return object;
 }
 

@@ -5,10 +5,10 @@
 
 #include <jansson.h>
 
-#include "format/tetlod.h"
+#include "server/store/dataset.h"
 
 /* /v1/meshes/{id}: what `tetlod info --json` prints, and links. */
-json_t *describe_stream(const struct tetlod_info *info, const char *id);
+json_t *describe_stream(const struct dataset *dataset, const char *id);
 
 /* An element of /v1/meshes. */
 json_t *describe_in_catalogue(const struct tetlod_info *info, const char *id);

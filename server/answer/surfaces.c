@@ -10,6 +10,7 @@
 #include "format/fail.h"
 #include "server/answer/made.h"
 #include "server/answer/respond.h"
+#include "server/answer/steps.h"
 #include "server/answer/surface_files.h"
 #include "src/cut/cut.h"
 #include "src/util/array.h"
@@ -21,7 +22,8 @@ struct surface_choice {
     enum shape shape;
     const struct surface_format *format;
     uint32_t level;
-    uint32_t field, component; /* ISOSURFACE */
+    struct step_choice step;
+    uint32_t field, component; /* ISOSURFACE: of the mesh */
     double value;
     double origin[3], normal[3]; /* SLICE */
 };
@@ -79,8 +81,9 @@ static bool take_format(struct exchange *exchange, const char *name, struct surf
 }
 
 /* A scalar field by its name, or a vector's component as NAME:0. */
-static bool take_field(struct exchange *exchange, const struct tetlod_info *info, struct surface_choice *choice)
+static bool take_field(struct exchange *exchange, const struct dataset *dataset, struct surface_choice *choice)
 {
+    const struct tetlod_info *info = dataset_info(dataset);
     char name[256] = "";
     enum query_result result = query_value(exchange->query, "field", name, sizeof name);
     uint64_t component = 0;
@@ -93,7 +96,9 @@ static bool take_field(struct exchange *exchange, const struct tetlod_info *info
         scalar = choice->field != TETLOD_NONE && component < info->fields[choice->field].components;
     }
     choice->component = (uint32_t)component;
-    if (scalar)
+    if (scalar && choice->step.any)
+        choice->field = field_with_steps(dataset, choice->field);
+    if (scalar && choice->field != TETLOD_NONE)
         return true;
     response_problem_choices(exchange->response, 400, exchange->request->target, "fields", field_names(info),
                              result == QUERY_ABSENT ? "say of which field: field=NAME, or field=NAME:0 for a vector's component"
@@ -126,12 +131,12 @@ static bool take_plane(struct exchange *exchange, struct surface_choice *choice)
     return false;
 }
 
-static bool take_shape(struct exchange *exchange, const struct tetlod_info *info, struct surface_choice *choice)
+static bool take_shape(struct exchange *exchange, const struct dataset *dataset, struct surface_choice *choice)
 {
     static const char *const none[] = {NULL}, *const iso[] = {"field", "value", NULL}, *const plane[] = {"origin", "normal", NULL};
     switch (choice->shape) {
     case ISOSURFACE:
-        return check_parameters(exchange, iso) && take_field(exchange, info, choice) &&
+        return check_parameters(exchange, iso) && take_field(exchange, dataset, choice) &&
                take_numbers(exchange, "value", 1, "0.5", &choice->value);
     case SLICE:
         return check_parameters(exchange, plane) && take_plane(exchange, choice);
@@ -144,7 +149,9 @@ static bool take_shape(struct exchange *exchange, const struct tetlod_info *info
 
 static void print_name(const struct surface_choice *choice, char *out, size_t capacity)
 {
-    int used = snprintf(out, capacity, "%s%d", choice->format->name, (int)choice->shape);
+    char of_step[STEP_NAME];
+    step_name(&choice->step, of_step);
+    int used = snprintf(out, capacity, "%s%d%s", choice->format->name, (int)choice->shape, of_step);
     if (choice->shape == ISOSURFACE)
         snprintf(out + used, capacity - (size_t)used, "-%" PRIu32 ":%" PRIu32 "=%.17g", choice->field, choice->component,
                  choice->value);
@@ -162,45 +169,86 @@ static uint64_t surface_file_bytes(const struct tetlod_info *info, uint32_t leve
     return info->levels[level].vertices * components * 8 + info->levels[level].tets * (uint64_t)16 + 4096;
 }
 
+static enum tetlod_status make_step(const void *opaque, const struct forest *forest, struct tetmesh *out, struct tetlod_error *error)
+{
+    return step_mesh(&((const struct surface_choice *)opaque)->step, forest, out, error);
+}
+
+static void put_step_headers(struct response *response, struct dataset *dataset, const void *opaque, const struct region_note *note)
+{
+    (void)note;
+    step_headers(response, dataset, &((const struct surface_choice *)opaque)->step);
+}
+
 static enum outcome answer_surface(struct exchange *exchange, struct dataset *dataset, const struct surface_choice *choice)
 {
-    char name[200];
+    char name[200 + STEP_NAME];
+    bool step = choice->step.any;
     print_name(choice, name, sizeof name);
     const struct level_answer answer = {.level = choice->level, .name = name, .media_type = choice->format->media_type,
                                         .file_bytes = surface_file_bytes(dataset_info(dataset), choice->level), .write = write_surface,
-                                        .choice = choice, .choice_size = sizeof *choice};
+                                        .choice = choice, .choice_size = sizeof *choice, .mesh = step ? make_step : NULL,
+                                        .headers = step ? put_step_headers : NULL,
+                                        .mesh_bytes = step ? step_bytes(dataset_info(dataset), choice->level) : 0};
     return answer_from_level(exchange, dataset, &answer);
 }
 
-static enum outcome handle_shape(struct exchange *exchange, enum shape shape)
+/* By a level, or by a band and a step of it: the path says which. */
+static bool take_mesh(struct exchange *exchange, struct dataset *dataset, bool of_step, struct surface_choice *choice)
+{
+    if (!of_step)
+        return parse_level(exchange, dataset_info(dataset), exchange->captures[2], &choice->level);
+    bool good = captured_step(exchange, dataset, &choice->step);
+    choice->level = good ? choice->step.level : 0;
+    return good;
+}
+
+static enum outcome handle_shape(struct exchange *exchange, enum shape shape, bool of_step)
 {
     struct dataset *dataset = captured_dataset(exchange);
-    struct surface_choice choice = {.shape = shape};
+    struct surface_choice choice;
+    const char *format = exchange->captures[of_step ? 4 : 3];
     enum outcome outcome = ANSWERED;
     if (!dataset)
         return ANSWERED;
-    const struct tetlod_info *info = dataset_info(dataset);
-    if (parse_level(exchange, info, exchange->captures[2], &choice.level) &&
-        take_format(exchange, exchange->captures[3], &choice) && take_shape(exchange, info, &choice))
+    memset(&choice, 0, sizeof choice);
+    choice.shape = shape;
+    if (take_mesh(exchange, dataset, of_step, &choice) && take_format(exchange, format, &choice) && take_shape(exchange, dataset, &choice))
         outcome = answer_surface(exchange, dataset, &choice);
     static const char *const names[] = {[BOUNDARY] = "surface", [ISOSURFACE] = "isosurface", [SLICE] = "slice"};
     if (outcome == ANSWERED && exchange->response->status == 200)
-        name_download(exchange->response, dataset, "-%s-%s.%s", exchange->captures[2], names[shape], exchange->captures[3]);
+        name_download(exchange->response, dataset, "%s%s-%s-%s.%s", of_step ? "-step" : "", of_step ? exchange->captures[3] : "",
+                      exchange->captures[2], names[shape], format);
     dataset_release(dataset);
     return outcome;
 }
 
 enum outcome handle_surface(struct exchange *exchange)
 {
-    return handle_shape(exchange, BOUNDARY);
+    return handle_shape(exchange, BOUNDARY, false);
 }
 
 enum outcome handle_isosurface(struct exchange *exchange)
 {
-    return handle_shape(exchange, ISOSURFACE);
+    return handle_shape(exchange, ISOSURFACE, false);
 }
 
 enum outcome handle_slice(struct exchange *exchange)
 {
-    return handle_shape(exchange, SLICE);
+    return handle_shape(exchange, SLICE, false);
+}
+
+enum outcome handle_step_surface(struct exchange *exchange)
+{
+    return handle_shape(exchange, BOUNDARY, true);
+}
+
+enum outcome handle_step_isosurface(struct exchange *exchange)
+{
+    return handle_shape(exchange, ISOSURFACE, true);
+}
+
+enum outcome handle_step_slice(struct exchange *exchange)
+{
+    return handle_shape(exchange, SLICE, true);
 }

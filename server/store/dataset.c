@@ -22,6 +22,7 @@ struct dataset {
     struct open_file *opened;
     struct tetlod_file *file;
     struct file_identity identity;
+    struct tetlod_series *series; /* NULL: one moment */
     char (*level_errors)[ERRORS_CAPACITY]; /* [level_count], printed once: every answer has one */
 };
 
@@ -107,6 +108,8 @@ static enum tetlod_status open_stream(struct dataset *dataset, struct tetlod_err
         return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "the stream ends too early: %llu of %llu bytes",
                             (unsigned long long)dataset->identity.size,
                             (unsigned long long)tetlod_info(dataset->file)->bytes);
+    if (tetlod_section_index(tetlod_info(dataset->file), "TIME") != TETLOD_NONE)
+        TETLOD_TRY(tetlod_series_new(&dataset->series, dataset->file, error));
     return print_all_errors(dataset, error);
 }
 
@@ -142,6 +145,7 @@ void dataset_release(struct dataset *dataset)
 {
     if (!dataset || atomic_fetch_sub(&dataset->references, 1) != 1)
         return;
+    tetlod_series_free(dataset->series);
     tetlod_close(dataset->file);
     open_file_free(dataset->opened);
     free(dataset->level_errors);
@@ -166,6 +170,11 @@ const char *dataset_level_errors(const struct dataset *dataset, uint32_t level)
 struct tetlod_file *dataset_file(struct dataset *dataset)
 {
     return dataset->file;
+}
+
+const struct tetlod_series *dataset_series(const struct dataset *dataset)
+{
+    return dataset->series;
 }
 
 const struct file_identity *dataset_identity(const struct dataset *dataset)

@@ -29,6 +29,9 @@ bool dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t si
 
 struct tetlod_file *dataset_file(struct dataset *dataset);
 
+/* The steps in time, to be read only; NULL if it has one moment. */
+const struct tetlod_series *dataset_series(const struct dataset *dataset);
+
 /* Reads all and holds it against its digests. */
 TETLOD_CHECKED enum tetlod_status dataset_check(struct dataset *dataset, struct tetlod_error *error);
 

@@ -1,23 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/cli/extract_step.h"
 
-#include <math.h>
 #include <stdio.h>
 
 #include "format/fail.h"
-#include "src/mesh/tet_geom.h"
 #include "src/report/level_mesh.h"
-
-/* The coarsest band within the error: of one in units, in every field's range. */
-static uint32_t choose_band(const struct tetlod_series_info *info, const struct step_choice *choice)
-{
-    double error = choice->absolute ? INFINITY : choice->error;
-    for (uint32_t f = 0; f < info->field_count && choice->absolute; f++) {
-        double width = info->ranges[f][1] - info->ranges[f][0];
-        error = width > 0 ? smaller(error, choice->error / width) : error;
-    }
-    return tetlod_band_for_error(info, error);
-}
 
 static enum tetlod_status choose_step(const struct tetlod_series_info *info, const struct step_choice *choice, uint32_t *step,
                                       struct tetlod_error *error)
@@ -43,10 +30,11 @@ static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *s
                                const struct step_choice *choice, struct tetmesh *out, char *about, size_t about_size, struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(file);
-    uint32_t step, band = choose_band(tetlod_series_info(series), choice);
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    uint32_t step, band = choice->absolute ? tetlod_band_for_abs_error(steps, choice->error) : tetlod_band_for_error(steps, choice->error);
     if (band == TETLOD_NONE)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "none of its bands is within an error of %g", choice->error);
-    TETLOD_TRY(choose_step(tetlod_series_info(series), choice, &step, error));
+    TETLOD_TRY(choose_step(steps, choice, &step, error));
     TETLOD_TRY(tetlod_seek_step(series, cursor, band, step, error));
     TETLOD_TRY(level_mesh_copy(info, cursor, out, error));
     describe(series, info, band, step, about, about_size);

@@ -41,33 +41,9 @@ static void set_boundary(struct working *working, uint32_t tet, uint32_t opposit
             __atomic_fetch_or(&working->flags[corners[c]], VERTEX_BOUNDARY, __ATOMIC_RELAXED);
 }
 
-/* What is known of a face while its tetrahedra are counted: how many there are, up to three, and how many list it upwards. */
-enum { FACE_TET = 1, FACE_TETS = 3, FACE_UPWARDS = 4 };
-
-/* Faces of the slot and two greater ones: those that are not exactly two tetrahedra's are on the boundary; those whose two
- * list them in the same turn, for they lie on one side of it, are folds. */
-static bool find_faces(struct finder *finder, unsigned worker, uint32_t slot)
-{
-    struct hood *hood = &finder->hoods[worker];
-    struct table *pairs = &finder->pairs[worker];
-    if (!hood_gather(hood, finder->working, slot) || !table_clear(pairs, 3 * (size_t)hood->tet_count))
-        return false;
-    for (int pass = 0; pass < 2; pass++)
-        for (uint32_t t = 0; t < hood->tet_count; t++)
-            for (int k = 0; k < 3; k++) {
-                uint32_t x = hood->corners[(k + 1) % 3][t], y = hood->corners[(k + 2) % 3][t];
-                if (hood->slots[x] < slot || hood->slots[y] < slot)
-                    continue;
-                uint32_t *face = table_at(pairs, pair_of(hood, t, k), 0), tets = *face & FACE_TETS;
-                if (pass == 0)
-                    *face += tets < FACE_TETS ? FACE_TET + (x < y) * FACE_UPWARDS : 0;
-                else if (tets != 2)
-                    set_boundary(finder->working, hood->tets[t], hood->slots[hood->corners[k][t]]);
-                else if (*face != tets + FACE_UPWARDS)
-                    __atomic_store_n(&finder->folded[hood->tets[t]], 1, __ATOMIC_RELAXED);
-            }
-    return true;
-}
+/* What is known of a face with the slot: how many of its tetrahedra were seen, up to three, whether the first lists it upwards, and
+ * which that is. */
+enum { FACE_ONE = 1, FACE_MANY = 3, FACE_UPWARDS = 4, FACE_FIRST = 8 };
 
 static uint32_t find_root(uint32_t *parent, uint32_t i)
 {
@@ -76,34 +52,60 @@ static uint32_t find_root(uint32_t *parent, uint32_t i)
     return i;
 }
 
-/* Is the slot's link a sphere, or a disc at the boundary: in one piece, and of the right Euler characteristic? */
-static bool find_singular(struct finder *finder, unsigned worker, uint32_t slot)
+/* The link of a slot: its pieces, if triangles hang together where just two are at an edge, and how many such edges there are; `many`:
+ * more than two are at some edge. */
+struct link {
+    uint32_t pieces, pairs;
+    bool many;
+};
+
+/* Looks at the faces of the slot. Two tetrahedra of a face that list it in the same turn lie on one side of it: they are folds. */
+static struct link join_faces(struct finder *finder, const struct hood *hood, struct table *pairs, uint32_t *parent)
 {
-    struct working *working = finder->working;
-    struct hood *hood = &finder->hoods[worker];
-    struct table *pairs = &finder->pairs[worker];
-    void *grown = finder->parents[worker];
-    if (!hood_gather(hood, working, slot) || !table_clear(pairs, 3 * (size_t)hood->tet_count) ||
-        !array_reserve(&grown, &finder->parent_room[worker], hood->tet_count, sizeof(uint32_t)))
-        return false;
-    uint32_t *parent = finder->parents[worker] = grown, pieces = hood->tet_count, open = 0;
+    struct link link = {.pieces = hood->tet_count};
     for (uint32_t t = 0; t < hood->tet_count; t++) {
-        const uint32_t *corners = working->corners[hood->tets[t]];
         parent[t] = t;
         for (int k = 0; k < 3; k++) {
-            unsigned face = corner_of(corners, hood->slots[hood->corners[k][t]]);
-            if (working->boundary_faces[hood->tets[t]] >> face & 1) {
-                open++;
+            uint32_t upwards = hood->corners[(k + 1) % 3][t] < hood->corners[(k + 2) % 3][t] ? FACE_UPWARDS : 0;
+            uint32_t *face = table_at(pairs, pair_of(hood, t, k), t * FACE_FIRST + upwards), first = *face / FACE_FIRST;
+            uint32_t seen = *face % FACE_UPWARDS;
+            link.many |= seen > FACE_ONE;
+            *face += seen < FACE_MANY ? FACE_ONE : 0;
+            if (seen != FACE_ONE)
                 continue;
+            if ((*face & FACE_UPWARDS) == upwards) {
+                __atomic_store_n(&finder->folded[hood->tets[t]], 1, __ATOMIC_RELAXED);
+                __atomic_store_n(&finder->folded[hood->tets[first]], 1, __ATOMIC_RELAXED);
             }
-            uint32_t other = *table_at(pairs, pair_of(hood, t, k), t), a = find_root(parent, other), b = find_root(parent, t);
-            pieces -= a != b;
+            uint32_t a = find_root(parent, first), b = find_root(parent, t);
+            link.pairs++;
+            link.pieces -= a != b;
             parent[a < b ? b : a] = a < b ? a : b;
         }
     }
-    int euler = (int)hood->count - (int)((3 * hood->tet_count + open) / 2) + (int)hood->tet_count;
-    if (pieces != 1 || euler != (working->flags[slot] & VERTEX_BOUNDARY ? 1 : 2))
-        working->flags[slot] |= VERTEX_SINGULAR;
+    return link;
+}
+
+/* Faces of the slot that are not exactly two tetrahedra's are on the boundary. The slot is singular unless its link is a sphere, or
+ * a disc at the boundary: in one piece, and of the right Euler characteristic. */
+static bool find_faces(struct finder *finder, unsigned worker, uint32_t slot)
+{
+    struct hood *hood = &finder->hoods[worker];
+    struct table *pairs = &finder->pairs[worker];
+    void *grown = finder->parents[worker];
+    if (!hood_gather(hood, finder->working, slot) || !table_clear(pairs, 3 * (size_t)hood->tet_count) ||
+        !array_reserve(&grown, &finder->parent_room[worker], hood->tet_count, sizeof(uint32_t)))
+        return false;
+    finder->parents[worker] = grown;
+    struct link link = join_faces(finder, hood, pairs, grown);
+    bool open = link.many || 2 * link.pairs < 3 * hood->tet_count;
+    for (uint32_t t = 0; t < hood->tet_count && open; t++)
+        for (int k = 0; k < 3; k++)
+            if (*table_at(pairs, pair_of(hood, t, k), 0) % FACE_UPWARDS != 2)
+                set_boundary(finder->working, hood->tets[t], hood->slots[hood->corners[k][t]]);
+    int edges = (int)(3 * hood->tet_count - link.pairs), euler = (int)hood->count - edges + (int)hood->tet_count;
+    if (link.many || link.pieces != 1 || euler != (open ? 1 : 2))
+        __atomic_fetch_or(&finder->working->flags[slot], VERTEX_SINGULAR, __ATOMIC_RELAXED);
     return true;
 }
 
@@ -112,14 +114,6 @@ static void find_range(void *context, unsigned worker, size_t begin, size_t end)
     struct finder *finder = context;
     for (size_t v = begin; v < end && !atomic_load(&finder->failed); v++)
         if (!find_faces(finder, worker, (uint32_t)v))
-            atomic_store(&finder->failed, true);
-}
-
-static void singular_range(void *context, unsigned worker, size_t begin, size_t end)
-{
-    struct finder *finder = context;
-    for (size_t v = begin; v < end && !atomic_load(&finder->failed); v++)
-        if (!find_singular(finder, worker, (uint32_t)v))
             atomic_store(&finder->failed, true);
 }
 
@@ -173,7 +167,6 @@ enum tetlod_status border_find(struct working *working, struct crew *crew, struc
     finder->folded = array_zero(working->tet_count, 1);
     atomic_store(&finder->failed, !finder->folded);
     crew_run(crew, working->slot_count, 1024, find_range, finder);
-    crew_run(crew, working->slot_count, 1024, singular_range, finder);
     bool failed = atomic_load(&finder->failed);
     if (!failed)
         freeze_folded(finder);

@@ -54,6 +54,23 @@ double assigned_error(const struct run *run, const struct worker *worker, double
     return worst;
 }
 
+uint64_t evaluate_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
+{
+    uint64_t components = 0;
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        components += mesh->fields[f].components;
+    uint64_t log = 16 + 24 + 8 * components, border = 8 + 1 + 12;
+    return working_bytes(mesh, controlled_count) + mesh->vertex_count * (log + border + sizeof(struct proposal));
+}
+
+struct proposal *proposals_new(size_t count)
+{
+    struct proposal *proposals = array_zero(count, sizeof *proposals);
+    for (size_t slot = 0; slot < count && proposals; slot++)
+        proposals[slot].priority = PROPOSES_NOTHING;
+    return proposals;
+}
+
 void worker_fini(struct worker *worker)
 {
     hood_fini(&worker->hood);
@@ -122,7 +139,7 @@ static void wait_for(struct waiting *waiting, double error, bool possible)
 static void consider(const struct run *run, struct worker *worker, struct candidate candidate, bool possible,
                      bool followed, uint32_t *count, struct waiting *waiting)
 {
-    double limit = run->limit * (1 + ROUNDING);
+    double limit = run->limit * (1 + LIMIT_TIE);
     if (!(candidate.error <= limit) || !(possible && followed)) {
         wait_for(waiting, candidate.error, possible || !followed);
         return;
@@ -223,7 +240,7 @@ static enum log_refusal examine(const struct run *run, struct worker *worker, st
     if (!set_bounds(run, worker, candidate))
         return refuse(worker, LOG_REFUSED_FLIP);
     candidate->error = larger(candidate->error, assigned_error(run, worker, NULL));
-    if (candidate->error > run->limit * (1 + ROUNDING))
+    if (candidate->error > run->limit * (1 + LIMIT_TIE))
         return LOG_REFUSALS;
     if (candidate->middle)
         middle_of(working, ends[0], ends[1], p);
@@ -265,16 +282,15 @@ static uint64_t priority_of(double key, uint32_t slot)
 
 static void propose(const struct run *run, struct worker *worker, uint32_t slot, const struct candidate *candidate)
 {
-    run->proposals.priority[slot] = priority_of(key_of(candidate->error, worker->hood.shared[candidate->neighbour]), slot);
-    run->proposals.target[slot] = 2 * worker->hood.slots[candidate->neighbour] + candidate->middle;
-    run->proposals.blocker[slot] = slot;
+    run->proposals[slot].priority = priority_of(key_of(candidate->error, worker->hood.shared[candidate->neighbour]), slot);
+    run->proposals[slot].target = 2 * worker->hood.slots[candidate->neighbour] + candidate->middle;
 }
 
 /* Examines candidates, best first, until one passes. */
 static bool choose(const struct run *run, struct worker *worker, uint32_t slot, uint32_t count, struct waiting *waiting)
 {
     struct candidate *candidates = worker->candidates;
-    double limit = run->limit * (1 + ROUNDING);
+    double limit = run->limit * (1 + LIMIT_TIE);
     int middles = 0; // examined
     while (count) {
         uint32_t best = 0;
@@ -323,7 +339,7 @@ static bool evaluate_frozen(const struct run *run, struct worker *worker, struct
         struct candidate candidate = {.error = assigned_error(run, worker, NULL), .neighbour = n};
         bool holds = links_hold(&worker->links, hood, working, n, &room);
         worker->failed |= !room;
-        if (holds && candidate.error <= run->limit * (1 + ROUNDING)) {
+        if (holds && candidate.error <= run->limit * (1 + LIMIT_TIE)) {
             propose(run, worker, hood->vertex, &candidate);
             return true;
         }
@@ -335,12 +351,12 @@ static bool evaluate_frozen(const struct run *run, struct worker *worker, struct
 void evaluate(const struct run *run, struct worker *worker, uint32_t slot)
 {
     const struct working *working = run->working;
-    const struct proposals *proposals = &run->proposals;
+    struct proposal *proposal = &run->proposals[slot];
     struct waiting waiting = {INFINITY, INFINITY};
     void *candidates = worker->candidates;
-    proposals->priority[slot] = PROPOSES_NOTHING;
-    proposals->waits[slot] = proposals->waits_changed[slot] = INFINITY;
-    proposals->evaluated[slot] = run->round;
+    proposal->priority = PROPOSES_NOTHING;
+    proposal->waits = proposal->waits_changed = INFINITY;
+    proposal->evaluated = run->round;
     if (working->flags[slot] & (VERTEX_SINGULAR | VERTEX_FIXED))
         return;
     if (!hood_gather(&worker->hood, working, slot) ||
@@ -364,6 +380,6 @@ void evaluate(const struct run *run, struct worker *worker, uint32_t slot)
     if (proposed)
         return;
     double soon = run->limit * (1 + 1e-6); // what is refused within the limit is asked again on the next rung
-    proposals->waits[slot] = (float)larger(waiting.possible, soon);
-    proposals->waits_changed[slot] = (float)waiting.any;
+    proposal->waits = (float)larger(waiting.possible, soon);
+    proposal->waits_changed = (float)waiting.any;
 }

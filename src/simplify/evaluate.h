@@ -12,17 +12,17 @@
 #define TETLOD_EVALUATE_H
 
 #include "src/simplify/kernels.h"
+#include "src/simplify/ladder.h"
 #include "src/simplify/links.h"
 #include "src/simplify/border.h"
 
-struct proposals {
-    uint64_t *priority; /* [slot] the least goes first; PROPOSES_NOTHING */
-    uint32_t *target;   /* [slot] 2 * the other end's slot + (the result is in the middle) */
-    float *waits, *waits_changed; /* [slot] */
-    uint32_t *evaluated; /* [slot] the round in which it was */
-    uint32_t *changed;   /* [slot] the round in which its star was last */
-    uint32_t *blocker;   /* [slot] a vertex around it that had a lesser priority, or itself */
-    uint8_t *dirty;      /* [slot] enum dirty */
+struct proposal {
+    uint64_t priority; /* the least goes first; PROPOSES_NOTHING */
+    uint32_t target;   /* 2 * the other end's slot + (the result is in the middle) */
+    float waits, waits_changed;
+    uint32_t evaluated; /* the round in which it was */
+    uint32_t changed;   /* the round in which its star was last */
+    uint8_t dirty;      /* enum dirty */
 };
 
 enum dirty { CLEAN, TOUCHED, LEFT }; /* its star has changed since it was evaluated; and it was left so in this rung */
@@ -57,7 +57,7 @@ struct worker {
 struct run {
     struct working *working;
     struct border border;
-    struct proposals proposals;
+    struct proposal *proposals; /* [slot] */
     const struct kernels *kernels;
     struct worker *workers; /* [crew_size] */
     struct crew *crew;
@@ -67,9 +67,6 @@ struct run {
     uint32_t round;
 };
 
-/* The tolerance of the limit: exact ties with round limits are common in regular meshes (PROOF.md, 3). */
-static const double ROUNDING = 1e-9;
-
 /* Rows of the worker's numbers: `gap` U - L at the vertex, `upper` and `lower` of the result, `rise` U and L of the other end less
  * the vertex's (two for each component). */
 enum { NUMBERS_GAP, NUMBERS_UPPER, NUMBERS_LOWER, NUMBERS_RISE, NUMBERS = 5 };
@@ -78,6 +75,12 @@ static inline double *numbers_of(const struct run *run, const struct worker *wor
 {
     return worker->numbers + (size_t)row * run->working->component_count;
 }
+
+/* So many that propose nothing and have not been evaluated; NULL: no memory. The caller frees them. */
+struct proposal *proposals_new(size_t count);
+
+/* Bytes that the working mesh, its log, its border and its proposals take, about. */
+uint64_t evaluate_bytes(const struct tetmesh *mesh, uint32_t controlled_count);
 
 /* Frees what the worker has grown. */
 void worker_fini(struct worker *worker);

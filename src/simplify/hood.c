@@ -6,7 +6,6 @@
 
 #include "src/simplify/kernels.h"
 #include "src/util/array.h"
-#include "src/util/wide.h"
 
 void hood_fini(struct hood *hood)
 {
@@ -28,7 +27,7 @@ void hood_fini(struct hood *hood)
 /* Larger arrays for stars of so many tetrahedra. What they hold is not needed. */
 static bool grow(struct hood *hood, const struct working *working, size_t tets)
 {
-    size_t room = (tets + tets / 2 + 64) / WIDE * WIDE, neighbours = 3 * room;
+    size_t room = (tets + tets / 2 + 64) / BLOCK * BLOCK, neighbours = 3 * room;
     hood_fini(hood);
     hood->tets = array_new(room, sizeof(uint32_t));
     for (int i = 0; i < 3; i++)
@@ -106,7 +105,7 @@ bool hood_gather(struct hood *hood, const struct working *working, uint32_t slot
 {
     const struct span *star = &working->stars[slot];
     const uint32_t *tets = working->pool + star->begin;
-    if (star->count + WIDE > hood->room && !grow(hood, working, star->count + WIDE))
+    if (star->count + BLOCK > hood->room && !grow(hood, working, star->count + BLOCK))
         return false;
     if (!clear_numbering(&hood->numbering, 3 * (size_t)star->count))
         return false;

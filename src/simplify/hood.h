@@ -29,7 +29,7 @@ struct hood {
     double *planes;       /* see kernels.h */
     uint32_t *doubtful;   /* [tet] scratch: some of their numbers */
     double *reach;        /* [neighbour * 2 * components] what the star says there, at most of U and at least of L, less the vertex's own */
-    size_t room; /* tetrahedra that fit, a multiple of four */
+    size_t room; /* tetrahedra that fit, a multiple of BLOCK (kernels.h) */
     struct numbering numbering;
 };
 

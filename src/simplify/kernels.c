@@ -59,10 +59,10 @@ static void prepare(struct hood *hood, const struct working *working)
 {
     uint32_t stride = working->stride, functions = 2 * working->component_count, count = hood->tet_count;
     set_rows(hood, working);
-    for (uint32_t i = count; i % WIDE; i++) // the last four are filled up with the first
+    for (uint32_t i = count; i % BLOCK; i++)
         for (int k = 0; k < 3; k++)
             hood->corners[k][i] = hood->corners[k][0];
-    for (uint32_t i = 0; i < count; i += WIDE) {
+    for (uint32_t i = 0; i < (count + BLOCK - 1) / BLOCK * BLOCK; i += WIDE) {
         const double *rows[3][WIDE];
         double *planes = planes_at(hood, working->component_count, i);
         wide at[3][4], normals[3][3], value[3];
@@ -96,7 +96,7 @@ static void prepare(struct hood *hood, const struct working *working)
             set_gradient(planes + WIDE * (PLANE_GRADIENTS + 3 * f), value, normals, inverse);
         }
     }
-    for (uint32_t i = count; i % WIDE; i++) { // and never turn over
+    for (uint32_t i = count; i % BLOCK; i++) { // the repeated ones never turn over
         double *planes = planes_at(hood, working->component_count, i / WIDE * WIDE) + i % WIDE;
         for (uint32_t d = 0; d < 3; d++)
             planes[WIDE * (PLANE_SLOPE + d)] = 0;
@@ -110,39 +110,39 @@ static inline wide plane_at(const double *plane, wide x, wide y, wide z)
     return wide_dot(wide_load(plane), x, wide_load(plane + WIDE), y, wide_load(plane + 2 * WIDE), z);
 }
 
+static inline void count_turned(const double *planes, wide x, wide y, wide z, struct seen *seen)
+{
+    wide before = wide_load(planes + WIDE * PLANE_VOLUME), small = wide_load(planes + WIDE * PLANE_LEAST);
+    wide after = wide_add(before, plane_at(planes + WIDE * PLANE_SLOPE, x, y, z));
+    seen->turned += wide_count_at_most(after, small);
+    seen->half_turned |= wide_at_most(wide_mul(wide_all(0.5), wide_add(after, before)), small);
+}
+
 static inline struct seen look_with(const struct hood *hood, uint32_t neighbour, const struct look *look, uint32_t stride,
                                     uint32_t components)
 {
-    enum { BLOCK = 2 * WIDE }; // tetrahedra between tests of whether to go on
     struct seen seen = {.followed = true};
+    size_t four = WIDE * plane_count(components); // planes of four tetrahedra
     const double *r = hood->rows + (size_t)neighbour * stride;
     double *reach = hood->reach + (size_t)neighbour * 2 * components;
-    wide x = wide_all(r[0]), y = wide_all(r[1]), z = wide_all(r[2]), half = wide_all(0.5);
+    wide x = wide_all(r[0]), y = wide_all(r[1]), z = wide_all(r[2]);
     for (uint32_t c = 0; c < components; c++) {
         reach[2 * c] = -INFINITY;
         reach[2 * c + 1] = INFINITY;
     }
-    for (uint32_t begin = 0; begin < hood->tet_count; begin += BLOCK) {
-        uint32_t end = begin + BLOCK < hood->tet_count ? begin + BLOCK : hood->tet_count;
+    const double *planes = hood->planes;
+    for (uint32_t begin = 0; begin < hood->tet_count; begin += BLOCK, planes += 2 * four) {
         double error = 0;
         for (uint32_t c = 0; c < components; c++) {
-            wide upper = wide_all(reach[2 * c]), lower = wide_all(reach[2 * c + 1]);
-            for (uint32_t i = begin; i < end; i += WIDE) {
-                const double *gradient = planes_at(hood, components, i) + WIDE * (PLANE_GRADIENTS + 6 * c);
-                upper = wide_max(upper, plane_at(gradient, x, y, z));
-                lower = wide_min(lower, plane_at(gradient + 3 * WIDE, x, y, z));
-            }
-            reach[2 * c] = wide_greatest(upper);
-            reach[2 * c + 1] = wide_least(lower);
+            const double *first = planes + WIDE * (PLANE_GRADIENTS + 6 * c), *second = first + four;
+            wide upper = wide_max(plane_at(first, x, y, z), plane_at(second, x, y, z));
+            wide lower = wide_min(plane_at(first + 3 * WIDE, x, y, z), plane_at(second + 3 * WIDE, x, y, z));
+            reach[2 * c] = larger(reach[2 * c], wide_greatest(upper));
+            reach[2 * c + 1] = smaller(reach[2 * c + 1], wide_least(lower));
             error = larger(error, (look->gaps[c] + look->part * (reach[2 * c] - reach[2 * c + 1])) / 2 * look->factors[c]);
         }
-        for (uint32_t i = begin; i < end; i += WIDE) {
-            const double *planes = planes_at(hood, components, i);
-            wide before = wide_load(planes + WIDE * PLANE_VOLUME), small = wide_load(planes + WIDE * PLANE_LEAST);
-            wide after = wide_add(before, plane_at(planes + WIDE * PLANE_SLOPE, x, y, z));
-            seen.turned += wide_count_at_most(after, small);
-            seen.half_turned += wide_count_at_most(wide_mul(half, wide_add(after, before)), small);
-        }
+        count_turned(planes, x, y, z, &seen);
+        count_turned(planes + four, x, y, z, &seen);
         seen.error = error;
         if (error > look->most) {
             seen.followed = false;

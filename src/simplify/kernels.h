@@ -7,6 +7,7 @@
 #define TETLOD_KERNELS_H
 
 #include "src/simplify/hood.h"
+#include "src/util/wide.h"
 
 /* Planes of a hood. The volume of a tetrahedron (six times it) with the vertex moved by r is volume + slope . r; it counts as
  * turned over where that is at most `least`. U and L of component c rise by gradient . r. Those of four tetrahedra stand together. */
@@ -16,6 +17,9 @@ static inline size_t plane_count(uint32_t components)
 {
     return PLANE_GRADIENTS + 6 * (size_t)components;
 }
+
+/* So many tetrahedra are looked at between tests of whether to go on; the last of a hood's repeat the first. */
+enum { BLOCK = 2 * WIDE };
 
 /* The first plane of the i-th tetrahedron and the next three (i is a multiple of four); the others are WIDE behind each other. */
 static inline double *planes_at(const struct hood *hood, uint32_t components, uint32_t i)
@@ -36,7 +40,7 @@ struct seen {
     double error;     /* of part of the edge, by this star alone */
     bool followed;    /* false: it got above `most`, and the rest is not known */
     uint32_t turned;  /* tetrahedra that are turned over at the neighbour's position: at least those that vanish */
-    uint32_t half_turned; /* at the middle */
+    uint32_t half_turned; /* not 0: one is at the middle */
 };
 
 /* The other half of a middle: the star of the neighbour. */

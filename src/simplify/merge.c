@@ -245,8 +245,8 @@ static void set_row(const struct run *run, const struct worker *worker, const st
 /* The slot's star has changed. Others of the round may say so, too. */
 static void touch(const struct run *run, uint32_t slot)
 {
-    __atomic_store_n(&run->proposals.dirty[slot], TOUCHED, __ATOMIC_RELAXED);
-    __atomic_store_n(&run->proposals.changed[slot], run->round, __ATOMIC_RELAXED);
+    __atomic_store_n(&run->proposals[slot].dirty, TOUCHED, __ATOMIC_RELAXED);
+    __atomic_store_n(&run->proposals[slot].changed, run->round, __ATOMIC_RELAXED);
 }
 
 static bool list_slot(uint32_t **list, size_t *count, size_t *room, uint32_t slot)
@@ -273,8 +273,8 @@ static bool reserve(struct worker *worker, size_t tets)
 static void refuse(const struct run *run, struct worker *worker, uint32_t slot, double error, enum log_refusal refusal)
 {
     worker->refused[refusal]++;
-    run->proposals.priority[slot] = PROPOSES_NOTHING;
-    run->proposals.waits[slot] = run->proposals.waits_changed[slot] = (float)larger(error, run->limit * (1 + 1e-6));
+    run->proposals[slot].priority = PROPOSES_NOTHING;
+    run->proposals[slot].waits = run->proposals[slot].waits_changed = (float)larger(error, run->limit * (1 + 1e-6));
 }
 
 /* All vertices of both stars have changed. Lists what has to be looked at when the round is over: kinds of boundary vertices, and
@@ -289,7 +289,7 @@ static void touch_stars(const struct run *run, struct worker *worker, const stru
             bool room = true;
             if (slot == join->dead)
                 continue;
-            if (slot != join->kept && __atomic_load_n(&run->proposals.changed[slot], __ATOMIC_RELAXED) != run->round)
+            if (slot != join->kept && __atomic_load_n(&run->proposals[slot].changed, __ATOMIC_RELAXED) != run->round)
                 touch(run, slot);
             if (opens && working->flags[slot] & VERTEX_BOUNDARY)
                 room = list_slot(&worker->open, &worker->open_count, &worker->open_room, slot);
@@ -303,7 +303,7 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
            double *predicted)
 {
     struct working *working = run->working;
-    uint32_t target = run->proposals.target[slot];
+    uint32_t target = run->proposals[slot].target;
     struct join join = {.kept = target / 2, .dead = slot};
     uint32_t ends[2] = {join.dead, join.kept};
     double *values = numbers_of(run, worker, NUMBERS_RISE), moved = 0, most = run->border.limit;
@@ -329,7 +329,7 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
         add_demands(run, worker);
     }
     double error = assigned_error(run, worker, values);
-    if (!(error <= run->limit * (1 + ROUNDING))) {
+    if (!(error <= run->limit * (1 + LIMIT_TIE))) {
         refuse(run, worker, slot, error, LOG_REFUSED_ROUNDING);
         return;
     }
@@ -352,6 +352,6 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
     touch_stars(run, worker, &join, worker->weighing.count);
     set_row(run, worker, &join, moved);
     run->border.most[join.kept] = most;
-    run->proposals.priority[join.kept] = run->proposals.priority[join.dead] = PROPOSES_NOTHING;
+    run->proposals[join.kept].priority = run->proposals[join.dead].priority = PROPOSES_NOTHING;
     *out = (struct merged){true, join.kept, working_contract(working, join.kept, join.dead, worker->list), moved};
 }

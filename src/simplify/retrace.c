@@ -27,8 +27,8 @@ struct retraced {
 
 uint64_t retrace_bytes(const struct tetmesh *mesh, uint32_t components)
 {
-    uint64_t n = mesh->vertex_count, per_slot = 8 + 4 + 8 + 4 + 1 + 8 + 18, log = 16 + 24 + 8 * (uint64_t)components;
-    return working_bytes(mesh, 0) + n * (log + per_slot + 4 * 8 * (uint64_t)components);
+    uint64_t node = 2 * sizeof(uint32_t), rows = 4 * 8 * (uint64_t)components;
+    return evaluate_bytes(mesh, 0) + mesh->vertex_count * (node + rows + 8 * (uint64_t)components);
 }
 
 void retrace_bounds(const struct retraced *state, uint32_t node, uint32_t component, double out[2])
@@ -51,21 +51,14 @@ static enum tetlod_status no_memory(const struct retraced *state)
 
 static enum tetlod_status allocate(struct retraced *state, uint32_t nodes)
 {
-    struct proposals *proposals = &state->run.proposals;
     size_t n = state->working.slot_count, k = state->working.component_count;
-    proposals->priority = array_zero(n, sizeof *proposals->priority);
-    proposals->target = array_zero(n, sizeof *proposals->target);
-    proposals->waits = array_zero(n, sizeof(float));
-    proposals->waits_changed = array_zero(n, sizeof(float));
-    proposals->changed = array_zero(n, sizeof(uint32_t));
-    proposals->dirty = array_zero(n, 1);
+    state->run.proposals = proposals_new(n);
     state->slot_of = array_new(nodes, sizeof *state->slot_of);
     state->zeros = array_zero(k, sizeof(double));
     state->halves = array_zero(k, sizeof(double));
     state->errors = array_zero(2 * k, sizeof(double));
     state->worker.numbers = array_zero(NUMBERS * k, sizeof(double));
-    if (!proposals->priority || !proposals->target || !proposals->waits || !proposals->waits_changed || !proposals->changed ||
-        !proposals->dirty || !state->slot_of || !state->zeros || !state->halves || !state->errors || !state->worker.numbers)
+    if (!state->run.proposals || !state->slot_of || !state->zeros || !state->halves || !state->errors || !state->worker.numbers)
         return no_memory(state);
     for (uint32_t slot = 0; slot < n; slot++)
         state->slot_of[state->working.node[slot]] = slot;
@@ -76,9 +69,7 @@ static enum tetlod_status allocate(struct retraced *state, uint32_t nodes)
 
 static void release(struct retraced *state)
 {
-    struct proposals *proposals = &state->run.proposals;
-    void *const owned[] = {proposals->priority, proposals->target, proposals->waits, proposals->waits_changed, proposals->changed,
-                           proposals->dirty,    state->slot_of,    state->zeros,     state->halves,            state->errors};
+    void *const owned[] = {state->run.proposals, state->slot_of, state->zeros, state->halves, state->errors};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     worker_fini(&state->worker);
@@ -101,7 +92,7 @@ static enum tetlod_status follow(struct retraced *state, const struct contractio
     working_prune(working, dead);
     size_t stars = (size_t)working->stars[kept].count + working->stars[dead].count;
     TETLOD_TRY(working_reserve(working, stars + stars / 4 + 4, state->error));
-    state->run.proposals.target[dead] = 2 * kept + !at_end;
+    state->run.proposals[dead].target = 2 * kept + !at_end;
     merge(&state->run, &state->worker, dead, log_extend(&state->made, 1), &merged, state->errors,
           state->errors + working->component_count);
     if (state->worker.failed)

@@ -36,6 +36,7 @@ struct list {
 struct rounds {
     struct working working;
     struct run run;
+    uint32_t *blockers;    /* [slot] a vertex around it that had a lesser priority, or itself */
     uint64_t *claims;      /* [slot] the least priority of a proposal with that end in this round */
     struct list alive;     /* slots, ascending */
     struct list proposing, later; /* slots with proposals up to `bound`, and those beyond (some more than once) */
@@ -100,7 +101,7 @@ static void prune_range(void *context, unsigned worker, size_t begin, size_t end
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         working_prune(&rounds->working, rounds->again.slots[i]);
-        rounds->run.proposals.dirty[rounds->again.slots[i]] = CLEAN;
+        rounds->run.proposals[rounds->again.slots[i]].dirty = CLEAN;
     }
 }
 
@@ -163,8 +164,9 @@ static enum tetlod_status take_proposals(struct rounds *rounds)
 {
     for (size_t i = 0; i < rounds->again.count; i++) {
         uint32_t slot = rounds->again.slots[i];
-        uint64_t priority = rounds->run.proposals.priority[slot];
+        uint64_t priority = rounds->run.proposals[slot].priority;
         enum listed place = priority <= rounds->bound ? LISTED_NOW : LISTED_LATER;
+        rounds->blockers[slot] = slot;
         if (priority == PROPOSES_NOTHING || rounds->listed[slot] == LISTED_NOW || rounds->listed[slot] == place)
             continue;
         rounds->listed[slot] = (uint8_t)place;
@@ -181,7 +183,7 @@ static void drop_proposals(struct rounds *rounds)
     size_t kept = 0;
     for (size_t i = 0; i < list->count; i++) {
         uint32_t slot = list->slots[i];
-        if (rounds->run.proposals.priority[slot] != PROPOSES_NOTHING)
+        if (rounds->run.proposals[slot].priority != PROPOSES_NOTHING)
             list->slots[kept++] = slot;
         else
             rounds->listed[slot] = NOT_LISTED;
@@ -204,7 +206,7 @@ static uint64_t find_bound(const struct rounds *rounds)
     if (count < (size_t)FEW)
         return PROPOSES_NOTHING - 1;
     for (size_t i = 0; i < SAMPLES; i++)
-        samples[i] = rounds->run.proposals.priority[rounds->later.slots[i * count / SAMPLES]];
+        samples[i] = rounds->run.proposals[rounds->later.slots[i * count / SAMPLES]].priority;
     qsort(samples, SAMPLES, sizeof *samples, compare_priorities);
     return samples[SAMPLES / PART] < PROPOSES_NOTHING ? samples[SAMPLES / PART] : PROPOSES_NOTHING - 1;
 }
@@ -216,7 +218,7 @@ static enum tetlod_status advance(struct rounds *rounds)
     size_t kept = 0;
     for (size_t i = 0; i < later->count; i++) {
         uint32_t slot = later->slots[i];
-        uint64_t priority = rounds->run.proposals.priority[slot];
+        uint64_t priority = rounds->run.proposals[slot].priority;
         if (rounds->listed[slot] != LISTED_LATER)
             continue;
         if (priority > rounds->bound && priority != PROPOSES_NOTHING) {
@@ -256,8 +258,8 @@ static void claim_range(void *context, unsigned worker, size_t begin, size_t end
     (void)worker;
     for (size_t i = begin; i < end; i++) {
         uint32_t slot = rounds->proposing.slots[i];
-        claim(&rounds->claims[slot], rounds->run.proposals.priority[slot]);
-        claim(&rounds->claims[rounds->run.proposals.target[slot] / 2], rounds->run.proposals.priority[slot]);
+        claim(&rounds->claims[slot], rounds->run.proposals[slot].priority);
+        claim(&rounds->claims[rounds->run.proposals[slot].target / 2], rounds->run.proposals[slot].priority);
     }
 }
 
@@ -268,7 +270,7 @@ static void release_range(void *context, unsigned worker, size_t begin, size_t e
     for (size_t i = begin; i < end; i++) {
         uint32_t slot = rounds->proposing.slots[i];
         __atomic_store_n(&rounds->claims[slot], PROPOSES_NOTHING, __ATOMIC_RELAXED);
-        __atomic_store_n(&rounds->claims[rounds->run.proposals.target[slot] / 2], PROPOSES_NOTHING, __ATOMIC_RELAXED);
+        __atomic_store_n(&rounds->claims[rounds->run.proposals[slot].target / 2], PROPOSES_NOTHING, __ATOMIC_RELAXED);
     }
 }
 
@@ -293,11 +295,12 @@ static bool unclaimed(const struct rounds *rounds, uint32_t slot, uint64_t prior
 static void win_range(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct rounds *rounds = context;
-    const struct proposals *proposals = &rounds->run.proposals;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        uint32_t slot = rounds->proposing.slots[i], other = proposals->target[slot] / 2, *blocker = &proposals->blocker[slot];
-        uint64_t priority = proposals->priority[slot];
+        uint32_t slot = rounds->proposing.slots[i], *blocker = &rounds->blockers[slot];
+        const struct proposal *proposal = &rounds->run.proposals[slot];
+        uint32_t other = proposal->target / 2;
+        uint64_t priority = proposal->priority;
         rounds->won[i] = rounds->claims[slot] >= priority && rounds->claims[other] >= priority &&
                          rounds->claims[*blocker] >= priority && unclaimed(rounds, slot, priority, blocker) &&
                          unclaimed(rounds, other, priority, blocker);
@@ -307,10 +310,10 @@ static void win_range(void *context, unsigned worker, size_t begin, size_t end)
 /* Has a star that the proposal depends on changed since? */
 static bool stale(const struct rounds *rounds, uint32_t slot)
 {
-    const struct proposals *proposals = &rounds->run.proposals;
-    uint32_t target = proposals->target[slot];
-    return proposals->dirty[slot] != CLEAN || !working_alive(&rounds->working, target / 2) ||
-           (target % 2 && proposals->changed[target / 2] > proposals->evaluated[slot]);
+    const struct proposal *proposals = rounds->run.proposals;
+    uint32_t target = proposals[slot].target;
+    return proposals[slot].dirty != CLEAN || !working_alive(&rounds->working, target / 2) ||
+           (target % 2 && proposals[target / 2].changed > proposals[slot].evaluated);
 }
 
 /* Near the least number of tetrahedra only few may go at once. */
@@ -374,7 +377,7 @@ static enum tetlod_status reserve(struct rounds *rounds)
     for (size_t i = 0; i < count; i++) {
         uint32_t slot = rounds->winners.slots[i];
         size_t stars = (size_t)rounds->working.stars[slot].count +
-                       rounds->working.stars[rounds->run.proposals.target[slot] / 2].count;
+                       rounds->working.stars[rounds->run.proposals[slot].target / 2].count;
         entries += stars + stars / 4;
     }
     return working_reserve(&rounds->working, entries, rounds->error);
@@ -475,7 +478,7 @@ static void thaw(struct rounds *rounds, uint32_t slot)
             return;
     }
     working->flags[slot] &= (uint8_t)~VERTEX_FROZEN;
-    rounds->run.proposals.waits[slot] = rounds->run.proposals.waits_changed[slot] = 0;
+    rounds->run.proposals[slot].waits = rounds->run.proposals[slot].waits_changed = 0;
 }
 
 /* Contracts the winners; what they made is to be evaluated again, too. */
@@ -522,7 +525,7 @@ static enum tetlod_status play_rounds(struct rounds *rounds)
 /* Lists whom the limit may have reached; those that have died leave. */
 static enum tetlod_status list_reached(struct rounds *rounds)
 {
-    const struct proposals *proposals = &rounds->run.proposals;
+    const struct proposal *proposals = rounds->run.proposals;
     size_t kept = 0;
     double limit = rounds->run.limit * (1 + 1e-6); // what waits is stored as float
     rounds->again.count = 0;
@@ -531,8 +534,8 @@ static enum tetlod_status list_reached(struct rounds *rounds)
         if (!working_alive(&rounds->working, slot))
             continue;
         rounds->alive.slots[kept++] = slot;
-        double waits = proposals->dirty[slot] == CLEAN ? proposals->waits[slot] : EASED * proposals->waits_changed[slot];
-        if (waits <= limit && proposals->priority[slot] == PROPOSES_NOTHING && !list_add(&rounds->again, slot))
+        double waits = proposals[slot].dirty == CLEAN ? proposals[slot].waits : EASED * proposals[slot].waits_changed;
+        if (waits <= limit && proposals[slot].priority == PROPOSES_NOTHING && !list_add(&rounds->again, slot))
             return no_memory(rounds);
     }
     rounds->alive.count = kept;
@@ -542,15 +545,15 @@ static enum tetlod_status list_reached(struct rounds *rounds)
 /* Lists whose stars have changed since they were evaluated and may have come within the limit. */
 static enum tetlod_status list_changed(struct rounds *rounds)
 {
-    const struct proposals *proposals = &rounds->run.proposals;
+    struct proposal *proposals = rounds->run.proposals;
     rounds->again.count = 0;
     for (size_t i = 0; i < rounds->alive.count; i++) {
         uint32_t slot = rounds->alive.slots[i];
-        if (proposals->dirty[slot] != TOUCHED || !working_alive(&rounds->working, slot) ||
-            proposals->priority[slot] != PROPOSES_NOTHING)
+        if (proposals[slot].dirty != TOUCHED || !working_alive(&rounds->working, slot) ||
+            proposals[slot].priority != PROPOSES_NOTHING)
             continue;
-        proposals->dirty[slot] = LEFT;
-        if (EASED * proposals->waits_changed[slot] <= rounds->run.limit && !list_add(&rounds->again, slot))
+        proposals[slot].dirty = LEFT;
+        if (EASED * proposals[slot].waits_changed <= rounds->run.limit && !list_add(&rounds->again, slot))
             return no_memory(rounds);
     }
     return TETLOD_OK;
@@ -595,41 +598,29 @@ static enum tetlod_status climb(struct rounds *rounds)
 
 uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
 {
-    uint64_t components = 0;
-    for (uint32_t f = 0; f < mesh->field_count; f++)
-        components += mesh->fields[f].components;
-    uint64_t log = 16 + 24 + 8 * components, proposals = 8 + 4 + 8 + 8 + 1 + 8 + 4 + 18;
-    return working_bytes(mesh, controlled_count) + mesh->vertex_count * (log + proposals);
+    uint64_t claim = sizeof(uint64_t), blocker = sizeof(uint32_t), lists = 1 + sizeof(uint32_t);
+    return evaluate_bytes(mesh, controlled_count) + mesh->vertex_count * (claim + blocker + lists);
 }
 
 static enum tetlod_status allocate(struct rounds *rounds)
 {
-    struct proposals *proposals = &rounds->run.proposals;
     size_t n = rounds->working.slot_count, k = rounds->working.component_count;
-    proposals->priority = array_new(n, sizeof *proposals->priority);
-    proposals->target = array_zero(n, sizeof *proposals->target);
-    proposals->waits = array_zero(n, sizeof(float));
-    proposals->waits_changed = array_zero(n, sizeof(float));
-    proposals->evaluated = array_zero(n, sizeof(uint32_t));
-    proposals->changed = array_zero(n, sizeof(uint32_t));
-    proposals->blocker = array_zero(n, sizeof(uint32_t));
-    proposals->dirty = array_zero(n, 1);
+    rounds->run.proposals = proposals_new(n);
+    rounds->blockers = array_new(n, sizeof *rounds->blockers);
     rounds->claims = array_new(n, sizeof *rounds->claims);
     rounds->listed = array_zero(n, 1);
     rounds->certified = array_zero(k, sizeof(double));
     rounds->predicted = array_zero(k, sizeof(double));
     rounds->run.factors = array_zero(k, sizeof(double));
     rounds->run.workers = array_zero(crew_size(rounds->run.crew), sizeof *rounds->run.workers);
-    if (!proposals->priority || !proposals->target || !proposals->waits || !proposals->waits_changed || !proposals->evaluated ||
-        !proposals->changed || !proposals->blocker || !proposals->dirty || !rounds->claims || !rounds->listed || !rounds->certified || !rounds->predicted ||
-        !rounds->run.factors || !rounds->run.workers)
+    if (!rounds->run.proposals || !rounds->blockers || !rounds->claims || !rounds->listed || !rounds->certified ||
+        !rounds->predicted || !rounds->run.factors || !rounds->run.workers)
         return no_memory(rounds);
     for (unsigned w = 0; w < crew_size(rounds->run.crew); w++) {
         rounds->run.workers[w].numbers = array_zero(NUMBERS * k, sizeof(double));
         if (!rounds->run.workers[w].numbers)
             return no_memory(rounds);
     }
-    memset(proposals->priority, 0xff, n * sizeof *proposals->priority);
     memset(rounds->claims, 0xff, n * sizeof *rounds->claims);
     for (size_t c = 0; c < k; c++)
         rounds->run.factors[c] = rounds->working.components[c].factor;
@@ -642,14 +633,12 @@ static enum tetlod_status allocate(struct rounds *rounds)
 
 static void rounds_fini(struct rounds *rounds)
 {
-    struct proposals *proposals = &rounds->run.proposals;
     for (unsigned w = 0; rounds->run.workers && w < crew_size(rounds->run.crew); w++)
         worker_fini(&rounds->run.workers[w]);
-    void *const owned[] = {rounds->run.workers,   rounds->run.factors, rounds->claims,       rounds->alive.slots,
-                           rounds->proposing.slots, rounds->later.slots, rounds->listed, rounds->winners.slots, rounds->again.slots, rounds->won,
-                           rounds->merged,        rounds->errors,      rounds->certified,    rounds->predicted,
-                           proposals->priority,   proposals->target,   proposals->waits,     proposals->waits_changed,
-                           proposals->evaluated,  proposals->changed,  proposals->blocker,     proposals->dirty};
+    void *const owned[] = {rounds->run.workers,   rounds->run.factors, rounds->run.proposals, rounds->blockers,
+                           rounds->claims,        rounds->listed,      rounds->alive.slots,   rounds->proposing.slots,
+                           rounds->later.slots,   rounds->again.slots, rounds->winners.slots, rounds->won,
+                           rounds->merged,        rounds->errors,      rounds->certified,     rounds->predicted};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     border_fini(&rounds->run.border);

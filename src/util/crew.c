@@ -7,10 +7,12 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
+#include "src/util/clock.h"
 #include "src/util/parallel.h"
 
-/* Looks at the flag before a thread goes to sleep; about ten microseconds. */
-enum { SPINS = 2000 };
+/* Seconds that a thread looks for what it waits for before it goes to sleep. To be woken takes as long, and what is done between
+ * two jobs of a round takes less. */
+static const double PATIENCE = 50e-6;
 
 struct crew {
     unsigned size;
@@ -42,11 +44,14 @@ static void work(struct crew *crew, unsigned worker)
     }
 }
 
-static bool changed(const atomic_uint *value, unsigned from)
+/* Waits for a while. Is it (if `not` is false) or is it not that number in the end? */
+static bool comes_to(const atomic_uint *value, unsigned number, bool not)
 {
-    for (int i = 0; i < SPINS; i++)
-        if (atomic_load_explicit(value, memory_order_acquire) != from)
+    double until = monotonic_seconds() + PATIENCE;
+    do
+        if ((atomic_load_explicit(value, memory_order_acquire) == number) != not)
             return true;
+    while (monotonic_seconds() < until); // which takes so long that the other thread is not held up
     return false;
 }
 
@@ -56,7 +61,7 @@ static void *serve(void *argument)
     struct crew *crew = recruit.crew;
     free(argument);
     for (unsigned seen = 0;; seen++) {
-        if (!changed(&crew->call, seen)) {
+        if (!comes_to(&crew->call, seen, true)) {
             pthread_mutex_lock(&crew->mutex);
             while (atomic_load(&crew->call) == seen)
                 pthread_cond_wait(&crew->called, &crew->mutex);
@@ -125,9 +130,8 @@ unsigned crew_size(const struct crew *crew)
 /* Until the others have finished, too. */
 static void await_others(struct crew *crew)
 {
-    for (int i = 0; i < SPINS; i++)
-        if (atomic_load_explicit(&crew->working, memory_order_acquire) == 0)
-            return;
+    if (comes_to(&crew->working, 0, false))
+        return;
     pthread_mutex_lock(&crew->mutex);
     while (atomic_load(&crew->working))
         pthread_cond_wait(&crew->finished, &crew->mutex);

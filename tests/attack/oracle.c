@@ -144,7 +144,8 @@ void oracle_prepare(struct oracle_mesh *mesh)
         struct oracle_tet *tet = &mesh->details[t];
         double flatness;
         tet->usable = oracle_sign(mesh, t, &flatness) > 0 && flatness > 2e-9;
-        if (tet->usable)
+        tet->solid = flatness > 2e-9;
+        if (tet->solid)
             invert(mesh, t, tet);
         for (size_t d = 0; d < 3; d++) {
             tet->low[d] = INFINITY;
@@ -202,6 +203,7 @@ struct pair {
     const struct oracle_mesh *meshes[2];
     uint32_t tets[2];
     struct oracle_place *worst;
+    double radius;
     double near[2][4][4];  /* near[m][c]: weights of corner c of tetrahedron m in the other one */
     quad corners[24][3];   /* of the intersection */
     uint32_t count;
@@ -339,6 +341,24 @@ static quad best_of_others(const struct pair *p, const quad x[3], uint32_t i, do
     return best;
 }
 
+/* Does a tetrahedron of the original beside the pair's hold x, too? */
+static bool overlaps_itself(const struct pair *p, const quad x[3])
+{
+    const struct oracle_mesh *original = p->meshes[0];
+    const double near[3] = {(double)x[0], (double)x[1], (double)x[2]};
+    uint32_t part = original->part[original->corners[4 * (size_t)p->tets[0]]];
+    for (uint32_t t = 0; t < original->tets; t++) {
+        quad w[4];
+        if (t == p->tets[0] || !original->details[t].solid || !box_holds(&original->details[t], near) ||
+            original->part[original->corners[4 * (size_t)t]] != part)
+            continue;
+        oracle_weights(original, t, x, w);
+        if (w[0] >= 0 && w[1] >= 0 && w[2] >= 0 && w[3] >= 0)
+            return true;
+    }
+    return false;
+}
+
 /* The difference at corner k, or a hair inside of it where the level covers that more than once. */
 static void try_corner(struct pair *p, uint32_t k, uint32_t i)
 {
@@ -356,6 +376,11 @@ static void try_corner(struct pair *p, uint32_t k, uint32_t i)
     quad here = difference_in(p->meshes[1], p->tets[1], x, i, base, inside);
     quad best = best_of_others(p, x, i, base, inside, here);
     found = best < here ? best : found;
+    if (found > p->worst[i].difference && overlaps_itself(p, x)) {
+        const double near[3] = {(double)x[0], (double)x[1], (double)x[2]};
+        uint32_t part = p->meshes[1]->part[p->meshes[1]->corners[4 * (size_t)p->tets[1]]];
+        found = fmin((double)found, oracle_least_near(p->meshes[1], part, near, p->radius, i, inside + base, p->worst[i].difference));
+    }
     if (found <= p->worst[i].difference)
         return;
     p->worst[i] = (struct oracle_place){.value = (double)(value + base), .difference = (double)found, .tet = p->tets[0]};
@@ -378,9 +403,10 @@ static void try_pair(struct pair *p)
             try_corner(p, k, wanted[j]);
 }
 
-void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh *level, struct oracle_place worst[ORACLE_MOST_VALUES])
+void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh *level, double radius,
+                    struct oracle_place worst[ORACLE_MOST_VALUES])
 {
-    struct pair p = {.meshes = {original, level}, .worst = worst};
+    struct pair p = {.meshes = {original, level}, .worst = worst, .radius = radius};
     memset(worst, 0, ORACLE_MOST_VALUES * sizeof *worst);
     for (p.tets[0] = 0; p.tets[0] < original->tets; p.tets[0]++) {
         const struct oracle_tet *a = &original->details[p.tets[0]];

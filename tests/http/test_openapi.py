@@ -91,10 +91,15 @@ def check(path, asked, **headers):
     return status
 
 
+def stream_for(path):
+    """The stream that has what a path is about, as changes of its examples, and its content id."""
+    id = 'run' if '{band}' in path else 'fin'
+    return {'id': id, **({'error': '0.1'} if path.endswith(('/mesh', '/prefix')) else {})}, server.json('/v1/meshes/' + id)['cid']
+
+
 def test_every_operation():
-    cid = server.json('/v1/meshes/fin')['cid']
     for path in document['paths']:
-        changes = {'error': '0.1'} if path.endswith(('/mesh', '/prefix')) else {}
+        changes, cid = stream_for(path)
         status = check(path, concrete(path, cid, **changes))
         assert status == (303 if path.endswith('/mesh') else 200), (path, status)
         if '304' in document['paths'][path]['get']['responses']:
@@ -106,27 +111,44 @@ def test_every_operation():
         if '404' in document['paths'][path]['get']['responses'] and '{id}' in path:
             assert check(path, concrete(path, cid, id='nothing')) == 404
         if '{cid}' in path:
-            assert check(path, concrete(path, '0' * 32)) == 404
-            assert check(path, concrete(path, cid) + ('&' if '?' in concrete(path, cid) else '?') + 'unknown=1') == 400
+            asked = concrete(path, cid, **changes)
+            assert check(path, concrete(path, '0' * 32, **changes)) == 404
+            assert check(path, asked + ('&' if '?' in asked else '?') + 'unknown=1') == 400
         if '{format}' in path:
-            assert check(path, concrete(path, cid, format='doc')) == 400
-        if '{level}' in path:
-            assert check(path, concrete(path, cid, level=99999)) == 400
+            assert check(path, concrete(path, cid, **{**changes, 'format': 'doc'})) == 400
+        for number in ('level', 'band', 'step', 'group'):
+            if '{%s}' % number in path:
+                assert check(path, concrete(path, cid, **{**changes, number: 99999})) == 400
+        if '{band}' in path:
+            assert check(path, concrete(path, server.json('/v1/meshes/fin')['cid'], id='fin')) == 404
+
+
+def test_steps():
+    for path, status in (('/v1/meshes/{id}/mesh', 303), ('/v1/meshes/{id}/prefix', 200)):
+        for choice in ('time', 'step'):
+            changes = {'id': 'run', 'error': '0.1', choice: '1'}
+            asked = concrete(path, '', **changes)
+            got, head, _ = server.get(asked)
+            assert got == status and head['tetlod-step'] == '1', (asked, got, head)
+            assert check(path, concrete(path, '', **{**changes, choice: 'x'})) == 400
+            assert check(path, concrete(path, '', **{**changes, 'id': 'fin'})) == 404
+            assert server.get(concrete(path, '', **changes) + '&abs_error=1')[0] == 400
 
 
 def test_formats():
-    cid = server.json('/v1/meshes/fin')['cid']
     for path in document['paths']:
+        changes, cid = stream_for(path)
         for parameter in map(resolve, document['paths'][path]['get'].get('parameters', [])):
             if parameter['name'] == 'format':
                 for name in parameter['schema']['enum']:
-                    changes = {'format': name, **({'error': '0.1'} if path.endswith('/mesh') else {})}
-                    assert check(path, concrete(path, cid, **changes)) in (200, 303), (path, name)
+                    assert check(path, concrete(path, cid, **{**changes, 'format': name})) in (200, 303), (path, name)
 
 
 os.makedirs(FOLDER, exist_ok=True)
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
 subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
+subprocess.run([TETLOD, 'sample', 'wake', '--size', '4', '--steps', '2', '-o', 'run.pvd'], cwd=SCRATCH, check=True)
+subprocess.run([TETLOD, 'build', 'run.pvd', '-o', os.path.join(FOLDER, 'run.tetlod'), '--bands', '10%,1%', '--quiet'], cwd=SCRATCH, check=True)
 with Server(FOLDER) as server:
     document = server.json('/openapi.json')
-    run([test_document, test_every_operation, test_formats])
+    run([test_document, test_every_operation, test_steps, test_formats])

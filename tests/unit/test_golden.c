@@ -135,6 +135,77 @@ static void check_steps(const struct tetlod_file *file, struct tetlod_cursor *cu
     tetlod_series_free(series);
 }
 
+static uint8_t *read_span(FILE *in, struct tetlod_span span)
+{
+    uint8_t *bytes = malloc((size_t)span.size + 1);
+    fseek(in, (long)span.offset, SEEK_SET);
+    return bytes && fread(bytes, 1, (size_t)span.size, in) == span.size ? bytes : NULL;
+}
+
+static void put_span(struct tetlod_feed *feed, FILE *in, struct tetlod_span span)
+{
+    uint8_t *bytes = read_span(in, span);
+    REQUIRE(bytes);
+    CHECK_INT(tetlod_feed_put(feed, span.offset, bytes, (size_t)span.size, NULL), TETLOD_OK);
+    free(bytes);
+}
+
+/* The geometry of a band's level, and of one field the group of its last step. */
+static void feed_band(struct tetlod_feed *feed, FILE *in, const struct tetlod_file *whole, uint32_t level)
+{
+    static const uint32_t none[1] = {0};
+    struct tetlod_span spans[256];
+    size_t count = tetlod_spans(whole, TETLOD_NONE, level, none, 0, spans, 256);
+    REQUIRE(count <= 256);
+    for (size_t i = 0; i < count; i++) {
+        uint8_t *bytes = read_span(in, spans[i]);
+        REQUIRE(bytes);
+        CHECK_INT(tetlod_feed_add(feed, bytes, (size_t)spans[i].size, NULL), TETLOD_OK);
+        free(bytes);
+    }
+}
+
+/* What a browser does: the prefix in order and without fields, the table and a group out of turn. */
+static void check_fed_steps(const struct tetlod_file *whole, struct tetlod_cursor *reference, FILE *in)
+{
+    static const uint32_t none[1] = {0}, first[1] = {0};
+    const struct tetlod_info *info = tetlod_info(whole);
+    uint32_t section = tetlod_section_index(info, "TIME");
+    struct tetlod_series *series, *fed;
+    struct tetlod_feed *feed;
+    struct tetlod_cursor *cursor;
+    struct tetlod_mesh mesh;
+    if (section == TETLOD_NONE)
+        return;
+    REQUIRE(tetlod_series_new(&series, whole, NULL) == TETLOD_OK && tetlod_feed_new(&feed, NULL, NULL) == TETLOD_OK);
+    CHECK_INT(tetlod_feed_select(feed, NULL, 0, NULL), TETLOD_OK);
+    CHECK_INT(tetlod_feed_put(feed, 0, "x", 1, NULL), TETLOD_ERR_ARGUMENT); // no index yet
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    uint32_t band = steps->band_count / 2, step = steps->step_count - 1, level = steps->bands[band].level;
+    feed_band(feed, in, whole, level);
+    CHECK_INT(tetlod_series_new(&fed, tetlod_feed_file(feed), NULL), TETLOD_ERR_TRUNCATED);
+    put_span(feed, in, (struct tetlod_span){info->sections[section].offset, info->sections[section].stored});
+    REQUIRE(tetlod_series_new(&fed, tetlod_feed_file(feed), NULL) == TETLOD_OK);
+    tetlod_feed_forget(feed);
+    REQUIRE(tetlod_cursor_new(&cursor, tetlod_feed_file(feed), none, 0, NULL) == TETLOD_OK);
+    tetlod_series_select(fed, first, 1);
+    CHECK_INT(tetlod_seek_step(fed, cursor, band, step, NULL), TETLOD_ERR_TRUNCATED);
+    put_span(feed, in, tetlod_step_span(fed, 0, band, step));
+    CHECK_INT(tetlod_seek_step(fed, cursor, band, step, NULL), TETLOD_OK);
+    tetlod_feed_forget(feed);
+    CHECK_INT(tetlod_seek_step(series, reference, band, step, NULL), TETLOD_OK);
+    size_t size = (size_t)info->levels[level].vertices * info->fields[steps->fields[0]].components * sizeof(double);
+    CHECK(memcmp(tetlod_step_values(fed, 0), tetlod_step_values(series, 0), size) == 0);
+    CHECK(steps->field_count == 1 || !tetlod_step_values(fed, 1));
+    tetlod_cursor_mesh(reference, &mesh);
+    CHECK_INT(tetlod_series_decode(fed, mesh.corners, band, step, NULL), TETLOD_OK);
+    CHECK(memcmp(tetlod_step_values(fed, 0), tetlod_step_values(series, 0), size) == 0);
+    tetlod_series_free(fed);
+    tetlod_series_free(series);
+    tetlod_cursor_free(cursor);
+    tetlod_feed_free(feed);
+}
+
 static void check_stream(const char *path)
 {
     char line[128], (*hashes)[65];
@@ -168,6 +239,7 @@ static void check_stream(const char *path)
     free(hashes);
     check_cells(file, path);
     check_steps(file, cursor, path);
+    check_fed_steps(file, cursor, in);
     tetlod_cursor_free(cursor);
     tetlod_close(file);
     fclose(list);

@@ -1,0 +1,186 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "server/answer/steps.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "server/answer/respond.h"
+#include "src/util/array.h"
+
+/* ---- what is asked for */
+
+static const struct tetlod_series *series_of(struct exchange *exchange, const struct dataset *dataset)
+{
+    const struct tetlod_series *series = dataset_series(dataset);
+    if (!series)
+        response_problem(exchange->response, 404, exchange->request->target, "'%s' is no series in time: it has one moment only",
+                         dataset_id(dataset));
+    return series;
+}
+
+bool take_number(struct exchange *exchange, const char *text, const char *name, uint32_t count, uint32_t *out)
+{
+    uint64_t number;
+    if (text_count(text, false, &number) && number < count) {
+        *out = (uint32_t)number;
+        return true;
+    }
+    response_problem(exchange->response, 400, exchange->request->target, "%ss go from 0 to %" PRIu32 ", not '%s'", name, count - 1, text);
+    return false;
+}
+
+static bool take_step(struct exchange *exchange, const struct tetlod_series_info *info, uint32_t *out)
+{
+    char time[80], step[24];
+    double moment;
+    enum query_result by_time = query_value(exchange->query, "time", time, sizeof time);
+    enum query_result by_step = query_value(exchange->query, "step", step, sizeof step);
+    if (by_time == QUERY_ABSENT && by_step == QUERY_FOUND)
+        return take_number(exchange, step, "step", info->step_count, out);
+    if (by_step == QUERY_ABSENT && by_time == QUERY_FOUND && text_number(time, false, &moment)) {
+        *out = tetlod_step_for_time(info, moment);
+        return true;
+    }
+    response_problem(exchange->response, 400, exchange->request->target, "give one number, once: time=%g or step=%" PRIu32,
+                     info->times[info->step_count - 1], info->step_count - 1);
+    return false;
+}
+
+static bool take_band(struct exchange *exchange, const struct tetlod_series_info *info, uint32_t *out)
+{
+    char fraction[80], units[80];
+    double error;
+    enum query_result by_fraction = query_value(exchange->query, "error", fraction, sizeof fraction);
+    enum query_result by_units = query_value(exchange->query, "abs_error", units, sizeof units);
+    bool absolute = by_units == QUERY_FOUND;
+    if (!((by_fraction == QUERY_FOUND && by_units == QUERY_ABSENT) || (absolute && by_fraction == QUERY_ABSENT)) ||
+        !text_number(absolute ? units : fraction, !absolute, &error) || error < 0) {
+        response_problem(exchange->response, 400, exchange->request->target,
+                         "a step goes with one of error=0.01 and abs_error=0.2, a number of at least 0");
+        return false;
+    }
+    *out = absolute ? tetlod_band_for_abs_error(info, error) : tetlod_band_for_error(info, error);
+    if (*out != TETLOD_NONE)
+        return true;
+    response_problem(exchange->response, 422, exchange->request->target,
+                     "no band of the series is within that error: the finest has %g, a fraction of the range over all steps",
+                     info->bands[info->band_count - 1].error);
+    return false;
+}
+
+enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *const *names, struct step_choice *out)
+{
+    char text[2];
+    *out = (struct step_choice){.any = true, .file = dataset_file(dataset)};
+    if (query_value(exchange->query, "time", text, sizeof text) == QUERY_ABSENT && query_value(exchange->query, "step", text, sizeof text) == QUERY_ABSENT)
+        return QUERY_ABSENT;
+    const struct tetlod_series *series = series_of(exchange, dataset);
+    const struct tetlod_series_info *info = series ? tetlod_series_info(series) : NULL;
+    if (!series || !check_parameters(exchange, names) || !take_band(exchange, info, &out->band) || !take_step(exchange, info, &out->step))
+        return QUERY_BAD;
+    out->level = info->bands[out->band].level;
+    return QUERY_FOUND;
+}
+
+bool captured_band(struct exchange *exchange, struct dataset *dataset, struct step_choice *out)
+{
+    const struct tetlod_series *series = series_of(exchange, dataset);
+    const struct tetlod_series_info *info = series ? tetlod_series_info(series) : NULL;
+    *out = (struct step_choice){.any = true, .file = dataset_file(dataset)};
+    if (!series || !take_number(exchange, exchange->captures[2], "band", info->band_count, &out->band))
+        return false;
+    out->level = info->bands[out->band].level;
+    return true;
+}
+
+bool captured_step(struct exchange *exchange, struct dataset *dataset, struct step_choice *out)
+{
+    return captured_band(exchange, dataset, out) &&
+           take_number(exchange, exchange->captures[3], "step", tetlod_series_info(dataset_series(dataset))->step_count, &out->step);
+}
+
+uint32_t field_with_steps(const struct dataset *dataset, uint32_t field)
+{
+    const struct tetlod_series_info *info = tetlod_series_info(dataset_series(dataset));
+    for (uint32_t f = 0; f < info->field_count; f++)
+        if (info->fields[f] == field)
+            return f;
+    return TETLOD_NONE;
+}
+
+/* ---- its mesh */
+
+/* The mesh keeps the fields that have steps, in the series' order, with the step's values. */
+static enum tetlod_status put_values(struct tetmesh *mesh, const struct tetlod_series *series, struct tetlod_error *error)
+{
+    const struct tetlod_series_info *info = tetlod_series_info(series);
+    struct point_field *kept = array_zero(info->field_count, sizeof *kept);
+    if (!kept)
+        return tetlodi_fail_nomem(error, "a step", info->field_count * sizeof *kept);
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        struct point_field *field = &mesh->fields[info->fields[f]];
+        memcpy(field->values, tetlod_step_values(series, f), (size_t)mesh->vertex_count * field->components * sizeof *field->values);
+        kept[f] = *field;
+        *field = (struct point_field){0};
+    }
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        point_field_fini(&mesh->fields[f]);
+    free(mesh->fields);
+    mesh->fields = kept;
+    mesh->field_count = info->field_count;
+    return TETLOD_OK;
+}
+
+enum tetlod_status step_mesh(const struct step_choice *choice, const struct forest *forest, struct tetmesh *out, struct tetlod_error *error)
+{
+    struct tetlod_series *series; // one that decodes is for one thread
+    TETLOD_TRY(forest_mesh(forest, choice->level, out, error));
+    enum tetlod_status status = tetlod_series_new(&series, choice->file, error);
+    if (status == TETLOD_OK)
+        status = tetlod_series_decode(series, out->corners, choice->band, choice->step, error);
+    if (status == TETLOD_OK)
+        status = put_values(out, series, error);
+    tetlod_series_free(series);
+    if (status != TETLOD_OK)
+        tetmesh_fini(out);
+    return status;
+}
+
+/* Of a vertex: neighbours, and codes, values and scratch of each component; of a tetrahedron: its edges while they are sorted. */
+uint64_t step_bytes(const struct tetlod_info *info, uint32_t level)
+{
+    uint64_t components = 0;
+    for (uint32_t f = 0; f < info->field_count; f++)
+        components += info->fields[f].components;
+    return info->levels[level].vertices * (64 + 40 * components) + info->levels[level].tets * (uint64_t)64 + 65536;
+}
+
+/* ---- in words */
+
+void step_name(const struct step_choice *choice, char out[STEP_NAME])
+{
+    out[0] = 0;
+    if (choice->any)
+        snprintf(out, STEP_NAME, "-%" PRIu32 "-%" PRIu32, choice->band, choice->step);
+}
+
+void step_headers(struct response *response, const struct dataset *dataset, const struct step_choice *choice)
+{
+    const struct tetlod_series *series = dataset_series(dataset);
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    const struct tetlod_level *level = &dataset_info(dataset)->levels[choice->level];
+    double error = 0;
+    for (uint32_t f = 0; f < steps->field_count; f++)
+        error = fmax(error, tetlod_step_error(series, f, choice->band, choice->step));
+    response_header(response, "Tetlod-Level", "%" PRIu32, choice->level);
+    response_header(response, "Tetlod-Vertices", "%" PRIu32, level->vertices);
+    response_header(response, "Tetlod-Tets", "%" PRIu32, level->tets);
+    response_header(response, "Tetlod-Band", "%" PRIu32, choice->band);
+    response_header(response, "Tetlod-Step", "%" PRIu32, choice->step);
+    response_header(response, "Tetlod-Time", "%.17g", steps->times[choice->step]);
+    response_header(response, "Tetlod-Error", "max=%.9g", error);
+}

@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Steps in time (SPEC 3.7): which step and band a request means, and its mesh. */
+#ifndef TETLOD_SERVER_STEPS_H
+#define TETLOD_SERVER_STEPS_H
+
+#include "server/answer/exchange.h"
+#include "src/forest/forest.h"
+#include "src/mesh/tetmesh.h"
+
+/* A step in a band, or none: then a level is meant. */
+struct step_choice {
+    bool any;
+    uint32_t band, level, step; /* the level is the band's */
+    const struct tetlod_file *file; /* of the dataset that is held meanwhile */
+};
+
+/* What the parameters `time` and `step` of a query mean, with the band by `error` or `abs_error`. QUERY_ABSENT: there is none of the two.
+ * QUERY_BAD: answered, also where a parameter is not one of `names`. */
+enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *const *names, struct step_choice *out);
+
+/* Of a path .../bands/{band}/steps/{step}/...: captures 2 and 3, or the first of them alone. False: answered. */
+bool captured_step(struct exchange *exchange, struct dataset *dataset, struct step_choice *out);
+bool captured_band(struct exchange *exchange, struct dataset *dataset, struct step_choice *out);
+
+/* A number below `count`; false: answered. `name` is what it counts: "step". */
+bool take_number(struct exchange *exchange, const char *text, const char *name, uint32_t count, uint32_t *out);
+
+/* The series' number of a field of the stream, or TETLOD_NONE. */
+uint32_t field_with_steps(const struct dataset *dataset, uint32_t field);
+
+/* The mesh of the band's level with the fields that have steps, in the series' order. */
+TETLOD_CHECKED enum tetlod_status step_mesh(const struct step_choice *choice, const struct forest *forest, struct tetmesh *out,
+                                            struct tetlod_error *error);
+
+/* Memory that decoding a step takes beside the mesh. */
+uint64_t step_bytes(const struct tetlod_info *info, uint32_t level);
+
+/* For names of answers: "-3-12", or "". */
+enum { STEP_NAME = 32 };
+void step_name(const struct step_choice *choice, char out[STEP_NAME]);
+
+/* Tetlod-Level, -Vertices, -Tets, -Band, -Step, -Time, -Error. */
+void step_headers(struct response *response, const struct dataset *dataset, const struct step_choice *choice);
+
+#endif

@@ -1,0 +1,130 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Steps in time over HTTP: meshes and surfaces of every band are the reference decoder's, groups and prefixes are the stream's bytes."""
+import os
+import sys
+
+import numpy
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader
+
+from served import ROOT, SCRATCH, Server, run
+
+sys.path.insert(0, os.path.join(ROOT, 'tests'))
+from streams import tetlod as reference  # noqa: E402
+
+NAMES = ('series_float32', 'series_float64')
+PATHS = [os.path.join(ROOT, 'tests', 'golden', name + '.tetlod') for name in NAMES]
+server = None
+
+
+def read(data, reader):
+    path = os.path.join(SCRATCH, 'answer.xml')
+    with open(path, 'wb') as file:
+        file.write(data)
+    reader.SetFileName(path)
+    reader.Update()
+    return reader.GetOutput()
+
+
+def arrays(data):
+    points = data.GetPointData()
+    return {points.GetArrayName(i): vtk_to_numpy(points.GetArray(i)) for i in range(points.GetNumberOfArrays())}
+
+
+def get(path):
+    status, head, body = server.get(path)
+    assert status == 200, (path, status, body)
+    return head, body
+
+
+def opened(name, path):
+    with open(path, 'rb') as file:
+        data = file.read()
+    stream = reference.open(data)
+    return data, stream, stream.series(), '/v1/meshes/%s' % name
+
+
+def test_meshes():
+    for name, path in zip(NAMES, PATHS):
+        _, stream, series, base = opened(name, path)
+        cid = server.json(base)['cid']
+        for band in range(len(series.bands)):
+            for step in (0, len(series.times) - 1, len(series.times) // 2):
+                cursor, values = series.seek(band, step)
+                head, body = get('%s/%s/bands/%d/steps/%d/mesh.vtu' % (base, cid, band, step))
+                found = arrays(read(body, vtkXMLUnstructuredGridReader()))
+                assert list(found) == list(values) and float(head['tetlod-time']) == series.times[step], list(found)
+                for field, wanted in values.items():
+                    assert numpy.array_equal(found[field].reshape(len(wanted), -1), numpy.asarray(wanted).reshape(len(wanted), -1)), (name, band, step, field)
+
+
+def test_choice():
+    for name, path in zip(NAMES, PATHS):
+        _, stream, series, base = opened(name, path)
+        for band, known in enumerate(series.bands):
+            for choice in ('step=1', 'time=%r' % series.times[1]):
+                status, head, _ = server.get('%s/mesh?error=%r&%s' % (base, known['error'], choice))
+                assert status == 303 and head['location'].endswith('/bands/%d/steps/1/mesh.vtu' % band), (status, head)
+                assert int(head['tetlod-level']) == known['level'] and float(head['tetlod-error'].split('=')[1]) <= known['error'] * (1 + 1e-9), head
+        units = max(known['range'][1] - known['range'][0] for known in series.fields) * series.bands[0]['error']
+        assert '/bands/0/' in server.get('%s/mesh?abs_error=%r&step=0' % (base, units * 1.001))[1]['location']
+        described = server.json(base)['series']
+        assert described['times'] == list(series.times) and [b['error'] for b in described['bands']] == [b['error'] for b in series.bands]
+
+
+def test_surfaces():
+    _, stream, series, base = opened(NAMES[0], PATHS[0])
+    cid = server.json(base)['cid']
+    cursor, values = series.seek(0, 2)
+    fields = {field['name']: field['components'] for field in stream.fields}
+    for name, known in values.items():
+        component = '' if fields[name] == 1 else ':%d' % (fields[name] - 1)
+        column = numpy.asarray(known).reshape(len(known), -1)[:, -1]
+        value = (column.min() + column.max()) / 2
+        _, body = get('%s/%s/bands/0/steps/2/isosurface.vtp?field=%s&value=%r' % (base, cid, name + component, float(value)))
+        surface = read(body, vtkXMLPolyDataReader())
+        if column.min() < column.max():
+            on = arrays(surface)[name].reshape(surface.GetNumberOfPoints(), -1)[:, -1]
+            assert surface.GetNumberOfPoints() and numpy.abs(on - value).max() <= 1e-5 * (column.max() - column.min()), name
+    without = [field for field in fields if field not in values]
+    for field in without:
+        assert server.get('%s/%s/bands/0/steps/2/isosurface.vtp?field=%s&value=0' % (base, cid, field))[0] == 400
+    _, body = get('%s/%s/bands/0/steps/2/surface.vtp' % (base, cid))
+    assert list(arrays(read(body, vtkXMLPolyDataReader()))) == list(values)
+
+
+def group_of(data, series, field, band, group):
+    row = field * len(series.bands) + band
+    sizes = [size for size, _ in series._entries[row]]
+    at = series._sections[row]['offset'] + sum(sizes[:8 * group])
+    return data[at:at + sum(sizes[8 * group:8 * group + 8])]
+
+
+def front_of(data, stream, level):
+    """Header and index, the geometry of the levels up to one, the table of steps."""
+    table = next(section for section in stream.sections if section['tag'] == 'TIME')
+    geometry = b''.join(data[frames[0][0]:frames[0][0] + frames[0][1]] for frames in stream.frames[:level + 1])
+    return data[:stream.levels[0]['offset']] + geometry + data[table['offset']:table['offset'] + table['stored']]
+
+
+def test_bytes():
+    for name, path in zip(NAMES, PATHS):
+        data, stream, series, base = opened(name, path)
+        cid = server.json(base)['cid']
+        names = [known['name'] for known in series.fields]
+        for band, known in enumerate(series.bands):
+            for group in range((len(series.times) + 7) // 8):
+                for chosen in (range(len(names)), [len(names) - 1]):
+                    wanted = b''.join(group_of(data, series, field, band, group) for field in chosen)
+                    query = 'fields=' + ','.join(names[field] for field in chosen)
+                    head, body = get('%s/%s/bands/%d/groups/%d?%s' % (base, cid, band, group, query))
+                    assert body == wanted and 'immutable' in head['cache-control'], (name, band, group, query)
+                    _, prefix = get('%s/prefix?error=%r&step=%d&%s' % (base, known['error'], group * 8, query))
+                    assert prefix == front_of(data, stream, known['level']) + wanted, (name, band, group, query)
+                assert get('%s/%s/bands/%d/groups/%d' % (base, cid, band, group))[1] == b''.join(
+                    group_of(data, series, field, band, group) for field in range(len(names)))
+
+
+with Server(*PATHS) as server:
+    run([test_meshes, test_choice, test_surfaces, test_bytes])
