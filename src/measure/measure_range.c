@@ -63,6 +63,7 @@ struct ranges {
 struct sample {
     struct place place;
     double p[3];
+    double off; /* p may be off by that: it has the last digits of a place far from 0 */
     uint32_t body;
     bool held;
 };
@@ -123,7 +124,7 @@ static void try_tets(const struct ranges *r, struct worker *worker, struct sampl
         exact_map_set(&map, q);
         exact_weights(&map, (const quad[3]){sample->p[0], sample->p[1], sample->p[2]}, weights);
         // heights are at least the volume by the square of the longest edge
-        double doubt = ON_FACE + 48 * DBL_EPSILON * sqrt(size2) * size2 / volume6;
+        double doubt = ON_FACE + (48 * DBL_EPSILON * sqrt(size2) + sample->off) * size2 / volume6;
         for (int c = 0; c < 4; c++)
             least = smaller(least, place.weights[c] = (double)weights[c]);
         if (!(least >= -doubt))
@@ -157,7 +158,7 @@ static void try_faces(const struct ranges *r, struct worker *worker, const struc
         subtract(q[2], q[0], v);
         cross(u, v, normal);
         double area2 = dot(normal, normal);
-        double doubt = area2 > 0 ? ON_FACE + 64 * DBL_EPSILON * size2 * size2 / area2 : 1;
+        double doubt = area2 > 0 ? ON_FACE + (64 * DBL_EPSILON * sqrt(size2) + sample->off) * sqrt(size2) * size2 / area2 : 1;
         add_place(r, worker, sample, &place, smaller(doubt, 1));
     }
 }
@@ -205,8 +206,10 @@ static void find_errors(const struct ranges *r, struct worker *worker, size_t nu
     uint32_t count, face;
     sample_place(r->original, number, &sample.place);
     sample.body = r->bodies[sample.place.vertices[0]];
-    for (uint32_t d = 0; d < 3; d++)
+    for (uint32_t d = 0; d < 3; d++) {
         sample.p[d] = place_value(r->original->positions, 3, d, &sample.place);
+        sample.off = larger(sample.off, 8 * DBL_EPSILON * fabs(sample.p[d]));
+    }
     for (uint32_t f = 0; f < r->original->field_count; f++) {
         worker->errors[2 * f] = INFINITY;
         worker->errors[2 * f + 1] = 0;
@@ -215,10 +218,10 @@ static void find_errors(const struct ranges *r, struct worker *worker, size_t nu
         add_place(r, worker, &sample, &sample.place, 0);
         return;
     }
-    if (!find_near(&r->locator.tets, worker, sample.p, 1e-7 * r->size, &count))
+    if (!find_near(&r->locator.tets, worker, sample.p, 1e-7 * r->size + sample.off, &count))
         return;
     try_tets(r, worker, &sample, count);
-    double distance = mesh_surface_closest(&r->locator.surface, sample.body, sample.p, &closest, &face);
+    double distance = mesh_surface_closest(&r->locator.surface, sample.body, sample.p, &closest, &face) + 2 * sample.off;
     if (face == TETLOD_NONE ||
         !find_near(&r->locator.surface.boxes, worker, sample.p, distance * (1 + 1e-9), &count) ||
         (sample.held && is_reached(r, worker, &sample, distance, count)))
