@@ -172,6 +172,18 @@ async function logarithm_map_and_direction() {
   assert.equal(new Set(looks).size, looks.length - 2, 'every map looks different'); // the first two are the plain one
 }
 
+async function a_map_from_a_file() {
+  await open('');
+  const choose = (text) => page.locator('#map-file').setInputFiles({ name: 'own.xml', mimeType: 'text/xml', buffer: Buffer.from(text) });
+  const points = '<Point x="0" o="0" r="0" g="0" b="1"/><Point x="3" o="1" r="1" g="0" b="0"/>';
+  await changesThePicture('a map from a file', () => choose(`<ColorMaps><ColorMap name="own" space="RGB">${points}</ColorMap></ColorMaps>`));
+  await becomes('map', '0000ff-ff0000');
+  assert.equal(await page.locator('#map option:checked').innerText(), 'from a file');
+  await choose('nothing');
+  await page.getByText('own.xml: the file has no colours').waitFor();
+  await becomes('map', '0000ff-ff0000');
+}
+
 async function a_logarithm_of_what_is_not_positive() {
   await open('&field=Velocity&component=2&log=1');
   const [low, high] = await Promise.all(['low', 'high'].map((id) => page.locator(`#${id}`).inputValue()));
@@ -596,7 +608,7 @@ async function nothing_was_complained_of() {
 }
 
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
-  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
+  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
   the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
   a_line_is_plotted, values_are_probed, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;

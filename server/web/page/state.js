@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the picture is to show. One flat object; subscribers get it, and it is written into the URL's fragment.
 
-import { mapNames } from './colors.js';
+import { isMap } from './colors.js';
 import { clamp } from './numbers.js';
 
 export const defaults = Object.freeze({
@@ -18,7 +18,7 @@ export const defaults = Object.freeze({
   low: 0,
   high: 1,
   log: false,
-  map: 'auto', // by the data, or one of colors.js
+  map: 'auto', // by the data, or a name that colors.js knows
   reversed: false,
   shading: 'isosurfaces', // what light falls on: isosurfaces, all, off; what it does not fall on has exactly the map's colours
   // the layers
@@ -83,7 +83,7 @@ const codecs = {
   low: real,
   high: real,
   log: flag,
-  map: { read: (t) => (t === 'auto' || mapNames.some(([name]) => name === t) ? t : undefined), write: String },
+  map: { read: (t) => (t === 'auto' || isMap(t) ? t : undefined), write: String },
   reversed: flag,
   shading: oneOf('isosurfaces', 'all', 'off'),
   surface: oneOf('solid', 'inside', 'glass', 'off'),
