@@ -572,6 +572,32 @@ async function values_are_probed() {
   await until(() => document.getElementById('probe').hidden);
 }
 
+// Probes that stay: their values are the mesh's at every level, within the bound, and the distance between them is a ruler's.
+async function probes_stay() {
+  await open('&pins=0.5,0.5,0.25');
+  const first = page.locator('#pins .item').first();
+  const said = async () => /Pressure ([\d.]+) ± ([\d.]+) \([\d.]+\u202f%, certified\)/.exec(await first.innerText())?.slice(1).map(Number);
+  const { bounds } = await infoOf();
+  const place = [0.5, 0.5, 0.25].map((x, i) => bounds[0][i] + x * (bounds[1][i] - bounds[0][i]));
+  const at = () => page.evaluate(async (p) => (await window.tetlod.stream.probe(p)).values.Pressure[0], place);
+  await first.getByText(/±/).waitFor();
+  const coarse = await said();
+  assert.ok(Math.abs(coarse[0] - await at()) < 1e-4 * coarse[0], `${coarse} is not ${await at()}`);
+  await page.evaluate(() => window.tetlod.set({ error: 0 }));
+  await settled(page);
+  await first.getByText(/exact/).waitFor();
+  const exact = Number(/Pressure ([\d.]+)/.exec(await first.innerText())[1]);
+  assert.ok(Math.abs(exact - coarse[0]) <= coarse[1] * 1.05, `${exact}, ${coarse}`);
+  await page.locator('#add-pin').click();
+  const [, pin] = (await state()).pins;
+  const apart = Math.hypot(...place.map((c, i) => bounds[0][i] + pin[i] * (bounds[1][i] - bounds[0][i]) - c));
+  const told = Number(/([\d.]+) from 1/.exec(await page.locator('#pins .item').nth(1).innerText())[1]);
+  assert.ok(Math.abs(told - apart) < 1e-3 * apart, `${told}, not ${apart}`);
+  assert.equal(await page.locator('.pin').count(), 2);
+  await page.getByLabel('Remove probe 1').click();
+  assert.deepEqual((await state()).pins, [pin]);
+}
+
 async function fingers_turn_and_probe() {
   const touch = await openPage(browser, server.url, { viewport: { width: 390, height: 800 }, hasTouch: true, isMobile: true });
   await open('', touch);
@@ -610,6 +636,6 @@ async function nothing_was_complained_of() {
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
   ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
   the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
-  a_line_is_plotted, values_are_probed, fingers_turn_and_probe, nothing_was_complained_of];
+  a_line_is_plotted, values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;
 await run(ONLY ? tests.filter((test) => test.name.includes(ONLY)) : tests);

@@ -33,6 +33,7 @@ export const defaults = Object.freeze({
   threshold: null, // cells with values between two fractions of the data range
   clip: null, // { normal, at }
   line: null, // that values are plotted along: begin and end as fractions of the bounds, six numbers
+  pins: [], // places of probes that stay: fractions of the bounds
   volume: false,
   volumeSize: 0, // of a grid, or 0: the tetrahedra themselves
   opacity: [[0, 0], [0.08, 0.005], [0.3, 0.08], [1, 0.9]], // the volume's: fractions of the colours' range
@@ -103,6 +104,7 @@ const codecs = {
     read: (t) => (numbers(t).length === 6 && numbers(t).every((x) => x >= 0 && x <= 1) ? numbers(t) : undefined),
     write: (l) => l.map(round).join(','),
   },
+  pins: list((t) => (numbers(t).length === 3 && numbers(t).every((x) => x >= 0 && x <= 1) ? numbers(t) : null), (p) => p.map(round).join(','), ';'),
   volume: flag,
   volumeSize: { read: (t) => (Number(t) > 0 ? clamp(Math.round(Number(t)), 16, 256) : 0), write: String },
   opacity: list((t) => {
