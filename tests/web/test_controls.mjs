@@ -9,7 +9,9 @@ import { run } from './tap.mjs';
 
 const server = await program([sampleStream().path]);
 const browser = await launch();
-const page = await openPage(browser, server.url, { viewport: { width: 800, height: 560 }, permissions: ['clipboard-read', 'clipboard-write'] });
+const size = { width: 800, height: 560 };
+const small = { width: 580, height: 480 }; // rays take long where the processor draws
+const page = await openPage(browser, server.url, { viewport: size, permissions: ['clipboard-read', 'clipboard-write'] });
 
 async function open(state, on = page) {
   await on.goto('about:blank');
@@ -294,8 +296,8 @@ const differenceFromRays = (behind) => page.evaluate(async (clip) => {
   };
   let worst = 0;
   let covered = 0;
-  for (let x = 150; x < image.width - 100; x += 23)
-    for (let y = 90; y < image.height - 120; y += 19) {
+  for (let x = 20; x < image.width - 20; x += 15)
+    for (let y = 90; y < image.height - 120; y += 13) {
       const { from, direction } = scene.ray(x + 0.5, y + 0.5);
       const begin = from.map((c, i) => c + scene.centre[i]);
       const length = 10 * Math.max(...sides);
@@ -316,6 +318,7 @@ const differenceFromRays = (behind) => page.evaluate(async (clip) => {
 
 // Rays through the tetrahedra: the picture is what the values along each ray give, at any level and behind a plane.
 async function tetrahedra_are_rendered() {
+  await page.setViewportSize(small);
   for (const [more, clip] of [['&error=0.2', null], ['&error=0', null], ['&error=0.01&clip=x@0.5', { normal: [1, 0, 0], at: 0.5 }]]) {
     await open(`&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4${more}`);
     await until(() => window.tetlod.scene.rays?.actor.getVisibility());
@@ -329,10 +332,12 @@ async function tetrahedra_are_rendered() {
   // a threshold leaves tetrahedra out, what is opaque ends the rays
   await changesThePicture('a threshold', () => page.evaluate(() => window.tetlod.set({ threshold: [0, 0.3] })));
   await changesThePicture('a wall among them', () => page.evaluate(() => window.tetlod.set({ slices: [{ normal: [0, 1, 0], at: 0.2 }] })));
+  await page.setViewportSize(size);
 }
 
 // The last frame of a move has the finer level's tetrahedra, many of them flat, in the coarser one's shape: it looks as that.
 async function rays_pass_flat_tetrahedra() {
+  await page.setViewportSize(small);
   await open('&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4&error=0.02');
   await until(() => window.tetlod.scene.rays?.actor.getVisibility());
   const moved = () => page.evaluate(() => new Promise((resolve) => {
@@ -363,6 +368,7 @@ async function rays_pass_flat_tetrahedra() {
   });
   assert.ok(before > 1.5 * tets, `${before} of which ${tets} are not flat`);
   assert.ok(worst <= 3, `${worst} of 255`);
+  await page.setViewportSize(size);
 }
 
 async function a_volume_is_rendered() {
@@ -494,7 +500,7 @@ async function the_whole_screen_and_the_panel() {
 
 // Every key that the help lists does something that can be seen in the state or on the page.
 async function keys_do_what_the_help_says() {
-  await open('');
+  await open('&volumeSize=48');
   await page.locator('#picture').focus();
   await page.keyboard.press('?');
   const listed = await page.locator('#keys kbd').allInnerTexts();
