@@ -52,6 +52,28 @@ export interface Target {
   bytes?: number;
 }
 
+/** A series in time. */
+export interface Series {
+  /** Steps that are stored together. */
+  group: number;
+  times: number[];
+  /** Coarse to fine: the error is a fraction of a field's range over all steps, 0: exact. */
+  bands: { error: number; level: number }[];
+  /** The fields that have steps. */
+  fields: { name: string; range: [number, number] }[];
+}
+
+export interface Step {
+  step: number;
+  band: number;
+  error: number;
+  level: number;
+  time: number;
+  /** Of the band, those that are here. */
+  groups: number[];
+  seconds: number;
+}
+
 export interface Mesh {
   level: number;
   positions: Float64Array;
@@ -137,6 +159,8 @@ export interface Shade {
 
 export interface Pictures {
   level: number;
+  /** In time; null: the level's own values. */
+  step: number | null;
   /** 0: the shape of the coarser level, 1: at rest. */
   t: number;
   origin: Point;
@@ -157,6 +181,9 @@ export interface Events {
   level: { level: number; vertices: number; tets: number; seconds: number };
   pictures: Pictures;
   retry: { attempt: number; delay: number; message: string };
+  series: Series;
+  step: Step;
+  buffered: { band: number; groups: number[]; received: number };
   finished: { level: number };
   error: { message: string };
 }
@@ -195,6 +222,12 @@ export class TetlodStream extends EventTarget {
   readonly level: number;
   readonly received: number;
   refineTo(target?: Target, options?: { signal?: AbortSignal }): Promise<{ level: number; reached: boolean }>;
+  /** Of a series in time, from the event `series` on. */
+  readonly series: Series | null;
+  /** Bytes of steps, beside `received`. */
+  readonly receivedSteps: number;
+  /** Shows a step in a band, or in the coarsest one within an error; values pass into it in `blend` milliseconds. */
+  seekStep(step: number, choice?: { band?: number; error?: number; blend?: number }, options?: { signal?: AbortSignal }): Promise<{ level: number; reached: boolean }>;
   /** Decodes these fields, too, from now on. Pictures go on without them until they are there. */
   addFields(names: string[]): Promise<void>;
   mesh(): Promise<Mesh>;

@@ -11,6 +11,7 @@ export const defaults = Object.freeze({
   errorField: '', // whose error; empty: the drawn field's if the stream controls it, else of the first that it controls
   maxTets: 0, // 0: as many as the device's memory is for
   maxBytes: 0,
+  step: null, // in time, of a series; null: the levels, which are the first step's
   // the colours
   field: '',
   component: 'magnitude',
@@ -77,6 +78,7 @@ const codecs = {
   errorField: text,
   maxTets: positive,
   maxBytes: positive,
+  step: { read: (t) => (/^\d+$/.test(t) ? Number(t) : undefined), write: String },
   field: text,
   component: { read: (t) => (t === 'magnitude' ? t : /^\d+$/.test(t) ? Number(t) : undefined), write: String },
   range: oneOf('auto', 'data', 'visible', 'manual'),
