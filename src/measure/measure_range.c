@@ -63,7 +63,6 @@ struct ranges {
 struct sample {
     struct place place;
     double p[3];
-    double off; /* p may be off by that: it has the last digits of a place far from 0 */
     uint32_t body;
     bool held;
 };
@@ -99,6 +98,20 @@ static const double *position(const struct ranges *r, uint32_t v)
     return r->level->positions + 3 * (size_t)v;
 }
 
+/* Has the tetrahedron of the level all corners that the sample's place in the original is made of, where they were? Then the sample is
+ * in it, though far from the origin, where a place has few digits, its position may say otherwise. */
+static bool is_own(const struct ranges *r, const struct sample *sample, const uint32_t corners[4])
+{
+    for (int c = 0; c < 4; c++) {
+        uint32_t v = sample->place.vertices[c];
+        bool has = v == corners[0] || v == corners[1] || v == corners[2] || v == corners[3];
+        if (sample->place.weights[c] != 0 &&
+            (!has || memcmp(position(r, v), r->original->positions + 3 * (size_t)v, 3 * sizeof(double)) != 0))
+            return false;
+    }
+    return true;
+}
+
 /* The tetrahedra that may hold the sample. */
 static void try_tets(const struct ranges *r, struct worker *worker, struct sample *sample, uint32_t count)
 {
@@ -110,6 +123,10 @@ static void try_tets(const struct ranges *r, struct worker *worker, struct sampl
         memcpy(place.vertices, r->level->corners + 4 * (size_t)worker->near[i], sizeof place.vertices);
         if (r->bodies[place.vertices[0]] != sample->body)
             continue;
+        if (is_own(r, sample, place.vertices)) {
+            add_place(r, worker, sample, &sample->place, 0);
+            sample->held = true;
+        }
         for (int c = 0; c < 4; c++) {
             q[c] = position(r, place.vertices[c]);
             if (memcmp(q[c], sample->p, sizeof sample->p) != 0)
@@ -124,7 +141,7 @@ static void try_tets(const struct ranges *r, struct worker *worker, struct sampl
         exact_map_set(&map, q);
         exact_weights(&map, (const quad[3]){sample->p[0], sample->p[1], sample->p[2]}, weights);
         // heights are at least the volume by the square of the longest edge
-        double doubt = ON_FACE + (48 * DBL_EPSILON * sqrt(size2) + sample->off) * size2 / volume6;
+        double doubt = ON_FACE + 48 * DBL_EPSILON * sqrt(size2) * size2 / volume6;
         for (int c = 0; c < 4; c++)
             least = smaller(least, place.weights[c] = (double)weights[c]);
         if (!(least >= -doubt))
@@ -158,7 +175,7 @@ static void try_faces(const struct ranges *r, struct worker *worker, const struc
         subtract(q[2], q[0], v);
         cross(u, v, normal);
         double area2 = dot(normal, normal);
-        double doubt = area2 > 0 ? ON_FACE + (64 * DBL_EPSILON * sqrt(size2) + sample->off) * sqrt(size2) * size2 / area2 : 1;
+        double doubt = area2 > 0 ? ON_FACE + 64 * DBL_EPSILON * size2 * size2 / area2 : 1;
         add_place(r, worker, sample, &place, smaller(doubt, 1));
     }
 }
@@ -206,10 +223,8 @@ static void find_errors(const struct ranges *r, struct worker *worker, size_t nu
     uint32_t count, face;
     sample_place(r->original, number, &sample.place);
     sample.body = r->bodies[sample.place.vertices[0]];
-    for (uint32_t d = 0; d < 3; d++) {
+    for (uint32_t d = 0; d < 3; d++)
         sample.p[d] = place_value(r->original->positions, 3, d, &sample.place);
-        sample.off = larger(sample.off, 8 * DBL_EPSILON * fabs(sample.p[d]));
-    }
     for (uint32_t f = 0; f < r->original->field_count; f++) {
         worker->errors[2 * f] = INFINITY;
         worker->errors[2 * f + 1] = 0;
@@ -218,10 +233,10 @@ static void find_errors(const struct ranges *r, struct worker *worker, size_t nu
         add_place(r, worker, &sample, &sample.place, 0);
         return;
     }
-    if (!find_near(&r->locator.tets, worker, sample.p, 1e-7 * r->size + sample.off, &count))
+    if (!find_near(&r->locator.tets, worker, sample.p, 1e-7 * r->size, &count))
         return;
     try_tets(r, worker, &sample, count);
-    double distance = mesh_surface_closest(&r->locator.surface, sample.body, sample.p, &closest, &face) + 2 * sample.off;
+    double distance = mesh_surface_closest(&r->locator.surface, sample.body, sample.p, &closest, &face);
     if (face == TETLOD_NONE ||
         !find_near(&r->locator.surface.boxes, worker, sample.p, distance * (1 + 1e-9), &count) ||
         (sample.held && is_reached(r, worker, &sample, distance, count)))
