@@ -100,8 +100,10 @@ static void prune_range(void *context, unsigned worker, size_t begin, size_t end
     struct rounds *rounds = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        working_prune(&rounds->working, rounds->again.slots[i]);
-        rounds->run.proposals[rounds->again.slots[i]].dirty = CLEAN;
+        uint8_t *dirty = &rounds->run.proposals[rounds->again.slots[i]].dirty;
+        if (*dirty != CLEAN) // else nothing of it is gone
+            working_prune(&rounds->working, rounds->again.slots[i]);
+        *dirty = CLEAN;
     }
 }
 
@@ -127,8 +129,8 @@ static void fetch_ahead(const struct working *working, const uint32_t *slots, si
         star = &working->stars[slots[1]];
         for (uint32_t i = 0; i < star->count; i++) {
             const uint32_t *corners = working->corners[working->pool[star->begin + i]];
-            for (int c = 0; c < 4 && corners[0] != TETLOD_NONE; c++)
-                __builtin_prefetch(working_row(working, corners[c]));
+            for (int c = 0; c < 2 && corners[0] != TETLOD_NONE; c++) // each vertex is in several tetrahedra
+                __builtin_prefetch(working_row(working, corners[2 * (i % 2) + c]));
         }
     }
 }
