@@ -14,7 +14,10 @@
 
 /* A vertex whose star has changed is evaluated again if this multiple of what it waited for is within the limit: a change rarely
  * eases it by more. */
-static const double EASED = 0.8;
+static const double EASED = 0.85;
+
+/* Below it the ladder has no steps between (ladder.h): nobody asks for what is between, and every rung looks at most vertices again. */
+static const double STEPS_FROM = 1e-3;
 
 /* Times that a rung looks again at vertices whose stars have changed. */
 enum { MOST_PASSES = 3 };
@@ -591,7 +594,7 @@ static enum tetlod_status climb(struct rounds *rounds)
             TETLOD_TRY(mark(rounds));
         if (finished(rounds) || limit >= rounds->options->max_error)
             break;
-        limit = next_limit(limit, rounds->options->max_error, &named);
+        limit = next_limit(limit, rounds->options->max_error, STEPS_FROM, &named);
     }
     return mark(rounds);
 }
