@@ -1,11 +1,16 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#define _GNU_SOURCE // mkdtemp
 #include "tests/reader_fuzz.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include "src/mesh/mesh_check.h"
+#include "src/util/file.h"
 #include "tests/memory_sink.h"
 
 static void require(bool condition, const char *what, const struct tetlod_error *error)
@@ -81,4 +86,60 @@ void reader_fuzz_two(const char *path, const char *other_path, const uint8_t *by
         input.other_path = other_path;
     }
     reader_fuzz(path, &input);
+}
+
+enum { PATH = 200 };
+
+/* Makes the folders on the way to a file, or removes them where they are empty. */
+static void each_folder(const char *folder, const char *name, bool makes)
+{
+    char path[PATH];
+    for (const char *slash = strchr(name, '/'); slash && makes; slash = strchr(slash + 1, '/')) {
+        snprintf(path, sizeof path, "%s/%.*s", folder, (int)(slash - name), name);
+        mkdir(path, 0700);
+    }
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    for (char *slash = strrchr(path, '/'); slash && !makes && strlen(path) > strlen(folder); slash = strrchr(path, '/')) {
+        *slash = 0;
+        rmdir(path);
+    }
+}
+
+static void write_file(const char *folder, const char *name, const uint8_t *bytes, size_t size)
+{
+    char path[PATH];
+    each_folder(folder, name, true);
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    FILE *file = fopen(path, "wb");
+    if (file && size)
+        fwrite(bytes, 1, size, file);
+    if (file)
+        fclose(file);
+}
+
+void reader_fuzz_folder(const char *const *names, size_t count, const uint8_t *bytes, size_t size)
+{
+    char folder[] = "/tmp/reader_fuzz_XXXXXX", path[PATH];
+    struct io_input input = {.path = path};
+    unsigned char *first = NULL;
+    struct tetlod_error error;
+    if (size < count || !mkdtemp(folder))
+        return;
+    const uint8_t *at = bytes + count - 1, *end = bytes + size;
+    for (size_t i = 0; i < count; i++) {
+        size_t left = (size_t)(end - at), some = i + 1 < count ? left * bytes[i] / 255 : left;
+        write_file(folder, names[i], at, some);
+        at += some;
+    }
+    snprintf(path, sizeof path, "%s/%s", folder, names[0]);
+    if (file_read(path, &first, &input.size, &error) == TETLOD_OK) {
+        input.bytes = first;
+        reader_fuzz(path, &input);
+    }
+    free(first);
+    for (size_t i = 0; i < count; i++) {
+        snprintf(path, sizeof path, "%s/%s", folder, names[i]);
+        unlink(path);
+        each_folder(folder, names[i], false);
+    }
 }

@@ -13,4 +13,8 @@ void reader_fuzz(const char *path, const struct io_input *input);
  * 255ths. */
 void reader_fuzz_two(const char *path, const char *other_path, const uint8_t *bytes, size_t size);
 
+/* The same for a format whose first file names the others: `count` files in a folder of their own, of which the format reads the first.
+ * A byte for each but the last tells how much of what is left it takes, in 255ths. */
+void reader_fuzz_folder(const char *const *names, size_t count, const uint8_t *bytes, size_t size);
+
 #endif

@@ -14,6 +14,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/cli/tolerance.h"
 #include "src/log/coarsening.h"
 #include "src/measure/boundary_check.h"
 #include "src/measure/measure_levels.h"
@@ -26,18 +27,8 @@
 #include "src/report/level_mesh.h"
 #include "src/util/array.h"
 
-/* What every user of an error has to allow (PROOF.md, 3). */
-static const double TIE = 1e-9;
-
 /* What the index may round an error up by: it keeps 16 binary digits (format/SPEC.md, 15). A measured error that is larger is refused. */
 static const double TOO_LARGE = 0x1p-15 + 1e-9;
-
-/* Differences below this fraction of the range are not looked for. */
-static const double NO_DIFFERENCE = 1e-12;
-
-/* What rounding makes of an error, as a fraction of the range: values are taken less one of them, so how far they are from 0 does not
- * matter. */
-static const double NOISE = 1e-14;
 
 /* Work up to which the exact maximum is taken of all levels: tetrahedra of the original times levels. */
 static const double MOST_WORK = 4e6;
@@ -333,7 +324,7 @@ static enum tetlod_status check_exact(struct against *a, uint32_t k, bool all)
         const double *range = info->fields[f].range;
         double certified = stored_error(info, k, f, TETLOD_MAX);
         bool looked_for = !isnan(certified) && range_has_scale(range);
-        a->floors[f] = looked_for ? (certified * (1 + TIE) + NO_DIFFERENCE) * (range[1] - range[0]) : INFINITY;
+        a->floors[f] = looked_for ? largest_difference(certified, range) : INFINITY;
     }
     TETLOD_TRY(overlay_max(a->original, a->fields, &a->level, a->level_fields, info->field_count, &options, a->exact, &overlay, a->error));
     for (uint32_t f = 0; f < info->field_count; f++)

@@ -1,19 +1,15 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/cli/against_steps.h"
 
-#include <float.h>
-#include <math.h>
 #include <stdlib.h>
 
 #include "format/fail.h"
+#include "src/cli/tolerance.h"
 #include "src/measure/measure.h"
 #include "src/measure/overlay.h"
 #include "src/measure/same.h"
 #include "src/report/level_mesh.h"
 #include "src/util/array.h"
-
-/* What rounding may add to a bound (PROOF.md, 3), and the overlay's arithmetic to a difference, as a part of the range. */
-static const double ROUNDING = 1e-9, LAST_PLACES = 8;
 
 /* A band: a cursor that stays at its level, so that a step is one frame. */
 struct band_reader {
@@ -124,8 +120,7 @@ static enum tetlod_status compare_band(struct steps_check *check, const struct t
         return mesh_same(input, mesh, check->error);
     TETLOD_TRY(measure_mesh(measure, mesh, NULL, check->comparison->threads, measured, &domain, check->error));
     for (uint32_t f = 0; f < check->field_count; f++) {
-        double width = steps->ranges[f][1] - steps->ranges[f][0], size = fmax(fabs(steps->ranges[f][0]), fabs(steps->ranges[f][1]));
-        check->floors[f] = (tetlod_step_error(band->series, f, b, step) + ROUNDING) * width + LAST_PLACES * DBL_EPSILON * size;
+        check->floors[f] = largest_difference(tetlod_step_error(band->series, f, b, step), steps->ranges[f]);
         if (measured[f].sampled > check->floors[f])
             return too_large(check, b, step, f, "the error at samples", measured[f].sampled);
     }

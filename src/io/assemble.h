@@ -7,11 +7,13 @@
 #define TETLOD_ASSEMBLE_H
 
 #include "src/io/io.h"
+#include "src/util/file.h"
 
-/* A whole file in memory, and for formats of two files the other one (else NULL). */
+/* A file, whole in memory unless `file` is set, and for formats of two files the other one (else NULL). */
 struct io_input {
     const unsigned char *bytes;
     size_t size;
+    const struct file_input *file; /* of a format that reads range by range; bytes and size are then those of its beginning */
     const unsigned char *other;
     size_t other_size;
     const char *other_path;

@@ -80,6 +80,8 @@ TETLOD_CHECKED enum tetlod_status inp_read(struct blocks *out, const struct io_i
 
 TETLOD_CHECKED enum tetlod_status medit_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
                                              struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status meshb_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                             struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status sol_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
                                              struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status xdmf_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
@@ -92,6 +94,11 @@ TETLOD_CHECKED enum tetlod_status vtp_write(const struct tetmesh *mesh, const st
                                              struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status glb_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
                                              struct tetlod_error *error);
+
+/* EnSight Gold: the case, which names the other files. */
+bool ensight_sniff(const unsigned char *bytes, size_t size);
+TETLOD_CHECKED enum tetlod_status ensight_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                                               struct tetlod_error *error);
 
 /* OpenFOAM: the file marks the folder of the case. */
 TETLOD_CHECKED enum tetlod_status foam_read(struct blocks *out, const struct io_input *input, struct io_report *report,

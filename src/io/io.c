@@ -15,14 +15,15 @@
 #include "src/util/array.h"
 #include "src/util/file.h"
 
-/* What a second file of a mesh is: named by the user, or of the same name with another extension. */
 enum { MOST_EXTENSIONS = 14 };
 
-enum second { NO_SECOND, SOLUTION, SIBLING };
+/* What a mesh is read from: one file, as a whole or range by range as its reader wants, or two files. The second one is named by
+ * the user, or has the same name with another extension. */
+enum files { WHOLE, IN_RANGES, SOLUTION, SIBLING };
 
 struct format {
     const char *name, *about, *extensions[MOST_EXTENSIONS];
-    enum second second;
+    enum files files;
     bool (*sniff)(const unsigned char *bytes, size_t size); /* NULL: by extension alone */
     enum tetlod_status (*read)(struct blocks *out, const struct io_input *input, struct io_report *report,
                                struct tetlod_error *error);
@@ -48,29 +49,32 @@ struct format {
 
 /* In the order in which contents are tried: PLOT3D, which has no magic, last. */
 static const struct format formats[] = {
-    {"tetlod", "a stream's finest level", {"tetlod"}, NO_SECOND, stream_sniff, stream_read, NULL},
+    {"tetlod", "a stream's finest level", {"tetlod"}, WHOLE, stream_sniff, stream_read, NULL},
     {"vtu", "VTK XML: unstructured, structured, rectilinear and image grids, their parallel forms, multi-block, time",
       {"vtu", "pvtu", "vts", "vtr", "vti", "vtm", "pvd", "pvts", "pvtr", "pvti", "vtpd", "vtpc"},
-     NO_SECOND, vtkxml_sniff, vtkxml_read, io_write_vtu},
-    {"vtk", "legacy VTK 1.0 to 5.1", {"vtk"}, NO_SECOND, vtk_sniff, vtk_read, io_write_vtk},
-    {"gmsh", "Gmsh 2.2 and 4.1", {"msh"}, NO_SECOND, gmsh_sniff, gmsh_read, gmsh_write},
-    {"vtkhdf", "VTKHDF: unstructured grids and images, steps in time (libhdf5)", {"vtkhdf", "hdf"}, NO_SECOND,
+     IN_RANGES, vtkxml_sniff, vtkxml_read, io_write_vtu},
+    {"vtk", "legacy VTK 1.0 to 5.1", {"vtk"}, WHOLE, vtk_sniff, vtk_read, io_write_vtk},
+    {"gmsh", "Gmsh 2.2 and 4.1", {"msh"}, WHOLE, gmsh_sniff, gmsh_read, gmsh_write},
+    {"vtkhdf", "VTKHDF: unstructured grids and images, steps in time (libhdf5)", {"vtkhdf", "hdf"}, WHOLE,
      WITH_HDF5(vtkhdf_sniff), WITH_HDF5(vtkhdf_read), WITH_HDF5(vtkhdf_write)},
-    {"xdmf", "XDMF 2 and 3: text, raw, HDF5; collections (libhdf5)", {"xdmf", "xmf"}, NO_SECOND, WITH_HDF5(xdmf_sniff),
+    {"xdmf", "XDMF 2 and 3: text, raw, HDF5; collections (libhdf5)", {"xdmf", "xmf"}, WHOLE, WITH_HDF5(xdmf_sniff),
      WITH_HDF5(xdmf_read), xdmf_write},
-    {"exodus", "Exodus II: element blocks, steps in time (libnetcdf)", {"exo", "e", "ex2", "exii"}, NO_SECOND,
+    {"exodus", "Exodus II: element blocks, steps in time (libnetcdf)", {"exo", "e", "ex2", "exii"}, WHOLE,
      WITH_NETCDF(exodus_sniff), WITH_NETCDF(exodus_read), WITH_NETCDF(exodus_write)},
-    {"cgns", "CGNS: unstructured and structured zones, polyhedra, steps in time (libcgns)", {"cgns"}, NO_SECOND,
+    {"cgns", "CGNS: unstructured and structured zones, polyhedra, steps in time (libcgns)", {"cgns"}, WHOLE,
      WITH_CGNS(cgns_sniff), WITH_CGNS(cgns_read), NULL},
-    {"stl", "the boundary surface", {"stl"}, NO_SECOND, NULL, NULL, stl_write},
-    {"ply", "the boundary surface with the first scalar", {"ply"}, NO_SECOND, NULL, NULL, ply_write},
-    {"vtp", "the boundary surface with all fields", {"vtp"}, NO_SECOND, NULL, NULL, vtp_write},
-    {"glb", "the boundary surface, coloured, with fields as attributes", {"glb"}, NO_SECOND, NULL, NULL, glb_write},
-    {"inp", "Abaqus and CalculiX: nodes and elements", {"inp"}, NO_SECOND, inp_sniff, inp_read, NULL},
-    {"medit", "Medit with its .sol", {"mesh"}, SOLUTION, medit_sniff, medit_read, medit_write},
-    {"sol", "Medit's values at vertices: --q, and the fields of a .mesh", {"sol"}, NO_SECOND, NULL, NULL, sol_write},
+    {"stl", "the boundary surface", {"stl"}, WHOLE, NULL, NULL, stl_write},
+    {"ply", "the boundary surface with the first scalar", {"ply"}, WHOLE, NULL, NULL, ply_write},
+    {"vtp", "the boundary surface with all fields", {"vtp"}, WHOLE, NULL, NULL, vtp_write},
+    {"glb", "the boundary surface, coloured, with fields as attributes", {"glb"}, WHOLE, NULL, NULL, glb_write},
+    {"inp", "Abaqus and CalculiX: nodes and elements", {"inp"}, WHOLE, inp_sniff, inp_read, NULL},
+    {"medit", "Medit with its .sol, text and binary (text is written)", {"mesh"}, SOLUTION, medit_sniff, medit_read, medit_write},
+    {"meshb", "Medit binary, versions 1 to 4, with its .solb", {"meshb"}, SOLUTION, NULL, medit_read, meshb_write},
+    {"sol", "Medit's values at vertices: --q, and the fields of a .mesh", {"sol"}, WHOLE, NULL, NULL, sol_write},
     {"openfoam", "OpenFOAM cases by an empty NAME.foam in their folder: text, binary, gzip, polyhedra, times", {"foam", "openfoam"},
-     NO_SECOND, NULL, foam_read, NULL},
+     WHOLE, NULL, foam_read, NULL},
+    {"ensight", "EnSight Gold cases: text, C and Fortran binary, parts, variables of nodes and elements, times", {"case", "encas"}, WHOLE,
+     ensight_sniff, ensight_read, NULL},
     {"tetgen", "TetGen .node with .ele", {"node", "ele"}, SIBLING, NULL, tetgen_read, NULL},
     {"plot3d", "PLOT3D grids with their solution: multi-grid, iblank, both endians, record markers", {"xyz", "p3d", "x"}, SOLUTION, plot3d_sniff, plot3d_read, NULL},
 };
@@ -142,10 +146,10 @@ static enum tetlod_status read_blocks(struct blocks *out, const char *path, cons
     if (!format)
         return tetlodi_fail(error, TETLOD_ERR_MESH,
                             "is not a mesh file that this binary reads; 'tetlod formats' lists the formats");
-    if (input->other && format->second == NO_SECOND)
+    if (input->other && format->files != SOLUTION && format->files != SIBLING)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is a %s file; only PLOT3D and Medit have a solution file",
                             format->name);
-    if (!input->other && format->second == SIBLING)
+    if (!input->other && format->files == SIBLING)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "lacks its second file");
     if (!input->depth)
         report->format = format->name;
@@ -183,7 +187,7 @@ static enum tetlod_status clean(struct tetmesh *mesh, const struct io_read_optio
     TETLOD_TRY(treat_cell_data(mesh, options, report, error));
     if (options->nan_fill)
         TETLOD_TRY(nan_fill(mesh, options->nan_fill, &report->nan_filled, error));
-    return tetmesh_validate(mesh, error);
+    return tetmesh_validate_values(mesh, error);
 }
 
 enum tetlod_status io_read_input(struct tetmesh *out, const char *path, const struct io_input *input,
@@ -279,26 +283,66 @@ enum tetlod_status io_resolve(const struct io_input *from, const char *name, cha
                         name);
 }
 
+/* What an input is read from. */
+struct loaded {
+    struct file_input file;
+    unsigned char *bytes; /* owned */
+};
+
+static void close_input(struct loaded *loaded)
+{
+    file_input_close(&loaded->file);
+    free(loaded->bytes);
+}
+
+static bool reads_ranges(const unsigned char *head, size_t size)
+{
+    for (int f = 0; f < FORMATS; f++)
+        if (formats[f].files == IN_RANGES && formats[f].sniff(head, size))
+            return true;
+    return false;
+}
+
+/* A file's bytes; or only its head, if its format reads the rest itself. To be closed also after a failure. */
+static enum tetlod_status open_input(struct loaded *loaded, struct io_input *input, const char *path, struct tetlod_error *error)
+{
+    enum { HEAD = 1024 };
+    *loaded = (struct loaded){{-1, 0}, NULL};
+    TETLOD_TRY(file_input_open(&loaded->file, path, error));
+    loaded->bytes = array_new(HEAD, 1);
+    if (!loaded->bytes)
+        return tetlodi_fail_nomem(error, path, HEAD);
+    input->size = file_input_read(&loaded->file, 0, HEAD, loaded->bytes);
+    if (reads_ranges(loaded->bytes, input->size))
+        input->file = &loaded->file;
+    else {
+        free(loaded->bytes);
+        loaded->bytes = NULL;
+        TETLOD_TRY(file_input_whole(&loaded->file, path, &loaded->bytes, &input->size, error));
+    }
+    input->bytes = loaded->bytes;
+    return TETLOD_OK;
+}
+
 enum tetlod_status io_read_named(struct blocks *out, const struct io_input *from, const char *name,
                                  struct io_report *report, struct tetlod_error *error)
 {
     enum { DEEPEST = 8 };
     char *path = NULL;
-    unsigned char *bytes = NULL;
+    struct loaded loaded;
     struct tetlod_error inner = {.offset = UINT64_MAX};
     struct io_input input = {.options = from->options, .depth = from->depth + 1};
     if (from->depth == DEEPEST)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "files name one another more than %d times over", DEEPEST);
     TETLOD_TRY(io_resolve(from, name, &path, error));
-    enum tetlod_status status = file_read(path, &bytes, &input.size, &inner);
+    enum tetlod_status status = open_input(&loaded, &input, path, &inner);
     if (status == TETLOD_OK) {
-        input.bytes = bytes;
         input.path = path;
         status = read_blocks(out, path, &input, report, &inner);
     }
     if (status != TETLOD_OK)
         tetlodi_fail(error, status, "%.80s: %.200s", name, inner.message);
-    free(bytes);
+    close_input(&loaded);
     free(path);
     return status;
 }
@@ -308,19 +352,19 @@ static enum tetlod_status read_files(struct tetmesh *out, const char *path, cons
                                      struct tetlod_error *error)
 {
     struct io_input input = {.other_path = second, .path = path, .options = options};
-    unsigned char *bytes = NULL, *other = NULL;
+    struct loaded loaded;
+    unsigned char *other = NULL;
     struct tetlod_error inner = {.offset = UINT64_MAX};
-    enum tetlod_status status = file_read(path, &bytes, &input.size, error);
+    enum tetlod_status status = open_input(&loaded, &input, path, error);
     if (status == TETLOD_OK && second)
         status = file_read(second, &other, &input.other_size, error);
     if (status == TETLOD_OK) {
-        input.bytes = bytes;
         input.other = other;
         status = io_read_input(out, path, &input, report, &inner);
         if (status != TETLOD_OK)
             tetlodi_fail(error, status, "%.120s: %s", path, inner.message);
     }
-    free(bytes);
+    close_input(&loaded);
     free(other);
     return status;
 }
@@ -336,7 +380,7 @@ enum tetlod_status io_read(struct tetmesh *out, const char *path, const struct i
     report = report ? report : &unasked;
     *report = (struct io_report){0};
     *out = (struct tetmesh){0};
-    if (!format || format->second != SIBLING)
+    if (!format || format->files != SIBLING)
         status = read_files(out, path, solution, options, report, error);
     else if (solution)
         status = tetlodi_fail(error, TETLOD_ERR_MESH, "%.120s: is a %s file; only PLOT3D and Medit have a solution file",

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Writing Medit: .mesh, text, with the tetrahedra's region as their reference; and .sol, the fields at its vertices, of one, three
- * and six components, others as scalars. */
+/* Writing Medit: .mesh, text, and .meshb, binary, with the tetrahedra's region as their reference; and .sol, the fields at its
+ * vertices, of one, three and six components, others as scalars. */
 #include <inttypes.h>
 
 #include "format/fail.h"
@@ -27,6 +27,48 @@ enum tetlod_status medit_write(const struct tetmesh *mesh, const struct tetlodi_
                    (uint64_t)c[2] + 1, (uint64_t)c[3] + 1, ids ? ids[t] : 0);
     }
     put_text(&put, "End\n");
+    return put_finish(&put);
+}
+
+/* A keyword's number, and where the next one is. */
+static void put_keyword(struct put *put, uint64_t number, uint64_t next, size_t place)
+{
+    put_word(put, number, 4);
+    put_word(put, next, place);
+}
+
+/* Version 1 has float32 and 32 bit places, version 3 float64 and 64 bit places: float32 become float64 in a file of 2 GB and more. */
+enum tetlod_status meshb_write(const struct tetmesh *mesh, const struct tetlodi_sink *sink, struct tetlod_error *error)
+{
+    enum { DIMENSION = 3, VERTICES = 4, TETRAHEDRA = 8, END = 54, HEAD = 64 };
+    struct put put;
+    uint32_t region = tetmesh_find_region(mesh);
+    const double *ids = region == TETLOD_NONE ? NULL : mesh->cell_fields[region].values;
+    bool narrow = mesh->position_type == TETLOD_FLOAT32 && HEAD + 16 * (uint64_t)mesh->vertex_count + 20 * (uint64_t)mesh->tet_count < INT32_MAX;
+    enum tetlod_type type = narrow ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
+    size_t place = narrow ? 4 : 8;
+    uint64_t vertices = 16 + place, tets = vertices + 8 + place + (narrow ? 16 : 28) * (uint64_t)mesh->vertex_count;
+    uint64_t end = tets + 8 + place + 20 * (uint64_t)mesh->tet_count;
+    TETLOD_TRY(put_init(&put, sink, false, error));
+    put_word(&put, 1, 4);
+    put_word(&put, narrow ? 1 : 3, 4);
+    put_keyword(&put, DIMENSION, vertices, place);
+    put_word(&put, 3, 4);
+    put_keyword(&put, VERTICES, tets, place);
+    put_word(&put, mesh->vertex_count, 4);
+    for (size_t v = 0; v < mesh->vertex_count; v++) {
+        for (int d = 0; d < 3; d++)
+            put_double(&put, mesh->positions[3 * v + (size_t)d], type);
+        put_word(&put, 0, 4);
+    }
+    put_keyword(&put, TETRAHEDRA, end, place);
+    put_word(&put, mesh->tet_count, 4);
+    for (size_t t = 0; t < mesh->tet_count; t++) {
+        for (int i = 0; i < 4; i++)
+            put_word(&put, (uint64_t)mesh->corners[4 * t + (size_t)i] + 1, 4);
+        put_word(&put, ids ? (uint64_t)(int64_t)ids[t] : 0, 4);
+    }
+    put_keyword(&put, END, 0, place);
     return put_finish(&put);
 }
 

@@ -407,10 +407,10 @@ static enum tetlod_status take_tets(struct block *block, struct tetmesh *out, st
     out->corners = cells->connectivity;
     out->tet_count = (uint32_t)cells->count;
     cells->connectivity = NULL;
-    for (size_t i = 0; i < 4 * (size_t)out->tet_count; i++)
-        if (out->corners[i] >= out->vertex_count)
-            return tetlodi_fail(error, TETLOD_ERR_MESH, "cell %zu refers to point %lld, but there are only %u points", i / 4,
-                                out->corners[i] == TETLOD_NONE ? -1 : (long long)out->corners[i], out->vertex_count);
+    size_t count = 4 * (size_t)out->tet_count, i = tetmesh_find_outside(out->corners, count, out->vertex_count);
+    if (i < count)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "cell %zu refers to point %lld, but there are only %u points", i / 4,
+                            out->corners[i] == TETLOD_NONE ? -1 : (long long)out->corners[i], out->vertex_count);
     return TETLOD_OK;
 }
 

@@ -10,16 +10,9 @@
 
 enum tetlod_status time_steps_add(struct time_steps *steps, double time, struct tetlod_error *error)
 {
-    size_t at = steps->count;
-    while (at > 0 && steps->at[at - 1] > time)
-        at--;
-    if (at > 0 && steps->at[at - 1] == time)
-        return TETLOD_OK;
     if (!array_reserve((void **)&steps->at, &steps->capacity, steps->count + 1, sizeof *steps->at))
         return tetlodi_fail_nomem(error, "the steps in time", (uint64_t)steps->count * 8);
-    memmove(steps->at + at + 1, steps->at + at, (steps->count - at) * sizeof *steps->at);
-    steps->at[at] = time;
-    steps->count++;
+    steps->at[steps->count++] = time;
     return TETLOD_OK;
 }
 
@@ -44,8 +37,23 @@ enum tetlod_status time_steps_pick(uint64_t count, const double *times, const st
     return TETLOD_OK;
 }
 
-enum tetlod_status time_steps_choose(const struct time_steps *steps, const struct io_read_options *options,
+static int compare_times(const void *a, const void *b)
+{
+    double x, y;
+    memcpy(&x, a, sizeof x);
+    memcpy(&y, b, sizeof y);
+    return (x > y) - (x < y);
+}
+
+enum tetlod_status time_steps_choose(struct time_steps *steps, const struct io_read_options *options,
                                      struct io_report *report, struct tetlod_error *error)
 {
+    size_t kept = 0;
+    if (steps->count)
+        qsort(steps->at, steps->count, sizeof *steps->at, compare_times);
+    for (size_t i = 0; i < steps->count; i++)
+        if (kept == 0 || steps->at[i] != steps->at[kept - 1])
+            steps->at[kept++] = steps->at[i];
+    steps->count = kept;
     return time_steps_pick(steps->count, steps->at, options, report, error);
 }

@@ -6,15 +6,15 @@
 #include "src/io/io.h"
 
 struct time_steps {
-    double *at; /* owned, ascending and different */
+    double *at; /* owned; ascending and different once one has been chosen */
     size_t count, capacity;
 };
 
 TETLOD_CHECKED enum tetlod_status time_steps_add(struct time_steps *steps, double time, struct tetlod_error *error);
 void time_steps_fini(struct time_steps *steps);
 
-/* Fills the report's steps, step and time by what the options ask for; options may be NULL. */
-TETLOD_CHECKED enum tetlod_status time_steps_choose(const struct time_steps *steps, const struct io_read_options *options,
+/* Sorts them and fills the report's steps, step and time by what the options ask for; options may be NULL. */
+TETLOD_CHECKED enum tetlod_status time_steps_choose(struct time_steps *steps, const struct io_read_options *options,
                                                     struct io_report *report, struct tetlod_error *error);
 
 /* The same for `count` steps whose times are not sorted; times may be NULL. */

@@ -131,7 +131,7 @@ enum tetlod_status vtkxml_read(struct blocks *out, const struct io_input *input,
 {
     struct vtkxml_document document;
     enum tetlod_status status;
-    TETLOD_TRY_DONE(vtkxml_parse(&document, input->bytes, input->size, report, error));
+    TETLOD_TRY_DONE(vtkxml_parse(&document, input, report, error));
     if (document.kind == VTKXML_POLYGONS && input->depth)
         report->flat_blocks++;
     else if (document.kind == VTKXML_POLYGONS)

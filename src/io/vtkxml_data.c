@@ -17,10 +17,11 @@
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-/* Bytes, raw or out of base64 text. */
+/* Bytes of the document, raw or out of base64 text, which is in memory. */
 struct source {
-    const unsigned char *at, *end;
-    bool base64, big_endian;
+    const struct vtkxml_document *document;
+    size_t at, end;
+    bool base64;
     unsigned char held[3]; /* decoded and not yet taken */
     unsigned held_count;
 };
@@ -44,7 +45,7 @@ static bool hold_quad(struct source *s)
     while (digits + padding < 4) {
         if (s->at == s->end)
             return false;
-        unsigned char c = *s->at++;
+        unsigned char c = s->document->bytes[s->at++];
         int digit = base64_digit(c);
         if (c == ' ' || (c >= '\t' && c <= '\r'))
             continue;
@@ -62,16 +63,45 @@ static bool hold_quad(struct source *s)
     return true;
 }
 
+/* Quads of digits without anything between them, as far as they go; gives the bytes, a multiple of 3. */
+static size_t take_quads(struct source *s, unsigned char *out, size_t size)
+{
+    size_t done = 0;
+    for (; size - done >= 3 && s->end - s->at >= 4; done += 3, s->at += 4) {
+        const unsigned char *c = s->document->bytes + s->at;
+        int digits[4] = {base64_digit(c[0]), base64_digit(c[1]), base64_digit(c[2]), base64_digit(c[3])};
+        if ((digits[0] | digits[1] | digits[2] | digits[3]) < 0)
+            break;
+        uint32_t word = (uint32_t)(digits[0] << 18 | digits[1] << 12 | digits[2] << 6 | digits[3]);
+        out[done] = (unsigned char)(word >> 16);
+        out[done + 1] = (unsigned char)(word >> 8);
+        out[done + 2] = (unsigned char)word;
+    }
+    return done;
+}
+
+/* Bytes at a place of the document: those in memory, or read into the buffer. NULL: they cannot be read. */
+static const unsigned char *bytes_at(const struct vtkxml_document *document, size_t at, size_t size, unsigned char *buffer)
+{
+    if (at + size <= document->loaded)
+        return document->bytes + at;
+    return file_input_read(document->file, at, size, buffer) == size ? buffer : NULL;
+}
+
 static bool take(struct source *s, unsigned char *out, size_t size)
 {
     if (!s->base64) {
-        if ((size_t)(s->end - s->at) < size)
-            return false;
-        memcpy(out, s->at, size);
-        s->at += size;
-        return true;
+        const unsigned char *bytes = s->end - s->at < size ? NULL : bytes_at(s->document, s->at, size, out);
+        if (bytes && bytes != out)
+            memcpy(out, bytes, size);
+        s->at += bytes ? size : 0;
+        return bytes != NULL;
     }
     for (size_t i = 0; i < size; i++) {
+        if (s->held_count == 0)
+            i += take_quads(s, out + i, size - i);
+        if (i == size)
+            break;
         if (s->held_count == 0 && !hold_quad(s))
             return false;
         out[i] = s->held[0];
@@ -89,31 +119,26 @@ static uint64_t most_left(const struct source *s)
     return s->base64 ? left / 4 * 3 + s->held_count : left;
 }
 
-static bool take_word(struct source *s, size_t header_size, uint64_t *out)
+/* Words of a header; false also if there are not as many. */
+static bool take_words(struct source *s, size_t count, uint64_t *out)
 {
-    unsigned char bytes[8];
-    int64_t value;
-    if (!take(s, bytes, header_size))
+    size_t width = s->document->header_size;
+    unsigned char *bytes = (unsigned char *)out + count * (sizeof *out - width); // at the end, so that widening from the front is in place
+    if (count > most_left(s) / width || !take(s, bytes, count * width))
         return false;
-    values_to_ints(bytes, header_size == 8 ? VALUE_UINT64 : VALUE_UINT32, s->big_endian, 1, &value);
-    *out = (uint64_t)value;
+    values_to_ints(bytes, width == 8 ? VALUE_UINT64 : VALUE_UINT32, s->document->big_endian, count, (int64_t *)out);
     return true;
 }
 
 static struct source source_of(const struct vtkxml_document *document, const struct vtkxml_array *array)
 {
-    struct source s = {.big_endian = document->big_endian};
-    if (array->format != VTKXML_APPENDED) {
-        s.base64 = true;
-        s.at = document->bytes + array->begin;
-        s.end = document->bytes + array->end;
-        return s;
-    }
+    if (array->format != VTKXML_APPENDED)
+        return (struct source){.document = document, .at = array->begin, .end = array->end, .base64 = true};
     uint64_t left = document->size - document->appended;
-    s.base64 = !document->appended_raw;
-    s.at = document->bytes + document->appended + (size_t)(array->offset < left ? array->offset : left);
-    s.end = document->bytes + document->size;
-    return s;
+    return (struct source){.document = document,
+                           .at = document->appended + (size_t)(array->offset < left ? array->offset : left),
+                           .end = document->size,
+                           .base64 = !document->appended_raw};
 }
 
 static enum tetlod_status fail_array(struct tetlod_error *error, const struct vtkxml_array *array, const char *why)
@@ -145,7 +170,7 @@ enum tetlod_status vtkxml_check_count(const struct vtkxml_document *document, co
     return count <= most ? TETLOD_OK : fail_short(error, array, count);
 }
 
-enum { BLOCK_DAMAGED = 1, BLOCK_NOMEM };
+enum { BLOCK_DAMAGED = 1, BLOCK_UNREAD, BLOCK_NOMEM, BLOCK_DIFFERS };
 
 static int inflate_block(enum vtkxml_compressor compressor, const unsigned char *block, size_t size, unsigned char *out,
                          size_t out_size)
@@ -172,10 +197,12 @@ static int inflate_block(enum vtkxml_compressor compressor, const unsigned char 
 
 /* ---- conversion */
 
-/* Where values go. */
+/* Where values go; or, without `out`, which they should be: first, first + step, ... */
 struct target {
     enum vtkxml_result result;
     void *out;
+    int64_t first, step;
+    bool *differs;
     enum value_type type;
     bool big_endian;
 };
@@ -198,163 +225,209 @@ static void convert(const struct target *target, const unsigned char *bytes, siz
     }
 }
 
-struct plain_job {
-    const struct target *target;
-    const unsigned char *bytes;
-};
-
-static void convert_range(void *context, unsigned worker, size_t begin, size_t end)
+/* Whether the values are those that they should be. */
+static bool compare(const struct target *target, const unsigned char *bytes, size_t first, size_t count)
 {
-    const struct plain_job *job = context;
-    (void)worker;
-    convert(job->target, job->bytes + begin * value_size(job->target->type), begin, end - begin);
+    enum { STEP = 512 };
+    int64_t values[STEP], differs = 0;
+    size_t width = value_size(target->type);
+    for (size_t done = 0; done < count && !differs; done += STEP) {
+        size_t some = count - done < STEP ? count - done : STEP;
+        int64_t begin = target->first + target->step * (int64_t)(first + done);
+        values_to_ints(bytes + done * width, target->type, target->big_endian, some, values);
+        for (size_t i = 0; i < some; i++)
+            differs |= values[i] ^ (begin + target->step * (int64_t)i);
+    }
+    return !differs;
 }
 
-static void convert_all(const struct target *target, const unsigned char *bytes, size_t count)
-{
-    enum { CHUNK = 1 << 20 };
-    struct plain_job job = {target, bytes};
-    parallel_for(count > CHUNK ? parallel_cores() : 1, count, CHUNK, convert_range, &job);
-}
+/* ---- blocks */
 
-/* ---- compressed data */
-
-struct compressed {
-    uint64_t count, size, last;
-    uint64_t *compressed; /* owned: sizes */
-    uint64_t total;       /* of them */
+/* An array as blocks of bytes, each of whole values: compressed by themselves, or the parts that one thread takes at a time. */
+struct data_blocks {
+    uint64_t count, size, last; /* bytes of values; of the last one if it is a partial one, else 0 */
+    uint64_t *stored;           /* owned: bytes of each in the file */
+    uint64_t total, most;       /* of them */
 };
 
-static enum tetlod_status read_block_header(struct source *s, size_t header_size, const struct vtkxml_array *array,
-                                            uint64_t needed, struct compressed *out, struct tetlod_error *error)
+static enum tetlod_status new_sizes(struct data_blocks *out, const struct vtkxml_array *array, struct tetlod_error *error)
 {
-    *out = (struct compressed){0};
-    if (!take_word(s, header_size, &out->count) || !take_word(s, header_size, &out->size) ||
-        !take_word(s, header_size, &out->last) || out->count > most_left(s) / header_size)
+    out->stored = array_new(out->count, sizeof *out->stored);
+    return out->stored ? TETLOD_OK : tetlodi_fail_nomem(error, array->name, out->count * sizeof *out->stored);
+}
+
+static uint64_t block_size(const struct data_blocks *blocks, uint64_t b)
+{
+    return b + 1 == blocks->count && blocks->last ? blocks->last : blocks->size;
+}
+
+static enum tetlod_status fail_count(const struct vtkxml_array *array, struct tetlod_error *error)
+{
+    return fail_array(error, array, "it holds another number of values than the counts of its piece say");
+}
+
+static enum tetlod_status read_block_header(struct source *s, const struct vtkxml_array *array, uint64_t needed,
+                                            struct data_blocks *out, struct tetlod_error *error)
+{
+    uint64_t words[3];
+    if (!take_words(s, 3, words) || words[0] > most_left(s) / s->document->header_size)
         return fail_short(error, array, needed / value_size(array->type));
+    out->count = words[0];
+    out->size = words[1];
+    out->last = words[2];
     uint64_t whole = out->count - (out->last && out->count ? 1 : 0);
     if (out->count == 0 || out->last > needed || (whole && (out->size == 0 || whole > needed / out->size)) ||
         whole * out->size + out->last != needed)
-        return fail_array(error, array, "it holds another number of values than the counts of its piece say");
-    out->compressed = array_new(out->count, sizeof *out->compressed);
-    if (!out->compressed)
-        return tetlodi_fail_nomem(error, array->name, out->count * sizeof *out->compressed);
-    for (uint64_t b = 0; b < out->count; b++) {
-        if (!take_word(s, header_size, &out->compressed[b]) || out->compressed[b] > most_left(s) - out->total)
+        return fail_count(array, error);
+    if (out->count > 1 && out->size % value_size(array->type))
+        return fail_array(error, array, "its blocks do not hold whole values");
+    TETLOD_TRY(new_sizes(out, array, error));
+    return take_words(s, (size_t)out->count, out->stored) ? TETLOD_OK
+                                                          : fail_short(error, array, needed / value_size(array->type));
+}
+
+/* Of plain values, the header only says how many bytes follow. */
+static enum tetlod_status read_plain_header(struct source *s, const struct vtkxml_array *array, uint64_t needed,
+                                            struct data_blocks *out, struct tetlod_error *error)
+{
+    enum { PLAIN_BLOCK = 1 << 18 };
+    uint64_t stored;
+    if (!take_words(s, 1, &stored))
+        return fail_short(error, array, needed / value_size(array->type));
+    if (stored != needed)
+        return fail_count(array, error);
+    *out = (struct data_blocks){needed / PLAIN_BLOCK + (needed % PLAIN_BLOCK != 0), PLAIN_BLOCK, needed % PLAIN_BLOCK, NULL, 0, 0};
+    TETLOD_TRY(new_sizes(out, array, error));
+    for (uint64_t b = 0; b < out->count; b++)
+        out->stored[b] = block_size(out, b);
+    return TETLOD_OK;
+}
+
+/* Sums the sizes up, which may be anything. */
+static enum tetlod_status add_sizes(const struct source *s, const struct vtkxml_array *array, struct data_blocks *blocks,
+                                    uint64_t needed, struct tetlod_error *error)
+{
+    uint64_t left = most_left(s);
+    for (uint64_t b = 0; b < blocks->count; b++) {
+        uint64_t size = blocks->stored[b];
+        if (size > left - blocks->total)
             return fail_short(error, array, needed / value_size(array->type));
-        out->total += out->compressed[b];
+        if (size / 2 > block_size(blocks, b) + 1024)
+            return fail_array(error, array, "a compressed block is larger than its values");
+        blocks->total += size;
+        blocks->most = size > blocks->most ? size : blocks->most;
     }
     return TETLOD_OK;
 }
 
-/* Blocks that are decompressed and converted one by one, each thread in a buffer of its own. */
-struct inflate_job {
+/* Blocks that are read, decompressed and converted one by one, each thread in buffers of its own. */
+struct block_job {
+    const struct vtkxml_document *document;
     const struct target *target;
-    const struct compressed *blocks;
-    const unsigned char *bytes;
-    const uint64_t *begins; /* [block]: in bytes */
-    enum vtkxml_compressor compressor;
-    unsigned char *buffers[PARALLEL_MOST_THREADS];
+    const struct data_blocks *blocks;
+    const unsigned char *decoded; /* of base64: all of them; or NULL: they are in the document */
+    const size_t *begins;         /* [block] */
+    unsigned char *stored[PARALLEL_MOST_THREADS], *plain[PARALLEL_MOST_THREADS]; /* owned; NULL where they are not needed */
     atomic_int problem;
 };
 
-static void inflate_range(void *context, unsigned worker, size_t begin, size_t end)
+static int convert_block(struct block_job *job, unsigned worker, size_t b)
 {
-    struct inflate_job *job = context;
-    const struct compressed *blocks = job->blocks;
-    size_t width = value_size(job->target->type);
+    const struct vtkxml_document *document = job->document;
+    size_t width = value_size(job->target->type), size = (size_t)block_size(job->blocks, b), stored = (size_t)job->blocks->stored[b];
+    const unsigned char *bytes = job->decoded ? job->decoded + job->begins[b]
+                                              : bytes_at(document, job->begins[b], stored, job->stored[worker]);
+    if (!bytes)
+        return BLOCK_UNREAD;
+    if (document->compressor != VTKXML_UNCOMPRESSED) {
+        int problem = inflate_block(document->compressor, bytes, stored, job->plain[worker], size);
+        if (problem)
+            return problem;
+        bytes = job->plain[worker];
+    }
+    size_t first = b * (size_t)(job->blocks->size / width);
+    if (!job->target->out)
+        return compare(job->target, bytes, first, size / width) ? 0 : BLOCK_DIFFERS;
+    convert(job->target, bytes, first, size / width);
+    return 0;
+}
+
+static void convert_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct block_job *job = context;
     for (size_t b = begin; b < end && !atomic_load(&job->problem); b++) {
-        size_t size = (size_t)(b + 1 == blocks->count && blocks->last ? blocks->last : blocks->size);
-        int problem = inflate_block(job->compressor, job->bytes + job->begins[b], (size_t)blocks->compressed[b],
-                                    job->buffers[worker], size);
+        int problem = convert_block(job, worker, b);
         if (problem)
             atomic_store(&job->problem, problem);
-        else
-            convert(job->target, job->buffers[worker], b * (size_t)(blocks->size / width), size / width);
     }
 }
 
-static enum tetlod_status inflate_all(struct inflate_job *job, const struct vtkxml_array *array, struct tetlod_error *error)
+static enum tetlod_status convert_all(struct block_job *job, const struct vtkxml_array *array, struct tetlod_error *error)
 {
-    const struct compressed *blocks = job->blocks;
+    const struct data_blocks *blocks = job->blocks;
     unsigned threads = blocks->count > 1 ? parallel_cores() : 1;
     threads = threads < PARALLEL_MOST_THREADS ? threads : PARALLEL_MOST_THREADS;
-    uint64_t size = blocks->count == 1 && blocks->last ? blocks->last : blocks->size; // a size that no block has may be anything
-    bool good = true;
+    uint64_t size = blocks->count == 1 ? block_size(blocks, 0) : blocks->size; // a size that no block has may be anything
+    bool reads = job->document->file && !job->decoded, inflates = job->document->compressor != VTKXML_UNCOMPRESSED, good = true;
     for (unsigned t = 0; t < threads; t++) {
-        job->buffers[t] = array_new((size_t)size, 1);
-        good &= job->buffers[t] != NULL;
+        job->stored[t] = reads ? array_new((size_t)blocks->most, 1) : NULL;
+        job->plain[t] = inflates ? array_new((size_t)size, 1) : NULL;
+        good &= (job->stored[t] || !reads) && (job->plain[t] || !inflates);
     }
     if (good)
-        parallel_for(threads, (size_t)blocks->count, 8, inflate_range, job);
-    for (unsigned t = 0; t < threads; t++)
-        free(job->buffers[t]);
+        parallel_for(threads, (size_t)blocks->count, 8, convert_range, job);
+    for (unsigned t = 0; t < threads; t++) {
+        free(job->stored[t]);
+        free(job->plain[t]);
+    }
     int problem = good ? atomic_load(&job->problem) : BLOCK_NOMEM;
     if (problem == BLOCK_NOMEM)
         return tetlodi_fail_nomem(error, array->name, size);
-    return problem ? fail_array(error, array, "a compressed block is damaged") : TETLOD_OK;
+    if (problem == BLOCK_DIFFERS) {
+        *job->target->differs = true;
+        return TETLOD_OK;
+    }
+    return problem ? fail_array(error, array, problem == BLOCK_UNREAD ? "it cannot be read" : "a compressed block is damaged")
+                   : TETLOD_OK;
 }
 
-static enum tetlod_status read_compressed(const struct vtkxml_document *document, const struct vtkxml_array *array,
-                                          struct source *s, const struct target *target, uint64_t needed,
-                                          struct tetlod_error *error)
+/* Where each block begins, and the bytes of base64 decoded, then all blocks. */
+static enum tetlod_status convert_blocks(struct source *s, const struct vtkxml_array *array, const struct target *target,
+                                         const struct data_blocks *blocks, struct tetlod_error *error)
 {
-    struct compressed blocks;
-    unsigned char *decoded = NULL; // of base64
-    uint64_t *begins = NULL, at = 0;
-    struct inflate_job job = {.target = target, .blocks = &blocks, .compressor = document->compressor};
-    enum tetlod_status status;
-    TETLOD_TRY_DONE(read_block_header(s, document->header_size, array, needed, &blocks, error));
-    if (blocks.count > 1 && blocks.size % value_size(array->type)) {
-        status = fail_array(error, array, "its blocks do not hold whole values");
-        goto done;
-    }
-    begins = array_new((size_t)blocks.count, sizeof *begins);
-    decoded = s->base64 ? array_new((size_t)blocks.total, 1) : NULL;
-    if (!begins || (s->base64 && !decoded)) {
-        status = tetlodi_fail_nomem(error, array->name, blocks.total);
-        goto done;
-    }
-    if (s->base64 ? !take(s, decoded, (size_t)blocks.total) : (uint64_t)(s->end - s->at) < blocks.total) {
-        status = fail_short(error, array, needed / value_size(array->type));
-        goto done;
-    }
-    for (uint64_t b = 0; b < blocks.count; b++) {
+    size_t *begins = array_new((size_t)blocks->count, sizeof *begins);
+    unsigned char *decoded = s->base64 ? array_new((size_t)blocks->total, 1) : NULL;
+    struct block_job job = {.document = s->document, .target = target, .blocks = blocks, .decoded = decoded, .begins = begins};
+    enum tetlod_status status = TETLOD_OK;
+    if (!begins || (s->base64 && !decoded))
+        status = tetlodi_fail_nomem(error, array->name, blocks->total);
+    else if (s->base64 && !take(s, decoded, (size_t)blocks->total))
+        status = fail_short(error, array, blocks->total / value_size(array->type));
+    size_t at = s->base64 ? 0 : s->at;
+    for (uint64_t b = 0; status == TETLOD_OK && b < blocks->count; b++) {
         begins[b] = at;
-        at += blocks.compressed[b];
+        at += (size_t)blocks->stored[b];
     }
-    job.begins = begins;
-    job.bytes = s->base64 ? decoded : s->at;
-    status = inflate_all(&job, array, error);
-done:
+    if (status == TETLOD_OK)
+        status = convert_all(&job, array, error);
     free(begins);
     free(decoded);
-    free(blocks.compressed);
     return status;
 }
 
-static enum tetlod_status read_plain(const struct vtkxml_document *document, const struct vtkxml_array *array,
-                                     struct source *s, const struct target *target, size_t count,
-                                     struct tetlod_error *error)
+static enum tetlod_status read_binary(const struct vtkxml_document *document, const struct vtkxml_array *array,
+                                      const struct target *target, size_t count, struct tetlod_error *error)
 {
-    uint64_t needed = (uint64_t)count * value_size(array->type), stored;
-    if (!take_word(s, document->header_size, &stored))
-        return fail_short(error, array, count);
-    if (stored != needed)
-        return fail_array(error, array, "it holds another number of values than the counts of its piece say");
-    if (!s->base64) {
-        if ((uint64_t)(s->end - s->at) < needed)
-            return fail_short(error, array, count);
-        convert_all(target, s->at, count);
-        return TETLOD_OK;
-    }
-    unsigned char *decoded = array_new(count, value_size(array->type));
-    if (!decoded)
-        return tetlodi_fail_nomem(error, array->name, needed);
-    enum tetlod_status status = take(s, decoded, (size_t)needed) ? TETLOD_OK : fail_short(error, array, count);
+    struct source s = source_of(document, array);
+    struct data_blocks blocks = {0};
+    uint64_t needed = (uint64_t)count * value_size(array->type);
+    enum tetlod_status status = document->compressor == VTKXML_UNCOMPRESSED ? read_plain_header(&s, array, needed, &blocks, error)
+                                                                           : read_block_header(&s, array, needed, &blocks, error);
     if (status == TETLOD_OK)
-        convert_all(target, decoded, count);
-    free(decoded);
+        status = add_sizes(&s, array, &blocks, needed, error);
+    if (status == TETLOD_OK)
+        status = convert_blocks(&s, array, target, &blocks, error);
+    free(blocks.stored);
     return status;
 }
 
@@ -404,15 +477,22 @@ static enum tetlod_status read_text(const struct vtkxml_document *document, cons
 enum tetlod_status vtkxml_values(const struct vtkxml_document *document, const struct vtkxml_array *array, size_t count,
                                  enum vtkxml_result result, void *out, struct tetlod_error *error)
 {
-    struct target target = {result, out, array->type, document->big_endian};
+    struct target target = {.result = result, .out = out, .type = array->type, .big_endian = document->big_endian};
     if (count == 0)
         return TETLOD_OK; // pieces without points may leave out even the header
     if (result != VTKXML_DOUBLES && value_is_float(array->type))
         return fail_array(error, array, "it should hold integers");
     if (array->format == VTKXML_ASCII)
         return read_text(document, array, count, &target, error);
-    struct source s = source_of(document, array);
-    if (document->compressor == VTKXML_UNCOMPRESSED)
-        return read_plain(document, array, &s, &target, count, error);
-    return read_compressed(document, array, &s, &target, (uint64_t)count * value_size(array->type), error);
+    return read_binary(document, array, &target, count, error);
+}
+
+enum tetlod_status vtkxml_is_sequence(const struct vtkxml_document *document, const struct vtkxml_array *array, size_t count,
+                                      int64_t first, int64_t step, bool *out, struct tetlod_error *error)
+{
+    bool differs = value_is_float(array->type) || array->format == VTKXML_ASCII;
+    struct target target = {.first = first, .step = step, .differs = &differs, .type = array->type, .big_endian = document->big_endian};
+    enum tetlod_status status = differs ? TETLOD_OK : read_binary(document, array, &target, count, error);
+    *out = !differs;
+    return status;
 }

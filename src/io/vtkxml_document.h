@@ -55,8 +55,11 @@ struct vtkxml_part {
 };
 
 struct vtkxml_document {
-    const unsigned char *bytes;
-    size_t size;
+    const struct file_input *file; /* or NULL: all is in memory */
+    const unsigned char *bytes;    /* the first `loaded` bytes; of a file up to the raw appended data */
+    size_t loaded, size;
+    unsigned char *owned; /* those of a file */
+    size_t capacity;
     enum vtkxml_kind kind;
     bool big_endian, appended_raw;
     size_t header_size; /* of a word of the headers of binary data */
@@ -70,8 +73,8 @@ struct vtkxml_document {
     size_t array_count, array_capacity, piece_count, piece_capacity, part_count, part_capacity;
 };
 
-/* Parses the XML up to the appended data. The bytes are borrowed. To be freed also after a failure. */
-TETLOD_CHECKED enum tetlod_status vtkxml_parse(struct vtkxml_document *document, const unsigned char *bytes, size_t size,
+/* Parses the XML up to the appended data. The input is borrowed. To be freed also after a failure. */
+TETLOD_CHECKED enum tetlod_status vtkxml_parse(struct vtkxml_document *document, const struct io_input *input,
                                                struct io_report *report, struct tetlod_error *error);
 void vtkxml_document_fini(struct vtkxml_document *document);
 
@@ -91,6 +94,11 @@ enum vtkxml_result { VTKXML_DOUBLES, VTKXML_INTS, VTKXML_NUMBERS, VTKXML_BYTES }
 TETLOD_CHECKED enum tetlod_status vtkxml_values(const struct vtkxml_document *document, const struct vtkxml_array *array,
                                                 size_t count, enum vtkxml_result result, void *out,
                                                 struct tetlod_error *error);
+
+/* Whether `count` integers are first, first + step, ...: no room for them is needed. Of text it says no. */
+TETLOD_CHECKED enum tetlod_status vtkxml_is_sequence(const struct vtkxml_document *document, const struct vtkxml_array *array,
+                                                     size_t count, int64_t first, int64_t step, bool *out,
+                                                     struct tetlod_error *error);
 
 /* One block of the points, cells and values of a piece. */
 TETLOD_CHECKED enum tetlod_status vtkxml_read_piece(const struct vtkxml_document *document,

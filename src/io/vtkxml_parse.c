@@ -254,10 +254,7 @@ static void start_appended(struct parse *parse, const char **attributes)
 {
     struct vtkxml_document *document = parse->document;
     const char *encoding = attribute(attributes, "encoding");
-    size_t at = (size_t)XML_GetCurrentByteIndex(parse->parser) + (size_t)XML_GetCurrentByteCount(parse->parser);
-    while (at < document->size && document->bytes[at] != '_')
-        at++;
-    document->appended = at < document->size ? at + 1 : at;
+    document->appended = (size_t)XML_GetCurrentByteIndex(parse->parser) + (size_t)XML_GetCurrentByteCount(parse->parser);
     document->appended_raw = encoding && strcmp(encoding, "raw") == 0;
     XML_StopParser(parse->parser, XML_FALSE);
 }
@@ -309,13 +306,37 @@ static void XMLCALL on_end(void *opaque, const char *name)
         parse->section = VTKXML_ELSEWHERE;
 }
 
+/* Loads a file's beginning up to `end`; what cannot be read is where the document ends. */
+static bool load(struct vtkxml_document *document, size_t end)
+{
+    end = end < document->size ? end : document->size;
+    if (end <= document->loaded)
+        return true;
+    if (!array_reserve((void **)&document->owned, &document->capacity, end, 1))
+        return false;
+    size_t wanted = end - document->loaded;
+    size_t got = file_input_read(document->file, document->loaded, wanted, document->owned + document->loaded);
+    document->bytes = document->owned;
+    document->loaded += got;
+    document->size = got < wanted ? document->loaded : document->size;
+    return true;
+}
+
+static enum tetlod_status fail_parser(const struct parse *parse)
+{
+    return tetlodi_fail_nomem(parse->error, "the XML parser", parse->document->size);
+}
+
 static enum tetlod_status feed(struct parse *parse)
 {
-    enum { CHUNK = 1 << 24 }; // XML_Parse takes an int
-    const struct vtkxml_document *document = parse->document;
-    for (size_t at = 0;;) {
-        size_t left = document->size - at, size = left < CHUNK ? left : CHUNK;
-        if (XML_Parse(parse->parser, (const char *)document->bytes + at, (int)size, size == left) != XML_STATUS_OK)
+    enum { FIRST = 1 << 18, CHUNK = 1 << 24 }; // XML_Parse takes an int
+    struct vtkxml_document *document = parse->document;
+    for (size_t at = 0, size = FIRST;; size = CHUNK) {
+        if (!load(document, at + size))
+            return fail_parser(parse);
+        size_t left = document->loaded - at;
+        size = size < left ? size : left;
+        if (XML_Parse(parse->parser, (const char *)document->bytes + at, (int)size, at + size == document->size) != XML_STATUS_OK)
             break;
         at += size;
         if (at == document->size)
@@ -325,25 +346,46 @@ static enum tetlod_status feed(struct parse *parse)
     if (why == XML_ERROR_ABORTED)
         return parse->status;
     if (why == XML_ERROR_NO_MEMORY)
-        return tetlodi_fail_nomem(parse->error, "the XML parser", document->size);
+        return fail_parser(parse);
     return tetlodi_fail(parse->error, TETLOD_ERR_MESH, "line %lu: not well-formed XML: %s", line_of(parse),
                         why == XML_ERROR_NO_ELEMENTS ? "the file ends too early" : XML_ErrorString(why));
 }
 
-enum tetlod_status vtkxml_parse(struct vtkxml_document *document, const unsigned char *bytes, size_t size,
-                             struct io_report *report, struct tetlod_error *error)
+/* Appended data begins behind the underscore after its tag. Of base64, all is loaded. */
+static enum tetlod_status find_appended(struct parse *parse)
 {
-    *document = (struct vtkxml_document){.bytes = bytes, .size = size, .header_size = 4, .appended = size,
+    enum { STEP = 4096 };
+    struct vtkxml_document *document = parse->document;
+    size_t at = document->appended;
+    for (; at < document->size; at++) {
+        if (!load(document, at + STEP))
+            return fail_parser(parse);
+        if (at < document->loaded && document->bytes[at] == '_')
+            break;
+    }
+    document->appended = at < document->size ? at + 1 : document->size;
+    return document->appended_raw || load(document, document->size) ? TETLOD_OK : fail_parser(parse);
+}
+
+enum tetlod_status vtkxml_parse(struct vtkxml_document *document, const struct io_input *input, struct io_report *report,
+                                struct tetlod_error *error)
+{
+    size_t size = input->file ? input->file->size : input->size;
+    *document = (struct vtkxml_document){.file = input->file, .size = size, .header_size = 4, .appended = size,
                                           .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+    if (!input->file) {
+        document->bytes = input->bytes;
+        document->loaded = size;
+    }
     struct parse parse = {.document = document, .report = report, .status = TETLOD_OK, .error = error};
     parse.parser = XML_ParserCreate(NULL);
     if (!parse.parser)
-        return tetlodi_fail_nomem(error, "the XML parser", 0);
+        return fail_parser(&parse);
     XML_SetUserData(parse.parser, &parse);
     XML_SetElementHandler(parse.parser, on_start, on_end);
     enum tetlod_status status = feed(&parse);
     XML_ParserFree(parse.parser);
-    return status;
+    return status == TETLOD_OK ? find_appended(&parse) : status;
 }
 
 void vtkxml_document_fini(struct vtkxml_document *document)
@@ -359,6 +401,7 @@ void vtkxml_document_fini(struct vtkxml_document *document)
     free(document->arrays);
     free(document->pieces);
     free(document->parts);
+    free(document->owned);
     *document = (struct vtkxml_document){0};
 }
 

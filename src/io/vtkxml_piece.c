@@ -148,25 +148,24 @@ static enum tetlod_status read_structured(struct reader *r)
 
 /* ---- cells */
 
-static bool all_tets(const struct cells *cells)
-{
-    for (uint64_t c = 0; c < cells->count; c++)
-        if (cells->types[c] != VTK_TYPE_TET || cells->offsets[c + 1] != 4 * (c + 1))
-            return false;
-    return true;
-}
-
+/* The types and offsets of cells, unless all are tetrahedra: most meshes are, and then neither needs room. */
 static enum tetlod_status read_types(struct reader *r, struct cells *cells)
 {
     const struct vtkxml_array *types, *offsets;
+    bool all_tets;
+    size_t count = (size_t)r->cells;
     TETLOD_TRY(require_array(r, VTKXML_CELLS, "types", 1, r->cells, &types));
     TETLOD_TRY(require_array(r, VTKXML_CELLS, "offsets", 1, r->cells, &offsets));
-    size_t count = (size_t)r->cells;
+    cells->count = r->cells;
+    TETLOD_TRY(vtkxml_is_sequence(r->document, types, count, VTK_TYPE_TET, 0, &all_tets, r->error));
+    if (all_tets)
+        TETLOD_TRY(vtkxml_is_sequence(r->document, offsets, count, 4, 4, &all_tets, r->error));
+    if (all_tets)
+        return TETLOD_OK;
     cells->types = array_new(count, 1);
     cells->offsets = array_new(count + 1, sizeof *cells->offsets);
     if (!cells->types || !cells->offsets)
         return tetlodi_fail_nomem(r->error, "the cells", (uint64_t)count * 9);
-    cells->count = r->cells;
     TETLOD_TRY(vtkxml_values(r->document, types, count, VTKXML_BYTES, cells->types, r->error));
     cells->offsets[0] = 0;
     TETLOD_TRY(vtkxml_values(r->document, offsets, count, VTKXML_INTS, cells->offsets + 1, r->error));
@@ -179,15 +178,9 @@ static enum tetlod_status read_types(struct reader *r, struct cells *cells)
 static enum tetlod_status read_connectivity(struct reader *r, struct cells *cells)
 {
     const struct vtkxml_array *connectivity;
-    uint64_t corners = cells->offsets[cells->count];
+    uint64_t corners = cells->types ? cells->offsets[cells->count] : 4 * cells->count;
     TETLOD_TRY(require_array(r, VTKXML_CELLS, "connectivity", 1, 0, &connectivity));
     TETLOD_TRY(vtkxml_check_count(r->document, connectivity, corners, r->error));
-    if (all_tets(cells)) {
-        free(cells->types);
-        free(cells->offsets);
-        cells->types = NULL;
-        cells->offsets = NULL;
-    }
     cells->connectivity = array_new((size_t)corners, sizeof *cells->connectivity);
     if (!cells->connectivity)
         return tetlodi_fail_nomem(r->error, "the cells", corners * sizeof *cells->connectivity);

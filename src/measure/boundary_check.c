@@ -19,6 +19,9 @@
 /* Parts of a face that are looked at, at most; where there are many faces; and where the boundary is where it was. */
 enum { MOST_PARTS = 341, MOST_PARTS_OF_MANY = 21, MOST_PARTS_KEPT = 5, MANY_FACES = 5000, MOST_DEPTH = 12 };
 
+/* Faces that are asked before all are searched; vertices of them that are kept for the next level. */
+enum { MOST_NEAR = 8, WITNESSES = 6 };
+
 /* How far a boundary may be off by rounding, as a fraction of the diagonal (build.c: BOUNDARY_KEPT). */
 static const double KEPT = 1e-12;
 
@@ -27,8 +30,8 @@ struct boundary_check {
     const uint32_t *bodies;
     unsigned threads;
     struct mesh_surface surface; /* of the original */
-    uint32_t *witnesses;         /* [3 * face of it] vertices of the level's face that is near to all of it, or TETLOD_NONE */
-    double rounding;
+    uint32_t *witnesses;         /* [WITNESSES * face of it] vertices of the level's faces that are near to what was looked at of it; TETLOD_NONE */
+    double rounding, limit;      /* limit: of the level before */
 };
 
 /* One way. */
@@ -45,7 +48,9 @@ struct way {
 /* A triangle that is being looked at. */
 struct look {
     const struct way *way;
-    uint32_t body, witness; /* the face of `to` that is near to all of it, as 4 * tet + face, or TETLOD_NONE */
+    uint32_t body, near[MOST_NEAR]; /* faces of `to`, as 4 * tet + face: each point so far is near one of them, */
+    int near_count;
+    bool more;                      /* or near others */
     int parts, most;
     double distance, found; /* of the last point; the largest above the limit */
 };
@@ -64,19 +69,46 @@ static double exact_distance(const struct look *look, const double p[3])
     return sqrt(best);
 }
 
-static void test_point(struct look *look, const double p[3], uint32_t *out_face)
-{
-    double distance = mesh_surface_distance(look->way->to, look->body, p, 0, out_face);
-    if (distance > look->way->limit)
-        distance = exact_distance(look, p);
-    look->distance = distance;
-    if (distance > look->way->limit)
-        look->found = larger(look->found, distance);
-}
-
 static uint32_t face_vertex(const struct way *way, uint32_t face, int k)
 {
     return way->to_corners[(face & ~(size_t)3) + tet_faces[face & 3][k]];
+}
+
+static void face_corners(const struct way *way, uint32_t face, const double *out[3])
+{
+    for (int k = 0; k < 3; k++)
+        out[k] = way->to->positions + 3 * (size_t)face_vertex(way, face, k);
+}
+
+/* The least distance from the faces that were near to points before. */
+static double distance_of_near(const struct look *look, const double p[3], uint32_t *out_face)
+{
+    double best = INFINITY, weights[3];
+    for (int i = 0; i < look->near_count; i++) {
+        const double *q[3];
+        face_corners(look->way, look->near[i], q);
+        double distance2 = triangle_distance2(p, q[0], q[1], q[2], weights);
+        *out_face = distance2 < best ? look->near[i] : *out_face;
+        best = smaller(best, distance2);
+    }
+    return sqrt(best);
+}
+
+/* Sets look->distance, to that of a face within the limit if there is one. */
+static void test_point(struct look *look, const double p[3], uint32_t *out_face)
+{
+    look->distance = distance_of_near(look, p, out_face);
+    if (look->distance <= look->way->limit)
+        return;
+    look->distance = mesh_surface_distance(look->way->to, look->body, p, look->way->check->rounding, out_face);
+    bool sure = look->distance <= look->way->limit && look->near_count < MOST_NEAR;
+    if (sure)
+        look->near[look->near_count++] = *out_face;
+    look->more |= !sure;
+    if (look->distance > look->way->limit)
+        look->distance = exact_distance(look, p);
+    if (look->distance > look->way->limit)
+        look->found = larger(look->found, look->distance);
 }
 
 /* Is the face near enough to all of the triangle? The distance from a triangle is largest at a corner. */
@@ -84,8 +116,7 @@ static bool is_near(const struct look *look, const double *const p[3], uint32_t 
 {
     const double *q[3];
     double weights[3], most = 0;
-    for (int k = 0; k < 3; k++)
-        q[k] = look->way->to->positions + 3 * (size_t)face_vertex(look->way, face, k);
+    face_corners(look->way, face, q);
     for (int k = 0; k < 3; k++)
         most = larger(most, triangle_distance2(p[k], q[0], q[1], q[2], weights));
     return sqrt(most) <= look->way->limit;
@@ -111,7 +142,11 @@ static void look_at(struct look *look, const double *const p[3], int depth)
     if (look->found > 0 || face == TETLOD_NONE || look->distance + sqrt(reach) <= look->way->limit)
         return;
     if (is_near(look, p, face)) {
-        look->witness = depth == 0 ? face : TETLOD_NONE;
+        if (depth == 0) { // it alone will do
+            look->near[0] = face;
+            look->near_count = 1;
+            look->more = false;
+        }
         return;
     }
     for (int k = 0; k < 3; k++) {
@@ -128,8 +163,29 @@ static void look_at(struct look *look, const double *const p[3], int depth)
 /* Was the face looked at before, and is all that it was held against what it was? */
 static bool is_known(const struct way *way, size_t face)
 {
-    const uint32_t *of = way->forth ? way->check->witnesses + 3 * face : way->from->triangles + 3 * face;
-    return way->touched && of[0] != TETLOD_NONE && !way->touched[of[0]] && !way->touched[of[1]] && !way->touched[of[2]];
+    const uint32_t *of = way->forth ? way->check->witnesses + WITNESSES * face : way->from->triangles + 3 * face;
+    bool known = way->touched && of[0] != TETLOD_NONE;
+    for (int k = 0; known && k < (way->forth ? WITNESSES : 3); k++)
+        known = of[k] == TETLOD_NONE || !way->touched[of[k]];
+    return known;
+}
+
+/* The vertices of the faces that all points were near to; none if there are too many. */
+static void keep_witnesses(const struct look *look, uint32_t out[WITNESSES])
+{
+    int count = 0;
+    memset(out, 0xff, WITNESSES * sizeof *out);
+    for (int i = 0; i < 3 * look->near_count && !look->more && count <= WITNESSES; i++) {
+        uint32_t v = face_vertex(look->way, look->near[i / 3], i % 3);
+        bool is_new = true;
+        for (int k = 0; k < count; k++)
+            is_new &= out[k] != v;
+        if (is_new && count < WITNESSES)
+            out[count] = v;
+        count += is_new;
+    }
+    if (count > WITNESSES)
+        out[0] = TETLOD_NONE;
 }
 
 static int most_parts(const struct way *way)
@@ -150,8 +206,7 @@ static void look_at_faces(void *context, unsigned worker, size_t begin, size_t e
         way->found[f] = 0;
         if (is_known(way, f))
             continue;
-        struct look look = {.way = way, .body = way->check->bodies ? way->check->bodies[v[0]] : 0, .witness = TETLOD_NONE,
-                            .most = most_parts(way)};
+        struct look look = {.way = way, .body = way->check->bodies ? way->check->bodies[v[0]] : 0, .most = most_parts(way)};
         for (int k = 0; k < 3; k++) {
             p[k] = way->from->positions + 3 * (size_t)v[k];
             test_point(&look, p[k], &face);
@@ -159,8 +214,8 @@ static void look_at_faces(void *context, unsigned worker, size_t begin, size_t e
         if (!(look.found > 0))
             look_at(&look, p, 0);
         way->found[f] = look.found;
-        for (size_t k = 0; k < 3 && way->forth; k++)
-            way->check->witnesses[3 * f + k] = look.witness == TETLOD_NONE ? TETLOD_NONE : face_vertex(way, look.witness, (int)k);
+        if (way->forth)
+            keep_witnesses(&look, way->check->witnesses + WITNESSES * f);
     }
 }
 
@@ -196,6 +251,9 @@ enum tetlod_status boundary_check_level(struct boundary_check *check, const stru
 {
     struct mesh_surface surface = {0};
     *out_distance = 0;
+    if (limit < check->limit) // what was near enough then may not be now
+        touched = NULL;
+    check->limit = limit;
     TETLOD_TRY(make_surface(&surface, level, check->bodies, error));
     struct way forth = {.check = check, .from = &check->surface, .to = &surface, .to_corners = level->corners, .touched = touched, .forth = true};
     forth.limit = limit * (1 + 1e-9) + check->rounding;
@@ -224,10 +282,10 @@ enum tetlod_status boundary_check_new(struct boundary_check **out, const struct 
     for (size_t i = 0; i < 3 * (size_t)original->vertex_count; i++)
         check->rounding = larger(check->rounding, 16 * DBL_EPSILON * fabs(original->positions[i]));
     TETLOD_TRY_DONE(make_surface(&check->surface, original, bodies, error));
-    check->witnesses = array_new(check->surface.count, 3 * sizeof *check->witnesses);
+    check->witnesses = array_new(check->surface.count, WITNESSES * sizeof *check->witnesses);
     if (!check->witnesses)
-        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", check->surface.count * (uint64_t)12));
-    memset(check->witnesses, 0xff, 3 * (size_t)check->surface.count * sizeof *check->witnesses);
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", check->surface.count * (uint64_t)(WITNESSES * sizeof *check->witnesses)));
+    memset(check->witnesses, 0xff, WITNESSES * (size_t)check->surface.count * sizeof *check->witnesses);
     *out = check;
 done:
     if (status != TETLOD_OK)

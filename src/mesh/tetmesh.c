@@ -97,19 +97,21 @@ static void keep_rows(double *values, uint32_t width, const uint32_t *target, ui
             memmove(values + (size_t)target[v] * width, values + (size_t)v * width, width * sizeof *values);
 }
 
-enum tetlod_status tetmesh_drop_unused(struct tetmesh *mesh, struct tetlod_error *error)
+/* New numbers of the points that are marked; gives how many there are. */
+static uint32_t number_used(const unsigned char *used, uint32_t count, uint32_t *target)
+{
+    uint32_t kept = 0;
+    for (uint32_t v = 0; v < count; v++)
+        target[v] = used[v] ? kept++ : TETLOD_NONE;
+    return kept;
+}
+
+static enum tetlod_status keep_used(struct tetmesh *mesh, const unsigned char *used, struct tetlod_error *error)
 {
     uint32_t *target = array_new(mesh->vertex_count, sizeof *target);
     if (!target)
         return tetlodi_fail_nomem(error, "the used points", (uint64_t)mesh->vertex_count * sizeof *target);
-    for (uint32_t v = 0; v < mesh->vertex_count; v++)
-        target[v] = TETLOD_NONE;
-    for (size_t c = 0; c < 4 * (size_t)mesh->tet_count; c++)
-        target[mesh->corners[c]] = 0;
-    uint32_t kept = 0;
-    for (uint32_t v = 0; v < mesh->vertex_count; v++)
-        if (target[v] != TETLOD_NONE)
-            target[v] = kept++;
+    uint32_t kept = number_used(used, mesh->vertex_count, target);
     keep_rows(mesh->positions, 3, target, mesh->vertex_count);
     for (uint32_t f = 0; f < mesh->field_count; f++)
         keep_rows(mesh->fields[f].values, mesh->fields[f].components, target, mesh->vertex_count);
@@ -121,41 +123,82 @@ enum tetlod_status tetmesh_drop_unused(struct tetmesh *mesh, struct tetlod_error
     return TETLOD_OK;
 }
 
+enum tetlod_status tetmesh_drop_unused(struct tetmesh *mesh, struct tetlod_error *error)
+{
+    unsigned char *used = array_zero(mesh->vertex_count, 1);
+    if (!used)
+        return tetlodi_fail_nomem(error, "the used points", mesh->vertex_count);
+    for (size_t c = 0; c < 4 * (size_t)mesh->tet_count; c++)
+        used[mesh->corners[c]] = 1;
+    enum tetlod_status status = memchr(used, 0, mesh->vertex_count) ? keep_used(mesh, used, error) : TETLOD_OK;
+    free(used);
+    return status;
+}
+
+size_t tetmesh_find_outside(const uint32_t *corners, size_t count, uint32_t vertex_count)
+{
+    enum { STEP = 4096 };
+    for (size_t begin = 0; begin < count; begin += STEP) {
+        size_t end = count - begin < STEP ? count : begin + STEP;
+        uint32_t outside = 0;
+        for (size_t c = begin; c < end; c++)
+            outside |= corners[c] >= vertex_count;
+        for (size_t c = begin; outside && c < end; c++)
+            if (corners[c] >= vertex_count)
+                return c;
+    }
+    return count;
+}
+
 static bool has_repeated_corner(const uint32_t *c)
 {
-    return c[0] == c[1] || c[0] == c[2] || c[0] == c[3] || c[1] == c[2] || c[1] == c[3] || c[2] == c[3];
+    return (c[0] == c[1]) | (c[0] == c[2]) | (c[0] == c[3]) | (c[1] == c[2]) | (c[1] == c[3]) | (c[2] == c[3]);
 }
 
 enum tetlod_status tetmesh_validate_tets(const struct tetmesh *mesh, struct tetlod_error *error)
 {
     if (mesh->tet_count == 0)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "there is no tetrahedron in it");
-    for (size_t c = 0; c < 4 * (size_t)mesh->tet_count; c++)
-        if (mesh->corners[c] >= mesh->vertex_count)
-            return tetlodi_fail(error, TETLOD_ERR_MESH, "tetrahedron %zu refers to point %u, but there are only %u points",
-                                c / 4, mesh->corners[c], mesh->vertex_count);
+    size_t count = 4 * (size_t)mesh->tet_count, outside = tetmesh_find_outside(mesh->corners, count, mesh->vertex_count);
+    if (outside < count)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "tetrahedron %zu refers to point %u, but there are only %u points",
+                            outside / 4, mesh->corners[outside], mesh->vertex_count);
     for (size_t t = 0; t < mesh->tet_count; t++)
         if (has_repeated_corner(mesh->corners + 4 * t))
             return tetlodi_fail(error, TETLOD_ERR_MESH, "tetrahedron %zu names the same point twice", t);
     return TETLOD_OK;
 }
 
+/* The first of some values that is not finite, or their number. */
+static size_t find_infinite(const double *values, size_t count)
+{
+    size_t i = 0;
+    while (i < count && isfinite(values[i]))
+        i++;
+    return i;
+}
+
+enum tetlod_status tetmesh_validate_values(const struct tetmesh *mesh, struct tetlod_error *error)
+{
+    size_t count = 3 * (size_t)mesh->vertex_count, i = find_infinite(mesh->positions, count);
+    if (i < count)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "point %zu: its %c coordinate is not a finite number", i / 3, "xyz"[i % 3]);
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        const struct point_field *field = &mesh->fields[f];
+        count = (size_t)mesh->vertex_count * field->components;
+        i = find_infinite(field->values, count);
+        if (i < count)
+            return tetlodi_fail(error, TETLOD_ERR_MESH, "field %s: its value at point %zu is not a finite number%s",
+                                field->name, i / field->components,
+                                isnan(field->values[i]) ? " but NaN; --nan-fill gives such points one" : "");
+    }
+    return TETLOD_OK;
+}
+
 enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, struct tetlod_error *error)
 {
     TETLOD_TRY(tetmesh_validate_tets(mesh, error));
-    for (size_t i = 0; i < 3 * (size_t)mesh->vertex_count; i++)
-        if (!isfinite(mesh->positions[i]))
-            return tetlodi_fail(error, TETLOD_ERR_MESH, "point %zu: its %c coordinate is not a finite number", i / 3,
-                                "xyz"[i % 3]);
-    for (uint32_t f = 0; f < mesh->field_count; f++) {
-        const struct point_field *field = &mesh->fields[f];
-        for (size_t i = 0; i < (size_t)mesh->vertex_count * field->components; i++)
-            if (!isfinite(field->values[i]))
-                return tetlodi_fail(error, TETLOD_ERR_MESH, "field %s: its value at point %zu is not a finite number%s",
-                                    field->name, i / field->components,
-                                    isnan(field->values[i]) ? " but NaN; --nan-fill gives such points one" : "");
-    }
-    return TETLOD_OK;
+    return tetmesh_validate_values(mesh, error);
 }
 
 void point_field_range(const struct point_field *field, uint32_t vertex_count, double range[2])

@@ -59,8 +59,12 @@ TETLOD_CHECKED enum tetlod_status tetmesh_drop_unused(struct tetmesh *mesh, stru
  * coordinates and values finite. The message names the first offender. */
 TETLOD_CHECKED enum tetlod_status tetmesh_validate(const struct tetmesh *mesh, struct tetlod_error *error);
 
-/* The first half of it: tetrahedra and their corners. */
+/* Its two halves: tetrahedra and their corners, then coordinates and values. */
 TETLOD_CHECKED enum tetlod_status tetmesh_validate_tets(const struct tetmesh *mesh, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status tetmesh_validate_values(const struct tetmesh *mesh, struct tetlod_error *error);
+
+/* The first corner that is not a number of one of so many points, or `count`. */
+size_t tetmesh_find_outside(const uint32_t *corners, size_t count, uint32_t vertex_count);
 
 /* Least and greatest over all components. */
 void point_field_range(const struct point_field *field, uint32_t vertex_count, double range[2]);

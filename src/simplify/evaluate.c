@@ -139,7 +139,7 @@ static void wait_for(struct waiting *waiting, double error, bool possible)
 static void consider(const struct run *run, struct worker *worker, struct candidate candidate, bool possible,
                      bool followed, uint32_t *count, struct waiting *waiting)
 {
-    double limit = run->limit * (1 + ROUNDING);
+    double limit = run->limit * (1 + LIMIT_TIE);
     if (!(candidate.error <= limit) || !(possible && followed)) {
         wait_for(waiting, candidate.error, possible || !followed);
         return;
@@ -240,7 +240,7 @@ static enum log_refusal examine(const struct run *run, struct worker *worker, st
     if (!set_bounds(run, worker, candidate))
         return refuse(worker, LOG_REFUSED_FLIP);
     candidate->error = larger(candidate->error, assigned_error(run, worker, NULL));
-    if (candidate->error > run->limit * (1 + ROUNDING))
+    if (candidate->error > run->limit * (1 + LIMIT_TIE))
         return LOG_REFUSALS;
     if (candidate->middle)
         middle_of(working, ends[0], ends[1], p);
@@ -290,7 +290,7 @@ static void propose(const struct run *run, struct worker *worker, uint32_t slot,
 static bool choose(const struct run *run, struct worker *worker, uint32_t slot, uint32_t count, struct waiting *waiting)
 {
     struct candidate *candidates = worker->candidates;
-    double limit = run->limit * (1 + ROUNDING);
+    double limit = run->limit * (1 + LIMIT_TIE);
     int middles = 0; // examined
     while (count) {
         uint32_t best = 0;
@@ -339,7 +339,7 @@ static bool evaluate_frozen(const struct run *run, struct worker *worker, struct
         struct candidate candidate = {.error = assigned_error(run, worker, NULL), .neighbour = n};
         bool holds = links_hold(&worker->links, hood, working, n, &room);
         worker->failed |= !room;
-        if (holds && candidate.error <= run->limit * (1 + ROUNDING)) {
+        if (holds && candidate.error <= run->limit * (1 + LIMIT_TIE)) {
             propose(run, worker, hood->vertex, &candidate);
             return true;
         }

@@ -12,6 +12,7 @@
 #define TETLOD_EVALUATE_H
 
 #include "src/simplify/kernels.h"
+#include "src/simplify/ladder.h"
 #include "src/simplify/links.h"
 #include "src/simplify/border.h"
 
@@ -65,9 +66,6 @@ struct run {
     const double *certified; /* [component] the errors that the rounds before have come to, fractions of the range */
     uint32_t round;
 };
-
-/* The tolerance of the limit: exact ties with round limits are common in regular meshes (PROOF.md, 3). */
-static const double ROUNDING = 1e-9;
 
 /* Rows of the worker's numbers: `gap` U - L at the vertex, `upper` and `lower` of the result, `rise` U and L of the other end less
  * the vertex's (two for each component). */

@@ -8,6 +8,10 @@
 #include <math.h>
 #include <stdbool.h>
 
+/* What a contraction may be above a rung's limit by the rounding of its bounds: it still counts as the limit. Exact ties with round limits
+ * are common in regular meshes (PROOF.md, 3). */
+static const double LIMIT_TIE = 1e-9;
+
 /* The rung above the limit. steps_from: the least error with steps between. *out_named: levels are named after it. */
 static inline double next_limit(double limit, double most, double steps_from, bool *out_named)
 {

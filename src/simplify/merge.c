@@ -329,7 +329,7 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
         add_demands(run, worker);
     }
     double error = assigned_error(run, worker, values);
-    if (!(error <= run->limit * (1 + ROUNDING))) {
+    if (!(error <= run->limit * (1 + LIMIT_TIE))) {
         refuse(run, worker, slot, error, LOG_REFUSED_ROUNDING);
         return;
     }

@@ -11,7 +11,7 @@
 #include "src/util/array.h"
 
 /* The limit is held by this much more, so that who measures again, in another order of operations, finds it held. */
-static const double ROUNDING = 1e-9;
+static const double SPARE = 1e-9;
 
 /* A sample whose weight at the new vertex is less does not ask anything of its value. */
 static const double WEIGHTLESS = 1e-9;
@@ -351,6 +351,7 @@ static bool attempt_all(struct sampler *sampler, const struct complex *complex, 
         trials[t].error = trials[t].cost = 0;
         trials[t].witness[0] = trials[t].witness[1] = TETLOD_NONE;
         make_cones(attempt->cones, complex, star, &trials[t]);
+        trials[t].possible &= attempt->cone_count > 0; // a body of its own does not vanish
         any |= trials[t].possible;
     }
     return any;
@@ -363,7 +364,7 @@ enum tetlod_status samples_try(const struct samples *samples, struct sampler *sa
     TETLOD_TRY(reserve(sampler, samples, fields, star, count, error));
     if (!attempt_all(sampler, complex, fields, star, trials, count))
         return TETLOD_OK;
-    take_all(samples, sampler, fields, star, limit * (1 - ROUNDING), horizon, trials, count);
+    take_all(samples, sampler, fields, star, limit * (1 - SPARE), horizon, trials, count);
     for (uint32_t t = 0; t < count; t++) {
         if (trials[t].possible && trials[t].error == 0)
             settle(sampler, fields, t, &trials[t]);

@@ -27,10 +27,6 @@ static const double HOPE = 1.2, NEAR = 1.1;
  * named after. */
 static const double CHANCE = 1, CHANCE_NAMED = 1.4;
 
-/* What a contraction may be above the limit by the rounding of its bounds: it still counts as the limit. Exact ties with
- * round limits are common in regular meshes. */
-static const double ROUNDING = 1e-9;
-
 /* Into the queue, or with those that wait for a higher rung. */
 static enum tetlod_status file(struct run *run, const struct queue_entry *entry, bool allowed)
 {
@@ -190,7 +186,7 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
     judge_assigned(run, judge, run->assigned);
     fields_outcome(run->fields, run->complex, star, &judge->map, p, run->assigned, run->outcome);
     double certified = outcome_error(run->fields, run->outcome);
-    if (metric_is_certified(run->options->metric) && certified > run->limit * (1 + ROUNDING)) { // its rounding is too much
+    if (metric_is_certified(run->options->metric) && certified > run->limit * (1 + LIMIT_TIE)) { // its rounding is too much
         judge->refused[LOG_REFUSED_ROUNDING]++;
         return refuse(run, *entry, certified);
     }

@@ -21,35 +21,46 @@ static enum tetlod_status fail_errno(struct tetlod_error *error, const char *pat
     return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot %s: %s", path, doing, strerror(errno));
 }
 
-static enum tetlod_status read_open_file(int fd, const char *path, unsigned char **out_bytes, size_t *out_size,
-                                         struct tetlod_error *error)
+enum tetlod_status file_input_open(struct file_input *out, const char *path, struct tetlod_error *error)
 {
     struct stat about;
+    *out = (struct file_input){-1, 0};
+    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    if (fd < 0)
+        return fail_errno(error, path, "open");
+    enum tetlod_status status = TETLOD_OK;
     if (fstat(fd, &about) != 0)
-        return fail_errno(error, path, "read");
-    if (S_ISDIR(about.st_mode))
-        return tetlodi_fail(error, TETLOD_ERR_IO, "%s: is a directory, not a file", path);
-    if (!S_ISREG(about.st_mode))
-        return tetlodi_fail(error, TETLOD_ERR_IO, "%s: is not a regular file", path);
-    size_t size = (size_t)about.st_size, done = 0;
-    unsigned char *bytes = array_new(size, 1);
-    if (!bytes)
-        return tetlodi_fail(error, TETLOD_ERR_NOMEM, "%s: out of memory (the file has %zu bytes)", path, size);
+        status = fail_errno(error, path, "read");
+    else if (S_ISDIR(about.st_mode))
+        status = tetlodi_fail(error, TETLOD_ERR_IO, "%s: is a directory, not a file", path);
+    else if (!S_ISREG(about.st_mode))
+        status = tetlodi_fail(error, TETLOD_ERR_IO, "%s: is not a regular file", path);
+    if (status == TETLOD_OK)
+        *out = (struct file_input){fd, (size_t)about.st_size};
+    else
+        close(fd);
+    return status;
+}
+
+void file_input_close(struct file_input *file)
+{
+    if (file->fd >= 0)
+        close(file->fd);
+    file->fd = -1;
+}
+
+size_t file_input_read(const struct file_input *file, size_t at, size_t size, void *out)
+{
+    size_t done = 0;
     while (done < size) {
-        ssize_t got = read(fd, bytes + done, size - done);
+        ssize_t got = pread(file->fd, (char *)out + done, size - done, (off_t)(at + done));
         if (got < 0 && errno == EINTR)
             continue;
-        if (got < 0) {
-            free(bytes);
-            return fail_errno(error, path, "read");
-        }
-        if (got == 0)
-            break; // it shrank meanwhile: the reader will say what is missing
+        if (got <= 0)
+            break; // it shrank meanwhile, or cannot be read
         done += (size_t)got;
     }
-    *out_bytes = bytes;
-    *out_size = done;
-    return TETLOD_OK;
+    return done;
 }
 
 bool file_same(const char *one, const char *other)
@@ -58,15 +69,31 @@ bool file_same(const char *one, const char *other)
     return stat(one, &a) == 0 && stat(other, &b) == 0 && S_ISREG(a.st_mode) && a.st_dev == b.st_dev && a.st_ino == b.st_ino;
 }
 
+enum tetlod_status file_input_whole(const struct file_input *file, const char *path, unsigned char **out_bytes, size_t *out_size,
+                                    struct tetlod_error *error)
+{
+    unsigned char *bytes = array_new(file->size, 1);
+    if (!bytes)
+        return tetlodi_fail(error, TETLOD_ERR_NOMEM, "%s: out of memory (the file has %zu bytes)", path, file->size);
+    errno = 0;
+    size_t done = file_input_read(file, 0, file->size, bytes);
+    if (done < file->size && errno) {
+        free(bytes);
+        return fail_errno(error, path, "read");
+    }
+    *out_bytes = bytes;
+    *out_size = done; // if it shrank meanwhile, the reader will say what is missing
+    return TETLOD_OK;
+}
+
 enum tetlod_status file_read(const char *path, unsigned char **out_bytes, size_t *out_size, struct tetlod_error *error)
 {
+    struct file_input file;
     *out_bytes = NULL;
     *out_size = 0;
-    int fd = open(path, O_RDONLY | O_CLOEXEC);
-    if (fd < 0)
-        return fail_errno(error, path, "open");
-    enum tetlod_status status = read_open_file(fd, path, out_bytes, out_size, error);
-    close(fd);
+    TETLOD_TRY(file_input_open(&file, path, error));
+    enum tetlod_status status = file_input_whole(&file, path, out_bytes, out_size, error);
+    file_input_close(&file);
     return status;
 }
 

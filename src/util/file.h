@@ -11,6 +11,21 @@
 TETLOD_CHECKED enum tetlod_status file_read(const char *path, unsigned char **out_bytes, size_t *out_size,
                                             struct tetlod_error *error);
 
+/* A regular file that is read range by range, by any number of threads. */
+struct file_input {
+    int fd;
+    size_t size;
+};
+TETLOD_CHECKED enum tetlod_status file_input_open(struct file_input *out, const char *path, struct tetlod_error *error);
+void file_input_close(struct file_input *file);
+
+/* How many bytes it read from `at` on: fewer than `size` where the file ends or cannot be read. */
+size_t file_input_read(const struct file_input *file, size_t at, size_t size, void *out);
+
+/* file_read of a file that is open. */
+TETLOD_CHECKED enum tetlod_status file_input_whole(const struct file_input *file, const char *path, unsigned char **out_bytes,
+                                                   size_t *out_size, struct tetlod_error *error);
+
 /* Are two paths one regular file, whatever links are on the way? */
 bool file_same(const char *one, const char *other);
 

@@ -45,9 +45,8 @@ struct attack {
 __attribute__((format(printf, 3, 4))) static void found(struct attack *a, const char *what, const char *format, ...)
 {
     va_list list;
-    printf("seed %" PRIu64 " (%s, %u tets): %s: ", a->seed, a->shape.kind, a->shape.tets, what);
     va_start(list, format);
-    vprintf(format, list);
+    shape_print_finding(&a->shape, a->seed, what, format, list);
     va_end(list);
     printf(" |%s\n", a->options);
     fflush(stdout);
@@ -97,6 +96,20 @@ static void choose_fields(struct attack *a)
     }
 }
 
+static void choose_rare_options(struct attack *a)
+{
+    if (!strstr(a->options, "domain-error") && dice_once_in(&a->dice, 3))
+        option(a, " --domain-error %s", ONE_OF(a, "0.0003", "0.001", "0.6", "1"));
+    if (!strstr(a->options, "boundary-angle") && dice_once_in(&a->dice, 4))
+        option(a, " --boundary-angle %s", ONE_OF(a, "2", "45", "120"));
+    if (dice_once_in(&a->dice, 8))
+        option(a, " --min-tets %u", 1 + dice_below(&a->dice, a->shape.tets));
+    if (a->shape.region && dice_once_in(&a->dice, 4))
+        option(a, " --region none");
+    if (strstr(a->options, "--field f0") && dice_once_in(&a->dice, 6))
+        option(a, " --carry f0");
+}
+
 static void choose_options(struct attack *a)
 {
     struct dice *dice = &a->dice;
@@ -127,6 +140,8 @@ static void choose_options(struct attack *a)
         option(a, " --max-error %s", ONE_OF(a, "0.001", "0.05", "0.5"));
     if (a->seed >= SHAPE_ODD_SEEDS && dice_once_in(dice, 4))
         option(a, " --certify-all");
+    if (a->seed >= SHAPE_RARE_SEEDS)
+        choose_rare_options(a);
     if (dice_once_in(dice, 6))
         option(a, " --candidates %u", 2 + dice_below(dice, 6));
     a->lossy = strstr(a->options, "position-") || strstr(a->options, "field-b") || strstr(a->options, "field-e");
@@ -393,7 +408,7 @@ static bool has_partner(const struct attack *a, uint32_t k, const struct oracle_
 static void check_max(struct attack *a, uint32_t k, const struct oracle_mesh *level)
 {
     struct oracle_place worst[ORACLE_MOST_VALUES];
-    oracle_overlay(&a->original, level, worst);
+    oracle_overlay(&a->original, level, domain_radius(a, k), worst);
     for (uint32_t i = 0; i < a->original.value_count; i++) {
         uint32_t f = a->field_of[i];
         double stored = error_of(a, k, f, TETLOD_MAX), range = range_of(a, f), truth = worst[i].difference;
@@ -582,7 +597,7 @@ static void release(struct attack *a)
 static unsigned attack(const char *program, const char *folder, uint64_t seed)
 {
     struct attack a = {.program = program, .folder = folder, .seed = seed, .dice = {seed * UINT64_C(0x9e3779b97f4a7c15)}};
-    (seed >= SHAPE_ODD_SEEDS ? shape_make_odd : shape_make)(&a.shape, &a.dice);
+    shape_of_seed(&a.shape, &a.dice, seed);
     choose_options(&a);
     if (build(&a) && open_stream(&a) && take_original(&a))
         check_stream(&a);

@@ -130,10 +130,11 @@ static void tet_range(const double corners[4][3], const double values[4], double
     }
 }
 
-bool oracle_partner(const struct oracle_mesh *level, uint32_t part, const double point[3], double radius, uint32_t i,
-                    double value, double within_this)
+double oracle_least_near(const struct oracle_mesh *level, uint32_t part, const double point[3], double radius, uint32_t i,
+                         quad value, double enough)
 {
-    for (uint32_t t = 0; t < level->tets; t++) {
+    double least = INFINITY;
+    for (uint32_t t = 0; t < level->tets && least > enough; t++) {
         const struct oracle_tet *tet = &level->details[t];
         const uint32_t *c = level->corners + 4 * (size_t)t;
         double corners[4][3], values[4], range[2] = {INFINITY, -INFINITY};
@@ -143,15 +144,20 @@ bool oracle_partner(const struct oracle_mesh *level, uint32_t part, const double
         if (far)
             continue;
         for (int k = 0; k < 4; k++) {
-            values[k] = level->values[i][(size_t)c[k] * level->strides[i]] - value;
+            values[k] = (double)(level->values[i][(size_t)c[k] * level->strides[i]] - value);
             for (int d = 0; d < 3; d++)
                 corners[k][d] = level->positions[3 * (size_t)c[k] + (size_t)d] - point[d];
         }
         tet_range((const double(*)[3])corners, values, radius, range);
-        if (range[0] <= within_this && range[1] >= -within_this)
-            return true;
+        least = fmin(least, fmax(0, fmax(range[0], -range[1])));
     }
-    return false;
+    return least;
+}
+
+bool oracle_partner(const struct oracle_mesh *level, uint32_t part, const double point[3], double radius, uint32_t i,
+                    double value, double within_this)
+{
+    return oracle_least_near(level, part, point, radius, i, value, within_this) <= within_this;
 }
 
 /* ---- boundaries */

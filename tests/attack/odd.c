@@ -45,47 +45,13 @@ static void overfill(struct shape *s, struct dice *dice)
     for (uint32_t i = 0; i < count && s->vertices < SHAPE_MOST_VERTICES && s->tets < SHAPE_MOST_TETS; i++) {
         uint32_t t = dice_below(dice, s->tets), c = dice_below(dice, 4), *to = s->corners + 4 * s->tets++, from = s->corners[4 * t + c];
         memcpy(to, s->corners + 4 * t, 4 * sizeof *to);
-        to[c] = s->vertices++;
+        to[c] = shape_copy_vertex(s, from);
         for (uint32_t d = 0; d < 3; d++) {
             double far = s->positions[3 * s->corners[4 * t + (c + 1) % 4] + d], *x = &s->positions[3 * to[c] + d];
             *x = s->positions[3 * from + d] + 0.3 * (s->positions[3 * from + d] - far);
             *x = s->wide ? *x : (double)(float)*x;
         }
-        s->body[to[c]] = s->body[from];
-        for (uint32_t f = 0; f < s->field_count; f++) {
-            struct shape_field *field = &s->fields[f];
-            double *grown = realloc(field->values, s->vertices * field->components * sizeof *grown);
-            if (!grown)
-                exit(2);
-            field->values = grown;
-            memcpy(grown + field->components * to[c], grown + field->components * from, field->components * sizeof *grown);
-        }
     }
-}
-
-/* Vertices that are left without a tetrahedron go. */
-static void drop_unused(struct shape *s)
-{
-    uint32_t kept = 0, *to = calloc(s->vertices, sizeof *to);
-    if (!to)
-        exit(2);
-    for (uint32_t i = 0; i < 4 * s->tets; i++)
-        to[s->corners[i]] = 1;
-    for (uint32_t v = 0; v < s->vertices; v++) {
-        if (!to[v])
-            continue;
-        memmove(s->positions + 3 * kept, s->positions + 3 * v, 3 * sizeof(double));
-        s->body[kept] = s->body[v];
-        for (uint32_t f = 0; f < s->field_count; f++) {
-            size_t n = s->fields[f].components;
-            memmove(s->fields[f].values + n * kept, s->fields[f].values + n * v, n * sizeof(double));
-        }
-        to[v] = kept++;
-    }
-    for (uint32_t i = 0; i < 4 * s->tets; i++)
-        s->corners[i] = to[s->corners[i]];
-    s->vertices = kept;
-    free(to);
 }
 
 void shape_make_odd(struct shape *out, struct dice *dice)
@@ -113,5 +79,5 @@ void shape_make_odd(struct shape *out, struct dice *dice)
         overfill(out, dice);
         out->kind = "overfull faces";
     }
-    drop_unused(out);
+    shape_drop_unused(out);
 }

@@ -37,7 +37,7 @@ struct oracle_mesh {
 };
 
 struct oracle_tet {
-    bool usable;
+    bool usable, solid; /* solid: not flat, so that it has weights */
     double low[3], high[3];
     quad to_weights[9]; /* weights 1..3 of x are this times (x - corner 0) */
     double to_weights_near[9];
@@ -58,14 +58,21 @@ void oracle_prepare(struct oracle_mesh *mesh);
 void oracle_leave_out_folds(struct oracle_mesh *mesh); /* of an original: afterwards */
 void oracle_finish(struct oracle_mesh *mesh);
 
-/* worst[i]: the largest difference of value i over the common domain, in the field's units, and where it is. */
-void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh *level, struct oracle_place worst[ORACLE_MOST_VALUES]);
+/* worst[i]: the largest difference of value i over the common domain, in the field's units, and where it is. Where the original overlaps
+ * itself, the level's best value within `radius` counts: the sheet that the value is of may have moved away by as much, and another one
+ * be there. */
+void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh *level, double radius,
+                    struct oracle_place worst[ORACLE_MOST_VALUES]);
 
 /* Weights of x in a tetrahedron. */
 void oracle_weights(const struct oracle_mesh *mesh, uint32_t tet, const quad x[3], quad weights[4]);
 
 /* The smallest difference of value i from `value` at a point, among the level's tetrahedra of a part that hold it: false where none does. */
 bool oracle_difference_at(const struct oracle_mesh *level, uint32_t part, const double point[3], uint32_t i, double value, double *out);
+
+/* The least difference of value i from `value` among the points of the level's part within `radius`, or one that is `enough`. */
+double oracle_least_near(const struct oracle_mesh *level, uint32_t part, const double point[3], double radius, uint32_t i,
+                         quad value, double enough);
 
 /* Is there a point of the level's part within `radius` whose value i is within `within` of `value`? */
 bool oracle_partner(const struct oracle_mesh *level, uint32_t part, const double point[3], double radius, uint32_t i,

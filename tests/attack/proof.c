@@ -45,9 +45,8 @@ struct proof {
 __attribute__((format(printf, 3, 4))) static void found(struct proof *p, const char *what, const char *format, ...)
 {
     va_list list;
-    printf("seed %" PRIu64 " (%s, %u tets): %s: ", p->seed, p->shape.kind, p->shape.tets, what);
     va_start(list, format);
-    vprintf(format, list);
+    shape_print_finding(&p->shape, p->seed, what, format, list);
     va_end(list);
     printf(" | metric %d, certify %d, contract %u, domain %g, angle %g\n", p->options.metric, p->options.certify, p->options.contract,
            p->options.boundary_limit / mesh_diagonal(&p->mesh), p->options.boundary_angle);
@@ -143,7 +142,7 @@ static double radius(const struct proof *p, uint32_t mark)
 static void check_max(struct proof *p, uint32_t mark, const struct oracle_mesh *level)
 {
     struct oracle_place worst[ORACLE_MOST_VALUES];
-    oracle_overlay(&p->original, level, worst);
+    oracle_overlay(&p->original, level, radius(p, mark), worst);
     for (uint32_t c = 0; c < p->original.value_count; c++) {
         double scale = p->log.components[c].scale, certified = p->log.certified[(size_t)mark * p->log.component_count + c];
         bool moved = p->log.marks[mark].moved > 1e-9 * mesh_diagonal(&p->mesh);
@@ -215,7 +214,7 @@ static unsigned attack(uint64_t seed)
 {
     struct proof p = {.seed = seed, .dice = {seed * UINT64_C(0xd1342543de82ef95)}};
     struct tetlod_error error = {0};
-    (seed >= SHAPE_ODD_SEEDS ? shape_make_odd : shape_make)(&p.shape, &p.dice);
+    shape_of_seed(&p.shape, &p.dice, seed);
     if (p.shape.tets <= MOST_TETS && make_mesh(&p)) {
         choose_options(&p);
         if (simplify(&p.log, &p.mesh, p.controlled, p.controlled_count, NULL, &p.options, &error) == TETLOD_OK)

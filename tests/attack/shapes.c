@@ -6,6 +6,7 @@
  */
 #include "tests/attack/shapes.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -373,24 +374,47 @@ static const char *make_kind(struct shape *s, struct dice *dice)
     }
 }
 
-static void drop_unused(struct shape *s)
+void shape_drop_unused(struct shape *s)
 {
-    uint32_t *to = malloc(s->vertices * sizeof *to), kept = 0;
+    uint32_t kept = 0, *to = calloc(s->vertices, sizeof *to);
     if (!to)
         exit(2);
-    memset(to, 0, s->vertices * sizeof *to);
     for (uint32_t i = 0; i < 4 * s->tets; i++)
         to[s->corners[i]] = 1;
-    for (uint32_t v = 0; v < s->vertices; v++)
-        if (to[v]) {
-            memmove(s->positions + 3 * kept, s->positions + 3 * v, 3 * sizeof(double));
-            s->body[kept] = s->body[v];
-            to[v] = kept++;
+    for (uint32_t v = 0; v < s->vertices; v++) {
+        if (!to[v])
+            continue;
+        memmove(s->positions + 3 * kept, s->positions + 3 * v, 3 * sizeof(double));
+        s->body[kept] = s->body[v];
+        for (uint32_t f = 0; f < s->field_count; f++) {
+            size_t n = s->fields[f].components;
+            memmove(s->fields[f].values + n * kept, s->fields[f].values + n * v, n * sizeof(double));
         }
+        to[v] = kept++;
+    }
     for (uint32_t i = 0; i < 4 * s->tets; i++)
         s->corners[i] = to[s->corners[i]];
     s->vertices = kept;
     free(to);
+}
+
+uint32_t shape_copy_vertex(struct shape *s, uint32_t v)
+{
+    uint32_t copy = s->vertices++;
+    if (copy == SHAPE_MOST_VERTICES)
+        exit(2);
+    memcpy(s->positions + 3 * copy, s->positions + 3 * v, 3 * sizeof(double));
+    s->body[copy] = s->body[v];
+    for (uint32_t f = 0; f < s->field_count; f++) {
+        struct shape_field *field = &s->fields[f];
+        size_t n = field->components;
+        double *grown = realloc(field->values, s->vertices * n * sizeof *grown);
+        if (!grown)
+            exit(2);
+        field->values = grown;
+        memcpy(grown + n * copy, grown + n * v, n * sizeof *grown);
+    }
+    return copy;
 }
 
 /* Tetrahedra that join a vertex with itself (after bodies were joined) are none. */
@@ -492,7 +516,7 @@ void shape_make(struct shape *out, struct dice *dice)
         exit(2);
     out->kind = make_kind(out, dice);
     drop_collapsed(out);
-    drop_unused(out);
+    shape_drop_unused(out);
     double *unit = malloc(3 * out->vertices * sizeof *unit);
     if (!unit)
         exit(2);
@@ -504,6 +528,11 @@ void shape_make(struct shape *out, struct dice *dice)
     free(unit);
 }
 
+void shape_of_seed(struct shape *out, struct dice *dice, uint64_t seed)
+{
+    (seed >= SHAPE_RARE_SEEDS ? shape_make_rare : seed >= SHAPE_ODD_SEEDS ? shape_make_odd : shape_make)(out, dice);
+}
+
 void shape_free(struct shape *shape)
 {
     for (uint32_t f = 0; f < shape->field_count; f++)
@@ -511,6 +540,13 @@ void shape_free(struct shape *shape)
     free(shape->positions);
     free(shape->corners);
     free(shape->body);
+    free(shape->region);
+}
+
+void shape_print_finding(const struct shape *shape, uint64_t seed, const char *what, const char *format, va_list list)
+{
+    printf("seed %" PRIu64 " (%s, %u tets): %s: ", seed, shape->kind, shape->tets, what);
+    vprintf(format, list);
 }
 
 /* ---- the mesh file */
@@ -549,6 +585,11 @@ bool shape_write(const struct shape *shape, const char *path)
     fprintf(file, "\nCELL_TYPES %u\n", shape->tets);
     for (uint32_t t = 0; t < shape->tets; t++)
         put_big(file, &type, 4);
+    if (shape->region) {
+        fprintf(file, "\nCELL_DATA %u\nSCALARS region int 1\nLOOKUP_TABLE default\n", shape->tets);
+        for (uint32_t t = 0; t < shape->tets; t++)
+            put_big(file, shape->region + t, 4);
+    }
     fprintf(file, "\nPOINT_DATA %u\nFIELD FieldData %u\n", shape->vertices, shape->field_count);
     for (uint32_t f = 0; f < shape->field_count; f++) {
         const struct shape_field *field = &shape->fields[f];

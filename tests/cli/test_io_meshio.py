@@ -4,7 +4,8 @@
 hand where meshio does not write them."""
 import numpy as np
 
-from common import case, finish, must, path, read_vtu, report
+from common import case, finish, must, path, read_vtu, report, write
+from meshes import converted
 
 try:
     import meshio
@@ -54,6 +55,37 @@ def medit_case(mesh, solution):
     must('convert', path('in.mesh'), *arguments, '-o', path('out.vtu'))
     fields = {'solution': mesh.point_data['heat'], 'solution_2': mesh.point_data['wind']} if solution else {}
     return compare(meshio.Mesh(mesh.points, mesh.cells, point_data=fields), 'out.vtu', 1e-12)
+
+
+def medit_binary_case(mesh, version, order):
+    """All versions and both byte orders; meshio writes some of them, its reader reads all."""
+    integer, real, place = ('i8' if version == 4 else 'i4'), ('f4' if version == 1 else 'f8'), ('i4' if version < 3 else 'i8')
+    values = lambda kind, *numbers: np.array(numbers, order + kind).tobytes()
+
+    def file_of(*parts):
+        out = values('i4', 1, version)
+        for number, content in parts + ((54, b''),):
+            end = len(out) + 4 + np.dtype(place).itemsize + len(content)
+            out += values('i4', number) + values(place, end if content else 0) + content
+        return out
+
+    def rows(block, references):
+        row = np.dtype([('a', order + ('f8' if block.dtype.kind == 'f' and version > 1 else 'f4' if block.dtype.kind == 'f' else integer), block.shape[1]),
+                        ('r', order + integer)])
+        table = np.zeros(len(block), row)
+        table['a'], table['r'] = block, references
+        return values(integer, len(block)) + table.tobytes()
+
+    tets = mesh.cells_dict['tetra']
+    marks = np.arange(len(tets)) % 3 + 1
+    write('in.meshb', file_of((3, values('i4', 3)), (4, rows(mesh.points, 0)), (13, values(integer, 2, 1, 2)), (8, rows(tets + 1, marks))))
+    both = np.column_stack([mesh.point_data['heat'], mesh.point_data['wind']])
+    write('in.solb', file_of((3, values('i4', 3)), (62, values(integer, len(both)) + values('i4', 2, 1, 2) + values(real, *both.ravel()))))
+    p, t, f, c = converted(path('in.meshb'), '--q', path('in.solb'))
+    exact = (lambda a: np.asarray(a, np.float32)) if version == 1 else np.asarray
+    good = np.array_equal(p, exact(mesh.points)) and np.array_equal(t, tets) and np.array_equal(c['medit:ref'], marks)
+    good = good and np.array_equal(f['solution'], exact(both[:, 0])) and np.array_equal(f['solution_2'], exact(both[:, 1:]))
+    return None if good and np.array_equal(meshio.read(path('in.meshb')).cells_dict['tetra'], tets) else 'arrays differ'
 
 
 def tetgen_case(mesh, first, asked):
@@ -187,6 +219,11 @@ def main():
     case('medit', medit_case, mesh, False)
     case('medit with its solution', medit_case, mesh, True)
     case('medit: other cells', lambda: hexahedra_case('.mesh', file_format='medit'))
+    case('medit binary: other cells', lambda: hexahedra_case('.meshb', file_format='medit'))
+    for version in range(1, 5):
+        for order in '<>':
+            case('medit binary, version %d, %s-endian, with its solution' % (version, 'big' if order == '>' else 'little'), medit_binary_case, mesh,
+                 version, order)
     case('tetgen from 0 by .node', tetgen_case, mesh, 0, '.node')
     case('tetgen from 1 by .ele', tetgen_case, mesh, 1, '.ele')
     case('tetgen as meshio writes it', lambda: read_case('.node', meshio.Mesh(mesh.points, mesh.cells[:1]), 1e-9))

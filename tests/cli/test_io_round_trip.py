@@ -47,9 +47,9 @@ def joined(arrays):
 def round_trip_case(extension, precision):
     (points, tets, fields, cells), name = sample(precision)
     must('convert', name, '-o', path('out' + extension))
-    if extension == '.mesh':
+    if extension in ('.mesh', '.meshb'):
         must('convert', name, '-o', path('out.sol'))
-        p, t, f, c = converted(path('out.mesh'), '--q', path('out.sol'))
+        p, t, f, c = converted(path('out' + extension), '--q', path('out.sol'))
         f = dict(zip(fields, f.values()))
         return compare((points, tets, fields, {'medit:ref': cells['region']}), (p, t, f, c))
     p, t, f, c = converted(path('out' + extension))
@@ -231,13 +231,13 @@ def plot3d_case(big, markers, count, blank, double):
 
 
 def main():
-    for extension in '.vtu', '.vtk', '.vtkhdf', '.xdmf', '.msh', '.e', '.mesh':
+    for extension in '.vtu', '.vtk', '.vtkhdf', '.xdmf', '.msh', '.e', '.mesh', '.meshb':
         name = {'.e': 'exodus', '.msh': 'gmsh', '.mesh': 'medit'}.get(extension, extension[1:])
         for precision in np.float64, np.float32:
             if BUILT[name]:
                 case('%s and back, %s' % (name, np.dtype(precision)), round_trip_case, extension,
                      np.float64 if extension == '.msh' else precision)
-    for extension, form in (('.xdmf', 'xdmf'), ('.msh', 'gmsh'), ('.mesh', 'medit'), ('.vtk', 'vtk')):
+    for extension, form in (('.xdmf', 'xdmf'), ('.msh', 'gmsh'), ('.mesh', 'medit'), ('.meshb', 'medit'), ('.vtk', 'vtk')):
         case('meshio reads %s' % extension, meshio_case, extension, form)
     if BUILT['vtkhdf']:
         case('VTK reads .vtkhdf', vtkhdf_case)

@@ -74,14 +74,21 @@ def absolute_errors():
     return None
 
 
+def off_at_levels(stream, what, of):
+    for error in LEVELS:
+        must('extract', stream, '--error', error, '-o', 'level.vtu')
+        off = difference('level.vtu', 'flow', of) / width(of(array(read('input.vtu'), 'flow')))
+        if off > float(error[:-1]) / 100:
+            return '%s of flow is off by %g at %s' % (what, off, error)
+    return None
+
+
 def magnitudes():
     length = lambda v: np.linalg.norm(v, axis=1)  # noqa: E731
     must('build', 'input.vtu', '-o', 'mag.tetlod', '--field', 'flow:mag', '--quiet')
-    for error in LEVELS:
-        must('extract', 'mag.tetlod', '--error', error, '-o', 'level.vtu')
-        off = difference('level.vtu', 'flow', length) / width(length(array(read('input.vtu'), 'flow')))
-        if off > float(error[:-1]) / 100:
-            return 'the length of flow is off by %g at %s' % (off, error)
+    off = off_at_levels('mag.tetlod', 'the length', length)
+    if off:
+        return off
     fields = {f['name']: f['controlled'] for f in info('mag.tetlod')['fields']}
     return None if fields['flow'] and fields['flow:mag'] and not fields['stress'] else fields
 
@@ -89,12 +96,7 @@ def magnitudes():
 def components():
     first = lambda v: v[:, 0]  # noqa: E731
     must('build', 'input.vtu', '-o', 'part.tetlod', '--field', 'flow:0', '--quiet')
-    for error in LEVELS:
-        must('extract', 'part.tetlod', '--error', error, '-o', 'level.vtu')
-        off = difference('level.vtu', 'flow', first) / width(first(array(read('input.vtu'), 'flow')))
-        if off > float(error[:-1]) / 100:
-            return 'component 0 of flow is off by %g at %s' % (off, error)
-    return None
+    return off_at_levels('part.tetlod', 'component 0', first)
 
 
 def rounding_is_inside():

@@ -8,22 +8,20 @@
 #include "src/mesh/tet_geom.h"
 #include "src/sample/sample.h"
 #include "tests/gen.h"
+#include "tests/pyramid.h"
 #include "tests/test.h"
 
-/* A square with a raised middle, over a point below: contracting the middle to a corner leaves the flat square. */
 static void test_pyramid(void)
 {
-    double positions[] = {0, 0, 0.25, 1, 1, 0, -1, 1, 0, -1, -1, 0, 1, -1, 0, 0, 0, -1};
-    uint32_t corners[] = {0, 1, 2, 5, 0, 2, 3, 5, 0, 3, 4, 5, 0, 4, 1, 5};
-    struct tetmesh mesh = {.vertex_count = 6, .tet_count = 4, .position_type = TETLOD_FLOAT64, .positions = positions,
-                           .corners = corners};
+    struct pyramid pyramid;
     struct complex complex;
     struct star star = {0};
     struct boundary_map map = {0};
     double values[6] = {7, 3, 2, 5, 2, 0};
-    REQUIRE(complex_init(&complex, &mesh, NULL) == TETLOD_OK);
+    pyramid_init(&pyramid);
+    REQUIRE(complex_init(&complex, &pyramid.mesh, NULL) == TETLOD_OK);
     REQUIRE(star_gather(&star, &complex, (uint32_t[]){0, 1}, 2, NULL) == TETLOD_OK);
-    REQUIRE(boundary_find_map(&complex, &star, positions + 3, 0.5, &map));
+    REQUIRE(boundary_find_map(&complex, &star, pyramid.positions + 3, 0.5, &map));
     CHECK_INT(map.point_count, 1); // the middle, half way along the new edge from corner 1 to corner 3
     CHECK_NEAR(map.points[0].apex, 0.5, 1e-12);
     CHECK_NEAR(map.points[0].distance, 0.25, 1e-12);
@@ -31,7 +29,7 @@ static void test_pyramid(void)
     CHECK_NEAR(boundary_map_least(&map, values, 1, 4), 11, 1e-12);     // and (11 + 5) / 2 is 1 more
     CHECK_NEAR(boundary_map_greatest(&map, values, 1), 9, 1e-12);
     CHECK(boundary_map_least(&map, values, 1, 0) >= 9 && boundary_map_greatest(&map, values, 1) <= 9);
-    CHECK(!boundary_find_map(&complex, &star, positions + 3, 0.99, &map)); // the faces turn by 14 degrees
+    CHECK(!boundary_find_map(&complex, &star, pyramid.positions + 3, 0.99, &map)); // the faces turn by 14 degrees
     boundary_map_fini(&map);
     star_fini(&star);
     complex_fini(&complex);
@@ -40,22 +38,20 @@ static void test_pyramid(void)
 /* How far the boundary has moved at a vertex counts when the vertex moves again: the one that began higher is further in all. */
 static void test_moves_add_up(void)
 {
-    double positions[] = {0, 0, 0.25, 1, 1, 0, -1, 1, 0, -1, -1, 0, 1, -1, 0, 0, 0, -1};
-    uint32_t corners[] = {0, 1, 2, 5, 0, 2, 3, 5, 0, 3, 4, 5, 0, 4, 1, 5};
-    struct tetmesh mesh = {.vertex_count = 6, .tet_count = 4, .position_type = TETLOD_FLOAT64, .positions = positions,
-                           .corners = corners};
+    struct pyramid pyramid;
     struct complex complex;
     struct boundary boundary;
     struct star star = {0};
     struct boundary_map map = {0};
-    REQUIRE(complex_init(&complex, &mesh, NULL) == TETLOD_OK);
+    pyramid_init(&pyramid);
+    REQUIRE(complex_init(&complex, &pyramid.mesh, NULL) == TETLOD_OK);
     REQUIRE(boundary_init(&boundary, &complex, 60, 0.9, 0.9, NULL) == TETLOD_OK);
     REQUIRE(star_gather(&star, &complex, (uint32_t[]){0, 1}, 2, NULL) == TETLOD_OK);
-    CHECK_NEAR(boundary_moves(&boundary, &complex, &star, positions + 3, &map), 0.5, 1e-9); // half of it at the middle
+    CHECK_NEAR(boundary_moves(&boundary, &complex, &star, pyramid.positions + 3, &map), 0.5, 1e-9); // half of it at the middle
     boundary_update(&boundary, &complex, 0, 0.125, 0.9);
-    CHECK_NEAR(boundary_moves(&boundary, &complex, &star, positions + 3, &map), 0.75, 1e-9);
+    CHECK_NEAR(boundary_moves(&boundary, &complex, &star, pyramid.positions + 3, &map), 0.75, 1e-9);
     boundary_update(&boundary, &complex, 0, 0.25, 0.9);
-    CHECK(boundary_moves(&boundary, &complex, &star, positions + 3, &map) == INFINITY);
+    CHECK(boundary_moves(&boundary, &complex, &star, pyramid.positions + 3, &map) == INFINITY);
     boundary_map_fini(&map);
     star_fini(&star);
     boundary_fini(&boundary);

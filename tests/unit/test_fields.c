@@ -8,6 +8,7 @@
 #include "src/mesh/tet_geom.h"
 #include "src/sample/sample.h"
 #include "tests/gen.h"
+#include "tests/pyramid.h"
 #include "tests/test.h"
 
 /* A tetrahedron's interpolant of a value per slot, continued to p. */
@@ -137,12 +138,14 @@ static void test_limits_of_their_own(void)
  * tetrahedra continue the field by 0 there, but the points that were at the top are to keep their values, and those at the bottom. */
 static void test_the_map_demands(void)
 {
-    double positions[] = {0, 0, 0.25, 1, 1, 0, -1, 1, 0, -1, -1, 0, 1, -1, 0, 0, 0, -1}, values[6], p[3] = {1, 1, 0};
-    uint32_t corners[] = {0, 1, 2, 5, 0, 2, 3, 5, 0, 3, 4, 5, 0, 4, 1, 5};
+    double values[6], p[3] = {1, 1, 0};
     for (int sign = -1; sign < 2; sign += 2) {
         struct point_field field = {.name = (char[]){"f"}, .components = 1, .type = TETLOD_FLOAT64, .values = values};
-        struct tetmesh mesh = {.vertex_count = 6, .tet_count = 4, .position_type = TETLOD_FLOAT64, .positions = positions,
-                               .corners = corners, .field_count = 1, .fields = &field};
+        struct pyramid pyramid;
+        pyramid_init(&pyramid);
+        struct tetmesh mesh = pyramid.mesh;
+        mesh.field_count = 1;
+        mesh.fields = &field;
         struct complex complex;
         struct fields fields;
         struct star star = {0};
@@ -150,7 +153,7 @@ static void test_the_map_demands(void)
         struct outcome outcome;
         double assigned = NAN;
         for (int v = 0; v < 6; v++)
-            values[v] = 4 * sign * positions[3 * v + 2];
+            values[v] = 4 * sign * mesh.positions[3 * v + 2];
         REQUIRE(complex_init(&complex, &mesh, NULL) == TETLOD_OK);
         REQUIRE(fields_init(&fields, &mesh, (uint32_t[]){0}, 1, NULL, NULL) == TETLOD_OK);
         REQUIRE(star_gather(&star, &complex, (uint32_t[]){0, 1}, 2, NULL) == TETLOD_OK);

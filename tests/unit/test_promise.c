@@ -64,8 +64,8 @@ static void turn_each(struct tetmesh *mesh)
     }
 }
 
-/* Room for two blocks, with a field. */
-static bool new_mesh(struct tetmesh *mesh, uint32_t n)
+/* A block at the origin, with a field, and room for another. */
+static bool new_block(struct tetmesh *mesh, uint32_t n, const double size[3], double shaken, uint64_t seed)
 {
     size_t vertices = 2 * (size_t)(n + 1) * (n + 1) * (n + 1), tets = 12 * (size_t)n * n * n;
     *mesh = (struct tetmesh){.vertex_count = (uint32_t)vertices, .position_type = TETLOD_FLOAT64};
@@ -73,6 +73,8 @@ static bool new_mesh(struct tetmesh *mesh, uint32_t n)
     mesh->corners = array_new(tets, 4 * sizeof(uint32_t));
     bool done = mesh->positions && mesh->corners && tetmesh_add_field(mesh, "s", 1, TETLOD_FLOAT64, NULL) == TETLOD_OK;
     mesh->vertex_count = 0;
+    if (done)
+        add_block(mesh, n, (const double[3]){0, 0, 0}, size, shaken, seed);
     return done;
 }
 
@@ -195,7 +197,7 @@ static void check(const char *name, const struct tetmesh *mesh, const struct bui
 
 /* ---- the cases */
 
-static const double origin[3] = {0, 0, 0}, cube[3] = {1, 1, 1};
+static const double cube[3] = {1, 1, 1};
 
 static void test_far_from_zero(void)
 {
@@ -206,8 +208,7 @@ static void test_far_from_zero(void)
         struct build_options options = usual(&control);
         struct build_report report;
         struct tetmesh mesh;
-        REQUIRE(new_mesh(&mesh, 3));
-        add_block(&mesh, 3, origin, i % 2 ? thin : cube, 0.5, (uint64_t)i);
+        REQUIRE(new_block(&mesh, 3, i % 2 ? thin : cube, 0.5, (uint64_t)i));
         for (uint32_t v = 0; v < mesh.vertex_count; v++) {
             const double *p = mesh.positions + 3 * (size_t)v;
             mesh.fields[0].values[v] = offsets[i / 2][0] + offsets[i / 2][1] * (sin(5 * p[0]) * p[1] + p[0] * p[0]);
@@ -227,8 +228,7 @@ static void test_folds(void)
         struct build_options options = usual(&control);
         struct build_report report = {0};
         struct tetmesh mesh;
-        REQUIRE(new_mesh(&mesh, 4));
-        add_block(&mesh, 4, origin, cube, 1.5, seed);
+        REQUIRE(new_block(&mesh, 4, cube, 1.5, seed));
         turn_each(&mesh);
         for (uint32_t v = 0; v < mesh.vertex_count; v++)
             mesh.fields[0].values[v] = mesh.positions[3 * (size_t)v] + 0.5 * mesh.positions[3 * (size_t)v + 1];
@@ -250,8 +250,7 @@ static void test_bodies(void)
         struct build_options options = usual(&control);
         struct build_report report;
         struct tetmesh mesh;
-        REQUIRE(new_mesh(&mesh, 3));
-        add_block(&mesh, 3, origin, cube, 0.3, 1);
+        REQUIRE(new_block(&mesh, 3, cube, 0.3, 1));
         uint32_t first = mesh.vertex_count;
         add_block(&mesh, 3, corners[i / 2], cube, 0.3, 2);
         for (uint32_t v = 0; v < mesh.vertex_count; v++) {
@@ -314,8 +313,7 @@ static void test_ranges_without_scale(void)
     struct build_report report;
     struct tetlod_file *file;
     struct tetmesh mesh;
-    REQUIRE(new_mesh(&mesh, 3));
-    add_block(&mesh, 3, origin, cube, 0.5, 1);
+    REQUIRE(new_block(&mesh, 3, cube, 0.5, 1));
     REQUIRE(tetmesh_add_field(&mesh, "tiny", 1, TETLOD_FLOAT64, NULL) == TETLOD_OK);
     for (uint32_t v = 0; v < mesh.vertex_count; v++) {
         const double *p = mesh.positions + 3 * (size_t)v;

@@ -16,6 +16,7 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 #include "tests/gen.h"
+#include "tests/pyramid.h"
 #include "tests/test.h"
 
 static struct simplify_options usual(const struct tetmesh *mesh, unsigned threads)
@@ -262,16 +263,16 @@ static void test_clearance_by_slot(void)
 
 /* ---- what the boundary map demands */
 
-/* A square with a raised middle, over a point below: the middle goes to a corner. The value that it had is then the mean of that corner's
+/* The pyramid's middle goes to a corner. The value that it had is then the mean of that corner's
  * and the one across; the bound covers it from above and from below. */
 static void test_the_map_is_heard(void)
 {
-    double positions[] = {0, 0, 0.25, 1, 1, 0, -1, 1, 0, -1, -1, 0, 1, -1, 0, 0, 0, -1};
-    uint32_t corners[] = {0, 1, 2, 5, 0, 2, 3, 5, 0, 3, 4, 5, 0, 4, 1, 5};
     const double values[6] = {7, 3, 2, 5, 2, 0};
     for (int sign = -1; sign <= 1; sign += 2) {
-        struct tetmesh mesh = {.vertex_count = 6, .tet_count = 4, .position_type = TETLOD_FLOAT64, .positions = positions, .corners = corners};
+        struct pyramid pyramid;
         struct contraction_log log;
+        pyramid_init(&pyramid);
+        struct tetmesh mesh = pyramid.mesh;
         REQUIRE(tetmesh_add_field(&mesh, "s", 1, TETLOD_FLOAT64, NULL) == TETLOD_OK);
         for (int v = 0; v < 6; v++)
             mesh.fields[0].values[v] = sign * values[v];

@@ -519,6 +519,27 @@ static void test_cancelled(void)
     tetmesh_fini(&mesh);
 }
 
+/* A body of one tetrahedron stays, whatever holds the error. */
+static void test_single_tetrahedron(void)
+{
+    double positions[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1}, values[] = {0, 1, 2, 3};
+    uint32_t corners[] = {0, 1, 2, 3};
+    char name[] = "f";
+    struct point_field field = {.name = name, .components = 1, .type = TETLOD_FLOAT64, .values = values};
+    struct tetmesh mesh = {.position_type = TETLOD_FLOAT64, .vertex_count = 4, .tet_count = 1, .positions = positions,
+                           .corners = corners, .field_count = 1, .fields = &field};
+    static const enum metric metrics[] = {METRIC_ENVELOPE, METRIC_FIELD_QUADRIC, METRIC_QUADRIC, METRIC_SVA, METRIC_MEASURED, METRIC_FIELD_QUADRIC};
+    for (size_t i = 0; i < sizeof metrics / sizeof *metrics; i++) {
+        struct contraction_log s;
+        struct simplify_options options = usual(&mesh);
+        options.metric = metrics[i];
+        options.certify = i + 1 == sizeof metrics / sizeof *metrics ? CERTIFY_EXACT : CERTIFY_FAST;
+        REQUIRE(simplify(&s, &mesh, (uint32_t[]){0}, 1, NULL, &options, NULL) == TETLOD_OK);
+        CHECK_INT(s.marks[s.mark_count - 1].contractions, 0);
+        log_fini(&s);
+    }
+}
+
 int main(void)
 {
     RUN(test_samples_by_envelope);
@@ -535,5 +556,6 @@ int main(void)
     RUN(test_linear_field);
     RUN(test_limits);
     RUN(test_cancelled);
+    RUN(test_single_tetrahedron);
     return test_end();
 }

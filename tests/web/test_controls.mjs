@@ -247,9 +247,117 @@ async function isosurfaces_are_drawn() {
   assert.equal(await page.getByLabel('Isosurface 1: value').first().inputValue(), '500');
 }
 
+// The largest difference, of 255, between the picture and what the values along the rays give, where nothing else is drawn.
+// `behind`: the plane {origin, normal} that clips, or null
+const differenceFromRays = (behind) => page.evaluate(async (clip) => {
+  const { stream, scene, state } = window.tetlod;
+  scene.box.setVisibility(false);
+  const image = await scene.capture();
+  const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
+  context.drawImage(image, 0, 0);
+  const sides = scene.bounds[1].map((h, i) => h - scene.bounds[0][i]);
+  const background = scene.renderer.getBackground();
+  const [low, high] = scene.range;
+  const opacityAt = (x) => {
+    const k = Math.max(1, state.opacity.findIndex(([at]) => at >= x));
+    const [[a, from], [b, to]] = [state.opacity[k - 1], state.opacity[k]];
+    return Math.min(from + ((x - a) / (b - a)) * (to - from), 0.9999);
+  };
+  const seenAlong = (ends, length) => {
+    const seen = [0, 0, 0];
+    let light = 1;
+    for (let i = 0; i < ends.length; i += 4) {
+      const steps = Math.ceil(400 * Math.abs(ends[i + 3] - ends[i + 1]) / (high - low)) + 4;
+      for (let k = 0; k < steps; k++) {
+        const value = ends[i + 1] + ((k + 0.5) / steps) * (ends[i + 3] - ends[i + 1]);
+        const x = Math.min(1, Math.max(0, (value - low) / (high - low)));
+        const taken = light * (1 - (1 - opacityAt(x)) ** ((ends[i + 2] - ends[i]) * length / steps * 100 / Math.max(...sides)));
+        const color = [];
+        scene.lookup.getColor(value, color);
+        color.slice(0, 3).forEach((c, d) => { seen[d] += taken * c; });
+        light -= taken;
+      }
+    }
+    return { seen: seen.map((c, d) => 255 * (c + light * background[d])), opacity: 1 - light };
+  };
+  let worst = 0;
+  let covered = 0;
+  for (let x = 150; x < image.width - 100; x += 23)
+    for (let y = 90; y < image.height - 120; y += 19) {
+      const { from, direction } = scene.ray(x + 0.5, y + 0.5);
+      const begin = from.map((c, i) => c + scene.centre[i]);
+      const length = 10 * Math.max(...sides);
+      let [near, far] = [begin, begin.map((c, i) => c + length * direction[i])];
+      if (clip) { // what is before the plane is cut off
+        const along = clip.normal.reduce((s, n, i) => s + n * direction[i], 0);
+        const at = begin.map((c, i) => c + (clip.normal.reduce((s, n, k) => s + n * (clip.origin[k] - begin[k]), 0) / along) * direction[i]);
+        if (along < 0) near = at; else far = at;
+      }
+      const { ends } = await stream.line(near, far);
+      const { seen, opacity } = seenAlong(ends, Math.hypot(...far.map((c, i) => c - near[i])));
+      const pixel = context.getImageData(x, y, 1, 1).data;
+      covered += opacity > 0.2;
+      worst = Math.max(worst, ...seen.map((c, d) => Math.abs(c - pixel[d])));
+    }
+  return { worst, covered };
+}, behind);
+
+// Rays through the tetrahedra: the picture is what the values along each ray give, at any level and behind a plane.
+async function tetrahedra_are_rendered() {
+  for (const [more, clip] of [['&error=0.2', null], ['&error=0', null], ['&error=0.01&clip=x@0.5', { normal: [1, 0, 0], at: 0.5 }]]) {
+    await open(`&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4${more}`);
+    await until(() => window.tetlod.scene.rays?.actor.getVisibility());
+    await picture();
+    const bounds = (await infoOf()).bounds;
+    const behind = clip && { normal: clip.normal, origin: bounds[0].map((c, i) => c + clip.at * (bounds[1][i] - c)) };
+    const { worst, covered } = await differenceFromRays(behind);
+    console.log(`# ${more}: ${covered} places, at most ${worst.toFixed(2)} of 255 from the rays' values`);
+    assert.ok(covered > 20 && worst <= 3, `${worst} at most of ${covered}`);
+  }
+  // a threshold leaves tetrahedra out, what is opaque ends the rays
+  await changesThePicture('a threshold', () => page.evaluate(() => window.tetlod.set({ threshold: [0, 0.3] })));
+  await changesThePicture('a wall among them', () => page.evaluate(() => window.tetlod.set({ slices: [{ normal: [0, 1, 0], at: 0.2 }] })));
+}
+
+// The last frame of a move has the finer level's tetrahedra, many of them flat, in the coarser one's shape: it looks as that.
+async function rays_pass_flat_tetrahedra() {
+  await open('&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4&error=0.02');
+  await until(() => window.tetlod.scene.rays?.actor.getVisibility());
+  const moved = () => page.evaluate(() => new Promise((resolve) => {
+    const { stream, scene, set } = window.tetlod;
+    stream.addEventListener('pictures', function keep({ detail: { t } }) {
+      if (t !== 0) return;
+      stream.removeEventListener('pictures', keep);
+      window.flat = { ...scene.cells, moves: false };
+      resolve(scene.cells.corners.length / 4);
+    });
+    set({ smooth: true, error: 0.1 });
+  }));
+  const before = await moved();
+  await picture();
+  const { worst, tets } = await page.evaluate(async () => {
+    const { scene } = window.tetlod;
+    const pixels = async () => {
+      const image = await scene.capture();
+      const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
+      context.drawImage(image, 0, 0);
+      return context.getImageData(0, 0, image.width, image.height).data;
+    };
+    const coarse = await pixels();
+    const now = scene.cells.corners.length / 4;
+    scene.rays.update(window.flat);
+    const fine = await pixels();
+    return { worst: coarse.reduce((most, x, i) => Math.max(most, Math.abs(x - fine[i])), 0), tets: now };
+  });
+  assert.ok(before > 1.5 * tets, `${before} of which ${tets} are not flat`);
+  assert.ok(worst <= 3, `${worst} of 255`);
+}
+
 async function a_volume_is_rendered() {
   await open('');
   await page.locator('#volume').check();
+  await until(() => window.tetlod.scene.rays?.actor.getVisibility());
+  await changesThePicture('voxels', () => page.locator('#volume-size').selectOption('96'));
   await until(() => window.tetlod.scene.volume?.actor.getVisibility());
   const before = await picture();
   await page.locator('#transfer').scrollIntoViewIfNeeded();
@@ -488,7 +596,7 @@ async function nothing_was_complained_of() {
 }
 
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
-  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, a_volume_is_rendered,
+  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
   the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
   a_line_is_plotted, values_are_probed, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;

@@ -94,7 +94,10 @@ function the_state_says_what_to_ask_for() {
   const stream = { ...info, bounds: [[0, 0, 0], [2, 4, 8]], fields: [{ name: 'p', components: 1, range: [1, 3], controlled: true }, { name: 'v', components: 3, range: [-1, 2] }] };
   const state = { ...defaults, field: 'p', surface: 'off', slices: [{ normal: [0, 0, 1], at: 0.25 }], sliceEdges: true, isosurfaces: [0.5], volume: true, log: true };
   const spec = specOf(state, stream);
-  assert.deepEqual([spec.field, spec.component, spec.surface, spec.edges, spec.clip, spec.volume], ['p', 0, false, true, null, { size: defaults.volumeSize, logarithmic: true }]);
+  assert.deepEqual([spec.field, spec.component, spec.surface, spec.edges, spec.clip, spec.volume], ['p', 0, false, true, null, null]);
+  assert.equal(spec.rays, true);
+  const grid = specOf({ ...state, volumeSize: 64 }, stream);
+  assert.deepEqual([grid.rays, grid.volume], [false, { size: 64, logarithmic: true }]);
   assert.deepEqual([spec.slices[0].normal, spec.slices[0].origin[2]], [[0, 0, 1], 2]);
   assert.deepEqual(spec.isosurfaces, [{ field: 'p', component: 0, value: 2, zone: false }]);
   assert.equal(spec.threshold, null);

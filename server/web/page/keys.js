@@ -8,6 +8,8 @@ const groups = [
   ['← ↑ → ↓ + −', 'turn and zoom (in the picture)'],
   ['1 … 6', 'look from ±x, ±y, ±z'],
   ['0', 'everything, from a corner'],
+  ['Space', 'play or pause a series in time'],
+  [', .', 'one step back, on'],
   ['B', 'boundary: solid, far walls, translucent, off'],
   ['W', 'wireframe'],
   ['X Y Z', 'a slice, or none, across x, y, z'],

@@ -11,6 +11,7 @@ export const defaults = Object.freeze({
   errorField: '', // whose error; empty: the drawn field's if the stream controls it, else of the first that it controls
   maxTets: 0, // 0: as many as the device's memory is for
   maxBytes: 0,
+  step: null, // in time, of a series; null: the levels, which are the first step's
   // the colours
   field: '',
   component: 'magnitude',
@@ -34,7 +35,7 @@ export const defaults = Object.freeze({
   clip: null, // { normal, at }
   line: null, // that values are plotted along: begin and end as fractions of the bounds, six numbers
   volume: false,
-  volumeSize: 96,
+  volumeSize: 0, // of a grid, or 0: the tetrahedra themselves
   opacity: [[0, 0], [0.08, 0.005], [0.3, 0.08], [1, 0.9]], // the volume's: fractions of the colours' range
   // the view
   background: 'auto', // auto, white, black, grey
@@ -77,6 +78,7 @@ const codecs = {
   errorField: text,
   maxTets: positive,
   maxBytes: positive,
+  step: { read: (t) => (/^\d+$/.test(t) ? Number(t) : undefined), write: String },
   field: text,
   component: { read: (t) => (t === 'magnitude' ? t : /^\d+$/.test(t) ? Number(t) : undefined), write: String },
   range: oneOf('auto', 'data', 'visible', 'manual'),
@@ -104,7 +106,7 @@ const codecs = {
     write: (l) => l.map(round).join(','),
   },
   volume: flag,
-  volumeSize: { read: (t) => clamp(Math.round(Number(t)) || defaults.volumeSize, 16, 256), write: String },
+  volumeSize: { read: (t) => (Number(t) > 0 ? clamp(Math.round(Number(t)), 16, 256) : 0), write: String },
   opacity: list((t) => {
     const point = t.split(':').map(Number);
     return point.length === 2 && point.every((x) => x >= 0 && x <= 1) ? point : null;

@@ -9,6 +9,7 @@
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
 #include "src/mesh/vector.h"
+#include "src/simplify/ladder.h"
 #include "src/util/array.h"
 
 /* A point this near to the link leaves s' as good as free; what its error comes to is counted all the same. */
@@ -20,9 +21,6 @@ static const double BEYOND = 1e-9;
 /* A crossing of a spoke and a face is off a wall by this fraction of the patch's reach at most, or the spoke lies in the face. */
 static const double IN_FACE = 1e-6;
 enum { REFINEMENTS = 3 };
-
-/* Half of what a contraction may be above the limit by rounding (simplify.c). */
-static const double ROUNDING = 5e-10;
 
 enum tetlod_status examiner_init(struct examiner *examiner, const struct complex *complex, const struct fields *fields,
                                  struct tetlod_error *error)
@@ -232,8 +230,8 @@ static void open_intervals(struct examiner *examiner, const struct fields *field
         double factor = driver->scale * driver->weight, own = factor > 0 ? limit / factor : INFINITY;
         double slack = 64 * DBL_EPSILON * (patch->condition + 2) * (greatest - least);
         examiner->errors[d] = slack;
-        examiner->intervals[d] = (struct interval){own * (1 + ROUNDING) - slack,
-                                                   own * (1 + ROUNDING) - slack,
+        examiner->intervals[d] = (struct interval){own * (1 + LIMIT_TIE / 2) - slack,
+                                                   own * (1 + LIMIT_TIE / 2) - slack,
                                                    range[0],
                                                    range[1],
                                                    {range[0], range[1]},
@@ -708,7 +706,7 @@ static void settle(struct examiner *examiner, const struct fields *fields, doubl
         examiner->errors[d] += most;
         out->error = larger(out->error, examiner->errors[d] * driver->scale * driver->weight);
     }
-    out->allowed = out->error <= limit * (1 + 2 * ROUNDING);
+    out->allowed = out->error <= limit * (1 + LIMIT_TIE);
 }
 
 enum tetlod_status exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
