@@ -9,7 +9,9 @@ import { run } from './tap.mjs';
 
 const server = await program([sampleStream().path]);
 const browser = await launch();
-const page = await openPage(browser, server.url, { viewport: { width: 800, height: 560 }, permissions: ['clipboard-read', 'clipboard-write'] });
+const size = { width: 800, height: 560 };
+const small = { width: 580, height: 480 }; // rays take long where the processor draws
+const page = await openPage(browser, server.url, { viewport: size, permissions: ['clipboard-read', 'clipboard-write'] });
 
 async function open(state, on = page) {
   await on.goto('about:blank');
@@ -172,6 +174,18 @@ async function logarithm_map_and_direction() {
   assert.equal(new Set(looks).size, looks.length - 2, 'every map looks different'); // the first two are the plain one
 }
 
+async function a_map_from_a_file() {
+  await open('');
+  const choose = (text) => page.locator('#map-file').setInputFiles({ name: 'own.xml', mimeType: 'text/xml', buffer: Buffer.from(text) });
+  const points = '<Point x="0" o="0" r="0" g="0" b="1"/><Point x="3" o="1" r="1" g="0" b="0"/>';
+  await changesThePicture('a map from a file', () => choose(`<ColorMaps><ColorMap name="own" space="RGB">${points}</ColorMap></ColorMaps>`));
+  await becomes('map', '0000ff-ff0000');
+  assert.equal(await page.locator('#map option:checked').innerText(), 'from a file');
+  await choose('nothing');
+  await page.getByText('own.xml: the file has no colours').waitFor();
+  await becomes('map', '0000ff-ff0000');
+}
+
 async function a_logarithm_of_what_is_not_positive() {
   await open('&field=Velocity&component=2&log=1');
   const [low, high] = await Promise.all(['low', 'high'].map((id) => page.locator(`#${id}`).inputValue()));
@@ -282,8 +296,8 @@ const differenceFromRays = (behind) => page.evaluate(async (clip) => {
   };
   let worst = 0;
   let covered = 0;
-  for (let x = 150; x < image.width - 100; x += 23)
-    for (let y = 90; y < image.height - 120; y += 19) {
+  for (let x = 20; x < image.width - 20; x += 15)
+    for (let y = 90; y < image.height - 120; y += 13) {
       const { from, direction } = scene.ray(x + 0.5, y + 0.5);
       const begin = from.map((c, i) => c + scene.centre[i]);
       const length = 10 * Math.max(...sides);
@@ -304,6 +318,7 @@ const differenceFromRays = (behind) => page.evaluate(async (clip) => {
 
 // Rays through the tetrahedra: the picture is what the values along each ray give, at any level and behind a plane.
 async function tetrahedra_are_rendered() {
+  await page.setViewportSize(small);
   for (const [more, clip] of [['&error=0.2', null], ['&error=0', null], ['&error=0.01&clip=x@0.5', { normal: [1, 0, 0], at: 0.5 }]]) {
     await open(`&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4${more}`);
     await until(() => window.tetlod.scene.rays?.actor.getVisibility());
@@ -312,15 +327,17 @@ async function tetrahedra_are_rendered() {
     const behind = clip && { normal: clip.normal, origin: bounds[0].map((c, i) => c + clip.at * (bounds[1][i] - c)) };
     const { worst, covered } = await differenceFromRays(behind);
     console.log(`# ${more}: ${covered} places, at most ${worst.toFixed(2)} of 255 from the rays' values`);
-    assert.ok(covered > 20 && worst <= 3, `${worst} at most of ${covered}`);
+    assert.ok(covered > 10 && worst <= 3, `${worst} at most of ${covered}`);
   }
   // a threshold leaves tetrahedra out, what is opaque ends the rays
   await changesThePicture('a threshold', () => page.evaluate(() => window.tetlod.set({ threshold: [0, 0.3] })));
   await changesThePicture('a wall among them', () => page.evaluate(() => window.tetlod.set({ slices: [{ normal: [0, 1, 0], at: 0.2 }] })));
+  await page.setViewportSize(size);
 }
 
 // The last frame of a move has the finer level's tetrahedra, many of them flat, in the coarser one's shape: it looks as that.
 async function rays_pass_flat_tetrahedra() {
+  await page.setViewportSize(small);
   await open('&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4&error=0.02');
   await until(() => window.tetlod.scene.rays?.actor.getVisibility());
   const moved = () => page.evaluate(() => new Promise((resolve) => {
@@ -351,6 +368,7 @@ async function rays_pass_flat_tetrahedra() {
   });
   assert.ok(before > 1.5 * tets, `${before} of which ${tets} are not flat`);
   assert.ok(worst <= 3, `${worst} of 255`);
+  await page.setViewportSize(size);
 }
 
 async function a_volume_is_rendered() {
@@ -482,7 +500,7 @@ async function the_whole_screen_and_the_panel() {
 
 // Every key that the help lists does something that can be seen in the state or on the page.
 async function keys_do_what_the_help_says() {
-  await open('');
+  await open('&volumeSize=48');
   await page.locator('#picture').focus();
   await page.keyboard.press('?');
   const listed = await page.locator('#keys kbd').allInnerTexts();
@@ -560,6 +578,32 @@ async function values_are_probed() {
   await until(() => document.getElementById('probe').hidden);
 }
 
+// Probes that stay: their values are the mesh's at every level, within the bound, and the distance between them is a ruler's.
+async function probes_stay() {
+  await open('&pins=0.5,0.5,0.25');
+  const first = page.locator('#pins .item').first();
+  const said = async () => /Pressure ([\d.]+) ± ([\d.]+) \([\d.]+\u202f%, certified\)/.exec(await first.innerText())?.slice(1).map(Number);
+  const { bounds } = await infoOf();
+  const place = [0.5, 0.5, 0.25].map((x, i) => bounds[0][i] + x * (bounds[1][i] - bounds[0][i]));
+  const at = () => page.evaluate(async (p) => (await window.tetlod.stream.probe(p)).values.Pressure[0], place);
+  await first.getByText(/±/).waitFor();
+  const coarse = await said();
+  assert.ok(Math.abs(coarse[0] - await at()) < 1e-4 * coarse[0], `${coarse} is not ${await at()}`);
+  await page.evaluate(() => window.tetlod.set({ error: 0 }));
+  await settled(page);
+  await first.getByText(/exact/).waitFor();
+  const exact = Number(/Pressure ([\d.]+)/.exec(await first.innerText())[1]);
+  assert.ok(Math.abs(exact - coarse[0]) <= coarse[1] * 1.05, `${exact}, ${coarse}`);
+  await page.locator('#add-pin').click();
+  const [, pin] = (await state()).pins;
+  const apart = Math.hypot(...place.map((c, i) => bounds[0][i] + pin[i] * (bounds[1][i] - bounds[0][i]) - c));
+  const told = Number(/([\d.]+) from 1/.exec(await page.locator('#pins .item').nth(1).innerText())[1]);
+  assert.ok(Math.abs(told - apart) < 1e-3 * apart, `${told}, not ${apart}`);
+  assert.equal(await page.locator('.pin').count(), 2);
+  await page.getByLabel('Remove probe 1').click();
+  assert.deepEqual((await state()).pins, [pin]);
+}
+
 async function fingers_turn_and_probe() {
   const touch = await openPage(browser, server.url, { viewport: { width: 390, height: 800 }, hasTouch: true, isMobile: true });
   await open('', touch);
@@ -596,8 +640,8 @@ async function nothing_was_complained_of() {
 }
 
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
-  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
+  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
   the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
-  a_line_is_plotted, values_are_probed, fingers_turn_and_probe, nothing_was_complained_of];
+  a_line_is_plotted, values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;
 await run(ONLY ? tests.filter((test) => test.name.includes(ONLY)) : tests);

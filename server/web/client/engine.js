@@ -296,7 +296,7 @@ export class Engine {
     const fresh = this.#shown !== level;
     this.#at = { band, step };
     this.#moved = moves ? level : -1;
-    this.#shown = level;
+    this.#shown = this.#coarser = level;
     if (fresh) this.#announce(level);
     this.#emit('step', { step, band, error, level, time: times[step], groups: this.#groups.of(band), seconds });
     if (moves) await this.#animate(0, 1, blend);

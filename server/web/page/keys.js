@@ -16,6 +16,7 @@ const groups = [
   ['I', 'add an isosurface'],
   ['C', 'clip across the view, or no clip'],
   ['K', 'plot over a line, or none'],
+  ['O', 'keep a probe under the pointer'],
   ['V', 'volume rendering'],
   ['M', 'next colour map'],
   ['N', 'axes with numbers'],

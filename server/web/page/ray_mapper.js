@@ -131,7 +131,7 @@ class Drawing {
     const passed = now - this.last;
     this.last = moves ? now : 0;
     if (!moves || passed > pause * this.by) return moves ? this.by : 1;
-    this.by = passed > slow ? Math.min(8, 1.4 * this.by) : passed < quick ? Math.max(1, this.by / 1.1) : this.by;
+    this.by = passed > slow ? Math.min(8, this.by * Math.min(3, Math.sqrt((1.5 * passed) / slow))) : passed < quick ? Math.max(1, this.by / 1.1) : this.by;
     return this.by;
   }
 

@@ -13,6 +13,7 @@ import { defaultTets, errorOf, fieldOf, levelForError, memoryOf, promiseOf, show
 import { clear, notice } from './notices.js';
 import { bytes, count, percent, significant } from './numbers.js';
 import { LinePlot } from './line_plot.js';
+import { Pins } from './pins.js';
 import { Player } from './player.js';
 import { Probe } from './probe.js';
 import { copyLink, saveFile, savePicture } from './share.js';
@@ -35,7 +36,7 @@ function nameOf(from) {
 
 const viewer = new Viewer({ stage: byId('stage'), picture: byId('picture'), bar: byId('scalarbar') }, location.hash);
 const { store } = viewer;
-let controls, compass, handles, axes, line, probe, player;
+let controls, compass, handles, axes, line, pins, probe, player;
 
 // ---- what is asked before it is loaded
 
@@ -194,6 +195,7 @@ function watchScene() {
     handles.update();
     axes.update();
     line.update();
+    pins.update();
   });
   scene.addEventListener('lost', () => notice('graphics', 'The browser took the graphics away; the picture comes back when it gives them again.', { failed: true, seconds: 0 }));
   scene.addEventListener('restored', () => clear('graphics'));
@@ -269,6 +271,7 @@ function bindActions() {
     c: () => store.set({ clip: store.state.clip ? null : { normal: viewNormal(), at: 0.5 } }),
     n: () => store.set({ axes: !store.state.axes }),
     k: () => controls.toggleLine(),
+    o: () => pins.add(),
     v: () => controls.setInner({ volume: !store.state.volume }),
     m: () => store.set({ map: cycle(mapNames.map(([key]) => key), viewer.colorMap) }),
     p: save,
@@ -295,6 +298,7 @@ async function openPanel() {
   axes = new Axes(byId('handles'), scene, info.bounds);
   handles = new Handles(byId('handles'), scene, planes);
   line = new LinePlot(viewer, byId('handles'), (kind, blob) => saveFile(`${name}-${viewer.level}.${kind}`, blob));
+  pins = new Pins(viewer, byId('handles'), () => probe.at);
   probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, viewer.coloredState));
   watchScene();
   await pause();
