@@ -323,6 +323,13 @@ bench-format: needs-check
 	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_format $(B)/tests/bench/bench_columns
 	@/usr/bin/python3 tests/bench/bench_format.py $(BINARY) $(B)/tests/bench tests/bench/format_sizes.csv build/bench-format
 
+## bench-series: what a series in time costs: the blunt fin with a displaced pressure, 32 steps (BLUNT=folder)
+.PHONY: bench-series
+BENCHES += bench-series
+bench-series: needs-check
+	$(Q)$(MAKE) --no-print-directory all build/client/package.json
+	@/usr/bin/python3 tests/bench/series.py $(BINARY) $(BLUNT) build/bench-series
+
 ## bench-thesis: the thesis's Tables 4.1 and 4.2 beside ours; bench-builder: percent of tetrahedra left, by metric and mesh (BLUNT=folder of the blunt fin)
 .PHONY: bench-thesis bench-builder
 BENCHES += bench-thesis bench-builder

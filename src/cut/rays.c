@@ -74,7 +74,8 @@ static enum tetlod_status plant(const struct tetmesh *mesh, uint32_t count, uint
     TETLOD_TRY(hilbert_order(middles, count, order, error));
     for (uint32_t i = 0; i < count; i++)
         put_face(mesh, slots[order[i]], out->faces + 4 * (size_t)i);
-    memset(out->faces + 4 * (size_t)count, 0xff, 16 * (size_t)(out->face_count - count));
+    if (out->face_count > count)
+        memset(out->faces + 4 * (size_t)count, 0xff, 16 * (size_t)(out->face_count - count));
     out->node_count = out->face_count ? grow(out->nodes, 0, 0, out->face_count / RAYS_LEAF) : 0;
     return TETLOD_OK;
 }
