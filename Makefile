@@ -113,7 +113,7 @@ WASM_CC ?= $(firstword $(foreach c,clang-14 clang,$(if $(shell command -v $(c)),
 WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O3 -ffp-contract=off \
     -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS)
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
-CUT_SRC := $(sort $(wildcard src/cut/*.c)) src/mesh/tetmesh.c src/util/array.c
+CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
 WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c format/container.c format/prefix.c,$(FORMAT_SRC)) $(CUT_SRC)
 WASM := build/wasm/tetlod.wasm
 CLIENT := build/client
@@ -173,7 +173,7 @@ $(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC) $(WEB_DIR)/inline.
 	@rm -rf $(@D) && mkdir -p $(@D)
 	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/worker.js
 	$(Q)cd $(WEB_DIR) && node_modules/.bin/esbuild page/element.js --bundle --splitting --minify --format=esm --target=es2022 --legal-comments=none --external:./inline.js --chunk-names=element-[hash] --log-level=warning --outdir=$(abspath $(@D))
-	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js),$(CLIENT_SRC)) LICENSE $(@D)
+	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js steps.js),$(CLIENT_SRC)) LICENSE $(@D)
 	$(Q)node $(WEB_DIR)/inline.mjs $(@D)/worker.js $(WASM) $(@D)/inline.js
 
 build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
@@ -330,6 +330,13 @@ BENCHES += bench-format
 bench-format: needs-check
 	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/bench_format $(B)/tests/bench/bench_columns
 	@/usr/bin/python3 tests/bench/bench_format.py $(BINARY) $(B)/tests/bench tests/bench/format_sizes.csv build/bench-format
+
+## bench-series: what a series in time costs: the blunt fin with a displaced pressure, 32 steps (BLUNT=folder)
+.PHONY: bench-series
+BENCHES += bench-series
+bench-series: needs-check
+	$(Q)$(MAKE) --no-print-directory all build/client/package.json
+	@/usr/bin/python3 tests/bench/series.py $(BINARY) $(BLUNT) build/bench-series
 
 ## bench-thesis: the thesis's Tables 4.1 and 4.2 beside ours; bench-builder: percent of tetrahedra left, by metric and mesh (BLUNT=folder of the blunt fin)
 .PHONY: bench-thesis bench-builder

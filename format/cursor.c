@@ -27,18 +27,14 @@ static void free_frames(struct tetlod_cursor *cursor)
 }
 
 /* Does task(cursor, 0 ... columns - 1), with the helpers that there are: tasks say in cursor->errors what went wrong. The first
- * column's failure counts. */
-static enum tetlod_status for_columns(struct tetlod_cursor *cursor, void (*task)(void *cursor, uint32_t column), struct tetlod_error *error)
+ * column's failure counts: a source that has failed is not asked again. */
+static enum tetlod_status for_columns(struct tetlod_cursor *cursor, tetlodi_task *task, struct tetlod_error *error)
 {
     uint32_t count = cursor->replay.column_count;
     for (uint32_t c = 0; c < count; c++)
         cursor->errors[c].status = TETLOD_OK;
-    if (cursor->helpers) {
-        tetlodi_helpers_start(cursor->helpers, task, cursor, count);
-        tetlodi_helpers_wait(cursor->helpers);
-    } else // a source that has failed is not asked again
-        for (uint32_t c = 0; c < count && (c == 0 || cursor->errors[c - 1].status == TETLOD_OK); c++)
-            task(cursor, c);
+    tetlodi_helpers_start(cursor->helpers, task, cursor, count);
+    tetlodi_helpers_wait(cursor->helpers);
     for (uint32_t c = 0; c < count; c++)
         if (cursor->errors[c].status != TETLOD_OK) {
             if (error)
@@ -49,7 +45,7 @@ static enum tetlod_status for_columns(struct tetlod_cursor *cursor, void (*task)
 }
 
 /* Reads a column's frame of the level that is to be decoded, and starts the coder on it. */
-static void load_frame(void *opaque, uint32_t column)
+static int load_frame(void *opaque, uint32_t column)
 {
     struct tetlod_cursor *cursor = opaque;
     struct tetlod_error *error = &cursor->errors[column];
@@ -58,6 +54,7 @@ static void load_frame(void *opaque, uint32_t column)
         tetlodi_read_frame(cursor->file, cursor->loading, cursor->parts[column], &cursor->frames[column], &size, error);
     if (error->status == TETLOD_OK)
         tetlodi_decode_start(&cursor->recorder.coders[column], cursor->file->index.slowest, cursor->frames[column], size);
+    return error->status == TETLOD_OK;
 }
 
 /* Reads a level's frames of the selected parts and starts the coders on them. They are kept until the level is decoded. */
@@ -129,10 +126,11 @@ static enum tetlod_status begin_records(struct tetlod_cursor *cursor, uint32_t l
     return TETLOD_OK;
 }
 
-static void decode_field(void *opaque, uint32_t number)
+static int decode_field(void *opaque, uint32_t number)
 {
     struct tetlod_cursor *cursor = opaque;
     tetlodi_field_decode(&cursor->recorder, cursor->decoding, 1 + number);
+    return 1; // its coder says whether it failed
 }
 
 /* Waits until fields have what they are being decoded from. */
@@ -205,13 +203,14 @@ static int is_exact_later(const struct tetlod_cursor *cursor, uint32_t column)
     return column && cursor->file->index.exact_later[cursor->parts[column] - 1];
 }
 
-static void decode_exact(void *opaque, uint32_t c)
+static int decode_exact(void *opaque, uint32_t c)
 {
     struct tetlod_cursor *cursor = opaque;
     struct tetlod_error *error = &cursor->errors[c];
     if (is_exact_later(cursor, c))
         error->status = tetlodi_tail_code(&cursor->recorder.coders[c], &cursor->columns[c], cursor->replay.vertices,
                                           cursor->columns[c].other_values, error);
+    return error->status == TETLOD_OK;
 }
 
 /* The tail: exact values beside those on the grid. */

@@ -17,7 +17,7 @@ enum { MOST_HELPERS = 255 };
 struct tetlodi_helpers {
     pthread_mutex_t mutex;
     pthread_cond_t begun, ended;
-    void (*task)(void *context, uint32_t number);
+    tetlodi_task *task;
     void *context;
     uint32_t next, count, running; /* tasks: not begun from `next` on; begun and not ended */
     int dismissed;
@@ -32,9 +32,11 @@ static void work(struct tetlodi_helpers *helpers)
         uint32_t number = helpers->next++;
         helpers->running++;
         pthread_mutex_unlock(&helpers->mutex);
-        helpers->task(helpers->context, number);
+        int done = helpers->task(helpers->context, number);
         pthread_mutex_lock(&helpers->mutex);
         helpers->running--;
+        if (!done)
+            helpers->next = helpers->count;
     }
 }
 
@@ -85,11 +87,11 @@ void tetlodi_helpers_free(struct tetlodi_helpers *helpers)
     free(helpers);
 }
 
-void tetlodi_helpers_start(struct tetlodi_helpers *helpers, void (*task)(void *context, uint32_t number), void *context, uint32_t count)
+void tetlodi_helpers_start(struct tetlodi_helpers *helpers, tetlodi_task *task, void *context, uint32_t count)
 {
     if (!helpers) {
-        for (uint32_t i = 0; i < count; i++)
-            task(context, i);
+        for (uint32_t i = 0; i < count && task(context, i); i++)
+            continue;
         return;
     }
     pthread_mutex_lock(&helpers->mutex);
@@ -125,11 +127,11 @@ void tetlodi_helpers_free(struct tetlodi_helpers *helpers)
     (void)helpers;
 }
 
-void tetlodi_helpers_start(struct tetlodi_helpers *helpers, void (*task)(void *context, uint32_t number), void *context, uint32_t count)
+void tetlodi_helpers_start(struct tetlodi_helpers *helpers, tetlodi_task *task, void *context, uint32_t count)
 {
     (void)helpers;
-    for (uint32_t i = 0; i < count; i++)
-        task(context, i);
+    for (uint32_t i = 0; i < count && task(context, i); i++)
+        continue;
 }
 
 void tetlodi_helpers_wait(struct tetlodi_helpers *helpers)

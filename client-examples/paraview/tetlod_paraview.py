@@ -57,11 +57,18 @@ class StreamSource(VTKPythonAlgorithmBase):
         vtkUnstructuredGrid.GetData(outputs).ShallowCopy(grid)
         return 1
 
-    # What both proxies have in common; ParaView wants the decorated methods in the class itself
-    def set_error(self, percent):
+    # Properties of both proxies. ParaView looks for them in the class itself: each names them again
+
+    @smproperty.doublevector(name='ErrorPercent', default_values=[1.0])
+    @smdomain.doublerange(min=0, max=100)
+    def SetError(self, percent):
         if percent != self._percent:
             self._percent = percent
             self.Modified()
+
+    @smproperty.dataarrayselection(name='Fields')
+    def GetDataArraySelection(self):
+        return self._selection
 
 
 @smproxy.reader(name='TetlodReader', label='Tetlod Reader', extensions='tetlod', file_description='tetlod streams')
@@ -72,14 +79,7 @@ class TetlodReader(StreamSource):
     def SetFileName(self, name):
         self.set_location(name)
 
-    @smproperty.doublevector(name='ErrorPercent', default_values=[1.0])
-    @smdomain.doublerange(min=0, max=100)
-    def SetError(self, percent):
-        self.set_error(percent)
-
-    @smproperty.dataarrayselection(name='Fields')
-    def GetDataArraySelection(self):
-        return self._selection
+    SetError, GetDataArraySelection = StreamSource.SetError, StreamSource.GetDataArraySelection
 
 
 @smproxy.source(name='TetlodURL', label='Tetlod URL')
@@ -88,11 +88,4 @@ class TetlodURL(StreamSource):
     def SetURL(self, url):
         self.set_location(url)
 
-    @smproperty.doublevector(name='ErrorPercent', default_values=[1.0])
-    @smdomain.doublerange(min=0, max=100)
-    def SetError(self, percent):
-        self.set_error(percent)
-
-    @smproperty.dataarrayselection(name='Fields')
-    def GetDataArraySelection(self):
-        return self._selection
+    SetError, GetDataArraySelection = StreamSource.SetError, StreamSource.GetDataArraySelection

@@ -52,6 +52,28 @@ export interface Target {
   bytes?: number;
 }
 
+/** A series in time. */
+export interface Series {
+  /** Steps that are stored together. */
+  group: number;
+  times: number[];
+  /** Coarse to fine: the error is a fraction of a field's range over all steps, 0: exact. */
+  bands: { error: number; level: number }[];
+  /** The fields that have steps. */
+  fields: { name: string; range: [number, number] }[];
+}
+
+export interface Step {
+  step: number;
+  band: number;
+  error: number;
+  level: number;
+  time: number;
+  /** Of the band, those that are here. */
+  groups: number[];
+  seconds: number;
+}
+
 export interface Mesh {
   level: number;
   positions: Float64Array;
@@ -74,6 +96,8 @@ export interface Spec {
   edges?: boolean;
   /** Everything is of what is behind the plane; the surface is closed there. */
   clip?: { origin: Point; normal: Point } | null;
+  /** What it takes to follow rays through the tetrahedra. */
+  rays?: boolean;
   /** A grid with so many points along its longest side, of the values or of their decimal logarithms. */
   volume?: { size: number; logarithmic?: boolean } | null;
   /** Whether a change of the level is a move (the default) or a jump. */
@@ -109,6 +133,20 @@ export interface Grid {
   logarithmic: boolean;
 }
 
+/** For rays that go from tetrahedron to tetrahedron. What a move does not change is absent where it is the same as in the last message. */
+export interface Rays {
+  /** Four numbers for each: the place, relative to the pictures' origin, and the value. */
+  vertices: Float32Array;
+  /** A tree of boxes over the boundary's faces, eight numbers for each: low corner, number of the node to go on with behind this
+   *  one's; high corner, number of the leaf or -1. A node's first child is the next one; leaf i has faces 4 i to 4 i + 3. */
+  nodes: Float32Array;
+  /** Four for each tetrahedron: its vertices; 4 times the neighbour opposite each, plus which of its faces that is, or 2^32 - 1. */
+  corners?: Uint32Array;
+  neighbours?: Uint32Array;
+  /** Of the boundary, four for each: vertices, counter-clockwise seen from outside; 4 times the tetrahedron plus which of its faces. */
+  faces?: Uint32Array;
+}
+
 /** What colours. */
 export interface Shade {
   field: string;
@@ -121,6 +159,8 @@ export interface Shade {
 
 export interface Pictures {
   level: number;
+  /** In time; null: the level's own values. */
+  step: number | null;
   /** 0: the shape of the coarser level, 1: at rest. */
   t: number;
   origin: Point;
@@ -130,6 +170,7 @@ export interface Pictures {
   isosurfaces: Part[];
   /** One for each isosurface: null where none was asked for. */
   zones: (Zone | null)[];
+  rays: Rays | null;
   /** Absent while the mesh moves, and where it is the same as in the last message. */
   volume?: Grid | null;
   seconds: number;
@@ -140,6 +181,9 @@ export interface Events {
   level: { level: number; vertices: number; tets: number; seconds: number };
   pictures: Pictures;
   retry: { attempt: number; delay: number; message: string };
+  series: Series;
+  step: Step;
+  buffered: { band: number; groups: number[]; received: number };
   finished: { level: number };
   error: { message: string };
 }
@@ -178,6 +222,12 @@ export class TetlodStream extends EventTarget {
   readonly level: number;
   readonly received: number;
   refineTo(target?: Target, options?: { signal?: AbortSignal }): Promise<{ level: number; reached: boolean }>;
+  /** Of a series in time, from the event `series` on. */
+  readonly series: Series | null;
+  /** Bytes of steps, beside `received`. */
+  readonly receivedSteps: number;
+  /** Shows a step in a band, or in the coarsest one within an error; values pass into it in `blend` milliseconds. */
+  seekStep(step: number, choice?: { band?: number; error?: number; blend?: number }, options?: { signal?: AbortSignal }): Promise<{ level: number; reached: boolean }>;
   /** Decodes these fields, too, from now on. Pictures go on without them until they are there. */
   addFields(names: string[]): Promise<void>;
   mesh(): Promise<Mesh>;

@@ -186,7 +186,7 @@ static enum outcome answer_region(struct exchange *exchange, struct dataset *dat
         .mesh = make_mesh,
         .measure = measure,
         .headers = put_headers,
-        .mesh_bytes = region_estimate(info, &region) + info->vertices * (uint64_t)40 + values +
+        .mesh_bytes = region_estimate(info, &region) + region_error_bytes(info) + values +
                       8 * cell_choice_values(&choice->cells, info, info->tets),
     };
     return answer_from_level(exchange, dataset, &answer);

@@ -121,9 +121,9 @@ static enum outcome answer_made(struct exchange *exchange, struct dataset *datas
                                         .file_bytes = mesh_format_bytes(info, level) + 8 * values, .write = write_mesh, .choice = choice,
                                         .choice_size = sizeof *choice, .mesh = step ? make_step : NULL,
                                         .headers = step ? put_step_headers : NULL, .mesh_bytes = step ? step_bytes(info, level) : 0};
-    if (step || choice->cells.any || fits_cache(exchange->site, info, &answer)) // values of cells are decoded all at once
+    if (step || fits_cache(exchange->site, info, &answer)) // a step is decoded all at once
         return answer_from_level(exchange, dataset, &answer);
-    return answer_streamed(exchange, dataset, &(struct streamed_answer){level, choice->format->name, choice->format->media_type, choice->format->lay_out});
+    return answer_streamed(exchange, dataset, &(struct streamed_answer){level, name, choice->format->media_type, choice->format->lay_out, &choice->cells});
 }
 
 static enum outcome answer_file(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_format *format)

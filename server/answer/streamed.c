@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The size of such a file is known before, and any range of it can be made by itself; what is kept for it are two numbers a vertex. */
+/* The size of such a file is known before, and any range of it can be made by itself; what is kept for it are two numbers a vertex, and the
+ * values of cells that were chosen, which are decoded all at once. */
 #include "server/answer/streamed.h"
 
 #include <inttypes.h>
@@ -19,10 +20,23 @@ struct viewing {
     uint32_t level;
 };
 
+/* Values of cells on their way to a worker. */
+struct celling {
+    struct site *site;
+    struct dataset *dataset; /* held */
+    uint32_t level;
+    struct cell_choice choice;
+};
+
+/* What a file is written from; all held. The view reads the forest. `cells` is NULL if none were chosen. */
+struct held {
+    struct cache_entry *forest, *view, *cells;
+};
+
 /* A file on its way to a client. */
 struct file {
     struct cache *cache;
-    struct cache_entry *forest, *view; /* held; the view reads the forest */
+    struct held held;
     struct io_layout *layout;
     struct io_rows rows;
 };
@@ -46,15 +60,50 @@ static enum tetlod_status make_view(void *opaque, struct cache_value *out, struc
     struct forest_view *view;
     TETLOD_TRY(forest_view_new(&view, forest, viewing->level, error));
     metrics_count(viewing->site->metrics, METRIC_LEVELS_MADE);
-    *out = (struct cache_value){view, (size_t)forest_view_bytes(forest_info(forest), viewing->level), free_view};
+    *out = (struct cache_value){view, (size_t)forest_view_bytes(forest, viewing->level), free_view};
     return TETLOD_OK;
+}
+
+static void free_celling(void *opaque)
+{
+    struct celling *celling = opaque;
+    dataset_release(celling->dataset);
+    free(celling);
+}
+
+static void free_cells(void *opaque)
+{
+    tetmesh_fini(opaque);
+    free(opaque);
+}
+
+static enum tetlod_status make_cells(void *opaque, struct cache_value *out, struct tetlod_error *error)
+{
+    const struct celling *celling = opaque;
+    const struct tetlod_info *info = dataset_info(celling->dataset);
+    struct tetmesh *cells = array_zero(1, sizeof *cells);
+    if (!cells)
+        return tetlodi_fail_nomem(error, "values of cells", sizeof *cells);
+    cells->tet_count = info->levels[celling->level].tets;
+    enum tetlod_status status = cell_choice_add(&celling->choice, dataset_file(celling->dataset), NULL, cells, error);
+    if (status == TETLOD_OK)
+        *out = (struct cache_value){cells, sizeof *cells + 8 * (size_t)cell_choice_values(&celling->choice, info, cells->tet_count), free_cells};
+    else
+        free_cells(cells);
+    return status;
+}
+
+static void release(struct cache *cache, const struct held *held)
+{
+    cache_release(cache, held->cells);
+    cache_release(cache, held->view);
+    cache_release(cache, held->forest);
 }
 
 static void free_file(void *opaque)
 {
     struct file *file = opaque;
-    cache_release(file->cache, file->view);
-    cache_release(file->cache, file->forest);
+    release(file->cache, &file->held);
     io_layout_free(file->layout);
     free(file);
 }
@@ -83,32 +132,81 @@ static enum outcome obtain_view(struct exchange *exchange, const struct streamed
     cache_hold(site->memory, forest);
     *viewing = (struct viewing){site, forest, answer->level};
     snprintf(key, sizeof key, "%s/view/%" PRIu64 "/%" PRIu32, info->cid, forest_serial(forest), answer->level);
-    const struct recipe recipe = {make_view, free_viewing, viewing, forest_view_bytes(info, answer->level), PATIENCE, NULL};
+    const struct recipe recipe = {make_view, free_viewing, viewing, forest_view_bytes(forest_of(forest), answer->level), PATIENCE, NULL};
     enum outcome outcome = obtain(exchange, site->memory, key, &recipe, &value);
     if (value)
         *out = obtain_take(exchange->request, value);
     return outcome;
 }
 
-/* Takes over the two entries, also on failure. */
-static bool respond(struct exchange *exchange, const struct streamed_answer *answer, struct cache_entry *forest, struct cache_entry *view)
+/* The chosen values of cells as an entry that the caller releases. */
+static enum outcome obtain_cells(struct exchange *exchange, struct dataset *dataset, const struct streamed_answer *answer, struct cache_entry **out)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    struct celling *celling = array_new(1, sizeof *celling);
+    const struct cache_value *value;
+    char name[MOST_CELL_FIELDS / 4 + 1], key[sizeof name + 80];
+    *out = NULL;
+    if (!celling) {
+        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+        return ANSWERED;
+    }
+    *celling = (struct celling){exchange->site, dataset_hold(dataset), answer->level, *answer->cells};
+    cell_choice_name(answer->cells, name);
+    snprintf(key, sizeof key, "%s/cells/%" PRIu32 "/%s", info->cid, answer->level, name);
+    uint64_t values = cell_choice_values(answer->cells, info, (uint64_t)info->levels[answer->level].tets + info->tets);
+    const struct recipe recipe = {make_cells, free_celling, celling, 8 * values + 65536, PATIENCE, NULL};
+    enum outcome outcome = obtain(exchange, exchange->site->memory, key, &recipe, &value);
+    if (value)
+        *out = obtain_take(exchange->request, value);
+    return outcome;
+}
+
+/* All that the file is written from. False: *outcome says what came of it, and nothing is held. */
+static bool obtain_all(struct exchange *exchange, struct dataset *dataset, const struct streamed_answer *answer, struct held *out, enum outcome *outcome)
+{
+    *out = (struct held){NULL, NULL, NULL};
+    *outcome = obtain_forest(exchange, dataset, answer->level, &out->forest);
+    if (out->forest)
+        *outcome = obtain_view(exchange, answer, dataset_info(dataset), out->forest, &out->view);
+    if (out->view && answer->cells->any)
+        *outcome = obtain_cells(exchange, dataset, answer, &out->cells);
+    if (out->view && (out->cells || !answer->cells->any))
+        return true;
+    release(exchange->site->memory, out);
+    return false;
+}
+
+/* The file with its place for everything. The shape borrows the values of cells. */
+static enum tetlod_status lay_out(struct file *file, const struct streamed_answer *answer, struct tetlod_error *error)
+{
+    struct tetmesh shape;
+    TETLOD_TRY(forest_shape(forest_of(file->held.forest), answer->level, &shape, error));
+    if (file->held.cells) {
+        const struct tetmesh *cells = cache_value(file->held.cells, error)->data;
+        shape.cell_fields = cells->cell_fields;
+        shape.cell_field_count = cells->cell_field_count;
+    }
+    enum tetlod_status status = answer->lay_out(&file->layout, &shape, error);
+    shape.cell_fields = NULL;
+    shape.cell_field_count = 0;
+    tetmesh_fini(&shape);
+    return status;
+}
+
+/* Takes over what is held, also on failure. */
+static bool respond(struct exchange *exchange, const struct streamed_answer *answer, const struct held *held)
 {
     struct tetlod_error error = {0};
-    struct tetmesh shape = {0};
     struct file *file = array_zero(1, sizeof *file);
     struct cache *memory = exchange->site->memory;
     if (!file) {
-        cache_release(memory, view);
-        cache_release(memory, forest);
+        release(memory, held);
         response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
         return false;
     }
-    *file = (struct file){memory, forest, view, NULL, {cache_value(view, &error)->data, forest_view_values, forest_view_corners}};
-    enum tetlod_status status = forest_shape(forest_of(forest), answer->level, &shape, &error);
-    if (status == TETLOD_OK)
-        status = answer->lay_out(&file->layout, &shape, &error);
-    tetmesh_fini(&shape);
-    if (status != TETLOD_OK) {
+    *file = (struct file){memory, *held, NULL, {cache_value(held->view, &error)->data, forest_view_values, forest_view_corners}};
+    if (lay_out(file, answer, &error) != TETLOD_OK) {
         free_file(file);
         respond_failure(exchange, &error);
         return false;
@@ -119,21 +217,15 @@ static bool respond(struct exchange *exchange, const struct streamed_answer *ans
 
 enum outcome answer_streamed(struct exchange *exchange, struct dataset *dataset, const struct streamed_answer *answer)
 {
-    const struct tetlod_info *info = dataset_info(dataset);
-    struct cache_entry *forest, *view;
-    char name[80];
-    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s", info->cid, answer->level, answer->name);
+    char name[MOST_CELL_FIELDS / 4 + 96];
+    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s", dataset_info(dataset)->cid, answer->level, answer->name);
     const struct representation representation = {.media_type = answer->media_type, .etag = name};
     if (!respond_unchanged(exchange, &representation, SIZE_UNKNOWN)) {
-        enum outcome outcome = obtain_forest(exchange, dataset, answer->level, &forest);
-        if (!forest)
+        struct held held;
+        enum outcome outcome;
+        if (!obtain_all(exchange, dataset, answer, &held, &outcome))
             return outcome;
-        outcome = obtain_view(exchange, answer, info, forest, &view);
-        if (!view) {
-            cache_release(exchange->site->memory, forest);
-            return outcome;
-        }
-        if (!respond(exchange, answer, forest, view))
+        if (!respond(exchange, answer, &held))
             return ANSWERED;
         respond_representation(exchange->response, &representation);
         response_header_text(exchange->response, "Server-Timing", "cache;desc=none");

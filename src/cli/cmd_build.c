@@ -39,12 +39,12 @@ static const char help[] =
     "                          they are at every level (default: integers named region, material or the like); none: no regions\n"
     "      --certify HOW       what holds the error: fast (default), a bound that is carried along; exact, the exact maximum\n"
     "                          over the whole domain: far fewer tetrahedra for the same error, in several times the time\n"
-    "      --certify-all       a 'max' for every field, also for those that nothing holds: the exact maximum, taken of every\n"
-    "                          level when it is done; takes some times longer\n"
+    "      --certify-all       a 'max' for every field, also without --field: the exact maximum of every level, measured at the end;\n"
+    "                          takes several times as long\n"
     "      --metric M          what orders the contractions: envelope (default of fast), the carried bound; field-quadric\n"
-    "                          (Cignoni and others; default of exact) or quadric (Garland and Heckbert); or what then is\n"
-    "                          the limit, too: sva, the accumulated prediction of scalar value assignment; measured, the\n"
-    "                          true error at samples ('sampled')\n"
+    "                          (Cignoni and others; default of exact) or quadric (Garland and Heckbert). Two more are\n"
+    "                          also the limit: sva, the accumulated prediction of scalar value assignment; measured,\n"
+    "                          the true error at samples ('sampled')\n"
     "      --contract KIND     what is contracted: edge (default), face, tet, or hybrid, all three in one queue\n"
     "      --candidates N      final vertex positions tried on a simplex: its vertices first, then its middle, then more\n"
     "                          between, up to 7 on an edge or a face and 19 on a tetrahedron (default: 3, 4 and 5)\n"
@@ -57,7 +57,7 @@ static const char help[] =
     "      --growth G          vertices of a level / vertices of the one below (default 1.1)\n"
     "      --position-bits N   round coordinates to N bits across the bounds, 1 .. 30 (default: lossless)\n"
     "      --field-bits N      round values to N bits across the range\n"
-    "      --position-error E, --field-error E   as many bits as keep it: a fraction of the diagonal, of the range\n"
+    "      --position-error E, --field-error E   as many bits as this error needs: a fraction of the diagonal, of the range\n"
     "                          (rounding is in every error that the stream states)\n"
     "      --times A:B:C       of a series the steps numbered A to B, from 0, every C-th (default: all); --time N: that one step\n"
     "      --bands E,E,...     errors that the steps' values are stored for, fractions of the range over the series (default\n"
@@ -160,16 +160,6 @@ static bool parse_contract(const char *text, unsigned *out)
     return false;
 }
 
-static bool parse_growth(const char *text, double *out)
-{
-    if (!cli_parse_number(&command_build, "growth", text, 1.001, out))
-        return false;
-    if (*out <= 16)
-        return true;
-    cli_usage("build", "--growth is at most 16, not '%s'", text);
-    return false;
-}
-
 static bool parse_bits(const char *name, const char *text, unsigned *out)
 {
     uint64_t bits;
@@ -256,7 +246,7 @@ static bool parse_option(struct request *request, int option, const char *value)
         request->moves_boundary = true;
         return cli_parse_fraction(&command_build, "domain-error", value, &build->domain_error);
     case 'g':
-        return parse_growth(value, &build->growth);
+        return cli_parse_number(&command_build, "growth", value, 1, &build->growth);
     case 'P':
         return parse_bits("position-bits", value, &build->quantise.position_bits);
     case 'F':
@@ -686,6 +676,9 @@ static int run(int argc, char **argv)
         if ((option < JSON || option >= READING_FIRST) && !parse_option(&request, option, optarg))
             return EXIT_USAGE;
     }
+    struct build_range bad;
+    if (build_options_out_of_range(&request.build, &bad))
+        return cli_usage("build", "--%s is %g to %g, not %g", bad.option, bad.least, bad.most, bad.value);
     if (argc == optind && !cli_operands(&command_build, argc, 1, "the INPUT mesh"))
         return EXIT_USAGE;
     request.series.paths = (const char *const *)(argv + optind);

@@ -7,7 +7,7 @@ static const char help[] =
     "usage: tetlod convert INPUT -o OUT [OPTIONS]\n"
     "\n"
     "Reads a mesh and writes it in the format that OUT's extension names. Cells that are not tetrahedra are split so\n"
-    "that neighbours match, points that no tetrahedron uses are dropped; what was done is said, a line each.\n"
+    "that neighbours match, points that no tetrahedron uses are dropped; each such change is reported.\n"
     "\n"
     "  -o, --output OUT        the file to write; 'tetlod formats' lists the formats that are read and written\n"
     READING_HELP

@@ -9,7 +9,7 @@ static const char help[] =
     "with the descriptions (index.json), the whole stream, the base mesh, and the records from each level to the next.\n"
     "server/deploy/nginx-static.conf serves such a folder.\n"
     "\n"
-    "  -o, --output FOLDER  where to; made if it is not there\n"
+    "  -o, --output FOLDER  the folder; created if it is not there\n"
     "      --meshes         also every level as VTU\n"
     "      --viewer         also the page: FOLDER/index.html shows the streams on any host of files, under any path\n"
     "\n"

@@ -19,8 +19,8 @@ static const char help[] =
     "\n"
     "Of a series in time: the bands that its steps are stored in, with the bytes of a step.\n"
     "\n"
-    "Errors are fractions of the field's range, in percent; a dash: not known. 'bytes' is the length of the prefix of the\n"
-    "file that decodes to the level. 'others': the largest measured error of the fields that nothing held down.\n";
+    "Errors are fractions of the field's range, in percent; a dash means: not known. 'bytes' is the length of the prefix of the\n"
+    "file that decodes to the level. 'others': the largest measured error of the fields that are not controlled.\n";
 
 /* A download that stopped still shows the levels that came. */
 static void print_cut(const struct tetlod_info *info, int fd)

@@ -14,12 +14,12 @@ static const char help[] =
     "       tetlod sample wake --steps N [--size N] -o OUT.pvd\n"
     "       tetlod sample --list\n"
     "\n"
-    "Makes a mesh by formula, the same on every machine, and writes it by OUT's extension (.vtu, .vtk, .msh).\n"
+    "Makes a mesh by formula, the same on every machine, in the format of OUT's extension (.vtu, .vtk, .msh).\n"
     "\n"
     "  -o, --output OUT   the file to write\n"
     "      --size N       how fine it is; what N counts, and the default, differ between samples\n"
     "      --steps N      a series of N steps in time, from 0 to 1, on one mesh: OUT.pvd and, beside it, OUT_0.vtu, OUT_1.vtu, ...\n"
-    "      --list         what there is\n"
+    "      --list         list the samples\n"
     "\n"
     "example: tetlod sample fin -o fin.vtu\n";
 

@@ -31,7 +31,7 @@ enum { READING_FIRST = 0x1000, READING_Q = READING_FIRST, READING_NAN_FILL, READ
     "      --cell-data HOW     values of cells: keep them (default; where there are no others, also average), average:\n" \
     "                          also make point fields, the mean over a point's tetrahedra by volume; or drop\n"        \
     "      --subdivide         use the points in the middle of edges of quadratic cells (default: corners only)\n"     \
-    "      --weld T            make one of points that are no further apart than T and have the same values (default:\n" \
+    "      --weld T            merge points that are at most T apart and have the same values (default:\n" \
     "                          0 between pieces and blocks, and not at all within one)\n"                              \
     "      --drop-degenerate   drop degenerate and duplicate tetrahedra (default: they are carried along)\n"            \
     "      --nan-fill V        values that are NaN become V, or with 'neighbours' the mean of the points around them,\n" \

@@ -10,7 +10,9 @@
 #include "src/forest/forest_data.h"
 #include "src/util/array.h"
 
-enum { STAGE_GROWTH = 4 };
+/* A stage has at least so many times the tetrahedra of the one below. Decoding ends at the finest level, or at one that has so many times
+ * fewer tetrahedra than the next such end. */
+enum { STAGE_GROWTH = 4, END_GROWTH = 2 };
 
 static void stop_decoding(struct forest *forest)
 {
@@ -70,23 +72,30 @@ static bool describe_columns(struct forest *forest, const struct tetlod_info *in
     return forest->columns != NULL;
 }
 
-/* The finest level is a stage, and below a stage the finest level that is no more than a quarter of it: so no level is mapped
- * from more than four times its size, and all stages together take a third more than the finest. */
+uint32_t forest_last_level(const struct tetlod_info *info, uint32_t level)
+{
+    uint32_t last = info->level_count - 1;
+    for (uint32_t k = last; k-- > level;)
+        if ((uint64_t)END_GROWTH * info->levels[k].tets <= info->levels[last].tets)
+            last = k;
+    return last;
+}
+
+/* The last level is a stage, and below a stage the finest level that is no more than a quarter of it: so no level is mapped
+ * from more than four times its size, and all stages together take a third more than the last. */
 static bool choose_stages(struct forest *forest, const struct tetlod_info *info, uint32_t last)
 {
-    uint32_t first = info->level_count, end = info->level_count;
-    forest->stages = array_zero(info->level_count, sizeof *forest->stages);
-    for (uint32_t k = info->level_count; forest->stages && k-- > 0;) {
+    uint32_t first = info->level_count;
+    struct stage *stages = forest->stages = array_zero(info->level_count, sizeof *forest->stages);
+    for (uint32_t k = last + 1; stages && k-- > 0;) {
         const struct tetlod_level *level = &info->levels[k];
-        if (k + 1 == info->level_count || (uint64_t)STAGE_GROWTH * level->tets <= forest->stages[first].tets)
-            forest->stages[--first] = (struct stage){k, level->vertices, level->tets, NULL, NULL};
+        if (k == last || (uint64_t)STAGE_GROWTH * level->tets <= stages[first].tets)
+            stages[--first] = (struct stage){k, level->vertices, level->tets, NULL, NULL};
     }
-    while (forest->stages && end > first + 1 && forest->stages[end - 2].level >= last)
-        end--; // stages above the one that has the level are not decoded
-    forest->stage_count = end - first;
-    for (uint32_t s = 0; forest->stages && s < forest->stage_count; s++)
-        forest->stages[s] = forest->stages[first + s];
-    return forest->stages != NULL;
+    forest->stage_count = info->level_count - first;
+    for (uint32_t s = 0; stages && s < forest->stage_count; s++)
+        stages[s] = stages[first + s];
+    return stages != NULL;
 }
 
 /* Each record gives one vertex other contents and brings at least one new vertex: two versions for a slot at most, and one that
@@ -94,15 +103,6 @@ static bool choose_stages(struct forest *forest, const struct tetlod_info *info,
 static size_t most_versions(const struct forest *forest)
 {
     return 3 * (size_t)forest->stages[forest->stage_count - 1].vertices;
-}
-
-uint32_t forest_last_level(const struct tetlod_info *info, uint32_t level)
-{
-    uint32_t stage = info->level_count - 1;
-    for (uint32_t k = stage; k-- > level;)
-        if ((uint64_t)STAGE_GROWTH * info->levels[k].tets <= info->levels[stage].tets)
-            stage = k;
-    return stage;
 }
 
 uint64_t forest_estimate(const struct tetlod_info *info, uint32_t level)
@@ -123,7 +123,7 @@ enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, uin
     const struct tetlod_info *info = tetlod_info(file);
     struct forest *forest = array_zero(1, sizeof *forest);
     *out = NULL;
-    bool known = forest && describe_columns(forest, info) && choose_stages(forest, info, level);
+    bool known = forest && describe_columns(forest, info) && choose_stages(forest, info, forest_last_level(info, level));
     uint32_t vertices = known ? forest->stages[forest->stage_count - 1].vertices : 0;
     if (!known || most_versions(forest) > UINT32_MAX || !(forest->parents = array_new(vertices, sizeof *forest->parents)) ||
         !(forest->newest = array_new(vertices, sizeof *forest->newest)) ||
@@ -262,9 +262,18 @@ struct forest_view {
     uint32_t *versions; /* [vertices of the level] */
 };
 
-uint64_t forest_view_bytes(const struct tetlod_info *info, uint32_t level)
+/* The least stage that has a level. */
+static const struct stage *stage_of(const struct forest *forest, uint32_t level)
 {
-    return sizeof(struct forest_view) + 4 * ((uint64_t)info->levels[forest_last_level(info, level)].vertices + info->levels[level].vertices);
+    const struct stage *stage = forest->stages;
+    while (stage->level < level)
+        stage++;
+    return stage;
+}
+
+uint64_t forest_view_bytes(const struct forest *forest, uint32_t level)
+{
+    return sizeof(struct forest_view) + 4 * ((uint64_t)stage_of(forest, level)->vertices + tetlod_info(forest->file)->levels[level].vertices);
 }
 
 void forest_view_free(struct forest_view *view)
@@ -291,11 +300,9 @@ static void map_slots(struct forest_view *view, uint32_t level, uint32_t count)
 
 enum tetlod_status forest_view_new(struct forest_view **out, const struct forest *forest, uint32_t level, struct tetlod_error *error)
 {
-    const struct stage *stage = forest->stages;
+    const struct stage *stage = stage_of(forest, level);
     uint32_t count = tetlod_info(forest->file)->levels[level].vertices;
     assert(level < forest_levels(forest));
-    while (stage->level < level)
-        stage++;
     struct forest_view *view = *out = array_zero(1, sizeof *view);
     if (view) {
         *view = (struct forest_view){forest, stage, array_new(stage->vertices, sizeof *view->standing), array_new(count, sizeof *view->versions)};

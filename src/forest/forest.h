@@ -19,10 +19,10 @@
 
 struct forest;
 
-/* For the levels up to the last one that comes with `level`. Nothing is decoded yet. The file is borrowed. */
+/* For the levels up to forest_last_level(level). Nothing is decoded yet. The file is borrowed. */
 TETLOD_CHECKED enum tetlod_status forest_new(struct forest **out, struct tetlod_file *file, uint32_t level, struct tetlod_error *error);
 
-/* The last level that a forest for `level` has: that of the stage that the level is mapped from. */
+/* The last level that a forest for `level` has: as many levels are served by one forest as do not double what is decoded. */
 uint32_t forest_last_level(const struct tetlod_info *info, uint32_t level);
 
 /* Memory that decoding a forest for `level` takes at most, about. */
@@ -57,7 +57,7 @@ TETLOD_CHECKED enum tetlod_status forest_view_new(struct forest_view **out, cons
 void forest_view_free(struct forest_view *view);
 
 /* Memory that it takes. */
-uint64_t forest_view_bytes(const struct tetlod_info *info, uint32_t level);
+uint64_t forest_view_bytes(const struct forest *forest, uint32_t level);
 
 /* Rows from `first` on of column 0, the positions, or 1 + f, field f; corners of tetrahedra. `view` is a struct forest_view. */
 void forest_view_values(const void *view, uint32_t column, uint64_t first, size_t count, double *out);

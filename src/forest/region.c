@@ -87,7 +87,7 @@ static void cut_fini(struct cut *cut)
 uint64_t region_estimate(const struct tetlod_info *info, const struct region *region)
 {
     const struct tetlod_level *fine = &info->levels[region->fine];
-    return fine->vertices * (uint64_t)(11 * 4 + 24 + 2 + region->box_count) + info->levels[forest_last_level(info, region->fine)].vertices * (uint64_t)4 +
+    return fine->vertices * (uint64_t)(11 * 4 + 24 + 2 + region->box_count) + info->vertices * (uint64_t)4 +
            fine->tets * (uint64_t)(4 + 16 + 30 + 6) + 65536;
 }
 

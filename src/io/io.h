@@ -93,8 +93,8 @@ struct io_rows {
 /* A file of known size of which any range can be written without the rest. For one thread at a time. */
 struct io_layout;
 
-/* Of a mesh with the counts, types and names of `shape`, whose arrays may be NULL; it has no cell fields. The bytes are those of
- * io_write_vtu_plain and io_write_vtk. */
+/* Of a mesh with the counts, types and names of `shape`, whose arrays may be NULL but for those of cell fields, which the layout
+ * borrows. The bytes are those of io_write_vtu_plain and io_write_vtk. */
 TETLOD_CHECKED enum tetlod_status io_layout_vtu(struct io_layout **out, const struct tetmesh *shape, struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status io_layout_vtk(struct io_layout **out, const struct tetmesh *shape, struct tetlod_error *error);
 void io_layout_free(struct io_layout *layout);

@@ -138,19 +138,28 @@ static void store64(unsigned char *out, uint64_t word, bool big)
             out[b] = (unsigned char)(word >> 8 * b);
 }
 
-static void put_values(const struct io_layout *layout, const struct layout_array *array, size_t count)
+static void put_values(const struct io_layout *layout, const struct layout_array *array, const double *values, size_t count)
 {
     for (size_t i = 0; i < count; i++)
         if (array->width == 4) {
-            float narrow = (float)layout->values[i];
+            float narrow = (float)values[i];
             uint32_t word;
             memcpy(&word, &narrow, sizeof word);
             store32(layout->bytes + 4 * i, word, array->big_endian);
         } else {
             uint64_t word;
-            memcpy(&word, &layout->values[i], sizeof word);
+            memcpy(&word, &values[i], sizeof word);
             store64(layout->bytes + 8 * i, word, array->big_endian);
         }
+}
+
+static void put_whole_values(const struct io_layout *layout, const struct layout_array *array, const double *values, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (array->width == 4)
+            store32(layout->bytes + 4 * i, (uint32_t)(int32_t)values[i], array->big_endian);
+        else
+            store64(layout->bytes + 8 * i, (uint64_t)(int64_t)values[i], array->big_endian);
 }
 
 static uint64_t integer_at(const struct io_layout *layout, const struct layout_array *array, uint64_t first, size_t i)
@@ -185,8 +194,10 @@ static void make_block(struct io_layout *layout, const struct layout_array *arra
                        size_t count)
 {
     if (array->kind == ROW_VALUES) {
-        rows->values(rows->opaque, array->column, first, count, layout->values);
-        put_values(layout, array, count * array->words);
+        if (!array->values)
+            rows->values(rows->opaque, array->column, first, count, layout->values);
+        (array->integer ? put_whole_values : put_values)(layout, array, array->values ? array->values + first * array->words : layout->values,
+                                                         count * array->words);
         return;
     }
     if (array->kind == ROW_CORNERS || array->kind == ROW_COUNT_CORNERS)

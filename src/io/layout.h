@@ -19,8 +19,9 @@ struct layout_array {
     uint32_t column; /* ROW_VALUES: 0 the position, 1 + f field f */
     uint32_t words;  /* of a row */
     size_t width;    /* bytes of a word */
-    bool big_endian;
+    bool big_endian, integer; /* integer: the values are written as integers */
     uint64_t rows;
+    const double *values; /* ROW_VALUES: borrowed; NULL: the rows' owner gives them */
 };
 
 TETLOD_CHECKED enum tetlod_status layout_start(struct io_layout **out, struct tetlod_error *error);

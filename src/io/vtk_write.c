@@ -90,13 +90,17 @@ static void put_integers(struct put *put, const double *values, size_t count, si
     put_text(put, "\n");
 }
 
+static const char *type_of(const struct point_field *field, size_t integers)
+{
+    return integers == 8 ? "vtktypeint64" : integers == 4 ? "int" : types[field->type];
+}
+
 static void put_fields(struct put *put, const char *where, const struct point_field *fields, uint32_t count, uint32_t rows)
 {
     put_fields_line(put, where, count, rows);
     for (uint32_t f = 0; f < count; f++) {
         size_t values = (size_t)fields[f].components * rows, integers = integer_size(&fields[f], values);
-        const char *type = integers == 8 ? "vtktypeint64" : integers == 4 ? "int" : types[fields[f].type];
-        put_field_line(put, &fields[f], type, rows);
+        put_field_line(put, &fields[f], type_of(&fields[f], integers), rows);
         if (integers)
             put_integers(put, fields[f].values, values, integers);
         else
@@ -126,7 +130,35 @@ enum tetlod_status io_write_vtk(const struct tetmesh *mesh, const struct tetlodi
 
 /* ---- piece by piece ---- */
 
-/* The text in front of an array: `number` 0 the points', 1 the tetrahedra's, 2 their types', 3 + f field f's. */
+/* The arrays: 0 the points, 1 the tetrahedra, 2 their types, then the fields of points, then those of cells. */
+static uint32_t array_count(const struct tetmesh *shape)
+{
+    return 3 + shape->field_count + shape->cell_field_count;
+}
+
+static struct layout_array array_at(const struct tetmesh *shape, uint32_t number)
+{
+    static const size_t widths[] = {[TETLOD_FLOAT32] = 4, [TETLOD_FLOAT64] = 8};
+    struct layout_array array = {.kind = ROW_VALUES, .big_endian = true, .rows = number == 0 ? shape->vertex_count : shape->tet_count};
+    if (number == 0) {
+        array.words = 3;
+        array.width = widths[shape->position_type];
+    } else if (number < 3) {
+        array.kind = number == 1 ? ROW_COUNT_CORNERS : ROW_TYPE;
+        array.words = number == 1 ? 5 : 1;
+        array.width = 4;
+    } else if (number < 3 + shape->field_count) {
+        const struct point_field *field = &shape->fields[number - 3];
+        array = (struct layout_array){ROW_VALUES, number - 2, field->components, widths[field->type], true, false, shape->vertex_count, NULL};
+    } else {
+        const struct point_field *field = &shape->cell_fields[number - 3 - shape->field_count];
+        size_t integers = integer_size(field, (size_t)field->components * shape->tet_count);
+        array = (struct layout_array){ROW_VALUES, 0, field->components, integers ? integers : widths[field->type], true, integers > 0, shape->tet_count, field->values};
+    }
+    return array;
+}
+
+/* The text in front of an array, or behind the last. */
 static void put_text_before(struct put *put, const struct tetmesh *shape, uint32_t number)
 {
     if (number == 0)
@@ -139,37 +171,26 @@ static void put_text_before(struct put *put, const struct tetmesh *shape, uint32
         put_types_line(put, shape);
     if (number == 3)
         put_fields_line(put, "POINT_DATA", shape->field_count, shape->vertex_count);
-    if (number >= 3 && number < 3 + shape->field_count)
-        put_field_line(put, &shape->fields[number - 3], types[shape->fields[number - 3].type], shape->vertex_count);
-}
-
-static struct layout_array array_at(const struct tetmesh *shape, uint32_t number)
-{
-    static const size_t widths[] = {[TETLOD_FLOAT32] = 4, [TETLOD_FLOAT64] = 8};
-    switch (number) {
-    case 0:
-        return (struct layout_array){ROW_VALUES, 0, 3, widths[shape->position_type], true, shape->vertex_count};
-    case 1:
-        return (struct layout_array){ROW_COUNT_CORNERS, 0, 5, 4, true, shape->tet_count};
-    case 2:
-        return (struct layout_array){ROW_TYPE, 0, 1, 4, true, shape->tet_count};
-    default: {
-        const struct point_field *field = &shape->fields[number - 3];
-        return (struct layout_array){ROW_VALUES, number - 2, field->components, widths[field->type], true, shape->vertex_count};
-    }
-    }
+    if (number == 3 + shape->field_count)
+        put_fields_line(put, "CELL_DATA", shape->cell_field_count, shape->tet_count);
+    if (number < 3 || number == array_count(shape))
+        return;
+    const struct layout_array array = array_at(shape, number);
+    bool of_cells = number >= 3 + shape->field_count;
+    const struct point_field *field = of_cells ? &shape->cell_fields[number - 3 - shape->field_count] : &shape->fields[number - 3];
+    put_field_line(put, field, type_of(field, array.integer ? array.width : 0), of_cells ? shape->tet_count : shape->vertex_count);
 }
 
 static enum tetlod_status lay_out(struct io_layout *layout, const struct tetmesh *shape, struct tetlod_error *error)
 {
     const struct tetlodi_sink sink = layout_sink(layout);
-    for (uint32_t number = 0; number <= 3 + shape->field_count; number++) {
+    for (uint32_t number = 0; number <= array_count(shape); number++) {
         struct put put;
         TETLOD_TRY(put_init(&put, &sink, true, error));
         put_text_before(&put, shape, number);
         if (put_finish(&put) != TETLOD_OK)
             return tetlodi_fail_nomem(error, "a mesh file", 0);
-        if (number < 3 + shape->field_count) {
+        if (number < array_count(shape)) {
             const struct layout_array array = array_at(shape, number);
             TETLOD_TRY(layout_add(layout, &array, error));
         }

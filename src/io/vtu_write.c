@@ -363,12 +363,18 @@ static void list_arrays(const struct tetmesh *shape, struct layout_array *out)
     uint64_t vertices = shape->vertex_count, tets = shape->tet_count;
     for (uint32_t f = 0; f < shape->field_count; f++) {
         const struct point_field *field = &shape->fields[f];
-        *out++ = (struct layout_array){ROW_VALUES, 1 + f, field->components, float_widths[field->type], false, vertices};
+        *out++ = (struct layout_array){.kind = ROW_VALUES, .column = 1 + f, .words = field->components, .width = float_widths[field->type], .rows = vertices};
     }
-    *out++ = (struct layout_array){ROW_VALUES, 0, 3, float_widths[shape->position_type], false, vertices};
-    *out++ = (struct layout_array){ROW_CORNERS, 0, 4, wide, false, tets};
-    *out++ = (struct layout_array){ROW_END, 0, 1, wide, false, tets};
-    *out++ = (struct layout_array){ROW_TYPE, 0, 1, 1, false, tets};
+    for (uint32_t f = 0; f < shape->cell_field_count; f++) {
+        const struct point_field *field = &shape->cell_fields[f];
+        enum kind kind = kind_of(field, (size_t)tets * field->components);
+        *out++ = (struct layout_array){.kind = ROW_VALUES, .words = field->components, .width = width_of(kind), .integer = kind == INT32 || kind == INT64,
+                                       .rows = tets, .values = field->values};
+    }
+    *out++ = (struct layout_array){.kind = ROW_VALUES, .words = 3, .width = float_widths[shape->position_type], .rows = vertices};
+    *out++ = (struct layout_array){.kind = ROW_CORNERS, .words = 4, .width = wide, .rows = tets};
+    *out++ = (struct layout_array){.kind = ROW_END, .words = 1, .width = wide, .rows = tets};
+    *out++ = (struct layout_array){.kind = ROW_TYPE, .words = 1, .width = 1, .rows = tets};
 }
 
 static enum tetlod_status lay_out(struct io_layout *layout, struct writer *w, const struct layout_array *arrays, size_t count)
@@ -388,7 +394,7 @@ static enum tetlod_status lay_out(struct io_layout *layout, struct writer *w, co
 
 enum tetlod_status io_layout_vtu(struct io_layout **out, const struct tetmesh *shape, struct tetlod_error *error)
 {
-    size_t count = (size_t)shape->field_count + 4;
+    size_t count = (size_t)shape->field_count + shape->cell_field_count + 4;
     TETLOD_TRY(layout_start(out, error));
     const struct tetlodi_sink sink = layout_sink(*out);
     struct layout_array *arrays = array_new(count, sizeof *arrays);

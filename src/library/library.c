@@ -132,28 +132,13 @@ static bool pass_progress(void *opaque, enum build_phase phase, double done)
     return caller->call(caller->opaque, phase_names[phase], done) != 0;
 }
 
-static bool within(double value, double least, double most)
+static enum tetlod_status check_options(const struct build_options *options, struct tetlod_error *error)
 {
-    return value >= least && value <= most;
-}
-
-static enum tetlod_status check_options(const struct tetlod_build_options *options, struct tetlod_error *error)
-{
-    const struct {
-        const char *name;
-        bool good;
-    } checks[] = {{"max_error is 0 .. 1", within(options->max_error, 0, 1)},
-                  {"domain_error is 0 .. 1", within(options->domain_error, 0, 1)},
-                  {"boundary_angle is 0 .. 180", within(options->boundary_angle, 0, 180)},
-                  {"growth is 1.001 .. 16", within(options->growth, 1.001, 16)},
-                  {"compression is 1 .. 22", options->compression >= 1 && options->compression <= 22},
-                  {"position_bits and field_bits are at most 30",
-                   options->position_bits <= QUANTISE_MOST_BITS && options->field_bits <= QUANTISE_MOST_BITS},
-                  {"position_error and field_error are 0 .. 1", within(options->position_error, 0, 1) && within(options->field_error, 0, 1)}};
-    for (size_t i = 0; i < sizeof checks / sizeof *checks; i++)
-        if (!checks[i].good)
-            return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s; tetlod_build_defaults sets what is usual", checks[i].name);
-    return TETLOD_OK;
+    struct build_range bad;
+    if (!build_options_out_of_range(options, &bad))
+        return TETLOD_OK;
+    return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s is %g .. %g, not %g; tetlod_build_defaults sets what is usual", bad.member, bad.least,
+                        bad.most, bad.value);
 }
 
 static struct build_options options_of(const struct tetlod_build_options *options)
@@ -180,10 +165,9 @@ static struct build_options options_of(const struct tetlod_build_options *option
 
 /* ---- building */
 
-static enum tetlod_status build(struct tetmesh *mesh, const struct tetlod_build_options *given, const struct tetlodi_sink *sink,
-                                struct tetlod_error *error)
+static enum tetlod_status build(struct tetmesh *mesh, const struct tetlod_build_options *given, struct build_options options,
+                                const struct tetlodi_sink *sink, struct tetlod_error *error)
 {
-    struct build_options options = options_of(given);
     struct build_report report;
     struct progress_of_caller caller = {given->progress, given->progress_opaque};
     uint32_t count;
@@ -218,11 +202,12 @@ enum tetlod_status tetlod_build(const struct tetlod_build_mesh *mesh, const stru
     if (options)
         memcpy(&all, options, options->struct_size < sizeof all ? options->struct_size : sizeof all);
     memcpy(&given, mesh, mesh->struct_size < sizeof given ? mesh->struct_size : sizeof given);
-    enum tetlod_status status = check_options(&all, error);
+    struct build_options own = options_of(&all);
+    enum tetlod_status status = check_options(&own, error);
     if (status == TETLOD_OK)
         status = copy_mesh(&copy, &given, error);
     if (status == TETLOD_OK)
-        status = build(&copy, &all, &sink, error);
+        status = build(&copy, &all, own, &sink, error);
     tetmesh_fini(&copy);
     return status;
 }

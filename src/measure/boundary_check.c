@@ -31,7 +31,7 @@ struct boundary_check {
     unsigned threads;
     struct mesh_surface surface; /* of the original */
     uint32_t *witnesses;         /* [WITNESSES * face of it] vertices of the level's faces that are near to what was looked at of it; TETLOD_NONE */
-    double rounding;
+    double rounding, limit;      /* limit: of the level before */
 };
 
 /* One way. */
@@ -251,6 +251,9 @@ enum tetlod_status boundary_check_level(struct boundary_check *check, const stru
 {
     struct mesh_surface surface = {0};
     *out_distance = 0;
+    if (limit < check->limit) // what was near enough then may not be now
+        touched = NULL;
+    check->limit = limit;
     TETLOD_TRY(make_surface(&surface, level, check->bodies, error));
     struct way forth = {.check = check, .from = &check->surface, .to = &surface, .to_corners = level->corners, .touched = touched, .forth = true};
     forth.limit = limit * (1 + 1e-9) + check->rounding;

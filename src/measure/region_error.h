@@ -10,4 +10,7 @@
 TETLOD_CHECKED enum tetlod_status region_error(const struct forest *forest, const struct tetmesh *mesh, unsigned threads, double *out,
                                                struct tetlod_error *error);
 
+/* Memory that it takes, about. */
+uint64_t region_error_bytes(const struct tetlod_info *info);
+
 #endif

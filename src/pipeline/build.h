@@ -55,6 +55,15 @@ struct build_report {
 /* What a build without options does; it needs controls, threads and metadata. */
 struct build_options build_options_default(void);
 
+/* What an option may be: an option of the program and a member of libtetlod-build's options. */
+struct build_range {
+    const char *option, *member;
+    double value, least, most;
+};
+
+/* The first number that is out of its range. False: all are within. */
+bool build_options_out_of_range(const struct build_options *options, struct build_range *out);
+
 /* Is the exact maximum of every level taken, over the overlay? */
 bool build_asks_overlay(const struct build_options *options);
 

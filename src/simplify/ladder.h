@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The ladder: 1, 2, 5 of every decade with a step between each two, from 10^-6 to 1; the last is the greatest error asked for. With more steps
- * more is contracted at once to no good end: four between leave up to 10 % more tetrahedra, and all vertices are looked at more often. A
- * table, for libraries of different machines do not agree about powers. */
+/* The ladder: 1, 2, 5 of every decade from 10^-6 to 1, from some error on with a step between each two; the last is the greatest error
+ * asked for. More steps leave more tetrahedra and take longer (DEFAULTS.md). A table, for libraries of different machines do not agree
+ * about powers. */
 #ifndef TETLOD_LADDER_H
 #define TETLOD_LADDER_H
 
@@ -12,8 +12,8 @@
  * are common in regular meshes (PROOF.md, 3). */
 static const double LIMIT_TIE = 1e-9;
 
-/* The rung above the limit. *out_named: levels are named after it. */
-static inline double next_limit(double limit, double most, bool *out_named)
+/* The rung above the limit. steps_from: the least error with steps between. *out_named: levels are named after it. */
+static inline double next_limit(double limit, double most, double steps_from, bool *out_named)
 {
     enum { DECADES = 6, RUNGS = 6, STEPS = 2 };
     static const double rungs[RUNGS] = {1.0, 1.5, 2.0, 3.0, 5.0, 7.0};
@@ -22,7 +22,8 @@ static inline double next_limit(double limit, double most, bool *out_named)
     *out_named = true;
     for (int decade = 0; decade < DECADES && next == 1; decade++)
         for (int rung = 0; rung < RUNGS && next == 1; rung++)
-            if (rungs[rung] / powers[decade] > limit * (1 + 1e-6)) {
+            if (rungs[rung] / powers[decade] > limit * (1 + 1e-6) &&
+                (rung % STEPS == 0 || rungs[rung] / powers[decade] >= steps_from)) {
                 next = rungs[rung] / powers[decade];
                 *out_named = rung % STEPS == 0;
             }

@@ -14,7 +14,10 @@
 
 /* A vertex whose star has changed is evaluated again if this multiple of what it waited for is within the limit: a change rarely
  * eases it by more. */
-static const double EASED = 0.8;
+static const double EASED = 0.85;
+
+/* Below it the ladder has no steps between (ladder.h): nobody asks for what is between, and every rung looks at most vertices again. */
+static const double STEPS_FROM = 1e-3;
 
 /* Times that a rung looks again at vertices whose stars have changed. */
 enum { MOST_PASSES = 3 };
@@ -100,8 +103,10 @@ static void prune_range(void *context, unsigned worker, size_t begin, size_t end
     struct rounds *rounds = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        working_prune(&rounds->working, rounds->again.slots[i]);
-        rounds->run.proposals[rounds->again.slots[i]].dirty = CLEAN;
+        uint8_t *dirty = &rounds->run.proposals[rounds->again.slots[i]].dirty;
+        if (*dirty != CLEAN) // else nothing of it is gone
+            working_prune(&rounds->working, rounds->again.slots[i]);
+        *dirty = CLEAN;
     }
 }
 
@@ -127,8 +132,8 @@ static void fetch_ahead(const struct working *working, const uint32_t *slots, si
         star = &working->stars[slots[1]];
         for (uint32_t i = 0; i < star->count; i++) {
             const uint32_t *corners = working->corners[working->pool[star->begin + i]];
-            for (int c = 0; c < 4 && corners[0] != TETLOD_NONE; c++)
-                __builtin_prefetch(working_row(working, corners[c]));
+            for (int c = 0; c < 2 && corners[0] != TETLOD_NONE; c++) // each vertex is in several tetrahedra
+                __builtin_prefetch(working_row(working, corners[2 * (i % 2) + c]));
         }
     }
 }
@@ -589,7 +594,7 @@ static enum tetlod_status climb(struct rounds *rounds)
             TETLOD_TRY(mark(rounds));
         if (finished(rounds) || limit >= rounds->options->max_error)
             break;
-        limit = next_limit(limit, rounds->options->max_error, &named);
+        limit = next_limit(limit, rounds->options->max_error, STEPS_FROM, &named);
     }
     return mark(rounds);
 }

@@ -553,7 +553,7 @@ static enum tetlod_status run_ladder(struct run *run)
             TETLOD_TRY(mark(run));
         if (finished(run) || limit >= run->options->max_error)
             break;
-        limit = next_limit(limit, run->options->max_error, &named);
+        limit = next_limit(limit, run->options->max_error, 0, &named);
     }
     return mark(run);
 }

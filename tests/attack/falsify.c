@@ -86,10 +86,11 @@ bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct
     *out_lie = !dice_once_in(dice, 8);
     if (!*out_lie)
         lie = INFINITY;
+    bool alone = dice_once_in(dice, 2); // what finer levels say of the boundary stays: it is more
     for (uint32_t k = 0; k < f->levels; k++) {
         memcpy(errors + (size_t)k * step, info->levels[k].errors, step * sizeof *errors);
         recode.levels[k].errors = errors + (size_t)k * step;
-        if (what == LIE_DOMAIN && k >= level)
+        if (what == LIE_DOMAIN && (alone ? k == level : k >= level))
             recode.levels[k].domain_error = fmin(recode.levels[k].domain_error, lie);
     }
     for (uint32_t k = 0; k <= level && what == LIE_LARGE && *out_lie; k++) { // as a whole in order: no level below a finer one

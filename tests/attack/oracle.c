@@ -321,19 +321,28 @@ static bool box_holds(const struct oracle_tet *tet, const double x[3])
     return true;
 }
 
+static uint32_t part_of(const struct oracle_mesh *mesh, uint32_t tet)
+{
+    return mesh->part[mesh->corners[4 * (size_t)tet]];
+}
+
+/* Does a tetrahedron that is not flat, of the part, hold x? Sets x's weights. */
+static bool holds(const struct oracle_mesh *mesh, uint32_t tet, uint32_t part, const quad x[3], quad weights[4])
+{
+    const double near[3] = {(double)x[0], (double)x[1], (double)x[2]};
+    if (!mesh->details[tet].solid || part_of(mesh, tet) != part || !box_holds(&mesh->details[tet], near))
+        return false;
+    oracle_weights(mesh, tet, x, weights);
+    return weights[0] >= 0 && weights[1] >= 0 && weights[2] >= 0 && weights[3] >= 0;
+}
+
 /* Another tetrahedron of the level that holds x may be nearer to the truth. */
 static quad best_of_others(const struct pair *p, const quad x[3], uint32_t i, double base, quad value, quad best)
 {
     const struct oracle_mesh *level = p->meshes[1];
-    const double near[3] = {(double)x[0], (double)x[1], (double)x[2]};
-    uint32_t part = level->part[level->corners[4 * (size_t)p->tets[1]]];
     for (uint32_t t = 0; t < level->tets; t++) {
         quad w[4];
-        if (t == p->tets[1] || !level->details[t].usable || !box_holds(&level->details[t], near) ||
-            level->part[level->corners[4 * (size_t)t]] != part)
-            continue;
-        oracle_weights(level, t, x, w);
-        if (w[0] < 0 || w[1] < 0 || w[2] < 0 || w[3] < 0)
+        if (t == p->tets[1] || !level->details[t].usable || !holds(level, t, part_of(level, p->tets[1]), x, w))
             continue;
         quad here = magnitude(value_by(level, t, w, i, base) - value);
         best = here < best ? here : best;
@@ -345,17 +354,10 @@ static quad best_of_others(const struct pair *p, const quad x[3], uint32_t i, do
 static bool overlaps_itself(const struct pair *p, const quad x[3])
 {
     const struct oracle_mesh *original = p->meshes[0];
-    const double near[3] = {(double)x[0], (double)x[1], (double)x[2]};
-    uint32_t part = original->part[original->corners[4 * (size_t)p->tets[0]]];
-    for (uint32_t t = 0; t < original->tets; t++) {
-        quad w[4];
-        if (t == p->tets[0] || !original->details[t].solid || !box_holds(&original->details[t], near) ||
-            original->part[original->corners[4 * (size_t)t]] != part)
-            continue;
-        oracle_weights(original, t, x, w);
-        if (w[0] >= 0 && w[1] >= 0 && w[2] >= 0 && w[3] >= 0)
+    quad w[4];
+    for (uint32_t t = 0; t < original->tets; t++)
+        if (t != p->tets[0] && holds(original, t, part_of(original, p->tets[0]), x, w))
             return true;
-    }
     return false;
 }
 
@@ -378,8 +380,7 @@ static void try_corner(struct pair *p, uint32_t k, uint32_t i)
     found = best < here ? best : found;
     if (found > p->worst[i].difference && overlaps_itself(p, x)) {
         const double near[3] = {(double)x[0], (double)x[1], (double)x[2]};
-        uint32_t part = p->meshes[1]->part[p->meshes[1]->corners[4 * (size_t)p->tets[1]]];
-        found = fmin((double)found, oracle_least_near(p->meshes[1], part, near, p->radius, i, inside + base, p->worst[i].difference));
+        found = fmin((double)found, oracle_least_near(p->meshes[1], part_of(p->meshes[1], p->tets[1]), near, p->radius, i, inside + base, p->worst[i].difference));
     }
     if (found <= p->worst[i].difference)
         return;
@@ -410,10 +411,10 @@ void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh
     memset(worst, 0, ORACLE_MOST_VALUES * sizeof *worst);
     for (p.tets[0] = 0; p.tets[0] < original->tets; p.tets[0]++) {
         const struct oracle_tet *a = &original->details[p.tets[0]];
-        uint32_t part = original->part[original->corners[4 * (size_t)p.tets[0]]];
+        uint32_t part = part_of(original, p.tets[0]);
         for (p.tets[1] = 0; p.tets[1] < level->tets && a->usable; p.tets[1]++) {
             const struct oracle_tet *b = &level->details[p.tets[1]];
-            if (b->usable && boxes_meet(a, b) && level->part[level->corners[4 * (size_t)p.tets[1]]] == part)
+            if (b->usable && boxes_meet(a, b) && part_of(level, p.tets[1]) == part)
                 try_pair(&p);
         }
     }
@@ -431,7 +432,7 @@ bool oracle_difference_at(const struct oracle_mesh *level, uint32_t part, const 
             double room = 1e-9 * (tet->high[d] - tet->low[d]);
             out_of_box |= point[d] < tet->low[d] - room || point[d] > tet->high[d] + room;
         }
-        if (out_of_box || level->part[level->corners[4 * (size_t)t]] != part)
+        if (out_of_box || part_of(level, t) != part)
             continue;
         if (!tet->usable) { // it may hold the point, but has no value there
             held = true;

@@ -309,7 +309,7 @@ def usage():
           '--metric', 'sva')
     for words, options in ((['--metric', 'magic'], ('--metric', 'magic')), (['--contract'], ('--contract', 'cells')),
                            (['--certify'], ('--certify', 'hope')), (['max-error'], ('--max-error', '-1')), (['max-error'], ('--max-error', 'inf')),
-                           (['growth'], ('--growth', '1')), (['growth'], ('--growth', '17')), (['compress'], ('--compress', '23')),
+                           (['growth'], ('--growth', '1')), (['growth'], ('--growth', '17')), (['domain-error', '0 to 1'], ('--domain-error', '2')), (['compress'], ('--compress', '23')),
                            (['measured', 'exact'], ('--metric', 'measured', '--certify', 'exact')), (['candidates'], ('--candidates', '1')), (['threads'], ('--threads', 'many')),
                            (['min-tets'], ('--min-tets', '0')), (['wish'], ('--wish',)), (['memory'], ('--memory', '0'))):
         fails('build %s' % ' '.join(options), 2, words, 'build', 'cube.vtu', '-o', 'x.tetlod', *options)

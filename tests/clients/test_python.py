@@ -17,6 +17,7 @@ import subprocess
 import sys
 import threading
 import warnings
+from unittest import mock
 
 import numpy as np
 
@@ -269,6 +270,10 @@ def test_series():
             assert same(stream.at(0.5, '5%'), tetlod.open(made).at(0.5, '5%'))
             level = stream.levels[stream.at(0.5, '5%').level]
             assert len(stream._source.data) == level.bytes < stream.levels[-1].bytes, (len(stream._source.data), level)
+            static = '%sv1/meshes/wake/%s/stream' % (server.url, stream.info.cid)
+            with mock.patch.multiple(tetlod._sources, FIRST=2048, CHUNK=2048):  # the table of steps needs none of the levels
+                stream = tetlod.open(static, decoder=decoder)
+                assert len(stream.times) == 12 and len(stream._source.data) < stream.levels[-1].bytes / 2, len(stream._source.data)
 
 
 def refused_steps(made):

@@ -2,14 +2,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Values of tetrahedra over HTTP: what `cells` asks for, and nothing else, in each format and at every level."""
 import os
+import subprocess
 import sys
 
 import numpy
-from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkIOLegacy import vtkUnstructuredGridReader
-from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
 
-from served import ROOT, SCRATCH, Server, run
+from served import ROOT, SCRATCH, TETLOD, Server, run
 
 sys.path.insert(0, os.path.join(ROOT, 'tests'))
 from streams import tetlod  # noqa: E402
@@ -52,6 +53,41 @@ def test_levels():
                 assert list(found) == names, (level, query, list(found))
                 for name in names:
                     assert numpy.array_equal(found[name], stream.cells(name)[:tets]), (level, kind, name)
+
+
+def build_larger():
+    """A stream whose finest level fills half of the least cache: with values of cells that are floats, small and large integers."""
+    made, given, built = (os.path.join(SCRATCH, name) for name in ('fin.vtu', 'cells.vtu', 'larger.tetlod'))
+    subprocess.run([TETLOD, 'sample', 'fin', '--size', '14', '-o', made], check=True)
+    reader, writer = vtkXMLUnstructuredGridReader(), vtkXMLUnstructuredGridWriter()
+    reader.SetFileName(made)
+    reader.Update()
+    mesh = reader.GetOutput()
+    numbers = numpy.arange(mesh.GetNumberOfCells())
+    for name, values in (('part', (numbers % 7).astype(numpy.int32)), ('far', numbers * 10 ** 10), ('pair', numpy.stack([numbers / 3, -numbers], 1).astype(numpy.float32)),
+                         ('energy', numpy.sqrt(numbers))):
+        array = numpy_to_vtk(values, deep=True)
+        array.SetName(name)
+        mesh.GetCellData().AddArray(array)
+    writer.SetFileName(given)
+    writer.SetInputData(mesh)
+    writer.Write()
+    subprocess.run([TETLOD, 'build', given, '-o', built, '--quiet'], check=True)
+    return built
+
+
+def test_larger_than_the_cache():
+    """What is written while it is sent is the same file."""
+    larger = build_larger()
+    with Server(larger, '--cache', '1M') as small, Server(larger) as ample:
+        shown = ample.json('/v1/meshes/larger')
+        finest = '/v1/meshes/larger/%s/levels/%d/mesh.' % (shown['cid'], len(shown['levels']) - 1)
+        for query in ('vtu?cells=far', 'vtk?cells=far,part', 'vtu?cells=all', 'vtk?cells=all', 'vtu'):
+            (_, whole, expected), (status, head, body) = ample.get(finest + query), small.get(finest + query)
+            assert status == 200 and body == expected and head['server-timing'] == 'cache;desc=none', (query, status, head)
+            assert head['etag'] == whole['etag'] and head['content-length'] == str(len(body)) and 'desc=none' not in whole['server-timing']
+            status, _, part = small.get(finest + query, Range='bytes=300-%d' % (len(body) - 100))
+            assert status == 206 and part == body[300:-99], query
 
 
 def test_redirection():
@@ -104,4 +140,4 @@ def test_description():
 
 with Server(STREAM) as server:
     base = '/v1/meshes/cells_float32/' + stream.cid
-    run([test_levels, test_redirection, test_in_boxes, test_refusals, test_tags_differ, test_description])
+    run([test_levels, test_larger_than_the_cache, test_redirection, test_in_boxes, test_refusals, test_tags_differ, test_description])

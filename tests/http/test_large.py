@@ -171,6 +171,31 @@ def test_five_gigabytes():
     os.unlink(path)
 
 
+def test_stop_in_the_middle():
+    """Of streams being decoded, and answers that wait for room, are being made or sent, nothing is looked at once it is gone."""
+    folder = os.path.join(SCRATCH, 'stopped')
+    os.makedirs(folder, exist_ok=True)
+    os.link(MADE, os.path.join(folder, 'fin.tetlod'))
+    subprocess.run([TETLOD, 'sample', 'cube', '--size', '12', '-o', 'cube.vtu'], cwd=SCRATCH, check=True)
+    subprocess.run([TETLOD, 'build', 'cube.vtu', '-o', os.path.join(folder, 'cube.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
+    for pause in (0, 0.01, 0.05, 0.2):
+        with Server(folder, '--drain', '0.01', '--timeout', '1000', '--scan', '0.01', '--cache', '1M', '--memory', '4M', '--quiet') as ending:
+            asking = []
+            for name in ('fin', 'cube'):
+                shown = ending.json('/v1/meshes/' + name)
+                last = len(shown['levels']) - 1
+                for level in range(last, last - 4, -1):
+                    for what in ('mesh.vtu', 'mesh.vtk', 'surface.vtp', 'slice.vtp?normal=1,0,0&origin=0.5,0.5,0.5', 'mesh.tetlod',
+                                 'region.vtu?box=0,0,0,0.5,0.5,0.5&box_level=%d' % (level + 1)):
+                        asking.append(ending.connect())
+                        asking[-1].sendall(b'GET /v1/meshes/%s/%s/levels/%d/%s HTTP/1.1\r\nHost: localhost\r\n\r\n' %
+                                           (name.encode(), shown['cid'].encode(), level, what.encode()))
+            time.sleep(pause)
+            ending.stop()
+            for connection in asking:
+                connection.close()
+
+
 def test_written_over_while_it_is_read():
     """A complete answer is the stream's, whatever a writer does to the file in place."""
     path = os.path.join(SCRATCH, 'changing.tetlod')
@@ -230,7 +255,7 @@ def main():
     subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
     run([test_streamed_files_are_the_cached_ones, test_the_finest_level_is_what_extract_writes, test_conditions_and_ranges,
          test_chosen_fields, test_readers_that_wait_take_no_memory, test_the_kernel_holds_little,
-         test_five_gigabytes, test_written_over_while_it_is_read])
+         test_five_gigabytes, test_stop_in_the_middle, test_written_over_while_it_is_read])
 
 
 main()

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Grids over meshes whose vertices lie on the grid's points, rows and planes, the worst case; and points in them. */
+/* Grids over meshes whose vertices lie on the grid's points, rows and planes, the worst case; points in them; and what rays through them need. */
 #include <stdlib.h>
 
+#include "src/cut/rays.h"
 #include "src/cut/resample.h"
 #include "src/mesh/tet_geom.h"
 #include "tests/test.h"
@@ -222,6 +223,77 @@ static void test_probe(void)
     tetmesh_fini(&mesh);
 }
 
+/* Every face of the boundary is in one leaf, and in the boxes above that; all are seen from outside. */
+static void check_tree(const struct tetmesh *mesh, const struct cut_rays *rays, const double centre[3])
+{
+    size_t found = 0;
+    double six_volumes = 0;
+    for (uint32_t i = 0; i < rays->node_count; i++) {
+        const float *node = rays->nodes + 8 * (size_t)i;
+        CHECK(node[3] > (float)i && node[3] <= (float)rays->node_count);
+        for (uint32_t below = i; below < (uint32_t)node[3]; below++) {
+            const float *leaf = rays->nodes + 8 * (size_t)below;
+            for (uint32_t f = 0; f < RAYS_LEAF && leaf[7] >= 0; f++) {
+                const uint32_t *face = rays->faces + 4 * (RAYS_LEAF * (size_t)leaf[7] + f);
+                for (int k = 0; k < 3 && face[3] != TETLOD_NONE; k++)
+                    for (int d = 0; d < 3; d++) {
+                        float x = rays->vertices[4 * (size_t)face[k] + (size_t)d];
+                        CHECK(x >= node[d] && x <= node[4 + d]);
+                        CHECK_NEAR((double)x, mesh->positions[3 * (size_t)face[k] + (size_t)d] - centre[d], 1e-6);
+                    }
+                if (face[3] == TETLOD_NONE || i)
+                    continue;
+                found++;
+                CHECK_INT(rays->neighbours[face[3]], TETLOD_NONE);
+                six_volumes += tet_volume6(centre, mesh->positions + 3 * (size_t)face[0], mesh->positions + 3 * (size_t)face[1],
+                                           mesh->positions + 3 * (size_t)face[2]);
+            }
+        }
+    }
+    CHECK_INT(found, 12 * 4 * 4);
+    CHECK_NEAR(six_volumes, 6 * 8, 1e-9);
+}
+
+static void test_rays(void)
+{
+    struct tetmesh mesh;
+    struct cut_rays rays = {0};
+    const double centre[3] = {4, 4, 4};
+    make_cube(&mesh, 4, 2, 3, 0.2);
+    uint32_t swap = mesh.corners[0]; // one is inside out
+    mesh.corners[0] = mesh.corners[1];
+    mesh.corners[1] = swap;
+    double *values = linear_values(&mesh);
+    REQUIRE(cut_rays_connect(&mesh, &rays, NULL) == TETLOD_OK);
+    REQUIRE(cut_rays_place(&mesh, values, centre, &rays, NULL) == TETLOD_OK);
+    for (uint32_t slot = 0; slot < 4 * mesh.tet_count; slot++)
+        CHECK(rays.neighbours[slot] == TETLOD_NONE || rays.neighbours[rays.neighbours[slot]] == slot);
+    check_tree(&mesh, &rays, centre);
+    for (size_t i = 0; i < 3 * (size_t)mesh.vertex_count; i++) // the boxes follow
+        mesh.positions[i] = 8 - mesh.positions[i];
+    REQUIRE(cut_rays_place(&mesh, values, centre, &rays, NULL) == TETLOD_OK);
+    for (size_t i = 0; i < rays.face_count; i++) { // mirrored
+        uint32_t *face = rays.faces + 4 * i, first = face[0];
+        face[0] = face[1];
+        face[1] = first;
+    }
+    check_tree(&mesh, &rays, centre);
+    free(values);
+    cut_rays_fini(&rays);
+    tetmesh_fini(&mesh);
+}
+
+static void test_rays_of_nothing(void)
+{
+    struct tetmesh mesh = {0};
+    struct cut_rays rays = {0};
+    const double centre[3] = {0};
+    REQUIRE(cut_rays_connect(&mesh, &rays, NULL) == TETLOD_OK);
+    REQUIRE(cut_rays_place(&mesh, centre, centre, &rays, NULL) == TETLOD_OK);
+    CHECK_INT(rays.face_count + rays.node_count, 0);
+    cut_rays_fini(&rays);
+}
+
 int main(void)
 {
     RUN(test_no_point_is_missed);
@@ -230,5 +302,7 @@ int main(void)
     RUN(test_voxels);
     RUN(test_cover);
     RUN(test_probe);
+    RUN(test_rays);
+    RUN(test_rays_of_nothing);
     return test_end();
 }

@@ -68,6 +68,8 @@ static void check_partial(struct tetlod_file *file, const struct gen_options *op
         struct forest *forest;
         uint32_t last = forest_last_level(info, level);
         CHECK(last >= level && last < info->level_count);
+        for (uint32_t k = level; k < last; k++)
+            CHECK(2 * (uint64_t)info->levels[k].tets > info->levels[last].tets); // no more than twice is decoded
         REQUIRE(forest_new(&forest, file, level, NULL) == TETLOD_OK);
         while (forest_levels(forest) <= level)
             REQUIRE(forest_grow(forest, NULL) == TETLOD_OK);

@@ -5,10 +5,12 @@
 #include <stdlib.h>
 
 #include "tests/ancestry.h"
+#include "src/measure/boundary_check.h"
 #include "src/pipeline/quantise.h"
 #include "src/simplify/simplify.h"
 #include "src/sample/sample.h"
 #include "tests/gen.h"
+#include "tests/pyramid.h"
 #include "tests/test.h"
 
 static const uint32_t first_field[1] = {0};
@@ -300,6 +302,26 @@ static void test_levels_of_a_rounded_mesh(void)
     check_levels("torus", 4, 1e-2, 9);
 }
 
+/* A level that promises less than the one before is looked at as a whole, whatever changed in between. */
+static void test_boundary_of_a_stricter_level(void)
+{
+    struct pyramid original, level;
+    struct boundary_check *check;
+    const uint8_t touched[6] = {0};
+    double distance;
+    pyramid_init(&original);
+    pyramid_init(&level);
+    level.positions[2] = 0;
+    REQUIRE(boundary_check_new(&check, &original.mesh, NULL, 1, NULL) == TETLOD_OK);
+    REQUIRE(boundary_check_level(check, &level.mesh, NULL, 0.3, &distance, NULL) == TETLOD_OK);
+    CHECK(distance == 0);
+    REQUIRE(boundary_check_level(check, &level.mesh, touched, 0.3, &distance, NULL) == TETLOD_OK);
+    CHECK(distance == 0);
+    REQUIRE(boundary_check_level(check, &level.mesh, touched, 0.1, &distance, NULL) == TETLOD_OK);
+    CHECK_NEAR(distance, 0.25, 1e-12);
+    boundary_check_free(check);
+}
+
 int main(void)
 {
     RUN(test_the_same);
@@ -313,5 +335,6 @@ int main(void)
     RUN(test_levels_of_a_sequence);
     RUN(test_levels_with_a_boundary_that_moves);
     RUN(test_levels_of_a_rounded_mesh);
+    RUN(test_boundary_of_a_stricter_level);
     return test_end();
 }

@@ -163,6 +163,8 @@ async function what_is_loaded_is_small() {
   const all = await openPage(browser, origin);
   await all.goto(`${origin}view/fin#volume=1&error=0.2`);
   await firstPicture(all);
+  await all.waitForFunction(() => window.tetlod.scene.rays);
+  await all.evaluate(() => window.tetlod.set({ volumeSize: 96 }));
   await all.waitForFunction(() => window.tetlod.scene.volume);
   await all.evaluate(async () => (await fetch('/tetlod.wasm')).arrayBuffer()); // the worker's own request is not in the page's list
   const loaded = await all.evaluate(() => [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]

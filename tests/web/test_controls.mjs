@@ -9,7 +9,9 @@ import { run } from './tap.mjs';
 
 const server = await program([sampleStream().path]);
 const browser = await launch();
-const page = await openPage(browser, server.url, { viewport: { width: 800, height: 560 }, permissions: ['clipboard-read', 'clipboard-write'] });
+const size = { width: 800, height: 560 };
+const small = { width: 580, height: 480 }; // rays take long where the processor draws
+const page = await openPage(browser, server.url, { viewport: size, permissions: ['clipboard-read', 'clipboard-write'] });
 
 async function open(state, on = page) {
   await on.goto('about:blank');
@@ -172,6 +174,18 @@ async function logarithm_map_and_direction() {
   assert.equal(new Set(looks).size, looks.length - 2, 'every map looks different'); // the first two are the plain one
 }
 
+async function a_map_from_a_file() {
+  await open('');
+  const choose = (text) => page.locator('#map-file').setInputFiles({ name: 'own.xml', mimeType: 'text/xml', buffer: Buffer.from(text) });
+  const points = '<Point x="0" o="0" r="0" g="0" b="1"/><Point x="3" o="1" r="1" g="0" b="0"/>';
+  await changesThePicture('a map from a file', () => choose(`<ColorMaps><ColorMap name="own" space="RGB">${points}</ColorMap></ColorMaps>`));
+  await becomes('map', '0000ff-ff0000');
+  assert.equal(await page.locator('#map option:checked').innerText(), 'from a file');
+  await choose('nothing');
+  await page.getByText('own.xml: the file has no colours').waitFor();
+  await becomes('map', '0000ff-ff0000');
+}
+
 async function a_logarithm_of_what_is_not_positive() {
   await open('&field=Velocity&component=2&log=1');
   const [low, high] = await Promise.all(['low', 'high'].map((id) => page.locator(`#${id}`).inputValue()));
@@ -247,9 +261,121 @@ async function isosurfaces_are_drawn() {
   assert.equal(await page.getByLabel('Isosurface 1: value').first().inputValue(), '500');
 }
 
+// The largest difference, of 255, between the picture and what the values along the rays give, where nothing else is drawn.
+// `behind`: the plane {origin, normal} that clips, or null
+const differenceFromRays = (behind) => page.evaluate(async (clip) => {
+  const { stream, scene, state } = window.tetlod;
+  scene.box.setVisibility(false);
+  const image = await scene.capture();
+  const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
+  context.drawImage(image, 0, 0);
+  const sides = scene.bounds[1].map((h, i) => h - scene.bounds[0][i]);
+  const background = scene.renderer.getBackground();
+  const [low, high] = scene.range;
+  const opacityAt = (x) => {
+    const k = Math.max(1, state.opacity.findIndex(([at]) => at >= x));
+    const [[a, from], [b, to]] = [state.opacity[k - 1], state.opacity[k]];
+    return Math.min(from + ((x - a) / (b - a)) * (to - from), 0.9999);
+  };
+  const seenAlong = (ends, length) => {
+    const seen = [0, 0, 0];
+    let light = 1;
+    for (let i = 0; i < ends.length; i += 4) {
+      const steps = Math.ceil(400 * Math.abs(ends[i + 3] - ends[i + 1]) / (high - low)) + 4;
+      for (let k = 0; k < steps; k++) {
+        const value = ends[i + 1] + ((k + 0.5) / steps) * (ends[i + 3] - ends[i + 1]);
+        const x = Math.min(1, Math.max(0, (value - low) / (high - low)));
+        const taken = light * (1 - (1 - opacityAt(x)) ** ((ends[i + 2] - ends[i]) * length / steps * 100 / Math.max(...sides)));
+        const color = [];
+        scene.lookup.getColor(value, color);
+        color.slice(0, 3).forEach((c, d) => { seen[d] += taken * c; });
+        light -= taken;
+      }
+    }
+    return { seen: seen.map((c, d) => 255 * (c + light * background[d])), opacity: 1 - light };
+  };
+  let worst = 0;
+  let covered = 0;
+  for (let x = 20; x < image.width - 20; x += 15)
+    for (let y = 90; y < image.height - 120; y += 13) {
+      const { from, direction } = scene.ray(x + 0.5, y + 0.5);
+      const begin = from.map((c, i) => c + scene.centre[i]);
+      const length = 10 * Math.max(...sides);
+      let [near, far] = [begin, begin.map((c, i) => c + length * direction[i])];
+      if (clip) { // what is before the plane is cut off
+        const along = clip.normal.reduce((s, n, i) => s + n * direction[i], 0);
+        const at = begin.map((c, i) => c + (clip.normal.reduce((s, n, k) => s + n * (clip.origin[k] - begin[k]), 0) / along) * direction[i]);
+        if (along < 0) near = at; else far = at;
+      }
+      const { ends } = await stream.line(near, far);
+      const { seen, opacity } = seenAlong(ends, Math.hypot(...far.map((c, i) => c - near[i])));
+      const pixel = context.getImageData(x, y, 1, 1).data;
+      covered += opacity > 0.2;
+      worst = Math.max(worst, ...seen.map((c, d) => Math.abs(c - pixel[d])));
+    }
+  return { worst, covered };
+}, behind);
+
+// Rays through the tetrahedra: the picture is what the values along each ray give, at any level and behind a plane.
+async function tetrahedra_are_rendered() {
+  await page.setViewportSize(small);
+  for (const [more, clip] of [['&error=0.2', null], ['&error=0', null], ['&error=0.01&clip=x@0.5', { normal: [1, 0, 0], at: 0.5 }]]) {
+    await open(`&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4${more}`);
+    await until(() => window.tetlod.scene.rays?.actor.getVisibility());
+    await picture();
+    const bounds = (await infoOf()).bounds;
+    const behind = clip && { normal: clip.normal, origin: bounds[0].map((c, i) => c + clip.at * (bounds[1][i] - c)) };
+    const { worst, covered } = await differenceFromRays(behind);
+    console.log(`# ${more}: ${covered} places, at most ${worst.toFixed(2)} of 255 from the rays' values`);
+    assert.ok(covered > 10 && worst <= 3, `${worst} at most of ${covered}`);
+  }
+  // a threshold leaves tetrahedra out, what is opaque ends the rays
+  await changesThePicture('a threshold', () => page.evaluate(() => window.tetlod.set({ threshold: [0, 0.3] })));
+  await changesThePicture('a wall among them', () => page.evaluate(() => window.tetlod.set({ slices: [{ normal: [0, 1, 0], at: 0.2 }] })));
+  await page.setViewportSize(size);
+}
+
+// The last frame of a move has the finer level's tetrahedra, many of them flat, in the coarser one's shape: it looks as that.
+async function rays_pass_flat_tetrahedra() {
+  await page.setViewportSize(small);
+  await open('&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4&error=0.02');
+  await until(() => window.tetlod.scene.rays?.actor.getVisibility());
+  const moved = () => page.evaluate(() => new Promise((resolve) => {
+    const { stream, scene, set } = window.tetlod;
+    stream.addEventListener('pictures', function keep({ detail: { t } }) {
+      if (t !== 0) return;
+      stream.removeEventListener('pictures', keep);
+      window.flat = { ...scene.cells, moves: false };
+      resolve(scene.cells.corners.length / 4);
+    });
+    set({ smooth: true, error: 0.1 });
+  }));
+  const before = await moved();
+  await picture();
+  const { worst, tets } = await page.evaluate(async () => {
+    const { scene } = window.tetlod;
+    const pixels = async () => {
+      const image = await scene.capture();
+      const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
+      context.drawImage(image, 0, 0);
+      return context.getImageData(0, 0, image.width, image.height).data;
+    };
+    const coarse = await pixels();
+    const now = scene.cells.corners.length / 4;
+    scene.rays.update(window.flat);
+    const fine = await pixels();
+    return { worst: coarse.reduce((most, x, i) => Math.max(most, Math.abs(x - fine[i])), 0), tets: now };
+  });
+  assert.ok(before > 1.5 * tets, `${before} of which ${tets} are not flat`);
+  assert.ok(worst <= 3, `${worst} of 255`);
+  await page.setViewportSize(size);
+}
+
 async function a_volume_is_rendered() {
   await open('');
   await page.locator('#volume').check();
+  await until(() => window.tetlod.scene.rays?.actor.getVisibility());
+  await changesThePicture('voxels', () => page.locator('#volume-size').selectOption('96'));
   await until(() => window.tetlod.scene.volume?.actor.getVisibility());
   const before = await picture();
   await page.locator('#transfer').scrollIntoViewIfNeeded();
@@ -374,7 +500,7 @@ async function the_whole_screen_and_the_panel() {
 
 // Every key that the help lists does something that can be seen in the state or on the page.
 async function keys_do_what_the_help_says() {
-  await open('');
+  await open('&volumeSize=48');
   await page.locator('#picture').focus();
   await page.keyboard.press('?');
   const listed = await page.locator('#keys kbd').allInnerTexts();
@@ -452,6 +578,32 @@ async function values_are_probed() {
   await until(() => document.getElementById('probe').hidden);
 }
 
+// Probes that stay: their values are the mesh's at every level, within the bound, and the distance between them is a ruler's.
+async function probes_stay() {
+  await open('&pins=0.5,0.5,0.25');
+  const first = page.locator('#pins .item').first();
+  const said = async () => /Pressure ([\d.]+) ± ([\d.]+) \([\d.]+\u202f%, certified\)/.exec(await first.innerText())?.slice(1).map(Number);
+  const { bounds } = await infoOf();
+  const place = [0.5, 0.5, 0.25].map((x, i) => bounds[0][i] + x * (bounds[1][i] - bounds[0][i]));
+  const at = () => page.evaluate(async (p) => (await window.tetlod.stream.probe(p)).values.Pressure[0], place);
+  await first.getByText(/±/).waitFor();
+  const coarse = await said();
+  assert.ok(Math.abs(coarse[0] - await at()) < 1e-4 * coarse[0], `${coarse} is not ${await at()}`);
+  await page.evaluate(() => window.tetlod.set({ error: 0 }));
+  await settled(page);
+  await first.getByText(/exact/).waitFor();
+  const exact = Number(/Pressure ([\d.]+)/.exec(await first.innerText())[1]);
+  assert.ok(Math.abs(exact - coarse[0]) <= coarse[1] * 1.05, `${exact}, ${coarse}`);
+  await page.locator('#add-pin').click();
+  const [, pin] = (await state()).pins;
+  const apart = Math.hypot(...place.map((c, i) => bounds[0][i] + pin[i] * (bounds[1][i] - bounds[0][i]) - c));
+  const told = Number(/([\d.]+) from 1/.exec(await page.locator('#pins .item').nth(1).innerText())[1]);
+  assert.ok(Math.abs(told - apart) < 1e-3 * apart, `${told}, not ${apart}`);
+  assert.equal(await page.locator('.pin').count(), 2);
+  await page.getByLabel('Remove probe 1').click();
+  assert.deepEqual((await state()).pins, [pin]);
+}
+
 async function fingers_turn_and_probe() {
   const touch = await openPage(browser, server.url, { viewport: { width: 390, height: 800 }, hasTouch: true, isMobile: true });
   await open('', touch);
@@ -488,8 +640,8 @@ async function nothing_was_complained_of() {
 }
 
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
-  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, a_volume_is_rendered,
+  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
   the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
-  a_line_is_plotted, values_are_probed, fingers_turn_and_probe, nothing_was_complained_of];
+  a_line_is_plotted, values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;
 await run(ONLY ? tests.filter((test) => test.name.includes(ONLY)) : tests);

@@ -132,7 +132,7 @@ async function a_missing_part_is_said() {
   for (const missing of ['**/chunk-*.js', '**/worker.js', '**/tetlod.wasm']) {
     await other.route(missing, (route) => route.fulfill({ status: 404, body: '' }));
     await other.goto(`${server.url}view/fin`);
-    await other.getByText(/could not be loaded|cannot be shown/).first().waitFor({ timeout: 10000 });
+    await other.getByText(/could not be loaded|cannot be shown/).first().waitFor();
     await other.unroute(missing);
   }
   await other.context().close();

@@ -12,6 +12,7 @@ const { errorSpan, measureFor, promiseOf, wantedLevel } = await load('levels.js'
 const { clipToWindow, dot, linesBehind, pickPart, planeOf, planeOutline, sidesOf } = await load('geometry.js');
 const { autoRange, firstView, histogram, mapOf } = await load('first_view.js');
 const { colorTable, lineColor, mapNames } = await load('colors.js');
+const { mapOfFile } = await load('color_file.js');
 const { bytes, count, parseNumber, percent, significant, ticks } = await load('numbers.js');
 
 function a_state_survives_its_fragment() {
@@ -20,15 +21,30 @@ function a_state_survives_its_fragment() {
   const state = {
     ...defaults, error: 0.003, measure: 'rms', errorField: 'q', shading: 'all', maxTets: 5000, maxBytes: 2.5e6, field: 'Größe & mehr=x', component: 2, range: 'manual', low: -1.25, high: 3e-7,
     log: true, map: 'cividis', reversed: true, surface: 'glass', edges: true, slices: [{ normal: [0, 1, 0], at: 0.25 }, { normal: [0.6, 0, -0.8], at: 1 }],
-    sliceEdges: true, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, zone: true, threshold: [0.1, 0.75], clip: { normal: [1, 0, 0], at: 0 }, line: [0, 0.25, 0.5, 1, 0.75, 0.5], volume: true, volumeSize: 64,
+    sliceEdges: true, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, zone: true, threshold: [0.1, 0.75], clip: { normal: [1, 0, 0], at: 0 }, line: [0, 0.25, 0.5, 1, 0.75, 0.5], pins: [[0.5, 0, 1], [0.25, 0.75, 0.125]], step: 7, volume: true, volumeSize: 64,
     opacity: [[0, 0.5], [1, 0]], background: 'black', axes: false, parallel: true, smooth: false, camera: [1, 2, 3, 0, 0, 0, 0, 0, 1],
   };
   for (const key of Object.keys(defaults)) assert.notDeepEqual(state[key], defaults[key], `${key} is not tested`);
   assert.deepEqual(fromFragment(toFragment(state)), state);
 }
 
+// The same map as a preset of ParaView, as lines, and with places that are not even.
+function maps_from_files() {
+  const wanted = '0000ff-808080-ff0000';
+  const preset = [{ Name: 'x', RGBPoints: [-2, 0, 0, 1, 0, 0.5, 0.5, 0.5, 2, 1, 0, 0] }];
+  for (const text of [JSON.stringify(preset), JSON.stringify(preset[0]), 'r,g,b\n0,0,255\n128,128,128\n255,0,0\n', '5 0 0 1\n6 .5 .5 .5\n7 1 0 0'])
+    assert.equal(mapOfFile(text), wanted);
+  assert.deepEqual(colorTable(wanted, false, 5), [[0, 0, 255], [64, 64, 192], [128, 128, 128], [192, 64, 64], [255, 0, 0]]);
+  assert.deepEqual(colorTable(wanted, true, 3)[0], [255, 0, 0]);
+  const uneven = mapOfFile('0 0 0 0\n1 1 1 1\n4 1 1 1').split('-');
+  assert.deepEqual([uneven.length, uneven[0], uneven[4], uneven[8], uneven[32]], [33, '000000', '808080', 'ffffff', 'ffffff']);
+  for (const text of ['', '{}', '[{"RGBPoints": [1, 2]}]', 'one two three', '1 1 1']) assert.throws(() => mapOfFile(text), /no colours/);
+  assert.equal(fromFragment(`#map=${wanted}`).map, wanted);
+  assert.equal(fromFragment('#map=0000ff-80').map, 'auto');
+}
+
 function a_broken_fragment_gives_defaults() {
-  const written = '#error=-1&measure=best&slices=q@0.5;x@7;y@0.5;0,0,0@0.5&isosurfaces=2,nothing,0.5&threshold=0.5,2&clip=x&volumeSize=1e9&opacity=0:0&component=-3&camera=1,2&unknown=1&low=a';
+  const written = '#error=-1&measure=best&slices=q@0.5;x@7;y@0.5;0,0,0@0.5&isosurfaces=2,nothing,0.5&threshold=0.5,2&pins=2,0,0;0,1;x&clip=x&volumeSize=1e9&opacity=0:0&component=-3&camera=1,2&unknown=1&low=a';
   const state = fromFragment(written);
   assert.deepEqual(state, { ...defaults, slices: [{ normal: [0, 1, 0], at: 0.5 }], isosurfaces: [0.5], volumeSize: 256 });
 }
@@ -94,7 +110,10 @@ function the_state_says_what_to_ask_for() {
   const stream = { ...info, bounds: [[0, 0, 0], [2, 4, 8]], fields: [{ name: 'p', components: 1, range: [1, 3], controlled: true }, { name: 'v', components: 3, range: [-1, 2] }] };
   const state = { ...defaults, field: 'p', surface: 'off', slices: [{ normal: [0, 0, 1], at: 0.25 }], sliceEdges: true, isosurfaces: [0.5], volume: true, log: true };
   const spec = specOf(state, stream);
-  assert.deepEqual([spec.field, spec.component, spec.surface, spec.edges, spec.clip, spec.volume], ['p', 0, false, true, null, { size: defaults.volumeSize, logarithmic: true }]);
+  assert.deepEqual([spec.field, spec.component, spec.surface, spec.edges, spec.clip, spec.volume], ['p', 0, false, true, null, null]);
+  assert.equal(spec.rays, true);
+  const grid = specOf({ ...state, volumeSize: 64 }, stream);
+  assert.deepEqual([grid.rays, grid.volume], [false, { size: 64, logarithmic: true }]);
   assert.deepEqual([spec.slices[0].normal, spec.slices[0].origin[2]], [[0, 0, 1], 2]);
   assert.deepEqual(spec.isosurfaces, [{ field: 'p', component: 0, value: 2, zone: false }]);
   assert.equal(spec.threshold, null);
@@ -189,6 +208,6 @@ function numbers_as_people_read_them() {
   assert.deepEqual(ticks(3, 3, 5), [3]);
 }
 
-await run([a_state_survives_its_fragment, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
+await run([a_state_survives_its_fragment, maps_from_files, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
   polygons_end_at_the_window, the_nearest_triangle_is_picked, lines_of_the_far_walls,
   lines_are_seen_on_every_colour, numbers_as_people_read_them]);

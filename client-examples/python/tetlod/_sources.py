@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import http.client
 import json
+import math
 import os
 import re
 import struct
@@ -31,6 +32,7 @@ class Source:
     """`read` gives bytes of the stream, as many as are there. `size`: how many can be had."""
     name = 'bytes'
     size = 0
+    late: float = math.inf  # where the levels end, once that is known: sections lie behind them
 
     def read(self, offset: int, size: int) -> bytes:
         raise NotImplementedError
@@ -80,7 +82,7 @@ class Remote(Source):
 
     def read(self, offset: int, size: int) -> bytes:
         end = offset + size
-        if offset > max(len(self.data), self.wanted) and (apart := self._apart(offset, size)) is not None:
+        if len(self.data) < end and (offset >= self.late or offset > max(len(self.data), self.wanted)) and (apart := self._apart(offset, size)) is not None:
             return apart
         while len(self.data) < end:
             if self.answer is None and not self._ask(max(end, self.wanted)):
@@ -97,7 +99,7 @@ class Remote(Source):
             self.answer = None
 
     def _apart(self, offset: int, size: int) -> Optional[bytes]:
-        """A section behind levels that nobody wants, by a request of its own. None: the host does not answer Range requests."""
+        """A section behind the levels, or behind those that somebody wants, by a request of its own. None: the host does not answer Range requests."""
         with contextlib.closing(self._open(self.url, {'Range': 'bytes=%d-%d' % (offset, offset + size - 1)})) as answer:
             return answer.read() if answer.status == 206 else None
 

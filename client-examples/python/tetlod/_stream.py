@@ -28,6 +28,7 @@ class Stream:
         self._source, self._choice, self._selected = source, choice, fields
         self._decoder = choose_decoder(source, fields, decoder)
         self.info: Info = self._decoder.info
+        source.late = self.levels[-1].bytes
         self.target = self._available(choice)
         self.level = -1
         source.expect(self.levels[self.target].bytes)

@@ -3,12 +3,14 @@
 // what it shows. Two loops, one for bytes and one for levels; whoever changes something wakes them.
 import { boundOf, chooseLevel } from './choose.js';
 import { Held, readerOf } from './held.js';
-import { Source, sleep } from './network.js';
+import { Source, canList, query, sleep } from './network.js';
+import { Groups, chooseBand, infoOfSteps } from './steps.js';
 import { View } from './tetlod.js';
 
 const slice = 100;      // milliseconds of decoding after which something is shown and messages are heard
 const moveTime = 250;   // milliseconds that a move between two levels takes
 const heavyFrame = 120; // milliseconds: above, a move would be seen as one jump anyway
+const ahead = 2;        // groups of steps that are fetched before they are needed
 const patience = 1000;  // milliseconds until a picture counts as seen
 
 const aborted = () => new DOMException('the request was aborted', 'AbortError');
@@ -30,9 +32,15 @@ export class Engine {
   #sampleOf = '';     // what the page has a sample of the values of
   #surfaceOf = '';    // what the page has the triangles of
   #volumeOf = '';     // what the page has a volume of
+  #raysOf = '';       // what the page has the tetrahedra of
   #seen = null;       // resolves when the page has seen the last pictures
   #bells = [];        // of loops that wait
   #turn = new MessageChannel(); // lets messages in between two pieces of work
+  #base = null;       // #info while levels are shown; of steps it has other ranges and errors
+  #series = null;     // {group, times, bands, fields}, a promise of it until then
+  #groups = null;     // of its steps
+  #time = null;       // {band, step, blend}: the step that is wanted; null: a level
+  #at = null;         // {band, step}: the step that is shown
   #failure = null;    // of the network or the stream: no bytes come any more, until the next request
 
   /** `emit(name, detail)` sends an event to the page. */
@@ -54,7 +62,7 @@ export class Engine {
     const names = this.#source.partial ? this.#source.fields : Array.isArray(fields) ? fields : null;
     if (this.#source.partial) this.#view.select(names);
     for (let reading = first; !await this.#receive(1, reading);) reading = undefined;
-    this.#info = this.#view.describe();
+    this.#info = this.#base = this.#view.describe();
     this.#source.cid = this.#info.cid;
     if (this.#source.partial) this.#source.levels = this.#info.levels;
     if (names) this.#fields = names.map((name) => this.#fieldIndex(name));
@@ -64,12 +72,19 @@ export class Engine {
     this.#view.open(this.#fields);
     this.#fetchLoop();
     this.#showLoop();
+    this.#series = this.#info.time && this.#openSeries();
+    this.#series?.catch((error) => this.#emit('error', { message: `the steps in time cannot be read: ${error.message}` }));
     return { info: this.#info, fields: names ?? this.#info.fields.map(({ name }) => name) };
   }
 
   /** Resolves to {level, reached} when the level is there and seen; a later request ends it earlier, unreached. */
   refineTo(target, id) {
-    const level = chooseLevel(this.#info, target);
+    const level = chooseLevel(this.#base, target);
+    if (level <= this.#limit) this.#leaveSteps();
+    return this.#ask(level, id);
+  }
+
+  #ask(level, id) {
     if (level > this.#limit) this.#failAt(level);
     this.#request?.resolve({ level: this.#view.level, reached: false });
     this.#goal = level;
@@ -80,9 +95,24 @@ export class Engine {
     });
   }
 
+  /** The same for a step of a series, in a band or in the coarsest within an error; from the step before in `blend` milliseconds. */
+  async seekStep({ step, band, error = 0, blend = 0 }, id) {
+    if (!this.#series) throw new RangeError('the stream is no series in time');
+    const { times, bands } = await this.#series;
+    const wanted = band ?? chooseBand({ bands }, error);
+    if (!(step in times)) throw new RangeError(`step is a whole number from 0 to ${times.length - 1}, not ${step}`);
+    if (!(wanted in bands)) throw new RangeError(`band is a whole number from 0 to ${bands.length - 1}, not ${wanted}`);
+    const asked = this.#ask(bands[wanted].level, id);
+    this.#time = { band: wanted, step, blend };
+    this.#info = infoOfSteps(this.#base, await this.#series, wanted);
+    return asked;
+  }
+
   abort(id) {
     if (this.#request?.id !== id) return;
     this.#goal = this.#view.level;
+    if (this.#time && this.#at) this.#time = { ...this.#at, blend: 0 };
+    else this.#leaveSteps();
     this.#endRequest('reject', aborted());
     this.#wake();
   }
@@ -108,6 +138,7 @@ export class Engine {
     if (!before) this.#sampleOf = '';
     if (!before?.surface) this.#surfaceOf = '';
     if (!before?.volume) this.#volumeOf = '';
+    if (!before?.rays) this.#raysOf = '';
     this.#dirty = true;
     this.#wake();
   }
@@ -187,6 +218,91 @@ export class Engine {
     this.#wake();
   }
 
+  // ---- steps in time
+
+  // The table of steps, when what was asked for first is there.
+  async #openSeries() {
+    const [offset, size] = this.#info.time;
+    while (!this.#closed && !this.#failure && this.#received < this.#untilGoal) await this.#change();
+    const bytes = await this.#source.apart(offset, size);
+    this.#view.put(offset, bytes);
+    const series = this.#view.series(this.#fields);
+    this.#view.forget();
+    this.#groups = new Groups((band, group) => this.#readGroup(series, band, group), (error) => {
+      if (error) this.#fail(error);
+      if (this.#time) this.#emit('buffered', { band: this.#time.band, groups: this.#groups.of(this.#time.band), received: this.#groups.received });
+      this.#wake();
+    });
+    this.#emit('series', series);
+    return series;
+  }
+
+  // Of the fields that are decoded, each by an address of its own, which caches keep.
+  #readGroup({ fields, group: size }, band, group) {
+    const wanted = fields.map(({ name }, i) => ({ name, ...this.#view.span(i, band, group * size) }))
+      .filter(({ name }) => !this.#fields || this.#fields.some((f) => this.#base.fields[f].name === name));
+    const addressOf = (name) => (routes) =>
+      canList([name]) && routes.group?.replace('{band}', band).replace('{group}', group).concat('?', query({ fields: name }));
+    return Promise.all(wanted.map(async ({ name, offset, size: length }) =>
+      ({ offset, bytes: length ? await this.#source.apart(offset, length, addressOf(name)) : new Uint8Array() })));
+  }
+
+  #leaveSteps() {
+    if (!this.#time) return;
+    this.#time = this.#at = null;
+    this.#info = this.#base;
+    if (this.#moved >= 0) this.#view.rest();
+    this.#moved = -1;
+    this.#view.seek(this.#shown); // the level's own values
+    this.#sampleOf = this.#volumeOf = '';
+    this.#dirty = true;
+  }
+
+  // The group of a step and those after it, from the first again behind the last.
+  #groupsFrom(step, { group, times }) {
+    const count = Math.ceil(times.length / group);
+    return [...new Set(Array.from({ length: 1 + ahead }, (_, i) => (Math.floor(step / group) + i) % count))];
+  }
+
+  async #showStep(series) {
+    if (!this.#time) return; // since a moment ago
+    const { band, step } = this.#time;
+    const { level } = series.bands[band];
+    const change = this.#change();
+    const pieces = this.#failure ? null : this.#groups.take(band, this.#groupsFrom(step, series));
+    if (this.#at?.band === band && this.#at.step === step) return this.#dirty ? this.#present(1) : this.#settle();
+    if (pieces && level <= Math.min(this.#view.ready, this.#limit)) return this.#goToStep(series, pieces);
+    if (this.#dirty) return this.#present(1);
+    if (this.#request && this.#failure) this.#endRequest('reject', this.#failure);
+    return change;
+  }
+
+  // Within a band, values may pass into those of the next step: each moment is as near to the moment between the original's steps.
+  async #goToStep({ bands, times }, pieces) {
+    const { band, step, blend } = this.#time;
+    const { level, error } = bands[band];
+    const moves = blend > 0 && this.#at?.band === band && Boolean(this.#spec?.morph) && 3 * this.#frameTime < blend;
+    const started = performance.now();
+    try {
+      for (const { offset, bytes } of pieces) this.#view.put(offset, bytes);
+      this.#view.step(band, step, moves);
+    } catch (problem) {
+      this.#leaveSteps();
+      throw problem;
+    } finally {
+      this.#view.forget();
+    }
+    const seconds = (performance.now() - started) / 1000;
+    const fresh = this.#shown !== level;
+    this.#at = { band, step };
+    this.#moved = moves ? level : -1;
+    this.#shown = this.#coarser = level;
+    if (fresh) this.#announce(level);
+    this.#emit('step', { step, band, error, level, time: times[step], groups: this.#groups.of(band), seconds });
+    if (moves) await this.#animate(0, 1, blend);
+    if (this.#at?.step === step) await this.#present(1);
+  }
+
   // ---- levels
 
   // The level that can be shown now on the way to the goal.
@@ -197,6 +313,10 @@ export class Engine {
   async #showLoop() {
     while (!this.#closed) {
       try {
+        if (this.#time) {
+          await this.#showStep(await this.#series);
+          continue;
+        }
         const next = this.#within;
         if (next > this.#shown) await this.#refine(next);
         else if (next < this.#shown) await this.#coarsen(next);
@@ -293,14 +413,14 @@ export class Engine {
   }
 
   // The spec with indices for names.
-  #checkSpec({ field, component, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, morph = true, tag = null }) {
+  #checkSpec({ field, component, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, rays = false, morph = true, tag = null }) {
     const shade = field === undefined ? -1 : this.#fieldIndex(field);
     const of = (name) => (name === undefined ? shade : this.#fieldIndex(name));
     if (shade < 0 && [...isosurfaces, threshold].some((what) => what && what.field === undefined)) throw new RangeError('an isosurface or threshold needs a field');
     if (volume && !(volume.size >= 2 && volume.size <= 512)) throw new RangeError(`volume.size is from 2 to 512, not ${volume.size}`);
     const valueOf = (what) => ({ field: of(what.field), component: this.#component(of(what.field), what.component ?? (what.field === undefined ? component : 0)) });
     return {
-      surface, edges, slices, clip, volume, morph, tag, shade,
+      surface, edges, slices, clip, volume, rays, morph, tag, shade,
       component: shade < 0 ? 0 : this.#component(shade, component),
       threshold: threshold && { low: -Infinity, high: Infinity, ...threshold, ...valueOf(threshold) },
       isosurfaces: isosurfaces.map((iso) => ({ ...valueOf(iso), value: iso.value, zone: Boolean(iso.zone) })),
@@ -320,10 +440,10 @@ export class Engine {
     return true;
   }
 
-  async #animate(start, end) {
+  async #animate(start, end, time = moveTime) {
     const began = performance.now() - this.#frameTime; // the first frame is seen when it is made
     for (;;) {
-      const passed = (performance.now() - began) / moveTime;
+      const passed = (performance.now() - began) / time;
       if (passed >= 1) break;
       await this.#present(start + passed * (end - start));
       if (this.#closed) return;
@@ -334,10 +454,19 @@ export class Engine {
   #drawSurface() {
     const { surface, clip, threshold, edges: lines } = this.#spec;
     if (!surface) return null;
-    const key = clip ? '' : JSON.stringify([this.#shown, lines, threshold]); // a clipped one has other triangles each time
+    const key = clip ? '' : JSON.stringify([this.#shown, threshold && this.#at, lines, threshold]); // a clipped one has other triangles each time
     const keep = key && key === this.#surfaceOf;
     this.#surfaceOf = key;
     return this.#view.surface({ lines, keep });
+  }
+
+  #drawRays() {
+    const { rays, threshold } = this.#spec;
+    if (!rays) return null;
+    const key = JSON.stringify([this.#shown, threshold && this.#at, threshold]);
+    const keep = key === this.#raysOf;
+    this.#raysOf = key;
+    return this.#view.rays({ keep });
   }
 
   // The value that colours; with a sample where it is of another mesh or value than the last one.
@@ -345,7 +474,7 @@ export class Engine {
     const { shade, component } = this.#spec;
     const range = this.#view.shade(shade, component);
     if (shade < 0) return null;
-    const key = JSON.stringify([this.#shown, shade, component]);
+    const key = JSON.stringify([this.#shown, this.#at, shade, component]);
     const fresh = t === 1 && key !== this.#sampleOf;
     if (fresh) this.#sampleOf = key;
     return { field: this.#info.fields[shade].name, component: component < 0 ? 'magnitude' : component, range, sample: fresh ? this.#view.sample() : undefined };
@@ -358,6 +487,7 @@ export class Engine {
     return {
       shade: this.#drawShade(t),
       surface: this.#drawSurface(),
+      rays: this.#drawRays(),
       slices: slices.map(({ origin, normal }) => this.#view.slice(origin, normal, { lines })),
       isosurfaces: isosurfaces.map((iso) => this.#view.isosurface(iso.field, iso.component, iso.value, { normals: true })),
       zones: isosurfaces.map((iso) => (iso.zone ? this.#drawZone(iso, t) : null)),
@@ -377,7 +507,7 @@ export class Engine {
   #drawVolume(t) {
     const { volume, shade, component, threshold, clip } = this.#spec;
     if (!volume) return null;
-    const key = JSON.stringify([this.#shown, volume.size, volume.logarithmic, shade, component, threshold, clip]);
+    const key = JSON.stringify([this.#shown, this.#at, volume.size, volume.logarithmic, shade, component, threshold, clip]);
     if (t < 1 || key === this.#volumeOf) return undefined;
     this.#volumeOf = key;
     return this.#view.resample(volume.size, volume.logarithmic);
@@ -395,7 +525,7 @@ export class Engine {
     const volume = this.#drawVolume(t);
     const seconds = (performance.now() - started) / 1000;
     const seen = new Promise((resolve) => { this.#seen = resolve; });
-    this.#emit('pictures', { tag: this.#spec.tag, level: this.#shown, t, origin: this.#view.centre, ...parts, volume, seconds });
+    this.#emit('pictures', { tag: this.#spec.tag, level: this.#shown, step: this.#at?.step ?? null, t, origin: this.#view.centre, ...parts, volume, seconds });
     await this.#workUntil(seen);
   }
 
@@ -412,7 +542,7 @@ export class Engine {
     const patient = new AbortController();
     Promise.race([seen, sleep(patience, patient.signal)]).catch(() => {}).finally(() => { waiting = false; this.#wake(); });
     while (waiting && !this.#closed) {
-      if (this.#within > this.#view.level && this.#step()) await this.#takeTurn();
+      if (!this.#time && this.#within > this.#view.level && this.#step()) await this.#takeTurn();
       else if (waiting) await this.#change();
     }
     patient.abort();

@@ -21,6 +21,18 @@ export class Held {
     return bytes;
   }
 
+  /** Bytes from elsewhere in the stream. */
+  async apart(offset, size) {
+    const bytes = new Uint8Array(size);
+    for (let at = 0; at < size;) {
+      const some = await this.#read(offset + at, offset + size, this.#stop.signal);
+      if (!some.length) throw new FetchError(`the stream ends too early: there are only ${offset + at} bytes`);
+      bytes.set(some.subarray(0, size - at), at);
+      at += some.length;
+    }
+    return bytes;
+  }
+
   pause() {} // nothing is under way that costs anything
 
   close() {

@@ -67,10 +67,10 @@ async function ask(url, options) {
 const budgets = { error: 'error', absError: 'abs_error', level: 'level', tets: 'tets', bytes: 'bytes' };
 
 // '+' stands for itself in the server's queries: no URLSearchParams.
-const query = (values) => Object.entries(values).map(([key, value]) => `${key}=${encodeURIComponent(value)}`).join('&');
+export const query = (values) => Object.entries(values).map(([key, value]) => `${key}=${encodeURIComponent(value)}`).join('&');
 
 // A list in a query has commas between the names.
-const canList = (names) => !names.some((name) => name.includes(','));
+export const canList = (names) => !names.some((name) => name.includes(','));
 
 // The query of a server's prefix for a target. It takes one budget; of several, the first levels are a beginning.
 function prefixQuery({ field, measure, ...target } = {}, fields) {
@@ -90,6 +90,7 @@ export class Source {
   #routes = null;    // of the server: {level, records, stream}, URL templates
   #answer = null;    // {reader, at, end} that is being read: at its next byte of the stream; end Infinity: unknown
   #ahead = null;     // {at, answer}: the one after it, asked for already
+  #whole = null;     // the file, of a host that knows no ranges, if more than the beginning was needed
   #validator = '';   // of the file that ranges are of
   fields;            // names of those that are wanted; undefined: all; 'first': not known yet which that is
   partial = false;   // the server leaves out other fields: offsets and lengths are of what it sends
@@ -122,6 +123,40 @@ export class Source {
         throw error;
       }
     });
+  }
+
+  /** Bytes from elsewhere in the stream: by an address that a server has for just these, a function of its routes, else as a range. */
+  apart(offset, size, addressOf = () => null) {
+    return this.#persist(async () => {
+      if (this.#whole) return this.#whole.subarray(offset, offset + size);
+      if (this.#served && !this.#routes) await this.#findRoutes();
+      const address = this.#routes && addressOf(this.#routes);
+      if (!address) return this.#askApart(offset, size);
+      const answer = await this.#fetch(address).catch((error) => {
+        if (error instanceof FetchError) return null; // a host of files has the stream only
+        throw error;
+      });
+      return answer ? this.#all(answer, size) : this.#askApart(offset, size);
+    });
+  }
+
+  async #askApart(offset, size) {
+    const range = { Range: `bytes=${offset}-${offset + size - 1}` };
+    const answer = await this.#fetch(this.#routes?.stream ?? this.#url, { headers: range, cache: 'no-store' });
+    if (answer.status === 206) return this.#all(answer, size);
+    this.#whole = new Uint8Array(await answer.arrayBuffer()); // a host without ranges: once
+    return this.#whole.subarray(offset, offset + size);
+  }
+
+  async #all({ body }, size) {
+    const bytes = new Uint8Array(size);
+    const answer = { reader: body.getReader(), at: 0, end: size };
+    while (answer.at < size) {
+      const chunk = await this.#chunk(answer);
+      bytes.set(chunk.subarray(0, size - answer.at), answer.at);
+      answer.at += chunk.length;
+    }
+    return bytes;
   }
 
   /** Ends the requests under way, unless little is left of them or their bytes would have to be asked for from the start. */
@@ -245,7 +280,7 @@ export class Source {
     if (!levels || !links) throw new FetchError(`${this.#url} does not describe a stream`);
     const base = answer.url.replace(/\/(index\.json)?$/, ''); // hosts of files may add it
     const absolute = (link) => new URL(link.replace(/\{\?.*?\}/, ''), base).href.replaceAll('%7B', '{').replaceAll('%7D', '}');
-    return { cid, levels, fields, routes: { level: absolute(links.level), records: absolute(links.records), stream: absolute(links.stream) } };
+    return { cid, levels, fields, routes: { level: absolute(links.level), records: absolute(links.records), stream: absolute(links.stream), group: links.group && absolute(links.group) } };
   }
 
   // Where the description cannot be had, or does not say which fields there are, all of them are wanted.

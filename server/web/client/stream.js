@@ -64,6 +64,7 @@ function completed(pictures, kept) {
   const whole = restore('volume', pictures, 'volume');
   if (whole.shade) whole.shade = restore('sample', whole.shade, 'sample');
   if (whole.surface) whole.surface = restore('lines', restore('triangles', whole.surface, 'triangles'), 'lines');
+  if (whole.rays) for (const name of ['corners', 'neighbours', 'faces']) whole.rays = restore(name, whole.rays, name);
   return whole;
 }
 
@@ -154,11 +155,13 @@ class Link {
 let nextId = 0; // of calls
 
 export class TetlodStream extends EventTarget {
-  #link; #next = null; #options; #spec = null; #replacing = Promise.resolve(); #closed = false; #tellEnded; #ended = new Promise((resolve) => { this.#tellEnded = resolve; }); #reader = null; #reading = new AbortController();
+  #link; #next = null; #options; #spec = null; #step = null; #replacing = Promise.resolve(); #closed = false; #tellEnded; #ended = new Promise((resolve) => { this.#tellEnded = resolve; }); #reader = null; #reading = new AbortController();
   info = null;
   fields = []; // names of those that are decoded
   level = 0;
   received = 0;
+  receivedSteps = 0; // bytes of steps, beside those
+  series = null; // {group, times, bands: [{error, level}], fields: [{name, range}]} of a series in time, from the event `series` on
 
   /**
    * Opens a stream and decodes its base mesh. `source`: the URL of a server's mesh (…/v1/meshes/{id}) or of a file, or
@@ -196,12 +199,26 @@ export class TetlodStream extends EventTarget {
    * one, whose `reached` is false.
    */
   async refineTo(target = {}, { signal } = {}) {
+    this.#step = null;
+    return this.#ask('refineTo', target, signal);
+  }
+
+  /**
+   * Shows a step of a series in time: in `band`, or in the coarsest one within `error` (exact); with `blend`, values pass into it
+   * from those of the step before, in so many milliseconds. Resolves as refineTo does, which leads back to the first step's levels.
+   */
+  async seekStep(step, { band, error, blend } = {}, { signal } = {}) {
+    this.#step = { step, band, error, blend };
+    return this.#ask('seekStep', this.#step, signal);
+  }
+
+  async #ask(action, argument, signal) {
     signal?.throwIfAborted();
     const id = nextId++;
     const stop = () => this.#link.send({ action: 'abort', argument: id });
     signal?.addEventListener('abort', stop, { once: true });
     try {
-      return await this.#call('refineTo', target, id);
+      return await this.#call(action, argument, id);
     } finally {
       signal?.removeEventListener('abort', stop);
     }
@@ -240,6 +257,7 @@ export class TetlodStream extends EventTarget {
         target = { level: this.level }; // the other one goes on
         await this.#next.call(nextId++, 'refineTo', target);
       } while (this.level !== target.level);
+      if (this.#step) await this.#next.call(nextId++, 'seekStep', { ...this.#step, blend: 0 });
       this.#take(opened);
       this.#next.send({ action: 'show', argument: this.#spec });
       this.#link.handOver(this.#next);
@@ -341,6 +359,8 @@ export class TetlodStream extends EventTarget {
     if (event === 'read') return void this.#read(link, detail);
     if (link === this.#next && event !== 'retry') return;
     if (event === 'level') this.level = detail.level;
+    if (event === 'buffered') this.receivedSteps = detail.received;
+    if (event === 'series') this.series = detail;
     if (event === 'progress') this.received = detail.received;
     this.dispatchEvent(new CustomEvent(event, { detail }));
     if (event === 'pictures') nextFrame(() => link.send({ action: 'seen' }));

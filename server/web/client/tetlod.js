@@ -140,6 +140,35 @@ export class View {
     };
   }
 
+  // ---- steps in time
+
+  /** Bytes from elsewhere in the stream, until they are forgotten. */
+  put(offset, bytes) {
+    this.#check(this.#lend(bytes, (address) => this.#code.view_put(this.#view, offset, address, bytes.byteLength)));
+  }
+
+  forget() {
+    this.#code.view_forget(this.#view);
+  }
+
+  /** Reads the table of steps, which is put. `fields`: as of open. {group, times, bands: [{error, level}], fields: [{name, range}]}. */
+  series(fields) {
+    const list = Uint32Array.from(fields ?? []);
+    this.#check(this.#lend(list, (address) => this.#code.view_series(this.#view, address, fields ? list.length : NONE)));
+    return JSON.parse(this.#text(this.#code.view_describe_series(this.#view)));
+  }
+
+  /** Where the bytes are that a step needs in a band, of the series' field with this number. */
+  span(field, band, step) {
+    const [offset, size] = this.#doubles(this.#code.view_span(this.#view, field, band, step), 2);
+    return { offset, size };
+  }
+
+  /** Shows a step in a band, at the band's level; with `move` on the way from the step that is shown, of the same level. */
+  step(band, step, move = false) {
+    this.#check((move ? this.#code.view_step_move : this.#code.view_step)(this.#view, band, step));
+  }
+
   /** Shows a copy of the current level that can move from and to the shape of a coarser one, while the view goes on. */
   move(level) {
     this.#check(this.#code.view_move(this.#view, level));
@@ -220,6 +249,15 @@ export class View {
       voxels: this.#floats(this.#words(voxels, 1)[0], 2 * dims[0] * dims[1] * dims[2]).slice(),
       range: [...this.#floats(voxels + 4, 2)],
     };
+  }
+
+  /** What rays through the tetrahedra need (src/cut/rays.h); `keep`: only what a move changes. */
+  rays({ keep = false } = {}) {
+    this.#check(this.#code.view_rays(this.#view));
+    const [vertexCount, tetCount, faceCount, nodeCount, vertices, corners, neighbours, faces, nodes] = this.#words(this.#code.view_ray_data(this.#view), 9);
+    const placed = { vertices: this.#floats(vertices, 4 * vertexCount).slice(), nodes: this.#floats(nodes, 8 * nodeCount).slice() };
+    const words = (address, count) => this.#words(address, 4 * count).slice();
+    return keep ? placed : { ...placed, corners: words(corners, tetCount), neighbours: words(neighbours, tetCount), faces: words(faces, faceCount) };
   }
 
   /** The value that colours along a segment: [at, value] of begin and end of each piece, `at` from 0 to 1. */

@@ -41,6 +41,7 @@ const actions = {
     engine.open({ ...options, source: source.page ? { read: readByPage } : source, module: moduleOf(wasm) }),
   bytes: takeBytes,
   refineTo: (target, id) => engine.refineTo(target, id),
+  seekStep: (wanted, id) => engine.seekStep(wanted, id),
   abort: (id) => engine.abort(id),
   mesh: () => engine.mesh(),
   probe: (point) => engine.probe(point),

@@ -31,9 +31,23 @@ function channels(css) {
   return hex ? hex.slice(1).map((h) => parseInt(h, 16)) : css.match(/\d+/g).slice(0, 3).map(Number);
 }
 
+// A map's name may be its colours themselves, at equal distances: '3b4cc0-dddddd-b40426'.
+const stops = /^[0-9a-f]{6}(-[0-9a-f]{6})+$/;
+
+export const isMap = (name) => Object.hasOwn(maps, name) || stops.test(name);
+
+function through(name) {
+  const colors = name.split('-').map((hex) => channels(`#${hex}`));
+  return (t) => {
+    const i = Math.min(Math.floor(t * (colors.length - 1)), colors.length - 2);
+    const part = t * (colors.length - 1) - i;
+    return `rgb(${colors[i].map((c, k) => Math.round(c + part * (colors[i + 1][k] - c)))})`;
+  };
+}
+
 // `size` colours from the lowest to the highest value, each [r, g, b] of 0..255.
 export function colorTable(map, reversed, size) {
-  const [, at] = maps[map] ?? maps.viridis;
+  const at = maps[map]?.[1] ?? (stops.test(map) ? through(map) : interpolateViridis);
   return Array.from({ length: size }, (_, i) => channels(at((reversed ? size - 1 - i : i) / (size - 1))));
 }
 

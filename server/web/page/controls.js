@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The panel: every control follows the state and changes it.
 
+import { mapOfFile } from './color_file.js';
 import { cssGradient, mapNames } from './colors.js';
 import { byId, element } from './dom.js';
 import { componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, isosurfacesOf, measuresOf, spanOf, targetFieldOf, wantedLevel, wordsOfBound } from './levels.js';
+import { notice } from './notices.js';
 import { clamp, parseNumber, percent, significant } from './numbers.js';
 import { Plot } from './plot.js';
 import { histogram } from './first_view.js';
@@ -58,7 +60,6 @@ export class Controls {
     const { store, info } = viewer;
     Object.assign(this, { viewer, store, info, actions });
     this.opened = 'inside'; // what the boundary became when it was opened
-    options(byId('map'), [['auto', 'by the data'], ...mapNames]);
     options(byId('field'), info.fields.map((f) => [f.name, f.name]));
     options(byId('isosurface-field'), [['', 'as coloured'], ...info.fields.map((f) => [f.name, f.name])]);
   }
@@ -145,6 +146,7 @@ export class Controls {
       options(component, [['magnitude', 'magnitude'], ...Array.from({ length: components }, (_, i) => [i, componentName(components, i)])]);
       component.value = state.component;
     });
+    this.bindMapFile();
     const hand = (patch) => {
       const [low, high] = this.viewer.colorRange();
       store.set({ range: 'manual', low, high, ...patch });
@@ -153,6 +155,23 @@ export class Controls {
     byId('range').addEventListener('change', (event) => {
       const [low, high] = this.shownRange ?? [0, 1];
       if (event.target.value === 'manual') store.set({ low, high });
+    });
+  }
+
+  bindMapFile() {
+    const { store } = this;
+    const input = byId('map-file');
+    input.addEventListener('change', async () => {
+      try {
+        store.set({ map: mapOfFile(await input.files[0].text()) });
+      } catch (error) {
+        notice('map', `${input.files[0].name}: ${error.message}`, { failed: true });
+      }
+    });
+    store.watch(['map'], ({ map }) => {
+      const own = mapNames.some(([name]) => name === map) || map === 'auto' ? [] : [[map, 'from a file']];
+      options(byId('map'), [['auto', 'by the data'], ...mapNames, ...own]);
+      byId('map').value = map;
     });
   }
 

@@ -12,7 +12,7 @@ import vtkOpenGLRenderWindow from '@kitware/vtk.js/Rendering/OpenGL/RenderWindow
 import { cells } from '../client/adapters.js';
 import { colorTable, lineColor } from './colors.js';
 import { coalesced } from './dom.js';
-import { add, corners, cross, middle, pickPart, scale, unit } from './geometry.js';
+import { add, corners, cross, middle, pickPart, planeOf, scale, unit } from './geometry.js';
 import { Layer, makeActor } from './layer.js';
 import { clamp } from './numbers.js';
 
@@ -79,8 +79,11 @@ export class Scene extends EventTarget {
     this.slices = [];
     this.isosurfaces = [];
     this.zones = []; // two for each isosurface that has one
-    this.volume = null;
+    this.volume = null; // a grid's
     this.grid = null;
+    this.rays = null;   // the tetrahedra's
+    this.cells = null;
+    this.colors = {};
     this.state = null;
     this.range = [0, 1];
     this.boxColor = [0, 0, 0];
@@ -191,6 +194,10 @@ export class Scene extends EventTarget {
       this.grid = pictures.volume;
       this.volume?.update(this.grid);
     }
+    if (pictures.rays !== undefined) {
+      this.cells = pictures.rays && { ...this.cells, ...pictures.rays, range: pictures.shade.range, moves: pictures.t < 1 };
+      this.rays?.update(this.cells);
+    }
     this.restyle(state);
   }
 
@@ -201,14 +208,32 @@ export class Scene extends EventTarget {
     this[name].forEach((layer, i) => layer.update(parts[i], logarithmic));
   }
 
-  // Volume rendering is a third of vtk.js that many never use: it is loaded when it is first asked for.
+  // Volume rendering is loaded when it is first asked for; that of grids is a third of vtk.js.
   async loadVolume() {
-    this.loading ??= import('./volume.js');
-    const { VolumeLayer } = await this.loading;
+    const { VolumeLayer } = await import('./volume.js');
     if (this.volume) return;
     this.volume = new VolumeLayer(this.renderer, this.lookup);
     this.volume.update(this.grid);
     this.restyle(this.state);
+  }
+
+  async loadRays() {
+    const { RayLayer } = await import('./ray_layer.js');
+    if (this.rays) return;
+    this.rays = new RayLayer(this.renderer, () => this.dispatchEvent(new Event('norays')));
+    this.rays.update(this.cells);
+    this.restyle(this.state);
+  }
+
+  styleVolumes() {
+    const { state } = this;
+    this.volume?.place(scale(this.centre, -1));
+    this.volume?.shade(state.opacity, this.range);
+    if (!this.rays) return;
+    const clip = state.clip && planeOf(this.bounds, state.clip);
+    const sides = add(this.bounds[1], this.bounds[0], -1);
+    this.rays.place(this.offset);
+    this.rays.style({ ...state, ...this.colors }, this.range, sides, clip && { ...clip, origin: add(clip.origin, this.offset, -1) });
   }
 
   restyle(state) {
@@ -229,9 +254,9 @@ export class Scene extends EventTarget {
       layer.refresh();
     }
     this.setParallel(state.parallel);
-    if (state.volume) this.loadVolume();
-    this.volume?.place(scale(this.centre, -1));
-    this.volume?.shade(state.opacity, this.range);
+    if (state.volume && state.volumeSize && !this.volume) this.loadVolume();
+    if (state.volume && !state.volumeSize && !this.rays) this.loadRays();
+    this.styleVolumes();
     this.render();
   }
 
@@ -245,7 +270,8 @@ export class Scene extends EventTarget {
     fillLookup(this.lookup, table, low, high);
     fillLookup(this.lineLookup, table.map(lineColor), low, high);
     this.range = [low, high];
-    this.volume?.shade(state.opacity, this.range);
+    this.colors = { map: state.map, reversed: state.reversed };
+    if (this.state) this.styleVolumes();
     this.render();
   }
 
@@ -276,6 +302,10 @@ export class Scene extends EventTarget {
       const [least, most] = this.grid.logarithmic ? this.grid.range.map((x) => 10 ** x) : this.grid.range;
       low = Math.min(low, least);
       high = Math.max(high, most);
+    }
+    if (this.cells) {
+      low = Math.min(low, this.cells.range[0]);
+      high = Math.max(high, this.cells.range[1]);
     }
     return low <= high ? [low, high] : null;
   }

@@ -34,7 +34,8 @@ export function specOf(state, info) {
     isosurfaces: state.isosurfaces.map((fraction) => ({ field, component, value: low + fraction * (high - low), zone: state.zone })),
     threshold: thresholdOf(state, info),
     clip: state.clip && planeOf(info.bounds, state.clip),
-    volume: state.volume ? { size: state.volumeSize, logarithmic: state.log } : null,
+    rays: state.volume && !state.volumeSize,
+    volume: state.volume && state.volumeSize ? { size: state.volumeSize, logarithmic: state.log } : null,
     morph: state.smooth,
   };
 }

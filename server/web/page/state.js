@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the picture is to show. One flat object; subscribers get it, and it is written into the URL's fragment.
 
-import { mapNames } from './colors.js';
+import { isMap } from './colors.js';
 import { clamp } from './numbers.js';
 
 export const defaults = Object.freeze({
@@ -11,6 +11,7 @@ export const defaults = Object.freeze({
   errorField: '', // whose error; empty: the drawn field's if the stream controls it, else of the first that it controls
   maxTets: 0, // 0: as many as the device's memory is for
   maxBytes: 0,
+  step: null, // in time, of a series; null: the levels, which are the first step's
   // the colours
   field: '',
   component: 'magnitude',
@@ -18,7 +19,7 @@ export const defaults = Object.freeze({
   low: 0,
   high: 1,
   log: false,
-  map: 'auto', // by the data, or one of colors.js
+  map: 'auto', // by the data, or a name that colors.js knows
   reversed: false,
   shading: 'isosurfaces', // what light falls on: isosurfaces, all, off; what it does not fall on has exactly the map's colours
   // the layers
@@ -33,8 +34,9 @@ export const defaults = Object.freeze({
   threshold: null, // cells with values between two fractions of the data range
   clip: null, // { normal, at }
   line: null, // that values are plotted along: begin and end as fractions of the bounds, six numbers
+  pins: [], // places of probes that stay: fractions of the bounds
   volume: false,
-  volumeSize: 96,
+  volumeSize: 0, // of a grid, or 0: the tetrahedra themselves
   opacity: [[0, 0], [0.08, 0.005], [0.3, 0.08], [1, 0.9]], // the volume's: fractions of the colours' range
   // the view
   background: 'auto', // auto, white, black, grey
@@ -77,13 +79,14 @@ const codecs = {
   errorField: text,
   maxTets: positive,
   maxBytes: positive,
+  step: { read: (t) => (/^\d+$/.test(t) ? Number(t) : undefined), write: String },
   field: text,
   component: { read: (t) => (t === 'magnitude' ? t : /^\d+$/.test(t) ? Number(t) : undefined), write: String },
   range: oneOf('auto', 'data', 'visible', 'manual'),
   low: real,
   high: real,
   log: flag,
-  map: { read: (t) => (t === 'auto' || mapNames.some(([name]) => name === t) ? t : undefined), write: String },
+  map: { read: (t) => (t === 'auto' || isMap(t) ? t : undefined), write: String },
   reversed: flag,
   shading: oneOf('isosurfaces', 'all', 'off'),
   surface: oneOf('solid', 'inside', 'glass', 'off'),
@@ -103,8 +106,9 @@ const codecs = {
     read: (t) => (numbers(t).length === 6 && numbers(t).every((x) => x >= 0 && x <= 1) ? numbers(t) : undefined),
     write: (l) => l.map(round).join(','),
   },
+  pins: list((t) => (numbers(t).length === 3 && numbers(t).every((x) => x >= 0 && x <= 1) ? numbers(t) : null), (p) => p.map(round).join(','), ';'),
   volume: flag,
-  volumeSize: { read: (t) => clamp(Math.round(Number(t)) || defaults.volumeSize, 16, 256), write: String },
+  volumeSize: { read: (t) => (Number(t) > 0 ? clamp(Math.round(Number(t)), 16, 256) : 0), write: String },
   opacity: list((t) => {
     const point = t.split(':').map(Number);
     return point.length === 2 && point.every((x) => x >= 0 && x <= 1) ? point : null;

@@ -13,6 +13,8 @@ import { defaultTets, errorOf, fieldOf, levelForError, memoryOf, promiseOf, show
 import { clear, notice } from './notices.js';
 import { bytes, count, percent, significant } from './numbers.js';
 import { LinePlot } from './line_plot.js';
+import { Pins } from './pins.js';
+import { Player } from './player.js';
 import { Probe } from './probe.js';
 import { copyLink, saveFile, savePicture } from './share.js';
 import { switchTheme, themes } from './theme.js';
@@ -34,7 +36,7 @@ function nameOf(from) {
 
 const viewer = new Viewer({ stage: byId('stage'), picture: byId('picture'), bar: byId('scalarbar') }, location.hash);
 const { store } = viewer;
-let controls, compass, handles, axes, line, probe;
+let controls, compass, handles, axes, line, pins, probe, player;
 
 // ---- what is asked before it is loaded
 
@@ -87,18 +89,19 @@ function tellShown() {
   const measure = shownMeasure(info, state);
   byId('stop').hidden = level === wantedLevel(info, state);
   byId('error-kind').textContent = { max: 'Certified error', sampled: 'Sampled error', rms: 'RMS error' }[measure];
-  put('shown-bytes', bytes(stream.received), `of ${bytes(info.bytes)}`);
-  byId('progress').value = stream.received / info.bytes;
+  put('shown-bytes', bytes(stream.received + stream.receivedSteps), `of ${bytes(info.bytes)}`);
+  byId('progress').value = (stream.received + stream.receivedSteps) / info.bytes;
   controls.setShown(level, stream.received);
   if (!now) return;
-  const error = errorOf(now, state.field, measure);
+  const error = viewer.at?.error ?? errorOf(now, state.field, measure);
   const span = fieldOf(info, state.field).range;
   put('shown-error', percent(error), error ? `± ${significant(error * (span[1] - span[0]), 2)}` : 'exact');
   put('shown-tets', count(now.tets), percent(now.tets / info.tets));
   byId('promise').textContent = promiseOf(info, level);
   put('shown-level', String(level), `of ${info.levels.length - 1}`);
-  if (id) byId('download').href = `${source}/${info.cid}/levels/${level}/mesh.vtu`;
-  byId('download').download = `${name}-${level}.vtu`;
+  const { at } = viewer;
+  if (id) byId('download').href = `${source}/${info.cid}/${at ? `bands/${at.band}/steps/${at.step}` : `levels/${level}`}/mesh.vtu`;
+  byId('download').download = `${name}-${at ? `step${at.step}-${at.band}` : level}.vtu`;
 }
 
 // Frames a second while the picture moves; a pause of a quarter of a second is none.
@@ -154,6 +157,7 @@ function listen() {
     if (t === 1) probe?.look();
     if (level !== told) tellShown();
   });
+  viewer.addEventListener('step', tellShown);
   viewer.addEventListener('colors', ({ detail }) => controls?.setColors(detail));
   viewer.addEventListener('joining', ({ detail: { fields } }) => notice('fields', `Loading ${fields.join(', ')}…`, { seconds: 0 }));
   viewer.addEventListener('joined', () => clear('fields'));
@@ -191,6 +195,7 @@ function watchScene() {
     handles.update();
     axes.update();
     line.update();
+    pins.update();
   });
   scene.addEventListener('lost', () => notice('graphics', 'The browser took the graphics away; the picture comes back when it gives them again.', { failed: true, seconds: 0 }));
   scene.addEventListener('restored', () => clear('graphics'));
@@ -254,6 +259,9 @@ function bindActions() {
     ']': () => controls.step(1),
     0: () => scene.look('oblique'),
     ...Object.fromEntries(views.map((view, i) => [i + 1, () => scene.look(view)])),
+    ' ': ({ target }) => (player && !target.closest('button, a, summary, input, select') ? player.toggle() : false),
+    ',': () => player?.step(-1),
+    '.': () => player?.step(1),
     b: () => store.set({ surface: cycle(['solid', 'inside', 'glass', 'off'], store.state.surface) }),
     w: () => store.set({ edges: !store.state.edges }),
     x: toggleSlice('x'),
@@ -263,6 +271,7 @@ function bindActions() {
     c: () => store.set({ clip: store.state.clip ? null : { normal: viewNormal(), at: 0.5 } }),
     n: () => store.set({ axes: !store.state.axes }),
     k: () => controls.toggleLine(),
+    o: () => pins.add(),
     v: () => controls.setInner({ volume: !store.state.volume }),
     m: () => store.set({ map: cycle(mapNames.map(([key]) => key), viewer.colorMap) }),
     p: save,
@@ -289,6 +298,7 @@ async function openPanel() {
   axes = new Axes(byId('handles'), scene, info.bounds);
   handles = new Handles(byId('handles'), scene, planes);
   line = new LinePlot(viewer, byId('handles'), (kind, blob) => saveFile(`${name}-${viewer.level}.${kind}`, blob));
+  pins = new Pins(viewer, byId('handles'), () => probe.at);
   probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, viewer.coloredState));
   watchScene();
   await pause();
@@ -302,6 +312,9 @@ async function openPanel() {
   watch();
   await pause();
   bindActions();
+  const offerSteps = () => { player ??= new Player(viewer, byId('stage')); };
+  viewer.addEventListener('series', offerSteps);
+  if (viewer.series) offerSteps();
   countFrames();
   tellShown();
   byId('download').hidden = !id;
@@ -321,6 +334,7 @@ async function start() {
     get state() { return store.state; },
     set: (patch) => store.set(patch),
     get level() { return viewer.level; },
+    get at() { return viewer.at; },
     get settled() { return viewer.settled; },
     scene: viewer.scene,
     probe,

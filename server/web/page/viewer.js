@@ -3,6 +3,7 @@
 // <tetlod-view> nothing.
 
 import { TetlodStream } from '../client/stream.js';
+import { chooseBand, infoOfSteps } from '../client/steps.js';
 import { coalesced } from './dom.js';
 import { autoRange, firstView, mapOf } from './first_view.js';
 import { componentOf, fieldOf, isosurfacesOf, shownFields, targetFieldOf, titleOf, wantedLevel } from './levels.js';
@@ -26,7 +27,11 @@ export class Viewer extends EventTarget {
   info = null;
   scene = null;
   level = -1;      // the stream's
+  series = null;   // of a series in time: its steps and bands
+  at = null;       // the step that is shown: { step, band, error, time }; null: a level
+  playing = false; // the player says which step is shown
   shade = null;    // { field, component, range, sample } of the picture's colours
+  #index = null;   // the stream's info; `info` is that of the steps while one is shown
   #parts; #fragment; #pictured; #tellPictured;
   #asked = 0;      // changes of what the worker is to make
   #early = null;   // pictures that came before there was where to draw them
@@ -36,7 +41,7 @@ export class Viewer extends EventTarget {
   /**
    * `parts`: the elements { stage, picture, bar }: what has the background, what the picture is drawn in, the scalar bar's
    * canvas. `fragment`: the state at first. Events: 'retry', 'loading', 'progress', 'level', 'pictures', 'error' as of the
-   * stream; 'colors' when they changed, 'joining' and 'joined' {fields}, 'failed' {message, retry}.
+   * stream; 'series', 'step' and 'buffered' as of the stream; 'colors' when they changed, 'joining' and 'joined' {fields}, 'failed' {message, retry}.
    */
   constructor(parts, fragment) {
     super();
@@ -79,13 +84,34 @@ export class Viewer extends EventTarget {
       this.#asked++;
       this.show();
     });
-    store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes'], this.refine);
+    store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes', 'step'], this.refine);
     store.watch(['shading', 'surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'], (state) => scene.restyle(state));
     store.watch(['background'], () => this.repaint());
   }
 
   get settled() {
-    return this.level === wantedLevel(this.info, this.store.state) && this.#drawn === this.level;
+    const { step } = this.store.state;
+    const level = this.#inTime ? this.series.bands[this.wantedBand].level : wantedLevel(this.info, this.store.state);
+    return this.level === level && this.#drawn === this.level && (!this.#inTime || (this.at?.step === step && this.at.band === this.wantedBand));
+  }
+
+  get #inTime() {
+    return this.series !== null && this.store.state.step !== null;
+  }
+
+  /** The band that the state asks for, of a level within its budgets. */
+  get wantedBand() {
+    return chooseBand(this.series, this.store.state.error, wantedLevel(this.info, { ...this.store.state, error: 0 }));
+  }
+
+  /** Shows a step in a band; false: another one is shown instead. */
+  async showStep(step, options) {
+    try {
+      return (await this.stream.seekStep(step, options)).reached;
+    } catch (error) {
+      if (error.name !== 'AbortError') this.#tell('failed', { message: error.message, retry: this.refine });
+      return false;
+    }
   }
 
   /** The state as a link holds it, and back. */
@@ -117,7 +143,7 @@ export class Viewer extends EventTarget {
     const fields = field ? [...new Set([field, isosurfaceField || field])] : 'first';
     this.stream = await this.#open(source, { target: targetOf(this.store.state), fields }, started)
       .catch((error) => (error instanceof RangeError ? this.#open(source, { fields: 'first' }, started) : Promise.reject(error)));
-    this.info = this.stream.info;
+    this.info = this.#index = this.stream.info;
     if (!this.info.fields.length) throw new Error('this stream has no fields to colour it by');
     this.base = { ...defaults, ...firstView(this.info) };
     this.store.state = valid(fromFragment(this.#fragment, this.base), this.info);
@@ -133,6 +159,7 @@ export class Viewer extends EventTarget {
       throw document.createElement('canvas').getContext('webgl2') ? error : new Error('this browser has no WebGL 2, which draws the picture');
     }
     performance.mark('tetlod-graphics');
+    this.scene.addEventListener('norays', () => this.store.set({ volumeSize: 96 })); // a grid is less sharp
     this.#setBackground();
   }
 
@@ -146,8 +173,34 @@ export class Viewer extends EventTarget {
       this.level = detail.level;
       this.#tell('level', detail);
     });
+    this.stream.addEventListener('series', ({ detail }) => {
+      this.series = detail;
+      this.#tell('series', detail);
+      if (this.#inTime) this.refine();
+    });
+    this.stream.addEventListener('step', ({ detail }) => this.#arrive(detail));
+    this.stream.addEventListener('buffered', ({ detail }) => this.#tell('buffered', detail));
     this.stream.addEventListener('pictures', (event) => this.#takePictures(event));
     this.stream.addEventListener('error', ({ detail }) => this.#tell('failed', { ...detail, retry: this.refine }));
+  }
+
+  // At a step: ranges and errors are those of the series.
+  #arrive(at) {
+    const before = this.at;
+    this.at = at;
+    if (before?.band !== at.band) {
+      this.info = infoOfSteps(this.#index, this.series, at.band);
+      this.recolor();
+    }
+    this.level = at.level;
+    this.#tell('step', at);
+  }
+
+  #leaveSteps() {
+    if (!this.at) return;
+    this.at = null;
+    this.info = this.#index;
+    this.recolor();
   }
 
   // ---- colours and their range
@@ -181,7 +234,7 @@ export class Viewer extends EventTarget {
   colorRange() {
     const { range, low, high, log } = this.store.state;
     let [from, to] = range === 'manual' ? [low, high]
-      : range === 'auto' && !log ? autoRange(this.dataRange(), this.shade?.sample) : (range === 'visible' && this.scene.visibleRange()) || this.dataRange();
+      : range === 'auto' && !log ? autoRange(this.dataRange(), this.at ? undefined : this.shade?.sample) : (range === 'visible' && this.scene.visibleRange()) || this.dataRange();
     if (from > to) [from, to] = [to, from];
     if (from === to) to = from + (Math.abs(from) * 1e-6 || 1); // a constant has one colour
     if (log && !(from > 0)) from = to > 0 ? to / 1000 : 1e-3;
@@ -249,6 +302,12 @@ export class Viewer extends EventTarget {
   }
 
   async #refine() {
+    if (this.playing) return;
+    if (this.#inTime) {
+      await this.showStep(Math.min(this.store.state.step, this.series.times.length - 1), { band: this.wantedBand });
+      return;
+    }
+    this.#leaveSteps();
     try {
       await this.stream.refineTo(targetOf(this.store.state, this.info));
       this.#giveBack();

@@ -98,6 +98,54 @@ static void put_level(struct tetlodi_buffer *out, const struct view *view, uint3
     put(out, "}");
 }
 
+/* Where the table of steps is: their bytes, in the stream as a whole. */
+static void put_table(struct tetlodi_buffer *out, const struct tetlod_info *info)
+{
+    uint32_t section = tetlod_section_index(info, "TIME");
+    double place[2] = {0, 0};
+    if (section == TETLOD_NONE) {
+        put(out, "null");
+        return;
+    }
+    place[0] = (double)info->sections[section].offset;
+    place[1] = (double)info->sections[section].stored;
+    put_point(out, place, 2);
+}
+
+static void put_band(struct tetlodi_buffer *out, const struct tetlod_band *band)
+{
+    put(out, "{\"error\":");
+    put_number(out, band->error);
+    put_member(out, "level", band->level);
+    put(out, "}");
+}
+
+const char *view_describe_series(struct view *view)
+{
+    const struct tetlod_series_info *series = tetlod_series_info(view->series);
+    struct tetlodi_buffer *out = &view->text;
+    out->size = 0;
+    put(out, "{\"group\":");
+    put_number(out, TETLOD_STEP_GROUP);
+    put(out, ",\"times\":");
+    put_point(out, series->times, (int)series->step_count);
+    put(out, ",\"bands\":[");
+    for (uint32_t b = 0; b < series->band_count; b++) {
+        put(out, b ? "," : "");
+        put_band(out, &series->bands[b]);
+    }
+    put(out, "],\"fields\":[");
+    for (uint32_t f = 0; f < series->field_count; f++) {
+        put(out, f ? ",{\"name\":" : "{\"name\":");
+        put_string(out, view_info(view)->fields[series->fields[f]].name);
+        put(out, ",\"range\":");
+        put_point(out, series->ranges[f], 2);
+        put(out, "}");
+    }
+    tetlodi_put_block(out, "]}", 3); // with the NUL
+    return out->failed ? NULL : (const char *)out->bytes;
+}
+
 const char *view_describe(struct view *view)
 {
     const struct tetlod_info *info = view_info(view);
@@ -122,7 +170,9 @@ const char *view_describe(struct view *view)
     put(out, "],\"levels\":[");
     for (uint32_t k = 0; k < info->level_count; k++)
         put_level(out, view, k);
-    put(out, "],\"metadata\":");
+    put(out, "],\"time\":");
+    put_table(out, info);
+    put(out, ",\"metadata\":");
     put_string(out, info->metadata);
     tetlodi_put_block(out, "}", 2); // with the NUL
     return out->failed ? NULL : (const char *)out->bytes;

@@ -17,7 +17,7 @@ enum tetlod_status view_begin_pictures(struct view *view)
     double *function = array_resize(view->function, vertices, sizeof *function);
     if (function)
         view->function = function;
-    view->has_boundary = view->has_lines = view->has_kept = false;
+    view->has_boundary = view->has_lines = view->has_kept = view->has_rays = false;
     view->grid_size = 0;
     view->shade_field = TETLOD_NONE;
     if (!shade || !function)
@@ -169,7 +169,7 @@ uint32_t view_threshold(struct view *view, uint32_t field, int32_t component, do
         return TETLOD_OK;
     view->filters = true;
     view->range = (struct view_range){field, component, low, high};
-    view->has_boundary = view->has_lines = false;
+    view->has_boundary = view->has_lines = view->has_rays = false;
     view->grid_size = 0;
     take_values(view->moving ? &view->to : &view->shown, view->shown.vertex_count, field, component, view->function);
     view->has_kept = keep_corners(view);
@@ -180,7 +180,7 @@ void view_unthreshold(struct view *view)
 {
     if (!view->filters)
         return;
-    view->filters = view->has_kept = view->has_boundary = view->has_lines = false;
+    view->filters = view->has_kept = view->has_boundary = view->has_lines = view->has_rays = false;
     view->grid_size = 0;
     free(view->kept.corners);
     view->kept.corners = NULL;
@@ -247,14 +247,20 @@ static enum tetlod_status trim(struct view *view, uint32_t with)
 
 /* ---- the boundary ---- */
 
-/* Of the mesh at the end of a move: its triangles and lines are the same all the way. */
-static enum tetlod_status find_boundary(struct view *view)
+/* What is drawn, at the end of a move: its triangles and lines are the same all the way. */
+static struct tetmesh arrived(struct view *view)
 {
     struct tetmesh mesh = *drawn(view);
-    if (view->has_boundary)
-        return TETLOD_OK;
     if (view->moving)
         mesh.positions = view->to.positions;
+    return mesh;
+}
+
+static enum tetlod_status find_boundary(struct view *view)
+{
+    if (view->has_boundary)
+        return TETLOD_OK;
+    struct tetmesh mesh = arrived(view);
     view->has_lines = false;
     TETLOD_TRY(cut_boundary(&mesh, &view->boundary, &view->error));
     view->has_boundary = true;
@@ -336,6 +342,21 @@ const struct cut_voxels *view_voxels(const struct view *view)
 const struct cut_grid *view_grid(const struct view *view)
 {
     return &view->grid;
+}
+
+uint32_t view_rays(struct view *view)
+{
+    if (!view->has_rays) {
+        struct tetmesh mesh = arrived(view);
+        TETLOD_TRY(cut_rays_connect(&mesh, &view->rays, &view->error));
+        view->has_rays = true;
+    }
+    return cut_rays_place(&view->shown, view->shade, view->centre, &view->rays, &view->error);
+}
+
+const struct cut_rays *view_ray_data(const struct view *view)
+{
+    return &view->rays;
 }
 
 uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz)

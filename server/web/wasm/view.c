@@ -93,10 +93,11 @@ uint32_t view_rest(struct view *view)
     return view_begin_pictures(view);
 }
 
-/* The cursor has moved. What is on its way between levels does not mind. */
-static enum tetlod_status arrive(struct view *view)
+enum tetlod_status view_arrive(struct view *view)
 {
     tetlod_cursor_mesh(view->cursor, &view->mesh);
+    if (view->step_values)
+        view->mesh.fields = view->step_values;
     return view->moving ? TETLOD_OK : view_rest(view);
 }
 
@@ -127,13 +128,15 @@ uint32_t view_open(struct view *view, const uint32_t *fields, uint32_t count)
     if (!view->probed)
         return tetlodi_fail_nomem(&view->error, "the fields", 8 * (uint64_t)components);
     choose_centre(view);
-    return arrive(view);
+    return view_arrive(view);
 }
 
 uint32_t view_seek(struct view *view, uint32_t level)
 {
+    free(view->step_values);
+    view->step_values = NULL;
     enum tetlod_status status = tetlod_cursor_seek(view->cursor, level, &view->error);
-    enum tetlod_status arrived = arrive(view);
+    enum tetlod_status arrived = view_arrive(view);
     return status == TETLOD_OK ? arrived : status;
 }
 
@@ -166,20 +169,22 @@ static bool resize_mesh(const struct view *view, struct tetmesh *mesh)
     return made;
 }
 
-static bool make_room(struct view *view)
+enum tetlod_status view_make_room(struct view *view)
 {
     uint32_t *corners = array_resize(view->to.corners, view->mesh.tets, 4 * sizeof *corners);
     if (corners)
         view->to.corners = corners;
-    return corners && resize_mesh(view, &view->from) && resize_mesh(view, &view->to) && resize_mesh(view, &view->between);
+    if (corners && resize_mesh(view, &view->from) && resize_mesh(view, &view->to) && resize_mesh(view, &view->between))
+        return TETLOD_OK;
+    return tetlodi_fail_nomem(&view->error, "a move", 96 * (uint64_t)view->mesh.vertices);
 }
 
-static void copy_mesh(const struct tetlod_mesh *mesh, struct tetmesh *out)
+void view_copy(const struct view *view, struct tetmesh *out)
 {
+    const struct tetlod_mesh *mesh = &view->mesh;
     out->vertex_count = mesh->vertices;
     out->tet_count = mesh->tets;
     memcpy(out->positions, mesh->positions, 24 * (size_t)mesh->vertices);
-    memcpy(out->corners, mesh->corners, 16 * (size_t)mesh->tets);
     for (uint32_t f = 0; f < out->field_count; f++)
         if (mesh->fields[f])
             memcpy(out->fields[f].values, mesh->fields[f], 8 * (size_t)mesh->vertices * out->fields[f].components);
@@ -197,15 +202,20 @@ static enum tetlod_status find_origins(struct view *view, uint32_t level)
     return status;
 }
 
+void view_start_move(struct view *view)
+{
+    view_copy(view, &view->to);
+    memcpy(view->to.corners, view->mesh.corners, 16 * (size_t)view->mesh.tets);
+    view->moving = true;
+    view_place(view, 1);
+}
+
 uint32_t view_move(struct view *view, uint32_t level)
 {
     TETLOD_TRY(view_rest(view));
-    if (!make_room(view))
-        return tetlodi_fail_nomem(&view->error, "a move between two levels", 96 * (uint64_t)view->mesh.vertices);
+    TETLOD_TRY(view_make_room(view));
     TETLOD_TRY(find_origins(view, level));
-    copy_mesh(&view->mesh, &view->to);
-    view->moving = true;
-    view_place(view, 1);
+    view_start_move(view);
     return TETLOD_OK;
 }
 

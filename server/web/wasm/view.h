@@ -12,6 +12,7 @@
 #include "format/bytes.h"
 #include "src/cut/cut.h"
 #include "src/cut/line.h"
+#include "src/cut/rays.h"
 #include "src/cut/resample.h"
 
 #ifdef __wasm__
@@ -50,7 +51,10 @@ struct view_range {
 struct view {
     struct tetlod_feed *feed;
     struct tetlod_cursor *cursor;
-    struct tetlod_mesh mesh;         /* at the cursor */
+    struct tetlod_mesh mesh;         /* at the cursor; at a step, with its values */
+    struct tetlod_series *series;    /* NULL: none, or not opened yet */
+    const double **step_values;      /* [field] of the step that is shown, NULL: the level's own */
+    double span[2];
     struct tetmesh shown;            /* borrows its arrays */
     bool moving;                     /* from those below, not from the cursor */
     struct tetmesh from, to, between; /* a move: its ends, and where it is; the corners are `to`'s */
@@ -76,6 +80,8 @@ struct view {
     uint32_t grid_size;              /* that it was made with, of the mesh and shade that are shown; 0: of others */
     struct cut_voxels voxels;
     struct cut_line line;
+    struct cut_rays rays;            /* connected as what is drawn, if `has_rays` */
+    bool has_rays;
     struct tetlodi_buffer text;
     struct tetlod_error error;
 };
@@ -103,6 +109,21 @@ VIEW_EXPORT(view_open) uint32_t view_open(struct view *view, const uint32_t *fie
 VIEW_EXPORT(view_seek) uint32_t view_seek(struct view *view, uint32_t level);
 VIEW_EXPORT(view_mesh) const struct tetlod_mesh *view_mesh(const struct view *view);
 VIEW_EXPORT(view_centre) const double *view_centre(const struct view *view);
+
+/* ---- steps in time (view_steps.c) ---- */
+
+/* Bytes from elsewhere in the stream, until they are forgotten. */
+VIEW_EXPORT(view_put) uint32_t view_put(struct view *view, double offset, const void *bytes, uint32_t size);
+VIEW_EXPORT(view_forget) void view_forget(struct view *view);
+/* Reads the table of steps, which is put; steps are of the fields that view_open named. Then the table as JSON; NULL: out of memory. */
+VIEW_EXPORT(view_series) uint32_t view_series(struct view *view, const uint32_t *fields, uint32_t count);
+VIEW_EXPORT(view_describe_series) const char *view_describe_series(struct view *view);
+/* Offset and size of the bytes that a step needs in a band, of the series' field number `field`. */
+VIEW_EXPORT(view_span) const double *view_span(struct view *view, uint32_t field, uint32_t band, uint32_t step);
+/* Moves the cursor to the band's level and shows a step, whose bytes are put. view_seek leaves the steps. */
+VIEW_EXPORT(view_step) uint32_t view_step(struct view *view, uint32_t band, uint32_t step);
+/* The same as a move from the step that is shown, of the same level: view_place. */
+VIEW_EXPORT(view_step_move) uint32_t view_step_move(struct view *view, uint32_t band, uint32_t step);
 
 /* Shows a copy of the cursor's mesh that can move from and to a coarser level's shape. If there is no room for it, the
  * cursor's own is shown. */
@@ -137,6 +158,9 @@ VIEW_EXPORT(view_part) const struct view_part *view_part(const struct view *view
 VIEW_EXPORT(view_resample) uint32_t view_resample(struct view *view, uint32_t size, uint32_t logarithmic);
 VIEW_EXPORT(view_grid) const struct cut_grid *view_grid(const struct view *view);
 VIEW_EXPORT(view_voxels) const struct cut_voxels *view_voxels(const struct view *view);
+/* What rays through the tetrahedra need: view_ray_data. */
+VIEW_EXPORT(view_rays) uint32_t view_rays(struct view *view);
+VIEW_EXPORT(view_ray_data) const struct cut_rays *view_ray_data(const struct view *view);
 /* The value that colours, along a segment: view_line. */
 VIEW_EXPORT(view_along)
 uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz);
@@ -149,6 +173,16 @@ VIEW_EXPORT(view_probed) const double *view_probed(const struct view *view);
 /* ---- within the module ---- */
 
 const struct tetlod_info *view_info(const struct view *view);
+
+/* The cursor has moved, or has other values. What is on its way between levels does not mind. */
+enum tetlod_status view_arrive(struct view *view);
+
+/* Room for a move of the mesh at the cursor, and a copy of it without corners. */
+enum tetlod_status view_make_room(struct view *view);
+void view_copy(const struct view *view, struct tetmesh *out);
+
+/* From now on the mesh that is shown is on its way from view->from to the cursor's. */
+void view_start_move(struct view *view);
 
 /* Another mesh is shown: room for its arrays, and nothing that was made of the last one holds. */
 enum tetlod_status view_begin_pictures(struct view *view);

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Steps in time: which band an error asks for, what the bands promise, and the bytes of their groups of steps.
+
+const most = 64 << 20; // bytes of groups that are kept
+
+/** The coarsest band within an error, of a level that is not finer than `finest`; the coarsest one if there is none. */
+export function chooseBand({ bands }, error, finest = Infinity) {
+  const within = bands.findIndex((band) => band.error <= error);
+  let band = within < 0 ? bands.length - 1 : within;
+  while (band > 0 && bands[band].level > finest) band--;
+  return band;
+}
+
+/** The index as it is for the steps of a band: ranges over all steps, and as the errors of levels what the bands promise. */
+export function infoOfSteps(info, series, band) {
+  const ranges = new Map(series.fields.map(({ name, range }) => [name, range]));
+  const promised = (k) => (series.bands[band].level === k ? series.bands[band].error
+    : series.bands.reduce((least, { error, level }) => (level <= k ? Math.min(least, error) : least), 1));
+  const errorsAt = (k) => Object.fromEntries([...ranges.keys()].map((name) => [name, { max: promised(k) }]));
+  return {
+    ...info,
+    fields: info.fields.map((field) => ({ ...field, range: ranges.get(field.name) ?? field.range, controlled: ranges.has(field.name) })),
+    levels: info.levels.map((level, k) => ({ ...level, errors: { ...level.errors, ...errorsAt(k) } })),
+  };
+}
+
+/** The bytes of groups of steps: one after the other, in the order in which they are needed, kept while there is room. */
+export class Groups {
+  #read; #heard; #kept = new Map(); #bytes = 0; #wanted = []; #reading = false;
+  received = 0; // bytes, of groups that were dropped, too
+
+  /** `read(band, group)` resolves to pieces [{offset, bytes}]; `heard(error)` is called when they are there, or why they are not. */
+  constructor(read, heard) {
+    this.#read = read;
+    this.#heard = heard;
+  }
+
+  /** The pieces of the first of some groups, or null; what is missing of all of them is read from now on. */
+  take(band, groups) {
+    this.#wanted = groups.filter((group) => !this.#kept.has(`${band}/${group}`)).map((group) => [band, group]);
+    this.#next();
+    const key = `${band}/${groups[0]}`;
+    const pieces = this.#kept.get(key) ?? null;
+    if (pieces) { // it was used last
+      this.#kept.delete(key);
+      this.#kept.set(key, pieces);
+    }
+    return pieces;
+  }
+
+  /** Numbers of the groups of a band that are here. */
+  of(band) {
+    return [...this.#kept.keys()].map((key) => key.split('/').map(Number)).filter(([b]) => b === band).map(([, group]) => group);
+  }
+
+  async #next() {
+    if (this.#reading || !this.#wanted.length) return;
+    const [band, group] = this.#wanted.shift();
+    this.#reading = true;
+    try {
+      this.#keep(`${band}/${group}`, await this.#read(band, group));
+      this.#heard();
+    } catch (error) {
+      this.#wanted = [];
+      this.#heard(error);
+    }
+    this.#reading = false;
+    this.#next();
+  }
+
+  #keep(key, pieces) {
+    const size = (list) => list.reduce((sum, { bytes }) => sum + bytes.length, 0);
+    this.#kept.set(key, pieces);
+    this.#bytes += size(pieces);
+    this.received += size(pieces);
+    for (const [old, list] of this.#kept) {
+      if (this.#bytes <= most || old === key) break;
+      this.#kept.delete(old);
+      this.#bytes -= size(list);
+    }
+  }
+}

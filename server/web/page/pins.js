@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Probes that stay: values at places of the volume with what the level's error allows, and how far apart the places are.
+
+import { boundOf } from '../client/choose.js';
+import { byId, coalesced, element } from './dom.js';
+import { add, length } from './geometry.js';
+import { componentOf, titleOf, wordsOfBound } from './levels.js';
+import { notice } from './notices.js';
+import { significant } from './numbers.js';
+
+export class Pins {
+  // `pointer()`: where the pointer is in the picture, or null
+  constructor(viewer, layer, pointer) {
+    Object.assign(this, { viewer, layer, pointer, list: byId('pins'), marks: [] });
+    this.ask = coalesced(() => this.#ask());
+    byId('add-pin').addEventListener('click', () => this.#add(null));
+    viewer.store.watch(['pins', 'field', 'component'], () => {
+      this.#list();
+      this.ask();
+    });
+    viewer.addEventListener('pictures', ({ detail: { t } }) => t === 1 && this.ask());
+  }
+
+  /** What is seen under the pointer, or in the middle of the picture. */
+  add() {
+    this.#add(this.pointer());
+  }
+
+  #add(at) {
+    const { scene, store, info: { bounds: [low, high] } } = this.viewer;
+    const { width, height } = scene.container.getBoundingClientRect();
+    const hit = scene.pick(at?.x ?? width / 2, at?.y ?? height / 2);
+    if (!hit) return notice('pin', `Nothing is seen ${at ? 'under the pointer' : 'in the middle of the picture'}.`);
+    const pin = add(hit.point, scene.centre).map((c, i) => Number(((c - low[i]) / (high[i] - low[i] || 1)).toPrecision(5)));
+    store.set({ pins: [...store.state.pins, pin.map((x) => Math.min(1, Math.max(0, x)))] });
+  }
+
+  #world(pin) {
+    const [low, high] = this.viewer.info.bounds;
+    return pin.map((x, i) => low[i] + x * (high[i] - low[i]));
+  }
+
+  #list() {
+    const { store, scene } = this.viewer;
+    const { pins } = store.state;
+    for (const { mark } of this.marks) mark.remove();
+    this.marks = pins.map((pin, i) => {
+      const place = this.#world(pin);
+      const mark = element('div', { className: 'pin' }, element('b', {}, String(i + 1)), element('span'));
+      const value = element('span', {}, '…');
+      const remove = element('button', { type: 'button', className: 'remove', ariaLabel: `Remove probe ${i + 1}` }, '×');
+      remove.addEventListener('click', () => store.set({ pins: store.state.pins.filter((_, k) => k !== i) }));
+      const apart = i ? element('small', {}, `${significant(length(add(place, this.#world(pins[i - 1]), -1)), 4)} from ${i}`) : '';
+      const row = element('div', { className: 'item pinned' }, element('b', {}, String(i + 1)), element('div', {}, value, element('small', {}, `at ${place.map((c) => significant(c, 4)).join(', ')}`), apart), remove);
+      this.layer.append(mark);
+      return { place, mark, value, row };
+    });
+    this.list.replaceChildren(...this.marks.map(({ row }) => row));
+    scene.render();
+  }
+
+  // Where the marks are in the picture now.
+  update() {
+    const { scene } = this.viewer;
+    for (const { place, mark } of this.marks) {
+      const { x, y, depth } = scene.toScreen(add(place, scene.centre, -1));
+      mark.hidden = depth > 1;
+      mark.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+    }
+  }
+
+  async #ask() {
+    const { viewer, marks } = this;
+    const { info, level, store: { state }, stream } = viewer;
+    if (level < 0 || !stream.fields.includes(state.field)) return;
+    const component = componentOf(info, state);
+    const words = wordsOfBound(info, state.field, boundOf(info, level, state.field, component));
+    for (const { place, mark, value } of marks) {
+      const found = (await stream.probe(place).catch(() => null))?.values[state.field];
+      if (marks !== this.marks) return;
+      const number = found && significant(component === 'magnitude' ? Math.hypot(...found) : found[component], 5);
+      value.textContent = found ? `${titleOf(info, state)} ${number} ${words}` : 'outside of the volume';
+      mark.lastChild.textContent = found ? number : 'outside';
+    }
+  }
+}

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The bar that plays a series in time: steps one after the other, those that come late in a coarser band.
+
+import { element, svg } from './dom.js';
+import { percent, significant } from './numbers.js';
+
+const rates = [1, 2, 5, 10, 15, 30]; // steps a second
+const usual = 10;
+const patience = 1.5; // intervals that a step may take before it is late
+const recovered = 16; // steps in time after which a finer band is tried again
+const blended = 0.8;  // of an interval: what is left is for decoding
+
+const sleep = (milliseconds) => new Promise((resolve) => { setTimeout(resolve, milliseconds); });
+
+export class Player {
+  #viewer; #parts; #playing = false; #rate = usual; #loop = true;
+  #coarser = 0; // bands below the wanted one, because the steps come late
+  #inTime = 0;  // steps since one was late
+
+  /** `stage`: where the bar goes. The viewer's stream is a series. */
+  constructor(viewer, stage) {
+    this.#viewer = viewer;
+    const { times, group } = viewer.series;
+    const button = (id, label, text, act) => {
+      const made = element('button', { type: 'button', id, className: 'small', ariaLabel: label, title: label }, text);
+      made.addEventListener('click', act);
+      return made;
+    };
+    const line = element('input', { type: 'range', id: 'player-step', min: 0, max: times.length - 1, step: 1, value: 0, ariaLabel: 'Step in time' });
+    line.addEventListener('input', () => this.go(Number(line.value)));
+    const speed = element('select', { id: 'player-speed', ariaLabel: 'Steps a second' }, ...rates.map((rate) => element('option', { value: rate, selected: rate === usual }, `${rate} /s`)));
+    speed.addEventListener('change', () => { this.#rate = Number(speed.value); });
+    const buffer = svg('svg', { id: 'player-buffer', viewBox: `0 0 ${Math.ceil(times.length / group) * group} 1`, preserveAspectRatio: 'none', 'aria-hidden': 'true' });
+    this.#parts = {
+      line, buffer,
+      play: button('player-play', 'Play (space)', '▶', () => this.toggle()),
+      loop: button('player-loop', 'Begin again at the end', '⟲', () => this.#setLoop(!this.#loop)),
+      now: element('output', { id: 'player-now' }),
+      late: element('p', { id: 'player-late', role: 'status' }),
+    };
+    const { play, loop, now, late } = this.#parts;
+    const buttons = element('span', { className: 'buttons' }, button('player-back', 'One step back (,)', '‹', () => this.step(-1)), play,
+      button('player-on', 'One step on (.)', '›', () => this.step(1)), loop, speed);
+    stage.append(element('section', { id: 'player', ariaLabel: 'Time' }, buttons, element('span', { className: 'track' }, line, buffer), now, late));
+    this.#setLoop(true);
+    viewer.addEventListener('step', () => this.#tell());
+    viewer.addEventListener('buffered', ({ detail }) => this.#drawBuffer(detail.groups));
+    this.#tell();
+  }
+
+  get playing() {
+    return this.#playing;
+  }
+
+  toggle() {
+    if (this.#playing) this.#stop();
+    else this.#play();
+  }
+
+  /** Shows a step, and stays there. */
+  go(step) {
+    this.#stop();
+    const { length } = this.#viewer.series.times;
+    this.#viewer.store.set({ step: Math.min(Math.max(step, 0), length - 1) });
+  }
+
+  step(by) {
+    this.go(this.#now + by);
+  }
+
+  get #now() {
+    return this.#viewer.at?.step ?? this.#viewer.store.state.step ?? 0;
+  }
+
+  #setLoop(loop) {
+    this.#loop = loop;
+    this.#parts.loop.setAttribute('aria-pressed', loop);
+  }
+
+  #setPlaying(playing) {
+    this.#playing = playing;
+    this.#viewer.playing = playing;
+    this.#parts.play.textContent = playing ? '⏸' : '▶';
+    this.#parts.play.ariaLabel = playing ? 'Pause (space)' : 'Play (space)';
+  }
+
+  // Where it stops is what the page shows from now on, as exactly as the state says.
+  #stop() {
+    if (!this.#playing) return;
+    this.#setPlaying(false);
+    this.#coarser = 0;
+    this.#parts.late.textContent = '';
+    this.#viewer.store.set({ step: this.#now });
+    this.#viewer.refine();
+  }
+
+  // Behind the last step is the first; without loop it ends, and begins at the first if it is at the end.
+  #following(begin) {
+    const { length } = this.#viewer.series.times;
+    if (this.#now + 1 < length) return this.#now + 1;
+    return this.#loop || begin ? 0 : null;
+  }
+
+  async #play() {
+    this.#setPlaying(true);
+    for (let begin = true; this.#playing; begin = false) {
+      const step = this.#following(begin);
+      if (step === null) break;
+      const interval = 1000 / this.#rate;
+      const started = performance.now();
+      const band = Math.max(this.#viewer.wantedBand - this.#coarser, 0);
+      const reached = await this.#viewer.showStep(step, { band, blend: step && interval > 60 ? blended * interval : 0 });
+      if (!reached) break;
+      const took = performance.now() - started;
+      this.#adapt(took > patience * interval, band);
+      if (took < interval) await sleep(interval - took);
+    }
+    this.#stop();
+  }
+
+  #adapt(late, band) {
+    this.#inTime = late ? 0 : this.#inTime + 1;
+    if (late && band > 0) this.#coarser++;
+    else if (this.#inTime >= recovered && this.#coarser) {
+      this.#coarser--;
+      this.#inTime = 0;
+    }
+    const { bands } = this.#viewer.series;
+    const shown = bands[Math.max(this.#viewer.wantedBand - this.#coarser, 0)].error;
+    this.#parts.late.textContent = this.#coarser ? `Steps come late: at ${percent(shown)} for now.` : '';
+  }
+
+  #tell() {
+    const { times } = this.#viewer.series;
+    const { line, now } = this.#parts;
+    if (this.#viewer.at) this.#drawBuffer(this.#viewer.at.groups);
+    line.value = this.#now;
+    line.setAttribute('aria-valuetext', `step ${this.#now}, time ${significant(times[this.#now], 5)}`);
+    now.textContent = `${significant(times[this.#now], 5)} · ${this.#now} of ${times.length - 1}`;
+  }
+
+  #drawBuffer(groups) {
+    const { group } = this.#viewer.series;
+    this.#parts.buffer.replaceChildren(...groups.map((g) => svg('rect', { x: g * group, y: 0, width: group, height: 1 })));
+  }
+}

@@ -1,0 +1,89 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Steps in time: bytes from behind the levels, and a mesh whose values are those of a step. */
+#include <stdlib.h>
+
+#include "format/fail.h"
+#include "server/web/wasm/view.h"
+#include "src/util/array.h"
+
+uint32_t view_put(struct view *view, double offset, const void *bytes, uint32_t size)
+{
+    return tetlod_feed_put(view->feed, (uint64_t)offset, bytes, size, &view->error);
+}
+
+void view_forget(struct view *view)
+{
+    tetlod_feed_forget(view->feed);
+}
+
+uint32_t view_series(struct view *view, const uint32_t *fields, uint32_t count)
+{
+    struct tetlod_series *series;
+    TETLOD_TRY(tetlod_series_new(&series, tetlod_feed_file(view->feed), &view->error));
+    tetlod_series_free(view->series);
+    view->series = series;
+    if (count == TETLOD_NONE)
+        return TETLOD_OK;
+    const struct tetlod_series_info *info = tetlod_series_info(series);
+    uint32_t *chosen = array_new(info->field_count, sizeof *chosen), chosen_count = 0;
+    if (!chosen)
+        return tetlodi_fail_nomem(&view->error, "a selection of fields", info->field_count * sizeof *chosen);
+    for (uint32_t f = 0; f < info->field_count; f++)
+        for (uint32_t i = 0; i < count; i++)
+            if (info->fields[f] == fields[i])
+                chosen[chosen_count++] = f;
+    tetlod_series_select(series, chosen, chosen_count);
+    free(chosen);
+    return TETLOD_OK;
+}
+
+const double *view_span(struct view *view, uint32_t field, uint32_t band, uint32_t step)
+{
+    struct tetlod_span span = tetlod_step_span(view->series, field, band, step);
+    view->span[0] = (double)span.offset;
+    view->span[1] = (double)span.size;
+    return view->span;
+}
+
+/* Fields without steps keep the values of the first one. */
+static enum tetlod_status take_values(struct view *view)
+{
+    const struct tetlod_series_info *info = tetlod_series_info(view->series);
+    uint32_t count = view->shown.field_count;
+    const double **values = array_new(count, sizeof *values);
+    if (!values)
+        return tetlodi_fail_nomem(&view->error, "the fields", count * sizeof *values);
+    tetlod_cursor_mesh(view->cursor, &view->mesh);
+    for (uint32_t f = 0; f < count; f++)
+        values[f] = view->mesh.fields[f];
+    for (uint32_t f = 0; f < info->field_count; f++)
+        if (tetlod_step_values(view->series, f))
+            values[info->fields[f]] = tetlod_step_values(view->series, f);
+    free(view->step_values);
+    view->step_values = values;
+    return TETLOD_OK;
+}
+
+uint32_t view_step(struct view *view, uint32_t band, uint32_t step)
+{
+    enum tetlod_status status = tetlod_seek_step(view->series, view->cursor, band, step, &view->error);
+    if (status == TETLOD_OK)
+        status = take_values(view);
+    if (status != TETLOD_OK) {
+        free(view->step_values);
+        view->step_values = NULL;
+    }
+    view->moving = false;
+    enum tetlod_status arrived = view_arrive(view);
+    return status == TETLOD_OK ? arrived : status;
+}
+
+uint32_t view_step_move(struct view *view, uint32_t band, uint32_t step)
+{
+    TETLOD_TRY(view_rest(view));
+    TETLOD_TRY(view_make_room(view));
+    view_copy(view, &view->from);
+    TETLOD_TRY(view_step(view, band, step));
+    view_start_move(view);
+    return TETLOD_OK;
+}

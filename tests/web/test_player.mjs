@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The player of a series in time, in a browser: play, pause, loop, single steps, the time line, and a coarser band on a thin line.
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { join } from 'node:path';
+import { firstPicture, launch, openPage, settled } from './browser.mjs';
+import { SCRATCH, TETLOD, program } from './hosts.mjs';
+import { run } from './tap.mjs';
+
+const STEPS = 20;
+const make = (...words) => execFileSync(TETLOD, words, { cwd: SCRATCH, stdio: 'ignore' });
+make('sample', 'wake', '--size', '14', '--steps', String(STEPS), '-o', 'wake.pvd');
+make('build', 'wake.pvd', '--field', 'Pressure', '--carry', 'Pressure', '--quiet', '-o', 'wake.tetlod');
+const server = await program([join(SCRATCH, 'wake.tetlod')]);
+const browser = await launch();
+const page = await openPage(browser, server.url, { viewport: { width: 900, height: 620 } });
+
+const look = () => page.evaluate(() => ({
+  at: window.tetlod.at, series: window.tetlod.stream.series, state: window.tetlod.state, level: window.tetlod.level,
+  now: document.getElementById('player-now')?.textContent, error: document.getElementById('shown-error').textContent,
+}));
+const until = (check, argument) => page.waitForFunction(check, argument);
+const atStep = (step) => until((wanted) => window.tetlod.settled && window.tetlod.at?.step === wanted, step);
+const picture = () => page.evaluate(async () => {
+  for (let i = 0; i < 3; i++) await new Promise(requestAnimationFrame);
+  return (await window.tetlod.scene.capture()).src;
+});
+
+async function open(state, on = page, origin = server.url) {
+  await on.goto('about:blank');
+  await on.goto(`${origin}view/wake#error=0.01${state}`);
+  await firstPicture(on);
+  await on.locator('#player').waitFor();
+}
+
+async function stepsAreShown() {
+  await open('');
+  await settled(page);
+  const first = await picture();
+  await page.locator('#player-on').click();
+  await atStep(1);
+  await page.keyboard.press('.');
+  await atStep(2);
+  const { at, series, now, error } = await look();
+  assert.equal(series.times.length, STEPS);
+  assert.deepEqual([at.step, at.error, at.level], [2, 0.01, series.bands[at.band].level]);
+  assert.match(now, /2 of 19/);
+  assert.match(error, /^1\u202f%/);
+  assert.ok(await picture() !== first, 'another step has the same picture');
+  await page.keyboard.press(',');
+  await atStep(1);
+  await page.locator('#player-step').fill('15');
+  await atStep(15);
+  await until(() => location.hash.includes('step=15'));
+  assert.match(await page.locator('#download').getAttribute('href'), /bands\/\d+\/steps\/15\/mesh\.vtu$/);
+  assert.deepEqual(page.complaints, []);
+}
+
+async function aLinkNamesTheStep() {
+  await open('&step=7');
+  await atStep(7);
+  await page.evaluate(() => window.tetlod.set({ error: 0.05 }));
+  await until(() => window.tetlod.settled && window.tetlod.at.error === 0.05);
+  assert.equal((await look()).at.step, 7);
+  await page.evaluate(() => window.tetlod.set({ step: null }));
+  await until(() => window.tetlod.settled && window.tetlod.at === null);
+}
+
+// Colours mean the same at every step: their range is that over the series.
+async function theRangeIsTheSeries() {
+  await open('&step=0&range=data');
+  await atStep(0);
+  const low = () => page.locator('#low').inputValue();
+  const { series } = await look();
+  await until((wanted) => Math.abs(Number(document.getElementById('low').value.replace('\u2212', '-')) - wanted) < 1e-3 * (1 + Math.abs(wanted)), series.fields[0].range[0]);
+  const before = await low();
+  await page.locator('#player-step').fill('13');
+  await atStep(13);
+  assert.equal(await low(), before);
+}
+
+async function playsAndLoops() {
+  await open('&step=16');
+  await atStep(16);
+  await page.evaluate(() => {
+    window.heard = [];
+    window.tetlod.stream.addEventListener('step', ({ detail }) => window.heard.push(detail.step));
+  });
+  await page.keyboard.press(' ');
+  await until(() => window.heard.length >= 8);
+  await page.keyboard.press(' ');
+  await until(() => window.tetlod.settled && window.tetlod.at.step === window.tetlod.state.step);
+  const heard = await page.evaluate(() => window.heard);
+  const steps = heard.filter((step, i) => step !== heard[i - 1]);
+  assert.deepEqual(steps.slice(0, 6), [17, 18, 19, 0, 1, 2]);
+  assert.ok(await page.locator('#player-buffer rect').count() >= 2);
+  await page.locator('#player-loop').click();
+  await page.locator('#player-step').fill('18');
+  await atStep(18);
+  await page.locator('#player-play').click();
+  await until(() => document.getElementById('player-play').textContent === '▶' && window.tetlod.at.step === 19);
+}
+
+// Groups of the wanted band take long: the next steps come in a coarser one, and the page says so; where it stops it is exact again.
+async function lateStepsAreCoarser() {
+  const wanted = (await look()).series.bands.findIndex(({ error }) => error === 0.01);
+  await page.route(/bands\/\d+\/groups\//, async (route) => {
+    const [, band] = /bands\/(\d+)/.exec(route.request().url());
+    if (Number(band) >= wanted) await new Promise((resolve) => { setTimeout(resolve, 1200); });
+    await route.continue();
+  });
+  await open('&step=6');
+  await atStep(6);
+  await page.keyboard.press(' ');
+  await until(() => window.tetlod.at.error > 0.01 && /late/.test(document.getElementById('player-late').textContent));
+  assert.match(await page.locator('#shown-error').textContent(), /^[25]\u202f%/);
+  await page.keyboard.press(' ');
+  await until(() => window.tetlod.settled && window.tetlod.at.error === 0.01);
+  assert.equal(await page.locator('#player-late').textContent(), '');
+  await page.unroute(/bands\/\d+\/groups\//);
+}
+
+await run([stepsAreShown, aLinkNamesTheStep, theRangeIsTheSeries, playsAndLoops, lateStepsAreCoarser]);

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Steps in time in the browser's decoder: bit for bit those of the C library, from a server, from hosts of files, and from a file.
+import assert from 'node:assert/strict';
+import { createHash } from 'node:crypto';
+import { readFileSync } from 'node:fs';
+import { join } from 'node:path';
+import { pathToFileURL } from 'node:url';
+import { ROOT, fileHost, program } from './hosts.mjs';
+import { run } from './tap.mjs';
+
+const { TetlodStream } = await import(pathToFileURL(join(ROOT, 'build/client/stream.js')));
+const names = ['series_float32', 'series_float64'];
+const pathOf = (name) => join(ROOT, 'tests/golden', `${name}.tetlod`);
+const expected = (name) => readFileSync(`${pathOf(name)}.steps`, 'utf8').trim().split('\n');
+
+// As tests/unit/test_golden.c: the values of the fields that have steps, in the series' order.
+function hashOf({ fields }, series) {
+  const hash = createHash('sha256');
+  for (const { name } of series.fields) hash.update(Buffer.from(fields[name].buffer));
+  return hash.digest('hex');
+}
+
+const heard = (stream, name) => new Promise((resolve) => stream.addEventListener(name, (event) => resolve(event.detail), { once: true }));
+
+async function everyStep(source, name, order = (count) => [...Array(count).keys()]) {
+  const stream = await TetlodStream.open(source);
+  await stream.seekStep(0);
+  const { bands, times } = stream.series;
+  const hashes = expected(name);
+  for (const i of order(hashes.length)) {
+    const [band, step] = [Math.floor(i / times.length), i % times.length];
+    const at = heard(stream, 'step');
+    assert.deepEqual(await stream.seekStep(step, { band }), { level: bands[band].level, reached: true });
+    assert.deepEqual([(await at).step, (await at).band], [step, band]);
+    assert.equal(hashOf(await stream.mesh(), stream.series), hashes[i], `${name}: band ${band}, step ${step}`);
+  }
+  stream.close();
+}
+
+async function ofAServer() {
+  const server = await program(names.map(pathOf));
+  for (const name of names) await everyStep(`${server.url}v1/meshes/${name}`, name, (count) => [count - 1, 0, count >> 1]);
+  await server.stop();
+}
+
+async function ofHostsOfFiles() {
+  for (const ranges of [true, false])
+    for (const name of names) {
+      const host = await fileHost(readFileSync(pathOf(name)), { ranges });
+      await everyStep(host.url, name, (count) => [count - 1, 0, count >> 1]);
+      host.close();
+    }
+}
+
+async function ofAFileInAnyOrder() {
+  for (const name of names) {
+    const blob = new Blob([readFileSync(pathOf(name))]);
+    await everyStep(blob, name);
+    await everyStep(blob, name, (count) => [...Array(count).keys()].sort((a, b) => ((a * 7919) % count) - ((b * 7919) % count)));
+  }
+}
+
+// Geometry is there: a step takes one range of bytes, of the one field that is decoded; those of its group take none.
+async function aStepIsOneRange() {
+  const bytes = readFileSync(pathOf('series_float32'));
+  const host = await fileHost(bytes);
+  const stream = await TetlodStream.open(host.url, { target: {} });
+  await stream.refineTo();
+  if (!stream.series) await heard(stream, 'series');
+  const field = stream.series.fields.length;
+  const before = host.requests.length;
+  await stream.seekStep(stream.series.times.length - 1, { error: 0 });
+  const first = host.requests.length - before;
+  assert.ok(first <= field * Math.ceil(stream.series.times.length / 8), `${first} requests`);
+  await stream.seekStep(stream.series.times.length - 2, { error: 0 });
+  assert.ok(host.requests.length - before <= field * Math.ceil(stream.series.times.length / 8));
+  stream.close();
+  host.close();
+}
+
+// Levels and steps in turn: each has its own values.
+async function thereAndBack() {
+  const stream = await TetlodStream.open(new Blob([readFileSync(pathOf('series_float32'))]));
+  await stream.refineTo({ level: 1 });
+  const level = await stream.mesh();
+  await stream.seekStep(3, { error: 1 });
+  assert.equal(hashOf(await stream.mesh(), stream.series), expected('series_float32')[3]);
+  await stream.refineTo({ level: 1 });
+  assert.deepEqual(await stream.mesh(), level);
+  await assert.rejects(stream.seekStep(1000), RangeError);
+  await assert.rejects(stream.seekStep(0, { band: 99 }), RangeError);
+  stream.close();
+  const one = await TetlodStream.open(new Blob([readFileSync(pathOf('grid_float32'))]));
+  await assert.rejects(one.seekStep(0), RangeError);
+  one.close();
+}
+
+// Pictures of a step have its values; with `blend` they pass from one step to the next, and end there.
+async function picturesBlend() {
+  const stream = await TetlodStream.open(new Blob([readFileSync(pathOf('series_float32'))]));
+  const shown = [];
+  stream.addEventListener('pictures', ({ detail }) => shown.push(detail));
+  const { name } = stream.info.fields[0];
+  await stream.show({ field: name, surface: true });
+  await stream.seekStep(1, { error: 0 });
+  const from = shown.at(-1).surface.values;
+  await stream.seekStep(2, { error: 0, blend: 200 });
+  const to = shown.at(-1);
+  assert.deepEqual([to.step, to.t], [2, 1]);
+  const between = shown.filter(({ t }) => t > 0 && t < 1);
+  assert.ok(between.length > 1 && between.every(({ surface }) => !surface.triangles), `${between.length} pictures`);
+  for (const { t, surface } of between)
+    surface.values.forEach((value, i) => assert.ok(Math.abs(value - (from[i] + t * (to.surface.values[i] - from[i]))) < 1e-5 * (1 + Math.abs(value))));
+  assert.ok(to.surface.values.some((value, i) => value !== from[i]));
+  stream.close();
+}
+
+// A damaged group is refused, what is shown stays, and other groups can still be shown.
+async function damageIsFound() {
+  const bytes = readFileSync(pathOf('series_float32'));
+  const whole = await TetlodStream.open(new Blob([bytes]));
+  await whole.seekStep(0);
+  const { bands } = whole.series;
+  whole.close();
+  const damaged = Uint8Array.from(bytes);
+  damaged[bytes.length - 1] ^= 1; // the last group of the exact band
+  const stream = await TetlodStream.open(new Blob([damaged]));
+  await stream.seekStep(0, { band: 0 });
+  await assert.rejects(stream.seekStep(stream.series.times.length - 1, { band: bands.length - 1 }), /digest/);
+  await stream.seekStep(1, { band: 0 });
+  assert.equal(hashOf(await stream.mesh(), stream.series), expected('series_float32')[1]);
+  stream.close();
+}
+
+await run([ofAServer, ofHostsOfFiles, ofAFileInAnyOrder, aStepIsOneRange, thereAndBack, picturesBlend, damageIsFound]);
