@@ -299,6 +299,14 @@ fuzz: needs-check
 	build/fuzz/tests/fuzz/$$t -max_total_time=$(TIME) -rss_limit_mb=4096 -timeout=20 -artifact_prefix=build/fuzz/found/$$t/ build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
 
 
+## mutate: read MUTATIONS mutations of each file of each corpus, under the sanitizers (TARGET=name for one; config=release: without)
+.PHONY: mutate
+MUTATIONS ?= 10000
+mutate: needs-check
+	$(Q)$(MAKE) --no-print-directory config=$(if $(filter command line,$(origin config)),$(config),asan) tests
+	@cd build && for t in $(if $(TARGET),fuzz_$(TARGET),$(filter-out fuzz_request,$(notdir $(FUZZ_SRC:.c=)))); do \
+	MUTATIONS=$(MUTATIONS) ASAN_OPTIONS=allocator_may_return_null=1 $(if $(filter command line,$(origin config)),$(config),asan)/tests/fuzz/$$t $(CURDIR)/tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
+
 ## bench-server: stored bytes against nginx, levels that are not cached, memory; bench-opening: the first answers of ten million tetrahedra; bench-soak: a minute of mixed load; bench-hostile: a million hostile requests
 .PHONY: bench-server bench-opening bench-soak bench-hostile
 BENCHES += bench-server bench-opening bench-soak bench-hostile

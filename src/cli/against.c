@@ -115,6 +115,7 @@ static enum tetlod_status take_original(struct against *a)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
     if (info->lossless) {
+        TETLOD_TRY(level_mesh_cells(a->file, TETLOD_NONE, NULL, &a->finest, a->error));
         TETLOD_TRY(mesh_same(a->input, &a->finest, a->error));
         a->original = &a->finest;
     } else {

@@ -34,7 +34,7 @@ static const char help[] =
     "                          for an error limit of its own, which rounding is inside of; may be given several times\n"
     "                          (default: the first scalar field)\n"
     "      --abs-error E       the error limit of the --field before it, in that field's own units\n"
-    "      --carry A,B         the fields to store (default: all); those of --field are always stored\n"
+    "      --carry A,B         the fields to store, at points and of cells (default: all); those of --field and --region always are\n"
     "      --region NAME       values of cells that tell regions, such as materials: where two meet, vertices and faces stay as\n"
     "                          they are at every level (default: integers named region, material or the like); none: no regions\n"
     "      --certify HOW       what holds the error: fast (default), a bound that is carried along; exact, the exact maximum\n"
@@ -293,14 +293,19 @@ static bool in_list(const char *list, const char *name)
     return false;
 }
 
+static bool is_named(const struct point_field *fields, uint32_t count, const char *name, size_t length)
+{
+    for (uint32_t f = 0; f < count; f++)
+        if (strlen(fields[f].name) == length && strncmp(fields[f].name, name, length) == 0)
+            return true;
+    return false;
+}
+
 static enum tetlod_status check_carry(const struct tetmesh *mesh, const char *list, struct tetlod_error *error)
 {
     for (const char *at = list; *at;) {
         size_t length = strcspn(at, ",");
-        bool there = false;
-        for (uint32_t f = 0; f < mesh->field_count; f++)
-            there |= strlen(mesh->fields[f].name) == length && strncmp(mesh->fields[f].name, at, length) == 0;
-        if (!there)
+        if (!is_named(mesh->fields, mesh->field_count, at, length) && !is_named(mesh->cell_fields, mesh->cell_field_count, at, length))
             return tetlodi_fail(error, TETLOD_ERR_FIELD, "--carry: there is no field '%.*s'", (int)length, at);
         at += length + (at[length] == ',');
     }
@@ -328,6 +333,18 @@ static void drop_fields(struct tetmesh *mesh, const char *carry, struct build_co
     mesh->field_count = kept;
 }
 
+/* The same of cells, but for the regions'. */
+static void drop_cell_fields(struct tetmesh *mesh, const char *carry, const char *region)
+{
+    uint32_t kept = 0, found = region ? tetmesh_find_cell_field(mesh, region) : tetmesh_find_region(mesh);
+    for (uint32_t f = 0; f < mesh->cell_field_count; f++)
+        if (f == found || in_list(carry, mesh->cell_fields[f].name))
+            mesh->cell_fields[kept++] = mesh->cell_fields[f];
+        else
+            point_field_fini(&mesh->cell_fields[f]);
+    mesh->cell_field_count = kept;
+}
+
 static enum tetlod_status choose_fields(const struct request *request, struct tetmesh *mesh,
                                         struct build_control *controls, uint32_t *count, struct tetlod_error *error)
 {
@@ -335,6 +352,7 @@ static enum tetlod_status choose_fields(const struct request *request, struct te
     if (request->carry) {
         TETLOD_TRY(check_carry(mesh, request->carry, error));
         drop_fields(mesh, request->carry, controls, *count);
+        drop_cell_fields(mesh, request->carry, request->region);
     }
     build_controls_add_vectors(mesh, controls, count);
     return TETLOD_OK;

@@ -72,7 +72,7 @@ static bool check_faces(const uint32_t *stream, uint64_t size, uint32_t point_co
 static enum tetlod_status check_cell(const struct splitter *s, uint64_t c, struct vtk_type type, uint64_t *tets,
                                      struct tetlod_error *error)
 {
-    static const uint8_t most[CELL_SHAPES] = {1, 2, 3, 6, 9, 12};
+    static const uint8_t most[CELL_SHAPES] = {1, 3, 5, 9, 13, 17}; // a boundary's triangles without those of a corner
     const struct cells *cells = s->cells;
     uint64_t begin = cells->offsets[c], end = cells->offsets[c + 1];
     if (end < begin || end > cells->connectivity_count)
@@ -378,7 +378,9 @@ static enum tetlod_status split_cells(struct block *block, bool subdivide, struc
     report->centres = s.centres;
     TETLOD_TRY(new_corners(out, s.most_tets, origin, error));
     s.origin = *origin;
-    return split_all(&s, error);
+    TETLOD_TRY(split_all(&s, error));
+    out->corners = array_shrink(out->corners, out->tet_count, 4 * sizeof *out->corners);
+    return TETLOD_OK;
 }
 
 static enum tetlod_status split_grid(struct block *block, struct tetmesh *out, uint32_t **origin,

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Vertices of both meshes are ranked together by position and values; a tetrahedron is then its four sorted ranks and the
- * parity of the sorting. Vertices with the same bits have the same rank: nothing distinguishes them. */
+/* Vertices of both meshes are ranked together by position and values; a tetrahedron is then its four sorted ranks, the
+ * parity of the sorting, and the rank of its own values. What has the same bits has the same rank: nothing distinguishes it. */
 #include "src/measure/same.h"
 
 #include <stdlib.h>
@@ -11,11 +11,11 @@
 
 struct row {
     const double *numbers;
-    uint32_t width, vertex; /* b's vertices follow a's */
+    uint32_t width, number; /* b's vertices, or tetrahedra, follow a's */
 };
 
 struct key {
-    uint32_t ranks[4], odd;
+    uint32_t ranks[4], values, odd;
 };
 
 static int compare_rows(const void *left, const void *right)
@@ -30,28 +30,33 @@ static int compare_keys(const void *left, const void *right)
     for (int i = 0; i < 4; i++)
         if (a->ranks[i] != b->ranks[i])
             return a->ranks[i] < b->ranks[i] ? -1 : 1;
+    if (a->values != b->values)
+        return a->values < b->values ? -1 : 1;
     return (int)a->odd - (int)b->odd;
 }
 
-static void fill_rows(const struct tetmesh *mesh, const struct tetmesh *names, double *numbers, uint32_t width)
+/* Rows of vertices: position and values; of tetrahedra: values. Those of the fields that `names` has. */
+static void fill_rows(const struct tetmesh *mesh, const struct tetmesh *names, bool cell, double *numbers, uint32_t width)
 {
-    for (size_t v = 0; v < mesh->vertex_count; v++) {
-        double *out = numbers + v * width;
-        memcpy(out, mesh->positions + 3 * v, 3 * sizeof *out);
-        out += 3;
-        for (uint32_t f = 0; f < names->field_count; f++) {
-            const struct point_field *field = &mesh->fields[tetmesh_find_field(mesh, names->fields[f].name)];
-            memcpy(out, field->values + v * field->components, field->components * sizeof *out);
-            out += field->components;
-        }
+    const struct point_field *fields = cell ? mesh->cell_fields : mesh->fields;
+    uint32_t field_count = cell ? names->cell_field_count : names->field_count, at = cell ? 0 : 3;
+    size_t count = cell ? mesh->tet_count : mesh->vertex_count;
+    for (size_t i = 0; i < count && !cell; i++)
+        memcpy(numbers + i * width, mesh->positions + 3 * i, 3 * sizeof *numbers);
+    for (uint32_t f = 0; f < field_count; f++) {
+        const struct point_field *field = cell ? &fields[tetmesh_find_cell_field(mesh, names->cell_fields[f].name)]
+                                               : &fields[tetmesh_find_field(mesh, names->fields[f].name)];
+        for (size_t i = 0; i < count; i++)
+            memcpy(numbers + i * width + at, field->values + i * field->components, field->components * sizeof *numbers);
+        at += field->components;
     }
 }
 
-/* The rank of every vertex, a's then b's, among the different rows. */
-static enum tetlod_status rank_vertices(const struct tetmesh *a, const struct tetmesh *b, uint32_t width, uint32_t *ranks,
-                                        struct tetlod_error *error)
+/* The rank of every vertex, or of every tetrahedron's values, a's then b's, among the different rows. */
+static enum tetlod_status rank_rows(const struct tetmesh *a, const struct tetmesh *b, bool cell, uint32_t width, uint32_t *ranks,
+                                    struct tetlod_error *error)
 {
-    size_t count = (size_t)a->vertex_count + b->vertex_count;
+    size_t first = cell ? a->tet_count : a->vertex_count, count = first + (cell ? b->tet_count : b->vertex_count);
     double *numbers = array_new(count * width, sizeof *numbers);
     struct row *rows = array_new(count, sizeof *rows);
     if (!numbers || !rows) {
@@ -59,25 +64,25 @@ static enum tetlod_status rank_vertices(const struct tetmesh *a, const struct te
         free(rows);
         return tetlodi_fail_nomem(error, "the comparison", count * (width * 8 + sizeof *rows));
     }
-    fill_rows(a, b, numbers, width);
-    fill_rows(b, b, numbers + (size_t)a->vertex_count * width, width);
-    for (size_t v = 0; v < count; v++)
-        rows[v] = (struct row){numbers + v * width, width, (uint32_t)v};
+    fill_rows(a, b, cell, numbers, width);
+    fill_rows(b, b, cell, numbers + first * width, width);
+    for (size_t i = 0; i < count; i++)
+        rows[i] = (struct row){numbers + i * width, width, (uint32_t)i};
     qsort(rows, count, sizeof *rows, compare_rows);
     for (size_t i = 0; i < count; i++) {
-        bool first = i == 0 || compare_rows(&rows[i - 1], &rows[i]) != 0;
-        ranks[rows[i].vertex] = first ? (uint32_t)i : ranks[rows[i - 1].vertex];
+        bool is_new = i == 0 || compare_rows(&rows[i - 1], &rows[i]) != 0;
+        ranks[rows[i].number] = is_new ? (uint32_t)i : ranks[rows[i - 1].number];
     }
     free(numbers);
     free(rows);
     return TETLOD_OK;
 }
 
-static struct key *make_keys(const struct tetmesh *mesh, const uint32_t *ranks)
+static struct key *make_keys(const struct tetmesh *mesh, const uint32_t *ranks, const uint32_t *values)
 {
     struct key *keys = array_new(mesh->tet_count, sizeof *keys);
     for (size_t t = 0; t < mesh->tet_count && keys; t++) {
-        struct key key = {{0}, 0};
+        struct key key = {{0}, values ? values[t] : 0, 0};
         bool twins = false;
         for (int c = 0; c < 4; c++)
             key.ranks[c] = ranks[mesh->corners[4 * t + (size_t)c]];
@@ -97,10 +102,11 @@ static struct key *make_keys(const struct tetmesh *mesh, const uint32_t *ranks)
     return keys;
 }
 
-static enum tetlod_status compare_tets(const struct tetmesh *a, const struct tetmesh *b, const uint32_t *ranks,
+/* `values`: the ranks of the tetrahedra's own values, or NULL. */
+static enum tetlod_status compare_tets(const struct tetmesh *a, const struct tetmesh *b, const uint32_t *ranks, const uint32_t *values,
                                        struct tetlod_error *error)
 {
-    struct key *in_a = make_keys(a, ranks), *in_b = make_keys(b, ranks + a->vertex_count);
+    struct key *in_a = make_keys(a, ranks, values), *in_b = make_keys(b, ranks + a->vertex_count, values ? values + a->tet_count : NULL);
     enum tetlod_status status = TETLOD_OK;
     uint32_t missing = 0;
     if (!in_a || !in_b)
@@ -109,35 +115,55 @@ static enum tetlod_status compare_tets(const struct tetmesh *a, const struct tet
         missing += compare_keys(&in_a[t], &in_b[t]) != 0;
     if (missing)
         status = tetlodi_fail(error, TETLOD_ERR_MISMATCH,
-                              "the finest level is not the input: vertices or tetrahedra differ in %u of %u places", missing,
-                              a->tet_count);
+                              "the finest level is not the input: vertices%s or tetrahedra differ in %u of %u places",
+                              values ? ", values of cells" : "", missing, a->tet_count);
     free(in_a);
     free(in_b);
     return status;
 }
 
+/* Whether `a` has all fields of `b`; *width grows by their components. */
+static enum tetlod_status check_fields(const struct tetmesh *a, const struct tetmesh *b, bool cell, uint32_t *width,
+                                       struct tetlod_error *error)
+{
+    uint32_t count = cell ? b->cell_field_count : b->field_count;
+    for (uint32_t f = 0; f < count; f++) {
+        const struct point_field *field = cell ? &b->cell_fields[f] : &b->fields[f];
+        uint32_t found = cell ? tetmesh_find_cell_field(a, field->name) : tetmesh_find_field(a, field->name);
+        const struct point_field *other = found == TETLOD_NONE ? NULL : cell ? &a->cell_fields[found] : &a->fields[found];
+        if (!other || other->components != field->components ||
+            (field->is_integer ? !other->is_integer : other->type != field->type))
+            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the input has no field '%.100s'%s of that type", field->name,
+                                cell ? " of cells" : "");
+        *width += field->components;
+    }
+    return TETLOD_OK;
+}
+
 enum tetlod_status mesh_same(const struct tetmesh *a, const struct tetmesh *b, struct tetlod_error *error)
 {
-    uint32_t width = 3;
+    uint32_t width = 3, cell_width = 0, *ranks = NULL, *values = NULL;
+    enum tetlod_status status;
     if (a->vertex_count != b->vertex_count || a->tet_count != b->tet_count)
         return tetlodi_fail(error, TETLOD_ERR_MISMATCH,
                             "the finest level has %u vertices and %u tetrahedra, the input %u and %u", b->vertex_count,
                             b->tet_count, a->vertex_count, a->tet_count);
     if (a->position_type != b->position_type)
         return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the positions are of another type than the input's");
-    for (uint32_t f = 0; f < b->field_count; f++) {
-        const struct point_field *field = &b->fields[f];
-        uint32_t other = tetmesh_find_field(a, field->name);
-        if (other == TETLOD_NONE || a->fields[other].components != field->components || a->fields[other].type != field->type)
-            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the input has no field '%.100s' of that type", field->name);
-        width += field->components;
+    TETLOD_TRY(check_fields(a, b, false, &width, error));
+    TETLOD_TRY(check_fields(a, b, true, &cell_width, error));
+    ranks = array_new(2 * (size_t)a->vertex_count, sizeof *ranks);
+    values = cell_width ? array_new(2 * (size_t)a->tet_count, sizeof *values) : NULL;
+    if (!ranks || (cell_width && !values)) {
+        status = tetlodi_fail_nomem(error, "the comparison", 8 * ((uint64_t)a->vertex_count + a->tet_count));
+        goto done;
     }
-    uint32_t *ranks = array_new(2 * (size_t)a->vertex_count, sizeof *ranks);
-    if (!ranks)
-        return tetlodi_fail_nomem(error, "the comparison", 8 * (uint64_t)a->vertex_count);
-    enum tetlod_status status = rank_vertices(a, b, width, ranks, error);
-    if (status == TETLOD_OK)
-        status = compare_tets(a, b, ranks, error);
+    TETLOD_TRY_DONE(rank_rows(a, b, false, width, ranks, error));
+    if (values)
+        TETLOD_TRY_DONE(rank_rows(a, b, true, cell_width, values, error));
+    status = compare_tets(a, b, ranks, values, error);
+done:
     free(ranks);
+    free(values);
     return status;
 }

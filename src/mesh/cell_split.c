@@ -4,6 +4,7 @@
 #include "src/mesh/cell_split.h"
 
 #include <stddef.h>
+#include <string.h>
 
 #include "src/mesh/tet_geom.h"
 
@@ -82,19 +83,16 @@ void cell_tets_turn(uint32_t (*tets)[4], size_t count, const double *positions)
         cell_tet_turn(tets[t]);
 }
 
-/* The cone from `apex` over a face, fanned from its smallest vertex; nothing if the apex is on it. */
+/* The cone from `apex` over the triangles of a face that it is not a corner of; the face is fanned from its smallest vertex. */
 static unsigned cone(uint32_t apex, const uint32_t *face, unsigned sides, uint32_t tets[][4])
 {
     unsigned least = 0, count = 0;
-    for (unsigned s = 0; s < sides; s++) {
-        if (face[s] == apex)
-            return 0;
+    for (unsigned s = 1; s < sides; s++)
         if (face[s] < face[least])
             least = s;
-    }
     for (unsigned s = 1; s + 1 < sides; s++) {
         uint32_t a = face[least], b = face[(least + s) % sides], c = face[(least + s + 1) % sides];
-        if (a == b || b == c || c == a)
+        if (a == b || b == c || c == a || a == apex || b == apex || c == apex)
             continue;
         tets[count][0] = apex;
         tets[count][1] = a;
@@ -104,20 +102,49 @@ static unsigned cone(uint32_t apex, const uint32_t *face, unsigned sides, uint32
     return count;
 }
 
-unsigned cell_split(enum cell_shape shape, const uint32_t *corners, const double *positions,
-                    uint32_t tets[CELL_MOST_TETS][4])
+/* The cell as a cone from one of its corners; *least is the least volume of a tetrahedron as a fraction of the cell's: negative if
+ * one is inverted. */
+static unsigned cone_from(const struct shape *s, const uint32_t *corners, uint32_t apex, const double *positions,
+                          uint32_t tets[CELL_MOST_TETS][4], double *least)
 {
-    const struct shape *s = &shapes[shape];
-    uint32_t apex = corners[0], face[MOST_SIDES];
+    uint32_t face[MOST_SIDES];
     unsigned count = 0;
-    for (unsigned c = 1; c < s->corners; c++)
-        apex = corners[c] < apex ? corners[c] : apex;
     for (unsigned f = 0; f < s->faces; f++) {
         for (unsigned i = 0; i < s->sides[f]; i++)
             face[i] = corners[s->face[f][i]];
         count += cone(apex, face, s->sides[f], tets + count);
     }
     cell_tets_turn(tets, count, positions);
+    double all = 0;
+    *least = 0;
+    for (unsigned t = 0; t < count; t++) {
+        double volume = cell_tet_volume6(tets[t], positions);
+        *least = t == 0 || volume < *least ? volume : *least;
+        all += volume;
+    }
+    *least = all > 0 ? *least / all : 0; // a cell without volume is as good as it gets
+    return count;
+}
+
+unsigned cell_split(enum cell_shape shape, const uint32_t *corners, const double *positions,
+                    uint32_t tets[CELL_MOST_TETS][4])
+{
+    static const double NOISE = 1e-9; // of volumes that should be 0
+    const struct shape *s = &shapes[shape];
+    uint32_t apex = corners[0], trial[CELL_MOST_TETS][4];
+    double least = 0, best;
+    for (unsigned c = 1; c < s->corners; c++)
+        apex = corners[c] < apex ? corners[c] : apex;
+    unsigned count = cone_from(s, corners, apex, positions, tets, &least);
+    best = least;
+    for (unsigned c = 0; c < s->corners && best < -NOISE; c++) { // from another corner: other diagonals inside, the same on the faces
+        unsigned other = cone_from(s, corners, corners[c], positions, trial, &least);
+        if (least <= best)
+            continue;
+        best = least;
+        count = other;
+        memcpy(tets, trial, other * sizeof *tets);
+    }
     return count;
 }
 
@@ -135,10 +162,11 @@ static const uint8_t five_tets[2][5][4] = {
     {{0, 5, 2, 7}, {1, 2, 0, 5}, {3, 0, 2, 7}, {4, 7, 5, 0}, {6, 5, 7, 2}},
 };
 
-void grid_split(const uint32_t dims[3], const double *positions, uint32_t *corners)
+/* With the cells that have i + j + k even split in the first way or in the second. Gives how many tetrahedra are inverted. */
+static size_t split_by_parity(const uint32_t dims[3], const double *positions, unsigned parity, uint32_t *corners)
 {
     uint32_t row = dims[0], slab = dims[0] * dims[1];
-    size_t count = 0;
+    size_t count = 0, inverted = 0;
     for (uint32_t k = 0; k + 1 < dims[2]; k++)
         for (uint32_t j = 0; j + 1 < dims[1]; j++)
             for (uint32_t i = 0; i + 1 < dims[0]; i++) {
@@ -148,8 +176,18 @@ void grid_split(const uint32_t dims[3], const double *positions, uint32_t *corne
                 for (int t = 0; t < 5; t++, count++) {
                     uint32_t *tet = corners + 4 * count;
                     for (int c = 0; c < 4; c++)
-                        tet[c] = cell[five_tets[(i + j + k) & 1][t][c]];
+                        tet[c] = cell[five_tets[(i + j + k + parity) & 1][t][c]];
                 }
             }
     cell_tets_turn((uint32_t (*)[4])corners, count, positions);
+    for (size_t t = 0; t < count; t++)
+        inverted += cell_tet_volume6(corners + 4 * t, positions) < 0;
+    return inverted;
+}
+
+void grid_split(const uint32_t dims[3], const double *positions, uint32_t *corners)
+{
+    size_t inverted = split_by_parity(dims, positions, 0, corners);
+    if (inverted && split_by_parity(dims, positions, 1, corners) >= inverted)
+        split_by_parity(dims, positions, 0, corners);
 }

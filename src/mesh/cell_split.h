@@ -19,7 +19,7 @@ enum cell_shape {
     CELL_SHAPES
 };
 
-enum { CELL_MOST_CORNERS = 12, CELL_MOST_TETS = 12 };
+enum { CELL_MOST_CORNERS = 12, CELL_MOST_TETS = 17 };
 
 unsigned cell_corners(enum cell_shape shape);
 
@@ -28,7 +28,9 @@ const uint8_t *cell_face(enum cell_shape shape, unsigned face, unsigned *out_sid
 
 /* The tetrahedra of a cell other than a tetrahedron; returns their number. Every face is fanned from its vertex of
  * smallest id and the cell is the cone over them from its own smallest one, so two cells that share a face cut it the same
- * way. Tetrahedra with a repeated corner (a collapsed cell) are left out. Turned as a whole to positive volume. */
+ * way. Where that inverts a tetrahedron, because the cell is bent, it is the cone from the corner that inverts none, or whose
+ * least volume is the largest. Tetrahedra with a repeated corner (a collapsed cell) are left out. Turned as a whole to positive
+ * volume. */
 unsigned cell_split(enum cell_shape shape, const uint32_t *corners, const double *positions,
                     uint32_t tets[CELL_MOST_TETS][4]);
 
@@ -40,7 +42,7 @@ void cell_tet_turn(uint32_t tet[4]);
 void cell_tets_turn(uint32_t (*tets)[4], size_t count, const double *positions);
 
 /* A structured grid of dims points, i fastest: five tetrahedra a cell, mirrored from cell to cell so that faces match.
- * All are turned alike, to a positive sum of volumes. */
+ * All are turned alike, to a positive sum of volumes. Of the two ways to begin it is the one that inverts fewer. */
 uint64_t grid_tet_count(const uint32_t dims[3]);
 void grid_split(const uint32_t dims[3], const double *positions, uint32_t *corners);
 

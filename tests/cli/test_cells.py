@@ -99,6 +99,39 @@ def verified():
     return None if tetlod('verify', path('bad.tetlod'), '--quiet').returncode == 3 else 'a changed value of a cell is not noticed'
 
 
+def held_against_the_input():
+    """One value of one tetrahedron that is another in the input is found, and so is one that changed places."""
+    points, tets = block(6)
+    fields = {'heat': np.sin(points @ [3.0, 2.0, 1.0])}
+    for name, change in (('energy', lambda v: v[10] + 1e200), ('rank', lambda v: v[10] + 1), ('strain', lambda v: v[11])):
+        cells = cell_data(len(tets))
+        cells[name][10] = change(cells[name])
+        save('other.vtu', points, tets, fields, cells)
+        done = tetlod('verify', path('a.tetlod'), '--against', path('other.vtu'), '--quiet')
+        if done.returncode != 3 or b'values of cells' not in done.stderr:
+            return done
+    save('none.vtu', points, tets, fields, {})
+    done = tetlod('verify', path('a.tetlod'), '--against', path('none.vtu'), '--quiet')
+    return None if done.returncode == 3 and b"no field 'strain' of cells" in done.stderr else done
+
+
+def carried():
+    """--carry chooses among values of cells, too; those of regions are always stored."""
+    points, tets = block(4)
+    fields = {'heat': points[:, 0] ** 2, 'cold': points[:, 1]}
+    cells = {'load': np.arange(len(tets)) / 7.0, 'stress': np.arange(len(tets)) * 1.0,
+             'region': (points[tets].mean(1)[:, 0] > 0.5).astype(np.int32)}
+    save('carry.vtu', points, tets, fields, cells)
+    for carry, wanted in (('load', (['heat'], ['load', 'region'])), ('cold', (['heat', 'cold'], ['region']))):
+        must('build', path('carry.vtu'), '-o', path('carry.tetlod'), '--field', 'heat', '--carry', carry, '--quiet')
+        info = json.loads(must('info', path('carry.tetlod'), '--json').stdout)
+        got = [f['name'] for f in info['fields']], [f['name'] for f in info['cell_fields']]
+        if got != wanted:
+            return got
+        must('verify', path('carry.tetlod'), '--against', path('carry.vtu'), '--quiet')
+    return None
+
+
 def cells_only():
     points, tets = block(4)
     save('only.vtu', points, tets, {}, {'load': points[tets].mean(1)[:, 0]})
@@ -115,5 +148,7 @@ case('every level has the values of its tetrahedra', levels)
 case('info describes them', described)
 case('they are packed', small)
 case('verify decodes them', verified)
+case('verify holds them against the input', held_against_the_input)
+case('--carry chooses among them', carried)
 case('values of cells alone drive by their average', cells_only)
 finish()

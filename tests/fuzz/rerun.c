@@ -1,16 +1,101 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* Runs a fuzz target over files and folders of its corpus, in blocks of exactly their size so that sanitizers see any
- * byte too far. TAP: one line a program. */
+/*
+ * Runs a fuzz target over files and folders of its corpus, in blocks of exactly their size so that sanitizers see any
+ * byte too far; with MUTATIONS=n also over n mutations of each file, the same ones in every run. The one that is being read is in
+ * the file mutation.bin; one that takes longer than a minute ends the program. TAP: one line a program.
+ */
 #include <dirent.h>
+#include <fcntl.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+enum { MOST_SECONDS = 60 };
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 
+static uint32_t next_random(uint64_t *state)
+{
+    *state = *state * 6364136223846793005u + 1442695040888963407u;
+    return (uint32_t)(*state >> 32);
+}
+
+static uint32_t below(uint64_t *state, size_t limit)
+{
+    return limit ? (uint32_t)(next_random(state) % limit) : 0;
+}
+
+/* One edit: bytes, digits, words of a few values, or a part that is moved, doubled or cut off. The size is at most that of the room. */
+static size_t edit(uint8_t *bytes, size_t size, size_t room, uint64_t *state)
+{
+    static const uint32_t words[] = {0, 1, 0x7fffffff, 0x80000000, 0xffffffff, 0x01000000, 0xffff, 0x40000000};
+    size_t at = below(state, size), length = 1 + below(state, 64);
+    length = length < size - at ? length : size - at;
+    switch (size ? below(state, 8) : 8) {
+    case 0:
+        bytes[at] ^= (uint8_t)(1u << below(state, 8));
+        break;
+    case 1:
+        bytes[at] = (uint8_t)next_random(state);
+        break;
+    case 2:
+        bytes[at] = (uint8_t)("0123456789-. \n<>/=\"e"[below(state, 20)]);
+        break;
+    case 3:
+        if (size - at >= 4)
+            memcpy(bytes + at, &words[below(state, sizeof words / sizeof *words)], 4);
+        break;
+    case 4:
+        memmove(bytes + at, bytes + below(state, size - length + 1), length);
+        break;
+    case 5:
+        memmove(bytes + at, bytes + at + length, size - at - length);
+        return size - length;
+    case 6:
+        if (size + length > room)
+            break;
+        memmove(bytes + at + length, bytes + at, size - at);
+        return size + length;
+    case 7:
+        return below(state, 4) ? size : at;
+    default:
+        break;
+    }
+    return size;
+}
+
+/* Reads mutations of a file, which differ by their number alone. */
+static void mutate(const uint8_t *bytes, size_t size, unsigned long count)
+{
+    size_t room = size + 1024;
+    uint8_t *work = malloc(room);
+    int copy = count && work ? open("mutation.bin", O_RDWR | O_CREAT | O_TRUNC, 0666) : -1;
+    for (unsigned long n = 0; n < count && copy >= 0; n++) {
+        uint64_t state = n * 2654435761u + size;
+        size_t length = size;
+        memcpy(work, bytes, size);
+        for (uint32_t edits = 1 + below(&state, 6); edits > 0; edits--)
+            length = edit(work, length, room, &state);
+        uint8_t *exact = malloc(length ? length : 1);
+        if (!exact || pwrite(copy, work, length, 0) != (ssize_t)length || ftruncate(copy, (off_t)length) != 0)
+            abort();
+        memcpy(exact, work, length);
+        alarm(MOST_SECONDS);
+        LLVMFuzzerTestOneInput(exact, length);
+        alarm(0);
+        free(exact);
+    }
+    if (copy >= 0)
+        close(copy);
+    free(work);
+}
+
 static int replay_file(const char *path)
 {
+    const char *mutations = getenv("MUTATIONS");
     FILE *file = fopen(path, "rb");
     if (!file)
         return 0;
@@ -19,8 +104,10 @@ static int replay_file(const char *path)
     rewind(file);
     uint8_t *bytes = size >= 0 ? malloc(size ? (size_t)size : 1) : NULL;
     int ran = bytes && fread(bytes, 1, (size_t)size, file) == (size_t)size;
-    if (ran)
+    if (ran) {
         LLVMFuzzerTestOneInput(bytes, (size_t)size);
+        mutate(bytes, (size_t)size, mutations ? strtoul(mutations, NULL, 10) : 0);
+    }
     free(bytes);
     fclose(file);
     return ran;
@@ -47,6 +134,9 @@ int main(int argc, char **argv)
     LLVMFuzzerTestOneInput((const uint8_t *)"", 0);
     for (int i = 1; i < argc; i++)
         ran += replay_folder(argv[i]);
+    struct rusage usage = {0};
+    if (getenv("MUTATIONS") && getrusage(RUSAGE_SELF, &usage) == 0)
+        printf("# at most %ld MB\n", usage.ru_maxrss / 1024);
     printf("%s 1 - %s: %d corpus files\n1..1\n", ran ? "ok" : "not ok", argv[0], ran);
     return ran ? 0 : 1;
 }

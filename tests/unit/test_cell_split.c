@@ -133,6 +133,93 @@ static void test_collapsed_cells_lose_their_flat_tetrahedra(void)
     CHECK_NEAR(volume, 0.5, 1e-15);
 }
 
+/* The triangles that only one of the tetrahedra has, as sorted corners packed in a word; gives their number. */
+static unsigned boundary_of(uint32_t (*tets)[4], unsigned count, uint32_t out[4 * CELL_MOST_TETS])
+{
+    uint32_t all[4 * CELL_MOST_TETS];
+    unsigned faces = 0, kept = 0;
+    for (unsigned t = 0; t < count; t++)
+        for (int skip = 0; skip < 4; skip++) {
+            uint32_t set = 0; // a bit for each corner tells the triangle
+            for (int c = 0; c < 4; c++)
+                set |= c == skip ? 0 : (uint32_t)1 << tets[t][c];
+            all[faces++] = set;
+        }
+    for (unsigned f = 0; f < faces; f++) {
+        unsigned uses = 0;
+        for (unsigned g = 0; g < faces; g++)
+            uses += all[g] == all[f];
+        CHECK(uses <= 2);
+        if (uses == 1)
+            out[kept++] = all[f];
+    }
+    return kept;
+}
+
+static double least_volume(uint32_t (*tets)[4], unsigned count, const double *positions)
+{
+    double least = 1e300;
+    for (unsigned t = 0; t < count; t++) {
+        double volume = cell_tet_volume6(tets[t], positions);
+        least = volume < least ? volume : least;
+    }
+    return least;
+}
+
+/* Bent cells: the faces are cut as those of one that is not bent, and fewer cells have an inverted tetrahedron than by the cone from
+ * the smallest corner alone. */
+static void test_bent_cells(void)
+{
+    enum { TRIALS = 4000 };
+    static const uint32_t ids[8] = {0, 1, 2, 3, 4, 5, 6, 7};
+    static const double cube[8 * 3] = {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1};
+    uint32_t straight[CELL_MOST_TETS][4], tets[CELL_MOST_TETS][4], wanted[4 * CELL_MOST_TETS], got[4 * CELL_MOST_TETS];
+    unsigned bent = 0, inverted = 0, straight_count = cell_split(CELL_HEXAHEDRON, ids, cube, straight);
+    CHECK_INT(straight_count, 6);
+    CHECK_INT(boundary_of(straight, straight_count, wanted), 12);
+    uint32_t state = 1;
+    for (int trial = 0; trial < TRIALS; trial++) {
+        double positions[8 * 3];
+        for (int i = 0; i < 8 * 3; i++) {
+            state = state * 1664525u + 1013904223u;
+            positions[i] = cube[i] + 0.7 * (state / 4294967296.0 - 0.5);
+        }
+        unsigned count = cell_split(CELL_HEXAHEDRON, ids, positions, tets);
+        double first = least_volume(straight, 6, positions), chosen = least_volume(tets, count, positions);
+        bent += first < 0;
+        inverted += chosen < 0;
+        CHECK(chosen >= first - 1e-12);
+        CHECK_INT(boundary_of(tets, count, got), 12);
+        for (int i = 0; i < 12; i++) {
+            bool found = false;
+            for (int j = 0; j < 12; j++)
+                found |= got[i] == wanted[j];
+            CHECK(found);
+        }
+    }
+    CHECK(bent > 100);
+    CHECK(inverted < bent * 3 / 5);
+    printf("# of %u bent cells, %u still have an inverted tetrahedron\n", bent, inverted);
+}
+
+/* A grid that is bent so that one way to begin inverts a tetrahedron, and the other does not. */
+static void test_bent_grid(void)
+{
+    const uint32_t dims[3] = {2, 2, 2};
+    double positions[8 * 3];
+    uint32_t corners[4 * 5];
+    for (int corner = 0; corner < 8; corner++) {
+        for (uint32_t p = 0; p < 8; p++)
+            for (int d = 0; d < 3; d++)
+                positions[3 * p + (uint32_t)d] = p >> d & 1;
+        for (int d = 0; d < 3; d++) // beyond the plane of its three neighbours
+            positions[3 * corner + d] += 0.5 * ((corner >> d & 1) ? -1 : 1);
+        grid_split(dims, positions, corners);
+        for (int t = 0; t < 5; t++)
+            CHECK(cell_tet_volume6(corners + 4 * t, positions) > 0);
+    }
+}
+
 static void test_grids(void)
 {
     const uint32_t flat[3] = {5, 1, 5}, dims[3] = {3, 4, 5};
@@ -162,6 +249,8 @@ int main(void)
     RUN(test_every_shape_in_any_numbering);
     RUN(test_neighbours_match);
     RUN(test_collapsed_cells_lose_their_flat_tetrahedra);
+    RUN(test_bent_cells);
+    RUN(test_bent_grid);
     RUN(test_grids);
     return test_end();
 }
