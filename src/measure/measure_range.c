@@ -98,6 +98,20 @@ static const double *position(const struct ranges *r, uint32_t v)
     return r->level->positions + 3 * (size_t)v;
 }
 
+/* Has the tetrahedron of the level all corners that the sample's place in the original is made of, where they were? Then the sample is
+ * in it, though far from the origin, where a place has few digits, its position may say otherwise. */
+static bool is_own(const struct ranges *r, const struct sample *sample, const uint32_t corners[4])
+{
+    for (int c = 0; c < 4; c++) {
+        uint32_t v = sample->place.vertices[c];
+        bool has = v == corners[0] || v == corners[1] || v == corners[2] || v == corners[3];
+        if (sample->place.weights[c] != 0 &&
+            (!has || memcmp(position(r, v), r->original->positions + 3 * (size_t)v, 3 * sizeof(double)) != 0))
+            return false;
+    }
+    return true;
+}
+
 /* The tetrahedra that may hold the sample. */
 static void try_tets(const struct ranges *r, struct worker *worker, struct sample *sample, uint32_t count)
 {
@@ -109,6 +123,10 @@ static void try_tets(const struct ranges *r, struct worker *worker, struct sampl
         memcpy(place.vertices, r->level->corners + 4 * (size_t)worker->near[i], sizeof place.vertices);
         if (r->bodies[place.vertices[0]] != sample->body)
             continue;
+        if (is_own(r, sample, place.vertices)) {
+            add_place(r, worker, sample, &sample->place, 0);
+            sample->held = true;
+        }
         for (int c = 0; c < 4; c++) {
             q[c] = position(r, place.vertices[c]);
             if (memcmp(q[c], sample->p, sizeof sample->p) != 0)

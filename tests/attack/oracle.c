@@ -75,10 +75,10 @@ static double relative_volume(const double *positions, const uint32_t corners[4]
 
 int oracle_turn(const double *positions, const uint32_t *corners, uint32_t tets)
 {
-    long sum = 0;
+    quad sum = 0, e[3][3];
     for (uint32_t t = 0; t < tets; t++) {
-        double v = relative_volume(positions, corners + 4 * (size_t)t);
-        sum += v > 1e-9 ? 1 : v < -1e-9 ? -1 : 0;
+        edges_of(positions, corners + 4 * (size_t)t, e);
+        sum += six_volumes((const quad(*)[3])e);
     }
     return sum < 0 ? -1 : 1;
 }
