@@ -155,7 +155,7 @@ enum tetlod_status foam_list(struct foam_file *file, enum value_type type, uint6
     token = foam_token(file);
     *uniform = text_is(token, "{");
     *count = (uint64_t)parsed;
-    left = (uint64_t)(file->rest.end - file->rest.at) + 1;
+    left = (uint64_t)(file->rest.end - file->rest.at) + !file->binary; // after the last word of a text there may be nothing
     if (!*uniform && !text_is(token, "("))
         return foam_fail(file, "there should be a list in ( ) here");
     if (*uniform ? *count > 1000 * left : *count > left / least)
