@@ -56,6 +56,12 @@ TETLOD_CHECKED enum tetlod_status cells_add_numbers(struct cells *cells, unsigne
                                                     size_t corner_count, struct tetlod_error *error);
 void cells_fini(struct cells *cells);
 
+/* Of a point that a file counts from 1, its number from 0 on; -1, which no point has, for what cannot be one. */
+static inline int64_t point_from_one(int64_t number)
+{
+    return number > 0 ? number - 1 : -1;
+}
+
 /* A file's number of a point as cells hold it. */
 static inline uint32_t cells_point(int64_t number)
 {

@@ -109,7 +109,7 @@ static enum tetlod_status add_element(struct zone *z, const struct element *elem
 {
     int64_t corners[27];
     for (int i = 0; i < element->points; i++)
-        corners[i] = numbers[i] - 1;
+        corners[i] = point_from_one(numbers[i]);
     reorder(element->vtk_type, corners);
     return cells_add(&z->block->cells, element->vtk_type, corners, element->kept, z->error);
 }
@@ -132,13 +132,19 @@ static enum tetlod_status add_mixed(struct zone *z, const cgsize_t *numbers, cgs
     return TETLOD_OK;
 }
 
-/* A polyhedron of faces by number, a negative one if it is turned. */
+/* A face by its number, a negative one if it is turned: its index, negative or too large if there is none. */
+static cgsize_t face_index(const struct zone *z, cgsize_t number)
+{
+    return (number < 0 ? ~number : number - 1) - (z->first_face - 1); // the least number has no positive one
+}
+
+/* A polyhedron of faces by number. */
 static enum tetlod_status add_polyhedron(struct zone *z, const cgsize_t *faces, cgsize_t count)
 {
     int64_t *stream;
     size_t size = 1, at = 1;
     for (cgsize_t f = 0; f < count; f++) {
-        cgsize_t number = (faces[f] < 0 ? -faces[f] : faces[f]) - z->first_face;
+        cgsize_t number = face_index(z, faces[f]);
         if (number < 0 || number >= z->face_count)
             return tetlodi_fail(z->error, TETLOD_ERR_MESH, "base %d, zone %d: a polyhedron has a face that is not there", z->base, z->zone);
         size += 1 + (size_t)(z->face_offsets[number + 1] - z->face_offsets[number]);
@@ -148,11 +154,11 @@ static enum tetlod_status add_polyhedron(struct zone *z, const cgsize_t *faces, 
         return tetlodi_fail_nomem(z->error, "a polyhedron", size * 8);
     stream[0] = count;
     for (cgsize_t f = 0; f < count; f++) {
-        cgsize_t number = (faces[f] < 0 ? -faces[f] : faces[f]) - z->first_face;
+        cgsize_t number = face_index(z, faces[f]);
         cgsize_t begin = z->face_offsets[number], end = z->face_offsets[number + 1];
         stream[at++] = end - begin;
         for (cgsize_t i = begin; i < end; i++)
-            stream[at++] = z->face_points[i] - 1;
+            stream[at++] = point_from_one(z->face_points[i]);
     }
     enum tetlod_status status = cells_add(&z->block->cells, VTK_TYPE_POLYHEDRON, stream, size, z->error);
     free(stream);

@@ -104,7 +104,7 @@ static enum tetlod_status read_corners(struct ensight *e, struct cells *cells, c
         return tetlodi_fail_nomem(e->error, "the cells", count * width * sizeof *corners);
     enum tetlod_status status = ensight_ints(e->file, count * width, corners);
     for (uint64_t i = 0; status == TETLOD_OK && i < count * width; i++)
-        corners[i]--;
+        corners[i] = point_from_one(corners[i]);
     for (uint64_t c = 0; status == TETLOD_OK && c < count; c++)
         status = cells_add(cells, element->type, corners + c * width, element->type == VTK_TYPE_FLAT ? 0 : width, e->error);
     free(corners);
@@ -155,7 +155,7 @@ static enum tetlod_status add_polyhedra(struct ensight *e, struct cells *cells, 
             if (!array_reserve((void **)&stream, &capacity, size + 1 + (size_t)*sides, sizeof *stream))
                 status = tetlodi_fail_nomem(e->error, "the polyhedra", size * sizeof *stream);
             for (int64_t i = 0; status == TETLOD_OK && i < *sides; i++)
-                stream[size + 1 + (size_t)i] = *corners++ - 1;
+                stream[size + 1 + (size_t)i] = point_from_one(*corners++);
             if (status == TETLOD_OK)
                 stream[size] = *sides;
             size += 1 + (size_t)*sides;

@@ -175,7 +175,7 @@ static enum tetlod_status add_elements(struct exodus *e, const char *name, const
     for (size_t c = 0; c < connect->dims[0]; c++) {
         int64_t corners[27];
         for (size_t i = 0; i < points && i < 27; i++)
-            corners[i] = numbers[c * points + i] - 1;
+            corners[i] = point_from_one(numbers[c * points + i]);
         size_t kept = type == VTK_TYPE_FLAT ? 0 : type == VTK_TYPE_HEXAHEDRON20 ? 20 : type == VTK_TYPE_WEDGE15 ? 15 : type == VTK_TYPE_TET10 ? 10 : points;
         reorder(type, corners);
         TETLOD_TRY(cells_add(&e->block->cells, type, corners, kept, e->error));

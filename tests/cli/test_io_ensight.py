@@ -4,6 +4,7 @@
 same."""
 import ctypes
 import os
+import re
 import shutil
 
 import numpy as np
@@ -325,6 +326,12 @@ def main():
     fails('an undefined value is NaN', 3, ['mesh.case', 'NaN', 'nan-fill'], 'convert', name, '-o', path('out.vtu'))
     name = write_case('little')
     fails('a block that is not there', 3, ['mesh.case', 'nobody'], 'convert', name, '--block', 'nobody', '-o', path('out.vtu'))
+    name = write_case('text')
+    with open(path('hand/mesh.geo')) as file:
+        text = file.read()
+    write('hand/mesh.geo', re.sub(r'(pyramid5\n *\d+\n(?: +70\n)?) *5 ', r'\1-9223372036854775808 ', text))
+    fails('the least of all numbers as a corner', 3, ['mesh.case', 'point'], 'convert', name, '-o', path('out.vtu'))
+    name = write_case('little')
     write('hand/mesh.case', (CASE % '**').replace('gold', '6'))
     fails('EnSight 6', 3, ['mesh.case', 'Gold'], 'convert', name, '-o', path('out.vtu'))
     write_case('little')

@@ -13,7 +13,8 @@ const blended = 0.8;  // of an interval: what is left is for decoding
 const sleep = (milliseconds) => new Promise((resolve) => { setTimeout(resolve, milliseconds); });
 
 export class Player {
-  #viewer; #parts; #playing = false; #rate = usual; #loop = true;
+  #viewer; #parts; #playing = null; #rate = usual; #loop = true;
+  // #playing: what tells one play from the next, which may begin while a step of the one before is on its way
   #coarser = 0; // bands below the wanted one, because the steps come late
   #inTime = 0;  // steps since one was late
 
@@ -49,7 +50,7 @@ export class Player {
   }
 
   get playing() {
-    return this.#playing;
+    return this.#playing !== null;
   }
 
   toggle() {
@@ -79,7 +80,7 @@ export class Player {
 
   #setPlaying(playing) {
     this.#playing = playing;
-    this.#viewer.playing = playing;
+    this.#viewer.playing = playing !== null;
     this.#parts.play.textContent = playing ? '⏸' : '▶';
     this.#parts.play.ariaLabel = playing ? 'Pause (space)' : 'Play (space)';
   }
@@ -87,7 +88,7 @@ export class Player {
   // Where it stops is what the page shows from now on, as exactly as the state says.
   #stop() {
     if (!this.#playing) return;
-    this.#setPlaying(false);
+    this.#setPlaying(null);
     this.#coarser = 0;
     this.#parts.late.textContent = '';
     this.#viewer.store.set({ step: this.#now });
@@ -102,20 +103,21 @@ export class Player {
   }
 
   async #play() {
-    this.#setPlaying(true);
-    for (let begin = true; this.#playing; begin = false) {
+    const mine = {};
+    this.#setPlaying(mine);
+    for (let begin = true; this.#playing === mine; begin = false) {
       const step = this.#following(begin);
       if (step === null) break;
       const interval = 1000 / this.#rate;
       const started = performance.now();
       const band = Math.max(this.#viewer.wantedBand - this.#coarser, 0);
       const reached = await this.#viewer.showStep(step, { band, blend: step && interval > 60 ? blended * interval : 0 });
-      if (!reached) break;
+      if (!reached || this.#playing !== mine) break;
       const took = performance.now() - started;
       this.#adapt(took > patience * interval, band);
       if (took < interval) await sleep(interval - took);
     }
-    this.#stop();
+    if (this.#playing === mine) this.#stop();
   }
 
   #adapt(late, band) {
