@@ -216,14 +216,18 @@ struct dataset *captured_dataset(struct exchange *exchange)
     return NULL;
 }
 
-bool parse_level(struct exchange *exchange, const struct tetlod_info *info, const char *text, uint32_t *out)
+bool take_number(struct exchange *exchange, const char *text, const char *name, uint32_t count, uint32_t *out)
 {
-    uint64_t level;
-    if (text_count(text, false, &level) && level < info->level_count) {
-        *out = (uint32_t)level;
+    uint64_t number;
+    if (text_count(text, false, &number) && number < count) {
+        *out = (uint32_t)number;
         return true;
     }
-    response_problem(exchange->response, 400, exchange->request->target, "levels go from 0 to %" PRIu32 ", not '%s'",
-                     info->level_count - 1, text);
+    response_problem(exchange->response, 400, exchange->request->target, "%ss go from 0 to %" PRIu32 ", not '%s'", name, count - 1, text);
     return false;
+}
+
+bool parse_level(struct exchange *exchange, const struct tetlod_info *info, const char *text, uint32_t *out)
+{
+    return take_number(exchange, text, "level", info->level_count, out);
 }

@@ -73,6 +73,9 @@ void level_headers(struct response *response, const struct dataset *dataset, uin
 /* The stream that the first two captures (id, cid) name, held; NULL after a 404. */
 struct dataset *captured_dataset(struct exchange *exchange);
 
+/* A number below `count`; false after a 400. `name` is what it counts: "step". */
+bool take_number(struct exchange *exchange, const char *text, const char *name, uint32_t count, uint32_t *out);
+
 /* A level's number; false after a 400. */
 bool parse_level(struct exchange *exchange, const struct tetlod_info *info, const char *text, uint32_t *out);
 

@@ -13,24 +13,14 @@
 
 /* ---- what is asked for */
 
-static const struct tetlod_series *series_of(struct exchange *exchange, const struct dataset *dataset)
+/* NULL: answered. */
+static const struct tetlod_series_info *series_info(struct exchange *exchange, const struct dataset *dataset)
 {
     const struct tetlod_series *series = dataset_series(dataset);
     if (!series)
         response_problem(exchange->response, 404, exchange->request->target, "'%s' is no series in time: it has one moment only",
                          dataset_id(dataset));
-    return series;
-}
-
-bool take_number(struct exchange *exchange, const char *text, const char *name, uint32_t count, uint32_t *out)
-{
-    uint64_t number;
-    if (text_count(text, false, &number) && number < count) {
-        *out = (uint32_t)number;
-        return true;
-    }
-    response_problem(exchange->response, 400, exchange->request->target, "%ss go from 0 to %" PRIu32 ", not '%s'", name, count - 1, text);
-    return false;
+    return series ? tetlod_series_info(series) : NULL;
 }
 
 static bool take_step(struct exchange *exchange, const struct tetlod_series_info *info, uint32_t *out)
@@ -78,9 +68,8 @@ enum query_result query_step(struct exchange *exchange, struct dataset *dataset,
     *out = (struct step_choice){.any = true, .file = dataset_file(dataset)};
     if (query_value(exchange->query, "time", text, sizeof text) == QUERY_ABSENT && query_value(exchange->query, "step", text, sizeof text) == QUERY_ABSENT)
         return QUERY_ABSENT;
-    const struct tetlod_series *series = series_of(exchange, dataset);
-    const struct tetlod_series_info *info = series ? tetlod_series_info(series) : NULL;
-    if (!series || !check_parameters(exchange, names) || !take_band(exchange, info, &out->band) || !take_step(exchange, info, &out->step))
+    const struct tetlod_series_info *info = series_info(exchange, dataset);
+    if (!info || !check_parameters(exchange, names) || !take_band(exchange, info, &out->band) || !take_step(exchange, info, &out->step))
         return QUERY_BAD;
     out->level = info->bands[out->band].level;
     return QUERY_FOUND;
@@ -88,10 +77,9 @@ enum query_result query_step(struct exchange *exchange, struct dataset *dataset,
 
 bool captured_band(struct exchange *exchange, struct dataset *dataset, struct step_choice *out)
 {
-    const struct tetlod_series *series = series_of(exchange, dataset);
-    const struct tetlod_series_info *info = series ? tetlod_series_info(series) : NULL;
+    const struct tetlod_series_info *info = series_info(exchange, dataset);
     *out = (struct step_choice){.any = true, .file = dataset_file(dataset)};
-    if (!series || !take_number(exchange, exchange->captures[2], "band", info->band_count, &out->band))
+    if (!info || !take_number(exchange, exchange->captures[2], "band", info->band_count, &out->band))
         return false;
     out->level = info->bands[out->band].level;
     return true;

@@ -22,9 +22,6 @@ enum query_result query_step(struct exchange *exchange, struct dataset *dataset,
 bool captured_step(struct exchange *exchange, struct dataset *dataset, struct step_choice *out);
 bool captured_band(struct exchange *exchange, struct dataset *dataset, struct step_choice *out);
 
-/* A number below `count`; false: answered. `name` is what it counts: "step". */
-bool take_number(struct exchange *exchange, const char *text, const char *name, uint32_t count, uint32_t *out);
-
 /* The series' number of a field of the stream, or TETLOD_NONE. */
 uint32_t field_with_steps(const struct dataset *dataset, uint32_t field);
 

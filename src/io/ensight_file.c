@@ -155,41 +155,46 @@ static void end_line(struct ensight_file *file)
         file->rest.at++;
 }
 
+/* The next record of a binary file, of so many words. */
+static enum tetlod_status take_words(struct ensight_file *file, uint64_t count, const unsigned char **out)
+{
+    *out = (const unsigned char *)take_record(file, count * WORD);
+    return *out ? TETLOD_OK : ensight_fail(file, "the next record is not as long as it should be; is the file truncated?");
+}
+
 enum tetlod_status ensight_ints(struct ensight_file *file, uint64_t count, int64_t *out)
 {
+    const unsigned char *words;
     int64_t value;
     TETLOD_TRY(ensight_fits(file, count));
-    if (file->kind == ENSIGHT_TEXT) {
-        for (uint64_t i = 0; i < count; i++)
-            if (!text_int(&file->rest, out ? &out[i] : &value))
-                return ensight_fail(file, "there should be a whole number here");
-        end_line(file);
+    if (file->kind != ENSIGHT_TEXT) {
+        TETLOD_TRY(take_words(file, count, &words));
+        if (out)
+            values_to_ints(words, VALUE_INT32, file->big_endian, (size_t)count, out);
         return TETLOD_OK;
     }
-    const char *payload = take_record(file, count * WORD);
-    if (!payload)
-        return ensight_fail(file, "the next record is not as long as it should be; is the file truncated?");
-    if (out)
-        values_to_ints((const unsigned char *)payload, VALUE_INT32, file->big_endian, (size_t)count, out);
+    for (uint64_t i = 0; i < count; i++)
+        if (!text_int(&file->rest, out ? &out[i] : &value))
+            return ensight_fail(file, "there should be a whole number here");
+    end_line(file);
     return TETLOD_OK;
 }
 
 enum tetlod_status ensight_floats(struct ensight_file *file, uint64_t count, double *out)
 {
+    const unsigned char *words;
     double value;
     TETLOD_TRY(ensight_fits(file, count));
-    if (file->kind == ENSIGHT_TEXT) {
-        for (uint64_t i = 0; i < count; i++)
-            if (!text_double(&file->rest, true, out ? &out[i] : &value))
-                return ensight_fail(file, "there should be a number here");
-        end_line(file);
+    if (file->kind != ENSIGHT_TEXT) {
+        TETLOD_TRY(take_words(file, count, &words));
+        if (out)
+            values_to_doubles(words, VALUE_FLOAT32, file->big_endian, (size_t)count, out);
         return TETLOD_OK;
     }
-    const char *payload = take_record(file, count * WORD);
-    if (!payload)
-        return ensight_fail(file, "the next record is not as long as it should be; is the file truncated?");
-    if (out)
-        values_to_doubles((const unsigned char *)payload, VALUE_FLOAT32, file->big_endian, (size_t)count, out);
+    for (uint64_t i = 0; i < count; i++)
+        if (!text_double(&file->rest, true, out ? &out[i] : &value))
+            return ensight_fail(file, "there should be a number here");
+    end_line(file);
     return TETLOD_OK;
 }
 
