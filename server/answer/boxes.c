@@ -173,7 +173,7 @@ static enum outcome answer_region(struct exchange *exchange, struct dataset *dat
     cell_choice_name(&choice->cells, cells);
     snprintf(name, sizeof name, "%s-%" PRIu32 "-%s%s%s", mesh_format_name(choice->format), choice->coarse, boxes, choice->cells.any ? "-" : "",
              choice->cells.any ? cells : "");
-    uint64_t values = 8 * cell_choice_values(&choice->cells, info, info->levels[choice->fine].tets);
+    uint64_t values = cell_choice_bytes(&choice->cells, info, info->levels[choice->fine].tets);
     const struct level_answer answer = {
         .level = choice->fine,
         .name = name,
@@ -186,8 +186,7 @@ static enum outcome answer_region(struct exchange *exchange, struct dataset *dat
         .mesh = make_mesh,
         .measure = measure,
         .headers = put_headers,
-        .mesh_bytes = region_estimate(info, &region) + region_error_bytes(info) + values +
-                      8 * cell_choice_values(&choice->cells, info, info->tets),
+        .mesh_bytes = region_estimate(info, &region) + region_error_bytes(info) + cell_choice_decoding(&choice->cells, info, choice->fine),
     };
     return answer_from_level(exchange, dataset, &answer);
 }
@@ -208,12 +207,8 @@ static bool take_choice(struct exchange *exchange, const struct tetlod_info *inf
 {
     static const char *const names[] = {"box", "box_level", "cells", NULL};
     char text[24];
-    choice->format = mesh_format_find(exchange->captures[3]);
-    if (!choice->format || !mesh_format_writes(choice->format)) {
-        respond_bad_format(exchange, exchange->captures[3]);
-        return false;
-    }
-    if (!check_parameters(exchange, names) || !parse_level(exchange, info, exchange->captures[2], &choice->coarse) ||
+    choice->format = take_mesh_format(exchange, exchange->captures[3], true);
+    if (!choice->format || !check_parameters(exchange, names) || !parse_level(exchange, info, exchange->captures[2], &choice->coarse) ||
         !parse_boxes(exchange, choice->boxes, &choice->box_count) || !take_cells(exchange, info, &choice->cells))
         return false;
     if (choice->box_count && query_value(exchange->query, "box_level", text, sizeof text) == QUERY_FOUND) {

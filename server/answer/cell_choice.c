@@ -59,12 +59,17 @@ void cell_choice_name(const struct cell_choice *choice, char out[MOST_CELL_FIELD
     out[MOST_CELL_FIELDS / 4] = 0;
 }
 
-uint64_t cell_choice_values(const struct cell_choice *choice, const struct tetlod_info *info, uint64_t tets)
+uint64_t cell_choice_bytes(const struct cell_choice *choice, const struct tetlod_info *info, uint64_t tets)
 {
     uint64_t components = 0;
     for (uint32_t f = 0; f < info->cell_field_count; f++)
         components += choice->chosen[f] ? info->cell_fields[f].components : 0;
-    return components * tets;
+    return components * tets * 8;
+}
+
+uint64_t cell_choice_decoding(const struct cell_choice *choice, const struct tetlod_info *info, uint32_t level)
+{
+    return cell_choice_bytes(choice, info, (uint64_t)info->levels[level].tets + info->tets);
 }
 
 enum tetlod_status cell_choice_add(const struct cell_choice *choice, const struct tetlod_file *file, const uint32_t *tets,

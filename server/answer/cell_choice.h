@@ -20,8 +20,9 @@ bool query_cells(struct exchange *exchange, const struct tetlod_info *info, stru
 /* Tells choices apart: hexadecimal digits of four fields each. */
 void cell_choice_name(const struct cell_choice *choice, char out[MOST_CELL_FIELDS / 4 + 1]);
 
-/* Values of that many tetrahedra that are chosen. */
-uint64_t cell_choice_values(const struct cell_choice *choice, const struct tetlod_info *info, uint64_t tets);
+/* Bytes of the chosen values of that many tetrahedra; and of a level's while they are decoded, with all that the stream holds. */
+uint64_t cell_choice_bytes(const struct cell_choice *choice, const struct tetlod_info *info, uint64_t tets);
+uint64_t cell_choice_decoding(const struct cell_choice *choice, const struct tetlod_info *info, uint32_t level);
 
 /* Adds them to a mesh of the tetrahedra that have these numbers (NULL: a level's). ERR_NOMEM, or as tetlod_cells. */
 TETLOD_CHECKED enum tetlod_status cell_choice_add(const struct cell_choice *choice, const struct tetlod_file *file, const uint32_t *tets,

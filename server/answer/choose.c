@@ -152,15 +152,12 @@ static bool parse_measure(struct exchange *exchange, const struct tetlod_info *i
     return false;
 }
 
-static bool parse_format(struct exchange *exchange, struct choice *choice, bool written)
+static bool parse_format(struct exchange *exchange, struct choice *choice, bool from_mesh)
 {
-    enum query_result result;
     snprintf(choice->format, sizeof choice->format, "vtu");
-    result = query_value(exchange->query, "format", choice->format, sizeof choice->format);
-    if (result != QUERY_BAD && mesh_format_find(choice->format) && (!written || mesh_format_writes(mesh_format_find(choice->format))))
-        return true;
-    respond_bad_format(exchange, result == QUERY_BAD ? "" : choice->format);
-    return false;
+    if (query_value(exchange->query, "format", choice->format, sizeof choice->format) == QUERY_BAD)
+        choice->format[0] = 0;
+    return take_mesh_format(exchange, choice->format, from_mesh) != NULL;
 }
 
 static uint32_t choose_level(const struct tetlod_info *info, const struct choice *choice)

@@ -28,17 +28,20 @@ static const struct mesh_format mesh_formats[] = {
     {NULL, NULL, NULL, NULL},
 };
 
-const struct mesh_format *mesh_format_find(const char *name)
+const struct mesh_format *take_mesh_format(struct exchange *exchange, const char *name, bool from_mesh)
 {
-    for (const struct mesh_format *format = mesh_formats; format->name; format++)
-        if (strcmp(format->name, name) == 0)
+    json_t *names = json_array();
+    for (const struct mesh_format *format = mesh_formats; format->name; format++) {
+        if (from_mesh && !format->write)
+            continue;
+        if (strcmp(format->name, name) == 0) {
+            json_decref(names);
             return format;
+        }
+        json_array_append_new(names, json_string(format->name));
+    }
+    response_problem_choices(exchange->response, 400, exchange->request->target, "formats", names, "there is no format '%.64s' here", name);
     return NULL;
-}
-
-bool mesh_format_writes(const struct mesh_format *format)
-{
-    return format->write != NULL;
 }
 
 const char *mesh_format_name(const struct mesh_format *format)
@@ -58,33 +61,13 @@ enum tetlod_status mesh_format_write(const struct mesh_format *format, const str
     return format->write(mesh, &sink, error);
 }
 
-void respond_bad_format(struct exchange *exchange, const char *name)
-{
-    json_t *names = json_array();
-    for (const struct mesh_format *format = mesh_formats; format->name; format++)
-        json_array_append_new(names, json_string(format->name));
-    response_problem_choices(exchange->response, 400, exchange->request->target, "formats", names,
-                             "there is no format '%.64s' here", name);
-}
-
 /* A file with the values of cells that are asked for. */
 struct mesh_choice {
+    struct step_choice step; /* first: step_answer */
     const struct mesh_format *format;
     const struct tetlod_file *file; /* of the dataset that is held meanwhile */
     struct cell_choice cells;
-    struct step_choice step;
 };
-
-static enum tetlod_status make_step(const void *opaque, const struct forest *forest, struct tetmesh *out, struct tetlod_error *error)
-{
-    return step_mesh(&((const struct mesh_choice *)opaque)->step, forest, out, error);
-}
-
-static void put_step_headers(struct response *response, struct dataset *dataset, const void *opaque, const struct region_note *note)
-{
-    (void)note;
-    step_headers(response, dataset, &((const struct mesh_choice *)opaque)->step);
-}
 
 static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
 {
@@ -111,17 +94,16 @@ uint64_t mesh_format_bytes(const struct tetlod_info *info, uint32_t level)
 static enum outcome answer_made(struct exchange *exchange, struct dataset *dataset, uint32_t level, const struct mesh_choice *choice)
 {
     const struct tetlod_info *info = dataset_info(dataset);
-    bool step = choice->step.any;
     char name[16 + STEP_NAME + MOST_CELL_FIELDS / 4 + 1], cells[MOST_CELL_FIELDS / 4 + 1], of_step[STEP_NAME];
     cell_choice_name(&choice->cells, cells);
     step_name(&choice->step, of_step);
     snprintf(name, sizeof name, "%s%s%s%s", choice->format->name, of_step, choice->cells.any ? "-" : "", choice->cells.any ? cells : "");
-    uint64_t values = cell_choice_values(&choice->cells, info, (uint64_t)info->levels[level].tets + info->tets);
-    const struct level_answer answer = {.level = level, .name = name, .media_type = choice->format->media_type,
-                                        .file_bytes = mesh_format_bytes(info, level) + 8 * values, .write = write_mesh, .choice = choice,
-                                        .choice_size = sizeof *choice, .mesh = step ? make_step : NULL,
-                                        .headers = step ? put_step_headers : NULL, .mesh_bytes = step ? step_bytes(info, level) : 0};
-    if (step || fits_cache(exchange->site, info, &answer)) // a step is decoded all at once
+    struct level_answer answer = {.level = level, .name = name, .media_type = choice->format->media_type,
+                                  .file_bytes = mesh_format_bytes(info, level) + cell_choice_decoding(&choice->cells, info, level), .write = write_mesh, .choice = choice,
+                                  .choice_size = sizeof *choice};
+    if (choice->step.any)
+        step_answer(&answer, info);
+    if (choice->step.any || fits_cache(exchange->site, info, &answer)) // a step is decoded all at once
         return answer_from_level(exchange, dataset, &answer);
     return answer_streamed(exchange, dataset, &(struct streamed_answer){level, name, choice->format->media_type, choice->format->lay_out, &choice->cells});
 }
@@ -144,15 +126,6 @@ static enum outcome answer_file(struct exchange *exchange, struct dataset *datas
     return outcome;
 }
 
-static bool take_step_format(struct exchange *exchange, struct mesh_choice *choice)
-{
-    choice->format = mesh_format_find(exchange->captures[4]);
-    if (choice->format && choice->format->write)
-        return true;
-    respond_bad_format(exchange, exchange->captures[4]);
-    return false;
-}
-
 enum outcome handle_step_mesh(struct exchange *exchange)
 {
     static const char *const names[] = {"cells", NULL};
@@ -161,7 +134,8 @@ enum outcome handle_step_mesh(struct exchange *exchange)
     if (!dataset)
         return ANSWERED;
     struct mesh_choice choice = {.file = dataset_file(dataset)};
-    if (check_parameters(exchange, names) && captured_step(exchange, dataset, &choice.step) && take_step_format(exchange, &choice) &&
+    if (check_parameters(exchange, names) && captured_step(exchange, dataset, &choice.step) &&
+        (choice.format = take_mesh_format(exchange, exchange->captures[4], true)) &&
         query_cells(exchange, dataset_info(dataset), &choice.cells))
         outcome = answer_made(exchange, dataset, choice.step.level, &choice);
     if (outcome == ANSWERED && exchange->response->status == 200)
@@ -179,10 +153,8 @@ enum outcome handle_level_mesh(struct exchange *exchange)
     if (!dataset)
         return ANSWERED;
     const struct tetlod_info *info = dataset_info(dataset);
-    const struct mesh_format *format = mesh_format_find(exchange->captures[3]);
-    if (!format)
-        respond_bad_format(exchange, exchange->captures[3]);
-    else if (check_parameters(exchange, names) && parse_level(exchange, info, exchange->captures[2], &level))
+    const struct mesh_format *format = take_mesh_format(exchange, exchange->captures[3], false);
+    if (format && check_parameters(exchange, names) && parse_level(exchange, info, exchange->captures[2], &level))
         outcome = answer_file(exchange, dataset, level, format);
     if (outcome == ANSWERED && exchange->response->status == 200)
         name_download(exchange->response, dataset, "-%s.%s", exchange->captures[2], format->name);

@@ -7,12 +7,10 @@
 #include "server/answer/exchange.h"
 #include "src/mesh/tetmesh.h"
 
-/* A file format of an answer, or NULL. */
+/* A file format of an answer. The stream's own prefix is one, unless it has to be written `from_mesh`. NULL: answered, with the list of names. */
 struct mesh_format;
-const struct mesh_format *mesh_format_find(const char *name);
+const struct mesh_format *take_mesh_format(struct exchange *exchange, const char *name, bool from_mesh);
 
-/* Whether it is written from a mesh: the stream's own prefix is not. */
-bool mesh_format_writes(const struct mesh_format *format);
 const char *mesh_format_name(const struct mesh_format *format);
 const char *mesh_format_type(const struct mesh_format *format);
 TETLOD_CHECKED enum tetlod_status mesh_format_write(const struct mesh_format *format, const struct tetmesh *mesh, struct buffer *out,
@@ -20,9 +18,6 @@ TETLOD_CHECKED enum tetlod_status mesh_format_write(const struct mesh_format *fo
 
 /* Of a level's file, at most. */
 uint64_t mesh_format_bytes(const struct tetlod_info *info, uint32_t level);
-
-/* 400 with the list of names. */
-void respond_bad_format(struct exchange *exchange, const char *name);
 
 enum outcome handle_level_mesh(struct exchange *exchange);
 

@@ -123,8 +123,9 @@ static enum tetlod_status put_values(struct tetmesh *mesh, const struct tetlod_s
     return TETLOD_OK;
 }
 
-enum tetlod_status step_mesh(const struct step_choice *choice, const struct forest *forest, struct tetmesh *out, struct tetlod_error *error)
+static enum tetlod_status make_step(const void *opaque, const struct forest *forest, struct tetmesh *out, struct tetlod_error *error)
 {
+    const struct step_choice *choice = opaque;
     struct tetlod_series *series; // one that decodes is for one thread
     TETLOD_TRY(forest_mesh(forest, choice->level, out, error));
     enum tetlod_status status = tetlod_series_new(&series, choice->file, error);
@@ -138,8 +139,8 @@ enum tetlod_status step_mesh(const struct step_choice *choice, const struct fore
     return status;
 }
 
-/* Of a vertex: neighbours, and codes, values and scratch of each component; of a tetrahedron: its edges while they are sorted. */
-uint64_t step_bytes(const struct tetlod_info *info, uint32_t level)
+/* Memory that decoding takes beside the mesh. Of a vertex: neighbours, and codes, values and scratch of each component; of a tetrahedron: its edges while they are sorted. */
+static uint64_t decoding_bytes(const struct tetlod_info *info, uint32_t level)
 {
     uint64_t components = 0;
     for (uint32_t f = 0; f < info->field_count; f++)
@@ -171,4 +172,17 @@ void step_headers(struct response *response, const struct dataset *dataset, cons
     response_header(response, "Tetlod-Step", "%" PRIu32, choice->step);
     response_header(response, "Tetlod-Time", "%.17g", steps->times[choice->step]);
     response_header(response, "Tetlod-Error", "max=%.9g", error);
+}
+
+static void put_headers(struct response *response, struct dataset *dataset, const void *opaque, const struct region_note *note)
+{
+    (void)note;
+    step_headers(response, dataset, opaque);
+}
+
+void step_answer(struct level_answer *answer, const struct tetlod_info *info)
+{
+    answer->mesh = make_step;
+    answer->headers = put_headers;
+    answer->mesh_bytes = decoding_bytes(info, answer->level);
 }

@@ -4,8 +4,7 @@
 #define TETLOD_SERVER_STEPS_H
 
 #include "server/answer/exchange.h"
-#include "src/forest/forest.h"
-#include "src/mesh/tetmesh.h"
+#include "server/answer/made.h"
 
 /* A step in a band, or none: then a level is meant. */
 struct step_choice {
@@ -25,12 +24,9 @@ bool captured_band(struct exchange *exchange, struct dataset *dataset, struct st
 /* The series' number of a field of the stream, or TETLOD_NONE. */
 uint32_t field_with_steps(const struct dataset *dataset, uint32_t field);
 
-/* The mesh of the band's level with the fields that have steps, in the series' order. */
-TETLOD_CHECKED enum tetlod_status step_mesh(const struct step_choice *choice, const struct forest *forest, struct tetmesh *out,
-                                            struct tetlod_error *error);
-
-/* Memory that decoding a step takes beside the mesh. */
-uint64_t step_bytes(const struct tetlod_info *info, uint32_t level);
+/* Sets what makes the mesh of the band's level with the fields that have steps, in the series' order. The answer's choice begins with its
+ * step_choice. */
+void step_answer(struct level_answer *answer, const struct tetlod_info *info);
 
 /* For names of answers: "-3-12", or "". */
 enum { STEP_NAME = 32 };

@@ -87,7 +87,7 @@ static enum tetlod_status make_cells(void *opaque, struct cache_value *out, stru
     cells->tet_count = info->levels[celling->level].tets;
     enum tetlod_status status = cell_choice_add(&celling->choice, dataset_file(celling->dataset), NULL, cells, error);
     if (status == TETLOD_OK)
-        *out = (struct cache_value){cells, sizeof *cells + 8 * (size_t)cell_choice_values(&celling->choice, info, cells->tet_count), free_cells};
+        *out = (struct cache_value){cells, sizeof *cells + (size_t)cell_choice_bytes(&celling->choice, info, cells->tet_count), free_cells};
     else
         free_cells(cells);
     return status;
@@ -154,8 +154,8 @@ static enum outcome obtain_cells(struct exchange *exchange, struct dataset *data
     *celling = (struct celling){exchange->site, dataset_hold(dataset), answer->level, *answer->cells};
     cell_choice_name(answer->cells, name);
     snprintf(key, sizeof key, "%s/cells/%" PRIu32 "/%s", info->cid, answer->level, name);
-    uint64_t values = cell_choice_values(answer->cells, info, (uint64_t)info->levels[answer->level].tets + info->tets);
-    const struct recipe recipe = {make_cells, free_celling, celling, 8 * values + 65536, PATIENCE, NULL};
+    const struct recipe recipe = {make_cells, free_celling, celling, cell_choice_decoding(answer->cells, info, answer->level) + 65536,
+                                  PATIENCE, NULL};
     enum outcome outcome = obtain(exchange, exchange->site->memory, key, &recipe, &value);
     if (value)
         *out = obtain_take(exchange->request, value);

@@ -19,10 +19,10 @@ enum shape { BOUNDARY, ISOSURFACE, SLICE };
 
 /* What is asked for, as numbers: two spellings of one surface are one answer. */
 struct surface_choice {
+    struct step_choice step; /* first: step_answer */
     enum shape shape;
     const struct surface_format *format;
     uint32_t level;
-    struct step_choice step;
     uint32_t field, component; /* ISOSURFACE: of the mesh */
     double value;
     double origin[3], normal[3]; /* SLICE */
@@ -169,27 +169,16 @@ static uint64_t surface_file_bytes(const struct tetlod_info *info, uint32_t leve
     return info->levels[level].vertices * components * 8 + info->levels[level].tets * (uint64_t)16 + 4096;
 }
 
-static enum tetlod_status make_step(const void *opaque, const struct forest *forest, struct tetmesh *out, struct tetlod_error *error)
-{
-    return step_mesh(&((const struct surface_choice *)opaque)->step, forest, out, error);
-}
-
-static void put_step_headers(struct response *response, struct dataset *dataset, const void *opaque, const struct region_note *note)
-{
-    (void)note;
-    step_headers(response, dataset, &((const struct surface_choice *)opaque)->step);
-}
-
 static enum outcome answer_surface(struct exchange *exchange, struct dataset *dataset, const struct surface_choice *choice)
 {
     char name[200 + STEP_NAME];
-    bool step = choice->step.any;
+    const struct tetlod_info *info = dataset_info(dataset);
     print_name(choice, name, sizeof name);
-    const struct level_answer answer = {.level = choice->level, .name = name, .media_type = choice->format->media_type,
-                                        .file_bytes = surface_file_bytes(dataset_info(dataset), choice->level), .write = write_surface,
-                                        .choice = choice, .choice_size = sizeof *choice, .mesh = step ? make_step : NULL,
-                                        .headers = step ? put_step_headers : NULL,
-                                        .mesh_bytes = step ? step_bytes(dataset_info(dataset), choice->level) : 0};
+    struct level_answer answer = {.level = choice->level, .name = name, .media_type = choice->format->media_type,
+                                  .file_bytes = surface_file_bytes(info, choice->level), .write = write_surface, .choice = choice,
+                                  .choice_size = sizeof *choice};
+    if (choice->step.any)
+        step_answer(&answer, info);
     return answer_from_level(exchange, dataset, &answer);
 }
 

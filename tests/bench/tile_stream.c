@@ -80,6 +80,8 @@ static void tile(struct recode *out, const struct recode *from, const struct tet
     for (uint32_t f = 0; f < input->field_count; f++) {
         out->fields[f] = from->fields[f];
         out->fields[f].values = copies(from->fields[f].values, input->vertices, from->fields[f].components, n, 0);
+        if (from->fields[f].exact)
+            out->fields[f].exact = copies(from->fields[f].exact, input->vertices, from->fields[f].components, n, 0);
         out->fields[f].node_values = copies(from->fields[f].node_values, input->contractions, from->fields[f].components, n, 1);
     }
     for (uint32_t k = 0; k < input->level_count; k++) {
