@@ -277,6 +277,9 @@ static void refuse(const struct run *run, struct worker *worker, uint32_t slot, 
     run->proposals[slot].waits = run->proposals[slot].waits_changed = (float)larger(error, run->limit * (1 + 1e-6));
 }
 
+/* What a result waits for before it is looked at, as a multiple of its own error: hardly any can be contracted within less. */
+static const double RESULT_WAITS = 2;
+
 /* All vertices of both stars have changed. Lists what has to be looked at when the round is over: kinds of boundary vertices, and
  * whether vertices are still frozen. */
 static void touch_stars(const struct run *run, struct worker *worker, const struct join *join, uint32_t tets)
@@ -353,5 +356,6 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
     set_row(run, worker, &join, moved);
     run->border.most[join.kept] = most;
     run->proposals[join.kept].priority = run->proposals[join.dead].priority = PROPOSES_NOTHING;
+    run->proposals[join.kept].waits = run->proposals[join.kept].waits_changed = (float)(RESULT_WAITS * error);
     *out = (struct merged){true, join.kept, working_contract(working, join.kept, join.dead, worker->list), moved};
 }

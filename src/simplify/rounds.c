@@ -497,8 +497,6 @@ static enum tetlod_status contract(struct rounds *rounds)
         if (!rounds->merged[i].done)
             continue;
         TETLOD_TRY(account(rounds, i, first + (uint32_t)i));
-        if (!list_add(&rounds->again, rounds->merged[i].kept))
-            return no_memory(rounds);
     }
     TETLOD_TRY(collect(rounds, false));
     crew_run(rounds->run.crew, rounds->winners.count, 64, classify_range, rounds);
