@@ -379,7 +379,7 @@ static enum tetlod_status read_structured(struct ensight *e, struct block *block
 static bool has_volume(const struct block *block)
 {
     for (uint64_t c = 0; c < block->cells.count; c++)
-        if (block->cells.types[c] != VTK_TYPE_FLAT)
+        if (!block->cells.types || block->cells.types[c] != VTK_TYPE_FLAT)
             return true;
     return block->dims[0] && block_cell_count(block) > 0;
 }

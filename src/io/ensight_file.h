@@ -11,7 +11,7 @@ enum ensight_kind { ENSIGHT_TEXT, ENSIGHT_C, ENSIGHT_FORTRAN };
 
 struct ensight_file {
     const char *name;     /* for messages */
-    unsigned char *bytes; /* owned */
+    struct file_view view; /* owned */
     const char *begin;
     struct text rest;
     enum ensight_kind kind;

@@ -153,6 +153,8 @@ static enum tetlod_status read_blocks(struct blocks *out, const char *path, cons
         return tetlodi_fail(error, TETLOD_ERR_MESH, "lacks its second file");
     if (!input->depth)
         report->format = format->name;
+    if (input->view)
+        file_view_release(input->view); // the format was looked for in it
     return format->read(out, input, report, error);
 }
 
@@ -286,13 +288,15 @@ enum tetlod_status io_resolve(const struct io_input *from, const char *name, cha
 /* What an input is read from. */
 struct loaded {
     struct file_input file;
-    unsigned char *bytes; /* owned */
+    struct file_view view;
+    unsigned char *head; /* owned */
 };
 
 static void close_input(struct loaded *loaded)
 {
     file_input_close(&loaded->file);
-    free(loaded->bytes);
+    file_view_close(&loaded->view);
+    free(loaded->head);
 }
 
 static bool reads_ranges(const unsigned char *head, size_t size)
@@ -307,20 +311,21 @@ static bool reads_ranges(const unsigned char *head, size_t size)
 static enum tetlod_status open_input(struct loaded *loaded, struct io_input *input, const char *path, struct tetlod_error *error)
 {
     enum { HEAD = 1024 };
-    *loaded = (struct loaded){{-1, 0}, NULL};
+    *loaded = (struct loaded){.file = {-1, 0}};
     TETLOD_TRY(file_input_open(&loaded->file, path, error));
-    loaded->bytes = array_new(HEAD, 1);
-    if (!loaded->bytes)
+    loaded->head = array_new(HEAD, 1);
+    if (!loaded->head)
         return tetlodi_fail_nomem(error, path, HEAD);
-    input->size = file_input_read(&loaded->file, 0, HEAD, loaded->bytes);
-    if (reads_ranges(loaded->bytes, input->size))
+    input->bytes = loaded->head;
+    input->size = file_input_read(&loaded->file, 0, HEAD, loaded->head);
+    if (reads_ranges(loaded->head, input->size)) {
         input->file = &loaded->file;
-    else {
-        free(loaded->bytes);
-        loaded->bytes = NULL;
-        TETLOD_TRY(file_input_whole(&loaded->file, path, &loaded->bytes, &input->size, error));
+        return TETLOD_OK;
     }
-    input->bytes = loaded->bytes;
+    TETLOD_TRY(file_view_open(&loaded->view, &loaded->file, path, error));
+    input->view = &loaded->view;
+    input->bytes = loaded->view.bytes;
+    input->size = loaded->view.size;
     return TETLOD_OK;
 }
 
@@ -353,19 +358,21 @@ static enum tetlod_status read_files(struct tetmesh *out, const char *path, cons
 {
     struct io_input input = {.other_path = second, .path = path, .options = options};
     struct loaded loaded;
-    unsigned char *other = NULL;
+    struct file_view other = {0};
     struct tetlod_error inner = {.offset = UINT64_MAX};
     enum tetlod_status status = open_input(&loaded, &input, path, error);
     if (status == TETLOD_OK && second)
-        status = file_read(second, &other, &input.other_size, error);
+        status = file_view_path(&other, second, error);
     if (status == TETLOD_OK) {
-        input.other = other;
+        input.other = other.bytes;
+        input.other_size = other.size;
+        input.other_view = second ? &other : NULL;
         status = io_read_input(out, path, &input, report, &inner);
         if (status != TETLOD_OK)
             tetlodi_fail(error, status, "%.120s: %s", path, inner.message);
     }
     close_input(&loaded);
-    free(other);
+    file_view_close(&other);
     return status;
 }
 
