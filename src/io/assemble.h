@@ -9,13 +9,13 @@
 #include "src/io/io.h"
 #include "src/util/file.h"
 
-/* A file, whole unless `file` is set, and for formats of two files the other one (else NULL). The views are those of bytes that are
- * not in memory; NULL: they are. */
+/* A file and, for formats of two files, the other one (else NULL). The views are those of bytes that are not in memory; NULL: they
+ * are. */
 struct io_input {
     const unsigned char *bytes;
     size_t size;
     struct file_view *view, *other_view;
-    const struct file_input *file; /* of a format that reads range by range; bytes and size are then those of its beginning */
+    const struct file_input *file; /* for readers that read large ranges by several threads; or NULL */
     const unsigned char *other;
     size_t other_size;
     const char *other_path;
