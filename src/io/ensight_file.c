@@ -160,25 +160,47 @@ static enum tetlod_status take_words(struct ensight_file *file, uint64_t count, 
     return *out ? TETLOD_OK : ensight_fail(file, "the next record is not as long as it should be; is the file truncated?");
 }
 
-enum tetlod_status ensight_ints(struct ensight_file *file, uint64_t count, int64_t *out)
+/* Whole numbers as they are, or narrowed, or only past them. */
+static enum tetlod_status take_ints(struct ensight_file *file, uint64_t count, int64_t *wide, uint32_t *narrow)
 {
     const unsigned char *words;
     int64_t value;
     TETLOD_TRY(ensight_fits(file, count));
     if (file->kind != ENSIGHT_TEXT) {
         TETLOD_TRY(take_words(file, count, &words));
-        for (size_t i = 0; out && i < count; i += PART) {
-            values_to_ints(words + i * WORD, VALUE_INT32, file->big_endian, count - i < PART ? (size_t)count - i : PART, out + i);
+        for (size_t i = 0; (wide || narrow) && i < count; i += PART) {
+            size_t part = count - i < PART ? (size_t)count - i : PART;
+            if (wide)
+                values_to_ints(words + i * WORD, VALUE_INT32, file->big_endian, part, wide + i);
+            else
+                values_to_points(words + i * WORD, VALUE_INT32, file->big_endian, part, narrow + i);
             file_view_pass(&file->view, words + i * WORD);
         }
         return TETLOD_OK;
     }
     for (uint64_t i = 0; i < count; i++) {
-        if (!text_int(&file->rest, out ? &out[i] : &value))
+        if (!text_int(&file->rest, &value))
             return ensight_fail(file, "there should be a whole number here");
+        if (wide)
+            wide[i] = value;
+        else if (narrow)
+            narrow[i] = cells_point(value);
         file_view_pass(&file->view, file->rest.at);
     }
     end_line(file);
+    return TETLOD_OK;
+}
+
+enum tetlod_status ensight_ints(struct ensight_file *file, uint64_t count, int64_t *out)
+{
+    return take_ints(file, count, out, NULL);
+}
+
+enum tetlod_status ensight_points(struct ensight_file *file, uint64_t count, uint32_t *out)
+{
+    TETLOD_TRY(take_ints(file, count, NULL, out));
+    for (uint64_t i = 0; i < count; i++)
+        out[i] = out[i] == TETLOD_NONE || out[i] == 0 ? TETLOD_NONE : out[i] - 1;
     return TETLOD_OK;
 }
 
