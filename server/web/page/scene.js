@@ -438,10 +438,14 @@ export class Scene extends EventTarget {
     return nearest && { value: nearest.value, point: add(nearest.point, this.offset) };
   }
 
-  // A PNG's pixels of the next frame, without what is drawn over it.
-  async capture() {
+  // A PNG's pixels of the next frame, without what is drawn over it. `size`: [width, height], if not as on the screen.
+  async capture(size = null) {
     const image = new Image();
-    const [shot] = await Promise.all(this.window.captureImages());
+    const camera = this.renderer.getActiveCamera();
+    const across = camera.getUseHorizontalViewAngle();
+    if (size) camera.setUseHorizontalViewAngle(size[0] < size[1]);
+    const [shot] = await Promise.all(this.window.captureImages('image/png', { size }));
+    camera.setUseHorizontalViewAngle(across);
     image.src = shot;
     await image.decode();
     return image;
