@@ -58,5 +58,6 @@ if pictures:
     scene.UpdateAnimationUsingDataTimeSteps()
     for name in ('first', 'last'):
         (scene.GoToFirst if name == 'first' else scene.GoToLast)()
+        shown.RescaleTransferFunctionToDataRange(False, True)
         Render(view)
         SaveScreenshot('%s/paraview_%s.png' % (folder, name), view)
