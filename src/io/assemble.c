@@ -126,6 +126,16 @@ enum tetlod_status cells_add_numbers(struct cells *cells, unsigned char type, co
     return TETLOD_OK;
 }
 
+void cells_middles_to_vtk(unsigned char type, int64_t *points)
+{
+    unsigned first = type == VTK_TYPE_HEXAHEDRON20 ? 12 : type == VTK_TYPE_WEDGE15 ? 9 : 0, count = type == VTK_TYPE_WEDGE15 ? 3 : 4;
+    for (unsigned i = first; first && i < first + count; i++) {
+        int64_t swap = points[i];
+        points[i] = points[i + count];
+        points[i + count] = swap;
+    }
+}
+
 void cells_fini(struct cells *cells)
 {
     free(cells->types);

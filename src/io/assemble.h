@@ -56,6 +56,9 @@ TETLOD_CHECKED enum tetlod_status cells_add_numbers(struct cells *cells, unsigne
                                                     size_t corner_count, struct tetlod_error *error);
 void cells_fini(struct cells *cells);
 
+/* Puts the middles of a quadratic cell's edges into VTK's order: CGNS and Exodus list those of the upright edges before those of the top. */
+void cells_middles_to_vtk(unsigned char type, int64_t *points);
+
 /* Of a point that a file counts from 1, its number from 0 on; -1, which no point has, for what cannot be one. */
 static inline int64_t point_from_one(int64_t number)
 {

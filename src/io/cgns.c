@@ -94,23 +94,12 @@ static const struct element *find_element(CGNS_ENUMT(ElementType_t) type)
     return NULL;
 }
 
-/* CGNS lists the middles of the upright edges before those of the top; VTK after them. */
-static void reorder(unsigned char type, int64_t *points)
-{
-    unsigned first = type == VTK_TYPE_HEXAHEDRON20 ? 12 : type == VTK_TYPE_WEDGE15 ? 9 : 0, count = type == VTK_TYPE_WEDGE15 ? 3 : 4;
-    for (unsigned i = first; first && i < first + count; i++) {
-        int64_t swap = points[i];
-        points[i] = points[i + count];
-        points[i + count] = swap;
-    }
-}
-
 static enum tetlod_status add_element(struct zone *z, const struct element *element, const cgsize_t *numbers)
 {
     int64_t corners[27];
     for (int i = 0; i < element->points; i++)
         corners[i] = point_from_one(numbers[i]);
-    reorder(element->vtk_type, corners);
+    cells_middles_to_vtk(element->vtk_type, corners);
     return cells_add(&z->block->cells, element->vtk_type, corners, element->kept, z->error);
 }
 

@@ -152,17 +152,6 @@ static unsigned char find_element(const char *name, size_t points)
     return VTK_TYPE_FLAT;
 }
 
-/* Exodus lists the middles of the upright edges before those of the top; VTK after them. */
-static void reorder(unsigned char type, int64_t *points)
-{
-    unsigned first = type == VTK_TYPE_HEXAHEDRON20 ? 12 : type == VTK_TYPE_WEDGE15 ? 9 : 0, count = type == VTK_TYPE_WEDGE15 ? 3 : 4;
-    for (unsigned i = first; first && i < first + count; i++) {
-        int64_t swap = points[i];
-        points[i] = points[i + count];
-        points[i + count] = swap;
-    }
-}
-
 static enum tetlod_status add_elements(struct exodus *e, const char *name, const struct variable *connect, const int64_t *numbers)
 {
     char type_name[64] = "";
@@ -177,7 +166,7 @@ static enum tetlod_status add_elements(struct exodus *e, const char *name, const
         for (size_t i = 0; i < points && i < 27; i++)
             corners[i] = point_from_one(numbers[c * points + i]);
         size_t kept = type == VTK_TYPE_FLAT ? 0 : type == VTK_TYPE_HEXAHEDRON20 ? 20 : type == VTK_TYPE_WEDGE15 ? 15 : type == VTK_TYPE_TET10 ? 10 : points;
-        reorder(type, corners);
+        cells_middles_to_vtk(type, corners);
         TETLOD_TRY(cells_add(&e->block->cells, type, corners, kept, e->error));
     }
     return TETLOD_OK;

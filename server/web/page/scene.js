@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The picture: vtk.js's window, camera and the layers that the worker's pictures fill.
 
-import '@kitware/vtk.js/Rendering/OpenGL/Profiles/Geometry.js';
+// what a picture of triangles and lines takes: vtk.js's own profile brings axes, scalar bars and skyboxes along
+import '@kitware/vtk.js/Rendering/OpenGL/Actor.js';
+import '@kitware/vtk.js/Rendering/OpenGL/Camera.js';
+import '@kitware/vtk.js/Rendering/OpenGL/PolyDataMapper.js';
+import '@kitware/vtk.js/Rendering/OpenGL/Renderer.js';
 import vtkInteractorStyle from '@kitware/vtk.js/Interaction/Style/InteractorStyleTrackballCamera.js';
 import vtkPolyData from '@kitware/vtk.js/Common/DataModel/PolyData.js';
 import vtkColorTransferFunction from '@kitware/vtk.js/Rendering/Core/ColorTransferFunction.js';
