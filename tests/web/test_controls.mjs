@@ -233,6 +233,26 @@ async function a_threshold_leaves_cells() {
   await changesThePicture('no threshold', () => page.locator('#threshold').uncheck());
 }
 
+async function vectors_are_drawn() {
+  await open('');
+  const part = () => page.evaluate(() => window.tetlod.scene.vectors[0]?.part.triangles.length ?? 0);
+  await changesThePicture('arrows', () => page.locator('#vectors').selectOption('arrows'));
+  await until(() => window.tetlod.stream.fields.includes('Velocity') && window.tetlod.scene.vectors.length);
+  assert.equal((await state()).surface, 'inside'); // a solid boundary would hide them
+  const some = await part();
+  await page.locator('#vector-count').fill('500');
+  await until((was) => window.tetlod.scene.vectors[0].part.triangles.length < was, some);
+  await changesThePicture('streamlines', () => page.locator('#vectors').selectOption('streamlines'));
+  assert.equal(await page.locator('#vector-field').inputValue(), 'Velocity');
+  assert.ok((await page.locator('#export-part option').allInnerTexts()).includes('vectors 1'));
+  const link = await page.evaluate(() => window.tetlod.state);
+  assert.ok(link.vectors === 'streamlines' && link.vectorCount < 100);
+  await open('&vectors=arrows'); // the field comes after the first picture
+  await until(() => window.tetlod.scene.vectors.length);
+  await page.locator('#vectors').selectOption('off');
+  await until(() => !window.tetlod.scene.vectors.length);
+}
+
 async function isosurfaces_are_drawn() {
   await open('');
   await changesThePicture('an isosurface', () => page.locator('#add-isosurface').click());
@@ -691,7 +711,7 @@ async function nothing_was_complained_of() {
 }
 
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
-  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
+  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, vectors_are_drawn, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
   the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
   a_line_is_plotted, values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;
