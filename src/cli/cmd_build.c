@@ -16,6 +16,7 @@
 #include "src/cli/reading.h"
 #include "src/cli/series_input.h"
 #include "src/io/io.h"
+#include "src/mesh/displacement.h"
 #include "src/report/info_json.h"
 #include "src/util/array.h"
 #include "src/util/file.h"
@@ -523,6 +524,12 @@ static void say(const struct request *request, const struct io_report *read, con
     if (request->build.series)
         fprintf(stderr, "tetlod build: %" PRIu32 " steps in time, of which %" PRIu32 " drove; fields that are not controlled are those of the first step\n",
                 request->build.series->step_count, report->keys);
+    if (request->series.series.points_move)
+        fprintf(stderr, "tetlod build: the points move: '" DISPLACEMENT_FIELD "' says how far and drives as the other fields do; all errors are "
+                        "those at the same point of the body, proved on the mesh of the first step\n");
+    if (request->series.rounded)
+        fprintf(stderr, "tetlod build: %" PRIu64 " coordinates of points that move come back to the last place only, not bit for bit\n",
+                request->series.rounded);
     fprintf(stderr, "tetlod build: %s: %" PRIu32 " vertices, %" PRIu32 " tetrahedra in %" PRIu32 " levels\n",
             request->output, mesh->vertex_count, mesh->tet_count, report->levels);
 }
@@ -579,8 +586,8 @@ static const char *against_series(const struct request *request)
     return build->certify_all ? "--certify-all" : NULL;
 }
 
-static enum tetlod_status load_series(struct request *request, const struct io_report *read, const struct tetmesh *mesh,
-                                      const struct build_control *controls, uint32_t count, struct tetlod_error *error)
+static enum tetlod_status load_series(struct request *request, const struct io_report *read, struct tetmesh *mesh,
+                                      struct build_control *controls, uint32_t *count, struct tetlod_error *error)
 {
     const char *wrong = against_series(request);
     if (wrong)
@@ -599,7 +606,7 @@ static int build(struct request *request)
     struct tetlod_error error = {0};
     struct io_report read = {0};
     struct build_report report = {0};
-    struct build_control controls[2 * MOST_FIELDS]; // a magnitude brings its vector
+    struct build_control controls[2 * MOST_FIELDS + 1]; // a magnitude brings its vector; and how far points move
     uint32_t count;
     double started = clock_seconds(), read_seconds, write_seconds = 0;
     enum tetlod_status status = read_first(request, &mesh, &read, &error);
@@ -612,7 +619,7 @@ static int build(struct request *request)
     if (status == TETLOD_OK)
         status = build_regions_choose(&mesh, request->region, &request->build.regions, &inner);
     if (status == TETLOD_OK && is_series(request, &read))
-        status = load_series(request, &read, &mesh, controls, count, &inner);
+        status = load_series(request, &read, &mesh, controls, &count, &inner);
     if (status == TETLOD_OK)
         status = build_file(request, &mesh, controls, count, &report, &write_seconds, &inner);
     int result = EXIT_DONE;
