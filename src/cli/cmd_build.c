@@ -26,7 +26,8 @@ static const char help[] =
     "usage: tetlod build INPUT... [-o OUT.tetlod] [OPTIONS]\n"
     "\n"
     "Reads a mesh, contracts it and writes the stream of its levels: from a few tetrahedra to the original. A file with several\n"
-    "times, or several files, become a series: one mesh, with the --field values of every step.\n"
+    "times, or several files, become a series: one mesh, with the --field values of every step. Points may\n"
+    "move: how far becomes the field point_displacement, which drives as well.\n"
     "\n"
     "  -o, --output OUT        the stream to write (default: INPUT's name with .tetlod in this folder)\n"
     READING_HELP
