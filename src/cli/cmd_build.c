@@ -362,12 +362,6 @@ static enum tetlod_status choose_fields(const struct request *request, struct te
 
 /* ---- the build */
 
-static const char *base_name(const char *path)
-{
-    const char *slash = strrchr(path, '/');
-    return slash ? slash + 1 : path;
-}
-
 /* Provenance: what made the stream out of what. Machine and moment are left out, so that bytes repeat. */
 static char *make_metadata(const struct request *request, const struct tetmesh *mesh,
                            const struct build_control *controls, uint32_t count)
@@ -377,7 +371,7 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
     for (uint32_t i = 0; i < count && fields; i++)
         json_array_append_new(fields, json_string(mesh->fields[controls[i].field].name));
     object = json_pack("{s:s, s:s, s:{s:o, s:s, s:s, s:s, s:i, s:f, s:i, s:f, s:f, s:f}}", "program", "tetlod " TETLOD_VERSION_STRING,
-                       "input", base_name(request->input), "options", "field", fields, "metric",
+                       "input", cli_base_name(request->input), "options", "field", fields, "metric",
                        metric_names[build->metric], "certify", certify_names[build->certify], "contract", request->contract, "candidates", (int)build->candidates,
                        "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
                        build->boundary_angle, "domain_error", build->domain_error, "growth", build->growth);
@@ -703,7 +697,7 @@ static int run(int argc, char **argv)
     if (!request.build.threads)
         request.build.threads = parallel_cores();
     if (!request.output) {
-        const char *name = base_name(request.input), *dot = strrchr(name, '.');
+        const char *name = cli_base_name(request.input), *dot = strrchr(name, '.');
         snprintf(output, sizeof output, "%.*s.tetlod", (int)(dot && dot != name ? dot - name : (long)strlen(name)), name);
         request.output = output;
     }

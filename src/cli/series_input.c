@@ -125,12 +125,9 @@ static enum tetlod_status put_values(struct series_input *input, const struct po
     return written == count ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
 }
 
-/* The step's mesh becomes that of the first one. TETLOD_MORE: points move after all. */
+/* The step's mesh, which has the tetrahedra of the first one, gets its points. TETLOD_MORE: they move after all. */
 static enum tetlod_status settle(struct series_input *input, struct tetmesh *mesh, const struct tetmesh *first, struct tetlod_error *error)
 {
-    const char *obstacle = displacement_obstacle(mesh, first);
-    if (obstacle)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "%s", obstacle);
     if (input->series.points_move)
         return displacement_take(mesh, first, &input->rounded, error);
     input->series.points_move = displacement_moves(mesh, first);
@@ -160,6 +157,18 @@ static enum tetlod_status put_step(struct series_input *input, struct tetmesh *m
     return TETLOD_OK;
 }
 
+/* The steps before one whose tetrahedra are others are a series, and that one begins another. */
+static enum tetlod_status say_parts(const struct series_input *input, uint32_t step, const char *obstacle, struct tetlod_error *error)
+{
+    char stride[24] = "", end[24] = "";
+    if (input->stride > 1)
+        snprintf(stride, sizeof stride, ":%" PRIu64, input->stride);
+    if (input->end < UINT64_MAX)
+        snprintf(end, sizeof end, "%" PRIu64, input->end);
+    return tetlodi_fail(error, TETLOD_ERR_MESH, "%s; build each part by itself: --times %" PRIu64 ":%" PRIu64 "%s, then --times %" PRIu64 ":%s%s",
+                        obstacle, input->begin, series_input_number(input, step - 1), stride, series_input_number(input, step), end, stride);
+}
+
 static enum tetlod_status put_steps(struct series_input *input, const struct reading *reading, const struct tetmesh *first,
                                     const struct build_control *controls, uint32_t count, struct progress *progress, struct tetlod_error *error)
 {
@@ -173,14 +182,14 @@ static enum tetlod_status put_steps(struct series_input *input, const struct rea
         uint64_t number = series_input_number(input, s);
         TETLOD_TRY(series_input_read(input, number, reading, &mesh, &report, error));
         input->times[s] = report.steps ? report.time : (double)number;
-        enum tetlod_status status = put_step(input, &mesh, first, controls, count, &inner);
+        const char *obstacle = displacement_obstacle(&mesh, first);
+        enum tetlod_status status = obstacle ? say_parts(input, s, obstacle, &inner) : put_step(input, &mesh, first, controls, count, &inner);
         tetmesh_fini(&mesh);
         if (status == TETLOD_MORE)
             return status;
-        if (status != TETLOD_OK && input->path_count > 1)
-            return tetlodi_fail(error, status, "step %" PRIu64 ", %.90s: %.130s", number, input->paths[number], inner.message);
         if (status != TETLOD_OK)
-            return tetlodi_fail(error, status, "step %" PRIu64 ": %.160s; --time N builds one step", number, inner.message);
+            return tetlodi_fail(error, status, "step %" PRIu64 "%s%.60s: %.160s", number, input->path_count > 1 ? ", " : "",
+                                input->path_count > 1 ? cli_base_name(input->paths[number]) : "", inner.message);
         progress_update(progress, "read", (s + 1.0) / input->series.step_count);
     }
     return TETLOD_OK;

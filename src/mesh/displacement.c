@@ -18,7 +18,7 @@ const char *displacement_obstacle(const struct tetmesh *mesh, const struct tetme
     bool same = mesh->vertex_count == first->vertex_count && mesh->tet_count == first->tet_count;
     for (size_t t = 0; t < first->tet_count && same; t++)
         same = same_tet(mesh->corners + 4 * t, first->corners + 4 * t);
-    return same ? NULL : "its tetrahedra are others than those of the first step; a series keeps one mesh";
+    return same ? NULL : "its tetrahedra are others than those of the first step";
 }
 
 bool displacement_moves(const struct tetmesh *mesh, const struct tetmesh *first)
