@@ -110,7 +110,8 @@ WEB_STAMP := $(if $(PREBUILT),$(PREBUILT),build/web.stamp)
 WEB ?= 1
 # The codec and its geometry as WebAssembly, for the page and for clients of their own: package of ES modules in build/client
 WASM_CC ?= $(firstword $(foreach c,clang-14 clang,$(if $(shell command -v $(c)),$(c))) clang)
-WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O3 -ffp-contract=off \
+# as fast as -O3, measured, and a fifth smaller
+WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O2 -fno-unroll-loops -fno-vectorize -ffp-contract=off \
     -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS)
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
@@ -307,15 +308,18 @@ mutate: needs-check
 	@cd build && for t in $(if $(TARGET),fuzz_$(TARGET),$(filter-out fuzz_request,$(notdir $(FUZZ_SRC:.c=)))); do \
 	MUTATIONS=$(MUTATIONS) ASAN_OPTIONS=allocator_may_return_null=1 $(if $(filter command line,$(origin config)),$(config),asan)/tests/fuzz/$$t $(CURDIR)/tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
 
-## bench-server: stored bytes against nginx, levels that are not cached, memory; bench-opening: the first answers of ten million tetrahedra; bench-soak: a minute of mixed load; bench-hostile: a million hostile requests
-.PHONY: bench-server bench-opening bench-soak bench-hostile
-BENCHES += bench-server bench-opening bench-soak bench-hostile
+## bench-server: stored bytes against nginx, levels that are not cached, memory; bench-opening: the first answers of ten million tetrahedra; bench-pressure: slow readers, a hundred streams; bench-soak: a minute of mixed load; bench-hostile: a million hostile requests
+.PHONY: bench-server bench-opening bench-pressure bench-soak bench-hostile
+BENCHES += bench-server bench-opening bench-pressure bench-soak bench-hostile
 bench-server: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/server.py $(BINARY) 2 5
 bench-opening: needs
 	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/tile_stream
 	@python3 tests/bench/opening.py $(BINARY) $(B)/tests/bench/tile_stream
+bench-pressure: needs
+	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/tile_stream
+	@python3 tests/bench/pressure.py $(BINARY) $(B)/tests/bench/tile_stream
 bench-soak: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/soak.py $(BINARY) $(TIME)

@@ -45,13 +45,16 @@ bool etag_list_has(const char *list, const char *etag);
 /* If-Range: one strong entity tag. */
 bool etag_same(const char *header, const char *etag);
 
-enum coding { CODING_IDENTITY, CODING_GZIP, CODING_ZSTD, CODINGS };
+enum coding { CODING_IDENTITY, CODING_GZIP, CODING_ZSTD, CODING_BROTLI, CODINGS };
 
-/* "", "gzip", "zstd" */
+/* What answers that are made here can have; Brotli is for files that were compressed before. */
+enum { CODINGS_MADE = 1 << CODING_GZIP | 1 << CODING_ZSTD };
+
+/* "", "gzip", "zstd", "br" */
 const char *coding_name(enum coding coding);
 
-/* The coding of the highest q that Accept-Encoding allows; among equals zstd before gzip before identity. Without header
- * (NULL) and where nothing is allowed: identity. */
-enum coding coding_choose(const char *accept_encoding);
+/* The coding of the highest q that Accept-Encoding allows, of those in `have` (bits 1 << coding) and identity; among equals
+ * br before zstd before gzip before identity. Without header (NULL) and where nothing is allowed: identity. */
+enum coding coding_choose(const char *accept_encoding, unsigned have);
 
 #endif

@@ -32,6 +32,11 @@ async function viewer_shows_a_picture() {
   await page.goto(`${origin}view/fin`);
   await firstPicture(page);
   console.log(`# first picture after ${Date.now() - start} ms`);
+  const loaded = await page.evaluate(() => [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
+    .filter((e) => !new URL(e.name).pathname.startsWith('/v1/')).map((e) => [new URL(e.name).pathname, e.transferSize ? e.encodedBodySize : 0]));
+  const total = loaded.reduce((sum, [, size]) => sum + size, 0);
+  console.log(`# the page and what it loads by then: ${total} bytes: ${loaded.map((l) => l.join(' ')).join(', ')}`);
+  assert.ok(loaded.some(([path]) => path.endsWith('.wasm')) && total > 100e3 && total <= 230e3, `${total} bytes`);
   await settled(page);
   const { covered, colors } = await pictureFigures(page);
   assert.ok(covered > 0.1 && covered < 0.9, `covers ${covered} of the picture`);
@@ -166,7 +171,6 @@ async function what_is_loaded_is_small() {
   await all.waitForFunction(() => window.tetlod.scene.rays);
   await all.evaluate(() => window.tetlod.set({ volumeSize: 96 }));
   await all.waitForFunction(() => window.tetlod.scene.volume);
-  await all.evaluate(async () => (await fetch('/tetlod.wasm')).arrayBuffer()); // the worker's own request is not in the page's list
   const loaded = await all.evaluate(() => [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
     .filter((e) => !new URL(e.name).pathname.startsWith('/v1/')).map((e) => [new URL(e.name).pathname, e.encodedBodySize]));
   const total = loaded.reduce((sum, [, size]) => sum + size, 0);

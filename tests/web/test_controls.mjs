@@ -454,12 +454,28 @@ while at < len(png):
     at = end + 4
 print(json.dumps(texts))`;
 
+// What VTK reads in a file.
+const readVtp = `
+import json, sys, vtk
+reader = vtk.vtkXMLPolyDataReader()
+reader.SetFileName(sys.argv[1])
+reader.Update()
+data = reader.GetOutput()
+arrays = [data.GetPointData().GetArray(i) for i in range(data.GetPointData().GetNumberOfArrays())]
+notes = [data.GetFieldData().GetArray(i) for i in range(data.GetFieldData().GetNumberOfArrays())]
+print(json.dumps({'points': data.GetNumberOfPoints(), 'triangles': data.GetNumberOfPolys(), 'lines': data.GetNumberOfLines(), 'bounds': data.GetBounds(),
+                  'arrays': {a.GetName(): a.GetRange() for a in arrays}, 'notes': {a.GetName(): a.GetTuple1(0) for a in notes}}))`;
+
+const download = async (id) => {
+  const [file] = await Promise.all([page.waitForEvent('download'), page.locator(`#${id}`).click()]);
+  const path = await file.path();
+  return { name: file.suggestedFilename(), path, bytes: readFileSync(path) };
+};
+const vtpOf = ({ path }) => JSON.parse(execFileSync('/usr/bin/python3', ['-c', readVtp, path]));
+const near = (a, b) => Math.abs(a - b) <= 1e-5 * (1 + Math.abs(b));
+
 async function what_leaves_the_page() {
   await open('');
-  const download = async (id) => {
-    const [file] = await Promise.all([page.waitForEvent('download'), page.locator(`#${id}`).click()]);
-    return { name: file.suggestedFilename(), bytes: readFileSync(await file.path()) };
-  };
   const { level, tets } = await page.evaluate(() => window.tetlod.stream.info.levels[window.tetlod.level]);
   const mesh = await download('download');
   assert.equal(mesh.name, `fin-${level}.vtu`);
@@ -472,6 +488,39 @@ async function what_leaves_the_page() {
   assert.match(texts.Source, /view\/fin#.*error=0.05/);
   const { width, height } = await page.locator('#stage').boundingBox();
   assert.deepEqual([shot.bytes.readUInt32BE(16), shot.bytes.readUInt32BE(20)], [Math.round(width), Math.round(height)]);
+  await page.locator('#png-width').fill('900');
+  await page.locator('#png-height').fill('1100');
+  const before = await picture();
+  const large = await download('save-png');
+  assert.deepEqual([large.bytes.readUInt32BE(16), large.bytes.readUInt32BE(20)], [900, 1100]);
+  assert.ok(large.bytes.length > shot.bytes.length);
+  assert.equal(await picture(), before); // on the screen all is as it was
+}
+
+// Slices and isosurfaces as other programs read them, at their places in the mesh, with the values that colour them.
+async function surfaces_are_saved() {
+  await open('&slices=z@0.25&isosurfaces=0.4&surface=off');
+  assert.deepEqual(await page.locator('#export-part option').allInnerTexts(), ['slice 1', 'isosurface 1']);
+  const { bounds: [low, high], fields } = await infoOf();
+  const { level, bound } = await page.evaluate(() => ({ level: window.tetlod.level, bound: window.tetlod.stream.info.levels[window.tetlod.level].errors.Pressure.max }));
+  const slice = await download('export-vtp');
+  assert.equal(slice.name, `fin-${level}-slice-1.vtp`);
+  const { points, triangles, bounds, arrays, notes } = vtpOf(slice);
+  const z = low[2] + 0.25 * (high[2] - low[2]);
+  assert.ok(points > 50 && triangles > 50 && near(bounds[4], z) && near(bounds[5], z), `${bounds}`);
+  const [least, most] = fields.find(({ name }) => name === 'Pressure').range;
+  assert.ok(arrays.Pressure[0] >= least - 1e-4 && arrays.Pressure[1] <= most + 1e-4);
+  assert.ok(notes.level === level && near(notes['certified bound'], bound * (most - least)));
+  const rows = (await download('export-csv')).bytes.toString().trim().split('\n').map((row) => row.split(','));
+  assert.deepEqual([rows.length - 1, rows[0]], [points, ['x', 'y', 'z', 'Pressure']]);
+  for (const row of rows.slice(1).filter((_, i) => i % 40 === 0)) {
+    const [x, y, zOf, value] = row.map(Number);
+    const found = await page.evaluate(async (point) => (await window.tetlod.stream.probe(point)).values.Pressure[0], [x, y, zOf]);
+    assert.ok(Math.abs(found - value) < 1e-3 * (most - least), `${value}, ${found} there`);
+  }
+  await page.locator('#export-part').selectOption('isosurface 1');
+  const iso = vtpOf(await download('export-vtp'));
+  assert.ok(iso.triangles > 10 && iso.arrays.Pressure.every((value) => near(value, least + 0.4 * (most - least))), `${iso.arrays.Pressure}`);
 }
 
 async function the_whole_screen_and_the_panel() {
@@ -529,10 +578,11 @@ async function a_line_is_plotted() {
   await page.locator('#line').check();
   await page.locator('#line-drawing .band').waitFor();
   assert.match(await page.locator('#line-words').innerText(), /^Pressure ± [\d.]+ \([\d.]+\u202f%, certified\), length [\d.]+$/);
-  const [download] = await Promise.all([page.waitForEvent('download'), page.locator('#line-csv').click()]);
-  const rows = readFileSync(await download.path(), 'utf8').trim().split('\n').map((row) => row.split(','));
+  const rows = (await download('line-csv')).bytes.toString().trim().split('\n').map((row) => row.split(','));
   assert.deepEqual(rows.shift(), ['distance', 'x', 'y', 'z', 'Pressure', 'at least', 'at most']);
   assert.ok(rows.length > 20);
+  const vtp = vtpOf(await download('line-vtp'));
+  assert.deepEqual([vtp.points, vtp.lines, Object.keys(vtp.arrays)], [rows.length, rows.length / 2, ['Pressure', 'distance', 'at least', 'at most']]);
   const bound = await page.evaluate(() => {
     const { stream, level } = window.tetlod;
     const { range } = stream.info.fields.find((f) => f.name === 'Pressure');
@@ -642,7 +692,7 @@ async function nothing_was_complained_of() {
 
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
   ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
-  the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
+  the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
   a_line_is_plotted, values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;
 await run(ONLY ? tests.filter((test) => test.name.includes(ONLY)) : tests);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The page's modules that need no browser: the state and its fragment, levels, geometry, numbers.
 import assert from 'node:assert/strict';
+import { createRequire } from 'node:module';
 import { join } from 'node:path';
 import { pathToFileURL } from 'node:url';
 import { run } from './tap.mjs';
@@ -26,6 +27,20 @@ function a_state_survives_its_fragment() {
   };
   for (const key of Object.keys(defaults)) assert.notDeepEqual(state[key], defaults[key], `${key} is not tested`);
   assert.deepEqual(fromFragment(toFragment(state)), state);
+}
+
+// Colours at equal distances stand for what they were taken from, which does not always round.
+function maps_are_those_they_are_named_after() {
+  const require = createRequire(join(process.env.ROOT ?? '.', 'server/web/package.json'));
+  const original = require('d3-scale-chromatic');
+  const turned = (at) => (t) => at(1 - t);
+  const known = { viridis: original.interpolateViridis, cividis: original.interpolateCividis, inferno: original.interpolateInferno, magma: original.interpolateMagma,
+    plasma: original.interpolatePlasma, turbo: original.interpolateTurbo, blueRed: turned(original.interpolateRdBu), orangePurple: original.interpolatePuOr, grey: turned(original.interpolateGreys) };
+  assert.deepEqual(mapNames.map(([map]) => map).filter((map) => map !== 'coolWarm'), Object.keys(known));
+  const channels = (css) => (css[0] === '#' ? [1, 3, 5].map((i) => parseInt(css.slice(i, i + 2), 16)) : css.match(/\d+/g).map(Number));
+  for (const [map, at] of Object.entries(known))
+    colorTable(map, false, 65).forEach((color, i) => channels(at(i / 64)).forEach((c, k) =>
+      assert.ok(Math.abs(c - color[k]) <= 2, `${map} at ${i}: ${color}, not ${at(i / 64)}`)));
 }
 
 // The same map as a preset of ParaView, as lines, and with places that are not even.
@@ -208,6 +223,6 @@ function numbers_as_people_read_them() {
   assert.deepEqual(ticks(3, 3, 5), [3]);
 }
 
-await run([a_state_survives_its_fragment, maps_from_files, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
+await run([a_state_survives_its_fragment, maps_are_those_they_are_named_after, maps_from_files, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
   polygons_end_at_the_window, the_nearest_triangle_is_picked, lines_of_the_far_walls,
   lines_are_seen_on_every_colour, numbers_as_people_read_them]);

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The picture: vtk.js's window, camera and the layers that the worker's pictures fill.
 
-import '@kitware/vtk.js/Rendering/OpenGL/Profiles/Geometry.js';
+// what a picture of triangles and lines takes: vtk.js's own profile brings axes, scalar bars and skyboxes along
+import '@kitware/vtk.js/Rendering/OpenGL/Actor.js';
+import '@kitware/vtk.js/Rendering/OpenGL/Camera.js';
+import '@kitware/vtk.js/Rendering/OpenGL/PolyDataMapper.js';
+import '@kitware/vtk.js/Rendering/OpenGL/Renderer.js';
 import vtkInteractorStyle from '@kitware/vtk.js/Interaction/Style/InteractorStyleTrackballCamera.js';
 import vtkPolyData from '@kitware/vtk.js/Common/DataModel/PolyData.js';
 import vtkColorTransferFunction from '@kitware/vtk.js/Rendering/Core/ColorTransferFunction.js';
@@ -434,10 +438,14 @@ export class Scene extends EventTarget {
     return nearest && { value: nearest.value, point: add(nearest.point, this.offset) };
   }
 
-  // A PNG's pixels of the next frame, without what is drawn over it.
-  async capture() {
+  // A PNG's pixels of the next frame, without what is drawn over it. `size`: [width, height], if not as on the screen.
+  async capture(size = null) {
     const image = new Image();
-    const [shot] = await Promise.all(this.window.captureImages());
+    const camera = this.renderer.getActiveCamera();
+    const across = camera.getUseHorizontalViewAngle();
+    if (size) camera.setUseHorizontalViewAngle(size[0] < size[1]);
+    const [shot] = await Promise.all(this.window.captureImages('image/png', { size }));
+    camera.setUseHorizontalViewAngle(across);
     image.src = shot;
     await image.decode();
     return image;

@@ -50,7 +50,7 @@ export class Viewer extends EventTarget {
     this.store = new Store(fromFragment(fragment));
     this.#pictured = new Promise((resolve) => { this.#tellPictured = resolve; });
     this.recolor = coalesced(() => this.recolorNow());
-    this.drawBar = coalesced(() => this.#drawBar());
+    this.drawBar = coalesced(() => this.drawBarNow());
     this.show = coalesced(() => this.#show());
     this.refine = coalesced(() => this.#refine());
   }
@@ -246,7 +246,7 @@ export class Viewer extends EventTarget {
     return mapOf(this.store.state, this.dataRange());
   }
 
-  #drawBar() {
+  drawBarNow() {
     const { reversed, log, isosurfaces } = this.store.state;
     const [low, high] = this.colorRange();
     const [least, most] = this.dataRange();

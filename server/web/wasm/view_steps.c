@@ -86,7 +86,30 @@ static enum tetlod_status take_values(struct view *view)
     return take_points(view);
 }
 
-uint32_t view_step(struct view *view, uint32_t band, uint32_t step)
+/* What is connected to what, in the boundary and for rays. */
+struct connections {
+    bool boundary, lines, rays;
+    uint32_t level;
+};
+
+/* Of the step that is shown; none, where values say which tetrahedra are drawn. */
+static struct connections connections_of(const struct view *view)
+{
+    bool hold = view->step_values && !view->filters;
+    return (struct connections){hold && view->has_boundary, hold && view->has_lines, hold && view->has_rays, view->mesh.level};
+}
+
+/* They are those of another step of the same level, too. */
+static void keep_connections(struct view *view, const struct connections *before)
+{
+    if (view->mesh.level != before->level)
+        return;
+    view->has_boundary = before->boundary;
+    view->has_lines = before->lines;
+    view->has_rays = before->rays;
+}
+
+static uint32_t go_to_step(struct view *view, uint32_t band, uint32_t step)
 {
     enum tetlod_status status = tetlod_seek_step(view->series, view->cursor, band, step, &view->error);
     if (status == TETLOD_OK)
@@ -98,12 +121,22 @@ uint32_t view_step(struct view *view, uint32_t band, uint32_t step)
     return status == TETLOD_OK ? arrived : status;
 }
 
+uint32_t view_step(struct view *view, uint32_t band, uint32_t step)
+{
+    const struct connections before = connections_of(view);
+    TETLOD_TRY(go_to_step(view, band, step));
+    keep_connections(view, &before);
+    return TETLOD_OK;
+}
+
 uint32_t view_step_move(struct view *view, uint32_t band, uint32_t step)
 {
+    const struct connections before = connections_of(view);
     TETLOD_TRY(view_rest(view));
     TETLOD_TRY(view_make_room(view));
     view_copy(view, &view->from);
-    TETLOD_TRY(view_step(view, band, step));
+    TETLOD_TRY(go_to_step(view, band, step));
     view_start_move(view);
+    keep_connections(view, &before);
     return TETLOD_OK;
 }
