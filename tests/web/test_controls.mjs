@@ -438,6 +438,34 @@ async function the_camera_and_the_background() {
   assert.equal(await page.evaluate(() => document.getElementById('error-percent').value), '1');
 }
 
+async function a_second_view_turns_along() {
+  await open('');
+  await page.locator('#second').check();
+  await page.locator('iframe').waitFor();
+  const inFrame = (act, argument) => page.frame('tetlod-second').waitForFunction(act, argument);
+  await inFrame(() => window.tetlod?.settled && window.tetlod.state.error === 0.05);
+  const together = () => until(() => {
+    const beside = document.querySelector('iframe').contentWindow.tetlod;
+    return beside && beside.scene.camera().join() === window.tetlod.scene.camera().join();
+  });
+  await together();
+  const before = await page.evaluate(() => window.tetlod.scene.camera().join());
+  await page.locator('#picture').focus();
+  await page.keyboard.press('ArrowLeft');
+  await until((was) => window.tetlod.scene.camera().join() !== was, before);
+  await together();
+  await page.frame('tetlod-second').evaluate(() => window.tetlod.scene.look('+x'));
+  await until(() => Math.abs(window.tetlod.scene.axes().towards[0]) > 0.999);
+  await together();
+  await page.frame('tetlod-second').evaluate(() => window.tetlod.set({ field: 'Density' }));
+  await until(() => /second=[^&]*field%3DDensity/.test(location.hash));
+  assert.equal((await state()).field, 'Pressure');
+  assert.equal(await page.frame('tetlod-second').locator('#second-row').isHidden(), true);
+  await page.locator('#second').uncheck();
+  assert.equal(await page.locator('iframe').count(), 0);
+  assert.ok((await state()).second === null);
+}
+
 async function a_link_shows_the_same() {
   await open('&field=Velocity&component=1&range=manual&low=-1&high=2&map=magma&reversed=1&surface=glass&edges=1&slices=x@0.3;0.6,0,0.8@0.5'
     + '&isosurfaces=0.3&isosurfaceField=Pressure&isosurfaceOpacity=0.5&clip=z@0.8&background=black&parallel=1');
@@ -712,7 +740,7 @@ async function nothing_was_complained_of() {
 
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
   ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, vectors_are_drawn, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
-  the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
+  the_camera_and_the_background, a_second_view_turns_along, a_link_shows_the_same, what_leaves_the_page, surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
   a_line_is_plotted, values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;
 await run(ONLY ? tests.filter((test) => test.name.includes(ONLY)) : tests);

@@ -48,6 +48,7 @@ export const defaults = Object.freeze({
   axes: true, // with numbers
   parallel: false,
   smooth: true, // levels pass into one another
+  second: null, // what a second view beside this one shows: its part of a link
   camera: null, // position, focal point and view up as nine numbers; a tenth is the height of a parallel projection
 });
 
@@ -125,6 +126,7 @@ const codecs = {
   axes: flag,
   parallel: flag,
   smooth: flag,
+  second: text,
   camera: {
     read: (t) => (isCamera(numbers(t)) ? numbers(t) : undefined),
     write: (c) => c.map(round).join(','),
