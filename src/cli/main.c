@@ -70,8 +70,8 @@ static int run(int argc, char **argv)
 int main(int argc, char **argv)
 {
     int result = run(argc, argv);
-    if (fflush(stdout) != 0 && result == EXIT_DONE) {
-        perror("tetlod: cannot write to standard output");
+    if ((fflush(stdout) != 0 || ferror(stdout)) && result == EXIT_DONE) {
+        fprintf(stderr, "tetlod: cannot write to standard output\n");
         return EXIT_FAILED;
     }
     return result;
