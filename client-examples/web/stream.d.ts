@@ -61,6 +61,8 @@ export interface Series {
   bands: { error: number; level: number }[];
   /** The fields that have steps. */
   fields: { name: string; range: [number, number] }[];
+  /** The field that moves the points; null: they keep their places. */
+  displacement: string | null;
 }
 
 export interface Step {

@@ -87,9 +87,7 @@ static enum tetlod_status read_points(struct foam *f)
     if (status == TETLOD_OK)
         status = foam_scalars(&file, 3, &positions, &f->points);
     if (status == TETLOD_OK)
-        status = assemble_points(&f->block->mesh, f->points, type, f->error);
-    if (status == TETLOD_OK && f->points)
-        memcpy(f->block->mesh.positions, positions, (size_t)f->points * 3 * sizeof *positions);
+        status = assemble_points_of(&f->block->mesh, f->points, &positions, type, f->error);
     free(positions);
     foam_close(&file);
     return status;
@@ -315,8 +313,9 @@ static enum tetlod_status read_field(struct foam *f, const char *path, const cha
     TETLOD_TRY_DONE(internal_values(&file, width, rows, &values));
     TETLOD_TRY_DONE(cell ? assemble_cell_field(mesh, name, width, type, rows, f->error) : assemble_field(mesh, name, width, type, f->error));
     struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
-    if (rows)
-        memcpy(field->values, values, (size_t)rows * width * sizeof *values);
+    free(field->values);
+    field->values = values;
+    values = NULL;
 done:
     free(values);
     foam_close(&file);
@@ -382,6 +381,19 @@ static enum tetlod_status read_time(struct foam *f)
     return status;
 }
 
+static void free_faces(struct foam *f)
+{
+    free(f->offsets);
+    free(f->corners);
+    free(f->owner);
+    free(f->neighbour);
+    free(f->cell_offsets);
+    free(f->cell_faces);
+    f->offsets = f->corners = f->owner = f->neighbour = NULL;
+    f->cell_offsets = NULL;
+    f->cell_faces = NULL;
+}
+
 enum tetlod_status foam_read(struct blocks *out, const struct io_input *input, struct io_report *report,
                              struct tetlod_error *error)
 {
@@ -394,13 +406,9 @@ enum tetlod_status foam_read(struct blocks *out, const struct io_input *input, s
     TETLOD_TRY_DONE(read_faces(&f));
     TETLOD_TRY_DONE(gather_faces(&f));
     TETLOD_TRY_DONE(add_cells(&f));
+    free_faces(&f);
     status = read_time(&f);
 done:
-    free(f.offsets);
-    free(f.corners);
-    free(f.owner);
-    free(f.neighbour);
-    free(f.cell_offsets);
-    free(f.cell_faces);
+    free_faces(&f);
     return status;
 }

@@ -24,6 +24,7 @@ struct legacy {
     enum attributes attributes;
     uint64_t tuples;
     int major_version;
+    bool has_types; /* of cells */
     int64_t dims[3];
     double origin[3], spacing[3];
     double *coordinates[3]; /* owned: of a rectilinear grid */
@@ -257,7 +258,7 @@ static enum tetlod_status on_cell_types(struct legacy *l, struct text line)
     int64_t count, type;
     struct cells *cells = &l->block->cells;
     TETLOD_TRY(take_count(l, &line, &count));
-    if ((uint64_t)count != cells->count || cells->types)
+    if ((uint64_t)count != cells->count || l->has_types)
         return fail(l, "CELL_TYPES: their number is not the number of cells");
     TETLOD_TRY(vtk_check_count(&l->stream, VALUE_INT32, (uint64_t)count, l->error));
     cells->types = array_new((size_t)count, 1);
@@ -267,6 +268,8 @@ static enum tetlod_status on_cell_types(struct legacy *l, struct text line)
         TETLOD_TRY(vtk_ints(&l->stream, VALUE_INT32, 1, &type, l->error));
         cells->types[c] = (unsigned char)(type < 0 || type > 255 ? 255 : type);
     }
+    cells_drop_types(cells);
+    l->has_types = true;
     return TETLOD_OK;
 }
 
@@ -568,7 +571,7 @@ static enum tetlod_status finish_cells(struct legacy *l)
 {
     if (l->dataset != UNSTRUCTURED_GRID)
         return set_dims(l);
-    if (!l->block->cells.types && l->block->cells.count)
+    if (!l->has_types && l->block->cells.count)
         return tetlodi_fail(l->error, TETLOD_ERR_MESH, "CELL_TYPES are missing; is the file truncated?");
     return TETLOD_OK;
 }
@@ -619,7 +622,7 @@ enum tetlod_status vtk_read(struct blocks *out, const struct io_input *input, st
     TETLOD_TRY(blocks_add(out, &block, error));
     struct tetmesh *mesh = &block->mesh;
     const char *begin = (const char *)input->bytes;
-    struct legacy l = {.stream = {begin, {begin, begin + input->size}, false},
+    struct legacy l = {.stream = {begin, {begin, begin + input->size}, false, input->view},
                        .mesh = mesh,
                        .block = block,
                        .report = report,

@@ -37,7 +37,7 @@ export class Engine {
   #bells = [];        // of loops that wait
   #turn = new MessageChannel(); // lets messages in between two pieces of work
   #base = null;       // #info while levels are shown; of steps it has other ranges and errors
-  #series = null;     // {group, times, bands, fields}, a promise of it until then
+  #series = null;     // {group, times, bands, fields, displacement}, a promise of it until then
   #groups = null;     // of its steps
   #time = null;       // {band, step, blend}: the step that is wanted; null: a level
   #at = null;         // {band, step}: the step that is shown
@@ -237,10 +237,10 @@ export class Engine {
     return series;
   }
 
-  // Of the fields that are decoded, each by an address of its own, which caches keep.
-  #readGroup({ fields, group: size }, band, group) {
+  // Of the fields that are decoded, and the one that moves the points, each by an address of its own, which caches keep.
+  #readGroup({ fields, group: size, displacement }, band, group) {
     const wanted = fields.map(({ name }, i) => ({ name, ...this.#view.span(i, band, group * size) }))
-      .filter(({ name }) => !this.#fields || this.#fields.some((f) => this.#base.fields[f].name === name));
+      .filter(({ name }) => !this.#fields || name === displacement || this.#fields.some((f) => this.#base.fields[f].name === name));
     const addressOf = (name) => (routes) =>
       canList([name]) && routes.group?.replace('{band}', band).replace('{group}', group).concat('?', query({ fields: name }));
     return Promise.all(wanted.map(async ({ name, offset, size: length }) =>
