@@ -412,10 +412,7 @@ static enum tetlod_status build_file(struct request *request, const struct tetme
         progress_end(&request->progress);
         if (status == TETLOD_OK && request->for_mail)
             status = mail_write(&whole, request->mail_error, &file, error);
-        if (status == TETLOD_OK)
-            status = file_output_commit(output, error);
-        else
-            file_output_abort(output);
+        status = file_output_finish(output, status, error);
         *write_seconds = clock_seconds() - encoded;
     }
     tetlodi_buffer_fini(&whole);
