@@ -100,8 +100,16 @@ export function isosurfacesOf(info, state) {
   return { field: field.name, component: field.components === 1 ? 0 : 'magnitude', colored: false };
 }
 
+// Fields that arrows and streamlines can be of, and the one that is chosen.
+export const vectorFields = (info) => info.fields.filter(({ components }) => components === 3).map(({ name }) => name);
+export function vectorsOf(info, { vectors, vectorField, field }) {
+  const able = vectorFields(info);
+  return vectors === 'off' ? null : [vectorField, field].find((name) => able.includes(name)) ?? able[0] ?? null;
+}
+
 // Names of the fields that the picture needs.
-export const shownFields = (info, state) => [...new Set([state.field, ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : [])])];
+export const shownFields = (info, state) => [...new Set([
+  state.field, ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : []), vectorsOf(info, state) ?? state.field])];
 
 export function titleOf(info, state) {
   const component = componentOf(info, state);

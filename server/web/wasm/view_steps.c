@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Steps in time: bytes from behind the levels, and a mesh whose values are those of a step. */
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/fail.h"
 #include "server/web/wasm/view.h"
@@ -45,6 +46,27 @@ const double *view_span(struct view *view, uint32_t field, uint32_t band, uint32
     return view->span;
 }
 
+void view_leave_step(struct view *view)
+{
+    free(view->step_values);
+    free(view->step_points);
+    view->step_values = NULL;
+    view->step_points = NULL;
+}
+
+/* Where the points are at the step, if they move. The cursor's mesh is at hand. */
+static enum tetlod_status take_points(struct view *view)
+{
+    size_t count = 3 * (size_t)view->mesh.vertices;
+    if (tetlod_series_info(view->series)->displacement == TETLOD_NONE)
+        return TETLOD_OK;
+    view->step_points = array_new(count, sizeof *view->step_points);
+    if (!view->step_points)
+        return tetlodi_fail_nomem(&view->error, "the points", count * sizeof *view->step_points);
+    memcpy(view->step_points, view->mesh.positions, count * sizeof *view->step_points);
+    return tetlod_step_move(view->series, view->step_points, &view->error);
+}
+
 /* Fields without steps keep the values of the first one. */
 static enum tetlod_status take_values(struct view *view)
 {
@@ -57,11 +79,11 @@ static enum tetlod_status take_values(struct view *view)
     for (uint32_t f = 0; f < count; f++)
         values[f] = view->mesh.fields[f];
     for (uint32_t f = 0; f < info->field_count; f++)
-        if (tetlod_step_values(view->series, f))
+        if (tetlod_step_values(view->series, f) && values[info->fields[f]]) // where points move, they are decoded without being asked for
             values[info->fields[f]] = tetlod_step_values(view->series, f);
-    free(view->step_values);
+    view_leave_step(view);
     view->step_values = values;
-    return TETLOD_OK;
+    return take_points(view);
 }
 
 /* What is connected to what, in the boundary and for rays. */
@@ -92,10 +114,8 @@ static uint32_t go_to_step(struct view *view, uint32_t band, uint32_t step)
     enum tetlod_status status = tetlod_seek_step(view->series, view->cursor, band, step, &view->error);
     if (status == TETLOD_OK)
         status = take_values(view);
-    if (status != TETLOD_OK) {
-        free(view->step_values);
-        view->step_values = NULL;
-    }
+    if (status != TETLOD_OK)
+        view_leave_step(view);
     view->moving = false;
     enum tetlod_status arrived = view_arrive(view);
     return status == TETLOD_OK ? arrived : status;
