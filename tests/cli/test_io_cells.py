@@ -109,6 +109,33 @@ def old_header_case(version):
     return compare(mesh, converted(path('in.vtk')))
 
 
+def blanked_case(extension, point):
+    """A grid of 27 cells without those about a point, or without one cell, as VTK sees it."""
+    grid, at = vtk.vtkStructuredGrid(), vtk.vtkPoints()
+    for n in range(64):
+        at.InsertNextPoint(n % 4, n // 4 % 4, n // 16)
+    grid.SetDimensions(4, 4, 4)
+    grid.SetPoints(at)
+    heat = vtk.vtkDoubleArray()
+    heat.SetName('heat')
+    heat.SetNumberOfValues(64)
+    heat.Fill(1)
+    grid.GetPointData().AddArray(heat)
+    if point:
+        grid.BlankPoint(42)
+    else:
+        grid.BlankCell(13)
+    writer = vtk.vtkXMLStructuredGridWriter() if extension == '.vts' else vtk.vtkStructuredGridWriter()
+    writer.SetInputData(grid)
+    writer.SetFileName(path('in' + extension))
+    assert writer.Write()
+    p, t, f, c = converted(path('in' + extension))
+    seen = [n for n in range(27) if grid.IsCellVisible(n)]
+    found = np.unique(np.floor(p[t].mean(axis=1)).astype(int) @ [1, 3, 9])
+    good = np.isclose(volumes(p, t).sum(), len(seen)) and np.array_equal(found, seen) and list(f) == ['heat'] and not c
+    return None if good else '%s, not %s; %s %s' % (found, seen, list(f), list(c))
+
+
 def main():
     all_kinds = set(NAMES.values())
     formats = [line.split()[:2] for line in tetlod('formats').stdout.decode().splitlines()]
@@ -119,6 +146,9 @@ def main():
             case('%s: cells of the %s order' % (name, 'second' if quadratic else 'first'), cells_case, extension, writer, quadratic, kinds)
     for extension in '.vtpd', '.vtpc':
         case('partitions as %s' % extension, partitions_case, extension)
+    for extension in '.vts', '.vtk':
+        for point in False, True:
+            case('a blanked %s, %s' % ('point' if point else 'cell', extension), blanked_case, extension, point)
     for version in b'1.0', b'2.0':
         case('legacy VTK %s' % version.decode(), old_header_case, version)
     finish()
