@@ -75,7 +75,7 @@ def few_keys_case():
             break
         if done.returncode != 1 or b'memory' not in done.stderr:
             return done
-    drove = int(re.search(r'of which (\d+) drove', done.stderr.decode()).group(1))
+    drove = int(re.search(r'of which (\d+) limit the contraction', done.stderr.decode()).group(1))
     if not 16 <= drove < STEPS:
         return 'drove: %d of %d at %d kB' % (drove, STEPS, kilobytes)
     must('verify', path('keys.tetlod'), '--against', path('wake.pvd'))
