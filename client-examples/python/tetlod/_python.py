@@ -42,7 +42,7 @@ class PythonDecoder:
     def seek_step(self, band: int, step: int) -> Tuple[Any, Any, Dict[str, Any]]:
         with collector_paused():
             cursor, values = self._series.seek(band, step)
-        return cursor.positions, cursor.tets, values
+        return self._series.points(), cursor.tets, values
 
     def step_error(self, field: int, band: int, step: int) -> float:
         return float(self._series.error(band, step, field))

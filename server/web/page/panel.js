@@ -6,6 +6,7 @@ import { Compass } from './compass.js';
 import { mapNames } from './colors.js';
 import { Controls } from './controls.js';
 import { byId, coalesced, pause } from './dom.js';
+import { bindExports, pictureSize } from './exports.js';
 import { Handles } from './handles.js';
 import { bindKeys, listKeys } from './keys.js';
 import { defaultTets, errorOf, fieldOf, levelForError, memoryOf, promiseOf, shownMeasure, targetFieldOf, titleOf, wantedLevel } from './levels.js';
@@ -16,6 +17,7 @@ import { id, name, source, viewer } from './opened.js';
 import { Pins } from './pins.js';
 import { Player } from './player.js';
 import { Probe } from './probe.js';
+import { bindSecondView } from './second_view.js';
 import { copyLink, saveFile, savePicture } from './share.js';
 import { switchTheme, themes } from './theme.js';
 
@@ -179,19 +181,25 @@ function togglePanel() {
 
 const toggleFullScreen = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen?.());
 const cycle = (values, now) => values[(values.indexOf(now) + 1) % values.length];
-const save = () => savePicture(viewer.scene, `${name}-${viewer.level}`, {
+const textsOfPicture = () => ({
   Title: name,
   Description: `${titleOf(viewer.info, viewer.coloredState)}, level ${viewer.level} of ${viewer.info.levels.length - 1}: ${promiseOf(viewer.info, viewer.level)}; content ${viewer.info.cid}`,
   Source: new URL(location.pathname + location.search + viewer.fragment, location).href,
   Software: 'tetlod',
 });
+const drawOver = () => {
+  viewer.drawBarNow();
+  compass.draw(viewer.scene.axes());
+};
+const save = () => savePicture(viewer.scene, `${name}-${viewer.level}`, { size: pictureSize(), texts: textsOfPicture(), redraw: drawOver });
+const saveAs = (ending, blob) => saveFile(`${name}-${viewer.level}-${ending}`, blob);
 const inPicture = (act) => (event) => (document.activeElement === byId('picture') ? act(event) : false);
 
 function bindActions() {
   const { scene } = viewer;
   const help = byId('help');
   listKeys();
-  for (const [id, act] of [['screenshot', save], ['stop', stop], ['copy-link', copyLink], ['fullscreen', toggleFullScreen], ['theme', switchTheme],
+  for (const [id, act] of [['screenshot', save], ['save-png', save], ['stop', stop], ['copy-link', copyLink], ['fullscreen', toggleFullScreen], ['theme', switchTheme],
     ['panel-toggle', togglePanel], ['help-open', () => help.showModal()], ['help-close', () => help.close()]])
     byId(id).addEventListener('click', act);
   const toggleSlice = (axis) => () => {
@@ -244,7 +252,7 @@ export async function openPanel() {
   compass = new Compass(byId('compass'), look);
   axes = new Axes(byId('handles'), scene, info.bounds);
   handles = new Handles(byId('handles'), scene, planes);
-  line = new LinePlot(viewer, byId('handles'), (kind, blob) => saveFile(`${name}-${viewer.level}.${kind}`, blob));
+  line = new LinePlot(viewer, byId('handles'), saveAs);
   pins = new Pins(viewer, byId('handles'), () => probe.at);
   probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, viewer.coloredState));
   watchScene();
@@ -263,12 +271,15 @@ export async function openPanel() {
   const offerSteps = () => { player ??= new Player(viewer, byId('stage')); };
   viewer.addEventListener('series', offerSteps);
   if (viewer.series) offerSteps();
+  bindExports(viewer, saveAs);
+  bindSecondView(viewer, typeof source === 'string');
   countFrames();
   tellShown();
   byId('download').hidden = !id;
   byId('controls').inert = false;
-  // what tests look at
+  // what tests and a second view look at
   window.tetlod = {
+    viewer,
     stream: viewer.stream,
     get state() { return store.state; },
     set: (patch) => store.set(patch),
