@@ -1,12 +1,13 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """A series in time: `build` of a PVD file or of several files, `extract --time`, `info`, `verify --against`."""
+import json
 import os
 import re
 
 import numpy as np
 
-from common import case, fails, finish, info, must, path, read_grid, read_vtu, report, succeeds, tetlod
+from common import CONFIG, case, fails, finish, info, must, path, read_grid, read_vtu, report, succeeds, tetlod
 
 STEPS = 20
 
@@ -80,6 +81,22 @@ def few_keys_case():
         return 'drove: %d of %d at %d kB' % (drove, STEPS, kilobytes)
     must('verify', path('keys.tetlod'), '--against', path('wake.pvd'))
     return None
+
+
+def memory_case():
+    """Ten times as many steps take no more memory, but for pages of the temporary files."""
+    if CONFIG != 'release':
+        return None
+    must('sample', 'wake', '--size', '4', '--steps', '200', '-o', path('many.pvd'))
+    build = ['build', path('many.pvd'), '--field', 'Velocity', '--carry', 'Velocity', '--bands', '5%,1%', '-o', path('many.tetlod'), '--json', '--quiet']
+    room = '%dM' % (int(re.search(r'needs about (\d+) MB', tetlod(*build, '--memory', '1M').stderr.decode()).group(1)) + 1)
+    peaks = []
+    for times in ('0:19', ':'):
+        peak = json.loads(must(*build, '--memory', room, '--times', times).stdout)['peak_memory']
+        steps = info(path('many.tetlod'))['series']['steps']
+        mapped = os.path.getsize(path('many.tetlod')) + steps * 12 * info(path('many.tetlod'))['vertices']
+        peaks.append((peak - mapped) / 2 ** 20)
+    return None if peaks[1] - peaks[0] < 1 and max(peaks) < 1.1 * int(room[:-1]) + 0.5 else (peaks, room)
 
 
 def files_case():
@@ -195,6 +212,7 @@ case('steps within an error', within_case)
 case('a step by time, and by an error in units', chosen_case)
 case('info', info_case)
 case('steps that do not drive', few_keys_case)
+case('memory is bounded, whatever the number of steps', memory_case)
 case('several files, and some steps', files_case)
 case('points that move, float32', moving_case, np.float32)
 case('points that move, float64', moving_case, np.float64)
