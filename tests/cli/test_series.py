@@ -96,7 +96,7 @@ def memory_case():
         steps = info(path('many.tetlod'))['series']['steps']
         mapped = os.path.getsize(path('many.tetlod')) + steps * 12 * info(path('many.tetlod'))['vertices']
         peaks.append((peak - mapped) / 2 ** 20)
-    return None if peaks[1] - peaks[0] < 1 and max(peaks) < 1.1 * int(room[:-1]) + 0.5 else (peaks, room)
+    return None if peaks[1] - peaks[0] < 2 and max(peaks) < 1.1 * int(room[:-1]) + 0.5 else (peaks, room)
 
 
 def files_case():
