@@ -174,7 +174,7 @@ $(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC) $(WEB_DIR)/inline.
 	@rm -rf $(@D) && mkdir -p $(@D)
 	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/worker.js
 	$(Q)cd $(WEB_DIR) && node_modules/.bin/esbuild page/element.js --bundle --splitting --minify --format=esm --target=es2022 --legal-comments=none --external:./inline.js --chunk-names=element-[hash] --log-level=warning --outdir=$(abspath $(@D))
-	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js steps.js),$(CLIENT_SRC)) LICENSE $(@D)
+	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js steps.js vectors.js),$(CLIENT_SRC)) LICENSE $(@D)
 	$(Q)node $(WEB_DIR)/inline.mjs $(@D)/worker.js $(WASM) $(@D)/inline.js
 
 build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)

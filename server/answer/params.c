@@ -103,6 +103,21 @@ enum query_result query_value(const char *text, const char *name, char *out, siz
     return result;
 }
 
+bool query_begins_with(const char *text, const char *name)
+{
+    struct pair pair;
+    char decoded[NAME_CAPACITY];
+    return next_pair(&text, &pair) && percent_decode(pair.name, pair.name_size, decoded, sizeof decoded) && strcmp(decoded, name) == 0;
+}
+
+size_t list_begins_with(const char *list, const char *name)
+{
+    size_t size = strlen(name);
+    if (strncmp(list, name, size) != 0 || (list[size] && list[size] != ','))
+        return 0;
+    return size + (list[size] == ',');
+}
+
 bool query_unknown(const char *text, const char *const *names, char *out, size_t capacity)
 {
     struct pair pair;

@@ -21,6 +21,12 @@ enum query_result { QUERY_ABSENT, QUERY_FOUND, QUERY_BAD };
  * 1e+3. QUERY_BAD: it is there twice, or its value cannot be decoded or is too long. */
 enum query_result query_value(const char *text, const char *name, char *out, size_t capacity);
 
+/* Length of a name that a list, separated by commas, begins with, and of the comma behind it; 0: it begins with another. */
+size_t list_begins_with(const char *list, const char *name);
+
+/* Whether the parameter at the beginning of `text` has this name, however it is written. */
+bool query_begins_with(const char *text, const char *name);
+
 /* Finds a parameter whose name is not one of `names` (ends with NULL) and copies what it is; false if there is none. */
 bool query_unknown(const char *text, const char *const *names, char *out, size_t capacity);
 

@@ -362,7 +362,15 @@ static enum tetlod_status choose_fields(const struct request *request, struct te
 
 /* ---- the build */
 
-/* Provenance: what made the stream out of what. Machine and moment are left out, so that bytes repeat. */
+/* Adds the units of fields, where the file says them, to an object of units by name. */
+static void add_units(json_t *units, const struct point_field *fields, uint32_t count)
+{
+    for (uint32_t f = 0; f < count; f++)
+        if (fields[f].unit[0])
+            json_object_set_new(units, fields[f].name, json_string(fields[f].unit));
+}
+
+/* Units, and provenance: what made the stream out of what. Machine and moment are left out, so that bytes repeat. */
 static char *make_metadata(const struct request *request, const struct tetmesh *mesh,
                            const struct build_control *controls, uint32_t count)
 {
@@ -382,6 +390,12 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
         json_object_set_new(json_object_get(object, "options"), "nan_fill", fill);
         json_object_set_new(object, "nan_filled", json_integer((json_int_t)request->nan_filled));
     }
+    json_t *units = json_object();
+    add_units(units, mesh->cell_fields, mesh->cell_field_count);
+    add_units(units, mesh->fields, mesh->field_count);
+    if (object && json_object_size(units))
+        json_object_set(object, "units", units);
+    json_decref(units);
     char *text = object ? json_dumps(object, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17)) : NULL;
     json_decref(object);
     return text;
@@ -412,10 +426,7 @@ static enum tetlod_status build_file(struct request *request, const struct tetme
         progress_end(&request->progress);
         if (status == TETLOD_OK && request->for_mail)
             status = mail_write(&whole, request->mail_error, &file, error);
-        if (status == TETLOD_OK)
-            status = file_output_commit(output, error);
-        else
-            file_output_abort(output);
+        status = file_output_finish(output, status, error);
         *write_seconds = clock_seconds() - encoded;
     }
     tetlodi_buffer_fini(&whole);

@@ -83,8 +83,8 @@ int main(int argc, char **argv)
 {
     sigaction(SIGBUS, &(struct sigaction){.sa_handler = on_lost_bytes}, NULL);
     int result = run(argc, argv);
-    if (fflush(stdout) != 0 && result == EXIT_DONE) {
-        perror("tetlod: cannot write to standard output");
+    if ((fflush(stdout) != 0 || ferror(stdout)) && result == EXIT_DONE) {
+        fprintf(stderr, "tetlod: cannot write to standard output\n");
         return EXIT_FAILED;
     }
     return result;

@@ -33,6 +33,20 @@ static void test_percent_encode(void)
     CHECK(percent_encode("   ", out, 10));
 }
 
+static void test_names(void)
+{
+    CHECK_INT(query_begins_with("token=x&a=1", "token"), true);
+    CHECK_INT(query_begins_with("t%6Fken&a=1", "token"), true);
+    CHECK_INT(query_begins_with("tokens=1", "token"), false);
+    CHECK_INT(query_begins_with("a=1&token=x", "token"), false);
+    CHECK_INT(query_begins_with("", "token"), false);
+    CHECK_INT(list_begins_with("a,b", "a"), 2);
+    CHECK_INT(list_begins_with("a,b", "a,b"), 3);
+    CHECK_INT(list_begins_with("a", "a"), 1);
+    CHECK_INT(list_begins_with("ab", "a"), 0);
+    CHECK_INT(list_begins_with("", "a"), 0);
+}
+
 static void test_query_value(void)
 {
     char out[16];
@@ -192,6 +206,7 @@ int main(void)
     RUN(test_query_value);
     RUN(test_query_unknown);
     RUN(test_numbers);
+    RUN(test_names);
     RUN(test_counts);
     RUN(test_ranges);
     RUN(test_etags);

@@ -233,6 +233,26 @@ async function a_threshold_leaves_cells() {
   await changesThePicture('no threshold', () => page.locator('#threshold').uncheck());
 }
 
+async function vectors_are_drawn() {
+  await open('');
+  const part = () => page.evaluate(() => window.tetlod.scene.vectors[0]?.part.triangles.length ?? 0);
+  await changesThePicture('arrows', () => page.locator('#vectors').selectOption('arrows'));
+  await until(() => window.tetlod.stream.fields.includes('Velocity') && window.tetlod.scene.vectors.length);
+  assert.equal((await state()).surface, 'inside'); // a solid boundary would hide them
+  const some = await part();
+  await page.locator('#vector-count').fill('500');
+  await until((was) => window.tetlod.scene.vectors[0].part.triangles.length < was, some);
+  await changesThePicture('streamlines', () => page.locator('#vectors').selectOption('streamlines'));
+  assert.equal(await page.locator('#vector-field').inputValue(), 'Velocity');
+  assert.ok((await page.locator('#export-part option').allInnerTexts()).includes('vectors 1'));
+  const link = await page.evaluate(() => window.tetlod.state);
+  assert.ok(link.vectors === 'streamlines' && link.vectorCount < 100);
+  await open('&vectors=arrows'); // the field comes after the first picture
+  await until(() => window.tetlod.scene.vectors.length);
+  await page.locator('#vectors').selectOption('off');
+  await until(() => !window.tetlod.scene.vectors.length);
+}
+
 async function isosurfaces_are_drawn() {
   await open('');
   await changesThePicture('an isosurface', () => page.locator('#add-isosurface').click());
@@ -416,6 +436,34 @@ async function the_camera_and_the_background() {
   const { error, surface, background, parallel } = await state();
   assert.deepEqual({ error, surface, background, parallel }, { error: 0.01, surface: 'inside', background: 'auto', parallel: false });
   assert.equal(await page.evaluate(() => document.getElementById('error-percent').value), '1');
+}
+
+async function a_second_view_turns_along() {
+  await open('');
+  await page.locator('#second').check();
+  await page.locator('iframe').waitFor();
+  const inFrame = (act, argument) => page.frame('tetlod-second').waitForFunction(act, argument);
+  await inFrame(() => window.tetlod?.settled && window.tetlod.state.error === 0.05);
+  const together = () => until(() => {
+    const beside = document.querySelector('iframe').contentWindow.tetlod;
+    return beside && beside.scene.camera().join() === window.tetlod.scene.camera().join();
+  });
+  await together();
+  const before = await page.evaluate(() => window.tetlod.scene.camera().join());
+  await page.locator('#picture').focus();
+  await page.keyboard.press('ArrowLeft');
+  await until((was) => window.tetlod.scene.camera().join() !== was, before);
+  await together();
+  await page.frame('tetlod-second').evaluate(() => window.tetlod.scene.look('+x'));
+  await until(() => Math.abs(window.tetlod.scene.axes().towards[0]) > 0.999);
+  await together();
+  await page.frame('tetlod-second').evaluate(() => window.tetlod.set({ field: 'Density' }));
+  await until(() => /second=[^&]*field%3DDensity/.test(location.hash));
+  assert.equal((await state()).field, 'Pressure');
+  assert.equal(await page.frame('tetlod-second').locator('#second-row').isHidden(), true);
+  await page.locator('#second').uncheck();
+  assert.equal(await page.locator('iframe').count(), 0);
+  assert.ok((await state()).second === null);
 }
 
 async function a_link_shows_the_same() {
@@ -691,8 +739,8 @@ async function nothing_was_complained_of() {
 }
 
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
-  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
-  the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
+  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, vectors_are_drawn, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
+  the_camera_and_the_background, a_second_view_turns_along, a_link_shows_the_same, what_leaves_the_page, surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
   a_line_is_plotted, values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;
 await run(ONLY ? tests.filter((test) => test.name.includes(ONLY)) : tests);

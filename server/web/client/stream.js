@@ -61,7 +61,7 @@ function completed(pictures, kept) {
     kept.set(key, owner[name]);
     return owner;
   };
-  const whole = restore('volume', pictures, 'volume');
+  const whole = restore('vectors', restore('volume', pictures, 'volume'), 'vectors');
   if (whole.shade) whole.shade = restore('sample', whole.shade, 'sample');
   if (whole.surface) whole.surface = restore('lines', restore('triangles', whole.surface, 'triangles'), 'lines');
   if (whole.rays) for (const name of ['corners', 'neighbours', 'faces']) whole.rays = restore(name, whole.rays, name);

@@ -18,9 +18,9 @@ export function pictureSize() {
 }
 
 // What is drawn now, by names.
-function partsOf({ surface, slices, isosurfaces }) {
+function partsOf({ surface, slices, isosurfaces, vectors }) {
   const named = (name, layers) => layers.map((layer, i) => [`${name} ${i + 1}`, layer.part]);
-  return [...named('slice', slices), ...named('isosurface', isosurfaces), ['boundary', surface.visible && surface.part]].filter(([, part]) => part?.triangles?.length);
+  return [...named('slice', slices), ...named('isosurface', isosurfaces), ...named('vectors', vectors), ['boundary', surface.visible && surface.part]].filter(([, part]) => part?.triangles?.length);
 }
 
 /** `save(ending, blob)` */

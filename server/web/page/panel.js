@@ -17,6 +17,7 @@ import { id, name, source, viewer } from './opened.js';
 import { Pins } from './pins.js';
 import { Player } from './player.js';
 import { Probe } from './probe.js';
+import { bindSecondView } from './second_view.js';
 import { copyLink, saveFile, savePicture } from './share.js';
 import { switchTheme, themes } from './theme.js';
 
@@ -271,12 +272,14 @@ export async function openPanel() {
   viewer.addEventListener('series', offerSteps);
   if (viewer.series) offerSteps();
   bindExports(viewer, saveAs);
+  bindSecondView(viewer, typeof source === 'string');
   countFrames();
   tellShown();
   byId('download').hidden = !id;
   byId('controls').inert = false;
-  // what tests look at
+  // what tests and a second view look at
   window.tetlod = {
+    viewer,
     stream: viewer.stream,
     get state() { return store.state; },
     set: (patch) => store.set(patch),

@@ -83,6 +83,7 @@ export class Scene extends EventTarget {
     this.slices = [];
     this.isosurfaces = [];
     this.zones = []; // two for each isosurface that has one
+    this.vectors = []; // arrows or streamlines, if there are any
     this.volume = null; // a grid's
     this.grid = null;
     this.rays = null;   // the tetrahedra's
@@ -194,6 +195,7 @@ export class Scene extends EventTarget {
     this.updateList('slices', pictures.slices, state.log);
     this.updateList('isosurfaces', pictures.isosurfaces, state.log);
     this.updateList('zones', pictures.zones?.flatMap((zone) => zone?.sides ?? []), state.log);
+    if (pictures.vectors !== undefined) this.updateList('vectors', pictures.vectors ? [pictures.vectors] : [], state.log);
     if (pictures.volume !== undefined) {
       this.grid = pictures.volume;
       this.volume?.update(this.grid);
@@ -251,7 +253,7 @@ export class Scene extends EventTarget {
     for (const slice of this.slices) slice.showLines = state.sliceEdges;
     for (const isosurface of this.isosurfaces) isosurface.triangles.actor.getProperty().setOpacity(state.isosurfaceOpacity);
     for (const part of [this.surface, ...this.slices]) part.shaded = state.shading === 'all';
-    for (const isosurface of [...this.isosurfaces, ...this.zones]) isosurface.shaded = state.shading !== 'off';
+    for (const isosurface of [...this.isosurfaces, ...this.zones, ...this.vectors]) isosurface.shaded = state.shading !== 'off';
     for (const zone of this.zones) zone.triangles.actor.getProperty().setOpacity(zoneOpacity);
     for (const layer of this.layers()) {
       layer.place(this.offset);
@@ -265,7 +267,7 @@ export class Scene extends EventTarget {
   }
 
   layers() {
-    return [this.surface, ...this.slices, ...this.isosurfaces, ...this.zones];
+    return [this.surface, ...this.slices, ...this.isosurfaces, ...this.zones, ...this.vectors];
   }
 
   // Colours from `low` to `high`, which are logarithms if the state says so.

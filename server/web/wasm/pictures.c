@@ -370,6 +370,11 @@ const struct cut_rays *view_ray_data(const struct view *view)
     return &view->rays;
 }
 
+const double *view_values(const struct view *view, uint32_t field)
+{
+    return view->shown.fields[field].values;
+}
+
 uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz)
 {
     return cut_along(&view->shown, view->shade, (double[3]){ax, ay, az}, (double[3]){bx, by, bz}, &view->line, &view->error);

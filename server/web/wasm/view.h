@@ -162,6 +162,8 @@ VIEW_EXPORT(view_voxels) const struct cut_voxels *view_voxels(const struct view 
 /* What rays through the tetrahedra need: view_ray_data. */
 VIEW_EXPORT(view_rays) uint32_t view_rays(struct view *view);
 VIEW_EXPORT(view_ray_data) const struct cut_rays *view_ray_data(const struct view *view);
+/* A field of the mesh that is shown, its components vertex by vertex; NULL: it is not decoded. */
+VIEW_EXPORT(view_values) const double *view_values(const struct view *view, uint32_t field);
 /* The value that colours, along a segment: view_line. */
 VIEW_EXPORT(view_along)
 uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz);
