@@ -342,6 +342,13 @@ bench-series: needs-check
 	$(Q)$(MAKE) --no-print-directory all build/client/package.json
 	@/usr/bin/python3 tests/bench/series.py $(BINARY) $(BLUNT) build/bench-series
 
+## bench-python: what a level takes in Python, of a file and of a server, with libtetlod and without (BLUNT=folder of the blunt fin)
+.PHONY: bench-python
+BENCHES += bench-python
+bench-python: needs
+	$(Q)$(MAKE) --no-print-directory all
+	@/usr/bin/python3 tests/bench/python_client.py $(BINARY) $(CURDIR)/$(SHARED)
+
 ## bench-thesis: the thesis's Tables 4.1 and 4.2 beside ours; bench-builder: percent of tetrahedra left, by metric and mesh (BLUNT=folder of the blunt fin)
 .PHONY: bench-thesis bench-builder
 BENCHES += bench-thesis bench-builder

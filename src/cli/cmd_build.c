@@ -362,7 +362,15 @@ static enum tetlod_status choose_fields(const struct request *request, struct te
 
 /* ---- the build */
 
-/* Provenance: what made the stream out of what. Machine and moment are left out, so that bytes repeat. */
+/* Adds the units of fields, where the file says them, to an object of units by name. */
+static void add_units(json_t *units, const struct point_field *fields, uint32_t count)
+{
+    for (uint32_t f = 0; f < count; f++)
+        if (fields[f].unit[0])
+            json_object_set_new(units, fields[f].name, json_string(fields[f].unit));
+}
+
+/* Units, and provenance: what made the stream out of what. Machine and moment are left out, so that bytes repeat. */
 static char *make_metadata(const struct request *request, const struct tetmesh *mesh,
                            const struct build_control *controls, uint32_t count)
 {
@@ -382,6 +390,12 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
         json_object_set_new(json_object_get(object, "options"), "nan_fill", fill);
         json_object_set_new(object, "nan_filled", json_integer((json_int_t)request->nan_filled));
     }
+    json_t *units = json_object();
+    add_units(units, mesh->cell_fields, mesh->cell_field_count);
+    add_units(units, mesh->fields, mesh->field_count);
+    if (object && json_object_size(units))
+        json_object_set(object, "units", units);
+    json_decref(units);
     char *text = object ? json_dumps(object, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17)) : NULL;
     json_decref(object);
     return text;
@@ -489,8 +503,8 @@ static void say_fields(const struct request *request, const struct tetmesh *mesh
             used += (size_t)snprintf(names + used, sizeof names - used, "%s%.40s", others > 1 ? ", " : "", mesh->fields[f].name);
     }
     if (others)
-        fprintf(stderr, "tetlod build: %" PRIu32 " field%s not controlled: their error is measured, nothing holds it down: %s%s\n", others,
-                others == 1 ? " is" : "s are", names, others > MOST_NAMES ? ", ..." : "");
+        fprintf(stderr, "tetlod build: %" PRIu32 " field%s measured, nothing holds it down: %s%s\n", others,
+                others == 1 ? " is not controlled: its error is" : "s are not controlled: their error is", names, others > MOST_NAMES ? ", ..." : "");
 }
 
 static void say(const struct request *request, const struct io_report *read, const struct tetmesh *mesh,
@@ -503,8 +517,7 @@ static void say(const struct request *request, const struct io_report *read, con
     const struct {
         uint64_t count;
         const char *what;
-    } notes[] = {{mesh->cell_field_count, "fields of cells left out: a stream holds fields at points; --cell-data average makes such of them"},
-                 {report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
+    } notes[] = {{report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
                  {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"},
                  {report->folded_tets, "folded tetrahedra, on the same side of a face as their neighbour, carried along; no promise "
                                        "is made inside them"}};
@@ -514,7 +527,7 @@ static void say(const struct request *request, const struct io_report *read, con
     if (request->series.own_times)
         fprintf(stderr, "tetlod build: the steps' times do not rise: their numbers stand for them\n");
     if (request->build.series)
-        fprintf(stderr, "tetlod build: %" PRIu32 " steps in time, of which %" PRIu32 " drove; fields that are not controlled are those of the first step\n",
+        fprintf(stderr, "tetlod build: %" PRIu32 " steps in time, of which %" PRIu32 " limit the contraction; fields that are not controlled are those of the first step\n",
                 request->build.series->step_count, report->keys);
     if (request->series.series.points_move)
         fprintf(stderr, "tetlod build: the points move: '" DISPLACEMENT_FIELD "' says how far and drives as the other fields do; all errors are "
@@ -522,8 +535,8 @@ static void say(const struct request *request, const struct io_report *read, con
     if (request->series.rounded)
         fprintf(stderr, "tetlod build: %" PRIu64 " coordinates of points that move come back to the last place only, not bit for bit\n",
                 request->series.rounded);
-    fprintf(stderr, "tetlod build: %s: %" PRIu32 " vertices, %" PRIu32 " tetrahedra in %" PRIu32 " levels\n",
-            request->output, mesh->vertex_count, mesh->tet_count, report->levels);
+    fprintf(stderr, "tetlod build: %s: %s%" PRIu32 " vertices, %" PRIu32 " tetrahedra in %" PRIu32 " levels\n",
+            request->output, request->for_mail ? "the coarse levels of " : "", mesh->vertex_count, mesh->tet_count, report->levels);
 }
 
 /* The levels, and what the file promises of every field. */

@@ -99,6 +99,36 @@ enum tetlod_status assemble_cell_field(struct tetmesh *mesh, const char *name, u
     return status;
 }
 
+void unit_set(char unit[UNIT_SIZE], const char *text, size_t length)
+{
+    while (length && (unsigned char)*text <= ' ') {
+        text++;
+        length--;
+    }
+    while (length && (unsigned char)text[length - 1] <= ' ')
+        length--;
+    unit[0] = 0;
+    if (length >= UNIT_SIZE)
+        return;
+    memcpy(unit, text, length);
+    unit[length] = 0;
+    utf8_clean(unit);
+}
+
+void unit_of_powers(char unit[UNIT_SIZE], const char *const *names, const double *exponents, size_t count)
+{
+    char text[8 * UNIT_SIZE] = "";
+    size_t length = 0;
+    for (size_t i = 0; i < count && length < sizeof text - UNIT_SIZE; i++) {
+        const char *space = length ? " " : "";
+        if (exponents[i] == 1)
+            length += (size_t)snprintf(text + length, UNIT_SIZE, "%s%s", space, names[i]);
+        else if (exponents[i] != 0)
+            length += (size_t)snprintf(text + length, UNIT_SIZE, "%s%s^%.4g", space, names[i], exponents[i]);
+    }
+    unit_set(unit, text, length);
+}
+
 /* Room for one more cell's number, those before it 0. */
 static enum tetlod_status numbers_room(struct cell_numbers *numbers, uint64_t count, struct tetlod_error *error)
 {

@@ -114,6 +114,12 @@ TETLOD_CHECKED enum tetlod_status assemble_field(struct tetmesh *mesh, const cha
 TETLOD_CHECKED enum tetlod_status assemble_cell_field(struct tetmesh *mesh, const char *name, uint64_t components,
                                                       enum tetlod_type type, uint64_t cells, struct tetlod_error *error);
 
+/* Notes the unit of an array: UTF-8 without white space about it; what is longer than a unit is none. */
+void unit_set(char unit[UNIT_SIZE], const char *text, size_t length);
+
+/* The unit that is a product of powers: "kg m^-1 s^-2". Nothing if all exponents are 0. */
+void unit_of_powers(char unit[UNIT_SIZE], const char *const *names, const double *exponents, size_t count);
+
 /* Numbers of cells that become a field, if any is not 0: regions, say. */
 struct cell_numbers {
     double *values; /* owned; NULL: all 0 so far */

@@ -65,6 +65,7 @@ static enum tetlod_status merge_field(struct blocks *blocks, struct block *out, 
     struct point_field *merged = fields_of(out, cell, &count) + (cell ? out->mesh.cell_field_count : out->mesh.field_count) - 1;
     double *at = merged->values;
     merged->is_integer = is_integer;
+    memcpy(merged->unit, like->unit, sizeof merged->unit);
     for (size_t b = 0; b < blocks->count; b++) {
         struct point_field *field = find_like(&blocks->at[b], cell, like);
         size_t size = (size_t)rows_of(&blocks->at[b], cell) * like->components;

@@ -285,6 +285,41 @@ struct solution {
     int fields;
 };
 
+/* The unit of a field that has exponents; the units that they are of may be those of all the base. */
+static void read_unit(const struct zone *z, const struct solution *s, int number, char unit[UNIT_SIZE])
+{
+    enum { COUNT = 5 };
+    static const char *const masses[] = {"kg", "g", "slug", "lb"}, *const lengths[] = {"m", "cm", "mm", "ft", "in"},
+                             *const temperatures[] = {"K", "degC", "degR", "degF"}, *const angles[] = {"deg", "rad"};
+    float singles[COUNT];
+    double exponents[COUNT];
+    CGNS_ENUMT(DataType_t) type;
+    CGNS_ENUMT(MassUnits_t) mass;
+    CGNS_ENUMT(LengthUnits_t) length;
+    CGNS_ENUMT(TimeUnits_t) time;
+    CGNS_ENUMT(TemperatureUnits_t) temperature;
+    CGNS_ENUMT(AngleUnits_t) angle;
+    if (cg_goto(z->file, z->base, "Zone_t", z->zone, "FlowSolution_t", s->number, "DataArray_t", number, "end") != CG_OK ||
+        cg_exponents_info(&type) != CG_OK || cg_exponents_read(type == CGNS_ENUMV(RealSingle) ? (void *)singles : exponents) != CG_OK)
+        return;
+    for (int i = 0; i < COUNT && type == CGNS_ENUMV(RealSingle); i++)
+        exponents[i] = (double)singles[i];
+    for (int depth = 0; cg_units_read(&mass, &length, &time, &temperature, &angle) != CG_OK; depth++)
+        if (depth == 3 || cg_gopath(z->file, "..") != CG_OK)
+            return;
+    const int indices[COUNT] = {(int)mass - 2, (int)length - 2, (int)time - 2, (int)temperature - 2, (int)angle - 2};
+    const int counts[COUNT] = {4, 5, 1, 4, 2};
+    const char *const seconds[] = {"s"}, *const *const lists[COUNT] = {masses, lengths, seconds, temperatures, angles};
+    const char *names[COUNT];
+    for (int i = 0; i < COUNT; i++) {
+        bool known = indices[i] >= 0 && indices[i] < counts[i];
+        if (!known && exponents[i] != 0)
+            return;
+        names[i] = known ? lists[i][indices[i]] : "";
+    }
+    unit_of_powers(unit, names, exponents, COUNT);
+}
+
 static enum tetlod_status read_field(struct zone *z, const struct solution *s, int first, uint32_t width, const char *said)
 {
     struct tetmesh *mesh = &z->block->mesh;
@@ -314,6 +349,7 @@ static enum tetlod_status read_field(struct zone *z, const struct solution *s, i
     if (status == TETLOD_OK) {
         field->type = kind;
         field->is_integer = is_integer;
+        read_unit(z, s, first, field->unit);
     }
     free(buffer);
     return status;

@@ -89,6 +89,7 @@ static void *take_array(int fd, uint64_t expected)
 struct field_head {
     uint32_t name_size, components;
     uint8_t type, is_integer;
+    char unit[UNIT_SIZE];
 };
 
 struct block_head {
@@ -99,7 +100,8 @@ struct block_head {
 
 static bool send_field(int fd, struct point_field *field, uint64_t rows)
 {
-    struct field_head head = {(uint32_t)strlen(field->name), field->components, (uint8_t)field->type, field->is_integer};
+    struct field_head head = {(uint32_t)strlen(field->name), field->components, (uint8_t)field->type, field->is_integer, ""};
+    memcpy(head.unit, field->unit, sizeof head.unit);
     bool good = send_bytes(fd, &head, sizeof head) && send_bytes(fd, field->name, head.name_size) &&
                 send_array(fd, field->values, rows * field->components * sizeof(double));
     field->values = NULL;
@@ -142,6 +144,7 @@ static bool take_field(int fd, struct tetmesh *mesh, uint64_t rows)
         return false;
     struct point_field *field = &mesh->cell_fields[mesh->cell_field_count - 1];
     field->is_integer = head.is_integer;
+    unit_set(field->unit, head.unit, strnlen(head.unit, sizeof head.unit));
     free(field->values);
     field->values = take_array(fd, rows * head.components * sizeof(double));
     return field->values != NULL;

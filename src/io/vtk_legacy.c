@@ -25,6 +25,7 @@ struct legacy {
     uint64_t tuples;
     int major_version;
     bool has_types; /* of cells */
+    struct point_field *last; /* the field that was just read, to which metadata belong; or NULL */
     int64_t dims[3];
     double origin[3], spacing[3];
     double *coordinates[3]; /* owned: of a rectilinear grid */
@@ -319,8 +320,10 @@ static enum tetlod_status read_values(struct legacy *l, struct text name, struct
     struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
     field->is_integer = !value_is_float(type.type);
     TETLOD_TRY(vtk_doubles(&l->stream, type.type, (size_t)(l->tuples * components), field->values, l->error));
+    l->last = field;
     if (!is_ghosts)
         return TETLOD_OK;
+    l->last = NULL;
     status = block_hide(l->block, field->values, l->report, l->error);
     point_field_fini(field);
     mesh->cell_field_count--;
@@ -335,6 +338,7 @@ static enum tetlod_status take_attribute(struct legacy *l, struct text name, str
     if (components < 0 || (components && tuples > UINT64_MAX / (uint64_t)components))
         return fail(l, "there are more values than a file can hold");
     uint64_t count = tuples * (uint64_t)components;
+    l->last = NULL;
     if (wanted && tuples != l->tuples)
         return fail(l, l->attributes == POINT_DATA ? "this point array has another number of values than there are points"
                                                    : "this cell array has another number of values than there are cells");
@@ -452,11 +456,28 @@ static enum tetlod_status on_lookup_table(struct legacy *l, struct text line)
     return vtk_skip(&l->stream, (struct vtk_array_type){VTK_NUMBERS, VALUE_UINT8}, 4 * (uint64_t)entries, l->error);
 }
 
+static enum tetlod_status take_unit(struct legacy *l, struct text word)
+{
+    char *unit = decode_name(word);
+    if (!unit)
+        return tetlodi_fail_nomem(l->error, "a unit", (uint64_t)(word.end - word.at));
+    unit_set(l->last->unit, unit, strlen(unit));
+    free(unit);
+    return TETLOD_OK;
+}
+
 static enum tetlod_status on_metadata(struct legacy *l, struct text line)
 {
+    bool is_unit = false;
+    struct text word;
     do { // up to a blank line
         line = text_line(&l->stream.rest);
-    } while (text_word(&line).at != line.end && l->stream.rest.at < l->stream.rest.end);
+        word = text_word(&line);
+        if (text_is(word, "NAME"))
+            is_unit = l->last && text_is(text_word(&line), "UNITS_LABEL");
+        else if (is_unit && text_is(word, "DATA"))
+            TETLOD_TRY(take_unit(l, text_word(&line)));
+    } while (word.at != word.end && l->stream.rest.at < l->stream.rest.end);
     return TETLOD_OK;
 }
 

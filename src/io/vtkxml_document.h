@@ -31,6 +31,7 @@ enum vtkxml_compressor { VTKXML_UNCOMPRESSED, VTKXML_ZLIB, VTKXML_LZ4, VTKXML_LZ
 
 struct vtkxml_array {
     char *name; /* owned */
+    char unit[UNIT_SIZE];
     enum vtkxml_section section;
     enum vtkxml_format format;
     enum value_type type;

@@ -15,7 +15,9 @@ struct parse {
     XML_Parser parser;
     struct io_report *report;
     enum vtkxml_section section;
-    bool in_array, is_known;
+    bool in_array, is_known, has_array; /* has_array: the array whose element is open is the last of the document's */
+    char unit[2 * UNIT_SIZE]; /* text of a key */
+    size_t unit_length;
     enum tetlod_status status;
     struct tetlod_error *error;
 };
@@ -220,6 +222,7 @@ static void start_array(struct parse *parse, const char **attributes)
     struct vtkxml_array array = {.section = parse->section, .line = line_of(parse)};
     bool is_appended = format && strcmp(format, "appended") == 0;
     bool known = find_type(attribute(attributes, "type"), &array.type);
+    parse->has_array = false;
     bool is_data = parse->section == VTKXML_CELL_DATA || parse->section == VTKXML_POINT_DATA;
     if (parse->section == VTKXML_ELSEWHERE || document->piece_count == 0 || document->kind == VTKXML_POLYGONS)
         return;
@@ -247,7 +250,33 @@ static void start_array(struct parse *parse, const char **attributes)
     }
     document->arrays[document->array_count++] = array;
     document->pieces[document->piece_count - 1].array_end = document->array_count;
-    parse->in_array = true;
+    parse->in_array = parse->has_array = true;
+}
+
+/* An array's unit is the text of one of the keys in it. */
+static void XMLCALL on_unit(void *opaque, const char *text, int length)
+{
+    struct parse *parse = opaque;
+    size_t room = sizeof parse->unit - parse->unit_length;
+    size_t some = (size_t)length < room ? (size_t)length : room;
+    memcpy(parse->unit + parse->unit_length, text, some);
+    parse->unit_length += some;
+}
+
+static void start_key(struct parse *parse, const char **attributes)
+{
+    const char *name = attribute(attributes, "name");
+    parse->unit_length = 0;
+    if (parse->has_array && name && strcmp(name, "UNITS_LABEL") == 0)
+        XML_SetCharacterDataHandler(parse->parser, on_unit);
+}
+
+static void end_key(struct parse *parse)
+{
+    XML_SetCharacterDataHandler(parse->parser, NULL);
+    if (parse->unit_length)
+        unit_set(parse->document->arrays[parse->document->array_count - 1].unit, parse->unit, parse->unit_length);
+    parse->unit_length = 0;
 }
 
 static void start_appended(struct parse *parse, const char **attributes)
@@ -290,6 +319,8 @@ static void XMLCALL on_start(void *opaque, const char *name, const char **attrib
         start_part(parse, attributes);
     else if (strcmp(name, "DataArray") == 0 || strcmp(name, "Array") == 0)
         start_array(parse, attributes);
+    else if (strcmp(name, "InformationKey") == 0)
+        start_key(parse, attributes);
     else if (strcmp(name, "AppendedData") == 0)
         start_appended(parse, attributes);
     else if (find_section(name) != VTKXML_ELSEWHERE)
@@ -302,6 +333,8 @@ static void XMLCALL on_end(void *opaque, const char *name)
 {
     struct parse *parse = opaque;
     end_array(parse);
+    if (strcmp(name, "InformationKey") == 0)
+        end_key(parse);
     if (find_section(name) != VTKXML_ELSEWHERE)
         parse->section = VTKXML_ELSEWHERE;
 }

@@ -299,6 +299,7 @@ static enum tetlod_status read_field(struct reader *r, const struct vtkxml_array
         TETLOD_TRY(assemble_field(mesh, array->name, array->components, type_of(array), r->error));
     struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
     field->is_integer = !value_is_float(array->type);
+    memcpy(field->unit, array->unit, sizeof field->unit);
     TETLOD_TRY(vtkxml_values(r->document, array, (size_t)(rows * array->components), VTKXML_DOUBLES, field->values, r->error));
     return cell && is_ghosts(array->name) && array->components == 1 ? take_ghosts(r, field) : TETLOD_OK;
 }

@@ -215,6 +215,23 @@ static enum tetlod_status read_geometry(const struct xdmf *x, const struct xml_n
 
 /* ---- values */
 
+/* The unit of an attribute: Units="..." at it, or Information in it of that name. */
+static const char *unit_of(const struct xdmf *x, const struct xml_node *node)
+{
+    static const char *const names[] = {"Units", "Unit"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        const char *unit = xml_attribute(node, names[i]);
+        const struct xml_node *child = NULL;
+        while (!unit && (child = xml_child(x->source.tree, node, "Information", child)) != NULL) {
+            const char *name = xml_attribute(child, "Name");
+            unit = name && strcasecmp(name, names[i]) == 0 ? xml_attribute(child, "Value") : NULL;
+        }
+        if (unit)
+            return unit;
+    }
+    return "";
+}
+
 static enum tetlod_status read_attribute(const struct xdmf *x, const struct xml_node *node, struct block *block)
 {
     const char *centre = attribute_of(node, "Center", "Center"), *name = attribute_of(node, "Name", "Name");
@@ -240,6 +257,8 @@ static enum tetlod_status read_attribute(const struct xdmf *x, const struct xml_
     if (status == TETLOD_OK) {
         struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
         field->is_integer = item.is_integer;
+        const char *unit = unit_of(x, node);
+        unit_set(field->unit, unit, strlen(unit));
         free(field->values);
         field->values = item.doubles;
         item.doubles = NULL;

@@ -9,7 +9,7 @@ import { run } from './tap.mjs';
 const load = (name) => import(pathToFileURL(join(process.env.ROOT ?? '.', 'server/web/page', name)));
 const { Store, defaults, fromFragment, toFragment } = await load('state.js');
 const { isosurfaceRange, specOf, targetOf } = await load('spec.js');
-const { errorSpan, measureFor, promiseOf, wantedLevel } = await load('levels.js');
+const { errorSpan, measureFor, promiseOf, unitOf, wantedLevel } = await load('levels.js');
 const { clipToWindow, dot, linesBehind, pickPart, planeOf, planeOutline, sidesOf } = await load('geometry.js');
 const { autoRange, firstView, histogram, mapOf } = await load('first_view.js');
 const { colorTable, lineColor, mapNames } = await load('colors.js');
@@ -178,6 +178,12 @@ const info = {
   fields: [{ name: 'p' }, { name: 'q' }],
 };
 
+function units_of_fields() {
+  const said = { ...info, metadata: { units: { p: 'Pa', q: 5 } } };
+  assert.deepEqual(['p', 'q', 'constructor'].map((field) => unitOf(said, { field })), [' [Pa]', '', '']);
+  assert.deepEqual([{}, { units: null }, { units: 'Pa' }].map((metadata) => unitOf({ ...info, metadata }, { field: 'p' })), ['', '', '']);
+}
+
 function the_wanted_level() {
   const wanted = (patch) => wantedLevel(info, { ...defaults, field: 'p', ...patch });
   assert.deepEqual([1, 0.3, 0.1, 0.05, 0.01, 0.001, 0].map((error) => wanted({ error })), [0, 1, 1, 3, 3, 4, 4]);
@@ -292,6 +298,6 @@ function numbers_as_people_read_them() {
   assert.deepEqual(ticks(3, 3, 5), [3]);
 }
 
-await run([streamlines_follow_the_field, arrows_point_along_the_field, a_state_survives_its_fragment, maps_are_those_they_are_named_after, maps_from_files, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
+await run([streamlines_follow_the_field, arrows_point_along_the_field, a_state_survives_its_fragment, maps_are_those_they_are_named_after, maps_from_files, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, units_of_fields, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
   polygons_end_at_the_window, the_nearest_triangle_is_picked, lines_of_the_far_walls,
   lines_are_seen_on_every_colour, numbers_as_people_read_them]);

@@ -118,4 +118,10 @@ export function titleOf(info, state) {
   return component === 'magnitude' ? `|${state.field}|` : `${state.field} ${componentName(components, component)}`;
 }
 
+// The unit of the field as it stands behind its name; metadata hold what a file said, or anything.
+export function unitOf(info, state) {
+  const unit = info.metadata?.units?.[state.field];
+  return typeof unit === 'string' && unit ? ` [${unit}]` : '';
+}
+
 export const componentName = (components, i) => (components <= 3 ? 'xyz'[i] : String(i));

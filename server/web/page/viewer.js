@@ -6,7 +6,7 @@ import { TetlodStream } from '../client/stream.js';
 import { chooseBand, infoOfSteps } from '../client/steps.js';
 import { coalesced } from './dom.js';
 import { autoRange, firstView, mapOf } from './first_view.js';
-import { componentOf, fieldOf, isosurfacesOf, shownFields, targetFieldOf, titleOf, wantedLevel } from './levels.js';
+import { componentOf, fieldOf, isosurfacesOf, shownFields, targetFieldOf, titleOf, unitOf, wantedLevel } from './levels.js';
 import { drawScalarBar } from './scalarbar.js';
 import { isosurfaceRange, specOf, targetOf } from './spec.js';
 import { Store, defaults, fromFragment, toFragment } from './state.js';
@@ -255,7 +255,7 @@ export class Viewer extends EventTarget {
     const [least, most] = this.dataRange();
     const [from, to] = this.isosurfaceRange();
     drawScalarBar(this.#parts.bar, {
-      title: titleOf(this.info, this.coloredState), low, high, log, map: this.colorMap, reversed, below: least < low, above: most > high,
+      title: titleOf(this.info, this.coloredState) + unitOf(this.info, this.coloredState), low, high, log, map: this.colorMap, reversed, below: least < low, above: most > high,
       marks: isosurfacesOf(this.info, this.store.state).colored ? isosurfaces.map((f) => from + f * (to - from)) : [],
     });
   }
