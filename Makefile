@@ -29,7 +29,7 @@ NEEDS_PYTHON := numpy scipy vtk meshio h5py netCDF4 jsonschema setuptools wheel 
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev \
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
-DEPS_CHECK := lintian debhelper clang libcurl4-openssl-dev python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema nginx-light varnish openssl chromium
+DEPS_CHECK := lintian debhelper clang libcurl4-openssl-dev python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema nginx-light varnish openssl chromium firefox-esr xvfb
 DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended
@@ -341,6 +341,13 @@ BENCHES += bench-series
 bench-series: needs-check
 	$(Q)$(MAKE) --no-print-directory all build/client/package.json
 	@/usr/bin/python3 tests/bench/series.py $(BINARY) $(BLUNT) build/bench-series
+
+## bench-python: what a level takes in Python, of a file and of a server, with libtetlod and without (BLUNT=folder of the blunt fin)
+.PHONY: bench-python
+BENCHES += bench-python
+bench-python: needs
+	$(Q)$(MAKE) --no-print-directory all
+	@/usr/bin/python3 tests/bench/python_client.py $(BINARY) $(CURDIR)/$(SHARED)
 
 ## bench-thesis: the thesis's Tables 4.1 and 4.2 beside ours; bench-builder: percent of tetrahedra left, by metric and mesh (BLUNT=folder of the blunt fin)
 .PHONY: bench-thesis bench-builder

@@ -503,8 +503,8 @@ static void say_fields(const struct request *request, const struct tetmesh *mesh
             used += (size_t)snprintf(names + used, sizeof names - used, "%s%.40s", others > 1 ? ", " : "", mesh->fields[f].name);
     }
     if (others)
-        fprintf(stderr, "tetlod build: %" PRIu32 " field%s not controlled: their error is measured, nothing holds it down: %s%s\n", others,
-                others == 1 ? " is" : "s are", names, others > MOST_NAMES ? ", ..." : "");
+        fprintf(stderr, "tetlod build: %" PRIu32 " field%s measured, nothing holds it down: %s%s\n", others,
+                others == 1 ? " is not controlled: its error is" : "s are not controlled: their error is", names, others > MOST_NAMES ? ", ..." : "");
 }
 
 static void say(const struct request *request, const struct io_report *read, const struct tetmesh *mesh,
@@ -517,8 +517,7 @@ static void say(const struct request *request, const struct io_report *read, con
     const struct {
         uint64_t count;
         const char *what;
-    } notes[] = {{mesh->cell_field_count, "fields of cells left out: a stream holds fields at points; --cell-data average makes such of them"},
-                 {report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
+    } notes[] = {{report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
                  {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"},
                  {report->folded_tets, "folded tetrahedra, on the same side of a face as their neighbour, carried along; no promise "
                                        "is made inside them"}};
@@ -528,7 +527,7 @@ static void say(const struct request *request, const struct io_report *read, con
     if (request->series.own_times)
         fprintf(stderr, "tetlod build: the steps' times do not rise: their numbers stand for them\n");
     if (request->build.series)
-        fprintf(stderr, "tetlod build: %" PRIu32 " steps in time, of which %" PRIu32 " drove; fields that are not controlled are those of the first step\n",
+        fprintf(stderr, "tetlod build: %" PRIu32 " steps in time, of which %" PRIu32 " limit the contraction; fields that are not controlled are those of the first step\n",
                 request->build.series->step_count, report->keys);
     if (request->series.series.points_move)
         fprintf(stderr, "tetlod build: the points move: '" DISPLACEMENT_FIELD "' says how far and drives as the other fields do; all errors are "
@@ -536,8 +535,8 @@ static void say(const struct request *request, const struct io_report *read, con
     if (request->series.rounded)
         fprintf(stderr, "tetlod build: %" PRIu64 " coordinates of points that move come back to the last place only, not bit for bit\n",
                 request->series.rounded);
-    fprintf(stderr, "tetlod build: %s: %" PRIu32 " vertices, %" PRIu32 " tetrahedra in %" PRIu32 " levels\n",
-            request->output, mesh->vertex_count, mesh->tet_count, report->levels);
+    fprintf(stderr, "tetlod build: %s: %s%" PRIu32 " vertices, %" PRIu32 " tetrahedra in %" PRIu32 " levels\n",
+            request->output, request->for_mail ? "the coarse levels of " : "", mesh->vertex_count, mesh->tet_count, report->levels);
 }
 
 /* The levels, and what the file promises of every field. */

@@ -1,12 +1,13 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """A series in time: `build` of a PVD file or of several files, `extract --time`, `info`, `verify --against`."""
+import json
 import os
 import re
 
 import numpy as np
 
-from common import case, fails, finish, info, must, path, read_grid, read_vtu, report, succeeds, tetlod
+from common import CONFIG, case, fails, finish, info, must, path, read_grid, read_vtu, report, succeeds, tetlod
 
 STEPS = 20
 
@@ -75,11 +76,27 @@ def few_keys_case():
             break
         if done.returncode != 1 or b'memory' not in done.stderr:
             return done
-    drove = int(re.search(r'of which (\d+) drove', done.stderr.decode()).group(1))
+    drove = int(re.search(r'of which (\d+) limit the contraction', done.stderr.decode()).group(1))
     if not 16 <= drove < STEPS:
         return 'drove: %d of %d at %d kB' % (drove, STEPS, kilobytes)
     must('verify', path('keys.tetlod'), '--against', path('wake.pvd'))
     return None
+
+
+def memory_case():
+    """Ten times as many steps take no more memory, but for pages of the temporary files."""
+    if CONFIG != 'release':
+        return None
+    must('sample', 'wake', '--size', '4', '--steps', '200', '-o', path('many.pvd'))
+    build = ['build', path('many.pvd'), '--field', 'Velocity', '--carry', 'Velocity', '--bands', '5%,1%', '-o', path('many.tetlod'), '--json', '--quiet']
+    room = '%dM' % (int(re.search(r'needs about (\d+) MB', tetlod(*build, '--memory', '1M').stderr.decode()).group(1)) + 1)
+    peaks = []
+    for times in ('0:19', ':'):
+        peak = json.loads(must(*build, '--memory', room, '--times', times).stdout)['peak_memory']
+        steps = info(path('many.tetlod'))['series']['steps']
+        mapped = os.path.getsize(path('many.tetlod')) + steps * 12 * info(path('many.tetlod'))['vertices']
+        peaks.append((peak - mapped) / 2 ** 20)
+    return None if peaks[1] - peaks[0] < 2 and max(peaks) < 1.1 * int(room[:-1]) + 0.5 else (peaks, room)
 
 
 def files_case():
@@ -116,20 +133,40 @@ def one_step_case():
     return 'a series' if 'series' in info(path('one.tetlod')) else None
 
 
+def write_grid(name, grid):
+    import vtk
+    writer = vtk.vtkXMLUnstructuredGridWriter()
+    writer.SetFileName(path(name))
+    writer.SetInputData(grid)
+    writer.Write()
+    return path(name)
+
+
+def clipped_case():
+    """Waves that are cut off at both ends of the range: L and U pass it, and must not be cut there (PROOF.md, 10)."""
+    from vtk.util.numpy_support import numpy_to_vtk
+    must('sample', 'wake', '--size', '6', '-o', path('waves.vtu'))
+    grid, points, names = read_grid('waves.vtu'), read_vtu('waves.vtu')[0].astype(np.float64), []
+    for number in range(4):
+        random = np.random.default_rng(number)
+        waves = np.sin(points @ (1.5 * random.normal(size=(6, 3))).T + random.uniform(0, 6, 6)).sum(axis=1)
+        array = numpy_to_vtk(np.clip(0.5 * waves, 0, 1).astype(np.float32), deep=True)
+        array.SetName('waves')
+        grid.GetPointData().AddArray(array)
+        names.append(write_grid('waves_%d.vtu' % number, grid))
+    must('build', *names, '--field', 'waves', '--carry', 'waves', '--bands', '40%,20%,10%', '-o', path('waves.tetlod'))
+    must('verify', path('waves.tetlod'), *[word for name in names for word in ('--against', name)])
+
+
 def turn(name, points, time):
     """The mesh's file with points that are bent, turned and stretched in time."""
-    import vtk
     from vtk.util.numpy_support import numpy_to_vtk
     grid = read_grid(name)
     x, y, z = points.astype(np.float64).T
     angle = 0.5 * time * x / 12
     moved = np.stack([x * (1 + 0.05 * time), y * np.cos(angle) - z * np.sin(angle), y * np.sin(angle) + z * np.cos(angle) + time], axis=1)
     grid.GetPoints().SetData(numpy_to_vtk(moved.astype(points.dtype), deep=True))
-    writer = vtk.vtkXMLUnstructuredGridWriter()
-    writer.SetFileName(path('moved_%s' % name))
-    writer.SetInputData(grid)
-    writer.Write()
-    return path('moved_%s' % name)
+    return write_grid('moved_%s' % name, grid)
 
 
 def moving_case(dtype):
@@ -195,7 +232,9 @@ case('steps within an error', within_case)
 case('a step by time, and by an error in units', chosen_case)
 case('info', info_case)
 case('steps that do not drive', few_keys_case)
+case('memory is bounded, whatever the number of steps', memory_case)
 case('several files, and some steps', files_case)
+case('steps that are cut off at the ends of their range', clipped_case)
 case('points that move, float32', moving_case, np.float32)
 case('points that move, float64', moving_case, np.float64)
 case('--time builds one step', one_step_case)

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// node page.mjs ORIGIN: the catalogue and the viewer of the stream `fin` as somebody meets them first.
+// node page.mjs ORIGIN CELL: the catalogue and the viewer of the stream `fin` as somebody meets them first.
 import assert from 'node:assert/strict';
 import { statSync } from 'node:fs';
+import { pathToFileURL } from 'node:url';
 import { firstPicture, launch, openPage, pictureFigures, settled } from './browser.mjs';
 import { run } from './tap.mjs';
 
-const origin = process.argv[2];
+const [, , origin, cell] = process.argv;
 const browser = await launch();
 let page;
 
@@ -164,6 +165,16 @@ async function the_base_mesh_is_a_target() {
   await coarse.context().close();
 }
 
+async function a_notebook_cell_shows_the_stream() {
+  const notebook = await openPage(browser, 'file:');
+  await notebook.goto(pathToFileURL(cell).href);
+  const [, frame] = notebook.frames();
+  await frame.waitForFunction(() => window.tetlod?.settled);
+  assert.equal(await frame.evaluate(() => window.tetlod.state.error), 0.2);
+  assert.deepEqual(notebook.complaints, []);
+  await notebook.context().close();
+}
+
 async function what_is_loaded_is_small() {
   const all = await openPage(browser, origin);
   await all.goto(`${origin}view/fin#volume=1&error=0.2`);
@@ -182,4 +193,4 @@ async function what_is_loaded_is_small() {
 
 await run([catalogue_lists_streams, viewer_shows_a_picture, refines_and_coarsens, state_is_in_the_url, a_slice_is_dragged, the_value_under_the_pointer,
   lengths_have_a_range_of_their_own, a_picture_is_saved, what_is_wrong_is_said, every_control_has_a_name, nothing_went_wrong,
-  the_base_mesh_is_a_target, what_is_loaded_is_small]);
+  the_base_mesh_is_a_target, a_notebook_cell_shows_the_stream, what_is_loaded_is_small]);
