@@ -55,6 +55,15 @@ static enum tetlod_status read_stored(const struct tetlod_file *file, uint64_t o
     return TETLOD_OK;
 }
 
+static enum tetlod_status fail_digest(const struct tetlodi_frame *frame, const char *what, struct tetlod_error *error)
+{
+    tetlodi_fail(error, TETLOD_ERR_CHECKSUM, "%s, bytes %llu to %llu: the checksum does not match", what,
+                 (unsigned long long)frame->offset, (unsigned long long)(frame->offset + frame->size));
+    if (error)
+        error->offset = frame->offset;
+    return TETLOD_ERR_CHECKSUM;
+}
+
 static enum tetlod_status read_part(const struct tetlod_file *file, const struct tetlodi_frame *frame,
                                     const char *what, uint8_t **out, struct tetlod_error *error)
 {
@@ -65,11 +74,7 @@ static enum tetlod_status read_part(const struct tetlod_file *file, const struct
         return TETLOD_OK;
     free(*out);
     *out = NULL;
-    tetlodi_fail(error, TETLOD_ERR_CHECKSUM, "%s, bytes %llu to %llu: the checksum does not match", what,
-                 (unsigned long long)frame->offset, (unsigned long long)(frame->offset + frame->size));
-    if (error)
-        error->offset = frame->offset;
-    return TETLOD_ERR_CHECKSUM;
+    return fail_digest(frame, what, error);
 }
 
 enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t level, uint32_t part, uint8_t **out,
@@ -81,6 +86,36 @@ enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t l
     snprintf(what, sizeof what, "level %u, %.60s", level, part ? info->fields[part - 1].name : "the records");
     *out_size = (size_t)frame->size;
     return read_part(file, frame, what, out, error);
+}
+
+static enum tetlod_status check_part(const struct tetlod_file *file, const struct tetlodi_frame *frame, const char *what,
+                                     struct tetlod_error *error)
+{
+    enum { PIECE = 1 << 16 };
+    struct tetlodi_sha256 sha;
+    uint8_t digest[32];
+    tetlodi_sha256_init(&sha);
+    for (uint64_t done = 0; done < frame->size;) {
+        uint64_t size = frame->size - done < PIECE ? frame->size - done : PIECE;
+        uint8_t *bytes;
+        TETLOD_TRY(read_stored(file, frame->offset + done, size, &bytes, error));
+        tetlodi_sha256_add(&sha, bytes, (size_t)size);
+        free(bytes);
+        done += size;
+    }
+    tetlodi_sha256_finish(&sha, digest);
+    return memcmp(digest, frame->digest, DIGEST_SIZE) == 0 ? TETLOD_OK : fail_digest(frame, what, error);
+}
+
+enum tetlod_status tetlodi_check_parts(const struct tetlod_file *file, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = &file->index.info;
+    size_t parts = (size_t)info->field_count + 1;
+    for (size_t i = 0; i < info->level_count * parts; i++)
+        TETLOD_TRY(check_part(file, &file->index.frames[i], "a part of a level", error));
+    for (uint32_t i = 0; i < info->section_count; i++)
+        TETLOD_TRY(check_part(file, &file->index.sections[i].frame, file->index.sections[i].tag, error));
+    return TETLOD_OK;
 }
 
 /* ---- sections */

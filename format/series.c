@@ -96,7 +96,8 @@ static enum tetlod_status check_table(struct tetlod_series *series, struct tetlo
     for (uint32_t f = 0; f < time->field_count; f++)
         if (time->fields[f].field >= index->info.field_count)
             return mismatch(error);
-    if (time->bands[time->band_count - 1].level >= index->info.level_count)
+    if (time->bands[time->band_count - 1].level >= index->info.level_count ||
+        (time->displacement && index->info.fields[time->fields[time->displacement - 1].field].components != 3))
         return mismatch(error);
     for (uint32_t i = 0; i < index->info.section_count; i++) {
         uint64_t offset, size;
@@ -130,6 +131,7 @@ static enum tetlod_status open_series(struct tetlod_series *series, struct tetlo
     }
     series->info = (struct tetlod_series_info){.step_count = time->step_count, .band_count = time->band_count,
                                                .field_count = time->field_count, .times = time->times, .bands = time->bands,
+                                               .displacement = time->displacement ? time->displacement - 1 : TETLOD_NONE,
                                                .fields = series->fields, .ranges = (const double(*)[2])series->ranges};
     return check_table(series, error);
 }
@@ -153,7 +155,7 @@ enum tetlod_status tetlod_series_new(struct tetlod_series **out, const struct te
 void tetlod_series_select(struct tetlod_series *series, const uint32_t *fields, uint32_t count)
 {
     for (uint32_t f = 0; f < series->time.field_count; f++) {
-        series->chosen[f] = !fields;
+        series->chosen[f] = !fields || series->time.displacement == f + 1;
         for (uint32_t i = 0; i < count && fields; i++)
             series->chosen[f] |= fields[i] == f;
     }
@@ -347,4 +349,16 @@ enum tetlod_status tetlod_seek_step(struct tetlod_series *series, struct tetlod_
 const double *tetlod_step_values(const struct tetlod_series *series, uint32_t field)
 {
     return series->ready && field < series->time.field_count ? series->tracks[field].values : NULL;
+}
+
+enum tetlod_status tetlod_step_move(const struct tetlod_series *series, double *positions, struct tetlod_error *error)
+{
+    bool single = series->file->index.info.position_type == TETLOD_FLOAT32, finite = true;
+    const double *by = series->time.displacement ? tetlod_step_values(series, series->time.displacement - 1) : NULL;
+    for (size_t i = 0; by && i < 3 * (size_t)series->lower.vertices; i++) {
+        positions[i] += by[i];
+        positions[i] = single ? (double)(float)positions[i] : positions[i];
+        finite &= isfinite(positions[i]) != 0;
+    }
+    return finite ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "a step moves a point out of all numbers");
 }

@@ -359,6 +359,7 @@ enum { TETLOD_STEP_GROUP = 8 };
 
 struct tetlod_series_info {
     uint32_t step_count, band_count, field_count;
+    uint32_t displacement;           /* the number, of these fields, of the one that moves the points; TETLOD_NONE: they keep their places */
     const double *times;             /* [step_count], not falling */
     const struct tetlod_band *bands; /* coarse to fine */
     const uint32_t *fields;          /* [field_count] of the stream */
@@ -400,12 +401,16 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_seek_step(struct tetlod_seri
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_series_decode(struct tetlod_series *series, const uint32_t *corners, uint32_t band,
                                                                   uint32_t step, struct tetlod_error *error);
 
-/* From now on only `count` of the series' fields are read and decoded; NULL: all. */
+/* From now on only `count` of the series' fields are read and decoded, and the one that moves the points; NULL: all. */
 TETLOD_API void tetlod_series_select(struct tetlod_series *series, const uint32_t *fields, uint32_t count);
 
 /* The values that the last tetlod_seek_step gave, of the series' field number `field`: [components * vertices of the band's level]; NULL
  * if there are none. Valid until the next one. */
 TETLOD_API const double *tetlod_step_values(const struct tetlod_series *series, uint32_t field);
+
+/* Moves points to where they are at that step: `positions` [3 * vertices] are those of the band's level. Does nothing where points keep their
+ * places. ERR_STREAM if one would not be finite. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_step_move(const struct tetlod_series *series, double *positions, struct tetlod_error *error);
 
 #ifdef __cplusplus
 }

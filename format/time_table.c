@@ -82,7 +82,7 @@ void tetlodi_time_encode(const struct tetlodi_time *time, struct tetlodi_buffer 
     tetlodi_put(out, time->field_count, 4);
     tetlodi_put(out, time->band_count, 4);
     tetlodi_put(out, time->step_count, 4);
-    tetlodi_put(out, 0, 4);
+    tetlodi_put(out, time->displacement, 4);
     for (uint32_t f = 0; f < time->field_count; f++) {
         tetlodi_put(out, time->fields[f].field, 4);
         tetlodi_put(out, time->fields[f].type, 4);
@@ -162,11 +162,12 @@ enum tetlod_status tetlodi_time_decode(struct tetlodi_time *time, const uint8_t 
 {
     struct tetlodi_bytes in = {bytes, size, false};
     uint32_t fields = (uint32_t)tetlodi_get(&in, 4), bands = (uint32_t)tetlodi_get(&in, 4), steps = (uint32_t)tetlodi_get(&in, 4);
-    uint64_t reserved = tetlodi_get(&in, 4);
-    int good = !in.failed && !reserved && table_size(fields, bands, steps) == size;
+    uint32_t displacement = (uint32_t)tetlodi_get(&in, 4);
+    int good = !in.failed && displacement <= fields && table_size(fields, bands, steps) == size;
     *time = (struct tetlodi_time){0};
     if (good && !tetlodi_time_allocate(time, fields, bands, steps))
         return tetlodi_fail_nomem(error, "the table of steps", size);
+    time->displacement = displacement;
     for (uint32_t f = 0; f < fields && good; f++) {
         good = decode_field(&time->fields[f], &in);
         for (uint32_t g = 0; g < f; g++)

@@ -25,6 +25,7 @@ struct tetlodi_time_entry {
 
 struct tetlodi_time {
     uint32_t field_count, band_count, step_count, group_count;
+    uint32_t displacement;             /* 1 + the number of the field that moves the points; 0: they keep their places */
     struct tetlodi_time_field *fields; /* [field] owned, as all here */
     struct tetlod_band *bands;         /* [band] */
     double *quanta;                    /* [band][field] */

@@ -82,6 +82,13 @@ static void check_steps(struct tetlod_file *file, const struct tetlod_info *info
             for (uint32_t f = 0; f < steps->field_count; f++)
                 for (size_t i = 0; i < (size_t)mesh.vertices * info->fields[steps->fields[f]].components; i++)
                     demand(isfinite(tetlod_step_values(series, f)[i]));
+            double *points = malloc(24 * (size_t)mesh.vertices);
+            demand(points != NULL);
+            memcpy(points, mesh.positions, 24 * (size_t)mesh.vertices);
+            if (tetlod_step_move(series, points, NULL) == TETLOD_OK)
+                for (size_t i = 0; i < 3 * (size_t)mesh.vertices; i++)
+                    demand(isfinite(points[i]));
+            free(points);
         }
     tetlod_cursor_free(cursor);
     tetlod_series_free(series);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""ParaView plugin: opens tetlod streams, of files and of URLs, at the error that a slider sets.
+"""ParaView plugin: opens tetlod streams, of files and of URLs, at the error that a slider sets; a series has time steps.
 
 Tools > Manage Plugins > Load New, choose this file. Then File > Open knows .tetlod, and Sources has "Tetlod URL".
 The plugin needs the Python package tetlod: installed for ParaView's Python, or at ../python beside this folder.
@@ -9,13 +9,16 @@ import sys
 
 from paraview.util.vtkAlgorithm import VTKPythonAlgorithmBase, smdomain, smhint, smproperty, smproxy
 from vtkmodules.vtkCommonCore import vtkDataArraySelection
-from vtkmodules.vtkCommonDataModel import vtkUnstructuredGrid
+from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkUnstructuredGrid
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
 
 try:
     import tetlod
 except ImportError:
     sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', 'python'))
     import tetlod
+
+TIME_STEPS, TIME_RANGE, UPDATE_TIME = Pipeline.TIME_STEPS(), Pipeline.TIME_RANGE(), Pipeline.UPDATE_TIME_STEP()
 
 
 class StreamSource(VTKPythonAlgorithmBase):
@@ -39,23 +42,39 @@ class StreamSource(VTKPythonAlgorithmBase):
                 self._selection.AddArray(field.name)
         return self._stream
 
+    def times(self):
+        stream = self.stream()
+        return stream.times if stream else ()
+
     def RequestInformation(self, request, inputs, outputs):
-        self.stream()
+        times, information = self.times(), outputs.GetInformationObject(0)
+        for key in (TIME_STEPS, TIME_RANGE):
+            information.Remove(key)
+        for time in times:
+            information.Append(TIME_STEPS, time)
+        for time in times[:1] + times[-1:]:
+            information.Append(TIME_RANGE, time)
         return 1
 
     def RequestData(self, request, inputs, outputs):
         stream = self.stream()
         if stream is None:
             return 1
-        if stream.info.lossless or self._percent > 0:
-            grid = stream.seek(error=self._percent / 100).mesh.to_vtk()
-        else:
-            grid = stream.seek().mesh.to_vtk()
+        mesh = self._mesh(stream, outputs.GetInformationObject(0))
+        grid = mesh.to_vtk()
         for field in stream.fields:
             if not self._selection.ArrayIsEnabled(field.name):
                 grid.GetPointData().RemoveArray(field.name)
+        if mesh.time is not None:
+            grid.GetInformation().Set(vtkDataObject.DATA_TIME_STEP(), mesh.time)
         vtkUnstructuredGrid.GetData(outputs).ShallowCopy(grid)
         return 1
+
+    def _mesh(self, stream, information):
+        error = self._percent / 100
+        if stream.times:  # the step that is nearest to the time that is asked for
+            return stream.at(information.Get(UPDATE_TIME) if information.Has(UPDATE_TIME) else stream.times[0], error)
+        return stream.seek(error=error if stream.info.lossless or error > 0 else None).mesh
 
     # Properties of both proxies. ParaView looks for them in the class itself: each names them again
 
@@ -70,6 +89,10 @@ class StreamSource(VTKPythonAlgorithmBase):
     def GetDataArraySelection(self):
         return self._selection
 
+    @smproperty.doublevector(name='TimestepValues', information_only='1', si_class='vtkSITimeStepsProperty')
+    def GetTimestepValues(self):
+        return self.times()
+
 
 @smproxy.reader(name='TetlodReader', label='Tetlod Reader', extensions='tetlod', file_description='tetlod streams')
 class TetlodReader(StreamSource):
@@ -80,6 +103,7 @@ class TetlodReader(StreamSource):
         self.set_location(name)
 
     SetError, GetDataArraySelection = StreamSource.SetError, StreamSource.GetDataArraySelection
+    GetTimestepValues = StreamSource.GetTimestepValues
 
 
 @smproxy.source(name='TetlodURL', label='Tetlod URL')
@@ -89,3 +113,4 @@ class TetlodURL(StreamSource):
         self.set_location(url)
 
     SetError, GetDataArraySelection = StreamSource.SetError, StreamSource.GetDataArraySelection
+    GetTimestepValues = StreamSource.GetTimestepValues

@@ -61,6 +61,8 @@ export interface Series {
   bands: { error: number; level: number }[];
   /** The fields that have steps. */
   fields: { name: string; range: [number, number] }[];
+  /** The field that moves the points; null: they keep their places. */
+  displacement: string | null;
 }
 
 export interface Step {
@@ -100,6 +102,8 @@ export interface Spec {
   rays?: boolean;
   /** A grid with so many points along its longest side, of the values or of their decimal logarithms. */
   volume?: { size: number; logarithmic?: boolean } | null;
+  /** Arrows, or lines along the flow, through `count` places (300) that are spread over the volume. */
+  vectors?: { field: string; kind?: 'arrows' | 'streamlines'; count?: number } | null;
   /** Whether a change of the level is a move (the default) or a jump. */
   morph?: boolean;
 }
@@ -173,6 +177,8 @@ export interface Pictures {
   rays: Rays | null;
   /** Absent while the mesh moves, and where it is the same as in the last message. */
   volume?: Grid | null;
+  /** Absent while the mesh moves, and where it is the same as in the last message. */
+  vectors?: Part | null;
   seconds: number;
 }
 

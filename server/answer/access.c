@@ -78,7 +78,7 @@ static void answer_with_cookie(struct exchange *exchange, const char *target)
     for (const char *at = target + path; *at;) {
         at++; // '?' or '&'
         size_t size = strcspn(at, "&");
-        if (size && strncmp(at, "token=", 6) != 0 && used < sizeof to) {
+        if (size && !query_begins_with(at, "token") && used < sizeof to) {
             used += (size_t)snprintf(to + used, sizeof to - used, "%c%.*s", separator, (int)size, at);
             separator = '&';
         }
@@ -160,5 +160,6 @@ void access_headers(const struct site *site, const struct request *request, stru
     } else
         response_header_text(response, "Access-Control-Expose-Headers",
                              "ETag, Content-Range, Content-Length, Content-Encoding, Accept-Ranges, Location, Retry-After, Server-Timing, "
-                             "Tetlod-Level, Tetlod-Vertices, Tetlod-Tets, Tetlod-Error, Tetlod-Uncontrolled, X-Request-Id");
+                             "Tetlod-Level, Tetlod-Vertices, Tetlod-Tets, Tetlod-Error, Tetlod-Uncontrolled, Tetlod-Band, Tetlod-Step, "
+                             "Tetlod-Time, Tetlod-Box-Level, Tetlod-Box-Error, Tetlod-Belt-Tets, Tetlod-Belt-Error, X-Request-Id");
 }

@@ -16,14 +16,20 @@ static json_t *cell_names(const struct tetlod_info *info)
     return array;
 }
 
-static bool choose(const struct tetlod_info *info, const char *name, struct cell_choice *out)
+/* What the first name of a list is, which may have commas: the longest counts. Its length with the comma behind, or 0. */
+static size_t choose(const struct tetlod_info *info, const char *list, struct cell_choice *out)
 {
-    uint32_t field = tetlod_cell_field_index(info, name);
-    if (field != TETLOD_NONE)
-        return out->chosen[field] = out->any = true;
-    for (uint32_t f = 0; f < info->cell_field_count && strcmp(name, "all") == 0; f++)
-        out->chosen[f] = out->any = true;
-    return strcmp(name, "all") == 0;
+    size_t size = 0, all = list_begins_with(list, "all");
+    uint32_t field = TETLOD_NONE;
+    for (uint32_t f = 0; f < info->cell_field_count; f++) {
+        size_t length = list_begins_with(list, info->cell_fields[f].name);
+        field = length > size ? f : field;
+        size = length > size ? length : size;
+    }
+    for (uint32_t f = 0; f < info->cell_field_count; f++)
+        if (f == field || (all && !size))
+            out->chosen[f] = out->any = true;
+    return size ? size : all;
 }
 
 bool query_cells(struct exchange *exchange, const struct tetlod_info *info, struct cell_choice *out)
@@ -34,20 +40,16 @@ bool query_cells(struct exchange *exchange, const struct tetlod_info *info, stru
     if (result == QUERY_ABSENT)
         return true;
     if (result == QUERY_BAD || !percent_encode(list, out->text, sizeof out->text)) {
-        response_problem(exchange->response, 400, exchange->request->target, "cells is one list of names, or all");
+        response_problem(exchange->response, 400, exchange->request->target, "cells is one list of names of at most %zu bytes in all, or all",
+                         sizeof list - 1);
         return false;
     }
-    for (char *name = list, *next; name && *name; name = next) {
-        next = strchr(name, ',');
-        if (next)
-            *next++ = 0;
-        if (choose(info, name, out))
-            continue;
-        response_problem_choices(exchange->response, 400, exchange->request->target, "cells", cell_names(info),
-                                 "there are no values of cells '%.128s'; names are separated by commas", name);
-        return false;
-    }
-    return true;
+    size_t size = 1;
+    for (const char *at = list; *at && size; at += size)
+        if (!(size = choose(info, at, out)))
+            response_problem_choices(exchange->response, 400, exchange->request->target, "cells", cell_names(info),
+                                     "there are no values of cells '%.*s'; names are separated by commas", (int)strcspn(at, ","), at);
+    return size > 0;
 }
 
 void cell_choice_name(const struct cell_choice *choice, char out[MOST_CELL_FIELDS / 4 + 1])

@@ -146,21 +146,25 @@ enum outcome respond_level_prefix(struct exchange *exchange, struct dataset *dat
 }
 
 /* Which fields a list of names selects, as text of 0 and 1 for the entity tag. */
-static bool select_fields(struct exchange *exchange, const struct tetlod_info *info, char *list, char *selected)
+static bool select_fields(struct exchange *exchange, const struct tetlod_info *info, const char *list, char *selected)
 {
     memset(selected, '0', info->field_count);
     selected[info->field_count] = 0;
-    for (char *name = list, *next; name && *list; name = next) {
-        next = strchr(name, ',');
-        if (next)
-            *next++ = 0;
-        uint32_t field = tetlod_field_index(info, name);
+    for (const char *at = list; *at;) {
+        uint32_t field = TETLOD_NONE;
+        size_t size = 0;
+        for (uint32_t f = 0; f < info->field_count; f++) { // a name may have commas: the longest counts
+            size_t length = list_begins_with(at, info->fields[f].name);
+            field = length > size ? f : field;
+            size = length > size ? length : size;
+        }
         if (field == TETLOD_NONE) {
             response_problem_choices(exchange->response, 400, exchange->request->target, "fields", field_names(info),
-                                     "there is no field '%.128s'; fields are separated by commas", name);
+                                     "there is no field '%.*s'; fields are separated by commas", (int)strcspn(at, ","), at);
             return false;
         }
         selected[field] = '1';
+        at += size;
     }
     return true;
 }
@@ -192,10 +196,10 @@ static enum outcome answer_frames(struct exchange *exchange, struct dataset *dat
 
 enum query_result query_fields(struct exchange *exchange, const struct tetlod_info *info, char *selected)
 {
-    char list[1024];
+    char list[8192];
     enum query_result result = query_value(exchange->query, "fields", list, sizeof list);
     if (result == QUERY_BAD)
-        response_problem(exchange->response, 400, exchange->request->target, "fields is one list of names");
+        response_problem(exchange->response, 400, exchange->request->target, "fields is one list of names of at most %zu bytes in all", sizeof list - 1);
     else if (result == QUERY_FOUND && !select_fields(exchange, info, list, selected))
         result = QUERY_BAD;
     return result;

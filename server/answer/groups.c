@@ -83,9 +83,12 @@ enum outcome respond_step_prefix(struct exchange *exchange, struct dataset *data
     static const uint32_t none[1] = {0};
     const struct tetlod_file *file = dataset_file(dataset);
     const struct tetlod_info *info = tetlod_info(file);
+    const struct tetlod_series_info *series = tetlod_series_info(dataset_series(dataset));
     char selected[MOST_FIELDS + 1], etag[80 + MOST_FIELDS];
     if (!take_fields(exchange, dataset, selected))
         return ANSWERED;
+    if (series->displacement != TETLOD_NONE) // no field is anywhere without the points
+        selected[series->fields[series->displacement]] = '1';
     size_t most = tetlod_spans(file, TETLOD_NONE, choice->level, none, 0, NULL, 0), count = most;
     struct tetlod_span *spans = array_new(most + 1 + info->field_count, sizeof *spans);
     if (!spans) {

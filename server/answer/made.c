@@ -110,7 +110,7 @@ enum outcome answer_from_level(struct exchange *exchange, struct dataset *datase
     char name[ETAG_CAPACITY - 8], key[ETAG_CAPACITY];
     struct representation representation = {
         .media_type = answer->media_type,
-        .coding = coding_choose(request_header(exchange->request, "Accept-Encoding")),
+        .coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE),
         .etag = name,
     };
     snprintf(name, sizeof name, "%s-%" PRIu32 "-%s", dataset_info(dataset)->cid, answer->level, answer->name);

@@ -103,6 +103,21 @@ enum query_result query_value(const char *text, const char *name, char *out, siz
     return result;
 }
 
+bool query_begins_with(const char *text, const char *name)
+{
+    struct pair pair;
+    char decoded[NAME_CAPACITY];
+    return next_pair(&text, &pair) && percent_decode(pair.name, pair.name_size, decoded, sizeof decoded) && strcmp(decoded, name) == 0;
+}
+
+size_t list_begins_with(const char *list, const char *name)
+{
+    size_t size = strlen(name);
+    if (strncmp(list, name, size) != 0 || (list[size] && list[size] != ','))
+        return 0;
+    return size + (list[size] == ',');
+}
+
 bool query_unknown(const char *text, const char *const *names, char *out, size_t capacity)
 {
     struct pair pair;
@@ -251,7 +266,7 @@ bool etag_same(const char *header, const char *etag)
 
 const char *coding_name(enum coding coding)
 {
-    static const char *const names[CODINGS] = {"", "gzip", "zstd"};
+    static const char *const names[CODINGS] = {"", "gzip", "zstd", "br"};
     return names[coding];
 }
 
@@ -284,9 +299,9 @@ static bool same_word(const char *text, size_t size, const char *word)
     return size == strlen(word) && strncasecmp(text, word, size) == 0;
 }
 
-enum coding coding_choose(const char *accept_encoding)
+enum coding coding_choose(const char *accept_encoding, unsigned have)
 {
-    int q[CODINGS] = {-1, -1, -1}, star = -1;
+    int q[CODINGS] = {-1, -1, -1, -1}, star = -1;
     const char *at = accept_encoding ? accept_encoding : "";
     while (*at) {
         at += strspn(at, " \t,");
@@ -296,6 +311,8 @@ enum coding coding_choose(const char *accept_encoding)
             q[CODING_GZIP] = value;
         else if (same_word(at, word, "zstd"))
             q[CODING_ZSTD] = value;
+        else if (same_word(at, word, "br"))
+            q[CODING_BROTLI] = value;
         else if (same_word(at, word, "identity"))
             q[CODING_IDENTITY] = value;
         else if (same_word(at, word, "*"))
@@ -308,7 +325,7 @@ enum coding coding_choose(const char *accept_encoding)
         q[CODING_IDENTITY] = star >= 0 ? star : 1; // acceptable unless refused, but only just
     enum coding best = CODING_IDENTITY;
     for (int c = CODING_GZIP; c < CODINGS; c++)
-        if (q[c] && q[c] >= q[best])
+        if ((have & 1u << c) && q[c] && q[c] >= q[best])
             best = (enum coding)c;
     return best;
 }

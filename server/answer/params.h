@@ -21,6 +21,12 @@ enum query_result { QUERY_ABSENT, QUERY_FOUND, QUERY_BAD };
  * 1e+3. QUERY_BAD: it is there twice, or its value cannot be decoded or is too long. */
 enum query_result query_value(const char *text, const char *name, char *out, size_t capacity);
 
+/* Length of a name that a list, separated by commas, begins with, and of the comma behind it; 0: it begins with another. */
+size_t list_begins_with(const char *list, const char *name);
+
+/* Whether the parameter at the beginning of `text` has this name, however it is written. */
+bool query_begins_with(const char *text, const char *name);
+
 /* Finds a parameter whose name is not one of `names` (ends with NULL) and copies what it is; false if there is none. */
 bool query_unknown(const char *text, const char *const *names, char *out, size_t capacity);
 
@@ -45,13 +51,16 @@ bool etag_list_has(const char *list, const char *etag);
 /* If-Range: one strong entity tag. */
 bool etag_same(const char *header, const char *etag);
 
-enum coding { CODING_IDENTITY, CODING_GZIP, CODING_ZSTD, CODINGS };
+enum coding { CODING_IDENTITY, CODING_GZIP, CODING_ZSTD, CODING_BROTLI, CODINGS };
 
-/* "", "gzip", "zstd" */
+/* What answers that are made here can have; Brotli is for files that were compressed before. */
+enum { CODINGS_MADE = 1 << CODING_GZIP | 1 << CODING_ZSTD };
+
+/* "", "gzip", "zstd", "br" */
 const char *coding_name(enum coding coding);
 
-/* The coding of the highest q that Accept-Encoding allows; among equals zstd before gzip before identity. Without header
- * (NULL) and where nothing is allowed: identity. */
-enum coding coding_choose(const char *accept_encoding);
+/* The coding of the highest q that Accept-Encoding allows, of those in `have` (bits 1 << coding) and identity; among equals
+ * br before zstd before gzip before identity. Without header (NULL) and where nothing is allowed: identity. */
+enum coding coding_choose(const char *accept_encoding, unsigned have);
 
 #endif

@@ -27,9 +27,10 @@ static void content_policy(const struct site *site, struct response *response)
 enum outcome handle_asset(struct exchange *exchange, const struct embedded_file *asset)
 {
     struct response *response = exchange->response;
-    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
-    if (!asset->coded[coding].bytes)
-        coding = CODING_IDENTITY;
+    unsigned have = 0;
+    for (int c = 0; c < CODINGS; c++)
+        have |= asset->coded[c].bytes ? 1u << c : 0;
+    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), have);
     const struct embedded_bytes *coded = &asset->coded[coding];
     response->status = 200;
     response->media_type = asset->media_type;
@@ -43,7 +44,9 @@ enum outcome handle_asset(struct exchange *exchange, const struct embedded_file 
     content_policy(exchange->site, response);
     response_header_text(response, "X-Content-Type-Options", "nosniff");
     link_description(exchange);
-    if (asset->named_by_content)
+    if (strncmp(asset->path, "/worker-", 8) == 0) // it obeys the policy that came with it, which the next start may change
+        response_header_text(response, "Cache-Control", "private, max-age=60");
+    else if (asset->named_by_content)
         cache_forever(exchange);
     else
         cache_revalidate(response);
@@ -161,7 +164,7 @@ enum outcome handle_stream_info(struct exchange *exchange)
         respond_no_mesh(exchange);
         return ANSWERED;
     }
-    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
+    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE);
     struct info_context *context = array_new(1, sizeof *context);
     if (!context) {
         dataset_release(dataset);
@@ -206,7 +209,7 @@ static enum tetlod_status make_list(void *opaque, struct cache_value *out, struc
 enum outcome handle_catalogue(struct exchange *exchange)
 {
     struct site *site = exchange->site;
-    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"));
+    enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE);
     struct list_context *context = array_new(1, sizeof *context);
     const struct cache_value *value;
     char etag[64], key[80];

@@ -133,6 +133,8 @@ static enum tetlod_status make_step(const void *opaque, const struct forest *for
         status = tetlod_series_decode(series, out->corners, choice->band, choice->step, error);
     if (status == TETLOD_OK)
         status = put_values(out, series, error);
+    if (status == TETLOD_OK)
+        status = tetlod_step_move(series, out->positions, error);
     tetlod_series_free(series);
     if (status != TETLOD_OK)
         tetmesh_fini(out);

@@ -26,6 +26,7 @@
 
 #include "format/fail.h"
 #include "server/answer/buffer.h"
+#include "server/answer/params.h"
 #include "server/answer/routes.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
@@ -395,11 +396,10 @@ static void put_json_text(struct buffer *line, const char *text)
 /* What opens the server does not belong into its log. */
 static void hide_token(char *target)
 {
-    static const char name[] = "token=";
     for (char *at = strchr(target, '?'); at && *at; at = strchr(at, '&'))
-        if (strncmp(++at, name, sizeof name - 1) == 0)
-            for (at += sizeof name - 1; *at && *at != '&'; at++)
-                *at = '*';
+        if (query_begins_with(++at, "token"))
+            for (at += strcspn(at, "=&"); *at && *at != '&'; at++)
+                *at = *at == '=' ? '=' : '*';
 }
 
 static void log_access(const struct call *call, double seconds, bool complete)

@@ -41,6 +41,7 @@ struct table {
 struct replaced {
     struct dataset *dataset;
     double last_asked;
+    bool intact; /* at the last scan */
     struct replaced *next;
 };
 
@@ -181,8 +182,6 @@ static enum tetlod_status keep_file(struct scan *scan, const char *path, int why
     char id[ID_CAPACITY];
     stream_id(path, id, sizeof id);
     const struct entry *known = find_entry(&scan->catalogue->table, id);
-    if (why == ENOENT)
-        return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot open: %s", path, strerror(why));
     if (known && !find_entry(&scan->next, id))
         keep_entry(scan, known);
     if (!error)
@@ -240,6 +239,22 @@ static bool settled_identity(int fd, struct file_identity *out)
     return identity_of(fd, out);
 }
 
+static enum tetlod_status refuse_file(struct scan *scan, const char *path, const char *why, struct tetlod_error *error)
+{
+    if (!error)
+        complain(scan->catalogue, "%s: not served: %s", path, why);
+    return tetlodi_fail(error, TETLOD_ERR_IO, "%s: %s", path, why);
+}
+
+/* A file that was not there when it was opened: it has just gone, or it is a link to nothing. */
+static enum tetlod_status miss_file(struct scan *scan, int folder, const char *path, struct tetlod_error *error)
+{
+    struct stat about;
+    if (fstatat(folder, path, &about, AT_SYMLINK_NOFOLLOW) == 0)
+        return refuse_file(scan, path, "it is a link to nothing", error);
+    return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot open: %s", path, strerror(ENOENT));
+}
+
 /* Takes one file of `folder` (or AT_FDCWD) into the next table. The old table is this thread's to read: nobody else changes it.
  * A file that is as it was is not opened. */
 static enum tetlod_status take_file(struct scan *scan, int folder, const char *path, struct tetlod_error *error)
@@ -248,6 +263,8 @@ static enum tetlod_status take_file(struct scan *scan, int folder, const char *p
     struct entry entry = {.path = scan->path};
     struct file_identity seen;
     stream_id(path, entry.id, sizeof entry.id);
+    if (!tetlodi_plain_text(entry.id, strlen(entry.id)))
+        return refuse_file(scan, path, "the name is not UTF-8, or has control characters; rename it", error);
     const struct entry *known = find_entry(&catalogue->table, entry.id);
     if (find_entry(&scan->next, entry.id)) {
         complain(catalogue, "%s: another stream has the id '%s' already; this one is not served", path, entry.id);
@@ -259,12 +276,10 @@ static enum tetlod_status take_file(struct scan *scan, int folder, const char *p
     }
     int fd = openat(folder, path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
     if (fd < 0)
-        return keep_file(scan, path, errno, error);
+        return errno == ENOENT ? miss_file(scan, folder, path, error) : keep_file(scan, path, errno, error);
     if (!entry.id[0] || strcmp(entry.id, ".") == 0 || strcmp(entry.id, "..") == 0 || !settled_identity(fd, &entry.identity)) {
         close(fd);
-        if (!error)
-            complain(catalogue, "%s: not served: it is not a regular file", path);
-        return tetlodi_fail(error, TETLOD_ERR_IO, "%s: is not a regular file", path);
+        return refuse_file(scan, path, "it is not a regular file", error);
     }
     enum tetlod_status status = open_stream(scan, folder, path, fd, &entry, error);
     if (!insert_entry(&scan->next, &entry)) {
@@ -289,12 +304,12 @@ static int by_name(const void *a, const void *b)
 static enum tetlod_status keep_folder(struct scan *scan, const char *path, int why, struct tetlod_error *error)
 {
     const struct table *table = &scan->catalogue->table;
-    for (size_t i = 0; why != ENOENT && i < table->count; i++)
+    for (size_t i = 0; i < table->count; i++)
         if (table->entries[i].path == scan->path && !find_entry(&scan->next, table->entries[i].id))
             keep_entry(scan, &table->entries[i]);
     scan->troubles++;
     if (!error)
-        complain(scan->catalogue, "%s: cannot look at it: %s%s", path, strerror(why), why == ENOENT ? "" : "; its streams are served on");
+        complain(scan->catalogue, "%s: cannot look at it: %s; its streams are served on", path, strerror(why));
     return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot list: %s", path, strerror(why));
 }
 
@@ -305,10 +320,6 @@ static int list_names(struct scan *scan, DIR *folder, char ***out_names, size_t 
     for (errno = 0; (item = readdir(folder)); errno = 0) {
         if (!is_stream_name(item->d_name))
             continue;
-        if (!tetlodi_plain_text(item->d_name, strlen(item->d_name))) {
-            complain(scan->catalogue, "%s: not served: the name is not UTF-8, or has control characters; rename it", item->d_name);
-            continue;
-        }
         if (!array_reserve((void **)out_names, &capacity, *out_count + 1, sizeof **out_names) ||
             !((*out_names)[*out_count] = strdup(item->d_name))) {
             scan->complete = false;
@@ -344,6 +355,15 @@ static enum tetlod_status take_folder(struct scan *scan, const char *path, int f
     return why ? keep_folder(scan, path, why, error) : TETLOD_OK;
 }
 
+/* A path that was named and is gone: so are its streams, until it comes back. */
+static enum tetlod_status lose_path(struct scan *scan, const char *path, struct tetlod_error *error)
+{
+    scan->troubles++;
+    if (!error)
+        complain(scan->catalogue, "%s: it is gone, and what was served of it", path);
+    return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot open: %s", path, strerror(ENOENT));
+}
+
 static enum tetlod_status take_path(struct scan *scan, const char *path, struct tetlod_error *error)
 {
     struct stat about;
@@ -353,7 +373,7 @@ static enum tetlod_status take_path(struct scan *scan, const char *path, struct 
     if (fd >= 0)
         return take_folder(scan, path, fd, error);
     if (errno == ENOENT || errno == ENOTDIR)
-        return keep_file(scan, path, ENOENT, error);
+        return lose_path(scan, path, error);
     return keep_folder(scan, path, errno, error);
 }
 
@@ -375,36 +395,68 @@ static uint64_t digest_of(const struct table *table)
     return hash;
 }
 
-/* Called with the lock held. What was replaced by another file stays readable; what was written over does not. */
-static void replace_table(struct catalogue *catalogue, struct table *next, double now)
+/* What the next table replaces by another file stays readable; what was written over does not. Looking at a file may take long. */
+static struct replaced *find_replaced(const struct catalogue *catalogue, const struct table *next, double now)
 {
+    struct replaced *first = NULL;
     for (size_t i = 0; i < catalogue->table.count; i++) {
-        struct entry *old = &catalogue->table.entries[i];
-        const struct entry *current = find_entry(next, old->id);
+        const struct entry *old = &catalogue->table.entries[i], *current = find_entry(next, old->id);
         bool replaced = old->dataset && !(current && current->dataset == old->dataset) && dataset_intact(old->dataset);
         struct replaced *kept = replaced ? array_new(1, sizeof *kept) : NULL;
         if (!kept)
             continue;
-        *kept = (struct replaced){dataset_hold(old->dataset), now, catalogue->replaced};
-        catalogue->replaced = kept;
+        *kept = (struct replaced){dataset_hold(old->dataset), now, true, first};
+        first = kept;
     }
-    table_fini(&catalogue->table);
-    catalogue->table = *next;
-    catalogue->digest = digest_of(next);
+    return first;
 }
 
-static void drop_replaced(struct catalogue *catalogue, double oldest)
+/* Takes out what nobody has asked for since `oldest`, or is not as it was. */
+static struct replaced *take_out(struct replaced **link, double oldest)
 {
-    for (struct replaced **link = &catalogue->replaced; *link;) {
+    struct replaced *out = NULL;
+    while (*link) {
         struct replaced *kept = *link;
-        if (kept->last_asked >= oldest && dataset_intact(kept->dataset)) {
+        if (kept->last_asked >= oldest && kept->intact) {
             link = &kept->next;
             continue;
         }
         *link = kept->next;
-        dataset_release(kept->dataset);
-        free(kept);
+        kept->next = out;
+        out = kept;
     }
+    return out;
+}
+
+static void free_replaced(struct replaced *first)
+{
+    for (struct replaced *next; first; first = next) {
+        next = first->next;
+        dataset_release(first->dataset);
+        free(first);
+    }
+}
+
+/* Puts the next table in place. Only this thread changes the table and the list: files are looked at before the lock is taken, which
+ * others wait for, and closed after. */
+static void replace_table(struct catalogue *catalogue, const struct table *next, double now)
+{
+    struct table old = catalogue->table;
+    struct replaced *replaced = find_replaced(catalogue, next, now), **end = &replaced;
+    for (struct replaced *kept = catalogue->replaced; kept; kept = kept->next)
+        kept->intact = dataset_intact(kept->dataset);
+    while (*end)
+        end = &(*end)->next;
+    uint64_t digest = digest_of(next);
+    pthread_mutex_lock(&catalogue->lock);
+    *end = catalogue->replaced;
+    catalogue->replaced = replaced;
+    catalogue->table = *next;
+    catalogue->digest = digest;
+    replaced = take_out(&catalogue->replaced, now - catalogue->keep_replaced);
+    pthread_mutex_unlock(&catalogue->lock);
+    table_fini(&old);
+    free_replaced(replaced);
 }
 
 void catalogue_scan(struct catalogue *catalogue, double now)
@@ -421,10 +473,7 @@ void catalogue_scan(struct catalogue *catalogue, double now)
     }
     atomic_store(&catalogue->troubles, scan.troubles);
     forget_warnings(&catalogue->given, false);
-    pthread_mutex_lock(&catalogue->lock);
     replace_table(catalogue, &scan.next, now);
-    drop_replaced(catalogue, now - catalogue->keep_replaced);
-    pthread_mutex_unlock(&catalogue->lock);
 }
 
 enum tetlod_status catalogue_open(struct catalogue **out, const struct catalogue_options *options,
@@ -467,7 +516,7 @@ void catalogue_close(struct catalogue *catalogue)
     if (!catalogue)
         return;
     table_fini(&catalogue->table);
-    drop_replaced(catalogue, 1e300);
+    free_replaced(catalogue->replaced);
     forget_warnings(&catalogue->given, true);
     free(catalogue->given.texts);
     free(catalogue->given.again);

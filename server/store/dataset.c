@@ -184,15 +184,7 @@ const struct file_identity *dataset_identity(const struct dataset *dataset)
 
 enum tetlod_status dataset_check(struct dataset *dataset, struct tetlod_error *error)
 {
-    const struct tetlod_info *info = tetlod_info(dataset->file);
-    for (uint32_t k = 0; k < info->level_count; k++)
-        for (uint32_t part = 0; part <= info->field_count; part++) {
-            uint8_t *bytes;
-            size_t size;
-            TETLOD_TRY(tetlodi_read_frame(dataset->file, k, part, &bytes, &size, error));
-            free(bytes);
-        }
-    return TETLOD_OK;
+    return tetlodi_check_parts(dataset->file, error);
 }
 
 bool dataset_intact(struct dataset *dataset)

@@ -2,12 +2,14 @@
 #include "src/cli/against_steps.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/fail.h"
 #include "src/cli/tolerance.h"
 #include "src/measure/measure.h"
 #include "src/measure/overlay.h"
 #include "src/measure/same.h"
+#include "src/mesh/displacement.h"
 #include "src/report/level_mesh.h"
 #include "src/util/array.h"
 
@@ -65,14 +67,40 @@ static enum tetlod_status open_bands(struct steps_check *check)
     return TETLOD_OK;
 }
 
-enum tetlod_status steps_decode(struct tetlod_file *file, uint32_t *steps, struct tetlod_error *error)
+static bool points_move(const struct steps_check *check)
+{
+    return tetlod_series_info(check->bands[0].series)->displacement != TETLOD_NONE;
+}
+
+/* Tetrahedra that the step which the band is at turns over. */
+static enum tetlod_status count_turned(const struct steps_check *check, const struct band_reader *band, uint64_t *io_most)
+{
+    struct tetlod_mesh mesh;
+    uint64_t turned;
+    tetlod_cursor_mesh(band->cursor, &mesh);
+    double *moved = array_new(mesh.vertices, 3 * sizeof *moved);
+    if (!moved)
+        return tetlodi_fail_nomem(check->error, "the points of a step", (uint64_t)mesh.vertices * 24);
+    memcpy(moved, mesh.positions, mesh.vertices * 3 * sizeof *moved);
+    enum tetlod_status status = tetlod_step_move(band->series, moved, check->error);
+    turned = status == TETLOD_OK ? displacement_turned(mesh.positions, moved, mesh.corners, mesh.tets) : 0;
+    *io_most = turned > *io_most ? turned : *io_most;
+    free(moved);
+    return status;
+}
+
+enum tetlod_status steps_decode(struct tetlod_file *file, struct steps_found *found, struct tetlod_error *error)
 {
     struct steps_check check = {.file = file, .error = error};
     enum tetlod_status status = open_bands(&check);
+    *found = (struct steps_found){.steps = check.step_count};
+    found->move = status == TETLOD_OK && points_move(&check);
     for (uint32_t b = 0; b < check.band_count && status == TETLOD_OK; b++)
-        for (uint32_t s = 0; s < check.step_count && status == TETLOD_OK; s++)
+        for (uint32_t s = 0; s < check.step_count && status == TETLOD_OK; s++) {
             status = tetlod_seek_step(check.bands[b].series, check.bands[b].cursor, b, s, error);
-    *steps = check.step_count;
+            if (status == TETLOD_OK && found->move)
+                status = count_turned(&check, &check.bands[b], &found->turned);
+        }
     close_bands(&check);
     return status;
 }
@@ -150,15 +178,37 @@ static enum tetlod_status compare_step(struct steps_check *check, struct tetmesh
     return status;
 }
 
+static enum tetlod_status read_as_it_is(const struct steps_check *check, uint32_t step, struct tetmesh *out)
+{
+    const struct steps_comparison *comparison = check->comparison;
+    struct io_report report;
+    return series_input_read(comparison->input, series_input_number(comparison->input, step), comparison->reading, out, &report, check->error);
+}
+
+/* A step's mesh, on the points of the first one if they move. */
+static enum tetlod_status read_step(const struct steps_check *check, uint32_t step, const struct tetmesh *first, struct tetmesh *out)
+{
+    uint64_t rounded = 0;
+    TETLOD_TRY(read_as_it_is(check, step, out));
+    if (!points_move(check))
+        return TETLOD_OK;
+    const char *obstacle = displacement_obstacle(out, first);
+    if (obstacle)
+        return tetlodi_fail(check->error, TETLOD_ERR_MISMATCH, "step %u: %s", step, obstacle);
+    return displacement_take(out, first, &rounded, check->error);
+}
+
 enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_comparison *comparison, struct tetlod_error *error)
 {
     struct steps_check check = {.file = file, .comparison = comparison, .error = error};
+    struct tetmesh first = {0};
     enum tetlod_status status = open_bands(&check);
+    if (status == TETLOD_OK && points_move(&check))
+        status = read_as_it_is(&check, 0, &first);
     for (uint32_t s = 0; s < check.step_count && status == TETLOD_OK; s++) {
         struct tetmesh input = {0};
-        struct io_report report;
         struct tetlod_error inner = {0};
-        status = series_input_read(comparison->input, series_input_number(comparison->input, s), comparison->reading, &input, &report, error);
+        status = read_step(&check, s, &first, &input);
         if (status == TETLOD_OK) {
             check.error = &inner;
             status = compare_step(&check, &input, s);
@@ -169,6 +219,7 @@ enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_co
         tetmesh_fini(&input);
         comparison->progress(comparison->progress_opaque, (s + 1.0) / check.step_count);
     }
+    tetmesh_fini(&first);
     close_bands(&check);
     return status;
 }

@@ -5,8 +5,15 @@
 
 #include "src/cli/series_input.h"
 
+/* What a stream's series is. */
+struct steps_found {
+    uint32_t steps;
+    bool move;     /* its points do */
+    uint64_t turned; /* tetrahedra that they turn over, at most at one step in one band */
+};
+
 /* Decodes every step in every band. ERR_STREAM, ERR_CHECKSUM. */
-TETLOD_CHECKED enum tetlod_status steps_decode(struct tetlod_file *file, uint32_t *steps, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status steps_decode(struct tetlod_file *file, struct steps_found *found, struct tetlod_error *error);
 
 struct steps_comparison {
     const struct series_input *input; /* the steps that it was built from: --times as then */

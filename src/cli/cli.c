@@ -29,6 +29,12 @@ void cli_print_safe(const char *text)
         fputc((unsigned char)*text < ' ' || *text == 0x7f ? '?' : *text, stderr);
 }
 
+const char *cli_base_name(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash ? slash + 1 : path;
+}
+
 int cli_fail(const struct tetlod_error *error)
 {
     const char *message = error->message[0] ? error->message : tetlod_status_text(error->status);

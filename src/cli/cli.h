@@ -27,6 +27,9 @@ extern const struct command command_build, command_info, command_extract, comman
 /* Prints the error as one line and gives the exit status for it. */
 int cli_fail(const struct tetlod_error *error);
 
+/* What is behind the last slash of a path. */
+const char *cli_base_name(const char *path);
+
 /* Prints text that may come from a file, without its control characters, on standard error. */
 void cli_print_safe(const char *text);
 

@@ -16,6 +16,7 @@
 #include "src/cli/reading.h"
 #include "src/cli/series_input.h"
 #include "src/io/io.h"
+#include "src/mesh/displacement.h"
 #include "src/report/info_json.h"
 #include "src/util/array.h"
 #include "src/util/file.h"
@@ -25,7 +26,8 @@ static const char help[] =
     "usage: tetlod build INPUT... [-o OUT.tetlod] [OPTIONS]\n"
     "\n"
     "Reads a mesh, contracts it and writes the stream of its levels: from a few tetrahedra to the original. A file with several\n"
-    "times, or several files, become a series: one mesh, with the --field values of every step.\n"
+    "times, or several files, become a series: one mesh, with the --field values of every step. Points may\n"
+    "move: how far becomes the field point_displacement, which drives as well.\n"
     "\n"
     "  -o, --output OUT        the stream to write (default: INPUT's name with .tetlod in this folder)\n"
     READING_HELP
@@ -360,13 +362,15 @@ static enum tetlod_status choose_fields(const struct request *request, struct te
 
 /* ---- the build */
 
-static const char *base_name(const char *path)
+/* Adds the units of fields, where the file says them, to an object of units by name. */
+static void add_units(json_t *units, const struct point_field *fields, uint32_t count)
 {
-    const char *slash = strrchr(path, '/');
-    return slash ? slash + 1 : path;
+    for (uint32_t f = 0; f < count; f++)
+        if (fields[f].unit[0])
+            json_object_set_new(units, fields[f].name, json_string(fields[f].unit));
 }
 
-/* Provenance: what made the stream out of what. Machine and moment are left out, so that bytes repeat. */
+/* Units, and provenance: what made the stream out of what. Machine and moment are left out, so that bytes repeat. */
 static char *make_metadata(const struct request *request, const struct tetmesh *mesh,
                            const struct build_control *controls, uint32_t count)
 {
@@ -375,7 +379,7 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
     for (uint32_t i = 0; i < count && fields; i++)
         json_array_append_new(fields, json_string(mesh->fields[controls[i].field].name));
     object = json_pack("{s:s, s:s, s:{s:o, s:s, s:s, s:s, s:i, s:f, s:i, s:f, s:f, s:f}}", "program", "tetlod " TETLOD_VERSION_STRING,
-                       "input", base_name(request->input), "options", "field", fields, "metric",
+                       "input", cli_base_name(request->input), "options", "field", fields, "metric",
                        metric_names[build->metric], "certify", certify_names[build->certify], "contract", request->contract, "candidates", (int)build->candidates,
                        "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
                        build->boundary_angle, "domain_error", build->domain_error, "growth", build->growth);
@@ -386,6 +390,12 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
         json_object_set_new(json_object_get(object, "options"), "nan_fill", fill);
         json_object_set_new(object, "nan_filled", json_integer((json_int_t)request->nan_filled));
     }
+    json_t *units = json_object();
+    add_units(units, mesh->cell_fields, mesh->cell_field_count);
+    add_units(units, mesh->fields, mesh->field_count);
+    if (object && json_object_size(units))
+        json_object_set(object, "units", units);
+    json_decref(units);
     char *text = object ? json_dumps(object, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17)) : NULL;
     json_decref(object);
     return text;
@@ -416,10 +426,7 @@ static enum tetlod_status build_file(struct request *request, const struct tetme
         progress_end(&request->progress);
         if (status == TETLOD_OK && request->for_mail)
             status = mail_write(&whole, request->mail_error, &file, error);
-        if (status == TETLOD_OK)
-            status = file_output_commit(output, error);
-        else
-            file_output_abort(output);
+        status = file_output_finish(output, status, error);
         *write_seconds = clock_seconds() - encoded;
     }
     tetlodi_buffer_fini(&whole);
@@ -496,8 +503,8 @@ static void say_fields(const struct request *request, const struct tetmesh *mesh
             used += (size_t)snprintf(names + used, sizeof names - used, "%s%.40s", others > 1 ? ", " : "", mesh->fields[f].name);
     }
     if (others)
-        fprintf(stderr, "tetlod build: %" PRIu32 " field%s not controlled: their error is measured, nothing holds it down: %s%s\n", others,
-                others == 1 ? " is" : "s are", names, others > MOST_NAMES ? ", ..." : "");
+        fprintf(stderr, "tetlod build: %" PRIu32 " field%s measured, nothing holds it down: %s%s\n", others,
+                others == 1 ? " is not controlled: its error is" : "s are not controlled: their error is", names, others > MOST_NAMES ? ", ..." : "");
 }
 
 static void say(const struct request *request, const struct io_report *read, const struct tetmesh *mesh,
@@ -510,8 +517,7 @@ static void say(const struct request *request, const struct io_report *read, con
     const struct {
         uint64_t count;
         const char *what;
-    } notes[] = {{mesh->cell_field_count, "fields of cells left out: a stream holds fields at points; --cell-data average makes such of them"},
-                 {report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
+    } notes[] = {{report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
                  {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"},
                  {report->folded_tets, "folded tetrahedra, on the same side of a face as their neighbour, carried along; no promise "
                                        "is made inside them"}};
@@ -521,10 +527,16 @@ static void say(const struct request *request, const struct io_report *read, con
     if (request->series.own_times)
         fprintf(stderr, "tetlod build: the steps' times do not rise: their numbers stand for them\n");
     if (request->build.series)
-        fprintf(stderr, "tetlod build: %" PRIu32 " steps in time, of which %" PRIu32 " drove; fields that are not controlled are those of the first step\n",
+        fprintf(stderr, "tetlod build: %" PRIu32 " steps in time, of which %" PRIu32 " limit the contraction; fields that are not controlled are those of the first step\n",
                 request->build.series->step_count, report->keys);
-    fprintf(stderr, "tetlod build: %s: %" PRIu32 " vertices, %" PRIu32 " tetrahedra in %" PRIu32 " levels\n",
-            request->output, mesh->vertex_count, mesh->tet_count, report->levels);
+    if (request->series.series.points_move)
+        fprintf(stderr, "tetlod build: the points move: '" DISPLACEMENT_FIELD "' says how far and drives as the other fields do; all errors are "
+                        "those at the same point of the body, proved on the mesh of the first step\n");
+    if (request->series.rounded)
+        fprintf(stderr, "tetlod build: %" PRIu64 " coordinates of points that move come back to the last place only, not bit for bit\n",
+                request->series.rounded);
+    fprintf(stderr, "tetlod build: %s: %s%" PRIu32 " vertices, %" PRIu32 " tetrahedra in %" PRIu32 " levels\n",
+            request->output, request->for_mail ? "the coarse levels of " : "", mesh->vertex_count, mesh->tet_count, report->levels);
 }
 
 /* The levels, and what the file promises of every field. */
@@ -579,8 +591,8 @@ static const char *against_series(const struct request *request)
     return build->certify_all ? "--certify-all" : NULL;
 }
 
-static enum tetlod_status load_series(struct request *request, const struct io_report *read, const struct tetmesh *mesh,
-                                      const struct build_control *controls, uint32_t count, struct tetlod_error *error)
+static enum tetlod_status load_series(struct request *request, const struct io_report *read, struct tetmesh *mesh,
+                                      struct build_control *controls, uint32_t *count, struct tetlod_error *error)
 {
     const char *wrong = against_series(request);
     if (wrong)
@@ -599,7 +611,7 @@ static int build(struct request *request)
     struct tetlod_error error = {0};
     struct io_report read = {0};
     struct build_report report = {0};
-    struct build_control controls[2 * MOST_FIELDS]; // a magnitude brings its vector
+    struct build_control controls[2 * MOST_FIELDS + 1]; // a magnitude brings its vector; and how far points move
     uint32_t count;
     double started = clock_seconds(), read_seconds, write_seconds = 0;
     enum tetlod_status status = read_first(request, &mesh, &read, &error);
@@ -612,7 +624,7 @@ static int build(struct request *request)
     if (status == TETLOD_OK)
         status = build_regions_choose(&mesh, request->region, &request->build.regions, &inner);
     if (status == TETLOD_OK && is_series(request, &read))
-        status = load_series(request, &read, &mesh, controls, count, &inner);
+        status = load_series(request, &read, &mesh, controls, &count, &inner);
     if (status == TETLOD_OK)
         status = build_file(request, &mesh, controls, count, &report, &write_seconds, &inner);
     int result = EXIT_DONE;
@@ -695,7 +707,7 @@ static int run(int argc, char **argv)
     if (!request.build.threads)
         request.build.threads = parallel_cores();
     if (!request.output) {
-        const char *name = base_name(request.input), *dot = strrchr(name, '.');
+        const char *name = cli_base_name(request.input), *dot = strrchr(name, '.');
         snprintf(output, sizeof output, "%.*s.tetlod", (int)(dot && dot != name ? dot - name : (long)strlen(name)), name);
         request.output = output;
     }

@@ -145,9 +145,13 @@ static enum tetlod_status extract_stream(const struct tetlod_file *file, const s
                                          struct tetlod_error *error)
 {
     struct file_output *output;
+    struct tetlod_error inner = {0};
     TETLOD_TRY(file_output_open(&output, request->output, error));
     const struct tetlodi_sink sink = file_output_sink(output);
-    return file_output_finish(output, tetlodi_write_prefix(file, level, &sink, error), error);
+    enum tetlod_status status = tetlodi_write_prefix(file, level, &sink, &inner);
+    if (status != TETLOD_OK)
+        tetlodi_fail(error, status, "%s: %.200s", request->input, inner.message);
+    return file_output_finish(output, status, error);
 }
 
 /* The level in the boxes: by the same field, measure and kind of error. */
@@ -215,13 +219,12 @@ static int extract(const struct request *request)
         return cli_fail(&error);
     const struct tetlod_info *info = tetlod_info(file);
     enum tetlod_status status = request->of_step ? TETLOD_OK : choose_here(info, fd, request, &level, &inner);
-    if (status == TETLOD_OK)
-        status = is_stream(request->output) ? extract_stream(file, request, level, &inner)
-                                            : extract_mesh(file, request, &mesh, level, about, sizeof about, &inner);
+    if (status == TETLOD_OK && !is_stream(request->output))
+        status = extract_mesh(file, request, &mesh, level, about, sizeof about, &inner);
     if (status != TETLOD_OK)
         tetlodi_fail(&error, status, "%s: %.200s", request->input, inner.message);
-    else if (!is_stream(request->output))
-        status = io_write(&mesh, request->output, &error);
+    else
+        status = is_stream(request->output) ? extract_stream(file, request, level, &error) : io_write(&mesh, request->output, &error);
     if (status == TETLOD_OK && !request->quiet && about[0]) {
         fprintf(stderr, "tetlod extract: %u vertices, %u tetrahedra: %s\n", mesh.vertex_count, mesh.tet_count, about);
     } else if (status == TETLOD_OK && !request->quiet) {

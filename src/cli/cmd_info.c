@@ -6,6 +6,7 @@
 #include "format/fail.h"
 #include "src/cli/cli.h"
 #include "src/report/info_json.h"
+#include "src/report/metadata.h"
 #include "src/report/series_json.h"
 
 static const char help[] =
@@ -41,10 +42,18 @@ static struct tetlod_series *find_series(const struct tetlod_file *file)
     return series;
 }
 
+static void print_field(const char *what, const char *name, uint32_t components, const char *type, const double range[2],
+                        const json_t *metadata)
+{
+    const char *unit = metadata_unit(metadata, name);
+    printf("%s%s, %u x %s, range %.9g .. %.9g%s%s", what, name, components, type, range[0], range[1], *unit ? " " : "", unit);
+}
+
 static void print_text(const struct tetlod_file *file, int fd, bool all)
 {
     const struct tetlod_info *info = tetlod_info(file);
     struct tetlod_series *series = find_series(file);
+    json_t *metadata = metadata_json(info);
     printf("content id    %s\n", info->cid);
     printf("vertices      %u\n", info->vertices);
     printf("tetrahedra    %u (%llu degenerate, %llu inverted or folded)\n", info->tets, (unsigned long long)info->degenerate_tets,
@@ -56,16 +65,17 @@ static void print_text(const struct tetlod_file *file, int fd, bool all)
            info->bounds[0][2], info->bounds[1][0], info->bounds[1][1], info->bounds[1][2]);
     for (uint32_t f = 0; f < info->field_count; f++) {
         const struct tetlod_field *field = &info->fields[f];
-        printf("field         %s, %u x %s, range %.9g .. %.9g%s\n", field->name, field->components,
-               field->type == TETLOD_FLOAT64 ? "float64" : "float32", field->range[0], field->range[1],
-               field->controlled ? ", controlled" : "");
+        print_field("field         ", field->name, field->components, field->type == TETLOD_FLOAT64 ? "float64" : "float32",
+                    field->range, metadata);
+        printf("%s\n", field->controlled ? ", controlled" : "");
     }
     for (uint32_t f = 0; f < info->cell_field_count; f++) {
         static const char *const types[] = {"float32", "float64", "int8", "int16", "int32", "int64"};
         const struct tetlod_cell_field *field = &info->cell_fields[f];
-        printf("cell field    %s, %u x %s, range %.9g .. %.9g%s\n", field->name, field->components, types[field->type],
-               field->range[0], field->range[1], field->region ? ", regions" : "");
+        print_field("cell field    ", field->name, field->components, types[field->type], field->range, metadata);
+        printf("%s\n", field->region ? ", regions" : "");
     }
+    json_decref(metadata);
     print_cut(info, fd);
     if (series)
         series_print(stdout, series, info);

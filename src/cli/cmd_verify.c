@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#include <inttypes.h>
 #include <jansson.h>
 #include <math.h>
 #include <stdio.h>
@@ -14,6 +15,7 @@
 #include "src/cli/progress.h"
 #include "src/cli/reading.h"
 #include "src/io/io.h"
+#include "src/mesh/displacement.h"
 #include "src/mesh/mesh_check.h"
 #include "src/report/info_json.h"
 #include "src/report/level_mesh.h"
@@ -62,7 +64,7 @@ struct verification {
     uint64_t *hashes; /* [level] of the arrays on the way up */
     struct mesh_report finest;
     struct against_report against;
-    uint32_t steps; /* of a series */
+    struct steps_found series; /* no steps: it is none */
     struct tetlod_error *error;
 };
 
@@ -226,15 +228,21 @@ static enum tetlod_status read_input(const struct verification *v, struct tetmes
 {
     const struct series_input *series = &v->request->series;
     struct io_report report;
-    if (v->steps)
-        return series_input_read(series, series->begin, &v->request->reading, out, &report, v->error);
+    if (v->series.steps) {
+        uint64_t rounded = 0;
+        TETLOD_TRY(series_input_read(series, series->begin, &v->request->reading, out, &report, v->error));
+        enum tetlod_status status = v->series.move ? displacement_take(out, out, &rounded, v->error) : TETLOD_OK;
+        if (status != TETLOD_OK)
+            tetmesh_fini(out);
+        return status;
+    }
     return io_read(out, series->paths[0], &v->request->reading.options, NULL, v->error);
 }
 
 static enum tetlod_status verify_steps(struct verification *v)
 {
     const struct steps_comparison comparison = {&v->request->series, &v->request->reading, v->request->threads, compare_progress, v};
-    return v->steps ? steps_against(v->file, &comparison, v->error) : TETLOD_OK;
+    return v->series.steps ? steps_against(v->file, &comparison, v->error) : TETLOD_OK;
 }
 
 static enum tetlod_status verify_against(struct verification *v)
@@ -308,7 +316,7 @@ static enum tetlod_status verify_file(struct verification *v)
     if (tetlod_info(v->file)->keeps_order)
         TETLOD_TRY_DONE(check_order(v));
     if (tetlod_section_index(tetlod_info(v->file), "TIME") != TETLOD_NONE)
-        TETLOD_TRY_DONE(steps_decode(v->file, &v->steps, v->error));
+        TETLOD_TRY_DONE(steps_decode(v->file, &v->series, v->error));
     TETLOD_TRY_DONE(undo(v));
     if (v->request->series.path_count) {
         TETLOD_TRY_DONE(verify_against(v));
@@ -326,8 +334,10 @@ static void print_done(const struct verification *v)
 {
     const struct against_report *against = &v->against;
     printf("%s: ok", v->request->stream);
-    if (v->steps)
-        printf("; %u steps", v->steps);
+    if (v->series.steps)
+        printf("; %u steps", v->series.steps);
+    if (v->series.move)
+        printf(" of points that move, which turns over %" PRIu64 " tetrahedra at most at one step in one band", v->series.turned);
     if (v->request->series.path_count)
         printf("; %u levels measured", against->measured);
     if (against->measured && against->exact_count == against->measured)
@@ -350,7 +360,7 @@ static int print_result(const struct verification *v, enum tetlod_status status,
     for (uint32_t i = v->against.exact_count; i-- > 0 && levels;)
         json_array_append_new(levels, json_integer(v->against.exact[i]));
     object = json_pack("{s:s, s:b, s:s, s:i, s:i, s:o}", "file", v->request->stream, "ok", status == TETLOD_OK, "message",
-                       status == TETLOD_OK ? "" : error->message, "steps", (int)v->steps, "measured_levels", (int)v->against.measured,
+                       status == TETLOD_OK ? "" : error->message, "steps", (int)v->series.steps, "measured_levels", (int)v->against.measured,
                        "exact_levels", levels);
     char *text = object ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
     if (text)

@@ -1,9 +1,12 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/cli/extract_step.h"
 
+#include <inttypes.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "format/fail.h"
+#include "src/mesh/displacement.h"
 #include "src/report/level_mesh.h"
 
 static enum tetlod_status choose_step(const struct tetlod_series_info *info, const struct step_choice *choice, uint32_t *step,
@@ -26,6 +29,19 @@ static void describe(const struct tetlod_series *series, const struct tetlod_inf
                          info->fields[steps->fields[f]].name, 100 * tetlod_step_error(series, f, band, step));
 }
 
+/* Moves the points, and says what that turns over. */
+static enum tetlod_status move(const struct tetlod_series *series, const struct tetlod_cursor *cursor, struct tetmesh *out, char *about,
+                               size_t about_size, struct tetlod_error *error)
+{
+    struct tetlod_mesh rest;
+    tetlod_cursor_mesh(cursor, &rest);
+    TETLOD_TRY(tetlod_step_move(series, out->positions, error));
+    size_t used = strlen(about);
+    snprintf(about + used, about_size - used, "; points moved, which turns over %" PRIu64 " of %" PRIu32 " tetrahedra",
+             displacement_turned(rest.positions, out->positions, out->corners, out->tet_count), out->tet_count);
+    return TETLOD_OK;
+}
+
 static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *series, struct tetlod_cursor *cursor,
                                const struct step_choice *choice, struct tetmesh *out, char *about, size_t about_size, struct tetlod_error *error)
 {
@@ -38,7 +54,8 @@ static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *s
     TETLOD_TRY(tetlod_seek_step(series, cursor, band, step, error));
     TETLOD_TRY(level_mesh_copy(info, cursor, out, error));
     describe(series, info, band, step, about, about_size);
-    return level_mesh_step(info, series, out, error);
+    TETLOD_TRY(level_mesh_step(info, series, out, error));
+    return steps->displacement == TETLOD_NONE ? TETLOD_OK : move(series, cursor, out, about, about_size, error);
 }
 
 enum tetlod_status extract_step(struct tetlod_file *file, const struct step_choice *choice, bool original_order, struct tetmesh *out,

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#include <signal.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "src/cli/cli.h"
 
@@ -67,11 +69,22 @@ static int run(int argc, char **argv)
     return command ? command->run(argc - 1, argv + 1) : unknown_command(argv[1]);
 }
 
+/* Input files are mapped: where one becomes shorter meanwhile, there is nothing to read. */
+static void on_lost_bytes(int number)
+{
+    static const char message[] = "tetlod: an input file became shorter while it was read; wait until it is written, then try again\n";
+    (void)number;
+    ssize_t written = write(STDERR_FILENO, message, sizeof message - 1);
+    (void)written;
+    _exit(EXIT_FAILED);
+}
+
 int main(int argc, char **argv)
 {
+    sigaction(SIGBUS, &(struct sigaction){.sa_handler = on_lost_bytes}, NULL);
     int result = run(argc, argv);
-    if (fflush(stdout) != 0 && result == EXIT_DONE) {
-        perror("tetlod: cannot write to standard output");
+    if ((fflush(stdout) != 0 || ferror(stdout)) && result == EXIT_DONE) {
+        fprintf(stderr, "tetlod: cannot write to standard output\n");
         return EXIT_FAILED;
     }
     return result;

@@ -8,6 +8,7 @@
 #include <sys/mman.h>
 
 #include "format/fail.h"
+#include "src/mesh/displacement.h"
 #include "src/pipeline/precision.h"
 #include "src/util/array.h"
 
@@ -30,6 +31,7 @@ static void forget(struct series_input *input)
     input->values = NULL;
     input->spool = NULL;
     input->size = 0;
+    input->rounded = 0;
 }
 
 void series_input_fini(struct series_input *input)
@@ -106,17 +108,6 @@ enum tetlod_status series_input_read(const struct series_input *input, uint64_t 
     return io_read(out, input->paths[0], &options, report, error);
 }
 
-/* What is wrong with a step's mesh, or NULL. */
-static const char *other_mesh(const struct tetmesh *mesh, const struct tetmesh *first)
-{
-    if (mesh->vertex_count != first->vertex_count || mesh->tet_count != first->tet_count ||
-        memcmp(mesh->corners, first->corners, 16 * (size_t)mesh->tet_count) != 0)
-        return "its tetrahedra are others than those of the first step; a series keeps one mesh";
-    if (memcmp(mesh->positions, first->positions, 24 * (size_t)mesh->vertex_count) != 0)
-        return "its points are elsewhere than in the first step; meshes that move cannot be built as a series yet";
-    return NULL;
-}
-
 static enum tetlod_status put_values(struct series_input *input, const struct point_field *field, uint32_t vertices, enum tetlod_type type,
                                      struct tetlod_error *error)
 {
@@ -134,13 +125,20 @@ static enum tetlod_status put_values(struct series_input *input, const struct po
     return written == count ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
 }
 
-/* One step's values. TETLOD_MORE: a field needs float64 after all. */
+/* The step's mesh, which has the tetrahedra of the first one, gets its points. TETLOD_MORE: they move after all. */
+static enum tetlod_status settle(struct series_input *input, struct tetmesh *mesh, const struct tetmesh *first, struct tetlod_error *error)
+{
+    if (input->series.points_move)
+        return displacement_take(mesh, first, &input->rounded, error);
+    input->series.points_move = displacement_moves(mesh, first);
+    return input->series.points_move ? TETLOD_MORE : TETLOD_OK;
+}
+
+/* One step's values. TETLOD_MORE: a field needs float64, or another field is needed, after all. */
 static enum tetlod_status put_step(struct series_input *input, struct tetmesh *mesh, const struct tetmesh *first,
                                    const struct build_control *controls, uint32_t count, struct tetlod_error *error)
 {
-    const char *wrong = other_mesh(mesh, first);
-    if (wrong)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "%s", wrong);
+    TETLOD_TRY(settle(input, mesh, first, error));
     for (uint32_t c = 0; c < count; c++) {
         const struct point_field *like = &first->fields[controls[c].field];
         struct build_control found;
@@ -159,6 +157,18 @@ static enum tetlod_status put_step(struct series_input *input, struct tetmesh *m
     return TETLOD_OK;
 }
 
+/* The steps before one whose tetrahedra are others are a series, and that one begins another. */
+static enum tetlod_status say_parts(const struct series_input *input, uint32_t step, const char *obstacle, struct tetlod_error *error)
+{
+    char stride[24] = "", end[24] = "";
+    if (input->stride > 1)
+        snprintf(stride, sizeof stride, ":%" PRIu64, input->stride);
+    if (input->end < UINT64_MAX)
+        snprintf(end, sizeof end, "%" PRIu64, input->end);
+    return tetlodi_fail(error, TETLOD_ERR_MESH, "%s; build each part by itself: --times %" PRIu64 ":%" PRIu64 "%s, then --times %" PRIu64 ":%s%s",
+                        obstacle, input->begin, series_input_number(input, step - 1), stride, series_input_number(input, step), end, stride);
+}
+
 static enum tetlod_status put_steps(struct series_input *input, const struct reading *reading, const struct tetmesh *first,
                                     const struct build_control *controls, uint32_t count, struct progress *progress, struct tetlod_error *error)
 {
@@ -172,14 +182,14 @@ static enum tetlod_status put_steps(struct series_input *input, const struct rea
         uint64_t number = series_input_number(input, s);
         TETLOD_TRY(series_input_read(input, number, reading, &mesh, &report, error));
         input->times[s] = report.steps ? report.time : (double)number;
-        enum tetlod_status status = put_step(input, &mesh, first, controls, count, &inner);
+        const char *obstacle = displacement_obstacle(&mesh, first);
+        enum tetlod_status status = obstacle ? say_parts(input, s, obstacle, &inner) : put_step(input, &mesh, first, controls, count, &inner);
         tetmesh_fini(&mesh);
         if (status == TETLOD_MORE)
             return status;
-        if (status != TETLOD_OK && input->path_count > 1)
-            return tetlodi_fail(error, status, "step %" PRIu64 ", %.90s: %.130s", number, input->paths[number], inner.message);
         if (status != TETLOD_OK)
-            return tetlodi_fail(error, status, "step %" PRIu64 ": %.160s; --time N builds one step", number, inner.message);
+            return tetlodi_fail(error, status, "step %" PRIu64 "%s%.60s: %.160s", number, input->path_count > 1 ? ", " : "",
+                                input->path_count > 1 ? cli_base_name(input->paths[number]) : "", inner.message);
         progress_update(progress, "read", (s + 1.0) / input->series.step_count);
     }
     return TETLOD_OK;
@@ -196,22 +206,42 @@ static void check_times(struct series_input *input)
     input->own_times = !rise;
 }
 
-enum tetlod_status series_input_load(struct series_input *input, uint64_t steps, const struct reading *reading, const struct tetmesh *first,
-                                     const struct build_control *controls, uint32_t count, struct progress *progress, struct tetlod_error *error)
+/* The displacement is a field as others, and drives as they do. */
+static enum tetlod_status control_displacement(struct series_input *input, struct tetmesh *first, struct build_control *controls, uint32_t *count,
+                                               struct tetlod_error *error)
+{
+    TETLOD_TRY(displacement_take(first, first, &input->rounded, error));
+    controls[*count] = (struct build_control){.field = first->field_count - 1};
+    input->types[(*count)++] = TETLOD_FLOAT32;
+    return TETLOD_OK;
+}
+
+/* All steps, once more whenever one shows that more is needed of those before it. */
+static enum tetlod_status put_all(struct series_input *input, const struct reading *reading, struct tetmesh *first, struct build_control *controls,
+                                  uint32_t *count, struct progress *progress, struct tetlod_error *error)
+{
+    for (;;) {
+        bool moved = input->series.points_move;
+        enum tetlod_status status = put_steps(input, reading, first, controls, *count, progress, error);
+        if (status != TETLOD_MORE)
+            return status;
+        if (input->series.points_move != moved)
+            TETLOD_TRY(control_displacement(input, first, controls, count, error));
+    }
+}
+
+enum tetlod_status series_input_load(struct series_input *input, uint64_t steps, const struct reading *reading, struct tetmesh *first,
+                                     struct build_control *controls, uint32_t *count, struct progress *progress, struct tetlod_error *error)
 {
     uint64_t last = input->end < steps ? input->end : steps - 1, wanted = (last - input->begin) / input->stride + 1;
     if (wanted > MOST_SERIES_STEPS)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%" PRIu64 " steps are more than a stream can have (%d); --times takes fewer", wanted, MOST_SERIES_STEPS);
     input->series.step_count = (uint32_t)wanted;
     input->times = array_new(wanted, sizeof *input->times);
-    input->types = array_zero(count, sizeof *input->types); // float32 until a step says otherwise
+    input->types = array_zero(*count + (size_t)1, sizeof *input->types); // float32 until a step says otherwise; and of the displacement
     if (!input->times || !input->types)
         return tetlodi_fail_nomem(error, "the times", wanted * sizeof *input->times);
-    enum tetlod_status status;
-    do
-        status = put_steps(input, reading, first, controls, count, progress, error);
-    while (status == TETLOD_MORE);
-    TETLOD_TRY(status);
+    TETLOD_TRY(put_all(input, reading, first, controls, count, progress, error));
     check_times(input);
     if (fflush(input->spool) != 0)
         return tetlodi_fail(error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");

@@ -22,6 +22,7 @@ struct series_input {
     FILE *spool; /* the controlled fields' values */
     void *values; /* mapped */
     size_t size;
+    uint64_t rounded; /* coordinates of points that move which come back to the last place only */
     uint32_t own_times; /* numbers stand for times, which fall or are not there */
 };
 
@@ -40,10 +41,10 @@ uint64_t series_input_number(const struct series_input *input, uint64_t step);
 TETLOD_CHECKED enum tetlod_status series_input_read(const struct series_input *input, uint64_t step, const struct reading *reading,
                                                     struct tetmesh *out, struct io_report *report, struct tetlod_error *error);
 
-/* Takes the steps over: what `controls` names of each, all on the tetrahedra of `first`, the first of the `steps` that there are. The message
- * names the step. */
+/* Takes the steps over: what `controls` names of each, all on the tetrahedra of `first`, the first of the `steps` that there are. Where points
+ * move, how far becomes a field of `first` and the last of `controls`, which has room for it. The message names the step. */
 TETLOD_CHECKED enum tetlod_status series_input_load(struct series_input *input, uint64_t steps, const struct reading *reading,
-                                                    const struct tetmesh *first, const struct build_control *controls, uint32_t count,
+                                                    struct tetmesh *first, struct build_control *controls, uint32_t *count,
                                                     struct progress *progress, struct tetlod_error *error);
 
 #endif

@@ -25,6 +25,19 @@ enum tetlod_status assemble_points(struct tetmesh *mesh, uint64_t count, enum te
     return TETLOD_OK;
 }
 
+enum tetlod_status assemble_points_of(struct tetmesh *mesh, uint64_t count, double **positions, enum tetlod_type type,
+                                      struct tetlod_error *error)
+{
+    enum tetlod_status status = assemble_points(mesh, count, type, error);
+    if (status == TETLOD_OK && *positions) {
+        free(mesh->positions);
+        mesh->positions = array_shrink(*positions, (size_t)count, 3 * sizeof **positions);
+    } else
+        free(*positions);
+    *positions = NULL;
+    return status;
+}
+
 /* A name that can be stored and that `find` does not know yet; the caller frees it. */
 static char *clean_name(const struct tetmesh *mesh, const char *name,
                         uint32_t (*find)(const struct tetmesh *mesh, const char *name), uint32_t count)
@@ -86,30 +99,135 @@ enum tetlod_status assemble_cell_field(struct tetmesh *mesh, const char *name, u
     return status;
 }
 
-/* Room for one more cell and its corners. */
-static enum tetlod_status cells_room(struct cells *cells, size_t corner_count, struct tetlod_error *error)
+void unit_set(char unit[UNIT_SIZE], const char *text, size_t length)
 {
-    size_t count = (size_t)cells->count, filled = (size_t)cells->connectivity_count;
-    if (!array_reserve((void **)&cells->types, &cells->type_capacity, count + 1, 1) ||
-        !array_reserve((void **)&cells->offsets, &cells->offset_capacity, count + 2, sizeof *cells->offsets) ||
-        !array_reserve((void **)&cells->connectivity, &cells->connectivity_capacity, filled + corner_count,
-                       sizeof *cells->connectivity))
-        return tetlodi_fail_nomem(error, "the cells", (uint64_t)filled * sizeof *cells->connectivity);
+    while (length && (unsigned char)*text <= ' ') {
+        text++;
+        length--;
+    }
+    while (length && (unsigned char)text[length - 1] <= ' ')
+        length--;
+    unit[0] = 0;
+    if (length >= UNIT_SIZE)
+        return;
+    memcpy(unit, text, length);
+    unit[length] = 0;
+    utf8_clean(unit);
+}
+
+void unit_of_powers(char unit[UNIT_SIZE], const char *const *names, const double *exponents, size_t count)
+{
+    char text[8 * UNIT_SIZE] = "";
+    size_t length = 0;
+    for (size_t i = 0; i < count && length < sizeof text - UNIT_SIZE; i++) {
+        const char *space = length ? " " : "";
+        if (exponents[i] == 1)
+            length += (size_t)snprintf(text + length, UNIT_SIZE, "%s%s", space, names[i]);
+        else if (exponents[i] != 0)
+            length += (size_t)snprintf(text + length, UNIT_SIZE, "%s%s^%.4g", space, names[i], exponents[i]);
+    }
+    unit_set(unit, text, length);
+}
+
+/* Room for one more cell's number, those before it 0. */
+static enum tetlod_status numbers_room(struct cell_numbers *numbers, uint64_t count, struct tetlod_error *error)
+{
+    if (!array_reserve((void **)&numbers->values, &numbers->capacity, (size_t)count, sizeof *numbers->values))
+        return tetlodi_fail_nomem(error, "the numbers of cells", count * sizeof *numbers->values);
+    while (numbers->count < count)
+        numbers->values[numbers->count++] = 0;
     return TETLOD_OK;
+}
+
+enum tetlod_status cell_numbers_add(struct cell_numbers *numbers, uint64_t cell, int64_t number, struct tetlod_error *error)
+{
+    if (number == 0)
+        return TETLOD_OK;
+    TETLOD_TRY(numbers_room(numbers, cell + 1, error));
+    numbers->values[cell] = (double)number;
+    return TETLOD_OK;
+}
+
+enum tetlod_status cell_numbers_to_field(struct cell_numbers *numbers, struct tetmesh *mesh, const char *name, uint64_t cells,
+                                         struct tetlod_error *error)
+{
+    if (!numbers->values)
+        return TETLOD_OK;
+    TETLOD_TRY(numbers_room(numbers, cells, error));
+    TETLOD_TRY(assemble_cell_field(mesh, name, 1, TETLOD_FLOAT64, 0, error));
+    struct point_field *field = &mesh->cell_fields[mesh->cell_field_count - 1];
+    free(field->values);
+    field->values = array_shrink(numbers->values, (size_t)cells, sizeof *numbers->values);
+    field->is_integer = true;
+    *numbers = (struct cell_numbers){0};
+    return TETLOD_OK;
+}
+
+void cell_numbers_fini(struct cell_numbers *numbers)
+{
+    free(numbers->values);
+    *numbers = (struct cell_numbers){0};
+}
+
+/* Room for the types and offsets of so many cells. */
+static enum tetlod_status types_room(struct cells *cells, size_t count, struct tetlod_error *error)
+{
+    if (!array_reserve((void **)&cells->types, &cells->type_capacity, count ? count : 1, 1) ||
+        !array_reserve((void **)&cells->offsets, &cells->offset_capacity, count + 1, sizeof *cells->offsets))
+        return tetlodi_fail_nomem(error, "the cells", (uint64_t)count * 9);
+    return TETLOD_OK;
+}
+
+enum tetlod_status cells_give_types(struct cells *cells, struct tetlod_error *error)
+{
+    TETLOD_TRY(types_room(cells, (size_t)cells->count, error));
+    memset(cells->types, VTK_TYPE_TET, (size_t)cells->count);
+    for (uint64_t c = 0; c <= cells->count; c++)
+        cells->offsets[c] = 4 * c;
+    return TETLOD_OK;
+}
+
+void cells_drop_types(struct cells *cells)
+{
+    for (uint64_t c = 0; c < cells->count; c++)
+        if (cells->types[c] != VTK_TYPE_TET || cells->offsets[c] != 4 * c || cells->offsets[c + 1] != 4 * c + 4)
+            return;
+    if (!cells->count || cells->connectivity_count != 4 * cells->count)
+        return;
+    free(cells->types);
+    free(cells->offsets);
+    cells->types = NULL;
+    cells->offsets = NULL;
+    cells->type_capacity = cells->offset_capacity = 0;
+}
+
+/* Room for one more cell and its corners. While all cells are tetrahedra, they have no types. */
+static enum tetlod_status cells_room(struct cells *cells, unsigned char type, size_t corner_count, struct tetlod_error *error)
+{
+    size_t filled = (size_t)cells->connectivity_count;
+    if (!array_reserve((void **)&cells->connectivity, &cells->connectivity_capacity, filled + corner_count, sizeof *cells->connectivity))
+        return tetlodi_fail_nomem(error, "the cells", (uint64_t)filled * sizeof *cells->connectivity);
+    if (!cells->types && type == VTK_TYPE_TET && corner_count == 4)
+        return TETLOD_OK;
+    if (!cells->types)
+        TETLOD_TRY(cells_give_types(cells, error));
+    return types_room(cells, (size_t)cells->count + 1, error);
 }
 
 static void close_cell(struct cells *cells, unsigned char type, size_t corner_count)
 {
-    cells->types[cells->count] = type;
-    cells->offsets[cells->count] = cells->connectivity_count;
     cells->connectivity_count += corner_count;
-    cells->offsets[++cells->count] = cells->connectivity_count;
+    cells->count++;
+    if (!cells->types)
+        return;
+    cells->types[cells->count - 1] = type;
+    cells->offsets[cells->count] = cells->connectivity_count;
 }
 
 enum tetlod_status cells_add(struct cells *cells, unsigned char type, const int64_t *corners, size_t corner_count,
                              struct tetlod_error *error)
 {
-    TETLOD_TRY(cells_room(cells, corner_count, error));
+    TETLOD_TRY(cells_room(cells, type, corner_count, error));
     for (size_t i = 0; i < corner_count; i++)
         cells->connectivity[cells->connectivity_count + i] = cells_point(corners[i]);
     close_cell(cells, type, corner_count);
@@ -119,11 +237,21 @@ enum tetlod_status cells_add(struct cells *cells, unsigned char type, const int6
 enum tetlod_status cells_add_numbers(struct cells *cells, unsigned char type, const uint32_t *corners, size_t corner_count,
                                      struct tetlod_error *error)
 {
-    TETLOD_TRY(cells_room(cells, corner_count, error));
+    TETLOD_TRY(cells_room(cells, type, corner_count, error));
     if (corner_count)
         memcpy(cells->connectivity + cells->connectivity_count, corners, corner_count * sizeof *corners);
     close_cell(cells, type, corner_count);
     return TETLOD_OK;
+}
+
+void cells_middles_to_vtk(unsigned char type, int64_t *points)
+{
+    unsigned first = type == VTK_TYPE_HEXAHEDRON20 ? 12 : type == VTK_TYPE_WEDGE15 ? 9 : 0, count = type == VTK_TYPE_WEDGE15 ? 3 : 4;
+    for (unsigned i = first; first && i < first + count; i++) {
+        int64_t swap = points[i];
+        points[i] = points[i + count];
+        points[i + count] = swap;
+    }
 }
 
 void cells_fini(struct cells *cells)
@@ -202,4 +330,40 @@ enum tetlod_status block_hide_points(struct block *block, const unsigned char *b
                 block->hidden[cell] |= hide;
             }
     return TETLOD_OK;
+}
+
+bool is_ghosts(const char *name, uint64_t components)
+{
+    return components == 1 && (strcmp(name, "vtkGhostType") == 0 || strcmp(name, "vtkGhostLevels") == 0);
+}
+
+static enum tetlod_status hide_flagged_points(struct block *block, const double *flags, struct io_report *report,
+                                              struct tetlod_error *error)
+{
+    enum { HIDDEN_POINT = 2 };
+    uint32_t count = block->mesh.vertex_count;
+    unsigned char *blank = array_new(count, 1);
+    if (!blank)
+        return tetlodi_fail_nomem(error, "the hidden points", count);
+    for (uint32_t v = 0; v < count; v++)
+        blank[v] = flags[v] >= 1 && flags[v] <= 255 && ((unsigned)flags[v] & HIDDEN_POINT);
+    enum tetlod_status status = memchr(blank, 1, count) ? block_hide_points(block, blank, report, error) : TETLOD_OK;
+    free(blank);
+    return status;
+}
+
+enum tetlod_status block_take_ghosts(struct block *block, bool cell, struct io_report *report, struct tetlod_error *error)
+{
+    struct tetmesh *mesh = &block->mesh;
+    struct point_field *field = cell ? &mesh->cell_fields[--mesh->cell_field_count] : &mesh->fields[--mesh->field_count];
+    bool levels = strcmp(field->name, "vtkGhostLevels") == 0; // older versions gave levels of ghosts instead, all from 1 on
+    enum tetlod_status status = TETLOD_OK;
+    for (uint64_t c = 0; cell && levels && c < block_cell_count(block); c++)
+        field->values[c] = field->values[c] > 0;
+    if (cell)
+        status = block_hide(block, field->values, report, error);
+    else if (block->dims[0] && !levels)
+        status = hide_flagged_points(block, field->values, report, error);
+    point_field_fini(field);
+    return status;
 }

@@ -9,11 +9,13 @@
 #include "src/io/io.h"
 #include "src/util/file.h"
 
-/* A file, whole in memory unless `file` is set, and for formats of two files the other one (else NULL). */
+/* A file and, for formats of two files, the other one (else NULL). The views are those of bytes that are not in memory; NULL: they
+ * are. */
 struct io_input {
     const unsigned char *bytes;
     size_t size;
-    const struct file_input *file; /* of a format that reads range by range; bytes and size are then those of its beginning */
+    struct file_view *view, *other_view;
+    const struct file_input *file; /* for readers that read large ranges by several threads; or NULL */
     const unsigned char *other;
     size_t other_size;
     const char *other_path;
@@ -54,7 +56,14 @@ TETLOD_CHECKED enum tetlod_status cells_add(struct cells *cells, unsigned char t
                                             size_t corner_count, struct tetlod_error *error);
 TETLOD_CHECKED enum tetlod_status cells_add_numbers(struct cells *cells, unsigned char type, const uint32_t *corners,
                                                     size_t corner_count, struct tetlod_error *error);
+/* Gives cells that are tetrahedra throughout their types and offsets. */
+TETLOD_CHECKED enum tetlod_status cells_give_types(struct cells *cells, struct tetlod_error *error);
+/* Takes types and offsets away again where they say nothing else. */
+void cells_drop_types(struct cells *cells);
 void cells_fini(struct cells *cells);
+
+/* Puts the middles of a quadratic cell's edges into VTK's order: CGNS and Exodus list those of the upright edges before those of the top. */
+void cells_middles_to_vtk(unsigned char type, int64_t *points);
 
 /* Of a point that a file counts from 1, its number from 0 on; -1, which no point has, for what cannot be one. */
 static inline int64_t point_from_one(int64_t number)
@@ -92,6 +101,10 @@ uint64_t block_cell_count(const struct block *block);
 TETLOD_CHECKED enum tetlod_status assemble_points(struct tetmesh *mesh, uint64_t count, enum tetlod_type type,
                                                   struct tetlod_error *error);
 
+/* The same with positions that are there already, in an array that becomes the mesh's. Also after a failure *positions is NULL. */
+TETLOD_CHECKED enum tetlod_status assemble_points_of(struct tetmesh *mesh, uint64_t count, double **positions, enum tetlod_type type,
+                                                     struct tetlod_error *error);
+
 /* tetmesh_add_field with a name that any format can hold: what is not UTF-8 or is a control character becomes '_', an
  * empty one "field", one that is taken gets a number. */
 TETLOD_CHECKED enum tetlod_status assemble_field(struct tetmesh *mesh, const char *name, uint64_t components,
@@ -100,6 +113,22 @@ TETLOD_CHECKED enum tetlod_status assemble_field(struct tetmesh *mesh, const cha
 /* The same for a field of `cells` cells. */
 TETLOD_CHECKED enum tetlod_status assemble_cell_field(struct tetmesh *mesh, const char *name, uint64_t components,
                                                       enum tetlod_type type, uint64_t cells, struct tetlod_error *error);
+
+/* Notes the unit of an array: UTF-8 without white space about it; what is longer than a unit is none. */
+void unit_set(char unit[UNIT_SIZE], const char *text, size_t length);
+
+/* The unit that is a product of powers: "kg m^-1 s^-2". Nothing if all exponents are 0. */
+void unit_of_powers(char unit[UNIT_SIZE], const char *const *names, const double *exponents, size_t count);
+
+/* Numbers of cells that become a field, if any is not 0: regions, say. */
+struct cell_numbers {
+    double *values; /* owned; NULL: all 0 so far */
+    size_t capacity, count;
+};
+TETLOD_CHECKED enum tetlod_status cell_numbers_add(struct cell_numbers *numbers, uint64_t cell, int64_t number, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status cell_numbers_to_field(struct cell_numbers *numbers, struct tetmesh *mesh, const char *name, uint64_t cells,
+                                                        struct tetlod_error *error);
+void cell_numbers_fini(struct cell_numbers *numbers);
 
 /* Whether three names, one after the other, are those of a vector: they end in X, Y, Z (or x, y, z, or _x, ...). Gives the name
  * without that. */
@@ -113,6 +142,14 @@ TETLOD_CHECKED enum tetlod_status block_hide(struct block *block, const double *
 /* Marks the cells of a structured grid with a corner that is blanked: not 0 in `blank`. */
 TETLOD_CHECKED enum tetlod_status block_hide_points(struct block *block, const unsigned char *blank,
                                                     struct io_report *report, struct tetlod_error *error);
+
+/* Whether an array of that name tells what VTK does not draw. */
+bool is_ghosts(const char *name, uint64_t components);
+
+/* Takes the last field, at points or of cells, away, and hides the cells that it marks: as above; of a structured grid also those with
+ * a point that is hidden (2). */
+TETLOD_CHECKED enum tetlod_status block_take_ghosts(struct block *block, bool cell, struct io_report *report,
+                                                    struct tetlod_error *error);
 
 /* Makes one block of all, which are emptied: points, cells, and the fields that all of them have. Welds points of several
  * blocks, and those of one block if the tolerance `weld` is not negative. */

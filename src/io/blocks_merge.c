@@ -33,6 +33,13 @@ static uint64_t rows_of(const struct block *block, bool cell)
     return cell ? block_cell_count(block) : block->mesh.vertex_count;
 }
 
+/* Of what has been copied, only the name is still needed. */
+static void drop_values(struct point_field *field)
+{
+    free(field->values);
+    field->values = NULL;
+}
+
 /* One field over all blocks; not there if one of them lacks it. */
 static enum tetlod_status merge_field(struct blocks *blocks, struct block *out, bool cell, const struct point_field *like,
                                       struct io_report *report, struct tetlod_error *error)
@@ -58,12 +65,15 @@ static enum tetlod_status merge_field(struct blocks *blocks, struct block *out, 
     struct point_field *merged = fields_of(out, cell, &count) + (cell ? out->mesh.cell_field_count : out->mesh.field_count) - 1;
     double *at = merged->values;
     merged->is_integer = is_integer;
+    memcpy(merged->unit, like->unit, sizeof merged->unit);
     for (size_t b = 0; b < blocks->count; b++) {
         struct point_field *field = find_like(&blocks->at[b], cell, like);
         size_t size = (size_t)rows_of(&blocks->at[b], cell) * like->components;
         if (size)
             memcpy(at, field->values, size * sizeof *at);
         at += size;
+        if (field)
+            drop_values(field);
     }
     return TETLOD_OK;
 }
@@ -156,6 +166,14 @@ static void copy_cells(const struct block *block, struct cells *out, uint32_t fi
     out->connectivity_count += size;
 }
 
+/* Of cells that have been copied, only their number is still needed. */
+static void drop_cells(struct cells *cells)
+{
+    uint64_t count = cells->count;
+    cells_fini(cells);
+    cells->count = count;
+}
+
 /* Offsets that do not fit would let shift_cell run out of the array. */
 static enum tetlod_status check_offsets(const struct block *block, struct tetlod_error *error)
 {
@@ -195,6 +213,7 @@ static enum tetlod_status merge_cells(struct blocks *blocks, struct block *out, 
             memcpy(out->hidden + done, block->hidden, (size_t)here);
         done += here;
         first_point += block->mesh.vertex_count;
+        drop_cells(&block->cells);
     }
     return TETLOD_OK;
 }

@@ -94,23 +94,12 @@ static const struct element *find_element(CGNS_ENUMT(ElementType_t) type)
     return NULL;
 }
 
-/* CGNS lists the middles of the upright edges before those of the top; VTK after them. */
-static void reorder(unsigned char type, int64_t *points)
-{
-    unsigned first = type == VTK_TYPE_HEXAHEDRON20 ? 12 : type == VTK_TYPE_WEDGE15 ? 9 : 0, count = type == VTK_TYPE_WEDGE15 ? 3 : 4;
-    for (unsigned i = first; first && i < first + count; i++) {
-        int64_t swap = points[i];
-        points[i] = points[i + count];
-        points[i + count] = swap;
-    }
-}
-
 static enum tetlod_status add_element(struct zone *z, const struct element *element, const cgsize_t *numbers)
 {
     int64_t corners[27];
     for (int i = 0; i < element->points; i++)
         corners[i] = point_from_one(numbers[i]);
-    reorder(element->vtk_type, corners);
+    cells_middles_to_vtk(element->vtk_type, corners);
     return cells_add(&z->block->cells, element->vtk_type, corners, element->kept, z->error);
 }
 
@@ -167,8 +156,9 @@ static enum tetlod_status add_polyhedron(struct zone *z, const cgsize_t *faces, 
 
 struct section {
     CGNS_ENUMT(ElementType_t) type;
+    int number;
     cgsize_t first, count, size;
-    cgsize_t *numbers, *offsets; /* owned; offsets only where elements differ in size */
+    cgsize_t *numbers, *offsets; /* owned: of elements that differ in size */
 };
 
 static void section_fini(struct section *s)
@@ -207,13 +197,33 @@ static enum tetlod_status load_section(struct zone *z, int number, struct sectio
         s->size = 0; // of lower dimension
         return TETLOD_OK;
     }
+    s->number = number;
+    if (!is_poly(s->type))
+        return TETLOD_OK; // read part by part
     s->numbers = array_new((size_t)s->size, sizeof *s->numbers);
-    s->offsets = is_poly(s->type) ? array_new((size_t)s->count + 1, sizeof *s->offsets) : NULL;
-    if (!s->numbers || (is_poly(s->type) && !s->offsets))
+    s->offsets = array_new((size_t)s->count + 1, sizeof *s->offsets);
+    if (!s->numbers || !s->offsets)
         return tetlodi_fail_nomem(z->error, "the cells", (uint64_t)s->size * 8);
-    int result = is_poly(s->type) ? cg_poly_elements_read(z->file, z->base, z->zone, number, s->numbers, s->offsets, NULL)
-                                  : cg_elements_read(z->file, z->base, z->zone, number, s->numbers, NULL);
-    return result == CG_OK && (!s->offsets || good_offsets(s)) ? TETLOD_OK : fail(z, "a section of elements cannot be read");
+    int result = cg_poly_elements_read(z->file, z->base, z->zone, number, s->numbers, s->offsets, NULL);
+    return result == CG_OK && good_offsets(s) ? TETLOD_OK : fail(z, "a section of elements cannot be read");
+}
+
+/* Elements of one size, part by part. */
+static enum tetlod_status add_uniform(struct zone *z, const struct section *s, const struct element *element)
+{
+    enum { PART = 1 << 16 };
+    size_t most = s->count < PART ? (size_t)s->count : PART;
+    cgsize_t *part = array_new(most * element->points, sizeof *part);
+    enum tetlod_status status = part ? TETLOD_OK : tetlodi_fail_nomem(z->error, "the cells", (uint64_t)most * element->points * sizeof *part);
+    for (cgsize_t at = 0; at < s->count && status == TETLOD_OK; at += PART) {
+        cgsize_t some = s->count - at < PART ? s->count - at : PART;
+        if (cg_elements_partial_read(z->file, z->base, z->zone, s->number, s->first + at, s->first + at + some - 1, part, NULL) != CG_OK)
+            status = fail(z, "a section of elements cannot be read");
+        for (cgsize_t c = 0; c < some && status == TETLOD_OK; c++)
+            status = add_element(z, element, part + c * element->points);
+    }
+    free(part);
+    return status;
 }
 
 static enum tetlod_status add_section(struct zone *z, const struct section *s)
@@ -225,9 +235,10 @@ static enum tetlod_status add_section(struct zone *z, const struct section *s)
         z->report->skipped_cells += s->type == CGNS_ENUMV(NGON_n) ? 0 : (uint64_t)s->count;
         return TETLOD_OK;
     }
+    if (element)
+        return add_uniform(z, s, element);
     for (cgsize_t c = 0; c < s->count; c++)
-        TETLOD_TRY(element ? add_element(z, element, s->numbers + c * element->points)
-                           : add_polyhedron(z, s->numbers + s->offsets[c], s->offsets[c + 1] - s->offsets[c]));
+        TETLOD_TRY(add_polyhedron(z, s->numbers + s->offsets[c], s->offsets[c + 1] - s->offsets[c]));
     return TETLOD_OK;
 }
 
@@ -274,6 +285,41 @@ struct solution {
     int fields;
 };
 
+/* The unit of a field that has exponents; the units that they are of may be those of all the base. */
+static void read_unit(const struct zone *z, const struct solution *s, int number, char unit[UNIT_SIZE])
+{
+    enum { COUNT = 5 };
+    static const char *const masses[] = {"kg", "g", "slug", "lb"}, *const lengths[] = {"m", "cm", "mm", "ft", "in"},
+                             *const temperatures[] = {"K", "degC", "degR", "degF"}, *const angles[] = {"deg", "rad"};
+    float singles[COUNT];
+    double exponents[COUNT];
+    CGNS_ENUMT(DataType_t) type;
+    CGNS_ENUMT(MassUnits_t) mass;
+    CGNS_ENUMT(LengthUnits_t) length;
+    CGNS_ENUMT(TimeUnits_t) time;
+    CGNS_ENUMT(TemperatureUnits_t) temperature;
+    CGNS_ENUMT(AngleUnits_t) angle;
+    if (cg_goto(z->file, z->base, "Zone_t", z->zone, "FlowSolution_t", s->number, "DataArray_t", number, "end") != CG_OK ||
+        cg_exponents_info(&type) != CG_OK || cg_exponents_read(type == CGNS_ENUMV(RealSingle) ? (void *)singles : exponents) != CG_OK)
+        return;
+    for (int i = 0; i < COUNT && type == CGNS_ENUMV(RealSingle); i++)
+        exponents[i] = (double)singles[i];
+    for (int depth = 0; cg_units_read(&mass, &length, &time, &temperature, &angle) != CG_OK; depth++)
+        if (depth == 3 || cg_gopath(z->file, "..") != CG_OK)
+            return;
+    const int indices[COUNT] = {(int)mass - 2, (int)length - 2, (int)time - 2, (int)temperature - 2, (int)angle - 2};
+    const int counts[COUNT] = {4, 5, 1, 4, 2};
+    const char *const seconds[] = {"s"}, *const *const lists[COUNT] = {masses, lengths, seconds, temperatures, angles};
+    const char *names[COUNT];
+    for (int i = 0; i < COUNT; i++) {
+        bool known = indices[i] >= 0 && indices[i] < counts[i];
+        if (!known && exponents[i] != 0)
+            return;
+        names[i] = known ? lists[i][indices[i]] : "";
+    }
+    unit_of_powers(unit, names, exponents, COUNT);
+}
+
 static enum tetlod_status read_field(struct zone *z, const struct solution *s, int first, uint32_t width, const char *said)
 {
     struct tetmesh *mesh = &z->block->mesh;
@@ -303,6 +349,7 @@ static enum tetlod_status read_field(struct zone *z, const struct solution *s, i
     if (status == TETLOD_OK) {
         field->type = kind;
         field->is_integer = is_integer;
+        read_unit(z, s, first, field->unit);
     }
     free(buffer);
     return status;

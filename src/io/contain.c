@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#define _GNU_SOURCE // madvise
 /* The child sends what it has read through a pipe, array by array, and frees each, so that both together hold it about once. */
 #include "src/io/contain.h"
 
@@ -6,6 +7,7 @@
 #include <fcntl.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -45,10 +47,25 @@ static bool take_bytes(int fd, void *bytes, size_t size)
     return true;
 }
 
-/* An array with its size in front; the child's is freed. */
+/* Gives back the pages that lie in a range as a whole. */
+static void drop_pages(char *begin, size_t size)
+{
+    uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE), first = ((uintptr_t)begin + page - 1) / page * page,
+              end = ((uintptr_t)begin + size) / page * page;
+    if (end > first)
+        madvise(begin + (first - (uintptr_t)begin), end - first, MADV_DONTNEED);
+}
+
+/* An array with its size in front; the child's is freed, and given back while it is sent. */
 static bool send_array(int fd, void *array, uint64_t size)
 {
-    bool good = send_bytes(fd, &size, sizeof size) && (!size || send_bytes(fd, array, (size_t)size));
+    enum { PART = 1 << 20 };
+    bool good = send_bytes(fd, &size, sizeof size);
+    for (size_t at = 0; good && at < size; at += PART) {
+        size_t part = size - at < PART ? (size_t)size - at : PART;
+        good = send_bytes(fd, (char *)array + at, part);
+        drop_pages((char *)array + at, part);
+    }
     free(array);
     return good;
 }
@@ -72,6 +89,7 @@ static void *take_array(int fd, uint64_t expected)
 struct field_head {
     uint32_t name_size, components;
     uint8_t type, is_integer;
+    char unit[UNIT_SIZE];
 };
 
 struct block_head {
@@ -82,7 +100,8 @@ struct block_head {
 
 static bool send_field(int fd, struct point_field *field, uint64_t rows)
 {
-    struct field_head head = {(uint32_t)strlen(field->name), field->components, (uint8_t)field->type, field->is_integer};
+    struct field_head head = {(uint32_t)strlen(field->name), field->components, (uint8_t)field->type, field->is_integer, ""};
+    memcpy(head.unit, field->unit, sizeof head.unit);
     bool good = send_bytes(fd, &head, sizeof head) && send_bytes(fd, field->name, head.name_size) &&
                 send_array(fd, field->values, rows * field->components * sizeof(double));
     field->values = NULL;
@@ -125,6 +144,7 @@ static bool take_field(int fd, struct tetmesh *mesh, uint64_t rows)
         return false;
     struct point_field *field = &mesh->cell_fields[mesh->cell_field_count - 1];
     field->is_integer = head.is_integer;
+    unit_set(field->unit, head.unit, strnlen(head.unit, sizeof head.unit));
     free(field->values);
     field->values = take_array(fd, rows * head.components * sizeof(double));
     return field->values != NULL;

@@ -99,14 +99,12 @@ static enum tetlod_status read_corners(struct ensight *e, struct cells *cells, c
     if (count > UINT64_MAX / width)
         return ensight_fail(e->file, "a count is too large");
     TETLOD_TRY(ensight_fits(e->file, count * width));
-    int64_t *corners = array_new((size_t)count, width * sizeof *corners);
+    uint32_t *corners = array_new((size_t)count, width * sizeof *corners);
     if (!corners)
         return tetlodi_fail_nomem(e->error, "the cells", count * width * sizeof *corners);
-    enum tetlod_status status = ensight_ints(e->file, count * width, corners);
-    for (uint64_t i = 0; status == TETLOD_OK && i < count * width; i++)
-        corners[i] = point_from_one(corners[i]);
+    enum tetlod_status status = ensight_points(e->file, count * width, corners);
     for (uint64_t c = 0; status == TETLOD_OK && c < count; c++)
-        status = cells_add(cells, element->type, corners + c * width, element->type == VTK_TYPE_FLAT ? 0 : width, e->error);
+        status = cells_add_numbers(cells, element->type, corners + c * width, element->type == VTK_TYPE_FLAT ? 0 : width, e->error);
     free(corners);
     return status;
 }
@@ -214,6 +212,8 @@ static enum tetlod_status read_column(struct ensight *e, uint64_t count, double 
     if (!out)
         return ensight_floats(e->file, count, NULL);
     TETLOD_TRY(ensight_fits(e->file, count));
+    if (width == 1)
+        return ensight_floats(e->file, count, out);
     double *column = array_new((size_t)count, sizeof *column);
     if (!column)
         return tetlodi_fail_nomem(e->error, "an array", count * sizeof *column);
@@ -379,7 +379,7 @@ static enum tetlod_status read_structured(struct ensight *e, struct block *block
 static bool has_volume(const struct block *block)
 {
     for (uint64_t c = 0; c < block->cells.count; c++)
-        if (block->cells.types[c] != VTK_TYPE_FLAT)
+        if (!block->cells.types || block->cells.types[c] != VTK_TYPE_FLAT)
             return true;
     return block->dims[0] && block_cell_count(block) > 0;
 }

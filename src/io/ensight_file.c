@@ -7,7 +7,7 @@
 #include "format/fail.h"
 #include "src/io/formats.h"
 
-enum { WORD = 4 }; // of binary files: int32 or float32
+enum { WORD = 4, PART = 1 << 16 }; // of binary files: int32 or float32; how many are converted at a time
 
 static size_t left(const struct ensight_file *file)
 {
@@ -92,18 +92,17 @@ enum tetlod_status ensight_open(struct ensight_file *file, const struct io_input
                                 struct tetlod_error *error)
 {
     char *path = NULL;
-    size_t size = 0;
     file->name = name;
-    file->bytes = NULL;
+    file->view = (struct file_view){0};
     file->error = error;
     enum tetlod_status status = io_resolve(input, name, &path, error);
     if (status == TETLOD_OK)
-        status = file_read(path, &file->bytes, &size, error);
+        status = file_view_path(&file->view, path, error);
     free(path);
     if (status != TETLOD_OK)
         return status;
-    file->begin = (const char *)file->bytes;
-    file->rest = (struct text){file->begin, file->begin + size};
+    file->begin = (const char *)file->view.bytes;
+    file->rest = (struct text){file->begin, file->begin + file->view.size};
     if (is_geometry)
         find_kind(file);
     return TETLOD_OK;
@@ -111,8 +110,7 @@ enum tetlod_status ensight_open(struct ensight_file *file, const struct io_input
 
 void ensight_close(struct ensight_file *file)
 {
-    free(file->bytes);
-    file->bytes = NULL;
+    file_view_close(&file->view);
 }
 
 enum tetlod_status ensight_seek(struct ensight_file *file, uint64_t step)
@@ -162,21 +160,47 @@ static enum tetlod_status take_words(struct ensight_file *file, uint64_t count, 
     return *out ? TETLOD_OK : ensight_fail(file, "the next record is not as long as it should be; is the file truncated?");
 }
 
-enum tetlod_status ensight_ints(struct ensight_file *file, uint64_t count, int64_t *out)
+/* Whole numbers as they are, or narrowed, or only past them. */
+static enum tetlod_status take_ints(struct ensight_file *file, uint64_t count, int64_t *wide, uint32_t *narrow)
 {
     const unsigned char *words;
     int64_t value;
     TETLOD_TRY(ensight_fits(file, count));
     if (file->kind != ENSIGHT_TEXT) {
         TETLOD_TRY(take_words(file, count, &words));
-        if (out)
-            values_to_ints(words, VALUE_INT32, file->big_endian, (size_t)count, out);
+        for (size_t i = 0; (wide || narrow) && i < count; i += PART) {
+            size_t part = count - i < PART ? (size_t)count - i : PART;
+            if (wide)
+                values_to_ints(words + i * WORD, VALUE_INT32, file->big_endian, part, wide + i);
+            else
+                values_to_points(words + i * WORD, VALUE_INT32, file->big_endian, part, narrow + i);
+            file_view_pass(&file->view, words + i * WORD);
+        }
         return TETLOD_OK;
     }
-    for (uint64_t i = 0; i < count; i++)
-        if (!text_int(&file->rest, out ? &out[i] : &value))
+    for (uint64_t i = 0; i < count; i++) {
+        if (!text_int(&file->rest, &value))
             return ensight_fail(file, "there should be a whole number here");
+        if (wide)
+            wide[i] = value;
+        else if (narrow)
+            narrow[i] = cells_point(value);
+        file_view_pass(&file->view, file->rest.at);
+    }
     end_line(file);
+    return TETLOD_OK;
+}
+
+enum tetlod_status ensight_ints(struct ensight_file *file, uint64_t count, int64_t *out)
+{
+    return take_ints(file, count, out, NULL);
+}
+
+enum tetlod_status ensight_points(struct ensight_file *file, uint64_t count, uint32_t *out)
+{
+    TETLOD_TRY(take_ints(file, count, NULL, out));
+    for (uint64_t i = 0; i < count; i++)
+        out[i] = out[i] == TETLOD_NONE || out[i] == 0 ? TETLOD_NONE : out[i] - 1;
     return TETLOD_OK;
 }
 
@@ -187,13 +211,17 @@ enum tetlod_status ensight_floats(struct ensight_file *file, uint64_t count, dou
     TETLOD_TRY(ensight_fits(file, count));
     if (file->kind != ENSIGHT_TEXT) {
         TETLOD_TRY(take_words(file, count, &words));
-        if (out)
-            values_to_doubles(words, VALUE_FLOAT32, file->big_endian, (size_t)count, out);
+        for (size_t i = 0; out && i < count; i += PART) {
+            values_to_doubles(words + i * WORD, VALUE_FLOAT32, file->big_endian, count - i < PART ? (size_t)count - i : PART, out + i);
+            file_view_pass(&file->view, words + i * WORD);
+        }
         return TETLOD_OK;
     }
-    for (uint64_t i = 0; i < count; i++)
+    for (uint64_t i = 0; i < count; i++) {
         if (!text_double(&file->rest, true, out ? &out[i] : &value))
             return ensight_fail(file, "there should be a number here");
+        file_view_pass(&file->view, file->rest.at);
+    }
     end_line(file);
     return TETLOD_OK;
 }

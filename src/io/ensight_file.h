@@ -11,7 +11,7 @@ enum ensight_kind { ENSIGHT_TEXT, ENSIGHT_C, ENSIGHT_FORTRAN };
 
 struct ensight_file {
     const char *name;     /* for messages */
-    unsigned char *bytes; /* owned */
+    struct file_view view; /* owned */
     const char *begin;
     struct text rest;
     enum ensight_kind kind;
@@ -40,6 +40,8 @@ TETLOD_CHECKED enum tetlod_status ensight_fits(const struct ensight_file *file, 
 
 /* The numbers of one record, or only past them if `out` is NULL. */
 TETLOD_CHECKED enum tetlod_status ensight_ints(struct ensight_file *file, uint64_t count, int64_t *out);
+/* Numbers of points that count from 1, as those from 0 on that cells have. */
+TETLOD_CHECKED enum tetlod_status ensight_points(struct ensight_file *file, uint64_t count, uint32_t *out);
 TETLOD_CHECKED enum tetlod_status ensight_floats(struct ensight_file *file, uint64_t count, double *out);
 
 /* A number that counts things of at least one number each. */

@@ -152,41 +152,39 @@ static unsigned char find_element(const char *name, size_t points)
     return VTK_TYPE_FLAT;
 }
 
-/* Exodus lists the middles of the upright edges before those of the top; VTK after them. */
-static void reorder(unsigned char type, int64_t *points)
-{
-    unsigned first = type == VTK_TYPE_HEXAHEDRON20 ? 12 : type == VTK_TYPE_WEDGE15 ? 9 : 0, count = type == VTK_TYPE_WEDGE15 ? 3 : 4;
-    for (unsigned i = first; first && i < first + count; i++) {
-        int64_t swap = points[i];
-        points[i] = points[i + count];
-        points[i + count] = swap;
-    }
-}
-
-static enum tetlod_status add_elements(struct exodus *e, const char *name, const struct variable *connect, const int64_t *numbers)
+/* The type of a block's elements. */
+static enum tetlod_status type_of(const struct exodus *e, const char *name, const struct variable *connect, unsigned char *out)
 {
     char type_name[64] = "";
-    size_t length = 0, points = connect->dims[1];
+    size_t length = 0;
     if (nc_inq_attlen(e->file, connect->id, "elem_type", &length) == NC_NOERR && length < sizeof type_name)
         nc_get_att_text(e->file, connect->id, "elem_type", type_name);
-    unsigned char type = find_element(type_name, points);
-    if (type == VTK_TYPE_FLAT && (strncasecmp(type_name, "NSIDED", 6) == 0 || strncasecmp(type_name, "NFACED", 6) == 0))
+    *out = find_element(type_name, connect->dims[1]);
+    if (*out == VTK_TYPE_FLAT && (strncasecmp(type_name, "NSIDED", 6) == 0 || strncasecmp(type_name, "NFACED", 6) == 0))
         return tetlodi_fail(e->error, TETLOD_ERR_MESH, "variable %s: elements of type %.20s cannot be read", name, type_name);
-    for (size_t c = 0; c < connect->dims[0]; c++) {
+    return TETLOD_OK;
+}
+
+/* Elements by the numbers of their points, of which there are `points` each. */
+static enum tetlod_status add_elements(struct exodus *e, unsigned char type, size_t points, const long long *numbers, size_t count)
+{
+    size_t kept = type == VTK_TYPE_FLAT ? 0 : type == VTK_TYPE_HEXAHEDRON20 ? 20 : type == VTK_TYPE_WEDGE15 ? 15 : type == VTK_TYPE_TET10 ? 10 : points;
+    for (size_t c = 0; c < count; c++) {
         int64_t corners[27];
         for (size_t i = 0; i < points && i < 27; i++)
             corners[i] = point_from_one(numbers[c * points + i]);
-        size_t kept = type == VTK_TYPE_FLAT ? 0 : type == VTK_TYPE_HEXAHEDRON20 ? 20 : type == VTK_TYPE_WEDGE15 ? 15 : type == VTK_TYPE_TET10 ? 10 : points;
-        reorder(type, corners);
+        cells_middles_to_vtk(type, corners);
         TETLOD_TRY(cells_add(&e->block->cells, type, corners, kept, e->error));
     }
     return TETLOD_OK;
 }
 
-/* The elements of block b; none if it is empty. */
+/* The elements of block b, part by part; none if it is empty. */
 static enum tetlod_status read_block(struct exodus *e, uint64_t b, uint64_t *count)
 {
+    enum { PART = 1 << 16 };
     char name[40];
+    unsigned char type;
     struct variable connect;
     snprintf(name, sizeof name, "connect%llu", (unsigned long long)b);
     *count = 0;
@@ -195,17 +193,18 @@ static enum tetlod_status read_block(struct exodus *e, uint64_t b, uint64_t *cou
     uint64_t numbers = connect.rank == 2 ? (uint64_t)connect.dims[0] * connect.dims[1] : UINT64_MAX;
     if (connect.rank != 2 || connect.dims[1] > 1000 || !plausible(e, connect.dims[0]) || !plausible(e, numbers))
         return tetlodi_fail(e->error, TETLOD_ERR_MESH, "variable %s has more numbers than the file can hold", name);
-    long long *read = array_new((size_t)numbers, sizeof *read);
-    int64_t *corners = read ? array_new((size_t)numbers, sizeof *corners) : NULL;
-    enum tetlod_status status = corners ? TETLOD_OK : tetlodi_fail_nomem(e->error, "the cells", numbers * 16);
-    if (status == TETLOD_OK && numbers && nc_get_var_longlong(e->file, connect.id, read) != NC_NOERR)
-        status = tetlodi_fail(e->error, TETLOD_ERR_MESH, "variable %s cannot be read; is the file damaged?", name);
-    for (uint64_t i = 0; i < numbers && status == TETLOD_OK; i++)
-        corners[i] = read[i];
-    if (status == TETLOD_OK)
-        status = add_elements(e, name, &connect, corners);
-    free(read);
-    free(corners);
+    TETLOD_TRY(type_of(e, name, &connect, &type));
+    size_t points = connect.dims[1], most = connect.dims[0] < PART ? connect.dims[0] : PART;
+    long long *part = array_new(most * points, sizeof *part);
+    enum tetlod_status status = part ? TETLOD_OK : tetlodi_fail_nomem(e->error, "the cells", (uint64_t)most * points * sizeof *part);
+    for (size_t at = 0; at < connect.dims[0] && status == TETLOD_OK; at += PART) {
+        const size_t start[2] = {at, 0}, size[2] = {connect.dims[0] - at < PART ? connect.dims[0] - at : PART, points};
+        if (points && nc_get_vara_longlong(e->file, connect.id, start, size, part) != NC_NOERR)
+            status = tetlodi_fail(e->error, TETLOD_ERR_MESH, "variable %s cannot be read; is the file damaged?", name);
+        if (status == TETLOD_OK)
+            status = add_elements(e, type, points, part, size[0]);
+    }
+    free(part);
     *count = connect.dims[0];
     return status;
 }
@@ -254,10 +253,11 @@ static enum tetlod_status read_variable(struct exodus *e, bool cell, uint64_t nu
         else
             snprintf(name, sizeof name, "vals_nod_var%llu", (unsigned long long)number);
         bool lacks = cell && !find_variable(e, name, &variable);
+        double *values = width == 1 ? out + at : buffer;
         if (!lacks)
-            TETLOD_TRY(read_values(e, name, true, count, buffer, &type));
-        for (uint64_t c = 0; c < count; c++)
-            out[(at + c) * width] = lacks ? 0.0 / 0.0 : buffer[c];
+            TETLOD_TRY(read_values(e, name, true, count, values, &type));
+        for (uint64_t c = 0; c < count && (lacks || width > 1); c++)
+            out[(at + c) * width] = lacks ? 0.0 / 0.0 : values[c];
         at += count;
         *io_type = type == NC_FLOAT ? *io_type : TETLOD_FLOAT64;
     }

@@ -87,9 +87,7 @@ static enum tetlod_status read_points(struct foam *f)
     if (status == TETLOD_OK)
         status = foam_scalars(&file, 3, &positions, &f->points);
     if (status == TETLOD_OK)
-        status = assemble_points(&f->block->mesh, f->points, type, f->error);
-    if (status == TETLOD_OK && f->points)
-        memcpy(f->block->mesh.positions, positions, (size_t)f->points * 3 * sizeof *positions);
+        status = assemble_points_of(&f->block->mesh, f->points, &positions, type, f->error);
     free(positions);
     foam_close(&file);
     return status;
@@ -262,15 +260,32 @@ static uint32_t components_of(const char *class_name, bool *cell)
     return 0;
 }
 
-/* The values of internalField, one for all or one for each. */
-static enum tetlod_status internal_values(struct foam_file *file, uint32_t width, uint64_t rows, double **out)
+/* The unit of dimensions [kg m s K mol A cd]; fewer numbers are followed by zeros. */
+static void read_dimensions(struct foam_file *file, char unit[UNIT_SIZE])
+{
+    enum { COUNT = 7 };
+    static const char *const names[COUNT] = {"kg", "m", "s", "K", "mol", "A", "cd"};
+    double exponents[COUNT] = {0};
+    size_t count = 0;
+    struct text bracket = foam_token(file), token;
+    if (text_is(bracket, "["))
+        while (token = foam_token(file), count < COUNT && text_double(&token, false, &exponents[count]))
+            count++;
+    unit_of_powers(unit, names, exponents, count);
+}
+
+/* The values of internalField, one for all or one for each, and their unit. */
+static enum tetlod_status internal_values(struct foam_file *file, uint32_t width, uint64_t rows, double **out, char unit[UNIT_SIZE])
 {
     uint64_t count = rows;
     struct text token;
+    unit[0] = 0;
     do {
         token = foam_token(file);
         if (token.at == token.end)
             return foam_fail(file, "there is no internalField");
+        if (text_is(token, "dimensions"))
+            read_dimensions(file, unit);
     } while (!text_is(token, "internalField"));
     if (text_is(foam_token(file), "nonuniform")) {
         foam_token(file); // List<scalar>
@@ -297,6 +312,7 @@ static enum tetlod_status read_field(struct foam *f, const char *path, const cha
     struct tetmesh *mesh = &f->block->mesh;
     struct tetlod_error ignored;
     double *values = NULL;
+    char unit[UNIT_SIZE];
     bool cell;
     if (foam_open(&file, f->input, path, &ignored) != TETLOD_OK) {
         foam_close(&file);
@@ -312,11 +328,13 @@ static enum tetlod_status read_field(struct foam *f, const char *path, const cha
             io_leave_out(f->report, &f->report->skipped_arrays, name, strlen(name));
         goto done;
     }
-    TETLOD_TRY_DONE(internal_values(&file, width, rows, &values));
+    TETLOD_TRY_DONE(internal_values(&file, width, rows, &values, unit));
     TETLOD_TRY_DONE(cell ? assemble_cell_field(mesh, name, width, type, rows, f->error) : assemble_field(mesh, name, width, type, f->error));
     struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
-    if (rows)
-        memcpy(field->values, values, (size_t)rows * width * sizeof *values);
+    free(field->values);
+    field->values = values;
+    values = NULL;
+    memcpy(field->unit, unit, sizeof field->unit);
 done:
     free(values);
     foam_close(&file);
@@ -382,6 +400,19 @@ static enum tetlod_status read_time(struct foam *f)
     return status;
 }
 
+static void free_faces(struct foam *f)
+{
+    free(f->offsets);
+    free(f->corners);
+    free(f->owner);
+    free(f->neighbour);
+    free(f->cell_offsets);
+    free(f->cell_faces);
+    f->offsets = f->corners = f->owner = f->neighbour = NULL;
+    f->cell_offsets = NULL;
+    f->cell_faces = NULL;
+}
+
 enum tetlod_status foam_read(struct blocks *out, const struct io_input *input, struct io_report *report,
                              struct tetlod_error *error)
 {
@@ -394,13 +425,9 @@ enum tetlod_status foam_read(struct blocks *out, const struct io_input *input, s
     TETLOD_TRY_DONE(read_faces(&f));
     TETLOD_TRY_DONE(gather_faces(&f));
     TETLOD_TRY_DONE(add_cells(&f));
+    free_faces(&f);
     status = read_time(&f);
 done:
-    free(f.offsets);
-    free(f.corners);
-    free(f.owner);
-    free(f.neighbour);
-    free(f.cell_offsets);
-    free(f.cell_faces);
+    free_faces(&f);
     return status;
 }

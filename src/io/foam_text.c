@@ -15,16 +15,16 @@
 enum tetlod_status foam_fail(const struct foam_file *file, const char *why)
 {
     return tetlodi_fail(file->error, TETLOD_ERR_MESH, "%s: byte %td: %s", file->name,
-                        (const unsigned char *)file->rest.at - file->bytes, why);
+                        (const unsigned char *)file->rest.at - file->view.bytes, why);
 }
 
 /* Unpacks gzip; a file of this size cannot hold more than 1100 times as much. */
-static enum tetlod_status unpack(unsigned char **io_bytes, size_t *io_size, struct tetlod_error *error)
+static enum tetlod_status unpack(struct file_view *view, struct tetlod_error *error)
 {
-    z_stream stream = {.next_in = *io_bytes, .avail_in = (uInt)*io_size};
+    z_stream stream = {.next_in = view->bytes, .avail_in = (uInt)view->size};
     unsigned char *out = NULL;
     size_t capacity = 0, size = 0;
-    int result = *io_size <= UINT32_MAX && inflateInit2(&stream, 16 + MAX_WBITS) == Z_OK ? Z_OK : Z_MEM_ERROR;
+    int result = view->size <= UINT32_MAX && inflateInit2(&stream, 16 + MAX_WBITS) == Z_OK ? Z_OK : Z_MEM_ERROR;
     while (result == Z_OK) {
         if (!array_reserve((void **)&out, &capacity, size + 65536, 1)) {
             result = Z_MEM_ERROR;
@@ -37,15 +37,14 @@ static enum tetlod_status unpack(unsigned char **io_bytes, size_t *io_size, stru
         size += before - stream.avail_out; // without more input and output inflate says Z_BUF_ERROR
     }
     inflateEnd(&stream);
-    free(*io_bytes);
-    *io_bytes = out;
-    *io_size = size;
+    file_view_close(view);
+    *view = (struct file_view){.bytes = out, .size = size};
     if (result == Z_MEM_ERROR)
         return tetlodi_fail_nomem(error, "unpacking a file", size);
     return result == Z_STREAM_END ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_MESH, "its gzip data is damaged or truncated");
 }
 
-static enum tetlod_status load(struct foam_file *file, const struct io_input *input, const char *name, size_t *size)
+static enum tetlod_status load(struct foam_file *file, const struct io_input *input, const char *name)
 {
     char packed[512], *path = NULL;
     struct stat about;
@@ -61,9 +60,9 @@ static enum tetlod_status load(struct foam_file *file, const struct io_input *in
             return tetlodi_fail(file->error, TETLOD_ERR_MESH, "there is no file %.200s beside it", name);
         }
     }
-    enum tetlod_status status = file_read(path, &file->bytes, size, file->error);
+    enum tetlod_status status = file_view_path(&file->view, path, file->error);
     if (status == TETLOD_OK && is_packed)
-        status = unpack(&file->bytes, size, file->error);
+        status = unpack(&file->view, file->error);
     free(path);
     return status;
 }
@@ -71,6 +70,7 @@ static enum tetlod_status load(struct foam_file *file, const struct io_input *in
 struct text foam_token(struct foam_file *file)
 {
     struct text *rest = &file->rest;
+    file_view_pass(&file->view, rest->at);
     for (;;) {
         while (rest->at < rest->end && (*rest->at == ' ' || (*rest->at >= '\t' && *rest->at <= '\r')))
             rest->at++;
@@ -132,17 +132,15 @@ static enum tetlod_status read_header(struct foam_file *file)
 
 enum tetlod_status foam_open(struct foam_file *file, const struct io_input *input, const char *name, struct tetlod_error *error)
 {
-    size_t size = 0;
     *file = (struct foam_file){.name = name, .label = VALUE_INT32, .scalar = VALUE_FLOAT64, .error = error};
-    TETLOD_TRY(load(file, input, name, &size));
-    file->rest = (struct text){(const char *)file->bytes, (const char *)file->bytes + size};
+    TETLOD_TRY(load(file, input, name));
+    file->rest = (struct text){(const char *)file->view.bytes, (const char *)file->view.bytes + file->view.size};
     return read_header(file);
 }
 
 void foam_close(struct foam_file *file)
 {
-    free(file->bytes);
-    file->bytes = NULL;
+    file_view_close(&file->view);
 }
 
 enum tetlod_status foam_list(struct foam_file *file, enum value_type type, uint64_t width, uint64_t *count, bool *uniform)

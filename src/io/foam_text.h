@@ -8,7 +8,7 @@
 
 struct foam_file {
     const char *name;  /* for messages */
-    unsigned char *bytes; /* owned */
+    struct file_view view; /* owned */
     struct text rest;
     bool binary;
     enum value_type label, scalar; /* of binary lists */

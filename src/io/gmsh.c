@@ -29,8 +29,8 @@ struct gmsh {
     bool keeps_numbers;  /* there is element data */
     bool cells_sorted;
     struct tag_map cell_tags;
-    int64_t *physical; /* owned: of each cell with a volume, the group that it is in, or 0 */
-    size_t physical_capacity;
+    struct cell_numbers physical; /* the groups that cells are in */
+    struct file_view *view;
     int64_t *groups; /* owned: of volumes, pairs of tag and physical group */
     size_t group_count, group_capacity;
 };
@@ -45,6 +45,7 @@ static const char number_missing[] = "there should be a number here; is the file
 /* The next integers, in text or of `type`. */
 static enum tetlod_status take_ints(struct gmsh *g, enum value_type type, size_t count, int64_t *out)
 {
+    file_view_pass(g->view, g->rest.at);
     if (!g->binary) {
         for (size_t i = 0; i < count; i++)
             if (!text_int(&g->rest, &out[i]))
@@ -60,6 +61,7 @@ static enum tetlod_status take_ints(struct gmsh *g, enum value_type type, size_t
 
 static enum tetlod_status take_doubles(struct gmsh *g, size_t count, double *out)
 {
+    file_view_pass(g->view, g->rest.at);
     if (!g->binary) {
         for (size_t i = 0; i < count; i++)
             if (!text_double(&g->rest, false, &out[i]))
@@ -152,9 +154,7 @@ static enum tetlod_status finish_points(struct gmsh *g)
     if (g->sorted)
         return TETLOD_OK;
     TETLOD_TRY(tag_map_sort(&g->tags, g->error));
-    TETLOD_TRY(assemble_points(g->mesh, g->tags.count, TETLOD_FLOAT64, g->error));
-    if (g->tags.count)
-        memcpy(g->mesh->positions, g->positions, 3 * g->tags.count * sizeof *g->positions);
+    TETLOD_TRY(assemble_points_of(g->mesh, g->tags.count, &g->positions, TETLOD_FLOAT64, g->error));
     g->sorted = true;
     return TETLOD_OK;
 }
@@ -213,10 +213,7 @@ static void reorder(const struct element *element, int64_t *points)
 /* What a cell is called and belongs to. Cells without volume are left out, and so are their numbers. */
 static enum tetlod_status note_cell(struct gmsh *g, int64_t tag, int64_t group)
 {
-    size_t cell = (size_t)g->cells->count;
-    if (!array_reserve((void **)&g->physical, &g->physical_capacity, cell + 1, sizeof *g->physical))
-        return tetlodi_fail_nomem(g->error, "the groups of cells", (uint64_t)cell * 8);
-    g->physical[cell] = group;
+    TETLOD_TRY(cell_numbers_add(&g->physical, g->cells->count, group, g->error));
     return g->keeps_numbers ? tag_map_add(&g->cell_tags, tag, g->error) : TETLOD_OK;
 }
 
@@ -347,22 +344,6 @@ static enum tetlod_status read_elements(struct gmsh *g)
             TETLOD_TRY(take_element(g, &element, VALUE_UINT64, tag, group));
         }
     }
-    return TETLOD_OK;
-}
-
-/* The physical groups as regions, if there are any. */
-static enum tetlod_status add_regions(struct gmsh *g)
-{
-    bool any = false;
-    for (uint64_t c = 0; c < g->cells->count; c++)
-        any |= g->physical[c] != 0;
-    if (!any)
-        return TETLOD_OK;
-    TETLOD_TRY(assemble_cell_field(g->mesh, "gmsh:physical", 1, TETLOD_FLOAT64, g->cells->count, g->error));
-    struct point_field *field = &g->mesh->cell_fields[g->mesh->cell_field_count - 1];
-    field->is_integer = true;
-    for (uint64_t c = 0; c < g->cells->count; c++)
-        field->values[c] = (double)g->physical[c];
     return TETLOD_OK;
 }
 
@@ -552,7 +533,21 @@ static enum tetlod_status read_all(struct gmsh *g)
         TETLOD_TRY(read_section(g, name));
     }
     TETLOD_TRY(finish_points(g));
-    return g->cells->count ? add_regions(g) : TETLOD_OK;
+    return cell_numbers_to_field(&g->physical, g->mesh, "gmsh:physical", g->cells->count, g->error);
+}
+
+/* Looks for the word part by part. */
+static bool holds_element_data(const struct io_input *input)
+{
+    static const char word[] = "$ElementData";
+    enum { PART = 1 << 20 };
+    for (size_t at = 0; at < input->size; at += PART) {
+        size_t left = input->size - at, part = left < PART + sizeof word ? left : PART + sizeof word;
+        if (memmem(input->bytes + at, part, word, sizeof word - 1))
+            return true;
+        file_view_pass(input->view, input->bytes + at);
+    }
+    return false;
 }
 
 enum tetlod_status gmsh_read(struct blocks *out, const struct io_input *input, struct io_report *report,
@@ -566,12 +561,13 @@ enum tetlod_status gmsh_read(struct blocks *out, const struct io_input *input, s
                      .rest = {begin, begin + input->size},
                      .mesh = mesh,
                      .cells = &block->cells,
-                     .keeps_numbers = memmem(begin, input->size, "$ElementData", 12) != NULL,
+                     .keeps_numbers = holds_element_data(input),
+                     .view = input->view,
                      .report = report,
                      .error = error};
     enum tetlod_status status = read_all(&g);
     free(g.positions);
-    free(g.physical);
+    cell_numbers_fini(&g.physical);
     free(g.groups);
     tag_map_fini(&g.tags);
     tag_map_fini(&g.cell_tags);

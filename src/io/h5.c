@@ -93,6 +93,18 @@ enum tetlod_status h5_open_set(hid_t where, const char *name, uint64_t file_size
     return status;
 }
 
+/* Numbers that do not fit become the largest, whose bytes are all 255. */
+static H5T_conv_ret_t on_misfit(H5T_conv_except_t what, hid_t from_type, hid_t to_type, void *from, void *to, void *opaque)
+{
+    (void)from_type;
+    (void)from;
+    (void)opaque;
+    if (what != H5T_CONV_EXCEPT_RANGE_LOW && what != H5T_CONV_EXCEPT_RANGE_HI)
+        return H5T_CONV_UNHANDLED;
+    memset(to, 255, H5Tget_size(to_type));
+    return H5T_CONV_HANDLED;
+}
+
 static enum tetlod_status read_rows(const struct h5_set *set, uint64_t first, uint64_t rows, hid_t type, void *out,
                                     struct tetlod_error *error)
 {
@@ -108,7 +120,11 @@ static enum tetlod_status read_rows(const struct h5_set *set, uint64_t first, ui
     bool good = space >= 0 && memory >= 0;
     if (good && set->rank)
         good = H5Sselect_hyperslab(space, H5S_SELECT_SET, start, NULL, size, NULL) >= 0;
-    good = good && H5Dread(set->id, type, memory, space, H5P_DEFAULT, out) >= 0;
+    hid_t how = H5Pcreate(H5P_DATASET_XFER);
+    if (H5Tget_sign(type) == H5T_SGN_NONE)
+        good = good && H5Pset_type_conv_cb(how, on_misfit, NULL) >= 0;
+    good = good && H5Dread(set->id, type, memory, space, how, out) >= 0;
+    H5Pclose(how);
     H5Sclose(space);
     H5Sclose(memory);
     return good ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_MESH, "a data set cannot be read; is the file damaged?");
@@ -124,6 +140,18 @@ enum tetlod_status h5_read_ints(const struct h5_set *set, uint64_t first, uint64
                                 struct tetlod_error *error)
 {
     return read_rows(set, first, rows, H5T_NATIVE_INT64, out, error);
+}
+
+enum tetlod_status h5_read_numbers(const struct h5_set *set, uint64_t first, uint64_t rows, uint32_t *out,
+                                   struct tetlod_error *error)
+{
+    return read_rows(set, first, rows, H5T_NATIVE_UINT32, out, error);
+}
+
+enum tetlod_status h5_read_bytes(const struct h5_set *set, uint64_t first, uint64_t rows, uint8_t *out,
+                                 struct tetlod_error *error)
+{
+    return read_rows(set, first, rows, H5T_NATIVE_UINT8, out, error);
 }
 
 enum tetlod_status h5_load_ints(hid_t where, const char *name, uint64_t file_size, int64_t **out, uint64_t *count,

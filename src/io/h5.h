@@ -34,6 +34,12 @@ TETLOD_CHECKED enum tetlod_status h5_read_doubles(const struct h5_set *set, uint
 TETLOD_CHECKED enum tetlod_status h5_read_ints(const struct h5_set *set, uint64_t first, uint64_t rows, int64_t *out,
                                                struct tetlod_error *error);
 
+/* The same as numbers of points: what is none, also what is negative, becomes the largest number. */
+TETLOD_CHECKED enum tetlod_status h5_read_numbers(const struct h5_set *set, uint64_t first, uint64_t rows, uint32_t *out,
+                                                  struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status h5_read_bytes(const struct h5_set *set, uint64_t first, uint64_t rows, uint8_t *out,
+                                                struct tetlod_error *error);
+
 /* A whole set in memory that the caller frees; *count values. */
 TETLOD_CHECKED enum tetlod_status h5_load_ints(hid_t where, const char *name, uint64_t file_size, int64_t **out,
                                                uint64_t *count, struct tetlod_error *error);

@@ -25,10 +25,8 @@ struct inp {
     double *positions; /* owned */
     size_t position_capacity;
     struct tag_map nodes;
-    int64_t *corners; /* owned: by the file's numbers, of all cells */
-    size_t corner_count, corner_capacity;
-    uint16_t *sets; /* owned: of each cell */
-    size_t set_capacity;
+    struct cell_numbers sets;
+    struct file_view *view;
     char (*names)[NAME_SIZE]; /* owned: of sets */
     size_t name_count, name_capacity;
 };
@@ -44,6 +42,7 @@ static enum tetlod_status fail(const struct inp *p, const char *why)
 /* The next line that is not blank and not a comment; false at the end. */
 static bool next_line(struct inp *p, struct text *out)
 {
+    file_view_pass(p->view, p->rest.at);
     while (p->rest.at < p->rest.end) {
         *out = text_line(&p->rest);
         while (out->at < out->end && (*out->at == ' ' || *out->at == '\t'))
@@ -175,7 +174,6 @@ static enum tetlod_status read_element(struct inp *p, const struct element *elem
 {
     struct text line = {NULL, NULL}, item;
     int64_t number, corners[27];
-    size_t cells = (size_t)p->block->cells.count;
     for (int i = -1; i < element->points;) {
         if (!next_item(&line, &item)) {
             if (at_keyword(p) || !next_line(p, &line))
@@ -188,12 +186,7 @@ static enum tetlod_status read_element(struct inp *p, const struct element *elem
             return fail(p, "there should be the number of a node here");
         i++;
     }
-    if (!array_reserve((void **)&p->corners, &p->corner_capacity, p->corner_count + element->points, sizeof *p->corners) ||
-        !array_reserve((void **)&p->sets, &p->set_capacity, cells + 1, sizeof *p->sets))
-        return tetlodi_fail_nomem(p->error, "the elements", p->corner_count * 8);
-    memcpy(p->corners + p->corner_count, corners, element->points * sizeof *corners);
-    p->corner_count += element->points;
-    p->sets[cells] = set;
+    TETLOD_TRY(cell_numbers_add(&p->sets, p->block->cells.count, set, p->error));
     return cells_add(&p->block->cells, element->vtk_type, corners, element->points, p->error);
 }
 
@@ -226,21 +219,15 @@ static enum tetlod_status finish(struct inp *p)
     struct cells *cells = &p->block->cells;
     struct tetmesh *mesh = &p->block->mesh;
     TETLOD_TRY(tag_map_sort(&p->nodes, p->error));
-    TETLOD_TRY(assemble_points(mesh, p->nodes.count, TETLOD_FLOAT64, p->error));
-    if (p->nodes.count)
-        memcpy(mesh->positions, p->positions, 3 * p->nodes.count * sizeof *p->positions);
-    for (size_t i = 0; i < p->corner_count; i++) {
-        cells->connectivity[i] = tag_map_find(&p->nodes, p->corners[i]);
+    TETLOD_TRY(assemble_points_of(mesh, p->nodes.count, &p->positions, TETLOD_FLOAT64, p->error));
+    for (uint64_t i = 0; i < cells->connectivity_count; i++) { // until now by the file's numbers
+        uint32_t number = cells->connectivity[i];
+        cells->connectivity[i] = number == TETLOD_NONE ? TETLOD_NONE : tag_map_find(&p->nodes, number);
         if (cells->connectivity[i] == TETLOD_NONE)
-            return tetlodi_fail(p->error, TETLOD_ERR_MESH, "an element refers to node %lld, which is not there", (long long)p->corners[i]);
+            return tetlodi_fail(p->error, TETLOD_ERR_MESH, "an element refers to node %lld, which is not there",
+                                number == TETLOD_NONE ? -1 : (long long)number);
     }
-    if (!p->name_count)
-        return TETLOD_OK;
-    TETLOD_TRY(assemble_cell_field(mesh, "region", 1, TETLOD_FLOAT64, cells->count, p->error));
-    mesh->cell_fields[0].is_integer = true;
-    for (uint64_t c = 0; c < cells->count; c++)
-        mesh->cell_fields[0].values[c] = p->sets[c];
-    return TETLOD_OK;
+    return cell_numbers_to_field(&p->sets, mesh, "region", cells->count, p->error);
 }
 
 static enum tetlod_status read_all(struct inp *p)
@@ -275,13 +262,12 @@ bool inp_sniff(const unsigned char *bytes, size_t size)
 enum tetlod_status inp_read(struct blocks *out, const struct io_input *input, struct io_report *report, struct tetlod_error *error)
 {
     const char *begin = (const char *)input->bytes;
-    struct inp p = {.begin = begin, .rest = {begin, begin + input->size}, .error = error, .report = report};
+    struct inp p = {.begin = begin, .rest = {begin, begin + input->size}, .view = input->view, .error = error, .report = report};
     TETLOD_TRY(blocks_add(out, &p.block, error));
     enum tetlod_status status = read_all(&p);
     free(p.positions);
     tag_map_fini(&p.nodes);
-    free(p.corners);
-    free(p.sets);
+    cell_numbers_fini(&p.sets);
     free(p.names);
     return status;
 }

@@ -17,9 +17,8 @@
 
 enum { MOST_EXTENSIONS = 14 };
 
-/* What a mesh is read from: one file, as a whole or range by range as its reader wants, or two files. The second one is named by
- * the user, or has the same name with another extension. */
-enum files { WHOLE, IN_RANGES, SOLUTION, SIBLING };
+/* What a mesh is read from: one file or two. The second one is named by the user, or has the same name with another extension. */
+enum files { ONE, SOLUTION, SIBLING };
 
 struct format {
     const char *name, *about, *extensions[MOST_EXTENSIONS];
@@ -49,31 +48,31 @@ struct format {
 
 /* In the order in which contents are tried: PLOT3D, which has no magic, last. */
 static const struct format formats[] = {
-    {"tetlod", "a stream's finest level", {"tetlod"}, WHOLE, stream_sniff, stream_read, NULL},
+    {"tetlod", "a stream's finest level", {"tetlod"}, ONE, stream_sniff, stream_read, NULL},
     {"vtu", "VTK XML: unstructured, structured, rectilinear and image grids, their parallel forms, multi-block, time",
       {"vtu", "pvtu", "vts", "vtr", "vti", "vtm", "pvd", "pvts", "pvtr", "pvti", "vtpd", "vtpc"},
-     IN_RANGES, vtkxml_sniff, vtkxml_read, io_write_vtu},
-    {"vtk", "legacy VTK 1.0 to 5.1", {"vtk"}, WHOLE, vtk_sniff, vtk_read, io_write_vtk},
-    {"gmsh", "Gmsh 2.2 and 4.1", {"msh"}, WHOLE, gmsh_sniff, gmsh_read, gmsh_write},
-    {"vtkhdf", "VTKHDF: unstructured grids and images, steps in time (libhdf5)", {"vtkhdf", "hdf"}, WHOLE,
+     ONE, vtkxml_sniff, vtkxml_read, io_write_vtu},
+    {"vtk", "legacy VTK 1.0 to 5.1", {"vtk"}, ONE, vtk_sniff, vtk_read, io_write_vtk},
+    {"gmsh", "Gmsh 2.2 and 4.1", {"msh"}, ONE, gmsh_sniff, gmsh_read, gmsh_write},
+    {"vtkhdf", "VTKHDF: unstructured grids and images, steps in time (libhdf5)", {"vtkhdf", "hdf"}, ONE,
      WITH_HDF5(vtkhdf_sniff), WITH_HDF5(vtkhdf_read), WITH_HDF5(vtkhdf_write)},
-    {"xdmf", "XDMF 2 and 3: text, raw, HDF5; collections (libhdf5)", {"xdmf", "xmf"}, WHOLE, WITH_HDF5(xdmf_sniff),
+    {"xdmf", "XDMF 2 and 3: text, raw, HDF5; collections (libhdf5)", {"xdmf", "xmf"}, ONE, WITH_HDF5(xdmf_sniff),
      WITH_HDF5(xdmf_read), xdmf_write},
-    {"exodus", "Exodus II: element blocks, steps in time (libnetcdf)", {"exo", "e", "ex2", "exii"}, WHOLE,
+    {"exodus", "Exodus II: element blocks, steps in time (libnetcdf)", {"exo", "e", "ex2", "exii"}, ONE,
      WITH_NETCDF(exodus_sniff), WITH_NETCDF(exodus_read), WITH_NETCDF(exodus_write)},
-    {"cgns", "CGNS: unstructured and structured zones, polyhedra, steps in time (libcgns)", {"cgns"}, WHOLE,
+    {"cgns", "CGNS: unstructured and structured zones, polyhedra, steps in time (libcgns)", {"cgns"}, ONE,
      WITH_CGNS(cgns_sniff), WITH_CGNS(cgns_read), NULL},
-    {"stl", "the boundary surface", {"stl"}, WHOLE, NULL, NULL, stl_write},
-    {"ply", "the boundary surface with the first scalar", {"ply"}, WHOLE, NULL, NULL, ply_write},
-    {"vtp", "the boundary surface with all fields", {"vtp"}, WHOLE, NULL, NULL, vtp_write},
-    {"glb", "the boundary surface, coloured, with fields as attributes", {"glb"}, WHOLE, NULL, NULL, glb_write},
-    {"inp", "Abaqus and CalculiX: nodes and elements", {"inp"}, WHOLE, inp_sniff, inp_read, NULL},
+    {"stl", "the boundary surface", {"stl"}, ONE, NULL, NULL, stl_write},
+    {"ply", "the boundary surface with the first scalar", {"ply"}, ONE, NULL, NULL, ply_write},
+    {"vtp", "the boundary surface with all fields", {"vtp"}, ONE, NULL, NULL, vtp_write},
+    {"glb", "the boundary surface, coloured, with fields as attributes", {"glb"}, ONE, NULL, NULL, glb_write},
+    {"inp", "Abaqus and CalculiX: nodes and elements", {"inp"}, ONE, inp_sniff, inp_read, NULL},
     {"medit", "Medit with its .sol, text and binary (text is written)", {"mesh"}, SOLUTION, medit_sniff, medit_read, medit_write},
     {"meshb", "Medit binary, versions 1 to 4, with its .solb", {"meshb"}, SOLUTION, NULL, medit_read, meshb_write},
-    {"sol", "Medit's values at vertices: --q, and the fields of a .mesh", {"sol"}, WHOLE, NULL, NULL, sol_write},
+    {"sol", "Medit's values at vertices: --q, and the fields of a .mesh", {"sol"}, ONE, NULL, NULL, sol_write},
     {"openfoam", "OpenFOAM cases by an empty NAME.foam in their folder: text, binary, gzip, polyhedra, times", {"foam", "openfoam"},
-     WHOLE, NULL, foam_read, NULL},
-    {"ensight", "EnSight Gold cases: text, C and Fortran binary, parts, variables of nodes and elements, times", {"case", "encas"}, WHOLE,
+     ONE, NULL, foam_read, NULL},
+    {"ensight", "EnSight Gold cases: text, C and Fortran binary, parts, variables of nodes and elements, times", {"case", "encas"}, ONE,
      ensight_sniff, ensight_read, NULL},
     {"tetgen", "TetGen .node with .ele", {"node", "ele"}, SIBLING, NULL, tetgen_read, NULL},
     {"plot3d", "PLOT3D grids with their solution: multi-grid, iblank, both endians, record markers", {"xyz", "p3d", "x"}, SOLUTION, plot3d_sniff, plot3d_read, NULL},
@@ -153,6 +152,8 @@ static enum tetlod_status read_blocks(struct blocks *out, const char *path, cons
         return tetlodi_fail(error, TETLOD_ERR_MESH, "lacks its second file");
     if (!input->depth)
         report->format = format->name;
+    if (input->view)
+        file_view_release(input->view); // the format was looked for in it
     return format->read(out, input, report, error);
 }
 
@@ -286,41 +287,25 @@ enum tetlod_status io_resolve(const struct io_input *from, const char *name, cha
 /* What an input is read from. */
 struct loaded {
     struct file_input file;
-    unsigned char *bytes; /* owned */
+    struct file_view view;
 };
 
 static void close_input(struct loaded *loaded)
 {
     file_input_close(&loaded->file);
-    free(loaded->bytes);
+    file_view_close(&loaded->view);
 }
 
-static bool reads_ranges(const unsigned char *head, size_t size)
-{
-    for (int f = 0; f < FORMATS; f++)
-        if (formats[f].files == IN_RANGES && formats[f].sniff(head, size))
-            return true;
-    return false;
-}
-
-/* A file's bytes; or only its head, if its format reads the rest itself. To be closed also after a failure. */
+/* A file's bytes. To be closed also after a failure. */
 static enum tetlod_status open_input(struct loaded *loaded, struct io_input *input, const char *path, struct tetlod_error *error)
 {
-    enum { HEAD = 1024 };
-    *loaded = (struct loaded){{-1, 0}, NULL};
+    *loaded = (struct loaded){.file = {-1, 0}};
     TETLOD_TRY(file_input_open(&loaded->file, path, error));
-    loaded->bytes = array_new(HEAD, 1);
-    if (!loaded->bytes)
-        return tetlodi_fail_nomem(error, path, HEAD);
-    input->size = file_input_read(&loaded->file, 0, HEAD, loaded->bytes);
-    if (reads_ranges(loaded->bytes, input->size))
-        input->file = &loaded->file;
-    else {
-        free(loaded->bytes);
-        loaded->bytes = NULL;
-        TETLOD_TRY(file_input_whole(&loaded->file, path, &loaded->bytes, &input->size, error));
-    }
-    input->bytes = loaded->bytes;
+    TETLOD_TRY(file_view_open(&loaded->view, &loaded->file, path, error));
+    input->file = &loaded->file;
+    input->view = &loaded->view;
+    input->bytes = loaded->view.bytes;
+    input->size = loaded->view.size;
     return TETLOD_OK;
 }
 
@@ -353,19 +338,21 @@ static enum tetlod_status read_files(struct tetmesh *out, const char *path, cons
 {
     struct io_input input = {.other_path = second, .path = path, .options = options};
     struct loaded loaded;
-    unsigned char *other = NULL;
+    struct file_view other = {0};
     struct tetlod_error inner = {.offset = UINT64_MAX};
     enum tetlod_status status = open_input(&loaded, &input, path, error);
     if (status == TETLOD_OK && second)
-        status = file_read(second, &other, &input.other_size, error);
+        status = file_view_path(&other, second, error);
     if (status == TETLOD_OK) {
-        input.other = other;
+        input.other = other.bytes;
+        input.other_size = other.size;
+        input.other_view = second ? &other : NULL;
         status = io_read_input(out, path, &input, report, &inner);
         if (status != TETLOD_OK)
             tetlodi_fail(error, status, "%.120s: %s", path, inner.message);
     }
     close_input(&loaded);
-    free(other);
+    file_view_close(&other);
     return status;
 }
 

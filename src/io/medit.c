@@ -22,8 +22,8 @@ struct medit {
     bool binary, big_endian;
     enum value_type integer, real, place; /* of a binary file */
     struct cells *cells;
-    int64_t *references; /* owned: of each cell */
-    size_t reference_capacity;
+    struct cell_numbers references;
+    struct file_view *view;
 };
 
 static enum tetlod_status fail(const struct medit *m, const char *why)
@@ -45,6 +45,7 @@ static bool is_keyword(struct text word)
 static const unsigned char *take_bytes(struct medit *m, enum value_type type)
 {
     const char *at = m->rest.at;
+    file_view_pass(m->view, at);
     if ((size_t)(m->rest.end - at) < value_size(type))
         return NULL;
     m->rest.at += value_size(type);
@@ -64,6 +65,7 @@ static enum tetlod_status take_int(struct medit *m, int64_t *out)
 {
     if (m->binary)
         return take_binary_int(m, m->integer, out);
+    file_view_pass(m->view, m->rest.at);
     struct text word = text_word_past_comments(&m->rest);
     return text_int(&word, out) ? TETLOD_OK : fail(m, "there should be a whole number here; is the file truncated?");
 }
@@ -83,6 +85,7 @@ static enum tetlod_status take_double(struct medit *m, double *out)
         values_to_doubles(bytes, m->real, m->big_endian, 1, out);
         return TETLOD_OK;
     }
+    file_view_pass(m->view, m->rest.at);
     struct text word = text_word_past_comments(&m->rest);
     return text_double(&word, m->is_float, out) ? TETLOD_OK
                                                 : fail(m, "there should be a number here; is the file truncated?");
@@ -150,10 +153,8 @@ static enum tetlod_status read_cells(struct medit *m, unsigned char type, unsign
         }
         TETLOD_TRY(take_int(m, &reference));
         TETLOD_TRY(cells_add(m->cells, type, corner, type == VTK_TYPE_FLAT ? 0 : corners, m->error));
-        size_t cell_count = (size_t)m->cells->count;
-        if (!array_reserve((void **)&m->references, &m->reference_capacity, cell_count, sizeof *m->references))
-            return tetlodi_fail_nomem(m->error, "the references", (uint64_t)cell_count * 8);
-        m->references[cell_count - 1] = reference;
+        if (type != VTK_TYPE_FLAT) // those of surfaces tell nothing of the volume
+            TETLOD_TRY(cell_numbers_add(&m->references, m->cells->count - 1, reference, m->error));
     }
     return TETLOD_OK;
 }
@@ -300,26 +301,12 @@ static enum tetlod_status read_solution(struct medit *m, const struct io_input *
     m->begin = begin;
     m->rest = (struct text){begin, begin + input->other_size};
     m->error = &inner;
+    m->view = input->other_view;
     uint32_t before = m->mesh->field_count;
     enum tetlod_status status = read_all(m, read_solution_keyword);
     if (status == TETLOD_OK && m->mesh->field_count == before)
         status = fail(m, "there is no SolAtVertices");
     return status == TETLOD_OK ? TETLOD_OK : tetlodi_fail(outer, status, "%.80s: %.160s", input->other_path, inner.message);
-}
-
-/* The references of cells as regions, if there are any. */
-static enum tetlod_status add_regions(struct medit *m)
-{
-    bool any = false;
-    for (uint64_t c = 0; c < m->cells->count; c++)
-        any |= m->references[c] != 0 && m->cells->types[c] != VTK_TYPE_FLAT;
-    if (!any)
-        return TETLOD_OK;
-    TETLOD_TRY(assemble_cell_field(m->mesh, "medit:ref", 1, TETLOD_FLOAT64, m->cells->count, m->error));
-    m->mesh->cell_fields[0].is_integer = true;
-    for (uint64_t c = 0; c < m->cells->count; c++)
-        m->mesh->cell_fields[0].values[c] = (double)m->references[c];
-    return TETLOD_OK;
 }
 
 bool medit_sniff(const unsigned char *bytes, size_t size)
@@ -336,15 +323,15 @@ enum tetlod_status medit_read(struct blocks *out, const struct io_input *input, 
     TETLOD_TRY(blocks_add(out, &block, error));
     struct tetmesh *mesh = &block->mesh;
     const char *begin = (const char *)input->bytes;
-    struct medit m = {.begin = begin, .rest = {begin, begin + input->size}, .mesh = mesh, .error = error, .cells = &block->cells};
+    struct medit m = {.begin = begin, .rest = {begin, begin + input->size}, .mesh = mesh, .error = error, .cells = &block->cells, .view = input->view};
     enum tetlod_status status = read_all(&m, read_keyword);
     if (status == TETLOD_OK && !mesh->positions)
         status = fail(&m, "there are no Vertices; is the file truncated?");
     if (status == TETLOD_OK)
-        status = add_regions(&m);
+        status = cell_numbers_to_field(&m.references, mesh, "medit:ref", block->cells.count, error);
     if (status == TETLOD_OK && input->other)
         status = read_solution(&m, input);
-    free(m.references);
+    cell_numbers_fini(&m.references);
     (void)report;
     return status;
 }

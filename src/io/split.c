@@ -336,6 +336,47 @@ static enum tetlod_status split_all(struct splitter *s, struct tetlod_error *err
     return TETLOD_OK;
 }
 
+/* ---- tetrahedra alone */
+
+static bool is_left_out(const struct splitter *s, uint64_t c, struct vtk_type type)
+{
+    return (s->hidden && s->hidden[c]) || type.shape == NO_VOLUME;
+}
+
+/* Whether nothing is split, so that the corners can be moved to where the tetrahedra's will be. */
+static bool only_tets(const struct splitter *s)
+{
+    uint64_t kept = 0;
+    for (uint64_t c = 0; c < s->cells->count; c++) {
+        struct vtk_type type = find_type(s->cells->types[c]);
+        if (is_left_out(s, c, type))
+            continue;
+        if (!is_copied(s, type) || s->cells->offsets[c] < 4 * kept++)
+            return false;
+    }
+    return true;
+}
+
+/* Makes tetrahedra and their values of what the block has, without room for a second copy. */
+static void move_tets(const struct splitter *s, struct cells *cells)
+{
+    struct tetmesh *out = s->out;
+    for (uint64_t c = 0; c < cells->count; c++) {
+        if (is_left_out(s, c, find_type(cells->types[c])))
+            continue;
+        size_t t = out->tet_count++;
+        memmove(cells->connectivity + 4 * t, cells->connectivity + cells->offsets[c], 4 * sizeof *cells->connectivity);
+        for (uint32_t f = 0; f < out->cell_field_count && t < c; f++) {
+            size_t width = out->cell_fields[f].components;
+            memmove(out->cell_fields[f].values + t * width, out->cell_fields[f].values + c * width, width * sizeof(double));
+        }
+    }
+    for (uint32_t f = 0; f < out->cell_field_count; f++)
+        out->cell_fields[f].values = array_shrink(out->cell_fields[f].values, out->tet_count, out->cell_fields[f].components * sizeof(double));
+    out->corners = array_shrink(cells->connectivity, out->tet_count, 4 * sizeof *out->corners);
+    cells->connectivity = NULL;
+}
+
 /* ---- values of cells */
 
 /* Every tetrahedron gets the values of its cell. */
@@ -374,6 +415,11 @@ static enum tetlod_status split_cells(struct block *block, bool subdivide, struc
                          .point_count = out->vertex_count,
                          .next_centre = out->vertex_count};
     TETLOD_TRY(count_tets(&s, report, error));
+    if (only_tets(&s)) {
+        TETLOD_TRY(check_tet_count(s.most_tets, error));
+        move_tets(&s, &block->cells);
+        return TETLOD_OK;
+    }
     TETLOD_TRY(reserve_centres(&s, error));
     report->centres = s.centres;
     TETLOD_TRY(new_corners(out, s.most_tets, origin, error));
@@ -416,19 +462,6 @@ static enum tetlod_status take_tets(struct block *block, struct tetmesh *out, st
     return TETLOD_OK;
 }
 
-/* A block of tetrahedra some of which are left out. */
-static enum tetlod_status give_types(struct cells *cells, struct tetlod_error *error)
-{
-    cells->types = array_new((size_t)cells->count, 1);
-    cells->offsets = array_new((size_t)cells->count + 1, sizeof *cells->offsets);
-    if (!cells->types || !cells->offsets)
-        return tetlodi_fail_nomem(error, "the cells", cells->count * 9);
-    memset(cells->types, VTK_TYPE_TET, (size_t)cells->count);
-    for (uint64_t c = 0; c <= cells->count; c++)
-        cells->offsets[c] = 4 * c;
-    return TETLOD_OK;
-}
-
 enum tetlod_status block_split(struct block *block, bool subdivide, struct tetmesh *out, struct io_report *report,
                                struct tetlod_error *error)
 {
@@ -439,7 +472,7 @@ enum tetlod_status block_split(struct block *block, bool subdivide, struct tetme
     if (!block->dims[0] && !block->cells.types && !block->hidden)
         return take_tets(block, out, error);
     if (!block->dims[0] && !block->cells.types)
-        TETLOD_TRY_DONE(give_types(&block->cells, error));
+        TETLOD_TRY_DONE(cells_give_types(&block->cells, error));
     TETLOD_TRY_DONE(block->dims[0] ? split_grid(block, out, &origin, report, error)
                                    : split_cells(block, subdivide, out, &origin, report, error));
     if (origin)

@@ -1,16 +1,29 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/io/tag_map.h"
 
+#include <stdbool.h>
 #include <stdlib.h>
 
 #include "format/fail.h"
 #include "src/util/array.h"
 
+static enum tetlod_status add_entry(struct tag_map *map, size_t index, int64_t tag, struct tetlod_error *error)
+{
+    if (!array_reserve((void **)&map->entries, &map->capacity, index + 1, sizeof *map->entries))
+        return tetlodi_fail_nomem(error, "the numbers of the points", (uint64_t)index * sizeof *map->entries);
+    map->entries[index] = (struct tag_entry){tag, (uint32_t)index};
+    return TETLOD_OK;
+}
+
 enum tetlod_status tag_map_add(struct tag_map *map, int64_t tag, struct tetlod_error *error)
 {
-    if (!array_reserve((void **)&map->entries, &map->capacity, map->count + 1, sizeof *map->entries))
-        return tetlodi_fail_nomem(error, "the numbers of the points", (uint64_t)map->count * sizeof *map->entries);
-    map->entries[map->count] = (struct tag_entry){tag, (uint32_t)map->count};
+    if (!map->count)
+        map->first = tag;
+    bool has_entries = map->entries != NULL, ascends = (uint64_t)tag - (uint64_t)map->first == map->count;
+    for (size_t i = 0; !has_entries && !ascends && i < map->count; i++)
+        TETLOD_TRY(add_entry(map, i, map->first + (int64_t)i, error));
+    if (has_entries || !ascends)
+        TETLOD_TRY(add_entry(map, map->count, tag, error));
     map->count++;
     return TETLOD_OK;
 }
@@ -23,6 +36,8 @@ static int compare_tags(const void *left, const void *right)
 
 enum tetlod_status tag_map_sort(struct tag_map *map, struct tetlod_error *error)
 {
+    if (!map->entries)
+        return TETLOD_OK;
     size_t ascending = 1;
     while (ascending < map->count && map->entries[ascending - 1].tag < map->entries[ascending].tag)
         ascending++;
@@ -36,7 +51,9 @@ enum tetlod_status tag_map_sort(struct tag_map *map, struct tetlod_error *error)
 
 uint32_t tag_map_find(const struct tag_map *map, int64_t tag)
 {
-    if (map->count == 0 || tag < map->entries[0].tag)
+    if (!map->entries)
+        return (uint64_t)tag - (uint64_t)map->first < map->count ? (uint32_t)((uint64_t)tag - (uint64_t)map->first) : TETLOD_NONE;
+    if (tag < map->entries[0].tag)
         return TETLOD_NONE;
     uint64_t guess = (uint64_t)tag - (uint64_t)map->entries[0].tag;
     if (guess < map->count && map->entries[guess].tag == tag)

@@ -6,10 +6,11 @@
 #include "format/tetlod.h"
 
 struct tag_map {
+    int64_t first; /* the tag of index 0 */
     struct tag_entry {
         int64_t tag;
         uint32_t index;
-    } *entries; /* owned, ascending tags once sorted */
+    } *entries; /* owned, ascending tags once sorted; NULL while tags go up one by one */
     size_t count, capacity;
 };
 

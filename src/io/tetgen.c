@@ -12,6 +12,7 @@
 struct file {
     const char *name, *begin;
     struct text rest;
+    struct file_view *view;
     struct tetlod_error *error;
 };
 
@@ -25,12 +26,14 @@ static enum tetlod_status fail(const struct file *f, const char *why)
 
 static enum tetlod_status take_int(struct file *f, int64_t *out)
 {
+    file_view_pass(f->view, f->rest.at);
     struct text word = text_word_past_comments(&f->rest);
     return text_int(&word, out) ? TETLOD_OK : fail(f, "there should be a whole number here; is the file truncated?");
 }
 
 static enum tetlod_status take_double(struct file *f, double *out)
 {
+    file_view_pass(f->view, f->rest.at);
     struct text word = text_word_past_comments(&f->rest);
     return text_double(&word, false, out) ? TETLOD_OK : fail(f, "there should be a number here; is the file truncated?");
 }
@@ -104,8 +107,8 @@ enum tetlod_status tetgen_read(struct blocks *out, const struct io_input *input,
     TETLOD_TRY(blocks_add(out, &block, error));
     struct tetmesh *mesh = &block->mesh;
     const char *node_bytes = (const char *)input->bytes, *element_bytes = (const char *)input->other;
-    struct file nodes = {".node", node_bytes, {node_bytes, node_bytes + input->size}, error};
-    struct file elements = {".ele", element_bytes, {element_bytes, element_bytes + input->other_size}, error};
+    struct file nodes = {".node", node_bytes, {node_bytes, node_bytes + input->size}, input->view, error};
+    struct file elements = {".ele", element_bytes, {element_bytes, element_bytes + input->other_size}, input->other_view, error};
     int64_t first_point = 0;
     enum tetlod_status status = read_nodes(mesh, &nodes, &first_point);
     if (status == TETLOD_OK)

@@ -6,6 +6,8 @@
 
 #include "format/fail.h"
 
+enum { PART = 1 << 16 }; // numbers that are converted at a time
+
 enum tetlod_status vtk_fail(const struct vtk_stream *stream, struct tetlod_error *error, const char *format, ...)
 {
     char what[160];
@@ -72,14 +74,17 @@ enum tetlod_status vtk_doubles(struct vtk_stream *stream, enum value_type type, 
                                struct tetlod_error *error)
 {
     TETLOD_TRY(vtk_check_count(stream, type, count, error));
-    if (stream->binary) {
-        values_to_doubles((const unsigned char *)stream->rest.at, type, true, count, out);
-        stream->rest.at += count * value_size(type);
-        return TETLOD_OK;
+    for (size_t i = 0; i < count && stream->binary; i += PART) {
+        size_t part = count - i < PART ? count - i : PART;
+        values_to_doubles((const unsigned char *)stream->rest.at, type, true, part, out + i);
+        stream->rest.at += part * value_size(type);
+        file_view_pass(stream->view, stream->rest.at);
     }
-    for (size_t i = 0; i < count; i++)
+    for (size_t i = 0; i < count && !stream->binary; i++) {
         if (!text_double(&stream->rest, type == VALUE_FLOAT32, &out[i]))
             return fail_number(stream, error);
+        file_view_pass(stream->view, stream->rest.at);
+    }
     return TETLOD_OK;
 }
 
@@ -89,6 +94,7 @@ enum tetlod_status vtk_ints(struct vtk_stream *stream, enum value_type type, siz
     if (value_is_float(type))
         return vtk_fail(stream, error, "these should be integers");
     TETLOD_TRY(vtk_check_count(stream, type, count, error));
+    file_view_pass(stream->view, stream->rest.at);
     if (stream->binary) {
         values_to_ints((const unsigned char *)stream->rest.at, type, true, count, out);
         stream->rest.at += count * value_size(type);

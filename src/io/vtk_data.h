@@ -5,6 +5,7 @@
 
 #include "format/tetlod.h"
 #include "src/io/file_values.h"
+#include "src/util/file.h"
 
 enum vtk_kind { VTK_NUMBERS, VTK_BITS, VTK_STRINGS };
 
@@ -17,6 +18,7 @@ struct vtk_stream {
     const char *begin; /* of the file */
     struct text rest;
     bool binary;
+    struct file_view *view; /* of the bytes, or NULL */
 };
 
 /* ERR_MESH at the place where the stream is: a line of text, a byte of a binary file. */

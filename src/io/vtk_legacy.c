@@ -24,6 +24,8 @@ struct legacy {
     enum attributes attributes;
     uint64_t tuples;
     int major_version;
+    bool has_types; /* of cells */
+    struct point_field *last; /* the field that was just read, to which metadata belong; or NULL */
     int64_t dims[3];
     double origin[3], spacing[3];
     double *coordinates[3]; /* owned: of a rectilinear grid */
@@ -257,7 +259,7 @@ static enum tetlod_status on_cell_types(struct legacy *l, struct text line)
     int64_t count, type;
     struct cells *cells = &l->block->cells;
     TETLOD_TRY(take_count(l, &line, &count));
-    if ((uint64_t)count != cells->count || cells->types)
+    if ((uint64_t)count != cells->count || l->has_types)
         return fail(l, "CELL_TYPES: their number is not the number of cells");
     TETLOD_TRY(vtk_check_count(&l->stream, VALUE_INT32, (uint64_t)count, l->error));
     cells->types = array_new((size_t)count, 1);
@@ -267,6 +269,8 @@ static enum tetlod_status on_cell_types(struct legacy *l, struct text line)
         TETLOD_TRY(vtk_ints(&l->stream, VALUE_INT32, 1, &type, l->error));
         cells->types[c] = (unsigned char)(type < 0 || type > 255 ? 255 : type);
     }
+    cells_drop_types(cells);
+    l->has_types = true;
     return TETLOD_OK;
 }
 
@@ -301,6 +305,9 @@ static uint64_t cell_tuples(const struct legacy *l)
     return count;
 }
 
+static enum tetlod_status make_points(struct legacy *l);
+static enum tetlod_status set_dims(struct legacy *l);
+
 static enum tetlod_status read_values(struct legacy *l, struct text name, struct vtk_array_type type, uint64_t components)
 {
     struct tetmesh *mesh = l->mesh;
@@ -308,7 +315,7 @@ static enum tetlod_status read_values(struct legacy *l, struct text name, struct
     char *decoded = decode_name(name);
     if (!decoded)
         return tetlodi_fail_nomem(l->error, "a field's name", (uint64_t)(name.end - name.at));
-    bool is_ghosts = cell && components == 1 && (strcmp(decoded, "vtkGhostType") == 0 || strcmp(decoded, "vtkGhostLevels") == 0);
+    bool ghosts = is_ghosts(decoded, components);
     enum tetlod_status status = cell ? assemble_cell_field(mesh, decoded, components, float_type(type.type), l->tuples, l->error)
                                      : assemble_field(mesh, decoded, components, float_type(type.type), l->error);
     free(decoded);
@@ -316,12 +323,10 @@ static enum tetlod_status read_values(struct legacy *l, struct text name, struct
     struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
     field->is_integer = !value_is_float(type.type);
     TETLOD_TRY(vtk_doubles(&l->stream, type.type, (size_t)(l->tuples * components), field->values, l->error));
-    if (!is_ghosts)
-        return TETLOD_OK;
-    status = block_hide(l->block, field->values, l->report, l->error);
-    point_field_fini(field);
-    mesh->cell_field_count--;
-    return status;
+    l->last = ghosts ? NULL : field;
+    if (ghosts && l->dataset != UNSTRUCTURED_GRID)
+        TETLOD_TRY(set_dims(l)); // by which cells have points
+    return ghosts ? block_take_ghosts(l->block, cell, l->report, l->error) : TETLOD_OK;
 }
 
 /* An array of the current attributes: numbers at points and of cells are read, all others are passed over. */
@@ -332,6 +337,7 @@ static enum tetlod_status take_attribute(struct legacy *l, struct text name, str
     if (components < 0 || (components && tuples > UINT64_MAX / (uint64_t)components))
         return fail(l, "there are more values than a file can hold");
     uint64_t count = tuples * (uint64_t)components;
+    l->last = NULL;
     if (wanted && tuples != l->tuples)
         return fail(l, l->attributes == POINT_DATA ? "this point array has another number of values than there are points"
                                                    : "this cell array has another number of values than there are cells");
@@ -352,9 +358,6 @@ static enum tetlod_status start_attributes(struct legacy *l, struct text line, e
     l->tuples = (uint64_t)count;
     return TETLOD_OK;
 }
-
-static enum tetlod_status make_points(struct legacy *l);
-static enum tetlod_status set_dims(struct legacy *l);
 
 static enum tetlod_status on_point_data(struct legacy *l, struct text line)
 {
@@ -449,11 +452,28 @@ static enum tetlod_status on_lookup_table(struct legacy *l, struct text line)
     return vtk_skip(&l->stream, (struct vtk_array_type){VTK_NUMBERS, VALUE_UINT8}, 4 * (uint64_t)entries, l->error);
 }
 
+static enum tetlod_status take_unit(struct legacy *l, struct text word)
+{
+    char *unit = decode_name(word);
+    if (!unit)
+        return tetlodi_fail_nomem(l->error, "a unit", (uint64_t)(word.end - word.at));
+    unit_set(l->last->unit, unit, strlen(unit));
+    free(unit);
+    return TETLOD_OK;
+}
+
 static enum tetlod_status on_metadata(struct legacy *l, struct text line)
 {
+    bool is_unit = false;
+    struct text word;
     do { // up to a blank line
         line = text_line(&l->stream.rest);
-    } while (text_word(&line).at != line.end && l->stream.rest.at < l->stream.rest.end);
+        word = text_word(&line);
+        if (text_is(word, "NAME"))
+            is_unit = l->last && text_is(text_word(&line), "UNITS_LABEL");
+        else if (is_unit && text_is(word, "DATA"))
+            TETLOD_TRY(take_unit(l, text_word(&line)));
+    } while (word.at != word.end && l->stream.rest.at < l->stream.rest.end);
     return TETLOD_OK;
 }
 
@@ -568,7 +588,7 @@ static enum tetlod_status finish_cells(struct legacy *l)
 {
     if (l->dataset != UNSTRUCTURED_GRID)
         return set_dims(l);
-    if (!l->block->cells.types && l->block->cells.count)
+    if (!l->has_types && l->block->cells.count)
         return tetlodi_fail(l->error, TETLOD_ERR_MESH, "CELL_TYPES are missing; is the file truncated?");
     return TETLOD_OK;
 }
@@ -619,7 +639,7 @@ enum tetlod_status vtk_read(struct blocks *out, const struct io_input *input, st
     TETLOD_TRY(blocks_add(out, &block, error));
     struct tetmesh *mesh = &block->mesh;
     const char *begin = (const char *)input->bytes;
-    struct legacy l = {.stream = {begin, {begin, begin + input->size}, false},
+    struct legacy l = {.stream = {begin, {begin, begin + input->size}, false, input->view},
                        .mesh = mesh,
                        .block = block,
                        .report = report,

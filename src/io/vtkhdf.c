@@ -65,52 +65,62 @@ static enum tetlod_status read_points(struct vtkhdf *v, const struct part *part,
     return status;
 }
 
-/* Rows of a data set of integers, in new memory. */
-static enum tetlod_status take_ints(struct vtkhdf *v, const char *name, uint64_t first, uint64_t count, int64_t **out)
+/* Opens a data set of integers of which so many are needed. */
+static enum tetlod_status open_ints(struct vtkhdf *v, const char *name, uint64_t count, struct h5_set *out)
+{
+    TETLOD_TRY(h5_open_set(v->root, name, v->size, out, v->error));
+    if (out->rank == 1 && count <= out->dims[0])
+        return TETLOD_OK;
+    H5Dclose(out->id);
+    return tetlodi_fail(v->error, TETLOD_ERR_MESH, "data set %s should have %llu numbers or more", name, (unsigned long long)count);
+}
+
+static enum tetlod_status read_types(struct vtkhdf *v, const struct part *part, struct cells *cells)
 {
     struct h5_set set;
-    *out = NULL;
-    TETLOD_TRY(h5_open_set(v->root, name, v->size, &set, v->error));
-    enum tetlod_status status = TETLOD_OK;
-    if (set.rank != 1 || count > set.dims[0])
-        status = tetlodi_fail(v->error, TETLOD_ERR_MESH, "data set %s should have %llu numbers or more", name,
-                              (unsigned long long)count);
-    if (status == TETLOD_OK) {
-        *out = array_new((size_t)count, sizeof **out);
-        status = *out ? h5_read_ints(&set, first, count, *out, v->error) : tetlodi_fail_nomem(v->error, name, count * 8);
-    }
+    TETLOD_TRY(open_ints(v, "Types", part->cells, &set));
+    cells->types = array_new((size_t)part->cells, 1);
+    enum tetlod_status status = cells->types ? h5_read_bytes(&set, part->first_cell, part->cells, cells->types, v->error)
+                                             : tetlodi_fail_nomem(v->error, "the cells", part->cells);
+    for (uint64_t c = 0; c < part->cells && status == TETLOD_OK; c++)
+        if (cells->types[c] == VTK_TYPE_POLYHEDRON)
+            cells->types[c] = 255;
+    H5Dclose(set.id);
+    return status;
+}
+
+static enum tetlod_status read_offsets(struct vtkhdf *v, const struct part *part, struct cells *cells)
+{
+    struct h5_set set;
+    TETLOD_TRY(open_ints(v, "Offsets", part->cells + 1, &set));
+    cells->offsets = array_new((size_t)part->cells + 1, sizeof *cells->offsets);
+    enum tetlod_status status = cells->offsets ? h5_read_ints(&set, part->first_offset, part->cells + 1, (int64_t *)cells->offsets, v->error)
+                                               : tetlodi_fail_nomem(v->error, "the cells", part->cells * 8);
+    H5Dclose(set.id);
+    return status;
+}
+
+static enum tetlod_status read_connectivity(struct vtkhdf *v, const struct part *part, struct cells *cells)
+{
+    struct h5_set set;
+    TETLOD_TRY(open_ints(v, "Connectivity", part->connectivity, &set));
+    cells->connectivity = array_new((size_t)part->connectivity, sizeof *cells->connectivity);
+    enum tetlod_status status =
+        cells->connectivity ? h5_read_numbers(&set, part->first_connectivity, part->connectivity, cells->connectivity, v->error)
+                            : tetlodi_fail_nomem(v->error, "the cells", part->connectivity * 4);
     H5Dclose(set.id);
     return status;
 }
 
 static enum tetlod_status read_cells(struct vtkhdf *v, const struct part *part, struct cells *cells)
 {
-    int64_t *types = NULL, *offsets = NULL, *connectivity = NULL;
-    enum tetlod_status status;
-    TETLOD_TRY_DONE(take_ints(v, "Types", part->first_cell, part->cells, &types));
-    TETLOD_TRY_DONE(take_ints(v, "Offsets", part->first_offset, part->cells + 1, &offsets));
-    TETLOD_TRY_DONE(take_ints(v, "Connectivity", part->first_connectivity, part->connectivity, &connectivity));
-    cells->types = array_new((size_t)part->cells, 1);
-    cells->offsets = array_new((size_t)part->cells + 1, sizeof *cells->offsets);
-    cells->connectivity = array_new((size_t)part->connectivity, sizeof *cells->connectivity);
-    if (!cells->types || !cells->offsets || !cells->connectivity) {
-        status = tetlodi_fail_nomem(v->error, "the cells", part->cells * 9 + part->connectivity * 4);
-        goto done;
-    }
+    TETLOD_TRY(read_types(v, part, cells));
+    TETLOD_TRY(read_offsets(v, part, cells));
+    TETLOD_TRY(read_connectivity(v, part, cells));
     cells->count = part->cells;
     cells->connectivity_count = part->connectivity;
-    for (uint64_t c = 0; c < part->cells; c++) {
-        cells->types[c] = (unsigned char)(types[c] < 0 || types[c] > 255 || types[c] == VTK_TYPE_POLYHEDRON ? 255 : types[c]);
-        cells->offsets[c] = (uint64_t)offsets[c];
-    }
-    cells->offsets[part->cells] = (uint64_t)offsets[part->cells];
-    for (uint64_t i = 0; i < part->connectivity; i++)
-        cells->connectivity[i] = cells_point(connectivity[i]);
-done:
-    free(types);
-    free(offsets);
-    free(connectivity);
-    return status;
+    cells_drop_types(cells);
+    return TETLOD_OK;
 }
 
 /* ---- values */
@@ -161,11 +171,8 @@ static enum tetlod_status take_array(const struct walk *w, const char *name, con
         status = tetlodi_fail(w->v->error, TETLOD_ERR_MESH, "data set %.80s should have %llu rows", path, (unsigned long long)w->rows);
     if (status == TETLOD_OK)
         status = take_set(w, name, &set, width, first + w->first, w->rows, &field);
-    if (status == TETLOD_OK && w->cell && strcmp(name, "vtkGhostType") == 0 && width == 1) {
-        status = block_hide(w->block, field->values, w->v->report, w->v->error);
-        point_field_fini(field);
-        w->block->mesh.cell_field_count--;
-    }
+    if (status == TETLOD_OK && is_ghosts(name, width))
+        status = block_take_ghosts(w->block, w->cell, w->v->report, w->v->error);
     H5Dclose(set.id);
     return status;
 }
@@ -175,7 +182,7 @@ static herr_t on_array(hid_t group, const char *name, const H5L_info_t *link, vo
     struct walk *w = opaque;
     char path[300];
     (void)group;
-    if (!path_of(w, name, link, path) || (!w->cell && strcmp(name, "vtkGhostType") == 0))
+    if (!path_of(w, name, link, path))
         return 0;
     struct tetlod_error *error = w->v->error, inner = {0};
     w->v->error = &inner;
@@ -301,6 +308,8 @@ static enum tetlod_status take_image_array(struct walk *w, const char *path, con
                               (unsigned long long)w->rows);
     if (status == TETLOD_OK)
         status = take_set(w, name, &set, width, first, rows, &field);
+    if (status == TETLOD_OK && is_ghosts(name, width))
+        status = block_take_ghosts(w->block, w->cell, w->v->report, w->v->error);
     H5Dclose(set.id);
     return status;
 }

@@ -80,16 +80,17 @@ static size_t take_quads(struct source *s, unsigned char *out, size_t size)
     return done;
 }
 
-/* Bytes at a place of the document: those in memory, or read into the buffer. NULL: they cannot be read. */
+/* Bytes at a place of the document: as they are, or those of raw appended data read into the buffer. NULL: they cannot be read. */
 static const unsigned char *bytes_at(const struct vtkxml_document *document, size_t at, size_t size, unsigned char *buffer)
 {
-    if (at + size <= document->loaded)
+    if (!document->file || at + size <= document->text)
         return document->bytes + at;
     return file_input_read(document->file, at, size, buffer) == size ? buffer : NULL;
 }
 
 static bool take(struct source *s, unsigned char *out, size_t size)
 {
+    enum { PART = 1 << 16 };
     if (!s->base64) {
         const unsigned char *bytes = s->end - s->at < size ? NULL : bytes_at(s->document, s->at, size, out);
         if (bytes && bytes != out)
@@ -99,7 +100,8 @@ static bool take(struct source *s, unsigned char *out, size_t size)
     }
     for (size_t i = 0; i < size; i++) {
         if (s->held_count == 0)
-            i += take_quads(s, out + i, size - i);
+            i += take_quads(s, out + i, size - i < PART ? size - i : PART);
+        file_view_pass(s->document->view, s->document->bytes + s->at);
         if (i == size)
             break;
         if (s->held_count == 0 && !hold_quad(s))
@@ -391,6 +393,25 @@ static enum tetlod_status convert_all(struct block_job *job, const struct vtkxml
                    : TETLOD_OK;
 }
 
+/* Plain values in base64, decoded and converted part by part. */
+static enum tetlod_status convert_base64(struct source *s, const struct vtkxml_array *array, const struct target *target,
+                                         const struct data_blocks *blocks, struct tetlod_error *error)
+{
+    size_t *begins = array_zero((size_t)blocks->count, sizeof *begins);
+    unsigned char *part = array_new((size_t)blocks->most, 1);
+    struct block_job job = {.document = s->document, .target = target, .blocks = blocks, .decoded = part, .begins = begins};
+    enum tetlod_status status = begins && part ? TETLOD_OK : tetlodi_fail_nomem(error, array->name, blocks->most);
+    for (size_t b = 0; b < blocks->count && status == TETLOD_OK && !(target->differs && *target->differs); b++) {
+        if (!take(s, part, (size_t)blocks->stored[b]))
+            status = fail_short(error, array, blocks->total / value_size(array->type));
+        else if (convert_block(&job, 0, b) == BLOCK_DIFFERS)
+            *target->differs = true;
+    }
+    free(begins);
+    free(part);
+    return status;
+}
+
 /* Where each block begins, and the bytes of base64 decoded, then all blocks. */
 static enum tetlod_status convert_blocks(struct source *s, const struct vtkxml_array *array, const struct target *target,
                                          const struct data_blocks *blocks, struct tetlod_error *error)
@@ -425,8 +446,9 @@ static enum tetlod_status read_binary(const struct vtkxml_document *document, co
                                                                            : read_block_header(&s, array, needed, &blocks, error);
     if (status == TETLOD_OK)
         status = add_sizes(&s, array, &blocks, needed, error);
+    bool is_plain_base64 = s.base64 && document->compressor == VTKXML_UNCOMPRESSED;
     if (status == TETLOD_OK)
-        status = convert_blocks(&s, array, target, &blocks, error);
+        status = is_plain_base64 ? convert_base64(&s, array, target, &blocks, error) : convert_blocks(&s, array, target, &blocks, error);
     free(blocks.stored);
     return status;
 }
@@ -466,9 +488,11 @@ static enum tetlod_status read_text(const struct vtkxml_document *document, cons
     struct text text = {bytes + array->begin, bytes + array->end};
     target->type = value_is_float(array->type) ? VALUE_FLOAT64 : VALUE_INT64;
     target->big_endian = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__;
-    for (size_t i = 0; i < count; i++)
+    for (size_t i = 0; i < count; i++) {
         if (!text_value(&text, array->type, target, i))
             return fail_ascii(error, array, text, i, count);
+        file_view_pass(document->view, text.at);
+    }
     struct text word = text_word(&text);
     return word.at == word.end ? TETLOD_OK
                                : fail_array(error, array, "it holds more values than the counts of its piece say");

@@ -31,6 +31,7 @@ enum vtkxml_compressor { VTKXML_UNCOMPRESSED, VTKXML_ZLIB, VTKXML_LZ4, VTKXML_LZ
 
 struct vtkxml_array {
     char *name; /* owned */
+    char unit[UNIT_SIZE];
     enum vtkxml_section section;
     enum vtkxml_format format;
     enum value_type type;
@@ -56,10 +57,9 @@ struct vtkxml_part {
 
 struct vtkxml_document {
     const struct file_input *file; /* or NULL: all is in memory */
-    const unsigned char *bytes;    /* the first `loaded` bytes; of a file up to the raw appended data */
-    size_t loaded, size;
-    unsigned char *owned; /* those of a file */
-    size_t capacity;
+    const unsigned char *bytes;    /* of which the first `text` are not raw appended data, which is read range by range */
+    size_t text, size;
+    struct file_view *view; /* of the bytes, or NULL */
     enum vtkxml_kind kind;
     bool big_endian, appended_raw;
     size_t header_size; /* of a word of the headers of binary data */

@@ -15,7 +15,9 @@ struct parse {
     XML_Parser parser;
     struct io_report *report;
     enum vtkxml_section section;
-    bool in_array, is_known;
+    bool in_array, is_known, has_array; /* has_array: the array whose element is open is the last of the document's */
+    char unit[2 * UNIT_SIZE]; /* text of a key */
+    size_t unit_length;
     enum tetlod_status status;
     struct tetlod_error *error;
 };
@@ -220,6 +222,7 @@ static void start_array(struct parse *parse, const char **attributes)
     struct vtkxml_array array = {.section = parse->section, .line = line_of(parse)};
     bool is_appended = format && strcmp(format, "appended") == 0;
     bool known = find_type(attribute(attributes, "type"), &array.type);
+    parse->has_array = false;
     bool is_data = parse->section == VTKXML_CELL_DATA || parse->section == VTKXML_POINT_DATA;
     if (parse->section == VTKXML_ELSEWHERE || document->piece_count == 0 || document->kind == VTKXML_POLYGONS)
         return;
@@ -247,7 +250,33 @@ static void start_array(struct parse *parse, const char **attributes)
     }
     document->arrays[document->array_count++] = array;
     document->pieces[document->piece_count - 1].array_end = document->array_count;
-    parse->in_array = true;
+    parse->in_array = parse->has_array = true;
+}
+
+/* An array's unit is the text of one of the keys in it. */
+static void XMLCALL on_unit(void *opaque, const char *text, int length)
+{
+    struct parse *parse = opaque;
+    size_t room = sizeof parse->unit - parse->unit_length;
+    size_t some = (size_t)length < room ? (size_t)length : room;
+    memcpy(parse->unit + parse->unit_length, text, some);
+    parse->unit_length += some;
+}
+
+static void start_key(struct parse *parse, const char **attributes)
+{
+    const char *name = attribute(attributes, "name");
+    parse->unit_length = 0;
+    if (parse->has_array && name && strcmp(name, "UNITS_LABEL") == 0)
+        XML_SetCharacterDataHandler(parse->parser, on_unit);
+}
+
+static void end_key(struct parse *parse)
+{
+    XML_SetCharacterDataHandler(parse->parser, NULL);
+    if (parse->unit_length)
+        unit_set(parse->document->arrays[parse->document->array_count - 1].unit, parse->unit, parse->unit_length);
+    parse->unit_length = 0;
 }
 
 static void start_appended(struct parse *parse, const char **attributes)
@@ -290,6 +319,8 @@ static void XMLCALL on_start(void *opaque, const char *name, const char **attrib
         start_part(parse, attributes);
     else if (strcmp(name, "DataArray") == 0 || strcmp(name, "Array") == 0)
         start_array(parse, attributes);
+    else if (strcmp(name, "InformationKey") == 0)
+        start_key(parse, attributes);
     else if (strcmp(name, "AppendedData") == 0)
         start_appended(parse, attributes);
     else if (find_section(name) != VTKXML_ELSEWHERE)
@@ -302,24 +333,10 @@ static void XMLCALL on_end(void *opaque, const char *name)
 {
     struct parse *parse = opaque;
     end_array(parse);
+    if (strcmp(name, "InformationKey") == 0)
+        end_key(parse);
     if (find_section(name) != VTKXML_ELSEWHERE)
         parse->section = VTKXML_ELSEWHERE;
-}
-
-/* Loads a file's beginning up to `end`; what cannot be read is where the document ends. */
-static bool load(struct vtkxml_document *document, size_t end)
-{
-    end = end < document->size ? end : document->size;
-    if (end <= document->loaded)
-        return true;
-    if (!array_reserve((void **)&document->owned, &document->capacity, end, 1))
-        return false;
-    size_t wanted = end - document->loaded;
-    size_t got = file_input_read(document->file, document->loaded, wanted, document->owned + document->loaded);
-    document->bytes = document->owned;
-    document->loaded += got;
-    document->size = got < wanted ? document->loaded : document->size;
-    return true;
 }
 
 static enum tetlod_status fail_parser(const struct parse *parse)
@@ -329,16 +346,14 @@ static enum tetlod_status fail_parser(const struct parse *parse)
 
 static enum tetlod_status feed(struct parse *parse)
 {
-    enum { FIRST = 1 << 18, CHUNK = 1 << 24 }; // XML_Parse takes an int
+    enum { CHUNK = 1 << 18 };
     struct vtkxml_document *document = parse->document;
-    for (size_t at = 0, size = FIRST;; size = CHUNK) {
-        if (!load(document, at + size))
-            return fail_parser(parse);
-        size_t left = document->loaded - at;
-        size = size < left ? size : left;
-        if (XML_Parse(parse->parser, (const char *)document->bytes + at, (int)size, at + size == document->size) != XML_STATUS_OK)
+    for (size_t at = 0;;) {
+        size_t left = document->size - at, size = left < CHUNK ? left : CHUNK;
+        if (XML_Parse(parse->parser, (const char *)document->bytes + at, (int)size, size == left) != XML_STATUS_OK)
             break;
         at += size;
+        file_view_pass(document->view, document->bytes + at);
         if (at == document->size)
             return TETLOD_OK;
     }
@@ -351,20 +366,13 @@ static enum tetlod_status feed(struct parse *parse)
                         why == XML_ERROR_NO_ELEMENTS ? "the file ends too early" : XML_ErrorString(why));
 }
 
-/* Appended data begins behind the underscore after its tag. Of base64, all is loaded. */
-static enum tetlod_status find_appended(struct parse *parse)
+/* Appended data begins behind the underscore after its tag. */
+static void find_appended(struct vtkxml_document *document)
 {
-    enum { STEP = 4096 };
-    struct vtkxml_document *document = parse->document;
     size_t at = document->appended;
-    for (; at < document->size; at++) {
-        if (!load(document, at + STEP))
-            return fail_parser(parse);
-        if (at < document->loaded && document->bytes[at] == '_')
-            break;
-    }
-    document->appended = at < document->size ? at + 1 : document->size;
-    return document->appended_raw || load(document, document->size) ? TETLOD_OK : fail_parser(parse);
+    const unsigned char *found = at < document->size ? memchr(document->bytes + at, '_', document->size - at) : NULL;
+    document->appended = found ? (size_t)(found - document->bytes) + 1 : document->size;
+    document->text = document->appended_raw && document->file ? document->appended : document->size;
 }
 
 enum tetlod_status vtkxml_parse(struct vtkxml_document *document, const struct io_input *input, struct io_report *report,
@@ -373,10 +381,8 @@ enum tetlod_status vtkxml_parse(struct vtkxml_document *document, const struct i
     size_t size = input->file ? input->file->size : input->size;
     *document = (struct vtkxml_document){.file = input->file, .size = size, .header_size = 4, .appended = size,
                                           .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
-    if (!input->file) {
-        document->bytes = input->bytes;
-        document->loaded = size;
-    }
+    document->bytes = input->bytes;
+    document->view = input->view;
     struct parse parse = {.document = document, .report = report, .status = TETLOD_OK, .error = error};
     parse.parser = XML_ParserCreate(NULL);
     if (!parse.parser)
@@ -385,7 +391,8 @@ enum tetlod_status vtkxml_parse(struct vtkxml_document *document, const struct i
     XML_SetElementHandler(parse.parser, on_start, on_end);
     enum tetlod_status status = feed(&parse);
     XML_ParserFree(parse.parser);
-    return status == TETLOD_OK ? find_appended(&parse) : status;
+    find_appended(document);
+    return status;
 }
 
 void vtkxml_document_fini(struct vtkxml_document *document)
@@ -401,7 +408,6 @@ void vtkxml_document_fini(struct vtkxml_document *document)
     free(document->arrays);
     free(document->pieces);
     free(document->parts);
-    free(document->owned);
     *document = (struct vtkxml_document){0};
 }
 

@@ -61,32 +61,40 @@ static const struct topology *find_topology(const char *name, int64_t mixed)
 }
 
 /* Cells one after the other: its type, for those without a fixed number of points that number, the points. */
-static enum tetlod_status add_mixed(const struct xdmf *x, const struct xml_node *node, const int64_t *numbers, uint64_t count,
+static enum tetlod_status add_mixed(const struct xdmf *x, const struct xml_node *node, const uint32_t *numbers, uint64_t count,
                                     struct cells *cells)
 {
     for (uint64_t at = 0; at < count;) {
         const struct topology *topology = find_topology(NULL, numbers[at++]);
         if (!topology)
             return fail_at(x, node, "has a type of cell that is not known");
-        int64_t points = topology->points;
+        uint64_t points = topology->points;
         if (!points)
-            points = at < count ? numbers[at++] : -1;
-        if (points < 0 || (uint64_t)points > count - at)
+            points = at < count ? numbers[at++] : UINT64_MAX;
+        if (points > count - at)
             return fail_at(x, node, "ends in the middle of a cell");
         bool flat = topology->vtk_type == VTK_TYPE_FLAT;
-        TETLOD_TRY(cells_add(cells, topology->vtk_type, numbers + at, flat ? 0 : (size_t)points, x->error));
-        at += (uint64_t)points;
+        TETLOD_TRY(cells_add_numbers(cells, topology->vtk_type, numbers + at, flat ? 0 : (size_t)points, x->error));
+        at += points;
     }
     return TETLOD_OK;
 }
 
-static enum tetlod_status add_uniform(const struct xdmf *x, const struct topology *topology, const struct xdmf_item *item,
+/* Tetrahedra are taken over as they are. */
+static enum tetlod_status add_uniform(const struct xdmf *x, const struct topology *topology, struct xdmf_item *item,
                                       struct cells *cells)
 {
     uint64_t count = topology->points ? item->count / topology->points : 0;
     bool flat = topology->vtk_type == VTK_TYPE_FLAT;
+    if (topology->vtk_type == VTK_TYPE_TET && count) {
+        cells->connectivity = item->numbers;
+        cells->count = count;
+        cells->connectivity_count = 4 * count;
+        item->numbers = NULL;
+        return TETLOD_OK;
+    }
     for (uint64_t c = 0; c < count; c++)
-        TETLOD_TRY(cells_add(cells, topology->vtk_type, item->ints + c * topology->points, flat ? 0 : topology->points, x->error));
+        TETLOD_TRY(cells_add_numbers(cells, topology->vtk_type, item->numbers + c * topology->points, flat ? 0 : topology->points, x->error));
     return TETLOD_OK;
 }
 
@@ -116,7 +124,7 @@ static enum tetlod_status read_topology(const struct xdmf *x, const struct xml_n
     if ((!topology && !mixed) || !child)
         return fail_at(x, node, "is of a type that cannot be read, or has no DataItem");
     TETLOD_TRY(xdmf_load(&x->source, child, true, &item, x->error));
-    enum tetlod_status status = mixed ? add_mixed(x, node, item.ints, item.count, &block->cells)
+    enum tetlod_status status = mixed ? add_mixed(x, node, item.numbers, item.count, &block->cells)
                                       : add_uniform(x, topology, &item, &block->cells);
     xdmf_item_fini(&item);
     return status;
@@ -200,14 +208,29 @@ static enum tetlod_status read_geometry(const struct xdmf *x, const struct xml_n
         return fail_at(x, node, "should be XYZ, X_Y_Z, VXVYVZ or ORIGIN_DXDYDZ with its DataItems");
     TETLOD_TRY(xdmf_load(&x->source, child, false, &item, x->error));
     enum tetlod_status status = item.count % 3 ? fail_at(x, node, "should have three numbers for each point")
-                                               : assemble_points(&block->mesh, item.count / 3, item.type, x->error);
-    if (status == TETLOD_OK && item.count)
-        memcpy(block->mesh.positions, item.doubles, (size_t)item.count * sizeof *item.doubles);
+                                               : assemble_points_of(&block->mesh, item.count / 3, &item.doubles, item.type, x->error);
     xdmf_item_fini(&item);
     return status;
 }
 
 /* ---- values */
+
+/* The unit of an attribute: Units="..." at it, or Information in it of that name. */
+static const char *unit_of(const struct xdmf *x, const struct xml_node *node)
+{
+    static const char *const names[] = {"Units", "Unit"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        const char *unit = xml_attribute(node, names[i]);
+        const struct xml_node *child = NULL;
+        while (!unit && (child = xml_child(x->source.tree, node, "Information", child)) != NULL) {
+            const char *name = xml_attribute(child, "Name");
+            unit = name && strcasecmp(name, names[i]) == 0 ? xml_attribute(child, "Value") : NULL;
+        }
+        if (unit)
+            return unit;
+    }
+    return "";
+}
 
 static enum tetlod_status read_attribute(const struct xdmf *x, const struct xml_node *node, struct block *block)
 {
@@ -234,7 +257,11 @@ static enum tetlod_status read_attribute(const struct xdmf *x, const struct xml_
     if (status == TETLOD_OK) {
         struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
         field->is_integer = item.is_integer;
-        memcpy(field->values, item.doubles, (size_t)item.count * sizeof *item.doubles);
+        const char *unit = unit_of(x, node);
+        unit_set(field->unit, unit, strlen(unit));
+        free(field->values);
+        field->values = item.doubles;
+        item.doubles = NULL;
     }
     xdmf_item_fini(&item);
     return status;
@@ -326,7 +353,7 @@ static enum tetlod_status read_document(struct blocks *out, const struct io_inpu
 {
     struct xml_tree tree;
     struct xdmf x = {.source = {.tree = &tree, .input = input}, .out = out, .input = input, .report = report, .error = error};
-    enum tetlod_status status = xml_tree_parse(&tree, input->bytes, input->size, error);
+    enum tetlod_status status = xml_tree_parse(&tree, input->bytes, input->size, input->view, error);
     const struct xml_node *domain = NULL, *grid = NULL;
     if (status == TETLOD_OK && strcmp(tree.nodes[0].name, "Xdmf") == 0)
         domain = xml_child(&tree, &tree.nodes[0], "Domain", NULL);

@@ -50,30 +50,31 @@ static enum value_type value_type_of(const struct xml_node *node)
     return bytes == 8 ? (is_unsigned ? VALUE_UINT64 : VALUE_INT64) : is_unsigned ? VALUE_UINT32 : VALUE_INT32;
 }
 
-static enum tetlod_status make_room(struct xdmf_item *item, uint64_t count, bool as_ints, struct tetlod_error *error)
+static enum tetlod_status make_room(struct xdmf_item *item, uint64_t count, bool as_numbers, struct tetlod_error *error)
 {
     item->count = count;
-    if (as_ints)
-        item->ints = array_new((size_t)count, sizeof *item->ints);
+    if (as_numbers)
+        item->numbers = array_new((size_t)count, sizeof *item->numbers);
     else
         item->doubles = array_new((size_t)count, sizeof *item->doubles);
-    return item->ints || item->doubles ? TETLOD_OK : tetlodi_fail_nomem(error, "the numbers of a DataItem", count * 8);
+    return item->numbers || item->doubles ? TETLOD_OK : tetlodi_fail_nomem(error, "the numbers of a DataItem", count * 8);
 }
 
 static enum tetlod_status load_text(const struct xdmf_source *source, const struct xml_node *node, uint64_t count,
-                                    bool as_ints, struct xdmf_item *item, struct tetlod_error *error)
+                                    bool as_numbers, struct xdmf_item *item, struct tetlod_error *error)
 {
     const char *bytes = (const char *)source->tree->bytes;
     struct text text = {bytes + node->begin, bytes + node->end};
     if (count > (node->end - node->begin + 1) / 2)
         return fail_at(node, error, "has fewer numbers than its Dimensions say");
-    TETLOD_TRY(make_room(item, count, as_ints, error));
+    TETLOD_TRY(make_room(item, count, as_numbers, error));
     for (uint64_t i = 0; i < count; i++) {
-        double value;
-        if (as_ints ? !text_int(&text, &item->ints[i]) : !text_double(&text, item->type == TETLOD_FLOAT32, &value))
+        int64_t number;
+        if (as_numbers ? !text_int(&text, &number) : !text_double(&text, item->type == TETLOD_FLOAT32, &item->doubles[i]))
             return fail_at(node, error, "has fewer numbers than its Dimensions say, or something else among them");
-        if (!as_ints)
-            item->doubles[i] = value;
+        if (as_numbers)
+            item->numbers[i] = cells_point(number);
+        file_view_pass(source->input->view, text.at);
     }
     return TETLOD_OK;
 }
@@ -87,34 +88,40 @@ static char *copy_text(const struct xdmf_source *source, const struct xml_node *
     return strndup(word.at, (size_t)(word.end - word.at));
 }
 
-static enum tetlod_status load_raw(const struct xml_node *node, const char *path, uint64_t count, bool as_ints,
+enum { PART = 1 << 16 }; // numbers that are converted at a time
+
+static enum tetlod_status load_raw(const struct xml_node *node, const char *path, uint64_t count, bool as_numbers,
                                    struct xdmf_item *item, struct tetlod_error *error)
 {
     enum value_type type = value_type_of(node);
     const char *endian = xml_attribute(node, "Endian"), *seek = xml_attribute(node, "Seek");
     bool big_endian = endian && strcasecmp(endian, "Big") == 0;
     struct text text = {seek, seek ? seek + strlen(seek) : NULL};
-    unsigned char *bytes = NULL;
-    size_t size;
+    struct file_view view;
     int64_t from = 0;
-    TETLOD_TRY(file_read(path, &bytes, &size, error));
+    TETLOD_TRY(file_view_path(&view, path, error));
     enum tetlod_status status = TETLOD_OK;
-    if ((seek && !text_int(&text, &from)) || from < 0 || (uint64_t)from > size || count > (size - (uint64_t)from) / value_size(type))
+    if ((seek && !text_int(&text, &from)) || from < 0 || (uint64_t)from > view.size || count > (view.size - (uint64_t)from) / value_size(type))
         status = fail_at(node, error, "has more numbers than its file");
-    if (status == TETLOD_OK && as_ints && value_is_float(type))
+    if (status == TETLOD_OK && as_numbers && value_is_float(type))
         status = fail_at(node, error, "should be of integers");
     if (status == TETLOD_OK)
-        status = make_room(item, count, as_ints, error);
-    if (status == TETLOD_OK && as_ints)
-        values_to_ints(bytes + from, type, big_endian, (size_t)count, item->ints);
-    else if (status == TETLOD_OK)
-        values_to_doubles(bytes + from, type, big_endian, (size_t)count, item->doubles);
-    free(bytes);
+        status = make_room(item, count, as_numbers, error);
+    for (uint64_t i = 0; status == TETLOD_OK && i < count; i += PART) {
+        const unsigned char *bytes = view.bytes + from + i * value_size(type);
+        size_t part = count - i < PART ? (size_t)(count - i) : PART;
+        if (as_numbers)
+            values_to_points(bytes, type, big_endian, part, item->numbers + i);
+        else
+            values_to_doubles(bytes, type, big_endian, part, item->doubles + i);
+        file_view_pass(&view, bytes);
+    }
+    file_view_close(&view);
     return status;
 }
 
 static enum tetlod_status load_set(const struct xml_node *node, const char *path, const char *set_name, uint64_t count,
-                                   bool as_ints, struct xdmf_item *item, struct tetlod_error *error)
+                                   bool as_numbers, struct xdmf_item *item, struct tetlod_error *error)
 {
     hid_t file;
     struct h5_set set;
@@ -127,10 +134,10 @@ static enum tetlod_status load_set(const struct xml_node *node, const char *path
         if (count && count != set.count)
             status = fail_at(node, error, "has other Dimensions than its data set");
         if (status == TETLOD_OK)
-            status = make_room(item, set.count, as_ints, error);
+            status = make_room(item, set.count, as_numbers, error);
         uint64_t rows = set.rank ? set.dims[0] : 1;
         if (status == TETLOD_OK)
-            status = as_ints ? h5_read_ints(&set, 0, rows, item->ints, error) : h5_read_doubles(&set, 0, rows, item->doubles, error);
+            status = as_numbers ? h5_read_numbers(&set, 0, rows, item->numbers, error) : h5_read_doubles(&set, 0, rows, item->doubles, error);
         item->type = set.type;
         item->is_integer = set.is_integer;
         H5Dclose(set.id);
@@ -140,7 +147,7 @@ static enum tetlod_status load_set(const struct xml_node *node, const char *path
 }
 
 static enum tetlod_status load_file(const struct xdmf_source *source, const struct xml_node *node, bool is_hdf, uint64_t count,
-                                    bool as_ints, struct xdmf_item *item, struct tetlod_error *error)
+                                    bool as_numbers, struct xdmf_item *item, struct tetlod_error *error)
 {
     char *name = copy_text(source, node), *path = NULL, *colon = name ? strrchr(name, ':') : NULL;
     enum tetlod_status status = name ? TETLOD_OK : tetlodi_fail_nomem(error, "a file's name", 0);
@@ -151,14 +158,14 @@ static enum tetlod_status load_file(const struct xdmf_source *source, const stru
     if (status == TETLOD_OK)
         status = io_resolve(source->input, name, &path, error);
     if (status == TETLOD_OK)
-        status = is_hdf ? load_set(node, path, colon + 1, count, as_ints, item, error)
-                        : load_raw(node, path, count, as_ints, item, error);
+        status = is_hdf ? load_set(node, path, colon + 1, count, as_numbers, item, error)
+                        : load_raw(node, path, count, as_numbers, item, error);
     free(name);
     free(path);
     return status;
 }
 
-enum tetlod_status xdmf_load(const struct xdmf_source *source, const struct xml_node *node, bool as_ints,
+enum tetlod_status xdmf_load(const struct xdmf_source *source, const struct xml_node *node, bool as_numbers,
                              struct xdmf_item *out, struct tetlod_error *error)
 {
     *out = (struct xdmf_item){0};
@@ -172,11 +179,11 @@ enum tetlod_status xdmf_load(const struct xdmf_source *source, const struct xml_
         return fail_at(node, error, "is of a kind that cannot be read: only Uniform is");
     enum tetlod_status status;
     if (format && strcasecmp(format, "HDF") == 0)
-        status = load_file(source, node, true, count, as_ints, out, error);
+        status = load_file(source, node, true, count, as_numbers, out, error);
     else if (format && strcasecmp(format, "Binary") == 0)
-        status = load_file(source, node, false, count, as_ints, out, error);
+        status = load_file(source, node, false, count, as_numbers, out, error);
     else
-        status = load_text(source, node, count, as_ints, out, error);
+        status = load_text(source, node, count, as_numbers, out, error);
     if (status != TETLOD_OK)
         xdmf_item_fini(out);
     return status;
@@ -185,7 +192,7 @@ enum tetlod_status xdmf_load(const struct xdmf_source *source, const struct xml_
 void xdmf_item_fini(struct xdmf_item *item)
 {
     free(item->doubles);
-    free(item->ints);
+    free(item->numbers);
     *item = (struct xdmf_item){0};
 }
 

@@ -15,13 +15,13 @@ struct xdmf_source {
 struct xdmf_item {
     uint64_t count;
     double *doubles; /* owned, one of the two */
-    int64_t *ints;
+    uint32_t *numbers; /* what does not fit is TETLOD_NONE */
     enum tetlod_type type;
     bool is_integer;
 };
 
-/* All numbers of an item, as integers or as doubles. */
-TETLOD_CHECKED enum tetlod_status xdmf_load(const struct xdmf_source *source, const struct xml_node *node, bool as_ints,
+/* All numbers of an item, as numbers of points and the like, or as doubles. */
+TETLOD_CHECKED enum tetlod_status xdmf_load(const struct xdmf_source *source, const struct xml_node *node, bool as_numbers,
                                             struct xdmf_item *out, struct tetlod_error *error);
 void xdmf_item_fini(struct xdmf_item *item);
 

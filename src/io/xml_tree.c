@@ -74,9 +74,10 @@ static void XMLCALL on_end(void *opaque, const char *name)
     p->depth--;
 }
 
-enum tetlod_status xml_tree_parse(struct xml_tree *tree, const unsigned char *bytes, size_t size, struct tetlod_error *error)
+enum tetlod_status xml_tree_parse(struct xml_tree *tree, const unsigned char *bytes, size_t size, struct file_view *view,
+                                  struct tetlod_error *error)
 {
-    enum { CHUNK = 1 << 24 }; // XML_Parse takes an int
+    enum { CHUNK = 1 << 20 }; // which is copied
     *tree = (struct xml_tree){.bytes = bytes};
     struct parse p = {.tree = tree, .parser = XML_ParserCreate(NULL), .at = TETLOD_NONE};
     if (!p.parser)
@@ -88,6 +89,7 @@ enum tetlod_status xml_tree_parse(struct xml_tree *tree, const unsigned char *by
         size_t part = size - at < CHUNK ? size - at : CHUNK;
         good = XML_Parse(p.parser, (const char *)bytes + at, (int)part, at + part == size) == XML_STATUS_OK;
         at += part;
+        file_view_pass(view, bytes + at);
     }
     enum XML_Error why = XML_GetErrorCode(p.parser);
     unsigned long line = (unsigned long)XML_GetCurrentLineNumber(p.parser);

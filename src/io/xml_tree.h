@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "format/tetlod.h"
+#include "src/util/file.h"
 
 struct xml_node {
     char *name;        /* owned */
@@ -23,9 +24,9 @@ struct xml_tree {
     const unsigned char *bytes; /* borrowed */
 };
 
-/* To be freed also after a failure. */
+/* To be freed also after a failure. The view is that of the bytes, or NULL. */
 TETLOD_CHECKED enum tetlod_status xml_tree_parse(struct xml_tree *tree, const unsigned char *bytes, size_t size,
-                                                 struct tetlod_error *error);
+                                                 struct file_view *view, struct tetlod_error *error);
 void xml_tree_fini(struct xml_tree *tree);
 
 /* NULL if there is none; names and their case as they are. */

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
@@ -46,6 +47,7 @@ enum tetlod_status cell_average(struct tetmesh *mesh, uint32_t cell_field, struc
         snprintf(name, sizeof name, "%.400s_%d", from->name, n);
     TETLOD_TRY_DONE(tetmesh_add_field(mesh, name, from->components, from->type, error));
     double *values = mesh->fields[mesh->field_count - 1].values;
+    memcpy(mesh->fields[mesh->field_count - 1].unit, from->unit, sizeof from->unit);
     for (uint32_t k = 0; k < from->components; k++) {
         for (size_t v = 0; v < count; v++)
             sums[v] = weights[v] = 0;

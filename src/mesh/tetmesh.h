@@ -11,8 +11,11 @@
 #include "format/tetlod.h"
 #include "src/mesh/grid.h"
 
+enum { UNIT_SIZE = 32 }; /* of a unit's name with its end */
+
 struct point_field {
     char *name; /* owned */
+    char unit[UNIT_SIZE]; /* as the file says; "": it does not */
     uint32_t components;
     enum tetlod_type type;
     double *values; /* owned, [components * vertex_count]; of a cell field [components * tet_count] */

@@ -435,7 +435,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
         TETLOD_TRY_DONE(fit_precision(&build));
     TETLOD_TRY_DONE(check_ranges(&build));
     if (options->series)
-        TETLOD_TRY_DONE(series_new(&build.series, mesh, options, error));
+        TETLOD_TRY_DONE(series_new(&build.series, build.mesh, options, error));
     TETLOD_TRY_DONE(contract(&build));
     copy_components(&build);
     TETLOD_TRY_DONE(measure_marks(&build));

@@ -15,8 +15,9 @@
 /* Steps that drive at least, where there are so many; components that are retraced together, where they fit. */
 enum { LEAST_KEYS = 16, BATCH_COMPONENTS = 32 };
 
-/* What a component takes a vertex while it drives, in bytes: its values here, in the working mesh and in the log, U, L, the prediction. */
-enum { DRIVING_BYTES = 48 };
+/* What a component takes a vertex while it drives, in bytes: its values here, in the working mesh and in the log, U, L, the prediction. What the
+ * levels of the bands and the frame at hand take a vertex: measured. */
+enum { DRIVING_BYTES = 56, ENCODING_BYTES = 400 };
 
 /* The part of a band's error that its level may have; the rest is for rounding values. The ladder's rungs are this part of round errors. */
 static const double LEVEL_SHARE = 0.9;
@@ -114,10 +115,11 @@ uint32_t series_key_count(const struct series_build *series)
     return series->key_count;
 }
 
-/* What is left of --memory. */
+/* What is left of --memory: beside the build of one step a group of steps is retraced and encoded, whatever the number of steps. */
 static uint64_t left_over(const struct series_build *series)
 {
-    uint64_t base = build_bytes(series->mesh, series->options), memory = series->options->memory;
+    uint64_t group = retrace_bytes(series->mesh, STEP_GROUP * series->component_count) + (uint64_t)series->mesh->vertex_count * ENCODING_BYTES;
+    uint64_t base = build_bytes(series->mesh, series->options) + group, memory = series->options->memory;
     return !memory ? UINT64_MAX : memory > base ? memory - base : 0;
 }
 
@@ -141,7 +143,8 @@ static uint32_t key_step(const struct series_build *series, uint32_t key)
 uint32_t series_batch(const struct series_build *series)
 {
     uint32_t steps = BATCH_COMPONENTS / series->component_count / STEP_GROUP * STEP_GROUP;
-    if (steps > STEP_GROUP && retrace_bytes(series->mesh, steps * series->component_count) > left_over(series))
+    uint64_t group = retrace_bytes(series->mesh, STEP_GROUP * series->component_count);
+    if (steps > STEP_GROUP && retrace_bytes(series->mesh, steps * series->component_count) - group > left_over(series))
         steps = STEP_GROUP;
     return steps ? steps : STEP_GROUP;
 }

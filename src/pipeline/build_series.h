@@ -19,11 +19,12 @@ struct build_series {
     const enum tetlod_type *types; /* [control] */
     const double *bands;           /* falling errors, fractions of the range over all steps; the last is 0 */
     uint32_t band_count;
+    bool points_move;              /* the last control says how far */
 };
 
 struct series_build;
 
-/* *out is to be freed in any case. Both are borrowed. ERR_NOMEM; ERR_MESH for a range that errors cannot be relative to. */
+/* `mesh` is the one that is contracted: its positions have the type that new ones are rounded to. *out is to be freed in any case. Both are borrowed. ERR_NOMEM; ERR_MESH for a range that errors cannot be relative to. */
 TETLOD_CHECKED enum tetlod_status series_new(struct series_build **out, const struct tetmesh *mesh, const struct build_options *options,
                                              struct tetlod_error *error);
 void series_free(struct series_build *series);

@@ -342,6 +342,7 @@ static enum tetlod_status start(struct series_build *series, struct tetlod_error
     for (uint32_t i = 0; i < encoding->row_count; i++)
         if (!(encoding->spools[i].file = tmpfile()))
             return tetlodi_fail(error, TETLOD_ERR_IO, "there is no temporary file for the steps; TMPDIR names a folder for it");
+    encoding->time.displacement = input->points_move ? controls : 0;
     for (uint32_t c = 0; c < controls; c++)
         encoding->time.fields[c] = (struct tetlodi_time_field){series->options->controls[c].field, input->types[c],
                                                                {series->ranges[c][0], series->ranges[c][1]}};

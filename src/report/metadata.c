@@ -156,3 +156,9 @@ json_t *metadata_json(const struct tetlod_info *info)
         metadata = json_object(); // Jansson has none of the two
     return metadata;
 }
+
+const char *metadata_unit(const json_t *metadata, const char *field)
+{
+    const char *unit = json_string_value(json_object_get(json_object_get(metadata, "units"), field));
+    return unit ? unit : "";
+}

@@ -45,7 +45,8 @@ json_t *series_json(const struct tetlod_series *series, const struct tetlod_info
     }
     for (uint32_t b = 0; b < steps->band_count && room; b++)
         room = !json_array_append_new(bands, band_json(series, info, b));
-    json_t *object = json_pack("{s:i, s:o, s:o, s:o}", "steps", (int)steps->step_count, "times", times, "fields", fields, "bands", bands);
+    const char *displacement = steps->displacement == TETLOD_NONE ? NULL : info->fields[steps->fields[steps->displacement]].name;
+    json_t *object = json_pack("{s:i, s:s?, s:o, s:o, s:o}", "steps", (int)steps->step_count, "displacement", displacement, "times", times, "fields", fields, "bands", bands);
     if (room)
         return object;
     json_decref(object);
@@ -59,6 +60,9 @@ void series_print(FILE *out, const struct tetlod_series *series, const struct te
     for (uint32_t f = 0; f < steps->field_count; f++)
         fprintf(out, " %s, range %.9g .. %.9g%s", info->fields[steps->fields[f]].name, steps->ranges[f][0], steps->ranges[f][1],
                 f + 1 < steps->field_count ? ";" : "\n");
+    if (steps->displacement != TETLOD_NONE)
+        fprintf(out, "points        move by %s; errors are those at the same point of the body, proved on the mesh of the first step\n",
+                info->fields[steps->fields[steps->displacement]].name);
     fprintf(out, "\n band     level   vertices tetrahedra   bytes/step   max %%\n");
     for (uint32_t b = 0; b < steps->band_count; b++) {
         const struct tetlod_level *level = &info->levels[steps->bands[b].level];

@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -84,6 +85,42 @@ enum tetlod_status file_input_whole(const struct file_input *file, const char *p
     *out_bytes = bytes;
     *out_size = done; // if it shrank meanwhile, the reader will say what is missing
     return TETLOD_OK;
+}
+
+enum tetlod_status file_view_open(struct file_view *out, const struct file_input *file, const char *path, struct tetlod_error *error)
+{
+    *out = (struct file_view){.size = file->size};
+    void *bytes = file->size ? mmap(NULL, file->size, PROT_READ, MAP_PRIVATE, file->fd, 0) : MAP_FAILED;
+    out->is_mapped = bytes != MAP_FAILED;
+    if (!out->is_mapped)
+        return file_input_whole(file, path, &out->bytes, &out->size, error);
+    out->bytes = bytes;
+    return TETLOD_OK;
+}
+
+enum tetlod_status file_view_path(struct file_view *out, const char *path, struct tetlod_error *error)
+{
+    struct file_input file;
+    *out = (struct file_view){0};
+    TETLOD_TRY(file_input_open(&file, path, error));
+    enum tetlod_status status = file_view_open(out, &file, path, error);
+    file_input_close(&file);
+    return status;
+}
+
+void file_view_close(struct file_view *view)
+{
+    if (view->is_mapped)
+        munmap(view->bytes, view->size);
+    else
+        free(view->bytes);
+    *view = (struct file_view){0};
+}
+
+void file_view_release(struct file_view *view)
+{
+    if (view->is_mapped)
+        madvise(view->bytes, view->size, MADV_DONTNEED);
 }
 
 enum tetlod_status file_read(const char *path, unsigned char **out_bytes, size_t *out_size, struct tetlod_error *error)

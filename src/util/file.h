@@ -26,6 +26,33 @@ size_t file_input_read(const struct file_input *file, size_t at, size_t size, vo
 TETLOD_CHECKED enum tetlod_status file_input_whole(const struct file_input *file, const char *path, unsigned char **out_bytes,
                                                    size_t *out_size, struct tetlod_error *error);
 
+/*
+ * A file's bytes, which the system brings into memory where they are looked at. A reader that says how far it is gives those
+ * behind it back, so that a file takes no memory beside what is made of it. Where the file cannot be mapped, it is a copy.
+ */
+struct file_view {
+    unsigned char *bytes;
+    size_t size, passed;
+    bool is_mapped;
+};
+TETLOD_CHECKED enum tetlod_status file_view_open(struct file_view *out, const struct file_input *file, const char *path,
+                                                 struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status file_view_path(struct file_view *out, const char *path, struct tetlod_error *error);
+void file_view_close(struct file_view *view);
+
+/* Gives back the memory of what has been looked at; it can be looked at again. */
+void file_view_release(struct file_view *view);
+
+/* The same once in a while, for a reader that has come to `at`. NULL: bytes that are in memory anyway. */
+static inline void file_view_pass(struct file_view *view, const void *at)
+{
+    enum { STRIDE = 1 << 21 };
+    if (!view || (size_t)((const unsigned char *)at - view->bytes) - view->passed < STRIDE)
+        return;
+    view->passed = (size_t)((const unsigned char *)at - view->bytes);
+    file_view_release(view);
+}
+
 /* Are two paths one regular file, whatever links are on the way? */
 bool file_same(const char *one, const char *other);
 

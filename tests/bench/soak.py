@@ -123,7 +123,7 @@ def main():
         with urllib.request.urlopen('http://127.0.0.1:%d/v1/meshes/fin' % port) as answer:
             shown = json.load(answer)
         at, levels = '/v1/meshes/fin/' + shown['cid'], shown['levels']
-        cached = ['/v1/meshes/fin', at + '/records/0-5', at + '/levels/0/mesh.vtu', at + '/levels/3/mesh.tetlod', '/page.css']
+        cached = ['/v1/meshes/fin', at + '/records/0-5', at + '/levels/0/mesh.vtu', at + '/levels/3/mesh.tetlod', '/catalogue.css']
         for path in cached:
             urllib.request.urlopen('http://127.0.0.1:%d%s' % (port, path)).read()
         until, out = time.monotonic() + SECONDS, multiprocessing.Queue()

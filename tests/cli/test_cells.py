@@ -30,7 +30,8 @@ def cell_data(tets):
 def make():
     points, tets = block(6)
     save('in.vtu', points, tets, {'heat': np.sin(points @ [3.0, 2.0, 1.0])}, cell_data(len(tets)))
-    must('build', path('in.vtu'), '-o', path('a.tetlod'), '--keep-order', '--quiet')
+    said = must('build', path('in.vtu'), '-o', path('a.tetlod'), '--keep-order').stderr
+    assert b'left out' not in said, said
 
 
 def same(wanted, got):

@@ -153,6 +153,20 @@ def output():
     done = tetlod('sample', 'cube', '-o', path('full.vtu'))
     report('a full device, which stays one', done.returncode == 1 and os.path.islink(path('full.vtu'))
            and b'No space' in done.stderr, done)
+    tetlod('sample', 'cube', '--size', '3', '-o', path('small.vtu'))
+    for out in 'full.tetlod', 'rest.tetlod':
+        os.symlink('/dev/full', path(out))
+    done = tetlod('build', path('small.vtu'), '-o', path('full.tetlod'), '--quiet')
+    report('build says which device is full', done.returncode == 1 and done.stderr.startswith(b'tetlod: ' + path('full.tetlod').encode())
+           and b'No space' in done.stderr, done)
+    tetlod('build', path('small.vtu'), '-o', path('small.tetlod'), '--quiet')
+    done = tetlod('extract', path('small.tetlod'), '-o', path('rest.tetlod'), '--error', '1%')
+    report('extract as well', done.returncode == 1 and done.stderr.startswith(b'tetlod: ' + path('rest.tetlod').encode())
+           and b'No space' in done.stderr, done)
+    for words in ('info', '--json', path('small.tetlod')), ('help', 'build'):
+        with open('/dev/full', 'w') as full:
+            done = subprocess.run([TETLOD, *words], stdout=full, stderr=subprocess.PIPE)
+        report('what cannot be printed is said: ' + words[0], done.returncode == 1 and b'cannot write to standard output' in done.stderr, done)
     done = subprocess.run('"%s" sample cube --size 2 -o "%s" && "%s" convert "%s" -o "%s"' % (
         TETLOD, path('a.vtu'), TETLOD, path('a.vtu'), path('a.vtu')), shell=True)
     report('the input is not written onto', done.returncode == 2 and len(read_vtu('a.vtu')[1]) == 48)

@@ -245,7 +245,7 @@ def test_series():
     """Steps in time: both decoders, the program, damage, a server that sends only what a step needs."""
     made = make_series(12)
     golden = os.path.join(ROOT, 'tests', 'golden', 'series_float')
-    for path in (golden + '32.tetlod', golden + '64.tetlod', made):
+    for path in (golden + '32.tetlod', golden + '64.tetlod', golden.replace('float', 'moving.tetlod'), made):
         streams = [tetlod.open(path, decoder=decoder) for decoder in ('library', 'python')]
         times = streams[0].times
         assert len(times) > 8 and times == streams[1].times

@@ -95,6 +95,8 @@ def cases():
     yield 'time_twice', 'open', 'TIME twice', section(STEPS, b'TIME', 0)
     yield 'time_length', 'decode', 'a table of steps that is too long', retimed(0, '', b'', 8)
     yield 'time_steps', 'decode', 'a table of steps of another number of them', retimed(8, 'I', 10)
+    yield 'time_moves', 'decode', 'points that are moved by a field that has no steps', retimed(12, 'I', 3)
+    yield 'time_moves_by', 'decode', 'points that are moved by a field of one component', retimed(12, 'I', 1)
     yield 'time_field', 'decode', 'steps of a field that is not there', retimed(16, 'I', 2)
     yield 'time_bands', 'decode', 'bands whose errors do not fall', retimed(16 + 48 + 16, 'd', 0.5)
     yield 'time_level', 'decode', 'a band of a level that is not there', retimed(16 + 48 + 32 + 8, 'Q', 99)

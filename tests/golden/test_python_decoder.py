@@ -53,6 +53,8 @@ def check_steps(path):
             sha = hashlib.sha256()
             for values in series.seek(band, step)[1].values():
                 sha.update(np.ascontiguousarray(values, '<f8').tobytes())
+            if series.displacement:
+                sha.update(np.ascontiguousarray(series.points(), '<f8').tobytes())
             found.append(sha.hexdigest())
     return found == wanted and len(found) > 20
 
@@ -117,6 +119,7 @@ golden = os.path.join(ROOT, 'tests', 'golden')
 for verdict, what in ((check_cells(os.path.join(golden, 'cells_float32.tetlod')), 'Python agrees on values of cells'),
                       (check_steps(os.path.join(golden, 'series_float32.tetlod')), 'Python agrees on steps in time'),
                       (check_steps(os.path.join(golden, 'series_float64.tetlod')), 'Python agrees on steps of float64'),
+                      (check_steps(os.path.join(golden, 'series_moving.tetlod')), 'Python agrees on points that move'),
                       (damage_steps(os.path.join(golden, 'series_float64.tetlod')), 'Python notices damage of steps'),
                       (damage(os.path.join(golden, 'one_tet.tetlod')), 'Python notices damage'),
                       (same_verdicts(os.path.join(golden, 'one_tet.tetlod'), 1), 'Python refuses what C refuses, of one level'),

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import time
 
-from served import SCRATCH, TETLOD, Server, eventually, run
+from served import ROOT, SCRATCH, TETLOD, Server, eventually, run
 
 MADE = os.path.join(SCRATCH, 'fin.tetlod')
 
@@ -42,16 +42,19 @@ def test_what_is_no_stream_is_named_once():
     os.mkdir(os.path.join(folder, 'folder.tetlod'))
     os.symlink('/dev/zero', os.path.join(folder, 'device.tetlod'))
     os.symlink('loop.tetlod', os.path.join(folder, 'loop.tetlod'))
+    os.symlink('nowhere', os.path.join(folder, 'dangling.tetlod'))
     shutil.copy(MADE, os.fsencode(folder) + b'/caf\xe9.tetlod')
     shutil.copy(MADE, os.path.join(folder, 'two\nlines.tetlod'))
     with Server(folder, '--scan', '0.05') as server:
         assert [m['id'] for m in server.json('/v1/meshes')['meshes']] == ['good']
         time.sleep(0.5)  # several scans
         lines = server.messages().splitlines()
-        for name in ('pipe', 'folder', 'device', 'loop', 'caf', 'two'):
+        for name in ('pipe', 'folder', 'device', 'loop', 'dangling', 'caf', 'two'):
             assert len([line for line in lines if name in line]) == 1, (name, lines)
         assert all(line.startswith('tetlod: ') for line in lines), lines
         assert server.json('/readyz')['unreadable'] == 1  # the loop
+    done = subprocess.run([os.fsencode(TETLOD), b'serve', b'--listen', b'127.0.0.1:0', os.fsencode(folder) + b'/caf\xe9.tetlod'], stderr=subprocess.PIPE)
+    assert done.returncode == 1 and b'not UTF-8' in done.stderr, done
 
 
 def test_folder_that_goes_away_for_a_while():
@@ -71,6 +74,12 @@ def test_folder_that_goes_away_for_a_while():
         eventually(lambda: server.json('/readyz')['unreadable'] == 0)
         os.unlink(os.path.join(folder, 'fin.tetlod'))
         eventually(lambda: server.get('/v1/meshes/fin')[0] == 404)  # that is no error
+        assert server.json('/readyz')['unreadable'] == 0
+        os.rename(folder, aside)  # what was named is gone: that is said
+        eventually(lambda: server.json('/readyz')['unreadable'] == 1 and 'it is gone' in server.messages())
+        os.rename(aside, folder)
+        shutil.copy(MADE, os.path.join(folder, 'fin.tetlod'))
+        eventually(lambda: server.get('/v1/meshes/fin')[0] == 200)
 
 
 def test_descriptors_run_out():
@@ -121,16 +130,15 @@ def test_more_files_than_descriptors():
         assert 'Too many' not in server.messages()
 
 
-def test_written_over_with_the_same_size_and_time():
-    """The change time tells; a file whose index is as it was is read whole before it is trusted again."""
-    folder = folder_of('over', 'fin')
+def written_over(stream, place):
+    folder = folder_of('over')
     path = os.path.join(folder, 'fin.tetlod')
+    shutil.copy(stream, path)
     with open(path, 'rb') as file:
         good = file.read()
     with Server(folder, '--scan', '0.05') as server:
-        described = server.json('/v1/meshes/fin')
-        at = '/v1/meshes/fin/%s/stream' % described['cid']
-        half = described['levels'][-1]['bytes'] - 40
+        at = '/v1/meshes/fin/%s/stream' % server.json('/v1/meshes/fin')['cid']
+        half = len(good) - place
         about = os.stat(path)
         with open(path, 'r+b') as file:
             file.seek(half)
@@ -148,6 +156,13 @@ def test_written_over_with_the_same_size_and_time():
         assert server.get(at)[2] == good
         os.chmod(path, 0o600)  # changes the change time and nothing else
         eventually(lambda: server.get(at)[2] == good)
+
+
+def test_written_over_with_the_same_size_and_time():
+    """The change time tells; a file whose index is as it was is read whole before it is trusted again: levels, values of cells, steps,
+    and the original order."""
+    for stream, place in (('', 40), ('cells_float32', 1), ('series_float32', 1), ('kept_order', 1)):
+        written_over(os.path.join(ROOT, 'tests', 'golden', stream + '.tetlod') if stream else MADE, place)
 
 
 HANG = r'''

@@ -23,7 +23,7 @@ class Generator:
     def __init__(self, seed, cid):
         self.random = random.Random(seed)
         at = '/v1/meshes/fin/%s' % cid
-        self.paths = ['/', '/page.css', '/healthz', '/metrics', '/v1/meshes', '/v1/meshes/fin', '/v1/meshes/fin/mesh?error=0.1', at + '/stream',
+        self.paths = ['/', '/catalogue.css', '/healthz', '/metrics', '/v1/meshes', '/v1/meshes/fin', '/v1/meshes/fin/mesh?error=0.1', at + '/stream',
                       at + '/records/0-3', at + '/levels/2/mesh.vtu', at + '/levels/2/surface.vtp',
                       at + '/levels/2/isosurface.stl?field=Pressure&value=2', at + '/levels/2/slice.glb?origin=0,0,1&normal=0,0,1']
         self.pieces = ['..', '%2e%2e', '%2f', '%00', '%', '%zz', '//', '/', '\\', '?', '&', '=', '#', '%ff', '%c0%af', 'a' * 200, '\x7f', '-1',

@@ -97,7 +97,7 @@ def test_a_page_for_browsers():
 
 def test_traversal():
     for path in (b'/../etc/passwd', b'/%2e%2e/etc/passwd', b'/v1/meshes/..%2f..%2fetc%2fpasswd', b'/v1/meshes/../../etc/passwd',
-                 b'/v1/meshes/%2e%2e', b'/..%5c..%5cetc', b'/v1/meshes/.%00./x', b'/./page.css/../../etc/passwd', b'/%c0%ae%c0%ae/'):
+                 b'/v1/meshes/%2e%2e', b'/..%5c..%5cetc', b'/v1/meshes/.%00./x', b'/./catalogue.css/../../etc/passwd', b'/%c0%ae%c0%ae/'):
         received = ask(b'GET ' + path + b' HTTP/1.1')
         assert one(received) == 404 and b'root:' not in received, (path, received)
 
@@ -281,7 +281,7 @@ def test_head():
 
 
 def test_conditional():
-    for path in ('/', '/page.css', '/v1/meshes'):
+    for path in ('/', '/catalogue.css', '/v1/meshes'):
         _, head, body = server.get(path)
         etag = head['etag']
         assert etag.startswith('"')
@@ -304,10 +304,13 @@ def test_coding():
     assert head['etag'] != plain_head['etag']
     _, head, body = server.get('/catalogue.js', Accept_Encoding='gzip, zstd')
     assert head['content-encoding'] == 'zstd' and body[:4] == b'\x28\xb5\x2f\xfd'
-    assert 'content-encoding' not in server.get('/catalogue.js', Accept_Encoding='gzip;q=0, br')[1]
+    assert 'content-encoding' not in server.get('/catalogue.js', Accept_Encoding='gzip;q=0, br;q=0')[1]
     unzstd = subprocess.run(['zstd', '-dqc'], input=body, stdout=subprocess.PIPE, check=True).stdout
     assert unzstd == plain
-    for coding in ('gzip', 'zstd'):  # each coding is a representation with a tag of its own
+    _, head, body = server.get('/catalogue.js', Accept_Encoding='gzip, deflate, br, zstd')
+    decode = 'process.stdout.write(zlib.brotliDecompressSync(fs.readFileSync(0)))'
+    assert head['content-encoding'] == 'br' and subprocess.run(['node', '-e', decode], input=body, stdout=subprocess.PIPE, check=True).stdout == plain
+    for coding in ('gzip', 'zstd', 'br'):  # each coding is a representation with a tag of its own
         head = server.get('/catalogue.js', Accept_Encoding=coding)[1]
         assert server.get('/catalogue.js', Accept_Encoding=coding, If_None_Match=head['etag'])[0] == 304
         assert server.get('/catalogue.js', If_None_Match=head['etag'])[0] == 200
@@ -317,7 +320,8 @@ def test_embedding():
     """What embed.py makes of a folder: media types, the codings that are smaller, tags by content."""
     folder = os.path.join(SCRATCH, 'assets')
     os.makedirs(os.path.join(folder, 'deep'))
-    for name, data in (('a.wasm', b'\0asm' * 100), ('deep/index.html', b'x'), ('b.js', b'same ' * 50), ('c.mjs', b'same ' * 50), ('chunk-0A1B2C3D.js', b'')):
+    for name, data in (('a.wasm', b'\0asm' * 100), ('deep/index.html', b'x'), ('b.js', b'same ' * 50), ('c.mjs', b'same ' * 50), ('b.js.br', b'short'),
+                       ('chunk-0A1B2C3D.js', b'')):
         with open(os.path.join(folder, name), 'wb') as file:
             file.write(data)
     embed = [sys.executable, os.path.join(ROOT, 'server', 'embed.py'), os.path.join(SCRATCH, 'embedded'), folder]
@@ -327,6 +331,7 @@ def test_embedding():
     assert set(rows) == {'/a.wasm', '/deep/', '/b.js', '/c.mjs', '/chunk-0A1B2C3D.js'}, rows
     assert rows['/a.wasm'][0] == 'application/wasm' and rows['/a.wasm'][3].count('_end') == 3
     assert rows['/deep/'][3].count('_end') == 1  # one byte does not become smaller
+    assert rows['/b.js'][3].count('_end') == 4 and rows['/c.mjs'][3].count('_end') == 3
     assert rows['/b.js'][1] == rows['/c.mjs'][1] != rows['/a.wasm'][1]
     assert [name for name in rows if rows[name][2] == 'true'] == ['/chunk-0A1B2C3D.js']
     with open(os.path.join(folder, 'd.exe'), 'wb'):
@@ -346,14 +351,15 @@ def test_assets():
         for name in re.findall(r'["\']\.{0,2}(/[\w-]+\.(?:js|css|wasm|svg))["\']', body.decode('latin-1')):
             if name not in seen and name not in todo and name != '/inline.js':  # that one lies beside pages opened from disk
                 todo.append(name)
-    assert any(name.endswith('.wasm') for name in seen) and any('/chunk-' in name for name in seen), list(seen)
+    assert all(any(part in name for name in seen) for part in ('.wasm', '/chunk-', '/worker-')), list(seen)
     for path, head in seen.items():
-        forever = re.search(r'-[0-9A-Z]{8}\.js$', path)
-        assert ('immutable' in head['cache-control']) == bool(forever) and ('no-cache' in head['cache-control']) != bool(forever), (path, head)
+        forever = re.search(r'/(chunk|tetlod)-[0-9A-Z]{8}\.(js|wasm)$', path)
+        worker = re.search(r'/worker-[0-9A-Z]{8}\.js$', path)  # obeys the policy of its own answer
+        assert ('immutable' if forever else 'max-age=60' if worker else 'no-cache') in head['cache-control'], (path, head)
         if path.endswith('.wasm'):
             assert head['content-type'] == 'application/wasm'
         if int(head['content-length']) > 2000:
-            for coding in ('gzip', 'zstd'):
+            for coding in ('gzip', 'zstd', 'br'):
                 assert server.get(path, Accept_Encoding=coding)[1]['content-encoding'] == coding, path
         assert server.get(path, If_None_Match=head['etag'])[0] == 304
 
@@ -373,9 +379,9 @@ def test_page():
     for path in ('/view/fin', '/view/a%20b', '/view/nothing?x'):
         status, head, body = server.get(path)
         assert status == 200 and head['content-type'].startswith('text/html') and b'<html' in body and head['etag'], path
-    for path in ('/view', '/view/', '/view/a/b', '/view/%00', '/view/%zz', '/page.css/', '/page.csss'):
+    for path in ('/view', '/view/', '/view/a/b', '/view/%00', '/view/%zz', '/catalogue.css/', '/catalogue.csss'):
         problem(path, 404)
-    assert server.get('/page.css')[1]['content-type'].startswith('text/css')
+    assert server.get('/catalogue.css')[1]['content-type'].startswith('text/css')
 
 
 def test_stream_origins():

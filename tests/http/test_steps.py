@@ -13,7 +13,7 @@ from served import ROOT, SCRATCH, Server, run
 sys.path.insert(0, os.path.join(ROOT, 'tests'))
 from streams import tetlod as reference  # noqa: E402
 
-NAMES = ('series_float32', 'series_float64')
+NAMES = ('series_float32', 'series_float64', 'series_moving')
 PATHS = [os.path.join(ROOT, 'tests', 'golden', name + '.tetlod') for name in NAMES]
 server = None
 
@@ -53,7 +53,9 @@ def test_meshes():
             for step in (0, len(series.times) - 1, len(series.times) // 2):
                 cursor, values = series.seek(band, step)
                 head, body = get('%s/%s/bands/%d/steps/%d/mesh.vtu' % (base, cid, band, step))
-                found = arrays(read(body, vtkXMLUnstructuredGridReader()))
+                answer = read(body, vtkXMLUnstructuredGridReader())
+                found = arrays(answer)
+                assert numpy.array_equal(vtk_to_numpy(answer.GetPoints().GetData()), series.points()), (name, band, step)
                 assert list(found) == list(values) and float(head['tetlod-time']) == series.times[step], list(found)
                 for field, wanted in values.items():
                     assert numpy.array_equal(found[field].reshape(len(wanted), -1), numpy.asarray(wanted).reshape(len(wanted), -1)), (name, band, step, field)
@@ -122,6 +124,9 @@ def test_bytes():
                     assert body == wanted and 'immutable' in head['cache-control'], (name, band, group, query)
                     _, prefix = get('%s/prefix?error=%r&step=%d&%s' % (base, known['error'], group * 8, query))
                     assert prefix == front_of(data, stream, known['level']) + wanted, (name, band, group, query)
+                if series.displacement:  # comes with any field
+                    _, prefix = get('%s/prefix?error=%r&step=%d&fields=%s' % (base, known['error'], group * 8, names[0]))
+                    assert prefix.endswith(b''.join(group_of(data, series, field, band, group) for field in range(2))), (band, group)
                 assert get('%s/%s/bands/%d/groups/%d' % (base, cid, band, group))[1] == b''.join(
                     group_of(data, series, field, band, group) for field in range(len(names)))
 

@@ -46,6 +46,12 @@ mutant("link condition's boundary", 'src/simplify/links.c',
        'if (faces >> corner_of(corners, slot_a) & 1 && faces >> corner_of(corners, slot_b) & 1)\n            return false;', '',
        'a tetrahedron with boundary faces at both ends', 'unit/test_links')
 
+# ---- steps in time (10)
+
+mutant('L and U are cut to the range', 'src/pipeline/encode_series.c',
+       'series->component_count + row->first + component, out);\n', 'series->component_count + row->first + component, out);\n    out[0] = larger(out[0], range[0]);\n    out[1] = smaller(out[1], range[1]);\n',
+       'between the vertices U that is cut at one of them does not hold the original', 'cli/test_series')
+
 # ---- the boundary (5)
 
 mutant('no demands of the map, above', 'src/simplify/evaluate.c', 'upper[c] = larger(upper[c], boundary_map_least(&worker->map, values, working->stride, 0));', '',

@@ -84,13 +84,28 @@ static void check_cells(const struct tetlod_file *file, const char *path)
         fclose(list);
 }
 
-static void hash_step(const struct tetlod_series *series, const struct tetlod_info *info, uint32_t vertices, char hash[65])
+static void add_points(struct tetlodi_sha256 *sha, const struct tetlod_series *series, const struct tetlod_mesh *mesh)
+{
+    double *points = malloc(24 * (size_t)mesh->vertices);
+    REQUIRE(points);
+    memcpy(points, mesh->positions, 24 * (size_t)mesh->vertices);
+    CHECK_INT(tetlod_step_move(series, points, NULL), TETLOD_OK);
+    add_numbers(sha, points, 3 * (size_t)mesh->vertices, 8);
+    free(points);
+}
+
+/* The values of its fields; of points that move their places, too. */
+static void hash_step(const struct tetlod_series *series, const struct tetlod_info *info, const struct tetlod_cursor *cursor, char hash[65])
 {
     const struct tetlod_series_info *steps = tetlod_series_info(series);
     struct tetlodi_sha256 sha;
+    struct tetlod_mesh mesh;
+    tetlod_cursor_mesh(cursor, &mesh);
     tetlodi_sha256_init(&sha);
     for (uint32_t f = 0; f < steps->field_count; f++)
-        add_numbers(&sha, tetlod_step_values(series, f), (size_t)vertices * info->fields[steps->fields[f]].components, 8);
+        add_numbers(&sha, tetlod_step_values(series, f), (size_t)mesh.vertices * info->fields[steps->fields[f]].components, 8);
+    if (steps->displacement != TETLOD_NONE)
+        add_points(&sha, series, &mesh);
     hash_text(&sha, hash);
 }
 
@@ -111,7 +126,7 @@ static void check_steps(const struct tetlod_file *file, struct tetlod_cursor *cu
     char (*hashes)[65] = malloc(count * sizeof *hashes);
     for (uint32_t i = 0; i < count; i++) {
         CHECK_INT(tetlod_seek_step(series, cursor, i / steps->step_count, i % steps->step_count, NULL), TETLOD_OK);
-        hash_step(series, info, info->levels[steps->bands[i / steps->step_count].level].vertices, hashes[i]);
+        hash_step(series, info, cursor, hashes[i]);
         if (getenv("UPDATE"))
             fprintf(list, "%s\n", hashes[i]);
     }
@@ -123,7 +138,7 @@ static void check_steps(const struct tetlod_file *file, struct tetlod_cursor *cu
     }
     for (uint32_t i = count; i-- > 0;) {
         CHECK_INT(tetlod_seek_step(series, cursor, i / steps->step_count, i % steps->step_count, NULL), TETLOD_OK);
-        hash_step(series, info, info->levels[steps->bands[i / steps->step_count].level].vertices, hash);
+        hash_step(series, info, cursor, hash);
         CHECK_TEXT(hash, hashes[i]);
     }
     CHECK_INT(tetlod_seek_step(series, cursor, 0, steps->step_count, NULL), TETLOD_ERR_ARGUMENT);
@@ -191,12 +206,14 @@ static void check_fed_steps(const struct tetlod_file *whole, struct tetlod_curso
     tetlod_series_select(fed, first, 1);
     CHECK_INT(tetlod_seek_step(fed, cursor, band, step, NULL), TETLOD_ERR_TRUNCATED);
     put_span(feed, in, tetlod_step_span(fed, 0, band, step));
+    if (steps->displacement != TETLOD_NONE) // comes with any
+        put_span(feed, in, tetlod_step_span(fed, steps->displacement, band, step));
     CHECK_INT(tetlod_seek_step(fed, cursor, band, step, NULL), TETLOD_OK);
     tetlod_feed_forget(feed);
     CHECK_INT(tetlod_seek_step(series, reference, band, step, NULL), TETLOD_OK);
     size_t size = (size_t)info->levels[level].vertices * info->fields[steps->fields[0]].components * sizeof(double);
     CHECK(memcmp(tetlod_step_values(fed, 0), tetlod_step_values(series, 0), size) == 0);
-    CHECK(steps->field_count == 1 || !tetlod_step_values(fed, 1));
+    CHECK(steps->field_count == 1 || steps->displacement == 1 || !tetlod_step_values(fed, 1));
     tetlod_cursor_mesh(reference, &mesh);
     CHECK_INT(tetlod_series_decode(fed, mesh.corners, band, step, NULL), TETLOD_OK);
     CHECK(memcmp(tetlod_step_values(fed, 0), tetlod_step_values(series, 0), size) == 0);

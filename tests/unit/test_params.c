@@ -33,6 +33,20 @@ static void test_percent_encode(void)
     CHECK(percent_encode("   ", out, 10));
 }
 
+static void test_names(void)
+{
+    CHECK_INT(query_begins_with("token=x&a=1", "token"), true);
+    CHECK_INT(query_begins_with("t%6Fken&a=1", "token"), true);
+    CHECK_INT(query_begins_with("tokens=1", "token"), false);
+    CHECK_INT(query_begins_with("a=1&token=x", "token"), false);
+    CHECK_INT(query_begins_with("", "token"), false);
+    CHECK_INT(list_begins_with("a,b", "a"), 2);
+    CHECK_INT(list_begins_with("a,b", "a,b"), 3);
+    CHECK_INT(list_begins_with("a", "a"), 1);
+    CHECK_INT(list_begins_with("ab", "a"), 0);
+    CHECK_INT(list_begins_with("", "a"), 0);
+}
+
 static void test_query_value(void)
 {
     char out[16];
@@ -155,29 +169,34 @@ static void test_codings(void)
 {
     static const struct {
         const char *header;
-        enum coding coding;
+        enum coding coding, file; // of what is made, of a file that has Brotli, too
     } cases[] = {
-        {NULL, CODING_IDENTITY},
-        {"", CODING_IDENTITY},
-        {"gzip", CODING_GZIP},
-        {"gzip, deflate, br, zstd", CODING_ZSTD},
-        {"zstd;q=0.5, gzip;q=0.8", CODING_GZIP},
-        {"zstd;q=0, gzip", CODING_GZIP},
-        {"gzip;q=0", CODING_IDENTITY},
-        {"gzip;q=0.0, *;q=0", CODING_IDENTITY},
-        {"*", CODING_ZSTD},
-        {"br", CODING_IDENTITY},
-        {"identity, gzip;q=0.5", CODING_IDENTITY},
-        {"identity;q=0.5, gzip;q=0.5", CODING_GZIP},
-        {"GZIP ; Q=1.000", CODING_GZIP},
-        {"gzip;q=2", CODING_IDENTITY},
-        {"gzip;q=abc", CODING_IDENTITY},
-        {"xgzip, gzipx", CODING_IDENTITY},
-        {",,, gzip ,", CODING_GZIP},
+        {NULL, CODING_IDENTITY, CODING_IDENTITY},
+        {"", CODING_IDENTITY, CODING_IDENTITY},
+        {"gzip", CODING_GZIP, CODING_GZIP},
+        {"gzip, deflate, br, zstd", CODING_ZSTD, CODING_BROTLI},
+        {"zstd;q=0.5, gzip;q=0.8", CODING_GZIP, CODING_GZIP},
+        {"zstd;q=0, gzip", CODING_GZIP, CODING_GZIP},
+        {"gzip;q=0", CODING_IDENTITY, CODING_IDENTITY},
+        {"gzip;q=0.0, *;q=0", CODING_IDENTITY, CODING_IDENTITY},
+        {"*", CODING_ZSTD, CODING_BROTLI},
+        {"br", CODING_IDENTITY, CODING_BROTLI},
+        {"identity, gzip;q=0.5", CODING_IDENTITY, CODING_IDENTITY},
+        {"identity;q=0.5, gzip;q=0.5", CODING_GZIP, CODING_GZIP},
+        {"GZIP ; Q=1.000", CODING_GZIP, CODING_GZIP},
+        {"gzip;q=2", CODING_IDENTITY, CODING_IDENTITY},
+        {"gzip;q=abc", CODING_IDENTITY, CODING_IDENTITY},
+        {"xgzip, gzipx", CODING_IDENTITY, CODING_IDENTITY},
+        {",,, gzip ,", CODING_GZIP, CODING_GZIP},
+        {"br;q=0, gzip", CODING_GZIP, CODING_GZIP},
+        {"br;q=0.5, zstd", CODING_ZSTD, CODING_ZSTD},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
-        if (coding_choose(cases[i].header) != cases[i].coding)
-            TEST_FAIL("'%s' chooses %d", cases[i].header ? cases[i].header : "(none)", coding_choose(cases[i].header));
+        for (int file = 0; file < 2; file++) {
+            enum coding chosen = coding_choose(cases[i].header, CODINGS_MADE | (file ? 1u << CODING_BROTLI : 0));
+            if (chosen != (file ? cases[i].file : cases[i].coding))
+                TEST_FAIL("'%s' chooses %d", cases[i].header ? cases[i].header : "(none)", chosen);
+        }
 }
 
 int main(void)
@@ -187,6 +206,7 @@ int main(void)
     RUN(test_query_value);
     RUN(test_query_unknown);
     RUN(test_numbers);
+    RUN(test_names);
     RUN(test_counts);
     RUN(test_ranges);
     RUN(test_etags);

@@ -29,6 +29,14 @@ static struct view *open_view(const char *name)
     return view && view_add(view, bytes, size) == TETLOD_OK && view_open(view, NULL, TETLOD_NONE) == TETLOD_OK ? view : NULL;
 }
 
+static uint32_t *copy_words(const uint32_t *words, size_t count)
+{
+    uint32_t *copy = malloc(count * sizeof *copy + 1);
+    for (size_t i = 0; copy && i < count; i++)
+        copy[i] = words[i];
+    return copy;
+}
+
 static void draw_all(struct view *view)
 {
     const struct tetlod_info *info = view_info(view);
@@ -135,10 +143,48 @@ static void test_bytes_one_by_one_and_bad_ones(void)
     CHECK_INT(view_add(none, bytes, 100), TETLOD_ERR_NOT_TETLOD);
 }
 
+/* The boundary of a step is that of the next one, unless the level or what is drawn of it differs. */
+static void test_steps_of_a_level_share_their_boundary(void)
+{
+    uint32_t size;
+    struct view *view = view_of("series_float32", &size);
+    REQUIRE(view);
+    CHECK_INT(view_add(view, bytes, size), TETLOD_OK);
+    CHECK_INT(view_open(view, NULL, TETLOD_NONE), TETLOD_OK);
+    CHECK_INT(view_put(view, 0, bytes, size), TETLOD_OK);
+    CHECK_INT(view_series(view, NULL, TETLOD_NONE), TETLOD_OK);
+    const struct tetlod_series_info *series = tetlod_series_info(view->series);
+    const uint32_t finest = series->band_count - 1;
+    REQUIRE(series->bands[0].level < series->bands[finest].level);
+    CHECK_INT(view_step(view, finest, 0), TETLOD_OK);
+    CHECK(!view->has_boundary);
+    draw_all(view);
+    uint32_t *wanted = copy_words(view->boundary.triangles, 3 * (size_t)view->boundary.triangle_count);
+    CHECK_INT(view_step(view, finest, 1), TETLOD_OK);
+    CHECK(view->has_boundary);
+    draw_all(view);
+    CHECK_INT(view_step_move(view, finest, 2), TETLOD_OK);
+    CHECK(view->has_boundary);
+    view_place(view, 0.5);
+    draw_all(view);
+    view->has_boundary = false; // found anew it is the same
+    draw_all(view);
+    CHECK(memcmp(wanted, view->boundary.triangles, 12 * (size_t)view->boundary.triangle_count) == 0);
+    free(wanted);
+    CHECK_INT(view_step(view, 0, 2), TETLOD_OK);
+    CHECK(!view->has_boundary);
+    draw_all(view);
+    CHECK_INT(view_threshold(view, 0, 0, 0, INFINITY), TETLOD_OK);
+    CHECK_INT(view_surface(view, 0), TETLOD_OK);
+    CHECK_INT(view_step(view, 0, 1), TETLOD_OK);
+    CHECK(!view->has_boundary);
+}
+
 int main(void)
 {
     RUN(test_every_level_moves_and_is_drawn);
     RUN(test_some_fields);
     RUN(test_bytes_one_by_one_and_bad_ones);
+    RUN(test_steps_of_a_level_share_their_boundary);
     return test_end();
 }

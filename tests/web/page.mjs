@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// node page.mjs ORIGIN: the catalogue and the viewer of the stream `fin` as somebody meets them first.
+// node page.mjs ORIGIN CELL: the catalogue and the viewer of the stream `fin` as somebody meets them first.
 import assert from 'node:assert/strict';
 import { statSync } from 'node:fs';
+import { pathToFileURL } from 'node:url';
 import { firstPicture, launch, openPage, pictureFigures, settled } from './browser.mjs';
 import { run } from './tap.mjs';
 
-const origin = process.argv[2];
+const [, , origin, cell] = process.argv;
 const browser = await launch();
 let page;
 
@@ -32,6 +33,11 @@ async function viewer_shows_a_picture() {
   await page.goto(`${origin}view/fin`);
   await firstPicture(page);
   console.log(`# first picture after ${Date.now() - start} ms`);
+  const loaded = await page.evaluate(() => [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
+    .filter((e) => !new URL(e.name).pathname.startsWith('/v1/')).map((e) => [new URL(e.name).pathname, e.transferSize ? e.encodedBodySize : 0]));
+  const total = loaded.reduce((sum, [, size]) => sum + size, 0);
+  console.log(`# the page and what it loads by then: ${total} bytes: ${loaded.map((l) => l.join(' ')).join(', ')}`);
+  assert.ok(loaded.some(([path]) => path.endsWith('.wasm')) && total > 100e3 && total <= 230e3, `${total} bytes`);
   await settled(page);
   const { covered, colors } = await pictureFigures(page);
   assert.ok(covered > 0.1 && covered < 0.9, `covers ${covered} of the picture`);
@@ -159,6 +165,16 @@ async function the_base_mesh_is_a_target() {
   await coarse.context().close();
 }
 
+async function a_notebook_cell_shows_the_stream() {
+  const notebook = await openPage(browser, 'file:');
+  await notebook.goto(pathToFileURL(cell).href);
+  const [, frame] = notebook.frames();
+  await frame.waitForFunction(() => window.tetlod?.settled);
+  assert.equal(await frame.evaluate(() => window.tetlod.state.error), 0.2);
+  assert.deepEqual(notebook.complaints, []);
+  await notebook.context().close();
+}
+
 async function what_is_loaded_is_small() {
   const all = await openPage(browser, origin);
   await all.goto(`${origin}view/fin#volume=1&error=0.2`);
@@ -166,7 +182,6 @@ async function what_is_loaded_is_small() {
   await all.waitForFunction(() => window.tetlod.scene.rays);
   await all.evaluate(() => window.tetlod.set({ volumeSize: 96 }));
   await all.waitForFunction(() => window.tetlod.scene.volume);
-  await all.evaluate(async () => (await fetch('/tetlod.wasm')).arrayBuffer()); // the worker's own request is not in the page's list
   const loaded = await all.evaluate(() => [...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
     .filter((e) => !new URL(e.name).pathname.startsWith('/v1/')).map((e) => [new URL(e.name).pathname, e.encodedBodySize]));
   const total = loaded.reduce((sum, [, size]) => sum + size, 0);
@@ -178,4 +193,4 @@ async function what_is_loaded_is_small() {
 
 await run([catalogue_lists_streams, viewer_shows_a_picture, refines_and_coarsens, state_is_in_the_url, a_slice_is_dragged, the_value_under_the_pointer,
   lengths_have_a_range_of_their_own, a_picture_is_saved, what_is_wrong_is_said, every_control_has_a_name, nothing_went_wrong,
-  the_base_mesh_is_a_target, what_is_loaded_is_small]);
+  the_base_mesh_is_a_target, a_notebook_cell_shows_the_stream, what_is_loaded_is_small]);

@@ -233,6 +233,26 @@ async function a_threshold_leaves_cells() {
   await changesThePicture('no threshold', () => page.locator('#threshold').uncheck());
 }
 
+async function vectors_are_drawn() {
+  await open('');
+  const part = () => page.evaluate(() => window.tetlod.scene.vectors[0]?.part.triangles.length ?? 0);
+  await changesThePicture('arrows', () => page.locator('#vectors').selectOption('arrows'));
+  await until(() => window.tetlod.stream.fields.includes('Velocity') && window.tetlod.scene.vectors.length);
+  assert.equal((await state()).surface, 'inside'); // a solid boundary would hide them
+  const some = await part();
+  await page.locator('#vector-count').fill('500');
+  await until((was) => window.tetlod.scene.vectors[0].part.triangles.length < was, some);
+  await changesThePicture('streamlines', () => page.locator('#vectors').selectOption('streamlines'));
+  assert.equal(await page.locator('#vector-field').inputValue(), 'Velocity');
+  assert.ok((await page.locator('#export-part option').allInnerTexts()).includes('vectors 1'));
+  const link = await page.evaluate(() => window.tetlod.state);
+  assert.ok(link.vectors === 'streamlines' && link.vectorCount < 100);
+  await open('&vectors=arrows'); // the field comes after the first picture
+  await until(() => window.tetlod.scene.vectors.length);
+  await page.locator('#vectors').selectOption('off');
+  await until(() => !window.tetlod.scene.vectors.length);
+}
+
 async function isosurfaces_are_drawn() {
   await open('');
   await changesThePicture('an isosurface', () => page.locator('#add-isosurface').click());
@@ -418,6 +438,34 @@ async function the_camera_and_the_background() {
   assert.equal(await page.evaluate(() => document.getElementById('error-percent').value), '1');
 }
 
+async function a_second_view_turns_along() {
+  await open('');
+  await page.locator('#second').check();
+  await page.locator('iframe').waitFor();
+  const inFrame = (act, argument) => page.frame('tetlod-second').waitForFunction(act, argument);
+  await inFrame(() => window.tetlod?.settled && window.tetlod.state.error === 0.05);
+  const together = () => until(() => {
+    const beside = document.querySelector('iframe').contentWindow.tetlod;
+    return beside && beside.scene.camera().join() === window.tetlod.scene.camera().join();
+  });
+  await together();
+  const before = await page.evaluate(() => window.tetlod.scene.camera().join());
+  await page.locator('#picture').focus();
+  await page.keyboard.press('ArrowLeft');
+  await until((was) => window.tetlod.scene.camera().join() !== was, before);
+  await together();
+  await page.frame('tetlod-second').evaluate(() => window.tetlod.scene.look('+x'));
+  await until(() => Math.abs(window.tetlod.scene.axes().towards[0]) > 0.999);
+  await together();
+  await page.frame('tetlod-second').evaluate(() => window.tetlod.set({ field: 'Density' }));
+  await until(() => /second=[^&]*field%3DDensity/.test(location.hash));
+  assert.equal((await state()).field, 'Pressure');
+  assert.equal(await page.frame('tetlod-second').locator('#second-row').isHidden(), true);
+  await page.locator('#second').uncheck();
+  assert.equal(await page.locator('iframe').count(), 0);
+  assert.ok((await state()).second === null);
+}
+
 async function a_link_shows_the_same() {
   await open('&field=Velocity&component=1&range=manual&low=-1&high=2&map=magma&reversed=1&surface=glass&edges=1&slices=x@0.3;0.6,0,0.8@0.5'
     + '&isosurfaces=0.3&isosurfaceField=Pressure&isosurfaceOpacity=0.5&clip=z@0.8&background=black&parallel=1');
@@ -454,12 +502,28 @@ while at < len(png):
     at = end + 4
 print(json.dumps(texts))`;
 
+// What VTK reads in a file.
+const readVtp = `
+import json, sys, vtk
+reader = vtk.vtkXMLPolyDataReader()
+reader.SetFileName(sys.argv[1])
+reader.Update()
+data = reader.GetOutput()
+arrays = [data.GetPointData().GetArray(i) for i in range(data.GetPointData().GetNumberOfArrays())]
+notes = [data.GetFieldData().GetArray(i) for i in range(data.GetFieldData().GetNumberOfArrays())]
+print(json.dumps({'points': data.GetNumberOfPoints(), 'triangles': data.GetNumberOfPolys(), 'lines': data.GetNumberOfLines(), 'bounds': data.GetBounds(),
+                  'arrays': {a.GetName(): a.GetRange() for a in arrays}, 'notes': {a.GetName(): a.GetTuple1(0) for a in notes}}))`;
+
+const download = async (id) => {
+  const [file] = await Promise.all([page.waitForEvent('download'), page.locator(`#${id}`).click()]);
+  const path = await file.path();
+  return { name: file.suggestedFilename(), path, bytes: readFileSync(path) };
+};
+const vtpOf = ({ path }) => JSON.parse(execFileSync('/usr/bin/python3', ['-c', readVtp, path]));
+const near = (a, b) => Math.abs(a - b) <= 1e-5 * (1 + Math.abs(b));
+
 async function what_leaves_the_page() {
   await open('');
-  const download = async (id) => {
-    const [file] = await Promise.all([page.waitForEvent('download'), page.locator(`#${id}`).click()]);
-    return { name: file.suggestedFilename(), bytes: readFileSync(await file.path()) };
-  };
   const { level, tets } = await page.evaluate(() => window.tetlod.stream.info.levels[window.tetlod.level]);
   const mesh = await download('download');
   assert.equal(mesh.name, `fin-${level}.vtu`);
@@ -472,6 +536,39 @@ async function what_leaves_the_page() {
   assert.match(texts.Source, /view\/fin#.*error=0.05/);
   const { width, height } = await page.locator('#stage').boundingBox();
   assert.deepEqual([shot.bytes.readUInt32BE(16), shot.bytes.readUInt32BE(20)], [Math.round(width), Math.round(height)]);
+  await page.locator('#png-width').fill('900');
+  await page.locator('#png-height').fill('1100');
+  const before = await picture();
+  const large = await download('save-png');
+  assert.deepEqual([large.bytes.readUInt32BE(16), large.bytes.readUInt32BE(20)], [900, 1100]);
+  assert.ok(large.bytes.length > shot.bytes.length);
+  assert.equal(await picture(), before); // on the screen all is as it was
+}
+
+// Slices and isosurfaces as other programs read them, at their places in the mesh, with the values that colour them.
+async function surfaces_are_saved() {
+  await open('&slices=z@0.25&isosurfaces=0.4&surface=off');
+  assert.deepEqual(await page.locator('#export-part option').allInnerTexts(), ['slice 1', 'isosurface 1']);
+  const { bounds: [low, high], fields } = await infoOf();
+  const { level, bound } = await page.evaluate(() => ({ level: window.tetlod.level, bound: window.tetlod.stream.info.levels[window.tetlod.level].errors.Pressure.max }));
+  const slice = await download('export-vtp');
+  assert.equal(slice.name, `fin-${level}-slice-1.vtp`);
+  const { points, triangles, bounds, arrays, notes } = vtpOf(slice);
+  const z = low[2] + 0.25 * (high[2] - low[2]);
+  assert.ok(points > 50 && triangles > 50 && near(bounds[4], z) && near(bounds[5], z), `${bounds}`);
+  const [least, most] = fields.find(({ name }) => name === 'Pressure').range;
+  assert.ok(arrays.Pressure[0] >= least - 1e-4 && arrays.Pressure[1] <= most + 1e-4);
+  assert.ok(notes.level === level && near(notes['certified bound'], bound * (most - least)));
+  const rows = (await download('export-csv')).bytes.toString().trim().split('\n').map((row) => row.split(','));
+  assert.deepEqual([rows.length - 1, rows[0]], [points, ['x', 'y', 'z', 'Pressure']]);
+  for (const row of rows.slice(1).filter((_, i) => i % 40 === 0)) {
+    const [x, y, zOf, value] = row.map(Number);
+    const found = await page.evaluate(async (point) => (await window.tetlod.stream.probe(point)).values.Pressure[0], [x, y, zOf]);
+    assert.ok(Math.abs(found - value) < 1e-3 * (most - least), `${value}, ${found} there`);
+  }
+  await page.locator('#export-part').selectOption('isosurface 1');
+  const iso = vtpOf(await download('export-vtp'));
+  assert.ok(iso.triangles > 10 && iso.arrays.Pressure.every((value) => near(value, least + 0.4 * (most - least))), `${iso.arrays.Pressure}`);
 }
 
 async function the_whole_screen_and_the_panel() {
@@ -529,10 +626,11 @@ async function a_line_is_plotted() {
   await page.locator('#line').check();
   await page.locator('#line-drawing .band').waitFor();
   assert.match(await page.locator('#line-words').innerText(), /^Pressure ± [\d.]+ \([\d.]+\u202f%, certified\), length [\d.]+$/);
-  const [download] = await Promise.all([page.waitForEvent('download'), page.locator('#line-csv').click()]);
-  const rows = readFileSync(await download.path(), 'utf8').trim().split('\n').map((row) => row.split(','));
+  const rows = (await download('line-csv')).bytes.toString().trim().split('\n').map((row) => row.split(','));
   assert.deepEqual(rows.shift(), ['distance', 'x', 'y', 'z', 'Pressure', 'at least', 'at most']);
   assert.ok(rows.length > 20);
+  const vtp = vtpOf(await download('line-vtp'));
+  assert.deepEqual([vtp.points, vtp.lines, Object.keys(vtp.arrays)], [rows.length, rows.length / 2, ['Pressure', 'distance', 'at least', 'at most']]);
   const bound = await page.evaluate(() => {
     const { stream, level } = window.tetlod;
     const { range } = stream.info.fields.find((f) => f.name === 'Pressure');
@@ -641,8 +739,8 @@ async function nothing_was_complained_of() {
 }
 
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
-  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
-  the_camera_and_the_background, a_link_shows_the_same, what_leaves_the_page, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
+  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, vectors_are_drawn, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
+  the_camera_and_the_background, a_second_view_turns_along, a_link_shows_the_same, what_leaves_the_page, surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
   a_line_is_plotted, values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;
 await run(ONLY ? tests.filter((test) => test.name.includes(ONLY)) : tests);

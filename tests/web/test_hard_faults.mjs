@@ -129,7 +129,7 @@ async function bad_states_are_left_out() {
 
 async function a_missing_part_is_said() {
   const other = await openPage(browser, server.url);
-  for (const missing of ['**/chunk-*.js', '**/worker.js', '**/tetlod.wasm']) {
+  for (const missing of ['**/chunk-*.js', '**/worker-*.js', '**/tetlod-*.wasm']) {
     await other.route(missing, (route) => route.fulfill({ status: 404, body: '' }));
     await other.goto(`${server.url}view/fin`);
     await other.getByText(/could not be loaded|cannot be shown/).first().waitFor();

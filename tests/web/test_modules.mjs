@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The page's modules that need no browser: the state and its fragment, levels, geometry, numbers.
 import assert from 'node:assert/strict';
+import { createRequire } from 'node:module';
 import { join } from 'node:path';
 import { pathToFileURL } from 'node:url';
 import { run } from './tap.mjs';
@@ -8,11 +9,12 @@ import { run } from './tap.mjs';
 const load = (name) => import(pathToFileURL(join(process.env.ROOT ?? '.', 'server/web/page', name)));
 const { Store, defaults, fromFragment, toFragment } = await load('state.js');
 const { isosurfaceRange, specOf, targetOf } = await load('spec.js');
-const { errorSpan, measureFor, promiseOf, wantedLevel } = await load('levels.js');
+const { errorSpan, measureFor, promiseOf, unitOf, wantedLevel } = await load('levels.js');
 const { clipToWindow, dot, linesBehind, pickPart, planeOf, planeOutline, sidesOf } = await load('geometry.js');
 const { autoRange, firstView, histogram, mapOf } = await load('first_view.js');
 const { colorTable, lineColor, mapNames } = await load('colors.js');
 const { mapOfFile } = await load('color_file.js');
+const { Flow, drawVectors } = await load('../client/vectors.js');
 const { bytes, count, parseNumber, percent, significant, ticks } = await load('numbers.js');
 
 function a_state_survives_its_fragment() {
@@ -21,11 +23,93 @@ function a_state_survives_its_fragment() {
   const state = {
     ...defaults, error: 0.003, measure: 'rms', errorField: 'q', shading: 'all', maxTets: 5000, maxBytes: 2.5e6, field: 'Größe & mehr=x', component: 2, range: 'manual', low: -1.25, high: 3e-7,
     log: true, map: 'cividis', reversed: true, surface: 'glass', edges: true, slices: [{ normal: [0, 1, 0], at: 0.25 }, { normal: [0.6, 0, -0.8], at: 1 }],
-    sliceEdges: true, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, zone: true, threshold: [0.1, 0.75], clip: { normal: [1, 0, 0], at: 0 }, line: [0, 0.25, 0.5, 1, 0.75, 0.5], pins: [[0.5, 0, 1], [0.25, 0.75, 0.125]], step: 7, volume: true, volumeSize: 64,
+    sliceEdges: true, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, zone: true, threshold: [0.1, 0.75], clip: { normal: [1, 0, 0], at: 0 }, vectors: 'arrows', vectorField: 'Größe', vectorCount: 77, second: 'field=T&slices=x@0.5', line: [0, 0.25, 0.5, 1, 0.75, 0.5], pins: [[0.5, 0, 1], [0.25, 0.75, 0.125]], step: 7, volume: true, volumeSize: 64,
     opacity: [[0, 0.5], [1, 0]], background: 'black', axes: false, parallel: true, smooth: false, camera: [1, 2, 3, 0, 0, 0, 0, 0, 1],
   };
   for (const key of Object.keys(defaults)) assert.notDeepEqual(state[key], defaults[key], `${key} is not tested`);
   assert.deepEqual(fromFragment(toFragment(state)), state);
+}
+
+// A cube of n³ small cubes of six tetrahedra, with a field given by its values at points.
+function cubeWith(n, vectorAt) {
+  const number = (x, y, z) => x + (n + 1) * (y + (n + 1) * z);
+  const vertices = [];
+  const vectors = [];
+  for (let z = 0; z <= n; z++) for (let y = 0; y <= n; y++) for (let x = 0; x <= n; x++) {
+    const p = [x, y, z].map((c) => (2 * c) / n - 1);
+    vertices.push(...p, p[0]);
+    vectors.push(...vectorAt(p));
+  }
+  const corners = [];
+  for (let z = 0; z < n; z++) for (let y = 0; y < n; y++) for (let x = 0; x < n; x++)
+    for (const order of [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]]) {
+      const at = [x, y, z];
+      corners.push(number(...at));
+      for (const axis of order) {
+        at[axis]++;
+        corners.push(number(...at));
+      }
+    }
+  const faces = new Map();
+  const neighbours = new Uint32Array(corners.length).fill(0xffffffff);
+  corners.forEach((_, slot) => {
+    const tet = slot - (slot % 4);
+    const key = corners.slice(tet, tet + 4).filter((_, i) => i !== slot % 4).sort((a, b) => a - b).join();
+    if (faces.has(key)) [neighbours[slot], neighbours[faces.get(key)]] = [faces.get(key), slot];
+    else faces.set(key, slot);
+  });
+  return new Flow({ vertices: Float32Array.from(vertices), corners: Uint32Array.from(corners), neighbours, vectors: Float64Array.from(vectors) });
+}
+
+// A field that turns about the z axis is linear, so that its streamlines are circles, and helices where it rises.
+function streamlines_follow_the_field() {
+  const flow = cubeWith(6, ([x, y]) => [-y, x, 0.1]);
+  const { tets, volume } = flow.seeds(40);
+  assert.equal(tets.length, 40);
+  assert.ok(Math.abs(volume - 8) < 1e-9);
+  for (const octant of [0, 1]) assert.ok(Math.abs(tets.filter((tet) => flow.middle(tet).point[2] > 0 === Boolean(octant)).length - 20) < 3);
+  for (const seed of tets) {
+    const places = flow.streamline(seed, 0.05);
+    const radius = ({ point: [x, y] }) => Math.hypot(x, y);
+    const from = radius(flow.middle(seed));
+    for (const at of places) {
+      assert.ok(Math.abs(radius(at) - from) < 1e-4, `${radius(at)}, not ${from}`);
+      assert.ok(Math.abs(flow.shadeAt(at) - at.point[0]) < 1e-6);
+    }
+    const [low, high] = [places[0], places.at(-1)].map(({ point }) => point[2]);
+    assert.ok(high > low && places.length > (from < 0.9 ? 30 : 1), `${places.length} places, from ${low} to ${high}`);
+    if (from < 0.99) assert.ok(high > 0.95 && low < -0.95, 'it ends within the mesh');
+  }
+  const still = cubeWith(2, () => [0, 0, 0]);
+  assert.equal(drawVectors(still, { kind: 'streamlines', count: 5 }, 1).points.length, 0);
+}
+
+function arrows_point_along_the_field() {
+  const flow = cubeWith(4, ([x, y]) => [3, 0, y > 0 ? 4 : 0]);
+  const { points, values, triangles, normals } = drawVectors(flow, { kind: 'arrows', count: 50 }, 1);
+  const each = points.length / 50;
+  assert.ok(each > 30 && normals.length === points.length && triangles.every((corner) => corner < values.length));
+  for (let i = 0; i < 50; i++) {
+    const end = (at) => points.subarray(at, at + 15).reduce((sum, c, k) => (sum[k % 3] += c / 5, sum), [0, 0, 0]);
+    const [tail, tip] = [end(each * i), end(each * (i + 1) - 15)];
+    const way = tip.map((c, k) => c - tail[k]);
+    const [x, , z] = way;
+    assert.ok(x > 0 && Math.abs(way[1]) < 1e-4 && (Math.abs(z) < 1e-4 || (z > 0 && z < 1.34 * x)), `${way}`);
+  }
+}
+
+// Colours at equal distances stand for what they were taken from, which does not always round.
+function maps_are_those_they_are_named_after() {
+  const require = createRequire(join(process.env.ROOT ?? '.', 'server/web/package.json'));
+  const original = require('d3-scale-chromatic');
+  const turned = (at) => (t) => at(1 - t);
+  const known = { viridis: original.interpolateViridis, cividis: original.interpolateCividis, inferno: original.interpolateInferno, magma: original.interpolateMagma,
+    plasma: original.interpolatePlasma, turbo: original.interpolateTurbo, blueRed: turned(original.interpolateRdBu), orangePurple: original.interpolatePuOr, grey: turned(original.interpolateGreys) };
+  assert.deepEqual(mapNames.map(([map]) => map).filter((map) => map !== 'coolWarm'), Object.keys(known));
+  const channels = (css) => (css[0] === '#' ? [1, 3, 5].map((i) => parseInt(css.slice(i, i + 2), 16)) : css.match(/\d+/g).map(Number));
+  for (const [map, at] of Object.entries(known))
+    colorTable(map, false, 65).forEach((color, i) => channels(at(i / 64)).forEach((c, k) =>
+      assert.ok(Math.abs(c - color[k]) <= 2, `${map} at ${i}: ${color}, not ${at(i / 64)}`)));
 }
 
 // The same map as a preset of ParaView, as lines, and with places that are not even.
@@ -93,6 +177,12 @@ const info = {
     .map(([error, tets, size], level) => ({ level, tets, bytes: size, errors: { p: { max: error, rms: error / 4 }, q: { rms: error } } })),
   fields: [{ name: 'p' }, { name: 'q' }],
 };
+
+function units_of_fields() {
+  const said = { ...info, metadata: { units: { p: 'Pa', q: 5 } } };
+  assert.deepEqual(['p', 'q', 'constructor'].map((field) => unitOf(said, { field })), [' [Pa]', '', '']);
+  assert.deepEqual([{}, { units: null }, { units: 'Pa' }].map((metadata) => unitOf({ ...info, metadata }, { field: 'p' })), ['', '', '']);
+}
 
 function the_wanted_level() {
   const wanted = (patch) => wantedLevel(info, { ...defaults, field: 'p', ...patch });
@@ -208,6 +298,6 @@ function numbers_as_people_read_them() {
   assert.deepEqual(ticks(3, 3, 5), [3]);
 }
 
-await run([a_state_survives_its_fragment, maps_from_files, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
+await run([streamlines_follow_the_field, arrows_point_along_the_field, a_state_survives_its_fragment, maps_are_those_they_are_named_after, maps_from_files, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, units_of_fields, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
   polygons_end_at_the_window, the_nearest_triangle_is_picked, lines_of_the_far_walls,
   lines_are_seen_on_every_colour, numbers_as_people_read_them]);

@@ -10,7 +10,7 @@ import { run } from './tap.mjs';
 const STEPS = 20;
 const make = (...words) => execFileSync(TETLOD, words, { cwd: SCRATCH, stdio: 'ignore' });
 make('sample', 'wake', '--size', '14', '--steps', String(STEPS), '-o', 'wake.pvd');
-make('build', 'wake.pvd', '--field', 'Pressure', '--carry', 'Pressure', '--quiet', '-o', 'wake.tetlod');
+make('build', 'wake.pvd', '--field', 'Pressure', '--quiet', '-o', 'wake.tetlod');
 const server = await program([join(SCRATCH, 'wake.tetlod')]);
 const browser = await launch();
 const page = await openPage(browser, server.url, { viewport: { width: 900, height: 620 } });
@@ -52,6 +52,7 @@ async function stepsAreShown() {
   await page.locator('#player-step').fill('15');
   await atStep(15);
   await until(() => location.hash.includes('step=15'));
+  assert.match(await page.locator('#player-still').innerText(), /^Velocity: no steps/);
   assert.match(await page.locator('#download').getAttribute('href'), /bands\/\d+\/steps\/15\/mesh\.vtu$/);
   assert.deepEqual(page.complaints, []);
 }

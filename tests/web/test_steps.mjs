@@ -9,14 +9,15 @@ import { ROOT, fileHost, program } from './hosts.mjs';
 import { run } from './tap.mjs';
 
 const { TetlodStream } = await import(pathToFileURL(join(ROOT, 'build/client/stream.js')));
-const names = ['series_float32', 'series_float64'];
+const names = ['series_float32', 'series_float64', 'series_moving'];
 const pathOf = (name) => join(ROOT, 'tests/golden', `${name}.tetlod`);
 const expected = (name) => readFileSync(`${pathOf(name)}.steps`, 'utf8').trim().split('\n');
 
-// As tests/unit/test_golden.c: the values of the fields that have steps, in the series' order.
-function hashOf({ fields }, series) {
+// As tests/unit/test_golden.c: the values of the fields that have steps, in the series' order; of points that move their places.
+function hashOf({ fields, positions }, series) {
   const hash = createHash('sha256');
   for (const { name } of series.fields) hash.update(Buffer.from(fields[name].buffer));
+  if (series.displacement) hash.update(Buffer.from(positions.buffer));
   return hash.digest('hex');
 }
 

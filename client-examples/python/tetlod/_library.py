@@ -66,7 +66,7 @@ class CBand(Structure):
 
 
 class CSeriesInfo(Structure):
-    _fields_ = [('step_count', c_uint32), ('band_count', c_uint32), ('field_count', c_uint32), ('times', POINTER(c_double)),
+    _fields_ = [('step_count', c_uint32), ('band_count', c_uint32), ('field_count', c_uint32), ('displacement', c_uint32), ('times', POINTER(c_double)),
                 ('bands', POINTER(CBand)), ('fields', POINTER(c_uint32)), ('ranges', POINTER(c_double * 2)), ('reserved', c_uint64 * 4)]
 
 
@@ -87,6 +87,7 @@ FUNCTIONS: Dict[str, Tuple[Any, List[Any]]] = {
     'tetlod_step_error': (c_double, [c_void_p, c_uint32, c_uint32, c_uint32]),
     'tetlod_seek_step': (c_int, [c_void_p, c_void_p, c_uint32, c_uint32, POINTER(CError)]),
     'tetlod_step_values': (c_void_p, [c_void_p, c_uint32]),
+    'tetlod_step_move': (c_int, [c_void_p, c_void_p, POINTER(CError)]),
 }
 
 
@@ -213,7 +214,7 @@ class LibraryDecoder:
             return None
         self._check(self._library.tetlod_series_new(byref(self._series), self._file, byref(error)), error)
         c = self._library.tetlod_series_info(self._series).contents
-        self._series_fields = c.fields[:c.field_count]
+        self._series_fields, self._moves = c.fields[:c.field_count], c.displacement != NONE
         ranges = {self.info.fields[number].name: (c.ranges[i][0], c.ranges[i][1]) for i, number in enumerate(self._series_fields)}
         return Steps(tuple(c.times[:c.step_count]), tuple((band.error, band.level) for band in c.bands[:c.band_count]), ranges)
 
@@ -223,7 +224,11 @@ class LibraryDecoder:
             self.open_cursor(self._series_cursor, [])
         self._check(self._library.tetlod_seek_step(self._series, self._series_cursor, band, step, byref(error)), error)
         self._library.tetlod_cursor_mesh(self._series_cursor, byref(mesh))
-        return self._arrays(mesh, {number: self._library.tetlod_step_values(self._series, i) for i, number in enumerate(self._series_fields)})
+        points, tets, fields = self._arrays(mesh, {number: self._library.tetlod_step_values(self._series, i) for i, number in enumerate(self._series_fields)})
+        if self._moves:
+            points = points.copy()
+            self._check(self._library.tetlod_step_move(self._series, points.ctypes.data, byref(error)), error)
+        return points, tets, fields
 
     def step_error(self, field: int, band: int, step: int) -> float:
         return float(self._library.tetlod_step_error(self._series, field, band, step))

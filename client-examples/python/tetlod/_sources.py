@@ -33,6 +33,7 @@ class Source:
     name = 'bytes'
     size = 0
     late: float = math.inf  # where the levels end, once that is known: sections lie behind them
+    page: Optional[str] = None  # where a viewer shows it
 
     def read(self, offset: int, size: int) -> bytes:
         raise NotImplementedError
@@ -164,6 +165,8 @@ class Server(Remote):
 
     def __init__(self, url: str, choice: Choice, progress: Optional[Progress]) -> None:
         super().__init__(url, progress)
+        at, _, mesh = url.rpartition('/v1/meshes/')
+        self.page = '%s/view/%s' % (at, mesh)
         query = choice.query()
         if set(query) <= {'field', 'measure'}:
             query['tets'] = str(MOST_TETS)  # the finest level

@@ -2,6 +2,7 @@
 """`open` and `read`: streams that move from level to level, and one level at once."""
 from __future__ import annotations
 
+import html
 import math
 import os
 import warnings
@@ -100,6 +101,14 @@ class Stream:
 
     def __repr__(self) -> str:
         return '<tetlod.Stream %s: level %d of %d>' % (self._source.name, max(self.level, 0), len(self.levels) - 1)
+
+    def _repr_html_(self) -> Optional[str]:
+        """What a notebook shows of a server's stream: the server's viewer, at the error that was asked for. None elsewhere."""
+        if self._source.page is None:
+            return None
+        error = self._choice.fraction
+        link = self._source.page + ('' if error is None else '#error=%.6g' % error)
+        return '<iframe src="%s" title="tetlod" style="width: 100%%; height: 480px; border: 0"></iframe>' % html.escape(link)
 
     def _seek(self, level: int) -> 'Stream':
         self._source.expect(self.levels[level].bytes)

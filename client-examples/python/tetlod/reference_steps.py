@@ -5,7 +5,7 @@
     series = stream.series()                       # None: the stream has one moment only
     band = series.band_for_error(0.01)
     cursor, values = series.seek(band, series.step_for_time(0.5))
-    cursor.positions, cursor.tets, values['Pressure']
+    series.points(), cursor.tets, values['Pressure']
 """
 import math
 
@@ -19,12 +19,14 @@ GROUP, KEY, SAME, MOVED = 8, 0, 1, 2
 class Series:
     def __init__(self, stream, table):
         self.stream, data = stream, Bytes(table)
-        fields, bands, steps, reserved = data.take('IIII')
+        fields, bands, steps, displacement = data.take('IIII')
         groups, rows = (steps + GROUP - 1) // GROUP, fields * bands
-        require(0 < fields <= 256 and 0 < bands <= 64 and 0 < steps <= 1 << 20 and not reserved, 'a series beyond the limits')
+        require(0 < fields <= 256 and 0 < bands <= 64 and 0 < steps <= 1 << 20 and displacement <= fields, 'a series beyond the limits')
         size = 16 + 24 * fields + 16 * bands + 8 * (rows + steps + rows * steps) + 16 * rows * groups
         require(len(table) == size, 'the table of steps has another length')
         self.fields = [self._field(data) for _ in range(fields)]
+        self.displacement = self.fields[displacement - 1] if displacement else None
+        require(not displacement or self.displacement['components'] == 3, 'points that move in other than three directions')
         require(len({field['field'] for field in self.fields}) == fields, 'a field has steps twice')
         self.bands = [dict(zip(('error', 'level'), data.take('dQ'))) for _ in range(bands)]
         for band, before in zip(self.bands, [None] + self.bands):
@@ -41,7 +43,7 @@ class Series:
         sizes = [sum(size for size, _ in row) for row in self._entries]
         require([(s['stored'], s['packed']) for s in self._sections] == [(size, False) for size in sizes],
                 'the table of steps does not go with the stream')
-        self._cursor, self._lower = None, {}
+        self._cursor, self._lower, self._found = None, {}, {}
 
     def _field(self, data):
         number, kind, low, high = data.take('IIdd')
@@ -68,7 +70,17 @@ class Series:
         self._cursor.seek(level)
         if level not in self._lower:
             self._lower = {level: lower_neighbours(self._cursor)}
-        return self._cursor, {field['name']: self._values(number, band, step) for number, field in enumerate(self.fields)}
+        self._found = {field['name']: self._values(number, band, step) for number, field in enumerate(self.fields)}
+        return self._cursor, self._found
+
+    def points(self):
+        """Where the points are at the step that was sought last."""
+        if not self.displacement:
+            return self._cursor.positions
+        points = self._cursor.positions + self._found[self.displacement['name']]
+        points = points.astype(np.float32).astype(np.float64) if not self.stream.scales[0].original else points
+        require(np.isfinite(points).all(), 'a step moves a point out of all numbers')
+        return points
 
     def _values(self, number, band, step):
         row, begin = number * len(self.bands) + band, step // GROUP * GROUP

@@ -6,6 +6,7 @@ import { Held, readerOf } from './held.js';
 import { Source, canList, query, sleep } from './network.js';
 import { Groups, chooseBand, infoOfSteps } from './steps.js';
 import { View } from './tetlod.js';
+import { Flow, drawVectors } from './vectors.js';
 
 const slice = 100;      // milliseconds of decoding after which something is shown and messages are heard
 const moveTime = 250;   // milliseconds that a move between two levels takes
@@ -33,11 +34,12 @@ export class Engine {
   #surfaceOf = '';    // what the page has the triangles of
   #volumeOf = '';     // what the page has a volume of
   #raysOf = '';       // what the page has the tetrahedra of
+  #vectorsOf = '';    // what the page has arrows or streamlines of
   #seen = null;       // resolves when the page has seen the last pictures
   #bells = [];        // of loops that wait
   #turn = new MessageChannel(); // lets messages in between two pieces of work
   #base = null;       // #info while levels are shown; of steps it has other ranges and errors
-  #series = null;     // {group, times, bands, fields}, a promise of it until then
+  #series = null;     // {group, times, bands, fields, displacement}, a promise of it until then
   #groups = null;     // of its steps
   #time = null;       // {band, step, blend}: the step that is wanted; null: a level
   #at = null;         // {band, step}: the step that is shown
@@ -139,6 +141,7 @@ export class Engine {
     if (!before?.surface) this.#surfaceOf = '';
     if (!before?.volume) this.#volumeOf = '';
     if (!before?.rays) this.#raysOf = '';
+    if (!before?.vectors) this.#vectorsOf = '';
     this.#dirty = true;
     this.#wake();
   }
@@ -237,10 +240,10 @@ export class Engine {
     return series;
   }
 
-  // Of the fields that are decoded, each by an address of its own, which caches keep.
-  #readGroup({ fields, group: size }, band, group) {
+  // Of the fields that are decoded, and the one that moves the points, each by an address of its own, which caches keep.
+  #readGroup({ fields, group: size, displacement }, band, group) {
     const wanted = fields.map(({ name }, i) => ({ name, ...this.#view.span(i, band, group * size) }))
-      .filter(({ name }) => !this.#fields || this.#fields.some((f) => this.#base.fields[f].name === name));
+      .filter(({ name }) => !this.#fields || name === displacement || this.#fields.some((f) => this.#base.fields[f].name === name));
     const addressOf = (name) => (routes) =>
       canList([name]) && routes.group?.replace('{band}', band).replace('{group}', group).concat('?', query({ fields: name }));
     return Promise.all(wanted.map(async ({ name, offset, size: length }) =>
@@ -254,7 +257,7 @@ export class Engine {
     if (this.#moved >= 0) this.#view.rest();
     this.#moved = -1;
     this.#view.seek(this.#shown); // the level's own values
-    this.#sampleOf = this.#volumeOf = '';
+    this.#sampleOf = this.#volumeOf = this.#vectorsOf = '';
     this.#dirty = true;
   }
 
@@ -413,18 +416,26 @@ export class Engine {
   }
 
   // The spec with indices for names.
-  #checkSpec({ field, component, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, rays = false, morph = true, tag = null }) {
+  #checkSpec({ field, component, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, vectors = null, rays = false, morph = true, tag = null }) {
     const shade = field === undefined ? -1 : this.#fieldIndex(field);
     const of = (name) => (name === undefined ? shade : this.#fieldIndex(name));
     if (shade < 0 && [...isosurfaces, threshold].some((what) => what && what.field === undefined)) throw new RangeError('an isosurface or threshold needs a field');
     if (volume && !(volume.size >= 2 && volume.size <= 512)) throw new RangeError(`volume.size is from 2 to 512, not ${volume.size}`);
     const valueOf = (what) => ({ field: of(what.field), component: this.#component(of(what.field), what.component ?? (what.field === undefined ? component : 0)) });
     return {
-      surface, edges, slices, clip, volume, rays, morph, tag, shade,
+      surface, edges, slices, clip, volume, rays, morph, tag, shade, vectors: vectors && this.#checkVectors(vectors),
       component: shade < 0 ? 0 : this.#component(shade, component),
       threshold: threshold && { low: -Infinity, high: Infinity, ...threshold, ...valueOf(threshold) },
       isosurfaces: isosurfaces.map((iso) => ({ ...valueOf(iso), value: iso.value, zone: Boolean(iso.zone) })),
     };
+  }
+
+  #checkVectors({ field: name, kind = 'arrows', count = 300 }) {
+    const field = this.#fieldIndex(name);
+    if (this.#info.fields[field].components !== 3) throw new RangeError(`the field '${name}' has ${this.#info.fields[field].components} components, vectors have 3`);
+    if (!['arrows', 'streamlines'].includes(kind)) throw new RangeError(`vectors.kind is arrows or streamlines, not '${kind}'`);
+    if (!(Number.isInteger(count) && count >= 1 && count <= 10000)) throw new RangeError(`vectors.count is a whole number from 1 to 10000, not ${count}`);
+    return { field, kind, count };
   }
 
   // Prepares a move to or from a coarser level, if it would be seen: something is drawn, and quickly.
@@ -513,6 +524,17 @@ export class Engine {
     return this.#view.resample(volume.size, volume.logarithmic);
   }
 
+  // As with the grid: at rest, and where it is not the same.
+  #drawVectors(t) {
+    const { vectors, shade, component, threshold } = this.#spec;
+    if (!vectors) return null;
+    const key = JSON.stringify([this.#shown, this.#at, vectors, shade, component, threshold]);
+    if (t < 1 || key === this.#vectorsOf) return undefined;
+    this.#vectorsOf = key;
+    const [low, high] = this.#info.bounds;
+    return drawVectors(new Flow(this.#view.flow(vectors.field)), vectors, Math.hypot(...high.map((h, i) => h - low[i])));
+  }
+
   // Makes the pictures at t of a move (1: at rest) and waits until they are seen.
   async #present(t) {
     this.#dirty = false;
@@ -523,9 +545,10 @@ export class Engine {
     const parts = this.#draw(t);
     this.#frameTime = performance.now() - started;
     const volume = this.#drawVolume(t);
+    const vectors = this.#drawVectors(t);
     const seconds = (performance.now() - started) / 1000;
     const seen = new Promise((resolve) => { this.#seen = resolve; });
-    this.#emit('pictures', { tag: this.#spec.tag, level: this.#shown, step: this.#at?.step ?? null, t, origin: this.#view.centre, ...parts, volume, seconds });
+    this.#emit('pictures', { tag: this.#spec.tag, level: this.#shown, step: this.#at?.step ?? null, t, origin: this.#view.centre, ...parts, volume, vectors, seconds });
     await this.#workUntil(seen);
   }
 

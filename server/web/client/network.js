@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The bytes of a stream in order, from the server's routes or from any host of files; one request at a time.
 
+import { chooseLevel } from './choose.js';
+
 const OPENING = 32768;  // header, index and first levels of most streams, if more is not needed yet
 const FIRST = 65536;    // of a file whose index is not known, if there is a target: as long on its way as its first answer is awaited
 const LEAST = 1 << 17;  // that one request may ask for, if so much is needed; later ones as much as all before them, up to
@@ -258,8 +260,8 @@ export class Source {
   async #askPrefix() {
     const url = new URL(this.#url);
     url.pathname = url.pathname.replace(/\/?$/, '/prefix');
-    if (this.fields === 'first') await this.#chooseFirst();
-    url.search = prefixQuery(this.#target, this.fields?.join());
+    const target = this.fields === 'first' ? await this.#chooseFirst() : this.#target;
+    url.search = prefixQuery(target, this.fields?.join());
     try {
       const answer = await this.#fetch(url);
       const end = Number(answer.headers.get('Content-Length'));
@@ -283,16 +285,23 @@ export class Source {
     return { cid, levels, fields, routes: { level: absolute(links.level), records: absolute(links.records), stream: absolute(links.stream), group: links.group && absolute(links.group) } };
   }
 
-  // Where the description cannot be had, or does not say which fields there are, all of them are wanted.
+  // The field by the description, which also knows the level of a target: the answer then has all that it takes. Where the
+  // description cannot be had, or does not say which fields there are, all of them are wanted.
   async #chooseFirst() {
     const early = this.#early ??= this.#askDescription();
-    const { fields } = await early.catch((error) => {
+    const { fields, levels } = await early.catch((error) => {
       this.#early = null;
       if (error instanceof FetchError) return { fields: [] };
       throw error;
     });
     const { name } = fields.find((field) => field.controlled) ?? fields[0] ?? {};
     this.fields = fields.length > 1 && canList([name]) ? [name] : undefined;
+    try {
+      return fields.length && this.#target ? { level: chooseLevel({ fields, levels }, this.#target) } : this.#target;
+    } catch (error) {
+      if (error instanceof RangeError) return this.#target; // the server says what is wrong with it
+      throw error;
+    }
   }
 
   async #findRoutes() {

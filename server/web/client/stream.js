@@ -61,7 +61,7 @@ function completed(pictures, kept) {
     kept.set(key, owner[name]);
     return owner;
   };
-  const whole = restore('volume', pictures, 'volume');
+  const whole = restore('vectors', restore('volume', pictures, 'volume'), 'vectors');
   if (whole.shade) whole.shade = restore('sample', whole.shade, 'sample');
   if (whole.surface) whole.surface = restore('lines', restore('triangles', whole.surface, 'triangles'), 'lines');
   if (whole.rays) for (const name of ['corners', 'neighbours', 'faces']) whole.rays = restore(name, whole.rays, name);
@@ -161,7 +161,7 @@ export class TetlodStream extends EventTarget {
   level = 0;
   received = 0;
   receivedSteps = 0; // bytes of steps, beside those
-  series = null; // {group, times, bands: [{error, level}], fields: [{name, range}]} of a series in time, from the event `series` on
+  series = null; // {group, times, bands: [{error, level}], fields: [{name, range}], displacement: name or null} of a series in time, from the event `series` on
 
   /**
    * Opens a stream and decodes its base mesh. `source`: the URL of a server's mesh (…/v1/meshes/{id}) or of a file, or

@@ -251,10 +251,22 @@ export class View {
     };
   }
 
+  // Counts and addresses of struct cut_rays.
+  #rayData() {
+    this.#check(this.#code.view_rays(this.#view));
+    return this.#words(this.#code.view_ray_data(this.#view), 9);
+  }
+
+  /** What is drawn, and a field of vectors, as `Flow` takes them: the module's own arrays, until the next call. */
+  flow(field) {
+    const [vertexCount, tetCount, , , vertices, corners, neighbours] = this.#rayData();
+    return { vertices: this.#floats(vertices, 4 * vertexCount), corners: this.#words(corners, 4 * tetCount), neighbours: this.#words(neighbours, 4 * tetCount),
+      vectors: this.#doubles(this.#code.view_values(this.#view, field), 3 * vertexCount) };
+  }
+
   /** What rays through the tetrahedra need (src/cut/rays.h); `keep`: only what a move changes. */
   rays({ keep = false } = {}) {
-    this.#check(this.#code.view_rays(this.#view));
-    const [vertexCount, tetCount, faceCount, nodeCount, vertices, corners, neighbours, faces, nodes] = this.#words(this.#code.view_ray_data(this.#view), 9);
+    const [vertexCount, tetCount, faceCount, nodeCount, vertices, corners, neighbours, faces, nodes] = this.#rayData();
     const placed = { vertices: this.#floats(vertices, 4 * vertexCount).slice(), nodes: this.#floats(nodes, 8 * nodeCount).slice() };
     const words = (address, count) => this.#words(address, 4 * count).slice();
     return keep ? placed : { ...placed, corners: words(corners, tetCount), neighbours: words(neighbours, tetCount), faces: words(faces, faceCount) };

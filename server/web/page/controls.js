@@ -4,13 +4,13 @@
 import { mapOfFile } from './color_file.js';
 import { cssGradient, mapNames } from './colors.js';
 import { byId, element } from './dom.js';
-import { componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, isosurfacesOf, measuresOf, spanOf, targetFieldOf, wantedLevel, wordsOfBound } from './levels.js';
+import { componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, isosurfacesOf, measuresOf, spanOf, targetFieldOf, vectorFields, vectorsOf, wantedLevel, wordsOfBound } from './levels.js';
 import { notice } from './notices.js';
 import { clamp, parseNumber, percent, significant } from './numbers.js';
 import { Plot } from './plot.js';
 import { histogram } from './first_view.js';
 import { thresholdRange } from './spec.js';
-import { axisOf } from './state.js';
+import { axisOf, mostVectors } from './state.js';
 import { TransferEditor } from './transfer.js';
 
 const options = (select, pairs) => select.replaceChildren(...pairs.map(([value, text]) => element('option', { value }, text)));
@@ -66,7 +66,7 @@ export class Controls {
 
   // What makes the panel, each a short piece of work.
   parts() {
-    return [() => bindPlain(this.store), () => this.bindDetail(), () => this.bindColors(), () => this.bindLayers(), () => this.bindThreshold(), () => this.bindVolume(),
+    return [() => bindPlain(this.store), () => this.bindDetail(), () => this.bindColors(), () => this.bindLayers(), () => this.bindVectors(), () => this.bindThreshold(), () => this.bindVolume(),
       () => this.bindView(), () => this.describe()];
   }
 
@@ -190,7 +190,7 @@ export class Controls {
   // What lies inside is hidden by a solid boundary: the first such layer opens it, or takes it away; the last one brings it back.
   setInner(patch) {
     const before = this.store.state;
-    const inner = (s) => s.slices.length + s.isosurfaces.length + (s.volume ? 1 : 0);
+    const inner = (s) => s.slices.length + s.isosurfaces.length + (s.volume ? 1 : 0) + (s.vectors === 'off' ? 0 : 1);
     const after = { ...before, ...patch };
     const opened = patch.volume ? 'off' : 'inside';
     if (!inner(before) && inner(after) && before.surface === 'solid') this.opened = patch.surface = opened;
@@ -243,6 +243,25 @@ export class Controls {
     const opacity = byId('isosurface-opacity');
     opacity.addEventListener('input', () => store.set({ isosurfaceOpacity: opacity.value / 100 }));
     store.watch(['isosurfaceOpacity'], (state) => (opacity.value = 100 * state.isosurfaceOpacity));
+  }
+
+  // As many as a slider from 1 to 1000 says: most of its way is for few.
+  bindVectors() {
+    const { store, info } = this;
+    const [choice, field, slider] = ['vectors', 'vector-field', 'vector-count'].map(byId);
+    const able = vectorFields(info);
+    byId('vectors-body').hidden = !able.length;
+    options(field, able.map((name) => [name, name]));
+    choice.addEventListener('change', () => this.setInner({ vectors: choice.value }));
+    field.addEventListener('change', () => store.set({ vectorField: field.value }));
+    slider.addEventListener('input', () => store.set({ vectorCount: Math.max(1, Math.round(mostVectors ** (slider.value / 1000))) }));
+    store.watch(['vectors', 'vectorField', 'vectorCount', 'field'], (state) => {
+      choice.value = state.vectors;
+      byId('vectors-more').hidden = state.vectors === 'off';
+      field.value = vectorsOf(info, state) ?? '';
+      slider.value = (1000 * Math.log(state.vectorCount)) / Math.log(mostVectors);
+      slider.ariaValueText = String(state.vectorCount);
+    });
   }
 
   bindThreshold() {

@@ -100,14 +100,28 @@ export function isosurfacesOf(info, state) {
   return { field: field.name, component: field.components === 1 ? 0 : 'magnitude', colored: false };
 }
 
+// Fields that arrows and streamlines can be of, and the one that is chosen.
+export const vectorFields = (info) => info.fields.filter(({ components }) => components === 3).map(({ name }) => name);
+export function vectorsOf(info, { vectors, vectorField, field }) {
+  const able = vectorFields(info);
+  return vectors === 'off' ? null : [vectorField, field].find((name) => able.includes(name)) ?? able[0] ?? null;
+}
+
 // Names of the fields that the picture needs.
-export const shownFields = (info, state) => [...new Set([state.field, ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : [])])];
+export const shownFields = (info, state) => [...new Set([
+  state.field, ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : []), vectorsOf(info, state) ?? state.field])];
 
 export function titleOf(info, state) {
   const component = componentOf(info, state);
   const { components } = fieldOf(info, state.field);
   if (components === 1) return state.field;
   return component === 'magnitude' ? `|${state.field}|` : `${state.field} ${componentName(components, component)}`;
+}
+
+// The unit of the field as it stands behind its name; metadata hold what a file said, or anything.
+export function unitOf(info, state) {
+  const unit = info.metadata?.units?.[state.field];
+  return typeof unit === 'string' && unit ? ` [${unit}]` : '';
 }
 
 export const componentName = (components, i) => (components <= 3 ? 'xyz'[i] : String(i));

@@ -3,19 +3,19 @@
 
 import { boundOf } from '../client/choose.js';
 import { byId, coalesced, element, svg } from './dom.js';
-import { add, mix } from './geometry.js';
+import { add, length, mix } from './geometry.js';
 import { componentOf, titleOf, wordsOfBound } from './levels.js';
 import { clamp, significant, ticks } from './numbers.js';
 
 const margin = { left: 52, right: 10, top: 8, bottom: 20 };
 
-/** Rows of text for spreadsheets: distance, place, value, and the bounds of the original's. */
-export function csvOf(title, from, to, ends, bound) {
-  const length = Math.hypot(...add(to, from, -1));
-  const rows = [`distance,x,y,z,${/[",\n]/.test(title) ? `"${title.replaceAll('"', '""')}"` : title},at least,at most`];
-  for (let i = 0; i < ends.length; i += 2)
-    rows.push([ends[i] * length, ...mix(from, to, ends[i]), ends[i + 1], ends[i + 1] - bound, ends[i + 1] + bound].join());
-  return `${rows.join('\n')}\n`;
+/** For each end of a piece: its distance, place, value, and the bounds of the original's. */
+export function rowsOf(from, to, ends, bound) {
+  const whole = length(add(to, from, -1));
+  return Array.from({ length: ends.length / 2 }, (_, i) => {
+    const [at, value] = ends.subarray(2 * i, 2 * i + 2);
+    return [at * whole, ...mix(from, to, at), value, value - bound, value + bound];
+  });
 }
 
 export class LinePlot {
@@ -30,7 +30,7 @@ export class LinePlot {
     layer.append(this.overlay);
     this.knobs = [0, 1].map((end) => this.makeKnob(layer, end));
     this.sample = coalesced(() => this.ask());
-    byId('line-csv').addEventListener('click', () => this.saveCsv());
+    for (const kind of ['csv', 'vtp']) byId(`line-${kind}`).addEventListener('click', () => this.saveAs(kind));
     byId('line-close').addEventListener('click', () => viewer.store.set({ line: null }));
     this.drawing.addEventListener('pointermove', (event) => this.tellValue(event.offsetX));
     this.drawing.addEventListener('pointerleave', () => this.tellBound());
@@ -136,7 +136,7 @@ export class LinePlot {
     const { ends, from, to, bound } = this.shown;
     if (!ends.length) return this.drawing.replaceChildren(svg('text', { x: width / 2, y: height / 2 }, 'The line does not meet the volume.'));
     const [low, high] = this.extent();
-    const length = Math.hypot(...add(to, from, -1));
+    const whole = length(add(to, from, -1));
     this.x = (at) => margin.left + at * (width - margin.left - margin.right);
     this.y = (value) => height - margin.bottom - ((clamp(value, low, high) - low) / (high - low)) * (height - margin.top - margin.bottom);
     const place = (i, shift) => `${this.x(ends[i]).toFixed(1)},${this.y(ends[i + 1] + shift).toFixed(1)}`;
@@ -147,7 +147,7 @@ export class LinePlot {
     }
     const marks = [
       ...ticks(low, high, 3).map((v) => svg('text', { class: 'value', x: margin.left - 6, y: this.y(v) }, significant(v, 3))),
-      ...ticks(0, length, 4).map((d) => svg('text', { x: this.x(d / length), y: height - 8 }, significant(d, 3))),
+      ...ticks(0, whole, 4).map((d) => svg('text', { x: this.x(d / whole), y: height - 8 }, significant(d, 3))),
     ];
     const rules = ticks(low, high, 3).map((v) => svg('path', { class: 'grid', d: `M${margin.left},${this.y(v)}H${width - margin.right}` }));
     this.drawing.replaceChildren(...rules, svg('path', { class: 'band', d: band }), svg('path', { class: 'line', d: curve }), ...marks);
@@ -156,8 +156,8 @@ export class LinePlot {
 
   tellBound() {
     if (!this.shown) return;
-    const length = Math.hypot(...add(this.shown.to, this.shown.from, -1));
-    byId('line-words').textContent = `${this.shown.title} ${wordsOfBound(this.viewer.info, this.viewer.store.state.field, this.shown)}, length ${significant(length, 4)}`;
+    const whole = length(add(this.shown.to, this.shown.from, -1));
+    byId('line-words').textContent = `${this.shown.title} ${wordsOfBound(this.viewer.info, this.viewer.store.state.field, this.shown)}, length ${significant(whole, 4)}`;
   }
 
   tellValue(offset) {
@@ -172,8 +172,14 @@ export class LinePlot {
     }
   }
 
-  saveCsv() {
+  // Each piece is a line of its own, so that gaps stay gaps.
+  async saveAs(kind) {
     const { title, from, to, ends, bound } = this.shown;
-    this.save('csv', new Blob([csvOf(title, from, to, ends, bound)], { type: 'text/csv' }));
+    const { csvOf, vtpOf } = await import('./surface_files.js');
+    const rows = rowsOf(from, to, ends, bound);
+    const column = (k) => Float64Array.from(rows, (row) => row[k]);
+    const names = [[title, 4], ['distance', 0], ['at least', 5], ['at most', 6]];
+    this.save(`line.${kind}`, kind === 'csv' ? new Blob([csvOf(['distance', 'x', 'y', 'z', title, 'at least', 'at most'], rows)], { type: 'text/csv' })
+      : vtpOf({ positions: Float64Array.from(rows.flatMap((row) => row.slice(1, 4))), arrays: names.map(([name, k]) => [name, column(k)]), lines: [...rows.keys()] }));
   }
 }

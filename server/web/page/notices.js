@@ -5,6 +5,13 @@ import { byId, element } from './dom.js';
 
 const messages = new Map();
 
+// What a message can offer.
+export function button(words, act) {
+  const made = element('button', { type: 'button' }, words);
+  made.addEventListener('click', act);
+  return made;
+}
+
 // One message for each `key`; `seconds`: when it goes by itself, 0: it stays until cleared or closed; `place`: id of where it is.
 export function notice(key, message, { failed = false, seconds = 4, children = [], place = 'notices' } = {}) {
   clear(key);

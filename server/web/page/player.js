@@ -12,6 +12,12 @@ const blended = 0.8;  // of an interval: what is left is for decoding
 
 const sleep = (milliseconds) => new Promise((resolve) => { setTimeout(resolve, milliseconds); });
 
+// Fields that only the first step has.
+function wordsOfStill({ info, series }) {
+  const still = info.fields.map(({ name }) => name).filter((name) => !series.fields.some((field) => field.name === name));
+  return still.length ? `${still.join(', ')}: no steps; every step shows the values of the first.` : '';
+}
+
 export class Player {
   #viewer; #parts; #playing = null; #rate = usual; #loop = true;
   // #playing: what tells one play from the next, which may begin while a step of the one before is on its way
@@ -38,11 +44,12 @@ export class Player {
       loop: button('player-loop', 'Begin again at the end', '⟲', () => this.#setLoop(!this.#loop)),
       now: element('output', { id: 'player-now' }),
       late: element('p', { id: 'player-late', role: 'status' }),
+      still: element('p', { id: 'player-still' }, wordsOfStill(viewer)),
     };
-    const { play, loop, now, late } = this.#parts;
+    const { play, loop, now, late, still } = this.#parts;
     const buttons = element('span', { className: 'buttons' }, button('player-back', 'One step back (,)', '‹', () => this.step(-1)), play,
       button('player-on', 'One step on (.)', '›', () => this.step(1)), loop, speed);
-    stage.append(element('section', { id: 'player', ariaLabel: 'Time' }, buttons, element('span', { className: 'track' }, line, buffer), now, late));
+    stage.append(element('section', { id: 'player', ariaLabel: 'Time' }, buttons, element('span', { className: 'track' }, line, buffer), now, late, still));
     this.#setLoop(true);
     viewer.addEventListener('step', () => this.#tell());
     viewer.addEventListener('buffered', ({ detail }) => this.#drawBuffer(detail.groups));

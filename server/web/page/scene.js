@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The picture: vtk.js's window, camera and the layers that the worker's pictures fill.
 
-import '@kitware/vtk.js/Rendering/OpenGL/Profiles/Geometry.js';
+// what a picture of triangles and lines takes: vtk.js's own profile brings axes, scalar bars and skyboxes along
+import '@kitware/vtk.js/Rendering/OpenGL/Actor.js';
+import '@kitware/vtk.js/Rendering/OpenGL/Camera.js';
+import '@kitware/vtk.js/Rendering/OpenGL/PolyDataMapper.js';
+import '@kitware/vtk.js/Rendering/OpenGL/Renderer.js';
 import vtkInteractorStyle from '@kitware/vtk.js/Interaction/Style/InteractorStyleTrackballCamera.js';
 import vtkPolyData from '@kitware/vtk.js/Common/DataModel/PolyData.js';
 import vtkColorTransferFunction from '@kitware/vtk.js/Rendering/Core/ColorTransferFunction.js';
@@ -79,6 +83,7 @@ export class Scene extends EventTarget {
     this.slices = [];
     this.isosurfaces = [];
     this.zones = []; // two for each isosurface that has one
+    this.vectors = []; // arrows or streamlines, if there are any
     this.volume = null; // a grid's
     this.grid = null;
     this.rays = null;   // the tetrahedra's
@@ -190,6 +195,7 @@ export class Scene extends EventTarget {
     this.updateList('slices', pictures.slices, state.log);
     this.updateList('isosurfaces', pictures.isosurfaces, state.log);
     this.updateList('zones', pictures.zones?.flatMap((zone) => zone?.sides ?? []), state.log);
+    if (pictures.vectors !== undefined) this.updateList('vectors', pictures.vectors ? [pictures.vectors] : [], state.log);
     if (pictures.volume !== undefined) {
       this.grid = pictures.volume;
       this.volume?.update(this.grid);
@@ -247,7 +253,7 @@ export class Scene extends EventTarget {
     for (const slice of this.slices) slice.showLines = state.sliceEdges;
     for (const isosurface of this.isosurfaces) isosurface.triangles.actor.getProperty().setOpacity(state.isosurfaceOpacity);
     for (const part of [this.surface, ...this.slices]) part.shaded = state.shading === 'all';
-    for (const isosurface of [...this.isosurfaces, ...this.zones]) isosurface.shaded = state.shading !== 'off';
+    for (const isosurface of [...this.isosurfaces, ...this.zones, ...this.vectors]) isosurface.shaded = state.shading !== 'off';
     for (const zone of this.zones) zone.triangles.actor.getProperty().setOpacity(zoneOpacity);
     for (const layer of this.layers()) {
       layer.place(this.offset);
@@ -261,7 +267,7 @@ export class Scene extends EventTarget {
   }
 
   layers() {
-    return [this.surface, ...this.slices, ...this.isosurfaces, ...this.zones];
+    return [this.surface, ...this.slices, ...this.isosurfaces, ...this.zones, ...this.vectors];
   }
 
   // Colours from `low` to `high`, which are logarithms if the state says so.
@@ -434,10 +440,14 @@ export class Scene extends EventTarget {
     return nearest && { value: nearest.value, point: add(nearest.point, this.offset) };
   }
 
-  // A PNG's pixels of the next frame, without what is drawn over it.
-  async capture() {
+  // A PNG's pixels of the next frame, without what is drawn over it. `size`: [width, height], if not as on the screen.
+  async capture(size = null) {
     const image = new Image();
-    const [shot] = await Promise.all(this.window.captureImages());
+    const camera = this.renderer.getActiveCamera();
+    const across = camera.getUseHorizontalViewAngle();
+    if (size) camera.setUseHorizontalViewAngle(size[0] < size[1]);
+    const [shot] = await Promise.all(this.window.captureImages('image/png', { size }));
+    camera.setUseHorizontalViewAngle(across);
     image.src = shot;
     await image.decode();
     return image;

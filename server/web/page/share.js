@@ -5,22 +5,32 @@ import { byId, element } from './dom.js';
 import { notice } from './notices.js';
 import { withTexts } from './png_text.js';
 
-/** `texts`: what the file says of itself. */
-export async function savePicture(scene, name, texts) {
-  const shot = await scene.capture();
+// What lies over the picture, as large beside it as on the screen: below, in the middle or at the left.
+function drawOver(context, { width, height }, redraw) {
+  const stage = byId('stage').getBoundingClientRect();
+  const factor = Math.min(width / stage.width, height / stage.height);
+  const over = ['scalarbar', 'compass'].map(byId).filter((canvas) => canvas.getBoundingClientRect().width);
+  for (const canvas of over) canvas.dataset.pixels = factor;
+  redraw();
+  for (const canvas of over) {
+    const box = canvas.getBoundingClientRect();
+    const left = canvas.id === 'compass' ? (box.left - stage.left) * factor : width / 2 + (box.left - stage.left - stage.width / 2) * factor;
+    const place = [left, height - (stage.bottom - box.top) * factor, box.width * factor, box.height * factor];
+    context.fillStyle = getComputedStyle(canvas).backgroundColor;
+    context.fillRect(...place);
+    context.drawImage(canvas, ...place);
+    delete canvas.dataset.pixels;
+  }
+  redraw();
+}
+
+/** `size`: [width, height], if not as on the screen; `texts`: what the file says of itself; `redraw()` draws what lies over the picture. */
+export async function savePicture(scene, name, { size, texts, redraw }) {
+  const shot = await scene.capture(size);
   const canvas = element('canvas', { width: shot.width, height: shot.height });
   const context = canvas.getContext('2d');
   context.drawImage(shot, 0, 0);
-  const stage = byId('stage').getBoundingClientRect();
-  const factor = shot.width / stage.width;
-  for (const id of ['scalarbar', 'compass']) {
-    const box = byId(id).getBoundingClientRect();
-    if (!box.width) continue;
-    const place = [(box.left - stage.left) * factor, (box.top - stage.top) * factor, box.width * factor, box.height * factor];
-    context.fillStyle = getComputedStyle(byId(id)).backgroundColor;
-    context.fillRect(...place);
-    context.drawImage(byId(id), ...place);
-  }
+  drawOver(context, shot, redraw);
   const blob = await new Promise((done) => canvas.toBlob(done, 'image/png'));
   saveFile(`${name}.png`, withTexts(blob, texts));
 }

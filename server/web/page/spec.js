@@ -2,7 +2,7 @@
 // What the state asks of the stream: which pictures, and how exact they are to be.
 
 import { planeOf } from './geometry.js';
-import { componentOf, defaultTets, fieldOf, isosurfacesOf, measureFor, targetFieldOf } from './levels.js';
+import { componentOf, defaultTets, fieldOf, isosurfacesOf, measureFor, targetFieldOf, vectorsOf } from './levels.js';
 
 // What the state's fractions are of; it does not change while the stream comes.
 function rangeOf(info, { field, component }) {
@@ -36,6 +36,7 @@ export function specOf(state, info) {
     clip: state.clip && planeOf(info.bounds, state.clip),
     rays: state.volume && !state.volumeSize,
     volume: state.volume && state.volumeSize ? { size: state.volumeSize, logarithmic: state.log } : null,
+    vectors: vectorsOf(info, state) && { field: vectorsOf(info, state), kind: state.vectors, count: state.vectorCount },
     morph: state.smooth,
   };
 }

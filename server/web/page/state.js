@@ -4,6 +4,8 @@
 import { isMap } from './colors.js';
 import { clamp } from './numbers.js';
 
+export const mostVectors = 3000;
+
 export const defaults = Object.freeze({
   // the target: the coarsest level with at most this error (a fraction of the field's range; 0: the finest level), within budgets
   error: 0.01,
@@ -33,6 +35,9 @@ export const defaults = Object.freeze({
   zone: false, // the isosurfaces' certified zones
   threshold: null, // cells with values between two fractions of the data range
   clip: null, // { normal, at }
+  vectors: 'off', // off, arrows, streamlines
+  vectorField: '', // of which field; empty: the drawn one if it has three components, else the first that has
+  vectorCount: 200,
   line: null, // that values are plotted along: begin and end as fractions of the bounds, six numbers
   pins: [], // places of probes that stay: fractions of the bounds
   volume: false,
@@ -43,6 +48,7 @@ export const defaults = Object.freeze({
   axes: true, // with numbers
   parallel: false,
   smooth: true, // levels pass into one another
+  second: null, // what a second view beside this one shows: its part of a link
   camera: null, // position, focal point and view up as nine numbers; a tenth is the height of a parallel projection
 });
 
@@ -102,6 +108,9 @@ const codecs = {
     write: (l) => l.map(round).join(','),
   },
   clip: { read: (t) => readPlane(t) ?? undefined, write: writePlane },
+  vectors: oneOf('off', 'arrows', 'streamlines'),
+  vectorField: text,
+  vectorCount: { read: (t) => (Number(t) >= 1 ? clamp(Math.round(Number(t)), 1, mostVectors) : undefined), write: String },
   line: {
     read: (t) => (numbers(t).length === 6 && numbers(t).every((x) => x >= 0 && x <= 1) ? numbers(t) : undefined),
     write: (l) => l.map(round).join(','),
@@ -117,6 +126,7 @@ const codecs = {
   axes: flag,
   parallel: flag,
   smooth: flag,
+  second: text,
   camera: {
     read: (t) => (isCamera(numbers(t)) ? numbers(t) : undefined),
     write: (c) => c.map(round).join(','),

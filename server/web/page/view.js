@@ -1,126 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The viewer's page: the picture of one stream, and everything around it.
+// The viewer's page begins: the stream is asked for, and its first picture drawn. The panel is loaded meanwhile.
 
-import { Axes } from './axes.js';
-import { chooseFile } from './choose_file.js';
-import { Compass } from './compass.js';
-import { mapNames } from './colors.js';
-import { Controls } from './controls.js';
-import { byId, coalesced, element, pause } from './dom.js';
-import { Handles } from './handles.js';
-import { bindKeys, listKeys } from './keys.js';
-import { defaultTets, errorOf, fieldOf, levelForError, memoryOf, promiseOf, shownMeasure, targetFieldOf, titleOf, wantedLevel } from './levels.js';
-import { clear, notice } from './notices.js';
-import { bytes, count, percent, significant } from './numbers.js';
-import { LinePlot } from './line_plot.js';
-import { Pins } from './pins.js';
-import { Player } from './player.js';
-import { Probe } from './probe.js';
-import { copyLink, saveFile, savePicture } from './share.js';
-import { switchTheme, themes } from './theme.js';
-import { Viewer } from './viewer.js';
-
-// view/{id} on a server; ?stream=URL is any stream that can be fetched; without either somebody chooses a file. This module
-// lies at the root of the site.
-const root = new URL('.', import.meta.url);
-const id = decodeURIComponent(/^view\/(.*)$/.exec(location.pathname.slice(root.pathname.length))?.[1] ?? '');
-const file = new URLSearchParams(location.search).get('stream');
-const source = await (id ? new URL(`v1/meshes/${encodeURIComponent(id)}`, root).href : file ?? chooseFile());
-const name = id || nameOf(source);
-
-// fin of …/fin.tetlod, and of …/fin/{content id}/stream
-function nameOf(from) {
-  const path = decodeURIComponent(from.name ?? new URL(from, location).pathname);
-  return /([^/]+)\/[0-9a-f]{32}\/stream$/.exec(path)?.[1] ?? path.split('/').pop().replace(/\.tetlod$/, '');
-}
-
-const viewer = new Viewer({ stage: byId('stage'), picture: byId('picture'), bar: byId('scalarbar') }, location.hash);
-const { store } = viewer;
-let controls, compass, handles, axes, line, pins, probe, player;
-
-// ---- what is asked before it is loaded
-
-const button = (words, act) => {
-  const made = element('button', { type: 'button' }, words);
-  made.addEventListener('click', act);
-  return made;
-};
-
-// What the device's memory is not for is loaded when somebody says so.
-function askForMore() {
-  clear('budget');
-  const { info } = viewer;
-  const { state } = store;
-  const wanted = info.levels[levelForError(info, state)];
-  if (state.maxTets || wanted.tets <= defaultTets()) return;
-  notice('budget', `${state.error ? percent(state.error) : 'The original'} needs ${count(wanted.tets)} tetrahedra and about ${bytes(memoryOf(wanted.tets))} of memory.`,
-    { seconds: 0, place: 'asks', children: [button('Load it', () => store.set({ maxTets: wanted.tets }))] });
-}
-
-// A drawn field that the stream does not control has an error of its own; what it takes to limit that, too, is asked.
-function askForField() {
-  clear('field');
-  const { info, level } = viewer;
-  const { state } = store;
-  if (targetFieldOf(info, state) === state.field) return;
-  const measure = shownMeasure(info, state);
-  const wanted = info.levels[levelForError(info, { ...state, errorField: state.field })];
-  if (level >= 0 && errorOf(info.levels[level], state.field, measure) <= state.error) return;
-  notice('field', `${state.field} is not controlled: the error shown is measured. ${percent(state.error)} of it takes ${count(wanted.tets)} tetrahedra, ${bytes(wanted.bytes)}.`,
-    { seconds: 0, place: 'asks', children: [button('Load it', () => store.set({ errorField: state.field }))] });
-}
-
-// ---- what is shown, in words
-
-let told = -1; // the level that the words are of
-
-function tellShown() {
-  if (!controls) return;
-  const { stream, info, level } = viewer;
-  const { state } = store;
-  const now = info.levels[level];
-  told = level;
-  byId('shown').classList.toggle('busy', level !== wantedLevel(info, state));
-  const put = (where, value, small = '') => {
-    const note = document.createElement('small');
-    note.textContent = small;
-    byId(where).replaceChildren(value, ' ', note);
-  };
-  const measure = shownMeasure(info, state);
-  byId('stop').hidden = level === wantedLevel(info, state);
-  byId('error-kind').textContent = { max: 'Certified error', sampled: 'Sampled error', rms: 'RMS error' }[measure];
-  put('shown-bytes', bytes(stream.received + stream.receivedSteps), `of ${bytes(info.bytes)}`);
-  byId('progress').value = (stream.received + stream.receivedSteps) / info.bytes;
-  controls.setShown(level, stream.received);
-  if (!now) return;
-  const error = viewer.at?.error ?? errorOf(now, state.field, measure);
-  const span = fieldOf(info, state.field).range;
-  put('shown-error', percent(error), error ? `± ${significant(error * (span[1] - span[0]), 2)}` : 'exact');
-  put('shown-tets', count(now.tets), percent(now.tets / info.tets));
-  byId('promise').textContent = promiseOf(info, level);
-  put('shown-level', String(level), `of ${info.levels.length - 1}`);
-  const { at } = viewer;
-  if (id) byId('download').href = `${source}/${info.cid}/${at ? `bands/${at.band}/steps/${at.step}` : `levels/${level}`}/mesh.vtu`;
-  byId('download').download = `${name}-${at ? `step${at.step}-${at.band}` : level}.vtu`;
-}
-
-// Frames a second while the picture moves; a pause of a quarter of a second is none.
-function countFrames() {
-  let last = 0;
-  let intervals = [];
-  const tell = coalesced(() => {
-    const rate = intervals.length / (intervals.reduce((a, b) => a + b, 0) / 1000);
-    byId('shown-fps').textContent = intervals.length > 2 ? `${Math.round(rate)} /s` : '–';
-  });
-  viewer.scene.addEventListener('render', () => {
-    const now = performance.now();
-    if (now - last < 250) intervals = [...intervals.slice(-30), now - last];
-    last = now;
-  });
-  setInterval(tell, 500);
-}
-
-// ---- from the stream
+import { byId, element } from './dom.js';
+import { button, clear, notice } from './notices.js';
+import { bytes, significant } from './numbers.js';
+import { id, name, root, source, viewer } from './opened.js';
+import './theme.js';
 
 function tellLoading({ detail: { received } }) {
   byId('loading').textContent = `Loading… ${bytes(received)}`;
@@ -143,202 +28,28 @@ function tellFailure({ detail: { message, retry } }) {
 function listen() {
   viewer.addEventListener('retry', tellRetry);
   viewer.addEventListener('loading', tellLoading);
-  viewer.addEventListener('progress', () => {
-    clear('retry');
-    tellShown();
-  });
-  viewer.addEventListener('level', () => {
-    clear('error');
-    tellShown();
-  });
-  viewer.addEventListener('pictures', ({ detail: { t, level, zones } }) => {
-    byId('loading').hidden = true;
-    if (t === 1) controls?.setZones({ zones, level });
-    if (t === 1) probe?.look();
-    if (level !== told) tellShown();
-  });
-  viewer.addEventListener('step', tellShown);
-  viewer.addEventListener('colors', ({ detail }) => controls?.setColors(detail));
+  viewer.addEventListener('progress', () => clear('retry'));
+  viewer.addEventListener('level', () => clear('error'));
+  viewer.addEventListener('pictures', () => { byId('loading').hidden = true; });
   viewer.addEventListener('joining', ({ detail: { fields } }) => notice('fields', `Loading ${fields.join(', ')}…`, { seconds: 0 }));
   viewer.addEventListener('joined', () => clear('fields'));
   viewer.addEventListener('failed', tellFailure);
 }
 
-// ---- from the controls
-
-const remember = (() => {
-  let timer = 0;
-  return () => {
-    clearTimeout(timer);
-    timer = setTimeout(() => history.replaceState(null, '', location.pathname + location.search + viewer.fragment), 250);
-  };
-})();
-
-function watch() {
-  viewer.follow();
-  store.watch(['field', 'errorField', 'error'], askForField);
-  store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes'], () => {
-    askForMore();
-    tellShown();
-  });
-  store.watch(['slices', 'clip'], () => handles.update());
-  store.watch(['axes'], (state) => axes.show(state.axes));
-  store.addEventListener('change', remember);
-  addEventListener('hashchange', () => { viewer.fragment = location.hash; });
-  themes.addEventListener('change', () => viewer.repaint());
-}
-
-function watchScene() {
-  const { scene } = viewer;
-  scene.addEventListener('render', () => {
-    compass.draw(scene.axes());
-    handles.update();
-    axes.update();
-    line.update();
-    pins.update();
-  });
-  scene.addEventListener('lost', () => notice('graphics', 'The browser took the graphics away; the picture comes back when it gives them again.', { failed: true, seconds: 0 }));
-  scene.addEventListener('restored', () => clear('graphics'));
-  scene.addEventListener('camera', () => store.set({ camera: scene.camera() }));
-  byId('picture').addEventListener('dblclick', (event) => {
-    const hit = scene.pick(event.offsetX, event.offsetY);
-    if (hit) scene.centreOn(hit.point);
-  });
-  new ResizeObserver(viewer.drawBar).observe(byId('scalarbar'));
-}
-
-function planes() {
-  const { slices, clip } = store.state;
-  const move = (i) => (at) => store.set({ slices: store.state.slices.map((p, k) => (k === i ? { ...p, at } : p)) });
-  const found = slices.map((plane, i) => ({ key: `slice-${i}`, label: `Slice ${i + 1}: place across the volume`, plane, move: move(i) }));
-  if (clip) found.push({ key: 'clip', label: 'Clip: place across the volume', plane: clip, move: (at) => store.set({ clip: { ...store.state.clip, at } }) });
-  return found;
-}
-
-// The direction towards the viewer, the nearest axis if the camera is all but along it.
-function viewNormal() {
-  const { towards } = viewer.scene.axes();
-  const axis = towards.findIndex((c) => Math.abs(c) > 0.999);
-  return axis < 0 ? towards.map((c) => Number(c.toPrecision(4))) : [0, 1, 2].map((i) => (i === axis ? Math.sign(towards[axis]) : 0));
-}
-
-// The level that is there is what is asked for from now on.
-const stop = () => store.set({ maxTets: viewer.info.levels[viewer.level].tets });
-
-function togglePanel() {
-  const closed = document.body.classList.toggle('closed');
-  byId('panel-toggle').ariaExpanded = String(!closed);
-}
-
-const toggleFullScreen = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen?.());
-const cycle = (values, now) => values[(values.indexOf(now) + 1) % values.length];
-const save = () => savePicture(viewer.scene, `${name}-${viewer.level}`, {
-  Title: name,
-  Description: `${titleOf(viewer.info, viewer.coloredState)}, level ${viewer.level} of ${viewer.info.levels.length - 1}: ${promiseOf(viewer.info, viewer.level)}; content ${viewer.info.cid}`,
-  Source: new URL(location.pathname + location.search + viewer.fragment, location).href,
-  Software: 'tetlod',
-});
-const inPicture = (act) => (event) => (document.activeElement === byId('picture') ? act(event) : false);
-
-function bindActions() {
-  const { scene } = viewer;
-  const help = byId('help');
-  listKeys();
-  for (const [id, act] of [['screenshot', save], ['stop', stop], ['copy-link', copyLink], ['fullscreen', toggleFullScreen], ['theme', switchTheme],
-    ['panel-toggle', togglePanel], ['help-open', () => help.showModal()], ['help-close', () => help.close()]])
-    byId(id).addEventListener('click', act);
-  const toggleSlice = (axis) => () => {
-    const normal = { x: 0, y: 1, z: 2 }[axis];
-    const rest = store.state.slices.filter((p) => Math.abs(p.normal[normal]) !== 1);
-    if (rest.length < store.state.slices.length) controls.setInner({ slices: rest });
-    else controls.addSlice(axis);
-  };
-  const views = ['+x', '-x', '+y', '-y', '+z', '-z'];
-  bindKeys({
-    '[': () => controls.step(-1),
-    ']': () => controls.step(1),
-    0: () => scene.look('oblique'),
-    ...Object.fromEntries(views.map((view, i) => [i + 1, () => scene.look(view)])),
-    ' ': ({ target }) => (player && !target.closest('button, a, summary, input, select') ? player.toggle() : false),
-    ',': () => player?.step(-1),
-    '.': () => player?.step(1),
-    b: () => store.set({ surface: cycle(['solid', 'inside', 'glass', 'off'], store.state.surface) }),
-    w: () => store.set({ edges: !store.state.edges }),
-    x: toggleSlice('x'),
-    y: toggleSlice('y'),
-    z: toggleSlice('z'),
-    i: () => controls.addIsosurface(),
-    c: () => store.set({ clip: store.state.clip ? null : { normal: viewNormal(), at: 0.5 } }),
-    n: () => store.set({ axes: !store.state.axes }),
-    k: () => controls.toggleLine(),
-    o: () => pins.add(),
-    v: () => controls.setInner({ volume: !store.state.volume }),
-    m: () => store.set({ map: cycle(mapNames.map(([key]) => key), viewer.colorMap) }),
-    p: save,
-    l: copyLink,
-    f: toggleFullScreen,
-    d: switchTheme,
-    h: togglePanel,
-    '?': () => help.showModal(),
-    ArrowLeft: inPicture(() => scene.turn(10, 0)),
-    ArrowRight: inPicture(() => scene.turn(-10, 0)),
-    ArrowUp: inPicture(() => scene.turn(0, -10)),
-    ArrowDown: inPicture(() => scene.turn(0, 10)),
-    '+': inPicture(() => scene.zoom(1.2)),
-    '=': inPicture(() => scene.zoom(1.2)),
-    '-': inPicture(() => scene.zoom(1 / 1.2)),
-  });
-}
-
-// Everything around the picture, in pieces that let others in between.
-async function openPanel() {
-  const { scene, stream, info } = viewer;
-  const look = (view) => scene.look(view);
-  compass = new Compass(byId('compass'), look);
-  axes = new Axes(byId('handles'), scene, info.bounds);
-  handles = new Handles(byId('handles'), scene, planes);
-  line = new LinePlot(viewer, byId('handles'), (kind, blob) => saveFile(`${name}-${viewer.level}.${kind}`, blob));
-  pins = new Pins(viewer, byId('handles'), () => probe.at);
-  probe = new Probe(byId('picture'), scene, stream, () => titleOf(info, viewer.coloredState));
-  watchScene();
-  await pause();
-  const made = new Controls(viewer, { look, viewNormal });
-  for (const build of made.parts()) {
-    build();
-    await pause();
-  }
-  controls = made;
-  viewer.recolorNow();
-  watch();
-  await pause();
-  bindActions();
-  const offerSteps = () => { player ??= new Player(viewer, byId('stage')); };
-  viewer.addEventListener('series', offerSteps);
-  if (viewer.series) offerSteps();
-  countFrames();
-  tellShown();
-  byId('download').hidden = !id;
-  byId('controls').inert = false;
-}
+// The worker takes its module from the cache; browsers complain of what is loaded ahead and not taken by the page.
+const takePreload = ({ href }) => fetch(href).catch(() => {});
 
 async function start() {
+  document.querySelectorAll('link[rel=preload]').forEach(takePreload);
   document.title = `${name} · tetlod`;
   byId('name').textContent = name;
   listen();
-  await viewer.open(source);
+  const opened = viewer.open(source);
+  const panel = import('./panel.js'); // needed after the first picture: asked for after what that takes
+  panel.catch(() => {}); // a stream that cannot be opened is told first
+  await opened;
   performance.mark('tetlod-picture', { detail: { received: viewer.stream.received } });
-  await openPanel();
-  // what tests look at
-  window.tetlod = {
-    stream: viewer.stream,
-    get state() { return store.state; },
-    set: (patch) => store.set(patch),
-    get level() { return viewer.level; },
-    get at() { return viewer.at; },
-    get settled() { return viewer.settled; },
-    scene: viewer.scene,
-    probe,
-  };
+  await (await panel).openPanel();
 }
 
 try {

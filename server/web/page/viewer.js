@@ -6,7 +6,7 @@ import { TetlodStream } from '../client/stream.js';
 import { chooseBand, infoOfSteps } from '../client/steps.js';
 import { coalesced } from './dom.js';
 import { autoRange, firstView, mapOf } from './first_view.js';
-import { componentOf, fieldOf, isosurfacesOf, shownFields, targetFieldOf, titleOf, wantedLevel } from './levels.js';
+import { componentOf, fieldOf, isosurfacesOf, shownFields, targetFieldOf, titleOf, unitOf, wantedLevel } from './levels.js';
 import { drawScalarBar } from './scalarbar.js';
 import { isosurfaceRange, specOf, targetOf } from './spec.js';
 import { Store, defaults, fromFragment, toFragment } from './state.js';
@@ -50,7 +50,7 @@ export class Viewer extends EventTarget {
     this.store = new Store(fromFragment(fragment));
     this.#pictured = new Promise((resolve) => { this.#tellPictured = resolve; });
     this.recolor = coalesced(() => this.recolorNow());
-    this.drawBar = coalesced(() => this.#drawBar());
+    this.drawBar = coalesced(() => this.drawBarNow());
     this.show = coalesced(() => this.#show());
     this.refine = coalesced(() => this.#refine());
   }
@@ -79,7 +79,7 @@ export class Viewer extends EventTarget {
     const { store, scene } = this;
     store.watch(['map', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'], this.recolor);
     store.watch(['log'], (state) => scene.setLogarithmic(state.log));
-    store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'volume', 'volumeSize', 'log', 'smooth'], () => {
+    store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'log', 'smooth'], () => {
       this.#drawn = -1;
       this.#asked++;
       this.show();
@@ -139,8 +139,8 @@ export class Viewer extends EventTarget {
 
   // The target goes with the first request, so that its bytes come at once; a link may ask for a measure or a field that is not there.
   async #openStream(source, started) {
-    const { field, isosurfaceField } = this.store.state;
-    const fields = field ? [...new Set([field, isosurfaceField || field])] : 'first';
+    const { field, isosurfaceField, vectorField } = this.store.state;
+    const fields = field ? [...new Set([field, isosurfaceField || field, vectorField || field])] : 'first';
     this.stream = await this.#open(source, { target: targetOf(this.store.state), fields }, started)
       .catch((error) => (error instanceof RangeError ? this.#open(source, { fields: 'first' }, started) : Promise.reject(error)));
     this.info = this.#index = this.stream.info;
@@ -148,7 +148,10 @@ export class Viewer extends EventTarget {
     this.base = { ...defaults, ...firstView(this.info) };
     this.store.state = valid(fromFragment(this.#fragment, this.base), this.info);
     this.#hear();
-    this.#showNow();
+    if (!this.#missing.length) return this.#showNow();
+    this.#showNow({ ...this.store.state, isosurfaces: [], vectors: 'off' }); // what there is, until the others are here
+    this.#asked++;
+    this.show();
   }
 
   #openScene({ Scene }) {
@@ -246,13 +249,13 @@ export class Viewer extends EventTarget {
     return mapOf(this.store.state, this.dataRange());
   }
 
-  #drawBar() {
+  drawBarNow() {
     const { reversed, log, isosurfaces } = this.store.state;
     const [low, high] = this.colorRange();
     const [least, most] = this.dataRange();
     const [from, to] = this.isosurfaceRange();
     drawScalarBar(this.#parts.bar, {
-      title: titleOf(this.info, this.coloredState), low, high, log, map: this.colorMap, reversed, below: least < low, above: most > high,
+      title: titleOf(this.info, this.coloredState) + unitOf(this.info, this.coloredState), low, high, log, map: this.colorMap, reversed, below: least < low, above: most > high,
       marks: isosurfacesOf(this.info, this.store.state).colored ? isosurfaces.map((f) => from + f * (to - from)) : [],
     });
   }
@@ -282,14 +285,19 @@ export class Viewer extends EventTarget {
 
   // ---- what the worker is to make
 
-  #showNow() {
-    const spec = specOf(this.store.state, this.info);
+  // Fields that the picture needs and that have not been asked for.
+  get #missing() {
+    return shownFields(this.info, this.store.state).filter((field) => !this.stream.fields.includes(field));
+  }
+
+  #showNow(state = this.store.state) {
+    const spec = specOf(state, this.info);
     this.stream.show({ ...spec, morph: spec.morph && !stillness.matches, tag: this.#asked });
   }
 
   // Fields come when they are first shown; the picture before stays meanwhile.
   async #show() {
-    const fields = shownFields(this.info, this.store.state).filter((field) => !this.stream.fields.includes(field));
+    const fields = this.#missing;
     if (!fields.length) return this.#showNow();
     this.#tell('joining', { fields });
     try {

@@ -142,7 +142,12 @@ const char *view_describe_series(struct view *view)
         put_point(out, series->ranges[f], 2);
         put(out, "}");
     }
-    tetlodi_put_block(out, "]}", 3); // with the NUL
+    put(out, "],\"displacement\":");
+    if (series->displacement == TETLOD_NONE)
+        put(out, "null");
+    else
+        put_string(out, view_info(view)->fields[series->fields[series->displacement]].name);
+    tetlodi_put_block(out, "}", 2); // with the NUL
     return out->failed ? NULL : (const char *)out->bytes;
 }
 

@@ -322,12 +322,23 @@ uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32
 
 /* ---- values at points ---- */
 
+/* The stream's bounds; where points move, also what they reach. */
+static void find_bounds(const struct view *view, double out[2][3])
+{
+    memcpy(out, view_info(view)->bounds, 2 * sizeof *out);
+    for (size_t i = 0; view->step_points && i < 3 * (size_t)view->shown.vertex_count; i++) {
+        out[0][i % 3] = fmin(out[0][i % 3], view->shown.positions[i]);
+        out[1][i % 3] = fmax(out[1][i % 3], view->shown.positions[i]);
+    }
+}
+
 uint32_t view_resample(struct view *view, uint32_t size, uint32_t logarithmic)
 {
-    const struct tetlod_info *info = view_info(view);
+    double bounds[2][3];
+    find_bounds(view, bounds);
     if (size != view->grid_size) { // a clip plane that is dragged needs no other grid
         view->grid_size = 0;
-        cut_grid_cover(&view->grid, info->bounds[0], info->bounds[1], size);
+        cut_grid_cover(&view->grid, bounds[0], bounds[1], size);
         TETLOD_TRY(cut_resample(drawn(view), view->shade, &view->grid, &view->error));
         view->grid_size = size;
     }
@@ -357,6 +368,11 @@ uint32_t view_rays(struct view *view)
 const struct cut_rays *view_ray_data(const struct view *view)
 {
     return &view->rays;
+}
+
+const double *view_values(const struct view *view, uint32_t field)
+{
+    return view->shown.fields[field].values;
 }
 
 uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz)

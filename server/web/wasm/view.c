@@ -98,6 +98,8 @@ enum tetlod_status view_arrive(struct view *view)
     tetlod_cursor_mesh(view->cursor, &view->mesh);
     if (view->step_values)
         view->mesh.fields = view->step_values;
+    if (view->step_points)
+        view->mesh.positions = view->step_points;
     return view->moving ? TETLOD_OK : view_rest(view);
 }
 
@@ -133,8 +135,7 @@ uint32_t view_open(struct view *view, const uint32_t *fields, uint32_t count)
 
 uint32_t view_seek(struct view *view, uint32_t level)
 {
-    free(view->step_values);
-    view->step_values = NULL;
+    view_leave_step(view);
     enum tetlod_status status = tetlod_cursor_seek(view->cursor, level, &view->error);
     enum tetlod_status arrived = view_arrive(view);
     return status == TETLOD_OK ? arrived : status;

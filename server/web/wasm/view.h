@@ -54,6 +54,7 @@ struct view {
     struct tetlod_mesh mesh;         /* at the cursor; at a step, with its values */
     struct tetlod_series *series;    /* NULL: none, or not opened yet */
     const double **step_values;      /* [field] of the step that is shown, NULL: the level's own */
+    double *step_points;             /* where points that move are then; NULL: at the level's own places */
     double span[2];
     struct tetmesh shown;            /* borrows its arrays */
     bool moving;                     /* from those below, not from the cursor */
@@ -161,6 +162,8 @@ VIEW_EXPORT(view_voxels) const struct cut_voxels *view_voxels(const struct view 
 /* What rays through the tetrahedra need: view_ray_data. */
 VIEW_EXPORT(view_rays) uint32_t view_rays(struct view *view);
 VIEW_EXPORT(view_ray_data) const struct cut_rays *view_ray_data(const struct view *view);
+/* A field of the mesh that is shown, its components vertex by vertex; NULL: it is not decoded. */
+VIEW_EXPORT(view_values) const double *view_values(const struct view *view, uint32_t field);
 /* The value that colours, along a segment: view_line. */
 VIEW_EXPORT(view_along)
 uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz);
@@ -176,6 +179,9 @@ const struct tetlod_info *view_info(const struct view *view);
 
 /* The cursor has moved, or has other values. What is on its way between levels does not mind. */
 enum tetlod_status view_arrive(struct view *view);
+
+/* From now on the mesh has the level's own values and points. */
+void view_leave_step(struct view *view);
 
 /* Room for a move of the mesh at the cursor, and a copy of it without corners. */
 enum tetlod_status view_make_room(struct view *view);

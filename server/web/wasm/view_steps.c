@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Steps in time: bytes from behind the levels, and a mesh whose values are those of a step. */
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/fail.h"
 #include "server/web/wasm/view.h"
@@ -45,6 +46,27 @@ const double *view_span(struct view *view, uint32_t field, uint32_t band, uint32
     return view->span;
 }
 
+void view_leave_step(struct view *view)
+{
+    free(view->step_values);
+    free(view->step_points);
+    view->step_values = NULL;
+    view->step_points = NULL;
+}
+
+/* Where the points are at the step, if they move. The cursor's mesh is at hand. */
+static enum tetlod_status take_points(struct view *view)
+{
+    size_t count = 3 * (size_t)view->mesh.vertices;
+    if (tetlod_series_info(view->series)->displacement == TETLOD_NONE)
+        return TETLOD_OK;
+    view->step_points = array_new(count, sizeof *view->step_points);
+    if (!view->step_points)
+        return tetlodi_fail_nomem(&view->error, "the points", count * sizeof *view->step_points);
+    memcpy(view->step_points, view->mesh.positions, count * sizeof *view->step_points);
+    return tetlod_step_move(view->series, view->step_points, &view->error);
+}
+
 /* Fields without steps keep the values of the first one. */
 static enum tetlod_status take_values(struct view *view)
 {
@@ -57,33 +79,64 @@ static enum tetlod_status take_values(struct view *view)
     for (uint32_t f = 0; f < count; f++)
         values[f] = view->mesh.fields[f];
     for (uint32_t f = 0; f < info->field_count; f++)
-        if (tetlod_step_values(view->series, f))
+        if (tetlod_step_values(view->series, f) && values[info->fields[f]]) // where points move, they are decoded without being asked for
             values[info->fields[f]] = tetlod_step_values(view->series, f);
-    free(view->step_values);
+    view_leave_step(view);
     view->step_values = values;
-    return TETLOD_OK;
+    return take_points(view);
 }
 
-uint32_t view_step(struct view *view, uint32_t band, uint32_t step)
+/* What is connected to what, in the boundary and for rays. */
+struct connections {
+    bool boundary, lines, rays;
+    uint32_t level;
+};
+
+/* Of the step that is shown; none, where values say which tetrahedra are drawn. */
+static struct connections connections_of(const struct view *view)
+{
+    bool hold = view->step_values && !view->filters;
+    return (struct connections){hold && view->has_boundary, hold && view->has_lines, hold && view->has_rays, view->mesh.level};
+}
+
+/* They are those of another step of the same level, too. */
+static void keep_connections(struct view *view, const struct connections *before)
+{
+    if (view->mesh.level != before->level)
+        return;
+    view->has_boundary = before->boundary;
+    view->has_lines = before->lines;
+    view->has_rays = before->rays;
+}
+
+static uint32_t go_to_step(struct view *view, uint32_t band, uint32_t step)
 {
     enum tetlod_status status = tetlod_seek_step(view->series, view->cursor, band, step, &view->error);
     if (status == TETLOD_OK)
         status = take_values(view);
-    if (status != TETLOD_OK) {
-        free(view->step_values);
-        view->step_values = NULL;
-    }
+    if (status != TETLOD_OK)
+        view_leave_step(view);
     view->moving = false;
     enum tetlod_status arrived = view_arrive(view);
     return status == TETLOD_OK ? arrived : status;
 }
 
+uint32_t view_step(struct view *view, uint32_t band, uint32_t step)
+{
+    const struct connections before = connections_of(view);
+    TETLOD_TRY(go_to_step(view, band, step));
+    keep_connections(view, &before);
+    return TETLOD_OK;
+}
+
 uint32_t view_step_move(struct view *view, uint32_t band, uint32_t step)
 {
+    const struct connections before = connections_of(view);
     TETLOD_TRY(view_rest(view));
     TETLOD_TRY(view_make_room(view));
     view_copy(view, &view->from);
-    TETLOD_TRY(view_step(view, band, step));
+    TETLOD_TRY(go_to_step(view, band, step));
     view_start_move(view);
+    keep_connections(view, &before);
     return TETLOD_OK;
 }

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the page shows: a stream by its name and source, and the picture of it.
+
+import { chooseFile } from './choose_file.js';
+import { byId } from './dom.js';
+import { Viewer } from './viewer.js';
+
+// view/{id} on a server; ?stream=URL is any stream that can be fetched; without either somebody chooses a file. This module
+// lies at the root of the site.
+export const root = new URL('.', import.meta.url);
+export const id = decodeURIComponent(/^view\/(.*)$/.exec(location.pathname.slice(root.pathname.length))?.[1] ?? '');
+const file = new URLSearchParams(location.search).get('stream');
+export const source = await (id ? new URL(`v1/meshes/${encodeURIComponent(id)}`, root).href : file ?? chooseFile());
+export const name = id || nameOf(source);
+
+// fin of …/fin.tetlod, and of …/fin/{content id}/stream
+function nameOf(from) {
+  const path = decodeURIComponent(from.name ?? new URL(from, location).pathname);
+  return /([^/]+)\/[0-9a-f]{32}\/stream$/.exec(path)?.[1] ?? path.split('/').pop().replace(/\.tetlod$/, '');
+}
+
+export const viewer = new Viewer({ stage: byId('stage'), picture: byId('picture'), bar: byId('scalarbar') }, location.hash);
