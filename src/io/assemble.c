@@ -331,3 +331,39 @@ enum tetlod_status block_hide_points(struct block *block, const unsigned char *b
             }
     return TETLOD_OK;
 }
+
+bool is_ghosts(const char *name, uint64_t components)
+{
+    return components == 1 && (strcmp(name, "vtkGhostType") == 0 || strcmp(name, "vtkGhostLevels") == 0);
+}
+
+static enum tetlod_status hide_flagged_points(struct block *block, const double *flags, struct io_report *report,
+                                              struct tetlod_error *error)
+{
+    enum { HIDDEN_POINT = 2 };
+    uint32_t count = block->mesh.vertex_count;
+    unsigned char *blank = array_new(count, 1);
+    if (!blank)
+        return tetlodi_fail_nomem(error, "the hidden points", count);
+    for (uint32_t v = 0; v < count; v++)
+        blank[v] = flags[v] >= 1 && flags[v] <= 255 && ((unsigned)flags[v] & HIDDEN_POINT);
+    enum tetlod_status status = memchr(blank, 1, count) ? block_hide_points(block, blank, report, error) : TETLOD_OK;
+    free(blank);
+    return status;
+}
+
+enum tetlod_status block_take_ghosts(struct block *block, bool cell, struct io_report *report, struct tetlod_error *error)
+{
+    struct tetmesh *mesh = &block->mesh;
+    struct point_field *field = cell ? &mesh->cell_fields[--mesh->cell_field_count] : &mesh->fields[--mesh->field_count];
+    bool levels = strcmp(field->name, "vtkGhostLevels") == 0; // older versions gave levels of ghosts instead, all from 1 on
+    enum tetlod_status status = TETLOD_OK;
+    for (uint64_t c = 0; cell && levels && c < block_cell_count(block); c++)
+        field->values[c] = field->values[c] > 0;
+    if (cell)
+        status = block_hide(block, field->values, report, error);
+    else if (block->dims[0] && !levels)
+        status = hide_flagged_points(block, field->values, report, error);
+    point_field_fini(field);
+    return status;
+}

@@ -143,6 +143,14 @@ TETLOD_CHECKED enum tetlod_status block_hide(struct block *block, const double *
 TETLOD_CHECKED enum tetlod_status block_hide_points(struct block *block, const unsigned char *blank,
                                                     struct io_report *report, struct tetlod_error *error);
 
+/* Whether an array of that name tells what VTK does not draw. */
+bool is_ghosts(const char *name, uint64_t components);
+
+/* Takes the last field, at points or of cells, away, and hides the cells that it marks: as above; of a structured grid also those with
+ * a point that is hidden (2). */
+TETLOD_CHECKED enum tetlod_status block_take_ghosts(struct block *block, bool cell, struct io_report *report,
+                                                    struct tetlod_error *error);
+
 /* Makes one block of all, which are emptied: points, cells, and the fields that all of them have. Welds points of several
  * blocks, and those of one block if the tolerance `weld` is not negative. */
 TETLOD_CHECKED enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block *out, struct io_report *report,

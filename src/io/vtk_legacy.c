@@ -305,6 +305,9 @@ static uint64_t cell_tuples(const struct legacy *l)
     return count;
 }
 
+static enum tetlod_status make_points(struct legacy *l);
+static enum tetlod_status set_dims(struct legacy *l);
+
 static enum tetlod_status read_values(struct legacy *l, struct text name, struct vtk_array_type type, uint64_t components)
 {
     struct tetmesh *mesh = l->mesh;
@@ -312,7 +315,7 @@ static enum tetlod_status read_values(struct legacy *l, struct text name, struct
     char *decoded = decode_name(name);
     if (!decoded)
         return tetlodi_fail_nomem(l->error, "a field's name", (uint64_t)(name.end - name.at));
-    bool is_ghosts = cell && components == 1 && (strcmp(decoded, "vtkGhostType") == 0 || strcmp(decoded, "vtkGhostLevels") == 0);
+    bool ghosts = is_ghosts(decoded, components);
     enum tetlod_status status = cell ? assemble_cell_field(mesh, decoded, components, float_type(type.type), l->tuples, l->error)
                                      : assemble_field(mesh, decoded, components, float_type(type.type), l->error);
     free(decoded);
@@ -320,14 +323,10 @@ static enum tetlod_status read_values(struct legacy *l, struct text name, struct
     struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
     field->is_integer = !value_is_float(type.type);
     TETLOD_TRY(vtk_doubles(&l->stream, type.type, (size_t)(l->tuples * components), field->values, l->error));
-    l->last = field;
-    if (!is_ghosts)
-        return TETLOD_OK;
-    l->last = NULL;
-    status = block_hide(l->block, field->values, l->report, l->error);
-    point_field_fini(field);
-    mesh->cell_field_count--;
-    return status;
+    l->last = ghosts ? NULL : field;
+    if (ghosts && l->dataset != UNSTRUCTURED_GRID)
+        TETLOD_TRY(set_dims(l)); // by which cells have points
+    return ghosts ? block_take_ghosts(l->block, cell, l->report, l->error) : TETLOD_OK;
 }
 
 /* An array of the current attributes: numbers at points and of cells are read, all others are passed over. */
@@ -359,9 +358,6 @@ static enum tetlod_status start_attributes(struct legacy *l, struct text line, e
     l->tuples = (uint64_t)count;
     return TETLOD_OK;
 }
-
-static enum tetlod_status make_points(struct legacy *l);
-static enum tetlod_status set_dims(struct legacy *l);
 
 static enum tetlod_status on_point_data(struct legacy *l, struct text line)
 {

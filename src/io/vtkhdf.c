@@ -171,11 +171,8 @@ static enum tetlod_status take_array(const struct walk *w, const char *name, con
         status = tetlodi_fail(w->v->error, TETLOD_ERR_MESH, "data set %.80s should have %llu rows", path, (unsigned long long)w->rows);
     if (status == TETLOD_OK)
         status = take_set(w, name, &set, width, first + w->first, w->rows, &field);
-    if (status == TETLOD_OK && w->cell && strcmp(name, "vtkGhostType") == 0 && width == 1) {
-        status = block_hide(w->block, field->values, w->v->report, w->v->error);
-        point_field_fini(field);
-        w->block->mesh.cell_field_count--;
-    }
+    if (status == TETLOD_OK && is_ghosts(name, width))
+        status = block_take_ghosts(w->block, w->cell, w->v->report, w->v->error);
     H5Dclose(set.id);
     return status;
 }
@@ -185,7 +182,7 @@ static herr_t on_array(hid_t group, const char *name, const H5L_info_t *link, vo
     struct walk *w = opaque;
     char path[300];
     (void)group;
-    if (!path_of(w, name, link, path) || (!w->cell && strcmp(name, "vtkGhostType") == 0))
+    if (!path_of(w, name, link, path))
         return 0;
     struct tetlod_error *error = w->v->error, inner = {0};
     w->v->error = &inner;
@@ -311,6 +308,8 @@ static enum tetlod_status take_image_array(struct walk *w, const char *path, con
                               (unsigned long long)w->rows);
     if (status == TETLOD_OK)
         status = take_set(w, name, &set, width, first, rows, &field);
+    if (status == TETLOD_OK && is_ghosts(name, width))
+        status = block_take_ghosts(w->block, w->cell, w->v->report, w->v->error);
     H5Dclose(set.id);
     return status;
 }

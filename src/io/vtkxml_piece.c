@@ -266,24 +266,6 @@ static enum tetlod_status read_unstructured(struct reader *r)
 
 /* ---- values */
 
-/* VTK marks what is not to be drawn; older versions gave levels of ghosts instead, all from 1 on. */
-static enum tetlod_status take_ghosts(struct reader *r, struct point_field *field)
-{
-    enum tetlod_status status;
-    bool levels = strcmp(field->name, "vtkGhostLevels") == 0;
-    for (uint64_t c = 0; levels && c < r->cells; c++)
-        field->values[c] = field->values[c] > 0;
-    status = block_hide(r->block, field->values, r->report, r->error);
-    point_field_fini(field);
-    r->block->mesh.cell_field_count--;
-    return status;
-}
-
-static bool is_ghosts(const char *name)
-{
-    return strcmp(name, "vtkGhostType") == 0 || strcmp(name, "vtkGhostLevels") == 0;
-}
-
 static enum tetlod_status read_field(struct reader *r, const struct vtkxml_array *like, bool cell)
 {
     struct tetmesh *mesh = &r->block->mesh;
@@ -301,7 +283,7 @@ static enum tetlod_status read_field(struct reader *r, const struct vtkxml_array
     field->is_integer = !value_is_float(array->type);
     memcpy(field->unit, array->unit, sizeof field->unit);
     TETLOD_TRY(vtkxml_values(r->document, array, (size_t)(rows * array->components), VTKXML_DOUBLES, field->values, r->error));
-    return cell && is_ghosts(array->name) && array->components == 1 ? take_ghosts(r, field) : TETLOD_OK;
+    return is_ghosts(array->name, array->components) ? block_take_ghosts(r->block, cell, r->report, r->error) : TETLOD_OK;
 }
 
 static enum tetlod_status read_fields(struct reader *r)
@@ -311,8 +293,6 @@ static enum tetlod_status read_fields(struct reader *r)
         bool cell = array->section == VTKXML_CELL_DATA;
         if ((!cell && array->section != VTKXML_POINT_DATA) || !(cell ? r->cells : r->points))
             continue;
-        if (!cell && is_ghosts(array->name))
-            continue; // the cells' say which to leave out
         if (vtkxml_find(r->document, r->piece, array->section, array->name) != array)
             io_leave_out(r->report, &r->report->skipped_arrays, array->name, strlen(array->name)); // a second one of that name would look like the first
         else

@@ -40,18 +40,22 @@ def mesh(split):
     return np.array(points), [f[0] for f in listed], [f[1][0] for f in listed], [f[1][1] for f in listed if len(f[1]) > 1]
 
 
+WIDTHS = {'label': 32, 'scalar': 64}  # bits of the numbers of binary files
+
+
 def put(name, kind, content, binary, packed):
-    head = 'FoamFile\n{\n version 2.0;\n format %s;\n class %s;\n arch "LSB;label=32;scalar=64";\n object %s;\n}\n// * * //\n\n' % (
-        'binary' if binary else 'ascii', kind, os.path.basename(name))
+    head = 'FoamFile\n{\n version 2.0;\n format %s;\n class %s;\n arch "LSB;label=%d;scalar=%d";\n object %s;\n}\n// * * //\n\n' % (
+        'binary' if binary else 'ascii', kind, WIDTHS['label'], WIDTHS['scalar'], os.path.basename(name))
     data = head.encode() + (content if isinstance(content, bytes) else content.encode()) + b'\n\n// **** //\n'
     os.makedirs(os.path.dirname(path(name)), exist_ok=True)
     with (gzip.open(path(name + '.gz'), 'wb') if packed else open(path(name), 'wb')) as file:
         file.write(data)
 
 
-def list_of(values, binary, kind='<i4'):
+def list_of(values, binary):
     values = np.asarray(values)
     if binary:
+        kind = '<f%d' % (WIDTHS['scalar'] // 8) if values.dtype.kind == 'f' else '<i%d' % (WIDTHS['label'] // 8)
         return b'%d\n(' % len(values) + values.astype(kind).tobytes() + b')'
     row = (lambda v: '(%s)' % ' '.join(map(repr, v.tolist()))) if values.ndim > 1 else (lambda v: repr(v.item()))
     return ('%d\n(\n%s\n)' % (len(values), '\n'.join(row(v) for v in values))).encode()
@@ -60,7 +64,7 @@ def list_of(values, binary, kind='<i4'):
 def write_case(split, binary, packed):
     shutil.rmtree(path('case'), ignore_errors=True)
     points, faces, owner, neighbour = mesh(split)
-    put('case/constant/polyMesh/points', 'vectorField', list_of(points, binary, '<f8'), binary, packed)
+    put('case/constant/polyMesh/points', 'vectorField', list_of(points, binary), binary, packed)
     if binary:
         ends = np.cumsum([0] + [len(f) for f in faces])
         put('case/constant/polyMesh/faces', 'faceCompactList', list_of(ends, True) + b'\n' + list_of(sum(faces, []), True), True, packed)
@@ -74,7 +78,7 @@ def write_case(split, binary, packed):
     for step, time in enumerate(('0', '0.5', '10')):
         p, u = np.arange(4.0) + step, np.arange(12.0).reshape(4, 3) * (step + 1)
         field = lambda values, what: b'dimensions [0 2 -2 0 0 0 0];\n\ninternalField nonuniform List<%s> ' % what + list_of(
-            values, binary, '<f8') + b'\n;\n\nboundaryField\n{\n walls { type zeroGradient; }\n}\n'
+            values, binary) + b'\n;\n\nboundaryField\n{\n walls { type zeroGradient; }\n}\n'
         put('case/%s/p' % time, 'volScalarField', field(p, b'scalar'), binary, packed)
         put('case/%s/U' % time, 'volVectorField', field(u, b'vector'), binary, packed)
         put('case/%s/T' % time, 'volScalarField', 'dimensions [0 0 0 1 0 0 0];\ninternalField uniform 300;\nboundaryField\n{\n walls\n'
@@ -137,6 +141,8 @@ def main():
             for packed in False, True:
                 case('openfoam%s, %s%s' % (' with polyhedra' if split else '', 'binary' if binary else 'text', ', packed' if packed else ''),
                      foam_case, split, binary, packed)
+    for WIDTHS['label'], WIDTHS['scalar'] in (64, 64), (32, 32), (32, 64):
+        case('openfoam, binary, labels of %(label)d bits, scalars of %(scalar)d' % WIDTHS, foam_case, True, True, False)
     damaged_cases(False)
     damaged_cases(True)
     os.remove(path('case/constant/polyMesh/owner'))

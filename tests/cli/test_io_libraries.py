@@ -199,7 +199,7 @@ def exodus_netcdf_case(form, apart):
         begin = 0
         for b, count in enumerate(counts):
             file.createDimension('num_el_in_blk%d' % (b + 1), count)
-            connect = file.createVariable('connect%d' % (b + 1), 'i4', ('num_el_in_blk%d' % (b + 1), 'four'))
+            connect = file.createVariable('connect%d' % (b + 1), 'i4', ('num_el_in_blk%d' % (b + 1), 'four'), zlib=form == 'NETCDF4')
             connect.elem_type = 'TETRA'
             connect[:] = tets[begin:begin + count] + 1
             load = file.createVariable('vals_elem_var1eb%d' % (b + 1), 'f8', ('time_step', 'num_el_in_blk%d' % (b + 1)))
@@ -211,7 +211,7 @@ def exodus_netcdf_case(form, apart):
         connect.elem_type = 'TRI3'
         connect[:] = tets[:2, :3] + 1
         for v, name in enumerate(('heat', 'mass')):
-            values = file.createVariable('vals_nod_var%d' % (v + 1), fields[name].dtype, ('time_step', 'num_nodes'))
+            values = file.createVariable('vals_nod_var%d' % (v + 1), fields[name].dtype, ('time_step', 'num_nodes'), zlib=form == 'NETCDF4')
             for s in range(3):
                 values[s, :] = fields[name] + np.float32(s)
         times[:] = [0, 1, 2]
