@@ -105,6 +105,8 @@ mutant('exact: no original vertices', 'src/simplify/exact/exact.c', 'if (!at_ver
        'critical points of kind 1', 'unit/test_exact')
 mutant('exact: no walls', 'src/simplify/exact/exact.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);', 'return (1 || at_edges(e)) && goes_on(e) && at_spokes(e);',
        'critical points of kind 2', 'unit/test_exact')
+mutant('exact: an edge crosses one wall at most', 'src/simplify/exact/exact.c', 'if (w == ARRIVED)\n            return true;', 'if (w == ARRIVED || steps)\n            return true;',
+       'an edge is followed to its end', 'unit/test_exact')
 mutant('exact: no spokes', 'src/simplify/exact/exact.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);', 'return at_edges(e) && goes_on(e) && (1 || at_spokes(e));',
        'critical points of kind 3', 'unit/test_exact')
 mutant('exact: not the new vertex', 'src/simplify/exact/exact.c', 'if (!is_original(e) && !at_apex(e))', 'if (0 && !is_original(e) && !at_apex(e))',
