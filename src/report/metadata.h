@@ -9,7 +9,7 @@
 
 #include "format/tetlod.h"
 
-/* Is a text one JSON object (RFC 8259) in UTF-8? It allocates nothing: Jansson can take a lack of memory for a wrong text. */
+/* Is a text one JSON object (RFC 8259) in UTF-8? It allocates nothing. */
 bool metadata_is_object(const char *text, size_t size);
 
 /* The metadata as a new object, an empty one where they are anything else; NULL if memory is out. */
