@@ -39,17 +39,19 @@ struct worker {
     uint32_t *candidates; /* of b, near the tetrahedron of a at hand: numbers in `wanted`, then tetrahedra */
     size_t capacity;
     uint32_t candidate_count;
+    struct weights_map map; /* of the tetrahedron of a at hand */
     uint64_t cells;
     bool failed;
 };
 
 struct overlay {
     const struct tetmesh *meshes[2]; /* borrowed */
+    int finer;                       /* which has more tetrahedra */
     uint32_t wanted_count, *wanted;  /* [wanted_count] tetrahedra of b that are to be looked at */
     uint32_t *wanted_corners;        /* [4 * wanted] */
     struct bvh bvh;                  /* of those */
     double *boxes;                   /* [6 * tet of b] */
-    struct weights_map *maps[2];     /* [tet] */
+    struct weights_map *maps;        /* [tet of b] of those */
     uint8_t *usable[2];              /* [tet] it has an interpolant, and is to be looked at */
     const struct overlay_options *options;
     uint32_t field_count, compared_count;
@@ -102,15 +104,15 @@ static void make_map(const struct tetmesh *mesh, uint32_t tet, struct weights_ma
     out->noise = 48 * DBL_EPSILON * size2 * sqrt(size2) / fabs(volume6);
 }
 
-/* Weights in tetrahedron `in` of mesh `m` of the other's corners, and what rounding may make of them. False if they all lie on
+/* Weights in the pair's tetrahedron of mesh `m` of the other's corners, and what rounding may make of them. False if they all lie on
  * or behind one of its faces: most pairs, so that is asked face by face. */
-static bool weigh_corners(const struct overlay *overlay, int m, uint32_t in, uint32_t other, double out[4][4], double *slack)
+static bool weigh_corners(const struct overlay *overlay, const struct worker *worker, int m, const uint32_t tets[2], double out[4][4], double *slack)
 {
-    const struct weights_map *map = &overlay->maps[m][in];
+    const struct weights_map *map = m ? &overlay->maps[tets[1]] : &worker->map;
     double r[4][3], largest = 1;
     for (int c = 0; c < 4; c++)
         for (int i = 0; i < 3; i++)
-            r[c][i] = corner(overlay->meshes[!m], other, c)[i] - map->origin[i];
+            r[c][i] = corner(overlay->meshes[!m], tets[!m], c)[i] - map->origin[i];
     for (int k = 1; k < 5; k++) {
         double most = -INFINITY, least = INFINITY;
         for (int c = 0; c < 4; c++) {
@@ -192,14 +194,16 @@ static double weigh(const double weights[4], const double values[4])
 }
 
 /* May the pair have a difference above what was found? In the intersection it is at most what it is at the worst corner of either
- * tetrahedron; looked at from `first` on. */
-static bool may_be_worse(const struct overlay *overlay, const struct worker *worker, const struct cell *cell, double in[2][4][4], int first)
+ * tetrahedron: of the finer mesh's, or of both. */
+static bool may_be_worse(const struct overlay *overlay, const struct worker *worker, const struct cell *cell, double in[2][4][4], bool both)
 {
     for (uint32_t c = 0; c < overlay->compared_count; c++) {
         const struct compared *compared = &overlay->compared[c];
         double values[2][4], size = gather_values(overlay, compared, cell, values), bound = INFINITY;
-        for (int m = first; m < 2; m++) { // the corners of tetrahedron m
+        for (int m = 0; m < 2; m++) { // the corners of tetrahedron m
             double most = 0;
+            if (m != overlay->finer && !both)
+                continue;
             for (int k = 0; k < 4; k++)
                 most = larger(most, fabs(values[m][k] - weigh(in[m][k], values[!m])));
             bound = smaller(bound, most);
@@ -310,23 +314,24 @@ static void compare_exactly(const struct overlay *overlay, struct worker *worker
     }
 }
 
-/* Where a level is compared with the original, a's tetrahedra are the larger ones: most of b's near one are outside it, or are inside it and
- * differ by less than what was found. Both are known from b's corners alone. */
+/* Where a level is compared with the original, most tetrahedra of the finer mesh near one of the other are outside it, or differ by less
+ * than what was found. Both are known from their corners alone. */
 static void compare_pair(const struct overlay *overlay, struct worker *worker, uint32_t tet_a, uint32_t tet_b)
 {
     struct cell cell = {.tets = {tet_a, tet_b}};
+    int finer = overlay->finer;
     double in[2][4][4], slack; // in[m]: of the corners of tetrahedron m, in the other one
-    if (!same_body(overlay, tet_a, tet_b) || !weigh_corners(overlay, 0, tet_a, tet_b, in[1], &slack))
+    if (!same_body(overlay, tet_a, tet_b) || !weigh_corners(overlay, worker, !finer, cell.tets, in[finer], &slack))
         return;
     cell.slack = slack;
-    if (slack <= HOPELESS && !may_be_worse(overlay, worker, &cell, in, 1))
+    if (slack <= HOPELESS && !may_be_worse(overlay, worker, &cell, in, false))
         return;
-    if (!weigh_corners(overlay, 1, tet_b, tet_a, in[0], &slack))
+    if (!weigh_corners(overlay, worker, finer, cell.tets, in[!finer], &slack))
         return;
     cell.slack = larger(cell.slack, slack);
     match_corners(overlay, cell.tets, cell.slack, in[0], in[1]);
     worker->cells++;
-    if (cell.slack > HOPELESS || (may_be_worse(overlay, worker, &cell, in, 0) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
+    if (cell.slack > HOPELESS || (may_be_worse(overlay, worker, &cell, in, true) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
         compare_exactly(overlay, worker, &cell);
 }
 
@@ -386,6 +391,8 @@ static void compare_range(void *context, unsigned number, size_t begin, size_t e
             worker->failed = true;
             return;
         }
+        if (worker->candidate_count)
+            make_map(overlay->meshes[0], (uint32_t)tet, &worker->map);
         for (uint32_t i = 0; i < worker->candidate_count; i++)
             compare_pair(overlay, worker, (uint32_t)tet, worker->candidates[i]);
     }
@@ -395,18 +402,15 @@ static enum tetlod_status prepare_mesh(struct overlay *overlay, int m, struct ov
                                        struct tetlod_error *error)
 {
     const struct tetmesh *mesh = overlay->meshes[m];
-    overlay->maps[m] = array_new(mesh->tet_count, sizeof(struct weights_map));
     overlay->usable[m] = array_new(mesh->tet_count, 1);
-    if (!overlay->maps[m] || !overlay->usable[m])
-        return tetlodi_fail_nomem(error, "the overlay", mesh->tet_count * (uint64_t)sizeof(struct weights_map));
+    if (!overlay->usable[m])
+        return tetlodi_fail_nomem(error, "the overlay", mesh->tet_count);
     for (uint32_t t = 0; t < mesh->tet_count; t++) {
         bool degenerate =
             tet_orientation(corner(mesh, t, 0), corner(mesh, t, 1), corner(mesh, t, 2), corner(mesh, t, 3)) == 0;
         const uint8_t *usable = overlay->options->usable[m];
         overlay->usable[m][t] = !degenerate && (!usable || usable[t]);
         report->degenerate[m] += degenerate;
-        if (overlay->usable[m][t])
-            make_map(mesh, t, &overlay->maps[m][t]);
     }
     return TETLOD_OK;
 }
@@ -416,14 +420,16 @@ static enum tetlod_status prepare_boxes(struct overlay *overlay, struct tetlod_e
     const struct tetmesh *b = overlay->meshes[1];
     const uint8_t *wanted = overlay->options->wanted;
     overlay->boxes = array_new(b->tet_count, 6 * sizeof *overlay->boxes);
+    overlay->maps = array_new(b->tet_count, sizeof *overlay->maps);
     overlay->wanted = array_new(b->tet_count, sizeof *overlay->wanted);
     overlay->wanted_corners = array_new(b->tet_count, 4 * sizeof *overlay->wanted_corners);
-    if (!overlay->boxes || !overlay->wanted || !overlay->wanted_corners)
-        return tetlodi_fail_nomem(error, "the overlay", b->tet_count * (uint64_t)68);
+    if (!overlay->boxes || !overlay->maps || !overlay->wanted || !overlay->wanted_corners)
+        return tetlodi_fail_nomem(error, "the overlay", b->tet_count * (68 + (uint64_t)sizeof *overlay->maps));
     for (uint32_t t = 0; t < b->tet_count; t++) {
         tet_box(b, t, overlay->boxes + 6 * (size_t)t);
         if (!overlay->usable[1][t] || (wanted && !wanted[t]))
             continue;
+        make_map(b, t, &overlay->maps[t]);
         memcpy(overlay->wanted_corners + 4 * (size_t)overlay->wanted_count, b->corners + 4 * (size_t)t, 4 * sizeof(uint32_t));
         overlay->wanted[overlay->wanted_count++] = t;
     }
@@ -460,10 +466,9 @@ static enum tetlod_status prepare_workers(struct overlay *overlay, unsigned thre
 
 static void overlay_fini(struct overlay *overlay, unsigned threads)
 {
-    for (int m = 0; m < 2; m++) {
-        free(overlay->maps[m]);
+    for (int m = 0; m < 2; m++)
         free(overlay->usable[m]);
-    }
+    free(overlay->maps);
     for (unsigned w = 0; w < threads && overlay->workers; w++) {
         free(overlay->workers[w].most);
         free(overlay->workers[w].candidates);
@@ -495,7 +500,7 @@ enum tetlod_status overlay_max(const struct tetmesh *a, const uint32_t *a_fields
                                const uint32_t *b_fields, uint32_t count, const struct overlay_options *options,
                                double *out, struct overlay_report *report, struct tetlod_error *error)
 {
-    struct overlay overlay = {.meshes = {a, b}, .field_count = count, .options = options};
+    struct overlay overlay = {.meshes = {a, b}, .finer = b->tet_count > a->tet_count, .field_count = count, .options = options};
     enum tetlod_status status;
     unsigned threads = options->threads;
     threads = threads < 1 ? 1 : threads > PARALLEL_MOST_THREADS ? PARALLEL_MOST_THREADS : threads;

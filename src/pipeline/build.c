@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/pipeline/build.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -171,14 +172,17 @@ static void copy_components(struct build *build)
     }
 }
 
-/* The exact maximum of the level at hand, of the fields that are asked about, as far as it is above what finer ones have come to. */
+/* The exact maximum of the level at hand, of the fields that are asked about, as far as it is above what finer ones have come to and
+ * what the level is certified for in any case (less a hair, which taking fractions of the range may add). */
 static enum tetlod_status find_exact(struct build *build, const struct coarsening *coarsening, uint32_t mark)
 {
     for (uint32_t f = 0; f < build->mesh->field_count; f++) {
-        double range[2], finer = NO_DIFFERENCE;
+        double range[2], finer = NO_DIFFERENCE, own[TETLOD_MEASURES];
         point_field_range(&build->original->fields[f], build->original->vertex_count, range);
         if (mark)
             finer = larger(finer, build->errors[((size_t)(mark - 1) * build->mesh->field_count + f) * TETLOD_MEASURES + TETLOD_MAX]);
+        mark_errors(build, mark, f, range, own);
+        finer = fmax(finer, own[TETLOD_MAX] * (1 - 4 * DBL_EPSILON));
         bool asked = range_has_scale(range) && (is_controlled(build, f) || build->options->certify_all);
         build->exact[f] = asked ? finer * (range[1] - range[0]) : INFINITY;
     }

@@ -83,6 +83,7 @@ void worker_fini(struct worker *worker)
     free(worker->weighing.slots);
     free(worker->weighing.moves);
     free(worker->weighing.spread);
+    free(worker->weighing.shares);
     free(worker->candidates);
     free(worker->list);
     free(worker->numbers);

@@ -68,8 +68,8 @@ struct run {
 };
 
 /* Rows of the worker's numbers: `gap` U - L at the vertex, `upper` and `lower` of the result, `rise` U and L of the other end less
- * the vertex's (two for each component). */
-enum { NUMBERS_GAP, NUMBERS_UPPER, NUMBERS_LOWER, NUMBERS_RISE, NUMBERS = 5 };
+ * the vertex's (two for each component), `mean` of what the star's interpolants of U and L say at the result. */
+enum { NUMBERS_GAP, NUMBERS_UPPER, NUMBERS_LOWER, NUMBERS_RISE, NUMBERS_MEAN = 5, NUMBERS };
 
 static inline double *numbers_of(const struct run *run, const struct worker *worker, int row)
 {

@@ -36,8 +36,8 @@ struct work {
     struct handover handover;                 /* of what is allowed */
 };
 
-/* So many are examined at a time, on as many threads as there are. */
-enum { BATCH = 128 };
+/* So many are examined at a time at most, on as many threads as there are; fewer where as many others are in their way. */
+enum { BATCH = 128, POSTPONED = 64 };
 
 struct run {
     const struct simplify_options *options;
@@ -53,6 +53,9 @@ struct run {
     struct queue fresh;         /* of the exact limit: simplices that are not evaluated yet */
     struct work *works;         /* [BATCH] */
     double batch_key;           /* the least in the queue behind the batch */
+    uint32_t batch;             /* its number */
+    uint32_t *claims;           /* [slot] the last batch that had a star with it; scratch of take_batch */
+    struct queue_entry postponed[POSTPONED]; /* of the same */
     double *work_values;        /* [BATCH][2][driver_count] values and errors */
     double limit;               /* of the current rung */
     double moved;               /* running maximum of how far the boundary moved */

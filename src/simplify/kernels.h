@@ -58,6 +58,7 @@ struct weighing {
     uint32_t (*slots)[4];   /* [tet] the same corners */
     uint8_t *moves;         /* [tet] it is kept, with the first corner moved */
     double *weights[3];     /* [tet] out: of the other corners */
+    double *shares;         /* [tet] of it in a mean, together 1: the less the further it is continued */
     double *spread;         /* [tet] out: rounding of a value per difference of values (PROOF.md, 4) */
 };
 

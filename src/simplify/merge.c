@@ -28,6 +28,7 @@ static bool reserve_weighing(struct weighing *weighing, size_t count)
     free(weighing->slots);
     free(weighing->moves);
     free(weighing->spread);
+    free(weighing->shares);
     for (int k = 0; k < 4; k++) {
         free(weighing->rows[k]);
         done &= (weighing->rows[k] = array_new(room, sizeof **weighing->rows)) != NULL;
@@ -39,7 +40,8 @@ static bool reserve_weighing(struct weighing *weighing, size_t count)
     weighing->slots = array_new(room, sizeof *weighing->slots);
     weighing->moves = array_new(room, 1);
     weighing->spread = array_new(room, sizeof(double));
-    done &= weighing->slots && weighing->moves && weighing->spread;
+    weighing->shares = array_new(room, sizeof(double));
+    done &= weighing->slots && weighing->moves && weighing->spread && weighing->shares;
     weighing->room = done ? room : 0;
     return done;
 }
@@ -70,10 +72,10 @@ static void list_star(struct weighing *weighing, uint32_t *list, const struct wo
 }
 
 /* What the star's interpolants of one column of the rows say at the result, each widened by its rounding (PROOF.md, 4): the greatest
- * (sign 1) or the least (-1). */
-static double continued(const struct weighing *weighing, uint32_t column, double sign)
+ * (sign 1) or the least (-1). Their mean is added to *mean. */
+static double continued(const struct weighing *weighing, uint32_t column, double sign, double *mean)
 {
-    double extreme = -INFINITY;
+    double extreme = -INFINITY, sum = 0;
     for (uint32_t i = 0; i < weighing->count; i++) {
         double first = weighing->rows[0][i][column], value = first, spread = 0;
         for (int k = 0; k < 3; k++) {
@@ -83,31 +85,64 @@ static double continued(const struct weighing *weighing, uint32_t column, double
         }
         double slack = 32 * DBL_EPSILON * (weighing->spread[i] * spread + fabs(first) + fabs(value));
         extreme = larger(extreme, sign * value + slack);
+        sum += weighing->shares[i] * value;
     }
+    *mean += sum;
     return sign * extreme;
 }
 
-/* The same of the values that the fields have now, without their rounding: least and greatest. */
-static void continued_values(const struct worker *worker, const struct join *join, const double *values, size_t stride,
-                             double out[2])
+/* What the star says of values that the fields have now: at the result, without its rounding, and at the star's vertices. */
+struct said {
+    double least, greatest, mean;
+    double low, high;
+};
+
+/* Values together in one look at the star. */
+enum { TOGETHER = 4 };
+
+static void said_by_ends(const struct join *join, const double *values, size_t stride, struct said *out)
+{
+    double first = values[join->kept * stride], second = values[join->dead * stride];
+    out->low = out->least = smaller(first, second);
+    out->high = out->greatest = larger(first, second);
+    out->mean = (first + second) / 2;
+}
+
+/* Of up to TOGETHER components that stand together. */
+static void said_by_star(const struct worker *worker, const struct join *join, const double *values, size_t stride, uint32_t count,
+                         struct said *out)
 {
     const struct weighing *weighing = &worker->weighing;
-    out[0] = INFINITY;
-    out[1] = -INFINITY;
+    for (uint32_t c = 0; c < count; c++) {
+        out[c] = (struct said){INFINITY, -INFINITY, 0, INFINITY, -INFINITY};
+        if (join->still)
+            said_by_ends(join, values + c, stride, &out[c]);
+    }
     for (uint32_t i = 0; i < weighing->count && !join->still; i++) {
-        double f[4], value;
+        const double *at[4], weights[3] = {weighing->weights[0][i], weighing->weights[1][i], weighing->weights[2][i]};
         for (int k = 0; k < 4; k++)
-            f[k] = values[weighing->slots[i][k] * stride];
-        value = f[0] + weighing->weights[0][i] * (f[1] - f[0]) + weighing->weights[1][i] * (f[2] - f[0]) +
-                weighing->weights[2][i] * (f[3] - f[0]);
-        out[0] = smaller(out[0], value);
-        out[1] = larger(out[1], value);
+            at[k] = values + weighing->slots[i][k] * stride;
+        for (uint32_t c = 0; c < count; c++) {
+            double f[4] = {at[0][c], at[1][c], at[2][c], at[3][c]};
+            double value = f[0] + weights[0] * (f[1] - f[0]) + weights[1] * (f[2] - f[0]) + weights[2] * (f[3] - f[0]);
+            out[c].least = smaller(out[c].least, value);
+            out[c].greatest = larger(out[c].greatest, value);
+            out[c].mean += weighing->shares[i] * value;
+            out[c].low = smaller(out[c].low, smaller(smaller(f[0], f[1]), smaller(f[2], f[3])));
+            out[c].high = larger(out[c].high, larger(larger(f[0], f[1]), larger(f[2], f[3])));
+        }
     }
-    for (int end = 0; end < 2 && join->still; end++) {
-        double value = values[(end ? join->dead : join->kept) * stride];
-        out[0] = smaller(out[0], value);
-        out[1] = larger(out[1], value);
+}
+
+static void set_shares(struct weighing *weighing)
+{
+    double sum = 0;
+    for (uint32_t i = 0; i < weighing->count; i++) {
+        weighing->shares[i] = 1 / (1 + fabs(weighing->weights[0][i]) + fabs(weighing->weights[1][i]) + fabs(weighing->weights[2][i]));
+        sum += weighing->shares[i];
     }
+    for (uint32_t i = 0; i < weighing->count; i++)
+        weighing->shares[i] /= sum;
 }
 
 /* U and L of the result in the worker's numbers. False: a tetrahedron would not be well oriented. */
@@ -116,15 +151,20 @@ static bool find_bounds(const struct run *run, struct worker *worker, const stru
     const struct working *working = run->working;
     const double *a = working_row(working, join->dead), *b = working_row(working, join->kept);
     double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
+    double *means = numbers_of(run, worker, NUMBERS_MEAN);
     worker->weighing.count = 0;
     list_star(&worker->weighing, worker->list, working, join->dead, join->kept, true);
     list_star(&worker->weighing, worker->list, working, join->kept, join->dead, false);
     if (!join->still && !run->kernels->weigh(&worker->weighing, join->p))
         return false;
+    if (!join->still)
+        set_shares(&worker->weighing);
     for (uint32_t c = 0; c < working->component_count; c++) {
         uint32_t column = ROW_FIELDS + 2 * c;
-        upper[c] = join->still ? larger(a[column], b[column]) : continued(&worker->weighing, column, 1);
-        lower[c] = join->still ? smaller(a[column + 1], b[column + 1]) : continued(&worker->weighing, column + 1, -1);
+        double mean = 0;
+        upper[c] = join->still ? larger(a[column], b[column]) : continued(&worker->weighing, column, 1, &mean);
+        lower[c] = join->still ? smaller(a[column + 1], b[column + 1]) : continued(&worker->weighing, column + 1, -1, &mean);
+        means[c] = join->still ? (upper[c] + lower[c]) / 2 : mean / 2;
     }
     return true;
 }
@@ -148,40 +188,49 @@ static uint32_t free_values(const struct working *working, const struct join *jo
     return count;
 }
 
-/* Takes values that cost few bits in place of the middles of U and L, where the errors are no larger then than what the rounds before
- * have come to. */
-static void cheapen(const struct run *run, const struct worker *worker, const struct join *join, double *values)
+/* The mean of what the star's interpolants say, as near to it as is allowed. It is nearer to the original on average (DEFAULTS.md). */
+static double near_mean(const struct working_field *field, uint32_t component, double mean, double middle, double least,
+                        double greatest)
+{
+    double most = 0.99 * (greatest - least) / 2; // so that rounding stays within
+    double value = field_round(field, component, smaller(larger(mean, middle - most), middle + most));
+    return value >= least && value <= greatest ? value : middle;
+}
+
+/* Takes values that are better or cost few bits in place of the middles of U and L, where the errors are no larger then than what the
+ * rounds before have come to. And the predictions of these values, from those that the fields still have. */
+static void choose_values(const struct run *run, const struct worker *worker, const struct join *join, double *values,
+                          double *predicted)
 {
     const struct working *working = run->working;
     const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
+    const double *means = numbers_of(run, worker, NUMBERS_MEAN);
     for (uint32_t c = 0; c < working->component_count; c++) {
         const struct controlled *component = &working->components[c];
         const struct working_field *field = &working->fields[component->field];
         double there[2], error = component->scale > 0 ? run->certified[c] / component->scale : 0;
-        uint32_t count = free_values(working, join, field, component->component, there);
-        if (component->scale > 0)
-            values[c] = field_cheap(field, component->component, there, count, values[c], upper[c] - error, lower[c] + error,
-                                    error / CHEAP_PART);
+        double least = upper[c] - error, greatest = lower[c] + error;
+        struct said said;
+        said_by_star(worker, join, field->values + component->component, field->components, 1, &said);
+        if (component->scale > 0) {
+            uint32_t count = free_values(working, join, field, component->component, there);
+            double value = near_mean(field, component->component, means[c], values[c], least, greatest);
+            values[c] = field_cheap(field, component->component, there, count, value, least, greatest, error / CHEAP_PART);
+        }
+        predicted[c] = component->predicted[join->kept] + component->predicted[join->dead] +
+                       larger(said.greatest - values[c], values[c] - said.least);
     }
 }
 
-/* Values among those of the star's vertices: what is not controlled has no bound that keeps it from extrapolating. */
-static double carried_value(const struct worker *worker, const struct working *working, const struct join *join,
-                            const struct working_field *field, uint32_t component)
+/* A value among those of the star's vertices: what is not controlled has no bound that keeps it from extrapolating. */
+static double carried_value(const struct working *working, const struct join *join, const struct working_field *field,
+                            uint32_t component, const struct said *said)
 {
-    double range[2], least = INFINITY, greatest = -INFINITY;
-    continued_values(worker, join, field->values + component, field->components, range);
-    for (uint32_t i = 0; i < worker->weighing.count; i++)
-        for (int k = 0; k < 4; k++) {
-            double value = field->values[(size_t)worker->weighing.slots[i][k] * field->components + component];
-            least = smaller(least, value);
-            greatest = larger(greatest, value);
-        }
-    double middle = field_round(field, component, smaller(larger((range[0] + range[1]) / 2, least), greatest)), there[2];
-    double spread = (range[1] - range[0]) / 2;
+    double there[2], spread = (said->greatest - said->least) / 2;
+    double value = field_round(field, component, smaller(larger(said->mean, said->low), said->high));
     uint32_t count = free_values(working, join, field, component, there);
-    return field_cheap(field, component, there, count, middle, larger(least, middle - spread), smaller(greatest, middle + spread),
-                       spread / CHEAP_PART);
+    return field_cheap(field, component, there, count, value, larger(said->low, value - spread),
+                       smaller(said->high, value + spread), spread / CHEAP_PART);
 }
 
 static bool is_controlled(const struct working *working, uint32_t field)
@@ -192,13 +241,20 @@ static bool is_controlled(const struct working *working, uint32_t field)
     return false;
 }
 
-/* Fields that are not controlled, by scalar value assignment (thesis 3.3). */
+/* Fields that are not controlled. */
 static void carry_fields(const struct worker *worker, const struct working *working, const struct join *join)
 {
     for (uint32_t f = 0; f < working->field_count; f++) {
         const struct working_field *field = &working->fields[f];
-        for (uint32_t c = 0; c < field->components && !is_controlled(working, f); c++)
-            field->values[(size_t)join->kept * field->components + c] = carried_value(worker, working, join, field, c);
+        bool carried = !is_controlled(working, f);
+        for (uint32_t first = 0; first < field->components && carried; first += TOGETHER) {
+            uint32_t left = field->components - first, count = left < TOGETHER ? left : TOGETHER;
+            struct said said[TOGETHER];
+            said_by_star(worker, join, field->values + first, field->components, count, said);
+            for (uint32_t c = 0; c < count; c++)
+                field->values[(size_t)join->kept * field->components + first + c] =
+                    carried_value(working, join, field, first + c, &said[c]);
+        }
     }
 }
 
@@ -212,19 +268,13 @@ static void log_values(const struct working *working, const struct join *join, u
     }
 }
 
-/* Predictions of the controlled components, from the values that the fields still have; then their new values. */
-static void set_components(const struct run *run, const struct worker *worker, const struct join *join, const double *values,
-                           double *predicted)
+static void set_components(const struct working *working, const struct join *join, const double *values, double *predicted)
 {
-    const struct working *working = run->working;
     for (uint32_t c = 0; c < working->component_count; c++) {
         struct controlled *component = &working->components[c];
         const struct working_field *field = &working->fields[component->field];
-        double range[2];
-        continued_values(worker, join, field->values + component->component, field->components, range);
-        double before = component->predicted[join->kept] + component->predicted[join->dead];
-        component->predicted[join->kept] = before + larger(range[1] - values[c], values[c] - range[0]);
-        predicted[c] = component->predicted[join->kept] * component->scale;
+        component->predicted[join->kept] = predicted[c];
+        predicted[c] *= component->scale;
         field->values[(size_t)join->kept * field->components + component->component] = values[c];
     }
 }
@@ -276,6 +326,9 @@ static void refuse(const struct run *run, struct worker *worker, uint32_t slot, 
     run->proposals[slot].priority = PROPOSES_NOTHING;
     run->proposals[slot].waits = run->proposals[slot].waits_changed = (float)larger(error, run->limit * (1 + 1e-6));
 }
+
+/* What a result waits for before it is looked at, as a multiple of its own error: hardly any can be contracted within less. */
+static const double RESULT_WAITS = 2;
 
 /* All vertices of both stars have changed. Lists what has to be looked at when the round is over: kinds of boundary vertices, and
  * whether vertices are still frozen. */
@@ -333,7 +386,7 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
         refuse(run, worker, slot, error, LOG_REFUSED_ROUNDING);
         return;
     }
-    cheapen(run, worker, &join, values);
+    choose_values(run, worker, &join, values, predicted);
     const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
     for (uint32_t c = 0; c < working->component_count; c++) {
         const struct controlled *component = &working->components[c];
@@ -342,7 +395,7 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
         certified[c] = smaller(smaller(worst * component->scale, named), 1); // within rounding of the limit is the limit
     }
     carry_fields(worker, working, &join);
-    set_components(run, worker, &join, values, predicted);
+    set_components(working, &join, values, predicted);
     log_values(working, &join, record);
     uint32_t *children = working->log->children + 4 * (size_t)record;
     children[0] = working->node[join.kept];
@@ -353,5 +406,6 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
     set_row(run, worker, &join, moved);
     run->border.most[join.kept] = most;
     run->proposals[join.kept].priority = run->proposals[join.dead].priority = PROPOSES_NOTHING;
+    run->proposals[join.kept].waits = run->proposals[join.kept].waits_changed = (float)(RESULT_WAITS * error);
     *out = (struct merged){true, join.kept, working_contract(working, join.kept, join.dead, worker->list), moved};
 }

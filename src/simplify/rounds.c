@@ -14,7 +14,7 @@
 
 /* A vertex whose star has changed is evaluated again if this multiple of what it waited for is within the limit: a change rarely
  * eases it by more. */
-static const double EASED = 0.85;
+static const double EASED = 0.8;
 
 /* Below it the ladder has no steps between (ladder.h): nobody asks for what is between, and every rung looks at most vertices again. */
 static const double STEPS_FROM = 1e-3;
@@ -497,8 +497,6 @@ static enum tetlod_status contract(struct rounds *rounds)
         if (!rounds->merged[i].done)
             continue;
         TETLOD_TRY(account(rounds, i, first + (uint32_t)i));
-        if (!list_add(&rounds->again, rounds->merged[i].kept))
-            return no_memory(rounds);
     }
     TETLOD_TRY(collect(rounds, false));
     crew_run(rounds->run.crew, rounds->winners.count, 64, classify_range, rounds);

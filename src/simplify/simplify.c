@@ -14,7 +14,8 @@
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-/* What the exact limit refuses is followed to this multiple of it. */
+/* What the exact limit refuses is followed to this multiple of it on the rungs that levels are named after, where near misses are
+ * searched from; between them not at all. */
 static const double EXACT_HORIZON = 1.2;
 
 /* What all candidates fail by little may succeed between them: so many steps are made, each halved as often at most, while what is
@@ -271,7 +272,7 @@ static enum tetlod_status search(const struct run *run, struct judge *judge, str
 static enum tetlod_status examine(const struct run *run, struct judge *judge, struct work *work)
 {
     struct queue_entry *entry = &work->entry;
-    double horizon = EXACT_HORIZON * run->limit, least = INFINITY, nearest[3], moved;
+    double horizon = (run->named ? EXACT_HORIZON : 1) * run->limit, least = INFINITY, nearest[3], moved;
     work->witness_count = 0;
     TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
     TETLOD_TRY(exact_take_up(&judge->examiner, run->complex, run->fields, &judge->star, &judge->error));
@@ -488,16 +489,50 @@ static enum tetlod_status file_fresh(struct run *run)
     return status;
 }
 
+/* Claims the star of an entry for its batch, unless a contraction of the batch may change it. */
+static bool claim(struct run *run, const struct queue_entry *entry)
+{
+    const struct complex *complex = run->complex;
+    uint32_t vertices = vertex_count(entry);
+    for (uint32_t i = 0; i < vertices; i++)
+        if (run->claims[entry->vertices[i]] == run->batch)
+            return false;
+    for (uint32_t i = 0; i < vertices; i++) {
+        const uint32_t *star = complex->pool + complex->star_begin[entry->vertices[i]];
+        for (uint32_t k = 0; k < 4 * complex->star_count[entry->vertices[i]]; k++)
+            run->claims[complex->corners[4 * (size_t)star[k / 4] + k % 4]] = run->batch;
+    }
+    return true;
+}
+
+/* Takes a batch from the queue: the least entries of which none is in another's way, so that nothing is asked in vain. Those
+ * that are wait for the next batch. */
+static enum tetlod_status take_batch(struct run *run, size_t *out_count)
+{
+    size_t count = 0, postponed = 0;
+    run->batch++;
+    while (run->queue.count && count < BATCH && postponed < POSTPONED) {
+        struct queue_entry entry = queue_pop(&run->queue);
+        if (obsolete(run->complex, &entry))
+            continue;
+        if (stale(run->complex, &entry) || claim(run, &entry))
+            run->works[count++].entry = entry;
+        else
+            run->postponed[postponed++] = entry;
+    }
+    run->batch_key = run->queue.count ? run->queue.entries[0].value : INFINITY;
+    for (size_t i = 0; i < postponed; i++)
+        TETLOD_TRY(file(run, &run->postponed[i], true));
+    *out_count = count;
+    return TETLOD_OK;
+}
+
 /* The same under the exact limit: it is asked about a batch at a time. */
 static enum tetlod_status climb_exactly(struct run *run)
 {
     while (run->queue.count && !finished(run)) {
-        size_t count = 0;
-        while (run->queue.count && count < BATCH) {
-            run->works[count].entry = queue_pop(&run->queue);
-            count += !obsolete(run->complex, &run->works[count].entry);
-        }
-        run->batch_key = run->queue.count ? run->queue.entries[0].value : INFINITY;
+        size_t count;
+        TETLOD_TRY(take_batch(run, &count));
         parallel_for(run->judge_count, count, 1, work_range, run);
         TETLOD_TRY(first_failure(run));
         for (size_t i = 0; i < count; i++) {
@@ -584,7 +619,8 @@ static enum tetlod_status make_works(struct run *run, const struct tetmesh *mesh
     size_t drivers = run->fields->driver_count;
     run->works = array_zero(BATCH, sizeof *run->works);
     run->work_values = array_new(2 * BATCH * drivers, sizeof *run->work_values);
-    if (!run->works || !run->work_values)
+    run->claims = array_zero(run->complex->vertex_count, sizeof *run->claims);
+    if (!run->works || !run->work_values || !run->claims)
         return tetlodi_fail_nomem(run->error, "the works", BATCH * (sizeof *run->works + 16 * drivers));
     for (size_t i = 0; i < BATCH; i++) {
         run->works[i].values = run->work_values + 2 * i * drivers;
@@ -679,6 +715,7 @@ done:
         handover_fini(&run.works[i].handover);
     free(run.works);
     free(run.work_values);
+    free(run.claims);
     free(run.certified);
     free(run.outcome);
     free(run.link);

@@ -10,9 +10,10 @@
 #include "src/util/clock.h"
 #include "src/util/parallel.h"
 
-/* Seconds that a thread looks for what it waits for before it goes to sleep. To be woken takes as long, and what is done between
- * two jobs of a round takes less. */
-static const double PATIENCE = 50e-6;
+/* Seconds that a thread looks for what it waits for before it goes to sleep. To be woken takes long where the processor sleeps, too:
+ * longer than most jobs of a round, and than what is done between two of them. Where other programs hold up what is waited for, looking
+ * takes time from them and from it: after each wait that was longer the patience is halved. */
+static const double MOST_PATIENCE = 400e-6, LEAST_PATIENCE = 10e-6;
 
 struct crew {
     unsigned size;
@@ -21,6 +22,7 @@ struct crew {
     pthread_cond_t called, finished;
     atomic_uint call;    /* counts the jobs */
     atomic_uint working; /* threads that have not finished the job */
+    double patience;     /* of the one that calls */
     bool dismissed;
     void (*body)(void *context, unsigned worker, size_t begin, size_t end);
     void *context;
@@ -45,9 +47,8 @@ static void work(struct crew *crew, unsigned worker)
 }
 
 /* Waits for a while. Is it (if `not` is false) or is it not that number in the end? */
-static bool comes_to(const atomic_uint *value, unsigned number, bool not)
+static bool comes_to(const atomic_uint *value, unsigned number, bool not, double until)
 {
-    double until = monotonic_seconds() + PATIENCE;
     do
         if ((atomic_load_explicit(value, memory_order_acquire) == number) != not)
             return true;
@@ -55,13 +56,22 @@ static bool comes_to(const atomic_uint *value, unsigned number, bool not)
     return false;
 }
 
+static double patience_after(double patience, double waited)
+{
+    if (waited < MOST_PATIENCE)
+        return MOST_PATIENCE;
+    return patience / 2 > LEAST_PATIENCE ? patience / 2 : LEAST_PATIENCE;
+}
+
 static void *serve(void *argument)
 {
     struct recruit recruit = *(struct recruit *)argument;
     struct crew *crew = recruit.crew;
+    double patience = MOST_PATIENCE;
     free(argument);
     for (unsigned seen = 0;; seen++) {
-        if (!comes_to(&crew->call, seen, true)) {
+        double begun = monotonic_seconds();
+        if (!comes_to(&crew->call, seen, true, begun + patience)) {
             pthread_mutex_lock(&crew->mutex);
             while (atomic_load(&crew->call) == seen)
                 pthread_cond_wait(&crew->called, &crew->mutex);
@@ -69,6 +79,7 @@ static void *serve(void *argument)
         }
         if (crew->dismissed)
             return NULL;
+        patience = patience_after(patience, monotonic_seconds() - begun);
         work(crew, recruit.worker);
         if (atomic_fetch_sub(&crew->working, 1) == 1) {
             pthread_mutex_lock(&crew->mutex);
@@ -83,6 +94,7 @@ struct crew *crew_new(unsigned threads)
     struct crew *crew = calloc(1, sizeof *crew);
     if (!crew)
         return NULL;
+    crew->patience = MOST_PATIENCE;
     pthread_mutex_init(&crew->mutex, NULL);
     pthread_cond_init(&crew->called, NULL);
     pthread_cond_init(&crew->finished, NULL);
@@ -130,12 +142,14 @@ unsigned crew_size(const struct crew *crew)
 /* Until the others have finished, too. */
 static void await_others(struct crew *crew)
 {
-    if (comes_to(&crew->working, 0, false))
-        return;
-    pthread_mutex_lock(&crew->mutex);
-    while (atomic_load(&crew->working))
-        pthread_cond_wait(&crew->finished, &crew->mutex);
-    pthread_mutex_unlock(&crew->mutex);
+    double begun = monotonic_seconds();
+    if (!comes_to(&crew->working, 0, false, begun + crew->patience)) {
+        pthread_mutex_lock(&crew->mutex);
+        while (atomic_load(&crew->working))
+            pthread_cond_wait(&crew->finished, &crew->mutex);
+        pthread_mutex_unlock(&crew->mutex);
+    }
+    crew->patience = patience_after(crew->patience, monotonic_seconds() - begun);
 }
 
 void crew_run(struct crew *crew, size_t count, size_t chunk,

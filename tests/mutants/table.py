@@ -18,7 +18,8 @@ ATTACK = 'attack 1 60'  # the program, its streams, and verify
 # ---- the envelope (PROOF.md, 2 to 4), in rounds
 
 mutant('star without a tetrahedron', 'src/simplify/merge.c',
-       'double extreme = -INFINITY;\n    for (uint32_t i = 0; i < weighing->count; i++) {', 'double extreme = -INFINITY;\n    for (uint32_t i = 1; i < weighing->count; i++) {',
+       'double extreme = -INFINITY, sum = 0;\n    for (uint32_t i = 0; i < weighing->count; i++) {',
+       'double extreme = -INFINITY, sum = 0;\n    for (uint32_t i = 1; i < weighing->count; i++) {',
        'all tetrahedra of the star are continued to the new vertex', PROOF)
 mutant('rounding slack', 'src/simplify/merge.c', 'double slack = 32 * DBL_EPSILON * (weighing->spread[i] * spread + fabs(first) + fabs(value));',
        'double slack = 0 * spread;', 'an upper value is widened by its rounding', 'unit/test_rounds')
@@ -28,6 +29,9 @@ mutant('one side of the error', 'src/simplify/evaluate.c', 'worst = larger(worst
        'worst = larger(worst, (upper[c] - value) * component->factor);', 'the error counts both ways', PROOF)
 mutant('certified is one side', 'src/simplify/merge.c', 'double worst = larger(upper[c] - values[c], values[c] - lower[c]);',
        'double worst = upper[c] - values[c];', 'what is stored counts both ways', PROOF)
+mutant('mean beyond the error', 'src/simplify/merge.c',
+       'double value = field_round(field, component, smaller(larger(mean, middle - most), middle + most));\n    return value >= least && value <= greatest ? value : middle;',
+       'return field_round(field, component, most >= 0 ? mean : middle);', 'a better value keeps to the error that is stated', PROOF)
 mutant('values are not rounded', 'src/simplify/evaluate.c',
        'double value = field_round(&run->working->fields[component->field], component->component, (upper[c] + lower[c]) / 2);',
        'double value = (upper[c] + lower[c]) / 2;', 'the error is that of the value as stored', PROOF)
@@ -101,6 +105,8 @@ mutant('exact: no original vertices', 'src/simplify/exact/exact.c', 'if (!at_ver
        'critical points of kind 1', 'unit/test_exact')
 mutant('exact: no walls', 'src/simplify/exact/exact.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);', 'return (1 || at_edges(e)) && goes_on(e) && at_spokes(e);',
        'critical points of kind 2', 'unit/test_exact')
+mutant('exact: an edge crosses one wall at most', 'src/simplify/exact/exact.c', 'if (w == ARRIVED)\n            return true;', 'if (w == ARRIVED || steps)\n            return true;',
+       'an edge is followed to its end', 'unit/test_exact')
 mutant('exact: no spokes', 'src/simplify/exact/exact.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);', 'return at_edges(e) && goes_on(e) && (1 || at_spokes(e));',
        'critical points of kind 3', 'unit/test_exact')
 mutant('exact: not the new vertex', 'src/simplify/exact/exact.c', 'if (!is_original(e) && !at_apex(e))', 'if (0 && !is_original(e) && !at_apex(e))',

@@ -438,27 +438,74 @@ static inline bool beside(const struct patch *patch, uint32_t words, const uint6
     return outside;
 }
 
-/* Inlined where `words` is known. */
-static inline __attribute__((always_inline)) bool at_edge(const struct examination *e, const uint32_t edge[2], uint32_t words)
+/* All walls whose planes have the ends of an edge on different sides. */
+static bool try_walls(const struct examination *e, const uint32_t edge[2])
 {
     const struct patch *patch = &e->examiner->patch;
-    const uint64_t *a = patch->signs + (size_t)edge[0] * SIDES * words, *b = patch->signs + (size_t)edge[1] * SIDES * words;
-    for (uint32_t word = 0; word < words; word++)
+    const uint64_t *a = patch_side(patch, edge[0], POSITIVE), *b = patch_side(patch, edge[1], POSITIVE);
+    for (uint32_t word = 0; word < patch->words; word++)
         for (uint64_t bits = a[word] ^ b[word]; bits; bits &= bits - 1) {
             uint32_t w = 64 * word + (uint32_t)__builtin_ctzll(bits);
             const struct wall *wall = &patch->walls[w];
-            if (!beside(patch, words, a, b, wall->cones[0]) && !beside(patch, words, a, b, wall->cones[1]) &&
+            if (!beside(patch, patch->words, a, b, wall->cones[0]) && !beside(patch, patch->words, a, b, wall->cones[1]) &&
                 !at_wall(e, edge[0], edge[1], w))
                 return false;
         }
     return true;
 }
 
+enum { ARRIVED = -1, LOST = -2 };
+
+/* The wall by which an edge leaves cone f: of those that its far end is outside of the one that it crosses first. ARRIVED: of none.
+ * LOST: its near end is outside of one as well, so that rounding has led astray, or it leaves the star. */
+static int64_t way_out(const struct patch *patch, const uint32_t edge[2], uint32_t f)
+{
+    const double *from = patch_row(patch, edge[0]), *to = patch_row(patch, edge[1]);
+    const uint64_t *near = patch_side(patch, edge[0], POSITIVE), *far = patch_side(patch, edge[1], POSITIVE),
+                   *inside = patch->cone_signs + (size_t)f * patch->words;
+    int64_t found = ARRIVED;
+    double first = INFINITY;
+    for (int k = 0; k < 3; k++) {
+        uint32_t w = patch->cones[f].walls[k];
+        uint64_t bit = (uint64_t)1 << w % 64;
+        if (!((far[w / 64] ^ inside[w / 64]) & bit))
+            continue;
+        if ((near[w / 64] ^ inside[w / 64]) & bit || patch->walls[w].outer)
+            return LOST;
+        double t = from[w] / (from[w] - to[w]);
+        if (t < first) {
+            first = t;
+            found = w;
+        }
+    }
+    return found;
+}
+
+/* Follows an edge from cone to cone through the walls that it crosses. Where that fails, all walls are tried. */
+static bool at_edge(const struct examination *e, const uint32_t edge[2])
+{
+    const struct patch *patch = &e->examiner->patch;
+    size_t before = e->examiner->point_count;
+    uint32_t f = patch->homes[edge[0]];
+    for (uint32_t steps = 0; f != TETLOD_NONE && steps < patch->wall_count; steps++) {
+        int64_t w = way_out(patch, edge, f);
+        if (w == ARRIVED)
+            return true;
+        if (w == LOST)
+            break;
+        if (!at_wall(e, edge[0], edge[1], (uint32_t)w))
+            return false;
+        f = patch->walls[w].cones[patch->walls[w].cones[0] == f];
+    }
+    e->examiner->point_count = before; // they are found again
+    return try_walls(e, edge);
+}
+
 static bool at_edges(const struct examination *e)
 {
     const struct patch *patch = &e->examiner->patch;
     for (uint32_t i = 0; i < patch->edge_count; i++)
-        if (!(patch->words == 1 ? at_edge(e, patch->edges[i], 1) : at_edge(e, patch->edges[i], patch->words)))
+        if (!at_edge(e, patch->edges[i]))
             return false;
     return true;
 }

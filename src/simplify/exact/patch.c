@@ -107,7 +107,7 @@ void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel)
 /* ---- memory */
 
 enum part { TETS, CORNERS, VERTICES, EDGES, LINK, WALLS, CONES, NORMALS, ROWS, SIGNS, CONE_WALLS, CONE_SIGNS, SPOKE_WALLS,
-            SPOKES, TABLE, PAIRS, ORIGINAL_SIDES };
+            SPOKES, TABLE, PAIRS, ORIGINAL_SIDES, HOMES };
 
 /* Room for that many elements in an array of the patch; `array` points to its pointer. */
 static bool room(struct patch *patch, enum part part, void *array, size_t needed, size_t size)
@@ -144,7 +144,7 @@ void patch_fini(struct patch *patch)
     void *owned[] = {patch->tets,         patch->corners,      patch->vertices,    patch->edges,       patch->link,
                      patch->walls,        patch->cones,        patch->normals,     patch->rows,        patch->signs,
                      patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spokes,      patch->table,
-                     patch->pairs,        patch->sides,       patch->tet_epoch,   patch->star_epoch,
+                     patch->pairs,        patch->sides,       patch->homes,       patch->tet_epoch,   patch->star_epoch,
                      patch->vertex_number, patch->slot_epoch, patch->slot_number};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
@@ -463,7 +463,8 @@ enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *over
     *out_few = (size_t)patch->stride * patch->vertex_count <= MOST_ROWS;
     if (*out_few && (!room(patch, ROWS, &patch->rows, (size_t)patch->stride * patch->vertex_count, sizeof *patch->rows) ||
                      !room(patch, SIGNS, &patch->signs, SIDES * (size_t)patch->words * patch->vertex_count,
-                           sizeof *patch->signs)))
+                           sizeof *patch->signs) ||
+                     !room(patch, HOMES, &patch->homes, patch->vertex_count, sizeof *patch->homes)))
         return no_room(error);
     for (uint32_t v = 0; v < patch->vertex_count; v++)
         reach2 = larger(reach2, distance_squared(patch->apex, patch_position(patch, overlaps, v)));
@@ -515,13 +516,6 @@ static void make_row(const struct patch *patch, const double p[3], double *row, 
     }
 }
 
-void patch_rows(struct patch *patch, const struct overlaps *overlaps, uint32_t begin, uint32_t end)
-{
-    for (uint32_t v = begin; v < end; v++)
-        make_row(patch, patch_position(patch, overlaps, v), patch->rows + (size_t)v * patch->stride,
-                 patch->signs + (size_t)v * SIDES * patch->words);
-}
-
 /* The cone whose signs a vertex has. Most stars have no more walls than a word has bits. */
 static uint32_t find_cone(const struct patch *patch, const uint64_t *signs)
 {
@@ -541,6 +535,15 @@ static uint32_t find_cone(const struct patch *patch, const uint64_t *signs)
     return TETLOD_NONE;
 }
 
+void patch_rows(struct patch *patch, const struct overlaps *overlaps, uint32_t begin, uint32_t end)
+{
+    for (uint32_t v = begin; v < end; v++) {
+        uint64_t *signs = patch->signs + (size_t)v * SIDES * patch->words;
+        make_row(patch, patch_position(patch, overlaps, v), patch->rows + (size_t)v * patch->stride, signs);
+        patch->homes[v] = find_cone(patch, signs + POSITIVE * patch->words);
+    }
+}
+
 uint32_t patch_cone_at(struct patch *patch, const struct complex *complex, const double p[3], double weights[3],
                        double *apex_weight)
 {
@@ -557,7 +560,7 @@ uint32_t patch_cone_at(struct patch *patch, const struct complex *complex, const
 
 uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex)
 {
-    uint32_t best = find_cone(patch, patch_side(patch, vertex, POSITIVE));
+    uint32_t best = patch->homes[vertex];
     if (best != TETLOD_NONE)
         return best;
     // rounding may leave a sliver between cones: the cone that it is least outside of
@@ -634,6 +637,18 @@ static bool apart_by_original(const struct patch *patch, const struct overlaps *
     return false;
 }
 
+/* Is a corner of the original inside the cone? */
+static bool holds_corner(const struct patch *patch, const struct overlaps *overlaps, const struct complex *complex, size_t tet, uint32_t f)
+{
+    const struct cone *cone = &patch->cones[f];
+    for (int c = 0; c < 4; c++) {
+        uint32_t v = patch->corners[tet][c];
+        if (patch->homes[v] == f && cone_height(cone, patch, complex, patch_position(patch, overlaps, v)) > cone->tolerance)
+            return true;
+    }
+    return false;
+}
+
 static bool handover_room(struct handover *handover, size_t needed)
 {
     void *grown = handover->numbers;
@@ -652,7 +667,7 @@ static bool hand_on_to(const struct patch *patch, const struct overlaps *overlap
     uint32_t *list = handover->numbers + handover->count + 2, count = 0;
     for (size_t t = 0; t < patch->tet_count; t++)
         if (!outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, overlaps, complex, t, cone) &&
-            (on_boundary(patch, cone) || !apart_by_original(patch, overlaps, complex, patch->tets[t], cone)))
+            (on_boundary(patch, cone) || holds_corner(patch, overlaps, complex, t, f) || !apart_by_original(patch, overlaps, complex, patch->tets[t], cone)))
             list[count++] = patch->tets[t];
     list[-2] = cone->tet;
     list[-1] = count;

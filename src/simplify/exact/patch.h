@@ -104,6 +104,7 @@ struct patch {
     double *thresholds;          /* [stride] distances from there on count as positive */
     double *rows;                /* [vertex][stride] distances from the walls' planes, scaled */
     uint64_t *signs;             /* [vertex][SIDES][words] sets of walls */
+    uint32_t *homes;             /* [vertex] the cone whose signs it has, or TETLOD_NONE */
     uint64_t *cone_walls, *cone_signs; /* [cone][words] its walls, and the signs inside it */
     uint64_t *spoke_walls;       /* [link][words] the walls that meet there, but those on the boundary */
     struct spoke *spokes;        /* [link] */
