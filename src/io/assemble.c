@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/io/assemble.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -72,6 +73,14 @@ enum tetlod_status assemble_field(struct tetmesh *mesh, const char *name, uint64
     enum tetlod_status status = tetmesh_add_field(mesh, clean, (uint32_t)components, type, error);
     free(clean);
     return status;
+}
+
+bool values_are_whole(const double *values, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (values[i] != trunc(values[i]))
+            return false;
+    return true;
 }
 
 bool assemble_vector_name(const char *const names[3], char *out, size_t size)

@@ -130,6 +130,9 @@ TETLOD_CHECKED enum tetlod_status cell_numbers_to_field(struct cell_numbers *num
                                                         struct tetlod_error *error);
 void cell_numbers_fini(struct cell_numbers *numbers);
 
+/* Whether all values are whole numbers: text may hold others where its type says integer. */
+bool values_are_whole(const double *values, size_t count);
+
 /* Whether three names, one after the other, are those of a vector: they end in X, Y, Z (or x, y, z, or _x, ...). Gives the name
  * without that. */
 bool assemble_vector_name(const char *const names[3], char *out, size_t size);

@@ -321,8 +321,8 @@ static enum tetlod_status read_values(struct legacy *l, struct text name, struct
     free(decoded);
     TETLOD_TRY(status);
     struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
-    field->is_integer = !value_is_float(type.type);
     TETLOD_TRY(vtk_doubles(&l->stream, type.type, (size_t)(l->tuples * components), field->values, l->error));
+    field->is_integer = !value_is_float(type.type) && values_are_whole(field->values, (size_t)(l->tuples * components));
     l->last = ghosts ? NULL : field;
     if (ghosts && l->dataset != UNSTRUCTURED_GRID)
         TETLOD_TRY(set_dims(l)); // by which cells have points

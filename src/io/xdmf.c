@@ -256,7 +256,7 @@ static enum tetlod_status read_attribute(const struct xdmf *x, const struct xml_
                       : assemble_field(mesh, name, width, item.type, x->error);
     if (status == TETLOD_OK) {
         struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
-        field->is_integer = item.is_integer;
+        field->is_integer = item.is_integer && values_are_whole(item.doubles, (size_t)item.count);
         const char *unit = unit_of(x, node);
         unit_set(field->unit, unit, strlen(unit));
         free(field->values);
