@@ -605,7 +605,11 @@ async function keys_do_what_the_help_says() {
   await page.evaluate(() => {
     window.open = () => null;
     window.snapshot = () => JSON.stringify([window.tetlod.state, window.tetlod.scene.camera(), document.body.className, document.documentElement.dataset.theme,
-      Boolean(document.fullscreenElement), document.getElementById('help').open, document.getElementById('notices').innerText]);
+      Boolean(document.fullscreenElement), document.getElementById('help').open, window.noticed]);
+    window.noticed = 0; // a notice may come and go between two frames of a slow renderer
+    new MutationObserver((records) => {
+      for (const { addedNodes } of records) window.noticed += addedNodes.length;
+    }).observe(document.getElementById('notices'), { childList: true, subtree: true });
   });
   const names = { '←': 'ArrowLeft', '↑': 'ArrowUp', '→': 'ArrowRight', '↓': 'ArrowDown', '−': '-', '?': '?' };
   const elsewhere = ['double-click', 'Space', ',', '.']; // the steps of a series: test_player.mjs
