@@ -16,16 +16,13 @@ static json_t *cell_names(const struct tetlod_info *info)
     return array;
 }
 
-/* What the first name of a list is, which may have commas: the longest counts. Its length with the comma behind, or 0. */
+/* Chooses what the first name of a list says. Its length with the comma behind, or 0. */
 static size_t choose(const struct tetlod_info *info, const char *list, struct cell_choice *out)
 {
-    size_t size = 0, all = list_begins_with(list, "all");
     uint32_t field = TETLOD_NONE;
-    for (uint32_t f = 0; f < info->cell_field_count; f++) {
-        size_t length = list_begins_with(list, info->cell_fields[f].name);
-        field = length > size ? f : field;
-        size = length > size ? length : size;
-    }
+    size_t all = list_begins_with(list, "all"), size = 0;
+    if (info->cell_field_count)
+        size = list_find(list, &info->cell_fields[0].name, sizeof *info->cell_fields, info->cell_field_count, &field);
     for (uint32_t f = 0; f < info->cell_field_count; f++)
         if (f == field || (all && !size))
             out->chosen[f] = out->any = true;

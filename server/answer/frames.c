@@ -151,14 +151,9 @@ static bool select_fields(struct exchange *exchange, const struct tetlod_info *i
     memset(selected, '0', info->field_count);
     selected[info->field_count] = 0;
     for (const char *at = list; *at;) {
-        uint32_t field = TETLOD_NONE;
-        size_t size = 0;
-        for (uint32_t f = 0; f < info->field_count; f++) { // a name may have commas: the longest counts
-            size_t length = list_begins_with(at, info->fields[f].name);
-            field = length > size ? f : field;
-            size = length > size ? length : size;
-        }
-        if (field == TETLOD_NONE) {
+        uint32_t field;
+        size_t size = info->field_count ? list_find(at, &info->fields[0].name, sizeof *info->fields, info->field_count, &field) : 0;
+        if (!size) {
             response_problem_choices(exchange->response, 400, exchange->request->target, "fields", field_names(info),
                                      "there is no field '%.*s'; fields are separated by commas", (int)strcspn(at, ","), at);
             return false;

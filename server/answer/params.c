@@ -118,6 +118,17 @@ size_t list_begins_with(const char *list, const char *name)
     return size + (list[size] == ',');
 }
 
+size_t list_find(const char *list, const char *const *names, size_t stride, uint32_t count, uint32_t *out)
+{
+    size_t longest = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        size_t length = list_begins_with(list, *(const char *const *)((const char *)names + i * stride));
+        *out = length > longest ? i : *out;
+        longest = length > longest ? length : longest;
+    }
+    return longest;
+}
+
 bool query_unknown(const char *text, const char *const *names, char *out, size_t capacity)
 {
     struct pair pair;

@@ -24,6 +24,10 @@ enum query_result query_value(const char *text, const char *name, char *out, siz
 /* Length of a name that a list, separated by commas, begins with, and of the comma behind it; 0: it begins with another. */
 size_t list_begins_with(const char *list, const char *name);
 
+/* Which of `count` names a list begins with, and that length; a name may have commas: the longest counts. 0: with none. The names stand
+ * `stride` bytes apart, as members of structs. */
+size_t list_find(const char *list, const char *const *names, size_t stride, uint32_t count, uint32_t *out);
+
 /* Whether the parameter at the beginning of `text` has this name, however it is written. */
 bool query_begins_with(const char *text, const char *name);
 

@@ -46,7 +46,7 @@ async function start() {
   listen();
   const opened = viewer.open(source);
   const panel = import('./panel.js'); // needed after the first picture: asked for after what that takes
-  panel.catch(() => {}); // a stream that cannot be opened is told first
+  panel.catch(() => {}); // if the stream cannot be opened as well, the page says that first
   await opened;
   performance.mark('tetlod-picture', { detail: { received: viewer.stream.received } });
   await (await panel).openPanel();
