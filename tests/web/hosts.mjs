@@ -23,10 +23,11 @@ export function sampleStream() {
 
 /**
  * A host of bytes. `requests` gathers {url, range, sent}; `fault(request, response, number)` may answer instead and
- * returns true then; `ranges: false` ignores Range; `cut`: a connection breaks after so many bytes.
+ * returns true then; `ranges: false` ignores Range; `cut`: a connection breaks after so many bytes; `hold`: after so many
+ * bytes an answer waits until the client gives it up (`gone` of the request is a promise of that).
  */
 export async function fileHost(bytes, { ranges = true, etag = '"1"' } = {}) {
-  const host = { bytes, etag, ranges, fault: null, cut: Infinity, pace: 0, requests: [] };
+  const host = { bytes, etag, ranges, fault: null, cut: Infinity, hold: Infinity, pace: 0, requests: [] };
   const server = createServer(async (request, response) => {
     const seen = { url: request.url, range: request.headers.range, sent: 0 };
     host.requests.push(seen);
@@ -49,7 +50,7 @@ export async function fileHost(bytes, { ranges = true, etag = '"1"' } = {}) {
       response.statusCode = 206;
     }
     const gone = new AbortController();
-    response.once('close', () => gone.abort());
+    seen.gone = once(response, 'close').then(() => gone.abort());
     response.writeHead(response.statusCode, { ...headers, 'Content-Length': body.length });
     for (let at = 0; at < body.length && !response.destroyed; at += 16384) {
       const piece = body.subarray(at, Math.min(at + 16384, host.cut));
@@ -59,6 +60,7 @@ export async function fileHost(bytes, { ranges = true, etag = '"1"' } = {}) {
         setTimeout(() => response.destroy(), 20);
         return;
       }
+      if (at + 16384 >= host.hold) await seen.gone;
       if (!room) await once(response, 'drain', { signal: gone.signal }).catch(() => {});
       if (host.pace) await new Promise((resolve) => setTimeout(resolve, host.pace));
     }

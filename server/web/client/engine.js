@@ -89,7 +89,7 @@ export class Engine {
   #ask(level, id) {
     if (level > this.#limit) this.#failAt(level);
     this.#request?.resolve({ level: this.#view.level, reached: false });
-    this.#goal = level;
+    this.#aim(level);
     if (this.#limit === Infinity) this.#failure = null; // a network may have come back
     return new Promise((resolve, reject) => {
       this.#request = { id, resolve, reject };
@@ -112,7 +112,7 @@ export class Engine {
 
   abort(id) {
     if (this.#request?.id !== id) return;
-    this.#goal = this.#view.level;
+    this.#aim(this.#view.level);
     if (this.#time && this.#at) this.#time = { ...this.#at, blend: 0 };
     else this.#leaveSteps();
     this.#endRequest('reject', aborted());
@@ -186,10 +186,17 @@ export class Engine {
   // One more piece of the stream; true once the index is there.
   async #receive(until, reading = this.#source.read(this.#received, until)) {
     const bytes = await reading;
+    if (!bytes.length) return false; // paused
     const opened = this.#view.add(bytes);
     this.#received += bytes.length;
     this.#emit('progress', { received: this.#received, total: Math.max(until, this.#received) });
     return opened;
+  }
+
+  // What is under way and no longer needed ends at once.
+  #aim(level) {
+    this.#goal = level;
+    if (this.#received >= this.#untilGoal) this.#source.pause();
   }
 
   get #untilGoal() {
@@ -328,7 +335,7 @@ export class Engine {
       } catch (error) {
         // No memory for a picture, most likely: the level before may have room for it, and a later request may try again.
         this.#emit('error', { message: error.message });
-        this.#goal = this.#shown = this.#view.level;
+        this.#aim(this.#shown = this.#view.level);
         this.#dirty = false;
         this.#endRequest('reject', error);
       }

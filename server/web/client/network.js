@@ -92,6 +92,7 @@ export class Source {
   #routes = null;    // of the server: {level, records, stream}, URL templates
   #answer = null;    // {reader, at, end} that is being read: at its next byte of the stream; end Infinity: unknown
   #ahead = null;     // {at, answer}: the one after it, asked for already
+  #paused = false;   // the read that waits is to end without bytes
   #whole = null;     // the file, of a host that knows no ranges, if more than the beginning was needed
   #validator = '';   // of the file that ranges are of
   fields;            // names of those that are wanted; undefined: all; 'first': not known yet which that is
@@ -115,15 +116,17 @@ export class Source {
     this.#early.catch(() => {}); // whoever needs it hears of it
   }
 
-  /** The next bytes from `position` on, at least one, of which those before `until` are needed. */
+  /** The next bytes from `position` on, of which those before `until` are needed: at least one, or none after pause(). */
   read(position, until) {
+    this.#paused = false;
     return this.#persist(async () => {
       try {
-        return await this.#next(position, until);
+        if (!this.#paused) return await this.#next(position, until);
       } catch (error) {
         this.#drop();
-        throw error;
+        if (!this.#paused) throw error;
       }
+      return new Uint8Array();
     });
   }
 
@@ -164,7 +167,10 @@ export class Source {
   /** Ends the requests under way, unless little is left of them or their bytes would have to be asked for from the start. */
   pause() {
     const { at, end } = this.#answer ?? {};
-    if (end !== Infinity && !(end - at <= OPENING)) this.#drop();
+    if (end !== Infinity && !(end - at <= OPENING)) {
+      this.#paused = true;
+      this.#drop();
+    }
     this.#dropAhead();
   }
 
