@@ -552,6 +552,27 @@ const download = async (id) => {
 const vtpOf = ({ path }) => JSON.parse(execFileSync('/usr/bin/python3', ['-c', readVtp, path]));
 const near = (a, b) => Math.abs(a - b) <= 1e-5 * (1 + Math.abs(b));
 
+// Where two pictures differ otherwise than at each of some places, and only there.
+const axesIn = (...pictures) => page.evaluate(async ([one, other, labels]) => {
+  const pixels = await Promise.all([one, other].map(async (base64) => {
+    const image = await createImageBitmap(new Blob([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))]));
+    const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
+    context.drawImage(image, 0, 0);
+    return context.getImageData(0, 0, image.width, image.height);
+  }));
+  const [{ width, data }, { data: without }] = pixels;
+  const met = labels.map(() => 0);
+  const wrong = [];
+  for (let i = 0; i < data.length; i += 4) {
+    if (Math.abs(data[i] - without[i]) < 40) continue;
+    const [x, y] = [(i / 4) % width, Math.floor(i / 4 / width)];
+    const label = labels.findIndex(({ left, right, top, bottom }) => x > left - 3 && x < right + 3 && y > top - 3 && y < bottom + 3);
+    if (label < 0) wrong.push([x, y]);
+    else met[label]++;
+  }
+  return [...wrong, ...labels.filter((_, i) => !met[i])];
+}, pictures.map((file) => file.bytes?.toString('base64') ?? file));
+
 async function what_leaves_the_page() {
   await open('');
   const { level, tets } = await page.evaluate(() => window.tetlod.stream.info.levels[window.tetlod.level]);
@@ -559,11 +580,16 @@ async function what_leaves_the_page() {
   assert.equal(mesh.name, `fin-${level}.vtu`);
   assert.match(mesh.bytes.subarray(0, 2000).toString('latin1'), new RegExp(`NumberOfCells="${tets}"`));
   const shot = await download('screenshot');
+  const labels = await page.locator('.axes text').evaluateAll((all) => all.map((text) => text.getBoundingClientRect().toJSON()));
+  assert.ok(labels.length > 5);
   assert.equal(shot.name, `fin-${level}.png`);
   const texts = JSON.parse(execFileSync('python3', ['-c', readTexts], { input: shot.bytes }));
   assert.equal(texts.Title, 'fin');
   assert.match(texts.Description, new RegExp(`^Pressure, level ${level} of \\d+: Pressure ≤ [\\d.]+\\s%`));
   assert.match(texts.Source, /view\/fin#.*error=0.05/);
+  await page.locator('#axes').uncheck();
+  assert.deepEqual(await axesIn(shot, await download('screenshot'), labels), [], 'the axes have their numbers where the screen has them');
+  await page.locator('#axes').check();
   const { width, height } = await page.locator('#stage').boundingBox();
   assert.deepEqual([shot.bytes.readUInt32BE(16), shot.bytes.readUInt32BE(20)], [Math.round(width), Math.round(height)]);
   await page.locator('#png-width').fill('900');

@@ -138,7 +138,7 @@ export function titleOf(info, state) {
 
 // The unit of the field as it stands behind its name; metadata hold what a file said, or anything.
 export function unitOf(info, state) {
-  const unit = info.metadata?.units?.[colouredOf(info, state).field.name];
+  const unit = info.metadata?.units?.[state.cells || state.field];
   return typeof unit === 'string' && unit ? ` [${unit}]` : '';
 }
 

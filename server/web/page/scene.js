@@ -419,6 +419,16 @@ export class Scene extends EventTarget {
     return { x: x / this.pixels, y: this.container.clientHeight - y / this.pixels, depth };
   }
 
+  // Pixels of a picture that capture() makes, [width, height]
+  toPicture(point, [width, height]) {
+    const camera = this.renderer.getActiveCamera();
+    const room = this.container.getBoundingClientRect();
+    const fitted = (wide, high) => (camera.getParallelProjection() ? high : Math.min(wide, high));
+    const factor = fitted(width, height) / fitted(room.width, room.height);
+    const [centre, { x, y, depth }] = [camera.getFocalPoint(), point].map((p) => this.toScreen(p));
+    return { x: (width / room.width) * centre.x + factor * (x - centre.x), y: (height / room.height) * centre.y + factor * (y - centre.y), depth };
+  }
+
   toWorld(x, y, depth) {
     return this.view.displayToWorld(x * this.pixels, (this.container.clientHeight - y) * this.pixels, depth, this.renderer);
   }
