@@ -2,7 +2,8 @@
 /*
  * A value is coded as its distance, in numbers of a kind, from its value on the grid. The kind is each component's: floats of the
  * type, or decimals, which are few where a program wrote a few digits. Values of which there are few (0, a material's) are
- * remembered by their place on the grid.
+ * remembered by their place on the grid. Where values of one place differ in their last bits, which is noise, the distance is
+ * from the remembered one: a component is `near` if that makes it smaller.
  */
 #include "format/tail.h"
 
@@ -11,7 +12,7 @@
 #include "format/fail.h"
 
 enum kind { KIND_FLOAT = 0, KIND_FIXED = 1, KIND_DIGITS = 2, KIND_COPY = 3 };
-enum { MEMORY = 4096, MOST_POWER = 22, MOST_DIGITS = 15, SAMPLE = 1024 };
+enum { MEMORY = 4096, NEAR_MEMORY = 65536, NEAR_MODELS = 2, MOST_POWER = 22, MOST_DIGITS = 15, SAMPLE = 1024 };
 
 static const double powers[MOST_POWER + 1] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
                                               1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
@@ -21,6 +22,7 @@ struct numbers {
     enum kind kind;
     unsigned digits; /* behind the point, or in all */
     enum tetlod_type type;
+    int near; /* distances are from what is remembered of a place, if something is */
 };
 
 /* What is remembered of a place on the grid. */
@@ -35,9 +37,9 @@ enum { MOST_WIDE = 12 };
 
 struct tail {
     struct tetlodi_bit kind[4], digits[32], source[64], repeat[2], odd;
-    struct tetlodi_number number[2]; /* of floats, of decimals */
+    struct tetlodi_number number[NEAR_MODELS + 1]; /* of floats, of decimals, from what is remembered */
     struct tetlodi_bit wide[MOST_WIDE + 1][1 << MOST_WIDE]; /* [modelled bits] of distances that reach other exponents */
-    struct remembered memory[MEMORY];
+    struct remembered memory[NEAR_MEMORY];
 };
 
 /* Decimals m * 10^e of so many digits in all, e from -22 on, in ascending order from 0: as floats, those of the least e have
@@ -102,13 +104,23 @@ static unsigned room(const struct numbers *numbers, const struct tetlodi_scale *
     return bit_length(code_distance(number_code(numbers, value + half), number_code(numbers, value - half)));
 }
 
+static struct remembered *place_of(struct tail *tail, int near, int64_t code)
+{
+    return &tail->memory[(uint64_t)code % (near ? NEAR_MEMORY : MEMORY)];
+}
+
+static void forget(struct tail *tail, int near)
+{
+    memset(tail->memory, 0, (near ? NEAR_MEMORY : MEMORY) * sizeof tail->memory[0]);
+}
+
 /* ---- choosing */
 
 /* What the numbers of a sample would cost, in bits. */
 static double cost_of(const struct numbers *numbers, const struct tetlodi_column *column, uint32_t vertices, unsigned component,
                       const double *exact)
 {
-    const struct numbers floats = {KIND_FLOAT, 0, numbers->type};
+    const struct numbers floats = {.type = numbers->type};
     size_t n = column->components, step = vertices / SAMPLE + 1;
     double bits = 0;
     for (size_t v = 0; v < vertices; v += step) {
@@ -122,11 +134,11 @@ static double cost_of(const struct numbers *numbers, const struct tetlodi_column
 /* The cheapest kind of numbers of a component. */
 static struct numbers choose(const struct tetlodi_column *column, uint32_t vertices, unsigned component, const double *exact)
 {
-    struct numbers best = {KIND_FLOAT, 0, column->scale.type};
+    struct numbers best = {.type = column->scale.type};
     double least = 0.95 * cost_of(&best, column, vertices, component, exact);
     for (unsigned digits = 0; digits <= MOST_DIGITS; digits++)
         for (unsigned kind = KIND_FIXED; kind <= KIND_DIGITS; kind++) {
-            struct numbers numbers = {(enum kind)kind, digits, column->scale.type};
+            struct numbers numbers = {(enum kind)kind, digits, column->scale.type, 0};
             if (kind == KIND_DIGITS && !digits)
                 continue;
             double cost = cost_of(&numbers, column, vertices, component, exact);
@@ -136,6 +148,27 @@ static struct numbers choose(const struct tetlodi_column *column, uint32_t verti
             }
         }
     return best;
+}
+
+/* Is it fewer bits from what is remembered of a place than from its value on the grid? Three more tell the length and
+ * the sign; what is saved has to pay for new models. */
+static int is_near(struct tail *tail, const struct numbers *numbers, const struct tetlodi_column *column, uint32_t vertices,
+                   unsigned component, const double *exact)
+{
+    size_t n = column->components;
+    int64_t saved = -128;
+    forget(tail, 1);
+    for (size_t v = 0; v < vertices; v++) {
+        int64_t code = column->codes[v * n + component];
+        double value = exact[v * n + component];
+        struct remembered *memory = place_of(tail, 1, code);
+        if (memory->known && memory->code == code && memory->value != value) {
+            uint64_t distance = code_distance(number_code(numbers, value), number_code(numbers, memory->value));
+            saved += (int64_t)room(numbers, &column->scale, scale_value(&column->scale, 0, code)) - bit_length(distance) - 3;
+        }
+        *memory = (struct remembered){code, value, 1, 0};
+    }
+    return saved > 0;
 }
 
 /* An earlier component with the same values, or the component itself. */
@@ -165,11 +198,12 @@ static uint64_t code_plain_bits(struct tetlodi_coder *coder, unsigned count, uin
     return bits;
 }
 
-/* A distance: as any number, but where it reaches into the exponents, these bits are worth models. */
-static int64_t code_distance_of(struct tetlodi_coder *coder, struct tail *tail, int decimal, unsigned width, unsigned context,
+/* A distance, under one of the sets of models: as any number, but where it reaches into the exponents, these bits are worth
+ * models. */
+static int64_t code_distance_of(struct tetlodi_coder *coder, struct tail *tail, unsigned set, unsigned width, unsigned context,
                                 int64_t value)
 {
-    struct tetlodi_number *models = &tail->number[decimal];
+    struct tetlodi_number *models = &tail->number[set];
     uint64_t size = value < 0 ? 0 - (uint64_t)value : (uint64_t)value;
     unsigned mantissa = width == 32 ? 23 : 52, length = code_tree(coder, models->length[context], 7, bit_length(size));
     coder->bad |= length > width;
@@ -190,9 +224,10 @@ static int64_t code_distance_of(struct tetlodi_coder *coder, struct tail *tail, 
 static double code_exact(struct tetlodi_coder *coder, struct tail *tail, const struct numbers *numbers,
                          const struct tetlodi_scale *scale, int64_t code, double exact)
 {
-    const struct numbers floats = {KIND_FLOAT, 0, numbers->type};
-    struct remembered *memory = &tail->memory[(uint64_t)code % MEMORY];
-    if (memory->known && memory->code == code) {
+    const struct numbers floats = {.type = numbers->type};
+    struct remembered *memory = place_of(tail, numbers->near, code);
+    int known = memory->known && memory->code == code, near = known && numbers->near;
+    if (known) {
         int same = memcmp(&memory->value, &exact, sizeof exact) == 0;
         memory->again = (uint8_t)code_bit(coder, &tail->repeat[memory->again], same);
         if (memory->again)
@@ -200,15 +235,38 @@ static double code_exact(struct tetlodi_coder *coder, struct tail *tail, const s
     }
     if (numbers->kind != KIND_FLOAT && code_bit(coder, &tail->odd, !is_number(numbers, exact)))
         numbers = &floats;
-    double value = scale_value(scale, 0, code);
+    double value = near ? memory->value : scale_value(scale, 0, code);
+    unsigned set = near ? NEAR_MODELS : numbers->kind != KIND_FLOAT, context = near ? 0 : room(numbers, scale, value);
     unsigned width = numbers->kind == KIND_FLOAT && numbers->type == TETLOD_FLOAT32 ? 32 : 64;
     const struct tetlodi_scale ring = {.type = width == 32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64};
     int64_t base = number_code(numbers, value), difference = code_difference(number_code(numbers, exact), base, width);
-    difference = code_distance_of(coder, tail, numbers->kind != KIND_FLOAT, width, room(numbers, scale, value), difference);
+    difference = code_distance_of(coder, tail, set, width, context, difference);
     exact = number_value(numbers, code_offset(base, difference, &ring));
     coder->bad |= !isfinite(exact);
     *memory = (struct remembered){code, exact, 1, 0};
     return exact;
+}
+
+/* What a component's numbers are, or KIND_COPY and in *source the earlier component that has its values. A component as its own
+ * source is a near one. */
+static struct numbers code_head(struct tetlodi_coder *coder, struct tail *tail, struct numbers numbers, unsigned component,
+                                unsigned *source)
+{
+    unsigned kind = code_tree(coder, tail->kind, 2, numbers.near ? KIND_COPY : numbers.kind);
+    if (kind == KIND_COPY) {
+        *source = code_tree(coder, tail->source, 6, *source);
+        numbers.near = *source == component;
+        coder->bad |= *source > component;
+        if (numbers.near) {
+            kind = code_tree(coder, tail->kind, 2, numbers.kind);
+            coder->bad |= kind == KIND_COPY;
+        }
+    }
+    numbers.kind = (enum kind)kind;
+    if (kind == KIND_FIXED || kind == KIND_DIGITS)
+        numbers.digits = code_tree(coder, tail->digits, 5, numbers.digits);
+    coder->bad |= numbers.digits > MOST_DIGITS || (kind == KIND_DIGITS && !numbers.digits);
+    return numbers;
 }
 
 static void code_component(struct tetlodi_coder *coder, struct tail *tail, const struct tetlodi_column *column,
@@ -216,26 +274,20 @@ static void code_component(struct tetlodi_coder *coder, struct tail *tail, const
 {
     size_t n = column->components;
     unsigned source = component;
-    struct numbers numbers = {KIND_FLOAT, 0, column->scale.type};
+    struct numbers numbers = {.type = column->scale.type};
     if (coder->encoder) {
         source = find_source(column, vertices, component, exact);
         numbers = choose(column, vertices, component, exact);
+        numbers.near = source == component && is_near(tail, &numbers, column, vertices, component, exact);
+        if (source < component)
+            numbers.kind = KIND_COPY;
     }
-    numbers.kind = (enum kind)code_tree(coder, tail->kind, 2, source < component ? KIND_COPY : numbers.kind);
-    if (numbers.kind == KIND_COPY) {
-        source = code_tree(coder, tail->source, 6, source);
-        coder->bad |= source >= component;
-        for (size_t v = 0; v < vertices && !coder->bad; v++)
-            exact[v * n + component] = exact[v * n + source];
-        return;
-    }
-    if (numbers.kind != KIND_FLOAT)
-        numbers.digits = code_tree(coder, tail->digits, 5, numbers.digits);
-    coder->bad |= numbers.digits > MOST_DIGITS || (numbers.kind == KIND_DIGITS && !numbers.digits);
+    numbers = code_head(coder, tail, numbers, component, &source);
+    forget(tail, numbers.near);
     for (size_t v = 0; v < vertices && !coder->bad; v++) {
         double known = coder->encoder ? exact[v * n + component] : 0;
-        exact[v * n + component] =
-            code_exact(coder, tail, &numbers, &column->scale, column->codes[v * n + component], known);
+        exact[v * n + component] = numbers.kind == KIND_COPY ? exact[v * n + source]
+                                 : code_exact(coder, tail, &numbers, &column->scale, column->codes[v * n + component], known);
     }
 }
 
@@ -247,8 +299,8 @@ static void start(struct tail *tail)
     tetlodi_bits_init(tail->repeat, 2);
     tetlodi_bits_init(&tail->odd, 1);
     tetlodi_bits_init(tail->wide[0], sizeof tail->wide / sizeof(struct tetlodi_bit));
-    tetlodi_number_init(&tail->number[0]);
-    tetlodi_number_init(&tail->number[1]);
+    for (unsigned set = 0; set <= NEAR_MODELS; set++)
+        tetlodi_number_init(&tail->number[set]);
 }
 
 enum tetlod_status tetlodi_tail_code(struct tetlodi_coder *coder, const struct tetlodi_column *column, uint32_t vertices,
@@ -259,10 +311,8 @@ enum tetlod_status tetlodi_tail_code(struct tetlodi_coder *coder, const struct t
     if (!tail)
         return tetlodi_fail_nomem(error, "a field's exact values", sizeof *tail);
     start(tail);
-    for (unsigned c = 0; c < column->components; c++) {
-        memset(tail->memory, 0, sizeof tail->memory);
+    for (unsigned c = 0; c < column->components; c++)
         code_component(&own, tail, column, vertices, c, exact);
-    }
     free(tail);
     *coder = own;
     return coder->bad ? tetlodi_fail(error, TETLOD_ERR_STREAM, "its exact values are damaged") : TETLOD_OK;

@@ -25,6 +25,7 @@ static const struct {
     {"cells_float32", {GEN_HOLES, 11, 4, 7, 3, TETLOD_FLOAT32, 0, 0}},
     {"tail_float32", {GEN_GRID, 8, 5, 8, 3, TETLOD_FLOAT32, 0, 12}},
     {"tail_float64", {GEN_HOLES, 9, 4, 6, 4, TETLOD_FLOAT64, 16, 20}},
+    {"tail_noise", {GEN_GRID, 10, 4, 4, 3, TETLOD_FLOAT64, 12, 16, 1}},
 };
 
 enum { CELL_FIELDS = 6 };

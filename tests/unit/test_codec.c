@@ -181,7 +181,7 @@ static void round_trip(enum gen_kind kind, unsigned arity, enum tetlod_type type
     for (uint64_t seed = 1; seed <= 12 && !test_failed_here; seed++) {
         struct stream s;
         struct gen_options options = {kind, seed, 1 + (uint32_t)seed % 4, 1 + (uint32_t)seed * 3 % 8, arity, type, bits,
-                                      (unsigned)(tail ? 1 + seed * 3 % 30 : 0)};
+                                      (unsigned)(tail ? 1 + seed * 3 % 30 : 0), tail > 1};
         if (stream_open(&s, &options)) {
             check_levels(&s);
             check_records(&s);
@@ -217,6 +217,7 @@ static void test_exact_tails(void)
     round_trip(GEN_GRID, 2, TETLOD_FLOAT32, 0, 1);
     round_trip(GEN_HOLES, 4, TETLOD_FLOAT64, 0, 1);
     round_trip(GEN_SOUP, 3, TETLOD_FLOAT64, 16, 1);
+    round_trip(GEN_GRID, 3, TETLOD_FLOAT64, 16, 2);
 }
 
 /* Links of more vertices than there is a table of pairs for. */
