@@ -13,6 +13,7 @@
 
 enum kind { KIND_FLOAT = 0, KIND_FIXED = 1, KIND_DIGITS = 2, KIND_COPY = 3 };
 enum { MEMORY = 4096, NEAR_MEMORY = 65536, NEAR_MODELS = 2, MOST_POWER = 22, MOST_DIGITS = 15, SAMPLE = 1024 };
+enum { NEAR_GAIN = 16 }; /* bytes; for fewer, a decoder does not need the large memory */
 
 static const double powers[MOST_POWER + 1] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
                                               1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
@@ -305,7 +306,7 @@ static void encode_component(struct tetlodi_coder *coder, struct tail *tail, con
     uint64_t size = encoded(coder);
     back_to_start(tail, coder);
     code_component(coder, tail, column, vertices, component, numbers, source, exact);
-    if (encoded(coder) <= size)
+    if (encoded(coder) <= size + NEAR_GAIN)
         return;
     back_to_start(tail, coder);
     code_component(coder, tail, column, vertices, component, near, source, exact);
