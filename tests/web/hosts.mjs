@@ -123,6 +123,7 @@ export async function program(paths, port = 0) {
   });
   const stop = (signal = 'SIGTERM') => new Promise((resolve) => {
     child.removeAllListeners('exit');
+    if (child.exitCode !== null || child.signalCode !== null) return void resolve(); // it has ended already
     child.once('exit', resolve);
     child.kill(signal);
   });

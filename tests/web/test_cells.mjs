@@ -9,6 +9,7 @@ import { run } from './tap.mjs';
 const { TetlodStream } = await import(pathToFileURL(join(ROOT, 'build/client/stream.js')));
 const { path, bytes } = cellStream();
 const stream = await TetlodStream.open(new Blob([bytes]));
+stream.addEventListener('error', ({ detail }) => assert.fail(detail.message)); // else pictures are waited for that never come
 const { info } = stream;
 const finest = info.levels.length - 1;
 const coarse = info.levels.findIndex((level) => level.tets > 800);
