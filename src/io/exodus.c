@@ -238,6 +238,30 @@ static enum tetlod_status add_ids(struct exodus *e, const uint64_t *counts)
 
 /* ---- values */
 
+/* The name of variable `number` (from 1) at points, or in block b. */
+static void name_variable(bool cell, uint64_t number, uint64_t b, char out[static 80])
+{
+    if (cell)
+        snprintf(out, 80, "vals_elem_var%llueb%llu", (unsigned long long)number, (unsigned long long)(b + 1));
+    else
+        snprintf(out, 80, "vals_nod_var%llu", (unsigned long long)number);
+}
+
+/* The unit that one of the variables says, as an attribute that netCDF's conventions have. */
+static void read_unit(const struct exodus *e, bool cell, uint64_t number, char unit[UNIT_SIZE])
+{
+    char name[80], text[2 * UNIT_SIZE];
+    for (uint64_t b = 0; b < (cell ? e->blocks : 1) && !unit[0]; b++) {
+        struct variable variable;
+        nc_type type;
+        size_t length;
+        name_variable(cell, number, b, name);
+        if (find_variable(e, name, &variable) && nc_inq_att(e->file, variable.id, "units", &type, &length) == NC_NOERR && type == NC_CHAR &&
+            length < sizeof text && nc_get_att_text(e->file, variable.id, "units", text) == NC_NOERR)
+            unit_set(unit, text, strnlen(text, length));
+    }
+}
+
 /* Values of variable `number` (from 1) at points or of cells into every width-th double. A block that lacks it has NaN. */
 static enum tetlod_status read_variable(struct exodus *e, bool cell, uint64_t number, const uint64_t *counts, uint64_t rows,
                                         double *buffer, double *out, uint32_t width, enum tetlod_type *io_type)
@@ -248,10 +272,7 @@ static enum tetlod_status read_variable(struct exodus *e, bool cell, uint64_t nu
         uint64_t count = cell ? counts[b] : rows;
         nc_type type = NC_FLOAT;
         struct variable variable;
-        if (cell)
-            snprintf(name, sizeof name, "vals_elem_var%llueb%llu", (unsigned long long)number, (unsigned long long)(b + 1));
-        else
-            snprintf(name, sizeof name, "vals_nod_var%llu", (unsigned long long)number);
+        name_variable(cell, number, b, name);
         bool lacks = cell && !find_variable(e, name, &variable);
         double *values = width == 1 ? out + at : buffer;
         if (!lacks)
@@ -289,6 +310,7 @@ static enum tetlod_status read_fields(struct exodus *e, bool cell, const uint64_
         for (uint32_t d = 0; d < width && status == TETLOD_OK; d++)
             status = read_variable(e, cell, v + d + 1, counts, rows, buffer, field->values + d, width, &type);
         field->type = type;
+        read_unit(e, cell, v + 1, field->unit);
         v += width;
     }
     free(buffer);
