@@ -372,6 +372,7 @@ static enum tetlod_status read_document(struct blocks *out, const struct io_inpu
     struct xdmf x = {.source = {.tree = &tree, .input = input}, .out = out, .input = input, .report = report, .error = error};
     enum tetlod_status status = xml_tree_parse(&tree, input->bytes, input->size, input->view, error);
     const struct xml_node *domain = NULL, *grid = NULL;
+    report->names_blocks = true;
     if (status == TETLOD_OK && strcmp(tree.nodes[0].name, "Xdmf") == 0)
         domain = xml_child(&tree, &tree.nodes[0], "Domain", NULL);
     if (status == TETLOD_OK && !domain)

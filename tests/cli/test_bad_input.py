@@ -299,7 +299,15 @@ def shrinks():
     report_problem('a file that shrinks', None if child.returncode == 1 and name in message and 'became shorter' in message else message)
 
 
+def choices_of_nothing():
+    """A block or a step of a file that has none is not passed over in silence."""
+    check('--block without blocks', 3, [vtu('good.vtu'), '--block', 'a'], 'no blocks')
+    check('--time without steps', 3, [vtu('good.vtu'), '--time', '3'], 'no steps')
+    check('--time 0 without steps', 0, [vtu('good.vtu'), '--time', '0'])
+
+
 contents()
+choices_of_nothing()
 system()
 shrinks()
 plot3d()

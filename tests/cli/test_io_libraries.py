@@ -244,6 +244,8 @@ def exodus_netcdf_case(form, apart):
         else:
             file.createVariable('coord', 'f8', ('num_dim', 'num_nodes'))[:] = points.T
         file.createVariable('eb_prop1', 'i4', ('num_el_blk',))[:] = [10, 20, 30]
+        file.createVariable('eb_names', 'S1', ('num_el_blk', 'len_string'))[:] = np.array(
+            [list(n.ljust(33, '\0')) for n in ('core', 'shell', 'skin')], 'S1')
         times = file.createVariable('time_whole', 'f8', ('time_step',))
         text = lambda names: np.array([list(n.ljust(33, '\0')) for n in names], 'S1')
         file.createVariable('name_nod_var', 'S1', ('num_nod_var', 'len_string'))[:] = text(['heat', 'mass'])
@@ -273,7 +275,13 @@ def exodus_netcdf_case(form, apart):
         problem = compare(wanted, converted(path('in.exo'), *(['--time', '0'] if step == 0 else [])))
         if problem:
             return 'step %d: %s' % (step, problem)
-    return None
+    second = ids == 20
+    for block in '20', 'shell':
+        p, t, f, c = converted(path('in.exo'), '--block', block)
+        if not np.array_equal(p[t], points[tets[second]]) or not np.array_equal(c['load'], cells['load'][second] + 2) or set(c['ObjectId']) != {20}:
+            return 'block ' + block
+    done = tetlod('convert', path('in.exo'), '--block', 'Shell', '-o', path('out.vtu'))
+    return None if done.returncode == 3 and "no element block 'Shell'" in done.stderr.decode() else done
 
 
 def exodus_cells_case(quadratic):
