@@ -19,9 +19,6 @@ enum { LEAST_KEYS = 16, BATCH_COMPONENTS = 32 };
  * levels of the bands and the frame at hand take a vertex: measured. */
 enum { DRIVING_BYTES = 56, ENCODING_BYTES = 400 };
 
-/* The part of a band's error that its level may have; the rest is for rounding values. The ladder's rungs are this part of round errors. */
-static const double LEVEL_SHARE = 0.9;
-
 /* ---- values */
 
 uint32_t series_components(const struct series_build *series, uint32_t control)
@@ -342,6 +339,8 @@ enum tetlod_status series_contract(struct series_build *series, struct contracti
                                    const double *weights, const struct simplify_options *options, struct tetlod_error *error)
 {
     series->simplify = *options;
+    series->simplify.rungs = series->input->bands;
+    series->simplify.rung_count = series->input->band_count;
     series->log = log;
     TETLOD_TRY(choose_keys(series, error));
     TETLOD_TRY(drive(series, log, mesh, weights, error));

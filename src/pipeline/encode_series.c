@@ -17,9 +17,8 @@
 #include "src/pipeline/series_parts.h"
 #include "src/util/array.h"
 
-/* Codes up to this size are exact in float32. Steps of a band's grid in its error, at least. */
+/* Codes up to this size are exact in float32, times a power of two. */
 static const double FLOAT32_CODES = 0x1p24;
-enum { GRID_STEPS = 5 };
 
 /* The level of a band in the stream's numbers. */
 struct band_level {
@@ -139,17 +138,19 @@ struct row {
     int64_t *allowed;
 };
 
-/* A power of two: multiples are exact in the type, if they are not too many. 0: there is none. */
+/* Its multiples are exact in the type: it has so few bits, or one, that no product has more bits than the type. 0: there is none. */
 static double choose_quantum(const double range[2], double tolerance, enum tetlod_type type)
 {
+    enum { BITS = 5 };
     int exponent;
     if (!(tolerance > 0))
         return 0;
-    frexp(tolerance / GRID_STEPS, &exponent);
-    double quantum = ldexp(1, exponent - 1), most = larger(fabs(range[0]), fabs(range[1])) / quantum + 1;
-    double limit = type == TETLOD_FLOAT32 ? FLOAT32_CODES : (double)MOST_STEP_CODE;
-    bool normal = quantum > (type == TETLOD_FLOAT32 ? 0x1p-126 : 0x1p-1022);
-    return normal && most < limit ? quantum : 0;
+    double part = frexp(tolerance / GRID_STEPS, &exponent), quantum = ldexp(floor(ldexp(part, BITS)), exponent - BITS);
+    double size = larger(fabs(range[0]), fabs(range[1])), limit = type == TETLOD_FLOAT32 ? FLOAT32_CODES : (double)MOST_STEP_CODE;
+    if (type == TETLOD_FLOAT32 && !(ldexp(size / quantum + 1, BITS) < limit))
+        quantum = ldexp(1, exponent - 1);
+    bool normal = quantum > (type == TETLOD_FLOAT32 ? 0x1p-120 : 0x1p-1016);
+    return normal && size / quantum + 1 < limit ? quantum : 0;
 }
 
 /* The least code whose value is at least x. */
@@ -169,11 +170,11 @@ static int64_t code_down(const struct tetlodi_step_scale *scale, double x)
     return code - (float_value(scale->type, code) > x);
 }
 
-/* Half the tolerance is for cheap codes at most: values stay near the middle of L and U. */
+/* Three quarters of the tolerance are for cheap codes at most: values stay near the middle of L and U. */
 static void allow(const struct row *row, const double bounds[2], int64_t out[2])
 {
     const struct tetlodi_step_scale *scale = &row->steps.scale;
-    double least = bounds[0], greatest = bounds[1], middle = least / 2 + greatest / 2, half = row->tolerance / 2;
+    double least = bounds[0], greatest = bounds[1], middle = least / 2 + greatest / 2, half = 0.75 * row->tolerance;
     if (bounds[0] == bounds[1] && !(row->tolerance > 0)) { // bit for bit, also -0
         out[0] = out[1] = float_code(scale->type, bounds[0]);
         return;

@@ -8,6 +8,10 @@
 
 struct series_encoding;
 
+/* Steps of a band's grid in its error, at least: a value is half a step off by rounding. The level may be off by the rest. */
+enum { GRID_STEPS = 50 };
+static const double LEVEL_SHARE = 1 - 0.5 / GRID_STEPS;
+
 struct series_build {
     const struct tetmesh *mesh; /* the first step */
     const struct build_options *options;

@@ -66,6 +66,13 @@ def info_case():
     return None if '%d steps in time' % STEPS in text else text
 
 
+def band_case():
+    """An error of --bands is a rung of the ladder, even one between the round errors."""
+    must('build', path('wake.pvd'), '--times', '0:3', '--field', 'Pressure', '--bands', '10%,4%,2%', '-o', path('bands.tetlod'))
+    tets = [band['tets'] for band in info(path('bands.tetlod'))['series']['bands']]
+    return None if tets[0] < 0.97 * tets[1] < 0.97 ** 2 * tets[2] else tets
+
+
 def few_keys_case():
     """With little memory some steps drive, and what the others are certified to holds as well."""
     build = ['build', path('wake.pvd'), '--field', 'Velocity', '--carry', 'Velocity', '--bands', '5%,1%', '-o', path('keys.tetlod'), '--memory']
@@ -231,6 +238,7 @@ case('exact steps are the input bit for bit', exact_case)
 case('steps within an error', within_case)
 case('a step by time, and by an error in units', chosen_case)
 case('info', info_case)
+case('a band between round errors has a level of its own', band_case)
 case('steps that do not drive', few_keys_case)
 case('memory is bounded, whatever the number of steps', memory_case)
 case('several files, and some steps', files_case)
