@@ -109,6 +109,12 @@ static bool has_centre(const struct splitter *s, struct vtk_type type)
     return type.shape == POLYHEDRON || (s->subdivide && type.has_middles && type.shape != CELL_TET);
 }
 
+/* Whether a cell has points beyond its corners that no option uses, as Lagrange cells do. */
+static bool has_more_points(const struct splitter *s, uint64_t c, struct vtk_type type)
+{
+    return type.shape < CELL_SHAPES && !type.has_middles && s->cells->offsets[c + 1] - s->cells->offsets[c] > cell_corners(type.shape);
+}
+
 /* Checks all cells and counts the tetrahedra and centres that they can make at most. */
 static enum tetlod_status count_tets(struct splitter *s, struct io_report *report, struct tetlod_error *error)
 {
@@ -123,6 +129,7 @@ static enum tetlod_status count_tets(struct splitter *s, struct io_report *repor
         report->skipped_cells += type.shape == NO_VOLUME;
         report->split_cells += type.shape != NO_VOLUME && (type.shape != CELL_TET || tets > 1);
         report->linearised_cells += type.has_middles && !s->subdivide;
+        report->higher_cells += has_more_points(s, c, type);
     }
     return TETLOD_OK;
 }
