@@ -297,7 +297,7 @@ TIME ?= 60
 fuzz: needs-check
 	$(Q)$(MAKE) --no-print-directory config=fuzz tests
 	@for t in $(if $(TARGET),fuzz_$(TARGET),$(notdir $(FUZZ_SRC:.c=))); do echo "== $$t"; mkdir -p build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_}; \
-	build/fuzz/tests/fuzz/$$t -max_total_time=$(TIME) -rss_limit_mb=4096 -timeout=20 -artifact_prefix=build/fuzz/found/$$t/ build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
+	ASAN_OPTIONS=allocator_may_return_null=1 build/fuzz/tests/fuzz/$$t -max_total_time=$(TIME) -rss_limit_mb=4096 -timeout=20 -artifact_prefix=build/fuzz/found/$$t/ build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
 
 
 ## mutate: read MUTATIONS mutations of each file of each corpus, under the sanitizers (TARGET=name for one; config=release: without)
