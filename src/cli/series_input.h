@@ -20,8 +20,6 @@ struct series_input {
     double *times;
     enum tetlod_type *types;
     FILE *spool; /* the controlled fields' values */
-    void *values; /* mapped */
-    size_t size;
     uint64_t rounded; /* coordinates of points that move which come back to the last place only */
     uint32_t own_times; /* numbers stand for times, which fall or are not there */
 };

@@ -32,23 +32,23 @@ static size_t control_bytes(const struct series_build *series, uint32_t control)
     return width * series_components(series, control) * series->mesh->vertex_count;
 }
 
-void series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out)
+enum tetlod_status series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out, struct tetlod_error *error)
 {
-    size_t offset = 0, row = 0, count = (size_t)series_components(series, control) * series->mesh->vertex_count;
+    size_t count = (size_t)series_components(series, control) * series->mesh->vertex_count, size = control_bytes(series, control);
+    uint64_t offset = 0, row = 0;
     for (uint32_t i = 0; i < series->options->control_count; i++) {
         offset += i < control ? control_bytes(series, i) : 0;
         row += control_bytes(series, i);
     }
-    const unsigned char *from = (const unsigned char *)series->input->values + step * row + offset;
-    if (series->input->types[control] == TETLOD_FLOAT64) {
-        memcpy(out, from, count * sizeof *out);
-        return;
-    }
-    for (size_t i = 0; i < count; i++) {
+    unsigned char *bytes = (unsigned char *)out + count * sizeof *out - size; // floats come at the end, and become doubles from there
+    if (file_input_read(&series->input->values, (size_t)(step * row + offset), size, bytes) != size)
+        return tetlodi_fail(error, TETLOD_ERR_IO, "a step's values cannot be read from a temporary file");
+    for (size_t i = 0; i < count && series->input->types[control] == TETLOD_FLOAT32; i++) {
         float value;
-        memcpy(&value, from + i * sizeof value, sizeof value);
+        memcpy(&value, bytes + i * sizeof value, sizeof value);
         out[i] = (double)value;
     }
+    return TETLOD_OK;
 }
 
 /* ---- set-up */
@@ -62,14 +62,16 @@ static enum tetlod_status find_ranges(struct series_build *series, struct tetlod
             return tetlodi_fail_nomem(error, "a step's values", count * sizeof *values);
         range[0] = INFINITY;
         range[1] = -INFINITY;
-        for (uint32_t s = 0; s < series->input->step_count; s++) {
-            series_load(series, s, c, values);
-            for (size_t i = 0; i < count; i++) {
+        enum tetlod_status status = TETLOD_OK;
+        for (uint32_t s = 0; s < series->input->step_count && status == TETLOD_OK; s++) {
+            status = series_load(series, s, c, values, error);
+            for (size_t i = 0; i < count && status == TETLOD_OK; i++) {
                 range[0] = smaller(range[0], values[i]);
                 range[1] = larger(range[1], values[i]);
             }
         }
         free(values);
+        TETLOD_TRY(status);
         double width = series_width(series, c);
         if (!isfinite(width) || (width > 0 && !isfinite(1 / width)))
             return tetlodi_fail(error, TETLOD_ERR_MESH, "field '%.60s' has the range %g .. %g over the series, too %s for errors relative to it",
@@ -187,7 +189,7 @@ static enum tetlod_status step_fields_add(struct step_fields *fields, const stru
         if (!field->values)
             return tetlodi_fail_nomem(error, "a step's values", count * sizeof(double));
         fields->mesh.field_count++;
-        series_load(series, step, c, field->values);
+        TETLOD_TRY(series_load(series, step, c, field->values, error));
     }
     return TETLOD_OK;
 }

@@ -8,7 +8,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 
 #include "format/fail.h"
 #include "format/step_code.h"
@@ -29,7 +28,7 @@ struct band_level {
 
 struct spool {
     FILE *file;
-    void *bytes; /* mapped, in the end */
+    struct tetlod_source source; /* in the end */
     size_t size;
 };
 
@@ -59,8 +58,6 @@ void series_encoding_free(struct series_encoding *encoding)
         tetlodi_lower_fini(&encoding->levels[b].lower);
     }
     for (uint32_t i = 0; i < encoding->row_count && encoding->spools; i++) {
-        if (encoding->spools[i].bytes)
-            munmap(encoding->spools[i].bytes, encoding->spools[i].size);
         if (encoding->spools[i].file)
             fclose(encoding->spools[i].file);
     }
@@ -237,7 +234,7 @@ static enum tetlod_status encode_step(struct row *row, uint32_t step, struct tet
     struct series_encoding *encoding = series->encoding;
     uint32_t n = encoding->levels[row->band].vertices, k = row->steps.components;
     double worst = 0, width = series_width(series, row->control), (*bounds)[2] = row->bounds;
-    series_load(series, step, row->control, row->values);
+    TETLOD_TRY(series_load(series, step, row->control, row->values, row->batch->error));
     find_component_ranges(row);
     for (uint32_t c = 0; c < k; c++)
         for (uint32_t v = 0; v < n; v++) {
@@ -353,6 +350,12 @@ static enum tetlod_status start(struct series_build *series, struct tetlod_error
     return TETLOD_OK;
 }
 
+static enum tetlod_status read_spool(void *opaque, uint64_t offset, void *buffer, size_t size)
+{
+    const struct file_input file = {.fd = fileno(opaque)};
+    return file_input_read(&file, (size_t)offset, size, buffer) == size ? TETLOD_OK : TETLOD_ERR_IO;
+}
+
 static enum tetlod_status list_sections(struct series_encoding *encoding, struct tetlod_error *error)
 {
     tetlodi_time_encode(&encoding->time, &encoding->table);
@@ -363,11 +366,8 @@ static enum tetlod_status list_sections(struct series_encoding *encoding, struct
         struct spool *spool = &encoding->spools[i];
         if (fflush(spool->file) != 0)
             return tetlodi_fail(error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
-        void *bytes = spool->size ? mmap(NULL, spool->size, PROT_READ, MAP_PRIVATE, fileno(spool->file), 0) : NULL;
-        if (bytes == MAP_FAILED)
-            return tetlodi_fail_nomem(error, "the steps", spool->size);
-        spool->bytes = bytes;
-        encoding->sections[1 + i] = (struct tetlodi_write_section){.tag = TAG_STEP_VALUES, .row = ROW_CODED, .bytes = bytes, .size = spool->size};
+        spool->source = (struct tetlod_source){read_spool, spool->file, spool->size};
+        encoding->sections[1 + i] = (struct tetlodi_write_section){.tag = TAG_STEP_VALUES, .row = ROW_CODED, .source = &spool->source, .size = spool->size};
     }
     return TETLOD_OK;
 }

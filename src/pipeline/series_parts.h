@@ -35,7 +35,8 @@ static inline double series_width(const struct series_build *series, uint32_t co
 }
 
 /* The values of a control at a step: [components * vertices]. */
-void series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out);
+TETLOD_CHECKED enum tetlod_status series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out,
+                                              struct tetlod_error *error);
 
 /* Retraces `count` steps, whose numbers are listed: components are counted step by step, control by control. */
 TETLOD_CHECKED enum tetlod_status series_retrace(const struct series_build *series, const uint32_t *steps, uint32_t count,
