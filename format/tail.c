@@ -271,7 +271,9 @@ static void code_component(struct tetlodi_coder *coder, struct tail *tail, const
 
 static void remember_start(struct tail *tail, const struct tetlodi_coder *coder)
 {
-    tail->start = (struct start){*coder, *coder->encoder, tail->models};
+    tail->start.coder = *coder; // each by itself: a literal of them all would take a stack that browsers do not have
+    tail->start.encoder = *coder->encoder;
+    tail->start.models = tail->models;
 }
 
 static void back_to_start(struct tail *tail, struct tetlodi_coder *coder)
