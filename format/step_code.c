@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "format/step_code.h"
+#include "format/round.h"
 
 #include <stdlib.h>
 
@@ -76,7 +77,7 @@ double tetlodi_step_value(const struct tetlodi_step_scale *scale, int64_t code)
     if (!(scale->quantum > 0))
         return float_value(scale->type, code);
     double value = scale->quantum * (double)code;
-    return scale->type == TETLOD_FLOAT32 ? (double)(float)value : value;
+    return tetlodi_round(scale->type, value);
 }
 
 /* What predictions are made of: the code itself where there is a quantum. */

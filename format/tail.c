@@ -10,6 +10,7 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
+#include "format/round.h"
 
 enum kind { KIND_FLOAT = 0, KIND_FIXED = 1, KIND_DIGITS = 2, KIND_COPY = 3 };
 enum { MEMORY = 4096, NEAR_MEMORY = 65536, NEAR_MODELS = 2, MOST_POWER = 22, MOST_DIGITS = 15, SAMPLE = 1024 };
@@ -103,7 +104,7 @@ static double number_value(const struct numbers *numbers, int64_t code)
     if (numbers->kind == KIND_FLOAT)
         return float_value(numbers->type, code);
     double value = numbers->kind == KIND_DIGITS ? digits_value(numbers->digits, code) : (double)code / powers[numbers->digits];
-    return numbers->type == TETLOD_FLOAT32 ? (double)(float)value : value;
+    return tetlodi_round(numbers->type, value);
 }
 
 static int is_number(const struct numbers *numbers, double value)
@@ -270,7 +271,9 @@ static void code_component(struct tetlodi_coder *coder, struct tail *tail, const
 
 static void remember_start(struct tail *tail, const struct tetlodi_coder *coder)
 {
-    tail->start = (struct start){*coder, *coder->encoder, tail->models};
+    tail->start.coder = *coder; // each by itself: a literal of them all would take a stack that browsers do not have
+    tail->start.encoder = *coder->encoder;
+    tail->start.models = tail->models;
 }
 
 static void back_to_start(struct tail *tail, struct tetlodi_coder *coder)

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/round.h"
 #include "src/io/assemble.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/cell_refine.h"
@@ -175,7 +176,7 @@ static void mean_row(double *values, uint32_t width, enum tetlod_type type, cons
         for (size_t i = 0; i < count; i++)
             sum += values[(size_t)points[i] * width + c];
         sum = count ? sum / (double)count : 0;
-        values[(size_t)target * width + c] = type == TETLOD_FLOAT32 ? (double)(float)sum : sum;
+        values[(size_t)target * width + c] = tetlodi_round(type, sum);
     }
 }
 
