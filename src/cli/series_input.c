@@ -83,6 +83,14 @@ bool series_input_parse_bands(struct series_input *input, const struct command *
     return true;
 }
 
+bool series_input_parse_range(struct series_input *input, const struct command *command, const char *text)
+{
+    input->series.own_ranges = strcmp(text, "step") == 0;
+    if (!input->series.own_ranges && strcmp(text, "series") != 0)
+        cli_usage(command->name, "--range takes series or step, not '%s'", text);
+    return input->series.own_ranges || strcmp(text, "series") == 0;
+}
+
 /* ---- steps */
 
 uint64_t series_input_number(const struct series_input *input, uint64_t step)

@@ -18,8 +18,9 @@ struct build_series {
     const double *times;           /* [step], not falling */
     struct file_input values;      /* [step][control][components * vertices], each control's in its type */
     const enum tetlod_type *types; /* [control] */
-    const double *bands;           /* falling errors, fractions of the range over all steps; the last is 0 */
+    const double *bands;           /* falling errors, fractions of the range; the last is 0 */
     uint32_t band_count;
+    bool own_ranges;               /* of each step's own range (SPEC 3.7), not of that over all steps */
     bool points_move;              /* the last control says how far */
 };
 

@@ -127,7 +127,7 @@ struct row {
     const struct retrace_mark *mark;
     uint32_t control, band;
     uint32_t first;       /* component of the control, among those of all */
-    double tolerance;     /* of a value; 0: exact */
+    double tolerance;     /* of a value of the step at hand; 0: exact */
     struct tetlodi_steps steps;
     double *values;       /* the original's, of the step at hand */
     double (*ranges)[2];  /* [component] of these */
@@ -234,6 +234,7 @@ static enum tetlod_status encode_step(struct row *row, uint32_t step, struct tet
     struct series_encoding *encoding = series->encoding;
     uint32_t n = encoding->levels[row->band].vertices, k = row->steps.components;
     double worst = 0, width = series_width(series, row->control), (*bounds)[2] = row->bounds;
+    row->tolerance = series->input->bands[row->band] * series_unit(series, step, row->control);
     TETLOD_TRY(series_load(series, step, row->control, row->values, row->batch->error));
     find_component_ranges(row);
     for (uint32_t c = 0; c < k; c++)
@@ -272,15 +273,23 @@ static enum tetlod_status encode_group(struct row *row, uint32_t begin, uint32_t
     return status;
 }
 
+static double least_unit(const struct series_build *series, uint32_t control)
+{
+    double least = INFINITY;
+    for (uint32_t s = 0; s < series->input->step_count; s++)
+        least = smaller(least, series_unit(series, s, control));
+    return least;
+}
+
 static enum tetlod_status encode_row(const struct batch *batch, const struct retrace_mark *mark, uint32_t control, uint32_t band)
 {
     struct series_build *series = batch->series;
     const struct band_level *level = &series->encoding->levels[band];
-    double tolerance = series->input->bands[band] * series_width(series, control);
-    struct row row = {.batch = batch, .mark = mark, .control = control, .band = band, .tolerance = tolerance};
+    double least = least_unit(series, control) * series->input->bands[band];
+    struct row row = {.batch = batch, .mark = mark, .control = control, .band = band};
     struct tetlodi_memory memory = {.most = UINT64_MAX};
     uint32_t k = series_components(series, control);
-    struct tetlodi_step_scale scale = {series->input->types[control], choose_quantum(series->ranges[control], tolerance, series->input->types[control])};
+    struct tetlodi_step_scale scale = {series->input->types[control], choose_quantum(series->ranges[control], least, series->input->types[control])};
     enum tetlod_status status = TETLOD_OK;
     for (uint32_t c = 0; c < control; c++)
         row.first += series_components(series, c);

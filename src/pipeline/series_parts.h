@@ -18,6 +18,7 @@ struct series_build {
     const struct build_series *input;
     uint32_t component_count; /* of all controls, at one step */
     double (*ranges)[2];      /* [control] over all steps */
+    double *units;            /* [step][control] what errors are fractions of */
     uint32_t key_count;
     const struct contraction_log *log;
     struct simplify_options simplify;
@@ -32,6 +33,11 @@ uint32_t series_components(const struct series_build *series, uint32_t control);
 static inline double series_width(const struct series_build *series, uint32_t control)
 {
     return series->ranges[control][1] - series->ranges[control][0];
+}
+
+static inline double series_unit(const struct series_build *series, uint32_t step, uint32_t control)
+{
+    return series->units[(size_t)step * series->options->control_count + control];
 }
 
 /* The values of a control at a step: [components * vertices]. */

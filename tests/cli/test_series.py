@@ -163,6 +163,30 @@ def clipped_case():
     must('verify', path('waves.tetlod'), *[word for name in names for word in ('--against', name)])
 
 
+def own_range_case():
+    """A field that fades: with --range step each step is within the error of its own range, else only of that over all."""
+    from vtk.util.numpy_support import numpy_to_vtk
+    grid, names = read_grid('wake_0.vtu'), []
+    pressure = read_vtu('wake_0.vtu')[2]['Pressure'].astype(np.float64)
+    for number, factor in enumerate((1, 0.1, 1e-3, 0)):
+        array = numpy_to_vtk((pressure * factor).astype(np.float32), deep=True)
+        array.SetName('fading')
+        grid.GetPointData().AddArray(array)
+        names.append(write_grid('fading_%d.vtu' % number, grid))
+    largest = {}
+    for relative in ('series', 'step'):
+        must('build', *names, '--field', 'fading', '--carry', 'fading', '--bands', '5%', '--range', relative, '-o', path('fading.tetlod'))
+        must('verify', path('fading.tetlod'), *[word for name in names for word in ('--against', name)])
+        largest[relative] = 0
+        if info(path('fading.tetlod'))['series']['relative_to'] != relative:
+            return info(path('fading.tetlod'))['series']
+        for number, name in enumerate(names[:3]):
+            step('fading.tetlod', '--step', str(number), '--error', '5%')
+            done = must('compare', name, path('step.vtu'), '--field', 'fading').stdout.decode()
+            largest[relative] = max(largest[relative], float(re.search(r'max +(\S+) % of the range', done).group(1)))
+    return None if 2 < largest['step'] <= 5.001 and largest['series'] > 10 else largest
+
+
 def turn(name, points, time):
     """The mesh's file with points that are bent, turned and stretched in time."""
     from vtk.util.numpy_support import numpy_to_vtk
@@ -218,6 +242,7 @@ def refuse_options():
         message = done.stderr.decode()
         report('refused: ' + options[0], done.returncode in (2, 3) and message.count('\n') == 1 and all(word in message for word in words), done)
     for name, words, arguments in (('--times', '--times', ['build', path('wake.pvd'), '--times', '3:1']), ('--bands', '--bands', ['build', path('wake.pvd'), '--bands', '1%,5%']),
+                                   ('--range', '--range', ['build', path('wake.pvd'), '--range', 'steps']),
                                    ('files and --time', '--time', ['build', path('wake_0.vtu'), path('wake_1.vtu'), '--time', '1']),
                                    ('a step and a level', '--level', ['extract', path('wake.tetlod'), '--step', '1', '--level', '2', '-o', path('x.vtu')]),
                                    ('a step and a time', '--time', ['extract', path('wake.tetlod'), '--step', '1', '--time', '2', '-o', path('x.vtu')])):
@@ -241,6 +266,7 @@ case('steps that do not drive', few_keys_case)
 case('memory is bounded, whatever the number of steps', memory_case)
 case('several files, and some steps', files_case)
 case('steps that are cut off at the ends of their range', clipped_case)
+case('errors relative to each step', own_range_case)
 case('points that move, float32', moving_case, np.float32)
 case('points that move, float64', moving_case, np.float64)
 case('--time builds one step', one_step_case)
