@@ -136,14 +136,31 @@ static enum tetlod_status too_large(const struct steps_check *check, uint32_t b,
                         width > 0 ? found / width : found, tetlod_step_error(band->series, f, b, step));
 }
 
-/* The largest difference that the stream allows: a band may count in the step's own range, which only values that move points do not. */
+/* The range that a band counts a step's error in: the step's own, if it has one, or that over all steps. */
+static void counted_range(const struct steps_check *check, const struct tetmesh *input, uint32_t field, uint32_t f, double out[2])
+{
+    const struct tetlod_series_info *steps = tetlod_series_info(check->bands[0].series);
+    point_field_range(&input->fields[field], input->vertex_count, out);
+    if (!check->own_ranges || f == steps->displacement || !(out[1] > out[0]))
+        memcpy(out, steps->ranges[f], 2 * sizeof *out);
+}
+
+/* The largest difference that the stream allows. */
 static double promised(const struct steps_check *check, const struct tetmesh *input, uint32_t b, uint32_t step, uint32_t f)
 {
     const struct tetlod_series_info *steps = tetlod_series_info(check->bands[b].series);
-    double most = largest_difference(tetlod_step_error(check->bands[b].series, f, b, step), steps->ranges[f]), own[2];
-    point_field_range(&input->fields[check->fields[f]], input->vertex_count, own);
-    bool counts = check->own_ranges && f != steps->displacement && own[1] > own[0];
-    return counts ? fmin(most, largest_difference(steps->bands[b].error, own)) : most;
+    double range[2];
+    counted_range(check, input, check->fields[f], f, range);
+    return fmin(largest_difference(tetlod_step_error(check->bands[b].series, f, b, step), steps->ranges[f]),
+                largest_difference(steps->bands[b].error, range));
+}
+
+static enum tetlod_status read_band(struct steps_check *check, uint32_t b, uint32_t step, struct tetmesh *out)
+{
+    const struct band_reader *band = &check->bands[b];
+    TETLOD_TRY(tetlod_seek_step(band->series, band->cursor, b, step, check->error));
+    TETLOD_TRY(level_mesh_copy(tetlod_info(check->file), band->cursor, out, check->error));
+    return level_mesh_step(tetlod_info(check->file), band->series, out, check->error);
 }
 
 /* A step in a band against the input's. */
@@ -155,9 +172,7 @@ static enum tetlod_status compare_band(struct steps_check *check, const struct t
     struct overlay_report report;
     struct overlay_options options = {.threads = check->comparison->threads, .floors = check->floors};
     double domain;
-    TETLOD_TRY(tetlod_seek_step(band->series, band->cursor, b, step, check->error));
-    TETLOD_TRY(level_mesh_copy(tetlod_info(check->file), band->cursor, mesh, check->error));
-    TETLOD_TRY(level_mesh_step(tetlod_info(check->file), band->series, mesh, check->error));
+    TETLOD_TRY(read_band(check, b, step, mesh));
     if (!(steps->bands[b].error > 0))
         return mesh_same(input, mesh, check->error);
     TETLOD_TRY(measure_mesh(measure, mesh, NULL, check->comparison->threads, measured, &domain, check->error));
@@ -234,6 +249,66 @@ enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_co
         comparison->progress(comparison->progress_opaque, (s + 1.0) / check.step_count);
     }
     tetmesh_fini(&first);
+    close_bands(&check);
+    return status;
+}
+
+/* ---- measuring */
+
+/* The true maximum is sought from the largest difference at samples on. */
+static enum tetlod_status measure_band(struct steps_check *check, const struct tetmesh *exact, const struct measure *measure, uint32_t b,
+                                       uint32_t step, uint32_t field, unsigned threads, double *out_max, double *out_rms)
+{
+    struct tetmesh mesh = {0};
+    struct measured measured;
+    struct overlay_report report;
+    double domain, range[2];
+    enum tetlod_status status = read_band(check, b, step, &mesh);
+    if (status == TETLOD_OK)
+        status = measure_mesh(measure, &mesh, &field, threads, &measured, &domain, check->error);
+    if (status == TETLOD_OK) {
+        const struct overlay_options options = {.threads = threads, .floors = &measured.sampled};
+        status = overlay_max(exact, &field, &mesh, &field, 1, &options, out_max, &report, check->error);
+    }
+    if (status == TETLOD_OK) {
+        counted_range(check, exact, field, field, range);
+        double width = range[1] - range[0];
+        *out_rms = width > 0 ? measured.rms / width : 0;
+        *out_max = width > 0 ? *out_max / width : 0;
+    }
+    tetmesh_fini(&mesh);
+    return status;
+}
+
+static enum tetlod_status measure_step(struct steps_check *check, uint32_t step, uint32_t field, unsigned threads, struct steps_errors *out)
+{
+    struct tetmesh exact = {0};
+    struct measure *measure = NULL;
+    enum tetlod_status status = read_band(check, check->band_count - 1, step, &exact);
+    if (status == TETLOD_OK)
+        status = measure_new(&measure, &exact, &field, 1, threads, check->error);
+    for (uint32_t b = 0; b + 1 < check->band_count && status == TETLOD_OK; b++) {
+        size_t at = (size_t)b * check->step_count + step;
+        status = measure_band(check, &exact, measure, b, step, field, threads, &out->max[at], &out->rms[at]);
+    }
+    measure_free(measure);
+    tetmesh_fini(&exact);
+    return status;
+}
+
+enum tetlod_status steps_measure(struct tetlod_file *file, uint32_t field, unsigned threads, struct steps_errors *out, struct tetlod_error *error)
+{
+    struct steps_check check = {.file = file, .error = error};
+    enum tetlod_status status = open_bands(&check);
+    size_t count = (size_t)check.band_count * check.step_count;
+    *out = (struct steps_errors){0};
+    if (status == TETLOD_OK) {
+        *out = (struct steps_errors){array_new(count, sizeof(double)), array_new(count, sizeof(double))};
+        if (!out->max || !out->rms)
+            status = tetlodi_fail_nomem(error, "the errors of the steps", 2 * count * sizeof(double));
+    }
+    for (uint32_t s = 0; s < check.step_count && status == TETLOD_OK; s++)
+        status = measure_step(&check, s, field, threads, out);
     close_bands(&check);
     return status;
 }

@@ -1,20 +1,25 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
 #include <unistd.h>
 
 #include "format/fail.h"
+#include "src/cli/against_steps.h"
 #include "src/cli/cli.h"
 #include "src/report/info_json.h"
 #include "src/report/plot.h"
 #include "src/util/file.h"
 
 static const char help[] =
-    "usage: tetlod plot FILE.tetlod -o OUT.svg [--field NAME]\n"
+    "usage: tetlod plot FILE.tetlod -o OUT.svg [--field NAME] [--steps]\n"
     "\n"
     "Draws the error of a stream's levels against their tetrahedra and their bytes, both axes logarithmic, a line for each\n"
-    "measure that the index has.\n"
+    "measure that the index has. With --steps, of a series in time: the true maximum and the RMS of every step in each band.\n"
     "\n"
     "  -o, --output OUT.svg  the picture\n"
     "      --field NAME      the field (default: the first that the stream was built to control)\n"
+    "      --steps           the errors of a series over time, measured against its exact values\n"
     "\n"
     "Errors are percentages of the field's range; levels without any error are not drawn.\n";
 
@@ -46,20 +51,68 @@ static enum tetlod_status write_plot(const struct tetlod_info *info, uint32_t fi
     return status;
 }
 
-static int plot(const char *path, const char *output, const char *name)
+static uint32_t series_field(const struct tetlod_series_info *steps, const struct tetlod_info *info, const char *name)
 {
-    struct tetlod_error error = {0}, inner = {0};
-    struct tetlod_file *file;
+    for (uint32_t f = 0; f < steps->field_count; f++)
+        if (!name || strcmp(info->fields[steps->fields[f]].name, name) == 0)
+            return f;
+    return TETLOD_NONE;
+}
+
+static enum tetlod_status write_steps(struct tetlod_file *file, const struct tetlod_series *series, uint32_t field, const char *path,
+                                      const char *output, struct tetlod_error *error)
+{
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    struct steps_errors errors;
+    struct file_output *out;
+    char id[256];
+    enum tetlod_status status = steps_measure(file, field, 0, &errors, error);
+    if (status == TETLOD_OK)
+        status = file_output_open(&out, output, error);
+    if (status == TETLOD_OK) {
+        const struct plot_steps picture = {steps->step_count, steps->band_count - 1, steps->times, steps->bands, errors.max, errors.rms};
+        struct tetlodi_sink sink = file_output_sink(out);
+        stream_id(path, id, sizeof id);
+        status = plot_write_steps(&picture, tetlod_info(file)->fields[steps->fields[field]].name, id, &sink, error);
+        status = file_output_finish(out, status, error);
+    }
+    free(errors.max);
+    free(errors.rms);
+    return status;
+}
+
+static enum tetlod_status plot_steps(struct tetlod_file *file, const char *path, const char *output, const char *name, struct tetlod_error *error)
+{
+    struct tetlod_series *series;
+    struct tetlod_error inner;
+    if (tetlod_series_new(&series, file, &inner) != TETLOD_OK)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s: --steps: %.230s", path, inner.message);
+    uint32_t field = series_field(tetlod_series_info(series), tetlod_info(file), name);
+    enum tetlod_status status = field == TETLOD_NONE ? tetlodi_fail(error, TETLOD_ERR_FIELD, "%s: there are no steps of a field '%.100s'; 'tetlod info' lists those that have them", path, name)
+                                                      : write_steps(file, series, field, path, output, error);
+    tetlod_series_free(series);
+    return status;
+}
+
+static enum tetlod_status plot_levels(struct tetlod_file *file, const char *path, const char *output, const char *name, struct tetlod_error *error)
+{
+    struct tetlod_error inner = {0};
     uint32_t field;
+    enum tetlod_status status = choose_field(tetlod_info(file), name, &field, &inner);
+    if (status != TETLOD_OK)
+        return tetlodi_fail(error, status, "%s: %.230s", path, inner.message);
+    return write_plot(tetlod_info(file), field, path, output, error);
+}
+
+static int plot(const char *path, const char *output, const char *name, bool steps)
+{
+    struct tetlod_error error = {0};
+    struct tetlod_file *file;
     int fd;
     enum tetlod_status status = cli_open_stream(path, 1, &file, &fd, &error);
     if (status != TETLOD_OK)
         return cli_fail(&error);
-    status = choose_field(tetlod_info(file), name, &field, &inner);
-    if (status != TETLOD_OK)
-        tetlodi_fail(&error, status, "%s: %.230s", path, inner.message);
-    else
-        status = write_plot(tetlod_info(file), field, path, output, &error);
+    status = steps ? plot_steps(file, path, output, name, &error) : plot_levels(file, path, output, name, &error);
     tetlod_close(file);
     close(fd);
     return status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
@@ -68,13 +121,16 @@ static int plot(const char *path, const char *output, const char *name)
 static int run(int argc, char **argv)
 {
     static const struct option options[] = {
-        {"output", required_argument, NULL, 'o'}, {"field", required_argument, NULL, 'f'}, {0}};
+        {"output", required_argument, NULL, 'o'}, {"field", required_argument, NULL, 'f'}, {"steps", no_argument, NULL, 's'}, {0}};
     const char *output = NULL, *field = NULL;
+    bool steps = false;
     for (int option; (option = cli_option(&command_plot, argc, argv, "o:", options)) != -1;) {
         if (option == 'o')
             output = optarg;
         else if (option == 'f')
             field = optarg;
+        else if (option == 's')
+            steps = true;
         else
             return EXIT_USAGE;
     }
@@ -84,7 +140,7 @@ static int run(int argc, char **argv)
         return cli_usage("plot", "where to? give -o OUT.svg");
     if (!cli_check_output(&command_plot, output, "svg", (const char *const[]){argv[optind]}, 1))
         return EXIT_USAGE;
-    return plot(argv[optind], output, field);
+    return plot(argv[optind], output, field, steps);
 }
 
 const struct command command_plot = {"plot", "draw error against tetrahedra and bytes", help, run};

@@ -32,6 +32,7 @@ struct axis {
 struct plot {
     const struct tetlod_info *info;
     uint32_t field;
+    const struct plot_steps *steps; /* instead, of a picture over time */
     struct put put;
 };
 
@@ -186,34 +187,122 @@ static void put_title(struct plot *plot, const char *tag, const char *id, const 
     put_text(&plot->put, ", % of its range");
 }
 
-enum tetlod_status plot_write(const struct tetlod_info *info, uint32_t field, const char *id,
-                              const struct tetlodi_sink *sink, struct tetlod_error *error)
+static enum tetlod_status write_picture(struct plot *plot, const char *id, const char *field, void (*put_content)(struct plot *plot),
+                                        const struct tetlodi_sink *sink, struct tetlod_error *error)
 {
-    struct plot plot = {.info = info, .field = field};
-    char *names[2] = {strdup(id), strdup(info->fields[field].name)};
+    char *names[2] = {strdup(id), strdup(field)};
     enum tetlod_status status = TETLOD_OK;
     if (!names[0] || !names[1])
         status = tetlodi_fail_nomem(error, "the picture", strlen(id));
     if (status == TETLOD_OK)
-        status = put_init(&plot.put, sink, false, error);
+        status = put_init(&plot->put, sink, false, error);
     if (status == TETLOD_OK) {
         utf8_clean(names[0]);
         utf8_clean(names[1]);
-        put_format(&plot.put,
+        put_format(&plot->put,
                    "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%d\" viewBox=\"0 0 %d %d\" "
                    "font-family=\"sans-serif\" font-size=\"13\" fill=\"#222222\">\n",
                    WIDTH, HEIGHT, WIDTH, HEIGHT);
-        put_title(&plot, "<title>", names[0], names[1]);
-        put_format(&plot.put, "</title>\n<rect width=\"%d\" height=\"%d\" fill=\"#ffffff\"/>\n", WIDTH, HEIGHT);
-        put_title(&plot, "<text x=\"90\" y=\"32\" font-size=\"17\">", names[0], names[1]);
-        put_text(&plot.put, "</text>\n");
-        put_panel(&plot, false, 90);
-        put_panel(&plot, true, 90 + PANEL_WIDTH + 90);
-        put_legend(&plot);
-        put_text(&plot.put, "</svg>\n");
-        status = put_finish(&plot.put);
+        put_title(plot, "<title>", names[0], names[1]);
+        put_format(&plot->put, "</title>\n<rect width=\"%d\" height=\"%d\" fill=\"#ffffff\"/>\n", WIDTH, HEIGHT);
+        put_title(plot, "<text x=\"90\" y=\"32\" font-size=\"17\">", names[0], names[1]);
+        put_text(&plot->put, "</text>\n");
+        put_content(plot);
+        put_text(&plot->put, "</svg>\n");
+        status = put_finish(&plot->put);
     }
     free(names[0]);
     free(names[1]);
     return status;
+}
+
+static void put_levels(struct plot *plot)
+{
+    put_panel(plot, false, 90);
+    put_panel(plot, true, 90 + PANEL_WIDTH + 90);
+    put_legend(plot);
+}
+
+enum tetlod_status plot_write(const struct tetlod_info *info, uint32_t field, const char *id,
+                              const struct tetlodi_sink *sink, struct tetlod_error *error)
+{
+    struct plot plot = {.info = info, .field = field};
+    return write_picture(&plot, id, info->fields[field].name, put_levels, sink, error);
+}
+
+/* ---- over time */
+
+static const char *const band_colours[] = {"#0072b2", "#d55e00", "#009e73", "#8a5c7d", "#996600", "#000000"};
+enum { TIME_LEFT = 90, TIME_RIGHT = WIDTH - 90 };
+
+static double time_place(const struct plot_steps *steps, double time)
+{
+    double first = steps->times[0], span = steps->times[steps->step_count - 1] - first;
+    return TIME_LEFT + (span > 0 ? (time - first) / span : 0.5) * (TIME_RIGHT - TIME_LEFT);
+}
+
+/* Lines at round times, about eight. */
+static void put_times(struct plot *plot, const struct axis *y)
+{
+    const struct plot_steps *steps = plot->steps;
+    double first = steps->times[0], last = steps->times[steps->step_count - 1], decade = pow(10, floor(log10((last - first) / 8)));
+    double step = last > first ? decade * ((last - first) / 8 > 5 * decade ? 10 : (last - first) / 8 > 2 * decade ? 5 : 2) : 1;
+    for (double k = ceil(first / step - 1e-9); k * step <= last + 1e-9 * step; k++) {
+        char text[24];
+        put_line(plot, time_place(steps, k * step), y->from, time_place(steps, k * step), y->to, "#ececec");
+        snprintf(text, sizeof text, "%.6g", k * step + 0.0); // not -0
+        put_label(plot, time_place(steps, k * step), y->from + 18, "middle", text);
+        if (!(last > first) || k + 1 == k)
+            break;
+    }
+    put_label(plot, (TIME_LEFT + TIME_RIGHT) / 2.0, y->from + 40, "middle", "time");
+}
+
+static void put_steps_curve(struct plot *plot, const struct axis *y, uint32_t band, int measure)
+{
+    const struct plot_steps *steps = plot->steps;
+    const double *errors = (measure == TETLOD_MAX ? steps->max : steps->rms) + (size_t)band * steps->step_count;
+    put_format(&plot->put, "<polyline class=\"%s\" fill=\"none\" stroke=\"%s\" stroke-width=\"2\" stroke-dasharray=\"%s\" points=\"",
+               tetlod_measure_name((enum tetlod_measure)measure), band_colours[band % (sizeof band_colours / sizeof *band_colours)],
+               styles[measure].dashes);
+    for (uint32_t s = 0; s < steps->step_count; s++)
+        if (drawn(errors[s]))
+            put_format(&plot->put, "%.2f,%.2f ", time_place(steps, steps->times[s]), place(y, errors[s]));
+    put_text(&plot->put, "\"/>\n");
+}
+
+static struct axis steps_axis(const struct plot_steps *steps)
+{
+    double least = INFINITY, greatest = 0;
+    for (size_t i = 0; i < (size_t)steps->band_count * steps->step_count; i++) {
+        least = drawn(steps->rms[i]) ? fmin(least, steps->rms[i]) : least;
+        greatest = fmax(greatest, steps->bands[i / steps->step_count].error);
+    }
+    least = fmin(least, greatest);
+    return make_axis(fmax(least, greatest * 1e-6), greatest, PANEL_TOP + PANEL_HEIGHT, PANEL_TOP);
+}
+
+static void put_steps(struct plot *plot)
+{
+    const struct plot_steps *steps = plot->steps;
+    const struct axis y = steps_axis(steps), x = {.from = TIME_LEFT, .to = TIME_RIGHT};
+    put_grid(plot, &y, true, &x);
+    put_times(plot, &y);
+    for (uint32_t b = 0; b < steps->band_count; b++) {
+        const char *colour = band_colours[b % (sizeof band_colours / sizeof *band_colours)];
+        char text[32];
+        snprintf(text, sizeof text, "%.4g %%", 100 * steps->bands[b].error);
+        put_line(plot, x.from, place(&y, steps->bands[b].error), x.to, place(&y, steps->bands[b].error), colour);
+        put_label(plot, x.to + 8, place(&y, steps->bands[b].error) + 4, "start", text);
+        put_steps_curve(plot, &y, b, TETLOD_RMS);
+        put_steps_curve(plot, &y, b, TETLOD_MAX);
+    }
+    put_label(plot, x.from, HEIGHT - 18, "start", "a colour for each band: thin, its promise; thick, the true maximum of each step; dotted, the rms");
+}
+
+enum tetlod_status plot_write_steps(const struct plot_steps *steps, const char *field, const char *id, const struct tetlodi_sink *sink,
+                                    struct tetlod_error *error)
+{
+    struct plot plot = {.steps = steps};
+    return write_picture(&plot, id, field, put_steps, sink, error);
 }
