@@ -255,26 +255,20 @@ enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_co
 
 /* ---- measuring */
 
-/* The true maximum is sought from the largest difference at samples on. */
 static enum tetlod_status measure_band(struct steps_check *check, const struct tetmesh *exact, const struct measure *measure, uint32_t b,
-                                       uint32_t step, uint32_t field, unsigned threads, double *out_max, double *out_rms)
+                                       uint32_t step, uint32_t field, unsigned threads, double *out_sampled, double *out_rms)
 {
     struct tetmesh mesh = {0};
     struct measured measured;
-    struct overlay_report report;
     double domain, range[2];
     enum tetlod_status status = read_band(check, b, step, &mesh);
     if (status == TETLOD_OK)
         status = measure_mesh(measure, &mesh, &field, threads, &measured, &domain, check->error);
     if (status == TETLOD_OK) {
-        const struct overlay_options options = {.threads = threads, .floors = &measured.sampled};
-        status = overlay_max(exact, &field, &mesh, &field, 1, &options, out_max, &report, check->error);
-    }
-    if (status == TETLOD_OK) {
         counted_range(check, exact, field, field, range);
         double width = range[1] - range[0];
+        *out_sampled = width > 0 ? measured.sampled / width : 0;
         *out_rms = width > 0 ? measured.rms / width : 0;
-        *out_max = width > 0 ? *out_max / width : 0;
     }
     tetmesh_fini(&mesh);
     return status;
@@ -289,7 +283,7 @@ static enum tetlod_status measure_step(struct steps_check *check, uint32_t step,
         status = measure_new(&measure, &exact, &field, 1, threads, check->error);
     for (uint32_t b = 0; b + 1 < check->band_count && status == TETLOD_OK; b++) {
         size_t at = (size_t)b * check->step_count + step;
-        status = measure_band(check, &exact, measure, b, step, field, threads, &out->max[at], &out->rms[at]);
+        status = measure_band(check, &exact, measure, b, step, field, threads, &out->sampled[at], &out->rms[at]);
     }
     measure_free(measure);
     tetmesh_fini(&exact);
@@ -304,7 +298,7 @@ enum tetlod_status steps_measure(struct tetlod_file *file, uint32_t field, unsig
     *out = (struct steps_errors){0};
     if (status == TETLOD_OK) {
         *out = (struct steps_errors){array_new(count, sizeof(double)), array_new(count, sizeof(double))};
-        if (!out->max || !out->rms)
+        if (!out->sampled || !out->rms)
             status = tetlodi_fail_nomem(error, "the errors of the steps", 2 * count * sizeof(double));
     }
     for (uint32_t s = 0; s < check.step_count && status == TETLOD_OK; s++)

@@ -27,10 +27,10 @@ struct steps_comparison {
  * at samples and by the exact maximum over the overlay. ERR_MISMATCH names the step and the band. */
 TETLOD_CHECKED enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_comparison *comparison, struct tetlod_error *error);
 
-/* What a field of the series is off at each step in each band but the exact one, which it is held against: fractions of the range that the
- * bands count in. */
+/* How far off a field of the series is at each step in each band but the exact one, which it is measured against: at samples, as fractions
+ * of the range that the bands count in. */
 struct steps_errors {
-    double *max, *rms; /* [band][step], to be freed */
+    double *sampled, *rms; /* [band][step], to be freed */
 };
 TETLOD_CHECKED enum tetlod_status steps_measure(struct tetlod_file *file, uint32_t field, unsigned threads, struct steps_errors *out,
                                                 struct tetlod_error *error);

@@ -15,7 +15,8 @@ static const char help[] =
     "usage: tetlod plot FILE.tetlod -o OUT.svg [--field NAME] [--steps]\n"
     "\n"
     "Draws the error of a stream's levels against their tetrahedra and their bytes, both axes logarithmic, a line for each\n"
-    "measure that the index has. With --steps, of a series in time: the true maximum and the RMS of every step in each band.\n"
+    "measure that the index has. With --steps, of a series in time: the largest error at samples and the RMS of every step in\n"
+    "each band, beside what the band promises.\n"
     "\n"
     "  -o, --output OUT.svg  the picture\n"
     "      --field NAME      the field (default: the first that the stream was built to control)\n"
@@ -70,13 +71,13 @@ static enum tetlod_status write_steps(struct tetlod_file *file, const struct tet
     if (status == TETLOD_OK)
         status = file_output_open(&out, output, error);
     if (status == TETLOD_OK) {
-        const struct plot_steps picture = {steps->step_count, steps->band_count - 1, steps->times, steps->bands, errors.max, errors.rms};
+        const struct plot_steps picture = {steps->step_count, steps->band_count - 1, steps->times, steps->bands, errors.sampled, errors.rms};
         struct tetlodi_sink sink = file_output_sink(out);
         stream_id(path, id, sizeof id);
         status = plot_write_steps(&picture, tetlod_info(file)->fields[steps->fields[field]].name, id, &sink, error);
         status = file_output_finish(out, status, error);
     }
-    free(errors.max);
+    free(errors.sampled);
     free(errors.rms);
     return status;
 }

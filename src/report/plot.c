@@ -261,7 +261,7 @@ static void put_times(struct plot *plot, const struct axis *y)
 static void put_steps_curve(struct plot *plot, const struct axis *y, uint32_t band, int measure)
 {
     const struct plot_steps *steps = plot->steps;
-    const double *errors = (measure == TETLOD_MAX ? steps->max : steps->rms) + (size_t)band * steps->step_count;
+    const double *errors = (measure == TETLOD_SAMPLED ? steps->sampled : steps->rms) + (size_t)band * steps->step_count;
     put_format(&plot->put, "<polyline class=\"%s\" fill=\"none\" stroke=\"%s\" stroke-width=\"2\" stroke-dasharray=\"%s\" points=\"",
                tetlod_measure_name((enum tetlod_measure)measure), band_colours[band % (sizeof band_colours / sizeof *band_colours)],
                styles[measure].dashes);
@@ -295,9 +295,9 @@ static void put_steps(struct plot *plot)
         put_line(plot, x.from, place(&y, steps->bands[b].error), x.to, place(&y, steps->bands[b].error), colour);
         put_label(plot, x.to + 8, place(&y, steps->bands[b].error) + 4, "start", text);
         put_steps_curve(plot, &y, b, TETLOD_RMS);
-        put_steps_curve(plot, &y, b, TETLOD_MAX);
+        put_steps_curve(plot, &y, b, TETLOD_SAMPLED);
     }
-    put_label(plot, x.from, HEIGHT - 18, "start", "a colour for each band: thin, its promise; thick, the true maximum of each step; dotted, the rms");
+    put_label(plot, x.from, HEIGHT - 18, "start", "a colour for each band: thin, what it promises; dashed, the largest error at samples of each step; dotted, the RMS");
 }
 
 enum tetlod_status plot_write_steps(const struct plot_steps *steps, const char *field, const char *id, const struct tetlodi_sink *sink,

@@ -16,10 +16,10 @@ struct plot_steps {
     uint32_t step_count, band_count; /* without the exact band */
     const double *times;             /* [step] */
     const struct tetlod_band *bands;
-    const double *max, *rms;         /* [band][step] */
+    const double *sampled, *rms;       /* [band][step] */
 };
 
-/* A line for the true maximum and one for the RMS of each band, and a thin one at what the band promises. */
+/* A line for the largest error at samples and one for the RMS of each band, and a thin one at what the band promises. */
 TETLOD_CHECKED enum tetlod_status plot_write_steps(const struct plot_steps *steps, const char *field, const char *id,
                                                    const struct tetlodi_sink *sink, struct tetlod_error *error);
 

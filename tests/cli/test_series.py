@@ -66,6 +66,20 @@ def info_case():
     return None if '%d steps in time' % STEPS in text else text
 
 
+def plot_case():
+    must('plot', path('wake.tetlod'), '--steps', '--field', 'Velocity:mag', '-o', path('steps.svg'))
+    picture = open(path('steps.svg')).read()
+    curves = [(kind, [tuple(map(float, pair.split(','))) for pair in points.split()])
+              for kind, points in re.findall(r'class="(\w+)"[^>]*points="([^"]*)"', picture)]
+    promises = [float(y) for y in re.findall(r'<line x1="90.0" y1="([0-9.]+)" x2="950.0"[^>]*stroke="#(?:0072b2|d55e00)"', picture)]
+    if [kind for kind, _ in curves] != ['rms', 'sampled'] * 2 or len(promises) != 2 or '>5 %<' not in picture:
+        return picture
+    for (_, rms), (_, sampled), promise in zip(curves[::2], curves[1::2], promises):
+        if not len(rms) == len(sampled) == STEPS or not all(r[1] > s[1] >= promise - 0.02 and r[0] == s[0] for r, s in zip(rms, sampled)):
+            return rms, sampled, promise
+    return None
+
+
 def band_case():
     """An error of --bands is a rung of the ladder, even one between the round errors."""
     must('build', path('wake.pvd'), '--times', '0:3', '--field', 'Pressure', '--bands', '10%,4%,2%', '-o', path('bands.tetlod'))
@@ -249,6 +263,8 @@ def refuse_options():
         fails('usage: ' + name, 2, [words], *arguments)
     fails('a step that is not there', 2, ['step 99'], 'extract', path('wake.tetlod'), '--step', '99', '-o', path('x.vtu'))
     fails('a stream without steps', 2, ['no series'], 'extract', path('one.tetlod'), '--step', '0', '-o', path('x.vtu'))
+    fails('a picture over time of one', 2, ['one.tetlod', 'no series'], 'plot', path('one.tetlod'), '--steps', '-o', path('x.svg'))
+    fails('a picture of a field without steps', 3, ["'Speed'"], 'plot', path('wake.tetlod'), '--steps', '--field', 'Speed', '-o', path('x.svg'))
 
 
 must('sample', 'wake', '--size', '5', '--steps', str(STEPS), '-o', path('wake.pvd'))
@@ -261,6 +277,7 @@ case('exact steps are the input bit for bit', exact_case)
 case('steps within an error', within_case)
 case('a step by time, and by an error in units', chosen_case)
 case('info', info_case)
+case('a picture of the errors over time', plot_case)
 case('a band between round errors has a level of its own', band_case)
 case('steps that do not drive', few_keys_case)
 case('memory is bounded, whatever the number of steps', memory_case)
