@@ -21,7 +21,7 @@ static const double EXACT_HORIZON = 1.2;
 /* What all candidates fail by little may succeed between them: so many steps are made, each halved as often at most, while what is
  * expected of the next is below this multiple of the limit, and what the last one came to below that. */
 enum { MOST_STEPS = 12, HALVINGS = 2 };
-static const double HOPE = 1.2, NEAR = 1.1;
+static const double HOPE = 1.12, NEAR = 1.1;
 
 /* Above this multiple of the limit, the root mean square that the quadric expects tells that the exact limit will refuse (hardly
  * one in a hundred that it allows has more than 1.4): it waits unasked. Less is asked between the rungs that levels are
