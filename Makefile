@@ -112,7 +112,7 @@ WEB ?= 1
 WASM_CC ?= $(firstword $(foreach c,clang-14 clang,$(if $(shell command -v $(c)),$(c))) clang)
 # as fast as -O3, measured, and a fifth smaller
 WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128 -mnontrapping-fptoint -ftls-model=local-exec -std=c11 -O2 -fno-unroll-loops -fno-vectorize -ffp-contract=off \
-    -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS)
+    -I. -D_POSIX_C_SOURCE=200809L $(WARNINGS) -Wframe-larger-than=131072 -Werror=frame-larger-than # of a stack of 262144
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
 WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c format/container.c format/prefix.c,$(FORMAT_SRC)) $(CUT_SRC)
@@ -297,7 +297,7 @@ TIME ?= 60
 fuzz: needs-check
 	$(Q)$(MAKE) --no-print-directory config=fuzz tests
 	@for t in $(if $(TARGET),fuzz_$(TARGET),$(notdir $(FUZZ_SRC:.c=))); do echo "== $$t"; mkdir -p build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_}; \
-	build/fuzz/tests/fuzz/$$t -max_total_time=$(TIME) -rss_limit_mb=4096 -timeout=20 -artifact_prefix=build/fuzz/found/$$t/ build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
+	ASAN_OPTIONS=allocator_may_return_null=1 build/fuzz/tests/fuzz/$$t -max_total_time=$(TIME) -rss_limit_mb=4096 -timeout=20 -artifact_prefix=build/fuzz/found/$$t/ build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
 
 
 ## mutate: read MUTATIONS mutations of each file of each corpus, under the sanitizers (TARGET=name for one; config=release: without)

@@ -110,10 +110,10 @@ uint32_t tetlodi_cells_list(const struct tetlodi_cell_parts *parts, const struct
 {
     if (!parts->count)
         return 0;
-    sections[0] = (struct tetlodi_write_section){TAG_CELLS, 0, 1, 0, parts->table.bytes, parts->table.size};
+    sections[0] = (struct tetlodi_write_section){.tag = TAG_CELLS, .early = 1, .bytes = parts->table.bytes, .size = parts->table.size};
     for (uint32_t f = 0; f < parts->count; f++) {
         uint32_t row = cells[f].components * tetlodi_cell_width(cells[f].type);
-        sections[1 + f] = (struct tetlodi_write_section){TAG_CELL_VALUES, 0, 0, row, parts->rows[f].bytes, parts->rows[f].size};
+        sections[1 + f] = (struct tetlodi_write_section){.tag = TAG_CELL_VALUES, .row = row, .bytes = parts->rows[f].bytes, .size = parts->rows[f].size};
     }
     return 1 + parts->count;
 }

@@ -10,6 +10,39 @@
 
 enum { LARGE_SECTION = 1 << 16 }; /* sections are packed from this size on; smaller ones stay plain to read */
 
+/* Reads a section's source, in order. */
+static enum tetlod_status pass_source(const struct tetlodi_write_section *in, const struct tetlodi_sink *to)
+{
+    uint8_t piece[1 << 14];
+    for (size_t at = 0; at < in->size;) {
+        size_t left = in->size - at, some = left < sizeof piece ? left : sizeof piece;
+        TETLOD_TRY(in->source->read(in->source->opaque, at, piece, some));
+        TETLOD_TRY(to->write(to->opaque, piece, some));
+        at += some;
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status add_to_digest(void *opaque, const void *bytes, size_t size)
+{
+    tetlodi_sha256_add(opaque, bytes, size);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status frame_of_source(struct tetlodi_frame *frame, const struct tetlodi_write_section *in, struct tetlod_error *error)
+{
+    struct tetlodi_sha256 sha;
+    uint8_t digest[32];
+    tetlodi_sha256_init(&sha);
+    enum tetlod_status status = pass_source(in, &(struct tetlodi_sink){add_to_digest, &sha});
+    if (status != TETLOD_OK)
+        return tetlodi_fail(error, status, "a section's bytes cannot be read");
+    tetlodi_sha256_finish(&sha, digest);
+    *frame = (struct tetlodi_frame){.size = in->size};
+    memcpy(frame->digest, digest, DIGEST_SIZE);
+    return TETLOD_OK;
+}
+
 /* Enters a section into the directory, packed if that is worth it. The order is range coded already: it stays as it is, because it
  * does not become smaller. */
 static enum tetlod_status add_section(struct tetlodi_section *section, const struct tetlodi_write_section *in,
@@ -27,6 +60,8 @@ static enum tetlod_status add_section(struct tetlodi_section *section, const str
     memcpy(section->tag, in->tag, TAG_SIZE);
     section->flags = (in->critical ? SECTION_CRITICAL : 0u) | (in->early ? SECTION_EARLY : 0u) | (packed ? SECTION_PACKED : 0u);
     section->plain = in->size;
+    if (in->source)
+        return frame_of_source(&section->frame, in, error);
     section->frame = in->row == ROW_CODED ? tetlodi_frame_of(in->bytes, in->size) : tetlodi_frame_of(stored->bytes, stored->size);
     return TETLOD_OK;
 }
@@ -116,7 +151,9 @@ static enum tetlod_status put_sections(const struct tetlodi_index *index, const 
 {
     for (uint32_t i = 0; i < index->info.section_count; i++)
         if ((index->sections[i].flags & SECTION_EARLY) == early)
-            TETLOD_TRY(in[i].row == ROW_CODED ? put(sink, in[i].bytes, in[i].size) : put(sink, stored[i].bytes, stored[i].size));
+            TETLOD_TRY(in[i].source              ? pass_source(&in[i], sink)
+                       : in[i].row == ROW_CODED ? put(sink, in[i].bytes, in[i].size)
+                                                : put(sink, stored[i].bytes, stored[i].size));
     return TETLOD_OK;
 }
 

@@ -7,6 +7,7 @@
 
 #include "format/fail.h"
 #include "format/pack.h"
+#include "format/round.h"
 #include "format/utf8.h"
 
 enum { FIELD_CONTROLLED = 1, FIELD_EXACT_LATER = 2, SCALE_FLOAT64 = 1, SCALE_NARROW = 2 };
@@ -134,7 +135,7 @@ static bool valid_scale(const struct tetlodi_scale *scale, int axes)
 {
     for (int i = 0; i < axes && scale->bits; i++) {
         double last = scale->origin[i] + scale->step[i] * (double)((UINT32_C(1) << scale->bits) - 1);
-        last = scale->type == TETLOD_FLOAT32 ? (double)(float)last : last;
+        last = tetlodi_round(scale->type, last);
         if (!isfinite(scale->origin[i]) || !(scale->step[i] > 0) || !isfinite(last))
             return false;
     }

@@ -5,6 +5,7 @@
 
 #include "format/fail.h"
 #include "format/reader.h"
+#include "format/round.h"
 #include "format/time_table.h"
 
 /* A field's part of the band at hand. */
@@ -353,11 +354,11 @@ const double *tetlod_step_values(const struct tetlod_series *series, uint32_t fi
 
 enum tetlod_status tetlod_step_move(const struct tetlod_series *series, double *positions, struct tetlod_error *error)
 {
-    bool single = series->file->index.info.position_type == TETLOD_FLOAT32, finite = true;
+    enum tetlod_type type = series->file->index.info.position_type;
+    bool finite = true;
     const double *by = series->time.displacement ? tetlod_step_values(series, series->time.displacement - 1) : NULL;
     for (size_t i = 0; by && i < 3 * (size_t)series->lower.vertices; i++) {
-        positions[i] += by[i];
-        positions[i] = single ? (double)(float)positions[i] : positions[i];
+        positions[i] = tetlodi_round(type, positions[i] + by[i]);
         finite &= isfinite(positions[i]) != 0;
     }
     return finite ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "a step moves a point out of all numbers");

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "format/step_code.h"
+#include "format/round.h"
 
 #include <stdlib.h>
 
@@ -76,7 +77,7 @@ double tetlodi_step_value(const struct tetlodi_step_scale *scale, int64_t code)
     if (!(scale->quantum > 0))
         return float_value(scale->type, code);
     double value = scale->quantum * (double)code;
-    return scale->type == TETLOD_FLOAT32 ? (double)(float)value : value;
+    return tetlodi_round(scale->type, value);
 }
 
 /* What predictions are made of: the code itself where there is a quantum. */
@@ -121,7 +122,20 @@ static int is_code(const struct tetlodi_step_scale *scale, int64_t code)
     return (!(scale->quantum > 0) || (code >= -MOST_STEP_CODE && code <= MOST_STEP_CODE)) && isfinite(tetlodi_step_value(scale, code));
 }
 
-/* Both ways: an encoder takes the code nearest to the prediction among those allowed. 0: a code is none. */
+/* What an encoder tells where `near` is predicted: that, if it will do. Else a third of the way from the edge of those allowed to their
+ * middle, or up to that middle what has no more bits: the next steps are then likely to need no change. */
+static int64_t choose_code(const struct tetlodi_step_scale *scale, int64_t near, const int64_t allowed[2])
+{
+    int64_t edge = near < allowed[0] ? allowed[0] : near > allowed[1] ? allowed[1] : near;
+    if (edge == near || !(scale->quantum > 0)) // floats' codes may be too far apart to subtract
+        return edge;
+    int64_t middle = allowed[0] + (allowed[1] - allowed[0]) / 2, sign = edge < near ? -1 : 1;
+    uint64_t inner = (uint64_t)(sign * (edge + (middle - edge) / 3 - near)), most = (uint64_t)(sign * (middle - near));
+    uint64_t longest = (UINT64_C(1) << bit_length(inner)) - 1;
+    return near + sign * (int64_t)(longest < most ? longest : most);
+}
+
+/* Both ways: an encoder chooses among the codes allowed. 0: a code is none. */
 static int code_component(struct tetlodi_coder *coder, struct tetlodi_steps *steps, enum step_mode mode, int64_t *codes,
                           const int64_t *allowed)
 {
@@ -133,7 +147,7 @@ static int code_component(struct tetlodi_coder *coder, struct tetlodi_steps *ste
     for (uint32_t v = 0; v < steps->lower->vertices; v++) {
         int64_t near = code_near(&steps->scale, predict(steps, mode, v)), wanted = near;
         if (allowed)
-            wanted = near < allowed[2 * v] ? allowed[2 * v] : near > allowed[2 * v + 1] ? allowed[2 * v + 1] : near;
+            wanted = choose_code(&steps->scale, near, allowed + 2 * v);
         int64_t number = code_number(coder, models, context_of(steps, v), allowed ? code_difference(wanted, near, width) : 0);
         codes[v] = code_offset(near, number, &ring);
         if (!is_code(&steps->scale, codes[v]))

@@ -2,16 +2,19 @@
 /*
  * A value is coded as its distance, in numbers of a kind, from its value on the grid. The kind is each component's: floats of the
  * type, or decimals, which are few where a program wrote a few digits. Values of which there are few (0, a material's) are
- * remembered by their place on the grid.
+ * remembered by their place on the grid. Where values of one place differ in their last bits, which is noise, the distance is
+ * from the remembered one: a component is `near` if that makes it smaller.
  */
 #include "format/tail.h"
 
 #include <stdlib.h>
 
 #include "format/fail.h"
+#include "format/round.h"
 
 enum kind { KIND_FLOAT = 0, KIND_FIXED = 1, KIND_DIGITS = 2, KIND_COPY = 3 };
-enum { MEMORY = 4096, MOST_POWER = 22, MOST_DIGITS = 15, SAMPLE = 1024 };
+enum { MEMORY = 4096, NEAR_MEMORY = 65536, NEAR_MODELS = 2, MOST_POWER = 22, MOST_DIGITS = 15, SAMPLE = 1024 };
+enum { NEAR_GAIN = 16 }; /* bytes; for fewer, a decoder does not need the large memory */
 
 static const double powers[MOST_POWER + 1] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
                                               1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
@@ -21,23 +24,38 @@ struct numbers {
     enum kind kind;
     unsigned digits; /* behind the point, or in all */
     enum tetlod_type type;
+    int near; /* distances are from what is remembered of a place, if something is */
 };
 
 /* What is remembered of a place on the grid. */
 struct remembered {
     int64_t code;
     double value;
-    uint8_t known, again; /* there is something; it was the same value again the last time */
+    uint32_t turn; /* in which it was remembered: another turn's is forgotten */
+    uint8_t again; /* it was the same value again the last time */
 };
 
 /* Bits of a float's code above those of its mantissa, at most. */
 enum { MOST_WIDE = 12 };
 
-struct tail {
+struct models {
     struct tetlodi_bit kind[4], digits[32], source[64], repeat[2], odd;
-    struct tetlodi_number number[2]; /* of floats, of decimals */
+    struct tetlodi_number number[NEAR_MODELS + 1]; /* of floats, of decimals, from what is remembered */
     struct tetlodi_bit wide[MOST_WIDE + 1][1 << MOST_WIDE]; /* [modelled bits] of distances that reach other exponents */
-    struct remembered memory[MEMORY];
+};
+
+/* Where an encoder was before a component. */
+struct start {
+    struct tetlodi_coder coder;
+    struct tetlodi_encoder encoder;
+    struct models models;
+};
+
+struct tail {
+    struct models models;
+    struct remembered memory[NEAR_MEMORY];
+    uint32_t turn; /* counts the times that a component is coded */
+    struct start start;
 };
 
 /* Decimals m * 10^e of so many digits in all, e from -22 on, in ascending order from 0: as floats, those of the least e have
@@ -86,7 +104,7 @@ static double number_value(const struct numbers *numbers, int64_t code)
     if (numbers->kind == KIND_FLOAT)
         return float_value(numbers->type, code);
     double value = numbers->kind == KIND_DIGITS ? digits_value(numbers->digits, code) : (double)code / powers[numbers->digits];
-    return numbers->type == TETLOD_FLOAT32 ? (double)(float)value : value;
+    return tetlodi_round(numbers->type, value);
 }
 
 static int is_number(const struct numbers *numbers, double value)
@@ -108,7 +126,7 @@ static unsigned room(const struct numbers *numbers, const struct tetlodi_scale *
 static double cost_of(const struct numbers *numbers, const struct tetlodi_column *column, uint32_t vertices, unsigned component,
                       const double *exact)
 {
-    const struct numbers floats = {KIND_FLOAT, 0, numbers->type};
+    const struct numbers floats = {.type = numbers->type};
     size_t n = column->components, step = vertices / SAMPLE + 1;
     double bits = 0;
     for (size_t v = 0; v < vertices; v += step) {
@@ -122,11 +140,11 @@ static double cost_of(const struct numbers *numbers, const struct tetlodi_column
 /* The cheapest kind of numbers of a component. */
 static struct numbers choose(const struct tetlodi_column *column, uint32_t vertices, unsigned component, const double *exact)
 {
-    struct numbers best = {KIND_FLOAT, 0, column->scale.type};
+    struct numbers best = {.type = column->scale.type};
     double least = 0.95 * cost_of(&best, column, vertices, component, exact);
     for (unsigned digits = 0; digits <= MOST_DIGITS; digits++)
         for (unsigned kind = KIND_FIXED; kind <= KIND_DIGITS; kind++) {
-            struct numbers numbers = {(enum kind)kind, digits, column->scale.type};
+            struct numbers numbers = {(enum kind)kind, digits, column->scale.type, 0};
             if (kind == KIND_DIGITS && !digits)
                 continue;
             double cost = cost_of(&numbers, column, vertices, component, exact);
@@ -165,22 +183,23 @@ static uint64_t code_plain_bits(struct tetlodi_coder *coder, unsigned count, uin
     return bits;
 }
 
-/* A distance: as any number, but where it reaches into the exponents, these bits are worth models. */
-static int64_t code_distance_of(struct tetlodi_coder *coder, struct tail *tail, int decimal, unsigned width, unsigned context,
+/* A distance, under one of the sets of models: as any number, but where it reaches into the exponents, these bits are worth
+ * models. */
+static int64_t code_distance_of(struct tetlodi_coder *coder, struct models *models, unsigned set, unsigned width, unsigned context,
                                 int64_t value)
 {
-    struct tetlodi_number *models = &tail->number[decimal];
+    struct tetlodi_number *number = &models->number[set];
     uint64_t size = value < 0 ? 0 - (uint64_t)value : (uint64_t)value;
-    unsigned mantissa = width == 32 ? 23 : 52, length = code_tree(coder, models->length[context], 7, bit_length(size));
+    unsigned mantissa = width == 32 ? 23 : 52, length = code_tree(coder, number->length[context], 7, bit_length(size));
     coder->bad |= length > width;
     if (!length || length > width)
         return 0;
-    int negative = code_bit(coder, &models->sign, value < 0);
+    int negative = code_bit(coder, &number->sign, value < 0);
     if (length <= mantissa + 1) {
-        size = code_below(coder, models->top[length], length, size);
+        size = code_below(coder, number->top[length], length, size);
     } else {
         unsigned wide = length - mantissa < MOST_WIDE ? length - mantissa : MOST_WIDE, left = length - 1 - wide;
-        uint64_t top = UINT64_C(1) << wide | code_tree(coder, tail->wide[wide], wide, (unsigned)(size >> left) & ((1u << wide) - 1));
+        uint64_t top = UINT64_C(1) << wide | code_tree(coder, models->wide[wide], wide, (unsigned)(size >> left) & ((1u << wide) - 1));
         size = top << left | code_plain_bits(coder, left, size);
     }
     return (int64_t)(negative ? 0 - size : size);
@@ -190,79 +209,137 @@ static int64_t code_distance_of(struct tetlodi_coder *coder, struct tail *tail, 
 static double code_exact(struct tetlodi_coder *coder, struct tail *tail, const struct numbers *numbers,
                          const struct tetlodi_scale *scale, int64_t code, double exact)
 {
-    const struct numbers floats = {KIND_FLOAT, 0, numbers->type};
-    struct remembered *memory = &tail->memory[(uint64_t)code % MEMORY];
-    if (memory->known && memory->code == code) {
+    const struct numbers floats = {.type = numbers->type};
+    struct models *models = &tail->models;
+    struct remembered *memory = &tail->memory[(uint64_t)code % (numbers->near ? NEAR_MEMORY : MEMORY)];
+    int known = memory->turn == tail->turn && memory->code == code, near = known && numbers->near;
+    if (known) {
         int same = memcmp(&memory->value, &exact, sizeof exact) == 0;
-        memory->again = (uint8_t)code_bit(coder, &tail->repeat[memory->again], same);
+        memory->again = (uint8_t)code_bit(coder, &models->repeat[memory->again], same);
         if (memory->again)
             return memory->value;
     }
-    if (numbers->kind != KIND_FLOAT && code_bit(coder, &tail->odd, !is_number(numbers, exact)))
+    if (numbers->kind != KIND_FLOAT && code_bit(coder, &models->odd, !is_number(numbers, exact)))
         numbers = &floats;
-    double value = scale_value(scale, 0, code);
+    double value = near ? memory->value : scale_value(scale, 0, code);
+    unsigned set = near ? NEAR_MODELS : numbers->kind != KIND_FLOAT, context = near ? 0 : room(numbers, scale, value);
     unsigned width = numbers->kind == KIND_FLOAT && numbers->type == TETLOD_FLOAT32 ? 32 : 64;
     const struct tetlodi_scale ring = {.type = width == 32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64};
     int64_t base = number_code(numbers, value), difference = code_difference(number_code(numbers, exact), base, width);
-    difference = code_distance_of(coder, tail, numbers->kind != KIND_FLOAT, width, room(numbers, scale, value), difference);
+    difference = code_distance_of(coder, models, set, width, context, difference);
     exact = number_value(numbers, code_offset(base, difference, &ring));
     coder->bad |= !isfinite(exact);
-    *memory = (struct remembered){code, exact, 1, 0};
+    *memory = (struct remembered){code, exact, tail->turn, 0};
     return exact;
 }
 
+/* What a component's numbers are, or KIND_COPY and in *source the earlier component that has its values. A component as its own
+ * source is a near one. */
+static struct numbers code_head(struct tetlodi_coder *coder, struct models *models, struct numbers numbers, unsigned component,
+                                unsigned *source)
+{
+    unsigned kind = code_tree(coder, models->kind, 2, numbers.near ? KIND_COPY : numbers.kind);
+    if (kind == KIND_COPY) {
+        *source = code_tree(coder, models->source, 6, *source);
+        numbers.near = *source == component;
+        coder->bad |= *source > component;
+        if (numbers.near) {
+            kind = code_tree(coder, models->kind, 2, numbers.kind);
+            coder->bad |= kind == KIND_COPY;
+        }
+    }
+    numbers.kind = (enum kind)kind;
+    if (kind == KIND_FIXED || kind == KIND_DIGITS)
+        numbers.digits = code_tree(coder, models->digits, 5, numbers.digits);
+    coder->bad |= numbers.digits > MOST_DIGITS || (kind == KIND_DIGITS && !numbers.digits);
+    return numbers;
+}
+
+/* An encoder's numbers are chosen, a decoder's are of the column's type. */
 static void code_component(struct tetlodi_coder *coder, struct tail *tail, const struct tetlodi_column *column,
-                           uint32_t vertices, unsigned component, double *exact)
+                           uint32_t vertices, unsigned component, struct numbers numbers, unsigned source, double *exact)
 {
     size_t n = column->components;
-    unsigned source = component;
-    struct numbers numbers = {KIND_FLOAT, 0, column->scale.type};
-    if (coder->encoder) {
-        source = find_source(column, vertices, component, exact);
-        numbers = choose(column, vertices, component, exact);
-    }
-    numbers.kind = (enum kind)code_tree(coder, tail->kind, 2, source < component ? KIND_COPY : numbers.kind);
-    if (numbers.kind == KIND_COPY) {
-        source = code_tree(coder, tail->source, 6, source);
-        coder->bad |= source >= component;
-        for (size_t v = 0; v < vertices && !coder->bad; v++)
-            exact[v * n + component] = exact[v * n + source];
-        return;
-    }
-    if (numbers.kind != KIND_FLOAT)
-        numbers.digits = code_tree(coder, tail->digits, 5, numbers.digits);
-    coder->bad |= numbers.digits > MOST_DIGITS || (numbers.kind == KIND_DIGITS && !numbers.digits);
+    tail->turn++;
+    numbers = code_head(coder, &tail->models, numbers, component, &source);
     for (size_t v = 0; v < vertices && !coder->bad; v++) {
         double known = coder->encoder ? exact[v * n + component] : 0;
-        exact[v * n + component] =
-            code_exact(coder, tail, &numbers, &column->scale, column->codes[v * n + component], known);
+        exact[v * n + component] = numbers.kind == KIND_COPY ? exact[v * n + source]
+                                 : code_exact(coder, tail, &numbers, &column->scale, column->codes[v * n + component], known);
     }
 }
 
-static void start(struct tail *tail)
+static void remember_start(struct tail *tail, const struct tetlodi_coder *coder)
 {
-    tetlodi_bits_init(tail->kind, 4);
-    tetlodi_bits_init(tail->digits, 32);
-    tetlodi_bits_init(tail->source, 64);
-    tetlodi_bits_init(tail->repeat, 2);
-    tetlodi_bits_init(&tail->odd, 1);
-    tetlodi_bits_init(tail->wide[0], sizeof tail->wide / sizeof(struct tetlodi_bit));
-    tetlodi_number_init(&tail->number[0]);
-    tetlodi_number_init(&tail->number[1]);
+    tail->start.coder = *coder; // each by itself: a literal of them all would take a stack that browsers do not have
+    tail->start.encoder = *coder->encoder;
+    tail->start.models = tail->models;
+}
+
+static void back_to_start(struct tail *tail, struct tetlodi_coder *coder)
+{
+    struct tetlodi_encoder now = *coder->encoder;
+    *coder = tail->start.coder;
+    *coder->encoder = tail->start.encoder;
+    coder->encoder->bytes = now.bytes; // may have moved
+    coder->encoder->capacity = now.capacity;
+    coder->encoder->failed = now.failed;
+    tail->models = tail->start.models;
+}
+
+static uint64_t encoded(const struct tetlodi_coder *coder)
+{
+    return coder->encoder->size + coder->encoder->pending;
+}
+
+/* Near or not, whatever is smaller: only coding both ways tells. */
+static void encode_component(struct tetlodi_coder *coder, struct tail *tail, const struct tetlodi_column *column,
+                             uint32_t vertices, unsigned component, double *exact)
+{
+    struct numbers numbers = choose(column, vertices, component, exact), near = numbers;
+    unsigned source = find_source(column, vertices, component, exact);
+    if (source < component) {
+        numbers.kind = KIND_COPY;
+        code_component(coder, tail, column, vertices, component, numbers, source, exact);
+        return;
+    }
+    near.near = 1;
+    remember_start(tail, coder);
+    code_component(coder, tail, column, vertices, component, near, source, exact);
+    uint64_t size = encoded(coder);
+    back_to_start(tail, coder);
+    code_component(coder, tail, column, vertices, component, numbers, source, exact);
+    if (encoded(coder) <= size + NEAR_GAIN)
+        return;
+    back_to_start(tail, coder);
+    code_component(coder, tail, column, vertices, component, near, source, exact);
+}
+
+static void start_models(struct models *models)
+{
+    tetlodi_bits_init(models->kind, 4);
+    tetlodi_bits_init(models->digits, 32);
+    tetlodi_bits_init(models->source, 64);
+    tetlodi_bits_init(models->repeat, 2);
+    tetlodi_bits_init(&models->odd, 1);
+    tetlodi_bits_init(models->wide[0], sizeof models->wide / sizeof(struct tetlodi_bit));
+    for (unsigned set = 0; set <= NEAR_MODELS; set++)
+        tetlodi_number_init(&models->number[set]);
 }
 
 enum tetlod_status tetlodi_tail_code(struct tetlodi_coder *coder, const struct tetlodi_column *column, uint32_t vertices,
                                      double *exact, struct tetlod_error *error)
 {
-    struct tail *tail = malloc(sizeof *tail);
+    struct tail *tail = calloc(1, sizeof *tail);
     struct tetlodi_coder own = *coder; // other threads use the coders beside this one
     if (!tail)
         return tetlodi_fail_nomem(error, "a field's exact values", sizeof *tail);
-    start(tail);
-    for (unsigned c = 0; c < column->components; c++) {
-        memset(tail->memory, 0, sizeof tail->memory);
-        code_component(&own, tail, column, vertices, c, exact);
-    }
+    start_models(&tail->models);
+    for (unsigned c = 0; c < column->components; c++)
+        if (own.encoder)
+            encode_component(&own, tail, column, vertices, c, exact);
+        else
+            code_component(&own, tail, column, vertices, c, (struct numbers){.type = column->scale.type}, c, exact);
     free(tail);
     *coder = own;
     return coder->bad ? tetlodi_fail(error, TETLOD_ERR_STREAM, "its exact values are damaged") : TETLOD_OK;

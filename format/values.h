@@ -11,6 +11,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "format/round.h"
 #include "format/tetlod.h"
 
 enum { MOST_COMPONENTS = 64 };
@@ -81,7 +82,7 @@ static inline double scale_value(const struct tetlodi_scale *scale, unsigned axi
 {
     if (scale->bits) {
         double value = scale->origin[axis] + scale->step[axis] * (double)code;
-        return scale->type == TETLOD_FLOAT32 ? (double)(float)value : value;
+        return tetlodi_round(scale->type, value);
     }
     return float_value(scale->type, code);
 }

@@ -659,9 +659,9 @@ static enum tetlod_status write_file(struct writer *w, const struct tetlodi_sink
     if (!sections)
         return out_of_memory(w);
     if (*in->metadata)
-        sections[count++] = (struct tetlodi_write_section){TAG_METADATA, 0, 1, 0, in->metadata, strlen(in->metadata)};
+        sections[count++] = (struct tetlodi_write_section){.tag = TAG_METADATA, .early = 1, .bytes = in->metadata, .size = strlen(in->metadata)};
     if (in->keep_order)
-        sections[count++] = (struct tetlodi_write_section){TAG_ORDER, 0, 0, 0, w->order.bytes, w->order.size};
+        sections[count++] = (struct tetlodi_write_section){.tag = TAG_ORDER, .bytes = w->order.bytes, .size = w->order.size};
     count += tetlodi_cells_list(&w->cells, in->cells, sections + count);
     for (uint32_t i = 0; i < in->section_count; i++)
         sections[count++] = in->sections[i];

@@ -45,6 +45,7 @@ struct tetlodi_write_section {
     uint32_t row;    /* bytes of a row of its table; 0: it is no table; ROW_CODED: its bytes are neither packed nor copied */
     const void *bytes;
     size_t size;
+    const struct tetlod_source *source; /* in place of bytes, with ROW_CODED: read twice, in pieces */
 };
 
 /* Values of the tetrahedra, exactly representable in their type. */

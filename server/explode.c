@@ -17,6 +17,7 @@
 #include "server/server.h"
 #include "src/io/io.h"
 #include "src/report/info_json.h"
+#include "src/report/level_mesh.h"
 #include "src/util/array.h"
 #include "src/util/file.h"
 
@@ -104,7 +105,9 @@ static enum tetlod_status write_levels(const struct tree *tree, struct dataset *
         status = forest_mesh(forest, k, &mesh, tree->error);
         if (status != TETLOD_OK)
             break;
-        status = begin(tree, &output, "v1/meshes/%s/%s/levels/%" PRIu32 "/mesh.vtu", id, info->cid, k);
+        status = level_mesh_units(info, &mesh, tree->error);
+        if (status == TETLOD_OK)
+            status = begin(tree, &output, "v1/meshes/%s/%s/levels/%" PRIu32 "/mesh.vtu", id, info->cid, k);
         if (status == TETLOD_OK) {
             struct tetlodi_sink sink = file_output_sink(output);
             status = finish(tree, output, io_write_vtu(&mesh, &sink, tree->error));

@@ -228,6 +228,10 @@ static double kind_of_number(uint32_t v, uint32_t component)
         return (v * 37 % 1001 - 500.0) / 100;
     case 3:
         return v % 17 ? (100000 + v * 7919u % 900000) / powers[v % 4] : sin(v);
+    case 4:
+        return (v % 5 - 2.5) * (1 + 1e-13 * sin(v));
+    case 5:
+        return v % 3 * 1000 + v * 7919u % 1000 * 1e-9;
     default:
         return few[v * v % 3];
     }
@@ -278,7 +282,7 @@ int gen_make(struct recode *out, const struct gen_options *options)
         fill(&m, out);
         recode_quantise(out, options->position_bits, 0);
         if (options->tail_bits) {
-            done = add_field(out, "kinds", 4, TETLOD_FLOAT64, m.contractions) &&
+            done = add_field(out, "kinds", options->noise ? 6 : 4, TETLOD_FLOAT64, m.contractions) &&
                    add_field(out, "narrow", 1, TETLOD_FLOAT32, m.contractions);
             recode_exact_later(out, options->tail_bits);
         }

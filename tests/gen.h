@@ -22,6 +22,7 @@ struct gen_options {
     enum tetlod_type type;
     unsigned position_bits; /* 0: lossless */
     unsigned tail_bits;     /* 0: fields are exact at once; else on grids of so many bits, and exact in the last level */
+    int noise;              /* "kinds" has two components more, of a few values with noise in their last digits */
 };
 
 /* Random numbers: splitmix64. */

@@ -12,6 +12,19 @@ export interface Field {
   controlled: boolean;
 }
 
+/** Values of cells: each tetrahedron of a level is one of the original's, and has its values. */
+export interface CellField {
+  name: string;
+  components: number;
+  type: 'float32' | 'float64' | 'int8' | 'int16' | 'int32' | 'int64';
+  /** Of the finite ones. */
+  range: [number, number];
+  /** Its numbers are those of regions: faces between different ones are the original's at every level. */
+  region: boolean;
+  /** Of its bytes in the stream: offset and size. */
+  place: [number, number];
+}
+
 export interface Level {
   level: number;
   vertices: number;
@@ -35,6 +48,7 @@ export interface Info {
   bounds: [Point, Point];
   lossless: boolean;
   fields: Field[];
+  cellFields: CellField[];
   levels: Level[];
   metadata: Record<string, unknown>;
 }
@@ -88,6 +102,10 @@ export interface Spec {
   /** Colours every part. */
   field?: string;
   component?: Component;
+  /** Values of cells that colour instead: every triangle has one, that of its tetrahedron. `component` is then of these. */
+  cellField?: string;
+  /** Draw no tetrahedra with these values of cells, which are whole numbers. */
+  regions?: { field: string; hidden: number[] } | null;
   surface?: boolean;
   slices?: { origin: Point; normal: Point }[];
   /** `zone`: the two isosurfaces between which the original's lies, too. */
@@ -144,6 +162,8 @@ export interface Rays {
   /** A tree of boxes over the boundary's faces, eight numbers for each: low corner, number of the node to go on with behind this
    *  one's; high corner, number of the leaf or -1. A node's first child is the next one; leaf i has faces 4 i to 4 i + 3. */
   nodes: Float32Array;
+  /** Values of the tetrahedra, if those colour, filled up to a multiple of four. */
+  cells: Float32Array | null;
   /** Four for each tetrahedron: its vertices; 4 times the neighbour opposite each, plus which of its faces that is, or 2^32 - 1. */
   corners?: Uint32Array;
   neighbours?: Uint32Array;
@@ -154,6 +174,8 @@ export interface Rays {
 /** What colours. */
 export interface Shade {
   field: string;
+  /** The field is one of cells. */
+  cells: boolean;
   component: Component;
   /** Over all of the mesh. */
   range: [number, number];
@@ -189,6 +211,8 @@ export interface Events {
   retry: { attempt: number; delay: number; message: string };
   series: Series;
   step: Step;
+  /** Values of cells are there; of whole numbers, if they are not too many, with how many of the original's tetrahedra have each. */
+  cells: { field: string; bytes: number; regions: { number: number; tets: number }[] | null };
   buffered: { band: number; groups: number[]; received: number };
   finished: { level: number };
   error: { message: string };
@@ -238,7 +262,13 @@ export class TetlodStream extends EventTarget {
   addFields(names: string[]): Promise<void>;
   mesh(): Promise<Mesh>;
   /** Of the mesh that is shown; null outside. */
-  probe(point: Point): Promise<{ tet: number; values: Record<string, number[]> } | null>;
+  probe(point: Point): Promise<{ tet: number; values: Record<string, number[]>; cells: Record<string, number[]> } | null>;
+  /** Fetches values of cells, which are there from the event `cells` on. show() does so for those that it needs. */
+  loadCells(name: string): Promise<void>;
+  /** Bytes of values of cells, beside `received`. */
+  readonly receivedCells: number;
+  /** Values of cells, of all the original's tetrahedra, component by component: a level's are the first. */
+  cells(name: string): Promise<Float64Array>;
   /** The value that colours the pictures, along a segment: `ends` has [at, value] of begin and end of each piece, `at` from 0 to 1. */
   line(from: Point, to: Point): Promise<{ level: number; ends: Float64Array }>;
   /** Gives back the memory that finer levels took. */

@@ -11,6 +11,7 @@
 #include "server/answer/obtain.h"
 #include "server/answer/respond.h"
 #include "src/forest/forest.h"
+#include "src/report/level_mesh.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 
@@ -41,7 +42,9 @@ static enum tetlod_status write_answer(const struct making *making, struct buffe
     struct tetmesh mesh;
     TETLOD_TRY(answer->mesh ? answer->mesh(making->choice, forest, &mesh, error) : forest_mesh(forest, answer->level, &mesh, error));
     *extracted = monotonic_seconds();
-    enum tetlod_status status = answer->measure ? answer->measure(making->choice, forest, &mesh, note, error) : TETLOD_OK;
+    enum tetlod_status status = level_mesh_units(forest_info(forest), &mesh, error);
+    if (status == TETLOD_OK && answer->measure)
+        status = answer->measure(making->choice, forest, &mesh, note, error);
     if (status == TETLOD_OK)
         status = answer->write(making->choice, &mesh, out, error);
     tetmesh_fini(&mesh);

@@ -11,6 +11,7 @@
 #include "server/answer/obtain.h"
 #include "server/answer/respond.h"
 #include "src/forest/forest.h"
+#include "src/report/level_mesh.h"
 #include "src/util/array.h"
 
 /* A view on its way to a worker. */
@@ -182,12 +183,14 @@ static enum tetlod_status lay_out(struct file *file, const struct streamed_answe
 {
     struct tetmesh shape;
     TETLOD_TRY(forest_shape(forest_of(file->held.forest), answer->level, &shape, error));
-    if (file->held.cells) {
+    enum tetlod_status status = level_mesh_units(forest_info(forest_of(file->held.forest)), &shape, error);
+    if (status == TETLOD_OK && file->held.cells) {
         const struct tetmesh *cells = cache_value(file->held.cells, error)->data;
         shape.cell_fields = cells->cell_fields;
         shape.cell_field_count = cells->cell_field_count;
     }
-    enum tetlod_status status = answer->lay_out(&file->layout, &shape, error);
+    if (status == TETLOD_OK)
+        status = answer->lay_out(&file->layout, &shape, error);
     shape.cell_fields = NULL;
     shape.cell_field_count = 0;
     tetmesh_fini(&shape);

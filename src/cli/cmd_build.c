@@ -18,6 +18,7 @@
 #include "src/io/io.h"
 #include "src/mesh/displacement.h"
 #include "src/report/info_json.h"
+#include "src/report/series_json.h"
 #include "src/util/array.h"
 #include "src/util/file.h"
 #include "src/util/parallel.h"
@@ -62,8 +63,9 @@ static const char help[] =
     "      --position-error E, --field-error E   as many bits as this error needs: a fraction of the diagonal, of the range\n"
     "                          (rounding is in every error that the stream states)\n"
     "      --times A:B:C       of a series the steps numbered A to B, from 0, every C-th (default: all); --time N: that one step\n"
-    "      --bands E,E,...     errors that the steps' values are stored for, fractions of the range over the series (default\n"
+    "      --bands E,E,...     errors that the steps' values are stored for, fractions of the --range (default\n"
     "                          5%,2%,1%,0.5%,0.2%,0.1%); the exact values are always stored\n"
+    "      --range R           series (default): a field's range over all steps; step: each step's own, where it has one\n"
     "      --for mail          one small file to send: rounded, of the --field alone (and --carry), with the levels up to --error\n"
     "      --error E           with --for: the error of the finest level in the file (default 1%)\n"
     "      --keep-order        store the input's numbering too, for tetlod extract --original-order\n"
@@ -263,6 +265,8 @@ static bool parse_option(struct request *request, int option, const char *value)
         return series_input_parse_times(&request->series, &command_build, value);
     case 'B':
         return series_input_parse_bands(&request->series, &command_build, value);
+    case 'R':
+        return series_input_parse_range(&request->series, &command_build, value);
     case 'K':
         return build->keep_order = true;
     case 'z':
@@ -383,6 +387,8 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
                        metric_names[build->metric], "certify", certify_names[build->certify], "contract", request->contract, "candidates", (int)build->candidates,
                        "max_error", build->max_error, "min_tets", (int)build->min_tets, "boundary_angle",
                        build->boundary_angle, "domain_error", build->domain_error, "growth", build->growth);
+    if (object && build->series && build->series->own_ranges)
+        json_object_set_new(json_object_get(object, "options"), SERIES_RANGE, json_string("step"));
     if (object && build->regions)
         json_object_set_new(json_object_get(object, "options"), "region", json_string(build->regions));
     if (object && request->reading.options.nan_fill) {
@@ -675,6 +681,7 @@ static int run(int argc, char **argv)
         {"abs-error", required_argument, NULL, 'u'},  {"for", required_argument, NULL, 'Y'},
         {"error", required_argument, NULL, 'Z'},      {"all", no_argument, NULL, 'A'},
         {"times", required_argument, NULL, 'T'},      {"bands", required_argument, NULL, 'B'},
+        {"range", required_argument, NULL, 'R'},
         {"memory", required_argument, NULL, 'M'},     {"json", no_argument, NULL, JSON},
         {"progress", no_argument, NULL, PROGRESS},    {"quiet", no_argument, NULL, QUIET},
         {0}};

@@ -221,6 +221,8 @@ static int extract(const struct request *request)
     enum tetlod_status status = request->of_step ? TETLOD_OK : choose_here(info, fd, request, &level, &inner);
     if (status == TETLOD_OK && !is_stream(request->output))
         status = extract_mesh(file, request, &mesh, level, about, sizeof about, &inner);
+    if (status == TETLOD_OK)
+        status = level_mesh_units(info, &mesh, &inner);
     if (status != TETLOD_OK)
         tetlodi_fail(&error, status, "%s: %.200s", request->input, inner.message);
     else

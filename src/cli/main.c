@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include "src/cli/cli.h"
+#include "src/util/file.h"
 
 static const struct command *const commands[] = {
     &command_build,   &command_info,    &command_extract, &command_verify,
@@ -69,19 +70,28 @@ static int run(int argc, char **argv)
     return command ? command->run(argc - 1, argv + 1) : unknown_command(argv[1]);
 }
 
-/* Input files are mapped: where one becomes shorter meanwhile, there is nothing to read. */
-static void on_lost_bytes(int number)
+
+static void say(const char *text)
 {
-    static const char message[] = "tetlod: an input file became shorter while it was read; wait until it is written, then try again\n";
-    (void)number;
-    ssize_t written = write(STDERR_FILENO, message, sizeof message - 1);
+    ssize_t written = write(STDERR_FILENO, text, strlen(text));
     (void)written;
+}
+
+/* Input files are mapped: where one becomes shorter meanwhile, there is nothing to read. */
+static void on_lost_bytes(int number, siginfo_t *info, void *context)
+{
+    char path[4096];
+    (void)number;
+    (void)context;
+    say("tetlod: ");
+    say(file_mapped_at(info->si_addr, path, sizeof path) ? path : "an input file");
+    say(": became shorter while it was read; wait until it is written, then try again\n");
     _exit(EXIT_FAILED);
 }
 
 int main(int argc, char **argv)
 {
-    sigaction(SIGBUS, &(struct sigaction){.sa_handler = on_lost_bytes}, NULL);
+    sigaction(SIGBUS, &(struct sigaction){.sa_sigaction = on_lost_bytes, .sa_flags = SA_SIGINFO}, NULL);
     int result = run(argc, argv);
     if ((fflush(stdout) != 0 || ferror(stdout)) && result == EXIT_DONE) {
         fprintf(stderr, "tetlod: cannot write to standard output\n");

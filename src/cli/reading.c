@@ -58,6 +58,7 @@ void reading_notes(const char *command, const struct io_report *report, const st
                  {report->flat_blocks, "blocks of polygons left out"},
                  {report->split_cells, "cells split into tetrahedra"},
                  {report->linearised_cells, "cells of higher order taken by their corners; --subdivide uses more"},
+                 {report->higher_cells, "cells of higher order taken by their corners; their other points are not used"},
                  {report->centres, "points added in the middle of cells"},
                  {report->skipped_cells, "cells without volume left out"},
                  {report->hidden_cells, "ghost or blanked cells left out"},

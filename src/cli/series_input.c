@@ -5,7 +5,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 
 #include "format/fail.h"
 #include "src/mesh/displacement.h"
@@ -24,13 +23,9 @@ void series_input_init(struct series_input *input)
 /* Reading it again must not keep what was read before. */
 static void forget(struct series_input *input)
 {
-    if (input->values)
-        munmap(input->values, input->size);
     if (input->spool)
         fclose(input->spool);
-    input->values = NULL;
     input->spool = NULL;
-    input->size = 0;
     input->rounded = 0;
 }
 
@@ -88,6 +83,14 @@ bool series_input_parse_bands(struct series_input *input, const struct command *
     return true;
 }
 
+bool series_input_parse_range(struct series_input *input, const struct command *command, const char *text)
+{
+    input->series.own_ranges = strcmp(text, "step") == 0;
+    if (!input->series.own_ranges && strcmp(text, "series") != 0)
+        cli_usage(command->name, "--range takes series or step, not '%s'", text);
+    return input->series.own_ranges || strcmp(text, "series") == 0;
+}
+
 /* ---- steps */
 
 uint64_t series_input_number(const struct series_input *input, uint64_t step)
@@ -121,7 +124,6 @@ static enum tetlod_status put_values(struct series_input *input, const struct po
     }
     if (type == TETLOD_FLOAT64)
         written = fwrite(field->values, width, count, input->spool);
-    input->size += count * width;
     return written == count ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
 }
 
@@ -245,11 +247,7 @@ enum tetlod_status series_input_load(struct series_input *input, uint64_t steps,
     check_times(input);
     if (fflush(input->spool) != 0)
         return tetlodi_fail(error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
-    void *values = mmap(NULL, input->size, PROT_READ, MAP_PRIVATE, fileno(input->spool), 0);
-    if (values == MAP_FAILED)
-        return tetlodi_fail_nomem(error, "the steps", input->size);
-    input->values = values;
-    input->series.values = values;
+    input->series.values = (struct file_input){.fd = fileno(input->spool)};
     input->series.times = input->times;
     input->series.types = input->types;
     input->series.bands = input->bands;

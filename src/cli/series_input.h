@@ -20,8 +20,6 @@ struct series_input {
     double *times;
     enum tetlod_type *types;
     FILE *spool; /* the controlled fields' values */
-    void *values; /* mapped */
-    size_t size;
     uint64_t rounded; /* coordinates of points that move which come back to the last place only */
     uint32_t own_times; /* numbers stand for times, which fall or are not there */
 };
@@ -30,9 +28,10 @@ struct series_input {
 void series_input_init(struct series_input *input);
 void series_input_fini(struct series_input *input);
 
-/* --times A:B:C and --bands. False after a message. */
+/* --times A:B:C, --bands, and --range. False after a message. */
 bool series_input_parse_times(struct series_input *input, const struct command *command, const char *text);
 bool series_input_parse_bands(struct series_input *input, const struct command *command, const char *text);
+bool series_input_parse_range(struct series_input *input, const struct command *command, const char *text);
 
 /* The number, among all, of step `step` of the series. */
 uint64_t series_input_number(const struct series_input *input, uint64_t step);

@@ -11,6 +11,7 @@ void cut_fini(struct cut *cut)
     free(cut->ends);
     free(cut->along);
     free(cut->triangles);
+    free(cut->tets);
     free(cut->lines);
     free(cut->below);
     pairs_fini(&cut->pairs);
@@ -40,13 +41,15 @@ bool cut_add_vertex(struct cut *cut, uint32_t a, uint32_t b, double along, uint3
     return true;
 }
 
-bool cut_add_triangle(struct cut *cut, uint32_t a, uint32_t b, uint32_t c)
+bool cut_add_triangle(struct cut *cut, uint32_t tet, uint32_t a, uint32_t b, uint32_t c)
 {
     if (a == b || b == c || a == c)
         return true;
     size_t count = (size_t)cut->triangle_count + 1;
-    if (!array_reserve((void **)&cut->triangles, &cut->triangle_cap, count, 3 * sizeof *cut->triangles))
+    if (!array_reserve((void **)&cut->triangles, &cut->triangle_cap, count, 3 * sizeof *cut->triangles) ||
+        !array_reserve((void **)&cut->tets, &cut->tet_cap, count, sizeof *cut->tets))
         return false;
+    cut->tets[cut->triangle_count] = tet;
     uint32_t *triangle = cut->triangles + 3 * (size_t)cut->triangle_count++;
     triangle[0] = a;
     triangle[1] = b;
@@ -90,8 +93,9 @@ static bool crossing(struct cut *out, uint32_t a, uint32_t b, const double *valu
 }
 
 /* The part of the zero set in one tetrahedron: a triangle if one corner is alone on its side, a quadrilateral if two are. */
-static bool cut_tet(const struct tetmesh *mesh, const double *values, const uint32_t *corners, unsigned below, struct cut *out)
+static bool cut_tet(const struct tetmesh *mesh, const double *values, uint32_t tet, unsigned below, struct cut *out)
 {
+    const uint32_t *corners = mesh->corners + 4 * (size_t)tet;
     uint32_t c[4], v[4];
     bool flip = cut_is_inverted(mesh, corners);
     for (int i = 0; i < 4; i++)
@@ -99,13 +103,13 @@ static bool cut_tet(const struct tetmesh *mesh, const double *values, const uint
     if (bits_set[below] == 2)
         return crossing(out, c[0], c[2], values, &v[0]) && crossing(out, c[0], c[3], values, &v[1]) &&
                crossing(out, c[1], c[3], values, &v[2]) && crossing(out, c[1], c[2], values, &v[3]) &&
-               cut_add_triangle(out, v[0], v[flip ? 2 : 1], v[flip ? 1 : 2]) &&
-               cut_add_triangle(out, v[0], v[flip ? 3 : 2], v[flip ? 2 : 3]);
+               cut_add_triangle(out, tet, v[0], v[flip ? 2 : 1], v[flip ? 1 : 2]) &&
+               cut_add_triangle(out, tet, v[0], v[flip ? 3 : 2], v[flip ? 2 : 3]);
     bool one = bits_set[below] == 1;
     for (int i = 0; i < 3; i++)
         if (!crossing(out, c[one ? 0 : i], c[one ? i + 1 : 3], values, &v[i]))
             return false;
-    return cut_add_triangle(out, v[0], v[flip ? 2 : 1], v[flip ? 1 : 2]);
+    return cut_add_triangle(out, tet, v[0], v[flip ? 2 : 1], v[flip ? 1 : 2]);
 }
 
 /* A cut begins: no vertex is between two others yet. Which are below is asked often and far apart: a byte each stays in the
@@ -123,10 +127,10 @@ static bool begin(uint32_t count, const double *values, struct cut *out)
 static bool add_zero(const struct tetmesh *mesh, const double *values, struct cut *out)
 {
     const uint8_t *below = out->below;
-    for (size_t t = 0; t < mesh->tet_count; t++) {
-        const uint32_t *c = mesh->corners + 4 * t;
+    for (uint32_t t = 0; t < mesh->tet_count; t++) {
+        const uint32_t *c = mesh->corners + 4 * (size_t)t;
         unsigned mask = below[c[0]] | (unsigned)below[c[1]] << 1 | (unsigned)below[c[2]] << 2 | (unsigned)below[c[3]] << 3;
-        if (mask != 0 && mask != 15 && !cut_tet(mesh, values, c, mask, out))
+        if (mask != 0 && mask != 15 && !cut_tet(mesh, values, t, mask, out))
             return false;
     }
     return true;
@@ -150,7 +154,7 @@ static bool append_line(struct cut *cut, uint32_t a, uint32_t b)
 }
 
 /* What is below of a triangle of the boundary: nothing, a triangle, a quadrilateral or all. */
-static bool clip_triangle(const uint32_t corners[3], const double *values, struct cut *out)
+static bool clip_triangle(uint32_t tet, const uint32_t corners[3], const double *values, struct cut *out)
 {
     uint32_t v[4];
     int count = 0;
@@ -162,7 +166,7 @@ static bool clip_triangle(const uint32_t corners[3], const double *values, struc
             !crossing(out, out->below[a] ? a : b, out->below[a] ? b : a, values, &v[count++]))
             return false;
     }
-    return !count || (cut_add_triangle(out, v[0], v[1], v[2]) && (count == 3 || cut_add_triangle(out, v[0], v[2], v[3])));
+    return !count || (cut_add_triangle(out, tet, v[0], v[1], v[2]) && (count == 3 || cut_add_triangle(out, tet, v[0], v[2], v[3])));
 }
 
 enum tetlod_status cut_clip(const struct tetmesh *mesh, const struct cut *boundary, const double *values, struct cut *out,
@@ -173,7 +177,7 @@ enum tetlod_status cut_clip(const struct tetmesh *mesh, const struct cut *bounda
         const uint32_t *triangle = boundary->triangles + 3 * t;
         const uint32_t corners[3] = {boundary->ends[2 * (size_t)triangle[0]], boundary->ends[2 * (size_t)triangle[1]],
                                      boundary->ends[2 * (size_t)triangle[2]]};
-        made = clip_triangle(corners, values, out);
+        made = clip_triangle(boundary->tets[t], corners, values, out);
     }
     return cut_result(made, out, error);
 }
@@ -195,7 +199,7 @@ enum tetlod_status cut_trim(const struct cut *surface, const double *values, str
 {
     bool made = begin(surface->vertex_count, values, out);
     for (size_t t = 0; made && t < surface->triangle_count; t++)
-        made = clip_triangle(surface->triangles + 3 * t, values, out);
+        made = clip_triangle(surface->tets[t], surface->triangles + 3 * t, values, out);
     for (size_t l = 0; made && l < surface->line_count; l++)
         made = trim_line(surface->lines + 2 * l, values, out);
     return cut_result(made, out, error);

@@ -17,8 +17,9 @@ struct cut {
     uint32_t *ends;      /* [2 * vertex_count] of the mesh; twice the same for a vertex of the mesh */
     double *along;       /* [vertex_count] 0 .. 1 */
     uint32_t *triangles; /* [3 * triangle_count] counter-clockwise seen from where the function is larger, or from outside */
+    uint32_t *tets;      /* [triangle_count] that each triangle is of */
     uint32_t *lines;     /* [2 * line_count] by cut_lines */
-    size_t vertex_cap, along_cap, triangle_cap, line_cap, below_cap;
+    size_t vertex_cap, along_cap, triangle_cap, tet_cap, line_cap, below_cap;
     struct pairs pairs;  /* working space: which vertex lies between two of the mesh; which lines there are */
     uint8_t *below;      /* working space: [mesh's vertex_count] is the function negative? */
 };

@@ -10,8 +10,8 @@ void cut_empty(struct cut *cut);
 
 /* False: out of memory. */
 bool cut_add_vertex(struct cut *cut, uint32_t a, uint32_t b, double along, uint32_t *out);
-/* A triangle of fewer than three different vertices is none. */
-bool cut_add_triangle(struct cut *cut, uint32_t a, uint32_t b, uint32_t c);
+/* A triangle of a tetrahedron. One of fewer than three different vertices is none. */
+bool cut_add_triangle(struct cut *cut, uint32_t tet, uint32_t a, uint32_t b, uint32_t c);
 
 /* Has the tetrahedron with these corners a negative volume? */
 bool cut_is_inverted(const struct tetmesh *mesh, const uint32_t *corners);

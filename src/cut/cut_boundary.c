@@ -79,7 +79,7 @@ static bool add_faces(const struct tetmesh *mesh, const struct waiting *waiting,
                 ids[c] = numbers[vertex];
             }
             bool inverted = cut_is_inverted(mesh, corners);
-            if (!cut_add_triangle(out, ids[0], ids[inverted ? 2 : 1], ids[inverted ? 1 : 2]))
+            if (!cut_add_triangle(out, slot >> 2, ids[0], ids[inverted ? 2 : 1], ids[inverted ? 1 : 2]))
                 return false;
         }
     return true;

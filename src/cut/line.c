@@ -95,8 +95,8 @@ static void drop_overlaps(struct cut_line *line)
     line->count = kept;
 }
 
-enum tetlod_status cut_along(const struct tetmesh *mesh, const double *values, const double from[3], const double to[3],
-                             struct cut_line *out, struct tetlod_error *error)
+enum tetlod_status cut_along(const struct tetmesh *mesh, const double *values, const double *of_tets, const double from[3],
+                             const double to[3], struct cut_line *out, struct tetlod_error *error)
 {
     out->count = 0;
     for (uint32_t t = 0; t < mesh->tet_count; t++) {
@@ -118,7 +118,7 @@ enum tetlod_status cut_along(const struct tetmesh *mesh, const double *values, c
             double value = 0;
             for (int c = 0; c < 4; c++)
                 value += (start[c] + part[e] * (end[c] - start[c])) / whole * values[ids[c]];
-            out->ends[2 * (size_t)out->count + (size_t)e] = (struct cut_line_end){part[e], value};
+            out->ends[2 * (size_t)out->count + (size_t)e] = (struct cut_line_end){part[e], of_tets ? of_tets[t] : value};
         }
         out->count++;
     }

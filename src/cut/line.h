@@ -20,9 +20,9 @@ struct cut_line {
 
 void cut_line_fini(struct cut_line *line);
 
-/* `values` are those at the mesh's vertices. Of several tetrahedra over one stretch the one that begins first gives the values;
+/* `values` are those at the mesh's vertices; `of_tets`, if not NULL, those of its tetrahedra, instead. Of several tetrahedra over one stretch the one that begins first gives the values;
  * degenerate ones give none. ERR_NOMEM. Costs O(tetrahedra). */
-TETLOD_CHECKED enum tetlod_status cut_along(const struct tetmesh *mesh, const double *values, const double from[3],
-                                            const double to[3], struct cut_line *out, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status cut_along(const struct tetmesh *mesh, const double *values, const double *of_tets,
+                                            const double from[3], const double to[3], struct cut_line *out, struct tetlod_error *error);
 
 #endif

@@ -18,6 +18,7 @@ void cut_rays_fini(struct cut_rays *rays)
     free(rays->neighbours);
     free(rays->faces);
     free(rays->nodes);
+    free(rays->of_tets);
     *rays = (struct cut_rays){0};
 }
 
@@ -143,9 +144,22 @@ static void place_boxes(struct cut_rays *rays)
     }
 }
 
-enum tetlod_status cut_rays_place(const struct tetmesh *mesh, const double *values, const double centre[3], struct cut_rays *out,
-                                  struct tetlod_error *error)
+static bool take_values(const double *of_tets, struct cut_rays *out)
 {
+    size_t count = ((size_t)out->tet_count + 3) / 4 * 4;
+    out->has_of_tets = of_tets != NULL;
+    if (of_tets && !array_reserve((void **)&out->of_tets, &out->of_tets_cap, count, sizeof *out->of_tets))
+        return false;
+    for (size_t t = 0; of_tets && t < count; t++)
+        out->of_tets[t] = t < out->tet_count ? (float)of_tets[t] : 0;
+    return true;
+}
+
+enum tetlod_status cut_rays_place(const struct tetmesh *mesh, const double *values, const double *of_tets, const double centre[3],
+                                  struct cut_rays *out, struct tetlod_error *error)
+{
+    if (!take_values(of_tets, out))
+        return tetlodi_fail_nomem(error, "values of tetrahedra", 4 * (uint64_t)out->tet_count);
     if (!array_reserve((void **)&out->vertices, &out->vertex_cap, 4 * (size_t)mesh->vertex_count, sizeof *out->vertices))
         return tetlodi_fail_nomem(error, "vertices", 16 * (uint64_t)mesh->vertex_count);
     out->vertex_count = mesh->vertex_count;

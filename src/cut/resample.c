@@ -220,7 +220,7 @@ static void fill_row(float *row, const struct filling *tet, int32_t count, lanes
     }
 }
 
-static void fill_tet(struct cut_grid *grid, float slack, const double *values, const uint32_t *corners)
+static void fill_tet(struct cut_grid *grid, float slack, const double *values, const double *of_tet, const uint32_t *corners)
 {
     struct filling tet;
     struct box box;
@@ -232,7 +232,7 @@ static void fill_tet(struct cut_grid *grid, float slack, const double *values, c
         return;
     prepare(&tet, &box);
     for (int c = 0; c < 4; c++)
-        tet.values[c] = (float)values[corners[c]];
+        tet.values[c] = (float)(of_tet ? *of_tet : values[corners[c]]);
     int32_t x = box.first[0], y0 = box.first[1], z0 = box.first[2], count = box.last[0] - x + 1;
     for (int32_t z = z0; z <= box.last[2]; z++)
         for (int32_t y = y0; y <= box.last[1]; y++)
@@ -257,7 +257,7 @@ static void place_vertices(const struct tetmesh *mesh, struct cut_grid *grid)
         grid->far += fabs(grid->origin[d]) / grid->spacing[d];
 }
 
-enum tetlod_status cut_resample(const struct tetmesh *mesh, const double *values, struct cut_grid *grid,
+enum tetlod_status cut_resample(const struct tetmesh *mesh, const double *values, const double *of_tets, struct cut_grid *grid,
                                 struct tetlod_error *error)
 {
     double points = (double)grid->dims[0] * grid->dims[1] * grid->dims[2];
@@ -274,7 +274,7 @@ enum tetlod_status cut_resample(const struct tetmesh *mesh, const double *values
     place_vertices(mesh, grid);
     float slack = box_slack(grid);
     for (size_t t = 0; t < mesh->tet_count; t++)
-        fill_tet(grid, slack, values, mesh->corners + 4 * t);
+        fill_tet(grid, slack, values, of_tets ? of_tets + t : NULL, mesh->corners + 4 * t);
     return TETLOD_OK;
 }
 

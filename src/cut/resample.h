@@ -20,9 +20,10 @@ void cut_grid_fini(struct cut_grid *grid);
 /* Lays the grid over a box: `size` points (>= 2) along its longest side, as many on the others as make cells nearly cubes. */
 void cut_grid_cover(struct cut_grid *grid, const double low[3], const double high[3], uint32_t size);
 
-/* Fills the values. No point within the mesh is missed; degenerate tetrahedra are. ERR_NOMEM, ERR_LIMIT. */
-TETLOD_CHECKED enum tetlod_status cut_resample(const struct tetmesh *mesh, const double *values, struct cut_grid *grid,
-                                               struct tetlod_error *error);
+/* Fills the values, which are those at vertices, or, if not NULL, those of tetrahedra. No point within the mesh is missed; degenerate
+ * tetrahedra are. ERR_NOMEM, ERR_LIMIT. */
+TETLOD_CHECKED enum tetlod_status cut_resample(const struct tetmesh *mesh, const double *values, const double *of_tets,
+                                               struct cut_grid *grid, struct tetlod_error *error);
 
 /* What is behind a plane: where normal * (p - origin) < 0. */
 struct cut_plane {

@@ -498,6 +498,7 @@ static enum tetlod_status read_base(struct zone *z, struct blocks *out, const st
         return TETLOD_OK;
     }
     TETLOD_TRY(choose_step(z, options));
+    z->report->names_blocks = true;
     for (z->zone = 1; z->zone <= zones; z->zone++) {
         cgsize_t size[9];
         if (cg_zone_read(z->file, z->base, z->zone, name, size) == CG_OK && wanted && strcmp(name, wanted) != 0)

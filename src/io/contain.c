@@ -5,6 +5,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -203,12 +204,43 @@ struct result {
     uint64_t blocks;
 };
 
-static void limit_time(size_t size)
+static void raise_limit(int resource, uint64_t more)
 {
-    rlim_t seconds = 60 + (rlim_t)(size >> 22);
-    struct rlimit limit = {seconds, seconds}, no_core = {0, 0};
-    setrlimit(RLIMIT_CPU, &limit);
-    setrlimit(RLIMIT_CORE, &no_core);
+    struct rlimit limit;
+    if (getrlimit(resource, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY)
+        return;
+    limit.rlim_cur = more < limit.rlim_max - limit.rlim_cur ? limit.rlim_cur + more : limit.rlim_max;
+    setrlimit(resource, &limit);
+}
+
+void contain_expect(uint64_t size)
+{
+    enum { MOST_RATIO = 2400 }; // deflate reaches 1032, for numbers that take twice the room here
+    raise_limit(RLIMIT_CPU, size >> 22);
+    raise_limit(RLIMIT_AS, size < UINT64_MAX / MOST_RATIO ? size * MOST_RATIO : UINT64_MAX);
+}
+
+static void set_limit(int resource, rlim_t now)
+{
+    struct rlimit limit;
+    if (getrlimit(resource, &limit) == 0 && now < limit.rlim_cur) {
+        limit.rlim_cur = now;
+        setrlimit(resource, &limit);
+    }
+}
+
+/* Libraries trust the counts in a file: they may take a minute and a gigabyte, and what a file of that size is worth. */
+static void limit_child(size_t size)
+{
+    unsigned long pages = 0;
+    FILE *about = fopen("/proc/self/statm", "r");
+    if (about && fscanf(about, "%lu", &pages) == 1)
+        set_limit(RLIMIT_AS, (rlim_t)pages * (rlim_t)sysconf(_SC_PAGESIZE) + (1u << 30));
+    if (about)
+        fclose(about);
+    set_limit(RLIMIT_CPU, 60);
+    set_limit(RLIMIT_CORE, 0);
+    contain_expect(size);
 }
 
 /* What libraries print, and what a crash prints, is not for the user. */
@@ -224,7 +256,7 @@ static void run_child(contained_reader read_file, const struct io_input *input, 
     struct blocks blocks = {0};
     struct result result = {.report = *report};
     struct tetlod_error error = {.offset = UINT64_MAX};
-    limit_time(input->size);
+    limit_child(input->size);
     be_silent();
     result.status = read_file(&blocks, input, &result.report, &error);
     memcpy(result.message, error.message, sizeof result.message);

@@ -15,4 +15,7 @@ typedef enum tetlod_status (*contained_reader)(struct blocks *out, const struct 
 TETLOD_CHECKED enum tetlod_status contain_read(contained_reader read, struct blocks *out, const struct io_input *input,
                                                struct io_report *report, struct tetlod_error *error);
 
+/* For a reader that has opened another file of that size: it may take more memory and time. */
+void contain_expect(uint64_t size);
+
 #endif

@@ -391,6 +391,7 @@ static enum tetlod_status close_part(struct ensight *e, struct part *part, const
     struct block *block = &e->out->at[part->block];
     bool is_wanted = !wanted || strcmp(wanted, name) == 0, keeps = is_wanted && has_volume(block);
     e->found |= is_wanted;
+    e->report->names_blocks = true;
     part->points = block->mesh.vertex_count;
     part->cells = block->dims[0] ? block_cell_count(block) : block->cells.count;
     if (keeps)

@@ -209,34 +209,87 @@ static enum tetlod_status read_block(struct exodus *e, uint64_t b, uint64_t *cou
     return status;
 }
 
-/* The blocks' numbers, as cells have them. */
-static enum tetlod_status add_ids(struct exodus *e, const uint64_t *counts)
+/* The numbers by which a file calls its blocks. */
+static enum tetlod_status read_ids(const struct exodus *e, double *ids)
 {
-    struct tetmesh *mesh = &e->block->mesh;
-    double *ids = array_new((size_t)e->blocks, sizeof *ids);
-    if (!ids)
-        return tetlodi_fail_nomem(e->error, "the numbers of blocks", e->blocks * 8);
+    struct variable property;
     for (uint64_t b = 0; b < e->blocks; b++)
         ids[b] = (double)(b + 1);
-    struct variable property;
-    enum tetlod_status status = TETLOD_OK;
-    if (find_variable(e, "eb_prop1", &property))
-        status = read_values(e, "eb_prop1", false, e->blocks, ids, NULL);
-    if (status == TETLOD_OK)
-        status = assemble_cell_field(mesh, "ObjectId", 1, TETLOD_FLOAT64, e->block->cells.count, e->error);
-    if (status == TETLOD_OK) {
-        struct point_field *field = &mesh->cell_fields[mesh->cell_field_count - 1];
-        double *at = field->values;
-        field->is_integer = true;
-        for (uint64_t b = 0; b < e->blocks; b++)
-            for (uint64_t c = 0; c < counts[b]; c++)
-                *at++ = ids[b];
-    }
-    free(ids);
-    return status;
+    return find_variable(e, "eb_prop1", &property) ? read_values(e, "eb_prop1", false, e->blocks, ids, NULL) : TETLOD_OK;
+}
+
+/* Is block b the one that is asked for, by its name or number, or are all? */
+static bool is_wanted(const struct exodus *e, uint64_t b, double id, const char *wanted)
+{
+    char name[NAME_MOST + 1], number[32];
+    if (!wanted)
+        return true;
+    read_name(e, "eb_names", (size_t)b, name);
+    snprintf(number, sizeof number, "%.0f", id);
+    return strcmp(name, wanted) == 0 || strcmp(number, wanted) == 0;
+}
+
+/* The elements of the blocks that are asked for, and their blocks' numbers; counts[b] stays 0 for others. */
+static enum tetlod_status read_blocks(struct exodus *e, const char *wanted, const double *ids, uint64_t *counts)
+{
+    struct tetmesh *mesh = &e->block->mesh;
+    bool found = false;
+    e->report->names_blocks = true;
+    for (uint64_t b = 0; b < e->blocks; b++)
+        if (is_wanted(e, b, ids[b], wanted)) {
+            found = true;
+            TETLOD_TRY(read_block(e, b + 1, &counts[b]));
+        }
+    if (!found)
+        return tetlodi_fail(e->error, TETLOD_ERR_MESH, "has no element block '%.60s'", wanted);
+    TETLOD_TRY(assemble_cell_field(mesh, "ObjectId", 1, TETLOD_FLOAT64, e->block->cells.count, e->error));
+    struct point_field *field = &mesh->cell_fields[mesh->cell_field_count - 1];
+    double *at = field->values;
+    field->is_integer = true;
+    for (uint64_t b = 0; b < e->blocks; b++)
+        for (uint64_t c = 0; c < counts[b]; c++)
+            *at++ = ids[b];
+    return TETLOD_OK;
 }
 
 /* ---- values */
+
+/* The name of variable `number` (from 1) at points, or in block b. */
+static void name_variable(bool cell, uint64_t number, uint64_t b, char out[static 80])
+{
+    if (cell)
+        snprintf(out, 80, "vals_elem_var%llueb%llu", (unsigned long long)number, (unsigned long long)(b + 1));
+    else
+        snprintf(out, 80, "vals_nod_var%llu", (unsigned long long)number);
+}
+
+/* Whether there is any such variable in the blocks that were read. */
+static bool has_variable(const struct exodus *e, bool cell, uint64_t number, const uint64_t *counts)
+{
+    bool has = !cell;
+    for (uint64_t b = 0; b < e->blocks && !has; b++) {
+        char name[80];
+        struct variable variable;
+        name_variable(cell, number, b, name);
+        has = counts[b] && find_variable(e, name, &variable);
+    }
+    return has;
+}
+
+/* The unit that one of the variables says, as an attribute that netCDF's conventions have. */
+static void read_unit(const struct exodus *e, bool cell, uint64_t number, char unit[UNIT_SIZE])
+{
+    char name[80], text[2 * UNIT_SIZE];
+    for (uint64_t b = 0; b < (cell ? e->blocks : 1) && !unit[0]; b++) {
+        struct variable variable;
+        nc_type type;
+        size_t length;
+        name_variable(cell, number, b, name);
+        if (find_variable(e, name, &variable) && nc_inq_att(e->file, variable.id, "units", &type, &length) == NC_NOERR && type == NC_CHAR &&
+            length < sizeof text && nc_get_att_text(e->file, variable.id, "units", text) == NC_NOERR)
+            unit_set(unit, text, strnlen(text, length));
+    }
+}
 
 /* Values of variable `number` (from 1) at points or of cells into every width-th double. A block that lacks it has NaN. */
 static enum tetlod_status read_variable(struct exodus *e, bool cell, uint64_t number, const uint64_t *counts, uint64_t rows,
@@ -246,12 +299,11 @@ static enum tetlod_status read_variable(struct exodus *e, bool cell, uint64_t nu
     uint64_t at = 0;
     for (uint64_t b = 0; b < (cell ? e->blocks : 1); b++) {
         uint64_t count = cell ? counts[b] : rows;
+        if (cell && count == 0)
+            continue;
         nc_type type = NC_FLOAT;
         struct variable variable;
-        if (cell)
-            snprintf(name, sizeof name, "vals_elem_var%llueb%llu", (unsigned long long)number, (unsigned long long)(b + 1));
-        else
-            snprintf(name, sizeof name, "vals_nod_var%llu", (unsigned long long)number);
+        name_variable(cell, number, b, name);
         bool lacks = cell && !find_variable(e, name, &variable);
         double *values = width == 1 ? out + at : buffer;
         if (!lacks)
@@ -280,6 +332,10 @@ static enum tetlod_status read_fields(struct exodus *e, bool cell, const uint64_
         const char *said_names[3] = {names[0], names[1], names[2]};
         uint32_t width = assemble_vector_name(said_names, name, sizeof name) ? 3 : 1;
         enum tetlod_type type = TETLOD_FLOAT32;
+        if (!has_variable(e, cell, v + 1, counts)) {
+            v++;
+            continue;
+        }
         const char *said = width == 3 ? name : names[0];
         status = cell ? assemble_cell_field(mesh, said, width, TETLOD_FLOAT64, rows, e->error)
                       : assemble_field(mesh, said, width, TETLOD_FLOAT64, e->error);
@@ -289,6 +345,7 @@ static enum tetlod_status read_fields(struct exodus *e, bool cell, const uint64_
         for (uint32_t d = 0; d < width && status == TETLOD_OK; d++)
             status = read_variable(e, cell, v + d + 1, counts, rows, buffer, field->values + d, width, &type);
         field->type = type;
+        read_unit(e, cell, v + 1, field->unit);
         v += width;
     }
     free(buffer);
@@ -321,13 +378,12 @@ static enum tetlod_status read_all(struct exodus *e, const struct io_read_option
     if (e->blocks == 0 || e->blocks > 100000)
         return fail(e, "is a netCDF file without the element blocks of Exodus");
     uint64_t *counts = array_zero((size_t)e->blocks, sizeof *counts);
-    if (!counts)
-        return tetlodi_fail_nomem(e->error, "the blocks", e->blocks * 8);
-    enum tetlod_status status = read_points(e);
-    for (uint64_t b = 0; b < e->blocks && status == TETLOD_OK; b++)
-        status = read_block(e, b + 1, &counts[b]);
+    double *ids = array_new((size_t)e->blocks, sizeof *ids);
+    enum tetlod_status status = counts && ids ? read_points(e) : tetlodi_fail_nomem(e->error, "the blocks", e->blocks * 16);
     if (status == TETLOD_OK)
-        status = add_ids(e, counts);
+        status = read_ids(e, ids);
+    if (status == TETLOD_OK)
+        status = read_blocks(e, options ? options->block : NULL, ids, counts);
     if (status == TETLOD_OK)
         status = choose_step(e, options);
     if (status == TETLOD_OK)
@@ -335,6 +391,7 @@ static enum tetlod_status read_all(struct exodus *e, const struct io_read_option
     if (status == TETLOD_OK)
         status = read_fields(e, true, counts);
     free(counts);
+    free(ids);
     return status;
 }
 

@@ -61,6 +61,8 @@ static void define_fields(struct writer *w, const struct point_field *fields, ui
         for (uint32_t c = 0; c < fields[f].components; c++, v++) {
             snprintf(name, sizeof name, cell ? "vals_elem_var%zueb1" : "vals_nod_var%zu", v + 1);
             out[v] = variable(w, name, fields[f].type == TETLOD_FLOAT32 ? NC_FLOAT : NC_DOUBLE, 2, dims);
+            if (fields[f].unit[0])
+                keep(w, nc_put_att_text(w->file, out[v], "units", strlen(fields[f].unit), fields[f].unit));
         }
 }
 

@@ -21,8 +21,8 @@ struct foam {
     struct tetlod_error *error;
     struct block *block;
     uint64_t faces, cells, points;
-    int64_t *offsets, *corners;      /* owned: of faces */
-    int64_t *owner, *neighbour;      /* owned: cells of faces */
+    uint32_t *offsets, *corners;     /* owned: of faces */
+    uint32_t *owner, *neighbour;     /* owned: cells of faces */
     uint64_t *cell_offsets;          /* owned, cells + 1 */
     uint32_t *cell_faces;            /* owned */
 };
@@ -39,7 +39,7 @@ static enum tetlod_status text_faces(struct foam *f, struct foam_file *file)
     if (!f->offsets || uniform)
         return uniform ? foam_fail(file, "faces are not uniform") : tetlodi_fail_nomem(f->error, "the faces", f->faces * 8);
     for (uint64_t face = 0; face < f->faces; face++) {
-        int64_t *corners;
+        uint32_t *corners;
         uint64_t count;
         enum tetlod_status status = foam_labels(file, &corners, &count);
         bool good = status == TETLOD_OK && array_reserve((void **)&f->corners, &capacity, used + (size_t)count, sizeof *f->corners);
@@ -50,7 +50,9 @@ static enum tetlod_status text_faces(struct foam *f, struct foam_file *file)
         if (!good)
             return tetlodi_fail_nomem(f->error, "the faces", used * 8);
         used += (size_t)count;
-        f->offsets[face + 1] = (int64_t)used;
+        if (used >= TETLOD_NONE)
+            return foam_fail(file, "its faces have more points than can be numbered");
+        f->offsets[face + 1] = (uint32_t)used;
     }
     return TETLOD_OK;
 }
@@ -65,7 +67,7 @@ static enum tetlod_status compact_faces(struct foam *f, struct foam_file *file)
     bool good = ends > 0 && f->offsets[0] == 0;
     for (uint64_t i = 0; good && i < f->faces; i++)
         good = f->offsets[i] <= f->offsets[i + 1];
-    return good && (uint64_t)f->offsets[f->faces] <= corners ? TETLOD_OK : foam_fail(file, "its faces do not fit");
+    return good && f->offsets[f->faces] <= corners ? TETLOD_OK : foam_fail(file, "its faces do not fit");
 }
 
 static enum tetlod_status read_faces(struct foam *f)
@@ -93,7 +95,7 @@ static enum tetlod_status read_points(struct foam *f)
     return status;
 }
 
-static enum tetlod_status read_cells_of(struct foam *f, const char *name, int64_t **out, uint64_t *count)
+static enum tetlod_status read_cells_of(struct foam *f, const char *name, uint32_t **out, uint64_t *count)
 {
     struct foam_file file;
     *out = NULL;
@@ -101,7 +103,7 @@ static enum tetlod_status read_cells_of(struct foam *f, const char *name, int64_
     if (status == TETLOD_OK)
         status = foam_labels(&file, out, count);
     for (uint64_t i = 0; status == TETLOD_OK && i < *count; i++)
-        if ((*out)[i] < 0 || (uint64_t)(*out)[i] >= 2 * f->faces + 1)
+        if ((*out)[i] == TETLOD_NONE || (*out)[i] >= 2 * f->faces + 1)
             status = foam_fail(&file, "a face belongs to a cell that cannot be there");
     for (uint64_t i = 0; status == TETLOD_OK && i < *count; i++)
         f->cells = (uint64_t)(*out)[i] + 1 > f->cells ? (uint64_t)(*out)[i] + 1 : f->cells;
@@ -132,6 +134,8 @@ static enum tetlod_status gather_faces(struct foam *f)
         f->cell_faces[f->cell_offsets[f->owner[i] + 1]++] = (uint32_t)i;
     for (uint64_t i = 0; i < neighbours; i++)
         f->cell_faces[f->cell_offsets[f->neighbour[i] + 1]++] = (uint32_t)i;
+    free(f->neighbour);
+    f->neighbour = NULL;
     return TETLOD_OK;
 }
 
@@ -139,10 +143,10 @@ static enum tetlod_status gather_faces(struct foam *f)
 
 static uint64_t sides_of(const struct foam *f, uint32_t face)
 {
-    return (uint64_t)(f->offsets[face + 1] - f->offsets[face]);
+    return f->offsets[face + 1] - f->offsets[face];
 }
 
-static bool has_corner(const int64_t *corners, uint64_t count, int64_t point)
+static bool has_corner(const uint32_t *corners, uint64_t count, int64_t point)
 {
     for (uint64_t i = 0; i < count; i++)
         if (corners[i] == point)
@@ -153,10 +157,10 @@ static bool has_corner(const int64_t *corners, uint64_t count, int64_t point)
 /* The point that an edge of the cell joins to `point` outside the base face; -1 if there is none or several. */
 static int64_t point_above(const struct foam *f, const uint32_t *faces, uint64_t count, uint32_t base, int64_t point)
 {
-    const int64_t *bottom = f->corners + f->offsets[base];
+    const uint32_t *bottom = f->corners + f->offsets[base];
     int64_t above = -1;
     for (uint64_t i = 0; i < count; i++) {
-        const int64_t *corners = f->corners + f->offsets[faces[i]];
+        const uint32_t *corners = f->corners + f->offsets[faces[i]];
         uint64_t sides = sides_of(f, faces[i]);
         for (uint64_t s = 0; s < sides && faces[i] != base; s++) {
             if (corners[s] != point)
@@ -197,8 +201,8 @@ static unsigned char find_shape(const struct foam *f, uint64_t c, const uint32_t
         base = faces[i];
     bool is_cone = type == VTK_TYPE_TET || type == VTK_TYPE_PYRAMID;
     for (uint64_t s = 0; s < sides && type; s++) {
-        uint64_t side = (uint64_t)f->owner[base] == c ? sides - 1 - s : s;
-        corners[s] = f->corners[f->offsets[base] + (int64_t)side];
+        uint64_t side = f->owner[base] == c ? sides - 1 - s : s;
+        corners[s] = f->corners[f->offsets[base] + side];
         int64_t above = point_above(f, faces, count, base, corners[s]);
         if (above < 0 || (is_cone && s && above != corners[sides]))
             return 0;
@@ -223,7 +227,7 @@ static enum tetlod_status add_polyhedron(struct foam *f, const uint32_t *faces, 
     stream[0] = (int64_t)count;
     for (uint64_t i = 0; i < count; i++) {
         stream[at++] = (int64_t)sides_of(f, faces[i]);
-        for (int64_t c = f->offsets[faces[i]]; c < f->offsets[faces[i] + 1]; c++)
+        for (uint32_t c = f->offsets[faces[i]]; c < f->offsets[faces[i] + 1]; c++)
             stream[at++] = f->corners[c];
     }
     enum tetlod_status status = cells_add(&f->block->cells, VTK_TYPE_POLYHEDRON, stream, size, f->error);

@@ -166,25 +166,25 @@ static enum tetlod_status list_end(struct foam_file *file, bool uniform)
     return text_is(foam_token(file), uniform ? "}" : ")") ? TETLOD_OK : foam_fail(file, "a list should end here");
 }
 
-enum tetlod_status foam_labels(struct foam_file *file, int64_t **out, uint64_t *count)
+enum tetlod_status foam_labels(struct foam_file *file, uint32_t **out, uint64_t *count)
 {
     bool uniform;
     *out = NULL;
     TETLOD_TRY(foam_list(file, file->label, 1, count, &uniform));
     *out = array_new((size_t)*count, sizeof **out);
     if (!*out)
-        return tetlodi_fail_nomem(file->error, file->name, *count * 8);
+        return tetlodi_fail_nomem(file->error, file->name, *count * 4);
     if (file->binary && !uniform) {
-        values_to_ints((const unsigned char *)file->rest.at, file->label, false, (size_t)*count, *out);
+        values_to_points((const unsigned char *)file->rest.at, file->label, false, (size_t)*count, *out);
         file->rest.at += *count * value_size(file->label);
         return list_end(file, uniform);
     }
     for (uint64_t i = 0; i < *count; i++) {
         struct text token = uniform && i ? (struct text){NULL, NULL} : foam_token(file);
-        if (token.at ? !text_int(&token, &(*out)[i]) : false)
+        int64_t number;
+        if (token.at && !text_int(&token, &number))
             return foam_fail(file, "there should be a whole number here");
-        if (!token.at)
-            (*out)[i] = (*out)[0];
+        (*out)[i] = token.at ? cells_point(number) : (*out)[0];
     }
     return list_end(file, uniform);
 }

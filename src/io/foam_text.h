@@ -29,8 +29,9 @@ struct text foam_token(struct foam_file *file);
 /* The count in front of a list, held against the bytes that are left, and its opening bracket; *uniform: it is {value}. */
 TETLOD_CHECKED enum tetlod_status foam_list(struct foam_file *file, enum value_type type, uint64_t width, uint64_t *count, bool *uniform);
 
-/* Numbers of a list of which `width` make an element, in brackets of their own where they are text. The list's end is taken, too. */
-TETLOD_CHECKED enum tetlod_status foam_labels(struct foam_file *file, int64_t **out, uint64_t *count);
+/* Numbers of a list of which `width` make an element, in brackets of their own where they are text. The list's end is taken, too.
+ * Labels that are no numbers of points, faces or cells become TETLOD_NONE. */
+TETLOD_CHECKED enum tetlod_status foam_labels(struct foam_file *file, uint32_t **out, uint64_t *count);
 TETLOD_CHECKED enum tetlod_status foam_scalars(struct foam_file *file, uint32_t width, double **out, uint64_t *count);
 
 #endif

@@ -59,6 +59,10 @@ bool plot3d_sniff(const unsigned char *bytes, size_t size);
 TETLOD_CHECKED enum tetlod_status plot3d_read(struct blocks *out, const struct io_input *input, struct io_report *report,
                                             struct tetlod_error *error);
 
+/* A unit in the XML of an array of VTK's: the text between. */
+#define VTK_XML_UNIT "<InformationKey name=\"UNITS_LABEL\" location=\"vtkDataArray\">"
+#define VTK_XML_UNIT_END "</InformationKey>"
+
 /* On top of libraries that may be left out of a build. */
 bool vtkhdf_sniff(const unsigned char *bytes, size_t size);
 TETLOD_CHECKED enum tetlod_status vtkhdf_read(struct blocks *out, const struct io_input *input, struct io_report *report,

@@ -279,20 +279,43 @@ static enum tetlod_status read_elements_2(struct gmsh *g)
     return TETLOD_OK;
 }
 
-/* The entities of one dimension. Each: its tag, a point or the bounds, its physical groups and, but for points, what bounds it. */
-static enum tetlod_status read_entity(struct gmsh *g, int dimension)
+static int64_t group_of(const struct gmsh *g, int64_t entity)
 {
-    int64_t tag, count, number, first = 0;
+    for (size_t i = 0; i < g->group_count; i++)
+        if (g->groups[2 * i] == entity)
+            return g->groups[2 * i + 1];
+    return 0;
+}
+
+static enum tetlod_status skip_tags(struct gmsh *g)
+{
+    int64_t count, tag;
+    TETLOD_TRY(take_ints(g, VALUE_UINT64, 1, &count));
+    for (int64_t i = 0; i < count; i++)
+        TETLOD_TRY(take_ints(g, VALUE_INT32, 1, &tag));
+    return TETLOD_OK;
+}
+
+/* An entity: its tag, of a part of one also that one and the partitions, a point or the bounds, its physical groups and, but for
+ * points, what bounds it. A part without a group is in that of the whole. */
+static enum tetlod_status read_entity(struct gmsh *g, int dimension, bool is_part)
+{
+    int64_t tag, count, number, whole[2] = {0, 0}, first = 0;
     double bounds[6];
     TETLOD_TRY(take_ints(g, VALUE_INT32, 1, &tag));
-    TETLOD_TRY(take_doubles(g, dimension ? 6 : 3, bounds));
-    for (int list = 0; list < (dimension ? 2 : 1); list++) {
-        TETLOD_TRY(take_ints(g, VALUE_UINT64, 1, &count));
-        for (int64_t i = 0; i < count; i++) {
-            TETLOD_TRY(take_ints(g, VALUE_INT32, 1, &number));
-            first = list == 0 && i == 0 ? number : first;
-        }
+    if (is_part) {
+        TETLOD_TRY(take_ints(g, VALUE_INT32, 2, whole));
+        TETLOD_TRY(skip_tags(g));
+        first = whole[0] == 3 ? group_of(g, whole[1]) : 0;
     }
+    TETLOD_TRY(take_doubles(g, dimension ? 6 : 3, bounds));
+    TETLOD_TRY(take_ints(g, VALUE_UINT64, 1, &count));
+    for (int64_t i = 0; i < count; i++) {
+        TETLOD_TRY(take_ints(g, VALUE_INT32, 1, &number));
+        first = i == 0 ? number : first;
+    }
+    if (dimension)
+        TETLOD_TRY(skip_tags(g));
     if (dimension < 3 || !first)
         return TETLOD_OK;
     if (!array_reserve((void **)&g->groups, &g->group_capacity, 2 * (g->group_count + 1), sizeof *g->groups))
@@ -302,25 +325,42 @@ static enum tetlod_status read_entity(struct gmsh *g, int dimension)
     return TETLOD_OK;
 }
 
-static enum tetlod_status read_entities(struct gmsh *g)
+static enum tetlod_status read_all_entities(struct gmsh *g, bool are_parts)
 {
     int64_t counts[4];
-    if (!g->is_4)
-        return fail(g, "$Entities are not for this version");
-    end_line(g);
     TETLOD_TRY(take_ints(g, VALUE_UINT64, 4, counts));
     for (int dimension = 0; dimension < 4; dimension++)
         for (int64_t i = 0; i < counts[dimension]; i++)
-            TETLOD_TRY(read_entity(g, dimension));
+            TETLOD_TRY(read_entity(g, dimension, are_parts));
     return TETLOD_OK;
 }
 
-static int64_t group_of(const struct gmsh *g, int64_t entity)
+static enum tetlod_status read_entities(struct gmsh *g)
 {
-    for (size_t i = 0; i < g->group_count; i++)
-        if (g->groups[2 * i] == entity)
-            return g->groups[2 * i + 1];
-    return 0;
+    if (!g->is_4)
+        return fail(g, "$Entities are not for this version");
+    end_line(g);
+    return read_all_entities(g, false);
+}
+
+/* Of a mesh in partitions: their number, ghost entities and their partitions, and the parts of entities, in which the elements are. */
+static enum tetlod_status read_parts(struct gmsh *g)
+{
+    int64_t partitions, ghosts, ghost[2];
+    if (!g->is_4)
+        return fail(g, "$PartitionedEntities are not for this version");
+    end_line(g);
+    TETLOD_TRY(take_ints(g, VALUE_UINT64, 1, &partitions));
+    TETLOD_TRY(take_ints(g, VALUE_UINT64, 1, &ghosts));
+    for (int64_t i = 0; i < ghosts; i++)
+        TETLOD_TRY(take_ints(g, VALUE_INT32, 2, ghost));
+    return read_all_entities(g, true);
+}
+
+/* Versions 2 of points on curves and surfaces have a section of their own. */
+static enum tetlod_status refuse_parametric(struct gmsh *g)
+{
+    return fail(g, "$ParametricNodes cannot be read; save the mesh with Mesh.SaveParametric = 0");
 }
 
 static enum tetlod_status read_elements(struct gmsh *g)
@@ -495,6 +535,8 @@ static enum tetlod_status read_section(struct gmsh *g, struct text name)
                     {"$Nodes", read_nodes},
                     {"$Elements", read_elements},
                     {"$Entities", read_entities},
+                    {"$PartitionedEntities", read_parts},
+                    {"$ParametricNodes", refuse_parametric},
                     {"$NodeData", read_node_data},
                     {"$ElementData", read_element_data}};
     for (size_t s = 0; s < sizeof sections / sizeof *sections; s++)

@@ -93,6 +93,25 @@ enum tetlod_status h5_open_set(hid_t where, const char *name, uint64_t file_size
     return status;
 }
 
+void h5_read_text(hid_t where, const char *name, char *out, size_t size)
+{
+    out[0] = 0;
+    hid_t attribute = H5Aexists(where, name) > 0 ? H5Aopen(where, name, H5P_DEFAULT) : -1;
+    hid_t type = attribute >= 0 ? H5Aget_type(attribute) : -1, space = attribute >= 0 ? H5Aget_space(attribute) : -1;
+    bool is_text = type >= 0 && H5Tget_class(type) == H5T_STRING && H5Sget_simple_extent_npoints(space) == 1;
+    if (is_text && H5Tis_variable_str(type) > 0) {
+        char *text = NULL;
+        if (H5Aread(attribute, type, &text) >= 0 && text && strlen(text) < size)
+            memcpy(out, text, strlen(text) + 1);
+        H5free_memory(text);
+    } else if (is_text && H5Tget_size(type) < size && H5Aread(attribute, type, out) >= 0) {
+        out[H5Tget_size(type)] = 0;
+    }
+    H5Sclose(space);
+    H5Tclose(type);
+    H5Aclose(attribute);
+}
+
 /* Numbers that do not fit become the largest, whose bytes are all 255. */
 static H5T_conv_ret_t on_misfit(H5T_conv_except_t what, hid_t from_type, hid_t to_type, void *from, void *to, void *opaque)
 {

@@ -40,6 +40,12 @@ TETLOD_CHECKED enum tetlod_status h5_read_numbers(const struct h5_set *set, uint
 TETLOD_CHECKED enum tetlod_status h5_read_bytes(const struct h5_set *set, uint64_t first, uint64_t rows, uint8_t *out,
                                                 struct tetlod_error *error);
 
+/* The attribute of a data set that holds its unit, as in netCDF files. */
+#define H5_UNITS "units"
+
+/* The text of an attribute, of fixed or of variable length; "" if there is none, or it does not fit. */
+void h5_read_text(hid_t where, const char *name, char *out, size_t size);
+
 /* A whole set in memory that the caller frees; *count values. */
 TETLOD_CHECKED enum tetlod_status h5_load_ints(hid_t where, const char *name, uint64_t file_size, int64_t **out,
                                                uint64_t *count, struct tetlod_error *error);

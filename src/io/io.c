@@ -159,6 +159,16 @@ static enum tetlod_status read_blocks(struct blocks *out, const char *path, cons
 
 static const struct io_read_options no_options;
 
+/* Refuses options that the file has no use for, so that they are not passed over in silence. */
+static enum tetlod_status check_choices(const struct io_read_options *options, const struct io_report *report, struct tetlod_error *error)
+{
+    if (options->block && !report->names_blocks)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "has no blocks with names; leave --block %.60s out", options->block);
+    if (options->time && !report->steps && strcmp(options->time, "last") != 0 && strcmp(options->time, "0") != 0)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "has no steps in time; leave --time %.40s out", options->time);
+    return TETLOD_OK;
+}
+
 /* What the options say of the values of cells. */
 static enum tetlod_status treat_cell_data(struct tetmesh *mesh, const struct io_read_options *options,
                                           struct io_report *report, struct tetlod_error *error)
@@ -199,6 +209,7 @@ enum tetlod_status io_read_input(struct tetmesh *out, const char *path, const st
     struct block block = {0};
     enum tetlod_status status;
     TETLOD_TRY_DONE(read_blocks(&blocks, path, input, report, error));
+    TETLOD_TRY_DONE(check_choices(options, report, error));
     if (blocks.count == 0) {
         status = tetlodi_fail(error, TETLOD_ERR_MESH, "there is no volume in it");
         goto done;

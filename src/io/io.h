@@ -30,6 +30,7 @@ struct io_report {
     const char *format;    /* short name, static: "vtu", "vtk", "plot3d", ... */
     uint64_t split_cells;  /* cells that were not tetrahedra and were split */
     uint64_t linearised_cells; /* cells of higher order that were taken by their corners */
+    uint64_t higher_cells; /* the same, of kinds that cannot be subdivided */
     uint64_t centres;      /* points that were added in the middle of cells */
     uint64_t skipped_cells; /* cells of lower dimension, which have no volume */
     uint64_t hidden_cells; /* ghosts and blanked cells, left out */
@@ -37,6 +38,7 @@ struct io_report {
     uint64_t welded_points;
     uint64_t dropped_tets; /* degenerate and duplicate tetrahedra that were dropped */
     uint64_t blocks;       /* merged, if there were several */
+    bool names_blocks;     /* the file has blocks with names, one of which can be asked for */
     uint64_t flat_blocks;  /* files of polygons among them, left out */
     uint64_t steps, step;  /* of time in the file, and the one that was read, from 0; 0, 0: there is no time */
     double time;           /* of that step */

@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/round.h"
 #include "src/io/file_values.h"
 #include "src/io/formats.h"
 #include "src/util/array.h"
@@ -135,7 +136,7 @@ static void fill_pressure(struct tetmesh *mesh)
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
         const double *m = momentum + 3 * (size_t)v;
         double pressure = 0.4 * (energy[v] - (m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) / (2 * density[v]));
-        mesh->fields[3].values[v] = mesh->fields[3].type == TETLOD_FLOAT32 ? (double)(float)pressure : pressure;
+        mesh->fields[3].values[v] = tetlodi_round(mesh->fields[3].type, pressure);
     }
 }
 

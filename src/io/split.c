@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/round.h"
 #include "src/io/assemble.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/cell_refine.h"
@@ -108,6 +109,12 @@ static bool has_centre(const struct splitter *s, struct vtk_type type)
     return type.shape == POLYHEDRON || (s->subdivide && type.has_middles && type.shape != CELL_TET);
 }
 
+/* Whether a cell has points beyond its corners that no option uses, as Lagrange cells do. */
+static bool has_more_points(const struct splitter *s, uint64_t c, struct vtk_type type)
+{
+    return type.shape < CELL_SHAPES && !type.has_middles && s->cells->offsets[c + 1] - s->cells->offsets[c] > cell_corners(type.shape);
+}
+
 /* Checks all cells and counts the tetrahedra and centres that they can make at most. */
 static enum tetlod_status count_tets(struct splitter *s, struct io_report *report, struct tetlod_error *error)
 {
@@ -122,6 +129,7 @@ static enum tetlod_status count_tets(struct splitter *s, struct io_report *repor
         report->skipped_cells += type.shape == NO_VOLUME;
         report->split_cells += type.shape != NO_VOLUME && (type.shape != CELL_TET || tets > 1);
         report->linearised_cells += type.has_middles && !s->subdivide;
+        report->higher_cells += has_more_points(s, c, type);
     }
     return TETLOD_OK;
 }
@@ -168,7 +176,7 @@ static void mean_row(double *values, uint32_t width, enum tetlod_type type, cons
         for (size_t i = 0; i < count; i++)
             sum += values[(size_t)points[i] * width + c];
         sum = count ? sum / (double)count : 0;
-        values[(size_t)target * width + c] = type == TETLOD_FLOAT32 ? (double)(float)sum : sum;
+        values[(size_t)target * width + c] = tetlodi_round(type, sum);
     }
 }
 

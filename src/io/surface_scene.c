@@ -37,12 +37,19 @@ static void put_triangles(struct put *put, const struct boundary_surface *surfac
 
 /* ---- VTP */
 
-static void put_array(struct put *put, const char *type, const char *name, uint32_t components, uint64_t bytes, uint64_t *offset)
+static void put_array(struct put *put, const char *type, const char *name, uint32_t components, uint64_t bytes, const char *unit,
+                      uint64_t *offset)
 {
     put_format(put, "<DataArray type=\"%s\" NumberOfComponents=\"%" PRIu32 "\" format=\"appended\" offset=\"%" PRIu64 "\" Name=\"",
                type, components, *offset);
     put_escaped(put, name);
-    put_text(put, "\"/>\n");
+    put_text(put, "\">");
+    if (*unit) {
+        put_text(put, VTK_XML_UNIT);
+        put_escaped(put, unit);
+        put_text(put, VTK_XML_UNIT_END);
+    }
+    put_text(put, "</DataArray>\n");
     *offset += 8 + bytes;
 }
 
@@ -55,13 +62,14 @@ static void put_vtp_head(struct put *put, const struct tetmesh *mesh, const stru
                     "NumberOfPolys=\"%" PRIu32 "\">\n<PointData>\n", points, surface->count);
     for (uint32_t f = 0; f < mesh->field_count; f++) {
         const struct point_field *field = &mesh->fields[f];
-        put_array(put, types[field->type], field->name, field->components, points * field->components * width_of(field->type), &offset);
+        put_array(put, types[field->type], field->name, field->components, points * field->components * width_of(field->type), field->unit,
+                  &offset);
     }
     put_text(put, "</PointData>\n<Points>\n");
-    put_array(put, types[mesh->position_type], "Points", 3, points * 3 * width_of(mesh->position_type), &offset);
+    put_array(put, types[mesh->position_type], "Points", 3, points * 3 * width_of(mesh->position_type), "", &offset);
     put_text(put, "</Points>\n<Polys>\n");
-    put_array(put, "Int32", "connectivity", 1, 12 * (uint64_t)surface->count, &offset);
-    put_array(put, "Int32", "offsets", 1, 4 * (uint64_t)surface->count, &offset);
+    put_array(put, "Int32", "connectivity", 1, 12 * (uint64_t)surface->count, "", &offset);
+    put_array(put, "Int32", "offsets", 1, 4 * (uint64_t)surface->count, "", &offset);
     put_text(put, "</Polys>\n</Piece></PolyData>\n<AppendedData encoding=\"raw\">\n_");
 }
 

@@ -60,6 +60,16 @@ static void put_field_line(struct put *put, const struct point_field *field, con
     put_format(put, " %" PRIu32 " %" PRIu32 " %s\n", field->components, rows, type);
 }
 
+/* A field's unit, behind its values. */
+static void put_unit(struct put *put, const struct point_field *field)
+{
+    if (!field->unit[0])
+        return;
+    put_text(put, "METADATA\nINFORMATION 1\nNAME UNITS_LABEL LOCATION vtkDataArray\nDATA ");
+    put_name(put, field->unit);
+    put_text(put, "\n\n");
+}
+
 static void put_cells(struct put *put, const struct tetmesh *mesh)
 {
     put_cells_line(put, mesh);
@@ -105,6 +115,7 @@ static void put_fields(struct put *put, const char *where, const struct point_fi
             put_integers(put, fields[f].values, values, integers);
         else
             put_doubles(put, fields[f].type, fields[f].values, values);
+        put_unit(put, &fields[f]);
     }
 }
 
@@ -136,6 +147,15 @@ static uint32_t array_count(const struct tetmesh *shape)
     return 3 + shape->field_count + shape->cell_field_count;
 }
 
+/* The field of array `number`; NULL: it is none of a field. */
+static const struct point_field *field_at(const struct tetmesh *shape, uint32_t number)
+{
+    if (number < 3 || number >= array_count(shape))
+        return NULL;
+    number -= 3;
+    return number < shape->field_count ? &shape->fields[number] : &shape->cell_fields[number - shape->field_count];
+}
+
 static struct layout_array array_at(const struct tetmesh *shape, uint32_t number)
 {
     static const size_t widths[] = {[TETLOD_FLOAT32] = 4, [TETLOD_FLOAT64] = 8};
@@ -148,10 +168,10 @@ static struct layout_array array_at(const struct tetmesh *shape, uint32_t number
         array.words = number == 1 ? 5 : 1;
         array.width = 4;
     } else if (number < 3 + shape->field_count) {
-        const struct point_field *field = &shape->fields[number - 3];
+        const struct point_field *field = field_at(shape, number);
         array = (struct layout_array){ROW_VALUES, number - 2, field->components, widths[field->type], true, false, shape->vertex_count, NULL};
     } else {
-        const struct point_field *field = &shape->cell_fields[number - 3 - shape->field_count];
+        const struct point_field *field = field_at(shape, number);
         size_t integers = integer_size(field, (size_t)field->components * shape->tet_count);
         array = (struct layout_array){ROW_VALUES, 0, field->components, integers ? integers : widths[field->type], true, integers > 0, shape->tet_count, field->values};
     }
@@ -165,6 +185,8 @@ static void put_text_before(struct put *put, const struct tetmesh *shape, uint32
         put_points_line(put, shape);
     if (number == 1 || number >= 3)
         put_text(put, "\n"); // ends the array before
+    if (number > 3)
+        put_unit(put, field_at(shape, number - 1));
     if (number == 1)
         put_cells_line(put, shape);
     if (number == 2)
@@ -173,12 +195,11 @@ static void put_text_before(struct put *put, const struct tetmesh *shape, uint32
         put_fields_line(put, "POINT_DATA", shape->field_count, shape->vertex_count);
     if (number == 3 + shape->field_count)
         put_fields_line(put, "CELL_DATA", shape->cell_field_count, shape->tet_count);
-    if (number < 3 || number == array_count(shape))
+    const struct point_field *field = field_at(shape, number);
+    if (!field)
         return;
     const struct layout_array array = array_at(shape, number);
-    bool of_cells = number >= 3 + shape->field_count;
-    const struct point_field *field = of_cells ? &shape->cell_fields[number - 3 - shape->field_count] : &shape->fields[number - 3];
-    put_field_line(put, field, type_of(field, array.integer ? array.width : 0), of_cells ? shape->tet_count : shape->vertex_count);
+    put_field_line(put, field, type_of(field, array.integer ? array.width : 0), (uint32_t)array.rows);
 }
 
 static enum tetlod_status lay_out(struct io_layout *layout, const struct tetmesh *shape, struct tetlod_error *error)

@@ -139,10 +139,13 @@ static enum tetlod_status take_set(const struct walk *w, const char *name, const
                                    uint64_t rows, struct point_field **out)
 {
     struct tetmesh *mesh = &w->block->mesh;
+    char unit[2 * UNIT_SIZE];
     TETLOD_TRY(w->cell ? assemble_cell_field(mesh, name, width, set->type, w->rows, w->v->error)
                        : assemble_field(mesh, name, width, set->type, w->v->error));
     *out = w->cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
     (*out)->is_integer = set->is_integer;
+    h5_read_text(set->id, H5_UNITS, unit, sizeof unit);
+    unit_set((*out)->unit, unit, strlen(unit));
     return h5_read_doubles(set, first, rows, (*out)->values, w->v->error);
 }
 
@@ -393,25 +396,6 @@ static enum tetlod_status choose_step(struct vtkhdf *v)
     return status;
 }
 
-/* The attribute Type: a string, of fixed or of variable length. */
-static void read_type(hid_t root, char out[64])
-{
-    out[0] = 0;
-    hid_t attribute = H5Aexists(root, "Type") > 0 ? H5Aopen(root, "Type", H5P_DEFAULT) : -1;
-    hid_t type = attribute >= 0 ? H5Aget_type(attribute) : -1;
-    if (type >= 0 && H5Tget_class(type) == H5T_STRING && H5Tis_variable_str(type) > 0) {
-        char *text = NULL;
-        if (H5Aread(attribute, type, &text) >= 0 && text)
-            snprintf(out, 64, "%s", text);
-        H5free_memory(text);
-    } else if (type >= 0 && H5Tget_class(type) == H5T_STRING && H5Tget_size(type) < 64) {
-        H5Aread(attribute, type, out);
-        out[H5Tget_size(type)] = 0;
-    }
-    H5Tclose(type);
-    H5Aclose(attribute);
-}
-
 static enum tetlod_status read_file(struct blocks *out, const struct io_input *input, struct io_report *report,
                                     struct tetlod_error *error)
 {
@@ -422,7 +406,7 @@ static enum tetlod_status read_file(struct blocks *out, const struct io_input *i
     v.root = h5_has(file, "VTKHDF") ? H5Gopen2(file, "VTKHDF", H5P_DEFAULT) : -1;
     if (v.root < 0)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is an HDF5 file without a group VTKHDF; if it belongs to an XDMF file, name that");
-    read_type(v.root, type);
+    h5_read_text(v.root, "Type", type, sizeof type);
     enum tetlod_status status = choose_step(&v);
     if (status == TETLOD_OK && strcmp(type, "UnstructuredGrid") == 0)
         status = read_unstructured(&v);

@@ -30,28 +30,43 @@ static void put_set(struct writer *w, const char *name, int rank, const hsize_t 
     H5Sclose(space);
 }
 
-static void put_attributes(struct writer *w)
+static void put_text_attribute(struct writer *w, hid_t where, const char *name, const char *value)
 {
-    static const char type_name[] = "UnstructuredGrid";
-    const int64_t version[2] = {1, 0};
-    hsize_t two = 2;
-    hid_t space = H5Screate_simple(1, &two, NULL), scalar = H5Screate(H5S_SCALAR), text = H5Tcopy(H5T_C_S1);
-    H5Tset_size(text, sizeof type_name - 1);
+    hid_t scalar = H5Screate(H5S_SCALAR), text = H5Tcopy(H5T_C_S1);
+    H5Tset_size(text, strlen(value));
     H5Tset_strpad(text, H5T_STR_NULLPAD);
-    hid_t attribute = H5Acreate2(w->root, "Version", H5T_STD_I64LE, space, H5P_DEFAULT, H5P_DEFAULT);
-    w->good = w->good && attribute >= 0 && H5Awrite(attribute, H5T_NATIVE_INT64, version) >= 0;
-    H5Aclose(attribute);
-    attribute = H5Acreate2(w->root, "Type", text, scalar, H5P_DEFAULT, H5P_DEFAULT);
-    w->good = w->good && attribute >= 0 && H5Awrite(attribute, text, type_name) >= 0;
+    H5Tset_cset(text, H5T_CSET_UTF8);
+    hid_t attribute = H5Acreate2(where, name, text, scalar, H5P_DEFAULT, H5P_DEFAULT);
+    w->good = w->good && attribute >= 0 && H5Awrite(attribute, text, value) >= 0;
     H5Aclose(attribute);
     H5Tclose(text);
     H5Sclose(scalar);
+}
+
+static void put_attributes(struct writer *w)
+{
+    const int64_t version[2] = {1, 0};
+    hsize_t two = 2;
+    hid_t space = H5Screate_simple(1, &two, NULL);
+    hid_t attribute = H5Acreate2(w->root, "Version", H5T_STD_I64LE, space, H5P_DEFAULT, H5P_DEFAULT);
+    w->good = w->good && attribute >= 0 && H5Awrite(attribute, H5T_NATIVE_INT64, version) >= 0;
+    H5Aclose(attribute);
     H5Sclose(space);
+    put_text_attribute(w, w->root, "Type", "UnstructuredGrid");
 }
 
 static hid_t float_type(enum tetlod_type type)
 {
     return type == TETLOD_FLOAT32 ? H5T_IEEE_F32LE : H5T_IEEE_F64LE;
+}
+
+/* A unit as the attribute of a data set that netCDF, too, keeps it in. */
+static void put_unit(struct writer *w, const char *path, const char *unit)
+{
+    hid_t set = w->good ? H5Dopen2(w->root, path, H5P_DEFAULT) : -1;
+    w->good = set >= 0;
+    put_text_attribute(w, set, H5_UNITS, unit);
+    H5Dclose(set);
 }
 
 /* A '/' in a field's name would be a group. */
@@ -70,6 +85,8 @@ static enum tetlod_status put_field(struct writer *w, const char *group, const s
         *c = *c == '/' ? '_' : *c;
     put_set(w, path, field->components > 1 ? 2 : 1, dims, H5T_NATIVE_DOUBLE,
             field->is_integer ? H5T_STD_I64LE : float_type(field->type), field->values);
+    if (field->unit[0])
+        put_unit(w, path, field->unit);
     free(path);
     return TETLOD_OK;
 }

@@ -116,6 +116,7 @@ static enum tetlod_status read_parts(const struct vtkxml_document *document, str
     double time = 0;
     bool has_time, found = false;
     TETLOD_TRY(choose_time(document, input, &time, &has_time, report, error));
+    report->names_blocks = true;
     for (size_t p = 0; p < document->part_count; p++) {
         const struct vtkxml_part *part = &document->parts[p];
         if ((has_time && (!part->has_time || part->time != time)) || (wanted && *part->name && strcmp(part->name, wanted) != 0))

@@ -9,7 +9,7 @@
 #include <zlib.h>
 
 #include "format/fail.h"
-#include "src/io/io.h"
+#include "src/io/formats.h"
 #include "src/io/layout.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
@@ -206,15 +206,22 @@ static void put_name(struct writer *w, const char *text)
     }
 }
 
-static void put_array(struct writer *w, const char *type, const char *name, uint32_t components)
+static void put_array(struct writer *w, const char *type, const char *name, uint32_t components, const char *unit)
 {
     char line[160];
     snprintf(line, sizeof line, "        <DataArray type=\"%s\" Name=\"", type);
     write_text(w, line);
     put_name(w, name);
-    snprintf(line, sizeof line, "\" NumberOfComponents=\"%" PRIu32 "\" format=\"appended\" offset=\"%" PRIu64 "\"/>\n",
-             components, w->offset);
+    snprintf(line, sizeof line, "\" NumberOfComponents=\"%" PRIu32 "\" format=\"appended\" offset=\"%" PRIu64 "\"", components,
+             w->offset);
     write_text(w, line);
+    if (*unit) {
+        write_text(w, ">" VTK_XML_UNIT);
+        put_name(w, unit);
+        write_text(w, VTK_XML_UNIT_END "</DataArray>\n");
+    } else {
+        write_text(w, "/>\n");
+    }
     w->offset += w->arrays[w->next++].size;
 }
 
@@ -253,7 +260,7 @@ static void put_fields(struct writer *w, const struct point_field *fields, uint3
 {
     static const char *const types[] = {"Float32", "Float64", "Int32", "Int64"};
     for (uint32_t f = 0; f < count; f++)
-        put_array(w, types[kind_of(&fields[f], rows * fields[f].components)], fields[f].name, fields[f].components);
+        put_array(w, types[kind_of(&fields[f], rows * fields[f].components)], fields[f].name, fields[f].components, fields[f].unit);
 }
 
 static void put_cell_data(struct writer *w)
@@ -286,11 +293,11 @@ static void put_head(struct writer *w)
     write_text(w, "      </PointData>\n");
     put_cell_data(w);
     write_text(w, "      <Points>\n");
-    put_array(w, float_types[mesh->position_type], "Points", 3);
+    put_array(w, float_types[mesh->position_type], "Points", 3, "");
     write_text(w, "      </Points>\n      <Cells>\n");
-    put_array(w, int_type, "connectivity", 1);
-    put_array(w, int_type, "offsets", 1);
-    put_array(w, "UInt8", "types", 1);
+    put_array(w, int_type, "connectivity", 1, "");
+    put_array(w, int_type, "offsets", 1, "");
+    put_array(w, "UInt8", "types", 1, "");
     write_text(w, "      </Cells>\n    </Piece>\n  </UnstructuredGrid>\n  <AppendedData encoding=\"raw\">\n   _");
 }
 

@@ -21,6 +21,8 @@ struct xdmf {
     const struct io_input *input;
     struct io_report *report;
     struct tetlod_error *error;
+    const struct xml_node **shapes; /* owned: topology and geometry of each block */
+    size_t shape_count, shape_capacity; /* of blocks; of nodes */
 };
 
 static enum tetlod_status fail_at(const struct xdmf *x, const struct xml_node *node, const char *what)
@@ -286,19 +288,32 @@ static enum tetlod_status check_dims(const struct xdmf *x, const struct xml_node
     return fits ? TETLOD_OK : fail_at(x, grid, "has more points than its first Attribute has values for");
 }
 
+/* The block of that topology and geometry: grids that share both, as those of several functions do, are one. */
+static enum tetlod_status find_block(struct xdmf *x, const struct xml_node *grid, const struct xml_node *const shape[2], struct block **out)
+{
+    for (size_t b = 0; b < x->shape_count; b++)
+        if (x->shapes[2 * b] == shape[0] && x->shapes[2 * b + 1] == shape[1]) {
+            *out = &x->out->at[b];
+            return TETLOD_OK;
+        }
+    if (!array_reserve((void **)&x->shapes, &x->shape_capacity, 2 * (x->shape_count + 1), sizeof *x->shapes))
+        return tetlodi_fail_nomem(x->error, "the grids", 16);
+    memcpy(x->shapes + 2 * x->shape_count++, shape, 2 * sizeof *shape);
+    TETLOD_TRY(blocks_add(x->out, out, x->error));
+    TETLOD_TRY(read_topology(x, shape[0], *out));
+    if ((*out)->dims[0])
+        TETLOD_TRY(check_dims(x, grid, *out));
+    return read_geometry(x, shape[1], *out);
+}
+
 static enum tetlod_status read_uniform(struct xdmf *x, const struct xml_node *grid)
 {
     const struct xml_tree *tree = x->source.tree;
-    const struct xml_node *topology = xdmf_referred(&x->source, xml_child(tree, grid, "Topology", NULL));
-    const struct xml_node *geometry = xdmf_referred(&x->source, xml_child(tree, grid, "Geometry", NULL));
+    const struct xml_node *shape[2] = {xdmf_part(&x->source, grid, "Topology"), xdmf_part(&x->source, grid, "Geometry")};
     struct block *block;
-    if (!topology || !geometry)
+    if (!shape[0] || !shape[1])
         return fail_at(x, grid, "should have a Topology and a Geometry");
-    TETLOD_TRY(blocks_add(x->out, &block, x->error));
-    TETLOD_TRY(read_topology(x, topology, block));
-    if (block->dims[0])
-        TETLOD_TRY(check_dims(x, grid, block));
-    TETLOD_TRY(read_geometry(x, geometry, block));
+    TETLOD_TRY(find_block(x, grid, shape, &block));
     for (const struct xml_node *a = NULL; (a = xml_child(tree, grid, "Attribute", a)) != NULL;)
         TETLOD_TRY(read_attribute(x, a, block));
     return TETLOD_OK;
@@ -313,10 +328,10 @@ static double time_of(const struct xdmf *x, const struct xml_node *grid, double 
     return value && text_double(&text, false, &number) ? number : otherwise;
 }
 
-static enum tetlod_status read_grid(struct xdmf *x, const struct xml_node *grid, unsigned depth);
+static enum tetlod_status read_grid(struct xdmf *x, const struct xml_node *grid, bool chosen, unsigned depth);
 
 /* The step of a collection that is asked for. */
-static enum tetlod_status read_temporal(struct xdmf *x, const struct xml_node *grid, unsigned depth)
+static enum tetlod_status read_temporal(struct xdmf *x, const struct xml_node *grid, bool chosen, unsigned depth)
 {
     const struct xml_tree *tree = x->source.tree;
     const struct xml_node *child = NULL;
@@ -329,22 +344,24 @@ static enum tetlod_status read_temporal(struct xdmf *x, const struct xml_node *g
     for (uint64_t s = 0; s <= x->report->step; s++)
         child = xml_child(tree, grid, "Grid", child);
     x->report->time = time_of(x, child, (double)x->report->step);
-    return read_grid(x, child, depth + 1);
+    return read_grid(x, child, chosen, depth + 1);
 }
 
-static enum tetlod_status read_grid(struct xdmf *x, const struct xml_node *grid, unsigned depth)
+/* `chosen`: a grid that it is in is the one that is asked for. */
+static enum tetlod_status read_grid(struct xdmf *x, const struct xml_node *grid, bool chosen, unsigned depth)
 {
     enum { DEEPEST = 8 };
     const char *type = attribute_of(grid, "GridType", "Type"), *name = xml_attribute(grid, "Name");
     const char *wanted = x->input->options ? x->input->options->block : NULL;
     if (depth > DEEPEST)
         return fail_at(x, grid, "is nested too deep");
+    chosen = chosen || !wanted || (name && strcmp(wanted, name) == 0);
     if (strcasecmp(type, "Collection") == 0 && strcasecmp(attribute_of(grid, "CollectionType", "CollectionType"), "Temporal") == 0)
-        return read_temporal(x, grid, depth);
+        return read_temporal(x, grid, chosen, depth);
     if (strcasecmp(type, "Collection") != 0 && strcasecmp(type, "Tree") != 0)
-        return wanted && depth && name && strcmp(wanted, name) != 0 ? TETLOD_OK : read_uniform(x, grid);
+        return chosen ? read_uniform(x, grid) : TETLOD_OK;
     for (const struct xml_node *child = NULL; (child = xml_child(x->source.tree, grid, "Grid", child)) != NULL;)
-        TETLOD_TRY(read_grid(x, child, depth + 1));
+        TETLOD_TRY(read_grid(x, child, chosen, depth + 1));
     return TETLOD_OK;
 }
 
@@ -355,14 +372,16 @@ static enum tetlod_status read_document(struct blocks *out, const struct io_inpu
     struct xdmf x = {.source = {.tree = &tree, .input = input}, .out = out, .input = input, .report = report, .error = error};
     enum tetlod_status status = xml_tree_parse(&tree, input->bytes, input->size, input->view, error);
     const struct xml_node *domain = NULL, *grid = NULL;
+    report->names_blocks = true;
     if (status == TETLOD_OK && strcmp(tree.nodes[0].name, "Xdmf") == 0)
         domain = xml_child(&tree, &tree.nodes[0], "Domain", NULL);
     if (status == TETLOD_OK && !domain)
         status = tetlodi_fail(error, TETLOD_ERR_MESH, "has no Xdmf/Domain");
     while (status == TETLOD_OK && (grid = xml_child(&tree, domain, "Grid", grid)) != NULL)
-        status = read_grid(&x, grid, 0);
+        status = read_grid(&x, grid, false, 0);
     if (status == TETLOD_OK && out->count == 0)
         status = tetlodi_fail(error, TETLOD_ERR_MESH, "has no grid%s", input->options && input->options->block ? " of that name" : "");
+    free(x.shapes);
     xml_tree_fini(&tree);
     return status;
 }

@@ -28,8 +28,14 @@ static void put_attribute(struct put *put, const struct point_field *field, bool
     uint32_t n = field->components;
     put_text(put, "<Attribute Name=\"");
     put_escaped(put, field->name);
-    put_format(put, "\" AttributeType=\"%s\" Center=\"%s\">\n",
+    put_format(put, "\" AttributeType=\"%s\" Center=\"%s\"",
                n == 1 ? "Scalar" : n == 3 ? "Vector" : n == 6 ? "Tensor6" : n == 9 ? "Tensor" : "Matrix", cell ? "Cell" : "Node");
+    if (field->unit[0]) {
+        put_text(put, " Units=\"");
+        put_escaped(put, field->unit);
+        put_text(put, "\"");
+    }
+    put_text(put, ">\n");
     put_values(put, field, rows);
     put_text(put, "</Attribute>\n");
 }

@@ -14,6 +14,9 @@
  * well shaped tetrahedra is far below either. */
 static const double ON_FACE = -1e-9, INSIDE = -1e-13;
 
+/* Of the volume of a box with the same edges: weights in a thinner tetrahedron have few digits that are right. */
+static const double THIN = 1e-9;
+
 void walk_gather(const struct walk_component *components, size_t width, const uint32_t vertices[4], double *out)
 {
     for (size_t i = 0; i < width; i++) {
@@ -80,17 +83,20 @@ static void cross(const double a[3], const double b[3], double factor, double ou
 static void fill_cell(const struct walker *walker, struct walk_cell *cell, uint32_t tet)
 {
     const struct coarsening *mesh = walker->mesh;
-    double edges[3][3];
+    double edges[3][3], box2 = 1;
     cell->tet = tet;
     memcpy(cell->slots, mesh->corners + 4 * (size_t)tet, sizeof cell->slots);
     memcpy(cell->across, mesh->neighbours + 4 * (size_t)tet, sizeof cell->across);
     memcpy(cell->origin, mesh->positions + 3 * (size_t)cell->slots[0], sizeof cell->origin);
-    for (int i = 0; i < 3; i++)
+    for (int i = 0; i < 3; i++) {
         for (int d = 0; d < 3; d++)
             edges[i][d] = mesh->positions[3 * (size_t)cell->slots[i + 1] + (size_t)d] - cell->origin[d];
+        box2 *= edges[i][0] * edges[i][0] + edges[i][1] * edges[i][1] + edges[i][2] * edges[i][2];
+    }
     cross(edges[1], edges[2], 1, cell->rows[0]);
     double volume6 = cell->rows[0][0] * edges[0][0] + cell->rows[0][1] * edges[0][1] + cell->rows[0][2] * edges[0][2];
     cell->flat = volume6 == 0;
+    cell->thin = volume6 * volume6 <= THIN * THIN * box2;
     for (int i = 0; i < 3 && !cell->flat; i++)
         cross(edges[(i + 1) % 3], edges[(i + 2) % 3], 1 / volume6, cell->rows[i]);
     walk_gather(walker->components, walker->width, cell->slots, cell->values);
@@ -149,8 +155,11 @@ const struct walk_cell *walk_to(struct walker *walker, uint32_t from, const doub
         if (cell->flat)
             return NULL;
         cell_weights(cell, p, weights);
-        if (all_above(weights, INSIDE))
+        if (all_above(weights, INSIDE)) {
+            if (cell->thin)
+                at_corner(walker, cell, p, weights);
             return cell;
+        }
         double least = least_weight(weights, &worst);
         uint32_t across = cell->across[worst];
         uint32_t next = across == TETLOD_NONE ? TETLOD_NONE : across / 4;
@@ -251,7 +260,7 @@ const struct walk_cell *walk_along(struct walker *walker, uint32_t from, const d
         const struct walk_cell *cell = cell_of(walker, tet);
         if (!cell->flat)
             cell_weights(cell, p, weights);
-        if ((!cell->flat && all_above(weights, ON_FACE)) || at_corner(walker, cell, p, weights)) {
+        if (at_corner(walker, cell, p, weights) || (!cell->flat && all_above(weights, ON_FACE))) {
             found = cell;
             break;
         }

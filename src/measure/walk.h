@@ -16,7 +16,7 @@ struct walk_component {
 /* A tetrahedron as affine functions: weights[1 + i](p) = rows[i] . (p - origin). */
 struct walk_cell {
     uint32_t tet;
-    bool flat;
+    bool flat, thin; /* no volume; so little that weights have few digits that are right */
     uint32_t slots[4], across[4]; /* corners; the neighbours, as the coarsening has them */
     double origin[3], rows[3][3];
     double *values; /* as walk_gather makes them */

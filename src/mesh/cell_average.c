@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/round.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
@@ -54,7 +55,7 @@ enum tetlod_status cell_average(struct tetmesh *mesh, uint32_t cell_field, struc
         gather(mesh, from, k, sums, weights);
         for (size_t v = 0; v < count; v++) {
             double mean = weights[v] > 0 ? sums[v] / weights[v] : NAN;
-            values[v * from->components + k] = from->type == TETLOD_FLOAT32 ? (double)(float)mean : mean;
+            values[v * from->components + k] = tetlodi_round(from->type, mean);
         }
     }
 done:

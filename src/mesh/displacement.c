@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/round.h"
 #include "src/mesh/tet_geom.h"
 
 /* The same tetrahedron, or the one with its last corners exchanged, as reading turns inverted cells (cell_tet_turn). */
@@ -26,12 +27,6 @@ bool displacement_moves(const struct tetmesh *mesh, const struct tetmesh *first)
     return memcmp(mesh->positions, first->positions, 24 * (size_t)first->vertex_count) != 0;
 }
 
-/* Where a point is that has moved by so much, as decoders have it. */
-static double moved(double from, double by, enum tetlod_type type)
-{
-    return type == TETLOD_FLOAT32 ? (double)(float)(from + by) : from + by;
-}
-
 enum tetlod_status displacement_take(struct tetmesh *mesh, const struct tetmesh *first, uint64_t *io_rounded, struct tetlod_error *error)
 {
     size_t count = 3 * (size_t)first->vertex_count;
@@ -43,8 +38,8 @@ enum tetlod_status displacement_take(struct tetmesh *mesh, const struct tetmesh 
         double from = first->positions[i], to = mesh->positions[i], by = to - from, single = (double)(float)by;
         if (!isfinite(by))
             return tetlodi_fail(error, TETLOD_ERR_MESH, "point %zu moves from %g to %g, too far for a number", i / 3, from, to);
-        values[i] = moved(from, single, first->position_type) == to ? single : by;
-        *io_rounded += moved(from, values[i], first->position_type) != to;
+        values[i] = tetlodi_round(first->position_type, from + single) == to ? single : by; // as decoders add it
+        *io_rounded += tetlodi_round(first->position_type, from + values[i]) != to;
     }
     memmove(mesh->positions, first->positions, count * sizeof *mesh->positions);
     memmove(mesh->corners, first->corners, 4 * (size_t)first->tet_count * sizeof *mesh->corners);

@@ -6,6 +6,7 @@
 
 #include <math.h>
 
+#include "format/round.h"
 #include "format/tetlod.h"
 
 struct grid {
@@ -20,7 +21,7 @@ static inline double grid_round(const struct grid *grid, enum tetlod_type type, 
         double k = floor((value - grid->origin) / grid->step + 0.5);
         value = grid->origin + grid->step * fmin(fmax(k, 0), grid->most);
     }
-    return type == TETLOD_FLOAT32 ? (double)(float)value : value;
+    return tetlodi_round(type, value);
 }
 
 #endif

@@ -19,9 +19,6 @@ enum { LEAST_KEYS = 16, BATCH_COMPONENTS = 32 };
  * levels of the bands and the frame at hand take a vertex: measured. */
 enum { DRIVING_BYTES = 56, ENCODING_BYTES = 400 };
 
-/* The part of a band's error that its level may have; the rest is for rounding values. The ladder's rungs are this part of round errors. */
-static const double LEVEL_SHARE = 0.9;
-
 /* ---- values */
 
 uint32_t series_components(const struct series_build *series, uint32_t control)
@@ -35,48 +32,69 @@ static size_t control_bytes(const struct series_build *series, uint32_t control)
     return width * series_components(series, control) * series->mesh->vertex_count;
 }
 
-void series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out)
+enum tetlod_status series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out, struct tetlod_error *error)
 {
-    size_t offset = 0, row = 0, count = (size_t)series_components(series, control) * series->mesh->vertex_count;
+    size_t count = (size_t)series_components(series, control) * series->mesh->vertex_count, size = control_bytes(series, control);
+    uint64_t offset = 0, row = 0;
     for (uint32_t i = 0; i < series->options->control_count; i++) {
         offset += i < control ? control_bytes(series, i) : 0;
         row += control_bytes(series, i);
     }
-    const unsigned char *from = (const unsigned char *)series->input->values + step * row + offset;
-    if (series->input->types[control] == TETLOD_FLOAT64) {
-        memcpy(out, from, count * sizeof *out);
-        return;
-    }
-    for (size_t i = 0; i < count; i++) {
+    unsigned char *bytes = (unsigned char *)out + count * sizeof *out - size; // floats come at the end, and become doubles from there
+    if (file_input_read(&series->input->values, (size_t)(step * row + offset), size, bytes) != size)
+        return tetlodi_fail(error, TETLOD_ERR_IO, "a step's values cannot be read from a temporary file");
+    for (size_t i = 0; i < count && series->input->types[control] == TETLOD_FLOAT32; i++) {
         float value;
-        memcpy(&value, from + i * sizeof value, sizeof value);
+        memcpy(&value, bytes + i * sizeof value, sizeof value);
         out[i] = (double)value;
     }
+    return TETLOD_OK;
 }
 
 /* ---- set-up */
 
+/* A control's range over all steps, and the width of each step's. */
+static enum tetlod_status find_control_range(struct series_build *series, uint32_t control, struct tetlod_error *error)
+{
+    size_t count = (size_t)series_components(series, control) * series->mesh->vertex_count;
+    double *values = array_new(count, sizeof *values), *range = series->ranges[control];
+    enum tetlod_status status = values ? TETLOD_OK : tetlodi_fail_nomem(error, "a step's values", count * sizeof *values);
+    range[0] = INFINITY;
+    range[1] = -INFINITY;
+    for (uint32_t s = 0; s < series->input->step_count && status == TETLOD_OK; s++) {
+        double own[2] = {INFINITY, -INFINITY};
+        status = series_load(series, s, control, values, error);
+        for (size_t i = 0; i < count && status == TETLOD_OK; i++) {
+            own[0] = smaller(own[0], values[i]);
+            own[1] = larger(own[1], values[i]);
+        }
+        range[0] = smaller(range[0], own[0]);
+        range[1] = larger(range[1], own[1]);
+        series->units[(size_t)s * series->options->control_count + control] = own[1] - own[0];
+    }
+    free(values);
+    return status;
+}
+
+/* How far points move counts in its range over all steps in any case, and so does a step without a range. */
+static void choose_units(struct series_build *series, uint32_t control)
+{
+    bool own = series->input->own_ranges && !(series->input->points_move && control + 1 == series->options->control_count);
+    for (uint32_t s = 0; s < series->input->step_count; s++) {
+        double *unit = &series->units[(size_t)s * series->options->control_count + control];
+        *unit = own && *unit > 0 && isfinite(1 / *unit) ? *unit : series_width(series, control);
+    }
+}
+
 static enum tetlod_status find_ranges(struct series_build *series, struct tetlod_error *error)
 {
     for (uint32_t c = 0; c < series->options->control_count; c++) {
-        size_t count = (size_t)series_components(series, c) * series->mesh->vertex_count;
-        double *values = array_new(count, sizeof *values), *range = series->ranges[c];
-        if (!values)
-            return tetlodi_fail_nomem(error, "a step's values", count * sizeof *values);
-        range[0] = INFINITY;
-        range[1] = -INFINITY;
-        for (uint32_t s = 0; s < series->input->step_count; s++) {
-            series_load(series, s, c, values);
-            for (size_t i = 0; i < count; i++) {
-                range[0] = smaller(range[0], values[i]);
-                range[1] = larger(range[1], values[i]);
-            }
-        }
-        free(values);
-        double width = series_width(series, c);
+        TETLOD_TRY(find_control_range(series, c, error));
+        double width = series_width(series, c), *range = series->ranges[c];
         if (!isfinite(width) || (width > 0 && !isfinite(1 / width)))
             return tetlodi_fail(error, TETLOD_ERR_MESH, "field '%.60s' has the range %g .. %g over the series, too %s for errors relative to it",
                                 series->mesh->fields[series->options->controls[c].field].name, range[0], range[1], width > 1 ? "wide" : "narrow");
+        choose_units(series, c);
     }
     return TETLOD_OK;
 }
@@ -91,8 +109,9 @@ enum tetlod_status series_new(struct series_build **out, const struct tetmesh *m
     series->options = options;
     series->input = options->series;
     series->ranges = array_new(options->control_count, sizeof *series->ranges);
+    series->units = array_new((size_t)options->control_count * series->input->step_count, sizeof *series->units);
     series->band_marks = array_zero(series->input->band_count, sizeof *series->band_marks);
-    if (!series->ranges || !series->band_marks)
+    if (!series->ranges || !series->units || !series->band_marks)
         return tetlodi_fail_nomem(error, "the series", options->control_count * sizeof *series->ranges);
     for (uint32_t c = 0; c < options->control_count; c++)
         series->component_count += series_components(series, c);
@@ -105,6 +124,7 @@ void series_free(struct series_build *series)
         return;
     series_encoding_free(series->encoding);
     free(series->ranges);
+    free(series->units);
     free(series->band_marks);
     free(series->worst);
     free(series);
@@ -190,7 +210,7 @@ static enum tetlod_status step_fields_add(struct step_fields *fields, const stru
         if (!field->values)
             return tetlodi_fail_nomem(error, "a step's values", count * sizeof(double));
         fields->mesh.field_count++;
-        series_load(series, step, c, field->values);
+        TETLOD_TRY(series_load(series, step, c, field->values, error));
     }
     return TETLOD_OK;
 }
@@ -218,17 +238,17 @@ static double field_width(const struct tetmesh *mesh, uint32_t field)
     return range[1] - range[0];
 }
 
-/* A step's limit counts in the range of the series, not in its own. */
-static double step_weight(const struct series_build *series, const struct tetmesh *mesh, uint32_t field, uint32_t control, double weight)
+/* A step's limit counts in the step's unit, where that of a field counts in the field's own range. */
+static double step_weight(const struct tetmesh *mesh, uint32_t field, double unit, double weight)
 {
-    double width = field_width(mesh, field), factor = width > 0 ? series_width(series, control) / width : 1;
+    double width = field_width(mesh, field), factor = width > 0 ? unit / width : 1;
     return isfinite(factor) ? weight * factor : weight;
 }
 
-static void raise_worst(struct series_build *series, uint32_t mark, uint32_t control, double bound)
+static void raise_worst(struct series_build *series, uint32_t mark, uint32_t step, uint32_t control, double bound)
 {
-    double *worst = &series->worst[(size_t)mark * series->options->control_count + control], width = series_width(series, control);
-    *worst = larger(*worst, width > 0 ? smaller(bound / width, 1) : 0);
+    double *worst = &series->worst[(size_t)mark * series->options->control_count + control], unit = series_unit(series, step, control);
+    *worst = larger(*worst, unit > 0 ? smaller(bound / unit, 1) : 0);
 }
 
 /* What the key steps are certified to. */
@@ -242,7 +262,7 @@ static void note_keys(struct series_build *series, const struct contraction_log 
                 control++;
             double scale = log->components[d].scale;
             if (control < controls && scale > 0)
-                raise_worst(series, m, control, log->certified[(size_t)m * log->component_count + d] / scale);
+                raise_worst(series, m, key_step(series, d / own), control, log->certified[(size_t)m * log->component_count + d] / scale);
         }
 }
 
@@ -274,7 +294,8 @@ static enum tetlod_status drive(struct series_build *series, struct contraction_
         TETLOD_TRY_DONE(step_fields_add(&fields, series, key_step(series, key), error));
     for (uint32_t i = 0; i < count; i++) {
         controlled[i] = i < controls ? series->options->controls[i].field : mesh->field_count + i - controls;
-        limits[i] = LEVEL_SHARE * step_weight(series, &fields.mesh, controlled[i], i % controls, weights[i % controls]);
+        double unit = series_unit(series, key_step(series, i / controls), i % controls);
+        limits[i] = LEVEL_SHARE * step_weight(&fields.mesh, controlled[i], unit, weights[i % controls]);
     }
     status = simplify(log, &fields.mesh, controlled, count, limits, &series->simplify, error);
 done:
@@ -288,7 +309,8 @@ done:
 
 struct bounding {
     struct series_build *series;
-    uint32_t count; /* steps at hand */
+    uint32_t *steps; /* at hand */
+    uint32_t count;
 };
 
 static enum tetlod_status bound_mark(void *opaque, const struct retrace_mark *mark)
@@ -299,14 +321,14 @@ static enum tetlod_status bound_mark(void *opaque, const struct retrace_mark *ma
     for (uint32_t s = 0; s < bounding->count; s++)
         for (uint32_t c = 0; c < series->options->control_count; c++)
             for (uint32_t k = 0; k < series_components(series, c); k++)
-                raise_worst(series, mark->number, c, mark->halves[d++]);
+                raise_worst(series, mark->number, bounding->steps[s], c, mark->halves[d++]);
     return TETLOD_OK;
 }
 
 static enum tetlod_status bound_others(struct series_build *series, struct tetlod_error *error)
 {
     uint32_t batch = series_batch(series), key = 0, *steps = array_new(batch, sizeof *steps);
-    struct bounding bounding = {series, 0};
+    struct bounding bounding = {series, steps, 0};
     enum tetlod_status status = steps ? TETLOD_OK : tetlodi_fail_nomem(error, "the steps", batch * sizeof *steps);
     for (uint32_t s = 0; s < series->input->step_count && status == TETLOD_OK; s++) {
         bool drives = key < series->key_count && key_step(series, key) == s;
@@ -342,6 +364,8 @@ enum tetlod_status series_contract(struct series_build *series, struct contracti
                                    const double *weights, const struct simplify_options *options, struct tetlod_error *error)
 {
     series->simplify = *options;
+    series->simplify.rungs = series->input->bands;
+    series->simplify.rung_count = series->input->band_count;
     series->log = log;
     TETLOD_TRY(choose_keys(series, error));
     TETLOD_TRY(drive(series, log, mesh, weights, error));

@@ -11,14 +11,16 @@
 #include "src/log/contraction_log.h"
 #include "src/pipeline/build.h"
 #include "src/simplify/simplify.h"
+#include "src/util/file.h"
 
 struct build_series {
     uint32_t step_count;
     const double *times;           /* [step], not falling */
-    const void *values;            /* [step][control][components * vertices], each control's in its type */
+    struct file_input values;      /* [step][control][components * vertices], each control's in its type */
     const enum tetlod_type *types; /* [control] */
-    const double *bands;           /* falling errors, fractions of the range over all steps; the last is 0 */
+    const double *bands;           /* falling errors, fractions of the range; the last is 0 */
     uint32_t band_count;
+    bool own_ranges;               /* of each step's own range (SPEC 3.7), not of that over all steps */
     bool points_move;              /* the last control says how far */
 };
 

@@ -8,7 +8,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 
 #include "format/fail.h"
 #include "format/step_code.h"
@@ -17,9 +16,8 @@
 #include "src/pipeline/series_parts.h"
 #include "src/util/array.h"
 
-/* Codes up to this size are exact in float32. Steps of a band's grid in its error, at least. */
+/* Codes up to this size are exact in float32, times a power of two. */
 static const double FLOAT32_CODES = 0x1p24;
-enum { GRID_STEPS = 5 };
 
 /* The level of a band in the stream's numbers. */
 struct band_level {
@@ -30,7 +28,7 @@ struct band_level {
 
 struct spool {
     FILE *file;
-    void *bytes; /* mapped, in the end */
+    struct tetlod_source source; /* in the end */
     size_t size;
 };
 
@@ -60,8 +58,6 @@ void series_encoding_free(struct series_encoding *encoding)
         tetlodi_lower_fini(&encoding->levels[b].lower);
     }
     for (uint32_t i = 0; i < encoding->row_count && encoding->spools; i++) {
-        if (encoding->spools[i].bytes)
-            munmap(encoding->spools[i].bytes, encoding->spools[i].size);
         if (encoding->spools[i].file)
             fclose(encoding->spools[i].file);
     }
@@ -131,7 +127,7 @@ struct row {
     const struct retrace_mark *mark;
     uint32_t control, band;
     uint32_t first;       /* component of the control, among those of all */
-    double tolerance;     /* of a value; 0: exact */
+    double tolerance;     /* of a value of the step at hand; 0: exact */
     struct tetlodi_steps steps;
     double *values;       /* the original's, of the step at hand */
     double (*ranges)[2];  /* [component] of these */
@@ -139,17 +135,19 @@ struct row {
     int64_t *allowed;
 };
 
-/* A power of two: multiples are exact in the type, if they are not too many. 0: there is none. */
+/* Its multiples are exact in the type: it has so few bits, or one, that no product has more bits than the type. 0: there is none. */
 static double choose_quantum(const double range[2], double tolerance, enum tetlod_type type)
 {
+    enum { BITS = 5 };
     int exponent;
     if (!(tolerance > 0))
         return 0;
-    frexp(tolerance / GRID_STEPS, &exponent);
-    double quantum = ldexp(1, exponent - 1), most = larger(fabs(range[0]), fabs(range[1])) / quantum + 1;
-    double limit = type == TETLOD_FLOAT32 ? FLOAT32_CODES : (double)MOST_STEP_CODE;
-    bool normal = quantum > (type == TETLOD_FLOAT32 ? 0x1p-126 : 0x1p-1022);
-    return normal && most < limit ? quantum : 0;
+    double part = frexp(tolerance / GRID_STEPS, &exponent), quantum = ldexp(floor(ldexp(part, BITS)), exponent - BITS);
+    double size = larger(fabs(range[0]), fabs(range[1])), limit = type == TETLOD_FLOAT32 ? FLOAT32_CODES : (double)MOST_STEP_CODE;
+    if (type == TETLOD_FLOAT32 && !(ldexp(size / quantum + 1, BITS) < limit))
+        quantum = ldexp(1, exponent - 1);
+    bool normal = quantum > (type == TETLOD_FLOAT32 ? 0x1p-120 : 0x1p-1016);
+    return normal && size / quantum + 1 < limit ? quantum : 0;
 }
 
 /* The least code whose value is at least x. */
@@ -169,11 +167,11 @@ static int64_t code_down(const struct tetlodi_step_scale *scale, double x)
     return code - (float_value(scale->type, code) > x);
 }
 
-/* Half the tolerance is for cheap codes at most: values stay near the middle of L and U. */
+/* Three quarters of the tolerance are for cheap codes at most: values stay near the middle of L and U. */
 static void allow(const struct row *row, const double bounds[2], int64_t out[2])
 {
     const struct tetlodi_step_scale *scale = &row->steps.scale;
-    double least = bounds[0], greatest = bounds[1], middle = least / 2 + greatest / 2, half = row->tolerance / 2;
+    double least = bounds[0], greatest = bounds[1], middle = least / 2 + greatest / 2, half = 0.75 * row->tolerance;
     if (bounds[0] == bounds[1] && !(row->tolerance > 0)) { // bit for bit, also -0
         out[0] = out[1] = float_code(scale->type, bounds[0]);
         return;
@@ -236,7 +234,8 @@ static enum tetlod_status encode_step(struct row *row, uint32_t step, struct tet
     struct series_encoding *encoding = series->encoding;
     uint32_t n = encoding->levels[row->band].vertices, k = row->steps.components;
     double worst = 0, width = series_width(series, row->control), (*bounds)[2] = row->bounds;
-    series_load(series, step, row->control, row->values);
+    row->tolerance = series->input->bands[row->band] * series_unit(series, step, row->control);
+    TETLOD_TRY(series_load(series, step, row->control, row->values, row->batch->error));
     find_component_ranges(row);
     for (uint32_t c = 0; c < k; c++)
         for (uint32_t v = 0; v < n; v++) {
@@ -274,15 +273,23 @@ static enum tetlod_status encode_group(struct row *row, uint32_t begin, uint32_t
     return status;
 }
 
+static double least_unit(const struct series_build *series, uint32_t control)
+{
+    double least = INFINITY;
+    for (uint32_t s = 0; s < series->input->step_count; s++)
+        least = smaller(least, series_unit(series, s, control));
+    return least;
+}
+
 static enum tetlod_status encode_row(const struct batch *batch, const struct retrace_mark *mark, uint32_t control, uint32_t band)
 {
     struct series_build *series = batch->series;
     const struct band_level *level = &series->encoding->levels[band];
-    double tolerance = series->input->bands[band] * series_width(series, control);
-    struct row row = {.batch = batch, .mark = mark, .control = control, .band = band, .tolerance = tolerance};
+    double least = least_unit(series, control) * series->input->bands[band];
+    struct row row = {.batch = batch, .mark = mark, .control = control, .band = band};
     struct tetlodi_memory memory = {.most = UINT64_MAX};
     uint32_t k = series_components(series, control);
-    struct tetlodi_step_scale scale = {series->input->types[control], choose_quantum(series->ranges[control], tolerance, series->input->types[control])};
+    struct tetlodi_step_scale scale = {series->input->types[control], choose_quantum(series->ranges[control], least, series->input->types[control])};
     enum tetlod_status status = TETLOD_OK;
     for (uint32_t c = 0; c < control; c++)
         row.first += series_components(series, c);
@@ -352,6 +359,12 @@ static enum tetlod_status start(struct series_build *series, struct tetlod_error
     return TETLOD_OK;
 }
 
+static enum tetlod_status read_spool(void *opaque, uint64_t offset, void *buffer, size_t size)
+{
+    const struct file_input file = {.fd = fileno(opaque)};
+    return file_input_read(&file, (size_t)offset, size, buffer) == size ? TETLOD_OK : TETLOD_ERR_IO;
+}
+
 static enum tetlod_status list_sections(struct series_encoding *encoding, struct tetlod_error *error)
 {
     tetlodi_time_encode(&encoding->time, &encoding->table);
@@ -362,11 +375,8 @@ static enum tetlod_status list_sections(struct series_encoding *encoding, struct
         struct spool *spool = &encoding->spools[i];
         if (fflush(spool->file) != 0)
             return tetlodi_fail(error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
-        void *bytes = spool->size ? mmap(NULL, spool->size, PROT_READ, MAP_PRIVATE, fileno(spool->file), 0) : NULL;
-        if (bytes == MAP_FAILED)
-            return tetlodi_fail_nomem(error, "the steps", spool->size);
-        spool->bytes = bytes;
-        encoding->sections[1 + i] = (struct tetlodi_write_section){.tag = TAG_STEP_VALUES, .row = ROW_CODED, .bytes = bytes, .size = spool->size};
+        spool->source = (struct tetlod_source){read_spool, spool->file, spool->size};
+        encoding->sections[1 + i] = (struct tetlodi_write_section){.tag = TAG_STEP_VALUES, .row = ROW_CODED, .source = &spool->source, .size = spool->size};
     }
     return TETLOD_OK;
 }

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/round.h"
 #include "src/util/array.h"
 
 /* Steps of a grid across its field's range, at least: half a step is 1/65536 of it at most, a sixth of the least error that most
@@ -39,7 +40,7 @@ static struct grid choose_grid(const double range[2], enum tetlod_type type)
     while (bits <= MOST_GRID_BITS && (double)((UINT64_C(1) << bits) - 1) < most)
         bits++;
     double last = origin + step * (double)((UINT64_C(1) << bits) - 1);
-    last = type == TETLOD_FLOAT32 ? (double)(float)last : last;
+    last = tetlodi_round(type, last);
     bool good = step > 0 && most > 0 && isfinite(origin) && isfinite(last) && bits <= MOST_GRID_BITS;
     return good ? (struct grid){bits, origin, step, most} : none;
 }

@@ -8,12 +8,17 @@
 
 struct series_encoding;
 
+/* Steps of a band's grid in its error, at least: a value is half a step off by rounding. The level may be off by the rest. */
+enum { GRID_STEPS = 50 };
+static const double LEVEL_SHARE = 1 - 0.5 / GRID_STEPS;
+
 struct series_build {
     const struct tetmesh *mesh; /* the first step */
     const struct build_options *options;
     const struct build_series *input;
     uint32_t component_count; /* of all controls, at one step */
     double (*ranges)[2];      /* [control] over all steps */
+    double *units;            /* [step][control] what errors are fractions of */
     uint32_t key_count;
     const struct contraction_log *log;
     struct simplify_options simplify;
@@ -30,8 +35,14 @@ static inline double series_width(const struct series_build *series, uint32_t co
     return series->ranges[control][1] - series->ranges[control][0];
 }
 
+static inline double series_unit(const struct series_build *series, uint32_t step, uint32_t control)
+{
+    return series->units[(size_t)step * series->options->control_count + control];
+}
+
 /* The values of a control at a step: [components * vertices]. */
-void series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out);
+TETLOD_CHECKED enum tetlod_status series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out,
+                                              struct tetlod_error *error);
 
 /* Retraces `count` steps, whose numbers are listed: components are counted step by step, control by control. */
 TETLOD_CHECKED enum tetlod_status series_retrace(const struct series_build *series, const uint32_t *steps, uint32_t count,

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/report/metadata.h"
 #include "src/util/array.h"
 
 enum tetlod_status level_mesh_copy(const struct tetlod_info *info, const struct tetlod_cursor *cursor,
@@ -32,6 +33,27 @@ done:
     if (status != TETLOD_OK)
         tetmesh_fini(out);
     return status;
+}
+
+static void take_units(const json_t *metadata, struct point_field *fields, uint32_t count)
+{
+    for (uint32_t f = 0; f < count; f++) {
+        const char *unit = metadata_unit(metadata, fields[f].name);
+        size_t length = strlen(unit);
+        if (length < sizeof fields[f].unit)
+            memcpy(fields[f].unit, unit, length + 1);
+    }
+}
+
+enum tetlod_status level_mesh_units(const struct tetlod_info *info, struct tetmesh *mesh, struct tetlod_error *error)
+{
+    json_t *metadata = metadata_json(info);
+    if (!metadata)
+        return tetlodi_fail_nomem(error, "the metadata", info->metadata_size);
+    take_units(metadata, mesh->fields, mesh->field_count);
+    take_units(metadata, mesh->cell_fields, mesh->cell_field_count);
+    json_decref(metadata);
+    return TETLOD_OK;
 }
 
 enum tetlod_status level_mesh_step(const struct tetlod_info *info, const struct tetlod_series *series, struct tetmesh *mesh,
@@ -74,7 +96,7 @@ enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t fie
                      : tetlodi_fail_nomem(error, info->cell_fields[f].name, (uint64_t)info->tets * info->cell_fields[f].components * 8);
         free(all);
     }
-    return status;
+    return status == TETLOD_OK ? level_mesh_units(info, mesh, error) : status;
 }
 
 /* The array whose row numbers[i] is row i of this one; this one is freed. NULL: out of memory. */

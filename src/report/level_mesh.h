@@ -18,6 +18,9 @@ TETLOD_CHECKED enum tetlod_status level_mesh_step(const struct tetlod_info *info
 TETLOD_CHECKED enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t field, const uint32_t *tets, struct tetmesh *mesh,
                                                    struct tetlod_error *error);
 
+/* Gives the mesh's fields the units that the stream's metadata say. */
+TETLOD_CHECKED enum tetlod_status level_mesh_units(const struct tetlod_info *info, struct tetmesh *mesh, struct tetlod_error *error);
+
 /* Puts the mesh of the finest level into the original's own numbering of vertices, tetrahedra and corners. ERR_ARGUMENT if the
  * stream does not keep it. */
 TETLOD_CHECKED enum tetlod_status level_mesh_reorder(const struct tetlod_file *file, struct tetmesh *mesh,

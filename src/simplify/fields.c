@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/round.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
@@ -281,7 +282,7 @@ double field_cheap(const struct working_field *field, uint32_t component, const 
     double k = (middle + base - field->grid.origin) / step;
     for (double spacing = 2; field->grid.bits && spacing * step <= greatest - least; spacing *= 2) {
         double value = field->grid.origin + step * (floor(k / spacing + 0.5) * spacing);
-        value = (field->type == TETLOD_FLOAT32 ? (double)(float)value : value) - base;
+        value = tetlodi_round(field->type, value) - base;
         if (value >= least && value <= greatest)
             round = value;
     }

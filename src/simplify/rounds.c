@@ -581,6 +581,17 @@ static enum tetlod_status climb_rung(struct rounds *rounds, double limit)
     return TETLOD_OK;
 }
 
+static double next_rung(const struct simplify_options *options, double limit, bool *out_named)
+{
+    double next = next_limit(limit, options->max_error, options->rung_count ? INFINITY : STEPS_FROM, out_named);
+    for (uint32_t i = 0; i < options->rung_count; i++)
+        if (options->rungs[i] > limit * (1 + 1e-6) && options->rungs[i] < next) {
+            next = options->rungs[i];
+            *out_named = true;
+        }
+    return next;
+}
+
 static enum tetlod_status climb(struct rounds *rounds)
 {
     bool named = true;
@@ -592,7 +603,7 @@ static enum tetlod_status climb(struct rounds *rounds)
             TETLOD_TRY(mark(rounds));
         if (finished(rounds) || limit >= rounds->options->max_error)
             break;
-        limit = next_limit(limit, rounds->options->max_error, STEPS_FROM, &named);
+        limit = next_rung(rounds->options, limit, &named);
     }
     return mark(rounds);
 }

@@ -23,6 +23,8 @@ struct simplify_options {
     unsigned contract;     /* CONTRACT_... of the kinds of simplices */
     uint32_t candidates;   /* final vertex positions tried on each (candidates_count) */
     double max_error;      /* fraction of the range */
+    const double *rungs;   /* limits that are asked for: rungs of the ladder, too. If there are any, no others stand between the round ones */
+    uint32_t rung_count;
     uint32_t min_tets;
     double boundary_angle; /* degrees */
     double boundary_limit; /* units of length */

@@ -123,6 +123,55 @@ void file_view_release(struct file_view *view)
         madvise(view->bytes, view->size, MADV_DONTNEED);
 }
 
+/* The list of what is mapped, byte by byte: nothing here may allocate. */
+struct maps {
+    int fd;
+    char buffer[512];
+    ssize_t used, at;
+};
+
+/* -1: its end. */
+static int next_byte(struct maps *maps)
+{
+    if (maps->at == maps->used) {
+        maps->at = 0;
+        maps->used = read(maps->fd, maps->buffer, sizeof maps->buffer);
+        if (maps->used <= 0) {
+            maps->used = 0;
+            return -1;
+        }
+    }
+    return (unsigned char)maps->buffer[maps->at++];
+}
+
+/* A number and the byte behind it. */
+static uintptr_t take_address(struct maps *maps)
+{
+    uintptr_t number = 0;
+    for (int c; (c = next_byte(maps)) > ' ' && c != '-';)
+        number = number * 16 + (uintptr_t)(c <= '9' ? c - '0' : c - 'a' + 10);
+    return number;
+}
+
+bool file_mapped_at(const void *address, char *path, size_t size)
+{
+    struct maps maps = {.fd = open("/proc/self/maps", O_RDONLY | O_CLOEXEC)};
+    bool found = false;
+    path[0] = 0;
+    for (int c = 0; c >= 0 && !found;) {
+        uintptr_t begin = take_address(&maps), end = take_address(&maps);
+        size_t length = 0;
+        found = (uintptr_t)address >= begin && (uintptr_t)address < end;
+        while ((c = next_byte(&maps)) >= 0 && c != '\n')
+            if ((length || c == '/') && length + 1 < size)
+                path[length++] = (char)c;
+        path[length] = 0;
+    }
+    if (maps.fd >= 0)
+        close(maps.fd);
+    return found && path[0];
+}
+
 enum tetlod_status file_read(const char *path, unsigned char **out_bytes, size_t *out_size, struct tetlod_error *error)
 {
     struct file_input file;

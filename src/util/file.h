@@ -53,6 +53,9 @@ static inline void file_view_pass(struct file_view *view, const void *at)
     file_view_release(view);
 }
 
+/* The path of the file that is mapped at an address; false if there is none. For a handler of signals, too. */
+bool file_mapped_at(const void *address, char *path, size_t size);
+
 /* Are two paths one regular file, whatever links are on the way? */
 bool file_same(const char *one, const char *other);
 

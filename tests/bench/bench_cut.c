@@ -157,7 +157,7 @@ static void clip(struct picture *p)
 static void resample(struct picture *p, uint32_t size)
 {
     cut_grid_cover(&p->grid, (const double[]){0, 0, 0}, (const double[]){1, 1, 1}, size);
-    must(cut_resample(&p->mesh, p->shell, &p->grid, &p->error), p);
+    must(cut_resample(&p->mesh, p->shell, NULL, &p->grid, &p->error), p);
     p->found = 0;
     for (size_t i = 0; i < (size_t)size * size * size; i++)
         p->found += !isnan(p->grid.values[i]);

@@ -14,17 +14,18 @@ static const struct {
     const char *name;
     struct gen_options options;
 } golden[] = {
-    {"one_tet", {GEN_SOUP, 1, 1, 1, 2, TETLOD_FLOAT32, 0, 0}},
-    {"grid_float32", {GEN_GRID, 2, 5, 9, 2, TETLOD_FLOAT32, 0, 0}},
-    {"grid_float64", {GEN_GRID, 3, 4, 6, 3, TETLOD_FLOAT64, 0, 0}},
-    {"holes_float32", {GEN_HOLES, 4, 4, 7, 4, TETLOD_FLOAT32, 0, 0}},
-    {"soup_float64", {GEN_SOUP, 5, 4, 5, 4, TETLOD_FLOAT64, 0, 0}},
-    {"grid_12_bit", {GEN_GRID, 6, 5, 8, 2, TETLOD_FLOAT32, 12, 0}},
-    {"soup_30_bit", {GEN_SOUP, 7, 3, 4, 4, TETLOD_FLOAT64, 30, 0}},
-    {"kept_order", {GEN_HOLES, 8, 4, 9, 3, TETLOD_FLOAT32, 0, 0}},
-    {"cells_float32", {GEN_HOLES, 11, 4, 7, 3, TETLOD_FLOAT32, 0, 0}},
-    {"tail_float32", {GEN_GRID, 8, 5, 8, 3, TETLOD_FLOAT32, 0, 12}},
-    {"tail_float64", {GEN_HOLES, 9, 4, 6, 4, TETLOD_FLOAT64, 16, 20}},
+    {"one_tet", {GEN_SOUP, 1, 1, 1, 2, TETLOD_FLOAT32, 0, 0, 0}},
+    {"grid_float32", {GEN_GRID, 2, 5, 9, 2, TETLOD_FLOAT32, 0, 0, 0}},
+    {"grid_float64", {GEN_GRID, 3, 4, 6, 3, TETLOD_FLOAT64, 0, 0, 0}},
+    {"holes_float32", {GEN_HOLES, 4, 4, 7, 4, TETLOD_FLOAT32, 0, 0, 0}},
+    {"soup_float64", {GEN_SOUP, 5, 4, 5, 4, TETLOD_FLOAT64, 0, 0, 0}},
+    {"grid_12_bit", {GEN_GRID, 6, 5, 8, 2, TETLOD_FLOAT32, 12, 0, 0}},
+    {"soup_30_bit", {GEN_SOUP, 7, 3, 4, 4, TETLOD_FLOAT64, 30, 0, 0}},
+    {"kept_order", {GEN_HOLES, 8, 4, 9, 3, TETLOD_FLOAT32, 0, 0, 0}},
+    {"cells_float32", {GEN_HOLES, 11, 4, 7, 3, TETLOD_FLOAT32, 0, 0, 0}},
+    {"tail_float32", {GEN_GRID, 8, 5, 8, 3, TETLOD_FLOAT32, 0, 12, 0}},
+    {"tail_float64", {GEN_HOLES, 9, 4, 6, 4, TETLOD_FLOAT64, 16, 20, 0}},
+    {"tail_noise", {GEN_GRID, 10, 5, 4, 3, TETLOD_FLOAT64, 12, 16, 1}},
 };
 
 enum { CELL_FIELDS = 6 };

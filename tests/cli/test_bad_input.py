@@ -3,6 +3,7 @@
 """Input that is no good: exit status 3 (or 1, where the system refuses the file), one clear line, and no file left."""
 import os
 import re
+import signal
 import struct
 import subprocess
 import zlib
@@ -283,8 +284,32 @@ def no_field():
     check('an unknown field', 3, [vtu('good.vtu'), '--field', 'heat'], 'heat', commands=['build'])
 
 
+def shrinks():
+    """A file that becomes shorter while it is mapped: the message names it."""
+    values = b'%d\n' % 10 ** 9
+    name = write('shrinks.vtk', b'# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 500000 float\n' + 1500000 * values)
+    child = subprocess.Popen([TETLOD, 'convert', name, '-o', path('out.vtu')], stderr=subprocess.PIPE)
+    with open('/proc/%d/maps' % child.pid) as maps:
+        while name not in maps.read():
+            maps.seek(0)
+    os.kill(child.pid, signal.SIGSTOP)
+    os.truncate(name, 4096)
+    os.kill(child.pid, signal.SIGCONT)
+    message = child.communicate()[1].decode(errors='replace')
+    report_problem('a file that shrinks', None if child.returncode == 1 and name in message and 'became shorter' in message else message)
+
+
+def choices_of_nothing():
+    """A block or a step of a file that has none is not passed over in silence."""
+    check('--block without blocks', 3, [vtu('good.vtu'), '--block', 'a'], 'no blocks')
+    check('--time without steps', 3, [vtu('good.vtu'), '--time', '3'], 'no steps')
+    check('--time 0 without steps', 0, [vtu('good.vtu'), '--time', '0'])
+
+
 contents()
+choices_of_nothing()
 system()
+shrinks()
 plot3d()
 other_formats()
 no_field()

@@ -130,6 +130,58 @@ def xdmf_steps_case():
     return problem or compare((points, tets, {'heat': fields['heat']}, {}), converted(path('in.xdmf'), '--time', '0'))
 
 
+def xdmf_hyperslab_case():
+    """All steps in one data set; a vector whose components are items of their own."""
+    points, tets, fields, cells = tet_mesh(60)
+    n = len(points)
+    with h5py.File(path('in.h5'), 'w') as file:
+        file['points'], file['tets'] = points, tets
+        file['heat'] = np.stack([fields['heat'] + s for s in range(5)])
+        file['wind'] = np.stack([fields['wind'] + s for s in range(5)])
+        file['wide'] = np.repeat(np.repeat(cells['load'].reshape(-1, 1), 4, axis=1), 2, axis=0) + np.arange(4) * 10
+        for d in range(3):
+            file['w%d' % d] = fields['wind'][:, d]
+    item = lambda name, shape: '<DataItem Dimensions="%s" Precision="8" Format="HDF">in.h5:/%s</DataItem>' % (shape, name)
+    slab = lambda shape, chosen, of: '<DataItem ItemType="HyperSlab" Dimensions="%s"><DataItem Format="XML" Dimensions="%d">%s</DataItem>%s</DataItem>' % (
+        shape, len(chosen.split()), chosen, of)
+    attribute = lambda name, centre, inside: '<Attribute Name="%s" Center="%s">%s</Attribute>' % (name, centre, inside)
+    text = '<Xdmf><Domain><Grid><Topology TopologyType="Tetrahedron">%s</Topology><Geometry GeometryType="XYZ">%s</Geometry>%s</Grid></Domain></Xdmf>'
+    inside = (attribute('heat', 'Node', slab(n, '3 0 1 1 1 %d' % n, item('heat', '5 %d' % n))),
+              attribute('wind', 'Node', slab('%d 3' % n, '2 0 0 1 1 1 1 %d 3' % n, item('wind', '5 %d 3' % n))),
+              attribute('load', 'Cell', slab(len(tets), '1 2 2 1 %d 1' % len(tets), item('wide', '%d 4' % (2 * len(tets))))),
+              attribute('joined', 'Node', '<DataItem ItemType="Function" Function="JOIN($0, $1, $2)">%s</DataItem>' % ''.join(
+                  item('w%d' % d, n) for d in range(3))))
+    shape = item('tets', '%d 4' % len(tets)), item('points', '%d 3' % n)
+    write('in.xdmf', text % (*shape, ''.join(inside)))
+    wanted = points, tets, {'heat': fields['heat'] + 3, 'wind': fields['wind'] + 2, 'joined': fields['wind']}, {'load': cells['load'] + 20}
+    problem = compare(wanted, converted(path('in.xdmf')))
+    for bad, word in (('4 1 1 1 1 %d' % n, 'beyond'), ('0 0 1 1 %d' % n, 'start, stride'), ('0 0 0 1 1 1', 'beyond')):
+        write('in.xdmf', text % (*shape, attribute('heat', 'Node', slab(n, bad, item('heat', '5 %d' % n)))))
+        done = tetlod('convert', path('in.xdmf'), '-o', path('out.vtu'))
+        problem = problem or (None if done.returncode == 3 and word in done.stderr.decode() else done)
+    return problem
+
+
+def xdmf_included_case():
+    """Steps of two functions on one mesh that xi:include points to, as meshio and FEniCS write them, are one mesh with both."""
+    points, tets, fields, cells = tet_mesh(60)
+    with meshio.xdmf.TimeSeriesWriter(path('in.xdmf')) as writer:
+        writer.write_points_cells(points, [('tetra', tets)])
+        for s in range(3):
+            writer.write_data(s / 2, point_data={'heat': fields['heat'] + s}, cell_data={'load': [cells['load'] - s]})
+    problem = compare((points, tets, {'heat': fields['heat'] + 1}, {'load': cells['load'] - 1}), converted(path('in.xdmf'), '--time', '1'))
+    item = lambda values, kind='Float': '<DataItem Dimensions="%s" NumberType="%s" Precision="8">%s</DataItem>' % (
+        ' '.join(map(str, values.shape)), kind, ' '.join(map(repr, values.ravel().tolist())))
+    mesh = '<Topology TopologyType="Tetrahedron">%s</Topology><Geometry GeometryType="XYZ">%s</Geometry>' % (item(tets, 'Int'), item(points))
+    step = lambda name, values, shape: '<Grid Name="%s">%s<Attribute Name="%s" Center="Node">%s</Attribute></Grid>' % (name, shape, name, item(values))
+    series = lambda name, at: '<Grid Name="TimeSeries_%s" GridType="Collection" CollectionType="Temporal">%s</Grid>' % (name, ''.join(
+        step(name, fields[name] + s, '<xi:include xpointer="xpointer(%s/*[self::Topology or self::Geometry])"/>' % at) for s in range(2)))
+    write('in.xdmf', '<Xdmf xmlns:xi="http://www.w3.org/2001/XInclude"><Domain><Grid Name="mesh" GridType="Uniform">%s</Grid>%s%s</Domain></Xdmf>' % (
+        mesh, series('heat', "/Xdmf/Domain/Grid[@GridType='Uniform'][1]"), series('wind', "//Grid[@Name='mesh']")))
+    wanted = points, tets, {name: fields[name] + 1 for name in ('heat', 'wind')}, {}
+    return problem or compare(wanted, converted(path('in.xdmf')))
+
+
 def xdmf_structured_case(kind):
     grid, points, fields, cells, volume = structured({'3DSMesh': 'structured', '3DRectMesh': 'rectilinear', '3DCoRectMesh': 'image'}[kind])
     arrays = {**fields, **cells}
@@ -192,6 +244,8 @@ def exodus_netcdf_case(form, apart):
         else:
             file.createVariable('coord', 'f8', ('num_dim', 'num_nodes'))[:] = points.T
         file.createVariable('eb_prop1', 'i4', ('num_el_blk',))[:] = [10, 20, 30]
+        file.createVariable('eb_names', 'S1', ('num_el_blk', 'len_string'))[:] = np.array(
+            [list(n.ljust(33, '\0')) for n in ('core', 'shell', 'skin')], 'S1')
         times = file.createVariable('time_whole', 'f8', ('time_step',))
         text = lambda names: np.array([list(n.ljust(33, '\0')) for n in names], 'S1')
         file.createVariable('name_nod_var', 'S1', ('num_nod_var', 'len_string'))[:] = text(['heat', 'mass'])
@@ -221,7 +275,13 @@ def exodus_netcdf_case(form, apart):
         problem = compare(wanted, converted(path('in.exo'), *(['--time', '0'] if step == 0 else [])))
         if problem:
             return 'step %d: %s' % (step, problem)
-    return None
+    second = ids == 20
+    for block in '20', 'shell':
+        p, t, f, c = converted(path('in.exo'), '--block', block)
+        if not np.array_equal(p[t], points[tets[second]]) or not np.array_equal(c['load'], cells['load'][second] + 2) or set(c['ObjectId']) != {20}:
+            return 'block ' + block
+    done = tetlod('convert', path('in.exo'), '--block', 'Shell', '-o', path('out.vtu'))
+    return None if done.returncode == 3 and "no element block 'Shell'" in done.stderr.decode() else done
 
 
 def exodus_cells_case(quadratic):
@@ -377,6 +437,8 @@ def main():
         for kind in '3DSMesh', '3DRectMesh', '3DCoRectMesh':
             case('xdmf: %s' % kind, xdmf_structured_case, kind)
         case('xdmf: steps', xdmf_steps_case)
+        case('xdmf: parts of data sets, joined components', xdmf_hyperslab_case)
+        case('xdmf: steps of functions on an included mesh', xdmf_included_case)
         damaged_cases('in.xdmf')
     for precision in np.float32, np.float64:
         case('exodus by VTK %s' % np.dtype(precision), exodus_vtk_case, precision)

@@ -114,12 +114,12 @@ def gmsh_program_case():
     return None
 
 
-def gmsh_groups_case(version, order, binary):
+def gmsh_groups_case(version, order, binary, more=()):
     """Two boxes of Gmsh, a physical group each, of the first or second order."""
     write('in.geo', 'SetFactory("OpenCASCADE"); Box(1) = {0,0,0,1,1,1}; Box(2) = {1,0,0,1,1,1}; Coherence; Physical Volume("a",7) = {1};'
           'Physical Volume("b",9) = {2};\nMesh.MeshSizeMax = 0.4;\n')
     done = subprocess.run(['gmsh', path('in.geo'), '-3', '-order', str(order), '-format', version, '-o', path('in.msh')]
-                          + (['-bin'] if binary else []), stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+                          + (['-bin'] if binary else []) + list(more), stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     if done.returncode:
         return done.stdout[-500:]
     p, t, f, c = converted(path('in.msh'), *(['--subdivide'] if order == 2 else []))
@@ -199,6 +199,24 @@ a plate
     return None if np.allclose(np.bincount(c['region'].astype(int), v), [0, 1, 1 / 3]) and len(t) == 8 else (v, c)
 
 
+def abaqus_parts_case():
+    """Two parts, the second one turned and shifted in the assembly, its elements in a file that is included; then one of them twice."""
+    points, tets, _, _ = tet_mesh(30)
+    rows = lambda values, start: ''.join('%d, %s\n' % (i + 1, ', '.join(map(repr, v.tolist()))) for i, v in enumerate(values + start))
+    os.makedirs(path('more'), exist_ok=True)
+    write('more/tets.inc', '*ELEMENT, TYPE=C3D4\n' + rows(tets, 1))
+    write('nodes.inc', rows(points, 0.0))
+    text = '*HEADING\nx\n*PART, NAME=Wheel\n*NODE\n%s*ELEMENT, TYPE=C3D4\n%s*END PART\n*PART, NAME=Empty\n*END PART\n*PART, NAME=Axle\n' \
+           '*NODE, INPUT=nodes.inc\n*INCLUDE, INPUT=more/tets.inc\n*END PART\n*ASSEMBLY, NAME=A\n*INSTANCE, NAME=a, PART=Wheel\n*END INSTANCE\n' \
+           '*INSTANCE, NAME=b, PART=%s\n 10., 0., 0.\n 1., 0., 0., 1., 0., 2., 90.\n*END INSTANCE\n*END ASSEMBLY\n'
+    p, t, f, c = converted(write('in.inp', text % (rows(points, 0.0), rows(tets, 1), 'Axle')))
+    turned = np.stack([1 - points[:, 1], points[:, 0] + 9, points[:, 2]], axis=1)
+    wrong = compare((np.concatenate([points, turned]), np.concatenate([tets, tets + len(points)]), {}, {'region': np.repeat([1, 3], len(tets))}),
+                    (p, t, f, c), False)
+    done = tetlod('convert', write('in.inp', text % (rows(points, 0.0), rows(tets, 1), 'Wheel')), '-o', path('out.vtu'))
+    return wrong or (None if done.returncode == 3 and 'only one instance' in done.stderr.decode() else done)
+
+
 def plot3d_file(grids, big, markers, count, blank, double):
     """Grids (points [k, j, i, 3], blanks) and their solutions (5 columns) as bytes."""
     i4, real = '>i4' if big else '<i4', ('>f8' if big else '<f8') if double else ('>f4' if big else '<f4')
@@ -255,6 +273,9 @@ def main():
         case('the surface as %s' % extension, surface_case, extension)
     case('abaqus by meshio', abaqus_case)
     case('calculix by hand', calculix_case)
+    case('abaqus: parts, instances, files that are named', abaqus_parts_case)
+    for binary in False, True:
+        case('groups of msh41 in partitions%s' % (', binary' if binary else ''), gmsh_groups_case, 'msh41', 1, binary, ['-part', '3', '-part_ghosts', '-part_topo'])
     for trial in range(32):
         how = [bool(trial >> bit & 1) for bit in range(5)]
         case('plot3d: big %d, markers %d, multi-grid %d, iblank %d, double %d' % tuple(how), plot3d_case, *how)

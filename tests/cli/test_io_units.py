@@ -10,6 +10,7 @@ try:
     import cgns_file
     from meshes import tet_mesh, vtk_mesh
     from test_io_foam import write_case
+    from test_io_vtkxml import save
 except ImportError:
     vtk = None
 
@@ -49,6 +50,44 @@ def vtk_legacy_case(binary):
     return differs('in.vtk', units)
 
 
+def written_case(extension):
+    """A VTU with units, as another format and as VTU again: VTK finds the same in what comes back."""
+    grid, units = labelled()
+    save(vtk.vtkXMLUnstructuredGridWriter(), grid, 'in.vtu')
+    must('convert', 'in.vtu', '-o', 'mid' + extension)
+    must('convert', 'mid' + extension, '-o', 'back.vtu')
+    return None if units_of('back.vtu') == units else units_of('back.vtu')
+
+
+def units_of(name, reader=None):
+    reader = reader or vtk.vtkXMLUnstructuredGridReader()
+    reader.SetFileName(path(name))
+    reader.Update()
+    grid, key, out = reader.GetOutput(), vtk.vtkDataArray.UNITS_LABEL(), {}
+    for data in grid.GetPointData(), grid.GetCellData():
+        for array in (data.GetArray(a) for a in range(data.GetNumberOfArrays())):
+            if array.HasInformation() and array.GetInformation().Has(key):
+                out[array.GetName()] = array.GetInformation().Get(key)
+    return out
+
+
+def vtk_reads_case(name, reader, kinds):
+    """VTK's own reader of a format finds the units that we write."""
+    grid, units = labelled()
+    save(vtk.vtkXMLUnstructuredGridWriter(), grid, 'in.vtu')
+    must('convert', 'in.vtu', '-o', name)
+    wanted = {n: u for n, u in units.items() if n in kinds}
+    return None if units_of(name, reader) == wanted else units_of(name, reader)
+
+
+def extracted_case():
+    grid, units = labelled()
+    save(vtk.vtkXMLUnstructuredGridWriter(), grid, 'in.vtu')
+    must('build', 'in.vtu', '-o', 'out.tetlod')
+    must('extract', 'out.tetlod', '-o', 'level.vtk', '--level', '0')
+    return None if units_of('level.vtk', vtk.vtkUnstructuredGridReader()) == units else units_of('level.vtk')
+
+
 def foam_case():
     write_case(False, True, False)
     return differs('case/case.foam', {'p': 'm^2 s^-2', 'U': 'm^2 s^-2', 'T': 'K'})
@@ -85,16 +124,22 @@ def main():
     if vtk is None:
         report('units', True, skip='python3-vtk9 is missing')
         return finish()
+    built = [line.split()[0] for line in tetlod('formats').stdout.decode().splitlines() if line.split()[1:2] == ['read']]
     for mode in 'Ascii', 'Binary', 'Appended':
         case('VTK XML, ' + mode, vtk_xml_case, mode)
     for binary in False, True:
         case('legacy VTK, binary %d' % binary, vtk_legacy_case, binary)
+    for extension in '.vtu', '.vtk', '.vtkhdf', '.xdmf', '.e':
+        if extension[1:] in built or extension == '.e' and 'exodus' in built:
+            case('written to %s and back' % extension, written_case, extension)
+    case('VTK reads those of legacy VTK', vtk_reads_case, 'out.vtk', vtk.vtkUnstructuredGridReader(), ('wind', 'heat', 'load'))
+    case('VTK reads those of a surface', vtk_reads_case, 'out.vtp', vtk.vtkXMLPolyDataReader(), ('wind', 'heat'))
+    case('extract writes them', extracted_case)
     case('OpenFOAM', foam_case)
     shown = tetlod('info', 'out.tetlod').stdout.decode()
     report('info says them', 'field         T, 1 x ' in shown and ' 300 K' in shown, shown[:800])
-    formats = tetlod('formats').stdout.decode().splitlines()
     for name, function in (('xdmf', xdmf_case), ('cgns', cgns_case)):
-        if any(line.split()[:2] == [name, 'read'] for line in formats):
+        if name in built:
             case(name, function)
     return finish()
 

@@ -66,6 +66,13 @@ def info_case():
     return None if '%d steps in time' % STEPS in text else text
 
 
+def band_case():
+    """An error of --bands is a rung of the ladder, even one between the round errors."""
+    must('build', path('wake.pvd'), '--times', '0:3', '--field', 'Pressure', '--bands', '10%,4%,2%', '-o', path('bands.tetlod'))
+    tets = [band['tets'] for band in info(path('bands.tetlod'))['series']['bands']]
+    return None if tets[0] < 0.97 * tets[1] < 0.97 ** 2 * tets[2] else tets
+
+
 def few_keys_case():
     """With little memory some steps drive, and what the others are certified to holds as well."""
     build = ['build', path('wake.pvd'), '--field', 'Velocity', '--carry', 'Velocity', '--bands', '5%,1%', '-o', path('keys.tetlod'), '--memory']
@@ -84,19 +91,17 @@ def few_keys_case():
 
 
 def memory_case():
-    """Ten times as many steps take no more memory, but for pages of the temporary files."""
+    """Ten times as many steps take no more memory: nothing of a step is kept, and no temporary file is mapped."""
     if CONFIG != 'release':
         return None
-    must('sample', 'wake', '--size', '4', '--steps', '200', '-o', path('many.pvd'))
+    must('sample', 'wake', '--size', '4', '--steps', str(STEPS), '-o', path('few.pvd'))
+    sets = ''.join('<DataSet timestep="%d" file="few_%d.vtu"/>' % (i, i % STEPS) for i in range(1000))
+    with open(path('many.pvd'), 'w') as file:
+        file.write('<VTKFile type="Collection" version="0.1"><Collection>%s</Collection></VTKFile>' % sets)
     build = ['build', path('many.pvd'), '--field', 'Velocity', '--carry', 'Velocity', '--bands', '5%,1%', '-o', path('many.tetlod'), '--json', '--quiet']
-    room = '%dM' % (int(re.search(r'needs about (\d+) MB', tetlod(*build, '--memory', '1M').stderr.decode()).group(1)) + 1)
-    peaks = []
-    for times in ('0:19', ':'):
-        peak = json.loads(must(*build, '--memory', room, '--times', times).stdout)['peak_memory']
-        steps = info(path('many.tetlod'))['series']['steps']
-        mapped = os.path.getsize(path('many.tetlod')) + steps * 12 * info(path('many.tetlod'))['vertices']
-        peaks.append((peak - mapped) / 2 ** 20)
-    return None if peaks[1] - peaks[0] < 2 and max(peaks) < 1.1 * int(room[:-1]) + 0.5 else (peaks, room)
+    room = '%dM' % int(re.search(r'needs about (\d+) MB', tetlod(*build, '--memory', '1M').stderr.decode()).group(1))
+    peaks = [json.loads(must(*build, '--memory', room, '--times', times).stdout)['peak_memory'] / 2 ** 20 for times in ('0:99', ':')]
+    return None if peaks[1] - peaks[0] < 1.2 and max(peaks) < 1.1 * int(room[:-1]) + 1 else (peaks, room)
 
 
 def files_case():
@@ -158,6 +163,30 @@ def clipped_case():
     must('verify', path('waves.tetlod'), *[word for name in names for word in ('--against', name)])
 
 
+def own_range_case():
+    """A field that fades: with --range step each step is within the error of its own range, else only of that over all."""
+    from vtk.util.numpy_support import numpy_to_vtk
+    grid, names = read_grid('wake_0.vtu'), []
+    pressure = read_vtu('wake_0.vtu')[2]['Pressure'].astype(np.float64)
+    for number, factor in enumerate((1, 0.1, 1e-3, 0)):
+        array = numpy_to_vtk((pressure * factor).astype(np.float32), deep=True)
+        array.SetName('fading')
+        grid.GetPointData().AddArray(array)
+        names.append(write_grid('fading_%d.vtu' % number, grid))
+    largest = {}
+    for relative in ('series', 'step'):
+        must('build', *names, '--field', 'fading', '--carry', 'fading', '--bands', '5%', '--range', relative, '-o', path('fading.tetlod'))
+        must('verify', path('fading.tetlod'), *[word for name in names for word in ('--against', name)])
+        largest[relative] = 0
+        if info(path('fading.tetlod'))['series']['relative_to'] != relative:
+            return info(path('fading.tetlod'))['series']
+        for number, name in enumerate(names[:3]):
+            step('fading.tetlod', '--step', str(number), '--error', '5%')
+            done = must('compare', name, path('step.vtu'), '--field', 'fading').stdout.decode()
+            largest[relative] = max(largest[relative], float(re.search(r'max +(\S+) % of the range', done).group(1)))
+    return None if 2 < largest['step'] <= 5.001 and largest['series'] > 10 else largest
+
+
 def turn(name, points, time):
     """The mesh's file with points that are bent, turned and stretched in time."""
     from vtk.util.numpy_support import numpy_to_vtk
@@ -213,6 +242,7 @@ def refuse_options():
         message = done.stderr.decode()
         report('refused: ' + options[0], done.returncode in (2, 3) and message.count('\n') == 1 and all(word in message for word in words), done)
     for name, words, arguments in (('--times', '--times', ['build', path('wake.pvd'), '--times', '3:1']), ('--bands', '--bands', ['build', path('wake.pvd'), '--bands', '1%,5%']),
+                                   ('--range', '--range', ['build', path('wake.pvd'), '--range', 'steps']),
                                    ('files and --time', '--time', ['build', path('wake_0.vtu'), path('wake_1.vtu'), '--time', '1']),
                                    ('a step and a level', '--level', ['extract', path('wake.tetlod'), '--step', '1', '--level', '2', '-o', path('x.vtu')]),
                                    ('a step and a time', '--time', ['extract', path('wake.tetlod'), '--step', '1', '--time', '2', '-o', path('x.vtu')])):
@@ -231,10 +261,12 @@ case('exact steps are the input bit for bit', exact_case)
 case('steps within an error', within_case)
 case('a step by time, and by an error in units', chosen_case)
 case('info', info_case)
+case('a band between round errors has a level of its own', band_case)
 case('steps that do not drive', few_keys_case)
 case('memory is bounded, whatever the number of steps', memory_case)
 case('several files, and some steps', files_case)
 case('steps that are cut off at the ends of their range', clipped_case)
+case('errors relative to each step', own_range_case)
 case('points that move, float32', moving_case, np.float32)
 case('points that move, float64', moving_case, np.float64)
 case('--time builds one step', one_step_case)

@@ -81,6 +81,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
     options.type = last[4] % 2 ? TETLOD_FLOAT64 : TETLOD_FLOAT32;
     options.position_bits = last[5] % 31;
     options.tail_bits = last[4] & 4 ? 1 + (last[4] >> 3) % 30 : 0;
+    options.noise = last[3] > 127;
     demand(gen_make(&recode, &options));
     recode.input.keep_order = last[4] & 2;
     demand(tetlodi_write(&recode.input, &sink, NULL) == TETLOD_OK);

@@ -10,7 +10,7 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..'
 from streams import plain, sealed, tetlod, with_section  # noqa: E402
 
 FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)))
-ONE, GRID, KEPT, CELLS, STEPS = (plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read()) for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32', 'series_float64'))
+ONE, GRID, KEPT, CELLS, STEPS, NOISE = (plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read()) for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32', 'series_float64', 'tail_noise'))
 NAN, INFINITY = float('nan'), float('inf')
 
 
@@ -91,6 +91,9 @@ def cases():
         bytes([KEPT[tetlod.open(KEPT).frames[1][0][0]] ^ 1]) + KEPT[tetlod.open(KEPT).frames[1][0][0] + 1:]
     yield 'frame_random', 'decode', 'a frame of other bytes, with its digest', reframed(GRID, 1, 0, lambda frame: bytes(255 - b for b in frame))
     yield 'frame_zero', 'decode', 'a base mesh of zeros, with its digest', reframed(GRID, 0, 0, lambda frame: bytes(len(frame)))
+    tail = len(tetlod.open(NOISE).levels) - 1
+    yield 'tail_source', 'decode', 'a component with the exact values of a later one', reframed(NOISE, tail, 2, lambda frame: b'\xff' * len(frame))
+    yield 'tail_near', 'decode', 'a component that is near twice', reframed(NOISE, tail, 2, lambda frame: b'\xc0\xf0' + frame[2:])
     yield 'time_early', 'open', 'steps in time before level 0', section(ONE, b'TIME', 2)
     yield 'time_twice', 'open', 'TIME twice', section(STEPS, b'TIME', 0)
     yield 'time_length', 'decode', 'a table of steps that is too long', retimed(0, '', b'', 8)

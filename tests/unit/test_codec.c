@@ -181,7 +181,7 @@ static void round_trip(enum gen_kind kind, unsigned arity, enum tetlod_type type
     for (uint64_t seed = 1; seed <= 12 && !test_failed_here; seed++) {
         struct stream s;
         struct gen_options options = {kind, seed, 1 + (uint32_t)seed % 4, 1 + (uint32_t)seed * 3 % 8, arity, type, bits,
-                                      (unsigned)(tail ? 1 + seed * 3 % 30 : 0)};
+                                      (unsigned)(tail ? 1 + seed * 3 % 30 : 0), tail > 1};
         if (stream_open(&s, &options)) {
             check_levels(&s);
             check_records(&s);
@@ -217,13 +217,14 @@ static void test_exact_tails(void)
     round_trip(GEN_GRID, 2, TETLOD_FLOAT32, 0, 1);
     round_trip(GEN_HOLES, 4, TETLOD_FLOAT64, 0, 1);
     round_trip(GEN_SOUP, 3, TETLOD_FLOAT64, 16, 1);
+    round_trip(GEN_GRID, 3, TETLOD_FLOAT64, 16, 2);
 }
 
 /* Links of more vertices than there is a table of pairs for. */
 static void test_large_links(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_HUB, 1, 7, 5, 2, TETLOD_FLOAT32, 16, 0};
+    struct gen_options options = {GEN_HUB, 1, 7, 5, 2, TETLOD_FLOAT32, 16, 0, 0};
     if (stream_open(&s, &options)) {
         CHECK(s.recode.input.tets > 500);
         check_levels(&s);
@@ -241,7 +242,7 @@ static void test_quantised(void)
 static void test_selected_fields(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_HOLES, 5, 3, 6, 2, TETLOD_FLOAT32, 0, 0};
+    struct gen_options options = {GEN_HOLES, 5, 3, 6, 2, TETLOD_FLOAT32, 0, 0, 0};
     REQUIRE(stream_open(&s, &options));
     struct tetlod_cursor *cursor;
     struct tetlod_mesh some, all;
@@ -262,7 +263,7 @@ static void test_selected_fields(void)
 static void test_origins(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_GRID, 8, 4, 8, 4, TETLOD_FLOAT32, 0, 0};
+    struct gen_options options = {GEN_GRID, 8, 4, 8, 4, TETLOD_FLOAT32, 0, 0, 0};
     REQUIRE(stream_open(&s, &options));
     struct tetlod_mesh mesh;
     double coarse[3 * 125], ids[125], origins[3 * 125], origin_ids[125], *fields[2] = {origin_ids, NULL};
@@ -307,7 +308,7 @@ static struct tetlodi_buffer frames_of(const struct stream *s, uint32_t field)
 static void test_feed_of_one_field(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_HOLES, 6, 3, 6, 3, TETLOD_FLOAT64, 0, 0};
+    struct gen_options options = {GEN_HOLES, 6, 3, 6, 3, TETLOD_FLOAT64, 0, 0, 0};
     REQUIRE(stream_open(&s, &options));
     const struct tetlod_info *info = tetlod_info(s.file);
     REQUIRE(info->field_count > 1);
@@ -376,7 +377,7 @@ static void test_feed_of_one_field(void)
 static void test_feed(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_HOLES, 6, 3, 6, 3, TETLOD_FLOAT64, 0, 0};
+    struct gen_options options = {GEN_HOLES, 6, 3, 6, 3, TETLOD_FLOAT64, 0, 0, 0};
     REQUIRE(stream_open(&s, &options));
     for (size_t piece = 1; piece < 4000; piece = piece * 3 + 1) {
         struct tetlod_feed *feed;
@@ -415,7 +416,7 @@ static void test_feed(void)
 static void test_truncated(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_HOLES, 7, 2, 5, 2, TETLOD_FLOAT32, 0, 0};
+    struct gen_options options = {GEN_HOLES, 7, 2, 5, 2, TETLOD_FLOAT32, 0, 0, 0};
     REQUIRE(stream_open(&s, &options));
     const struct tetlod_info *info = tetlod_info(s.file);
     for (size_t size = 0; size < s.memory.size; size++) {
@@ -447,7 +448,7 @@ static void test_truncated(void)
 static void test_damaged(void)
 {
     struct stream s;
-    struct gen_options options = {GEN_GRID, 9, 2, 4, 3, TETLOD_FLOAT32, 0, 0};
+    struct gen_options options = {GEN_GRID, 9, 2, 4, 3, TETLOD_FLOAT32, 0, 0, 0};
     REQUIRE(stream_open(&s, &options));
     uint32_t finest = tetlod_info(s.file)->level_count - 1, unnoticed = 0;
     for (size_t i = 0; i < s.memory.size; i++) {
@@ -472,7 +473,7 @@ static void test_damaged(void)
 static void test_sequences_that_are_none(void)
 {
     struct recode recode;
-    struct gen_options options = {GEN_GRID, 3, 2, 3, 2, TETLOD_FLOAT32, 0, 0};
+    struct gen_options options = {GEN_GRID, 3, 2, 3, 2, TETLOD_FLOAT32, 0, 0, 0};
     struct memory_sink memory = {0};
     struct tetlodi_sink sink = memory_sink(&memory);
     struct tetlod_error error;

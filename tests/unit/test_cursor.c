@@ -15,9 +15,9 @@ struct stream {
     const struct tetlod_info *info;
 };
 
-static const struct gen_options kinds[] = {{GEN_GRID, 3, 4, 7, 3, TETLOD_FLOAT32, 0, 0},
-                                           {GEN_HOLES, 4, 4, 6, 4, TETLOD_FLOAT64, 0, 12},
-                                           {GEN_SOUP, 5, 3, 5, 4, TETLOD_FLOAT64, 20, 9}};
+static const struct gen_options kinds[] = {{GEN_GRID, 3, 4, 7, 3, TETLOD_FLOAT32, 0, 0, 0},
+                                           {GEN_HOLES, 4, 4, 6, 4, TETLOD_FLOAT64, 0, 12, 1},
+                                           {GEN_SOUP, 5, 3, 5, 4, TETLOD_FLOAT64, 20, 9, 0}};
 enum { KINDS = sizeof kinds / sizeof *kinds };
 
 static int stream_open(struct stream *s, unsigned kind, const struct tetlod_options *options)
@@ -354,7 +354,7 @@ static size_t compare_threads(const uint8_t *bytes, size_t size)
 /* Any number of threads decodes the same, and finds the same damage. */
 static void test_threads(void)
 {
-    const struct gen_options more[] = {{GEN_GRID, 6, 8, 3, 3, TETLOD_FLOAT32, 0, 12}, {GEN_HOLES, 7, 7, 9, 4, TETLOD_FLOAT64, 20, 0}};
+    const struct gen_options more[] = {{GEN_GRID, 6, 8, 3, 3, TETLOD_FLOAT32, 0, 12, 0}, {GEN_HOLES, 7, 7, 9, 4, TETLOD_FLOAT64, 20, 0, 0}};
     for (int kind = 0; kind < 2; kind++) {
         struct recode recode;
         struct memory_sink memory = {0};

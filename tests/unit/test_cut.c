@@ -385,7 +385,7 @@ static void test_values_along_a_line(void)
                                             {{0.25, 0.25, -1}, {0.25, 0.25, 2}}, {{1, 0, 0.5}, {1, 1, 0.5}}};
     for (size_t s = 0; s < sizeof segments / sizeof *segments; s++) {
         const double *a = segments[s][0], *b = segments[s][1];
-        CHECK(cut_along(&mesh, values, a, b, &line, NULL) == TETLOD_OK && line.count > 0);
+        CHECK(cut_along(&mesh, values, NULL, a, b, &line, NULL) == TETLOD_OK && line.count > 0);
         double covered = 0;
         for (uint32_t k = 0; k < 2 * line.count; k++) {
             double p[3];
@@ -398,7 +398,7 @@ static void test_values_along_a_line(void)
         }
         CHECK(fabs(covered - (line.ends[2 * line.count - 1].at - line.ends[0].at)) < 1e-9);
     }
-    CHECK(cut_along(&mesh, values, (double[3]){2, 0, 0}, (double[3]){2, 1, 1}, &line, NULL) == TETLOD_OK && line.count == 0);
+    CHECK(cut_along(&mesh, values, NULL, (double[3]){2, 0, 0}, (double[3]){2, 1, 1}, &line, NULL) == TETLOD_OK && line.count == 0);
     free(values);
     cut_line_fini(&line);
     tetmesh_fini(&mesh);

@@ -69,7 +69,7 @@ static void check_cube(uint32_t n, double scale, double shift, double move, uint
     double high[3] = {shift + scale, shift + scale, shift + scale};
     cut_grid_cover(&grid, low, high, size);
     CHECK_INT(count_of(&grid), (size_t)size * size * size);
-    REQUIRE(cut_resample(&mesh, values, &grid, NULL) == TETLOD_OK);
+    REQUIRE(cut_resample(&mesh, values, NULL, &grid, NULL) == TETLOD_OK);
     size_t missed = 0;
     double worst = 0, bound = 1e-6 * (5 + 5 * (scale + fabs(shift))); // float32
     for (size_t i = 0; i < count_of(&grid); i++) {
@@ -107,7 +107,7 @@ static void test_flat_tets_are_skipped(void)
     }
     double *values = linear_values(&mesh), p[3];
     cut_grid_cover(&grid, (const double[]){0, 0, 0}, (const double[]){1, 1, 1}, 17);
-    REQUIRE(cut_resample(&mesh, values, &grid, NULL) == TETLOD_OK);
+    REQUIRE(cut_resample(&mesh, values, NULL, &grid, NULL) == TETLOD_OK);
     for (size_t i = 0; i < count_of(&grid); i++) {
         point_of(&grid, i, p);
         if (!isnan(grid.values[i]))
@@ -129,7 +129,7 @@ static void test_outside(void)
     static const uint32_t sizes[2] = {33, 9};
     for (int k = 0; k < 2; k++) {
         cut_grid_cover(&grid, (const double[]){-0.5, -0.5, -0.5}, (const double[]){1.5, 1.5, 1.5}, sizes[k]);
-        REQUIRE(cut_resample(&mesh, values, &grid, NULL) == TETLOD_OK);
+        REQUIRE(cut_resample(&mesh, values, NULL, &grid, NULL) == TETLOD_OK);
         for (size_t i = 0; i < count_of(&grid); i++) {
             double p[3];
             point_of(&grid, i, p);
@@ -153,7 +153,7 @@ static void test_voxels(void)
     struct cut_grid grid = {0};
     struct cut_voxels voxels = {0};
     cut_grid_cover(&grid, (const double[]){-0.5, -0.5, -0.5}, (const double[]){1.5, 1.5, 1.5}, 33);
-    REQUIRE(cut_resample(&mesh, values, &grid, NULL) == TETLOD_OK);
+    REQUIRE(cut_resample(&mesh, values, NULL, &grid, NULL) == TETLOD_OK);
     for (int k = 0; k < 3; k++) {
         REQUIRE(cut_make_voxels(&grid, k == 1, k == 2 ? &clip : NULL, &voxels, NULL) == TETLOD_OK);
         for (size_t i = 0; i < count_of(&grid); i++) {
@@ -187,7 +187,7 @@ static void test_cover(void)
     CHECK(grid.spacing[2] > 0);
     grid.dims[0] = grid.dims[1] = 1u << 20;
     struct tetlod_error error;
-    CHECK_INT(cut_resample(&(struct tetmesh){0}, NULL, &grid, &error), TETLOD_ERR_LIMIT);
+    CHECK_INT(cut_resample(&(struct tetmesh){0}, NULL, NULL, &grid, &error), TETLOD_ERR_LIMIT);
 }
 
 static void test_probe(void)
@@ -265,13 +265,13 @@ static void test_rays(void)
     mesh.corners[1] = swap;
     double *values = linear_values(&mesh);
     REQUIRE(cut_rays_connect(&mesh, &rays, NULL) == TETLOD_OK);
-    REQUIRE(cut_rays_place(&mesh, values, centre, &rays, NULL) == TETLOD_OK);
+    REQUIRE(cut_rays_place(&mesh, values, NULL, centre, &rays, NULL) == TETLOD_OK);
     for (uint32_t slot = 0; slot < 4 * mesh.tet_count; slot++)
         CHECK(rays.neighbours[slot] == TETLOD_NONE || rays.neighbours[rays.neighbours[slot]] == slot);
     check_tree(&mesh, &rays, centre);
     for (size_t i = 0; i < 3 * (size_t)mesh.vertex_count; i++) // the boxes follow
         mesh.positions[i] = 8 - mesh.positions[i];
-    REQUIRE(cut_rays_place(&mesh, values, centre, &rays, NULL) == TETLOD_OK);
+    REQUIRE(cut_rays_place(&mesh, values, NULL, centre, &rays, NULL) == TETLOD_OK);
     for (size_t i = 0; i < rays.face_count; i++) { // mirrored
         uint32_t *face = rays.faces + 4 * i, first = face[0];
         face[0] = face[1];
@@ -289,7 +289,7 @@ static void test_rays_of_nothing(void)
     struct cut_rays rays = {0};
     const double centre[3] = {0};
     REQUIRE(cut_rays_connect(&mesh, &rays, NULL) == TETLOD_OK);
-    REQUIRE(cut_rays_place(&mesh, centre, centre, &rays, NULL) == TETLOD_OK);
+    REQUIRE(cut_rays_place(&mesh, centre, NULL, centre, &rays, NULL) == TETLOD_OK);
     CHECK_INT(rays.face_count + rays.node_count, 0);
     cut_rays_fini(&rays);
 }

@@ -174,10 +174,47 @@ static void test_steps_of_a_level_share_their_boundary(void)
     CHECK_INT(view_step(view, 0, 2), TETLOD_OK);
     CHECK(!view->has_boundary);
     draw_all(view);
-    CHECK_INT(view_threshold(view, 0, 0, 0, INFINITY), TETLOD_OK);
+    view_threshold(view, 0, 0, 0, INFINITY);
+    CHECK_INT(view_filter(view), TETLOD_OK);
     CHECK_INT(view_surface(view, 0), TETLOD_OK);
     CHECK_INT(view_step(view, 0, 1), TETLOD_OK);
     CHECK(!view->has_boundary);
+}
+
+/* The whole stream is there: nothing has to be put. */
+static void test_values_of_cells_colour_and_hide(void)
+{
+    struct view *view = open_view("cells_float32");
+    REQUIRE(view);
+    const struct tetlod_info *info = view_info(view);
+    REQUIRE(info->cell_field_count > 1);
+    CHECK(!view_cells(view, 0));
+    for (uint32_t f = 0; f < info->cell_field_count; f++)
+        CHECK_INT(view_load_cells(view, f), TETLOD_OK);
+    for (uint32_t level = 0; level < info->level_count; level++) {
+        CHECK_INT(view_seek(view, level), TETLOD_OK);
+        if (level)
+            CHECK_INT(view_move(view, level - 1), TETLOD_OK);
+        for (uint32_t f = 0; f < info->cell_field_count; f++) {
+            const double half = view_cells(view, f)[0];
+            CHECK_INT(view_hide(view, f, &half, level & 1 && info->cell_fields[f].components == 1), TETLOD_OK);
+            CHECK_INT(view_filter(view), TETLOD_OK);
+            CHECK_INT(view_shade_cells(view, f, info->cell_fields[f].components > 1 ? -1 : 0), TETLOD_OK);
+            CHECK_INT(view_surface(view, WITH_LINES | WITH_NORMALS), TETLOD_OK);
+            CHECK(view_part(view)->point_count == 3 * view_part(view)->triangle_count);
+            view_clip(view, info->bounds[0][0], info->bounds[0][1], info->bounds[0][2], -1, -1, -1);
+            CHECK_INT(view_slice(view, WITH_LINES, info->bounds[0][0] + 0.3, info->bounds[0][1] + 0.3, info->bounds[0][2] + 0.3, 1, 0, 0), TETLOD_OK);
+            CHECK_INT(view_surface(view, WITH_LINES), TETLOD_OK);
+            view_unclip(view);
+            CHECK_INT(view_resample(view, 8, 0), TETLOD_OK);
+            CHECK_INT(view_rays(view), TETLOD_OK);
+            CHECK(view_ray_data(view)->has_of_tets == 1);
+            view_sample(view);
+        }
+        CHECK_INT(view_hide(view, 0, NULL, 0), TETLOD_OK);
+        view_shade(view, 0, 0);
+        CHECK_INT(view_surface(view, 0), TETLOD_OK);
+    }
 }
 
 int main(void)
@@ -186,5 +223,6 @@ int main(void)
     RUN(test_some_fields);
     RUN(test_bytes_one_by_one_and_bad_ones);
     RUN(test_steps_of_a_level_share_their_boundary);
+    RUN(test_values_of_cells_colour_and_hide);
     return test_end();
 }

@@ -2,7 +2,7 @@
 // Hosts for the tests of the web client: files with and without Range and with faults, and the program itself.
 import { execFileSync, spawn } from 'node:child_process';
 import { once } from 'node:events';
-import { existsSync, readFileSync, statSync } from 'node:fs';
+import { existsSync, readFileSync, statSync, writeFileSync } from 'node:fs';
 import { createServer } from 'node:http';
 import { extname, join } from 'node:path';
 
@@ -18,6 +18,39 @@ export function sampleStream() {
     execFileSync(TETLOD, ['sample', 'fin', '-o', join(SCRATCH, 'fin.vtu')], { stdio: 'ignore' });
     execFileSync(TETLOD, ['build', join(SCRATCH, 'fin.vtu'), '-o', path, '--quiet']);
   }
+  return { path, bytes: readFileSync(path) };
+}
+
+/**
+ * A stream with values of cells, made once: a block of 6 * 8^3 tetrahedra in three materials, of which the third fills a corner, a load
+ * of each tetrahedron, which is its number there, and a vector of two components.
+ */
+export function cellStream() {
+  const path = join(SCRATCH, 'cells.tetlod');
+  if (existsSync(path)) return { path, bytes: readFileSync(path) };
+  const n = 8;
+  const at = (x, y, z) => x + (n + 1) * (y + (n + 1) * z);
+  const line = Array.from({ length: n + 1 }, (_, i) => i);
+  const points = line.flatMap((z) => line.flatMap((y) => line.map((x) => [x, y, z].map((c) => c / n))));
+  const orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+  const tets = [];
+  const material = [];
+  for (let cube = 0; cube < n ** 3; cube++) {
+    const low = [cube % n, Math.floor(cube / n) % n, Math.floor(cube / n ** 2)];
+    for (const [k, order] of orders.entries()) {
+      const corner = [...low];
+      const [a, b, c, d] = [at(...corner), ...order.map((axis) => { corner[axis]++; return at(...corner); })];
+      tets.push([0, 3, 4].includes(k) ? [a, b, c, d] : [a, c, b, d]); // none is inside out
+      material.push(low.every((c) => c >= n / 2) ? 30 : low[0] < n / 2 ? 10 : 20);
+    }
+  }
+  const text = ['# vtk DataFile Version 3.0', 'cells', 'ASCII', 'DATASET UNSTRUCTURED_GRID', `POINTS ${points.length} double`, ...points.map((p) => p.join(' ')),
+    `CELLS ${tets.length} ${5 * tets.length}`, ...tets.map((tet) => `4 ${tet.join(' ')}`), `CELL_TYPES ${tets.length}`, ...tets.map(() => '10'),
+    `POINT_DATA ${points.length}`, 'SCALARS heat double 1', 'LOOKUP_TABLE default', ...points.map(([x, y, z]) => Math.sin(3 * x) + y * z),
+    `CELL_DATA ${tets.length}`, 'SCALARS material int 1', 'LOOKUP_TABLE default', ...material, 'SCALARS load float 1', 'LOOKUP_TABLE default', ...tets.keys(),
+    'SCALARS pull float 2', 'LOOKUP_TABLE default', ...[...tets.keys()].map((t) => `${t % 3} ${-t}`)];
+  writeFileSync(join(SCRATCH, 'cells.vtk'), text.join('\n'));
+  execFileSync(TETLOD, ['build', join(SCRATCH, 'cells.vtk'), '--field', 'heat', '--region', 'material', '-o', path, '--quiet']);
   return { path, bytes: readFileSync(path) };
 }
 
@@ -90,6 +123,7 @@ export async function program(paths, port = 0) {
   });
   const stop = (signal = 'SIGTERM') => new Promise((resolve) => {
     child.removeAllListeners('exit');
+    if (child.exitCode !== null || child.signalCode !== null) return void resolve(); // it has ended already
     child.once('exit', resolve);
     child.kill(signal);
   });

@@ -4,18 +4,18 @@ import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { readFileSync } from 'node:fs';
 import { launch, openPage, firstPicture, settled } from './browser.mjs';
-import { program, sampleStream } from './hosts.mjs';
+import { cellStream, program, sampleStream } from './hosts.mjs';
 import { run } from './tap.mjs';
 
-const server = await program([sampleStream().path]);
+const server = await program([sampleStream().path, cellStream().path]);
 const browser = await launch();
 const size = { width: 800, height: 560 };
 const small = { width: 580, height: 480 }; // rays take long where the processor draws
 const page = await openPage(browser, server.url, { viewport: size, permissions: ['clipboard-read', 'clipboard-write'] });
 
-async function open(state, on = page) {
+async function open(state, on = page, id = 'fin') {
   await on.goto('about:blank');
-  await on.goto(`${server.url}view/fin#smooth=0&error=0.05&surface=solid&slices=&map=viridis&range=data${state}`);
+  await on.goto(`${server.url}view/${id}#smooth=0&error=0.05&surface=solid&slices=&map=viridis&range=data${state}`);
   await firstPicture(on);
   await settled(on);
 }
@@ -51,9 +51,14 @@ async function picture() {
 async function changesThePicture(what, act) {
   const before = await picture();
   await act();
-  const after = await picture();
-  assert.ok(after !== before, `${what} leaves the picture as it was`);
-  return after;
+  await settled(page);
+  await page.evaluate(async (was) => {
+    for (const end = performance.now() + 60000; performance.now() < end;) {
+      await new Promise(requestAnimationFrame);
+      if ((await window.tetlod.scene.capture()).src !== was) return;
+    }
+    throw new Error('the picture stays as it was');
+  }, before).catch((error) => assert.fail(`${what}: ${error.message}`));
 }
 
 async function the_error_has_a_slider_and_two_fields() {
@@ -125,7 +130,8 @@ async function the_plot_is_dragged() {
 
 async function fields_and_components() {
   await open('');
-  const density = await changesThePicture('another field', () => page.locator('#field').selectOption('Density'));
+  await changesThePicture('another field', () => page.locator('#field').selectOption('Density'));
+  const density = await picture();
   await page.locator('#field').selectOption('Velocity');
   await page.locator('#component').waitFor();
   const pictures = [density];
@@ -161,7 +167,8 @@ async function ranges_of_the_colours() {
 async function logarithm_map_and_direction() {
   await open('');
   const plain = await picture();
-  const log = await changesThePicture('a logarithm', () => page.locator('#log').check());
+  await changesThePicture('a logarithm', () => page.locator('#log').check());
+  const log = await picture();
   await changesThePicture('the reversed map', () => page.locator('#reversed').check());
   await page.locator('#reversed').uncheck();
   await page.locator('#log').uncheck();
@@ -231,6 +238,35 @@ async function a_threshold_leaves_cells() {
   const values = await page.evaluate(() => [...window.tetlod.scene.surface.part.values]);
   assert.ok(values.length > 10 && values.every((x) => x >= low + 0.2 * (high - low) - 1e-4 && x <= 6 + 1e-3));
   await changesThePicture('no threshold', () => page.locator('#threshold').uncheck());
+}
+
+async function cells_colour_and_regions_are_hidden() {
+  await open('');
+  assert.ok(await page.locator('#cells-row').isHidden() && await page.locator('#regions-body').isHidden(), 'this stream has none');
+  await open('', page, 'cells');
+  await changesThePicture('colours by values of cells', () => page.locator('#cells').selectOption('material'));
+  const values = () => page.evaluate(() => [...new Set(window.tetlod.scene.surface.part.values)].sort());
+  assert.deepEqual(await values(), [10, 20, 30]);
+  assert.deepEqual(await Promise.all(['low', 'high'].map((id) => page.locator(`#${id}`).inputValue())), ['10', '30']);
+  await page.locator('#regions').selectOption('material');
+  await page.getByLabel('30 384 cells').waitFor();
+  await changesThePicture('a hidden region', () => page.getByLabel('30 384 cells').uncheck());
+  await becomes('hidden', [30]);
+  assert.deepEqual(await values(), [10, 20]);
+  await changesThePicture('and another', () => page.getByLabel(/^10/).uncheck());
+  assert.deepEqual(await values(), [20]);
+  await until(() => location.hash.includes('cells=material') && location.hash.includes('hidden=10,30'));
+  const link = await picture();
+  await page.reload();
+  await firstPicture(page);
+  assert.equal(await picture(), link, 'the link shows the same');
+  await page.locator('#regions-hide').click();
+  await until(() => !window.tetlod.scene.surface.part.triangles.length);
+  await changesThePicture('all again', () => page.locator('#regions-show').click());
+  await page.locator('#cells').selectOption('pull');
+  await page.locator('#component').selectOption('1');
+  await until(() => Number(document.getElementById('low').value) < -3000);
+  assert.deepEqual(page.complaints, []);
 }
 
 async function vectors_are_drawn() {
@@ -339,8 +375,9 @@ const differenceFromRays = (behind) => page.evaluate(async (clip) => {
 // Rays through the tetrahedra: the picture is what the values along each ray give, at any level and behind a plane.
 async function tetrahedra_are_rendered() {
   await page.setViewportSize(small);
-  for (const [more, clip] of [['&error=0.2', null], ['&error=0', null], ['&error=0.01&clip=x@0.5', { normal: [1, 0, 0], at: 0.5 }]]) {
-    await open(`&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4${more}`);
+  const middle = { normal: [1, 0, 0], at: 0.5 };
+  for (const [more, clip, id] of [['&error=0.2', null], ['&error=0&cells=load', null, 'cells'], ['&error=0', null], ['&error=0.01&clip=x@0.5', middle]]) {
+    await open(`&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4${more}`, page, id);
     await until(() => window.tetlod.scene.rays?.actor.getVisibility());
     await picture();
     const bounds = (await infoOf()).bounds;
@@ -522,6 +559,27 @@ const download = async (id) => {
 const vtpOf = ({ path }) => JSON.parse(execFileSync('/usr/bin/python3', ['-c', readVtp, path]));
 const near = (a, b) => Math.abs(a - b) <= 1e-5 * (1 + Math.abs(b));
 
+// Where two pictures differ otherwise than at each of some places, and only there.
+const axesIn = (...pictures) => page.evaluate(async ([one, other, labels]) => {
+  const pixels = await Promise.all([one, other].map(async (base64) => {
+    const image = await createImageBitmap(new Blob([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))]));
+    const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
+    context.drawImage(image, 0, 0);
+    return context.getImageData(0, 0, image.width, image.height);
+  }));
+  const [{ width, data }, { data: without }] = pixels;
+  const met = labels.map(() => 0);
+  const wrong = [];
+  for (let i = 0; i < data.length; i += 4) {
+    if (Math.abs(data[i] - without[i]) < 40) continue;
+    const [x, y] = [(i / 4) % width, Math.floor(i / 4 / width)];
+    const label = labels.findIndex(({ left, right, top, bottom }) => x > left - 3 && x < right + 3 && y > top - 3 && y < bottom + 3);
+    if (label < 0) wrong.push([x, y]);
+    else met[label]++;
+  }
+  return [...wrong, ...labels.filter((_, i) => !met[i])];
+}, pictures.map((file) => file.bytes?.toString('base64') ?? file));
+
 async function what_leaves_the_page() {
   await open('');
   const { level, tets } = await page.evaluate(() => window.tetlod.stream.info.levels[window.tetlod.level]);
@@ -529,11 +587,16 @@ async function what_leaves_the_page() {
   assert.equal(mesh.name, `fin-${level}.vtu`);
   assert.match(mesh.bytes.subarray(0, 2000).toString('latin1'), new RegExp(`NumberOfCells="${tets}"`));
   const shot = await download('screenshot');
+  const labels = await page.locator('.axes text').evaluateAll((all) => all.map((text) => text.getBoundingClientRect().toJSON()));
+  assert.ok(labels.length > 5);
   assert.equal(shot.name, `fin-${level}.png`);
   const texts = JSON.parse(execFileSync('python3', ['-c', readTexts], { input: shot.bytes }));
   assert.equal(texts.Title, 'fin');
   assert.match(texts.Description, new RegExp(`^Pressure, level ${level} of \\d+: Pressure ≤ [\\d.]+\\s%`));
   assert.match(texts.Source, /view\/fin#.*error=0.05/);
+  await page.locator('#axes').uncheck();
+  assert.deepEqual(await axesIn(shot, await download('screenshot'), labels), [], 'the axes have their numbers where the screen has them');
+  await page.locator('#axes').check();
   const { width, height } = await page.locator('#stage').boundingBox();
   assert.deepEqual([shot.bytes.readUInt32BE(16), shot.bytes.readUInt32BE(20)], [Math.round(width), Math.round(height)]);
   await page.locator('#png-width').fill('900');
@@ -743,7 +806,7 @@ async function nothing_was_complained_of() {
 }
 
 const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
-  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, vectors_are_drawn, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
+  ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, cells_colour_and_regions_are_hidden, vectors_are_drawn, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
   the_camera_and_the_background, a_second_view_turns_along, a_link_shows_the_same, what_leaves_the_page, surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
   a_line_is_plotted, values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of];
 const { ONLY } = process.env;

@@ -22,7 +22,7 @@ function a_state_survives_its_fragment() {
   assert.deepEqual(fromFragment(''), { ...defaults });
   const state = {
     ...defaults, error: 0.003, measure: 'rms', errorField: 'q', shading: 'all', maxTets: 5000, maxBytes: 2.5e6, field: 'Größe & mehr=x', component: 2, range: 'manual', low: -1.25, high: 3e-7,
-    log: true, map: 'cividis', reversed: true, surface: 'glass', edges: true, slices: [{ normal: [0, 1, 0], at: 0.25 }, { normal: [0.6, 0, -0.8], at: 1 }],
+    log: true, cells: 'material', regions: 'part', hidden: [-2, 7], map: 'cividis', reversed: true, surface: 'glass', edges: true, slices: [{ normal: [0, 1, 0], at: 0.25 }, { normal: [0.6, 0, -0.8], at: 1 }],
     sliceEdges: true, isosurfaces: [0, 0.5], isosurfaceField: 'T', isosurfaceOpacity: 0.4, zone: true, threshold: [0.1, 0.75], clip: { normal: [1, 0, 0], at: 0 }, vectors: 'arrows', vectorField: 'Größe', vectorCount: 77, second: 'field=T&slices=x@0.5', line: [0, 0.25, 0.5, 1, 0.75, 0.5], pins: [[0.5, 0, 1], [0.25, 0.75, 0.125]], step: 7, volume: true, volumeSize: 64,
     opacity: [[0, 0.5], [1, 0]], background: 'black', axes: false, parallel: true, smooth: false, camera: [1, 2, 3, 0, 0, 0, 0, 0, 1],
   };
@@ -96,6 +96,25 @@ function arrows_point_along_the_field() {
     const [x, , z] = way;
     assert.ok(x > 0 && Math.abs(way[1]) < 1e-4 && (Math.abs(z) < 1e-4 || (z > 0 && z < 1.34 * x)), `${way}`);
   }
+}
+
+// What is before the plane is cut off, and only that: the area behind it and the area before it are the whole's.
+function a_plane_cuts_arrows() {
+  const flow = cubeWith(4, ([x, y]) => [3, 0, y > 0 ? 4 : 0]);
+  const areaOf = (clip) => {
+    const { points, values, triangles, normals } = drawVectors(flow, { kind: 'arrows', count: 50 }, 1, clip);
+    assert.ok(normals.length === points.length && points.length === 3 * values.length);
+    let sum = 0;
+    for (let i = 0; i < triangles.length; i += 3) {
+      const [a, b, c] = [0, 1, 2].map((k) => [...points.subarray(3 * triangles[i + k], 3 * triangles[i + k] + 3)]);
+      for (const p of [a, b, c]) assert.ok(!clip || clip.normal[0] * (p[0] - clip.origin[0]) < 1e-6);
+      const [u, v] = [b, c].map((p) => p.map((x, k) => x - a[k]));
+      sum += Math.hypot(u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]) / 2;
+    }
+    return sum;
+  };
+  const [whole, ...sides] = [null, [1, 0, 0], [-1, 0, 0]].map((normal) => areaOf(normal && { origin: [0.1, 0, 0], normal }));
+  assert.ok(sides.every((side) => side > 0.2 * whole) && Math.abs(sides[0] + sides[1] - whole) < 1e-5 * whole, `${sides} of ${whole}`);
 }
 
 // Colours at equal distances stand for what they were taken from, which does not always round.
@@ -176,6 +195,7 @@ const info = {
   levels: [[0.5, 10, 100], [0.1, 50, 300], [0.1, 60, 400], [0.01, 200, 900], [0, 500, 2000]]
     .map(([error, tets, size], level) => ({ level, tets, bytes: size, errors: { p: { max: error, rms: error / 4 }, q: { rms: error } } })),
   fields: [{ name: 'p' }, { name: 'q' }],
+  cellFields: [],
 };
 
 function units_of_fields() {
@@ -207,7 +227,11 @@ function the_state_says_what_to_ask_for() {
   assert.deepEqual([spec.slices[0].normal, spec.slices[0].origin[2]], [[0, 0, 1], 2]);
   assert.deepEqual(spec.isosurfaces, [{ field: 'p', component: 0, value: 2, zone: false }]);
   assert.equal(spec.threshold, null);
-  assert.deepEqual(specOf({ ...state, threshold: [0, 0.25] }, stream).threshold, { low: -Infinity, high: 1.5 });
+  assert.deepEqual(specOf({ ...state, threshold: [0, 0.25] }, stream).threshold, { field: 'p', component: 0, low: -Infinity, high: 1.5 });
+  const cells = { ...stream, cellFields: [{ name: 'm', components: 3 }] };
+  const coloured = specOf({ ...state, cells: 'm', component: 1, regions: 'r', hidden: [2] }, cells);
+  assert.deepEqual([coloured.field, coloured.cellField, coloured.component, coloured.regions], ['p', 'm', 1, { field: 'r', hidden: [2] }]);
+  assert.deepEqual([spec.cellField, spec.regions], [undefined, null]);
   assert.deepEqual(isosurfaceRange({ ...state, isosurfaceField: 'v' }, stream), [0, 2 * Math.sqrt(3)]);
   assert.deepEqual(targetOf({ ...state, error: 0.02, maxTets: 7, maxBytes: 9 }), { error: 0.02, tets: 7, bytes: 9 });
   assert.deepEqual(targetOf({ ...state, error: 0.02, maxTets: 7, field: 'v' }, stream), { error: 0.02, tets: 7, field: 'p', measure: 'max' }); // v is not controlled
@@ -298,6 +322,6 @@ function numbers_as_people_read_them() {
   assert.deepEqual(ticks(3, 3, 5), [3]);
 }
 
-await run([streamlines_follow_the_field, arrows_point_along_the_field, a_state_survives_its_fragment, maps_are_those_they_are_named_after, maps_from_files, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, units_of_fields, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
+await run([streamlines_follow_the_field, arrows_point_along_the_field, a_plane_cuts_arrows, a_state_survives_its_fragment, maps_are_those_they_are_named_after, maps_from_files, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, units_of_fields, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
   polygons_end_at_the_window, the_nearest_triangle_is_picked, lines_of_the_far_walls,
   lines_are_seen_on_every_colour, numbers_as_people_read_them]);

@@ -1127,35 +1127,43 @@ class Cursor:
         for column, coder in zip(self.columns, self.coders):
             if column.part and self.stream.fields[column.part - 1]['exact_later']:
                 kinds, digits, sources = bits(4), bits(32), bits(64)
-                models = bits(2), bits(1), (Number(), Number()), [bits(1 << wide) for wide in range(13)]
+                models = bits(2), bits(1), (Number(), Number(), Number()), [bits(1 << wide) for wide in range(13)]
                 column.exact = []
                 for c in range(column.components):
-                    kind = coder.tree(kinds, 2)
-                    if kind == 3:
+                    kind, source = coder.tree(kinds, 2), c
+                    near = kind == 3
+                    if near:
                         source = coder.tree(sources, 6)
-                        require(source < c, 'a component repeats a later one')
+                        require(source <= c, 'a component repeats a later one')
+                    if source < c:
                         column.exact.append(column.exact[source])
-                    else:
-                        digit = coder.tree(digits, 5) if kind else 0
-                        require(digit <= 15 and (kind < 2 or digit), 'numbers of an unknown kind')
-                        column.exact.append(self._exact(column, coder, c, Numbers(kind, digit, column.scale), models))
+                        continue
+                    if near:
+                        kind = coder.tree(kinds, 2)
+                    digit = coder.tree(digits, 5) if kind else 0
+                    require(kind < 3 and digit <= 15 and (kind < 2 or digit), 'numbers of an unknown kind')
+                    column.exact.append(self._exact(column, coder, c, Numbers(kind, digit, column.scale), near, models))
 
     @staticmethod
-    def _exact(column, coder, c, numbers, models):
+    def _exact(column, coder, c, numbers, near, models):
         scale, half, floats = column.scale, 0.5 * column.scale.step[0], Numbers(0, 0, column.scale)
         (repeat, odd, distances, wides), memory, result = models, {}, []
         for code in column.codes[c]:
-            place = code % 4096
+            place = code % (65536 if near else 4096)
             known = memory.get(place)
-            if known and known[0] == code:
+            known = known if known and known[0] == code else None
+            if known:
                 known[2] = coder.bit(repeat, known[2])
                 if known[2]:
                     result.append(known[1])
                     continue
             kind = floats if not numbers.kind or coder.bit(odd) else numbers
-            value = scale.value(code)
-            room = abs(kind.code(value + half) - kind.code(value - half)).bit_length()
-            distance = coder.distance(distances[kind.kind > 0], wides, kind.width, room)
+            if near and known:
+                value, chosen, room = known[1], distances[2], 0
+            else:
+                value, chosen = scale.value(code), distances[kind.kind > 0]
+                room = abs(kind.code(value + half) - kind.code(value - half)).bit_length()
+            distance = coder.distance(chosen, wides, kind.width, room)
             exact = kind.value(in_ring(kind.code(value) + distance, kind.width, True))
             require(math.isfinite(exact), 'the tail holds a value that is not finite')
             memory[place] = [code, exact, 0]

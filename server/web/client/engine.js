@@ -14,6 +14,18 @@ const heavyFrame = 120; // milliseconds: above, a move would be seen as one jump
 const ahead = 2;        // groups of steps that are fetched before they are needed
 const patience = 1000;  // milliseconds until a picture counts as seen
 
+const mostRegions = 500; // that somebody may want to choose from
+
+// Which numbers there are, ascending, and how many tetrahedra have each; null: too many.
+function countRegions(values) {
+  const tets = new Map();
+  for (const value of values) {
+    tets.set(value, (tets.get(value) ?? 0) + 1);
+    if (tets.size > mostRegions) return null;
+  }
+  return [...tets].sort(([a], [b]) => a - b).map(([number, count]) => ({ number, tets: count }));
+}
+
 const aborted = () => new DOMException('the request was aborted', 'AbortError');
 
 export class Engine {
@@ -35,6 +47,8 @@ export class Engine {
   #volumeOf = '';     // what the page has a volume of
   #raysOf = '';       // what the page has the tetrahedra of
   #vectorsOf = '';    // what the page has arrows or streamlines of
+  #cells = new Map(); // promises of fields of cells, by number
+  #shows = 0;
   #seen = null;       // resolves when the page has seen the last pictures
   #bells = [];        // of loops that wait
   #turn = new MessageChannel(); // lets messages in between two pieces of work
@@ -124,19 +138,37 @@ export class Engine {
   }
 
   probe(point) {
-    return this.#view.probe(point, this.#info.fields);
+    return this.#view.probe(point, this.#info.fields, this.#info.cellFields);
   }
 
   /** The value that colours the pictures, along a segment. */
   line([from, to]) {
-    if (!this.#spec || this.#spec.shade < 0) throw new RangeError('a line needs pictures with a field');
-    this.#view.shade(this.#spec.shade, this.#spec.component); // the mesh may have gone on
+    if (!this.#spec || (this.#spec.shade < 0 && this.#spec.cellShade < 0)) throw new RangeError('a line needs pictures with a field');
+    this.#colour(); // the mesh may have gone on
     return { level: this.#shown, ends: this.#view.along(from, to) };
   }
 
-  show(spec) {
+  /** Fetches the values of a field of cells; `cells` gives those of all the original's tetrahedra, too. */
+  loadCells(name) {
+    return this.#loadCells(this.#cellIndex(name));
+  }
+
+  async cells(name) {
+    const field = this.#cellIndex(name);
+    await this.#loadCells(field);
+    return this.#view.cells(field, this.#info.tets * this.#info.cellFields[field].components);
+  }
+
+  async show(spec) {
+    const checked = spec && this.#checkSpec(spec);
+    const number = ++this.#shows;
+    for (const field of [checked?.cellShade ?? -1, checked?.regions?.field ?? -1]) if (field >= 0) await this.#loadCells(field);
+    if (number === this.#shows) this.#apply(checked); // else a later one came before the bytes
+  }
+
+  #apply(spec) {
     const before = this.#spec;
-    this.#spec = spec && this.#checkSpec(spec);
+    this.#spec = spec;
     if (!before) this.#sampleOf = '';
     if (!before?.surface) this.#surfaceOf = '';
     if (!before?.volume) this.#volumeOf = '';
@@ -313,6 +345,37 @@ export class Engine {
     if (this.#at?.step === step) await this.#present(1);
   }
 
+  // ---- values of cells
+
+  #cellIndex(name) {
+    const { cellFields } = this.#info;
+    const index = cellFields.findIndex((field) => field.name === name);
+    if (index < 0) throw new RangeError(`there are no values of cells '${name}'; there are: ${cellFields.map((f) => f.name).join(', ') || 'none'}`);
+    return index;
+  }
+
+  // They lie behind the levels; each comes once, when it is first needed.
+  #loadCells(field) {
+    if (!this.#cells.has(field)) {
+      this.#cells.set(field, this.#readCells(field));
+      this.#cells.get(field).catch(() => this.#cells.delete(field)); // a network may come back
+    }
+    return this.#cells.get(field);
+  }
+
+  async #readCells(field) {
+    const { name, components, type, place: [offset, size] } = this.#base.cellFields[field];
+    const bytes = await this.#source.apart(offset, size);
+    this.#view.put(offset, bytes);
+    try {
+      this.#view.loadCells(field);
+    } finally {
+      this.#view.forget();
+    }
+    const whole = components === 1 && type.startsWith('int');
+    this.#emit('cells', { field: name, bytes: size, regions: whole ? countRegions(this.#view.cells(field, this.#info.tets)) : null });
+  }
+
   // ---- levels
 
   // The level that can be shown now on the way to the goal.
@@ -415,26 +478,34 @@ export class Engine {
     return index;
   }
 
-  #component(field, component = 0) {
-    const { name, components } = this.#info.fields[field];
+  #component({ name, components }, component = 0) {
     if (component === 'magnitude') return -1;
     if (Number.isInteger(component) && component >= 0 && component < components) return component;
     throw new RangeError(`the field '${name}' has ${components} components; component is one of their numbers from 0, or 'magnitude'`);
   }
 
   // The spec with indices for names.
-  #checkSpec({ field, component, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, vectors = null, rays = false, morph = true, tag = null }) {
+  #checkSpec({ field, component, cellField, regions = null, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, vectors = null, rays = false, morph = true, tag = null }) {
     const shade = field === undefined ? -1 : this.#fieldIndex(field);
     const of = (name) => (name === undefined ? shade : this.#fieldIndex(name));
     if (shade < 0 && [...isosurfaces, threshold].some((what) => what && what.field === undefined)) throw new RangeError('an isosurface or threshold needs a field');
     if (volume && !(volume.size >= 2 && volume.size <= 512)) throw new RangeError(`volume.size is from 2 to 512, not ${volume.size}`);
-    const valueOf = (what) => ({ field: of(what.field), component: this.#component(of(what.field), what.component ?? (what.field === undefined ? component : 0)) });
+    const cellShade = cellField === undefined ? -1 : this.#cellIndex(cellField);
+    const valueOf = (what) => ({ field: of(what.field), component: this.#component(this.#info.fields[of(what.field)], what.component ?? (what.field === undefined && cellShade < 0 ? component : 0)) });
     return {
-      surface, edges, slices, clip, volume, rays, morph, tag, shade, vectors: vectors && this.#checkVectors(vectors),
-      component: shade < 0 ? 0 : this.#component(shade, component),
+      surface, edges, slices, clip, volume, rays, morph, tag, shade, cellShade, vectors: vectors && this.#checkVectors(vectors), regions: regions && this.#checkRegions(regions),
+      component: shade < 0 ? 0 : this.#component(this.#info.fields[shade], cellShade < 0 ? component : 0),
+      cellComponent: cellShade < 0 ? 0 : this.#component(this.#info.cellFields[cellShade], component),
       threshold: threshold && { low: -Infinity, high: Infinity, ...threshold, ...valueOf(threshold) },
       isosurfaces: isosurfaces.map((iso) => ({ ...valueOf(iso), value: iso.value, zone: Boolean(iso.zone) })),
     };
+  }
+
+  #checkRegions({ field: name, hidden = [] }) {
+    const field = this.#cellIndex(name);
+    const { components, type } = this.#info.cellFields[field];
+    if (components !== 1 || !type.startsWith('int')) throw new RangeError(`the values of cells '${name}' are not whole numbers of one component, as regions are`);
+    return { field, hidden: hidden.map(Number) };
   }
 
   #checkVectors({ field: name, kind = 'arrows', count = 300 }) {
@@ -470,38 +541,47 @@ export class Engine {
   }
 
   #drawSurface() {
-    const { surface, clip, threshold, edges: lines } = this.#spec;
+    const { surface, clip, threshold, regions, cellShade, edges: lines } = this.#spec;
     if (!surface) return null;
-    const key = clip ? '' : JSON.stringify([this.#shown, threshold && this.#at, lines, threshold]); // a clipped one has other triangles each time
+    const key = clip ? '' : JSON.stringify([this.#shown, threshold && this.#at, lines, threshold, regions, cellShade < 0]); // a clipped one has other triangles each time
     const keep = key && key === this.#surfaceOf;
     this.#surfaceOf = key;
     return this.#view.surface({ lines, keep });
   }
 
   #drawRays() {
-    const { rays, threshold } = this.#spec;
+    const { rays, threshold, regions } = this.#spec;
     if (!rays) return null;
-    const key = JSON.stringify([this.#shown, threshold && this.#at, threshold]);
+    const key = JSON.stringify([this.#shown, threshold && this.#at, threshold, regions]);
     const keep = key === this.#raysOf;
     this.#raysOf = key;
     return this.#view.rays({ keep });
   }
 
+  // Returns the range.
+  #colour() {
+    const { shade, component, cellShade, cellComponent } = this.#spec;
+    return cellShade < 0 ? this.#view.shade(shade, component) : this.#view.shadeCells(cellShade, cellComponent);
+  }
+
   // The value that colours; with a sample where it is of another mesh or value than the last one.
   #drawShade(t) {
-    const { shade, component } = this.#spec;
-    const range = this.#view.shade(shade, component);
-    if (shade < 0) return null;
-    const key = JSON.stringify([this.#shown, this.#at, shade, component]);
+    const { shade, component, cellShade, cellComponent } = this.#spec;
+    const range = this.#colour();
+    if (shade < 0 && cellShade < 0) return null;
+    const cells = cellShade >= 0;
+    const { name } = cells ? this.#info.cellFields[cellShade] : this.#info.fields[shade];
+    const of = cells ? cellComponent : component;
+    const key = JSON.stringify([this.#shown, cells || this.#at, cells, name, of]);
     const fresh = t === 1 && key !== this.#sampleOf;
     if (fresh) this.#sampleOf = key;
-    return { field: this.#info.fields[shade].name, component: component < 0 ? 'magnitude' : component, range, sample: fresh ? this.#view.sample() : undefined };
+    return { field: name, cells, component: of < 0 ? 'magnitude' : of, range, sample: fresh ? this.#view.sample() : undefined };
   }
 
   #draw(t) {
-    const { edges: lines, slices, isosurfaces, threshold, clip } = this.#spec;
+    const { edges: lines, slices, isosurfaces, threshold, regions, clip } = this.#spec;
     this.#view.clip(clip);
-    this.#view.threshold(threshold);
+    this.#view.filter(threshold, regions);
     return {
       shade: this.#drawShade(t),
       surface: this.#drawSurface(),
@@ -523,9 +603,9 @@ export class Engine {
 
   // A grid takes too long to be made while the mesh moves: undefined then and where it is the same, null where none is wanted.
   #drawVolume(t) {
-    const { volume, shade, component, threshold, clip } = this.#spec;
+    const { volume, shade, component, cellShade, cellComponent, threshold, regions, clip } = this.#spec;
     if (!volume) return null;
-    const key = JSON.stringify([this.#shown, this.#at, volume.size, volume.logarithmic, shade, component, threshold, clip]);
+    const key = JSON.stringify([this.#shown, this.#at, volume.size, volume.logarithmic, shade, component, cellShade, cellComponent, threshold, regions, clip]);
     if (t < 1 || key === this.#volumeOf) return undefined;
     this.#volumeOf = key;
     return this.#view.resample(volume.size, volume.logarithmic);
@@ -533,13 +613,15 @@ export class Engine {
 
   // As with the grid: at rest, and where it is not the same.
   #drawVectors(t) {
-    const { vectors, shade, component, threshold } = this.#spec;
+    const { vectors, shade, component, cellShade, cellComponent, threshold, regions, clip } = this.#spec;
     if (!vectors) return null;
-    const key = JSON.stringify([this.#shown, this.#at, vectors, shade, component, threshold]);
+    const key = JSON.stringify([this.#shown, this.#at, vectors, shade, component, cellShade, cellComponent, threshold, regions, clip]);
     if (t < 1 || key === this.#vectorsOf) return undefined;
     this.#vectorsOf = key;
     const [low, high] = this.#info.bounds;
-    return drawVectors(new Flow(this.#view.flow(vectors.field)), vectors, Math.hypot(...high.map((h, i) => h - low[i])));
+    const { centre } = this.#view; // places are relative to it
+    const plane = clip && { ...clip, origin: clip.origin.map((c, i) => c - centre[i]) };
+    return drawVectors(new Flow(this.#view.flow(vectors.field)), vectors, Math.hypot(...high.map((h, i) => h - low[i])), plane);
   }
 
   // Makes the pictures at t of a move (1: at rest) and waits until they are seen.

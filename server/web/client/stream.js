@@ -160,6 +160,7 @@ export class TetlodStream extends EventTarget {
   fields = []; // names of those that are decoded
   level = 0;
   received = 0;
+  receivedCells = 0; // bytes of values of cells, beside those
   receivedSteps = 0; // bytes of steps, beside those
   series = null; // {group, times, bands: [{error, level}], fields: [{name, range}], displacement: name or null} of a series in time, from the event `series` on
 
@@ -275,7 +276,17 @@ export class TetlodStream extends EventTarget {
     return this.#call('mesh');
   }
 
-  /** {values: {field: [components]}, tet} at a point of the mesh that is shown, or null outside of it. */
+  /** Fetches the values of a field of cells, which are there from the event `cells` on. show() does so, too, for those that it needs. */
+  loadCells(name) {
+    return this.#call('loadCells', name);
+  }
+
+  /** The values of a field of cells, of all the original's tetrahedra: a level's are the first. They come when they are first asked for. */
+  cells(name) {
+    return this.#call('cells', name);
+  }
+
+  /** {values: {field: [components]}, cells: {field: [components]}, tet} at a point of the mesh that is shown, or null outside of it. */
   probe(point) {
     return this.#call('probe', point);
   }
@@ -359,6 +370,7 @@ export class TetlodStream extends EventTarget {
     if (event === 'read') return void this.#read(link, detail);
     if (link === this.#next && event !== 'retry') return;
     if (event === 'level') this.level = detail.level;
+    if (event === 'cells') this.receivedCells += detail.bytes;
     if (event === 'buffered') this.receivedSteps = detail.received;
     if (event === 'series') this.series = detail;
     if (event === 'progress') this.received = detail.received;

@@ -197,6 +197,22 @@ export class View {
     return this.#floats(values, count).slice().sort();
   }
 
+  /** Decodes values of cells, whose bytes are put: the field with this number of describe().cellFields. */
+  loadCells(field) {
+    this.#check(this.#code.view_load_cells(this.#view, field));
+  }
+
+  /** A copy of the values of all the original's tetrahedra, `count` numbers; those of a level's are the first. */
+  cells(field, count) {
+    return this.#doubles(this.#code.view_cells(this.#view, field), count).slice();
+  }
+
+  /** As shade(), by values of cells that are loaded. After filter(). */
+  shadeCells(field, component) {
+    this.#check(this.#code.view_shade_cells(this.#view, field, component));
+    return [...this.#doubles(this.#code.view_shade_range(this.#view), 2)];
+  }
+
   // `lines`, `normals`: what the part has beside points, values and triangles; `keep`: without triangles and lines.
   #part({ lines = false, normals = false, keep = false } = {}, make) {
     this.#check(make((lines ? 1 : 0) | (normals ? 2 : 0)));
@@ -218,10 +234,16 @@ export class View {
     else this.#code.view_unclip(this.#view);
   }
 
-  /** From now on pictures are of tetrahedra whose corners have values from `low` to `high` at the end of a move, or of all (null). */
-  threshold(range) {
-    if (range) this.#check(this.#code.view_threshold(this.#view, range.field, range.component, range.low, range.high));
+  /**
+   * From now on pictures are of tetrahedra whose corners have values from `low` to `high` of `range` at the end of a move, or of all (null),
+   * but not of those of `regions`: {field, hidden}, numbers of a field of cells that is loaded; null: none are left out.
+   */
+  filter(range, regions) {
+    if (range) this.#code.view_threshold(this.#view, range.field, range.component, range.low, range.high);
     else this.#code.view_unthreshold(this.#view);
+    const hidden = Float64Array.from(regions?.hidden ?? []).sort();
+    this.#check(this.#lend(hidden, (address) => this.#code.view_hide(this.#view, regions?.field ?? 0, address, hidden.length)));
+    this.#check(this.#code.view_filter(this.#view));
   }
 
   /** The boundary; its triangles and lines are the same all the way of a move. */
@@ -254,20 +276,23 @@ export class View {
   // Counts and addresses of struct cut_rays.
   #rayData() {
     this.#check(this.#code.view_rays(this.#view));
-    return this.#words(this.#code.view_ray_data(this.#view), 9);
+    return this.#words(this.#code.view_ray_data(this.#view), 11);
   }
 
   /** What is drawn, and a field of vectors, as `Flow` takes them: the module's own arrays, until the next call. */
   flow(field) {
-    const [vertexCount, tetCount, , , vertices, corners, neighbours] = this.#rayData();
-    return { vertices: this.#floats(vertices, 4 * vertexCount), corners: this.#words(corners, 4 * tetCount), neighbours: this.#words(neighbours, 4 * tetCount),
+    const [vertexCount, tetCount, , , vertices, corners, neighbours, , , ofTets, hasOfTets] = this.#rayData();
+    return { cells: hasOfTets ? this.#floats(ofTets, tetCount) : null, vertices: this.#floats(vertices, 4 * vertexCount), corners: this.#words(corners, 4 * tetCount), neighbours: this.#words(neighbours, 4 * tetCount),
       vectors: this.#doubles(this.#code.view_values(this.#view, field), 3 * vertexCount) };
   }
 
   /** What rays through the tetrahedra need (src/cut/rays.h); `keep`: only what a move changes. */
   rays({ keep = false } = {}) {
-    const [vertexCount, tetCount, faceCount, nodeCount, vertices, corners, neighbours, faces, nodes] = this.#rayData();
-    const placed = { vertices: this.#floats(vertices, 4 * vertexCount).slice(), nodes: this.#floats(nodes, 8 * nodeCount).slice() };
+    const [vertexCount, tetCount, faceCount, nodeCount, vertices, corners, neighbours, faces, nodes, ofTets, hasOfTets] = this.#rayData();
+    const placed = {
+      vertices: this.#floats(vertices, 4 * vertexCount).slice(), nodes: this.#floats(nodes, 8 * nodeCount).slice(),
+      cells: hasOfTets ? this.#floats(ofTets, 4 * Math.ceil(tetCount / 4)).slice() : null,
+    };
     const words = (address, count) => this.#words(address, 4 * count).slice();
     return keep ? placed : { ...placed, corners: words(corners, tetCount), neighbours: words(neighbours, tetCount), faces: words(faces, faceCount) };
   }
@@ -279,8 +304,9 @@ export class View {
     return this.#doubles(ends, count ? 4 * count : 0).slice();
   }
 
-  /** {tet, values: {field: [components]}} of the mesh that is shown, or null outside. `fields` are those of describe(). */
-  probe([x, y, z], fields) {
+  /** {tet, values: {field: [components]}, cells: {the same of fields of cells that are loaded}} of the mesh that is shown, or null outside.
+   *  `fields` and `cellFields` are those of describe(). */
+  probe([x, y, z], fields, cellFields = []) {
     const tet = this.#code.view_probe(this.#view, x, y, z) >>> 0;
     if (tet === NONE) return null;
     let at = this.#code.view_probed(this.#view) >>> 0;
@@ -290,6 +316,11 @@ export class View {
       if (!Number.isNaN(value[0])) values[name] = value; // else it is not decoded
       at += 8 * components;
     }
-    return { tet, values };
+    const cells = {};
+    cellFields.forEach(({ name, components }, f) => {
+      const address = this.#code.view_cells(this.#view, f) >>> 0;
+      if (address) cells[name] = [...this.#doubles(address + 8 * components * tet, components)];
+    });
+    return { tet, values, cells };
   }
 }

@@ -20,9 +20,9 @@ const across = (d) => unit(cross(d, Math.abs(d[0]) < 0.7 ? [1, 0, 0] : [0, 1, 0]
 /** A mesh with values, and which tetrahedron is behind which face. */
 export class Flow {
   // `vertices`: place and the value that colours, four numbers for each; `vectors`: three for each; `neighbours`: 4 times the
-  // tetrahedron opposite each corner, plus which of its faces that is, or NONE
-  constructor({ vertices, corners, neighbours, vectors }) {
-    Object.assign(this, { vertices, corners, neighbours, vectors, tets: corners.length / 4 });
+  // tetrahedron opposite each corner, plus which of its faces that is, or NONE; `cells`: values of tetrahedra that colour instead, or null
+  constructor({ vertices, corners, neighbours, vectors, cells = null }) {
+    Object.assign(this, { vertices, corners, neighbours, vectors, cells, tets: corners.length / 4 });
     this.fastest = 0;
     for (let v = 0; v < vectors.length; v += 3) this.fastest = Math.max(this.fastest, Math.hypot(vectors[v], vectors[v + 1], vectors[v + 2]));
   }
@@ -86,7 +86,7 @@ export class Flow {
   }
 
   shadeAt({ tet, weights }) {
-    return weights.reduce((sum, w, i) => sum + w * this.vertices[4 * this.corners[4 * tet + i] + 3], 0);
+    return this.cells ? this.cells[tet] : weights.reduce((sum, w, i) => sum + w * this.vertices[4 * this.corners[4 * tet + i] + 3], 0);
   }
 
   // One step of `length` along the flow, or against it where that is negative (Runge and Kutta's of order 4); null: it leads out, or nowhere.
@@ -115,9 +115,13 @@ export class Flow {
   }
 }
 
-// Collects triangles with values.
+// Collects triangles with values, as far as they are behind a plane { origin, normal }, if there is one.
 class Solid {
-  #points = []; #values = []; #normals = []; #triangles = [];
+  #clip; #points = []; #values = []; #normals = []; #triangles = [];
+
+  constructor(clip) {
+    this.#clip = clip;
+  }
 
   point(p, normal, value) {
     this.#points.push(...p);
@@ -125,8 +129,24 @@ class Solid {
     return this.#values.push(value) - 1;
   }
 
-  triangle(a, b, c) {
-    this.#triangles.push(a, b, c);
+  triangle(...ids) {
+    if (!this.#clip) return void this.#triangles.push(...ids);
+    const before = ids.map((id) => dot(add(this.#of(this.#points, id), this.#clip.origin, -1), this.#clip.normal));
+    const rim = ids.flatMap((id, i) => {
+      const next = (i + 1) % 3;
+      const own = before[i] < 0 ? [id] : [];
+      return before[i] < 0 === before[next] < 0 ? own : [...own, this.#between(id, ids[next], before[i] / (before[i] - before[next]))];
+    });
+    for (let i = 2; i < rim.length; i++) this.#triangles.push(rim[0], rim[i - 1], rim[i]);
+  }
+
+  #of(list, id) {
+    return list.slice(3 * id, 3 * id + 3);
+  }
+
+  #between(a, b, f) {
+    const at = (list) => [0, 1, 2].map((k) => list[3 * a + k] + f * (list[3 * b + k] - list[3 * a + k]));
+    return this.point(at(this.#points), at(this.#normals), this.#values[a] + f * (this.#values[b] - this.#values[a]));
   }
 
   get part() {
@@ -180,9 +200,9 @@ function drawTube(solid, flow, places, radius) {
   });
 }
 
-/** A part of the picture: `count` arrows, or as many streamlines. `diagonal`: of the bounds. */
-export function drawVectors(flow, { kind, count }, diagonal) {
-  const solid = new Solid();
+/** A part of the picture: `count` arrows, or as many streamlines, behind the plane `clip`, if it is not null. `diagonal`: of the bounds. */
+export function drawVectors(flow, { kind, count }, diagonal, clip = null) {
+  const solid = new Solid(clip);
   const { tets, volume } = flow.seeds(count);
   if (!(flow.fastest > 0)) return solid.part;
   for (const seed of tets) {

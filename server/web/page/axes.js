@@ -23,7 +23,7 @@ export class Axes {
   }
 
   update() {
-    const labels = this.shown ? names.flatMap((name, axis) => this.along(axis, name)) : [];
+    const labels = this.labels((point) => this.scene.toScreen(point));
     while (this.drawing.children.length > labels.length) this.drawing.lastChild.remove();
     while (this.drawing.children.length < labels.length) this.drawing.append(svg('text'));
     labels.forEach(({ x, y, text, name }, i) => {
@@ -35,8 +35,29 @@ export class Axes {
     });
   }
 
+  /** Numbers and names { x, y, text, name } where a projection of the scene's points has their places. */
+  labels(project) {
+    return this.shown ? names.flatMap((name, axis) => this.along(axis, name, project)) : [];
+  }
+
+  /** The same in a saved picture; `factor`: its pixels of one on the screen. */
+  draw(context, { width, height }, factor) {
+    const { color, fontFamily } = getComputedStyle(this.drawing);
+    context.save();
+    Object.assign(context, { fillStyle: color, globalAlpha: 0.75, textAlign: 'center', textBaseline: 'middle' });
+    const project = (point) => {
+      const { x, y, depth } = this.scene.toPicture(point, [width, height]);
+      return { x: x / factor, y: y / factor, depth };
+    };
+    for (const { x, y, text, name } of this.labels(project)) {
+      context.font = `${name ? 'italic 600 ' : ''}${12 * factor}px ${fontFamily}`;
+      context.fillText(text, x * factor, y * factor);
+    }
+    context.restore();
+  }
+
   // The four edges along an axis as they are seen; the one farthest from the middle, the lower one of two.
-  edge(axis) {
+  edge(axis, project) {
     const [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
     const { bounds } = this.scene;
     const ends = [0, 1, 2, 3].map((k) => [0, 1].map((end) => {
@@ -44,7 +65,7 @@ export class Axes {
       corner[axis] = bounds[end][axis];
       corner[u] = bounds[k & 1][u];
       corner[v] = bounds[k >> 1][v];
-      return this.scene.toScreen(corner);
+      return project(corner);
     }));
     const middles = ends.map(([a, b]) => [(a.x + b.x) / 2, (a.y + b.y) / 2]);
     const centre = [0, 1].map((i) => middles.reduce((sum, m) => sum + m[i], 0) / 4);
@@ -54,8 +75,8 @@ export class Axes {
     return { ends: ends[best], out, length: Math.hypot(...out) };
   }
 
-  along(axis, name) {
-    const { ends: [from, to], out, length } = this.edge(axis);
+  along(axis, name, project) {
+    const { ends: [from, to], out, length } = this.edge(axis, project);
     const long = Math.hypot(to.x - from.x, to.y - from.y);
     if (from.depth > 1 || to.depth > 1 || long < between / 2 || length < 1) return []; // behind the camera, or seen end on
     const [low, high] = this.bounds.map((corner) => corner[axis]);

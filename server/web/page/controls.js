@@ -4,11 +4,12 @@
 import { mapOfFile } from './color_file.js';
 import { cssGradient, mapNames } from './colors.js';
 import { byId, element } from './dom.js';
-import { componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, isosurfacesOf, measuresOf, spanOf, targetFieldOf, vectorFields, vectorsOf, wantedLevel, wordsOfBound } from './levels.js';
+import { colouredOf, componentName, errorForLevel, errorOf, errorSpan, fieldOf, measureFor, measureNames, isosurfacesOf, measuresOf, spanOf, targetFieldOf, vectorFields, vectorsOf, wantedLevel, wordsOfBound } from './levels.js';
 import { notice } from './notices.js';
 import { clamp, parseNumber, percent, significant } from './numbers.js';
 import { Plot } from './plot.js';
 import { histogram } from './first_view.js';
+import { bindRegions } from './regions.js';
 import { thresholdRange } from './spec.js';
 import { axisOf, mostVectors } from './state.js';
 import { TransferEditor } from './transfer.js';
@@ -61,12 +62,14 @@ export class Controls {
     Object.assign(this, { viewer, store, info, actions });
     this.opened = 'inside'; // what the boundary became when it was opened
     options(byId('field'), info.fields.map((f) => [f.name, f.name]));
+    options(byId('cells'), [['', 'no, by the field'], ...info.cellFields.map((f) => [f.name, f.name])]);
+    byId('cells-row').hidden = !info.cellFields.length;
     options(byId('isosurface-field'), [['', 'as coloured'], ...info.fields.map((f) => [f.name, f.name])]);
   }
 
   // What makes the panel, each a short piece of work.
   parts() {
-    return [() => bindPlain(this.store), () => this.bindDetail(), () => this.bindColors(), () => this.bindLayers(), () => this.bindVectors(), () => this.bindThreshold(), () => this.bindVolume(),
+    return [() => bindPlain(this.store), () => this.bindDetail(), () => this.bindColors(), () => this.bindLayers(), () => this.bindVectors(), () => this.bindThreshold(), () => bindRegions(this.viewer), () => this.bindVolume(),
       () => this.bindView(), () => this.describe()];
   }
 
@@ -140,8 +143,8 @@ export class Controls {
     const { store, info } = this;
     const component = byId('component');
     component.addEventListener('change', () => store.set({ component: component.value === 'magnitude' ? 'magnitude' : Number(component.value) }));
-    store.watch(['field', 'component'], (state) => {
-      const { components } = fieldOf(info, state.field);
+    store.watch(['field', 'cells', 'component'], (state) => {
+      const { components } = colouredOf(info, state).field;
       byId('component-row').hidden = components === 1;
       options(component, [['magnitude', 'magnitude'], ...Array.from({ length: components }, (_, i) => [i, componentName(components, i)])]);
       component.value = state.component;
@@ -417,6 +420,7 @@ export class Controls {
       ['Levels', String(info.levels.length)],
       ['Size', size],
       ['Fields', info.fields.map((f) => f.name).join(', ')],
+      ...(info.cellFields.length ? [['Values of cells', info.cellFields.map((f) => f.name).join(', ')]] : []),
       ['Restores the input', info.lossless ? 'exactly' : 'within its error'],
       ['Content', info.cid.slice(0, 12)],
     ];

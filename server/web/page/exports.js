@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The panel's files: pictures of any size, and what is drawn as CSV and VTP.
 
-import { boundOf } from '../client/choose.js';
 import { byId, element } from './dom.js';
 import { add } from './geometry.js';
-import { componentOf, titleOf } from './levels.js';
+import { boundShown, titleOf } from './levels.js';
 import { notice } from './notices.js';
 
 const mostPixels = 8192; // on a side
@@ -42,10 +41,10 @@ export function bindExports(viewer, save) {
     const [name, part] = partsOf(scene).find(([found]) => found === choice.value);
     const { csvOfPart, vtpOfPart } = await import('./surface_files.js');
     const { info, level, coloredState: state } = viewer;
-    const { bound, certified } = boundOf(info, level, state.field, componentOf(info, state));
+    const { bound, certified } = boundShown(info, level, state);
     const origin = add(scene.centre, scene.offset);
     const blob = kind === 'csv' ? new Blob([csvOfPart(part, origin, titleOf(info, state))], { type: 'text/csv' })
-      : vtpOfPart(part, origin, titleOf(info, state), [['level', level], [certified ? 'certified bound' : 'measured bound', bound]]);
+      : vtpOfPart(part, origin, titleOf(info, state), [['level', level], ...(bound === null ? [] : [[certified ? 'certified bound' : 'measured bound', bound]])]);
     save(`${name.replace(' ', '-')}.${kind}`, blob);
   };
   for (const kind of ['csv', 'vtp']) byId(`export-${kind}`).addEventListener('click', () => write(kind));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Levels and their errors, as the stream's index has them.
 
+import { boundOf } from '../client/choose.js';
 import { percent, significant } from './numbers.js';
 
 export const measureNames = {
@@ -87,16 +88,34 @@ export const wordsOfBound = (info, name, { bound, certified }) =>
 export const spanOf = (field) => field.range[1] - field.range[0];
 
 // What is drawn of a field: its only component has no choice.
-export function componentOf(info, state) {
-  const { components } = fieldOf(info, state.field);
+function componentIn({ components }, component) {
   if (components === 1) return 0;
-  return state.component === 'magnitude' || state.component >= components ? 'magnitude' : state.component;
+  return component === 'magnitude' || component >= components ? 'magnitude' : component;
 }
+export const componentOf = (info, state) => componentIn(fieldOf(info, state.field), state.component);
+
+// What colours: values of cells, if the state says so, else the field.
+export function colouredOf(info, state) {
+  const cells = info.cellFields.find((f) => f.name === state.cells);
+  const field = cells ?? fieldOf(info, state.field);
+  return { field, cells: Boolean(cells), component: componentIn(field, state.component) };
+}
+
+// How far a value that colours may be from the original's: { bound, certified, words }; for values of cells a coarser level has no bound: null.
+export function boundShown(info, level, state) {
+  const { field, cells, component } = colouredOf(info, state);
+  if (cells) return level === info.levels.length - 1 ? { bound: 0, certified: true, words: 'exact' } : { bound: null, certified: false, words: 'of the cell, without a bound' };
+  const found = boundOf(info, level, field.name, component);
+  return { ...found, words: wordsOfBound(info, field.name, found) };
+}
+
+// Fields of cells whose numbers can be those of regions.
+export const regionFields = (info) => info.cellFields.filter(({ components, type }) => components === 1 && type.startsWith('int')).map(({ name }) => name);
 
 // Whose isosurfaces: of what is coloured, or of another field, of its length if it has several components.
 export function isosurfacesOf(info, state) {
   const field = fieldOf(info, state.isosurfaceField);
-  if (!field || field.name === state.field) return { field: state.field, component: componentOf(info, state), colored: true };
+  if (!field || field.name === state.field) return { field: state.field, component: componentOf(info, state), colored: !colouredOf(info, state).cells };
   return { field: field.name, component: field.components === 1 ? 0 : 'magnitude', colored: false };
 }
 
@@ -112,15 +131,14 @@ export const shownFields = (info, state) => [...new Set([
   state.field, ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : []), vectorsOf(info, state) ?? state.field])];
 
 export function titleOf(info, state) {
-  const component = componentOf(info, state);
-  const { components } = fieldOf(info, state.field);
-  if (components === 1) return state.field;
-  return component === 'magnitude' ? `|${state.field}|` : `${state.field} ${componentName(components, component)}`;
+  const { field: { name, components }, component } = colouredOf(info, state);
+  if (components === 1) return name;
+  return component === 'magnitude' ? `|${name}|` : `${name} ${componentName(components, component)}`;
 }
 
 // The unit of the field as it stands behind its name; metadata hold what a file said, or anything.
 export function unitOf(info, state) {
-  const unit = info.metadata?.units?.[state.field];
+  const unit = info.metadata?.units?.[state.cells || state.field];
   return typeof unit === 'string' && unit ? ` [${unit}]` : '';
 }
 

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The field along a line through the volume, exactly as the level has it, within the band that its error allows.
 
-import { boundOf } from '../client/choose.js';
 import { byId, coalesced, element, svg } from './dom.js';
 import { add, length, mix } from './geometry.js';
-import { componentOf, titleOf, wordsOfBound } from './levels.js';
+import { boundShown, titleOf } from './levels.js';
 import { clamp, significant, ticks } from './numbers.js';
 
 const margin = { left: 52, right: 10, top: 8, bottom: 20 };
@@ -34,7 +33,7 @@ export class LinePlot {
     byId('line-close').addEventListener('click', () => viewer.store.set({ line: null }));
     this.drawing.addEventListener('pointermove', (event) => this.tellValue(event.offsetX));
     this.drawing.addEventListener('pointerleave', () => this.tellBound());
-    viewer.store.watch(['line', 'field', 'component'], () => this.sample());
+    viewer.store.watch(['line', 'field', 'cells', 'component'], () => this.sample());
     viewer.addEventListener('pictures', ({ detail: { t } }) => t === 1 && this.sample());
     new ResizeObserver(() => this.draw()).observe(this.drawing);
   }
@@ -113,8 +112,8 @@ export class LinePlot {
     const answer = await viewer.stream.line(from, to).catch(() => null); // a closed stream has no values
     this.asking = false;
     if (!answer) return;
-    const { info, store: { state } } = viewer;
-    this.shown = { ...answer, from, to, title: titleOf(info, state), ...boundOf(info, answer.level, state.field, componentOf(info, state)) };
+    const { info, coloredState: state } = viewer;
+    this.shown = { ...answer, from, to, title: titleOf(info, state), ...boundShown(info, answer.level, state) };
     this.draw();
     if (line !== viewer.store.state.line) this.sample();
   }
@@ -157,7 +156,7 @@ export class LinePlot {
   tellBound() {
     if (!this.shown) return;
     const whole = length(add(this.shown.to, this.shown.from, -1));
-    byId('line-words').textContent = `${this.shown.title} ${wordsOfBound(this.viewer.info, this.viewer.store.state.field, this.shown)}, length ${significant(whole, 4)}`;
+    byId('line-words').textContent = `${this.shown.title} ${this.shown.words}, length ${significant(whole, 4)}`;
   }
 
   tellValue(offset) {
@@ -167,7 +166,7 @@ export class LinePlot {
     for (let i = 0; i < ends.length; i += 4) {
       if (at < ends[i] || at > ends[i + 2]) continue;
       const value = ends[i + 1] + ((at - ends[i]) / (ends[i + 2] - ends[i])) * (ends[i + 3] - ends[i + 1]);
-      byId('line-words').textContent = `${significant(value, 5)} ± ${significant(bound, 2)} at ${mix(from, to, at).map((c) => significant(c, 4)).join(', ')}`;
+      byId('line-words').textContent = `${significant(value, 5)}${bound === null ? '' : ` ± ${significant(bound, 2)}`} at ${mix(from, to, at).map((c) => significant(c, 4)).join(', ')}`;
       return;
     }
   }
@@ -178,8 +177,9 @@ export class LinePlot {
     const { csvOf, vtpOf } = await import('./surface_files.js');
     const rows = rowsOf(from, to, ends, bound);
     const column = (k) => Float64Array.from(rows, (row) => row[k]);
-    const names = [[title, 4], ['distance', 0], ['at least', 5], ['at most', 6]];
-    this.save(`line.${kind}`, kind === 'csv' ? new Blob([csvOf(['distance', 'x', 'y', 'z', title, 'at least', 'at most'], rows)], { type: 'text/csv' })
+    const names = [[title, 4], ['distance', 0], ...(bound === null ? [] : [['at least', 5], ['at most', 6]])];
+    const columns = ['distance', 'x', 'y', 'z', title, 'at least', 'at most'].slice(0, bound === null ? 5 : 7);
+    this.save(`line.${kind}`, kind === 'csv' ? new Blob([csvOf(columns, rows.map((row) => row.slice(0, columns.length)))], { type: 'text/csv' })
       : vtpOf({ positions: Float64Array.from(rows.flatMap((row) => row.slice(1, 4))), arrays: names.map(([name, k]) => [name, column(k)]), lines: [...rows.keys()] }));
   }
 }

@@ -68,8 +68,9 @@ function tellShown() {
   const measure = shownMeasure(info, state);
   byId('stop').hidden = level === wantedLevel(info, state);
   byId('error-kind').textContent = { max: 'Certified error', sampled: 'Sampled error', rms: 'RMS error' }[measure];
-  put('shown-bytes', bytes(stream.received + stream.receivedSteps), `of ${bytes(info.bytes)}`);
-  byId('progress').value = (stream.received + stream.receivedSteps) / info.bytes;
+  const received = stream.received + stream.receivedSteps + stream.receivedCells;
+  put('shown-bytes', bytes(received), `of ${bytes(info.bytes)}`);
+  byId('progress').value = received / info.bytes;
   controls.setShown(level, stream.received);
   if (!now) return;
   const error = viewer.at?.error ?? errorOf(now, state.field, measure);
@@ -109,7 +110,7 @@ function listen() {
     if (t === 1) probe.look();
     if (level !== told) tellShown();
   });
-  viewer.addEventListener('step', tellShown);
+  for (const event of ['step', 'cells']) viewer.addEventListener(event, tellShown);
   viewer.addEventListener('colors', ({ detail }) => controls.setColors(detail));
 }
 
@@ -191,7 +192,7 @@ const drawOver = () => {
   viewer.drawBarNow();
   compass.draw(viewer.scene.axes());
 };
-const save = () => savePicture(viewer.scene, `${name}-${viewer.level}`, { size: pictureSize(), texts: textsOfPicture(), redraw: drawOver });
+const save = () => savePicture(viewer.scene, `${name}-${viewer.level}`, { size: pictureSize(), texts: textsOfPicture(), redraw: drawOver, axes });
 const saveAs = (ending, blob) => saveFile(`${name}-${viewer.level}-${ending}`, blob);
 const inPicture = (act) => (event) => (document.activeElement === byId('picture') ? act(event) : false);
 

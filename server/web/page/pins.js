@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Probes that stay: values at places of the volume with what the level's error allows, and how far apart the places are.
 
-import { boundOf } from '../client/choose.js';
 import { byId, coalesced, element } from './dom.js';
 import { add, length } from './geometry.js';
-import { componentOf, titleOf, wordsOfBound } from './levels.js';
+import { boundShown, colouredOf, titleOf } from './levels.js';
 import { notice } from './notices.js';
 import { significant } from './numbers.js';
 
@@ -14,7 +13,7 @@ export class Pins {
     Object.assign(this, { viewer, layer, pointer, list: byId('pins'), marks: [] });
     this.ask = coalesced(() => this.#ask());
     byId('add-pin').addEventListener('click', () => this.#add(null));
-    viewer.store.watch(['pins', 'field', 'component'], () => {
+    viewer.store.watch(['pins', 'field', 'cells', 'component'], () => {
       this.#list();
       this.ask();
     });
@@ -73,13 +72,13 @@ export class Pins {
     const { viewer, marks } = this;
     const { info, level, store: { state }, stream } = viewer;
     if (level < 0 || !stream.fields.includes(state.field)) return;
-    const component = componentOf(info, state);
-    const words = wordsOfBound(info, state.field, boundOf(info, level, state.field, component));
+    const { field: { name }, cells, component } = colouredOf(info, viewer.coloredState);
+    const { words } = boundShown(info, level, viewer.coloredState);
     for (const { place, mark, value } of marks) {
-      const found = (await stream.probe(place).catch(() => null))?.values[state.field];
+      const found = (await stream.probe(place).catch(() => null))?.[cells ? 'cells' : 'values'][name];
       if (marks !== this.marks) return;
       const number = found && significant(component === 'magnitude' ? Math.hypot(...found) : found[component], 5);
-      value.textContent = found ? `${titleOf(info, state)} ${number} ${words}` : 'outside of the volume';
+      value.textContent = found ? `${titleOf(info, viewer.coloredState)} ${number} ${words}` : 'outside of the volume';
       mark.lastChild.textContent = found ? number : 'outside';
     }
   }

@@ -59,7 +59,7 @@ export class Probe {
     let others = '';
     try {
       const answer = await this.stream.probe(this.world(hit));
-      const fields = Object.entries(answer?.values ?? {}).filter(([name]) => name !== this.title());
+      const fields = Object.entries({ ...answer?.values, ...answer?.cells }).filter(([name]) => name !== this.title());
       others = fields.map(([name, v]) => `${name} ${v.length > 1 ? `(${v.map((c) => significant(c, 3)).join(', ')})` : significant(v[0], 4)}`).join('\n');
     } catch {
       others = ''; // a closed stream has no values

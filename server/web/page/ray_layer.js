@@ -32,7 +32,8 @@ export class RayLayer {
     this.actor.setVisibility(Boolean(cells));
     if (!cells) return;
     const { vertices, nodes, corners, neighbours, faces, moves } = cells;
-    this.mapper.put({ textures: { vertices, nodes, corners, neighbours, faces }, uniforms: { moves } });
+    // a texture that is not used is there, too
+    this.mapper.put({ textures: { vertices, nodes, corners, neighbours, faces, cells: cells.cells ?? vertices }, uniforms: { moves, byCells: Boolean(cells.cells) } });
   }
 
   // `state` of the picture, [low, high] of the colours, the bounds' `sides`; `clip`: {origin, normal} or null

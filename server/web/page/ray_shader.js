@@ -24,12 +24,12 @@ precision highp float;
 precision highp int;
 precision highp usampler2D;
 precision highp sampler2D;
-uniform sampler2D vertices, nodes, table, opaque;
+uniform sampler2D vertices, nodes, cells, table, opaque;
 uniform usampler2D corners, neighbours, faces;
 uniform mat4 toWorld;           // from the picture's cube to the vertices' coordinates
 uniform uint nodeCount, tetCount;
 uniform vec2 range;             // of the colours, of logarithms if logarithmic
-uniform bool logarithmic, hasOpaque;
+uniform bool logarithmic, hasOpaque, byCells; // byCells: tetrahedra have the values, four to a texel of cells
 uniform vec4 clip;              // drawn is where dot(clip.xyz, p) < clip.w
 in vec2 place;
 out vec4 seen;
@@ -141,6 +141,7 @@ void follow(uint number, float z) {
     float sum = w.x + w.y + w.z;
     vec2 to = from;
     if (sum > 0.0) to = vec2(dot(w, vec3(a.z, b.z, c.z)), dot(w, vec3(a.w, b.w, c.w))) / sum;
+    if (byCells) from.y = to.y = texelFetch(cells, at(slot >> 4), 0)[(slot >> 2) & 3u];
     pass(from, to);
     if (opacity > 0.995 || to.x >= extent.y) return;
     from = to;

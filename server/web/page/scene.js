@@ -247,7 +247,7 @@ export class Scene extends EventTarget {
     const style = surfaceStyles[state.surface];
     this.surface.visible = Boolean(style);
     this.surface.showLines = state.edges;
-    this.box.setVisibility(state.surface !== 'solid' || Boolean(state.clip || state.threshold));
+    this.box.setVisibility(state.surface !== 'solid' || Boolean(state.clip || state.threshold || state.hidden.length));
     this.box.getProperty().setColor(...this.boxColor);
     if (style) this.surface.triangles.actor.getProperty().set(style);
     for (const slice of this.slices) slice.showLines = state.sliceEdges;
@@ -417,6 +417,16 @@ export class Scene extends EventTarget {
   toScreen(point) {
     const [x, y, depth] = this.view.worldToDisplay(...point, this.renderer);
     return { x: x / this.pixels, y: this.container.clientHeight - y / this.pixels, depth };
+  }
+
+  // Pixels of a picture that capture() makes, [width, height]
+  toPicture(point, [width, height]) {
+    const camera = this.renderer.getActiveCamera();
+    const room = this.container.getBoundingClientRect();
+    const fitted = (wide, high) => (camera.getParallelProjection() ? high : Math.min(wide, high));
+    const factor = fitted(width, height) / fitted(room.width, room.height);
+    const [centre, { x, y, depth }] = [camera.getFocalPoint(), point].map((p) => this.toScreen(p));
+    return { x: (width / room.width) * centre.x + factor * (x - centre.x), y: (height / room.height) * centre.y + factor * (y - centre.y), depth };
   }
 
   toWorld(x, y, depth) {

@@ -6,9 +6,11 @@ import { notice } from './notices.js';
 import { withTexts } from './png_text.js';
 
 // What lies over the picture, as large beside it as on the screen: below, in the middle or at the left.
-function drawOver(context, { width, height }, redraw) {
+function drawOver(context, shot, { redraw, axes }) {
+  const { width, height } = shot;
   const stage = byId('stage').getBoundingClientRect();
   const factor = Math.min(width / stage.width, height / stage.height);
+  axes.draw(context, shot, factor);
   const over = ['scalarbar', 'compass'].map(byId).filter((canvas) => canvas.getBoundingClientRect().width);
   for (const canvas of over) canvas.dataset.pixels = factor;
   redraw();
@@ -24,13 +26,13 @@ function drawOver(context, { width, height }, redraw) {
   redraw();
 }
 
-/** `size`: [width, height], if not as on the screen; `texts`: what the file says of itself; `redraw()` draws what lies over the picture. */
-export async function savePicture(scene, name, { size, texts, redraw }) {
+/** `size`: [width, height], if not as on the screen; `texts`: what the file says of itself; `redraw()` draws what lies over the picture; `axes`: theirs. */
+export async function savePicture(scene, name, { size, texts, redraw, axes }) {
   const shot = await scene.capture(size);
   const canvas = element('canvas', { width: shot.width, height: shot.height });
   const context = canvas.getContext('2d');
   context.drawImage(shot, 0, 0);
-  drawOver(context, shot, redraw);
+  drawOver(context, shot, { redraw, axes });
   const blob = await new Promise((done) => canvas.toBlob(done, 'image/png'));
   saveFile(`${name}.png`, withTexts(blob, texts));
 }

@@ -2,7 +2,7 @@
 // What the state asks of the stream: which pictures, and how exact they are to be.
 
 import { planeOf } from './geometry.js';
-import { componentOf, defaultTets, fieldOf, isosurfacesOf, measureFor, targetFieldOf, vectorsOf } from './levels.js';
+import { colouredOf, componentOf, defaultTets, fieldOf, isosurfacesOf, measureFor, targetFieldOf, vectorsOf } from './levels.js';
 
 // What the state's fractions are of; it does not change while the stream comes.
 function rangeOf(info, { field, component }) {
@@ -18,16 +18,19 @@ function thresholdOf(state, info) {
   if (!state.threshold) return null;
   const [low, high] = thresholdRange(state, info);
   const [from, to] = state.threshold;
-  return { low: from > 0 ? low + from * (high - low) : -Infinity, high: to < 1 ? low + to * (high - low) : Infinity };
+  return { field: state.field, component: componentOf(info, state), low: from > 0 ? low + from * (high - low) : -Infinity, high: to < 1 ? low + to * (high - low) : Infinity };
 }
 
 /** The pictures, as `TetlodStream.show` takes them. */
 export function specOf(state, info) {
   const [low, high] = isosurfaceRange(state, info);
   const { field, component } = isosurfacesOf(info, state);
+  const coloured = colouredOf(info, state);
   return {
     field: state.field,
-    component: componentOf(info, state),
+    cellField: coloured.cells ? coloured.field.name : undefined,
+    component: coloured.component,
+    regions: state.regions && state.hidden.length ? { field: state.regions, hidden: state.hidden } : null,
     surface: state.surface !== 'off',
     edges: state.edges || (state.sliceEdges && state.slices.length > 0),
     slices: state.slices.map((plane) => planeOf(info.bounds, plane)),

@@ -17,6 +17,7 @@ export const defaults = Object.freeze({
   // the colours
   field: '',
   component: 'magnitude',
+  cells: '', // values of cells that colour instead of the field
   range: 'auto', // auto, data, visible, manual
   low: 0,
   high: 1,
@@ -34,6 +35,8 @@ export const defaults = Object.freeze({
   isosurfaceOpacity: 1,
   zone: false, // the isosurfaces' certified zones
   threshold: null, // cells with values between two fractions of the data range
+  regions: '', // values of cells that say which region each is in
+  hidden: [], // the numbers of those that are not shown
   clip: null, // { normal, at }
   vectors: 'off', // off, arrows, streamlines
   vectorField: '', // of which field; empty: the drawn one if it has three components, else the first that has
@@ -88,6 +91,7 @@ const codecs = {
   step: { read: (t) => (/^\d+$/.test(t) ? Number(t) : undefined), write: String },
   field: text,
   component: { read: (t) => (t === 'magnitude' ? t : /^\d+$/.test(t) ? Number(t) : undefined), write: String },
+  cells: text,
   range: oneOf('auto', 'data', 'visible', 'manual'),
   low: real,
   high: real,
@@ -107,6 +111,8 @@ const codecs = {
     read: (t) => (numbers(t).length === 2 && numbers(t).every((x) => x >= 0 && x <= 1) ? numbers(t).sort((a, b) => a - b) : undefined),
     write: (l) => l.map(round).join(','),
   },
+  regions: text,
+  hidden: list((t) => (Number.isFinite(Number(t)) ? Number(t) : null), String, ','),
   clip: { read: (t) => readPlane(t) ?? undefined, write: writePlane },
   vectors: oneOf('off', 'arrows', 'streamlines'),
   vectorField: text,

@@ -6,7 +6,7 @@ import { TetlodStream } from '../client/stream.js';
 import { chooseBand, infoOfSteps } from '../client/steps.js';
 import { coalesced } from './dom.js';
 import { autoRange, firstView, mapOf } from './first_view.js';
-import { componentOf, fieldOf, isosurfacesOf, shownFields, targetFieldOf, titleOf, unitOf, wantedLevel } from './levels.js';
+import { colouredOf, fieldOf, isosurfacesOf, regionFields, shownFields, targetFieldOf, titleOf, unitOf, wantedLevel } from './levels.js';
 import { drawScalarBar } from './scalarbar.js';
 import { isosurfaceRange, specOf, targetOf } from './spec.js';
 import { Store, defaults, fromFragment, toFragment } from './state.js';
@@ -17,7 +17,10 @@ const stillness = matchMedia('(prefers-reduced-motion: reduce)');
 
 // A link may name a field that this stream does not have.
 function valid(state, info) {
-  const known = { ...state, errorField: fieldOf(info, state.errorField) ? state.errorField : '' };
+  const known = {
+    ...state, errorField: fieldOf(info, state.errorField) ? state.errorField : '',
+    cells: info.cellFields.some(({ name }) => name === state.cells) ? state.cells : '', regions: regionFields(info).includes(state.regions) ? state.regions : '',
+  };
   return fieldOf(info, state.field) ? known : { ...known, field: targetFieldOf(info, { errorField: '' }) };
 }
 
@@ -30,7 +33,8 @@ export class Viewer extends EventTarget {
   series = null;   // of a series in time: its steps and bands
   at = null;       // the step that is shown: { step, band, error, time }; null: a level
   playing = false; // the player says which step is shown
-  shade = null;    // { field, component, range, sample } of the picture's colours
+  shade = null;    // { field, cells, component, range, sample } of the picture's colours
+  regions = new Map(); // of fields of cells that are here: [{ number, tets }], or null if their numbers are no regions'
   #index = null;   // the stream's info; `info` is that of the steps while one is shown
   #parts; #fragment; #pictured; #tellPictured;
   #asked = 0;      // changes of what the worker is to make
@@ -41,7 +45,7 @@ export class Viewer extends EventTarget {
   /**
    * `parts`: the elements { stage, picture, bar }: what has the background, what the picture is drawn in, the scalar bar's
    * canvas. `fragment`: the state at first. Events: 'retry', 'loading', 'progress', 'level', 'pictures', 'error' as of the
-   * stream; 'series', 'step' and 'buffered' as of the stream; 'colors' when they changed, 'joining' and 'joined' {fields}, 'failed' {message, retry}.
+   * stream; 'series', 'step', 'buffered' and 'cells' as of the stream; 'colors' when they changed, 'joining' and 'joined' {fields}, 'failed' {message, retry}.
    */
   constructor(parts, fragment) {
     super();
@@ -77,9 +81,9 @@ export class Viewer extends EventTarget {
   /** From now on changes of the state are followed. */
   follow() {
     const { store, scene } = this;
-    store.watch(['map', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'], this.recolor);
+    store.watch(['map', 'cells', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'], this.recolor);
     store.watch(['log'], (state) => scene.setLogarithmic(state.log));
-    store.watch(['field', 'component', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'log', 'smooth'], () => {
+    store.watch(['field', 'component', 'cells', 'regions', 'hidden', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'log', 'smooth'], () => {
       this.#drawn = -1;
       this.#asked++;
       this.show();
@@ -182,6 +186,10 @@ export class Viewer extends EventTarget {
       if (this.#inTime) this.refine();
     });
     this.stream.addEventListener('step', ({ detail }) => this.#arrive(detail));
+    this.stream.addEventListener('cells', ({ detail }) => {
+      this.regions.set(detail.field, detail.regions);
+      this.#tell('cells', detail);
+    });
     this.stream.addEventListener('buffered', ({ detail }) => this.#tell('buffered', detail));
     this.stream.addEventListener('pictures', (event) => this.#takePictures(event));
     this.stream.addEventListener('error', ({ detail }) => this.#tell('failed', { ...detail, retry: this.refine }));
@@ -210,17 +218,23 @@ export class Viewer extends EventTarget {
 
   // What the picture is coloured by: until a field has come, the one before.
   get coloredState() {
-    const { state } = this.store;
-    return this.shade && !this.stream.fields.includes(state.field) ? { ...state, field: this.shade.field, component: this.shade.component } : state;
+    const { store: { state }, shade } = this;
+    const here = state.cells ? shade?.cells && shade.field === state.cells : this.stream.fields.includes(state.field);
+    if (!shade || here) return state;
+    const { field, cells, component } = shade;
+    return cells ? { ...state, cells: field, component } : { ...state, cells: '', field, component };
   }
 
   // The index has one range for all components; that of one of them, or of their length, is the picture's.
   dataRange() {
-    const state = this.coloredState;
-    const { range, components } = fieldOf(this.info, state.field);
-    const component = componentOf(this.info, state);
-    if (components > 1 && this.shade?.field === state.field && this.shade.component === component) return this.shade.range;
+    const { field: { name, range, components }, cells, component } = colouredOf(this.info, this.coloredState);
+    if (components > 1 && this.#isShade({ field: name, cells, component })) return this.shade.range;
     return component === 'magnitude' ? [0, Math.max(...range.map(Math.abs)) || 1] : range;
+  }
+
+  #isShade({ field, cells, component }) {
+    const { shade } = this;
+    return Boolean(shade) && shade.field === field && shade.cells === cells && shade.component === component;
   }
 
   isosurfaceRange() {
@@ -290,9 +304,17 @@ export class Viewer extends EventTarget {
     return shownFields(this.info, this.store.state).filter((field) => !this.stream.fields.includes(field));
   }
 
-  #showNow(state = this.store.state) {
+  // Values of cells come when they are first shown.
+  async #showNow(state = this.store.state) {
     const spec = specOf(state, this.info);
-    this.stream.show({ ...spec, morph: spec.morph && !stillness.matches, tag: this.#asked });
+    const fields = [spec.cellField, spec.regions?.field].filter((name) => name && !this.regions.has(name));
+    if (fields.length) this.#tell('joining', { fields });
+    try {
+      await this.stream.show({ ...spec, morph: spec.morph && !stillness.matches, tag: this.#asked });
+    } catch (error) {
+      if (!['AbortError', 'InvalidStateError'].includes(error.name)) this.#tell('failed', { message: error.message, retry: this.show });
+    }
+    if (fields.length) this.#tell('joined', { fields });
   }
 
   // Fields come when they are first shown; the picture before stays meanwhile.
@@ -336,13 +358,13 @@ export class Viewer extends EventTarget {
   // ---- from the stream
 
   // Colours follow what is drawn. A vector's lengths are known as they come; their range only grows, so that colours do not flicker.
-  #takeShade({ field, component, range: [low, high], sample }) {
-    const fresh = field !== this.shade?.field || component !== this.shade.component;
+  #takeShade({ field, cells, component, range: [low, high], sample }) {
+    const fresh = !this.#isShade({ field, cells, component });
     const [least, most] = fresh ? [Infinity, -Infinity] : this.shade.range;
     const grown = low < least || high > most;
-    if (fresh || grown) this.shade = { field, component, range: [Math.min(low, least), Math.max(high, most)], sample: this.shade?.sample };
+    if (fresh || grown) this.shade = { field, cells, component, range: [Math.min(low, least), Math.max(high, most)], sample: this.shade?.sample };
     if (sample) this.shade.sample = sample;
-    if (fresh || sample || (grown && fieldOf(this.info, field).components > 1) || this.store.state.range === 'visible') this.recolorNow();
+    if (fresh || sample || (grown && colouredOf(this.info, this.coloredState).field.components > 1) || this.store.state.range === 'visible') this.recolorNow();
   }
 
   #takePictures(event) {

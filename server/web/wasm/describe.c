@@ -59,6 +59,33 @@ static void put_field(struct tetlodi_buffer *out, const struct tetlod_field *fie
     put(out, field->controlled ? ",\"controlled\":true}" : ",\"controlled\":false}");
 }
 
+static const char *name_of(enum tetlod_cell_type type)
+{
+    static const char *const names[] = {"float32", "float64", "int8", "int16", "int32", "int64"};
+    return names[type];
+}
+
+/* Values of tetrahedra, and where they are: their bytes, in the stream as a whole. */
+static void put_cell_fields(struct tetlodi_buffer *out, const struct tetlod_info *info)
+{
+    uint32_t section = 0;
+    for (uint32_t f = 0; f < info->cell_field_count; f++, section++) {
+        const struct tetlod_cell_field *field = &info->cell_fields[f];
+        while (strcmp(info->sections[section].tag, "CVAL") != 0)
+            section++;
+        put(out, f ? ",{\"name\":" : "{\"name\":");
+        put_string(out, field->name);
+        put_member(out, "components", field->components);
+        put(out, ",\"type\":");
+        put_string(out, name_of(field->type));
+        put(out, ",\"range\":");
+        put_point(out, field->range, 2);
+        put(out, field->region ? ",\"region\":true,\"place\":" : ",\"region\":false,\"place\":");
+        put_point(out, (const double[]){(double)info->sections[section].offset, (double)info->sections[section].stored}, 2);
+        put(out, "}");
+    }
+}
+
 static void put_errors(struct tetlodi_buffer *out, const struct tetlod_info *info, const struct tetlod_level *level)
 {
     put(out, ",\"errors\":{");
@@ -172,6 +199,8 @@ const char *view_describe(struct view *view)
         put(out, f ? "," : "");
         put_field(out, &info->fields[f]);
     }
+    put(out, "],\"cellFields\":[");
+    put_cell_fields(out, info);
     put(out, "],\"levels\":[");
     for (uint32_t k = 0; k < info->level_count; k++)
         put_level(out, view, k);

@@ -20,6 +20,7 @@ enum tetlod_status view_begin_pictures(struct view *view)
     view->has_boundary = view->has_lines = view->has_kept = view->has_rays = false;
     view->grid_size = 0;
     view->shade_field = TETLOD_NONE;
+    view->by_cells = false;
     if (!shade || !function)
         return tetlodi_fail_nomem(&view->error, "a picture", 16 * (uint64_t)vertices);
     for (uint32_t v = 0; v < vertices; v++)
@@ -27,8 +28,7 @@ enum tetlod_status view_begin_pictures(struct view *view)
     return TETLOD_OK;
 }
 
-/* One value per vertex: a component, or the length of all. A field that is not decoded counts as 0. */
-static void take_values(const struct tetmesh *mesh, uint32_t vertices, uint32_t field, int32_t component, double *out)
+void view_take_values(const struct tetmesh *mesh, uint32_t vertices, uint32_t field, int32_t component, double *out)
 {
     const struct point_field *of = &mesh->fields[field];
     for (uint32_t v = 0; v < vertices; v++) {
@@ -47,9 +47,10 @@ static void take_values(const struct tetmesh *mesh, uint32_t vertices, uint32_t 
 const double *view_shade(struct view *view, uint32_t field, int32_t component)
 {
     double low = INFINITY, high = -INFINITY;
-    take_values(&view->shown, view->shown.vertex_count, field, component, view->shade);
-    if (field != view->shade_field || component != view->shade_component)
+    view_take_values(&view->shown, view->shown.vertex_count, field, component, view->shade);
+    if (view->by_cells || field != view->shade_field || component != view->shade_component)
         view->grid_size = 0;
+    view->by_cells = false;
     view->shade_field = field;
     view->shade_component = component;
     for (uint32_t v = 0; v < view->shown.vertex_count; v++) {
@@ -87,7 +88,7 @@ const struct view_sample *view_sample(struct view *view)
         passed += volume_of(view, corners);
         while (sample->count < SAMPLE_SIZE && passed > (sample->count + 0.5) / SAMPLE_SIZE * whole) {
             uint32_t corner = corners[sample->count & 3];
-            sample->room[sample->count++] = (float)view->shade[corner];
+            sample->room[sample->count++] = (float)(view->by_cells ? view->of_tets[t] : view->shade[corner]);
         }
     }
     return sample;
@@ -105,10 +106,10 @@ static void take_distances(const struct view *view, double ox, double oy, double
 
 const struct view_part *view_part(const struct view *view)
 {
-    return &view->part;
+    return view->drawn_part;
 }
 
-static bool reserve_points(struct view_part *part, uint32_t count, bool normals)
+bool view_reserve_points(struct view_part *part, uint32_t count, bool normals)
 {
     return array_reserve((void **)&part->points, &part->point_cap, 3 * (size_t)count, sizeof *part->points) &&
            array_reserve((void **)&part->values, &part->value_cap, count, sizeof *part->values) &&
@@ -127,7 +128,7 @@ static void take_counts(struct view_part *part, const struct cut *cut, uint32_t 
 
 static enum tetlod_status draw(struct view *view, const struct cut *cut, uint32_t with, struct view_part *part)
 {
-    if (!reserve_points(part, cut->vertex_count, with & WITH_NORMALS))
+    if (!view_reserve_points(part, cut->vertex_count, with & WITH_NORMALS))
         return tetlodi_fail_nomem(&view->error, "a picture", 16 * (uint64_t)cut->vertex_count);
     for (uint32_t v = 0; v < cut->vertex_count; v++) {
         for (uint32_t i = 0; i < 3; i++)
@@ -140,62 +141,10 @@ static enum tetlod_status draw(struct view *view, const struct cut *cut, uint32_
     return TETLOD_OK;
 }
 
-/* ---- tetrahedra in a range ---- */
-
-static bool keep_corners(struct view *view)
+static enum tetlod_status draw_part(struct view *view, const struct cut *cut, uint32_t with)
 {
-    const struct tetmesh *shown = &view->shown;
-    uint32_t *corners = array_resize(view->kept.corners, shown->tet_count ? shown->tet_count : 1, 4 * sizeof *corners);
-    if (!corners)
-        return false;
-    view->kept.corners = corners;
-    view->kept.tet_count = 0;
-    for (size_t t = 0; t < shown->tet_count; t++) {
-        const uint32_t *tet = shown->corners + 4 * t;
-        bool in = true;
-        for (int i = 0; i < 4; i++)
-            in = in && view->function[tet[i]] >= view->range.low && view->function[tet[i]] <= view->range.high;
-        if (in)
-            memcpy(corners + 4 * (size_t)view->kept.tet_count++, tet, 4 * sizeof *tet);
-    }
-    return true;
-}
-
-uint32_t view_threshold(struct view *view, uint32_t field, int32_t component, double low, double high)
-{
-    const struct view_range *last = &view->range;
-    bool same = view->filters && last->field == field && last->component == component && last->low == low && last->high == high;
-    if (same && view->has_kept)
-        return TETLOD_OK;
-    view->filters = true;
-    view->range = (struct view_range){field, component, low, high};
-    view->has_boundary = view->has_lines = view->has_rays = false;
-    view->grid_size = 0;
-    take_values(view->moving ? &view->to : &view->shown, view->shown.vertex_count, field, component, view->function);
-    view->has_kept = keep_corners(view);
-    return view->has_kept ? TETLOD_OK : tetlodi_fail_nomem(&view->error, "a threshold", 16 * (uint64_t)view->shown.tet_count);
-}
-
-void view_unthreshold(struct view *view)
-{
-    if (!view->filters)
-        return;
-    view->filters = view->has_kept = view->has_boundary = view->has_lines = view->has_rays = false;
-    view->grid_size = 0;
-    free(view->kept.corners);
-    view->kept.corners = NULL;
-}
-
-/* What pictures are of. */
-static const struct tetmesh *drawn(struct view *view)
-{
-    if (!view->filters)
-        return &view->shown;
-    uint32_t *corners = view->kept.corners, count = view->kept.tet_count;
-    view->kept = view->shown;
-    view->kept.corners = corners;
-    view->kept.tet_count = count;
-    return &view->kept;
+    TETLOD_TRY(draw(view, cut, with, &view->part));
+    return view_facet(view, cut);
 }
 
 /* ---- what is behind a plane ---- */
@@ -235,7 +184,7 @@ static enum tetlod_status trim(struct view *view, uint32_t with)
             view->distances[v] += n[i] * (whole->points[3 * v + i] + view->centre[i] - o[i]);
     }
     TETLOD_TRY(cut_trim(&view->cut, view->distances, &view->trimmed, &view->error));
-    if (!reserve_points(part, view->trimmed.vertex_count, with & WITH_NORMALS))
+    if (!view_reserve_points(part, view->trimmed.vertex_count, with & WITH_NORMALS))
         return tetlodi_fail_nomem(&view->error, "a picture", 16 * (uint64_t)view->trimmed.vertex_count);
     take_counts(part, &view->trimmed, with);
     blend_floats(&view->trimmed, whole->points, 3, part->points);
@@ -250,7 +199,7 @@ static enum tetlod_status trim(struct view *view, uint32_t with)
 /* What is drawn, at the end of a move: its triangles and lines are the same all the way. */
 static struct tetmesh arrived(struct view *view)
 {
-    struct tetmesh mesh = *drawn(view);
+    struct tetmesh mesh = *view_drawn(view);
     if (view->moving)
         mesh.positions = view->to.positions;
     return mesh;
@@ -272,10 +221,10 @@ static enum tetlod_status clip_surface(struct view *view, uint32_t with)
 {
     const double *o = view->clip.origin, *n = view->clip.normal;
     take_distances(view, o[0], o[1], o[2], n[0], n[1], n[2]);
-    TETLOD_TRY(cut_clip(drawn(view), &view->boundary, view->function, &view->cut, &view->error));
+    TETLOD_TRY(cut_clip(view_drawn(view), &view->boundary, view->function, &view->cut, &view->error));
     if (with & WITH_LINES)
         TETLOD_TRY(cut_lines(&view->cut, view->function, &view->error));
-    return draw(view, &view->cut, with, &view->part);
+    return draw_part(view, &view->cut, with);
 }
 
 uint32_t view_surface(struct view *view, uint32_t with)
@@ -287,7 +236,7 @@ uint32_t view_surface(struct view *view, uint32_t with)
         TETLOD_TRY(cut_lines(&view->boundary, NULL, &view->error));
         view->has_lines = true;
     }
-    return draw(view, &view->boundary, with, &view->part);
+    return draw_part(view, &view->boundary, with);
 }
 
 /* ---- sections and isosurfaces ---- */
@@ -299,24 +248,25 @@ static enum tetlod_status finish_cut(struct view *view, uint32_t with)
     else
         view->cut.line_count = 0;
     if (!view->clips)
-        return draw(view, &view->cut, with, &view->part);
+        return draw_part(view, &view->cut, with);
     TETLOD_TRY(draw(view, &view->cut, with, &view->whole));
-    return trim(view, with);
+    TETLOD_TRY(trim(view, with));
+    return view_facet(view, &view->trimmed);
 }
 
 uint32_t view_slice(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz)
 {
     take_distances(view, ox, oy, oz, nx, ny, nz);
-    TETLOD_TRY(cut_zero(drawn(view), view->function, &view->cut, &view->error));
+    TETLOD_TRY(cut_zero(view_drawn(view), view->function, &view->cut, &view->error));
     return finish_cut(view, with);
 }
 
 uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32_t component, double value)
 {
-    take_values(&view->shown, view->shown.vertex_count, field, component, view->function);
+    view_take_values(&view->shown, view->shown.vertex_count, field, component, view->function);
     for (uint32_t v = 0; v < view->shown.vertex_count; v++)
         view->function[v] -= value;
-    TETLOD_TRY(cut_zero(drawn(view), view->function, &view->cut, &view->error));
+    TETLOD_TRY(cut_zero(view_drawn(view), view->function, &view->cut, &view->error));
     return finish_cut(view, with);
 }
 
@@ -339,7 +289,7 @@ uint32_t view_resample(struct view *view, uint32_t size, uint32_t logarithmic)
     if (size != view->grid_size) { // a clip plane that is dragged needs no other grid
         view->grid_size = 0;
         cut_grid_cover(&view->grid, bounds[0], bounds[1], size);
-        TETLOD_TRY(cut_resample(drawn(view), view->shade, &view->grid, &view->error));
+        TETLOD_TRY(cut_resample(view_drawn(view), view->shade, view_of_drawn(view), &view->grid, &view->error));
         view->grid_size = size;
     }
     return cut_make_voxels(&view->grid, logarithmic, view->clips ? &view->clip : NULL, &view->voxels, &view->error);
@@ -362,7 +312,7 @@ uint32_t view_rays(struct view *view)
         TETLOD_TRY(cut_rays_connect(&mesh, &view->rays, &view->error));
         view->has_rays = true;
     }
-    return cut_rays_place(&view->shown, view->shade, view->centre, &view->rays, &view->error);
+    return cut_rays_place(&view->shown, view->shade, view_of_drawn(view), view->centre, &view->rays, &view->error);
 }
 
 const struct cut_rays *view_ray_data(const struct view *view)
@@ -377,7 +327,7 @@ const double *view_values(const struct view *view, uint32_t field)
 
 uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz)
 {
-    return cut_along(&view->shown, view->shade, (double[3]){ax, ay, az}, (double[3]){bx, by, bz}, &view->line, &view->error);
+    return cut_along(&view->shown, view->shade, view->by_cells ? view->of_tets : NULL, (double[3]){ax, ay, az}, (double[3]){bx, by, bz}, &view->line, &view->error);
 }
 
 const struct cut_line *view_line(const struct view *view)

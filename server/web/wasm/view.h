@@ -33,6 +33,13 @@ struct view_part {
     size_t point_cap, value_cap, normal_cap;
 };
 
+/* A part whose triangles each have corners of their own, of one value: that of the tetrahedron. */
+struct view_facets {
+    struct view_part part;
+    uint32_t *triangles, *lines, *corners; /* corners: [vertex of the cut] one that lies there */
+    size_t triangle_cap, line_cap, corner_cap;
+};
+
 /* Some of the values that colour. tetlod.js knows this layout. */
 enum { SAMPLE_SIZE = 4096 };
 struct view_sample {
@@ -48,6 +55,12 @@ struct view_range {
     double low, high;
 };
 
+/* Numbers of regions that are not drawn, ascending, of a field of cells. */
+struct view_hidden {
+    uint32_t field, count;
+    double *numbers;
+};
+
 struct view {
     struct tetlod_feed *feed;
     struct tetlod_cursor *cursor;
@@ -61,6 +74,9 @@ struct view {
     struct tetmesh from, to, between; /* a move: its ends, and where it is; the corners are `to`'s */
     double *shade, *function;        /* [vertex_count] the value that colours, the function whose zero set is cut */
     double shade_range[2];
+    double **cells;                  /* [field of cells] values of all tetrahedra of the original, NULL: not loaded; all NULL: none is */
+    bool by_cells;                   /* tetrahedra have the values that colour, not vertices */
+    double *of_tets, *of_kept;       /* those of the mesh that is shown, and of `kept` */
     struct view_sample sample;
     uint32_t shade_field;
     int32_t shade_component;
@@ -68,15 +84,20 @@ struct view {
     double centre[3];                /* that points are relative to */
     struct cut boundary;             /* of the mesh that is shown, if `has_boundary`; and its lines */
     bool has_boundary, has_lines;
-    bool filters, has_kept;          /* pictures are of tetrahedra in a range only; those are known */
+    bool has_range;                  /* pictures are of tetrahedra in a range only */
     struct view_range range;
+    struct view_hidden hidden;       /* and not of these */
+    bool has_kept;                   /* which are drawn is known, if not all are */
     struct tetmesh kept;             /* those; borrows all but its corners */
+    uint32_t *kept_tets;             /* [kept.tet_count] their numbers */
     bool clips;
     struct cut_plane clip;
     struct cut cut, trimmed;         /* a section or isosurface; what is behind the clip plane of it, if `clips` */
     double *distances;               /* [cut.vertex_count] from that plane */
     size_t distance_cap;
     struct view_part whole, part;
+    struct view_facets facets;
+    const struct view_part *drawn_part; /* one of these */
     struct cut_grid grid;
     uint32_t grid_size;              /* that it was made with, of the mesh and shade that are shown; 0: of others */
     struct cut_voxels voxels;
@@ -144,10 +165,30 @@ VIEW_EXPORT(view_sample) const struct view_sample *view_sample(struct view *view
 /* From now on pictures are of what is behind a plane; or of everything again. */
 VIEW_EXPORT(view_clip) void view_clip(struct view *view, double ox, double oy, double oz, double nx, double ny, double nz);
 VIEW_EXPORT(view_unclip) void view_unclip(struct view *view);
+
+/* ---- some of the tetrahedra (view_filter.c) ---- */
+
 /* From now on pictures are of tetrahedra in a range, at the end of a move; or of all again. */
 VIEW_EXPORT(view_threshold)
-uint32_t view_threshold(struct view *view, uint32_t field, int32_t component, double low, double high);
+void view_threshold(struct view *view, uint32_t field, int32_t component, double low, double high);
 VIEW_EXPORT(view_unthreshold) void view_unthreshold(struct view *view);
+/* And not of those with these numbers, ascending, in a field of cells that is loaded, of one component. */
+VIEW_EXPORT(view_hide) uint32_t view_hide(struct view *view, uint32_t field, const double *numbers, uint32_t count);
+/* Finds those of the mesh that is shown: before pictures of it are made. */
+VIEW_EXPORT(view_filter) uint32_t view_filter(struct view *view);
+
+/* ---- values of tetrahedra (view_cells.c) ---- */
+
+/* Decodes a field of cells, whose bytes are put. */
+VIEW_EXPORT(view_load_cells) uint32_t view_load_cells(struct view *view, uint32_t field);
+/* [components * tetrahedra of the original]; NULL: it is not loaded. */
+VIEW_EXPORT(view_cells) const double *view_cells(const struct view *view, uint32_t field);
+/* As view_shade: such a field colours, which is loaded. After view_filter. Then its least and greatest value are in view_shade_range. */
+VIEW_EXPORT(view_shade_cells) uint32_t view_shade_cells(struct view *view, uint32_t field, int32_t component);
+VIEW_EXPORT(view_shade_range) const double *view_shade_range(const struct view *view);
+
+/* ---- pictures ---- */
+
 /* Each makes view_part. */
 VIEW_EXPORT(view_surface) uint32_t view_surface(struct view *view, uint32_t with);
 VIEW_EXPORT(view_slice)
@@ -176,6 +217,20 @@ VIEW_EXPORT(view_probed) const double *view_probed(const struct view *view);
 /* ---- within the module ---- */
 
 const struct tetlod_info *view_info(const struct view *view);
+
+/* One value per vertex: a component, or the length of all. A field that is not decoded counts as 0. */
+void view_take_values(const struct tetmesh *mesh, uint32_t vertices, uint32_t field, int32_t component, double *out);
+
+/* What pictures are of. */
+const struct tetmesh *view_drawn(struct view *view);
+
+/* The values of its tetrahedra, if those colour, or NULL. */
+const double *view_of_drawn(const struct view *view);
+
+bool view_reserve_points(struct view_part *part, uint32_t count, bool normals);
+
+/* What is drawn of view->part, which was made of a cut. */
+enum tetlod_status view_facet(struct view *view, const struct cut *cut);
 
 /* The cursor has moved, or has other values. What is on its way between levels does not mind. */
 enum tetlod_status view_arrive(struct view *view);

@@ -95,7 +95,7 @@ struct connections {
 /* Of the step that is shown; none, where values say which tetrahedra are drawn. */
 static struct connections connections_of(const struct view *view)
 {
-    bool hold = view->step_values && !view->filters;
+    bool hold = view->step_values && !view->has_kept;
     return (struct connections){hold && view->has_boundary, hold && view->has_lines, hold && view->has_rays, view->mesh.level};
 }
 

@@ -1,0 +1,112 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* Which tetrahedra pictures are of: all, those with values in a range, those of some regions. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "server/web/wasm/view.h"
+#include "src/util/array.h"
+
+static void forget_kept(struct view *view)
+{
+    view->has_kept = view->has_boundary = view->has_lines = view->has_rays = false;
+    view->grid_size = 0;
+}
+
+void view_threshold(struct view *view, uint32_t field, int32_t component, double low, double high)
+{
+    const struct view_range *last = &view->range;
+    if (view->has_range && last->field == field && last->component == component && last->low == low && last->high == high)
+        return;
+    view->has_range = true;
+    view->range = (struct view_range){field, component, low, high};
+    forget_kept(view);
+}
+
+void view_unthreshold(struct view *view)
+{
+    if (view->has_range)
+        forget_kept(view);
+    view->has_range = false;
+}
+
+static int by_number(const void *a, const void *b)
+{
+    const double p = *(const double *)a, q = *(const double *)b;
+    return p < q ? -1 : p > q;
+}
+
+uint32_t view_hide(struct view *view, uint32_t field, const double *numbers, uint32_t count)
+{
+    struct view_hidden *hidden = &view->hidden;
+    if (field == hidden->field && count == hidden->count && (!count || memcmp(numbers, hidden->numbers, count * sizeof *numbers) == 0))
+        return TETLOD_OK;
+    double *room = array_resize(hidden->numbers, count ? count : 1, sizeof *room);
+    if (!room)
+        return tetlodi_fail_nomem(&view->error, "regions", count * sizeof *numbers);
+    for (uint32_t i = 0; i < count; i++)
+        room[i] = numbers[i];
+    *hidden = (struct view_hidden){field, count, room};
+    forget_kept(view);
+    return TETLOD_OK;
+}
+
+static bool is_in_range(const struct view *view, const uint32_t *tet)
+{
+    bool in = true;
+    for (int i = 0; i < 4; i++)
+        in = in && view->function[tet[i]] >= view->range.low && view->function[tet[i]] <= view->range.high;
+    return in;
+}
+
+static bool is_hidden(const struct view *view, uint32_t tet)
+{
+    const struct view_hidden *hidden = &view->hidden;
+    return bsearch(&view->cells[hidden->field][tet], hidden->numbers, hidden->count, sizeof *hidden->numbers, by_number) != NULL;
+}
+
+static bool keep(struct view *view)
+{
+    const struct tetmesh *shown = &view->shown;
+    size_t room = shown->tet_count ? shown->tet_count : 1;
+    uint32_t *corners = array_resize(view->kept.corners, room, 4 * sizeof *corners);
+    if (corners)
+        view->kept.corners = corners;
+    uint32_t *tets = array_resize(view->kept_tets, room, sizeof *tets);
+    if (tets)
+        view->kept_tets = tets;
+    if (!corners || !tets)
+        return false;
+    uint32_t count = 0;
+    for (uint32_t t = 0; t < shown->tet_count; t++) {
+        const uint32_t *tet = shown->corners + 4 * (size_t)t;
+        if ((view->has_range && !is_in_range(view, tet)) || (view->hidden.count && is_hidden(view, t)))
+            continue;
+        tets[count] = t;
+        memcpy(corners + 4 * (size_t)count++, tet, 4 * sizeof *tet);
+    }
+    view->kept.tet_count = count;
+    return true;
+}
+
+uint32_t view_filter(struct view *view)
+{
+    const struct view_range *range = &view->range;
+    if (view->has_kept || (!view->has_range && !view->hidden.count))
+        return TETLOD_OK;
+    if (view->has_range)
+        view_take_values(view->moving ? &view->to : &view->shown, view->shown.vertex_count, range->field, range->component, view->function);
+    view->has_kept = keep(view);
+    return view->has_kept ? TETLOD_OK : tetlodi_fail_nomem(&view->error, "some of the tetrahedra", 20 * (uint64_t)view->shown.tet_count);
+}
+
+const struct tetmesh *view_drawn(struct view *view)
+{
+    if (!view->has_kept)
+        return &view->shown;
+    uint32_t *corners = view->kept.corners, count = view->kept.tet_count;
+    view->kept = view->shown;
+    view->kept.corners = corners;
+    view->kept.tet_count = count;
+    return &view->kept;
+}
