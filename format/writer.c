@@ -48,7 +48,6 @@ struct writer {
     uint32_t arrived_count;
     size_t arrived_capacity;
     struct tetlodi_column *columns; /* positions, then the fields */
-    int64_t **codes;       /* [column][components * node] */
     struct tetlodi_memory memory;
     struct tetlodi_replay replay;
     struct tetlodi_recorder recorder;
@@ -189,34 +188,37 @@ static enum tetlod_status list_meetings(struct writer *w)
 
 /* ---- numbers */
 
-/* The codes of a column for all nodes. */
-static enum tetlod_status encode_column(struct writer *w, uint32_t c, const char *name, const double *values,
-                                        const double *node_values)
+/* A component of a column at a node. */
+static double value_of(const struct writer *w, uint32_t column, uint32_t node, size_t component)
 {
-    const struct tetlodi_scale *scale = &w->columns[c].scale;
-    size_t n = w->columns[c].components, originals = n * w->in->vertices, all = n * w->nodes;
-    w->codes[c] = malloc((all ? all : 1) * sizeof *w->codes[c]);
-    if (!w->codes[c])
-        return out_of_memory(w);
-    for (size_t i = 0; i < all; i++) {
-        double value = i < originals ? values[i] : node_values[i - originals];
-        unsigned axis = c ? 0 : (unsigned)(i % 3);
-        int64_t code = scale_code(scale, axis, value);
-        double back = scale_value(scale, axis, code);
-        if (!isfinite(value) || memcmp(&back, &value, sizeof value) != 0)
-            return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "%s: %.17g is not a number of its type", name, value);
-        w->codes[c][i] = code;
-    }
-    return TETLOD_OK;
+    const struct tetlodi_write_field *field = column ? &w->in->fields[column - 1] : NULL;
+    const double *values = field ? field->values : w->in->positions,
+                 *node_values = field ? field->node_values : w->in->node_positions;
+    size_t n = w->columns[column].components, originals = n * w->in->vertices, at = node * n + component;
+    return at < originals ? values[at] : node_values[at - originals];
 }
 
-static enum tetlod_status encode_columns(struct writer *w)
+static unsigned axis_of(uint32_t column, size_t component)
 {
-    TETLOD_TRY(encode_column(w, 0, "positions", w->in->positions, w->in->node_positions));
-    for (uint32_t f = 0; f < w->in->field_count; f++) {
-        const struct tetlodi_write_field *field = &w->in->fields[f];
-        TETLOD_TRY(encode_column(w, 1 + f, field->name, field->values, field->node_values));
-    }
+    return column ? 0 : (unsigned)component;
+}
+
+static int64_t code_of(const struct writer *w, uint32_t column, uint32_t node, size_t component)
+{
+    return scale_code(&w->columns[column].scale, axis_of(column, component), value_of(w, column, node, component));
+}
+
+/* Has every number of a column a code? */
+static enum tetlod_status check_column(const struct writer *w, uint32_t c)
+{
+    const char *name = c ? w->in->fields[c - 1].name : "positions";
+    for (uint32_t node = 0; node < w->nodes; node++)
+        for (size_t k = 0; k < w->columns[c].components; k++) {
+            double value = value_of(w, c, node, k);
+            double back = scale_value(&w->columns[c].scale, axis_of(c, k), code_of(w, c, node, k));
+            if (!isfinite(value) || memcmp(&back, &value, sizeof value) != 0)
+                return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "%s: %.17g is not a number of its type", name, value);
+        }
     return TETLOD_OK;
 }
 
@@ -287,7 +289,8 @@ static void set_codes(struct writer *w, uint32_t vertex, uint32_t node)
 {
     for (uint32_t c = 0; c < w->replay.column_count; c++) {
         size_t n = w->columns[c].components;
-        memcpy(w->columns[c].codes + vertex * n, w->codes[c] + node * n, n * sizeof(int64_t));
+        for (size_t k = 0; k < n; k++)
+            w->columns[c].codes[vertex * n + k] = code_of(w, c, node, k);
     }
 }
 
@@ -295,11 +298,10 @@ static void set_codes(struct writer *w, uint32_t vertex, uint32_t node)
 static void find_copies(const struct writer *w, uint32_t column, uint8_t *copied)
 {
     size_t n = w->columns[column].components;
-    const int64_t *codes = w->codes[column];
     for (size_t c = 1; c < n; c++)
         for (size_t source = 0; source < c && copied[c] == c; source++) {
-            size_t node = 0;
-            while (node < w->nodes && codes[node * n + c] == codes[node * n + source])
+            uint32_t node = 0;
+            while (node < w->nodes && code_of(w, column, node, c) == code_of(w, column, node, source))
                 node++;
             copied[c] = (uint8_t)(node == w->nodes ? source : c);
         }
@@ -376,7 +378,8 @@ static bool splits(const struct writer *w, uint32_t slot, uint32_t contractions)
 
 static bool same_place(const struct writer *w, uint32_t a, uint32_t b)
 {
-    return memcmp(w->codes[0] + 3 * (size_t)a, w->codes[0] + 3 * (size_t)b, 3 * sizeof(int64_t)) == 0;
+    return code_of(w, 0, a, 0) == code_of(w, 0, b, 0) && code_of(w, 0, a, 1) == code_of(w, 0, b, 1) &&
+           code_of(w, 0, a, 2) == code_of(w, 0, b, 2);
 }
 
 /* A node's children: the one at its own place first if there is one, which costs no position; else the least in x, y, z, so
@@ -386,9 +389,9 @@ static uint32_t order_children(struct writer *w, uint32_t node)
     uint32_t count = child_count(children_of(w, node)), first = 0;
     memcpy(w->children, children_of(w, node), count * sizeof *w->children);
     for (uint32_t c = 1; c < count; c++) {
-        const int64_t *a = w->codes[0] + 3 * (size_t)w->children[c], *b = w->codes[0] + 3 * (size_t)w->children[first];
-        int axis = a[0] != b[0] ? 0 : a[1] != b[1] ? 1 : 2;
-        if (!same_place(w, w->children[first], node) && (same_place(w, w->children[c], node) || a[axis] < b[axis]))
+        uint32_t a = w->children[c], b = w->children[first];
+        size_t axis = code_of(w, 0, a, 0) != code_of(w, 0, b, 0) ? 0 : code_of(w, 0, a, 1) != code_of(w, 0, b, 1) ? 1 : 2;
+        if (!same_place(w, b, node) && (same_place(w, a, node) || code_of(w, 0, a, axis) < code_of(w, 0, b, axis)))
             first = c;
     }
     uint32_t swap = w->children[0];
@@ -512,7 +515,7 @@ static enum tetlod_status write_record(struct writer *w, uint32_t slot)
     for (uint32_t c = 0; c < w->replay.column_count; c++)
         for (size_t n = w->columns[c].components, k = 0; k < n; k++, codes++)
             for (uint32_t i = 0; i < record.children; i++)
-                (*codes)[i] = w->codes[c][w->children[i] * n + k];
+                (*codes)[i] = code_of(w, c, w->children[i], k);
     w->node_at[slot] = w->children[0];
     TETLOD_TRY(tetlodi_record_code(&w->recorder, &record, w->error));
     w->replay.label = 0; // the writer never goes back
@@ -757,14 +760,13 @@ static enum tetlod_status allocate(struct writer *w, unsigned slowest)
     w->node_at = malloc(in->vertices * sizeof *w->node_at);
     w->original_of = malloc(in->tets * sizeof *w->original_of);
     w->columns = calloc(parts, sizeof *w->columns);
-    w->codes = calloc(parts, sizeof *w->codes);
     w->encoders = calloc(parts, sizeof *w->encoders);
     w->stored = calloc(parts * in->level_count, sizeof *w->stored);
     w->index.info.field_count = in->field_count;
     w->index.info.level_count = in->level_count;
     w->index.slowest = slowest;
     bool done = w->parent && w->range && w->position && w->slot_at && w->meeting_begin && w->waiting && w->node_at &&
-                w->original_of && w->columns && w->codes && w->encoders && w->stored && tetlodi_index_allocate(&w->index);
+                w->original_of && w->columns && w->encoders && w->stored && tetlodi_index_allocate(&w->index);
     if (!done)
         return out_of_memory(w);
     set_columns(w);
@@ -779,16 +781,14 @@ static void release(struct writer *w)
 {
     for (size_t i = 0; i < (w->in->field_count + (size_t)1) * w->in->level_count && w->stored; i++)
         tetlodi_buffer_fini(&w->stored[i]);
-    for (size_t c = 0; c <= w->in->field_count && w->codes; c++)
-        free(w->codes[c]);
     for (size_t c = 0; c <= w->in->field_count && w->encoders; c++)
         TETLODI_FREE(&w->memory, w->encoders[c].bytes, w->encoders[c].capacity);
     tetlodi_recorder_fini(&w->recorder);
     if (w->replay.memory)
         tetlodi_replay_fini(&w->replay);
     void *const owned[] = {w->parent,  w->range,   w->position,    w->slot_at, w->meeting_begin, w->meeting,
-                           w->waiting, w->node_at, w->original_of, w->arrived, w->columns,       w->codes,
-                           w->stored,  w->encoders};
+                           w->waiting, w->node_at, w->original_of, w->arrived, w->columns,       w->stored,
+                           w->encoders};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     tetlodi_cell_parts_fini(&w->cells);
@@ -803,7 +803,8 @@ static enum tetlod_status encode(struct writer *w, unsigned slowest)
     TETLOD_TRY(allocate(w, slowest));
     TETLOD_TRY(link_parents(w));
     number_leaves(w);
-    TETLOD_TRY(encode_columns(w));
+    for (uint32_t c = 0; c <= w->in->field_count; c++)
+        TETLOD_TRY(check_column(w, c));
     TETLOD_TRY(list_meetings(w));
     TETLOD_TRY(write_levels(w));
     if (!tetlodi_cells_encode(&w->cells, w->in->cells, w->in->cell_field_count, w->original_of, w->in->tets))

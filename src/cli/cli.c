@@ -10,6 +10,9 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include "format/fail.h"
 
@@ -27,6 +30,16 @@ void cli_print_safe(const char *text)
 {
     for (; *text; text++)
         fputc((unsigned char)*text < ' ' || *text == 0x7f ? '?' : *text, stderr);
+}
+
+/* Left to itself glibc raises the size from which it maps memory to that of the largest array, keeps what it then frees in an
+ * arena for each thread, and the peak is half as much again as what is in use. */
+void cli_give_memory_back(void)
+{
+#ifdef __GLIBC__
+    mallopt(M_MMAP_THRESHOLD, 256 << 10);
+    mallopt(M_ARENA_MAX, 2);
+#endif
 }
 
 const char *cli_base_name(const char *path)

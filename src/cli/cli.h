@@ -27,6 +27,9 @@ extern const struct command command_build, command_info, command_extract, comman
 /* Prints the error as one line and gives the exit status for it. */
 int cli_fail(const struct tetlod_error *error);
 
+/* What is freed goes back to the system at once from here on. */
+void cli_give_memory_back(void);
+
 /* What is behind the last slash of a path. */
 const char *cli_base_name(const char *path);
 

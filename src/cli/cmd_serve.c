@@ -9,9 +9,6 @@
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
-#ifdef __GLIBC__
-#include <malloc.h>
-#endif
 
 #include "server/server.h"
 #include "src/cli/cli.h"
@@ -211,16 +208,6 @@ static void raise_descriptor_limit(void)
     setrlimit(RLIMIT_NOFILE, &limit);
 }
 
-/* What is given back goes to the system at once. Left to itself glibc raises the size from which it maps memory to that of the
- * largest answer, keeps what it then frees in an arena for each thread, and half as much again as the cache stays in pieces. */
-static void give_memory_back(void)
-{
-#ifdef __GLIBC__
-    mallopt(M_MMAP_THRESHOLD, 256 << 10);
-    mallopt(M_ARENA_MAX, 2);
-#endif
-}
-
 static int serve(const struct settings *settings)
 {
     struct server *server;
@@ -233,7 +220,7 @@ static int serve(const struct settings *settings)
     sigaddset(&signals, SIGHUP);
     pthread_sigmask(SIG_BLOCK, &signals, NULL);
     raise_descriptor_limit();
-    give_memory_back();
+    cli_give_memory_back();
     if (server_start(&server, &settings->server, &error) != TETLOD_OK)
         return cli_fail(&error);
     for (size_t i = 0; server_url(server, i); i++)

@@ -8,7 +8,7 @@
 
 /* What the writer takes a tetrahedron and a vertex, without what it borrows, and for a field's exact tail, and what the program takes
  * with its libraries and the compressor's tables: measured. Of the rest the allocator wastes one part in ALLOCATOR. */
-enum { WRITER_TET = 78, WRITER_VERTEX = 88, WRITER_COMPONENT = 32, WRITER_TAIL = 9 << 18, PROGRAM = 13 << 20, ALLOCATOR = 32 };
+enum { WRITER_TET = 78, WRITER_VERTEX = 40, WRITER_COMPONENT = 16, WRITER_TAIL = 9 << 18, PROGRAM = 13 << 20, ALLOCATOR = 32 };
 
 static uint64_t component_count(const struct tetmesh *mesh)
 {

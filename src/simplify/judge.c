@@ -74,10 +74,10 @@ static void ask_boundary(const struct run *run, struct judge *judge, struct queu
         entry->witness_count = QUEUE_WITNESSES + 1;
 }
 
-/* Tries all candidates on the judge's star. Returns how many there are. */
-static enum tetlod_status try_candidates(const struct run *run, struct judge *judge, struct trial *trials,
-                                         uint32_t *out_count)
+/* Tries all candidates on the judge's star by the fields alone. */
+static enum tetlod_status try_candidates(const struct run *run, struct judge *judge)
 {
+    struct trial *trials = judge->trials;
     uint32_t vertices = judge->star.simplex_count, count = candidates_count(vertices, run->options->candidates);
     for (uint32_t c = 0; c < count; c++) {
         candidate_position(run->complex, &judge->star, c, trials[c].position);
@@ -85,47 +85,52 @@ static enum tetlod_status try_candidates(const struct run *run, struct judge *ju
                                              trials[c].position);
     }
     trials[count].possible = optimum_position(run, &judge->star, trials[count].position);
-    *out_count = count += trials[count].possible;
+    judge->trial_count = count += trials[count].possible;
     return judge_try(run, judge, NULL, horizon(run), trials, count);
 }
 
-/* The best of the candidates that were tried on the judge's star: its error is returned (INFINITY: none is possible; above the limit:
- * a lower bound), its key is in entry->value. */
-static double best_trial(const struct run *run, struct judge *judge, struct queue_entry *entry, struct trial *trials,
-                         uint32_t count)
+/* What else is to be said of what was tried. */
+static void judge_trials(const struct run *run, struct judge *judge, struct queue_entry *entry)
 {
-    double best = INFINITY, least = INFINITY;
-    for (uint32_t c = 0; c < count; c++) {
+    for (uint32_t c = 0; c < judge->trial_count; c++) {
+        struct trial *trial = &judge->trials[c];
         if (entry->refused & UINT32_C(1) << c)
             continue;
-        remember_witnesses(entry, trials[c].witness);
-        if (!trials[c].possible) {
+        remember_witnesses(entry, trial->witness);
+        if (!trial->possible) {
             entry->refused |= UINT32_C(1) << c;
             continue;
         }
         if (is_exact(run)) // it is asked only when the candidate's turn comes, if that has a chance
-            trials[c].error = metric_has_quadrics(run->options->metric) ? trials[c].error / run->chance : 0;
-        if (trials[c].error <= run->limit)
-            ask_boundary(run, judge, entry, &trials[c], c);
-        least = smaller(least, trials[c].error);
-        double key = metric_key(run->options->metric, &trials[c], judge->star.removed_count);
-        if (trials[c].error <= run->limit && key < best) {
+            trial->error = metric_has_quadrics(run->options->metric) ? trial->error / run->chance : 0;
+        if (trial->error <= run->limit)
+            ask_boundary(run, judge, entry, trial, c);
+    }
+}
+
+enum tetlod_status judge_try_all(const struct run *run, struct judge *judge, struct queue_entry *entry)
+{
+    TETLOD_TRY(try_candidates(run, judge));
+    judge_trials(run, judge, entry);
+    return TETLOD_OK;
+}
+
+double judge_best(const struct run *run, const struct judge *judge, struct queue_entry *entry)
+{
+    double best = INFINITY, least = INFINITY;
+    for (uint32_t c = 0; c < judge->trial_count; c++) {
+        const struct trial *trial = &judge->trials[c];
+        if (entry->refused & UINT32_C(1) << c)
+            continue;
+        least = smaller(least, trial->error);
+        double key = metric_key(run->options->metric, trial, judge->star.removed_count);
+        if (trial->error <= run->limit && key < best) {
             best = key;
             entry->candidate = c;
         }
     }
     entry->value = best;
     return least;
-}
-
-enum tetlod_status judge_best(const struct run *run, struct judge *judge, struct queue_entry *entry,
-                              double *out_error)
-{
-    struct trial trials[MOST_TRIALS];
-    uint32_t count;
-    TETLOD_TRY(try_candidates(run, judge, trials, &count));
-    *out_error = best_trial(run, judge, entry, trials, count);
-    return TETLOD_OK;
 }
 
 /* Tetrahedra that are likely to refuse a simplex: those that have refused it, or its like, before, and some all around each of its
@@ -147,7 +152,6 @@ static uint32_t likely_tets(const struct complex *complex, const struct queue_en
 static enum tetlod_status refused_early(const struct run *run, struct judge *judge, struct queue_entry *entry,
                                         bool *out_refused)
 {
-    struct trial trials[MOST_TRIALS];
     uint32_t tets[QUEUE_WITNESSES + 4 * AROUND], count = likely_tets(run->complex, entry, tets);
     *out_refused = false;
     entry->witness_count = 0;
@@ -155,11 +159,12 @@ static enum tetlod_status refused_early(const struct run *run, struct judge *jud
                                 &judge->error));
     if (!judge->star.tet_count || judge->star.still)
         return TETLOD_OK;
-    TETLOD_TRY(try_candidates(run, judge, trials, &count));
-    for (uint32_t c = 0; c < count; c++)
-        if (trials[c].possible && !(trials[c].error > horizon(run)))
+    TETLOD_TRY(try_candidates(run, judge));
+    for (uint32_t c = 0; c < judge->trial_count; c++)
+        if (judge->trials[c].possible && !(judge->trials[c].error > horizon(run)))
             return TETLOD_OK;
-    entry->value = best_trial(run, judge, entry, trials, count);
+    judge_trials(run, judge, entry);
+    entry->value = judge_best(run, judge, entry);
     *out_refused = true;
     return TETLOD_OK;
 }
@@ -181,7 +186,6 @@ bool judge_may(const struct run *run, const struct queue_entry *entry)
 enum tetlod_status judge_evaluate(const struct run *run, struct judge *judge, struct queue_entry *entry,
                                   bool *out_allowed)
 {
-    double error;
     bool refused = false;
     entry->stamp = run->complex->log.count;
     entry->refused = 0;
@@ -193,7 +197,8 @@ enum tetlod_status judge_evaluate(const struct run *run, struct judge *judge, st
         return TETLOD_OK;
     entry->witness_count = 0;
     TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
-    TETLOD_TRY(judge_best(run, judge, entry, &error));
+    TETLOD_TRY(judge_try_all(run, judge, entry));
+    double error = judge_best(run, judge, entry);
     *out_allowed = error <= run->limit;
     entry->value = *out_allowed ? entry->value : error;
     return TETLOD_OK;

@@ -20,6 +20,8 @@ struct judge {
     struct descent descent;   /* of the same */
     struct sampler sampler; /* of the measured metric */
     struct boundary_map map;
+    struct trial trials[MOST_TRIALS]; /* the star's, after judge_try_all */
+    uint32_t trial_count;
     uint64_t refused[LOG_REFUSALS];
     struct tetlod_error error;
     enum tetlod_status status;
@@ -46,8 +48,8 @@ struct run {
     struct boundary boundary;
     struct overlaps overlaps; /* of the exact limit */
     struct samples samples; /* of the measured metric */
-    struct judge *judges; /* [judge_count]; the first is the one that contracts */
-    unsigned judge_count;
+    struct judge *judges; /* [crew_size]; the first is the one that contracts */
+    struct crew *crew;    /* one judge each */
     struct queue queue, waiting;
     struct queue_entry last;    /* that was listed after a contraction */
     struct queue fresh;         /* of the exact limit: simplices that are not evaluated yet */
@@ -83,10 +85,12 @@ bool judge_may(const struct run *run, const struct queue_entry *entry);
 TETLOD_CHECKED enum tetlod_status judge_evaluate(const struct run *run, struct judge *judge, struct queue_entry *entry,
                                                  bool *out_allowed);
 
-/* The best candidate of the judge's star that the entry does not refuse: its error in *out_error (INFINITY: none is possible; above
- * the limit: a lower bound), its key in entry->value. */
-TETLOD_CHECKED enum tetlod_status judge_best(const struct run *run, struct judge *judge, struct queue_entry *entry,
-                                             double *out_error);
+/* Tries all candidates on the judge's star. What the entry refuses stays so. */
+TETLOD_CHECKED enum tetlod_status judge_try_all(const struct run *run, struct judge *judge, struct queue_entry *entry);
+
+/* The best of those that the entry does not refuse: returns its error (INFINITY: none is possible; above the limit: a lower bound);
+ * its key is in entry->value. */
+double judge_best(const struct run *run, const struct judge *judge, struct queue_entry *entry);
 
 /* Where the entry's candidate is on the judge's star, and how far the boundary then has moved in all, by judge->map. False: it cannot
  * be had. */

@@ -27,6 +27,9 @@ struct queue {
 
 void queue_fini(struct queue *queue);
 
+/* Gives it room for a quarter more than there are, if it has much more than that or hardly any. */
+void queue_fit(struct queue *queue);
+
 /* Plain append, without keeping the heap's order: for lists of waiting entries. False: out of memory. */
 bool queue_append(struct queue *queue, const struct queue_entry *entry);
 

@@ -12,7 +12,7 @@
 #include "src/simplify/rounds.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
-#include "src/util/parallel.h"
+#include "src/util/crew.h"
 
 /* What the exact limit refuses is followed to this multiple of it on the rungs that levels are named after, where near misses are
  * searched from; between them not at all. */
@@ -21,16 +21,30 @@ static const double EXACT_HORIZON = 1.2;
 /* What all candidates fail by little may succeed between them: so many steps are made, each halved as often at most, while what is
  * expected of the next is below this multiple of the limit, and what the last one came to below that. */
 enum { MOST_STEPS = 12, HALVINGS = 2 };
-static const double HOPE = 1.2, NEAR = 1.1;
+static const double HOPE = 1.12, NEAR = 1.1;
 
 /* Above this multiple of the limit, the root mean square that the quadric expects tells that the exact limit will refuse (hardly
  * one in a hundred that it allows has more than 1.4): it waits unasked. Less is asked between the rungs that levels are
  * named after. */
 static const double CHANCE = 1, CHANCE_NAMED = 1.4;
 
+/* Takes what is obsolete out of those that wait. */
+static void clear_waiting(struct run *run)
+{
+    struct queue *waiting = &run->waiting;
+    size_t kept = 0;
+    for (size_t i = 0; i < waiting->count; i++)
+        if (!obsolete(run->complex, &waiting->entries[i]))
+            waiting->entries[kept++] = waiting->entries[i];
+    waiting->count = kept;
+    queue_fit(waiting);
+}
+
 /* Into the queue, or with those that wait for a higher rung. */
 static enum tetlod_status file(struct run *run, const struct queue_entry *entry, bool allowed)
 {
+    if (!allowed && run->waiting.count == run->waiting.capacity && run->complex->log.count)
+        clear_waiting(run);
     if (allowed ? queue_push(&run->queue, entry) : queue_append(&run->waiting, entry))
         return TETLOD_OK;
     return tetlodi_fail_nomem(run->error, "the queue", run->queue.capacity * sizeof *entry);
@@ -203,17 +217,18 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
 
 /* ---- the exact limit */
 
-/* The entry's candidate is refused; its next best is chosen. *out_left: there is one. */
+/* The entry's candidate is refused; its next best is chosen. *io_tried: the judge has tried all on this star; *out_left: there is one. */
 static enum tetlod_status next_candidate(const struct run *run, struct judge *judge, struct queue_entry *entry,
-                                         const struct finding *finding, bool *out_left)
+                                         const struct finding *finding, bool *io_tried, bool *out_left)
 {
-    double estimate;
     uint32_t a = finding->witness[0].tet, b = finding->witness[1].tet;
     entry->refused |= UINT32_C(1) << entry->candidate;
     entry->bound = smaller(entry->bound, finding->error);
     remember_witnesses(entry, (uint32_t[]){a == TETLOD_NONE ? b : a, b == TETLOD_NONE ? a : b});
-    TETLOD_TRY(judge_best(run, judge, entry, &estimate));
-    entry->bound = smaller(entry->bound, estimate);
+    if (!*io_tried)
+        TETLOD_TRY(judge_try_all(run, judge, entry));
+    *io_tried = true;
+    entry->bound = smaller(entry->bound, judge_best(run, judge, entry));
     *out_left = isfinite(entry->value);
     return TETLOD_OK;
 }
@@ -273,6 +288,7 @@ static enum tetlod_status examine(const struct run *run, struct judge *judge, st
 {
     struct queue_entry *entry = &work->entry;
     double horizon = (run->named ? EXACT_HORIZON : 1) * run->limit, least = INFINITY, nearest[3], moved;
+    bool tried = false;
     work->witness_count = 0;
     TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
     TETLOD_TRY(exact_take_up(&judge->examiner, run->complex, run->fields, &judge->star, &judge->error));
@@ -294,7 +310,7 @@ static enum tetlod_status examine(const struct run *run, struct judge *judge, st
         }
         for (int i = 0; i < 2 && work->witness_count < 8; i++)
             work->witnesses[work->witness_count++] = finding.witness[i];
-        TETLOD_TRY(next_candidate(run, judge, entry, &finding, &left));
+        TETLOD_TRY(next_candidate(run, judge, entry, &finding, &tried, &left));
         if (!left && run->named && least < horizon) {
             memcpy(work->position, nearest, sizeof nearest);
             TETLOD_TRY(search(run, judge, work));
@@ -350,7 +366,7 @@ static enum tetlod_status contract_exactly(struct run *run, const struct work *w
 
 static enum tetlod_status first_failure(struct run *run)
 {
-    for (unsigned j = 0; j < run->judge_count; j++) {
+    for (unsigned j = 0; j < crew_size(run->crew); j++) {
         if (run->judges[j].status != TETLOD_OK) {
             *run->error = run->judges[j].error;
             return run->judges[j].status;
@@ -447,7 +463,7 @@ static enum tetlod_status rescan(struct run *run, bool *out_any)
     struct rescan rescan = {run, waiting->entries, array_new(waiting->count, 1)};
     if (!rescan.verdicts)
         return tetlodi_fail_nomem(run->error, "the queue", waiting->count);
-    parallel_for(run->judge_count, waiting->count, 512, rescan_range, &rescan);
+    crew_run(run->crew, waiting->count, 512, rescan_range, &rescan);
     enum tetlod_status status = first_failure(run);
     for (size_t i = waiting->count; i-- > 0 && status == TETLOD_OK;) {
         if (rescan.verdicts[i] == STAYS)
@@ -457,6 +473,7 @@ static enum tetlod_status rescan(struct run *run, bool *out_any)
         waiting->entries[i] = waiting->entries[--waiting->count]; // the last one, which stays, takes its place
     }
     free(rescan.verdicts);
+    queue_fit(waiting);
     *out_any = run->queue.count > 0;
     return status;
 }
@@ -480,7 +497,7 @@ static enum tetlod_status file_fresh(struct run *run)
     enum tetlod_status status;
     if (!rescan.verdicts)
         return tetlodi_fail_nomem(run->error, "the queue", fresh->count);
-    parallel_for(run->judge_count, fresh->count, 16, fresh_range, &rescan);
+    crew_run(run->crew, fresh->count, 16, fresh_range, &rescan);
     status = first_failure(run);
     for (size_t i = 0; i < fresh->count && status == TETLOD_OK; i++)
         status = file(run, &fresh->entries[i], rescan.verdicts[i] == MOVES);
@@ -533,7 +550,7 @@ static enum tetlod_status climb_exactly(struct run *run)
     while (run->queue.count && !finished(run)) {
         size_t count;
         TETLOD_TRY(take_batch(run, &count));
-        parallel_for(run->judge_count, count, 1, work_range, run);
+        crew_run(run->crew, count, 1, work_range, run);
         TETLOD_TRY(first_failure(run));
         for (size_t i = 0; i < count; i++) {
             uint32_t before = run->complex->log.count;
@@ -600,12 +617,11 @@ static bool asks_envelopes(const struct simplify_options *options)
 
 static enum tetlod_status make_judges(struct run *run)
 {
-    unsigned threads = run->options->threads ? run->options->threads : 1;
-    run->judge_count = threads < PARALLEL_MOST_THREADS ? threads : PARALLEL_MOST_THREADS;
-    run->judges = array_zero(run->judge_count, sizeof *run->judges);
-    if (!run->judges)
-        return tetlodi_fail_nomem(run->error, "the threads", run->judge_count * sizeof *run->judges);
-    for (unsigned j = 0; j < run->judge_count; j++) {
+    run->crew = crew_new(run->options->threads);
+    run->judges = run->crew ? array_zero(crew_size(run->crew), sizeof *run->judges) : NULL;
+    if (!run->crew || !run->judges)
+        return tetlodi_fail_nomem(run->error, "the threads", run->options->threads * sizeof *run->judges);
+    for (unsigned j = 0; j < crew_size(run->crew); j++) {
         TETLOD_TRY(metric_init(&run->judges[j].scratch, run->fields, run->error));
         if (is_exact(run))
             TETLOD_TRY(examiner_init(&run->judges[j].examiner, run->complex, run->fields, run->error));
@@ -631,7 +647,7 @@ static enum tetlod_status make_works(struct run *run, const struct tetmesh *mesh
 
 static void free_judges(struct run *run)
 {
-    for (unsigned j = 0; j < run->judge_count && run->judges; j++) {
+    for (unsigned j = 0; run->judges && j < crew_size(run->crew); j++) {
         star_fini(&run->judges[j].star);
         metric_fini(&run->judges[j].scratch);
         examiner_fini(&run->judges[j].examiner);
@@ -640,6 +656,7 @@ static void free_judges(struct run *run)
         boundary_map_fini(&run->judges[j].map);
     }
     free(run->judges);
+    crew_free(run->crew);
 }
 
 static enum tetlod_status log_drivers(const struct run *run)
@@ -697,7 +714,7 @@ enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *m
     run.predicted = run.certified + fields.driver_count;
     run.assigned = run.predicted + fields.driver_count;
     TETLOD_TRY_DONE(run_ladder(&run));
-    for (unsigned j = 0; j < run.judge_count; j++)
+    for (unsigned j = 0; j < crew_size(run.crew); j++)
         for (int r = 0; r < LOG_REFUSALS; r++)
             complex.log.refused[r] += run.judges[j].refused[r];
     log_finish(&complex.log);

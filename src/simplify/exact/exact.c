@@ -126,7 +126,7 @@ static enum tetlod_status gather(struct examiner *examiner, const struct overlap
 
 /* ---- intervals */
 
-static const struct sentinel nowhere = {TETLOD_NONE, {TETLOD_NONE, TETLOD_NONE}, 0};
+static const struct sentinel nowhere = {TETLOD_NONE, {{TETLOD_NONE, TETLOD_NONE}, 0}};
 
 static struct critical end_of_range(double value)
 {
@@ -278,7 +278,7 @@ static bool at_vertex(const struct examination *e, uint32_t v)
             constant += cone->scale[k] * row[cone->walls[k]] * examiner->level[d * links + cone->link[k]];
         examiner->constants[d] = constant;
     }
-    const struct sentinel here = {cone->tet, {patch->vertices[v], patch->vertices[v]}, 0};
+    const struct sentinel here = {cone->tet, {{patch->vertices[v], patch->vertices[v]}, 0}};
     return add_point(examiner, e->fields, weight, f, &here, e->horizon);
 }
 
@@ -315,7 +315,7 @@ static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_
             constant += weights[k] * level[cone->link[k]];
         examiner->constants[d] = constant;
     }
-    const struct sentinel here = {cone->tet, {patch->vertices[a], patch->vertices[b]}, (float)t};
+    const struct sentinel here = {cone->tet, {{patch->vertices[a], patch->vertices[b]}, (float)t}};
     return add_point(examiner, e->fields, weight, patch->walls[w].cones[0], &here, e->horizon);
 }
 
@@ -379,7 +379,7 @@ static bool at_face(const struct examination *e, uint32_t link, const uint32_t f
             constant -= weights[k] * original[face[k]];
         examiner->constants[d] = constant;
     }
-    const struct sentinel here = {patch->cones[spoke->cone].tet, {TETLOD_NONE, TETLOD_NONE}, 0};
+    const struct sentinel here = {patch->cones[spoke->cone].tet, {{TETLOD_NONE, TETLOD_NONE}, 0}};
     return add_point(examiner, e->fields, weight, spoke->cone, &here, e->horizon);
 }
 
@@ -585,28 +585,28 @@ static bool at_spokes(const struct examination *e)
 }
 
 /* A sentinel is a point of the overlay that must hold wherever v' is. False: no memory. */
-static bool ask_sentinel(const struct examination *e, struct sentinel here)
+static bool ask_sentinel(const struct examination *e, const struct watched *point)
 {
     struct examiner *examiner = e->examiner;
     struct patch *patch = &examiner->patch;
-    double p[3], weights[3], weight, t = here.along;
-    if (here.ends[0] == TETLOD_NONE)
+    double p[3], weights[3], weight, t = point->along;
+    if (point->ends[0] == TETLOD_NONE)
         return true;
-    const double *a = e->overlaps->mesh->positions + 3 * (size_t)here.ends[0],
-                 *b = e->overlaps->mesh->positions + 3 * (size_t)here.ends[1];
+    const double *a = e->overlaps->mesh->positions + 3 * (size_t)point->ends[0],
+                 *b = e->overlaps->mesh->positions + 3 * (size_t)point->ends[1];
     for (int k = 0; k < 3; k++)
         p[k] = (1 - t) * a[k] + t * b[k];
     uint32_t f = patch_cone_at(patch, e->complex, p, weights, &weight);
     if (f == TETLOD_NONE || !(weight > 0))
         return true;
     for (uint32_t d = 0; d < e->fields->driver_count; d++) {
-        double constant = -(1 - t) * original_value(examiner, e->overlaps, e->fields, d, here.ends[0]) -
-                          t * original_value(examiner, e->overlaps, e->fields, d, here.ends[1]);
+        double constant = -(1 - t) * original_value(examiner, e->overlaps, e->fields, d, point->ends[0]) -
+                          t * original_value(examiner, e->overlaps, e->fields, d, point->ends[1]);
         for (int k = 0; k < 3; k++)
             constant += weights[k] * examiner->level[d * (size_t)patch->link_count + patch->cones[f].link[k]];
         examiner->constants[d] = constant;
     }
-    here.tet = patch->cones[f].tet;
+    const struct sentinel here = {patch->cones[f].tet, *point};
     add_point(examiner, e->fields, weight, f, &here, INFINITY);
     return examiner->point_count != SIZE_MAX;
 }
@@ -616,13 +616,13 @@ static bool ask_sentinels(const struct examination *e)
 {
     const struct examiner *examiner = e->examiner;
     for (uint32_t i = 0; i < examiner->recent_count; i++)
-        if (!ask_sentinel(e, examiner->recent[i]))
+        if (!ask_sentinel(e, &examiner->recent[i].point))
             return false;
     if (!hopeful(examiner, e->fields, e->horizon))
         return false;
     for (uint32_t i = 0; i < e->star->tet_count; i++)
         for (size_t k = 0; k < SENTINELS; k++)
-            if (!ask_sentinel(e, e->overlaps->sentinels[SENTINELS * (size_t)e->star->tets[i] + k]))
+            if (!ask_sentinel(e, &e->overlaps->sentinels[SENTINELS * (size_t)e->star->tets[i] + k]))
                 return false;
     return hopeful(examiner, e->fields, e->horizon);
 }

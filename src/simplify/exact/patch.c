@@ -51,21 +51,19 @@ enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh
     size_t tets = mesh->tet_count;
     *overlaps = (struct overlaps){.mesh = mesh,
                                   .begin = array_new(tets, sizeof *overlaps->begin),
-                                  .count = array_new(tets, sizeof *overlaps->count),
-                                  .pool = array_new(2 * tets, sizeof *overlaps->pool),
-                                  .pool_size = tets,
-                                  .pool_capacity = 2 * tets,
+                                  .pool = array_new(3 * tets, sizeof *overlaps->pool),
+                                  .pool_size = 3 * tets,
+                                  .pool_capacity = 3 * tets,
                                   .slopes = array_new(tets, sizeof *overlaps->slopes),
                                   .sentinels = array_new(tets, SENTINELS * sizeof *overlaps->sentinels),
                                   .host = array_new(mesh->vertex_count, sizeof *overlaps->host)};
-    if (!overlaps->begin || !overlaps->count || !overlaps->pool || !overlaps->slopes || !overlaps->sentinels || !overlaps->host) {
+    if (!overlaps->begin || !overlaps->pool || !overlaps->slopes || !overlaps->sentinels || !overlaps->host) {
         overlaps_fini(overlaps);
-        return tetlodi_fail_nomem(error, "the overlaps", tets * (24 + SENTINELS * sizeof *overlaps->sentinels) + mesh->vertex_count * (uint64_t)4);
+        return tetlodi_fail_nomem(error, "the overlaps", overlaps_bytes(mesh->vertex_count, mesh->tet_count, 0));
     }
     for (uint32_t t = 0; t < tets; t++) {
-        overlaps->begin[t] = t;
-        overlaps->count[t] = 1;
-        overlaps->pool[t] = t;
+        overlaps->begin[t] = 3 * (size_t)t + 2;
+        memcpy(overlaps->pool + 3 * (size_t)t, (uint32_t[]){t, 1, t}, 3 * sizeof *overlaps->pool);
         overlaps->slopes[t] = slope_of(mesh, t);
         for (int i = 0; i < SENTINELS; i++)
             overlaps->sentinels[SENTINELS * (size_t)t + (size_t)i].ends[0] = TETLOD_NONE;
@@ -77,14 +75,13 @@ enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh
 
 uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets, unsigned threads)
 {
-    return tets * (uint64_t)(16 + 8 * sizeof(uint32_t) + SENTINELS * sizeof(struct sentinel)) + vertices * (uint64_t)4 +
+    return tets * (uint64_t)(12 + 16 * sizeof(uint32_t) + SENTINELS * sizeof(struct watched)) + vertices * (uint64_t)4 +
            threads * (tets * (uint64_t)8 + vertices * (uint64_t)16);
 }
 
 void overlaps_fini(struct overlaps *overlaps)
 {
     free(overlaps->begin);
-    free(overlaps->count);
     free(overlaps->pool);
     free(overlaps->slopes);
     free(overlaps->sentinels);
@@ -94,14 +91,23 @@ void overlaps_fini(struct overlaps *overlaps)
 
 void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel)
 {
-    if (sentinel->tet == TETLOD_NONE || sentinel->ends[0] == TETLOD_NONE)
+    const struct watched *point = &sentinel->point;
+    if (sentinel->tet == TETLOD_NONE || point->ends[0] == TETLOD_NONE)
         return;
-    struct sentinel *own = overlaps->sentinels + SENTINELS * (size_t)sentinel->tet;
+    struct watched *own = overlaps->sentinels + SENTINELS * (size_t)sentinel->tet;
     int last = 0;
-    while (last < SENTINELS - 1 && (own[last].ends[0] != sentinel->ends[0] || own[last].ends[1] != sentinel->ends[1]))
+    while (last < SENTINELS - 1 && (own[last].ends[0] != point->ends[0] || own[last].ends[1] != point->ends[1]))
         last++;
     memmove(own + 1, own, (size_t)last * sizeof *own);
-    own[0] = *sentinel;
+    own[0] = *point;
+}
+
+/* The originals that overlap a tetrahedron of the level. */
+static const uint32_t *overlaps_of(const struct overlaps *overlaps, uint32_t tet, uint32_t *out_count)
+{
+    const uint32_t *list = overlaps->pool + overlaps->begin[tet];
+    *out_count = overlaps->begin[tet] ? list[-1] : 0;
+    return list;
 }
 
 /* ---- memory */
@@ -157,8 +163,10 @@ void patch_fini(struct patch *patch)
 static bool gather_tets(struct patch *patch, const struct overlaps *overlaps, const struct star *star)
 {
     size_t most = 0;
+    uint32_t count;
     for (uint32_t i = 0; i < star->tet_count; i++) {
-        most += overlaps->count[star->tets[i]];
+        overlaps_of(overlaps, star->tets[i], &count);
+        most += count;
         patch->star_epoch[star->tets[i]] = patch->epoch;
     }
     patch->tet_count = 0;
@@ -166,8 +174,8 @@ static bool gather_tets(struct patch *patch, const struct overlaps *overlaps, co
         return false;
     for (int pass = 0; pass < 2; pass++)
         for (uint32_t i = 0; i < star->tet_count; i++) {
-            const uint32_t *list = overlaps->pool + overlaps->begin[star->tets[i]];
-            for (uint32_t k = 0; k < overlaps->count[star->tets[i]] && (star->moving[i] == STAR_REMOVED) == !pass; k++) {
+            const uint32_t *list = overlaps_of(overlaps, star->tets[i], &count);
+            for (uint32_t k = 0; k < count && (star->moving[i] == STAR_REMOVED) == !pass; k++) {
                 if (patch->tet_epoch[list[k]] != patch->epoch)
                     patch->tets[patch->tet_count++] = list[k];
                 patch->tet_epoch[list[k]] = patch->epoch;
@@ -703,12 +711,12 @@ enum tetlod_status patch_hand_on(struct patch *patch, const struct overlaps *ove
                                  struct handover *out, struct tetlod_error *error)
 {
     out->count = 0;
-    out->cone_count = patch->cone_count;
     if (!find_sides(patch))
         return no_room(error);
     for (uint32_t f = 0; f < patch->cone_count; f++)
         if (!hand_on_to(patch, overlaps, complex, f, out))
             return no_room(error);
+    out->list_count = out->count;
     if (!handover_room(out, 2 * (size_t)patch->vertex_count))
         return no_room(error);
     for (uint32_t v = 0; v < patch->vertex_count; v++) {
@@ -728,25 +736,33 @@ void handover_fini(struct handover *handover)
     *handover = (struct handover){0};
 }
 
-/* Room for `needed` more in the pool: compacts it if half of it is not in use any more. */
+/* Moves the lists that are in use to the front of the pool. */
+static void pool_compact(struct overlaps *overlaps)
+{
+    uint32_t *pool = overlaps->pool;
+    size_t kept = 0;
+    for (size_t at = 0, next; at < overlaps->pool_size; at = next) {
+        size_t size = 2 + (size_t)pool[at + 1];
+        next = at + size;
+        if (overlaps->begin[pool[at]] != at + 2)
+            continue;
+        overlaps->begin[pool[at]] = kept + 2;
+        memmove(pool + kept, pool + at, size * sizeof *pool);
+        kept += size;
+    }
+    overlaps->pool_size = kept;
+}
+
+/* Room for `needed` more in the pool, which is as large as what is in use and a third. */
 static bool pool_room(struct overlaps *overlaps, size_t needed)
 {
     if (overlaps->pool_size + needed <= overlaps->pool_capacity)
         return true;
-    size_t live = 0, tets = overlaps->mesh->tet_count;
-    for (size_t t = 0; t < tets; t++)
-        live += overlaps->count[t];
-    size_t capacity = live + live / 2 + needed + 1024;
-    uint32_t *pool = array_new(capacity, sizeof *pool);
+    pool_compact(overlaps);
+    size_t capacity = overlaps->pool_size + overlaps->pool_size / 3 + needed + 1024;
+    void *pool = array_resize(overlaps->pool, capacity, sizeof *overlaps->pool);
     if (!pool)
         return false;
-    overlaps->pool_size = 0;
-    for (size_t t = 0; t < tets; t++) {
-        memcpy(pool + overlaps->pool_size, overlaps->pool + overlaps->begin[t], overlaps->count[t] * sizeof *pool);
-        overlaps->begin[t] = overlaps->pool_size;
-        overlaps->pool_size += overlaps->count[t];
-    }
-    free(overlaps->pool);
     overlaps->pool = pool;
     overlaps->pool_capacity = capacity;
     return true;
@@ -757,18 +773,14 @@ enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *s
 {
     const uint32_t *numbers = handover->numbers, *end = numbers + handover->count;
     for (uint32_t i = 0; i < star->tet_count; i++)
-        overlaps->count[star->tets[i]] = 0;
-    if (!pool_room(overlaps, handover->count))
+        overlaps->begin[star->tets[i]] = 0;
+    if (!pool_room(overlaps, handover->list_count))
         return no_room(error);
-    for (uint32_t f = 0; f < handover->cone_count; f++) {
-        uint32_t tet = numbers[0], count = numbers[1];
-        memcpy(overlaps->pool + overlaps->pool_size, numbers + 2, count * sizeof *numbers);
-        overlaps->begin[tet] = overlaps->pool_size;
-        overlaps->count[tet] = count;
-        overlaps->pool_size += count;
-        numbers += 2 + (size_t)count;
-    }
-    for (; numbers < end; numbers += 2)
+    for (const uint32_t *list = numbers; list < numbers + handover->list_count; list += 2 + (size_t)list[1])
+        overlaps->begin[list[0]] = overlaps->pool_size + (size_t)(list - numbers) + 2;
+    memcpy(overlaps->pool + overlaps->pool_size, numbers, handover->list_count * sizeof *numbers);
+    overlaps->pool_size += handover->list_count;
+    for (numbers += handover->list_count; numbers < end; numbers += 2)
         overlaps->host[numbers[0]] = numbers[1];
     return TETLOD_OK;
 }

@@ -12,11 +12,16 @@
 
 #include "src/simplify/complex.h"
 
-/* A point on an edge of the original, and the tetrahedron of the level that it is in; `ends` may be twice the same vertex, or
- * TETLOD_NONE: no such point. */
-struct sentinel {
-    uint32_t tet, ends[2];
+/* A point on an edge of the original; `ends` may be twice the same vertex, or TETLOD_NONE: no such point. */
+struct watched {
+    uint32_t ends[2];
     float along; /* 0 .. 1 */
+};
+
+/* The same, and the tetrahedron of the level that it is in. */
+struct sentinel {
+    uint32_t tet;
+    struct watched point;
 };
 
 enum { SENTINELS = 2 };
@@ -24,20 +29,19 @@ enum { SENTINELS = 2 };
 /* Which original tetrahedra overlap which of the level. */
 struct overlaps {
     const struct tetmesh *mesh; /* the original, borrowed */
-    size_t *begin;              /* [tet of the level] its list in the pool */
-    uint32_t *count;            /* [tet of the level] */
-    uint32_t *pool;
+    size_t *begin;              /* [tet of the level] its list in the pool; 0: it has none */
+    uint32_t *pool;             /* list after list: its tetrahedron of the level, how many originals it has, and these */
     size_t pool_size, pool_capacity;
     float *slopes;              /* [original tet] (longest edge)^2 / 6V, rounded up; 0: it has no volume */
-    struct sentinel *sentinels; /* [tet of the level][SENTINELS] points near which contractions were refused last */
+    struct watched *sentinels;  /* [tet of the level][SENTINELS] points near which contractions were refused last */
     uint32_t *host;             /* [original vertex] the tetrahedron of the level that it is in: a hint, what to look at first */
 };
 
-/* What a contraction leaves to its cones: of each its tetrahedron of the level, how many originals it has, and these; then
- * vertices of the original and the tetrahedra that they are in. */
+/* What a contraction leaves to its cones: their lists, as the pool has them; then vertices of the original and the tetrahedra
+ * that they are in. */
 struct handover {
-    uint32_t *numbers, cone_count;
-    size_t count, capacity;
+    uint32_t *numbers;
+    size_t list_count, count, capacity; /* numbers of the lists; of all */
 };
 
 /* For the complex of the mesh before its first contraction. ERR_NOMEM. */
