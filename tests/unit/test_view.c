@@ -214,6 +214,8 @@ static void test_values_of_cells_colour_and_hide(void)
         CHECK_INT(view_hide(view, 0, NULL, 0), TETLOD_OK);
         view_shade(view, 0, 0);
         CHECK_INT(view_surface(view, 0), TETLOD_OK);
+        const double *nothing = view_shade(view, UINT32_MAX, 0);
+        CHECK(nothing[0] == 0 && nothing[1] == 0);
     }
 }
 

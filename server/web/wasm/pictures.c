@@ -30,9 +30,9 @@ enum tetlod_status view_begin_pictures(struct view *view)
 
 void view_take_values(const struct tetmesh *mesh, uint32_t vertices, uint32_t field, int32_t component, double *out)
 {
-    const struct point_field *of = &mesh->fields[field];
+    const struct point_field *of = field < mesh->field_count ? &mesh->fields[field] : NULL;
     for (uint32_t v = 0; v < vertices; v++) {
-        const double *values = of->values ? of->values + (size_t)v * of->components : NULL;
+        const double *values = of && of->values ? of->values + (size_t)v * of->components : NULL;
         double sum = 0;
         if (values && component >= 0)
             out[v] = values[component];

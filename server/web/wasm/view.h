@@ -158,7 +158,8 @@ VIEW_EXPORT(view_rest) uint32_t view_rest(struct view *view);
 /* What a part has beside points, values and triangles. */
 enum { WITH_LINES = 1, WITH_NORMALS = 2 };
 
-/* The value that colours, of the mesh as it is now; component -1: the magnitude. Returns its least and greatest. */
+/* The value that colours, of the mesh as it is now; component -1: the magnitude; field -1: nothing colours, the value is 0. Returns its
+ * least and greatest. */
 VIEW_EXPORT(view_shade) const double *view_shade(struct view *view, uint32_t field, int32_t component);
 /* Some of those values, as many of each as it has of the volume. */
 VIEW_EXPORT(view_sample) const struct view_sample *view_sample(struct view *view);
