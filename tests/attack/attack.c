@@ -433,22 +433,26 @@ static bool once(unsigned *set, uint32_t member)
 }
 
 /* Vertices that rounding may put outside their own sheet and into another of the same body, with which the oracle compares them: those of
- * folds; and on the boundary where the body overlaps itself at faces of more than two tetrahedra. */
+ * folds; and, of rounded positions, on the boundary where the body overlaps itself at faces of more than two tetrahedra, and where another
+ * sheet touches it. */
 static bool *find_strays(const struct attack *a)
 {
     const struct oracle_mesh *o = &a->original;
     bool *strays = oracle_memory(o->vertices, 1);
+    bool moved = a->lossy && strstr(a->options, "position-");
     size_t count = a->lossy ? 4 * (size_t)o->tets : 0;
     struct oracle_face *faces = oracle_faces(o);
     for (size_t c = 0; c < count; c++)
         strays[a->corners[c]] |= !o->details[c / 4].usable;
-    for (size_t i = 0, end; i < count && a->counts.overfull_faces && strstr(a->options, "position-"); i = end) {
+    for (size_t i = 0, end; i < count && a->counts.overfull_faces && moved; i = end) {
         for (end = i + 1; end < count && oracle_same_face(&faces[i], &faces[end]);)
             end++;
         for (int k = 0; k < 3 && end - i != 2; k++)
             strays[faces[i].v[k]] = true;
     }
     free(faces);
+    for (uint32_t v = 0; v < o->vertices && moved; v++)
+        strays[v] |= oracle_touches(o, a->part[v], a->positions + 3 * (size_t)v);
     return strays;
 }
 

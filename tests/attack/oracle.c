@@ -420,6 +420,22 @@ void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh
     }
 }
 
+bool oracle_touches(const struct oracle_mesh *mesh, uint32_t part, const double point[3])
+{
+    for (uint32_t t = 0; t < mesh->tets; t++) {
+        double w[4];
+        bool corner = false;
+        for (int c = 0; c < 4; c++)
+            corner |= memcmp(mesh->positions + 3 * (size_t)mesh->corners[4 * (size_t)t + (size_t)c], point, 3 * sizeof *point) == 0;
+        if (corner || !mesh->details[t].usable || part_of(mesh, t) != part)
+            continue;
+        near_weights(mesh, t, point, w);
+        if (fmin(fmin(w[0], w[1]), fmin(w[2], w[3])) >= -1e-9)
+            return true;
+    }
+    return false;
+}
+
 bool oracle_difference_at(const struct oracle_mesh *level, uint32_t part, const double point[3], uint32_t i, double value, double *out)
 {
     *out = INFINITY;

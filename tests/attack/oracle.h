@@ -67,6 +67,9 @@ void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh
 /* Weights of x in a tetrahedron. */
 void oracle_weights(const struct oracle_mesh *mesh, uint32_t tet, const quad x[3], quad weights[4]);
 
+/* Does a tetrahedron of the part hold the point, none of whose corners is there? Of a vertex: another sheet touches it. */
+bool oracle_touches(const struct oracle_mesh *mesh, uint32_t part, const double point[3]);
+
 /* The smallest difference of value i from `value` at a point, among the level's tetrahedra of a part that hold it: false where none does. */
 bool oracle_difference_at(const struct oracle_mesh *level, uint32_t part, const double point[3], uint32_t i, double value, double *out);
 
