@@ -126,13 +126,16 @@ static const struct format *by_extension(const char *path)
     return NULL;
 }
 
+/* What its first bytes say it is; if they could be of several formats, what its name says, too: values may spell another's word. */
 static const struct format *find_format(const char *path, const unsigned char *bytes, size_t size)
 {
+    const struct format *named = by_extension(path);
+    if (named && named->sniff && named->sniff(bytes, size))
+        return named;
     for (int f = 0; f < FORMATS; f++)
         if (formats[f].sniff && formats[f].sniff(bytes, size))
             return &formats[f];
-    const struct format *format = by_extension(path);
-    return format && format->read ? format : NULL;
+    return named && named->read ? named : NULL;
 }
 
 /* Adds the blocks of a file. */
