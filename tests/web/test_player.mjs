@@ -4,14 +4,14 @@ import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { join } from 'node:path';
 import { firstPicture, launch, openPage, settled } from './browser.mjs';
-import { SCRATCH, TETLOD, program } from './hosts.mjs';
+import { ROOT, SCRATCH, TETLOD, program } from './hosts.mjs';
 import { run } from './tap.mjs';
 
 const STEPS = 20;
 const make = (...words) => execFileSync(TETLOD, words, { cwd: SCRATCH, stdio: 'ignore' });
 make('sample', 'wake', '--size', '14', '--steps', String(STEPS), '-o', 'wake.pvd');
 make('build', 'wake.pvd', '--field', 'Pressure', '--quiet', '-o', 'wake.tetlod');
-const server = await program([join(SCRATCH, 'wake.tetlod')]);
+const server = await program([join(SCRATCH, 'wake.tetlod'), join(ROOT, 'tests/golden/series_moving.tetlod')]);
 const browser = await launch();
 const page = await openPage(browser, server.url, { viewport: { width: 900, height: 620 } });
 
@@ -26,11 +26,11 @@ const picture = () => page.evaluate(async () => {
   return (await window.tetlod.scene.capture()).src;
 });
 
-async function open(state, on = page, origin = server.url) {
-  await on.goto('about:blank');
-  await on.goto(`${origin}view/wake#error=0.01${state}`);
-  await firstPicture(on);
-  await on.locator('#player').waitFor();
+async function open(state, name = 'wake') {
+  await page.goto('about:blank');
+  await page.goto(`${server.url}view/${name}#error=0.01${state}`);
+  await firstPicture(page);
+  await page.locator('#player').waitFor();
 }
 
 async function stepsAreShown() {
@@ -121,4 +121,28 @@ async function lateStepsAreCoarser() {
   await page.unroute(/bands\/\d+\/groups\//);
 }
 
-await run([stepsAreShown, aLinkNamesTheStep, theRangeIsTheSeries, playsAndLoops, lateStepsAreCoarser]);
+// The body bends: the surface that is drawn has other places at another step, and covers other pixels.
+async function pointsMove() {
+  await open('&step=0', 'series_moving');
+  const shape = () => page.evaluate(async () => {
+    for (let i = 0; i < 3; i++) await new Promise(requestAnimationFrame);
+    const image = await window.tetlod.scene.capture();
+    const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
+    context.drawImage(image, 0, 0);
+    const pixels = new Uint32Array(context.getImageData(0, 0, image.width, image.height).data.buffer);
+    const { positions } = await window.tetlod.stream.mesh();
+    return { highest: positions.reduce((most, x, i) => (i % 3 === 2 ? Math.max(most, x) : most), -Infinity), covered: [...pixels].map((p) => p !== pixels[0]) };
+  });
+  const shapes = [];
+  for (const step of [0, 8]) {
+    await page.locator('#player-step').fill(String(step));
+    await atStep(step);
+    shapes.push(await shape());
+  }
+  const [before, after] = shapes;
+  assert.ok(Math.abs(after.highest - before.highest) > 0.1, `${before.highest} and ${after.highest}`);
+  assert.ok(before.covered.reduce((n, is, i) => n + (is !== after.covered[i]), 0) > 1000);
+  assert.deepEqual(page.complaints, []);
+}
+
+await run([stepsAreShown, pointsMove, aLinkNamesTheStep, theRangeIsTheSeries, playsAndLoops, lateStepsAreCoarser]);
