@@ -562,7 +562,7 @@ static enum tetlod_status list_changed(struct rounds *rounds)
     return TETLOD_OK;
 }
 
-static enum tetlod_status climb_rung(struct rounds *rounds, double limit)
+static enum tetlod_status climb_rung(struct rounds *rounds, double limit, bool named)
 {
     rounds->run.limit = limit;
     rounds->bound = 0;
@@ -573,7 +573,7 @@ static enum tetlod_status climb_rung(struct rounds *rounds, double limit)
         TETLOD_TRY(take_proposals(rounds));
         TETLOD_TRY(play_rounds(rounds));
         rounds->again.count = 0;
-        if (pass == MOST_PASSES)
+        if (pass == (named ? MOST_PASSES : 0))
             break;
         TETLOD_TRY(list_changed(rounds));
         rounds->run.round++;
@@ -598,7 +598,7 @@ static enum tetlod_status climb(struct rounds *rounds)
     double limit = fmin(1e-6, rounds->options->max_error);
     TETLOD_TRY(mark(rounds));
     for (;;) {
-        TETLOD_TRY(climb_rung(rounds, limit));
+        TETLOD_TRY(climb_rung(rounds, limit, named));
         if (shrunk_since_mark(rounds) > (named ? 1 : sqrt(rounds->options->growth)))
             TETLOD_TRY(mark(rounds));
         if (finished(rounds) || limit >= rounds->options->max_error)
@@ -630,11 +630,9 @@ static enum tetlod_status allocate(struct rounds *rounds)
     if (!rounds->run.proposals || !rounds->blockers || !rounds->claims || !rounds->listed || !rounds->certified ||
         !rounds->predicted || !rounds->run.factors || !rounds->run.workers)
         return no_memory(rounds);
-    for (unsigned w = 0; w < crew_size(rounds->run.crew); w++) {
-        rounds->run.workers[w].numbers = array_zero(NUMBERS * k, sizeof(double));
-        if (!rounds->run.workers[w].numbers)
+    for (unsigned w = 0; w < crew_size(rounds->run.crew); w++)
+        if (!worker_init(&rounds->run.workers[w], &rounds->working))
             return no_memory(rounds);
-    }
     memset(rounds->claims, 0xff, n * sizeof *rounds->claims);
     for (size_t c = 0; c < k; c++)
         rounds->run.factors[c] = rounds->working.components[c].factor;
