@@ -47,10 +47,10 @@ static bool reserve_weighing(struct weighing *weighing, size_t count)
 }
 
 /* Lists the star of one end; those with the other end only if it is the first. */
-static void list_star(struct weighing *weighing, uint32_t *list, const struct working *working, uint32_t end, uint32_t other,
-                      bool first)
+static void list_star(const struct run *run, struct weighing *weighing, uint32_t *list, uint32_t end, uint32_t other, bool first)
 {
     static const uint8_t others_of[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
+    const struct working *working = run->working;
     const struct span *star = &working->stars[end];
     for (uint32_t i = 0; i < star->count; i++) {
         uint32_t tet = working->pool[star->begin + i];
@@ -67,6 +67,8 @@ static void list_star(struct weighing *weighing, uint32_t *list, const struct wo
         for (int k = 0; k < 4; k++) {
             uint32_t slot = weighing->slots[at][k] = k ? corners[others[k - 1]] : end;
             weighing->rows[k][at] = working_row(working, slot);
+            __builtin_prefetch(working->values + (size_t)working->value_count * slot); // for say_all
+            __builtin_prefetch(&run->proposals[slot]);                                 // for touch_stars
         }
     }
 }
@@ -144,8 +146,8 @@ static bool find_bounds(const struct run *run, struct worker *worker, const stru
     double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
     double *means = numbers_of(run, worker, NUMBERS_MEAN);
     worker->weighing.count = 0;
-    list_star(&worker->weighing, worker->list, working, join->dead, join->kept, true);
-    list_star(&worker->weighing, worker->list, working, join->kept, join->dead, false);
+    list_star(run, &worker->weighing, worker->list, join->dead, join->kept, true);
+    list_star(run, &worker->weighing, worker->list, join->kept, join->dead, false);
     if (!join->still && !run->kernels->weigh(&worker->weighing, join->p))
         return false;
     if (!join->still)

@@ -297,11 +297,28 @@ static bool unclaimed(const struct rounds *rounds, uint32_t slot, uint64_t prior
     return true;
 }
 
+/* As fetch_ahead, for both ends of proposals. */
+static void fetch_stars(const struct rounds *rounds, const uint32_t *slots, size_t left)
+{
+    const struct working *working = &rounds->working;
+    if (left > 3)
+        __builtin_prefetch(&rounds->run.proposals[slots[3]]);
+    if (left > 2) {
+        __builtin_prefetch(&working->stars[slots[2]]);
+        __builtin_prefetch(&working->stars[rounds->run.proposals[slots[2]].target / 2]);
+    }
+    if (left > 1) {
+        __builtin_prefetch(working->pool + working->stars[slots[1]].begin);
+        __builtin_prefetch(working->pool + working->stars[rounds->run.proposals[slots[1]].target / 2].begin);
+    }
+}
+
 static void win_range(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct rounds *rounds = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
+        fetch_stars(rounds, rounds->proposing.slots + i, end - i);
         uint32_t slot = rounds->proposing.slots[i], *blocker = &rounds->blockers[slot];
         const struct proposal *proposal = &rounds->run.proposals[slot];
         uint32_t other = proposal->target / 2;
