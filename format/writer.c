@@ -556,6 +556,8 @@ static enum tetlod_status code_tail(struct writer *w, uint32_t field)
 static enum tetlod_status write_tail(struct writer *w, uint32_t level)
 {
     w->index.tail = 1;
+    free(w->meeting); // no record is left, and memory is at its peak here
+    w->meeting = NULL;
     start_coders(w);
     for (uint32_t f = 0; f < w->in->field_count; f++)
         if (w->in->fields[f].exact)

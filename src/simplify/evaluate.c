@@ -62,8 +62,8 @@ uint64_t evaluate_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
     uint64_t components = 0;
     for (uint32_t f = 0; f < mesh->field_count; f++)
         components += mesh->fields[f].components;
-    uint64_t log = 16 + 24 + 8 * components, border = 8 + 1 + 12;
-    return working_bytes(mesh, controlled_count) + mesh->vertex_count * (log + border + sizeof(struct proposal));
+    uint64_t log = 16 + 24 + 8 * components, border = 8 + 1 + 12, numbers = 2 * sizeof(uint32_t); // of two threads' hoods
+    return working_bytes(mesh, controlled_count) + mesh->vertex_count * (log + border + numbers + sizeof(struct proposal));
 }
 
 struct proposal *proposals_new(size_t count)

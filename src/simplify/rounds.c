@@ -19,7 +19,7 @@ static const double EASED = 0.8;
 /* Below it the ladder has no steps between (ladder.h): nobody asks for what is between, and every rung looks at most vertices again. */
 static const double STEPS_FROM = 1e-3;
 
-/* Times that a rung looks again at vertices whose stars have changed. */
+/* Times that a rung looks again at vertices whose stars have changed, if levels are named after it; else the next rung does. */
 enum { MOST_PASSES = 3 };
 
 /* Of the proposals one in PART is compared at a time, those with the least priorities, until they are one in REFILL; fewer than FEW
