@@ -788,9 +788,8 @@ static void release(struct writer *w)
     tetlodi_recorder_fini(&w->recorder);
     if (w->replay.memory)
         tetlodi_replay_fini(&w->replay);
-    void *const owned[] = {w->parent,  w->range,   w->position,    w->slot_at, w->meeting_begin, w->meeting,
-                           w->waiting, w->node_at, w->original_of, w->arrived, w->columns,       w->stored,
-                           w->encoders};
+    void *const owned[] = {w->parent,  w->range,       w->position, w->slot_at, w->meeting_begin, w->meeting, w->waiting,
+                           w->node_at, w->original_of, w->arrived,  w->columns, w->stored,        w->encoders};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     tetlodi_cell_parts_fini(&w->cells);
