@@ -27,6 +27,7 @@ void tetlodi_index_fini(struct tetlodi_index *index)
     free(index->metadata);
     free(index->cells);
     free(index->cell_names);
+    free(index->topologies);
     *index = (struct tetlodi_index){0};
 }
 

@@ -36,6 +36,7 @@ struct tetlodi_index {
     char *metadata; /* from its section */
     struct tetlod_cell_field *cells; /* the same */
     char *cell_names;
+    struct tetlod_topology *topologies; /* from its section */
 };
 
 void tetlodi_index_fini(struct tetlodi_index *index);

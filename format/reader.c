@@ -9,6 +9,7 @@
 #include "format/cells.h"
 #include "format/checksum.h"
 #include "format/fail.h"
+#include "format/topologies.h"
 #include "format/order.h"
 #include "format/pack.h"
 
@@ -218,6 +219,18 @@ static enum tetlod_status read_cells(struct tetlod_file *file, struct tetlod_err
     return status;
 }
 
+static enum tetlod_status read_topologies(struct tetlod_file *file, struct tetlod_error *error)
+{
+    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, file->index.info.section_count, TAG_TOPOLOGIES);
+    uint8_t *bytes = NULL;
+    if (!section)
+        return TETLOD_OK;
+    TETLOD_TRY(read_section(file, section, &bytes, error));
+    enum tetlod_status status = tetlodi_topologies_decode(&file->index, bytes, (size_t)section->plain, error);
+    free(bytes);
+    return status;
+}
+
 /* The index's bytes are checked by the content id, in which the header is as well. */
 static enum tetlod_status read_index(struct tetlod_file *file, const struct tetlodi_header *header,
                                      const uint8_t raw_header[HEADER_SIZE], struct tetlod_error *error)
@@ -240,7 +253,8 @@ static enum tetlod_status read_index(struct tetlod_file *file, const struct tetl
     file->index_bytes = header->index_plain + file->index.info.level_count * sizeof *file->index.levels +
                         file->index.info.level_count * (1 + (uint64_t)file->index.info.field_count) * sizeof *file->index.frames;
     TETLOD_TRY_DONE(read_metadata(file, error));
-    status = read_cells(file, error);
+    TETLOD_TRY_DONE(read_cells(file, error));
+    status = read_topologies(file, error);
 done:
     free(index);
     free(stored);
@@ -299,6 +313,7 @@ void tetlod_close(struct tetlod_file *file)
     if (!file)
         return;
     tetlodi_index_fini(&file->index);
+    free(file->part);
     free(file);
 }
 

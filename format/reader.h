@@ -5,10 +5,17 @@
 
 #include "format/index.h"
 
+/* A stream inside a source. */
+struct tetlodi_part {
+    struct tetlod_source whole;
+    uint64_t offset;
+};
+
 struct tetlod_file {
     struct tetlod_source source;
     struct tetlod_options options; /* none is left out */
     uint64_t index_bytes;          /* that the index takes */
+    struct tetlodi_part *part;     /* of a larger source that `source` is, or NULL */
     struct tetlodi_index index;
 };
 

@@ -5,6 +5,7 @@
 
 #include "format/cells.h"
 #include "format/fail.h"
+#include "format/topologies.h"
 #include "format/pack.h"
 #include "format/time_table.h"
 
@@ -13,7 +14,8 @@ static const struct known {
     const char *tag;
     bool early, once;
 } known_tags[] = {{TAG_METADATA, true, true}, {TAG_ORDER, false, true}, {TAG_CELLS, true, true}, {TAG_CELL_VALUES, false, false},
-                {TAG_TIME, false, true},     {TAG_STEP_VALUES, false, false}};
+                {TAG_TIME, false, true},     {TAG_STEP_VALUES, false, false},
+                {TAG_TOPOLOGIES, true, true},   {TAG_NEXT, false, true}};
 
 static const struct known *find_known(const char *tag)
 {

@@ -142,6 +142,16 @@ struct tetlod_cell_field {
     uint64_t reserved[2];
 };
 
+/* A topology group: steps of a series over one mesh, where others are over other ones (SPEC 3.8). It is a stream of its own inside the
+ * stream; the first one is the stream itself. */
+struct tetlod_topology {
+    uint32_t step_count;
+    double times[2];       /* of its first step, of its last */
+    char cid[33];          /* of its stream */
+    uint64_t offset, size; /* of its stream's bytes in the whole */
+    uint64_t reserved[2];
+};
+
 /* The index. Borrowed from the file, valid as long as it. */
 struct tetlod_info {
     char cid[33]; /* content id: 32 lower case hexadecimal digits */
@@ -161,6 +171,8 @@ struct tetlod_info {
     const struct tetlod_section *sections;
     uint32_t cell_field_count;
     const struct tetlod_cell_field *cell_fields;
+    uint32_t topology_count; /* 0: all steps have this mesh */
+    const struct tetlod_topology *topologies;
 };
 
 /* Set struct_size = sizeof it and leave the rest 0 for defaults. */
@@ -194,6 +206,18 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_memory(struct tetlod_fi
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_fd(struct tetlod_file **out, int fd,
                                                             const struct tetlod_options *options,
                                                             struct tetlod_error *error);
+
+/* Opens a topology group as a stream of its own, over the same source, which both borrow; `file` may be closed before it. Number 0 has the
+ * levels and steps of `file` itself. ERR_ARGUMENT if there is none such, or as tetlod_open. */
+TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_open_topology(struct tetlod_file **out, const struct tetlod_file *file, uint32_t topology,
+                                                                  struct tetlod_error *error);
+
+/* The topology group of a step, counted through all of them, and in *out_step (may be NULL) its number there. TETLOD_NONE: there are none, or
+ * not so many steps. */
+TETLOD_API uint32_t tetlod_topology_of_step(const struct tetlod_info *info, uint32_t step, uint32_t *out_step);
+
+/* The topology group with the step whose time is nearest, or TETLOD_NONE if there are none. */
+TETLOD_API uint32_t tetlod_topology_for_time(const struct tetlod_info *info, double time);
 
 TETLOD_API void tetlod_close(struct tetlod_file *file);
 

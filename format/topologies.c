@@ -1,0 +1,144 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "format/topologies.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "format/reader.h"
+#include "format/time_table.h"
+
+enum { TOPOLOGY_ENTRY = 48 }; /* bytes of the table for one */
+
+void tetlodi_topologies_encode(const struct tetlod_topology *topologies, uint32_t count, const uint8_t (*cids)[DIGEST_SIZE],
+                               struct tetlodi_buffer *out)
+{
+    static const uint8_t none[DIGEST_SIZE];
+    tetlodi_put(out, count, 4);
+    for (uint32_t g = 0; g < count; g++) {
+        tetlodi_put(out, topologies[g].step_count, 4);
+        tetlodi_put(out, 0, 4);
+        tetlodi_put_f64(out, topologies[g].times[0]);
+        tetlodi_put_f64(out, topologies[g].times[1]);
+        tetlodi_put(out, g ? topologies[g].size : 0, 8); // the first one's is that of the stream, which nobody knows yet
+        tetlodi_put_block(out, g ? cids[g] : none, DIGEST_SIZE);
+    }
+}
+
+/* One row; *at is where its stream begins. */
+static bool decode_topology(struct tetlod_topology *topology, bool first, const char *own_cid, struct tetlodi_bytes *in, uint64_t *at)
+{
+    topology->step_count = (uint32_t)tetlodi_get(in, 4);
+    uint64_t reserved = tetlodi_get(in, 4);
+    topology->times[0] = tetlodi_get_f64(in);
+    topology->times[1] = tetlodi_get_f64(in);
+    topology->size = tetlodi_get(in, 8);
+    const uint8_t *cid = tetlodi_get_block(in, DIGEST_SIZE);
+    bool zero = true;
+    for (int i = 0; i < DIGEST_SIZE && cid; i++) {
+        static const char digits[] = "0123456789abcdef";
+        zero &= cid[i] == 0;
+        topology->cid[2 * i] = digits[cid[i] >> 4];
+        topology->cid[2 * i + 1] = digits[cid[i] & 15];
+    }
+    if (!cid || reserved || !topology->step_count || topology->step_count > MOST_STEPS || !isfinite(topology->times[0]) ||
+        !isfinite(topology->times[1]) || topology->times[1] < topology->times[0])
+        return false;
+    if (first) {
+        memcpy(topology->cid, own_cid, sizeof topology->cid);
+        return zero && topology->size == 0;
+    }
+    topology->offset = *at;
+    *at += topology->size;
+    return topology->size >= HEADER_SIZE && topology->size <= INT64_MAX;
+}
+
+enum tetlod_status tetlodi_topologies_decode(struct tetlodi_index *index, const uint8_t *bytes, size_t size, struct tetlod_error *error)
+{
+    struct tetlodi_bytes in = {bytes, size, false};
+    struct tetlod_info *info = &index->info;
+    const struct tetlodi_section *next = tetlodi_section_find(index->sections, info->section_count, TAG_NEXT);
+    uint32_t count = (uint32_t)tetlodi_get(&in, 4);
+    uint64_t at = next ? next->frame.offset : 0, steps = 0;
+    bool good = next && !(next->flags & SECTION_PACKED) && count > 1 && size == 4 + (size_t)count * TOPOLOGY_ENTRY;
+    if (good && !(index->topologies = calloc(count, sizeof *index->topologies)))
+        return tetlodi_fail_nomem(error, "the topology groups", count * sizeof *index->topologies);
+    for (uint32_t g = 0; g < count && good; g++) {
+        struct tetlod_topology *topology = &index->topologies[g];
+        good = decode_topology(topology, g == 0, info->cid, &in, &at) && (!g || topology->times[0] >= topology[-1].times[1]) &&
+               at - next->frame.offset <= next->frame.size;
+        steps += topology->step_count;
+    }
+    if (!good || steps > MOST_STEPS || at - next->frame.offset != next->frame.size)
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "the table of topology groups is damaged");
+    index->topologies[0].size = info->bytes;
+    info->topology_count = count;
+    info->topologies = index->topologies;
+    return TETLOD_OK;
+}
+
+/* ---- opening */
+
+static enum tetlod_status read_part_of(void *opaque, uint64_t offset, void *buffer, size_t size)
+{
+    const struct tetlodi_part *part = opaque;
+    return part->whole.read(part->whole.opaque, part->offset + offset, buffer, size);
+}
+
+enum tetlod_status tetlod_open_topology(struct tetlod_file **out, const struct tetlod_file *file, uint32_t topology, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = &file->index.info;
+    *out = NULL;
+    if (topology >= info->topology_count)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no topology group number %u", topology);
+    if (topology == 0)
+        return tetlod_open(out, &file->source, &file->options, error);
+    const struct tetlod_topology *of = &info->topologies[topology];
+    struct tetlodi_part *part = malloc(sizeof *part);
+    if (!part)
+        return tetlodi_fail_nomem(error, "a topology group", sizeof *part);
+    *part = (struct tetlodi_part){file->source, of->offset};
+    uint64_t there = file->source.size > of->offset ? file->source.size - of->offset : 0;
+    struct tetlod_source source = {read_part_of, part, there < of->size ? there : of->size};
+    enum tetlod_status status = tetlod_open(out, &source, &file->options, error);
+    if (status != TETLOD_OK) {
+        free(part);
+        return status;
+    }
+    (*out)->part = part;
+    const struct tetlod_info *opened = &(*out)->index.info;
+    if (strcmp(opened->cid, of->cid) == 0 && opened->bytes == of->size && !opened->topology_count)
+        return TETLOD_OK;
+    tetlod_close(*out);
+    *out = NULL;
+    return tetlodi_fail(error, TETLOD_ERR_STREAM, "topology group %u is another stream than the table says", topology);
+}
+
+uint32_t tetlod_topology_of_step(const struct tetlod_info *info, uint32_t step, uint32_t *out_step)
+{
+    for (uint32_t g = 0; g < info->topology_count; g++) {
+        if (step < info->topologies[g].step_count) {
+            if (out_step)
+                *out_step = step;
+            return g;
+        }
+        step -= info->topologies[g].step_count;
+    }
+    return TETLOD_NONE;
+}
+
+uint32_t tetlod_topology_for_time(const struct tetlod_info *info, double time)
+{
+    uint32_t best = TETLOD_NONE;
+    double least = INFINITY;
+    for (uint32_t g = 0; g < info->topology_count; g++) {
+        const double *times = info->topologies[g].times;
+        double away = time < times[0] ? times[0] - time : time > times[1] ? time - times[1] : 0;
+        if (away < least) {
+            least = away;
+            best = g;
+        }
+    }
+    return best;
+}
