@@ -14,7 +14,8 @@
 #include "src/cli/mail.h"
 #include "src/cli/progress.h"
 #include "src/cli/reading.h"
-#include "src/cli/series_input.h"
+#include "src/cli/series_topologies.h"
+#include "src/cli/topology_spool.h"
 #include "src/io/io.h"
 #include "src/mesh/displacement.h"
 #include "src/report/info_json.h"
@@ -89,12 +90,21 @@ struct request {
     struct build_options build;
     struct reading reading;
     struct series_input series;
+    struct series_topologies topologies; /* none: all steps are over one mesh */
     uint64_t nan_filled;
     bool for_mail, json, quiet, all, ordered, moves_boundary; /* ordered: --metric is given; moves_boundary: --domain-error */
     struct progress progress;
     double phase_started;
     enum build_phase phase;
     double seconds[BUILD_PHASES];
+};
+
+/* What is built: a mesh, and its controlled fields. */
+struct input {
+    struct tetmesh mesh;
+    struct io_report read;
+    struct build_control controls[2 * MOST_FIELDS + 1]; // a magnitude brings its vector; and how far points move
+    uint32_t count;
 };
 
 static const char *const phase_names[BUILD_PHASES] = {"contract", "measure", "encode"};
@@ -104,7 +114,7 @@ static bool on_progress(void *opaque, enum build_phase phase, double done)
     struct request *request = opaque;
     if (phase != request->phase) {
         double now = clock_seconds();
-        request->seconds[request->phase] = now - request->phase_started;
+        request->seconds[request->phase] += now - request->phase_started;
         request->phase_started = now;
         request->phase = phase;
     }
@@ -407,36 +417,41 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
     return text;
 }
 
-static enum tetlod_status build_file(struct request *request, const struct tetmesh *mesh,
-                                     const struct build_control *controls, uint32_t count, struct build_report *report,
+static enum tetlod_status write_stream(struct request *request, const struct input *in, const struct tetlodi_sink *sink,
+                                       struct build_report *report, struct tetlod_error *error)
+{
+    struct build_options *options = &request->build;
+    char *metadata = make_metadata(request, &in->mesh, in->controls, in->count);
+    if (!metadata)
+        return tetlodi_fail_nomem(error, "the metadata", 1024);
+    options->controls = in->controls;
+    options->control_count = in->count;
+    options->metadata = metadata;
+    options->progress = on_progress;
+    options->progress_opaque = request;
+    request->phase = BUILD_CONTRACT;
+    request->phase_started = clock_seconds();
+    enum tetlod_status status = build_stream(&in->mesh, options, sink, report, error);
+    request->seconds[request->phase] += clock_seconds() - request->phase_started;
+    progress_end(&request->progress);
+    free(metadata);
+    return status;
+}
+
+static enum tetlod_status build_file(struct request *request, const struct input *in, struct build_report *report,
                                      double *write_seconds, struct tetlod_error *error)
 {
     struct file_output *output;
     struct tetlodi_buffer whole = {0};
-    struct build_options *options = &request->build;
-    char *metadata = make_metadata(request, mesh, controls, count);
-    if (!metadata)
-        return tetlodi_fail_nomem(error, "the metadata", 1024);
-    enum tetlod_status status = file_output_open(&output, request->output, error);
-    if (status == TETLOD_OK) {
-        const struct tetlodi_sink file = file_output_sink(output), sink = request->for_mail ? mail_sink(&whole) : file;
-        options->controls = controls;
-        options->control_count = count;
-        options->metadata = metadata;
-        options->progress = on_progress;
-        options->progress_opaque = request;
-        request->phase_started = clock_seconds();
-        status = build_stream(mesh, options, &sink, report, error);
-        double encoded = clock_seconds();
-        request->seconds[request->phase] = encoded - request->phase_started;
-        progress_end(&request->progress);
-        if (status == TETLOD_OK && request->for_mail)
-            status = mail_write(&whole, request->mail_error, &file, error);
-        status = file_output_finish(output, status, error);
-        *write_seconds = clock_seconds() - encoded;
-    }
+    TETLOD_TRY(file_output_open(&output, request->output, error));
+    const struct tetlodi_sink file = file_output_sink(output), sink = request->for_mail ? mail_sink(&whole) : file;
+    enum tetlod_status status = write_stream(request, in, &sink, report, error);
+    double encoded = clock_seconds();
+    if (status == TETLOD_OK && request->for_mail)
+        status = mail_write(&whole, request->mail_error, &file, error);
+    status = file_output_finish(output, status, error);
+    *write_seconds = clock_seconds() - encoded;
     tetlodi_buffer_fini(&whole);
-    free(metadata);
     return status;
 }
 
@@ -530,11 +545,15 @@ static void say(const struct request *request, const struct io_report *read, con
     for (size_t i = 0; i < sizeof notes / sizeof *notes; i++)
         if (notes[i].count)
             fprintf(stderr, "tetlod build: %" PRIu64 " %s\n", notes[i].count, notes[i].what);
+    for (uint32_t g = 0; g < request->topologies.count; g++)
+        fprintf(stderr, "tetlod build: topology group %" PRIu32 ": steps %" PRIu32 " to %" PRIu32 " over %" PRIu32 " tetrahedra\n", g,
+                request->topologies.groups[g].from, request->topologies.groups[g].from + request->topologies.groups[g].count - 1,
+                request->topologies.groups[g].tets);
     if (request->series.own_times)
         fprintf(stderr, "tetlod build: the steps' times do not rise: their numbers stand for them\n");
     if (request->build.series)
-        fprintf(stderr, "tetlod build: %" PRIu32 " steps in time, of which %" PRIu32 " limit the contraction; fields that are not controlled are those of the first step\n",
-                request->build.series->step_count, report->keys);
+        fprintf(stderr, "tetlod build: %s%" PRIu32 " steps in time, of which %" PRIu32 " limit the contraction; fields that are not controlled are those of the first step\n",
+                request->topologies.count ? "of topology group 0 " : "", request->build.series->step_count, report->keys);
     if (request->series.series.points_move)
         fprintf(stderr, "tetlod build: the points move: '" DISPLACEMENT_FIELD "' says how far and drives as the other fields do; all errors are "
                         "those at the same point of the body, proved on the mesh of the first step\n");
@@ -573,6 +592,8 @@ static enum tetlod_status read_first(struct request *request, struct tetmesh *me
     const struct series_input *series = &request->series;
     if (request->reading.options.time)
         return io_read(mesh, request->input, &request->reading.options, read, error);
+    if (series->from)
+        return series_input_read(series, series_input_number(series, 0), &request->reading, mesh, read, error);
     TETLOD_TRY(series_input_read(series, 0, &request->reading, mesh, read, error));
     uint64_t steps = series->path_count > 1 ? series->path_count : read->steps;
     if (steps < 2 || series->begin == 0)
@@ -597,59 +618,138 @@ static const char *against_series(const struct request *request)
     return build->certify_all ? "--certify-all" : NULL;
 }
 
-static enum tetlod_status load_series(struct request *request, const struct io_report *read, struct tetmesh *mesh,
-                                      struct build_control *controls, uint32_t *count, struct tetlod_error *error)
+static enum tetlod_status load_series(struct request *request, struct input *in, struct tetlod_error *error)
 {
     const char *wrong = against_series(request);
     if (wrong)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has several steps in time, and a series cannot be built with %s; --time N builds one step",
                             wrong);
-    uint64_t steps = request->series.path_count > 1 ? request->series.path_count : read->steps;
-    TETLOD_TRY(series_input_load(&request->series, steps, &request->reading, mesh, controls, count, &request->progress, error));
-    request->build.series = &request->series.series;
+    struct series_input *series = &request->series;
+    TETLOD_TRY(series_input_count(series, series->path_count > 1 ? series->path_count : in->read.steps, error));
+    TETLOD_TRY(series_input_load(series, &request->reading, &in->mesh, in->controls, &in->count, &request->progress, error));
+    request->build.series = &series->series;
     request->build.domain_error = 0; // a step's error is then one at the same position (PROOF.md, 5)
     return TETLOD_OK;
 }
 
+/* The mesh, or what there is of the series from the step on that is at hand, with what is controlled. */
+static enum tetlod_status prepare(struct request *request, struct input *in, struct tetlod_error *error)
+{
+    struct tetlod_error inner = {0};
+    *in = (struct input){0};
+    TETLOD_TRY(read_first(request, &in->mesh, &in->read, error));
+    request->nan_filled += in->read.nan_filled;
+    enum tetlod_status status = choose_fields(request, &in->mesh, in->controls, &in->count, &inner);
+    if (status == TETLOD_OK)
+        status = build_regions_choose(&in->mesh, request->region, &request->build.regions, &inner);
+    if (status == TETLOD_OK && is_series(request, &in->read))
+        status = load_series(request, in, &inner);
+    return status == TETLOD_OK ? status : tetlodi_fail(error, status, "%s: %.200s", request->input, inner.message);
+}
+
+static void release(struct request *request, struct input *in)
+{
+    series_input_fini(&request->series);
+    tetmesh_fini(&in->mesh);
+}
+
+/* ---- steps over several meshes */
+
+/* The same fields in the same order in every group: their ranges are common. */
+static enum tetlod_status check_controls(const struct input *in, const char *const *names, uint32_t count, struct tetlod_error *error)
+{
+    for (uint32_t c = 0; c < count; c++)
+        if (c >= in->count || strcmp(in->mesh.fields[in->controls[c].field].name, names[c]) != 0)
+            return tetlodi_fail(error, TETLOD_ERR_FIELD, "its first field is not '%.60s', as in the first step; --field names the ones to be controlled", names[c]);
+    return TETLOD_OK;
+}
+
+static enum tetlod_status build_topology(struct request *request, struct topology_spool *spool, uint32_t group, const char *const *names,
+                                         uint32_t count, struct tetlod_error *error)
+{
+    const struct series_topology *topology = &request->topologies.groups[group];
+    const struct tetlodi_sink sink = topology_spool_sink(spool);
+    struct input in;
+    struct build_report report;
+    struct tetlod_error inner = {0};
+    request->series.from = topology->from;
+    enum tetlod_status status = prepare(request, &in, error);
+    if (status == TETLOD_OK) {
+        status = check_controls(&in, names, count, &inner);
+        if (status == TETLOD_OK)
+            status = write_stream(request, &in, &sink, &report, &inner);
+        if (status == TETLOD_OK)
+            status = topology_spool_note(spool, group, topology->count, topology->times, &inner);
+        if (status != TETLOD_OK)
+            series_input_blame(&request->series, series_input_number(&request->series, 0), status, &inner, error);
+    }
+    release(request, &in);
+    return status;
+}
+
+static enum tetlod_status build_rest(struct request *request, struct topology_spool *spool, const char *const *names, uint32_t count,
+                                     struct tetlod_error *error)
+{
+    const struct series_topologies *topologies = &request->topologies;
+    request->series.series.ranges = (const double(*)[2])topologies->ranges;
+    TETLOD_TRY(topology_spool_init(spool, topologies->count, error));
+    TETLOD_TRY(topology_spool_note(spool, 0, topologies->groups[0].count, topologies->groups[0].times, error));
+    for (uint32_t g = 1; g < topologies->count; g++)
+        TETLOD_TRY(build_topology(request, spool, g, names, count, error));
+    TETLOD_TRY(topology_spool_sections(spool, error));
+    request->build.sections = spool->sections;
+    request->build.section_count = sizeof spool->sections / sizeof *spool->sections;
+    return TETLOD_OK;
+}
+
+/* Steps behind those of `in` are over other meshes: they become streams, which go into the one of the first steps. */
+static enum tetlod_status build_topologies(struct request *request, struct input *in, struct topology_spool *spool, struct tetlod_error *error)
+{
+    uint32_t count = in->count - request->series.series.points_move;
+    char *copies[2 * MOST_FIELDS + 1];
+    for (uint32_t c = 0; c < count; c++)
+        copies[c] = strdup(in->mesh.fields[in->controls[c].field].name);
+    release(request, in);
+    const char *const *names = (const char *const *)copies;
+    enum tetlod_status status = series_topologies_find(&request->topologies, &request->series, &request->reading, names, count, &request->progress, error);
+    if (status == TETLOD_OK)
+        status = build_rest(request, spool, names, count, error);
+    request->series.from = 0;
+    request->nan_filled = 0;
+    for (uint32_t c = 0; c < count; c++)
+        free(copies[c]);
+    return status == TETLOD_OK ? prepare(request, in, error) : status;
+}
+
 static int build(struct request *request)
 {
-    struct tetmesh mesh = {0};
-    struct tetlod_error error = {0};
-    struct io_report read = {0};
+    struct tetlod_error error = {0}, inner = {0};
     struct build_report report = {0};
-    struct build_control controls[2 * MOST_FIELDS + 1]; // a magnitude brings its vector; and how far points move
-    uint32_t count;
+    struct input in;
+    struct topology_spool spool = {0};
     double started = clock_seconds(), read_seconds, write_seconds = 0;
-    enum tetlod_status status = read_first(request, &mesh, &read, &error);
-    request->nan_filled = read.nan_filled;
+    enum tetlod_status status = prepare(request, &in, &error);
+    if (status == TETLOD_OK && request->build.series && series_input_goes_on(&request->series))
+        status = build_topologies(request, &in, &spool, &error);
     read_seconds = clock_seconds() - started;
-    if (status != TETLOD_OK)
-        return cli_fail(&error);
-    struct tetlod_error inner = {0};
-    status = choose_fields(request, &mesh, controls, &count, &inner);
-    if (status == TETLOD_OK)
-        status = build_regions_choose(&mesh, request->region, &request->build.regions, &inner);
-    if (status == TETLOD_OK && is_series(request, &read))
-        status = load_series(request, &read, &mesh, controls, &count, &inner);
-    if (status == TETLOD_OK)
-        status = build_file(request, &mesh, controls, count, &report, &write_seconds, &inner);
-    int result = EXIT_DONE;
-    if (status != TETLOD_OK) {
+    if (status == TETLOD_OK) {
+        status = build_file(request, &in, &report, &write_seconds, &inner);
         bool named = status == TETLOD_ERR_IO; // the output's path is in it already
-        tetlodi_fail(&error, status, "%s%s%.200s", named ? "" : request->input, named ? "" : ": ", inner.message);
-        result = cli_fail(&error);
-    } else {
-        if (!request->quiet) {
-            say_fields(request, &mesh, controls, count);
-            say(request, &read, &mesh, &report);
-        }
-        if (request->json)
-            result = print_json(request, &report, read_seconds, write_seconds);
-        else if (!request->quiet)
-            result = print_text(request);
+        if (status != TETLOD_OK)
+            tetlodi_fail(&error, status, "%s%s%.200s", named ? "" : request->input, named ? "" : ": ", inner.message);
     }
-    series_input_fini(&request->series);
-    tetmesh_fini(&mesh);
+    int result = status == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
+    if (status == TETLOD_OK && !request->quiet) {
+        say_fields(request, &in.mesh, in.controls, in.count);
+        say(request, &in.read, &in.mesh, &report);
+    }
+    if (status == TETLOD_OK && request->json)
+        result = print_json(request, &report, read_seconds, write_seconds);
+    else if (status == TETLOD_OK && !request->quiet)
+        result = print_text(request);
+    topology_spool_fini(&spool);
+    series_topologies_fini(&request->topologies);
+    release(request, &in);
     return result;
 }
 

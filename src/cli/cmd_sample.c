@@ -11,7 +11,7 @@
 
 static const char help[] =
     "usage: tetlod sample NAME [--size N] -o OUT\n"
-    "       tetlod sample wake --steps N [--size N] -o OUT.pvd\n"
+    "       tetlod sample wake --steps N [--remesh K] [--size N] -o OUT.pvd\n"
     "       tetlod sample --list\n"
     "\n"
     "Makes a mesh by formula, the same on every machine, in the format of OUT's extension (.vtu, .vtk, .msh).\n"
@@ -19,6 +19,7 @@ static const char help[] =
     "  -o, --output OUT   the file to write\n"
     "      --size N       how fine it is; what N counts, and the default, differ between samples\n"
     "      --steps N      a series of N steps in time, from 0 to 1, on one mesh: OUT.pvd and, beside it, OUT_0.vtu, OUT_1.vtu, ...\n"
+    "      --remesh K     another, finer mesh after every K steps, as simulations that adapt theirs write it\n"
     "      --list         list the samples\n"
     "\n"
     "example: tetlod sample fin -o fin.vtu\n";
@@ -36,14 +37,14 @@ static bool is_collection(const char *path)
     return length > 4 && strcasecmp(path + length - 4, ".pvd") == 0;
 }
 
-static int make_series(const struct sample *sample, uint32_t size, uint32_t steps, const char *output)
+static int make_series(const struct sample *sample, uint32_t size, uint32_t steps, uint32_t remesh, const char *output)
 {
     struct tetlod_error error = {0};
     if (!sample->move)
         return cli_usage("sample", "nothing moves in '%s': --steps goes with wake", sample->name);
     if (!is_collection(output))
         return cli_usage("sample", "a series of --steps is written as -o OUT.pvd, not '%s'", output);
-    return sample_series_write(sample, size, steps, output, &error) == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
+    return sample_series_write(sample, size, steps, remesh, output, &error) == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
 }
 
 static int make(const struct sample *sample, uint32_t size, const char *output)
@@ -63,9 +64,9 @@ static int run(int argc, char **argv)
 {
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'}, {"size", required_argument, NULL, 's'}, {"list", no_argument, NULL, 'l'},
-        {"steps", required_argument, NULL, 't'}, {0}};
+        {"steps", required_argument, NULL, 't'}, {"remesh", required_argument, NULL, 'r'}, {0}};
     const char *output = NULL, *size_text = NULL;
-    uint64_t size = 0, steps = 0;
+    uint64_t size = 0, steps = 0, remesh = 0;
     for (int option; (option = cli_option(&command_sample, argc, argv, "o:", options)) != -1;) {
         if (option == 'o')
             output = optarg;
@@ -73,7 +74,9 @@ static int run(int argc, char **argv)
             size_text = optarg;
         else if (option == 't' && !cli_parse_count(&command_sample, "steps", optarg, 1, MOST_SAMPLE_STEPS, &steps))
             return EXIT_USAGE;
-        else if (option != 't')
+        else if (option == 'r' && !cli_parse_count(&command_sample, "remesh", optarg, 1, MOST_SAMPLE_STEPS, &remesh))
+            return EXIT_USAGE;
+        else if (option != 't' && option != 'r')
             return option == 'l' ? list() : EXIT_USAGE;
     }
     if (!cli_operands(&command_sample, argc, 1, "the sample's NAME ('tetlod sample --list' shows them)"))
@@ -86,7 +89,9 @@ static int run(int argc, char **argv)
         return EXIT_USAGE;
     if (!output)
         return cli_usage("sample", "-o OUT is missing: the file to write");
-    return steps ? make_series(sample, (uint32_t)size, (uint32_t)steps, output) : make(sample, (uint32_t)size, output);
+    if (remesh && !steps)
+        return cli_usage("sample", "--remesh goes with --steps");
+    return steps ? make_series(sample, (uint32_t)size, (uint32_t)steps, (uint32_t)remesh, output) : make(sample, (uint32_t)size, output);
 }
 
 const struct command command_sample = {"sample", "make a sample mesh", help, run};

@@ -15,11 +15,15 @@ static double time_of(uint32_t step, uint32_t steps)
     return steps > 1 ? step / (steps - 1.0) : 0;
 }
 
-static enum tetlod_status write_steps(const struct sample *sample, struct tetmesh *mesh, uint32_t steps, const char *stem,
-                                      struct tetlod_error *error)
+static enum tetlod_status write_steps(const struct sample *sample, struct tetmesh *mesh, uint32_t size, uint32_t steps, uint32_t remesh,
+                                      const char *stem, struct tetlod_error *error)
 {
     char path[PATH_SIZE + 32];
     for (uint32_t step = 0; step < steps; step++) {
+        if (step == 0 || (remesh && step % remesh == 0)) {
+            tetmesh_fini(mesh);
+            TETLOD_TRY(sample->make(mesh, size + (remesh ? step / remesh : 0), error));
+        }
         sample->move(mesh, time_of(step, steps));
         snprintf(path, sizeof path, "%s_%u.vtu", stem, step);
         TETLOD_TRY(io_write(mesh, path, error));
@@ -43,7 +47,7 @@ static enum tetlod_status put_collection(const struct tetlodi_sink *sink, uint32
     return put(sink, "  </Collection>\n</VTKFile>\n");
 }
 
-enum tetlod_status sample_series_write(const struct sample *sample, uint32_t size, uint32_t steps, const char *output,
+enum tetlod_status sample_series_write(const struct sample *sample, uint32_t size, uint32_t steps, uint32_t remesh, const char *output,
                                        struct tetlod_error *error)
 {
     struct tetmesh mesh = {0};
@@ -55,9 +59,7 @@ enum tetlod_status sample_series_write(const struct sample *sample, uint32_t siz
     memcpy(stem, output, length);
     stem[length] = 0;
     const char *slash = strrchr(stem, '/');
-    enum tetlod_status status = sample->make(&mesh, size, error);
-    if (status == TETLOD_OK)
-        status = write_steps(sample, &mesh, steps, stem, error);
+    enum tetlod_status status = write_steps(sample, &mesh, size, steps, remesh, stem, error);
     tetmesh_fini(&mesh);
     TETLOD_TRY(status);
     TETLOD_TRY(file_output_open(&file, output, error));

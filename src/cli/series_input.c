@@ -36,6 +36,7 @@ void series_input_fini(struct series_input *input)
     free(input->types);
     input->times = NULL;
     input->types = NULL;
+    input->series.points_move = false;
 }
 
 /* ---- options */
@@ -95,7 +96,7 @@ bool series_input_parse_range(struct series_input *input, const struct command *
 
 uint64_t series_input_number(const struct series_input *input, uint64_t step)
 {
-    return input->begin + step * input->stride;
+    return input->begin + (input->from + step) * input->stride;
 }
 
 enum tetlod_status series_input_read(const struct series_input *input, uint64_t step, const struct reading *reading, struct tetmesh *out,
@@ -159,16 +160,12 @@ static enum tetlod_status put_step(struct series_input *input, struct tetmesh *m
     return TETLOD_OK;
 }
 
-/* The steps before one whose tetrahedra are others are a series, and that one begins another. */
-static enum tetlod_status say_parts(const struct series_input *input, uint32_t step, const char *obstacle, struct tetlod_error *error)
+enum tetlod_status series_input_blame(const struct series_input *input, uint64_t number, enum tetlod_status status,
+                                      const struct tetlod_error *inner, struct tetlod_error *error)
 {
-    char stride[24] = "", end[24] = "";
-    if (input->stride > 1)
-        snprintf(stride, sizeof stride, ":%" PRIu64, input->stride);
-    if (input->end < UINT64_MAX)
-        snprintf(end, sizeof end, "%" PRIu64, input->end);
-    return tetlodi_fail(error, TETLOD_ERR_MESH, "%s; build each part by itself: --times %" PRIu64 ":%" PRIu64 "%s, then --times %" PRIu64 ":%s%s",
-                        obstacle, input->begin, series_input_number(input, step - 1), stride, series_input_number(input, step), end, stride);
+    bool named = input->path_count > 1;
+    return tetlodi_fail(error, status, "step %" PRIu64 "%s%.60s: %.160s", number, named ? ", " : "", named ? cli_base_name(input->paths[number]) : "",
+                        inner->message);
 }
 
 static enum tetlod_status put_steps(struct series_input *input, const struct reading *reading, const struct tetmesh *first,
@@ -177,30 +174,31 @@ static enum tetlod_status put_steps(struct series_input *input, const struct rea
     forget(input);
     if (!(input->spool = tmpfile()))
         return tetlodi_fail(error, TETLOD_ERR_IO, "there is no temporary file for the steps; TMPDIR names a folder for it");
-    for (uint32_t s = 0; s < input->series.step_count; s++) {
+    uint32_t most = input->wanted - input->from, s = 0;
+    for (bool same = true; s < most && same; s += same) {
         struct tetmesh mesh = {0};
         struct io_report report;
         struct tetlod_error inner = {0};
         uint64_t number = series_input_number(input, s);
         TETLOD_TRY(series_input_read(input, number, reading, &mesh, &report, error));
         input->times[s] = report.steps ? report.time : (double)number;
-        const char *obstacle = displacement_obstacle(&mesh, first);
-        enum tetlod_status status = obstacle ? say_parts(input, s, obstacle, &inner) : put_step(input, &mesh, first, controls, count, &inner);
+        same = !displacement_obstacle(&mesh, first);
+        enum tetlod_status status = same ? put_step(input, &mesh, first, controls, count, &inner) : TETLOD_OK;
         tetmesh_fini(&mesh);
         if (status == TETLOD_MORE)
             return status;
         if (status != TETLOD_OK)
-            return tetlodi_fail(error, status, "step %" PRIu64 "%s%.60s: %.160s", number, input->path_count > 1 ? ", " : "",
-                                input->path_count > 1 ? cli_base_name(input->paths[number]) : "", inner.message);
-        progress_update(progress, "read", (s + 1.0) / input->series.step_count);
+            return series_input_blame(input, number, status, &inner, error);
+        progress_update(progress, "read", (s + 1.0) / most);
     }
+    input->series.step_count = s;
     return TETLOD_OK;
 }
 
 /* Times that do not rise tell nothing. */
 static void check_times(struct series_input *input)
 {
-    bool rise = true;
+    bool rise = !input->numbered;
     for (uint32_t s = 1; s < input->series.step_count; s++)
         rise &= input->times[s] > input->times[s - 1];
     for (uint32_t s = 0; s < input->series.step_count && !rise; s++)
@@ -232,17 +230,23 @@ static enum tetlod_status put_all(struct series_input *input, const struct readi
     }
 }
 
-enum tetlod_status series_input_load(struct series_input *input, uint64_t steps, const struct reading *reading, struct tetmesh *first,
-                                     struct build_control *controls, uint32_t *count, struct progress *progress, struct tetlod_error *error)
+enum tetlod_status series_input_count(struct series_input *input, uint64_t steps, struct tetlod_error *error)
 {
     uint64_t last = input->end < steps ? input->end : steps - 1, wanted = (last - input->begin) / input->stride + 1;
     if (wanted > MOST_SERIES_STEPS)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%" PRIu64 " steps are more than a stream can have (%d); --times takes fewer", wanted, MOST_SERIES_STEPS);
-    input->series.step_count = (uint32_t)wanted;
-    input->times = array_new(wanted, sizeof *input->times);
+    input->wanted = (uint32_t)wanted;
+    return TETLOD_OK;
+}
+
+enum tetlod_status series_input_load(struct series_input *input, const struct reading *reading, struct tetmesh *first,
+                                     struct build_control *controls, uint32_t *count, struct progress *progress, struct tetlod_error *error)
+{
+    uint32_t most = input->wanted - input->from;
+    input->times = array_new(most, sizeof *input->times);
     input->types = array_zero(*count + (size_t)1, sizeof *input->types); // float32 until a step says otherwise; and of the displacement
     if (!input->times || !input->types)
-        return tetlodi_fail_nomem(error, "the times", wanted * sizeof *input->times);
+        return tetlodi_fail_nomem(error, "the times", most * sizeof *input->times);
     TETLOD_TRY(put_all(input, reading, first, controls, count, progress, error));
     check_times(input);
     if (fflush(input->spool) != 0)
@@ -252,4 +256,9 @@ enum tetlod_status series_input_load(struct series_input *input, uint64_t steps,
     input->series.types = input->types;
     input->series.bands = input->bands;
     return TETLOD_OK;
+}
+
+bool series_input_goes_on(const struct series_input *input)
+{
+    return input->from + input->series.step_count < input->wanted;
 }

@@ -15,6 +15,8 @@ struct series_input {
     const char *const *paths; /* as the command line has them */
     uint32_t path_count;
     uint64_t begin, end, stride; /* of --times: steps from begin to end, every stride-th */
+    uint32_t wanted, from; /* how many that are; the one that is the first of those at hand, which all have its tetrahedra */
+    bool numbered;         /* numbers stand for times */
     double bands[MOST_SERIES_BANDS];
     struct build_series series;
     double *times;
@@ -33,17 +35,27 @@ bool series_input_parse_times(struct series_input *input, const struct command *
 bool series_input_parse_bands(struct series_input *input, const struct command *command, const char *text);
 bool series_input_parse_range(struct series_input *input, const struct command *command, const char *text);
 
-/* The number, among all, of step `step` of the series. */
+/* The number, among all, of step `step` of those at hand. */
 uint64_t series_input_number(const struct series_input *input, uint64_t step);
 
 /* Reads one step's mesh: `step` counts from 0 over all of them, before --times. */
 TETLOD_CHECKED enum tetlod_status series_input_read(const struct series_input *input, uint64_t step, const struct reading *reading,
                                                     struct tetmesh *out, struct io_report *report, struct tetlod_error *error);
 
-/* Takes the steps over: what `controls` names of each, all on the tetrahedra of `first`, the first of the `steps` that there are. Where points
- * move, how far becomes a field of `first` and the last of `controls`, which has room for it. The message names the step. */
-TETLOD_CHECKED enum tetlod_status series_input_load(struct series_input *input, uint64_t steps, const struct reading *reading,
-                                                    struct tetmesh *first, struct build_control *controls, uint32_t *count,
-                                                    struct progress *progress, struct tetlod_error *error);
+/* Counts what --times chooses of the `steps` that there are. ERR_LIMIT. */
+TETLOD_CHECKED enum tetlod_status series_input_count(struct series_input *input, uint64_t steps, struct tetlod_error *error);
+
+/* Takes the steps over, from input->from on: what `controls` names of each, up to one that has other tetrahedra than `first`, their first. Where
+ * points move, how far becomes a field of `first` and the last of `controls`, which has room for it. The message names the step. */
+TETLOD_CHECKED enum tetlod_status series_input_load(struct series_input *input, const struct reading *reading, struct tetmesh *first,
+                                                    struct build_control *controls, uint32_t *count, struct progress *progress,
+                                                    struct tetlod_error *error);
+
+/* Are there steps behind those that were loaded? */
+bool series_input_goes_on(const struct series_input *input);
+
+/* Fails with what is wrong with a step, and which it is. */
+enum tetlod_status series_input_blame(const struct series_input *input, uint64_t number, enum tetlod_status status,
+                                      const struct tetlod_error *inner, struct tetlod_error *error);
 
 #endif

@@ -385,6 +385,8 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .metadata = build->options->metadata,
                                         .compression = build->options->compression,
                                         .keep_order = build->options->keep_order,
+                                        .section_count = build->options->section_count,
+                                        .sections = build->options->sections,
                                         .cell_field_count = build->original->cell_field_count,
                                         .cells = cells,
                                         .late = build->series ? series_sections : NULL,

@@ -40,6 +40,8 @@ struct build_options {
     uint64_t memory;         /* bytes; 0: no limit */
     const char *metadata;    /* a JSON object */
     const char *regions;     /* the cell field that tells regions, or NULL */
+    const struct tetlodi_write_section *sections; /* further ones of the stream */
+    uint32_t section_count;
     const struct build_series *series; /* the mesh's other steps in time (build_series.h), or NULL; with the default metric, lossless */
     bool (*progress)(void *opaque, enum build_phase phase, double done); /* false cancels; may be NULL */
     void *progress_opaque;

@@ -59,8 +59,10 @@ static enum tetlod_status find_control_range(struct series_build *series, uint32
     size_t count = (size_t)series_components(series, control) * series->mesh->vertex_count;
     double *values = array_new(count, sizeof *values), *range = series->ranges[control];
     enum tetlod_status status = values ? TETLOD_OK : tetlodi_fail_nomem(error, "a step's values", count * sizeof *values);
-    range[0] = INFINITY;
-    range[1] = -INFINITY;
+    bool displacement = series->input->points_move && control + 1 == series->options->control_count;
+    const double *given = series->input->ranges && !displacement ? series->input->ranges[control] : NULL;
+    range[0] = given ? given[0] : INFINITY;
+    range[1] = given ? given[1] : -INFINITY;
     for (uint32_t s = 0; s < series->input->step_count && status == TETLOD_OK; s++) {
         double own[2] = {INFINITY, -INFINITY};
         status = series_load(series, s, control, values, error);

@@ -22,6 +22,7 @@ struct build_series {
     uint32_t band_count;
     bool own_ranges;               /* of each step's own range (SPEC 3.7), not of that over all steps */
     bool points_move;              /* the last control says how far */
+    const double (*ranges)[2];     /* [control, but how far points move] over more steps than these, or NULL */
 };
 
 struct series_build;
