@@ -233,6 +233,9 @@ static int extract(const struct request *request)
         fprintf(stderr, "tetlod extract: level %u of 0..%u, %u vertices, %u tetrahedra\n", level, info->level_count - 1,
                 info->levels[level].vertices, info->levels[level].tets);
         cli_print_promises(stderr, info, level);
+        if (info->topology_count)
+            fprintf(stderr, "tetlod extract: it is the mesh of the first %u steps; --step and --time take others, on their own\n",
+                    info->topologies[0].step_count);
     }
     tetmesh_fini(&mesh);
     tetlod_close(file);

@@ -65,6 +65,7 @@ struct verification {
     struct mesh_report finest;
     struct against_report against;
     struct steps_found series; /* no steps: it is none */
+    bool whole;                /* all levels that were measured, of all topology groups, were held against the exact maximum */
     struct tetlod_error *error;
 };
 
@@ -230,7 +231,7 @@ static enum tetlod_status read_input(const struct verification *v, struct tetmes
     struct io_report report;
     if (v->series.steps) {
         uint64_t rounded = 0;
-        TETLOD_TRY(series_input_read(series, series->begin, &v->request->reading, out, &report, v->error));
+        TETLOD_TRY(series_input_read(series, series_input_number(series, 0), &v->request->reading, out, &report, v->error));
         enum tetlod_status status = v->series.move ? displacement_take(out, out, &rounded, v->error) : TETLOD_OK;
         if (status != TETLOD_OK)
             tetmesh_fini(out);
@@ -329,6 +330,48 @@ done:
     return status;
 }
 
+/* The table of topology groups says what this one has. */
+static enum tetlod_status check_topology(const struct tetlod_file *file, const struct tetlod_topology *says, uint32_t number, struct tetlod_error *error)
+{
+    struct tetlod_series *series;
+    TETLOD_TRY(tetlod_series_new(&series, file, error));
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    bool good = steps->step_count == says->step_count && steps->times[0] == says->times[0] && steps->times[steps->step_count - 1] == says->times[1];
+    tetlod_series_free(series);
+    return good ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "topology group %u has other steps than the table says", number);
+}
+
+/* One after the other, each as a stream of its own; what was found of it is added. */
+static enum tetlod_status verify_topology(struct verification *v, uint32_t number)
+{
+    const struct tetlod_topology *says = &tetlod_info(v->file)->topologies[number];
+    struct tetlod_file *file;
+    struct tetlod_error inner = {0};
+    TETLOD_TRY(tetlod_open_topology(&file, v->file, number, v->error));
+    struct verification part = {.request = v->request, .file = file, .error = &inner};
+    enum tetlod_status status = check_topology(file, says, number, &inner);
+    if (status == TETLOD_OK && number)
+        status = verify_file(&part);
+    if (status != TETLOD_OK)
+        tetlodi_fail(v->error, status, "topology group %u: %.200s", number, inner.message);
+    v->series.steps += part.series.steps;
+    v->series.move |= part.series.move;
+    v->series.turned = part.series.turned > v->series.turned ? part.series.turned : v->series.turned;
+    v->against.measured += part.against.measured;
+    v->whole &= part.against.exact_count == part.against.measured;
+    free(part.against.exact);
+    tetlod_close(file);
+    v->request->series.from += says->step_count;
+    return status;
+}
+
+static enum tetlod_status verify_topologies(struct verification *v)
+{
+    for (uint32_t t = 0; t < tetlod_info(v->file)->topology_count; t++)
+        TETLOD_TRY(verify_topology(v, t));
+    return TETLOD_OK;
+}
+
 /* What was found to be well, in words. */
 static void print_done(const struct verification *v)
 {
@@ -336,13 +379,16 @@ static void print_done(const struct verification *v)
     printf("%s: ok", v->request->stream);
     if (v->series.steps)
         printf("; %u steps", v->series.steps);
+    if (tetlod_info(v->file)->topology_count)
+        printf(" in %u topology groups", tetlod_info(v->file)->topology_count);
     if (v->series.move)
         printf(" of points that move, which turns over %" PRIu64 " tetrahedra at most at one step in one band", v->series.turned);
     if (v->request->series.path_count)
         printf("; %u levels measured", against->measured);
-    if (against->measured && against->exact_count == against->measured)
+    bool all = v->whole && (tetlod_info(v->file)->topology_count || against->exact_count == against->measured);
+    if (against->measured && all)
         printf(", max held against the exact maximum at all of them");
-    for (uint32_t i = against->exact_count == against->measured ? 0 : against->exact_count; i-- > 0;)
+    for (uint32_t i = all ? 0 : against->exact_count; i-- > 0;)
         printf("%s%u", i + 1 == against->exact_count ? ", max held against the exact maximum at levels " : ", ",
                against->exact[i]);
     putchar('\n');
@@ -380,13 +426,18 @@ static int verify(struct request *request)
     if (status == TETLOD_OK) {
         v.file = file;
         status = verify_file(&v);
+        v.whole = v.against.exact_count == v.against.measured;
+        if (status == TETLOD_OK)
+            status = verify_topologies(&v);
         progress_end(&request->progress);
         if (status != TETLOD_OK)
             tetlodi_fail(&error, status, "%s: %.230s", request->stream, inner.message);
+    }
+    int result = print_result(&v, status, &error);
+    if (v.file) {
         tetlod_close(file);
         close(fd);
     }
-    int result = print_result(&v, status, &error);
     free(v.against.exact);
     return result;
 }

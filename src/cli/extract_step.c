@@ -19,11 +19,12 @@ static enum tetlod_status choose_step(const struct tetlod_series_info *info, con
                         (unsigned long long)choice->step);
 }
 
-static void describe(const struct tetlod_series *series, const struct tetlod_info *info, uint32_t band, uint32_t step, char *about, size_t size)
+static void describe(const struct tetlod_series *series, const struct tetlod_info *info, const struct step_choice *choice, uint32_t band,
+                     uint32_t step, char *about, size_t size)
 {
     const struct tetlod_series_info *steps = tetlod_series_info(series);
-    int used = snprintf(about, size, "step %u of 0..%u, time %.9g, level %u", step, steps->step_count - 1, steps->times[step],
-                        steps->bands[band].level);
+    int used = snprintf(about, size, "step %u of 0..%u, time %.9g, level %u", choice->before + step,
+                        (choice->total ? choice->total : steps->step_count) - 1, steps->times[step], steps->bands[band].level);
     for (uint32_t f = 0; f < steps->field_count && used >= 0 && (size_t)used < size; f++)
         used += snprintf(about + used, size - (size_t)used, "%s%.60s within %.3g %% of its range over the series", f ? ", " : ": ",
                          info->fields[steps->fields[f]].name, 100 * tetlod_step_error(series, f, band, step));
@@ -53,14 +54,39 @@ static enum tetlod_status take(struct tetlod_file *file, struct tetlod_series *s
     TETLOD_TRY(choose_step(steps, choice, &step, error));
     TETLOD_TRY(tetlod_seek_step(series, cursor, band, step, error));
     TETLOD_TRY(level_mesh_copy(info, cursor, out, error));
-    describe(series, info, band, step, about, about_size);
+    describe(series, info, choice, band, step, about, about_size);
     TETLOD_TRY(level_mesh_step(info, series, out, error));
     return steps->displacement == TETLOD_NONE ? TETLOD_OK : move(series, cursor, out, about, about_size, error);
+}
+
+/* Of a step in one of several topology groups. */
+static enum tetlod_status extract_from(struct tetlod_file *file, const struct step_choice *choice, bool original_order, struct tetmesh *out,
+                                       char *about, size_t about_size, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    struct step_choice own = *choice;
+    struct tetlod_file *part;
+    uint32_t step = 0, topology = choice->by_time ? tetlod_topology_for_time(info, choice->time)
+                                                  : choice->step > UINT32_MAX ? TETLOD_NONE : tetlod_topology_of_step(info, (uint32_t)choice->step, &step);
+    for (uint32_t t = 0; t < info->topology_count; t++) {
+        own.before += t < topology ? info->topologies[t].step_count : 0;
+        own.total += info->topologies[t].step_count;
+    }
+    if (topology == TETLOD_NONE)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has %u steps, 0 to %u; there is no step %llu", own.total, own.total - 1,
+                            (unsigned long long)choice->step);
+    own.step = step;
+    TETLOD_TRY(tetlod_open_topology(&part, file, topology, error));
+    enum tetlod_status status = extract_step(part, &own, original_order, out, about, about_size, error);
+    tetlod_close(part);
+    return status;
 }
 
 enum tetlod_status extract_step(struct tetlod_file *file, const struct step_choice *choice, bool original_order, struct tetmesh *out,
                                 char *about, size_t about_size, struct tetlod_error *error)
 {
+    if (tetlod_info(file)->topology_count && !choice->total)
+        return extract_from(file, choice, original_order, out, about, about_size, error);
     static const uint32_t none[1] = {0};
     struct tetlod_series *series = NULL;
     struct tetlod_cursor *cursor = NULL;

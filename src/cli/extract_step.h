@@ -11,6 +11,7 @@ struct step_choice {
     uint64_t step; /* or its number */
     double error;  /* a fraction of the range over the series, or in the fields' units */
     bool absolute;
+    uint32_t before, total; /* steps of the topology groups before, and of all of them; 0: there is one mesh */
 };
 
 /* The step as a mesh with the series' fields, and in `about` which it is and what is promised of it. */

@@ -66,6 +66,19 @@ static json_t *level_json(const struct tetlod_info *info, uint32_t k)
                      errors_json(info, level));
 }
 
+/* Where the steps over other meshes are. False: memory is out. */
+static bool add_topologies(json_t *object, const struct tetlod_info *info)
+{
+    json_t *topologies = json_array();
+    for (uint32_t t = 0; t < info->topology_count; t++) {
+        const struct tetlod_topology *topology = &info->topologies[t];
+        json_array_append_new(topologies, json_pack("{s:i, s:[f,f], s:s, s:I, s:I}", "steps", (int)topology->step_count, "times",
+                                                    topology->times[0], topology->times[1], "cid", topology->cid, "offset",
+                                                    (json_int_t)topology->offset, "bytes", (json_int_t)topology->size));
+    }
+    return json_array_size(topologies) == info->topology_count && !json_object_set_new(object, "topologies", topologies);
+}
+
 json_t *info_json(const struct tetlod_info *info, const char *id)
 {
     json_t *fields = json_array(), *levels = json_array(), *cells = json_array();
@@ -85,7 +98,7 @@ json_t *info_json(const struct tetlod_info *info, const char *id)
                                "metadata", metadata_json(info));
     // lists that lost an element to a failed allocation are not the stream's
     if (object && (json_array_size(fields) != info->field_count || json_array_size(levels) != info->level_count ||
-                   json_array_size(cells) != info->cell_field_count)) {
+                   json_array_size(cells) != info->cell_field_count || (info->topology_count && !add_topologies(object, info)))) {
         json_decref(object);
         return NULL;
     }
