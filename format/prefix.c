@@ -9,6 +9,7 @@
 #include "format/container.h"
 #include "format/fail.h"
 #include "format/reader.h"
+#include "format/topologies.h"
 
 enum { COPIED = 1 << 20 };
 
@@ -88,8 +89,9 @@ static enum tetlod_status take_sections(struct part *part, const struct tetlod_f
     part->sections[part->section_count++] = (struct tetlodi_write_section){.tag = TAG_METADATA, .early = 1, .bytes = part->section_bytes[0], .size = size};
     for (uint32_t i = 0; i < info->section_count; i++) {
         const struct tetlodi_section *from = &file->index.sections[i];
-        if (!(from->flags & SECTION_EARLY) || strcmp(from->tag, TAG_METADATA) == 0 || strcmp(from->tag, TAG_CELLS) == 0)
-            continue; // those behind the levels are about the finest one
+        if (!(from->flags & SECTION_EARLY) || strcmp(from->tag, TAG_METADATA) == 0 || strcmp(from->tag, TAG_CELLS) == 0 ||
+            strcmp(from->tag, TAG_TOPOLOGIES) == 0)
+            continue; // those behind the levels are about the finest one, or about other steps
         void *bytes = malloc((size_t)from->plain + 1);
         part->section_bytes[part->own_count++] = bytes;
         if (!bytes)

@@ -9,6 +9,7 @@
 #include "src/cli/cli.h"
 #include "src/report/info_json.h"
 #include "src/report/plot.h"
+#include "src/util/array.h"
 #include "src/util/file.h"
 
 static const char help[] =
@@ -60,37 +61,99 @@ static uint32_t series_field(const struct tetlod_series_info *steps, const struc
     return TETLOD_NONE;
 }
 
-static enum tetlod_status write_steps(struct tetlod_file *file, const struct tetlod_series *series, uint32_t field, const char *path,
-                                      const char *output, struct tetlod_error *error)
-{
-    const struct tetlod_series_info *steps = tetlod_series_info(series);
+/* The errors of all steps, of one topology group after the other. */
+struct all_steps {
+    uint32_t count, bands, done;
+    double *times;
     struct steps_errors errors;
-    struct file_output *out;
-    char id[256];
-    enum tetlod_status status = steps_measure(file, field, 0, &errors, error);
-    if (status == TETLOD_OK)
-        status = file_output_open(&out, output, error);
-    if (status == TETLOD_OK) {
-        const struct plot_steps picture = {steps->step_count, steps->band_count - 1, steps->times, steps->bands, errors.sampled, errors.rms};
-        struct tetlodi_sink sink = file_output_sink(out);
-        stream_id(path, id, sizeof id);
-        status = plot_write_steps(&picture, tetlod_info(file)->fields[steps->fields[field]].name, id, &sink, error);
-        status = file_output_finish(out, status, error);
+};
+
+static uint32_t count_steps(const struct tetlod_info *info, const struct tetlod_series_info *steps)
+{
+    uint32_t count = info->topology_count ? 0 : steps->step_count;
+    for (uint32_t t = 0; t < info->topology_count; t++)
+        count += info->topologies[t].step_count;
+    return count;
+}
+
+static enum tetlod_status add_steps(struct all_steps *all, struct tetlod_file *file, const char *name, struct tetlod_error *error)
+{
+    struct tetlod_series *series;
+    struct steps_errors errors = {0};
+    TETLOD_TRY(tetlod_series_new(&series, file, error));
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    uint32_t field = series_field(steps, tetlod_info(file), name), room = all->count - all->done;
+    enum tetlod_status status = TETLOD_OK;
+    if (field == TETLOD_NONE)
+        status = tetlodi_fail(error, TETLOD_ERR_FIELD, "there are no steps of a field '%.100s'; 'tetlod info' lists those that have them", name);
+    else if (steps->band_count - 1 != all->bands || steps->step_count > room)
+        status = tetlodi_fail(error, TETLOD_ERR_STREAM, "a topology group has other bands or steps than the stream says");
+    else
+        status = steps_measure(file, field, 0, &errors, error);
+    for (uint32_t s = 0; s < steps->step_count && status == TETLOD_OK; s++) {
+        all->times[all->done + s] = steps->times[s];
+        for (uint32_t b = 0; b < all->bands; b++) {
+            all->errors.sampled[(size_t)b * all->count + all->done + s] = errors.sampled[(size_t)b * steps->step_count + s];
+            all->errors.rms[(size_t)b * all->count + all->done + s] = errors.rms[(size_t)b * steps->step_count + s];
+        }
     }
+    all->done += steps->step_count;
     free(errors.sampled);
     free(errors.rms);
+    tetlod_series_free(series);
     return status;
+}
+
+static enum tetlod_status measure_steps(struct all_steps *all, struct tetlod_file *file, const char *name, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    size_t count = (size_t)all->bands * all->count;
+    all->times = array_new(all->count, sizeof *all->times);
+    all->errors = (struct steps_errors){array_new(count, sizeof(double)), array_new(count, sizeof(double))};
+    if (!all->times || !all->errors.sampled || !all->errors.rms)
+        return tetlodi_fail_nomem(error, "the errors of the steps", 2 * count * sizeof(double));
+    if (!info->topology_count)
+        return add_steps(all, file, name, error);
+    for (uint32_t t = 0; t < info->topology_count; t++) {
+        struct tetlod_file *part;
+        TETLOD_TRY(tetlod_open_topology(&part, file, t, error));
+        enum tetlod_status status = add_steps(all, part, name, error);
+        tetlod_close(part);
+        TETLOD_TRY(status);
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status write_steps(const struct all_steps *all, const struct tetlod_series_info *steps, const char *name, const char *path,
+                                      const char *output, struct tetlod_error *error)
+{
+    const struct plot_steps picture = {all->count, all->bands, all->times, steps->bands, all->errors.sampled, all->errors.rms};
+    struct file_output *out;
+    char id[256];
+    TETLOD_TRY(file_output_open(&out, output, error));
+    struct tetlodi_sink sink = file_output_sink(out);
+    stream_id(path, id, sizeof id);
+    return file_output_finish(out, plot_write_steps(&picture, name, id, &sink, error), error);
 }
 
 static enum tetlod_status plot_steps(struct tetlod_file *file, const char *path, const char *output, const char *name, struct tetlod_error *error)
 {
     struct tetlod_series *series;
     struct tetlod_error inner;
+    const struct tetlod_info *info = tetlod_info(file);
     if (tetlod_series_new(&series, file, &inner) != TETLOD_OK)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s: --steps: %.230s", path, inner.message);
-    uint32_t field = series_field(tetlod_series_info(series), tetlod_info(file), name);
-    enum tetlod_status status = field == TETLOD_NONE ? tetlodi_fail(error, TETLOD_ERR_FIELD, "%s: there are no steps of a field '%.100s'; 'tetlod info' lists those that have them", path, name)
-                                                      : write_steps(file, series, field, path, output, error);
+    const struct tetlod_series_info *steps = tetlod_series_info(series);
+    struct all_steps all = {.count = count_steps(info, steps), .bands = steps->band_count - 1};
+    const char *shown = name ? name : info->fields[steps->fields[0]].name;
+    enum tetlod_status status = measure_steps(&all, file, shown, &inner);
+    if (status != TETLOD_OK)
+        tetlodi_fail(error, status, "%s: %.230s", path, inner.message);
+    else
+        status = write_steps(&all, steps, shown, path, output, error);
+    free(all.times);
+    free(all.errors.sampled);
+    free(all.errors.rms);
     tetlod_series_free(series);
     return status;
 }
