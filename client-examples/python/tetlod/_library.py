@@ -13,7 +13,7 @@ from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from ._model import MEASURES, Field, Info, Level
+from ._model import MEASURES, Field, Info, Level, Topology
 from ._sources import Source
 from ._steps import Steps
 from .reference import StreamError
@@ -48,12 +48,18 @@ class CCellField(Structure):
                 ('reserved', c_uint64 * 2)]
 
 
+class CTopology(Structure):
+    _fields_ = [('step_count', c_uint32), ('times', c_double * 2), ('cid', c_char * 33), ('offset', c_uint64), ('size', c_uint64),
+                ('reserved', c_uint64 * 2)]
+
+
 class CInfo(Structure):
     _fields_ = [('cid', c_char * 33), ('vertices', c_uint32), ('tets', c_uint32), ('bytes', c_uint64), ('bounds', c_double * 6),
                 ('position_type', c_int), ('lossless', c_int), ('degenerate_tets', c_uint64), ('inverted_tets', c_uint64),
                 ('unused_points', c_uint64), ('field_count', c_uint32), ('level_count', c_uint32), ('fields', POINTER(CField)),
                 ('levels', POINTER(CLevel)), ('metadata', c_char_p), ('metadata_size', c_size_t), ('keeps_order', c_int),
-                ('section_count', c_uint32), ('sections', c_void_p), ('cell_field_count', c_uint32), ('cell_fields', POINTER(CCellField))]
+                ('section_count', c_uint32), ('sections', c_void_p), ('cell_field_count', c_uint32), ('cell_fields', POINTER(CCellField)),
+                ('topology_count', c_uint32), ('topologies', POINTER(CTopology))]
 
 
 class CMesh(Structure):
@@ -184,7 +190,8 @@ class LibraryDecoder:
             levels.append(Level(number, level.vertices, level.tets, level.end, level.domain_error, errors))
         b = c.bounds[:]
         return Info(c.cid.decode(), c.vertices, c.tets, c.bytes, ((b[0], b[1], b[2]), (b[3], b[4], b[5])), bool(c.lossless), fields,
-                    tuple(levels), metadata_of(c.metadata), tuple(f.name.decode() for f in c.cell_fields[:c.cell_field_count]))
+                    tuple(levels), metadata_of(c.metadata), tuple(f.name.decode() for f in c.cell_fields[:c.cell_field_count]),
+                    tuple(Topology(t.step_count, (t.times[0], t.times[1]), t.cid.decode(), t.offset, t.size) for t in c.topologies[:c.topology_count]))
 
     def seek(self, level: int) -> None:
         error = CError()

@@ -32,8 +32,20 @@ class Level:
 
 
 @dataclass(frozen=True)
+class Topology:
+    """Steps of a series over one mesh, where others are over other ones: a stream of its own, `bytes` from `offset` on. `times`: of its first and
+    last step. The first one is the stream itself."""
+    steps: int
+    times: Tuple[float, float]
+    cid: str
+    offset: int
+    bytes: int
+
+
+@dataclass(frozen=True)
 class Info:
-    """The index of a stream. `cells` are the names of fields whose values belong to tetrahedra."""
+    """The index of a stream. `cells` are the names of fields whose values belong to tetrahedra; `topologies` is empty unless steps in time have
+    different meshes."""
     cid: str
     vertices: int
     tets: int
@@ -44,6 +56,7 @@ class Info:
     levels: Tuple[Level, ...]
     metadata: Dict[str, Any]
     cells: Tuple[str, ...]
+    topologies: Tuple[Topology, ...] = ()
 
 
 @dataclass(frozen=True)

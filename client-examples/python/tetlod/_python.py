@@ -8,7 +8,7 @@ import gc
 from typing import Any, Dict, Iterator, Optional, Sequence, Tuple
 
 from . import reference
-from ._model import Field, Info, Level
+from ._model import Field, Info, Level, Topology
 from ._sources import Source
 from ._steps import Steps
 
@@ -73,4 +73,4 @@ def information(stream: Any) -> Info:
     low, high = stream.bounds
     return Info(stream.cid, stream.vertices, stream.tets, stream.bytes, ((low[0], low[1], low[2]), (high[0], high[1], high[2])),
                 not stream.scales[0].bits and all(exact), fields, levels, stream.metadata,
-                tuple(f['name'] for f in stream.cell_fields))
+                tuple(f['name'] for f in stream.cell_fields), tuple(Topology(**topology) for topology in stream.topologies))

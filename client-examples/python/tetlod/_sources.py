@@ -67,6 +67,24 @@ class File(Source):
         return b''.join(parts)
 
 
+class Part(Source):
+    """Bytes of a larger source. What a level needs is read at once."""
+
+    def __init__(self, whole: Source, offset: int, size: int) -> None:
+        self.name, self.whole, self.offset = whole.name, whole, offset
+        self.size = max(0, min(size, whole.size - offset))
+        self.data, self.wanted = b'', FIRST
+
+    def read(self, offset: int, size: int) -> bytes:
+        have, end = len(self.data), min(offset + size, self.size)
+        if have < end and offset <= max(have, self.wanted):
+            self.data += self.whole.read(self.offset + have, min(max(end, self.wanted), self.size) - have)
+        return self.data[offset:end] if end <= len(self.data) else self.whole.read(self.offset + offset, end - offset)
+
+    def expect(self, end: int) -> None:
+        self.wanted = max(self.wanted, end)
+
+
 class Remote(Source):
     """Bytes that arrive in order. Only those that a level needs are asked for, in one request; reading waits for them."""
 

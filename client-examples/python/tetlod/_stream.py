@@ -7,13 +7,13 @@ import math
 import os
 import warnings
 from types import TracebackType
-from typing import Any, Iterator, Optional, Sequence, Tuple, Type, Union
+from typing import Any, Dict, Iterator, Optional, Sequence, Tuple, Type, Union
 
 from ._library import LibraryDecoder, library_path
 from ._mesh import Cells, Mesh
 from ._model import Choice, Field, Fraction, Info, Level, error_of, level_for
 from ._python import PythonDecoder
-from ._sources import Location, Progress, Source, open_source
+from ._sources import Location, Part, Progress, Source, open_source
 from .reference import StreamError
 
 Decoder = Union[LibraryDecoder, PythonDecoder]
@@ -26,7 +26,8 @@ class Stream:
     """
 
     def __init__(self, source: Source, choice: Choice, fields: Optional[Sequence[str]], decoder: Optional[str]) -> None:
-        self._source, self._choice, self._selected = source, choice, fields
+        self._source, self._choice, self._selected, self._wanted = source, choice, fields, decoder
+        self._topologies: Dict[int, Stream] = {0: self}
         self._decoder = choose_decoder(source, fields, decoder)
         self.info: Info = self._decoder.info
         source.late = self.levels[-1].bytes
@@ -45,8 +46,7 @@ class Stream:
     @property
     def times(self) -> Tuple[float, ...]:
         """The times of the steps of a series; () of a stream with one moment."""
-        steps = self._decoder.steps
-        return steps.times if steps else ()
+        return tuple(time for number in range(max(1, len(self.info.topologies))) for time in self._topology(number)._own_times())
 
     @property
     def mesh(self) -> Mesh:
@@ -64,6 +64,10 @@ class Stream:
         error: a fraction of each field's range over all steps; abs_error: the same in the fields' units. The coarsest form within
         it is taken; without one, the exact form.
         """
+        topologies = self.info.topologies
+        nearest = min(range(len(topologies)), key=lambda i: max(topologies[i].times[0] - time, time - topologies[i].times[1], 0), default=0)
+        if nearest:
+            return self._topology(nearest).at(time, error, abs_error=abs_error)
         steps = self._decoder.steps
         if steps is None:
             raise ValueError('%s is no series: it has one moment only' % self._source.name)
@@ -109,6 +113,20 @@ class Stream:
         error = self._choice.fraction
         link = self._source.page + ('' if error is None else '#error=%.6g' % error)
         return '<iframe src="%s" title="tetlod" style="width: 100%%; height: 480px; border: 0"></iframe>' % html.escape(link)
+
+    def _own_times(self) -> Tuple[float, ...]:
+        steps = self._decoder.steps
+        return steps.times if steps else ()
+
+    def _topology(self, number: int) -> 'Stream':
+        """The stream of a topology group."""
+        if number not in self._topologies:
+            table = self.info.topologies[number]
+            stream = Stream(Part(self._source, table.offset, table.bytes), Choice(), self._selected, self._wanted)
+            if (stream.info.cid, stream.info.bytes, stream.info.topologies) != (table.cid, table.bytes, ()):
+                raise StreamError('%s: topology group %d is another stream than the table says' % (self._source.name, number))
+            self._topologies[number] = stream
+        return self._topologies[number]
 
     def _seek(self, level: int) -> 'Stream':
         self._source.expect(self.levels[level].bytes)

@@ -175,6 +175,9 @@ class Stream:
         self.cell_fields = []
         if any(section['tag'] == 'CELL' for section in self.sections):
             self._parse_cells(Bytes(self.section('CELL')))
+        self.topologies = []
+        if any(section['tag'] == 'TOPO' for section in self.sections):
+            self._parse_topologies(Bytes(self.section('TOPO')))
 
     def _parse(self, data, offset, early_size):
         self.vertices, self.tets, levels, fields, slowest, reserved = data.take('QQIHBB')
@@ -235,7 +238,7 @@ class Stream:
             require(offset == ends[place], 'sections that do not follow each other')
             ends[place] += size
             require(plain // 256 <= size if flags & 4 else plain == size, 'a section of another size than its bytes can hold')
-            known = {'META': 2, 'ORDR': 0, 'CELL': 2, 'CVAL': 0, 'TIME': 0, 'TVAL': 0}
+            known = {'META': 2, 'ORDR': 0, 'CELL': 2, 'CVAL': 0, 'TIME': 0, 'TVAL': 0, 'TOPO': 2, 'NEXT': 0}
             twice = tag not in ('CVAL', 'TVAL') and any(tag == s['tag'] for s in self.sections)
             require(tag not in known or known[tag] == place and not twice, 'a section at the wrong place')
             require(tag != 'META' or plain <= 1 << 20, 'too much metadata')
@@ -266,6 +269,33 @@ class Stream:
             self.cell_fields.append({'name': name, 'components': components, 'type': CELL_TYPES[kind], 'region': bool(flags & 1),
                                      'range': [low, high]})
         require(data.at == len(data.data), 'the table of cell data is damaged')
+
+    def _parse_topologies(self, data):
+        """The table of topology groups (SPEC 3.8)."""
+        following = [section for section in self.sections if section['tag'] == 'NEXT']
+        count = data.take('I')
+        require(following and not following[0]['packed'] and count > 1 and len(data.data) == 4 + 48 * count, 'the table of topology groups is damaged')
+        offset, last = following[0]['offset'], -math.inf
+        for number in range(count):
+            steps, reserved, begin, end, size, cid = data.take('IIddQ16s')
+            require(1 <= steps <= 1 << 20 and reserved == 0 and math.isfinite(begin) and math.isfinite(end) and last <= begin <= end,
+                    'the table of topology groups is damaged')
+            require(size >= 64 if number else size == 0 and cid == bytes(16), 'the table of topology groups is damaged')
+            last = end
+            self.topologies.append({'steps': steps, 'times': (begin, end), 'cid': cid.hex() if number else self.cid,
+                                    'offset': offset if number else 0, 'bytes': size if number else self.bytes})
+            offset += size
+        require(offset == following[0]['offset'] + following[0]['stored'] and sum(t['steps'] for t in self.topologies) <= 1 << 20,
+                'the table of topology groups is damaged')
+
+    def topology(self, number):
+        """A topology group as a stream of its own."""
+        if number == 0:
+            return self
+        table = self.topologies[number]
+        stream = Stream(lambda offset, size: self._read(table['offset'] + offset, min(size, max(0, table['bytes'] - offset))), table['bytes'])
+        require((stream.cid, stream.bytes, stream.topologies) == (table['cid'], table['bytes'], []), 'a topology group is another stream than the table says')
+        return stream
 
     def cells(self, name):
         """The values of all tetrahedra, in the order in which they arrive: those of a level's tetrahedra are the first."""
