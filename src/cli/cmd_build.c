@@ -15,7 +15,7 @@
 #include "src/cli/progress.h"
 #include "src/cli/reading.h"
 #include "src/cli/series_topologies.h"
-#include "src/cli/topology_spool.h"
+#include "src/pipeline/topology_spool.h"
 #include "src/io/io.h"
 #include "src/mesh/displacement.h"
 #include "src/report/info_json.h"
@@ -29,7 +29,8 @@ static const char help[] =
     "\n"
     "Reads a mesh, contracts it and writes the stream of its levels: from a few tetrahedra to the original. A file with several\n"
     "times, or several files, become a series: one mesh, with the --field values of every step. Points may\n"
-    "move: how far becomes the field point_displacement, which drives as well.\n"
+    "move: how far becomes the field point_displacement, which drives as well. Where the tetrahedra change from one step to the next,\n"
+    "a topology group begins: a stream inside the stream, with levels of its own; errors are of the range over all steps.\n"
     "\n"
     "  -o, --output OUT        the stream to write (default: INPUT's name with .tetlod in this folder)\n"
     READING_HELP

@@ -10,7 +10,7 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..'
 from streams import plain, sealed, tetlod, with_section  # noqa: E402
 
 FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)))
-ONE, GRID, KEPT, CELLS, STEPS, NOISE = (plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read()) for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32', 'series_float64', 'tail_noise'))
+ONE, GRID, KEPT, CELLS, STEPS, NOISE, MESHES = (plain(open(os.path.join(FOLDER, name + '.tetlod'), 'rb').read()) for name in ('one_tet', 'grid_float32', 'kept_order', 'cells_float32', 'series_float64', 'tail_noise', 'topologies'))
 NAN, INFINITY = float('nan'), float('inf')
 
 
@@ -39,7 +39,7 @@ def level_of(data, level):
 def section(data, tag, flags, offset=None):
     """A further, empty section."""
     end, size = index_end(data), int.from_bytes(data[20:24], 'little')
-    late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] not in ('META', 'CELL'))  # those of these streams that are early
+    late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] not in ('META', 'CELL', 'TOPO'))  # those of these streams that are early
     entry = struct.pack('<4sIQQQ16s', tag, flags, late if offset is None else offset, 0, 0, tetlod.digest(b''))
     count = len(sections_of(data)) + 1
     at = sections_of(data)[0] - 4
@@ -110,7 +110,25 @@ def cases():
     yield 'time_digest', 'decode', 'a group of steps with another digest', retimed(-16, '16s', bytes(16))
     yield 'time_random', 'decode', 'steps of other bytes, with their digests', shuffled(lambda group: bytes(255 - b for b in group))
     yield 'time_mode', 'decode', 'a first step that is predicted from the one before', shuffled(lambda group: b'\xff' * len(group))
+    yield 'topologies_one', 'open', 'one topology group, which needs no table', regrouped(0, 'I', 1)
+    yield 'topologies_steps', 'open', 'a topology group without steps', regrouped(4 + 48, 'I', 0)
+    yield 'topologies_times', 'open', 'a topology group whose times are before those of the one before', regrouped(4 + 48 + 8, 'd', -1.0)
+    yield 'topologies_size', 'open', 'topology groups that do not fill their section', regrouped(4 + 2 * 48 + 24, 'Q', 64)
+    yield 'topologies_alone', 'open', 'a table of topology groups without their streams', section(ONE, b'TOPO', 2)
+    yield 'topologies_other', 'decode', 'a topology group of another content id', regrouped(4 + 48 + 32, '16s', bytes(16))
+    yield 'topologies_twice', 'open', 'NEXT twice', section(MESHES, b'NEXT', 0)
     yield 'truncated', 'decode', 'the last byte is missing', GRID[:-1]
+
+
+def regrouped(at, form, value):
+    """The table of topology groups with a number changed."""
+    stream = tetlod.open(MESHES)
+    entry = next(s for s in stream.sections if s['tag'] == 'TOPO')
+    table = bytearray(stream.section('TOPO'))
+    struct.pack_into('<' + form, table, at, value)
+    data = MESHES[:entry['offset']] + bytes(table) + MESHES[entry['offset'] + len(table):]
+    number = [s['tag'] for s in stream.sections].index('TOPO')
+    return put(data, sections_of(MESHES)[number] + 32, '16s', tetlod.digest(bytes(table)))
 
 
 def retimed(at, form, value, longer=0):

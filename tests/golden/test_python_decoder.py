@@ -59,6 +59,24 @@ def check_steps(path):
     return found == wanted and len(found) > 20
 
 
+def check_topologies(path):
+    """The groups behind the first, each as a stream of its own."""
+    stream = tetlod.open(path)
+    for number in range(1, len(stream.topologies)):
+        part = stream.topology(number)
+        name = '%s.%d' % (path, number)
+        cursor, series, found = part.cursor(), part.series(), []
+        if [state(part, cursor.seek(k)) for k in range(len(part.levels))] != open(name + '.levels').read().split():
+            return False
+        for band in range(len(series.bands)):
+            for step in range(len(series.times)):
+                values = series.seek(band, step)[1].values()
+                found.append(hashlib.sha256(b''.join(np.ascontiguousarray(v, '<f8').tobytes() for v in values)).hexdigest())
+        if found != open(name + '.steps').read().split():
+            return False
+    return len(stream.topologies) == 3
+
+
 def damage_steps(path):
     """A changed byte of a late section is an error."""
     data = bytearray(open(path, 'rb').read())
@@ -120,6 +138,7 @@ for verdict, what in ((check_cells(os.path.join(golden, 'cells_float32.tetlod'))
                       (check_steps(os.path.join(golden, 'series_float32.tetlod')), 'Python agrees on steps in time'),
                       (check_steps(os.path.join(golden, 'series_float64.tetlod')), 'Python agrees on steps of float64'),
                       (check_steps(os.path.join(golden, 'series_moving.tetlod')), 'Python agrees on points that move'),
+                      (check_topologies(os.path.join(golden, 'topologies.tetlod')), 'Python agrees on steps over several meshes'),
                       (damage_steps(os.path.join(golden, 'series_float64.tetlod')), 'Python notices damage of steps'),
                       (damage(os.path.join(golden, 'one_tet.tetlod')), 'Python notices damage'),
                       (same_verdicts(os.path.join(golden, 'one_tet.tetlod'), 1), 'Python refuses what C refuses, of one level'),

@@ -43,6 +43,8 @@ def decode(data, levels=None):
         for band in range(len(series.bands) if series else 0):
             for step in range(len(series.times)):
                 series.seek(band, step)
+        for topology in range(1, len(stream.topologies) if levels is not None else 0):
+            stream.topology(topology)
         return stream.cid
     except (tetlod.StreamError, IndexError, KeyError):
         return None

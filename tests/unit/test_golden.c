@@ -223,16 +223,14 @@ static void check_fed_steps(const struct tetlod_file *whole, struct tetlod_curso
     tetlod_feed_free(feed);
 }
 
-static void check_stream(const char *path)
+/* Whatever the lists of this path say: levels, cells, steps. */
+static void check_file(struct tetlod_file *file, const char *path, FILE *in)
 {
     char line[128], (*hashes)[65];
-    struct tetlod_file *file;
     struct tetlod_cursor *cursor;
     struct tetlod_error error;
-    FILE *in = fopen(path, "rb");
     FILE *list = open_list(path, "levels");
-    REQUIRE(in && list);
-    REQUIRE(tetlod_open_fd(&file, fileno(in), NULL, &error) == TETLOD_OK);
+    REQUIRE(list);
     REQUIRE(tetlod_cursor_new(&cursor, file, NULL, 0, &error) == TETLOD_OK);
     const struct tetlod_info *info = tetlod_info(file);
     hashes = malloc(info->level_count * sizeof *hashes);
@@ -256,10 +254,48 @@ static void check_stream(const char *path)
     free(hashes);
     check_cells(file, path);
     check_steps(file, cursor, path);
-    check_fed_steps(file, cursor, in);
+    if (in)
+        check_fed_steps(file, cursor, in);
     tetlod_cursor_free(cursor);
-    tetlod_close(file);
     fclose(list);
+}
+
+/* Each topology group as a stream of its own: those behind the first have lists of their own. */
+static void check_topologies(const struct tetlod_file *file, const char *path)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    struct tetlod_file *part;
+    uint32_t steps = 0, own;
+    for (uint32_t t = 0; t < info->topology_count; t++) {
+        const struct tetlod_topology *topology = &info->topologies[t];
+        char lists[4096];
+        snprintf(lists, sizeof lists, "%s.%u", path, t);
+        REQUIRE(tetlod_open_topology(&part, file, t, NULL) == TETLOD_OK);
+        CHECK_TEXT(tetlod_info(part)->cid, topology->cid);
+        CHECK(tetlod_info(part)->bytes == topology->size);
+        if (t)
+            check_file(part, lists, NULL);
+        tetlod_close(part);
+        CHECK_INT(tetlod_topology_of_step(info, steps, &own), t);
+        CHECK_INT(own, 0);
+        CHECK_INT(tetlod_topology_for_time(info, topology->times[1]), t);
+        steps += topology->step_count;
+        CHECK_INT(tetlod_topology_of_step(info, steps - 1, &own), t);
+        CHECK_INT(own, topology->step_count - 1);
+    }
+    CHECK_INT(tetlod_topology_of_step(info, steps, NULL), TETLOD_NONE);
+    CHECK_INT(tetlod_open_topology(&part, file, info->topology_count, NULL), TETLOD_ERR_ARGUMENT);
+}
+
+static void check_stream(const char *path)
+{
+    struct tetlod_file *file;
+    FILE *in = fopen(path, "rb");
+    REQUIRE(in);
+    REQUIRE(tetlod_open_fd(&file, fileno(in), NULL, NULL) == TETLOD_OK);
+    check_file(file, path, in);
+    check_topologies(file, path);
+    tetlod_close(file);
     fclose(in);
 }
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/cli/topology_spool.h"
+#include "src/pipeline/topology_spool.h"
 
 #include <stdlib.h>
 #include <string.h>
