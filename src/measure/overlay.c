@@ -186,22 +186,47 @@ static double weigh(const double weights[4], const double values[4])
     return weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2] + weights[3] * values[3];
 }
 
-/* May the pair have a difference above what was found? In the intersection it is at most what it is at the worst corner of either
- * tetrahedron: of the finer mesh's, or of both. */
+/* The largest of a linear function in the part of a tetrahedron that is before one face of the other, of the four whichever says least.
+ * `at`: at its corners; `in`: their weights, which decide with `room`. */
+static double largest_before(double in[4][4], const double at[4], double room)
+{
+    double bound = INFINITY;
+    for (int k = 0; k < 4; k++) {
+        double most = 0;
+        for (int i = 0; i < 4; i++)
+            if (in[i][k] + room >= 0)
+                most = larger(most, fabs(at[i]));
+        for (int e = 0; e < 6; e++) {
+            int i = tet_edges[e][0], j = tet_edges[e][1];
+            double from = in[i][k] + room, to = in[j][k] + room;
+            if ((from < 0) != (to < 0))
+                most = larger(most, fabs(at[i] + from / (from - to) * (at[j] - at[i])));
+        }
+        bound = smaller(bound, most);
+    }
+    return bound;
+}
+
+/* May the pair have a difference above what was found? In the intersection it is at most what it is in the part of either tetrahedron
+ * that is before one face of the other: of the finer mesh's, or of both. */
 static bool may_be_worse(const struct overlay *overlay, const struct worker *worker, const struct cell *cell, double in[2][4][4], bool both)
 {
     for (uint32_t c = 0; c < overlay->compared_count; c++) {
         const struct compared *compared = &overlay->compared[c];
-        double values[2][4], size = gather_values(overlay, compared, cell, values), bound = INFINITY;
-        for (int m = 0; m < 2; m++) { // the corners of tetrahedron m
-            double most = 0;
+        double values[2][4], size = gather_values(overlay, compared, cell, values);
+        double enough = worker->most[compared->field] - 8 * size * cell->slack;
+        bool worse = true;
+        for (int m = 0; m < 2 && worse; m++) { // the corners of tetrahedron m
+            double at[4], most = 0;
             if (m != overlay->finer && !both)
                 continue;
-            for (int k = 0; k < 4; k++)
-                most = larger(most, fabs(values[m][k] - weigh(in[m][k], values[!m])));
-            bound = smaller(bound, most);
+            for (int k = 0; k < 4; k++) {
+                at[k] = values[m][k] - weigh(in[m][k], values[!m]);
+                most = larger(most, fabs(at[k]));
+            }
+            worse = most > enough && largest_before(in[m], at, 2 * cell->slack) > enough;
         }
-        if (bound + 8 * size * cell->slack > worker->most[compared->field])
+        if (worse)
             return true;
     }
     return false;
