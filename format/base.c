@@ -62,7 +62,7 @@ static size_t face_find(struct face_table *table, const uint32_t *corners, unsig
 static int table_init(struct grower *grower, struct face_table *table, uint32_t tets)
 {
     size_t size = 16;
-    while (size < 6 * (size_t)tets)
+    while (size < 5 * (size_t)tets) // of four faces each: even if none were shared there are free places
         size *= 2;
     if (!TETLODI_ROOM(grower->memory, table->keys, table->keys_capacity, 3 * size) ||
         !TETLODI_ROOM(grower->memory, table->sides, table->sides_capacity, size) ||

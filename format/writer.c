@@ -556,6 +556,8 @@ static enum tetlod_status code_tail(struct writer *w, uint32_t field)
 static enum tetlod_status write_tail(struct writer *w, uint32_t level)
 {
     w->index.tail = 1;
+    free(w->meeting); // no record is left, and memory is at its peak here
+    w->meeting = NULL;
     start_coders(w);
     for (uint32_t f = 0; f < w->in->field_count; f++)
         if (w->in->fields[f].exact)
@@ -786,9 +788,8 @@ static void release(struct writer *w)
     tetlodi_recorder_fini(&w->recorder);
     if (w->replay.memory)
         tetlodi_replay_fini(&w->replay);
-    void *const owned[] = {w->parent,  w->range,   w->position,    w->slot_at, w->meeting_begin, w->meeting,
-                           w->waiting, w->node_at, w->original_of, w->arrived, w->columns,       w->stored,
-                           w->encoders};
+    void *const owned[] = {w->parent,  w->range,       w->position, w->slot_at, w->meeting_begin, w->meeting, w->waiting,
+                           w->node_at, w->original_of, w->arrived,  w->columns, w->stored,        w->encoders};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     tetlodi_cell_parts_fini(&w->cells);

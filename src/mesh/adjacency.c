@@ -57,45 +57,58 @@ static uint32_t match_bucket(struct face *faces, size_t count, uint32_t *neighbo
     return overfull;
 }
 
+/* Matches the faces of one bucket after the other; `faces` has room for the largest. */
+static uint32_t match_buckets(const uint32_t *corners, const uint32_t *slots, const size_t *ends, uint32_t vertex_count,
+                              struct face *faces, uint32_t *neighbours)
+{
+    uint32_t overfull = 0, v[3];
+    for (size_t i = 0, at = 0; i < vertex_count; i++) {
+        size_t count = 0;
+        for (; at < ends[i]; at++) {
+            face_vertices(corners, slots[at], v);
+            faces[count++] = (struct face){v[1], v[2], slots[at]};
+        }
+        overfull += match_bucket(faces, count, neighbours);
+    }
+    return overfull;
+}
+
 enum tetlod_status adjacency_build(const uint32_t *corners, uint32_t tet_count, uint32_t vertex_count,
                                    uint32_t *neighbours, uint32_t *out_overfull, struct tetlod_error *error)
 {
     if (tet_count > ADJACENCY_MOST_TETS)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%u tetrahedra are more than the %d that fit", tet_count,
                             ADJACENCY_MOST_TETS);
-    size_t slots = 4 * (size_t)tet_count;
+    size_t slot_count = 4 * (size_t)tet_count, sum = 0, largest = 0;
     size_t *bucket = array_zero((size_t)vertex_count + 1, sizeof *bucket);
-    struct face *faces = array_new(slots, sizeof *faces);
-    if (!bucket || !faces) {
-        free(bucket);
-        free(faces);
-        return tetlodi_fail_nomem(error, "the adjacency", slots * sizeof *faces);
-    }
-    uint32_t v[3], overfull = 0;
-    for (size_t slot = 0; slot < slots; slot++) {
+    uint32_t *slots = array_new(slot_count, sizeof *slots), v[3], overfull = 0;
+    struct face *faces = NULL;
+    for (size_t slot = 0; slot < slot_count && bucket; slot++) {
         face_vertices(corners, slot, v);
         bucket[v[0]]++;
         neighbours[slot] = TETLOD_NONE;
     }
-    size_t sum = 0;
-    for (uint32_t i = 0; i <= vertex_count; i++) {
+    for (uint32_t i = 0; i <= vertex_count && bucket; i++) {
         size_t size = bucket[i];
+        largest = size > largest ? size : largest;
         bucket[i] = sum;
         sum += size;
     }
-    for (size_t slot = 0; slot < slots; slot++) {
+    if (bucket && slots)
+        faces = array_new(largest, sizeof *faces);
+    for (size_t slot = 0; slot < slot_count && faces; slot++) {
         face_vertices(corners, slot, v);
-        faces[bucket[v[0]]++] = (struct face){v[1], v[2], (uint32_t)slot};
+        slots[bucket[v[0]]++] = (uint32_t)slot; // when all are in, bucket[i] is the end of bucket i
     }
-    for (uint32_t i = 0; i < vertex_count; i++) { // after the fill bucket[i] is the end of bucket i
-        size_t begin = i ? bucket[i - 1] : 0;
-        overfull += match_bucket(faces + begin, bucket[i] - begin, neighbours);
-    }
+    if (faces)
+        overfull = match_buckets(corners, slots, bucket, vertex_count, faces, neighbours);
+    enum tetlod_status status = faces ? TETLOD_OK : tetlodi_fail_nomem(error, "the adjacency", slot_count * sizeof *slots);
     free(bucket);
+    free(slots);
     free(faces);
     if (out_overfull)
         *out_overfull = overfull;
-    return TETLOD_OK;
+    return status;
 }
 
 void stars_build(const uint32_t *corners, uint32_t tet_count, uint32_t vertex_count, size_t *offsets, uint32_t *tets)

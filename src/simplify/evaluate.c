@@ -18,6 +18,9 @@
 /* Errors are followed to this multiple of the limit and at least so far, so that what waits is not looked at on the next rungs. */
 static const double HORIZON = 2, LEAST_HORIZON = 0.01;
 
+/* The other half of a middle is followed to this multiple only: it is asked for one edge at a time. */
+static const double HALF_HORIZON = 1.5;
+
 /* Middles whose other half is examined in one evaluation; if more look good, the vertex is looked at again on the next rung. */
 enum { MOST_MIDDLES = 3 };
 
@@ -59,8 +62,8 @@ uint64_t evaluate_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
     uint64_t components = 0;
     for (uint32_t f = 0; f < mesh->field_count; f++)
         components += mesh->fields[f].components;
-    uint64_t log = 16 + 24 + 8 * components, border = 8 + 1 + 12;
-    return working_bytes(mesh, controlled_count) + mesh->vertex_count * (log + border + sizeof(struct proposal));
+    uint64_t log = 16 + 24 + 8 * components, border = 8 + 1 + 12, numbers = 2 * sizeof(uint32_t); // of two threads' hoods
+    return working_bytes(mesh, controlled_count) + mesh->vertex_count * (log + border + numbers + sizeof(struct proposal));
 }
 
 struct proposal *proposals_new(size_t count)
@@ -69,6 +72,13 @@ struct proposal *proposals_new(size_t count)
     for (size_t slot = 0; slot < count && proposals; slot++)
         proposals[slot].priority = PROPOSES_NOTHING;
     return proposals;
+}
+
+bool worker_init(struct worker *worker, const struct working *working)
+{
+    worker->numbers = array_zero(NUMBERS * (size_t)working->component_count, sizeof(double));
+    worker->said = array_new((working->value_count + WIDE - 1) / WIDE, sizeof *worker->said);
+    return worker->numbers && worker->said;
 }
 
 void worker_fini(struct worker *worker)
@@ -87,6 +97,7 @@ void worker_fini(struct worker *worker)
     free(worker->candidates);
     free(worker->list);
     free(worker->numbers);
+    free(worker->said);
     free(worker->open);
     free(worker->thawing);
 }
@@ -195,7 +206,7 @@ static bool set_bounds(const struct run *run, struct worker *worker, const struc
         double *rise = numbers_of(run, worker, NUMBERS_RISE);
         for (uint32_t f = 0; f < 2 * components; f++)
             rise[f] = working_row(working, other)[ROW_FIELDS + f] - own[ROW_FIELDS + f];
-        struct look look = {components, run->factors, numbers_of(run, worker, NUMBERS_GAP), 0.5, horizon(run)};
+        struct look look = {components, run->factors, numbers_of(run, worker, NUMBERS_GAP), 0.5, HALF_HORIZON * run->limit};
         struct half half = {upper, lower, rise, 0};
         if (!run->kernels->halfway(working, other, hood->vertex, &look, &half))
             return false;

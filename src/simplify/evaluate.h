@@ -37,10 +37,11 @@ struct candidate {
 
 /* What a thread works with. */
 struct worker {
-    struct hood hood, other;
+    struct hood hood;
     struct links links;
     struct boundary_map map;
     struct weighing weighing;
+    struct said *said; /* [value_count / WIDE, rounded up] what a contraction's star says of the fields' values */
     struct candidate *candidates;
     size_t candidate_room;
     uint32_t *list; /* tetrahedra of two stars */
@@ -82,7 +83,10 @@ struct proposal *proposals_new(size_t count);
 /* Bytes that the working mesh, its log, its border and its proposals take, about. */
 uint64_t evaluate_bytes(const struct tetmesh *mesh, uint32_t controlled_count);
 
-/* Frees what the worker has grown. */
+/* Scratch whose size the mesh tells; the rest grows. False: no memory. */
+bool worker_init(struct worker *worker, const struct working *working);
+
+/* Frees all that the worker has. */
 void worker_fini(struct worker *worker);
 
 void evaluate(const struct run *run, struct worker *worker, uint32_t slot);

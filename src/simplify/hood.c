@@ -19,8 +19,7 @@ void hood_fini(struct hood *hood)
     free(hood->planes);
     free(hood->doubtful);
     free(hood->reach);
-    free(hood->numbering.slots);
-    free(hood->numbering.numbers);
+    free(hood->numbers);
     *hood = (struct hood){0};
 }
 
@@ -39,9 +38,10 @@ static bool grow(struct hood *hood, const struct working *working, size_t tets)
     hood->planes = array_new(room, plane_count(working->component_count) * sizeof(double));
     hood->reach = array_new(neighbours, 2 * working->component_count * sizeof(double));
     hood->doubtful = array_new(room, sizeof(uint32_t));
+    hood->numbers = array_zero(working->slot_count, sizeof(uint32_t));
     hood->room = room;
     bool done = hood->tets && hood->corners[0] && hood->corners[1] && hood->corners[2] && hood->slots && hood->shared &&
-                hood->along && hood->rows && hood->planes && hood->doubtful && hood->reach;
+                hood->along && hood->rows && hood->planes && hood->doubtful && hood->reach && hood->numbers;
     if (!done)
         hood_fini(hood);
     return done;
@@ -50,38 +50,16 @@ static bool grow(struct hood *hood, const struct working *working, size_t tets)
 /* The corners beside each, so that with it first the tetrahedron is positive. */
 static const uint8_t others_of[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
 
-/* Forgets all numbers; there will be at most so many. */
-static bool clear_numbering(struct numbering *numbering, size_t most)
-{
-    size_t size = 16;
-    while (size <= most)
-        size *= 2;
-    if (size > numbering->room) {
-        free(numbering->slots);
-        free(numbering->numbers);
-        numbering->slots = array_new(size, sizeof *numbering->slots);
-        numbering->numbers = array_new(size, sizeof *numbering->numbers);
-        numbering->room = numbering->slots && numbering->numbers ? size : 0;
-        if (!numbering->room)
-            return false;
-    }
-    memset(numbering->slots, 0xff, size * sizeof *numbering->slots);
-    numbering->mask = (uint32_t)size - 1;
-    return true;
-}
-
 static inline uint32_t number_of(struct hood *hood, uint32_t slot)
 {
-    struct numbering *numbering = &hood->numbering;
-    uint32_t at = numbering_place(numbering, slot);
-    if (numbering->slots[at] == TETLOD_NONE) {
-        numbering->slots[at] = slot;
-        numbering->numbers[at] = hood->count;
-        hood->slots[hood->count] = slot;
-        hood->shared[hood->count] = 0;
-        hood->along[hood->count++] = 0;
+    uint32_t number = hood_number(hood, slot);
+    if (number == TETLOD_NONE) {
+        number = hood->count++;
+        hood->numbers[slot] = number;
+        hood->slots[number] = slot;
+        hood->shared[number] = 0;
+        hood->along[number] = 0;
     }
-    uint32_t number = numbering->numbers[at];
     hood->shared[number]++;
     return number;
 }
@@ -106,8 +84,6 @@ bool hood_gather(struct hood *hood, const struct working *working, uint32_t slot
     const struct span *star = &working->stars[slot];
     const uint32_t *tets = working->pool + star->begin;
     if (star->count + BLOCK > hood->room && !grow(hood, working, star->count + BLOCK))
-        return false;
-    if (!clear_numbering(&hood->numbering, 3 * (size_t)star->count))
         return false;
     for (uint32_t i = 0; i < star->count; i++)
         __builtin_prefetch(working->corners[tets[i]]);

@@ -11,13 +11,6 @@
 
 #include "src/simplify/working.h"
 
-/* Which neighbour a slot is: a hash table that forgets all at once. */
-struct numbering {
-    uint32_t *slots, *numbers; /* [place] TETLOD_NONE: free */
-    uint32_t mask;             /* places less one, a power of two */
-    size_t room;
-};
-
 struct hood {
     uint32_t vertex, tet_count, count; /* count: of the neighbours */
     uint32_t *tets;       /* [tet] */
@@ -30,27 +23,18 @@ struct hood {
     uint32_t *doubtful;   /* [tet] scratch: some of their numbers */
     double *reach;        /* [neighbour * 2 * components] what the star says there, at most of U and at least of L, less the vertex's own */
     size_t room; /* tetrahedra that fit, a multiple of BLOCK (kernels.h) */
-    struct numbering numbering;
+    uint32_t *numbers; /* [slot] which neighbour it is, if `slots` says so too: nothing has to be cleared */
 };
 
 /* Gathers the star of a slot: all but rows and what is computed of them. False: no memory. */
 bool hood_gather(struct hood *hood, const struct working *working, uint32_t slot);
 void hood_fini(struct hood *hood);
 
-/* Where the slot is in the table, or else the free place that it would take. */
-static inline uint32_t numbering_place(const struct numbering *numbering, uint32_t slot)
-{
-    uint32_t at = slot * UINT32_C(0x9e3779b1) >> 15 & numbering->mask;
-    while (numbering->slots[at] != slot && numbering->slots[at] != TETLOD_NONE)
-        at = (at + 1) & numbering->mask;
-    return at;
-}
-
 /* The number of a neighbour, or TETLOD_NONE. */
 static inline uint32_t hood_number(const struct hood *hood, uint32_t slot)
 {
-    uint32_t at = numbering_place(&hood->numbering, slot);
-    return hood->numbering.slots[at] == TETLOD_NONE ? TETLOD_NONE : hood->numbering.numbers[at];
+    uint32_t number = hood->numbers[slot];
+    return number < hood->count && hood->slots[number] == slot ? number : TETLOD_NONE;
 }
 
 #endif

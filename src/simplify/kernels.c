@@ -328,10 +328,73 @@ static bool weigh(struct weighing *weighing, const double p[3])
     return fits;
 }
 
+/* The weights and the share of the i-th tetrahedron, each four times. */
+static inline void weights_of(const struct weighing *weighing, uint32_t i, wide weights[3], wide *share)
+{
+    for (int k = 0; k < 3; k++)
+        weights[k] = wide_all(weighing->weights[k][i]);
+    *share = wide_all(weighing->shares[i]);
+}
+
+static void bound(const struct weighing *weighing, uint32_t column, struct bounds *out)
+{
+    wide upper = wide_all(-INFINITY), lower = wide_all(INFINITY), mean = wide_all(0), rounding = wide_all(32 * DBL_EPSILON);
+    for (uint32_t i = 0; i < weighing->count; i++) {
+        wide weights[3], share, first = wide_load(weighing->rows[0][i] + column), value = first, spread = wide_all(0);
+        weights_of(weighing, i, weights, &share);
+        for (int k = 0; k < 3; k++) {
+            wide difference = wide_sub(wide_load(weighing->rows[k + 1][i] + column), first);
+            value = wide_add(value, wide_mul(weights[k], difference));
+            spread = wide_max(spread, wide_abs(difference));
+        }
+        wide size = wide_add(wide_add(wide_mul(wide_all(weighing->spread[i]), spread), wide_abs(first)), wide_abs(value));
+        wide slack = wide_mul(rounding, size);
+        upper = wide_max(upper, wide_add(value, slack));
+        lower = wide_min(lower, wide_sub(value, slack));
+        mean = wide_add(mean, wide_mul(share, value));
+    }
+    wide_store(out->upper, upper);
+    wide_store(out->lower, lower);
+    wide_store(out->mean, mean);
+}
+
+static inline void say_some(const struct weighing *weighing, const double *values, size_t stride, uint32_t count, struct said *out)
+{
+    wide least = wide_all(INFINITY), greatest = wide_all(-INFINITY), low = least, high = greatest, mean = wide_all(0);
+    for (uint32_t i = 0; i < weighing->count; i++) {
+        wide weights[3], share, at[4];
+        weights_of(weighing, i, weights, &share);
+        for (int k = 0; k < 4; k++) {
+            at[k] = wide_load_some(values + weighing->slots[i][k] * stride, count);
+            low = wide_min(low, at[k]);
+            high = wide_max(high, at[k]);
+        }
+        wide value = at[0];
+        for (int k = 0; k < 3; k++)
+            value = wide_add(value, wide_mul(weights[k], wide_sub(at[k + 1], at[0])));
+        least = wide_min(least, value);
+        greatest = wide_max(greatest, value);
+        mean = wide_add(mean, wide_mul(share, value));
+    }
+    wide_store(out->least, least);
+    wide_store(out->greatest, greatest);
+    wide_store(out->mean, mean);
+    wide_store(out->low, low);
+    wide_store(out->high, high);
+}
+
+static void say(const struct weighing *weighing, const double *values, size_t stride, uint32_t count, struct said *out)
+{
+    if (count == WIDE)
+        say_some(weighing, values, stride, WIDE, out);
+    else
+        say_some(weighing, values, stride, count, out);
+}
+
 #if defined(KERNELS)
-const struct kernels KERNELS = {prepare, look, doubt, halfway, weigh};
+const struct kernels KERNELS = {prepare, look, doubt, halfway, weigh, bound, say};
 #else
-const struct kernels kernels_plain = {prepare, look, doubt, halfway, weigh};
+const struct kernels kernels_plain = {prepare, look, doubt, halfway, weigh, bound, say};
 
 const struct kernels *kernels_choose(void)
 {

@@ -62,6 +62,17 @@ struct weighing {
     double *spread;         /* [tet] out: rounding of a value per difference of values (PROOF.md, 4) */
 };
 
+/* What the interpolants of a weighed star say at the result of columns of its rows, each widened by its rounding (PROOF.md, 4): at most
+ * of an upper bound, at least of a lower one; and the mean, by shares. */
+struct bounds {
+    double upper[WIDE], lower[WIDE], mean[WIDE];
+};
+
+/* The same of values that stand together, without rounding; and the least and the greatest at the star's vertices. */
+struct said {
+    double least[WIDE], greatest[WIDE], mean[WIDE], low[WIDE], high[WIDE];
+};
+
 struct kernels {
     /* Rows and planes of a gathered hood none of whose tetrahedra is degenerate. */
     void (*prepare)(struct hood *hood, const struct working *working);
@@ -73,6 +84,10 @@ struct kernels {
     bool (*halfway)(const struct working *working, uint32_t from, uint32_t to, const struct look *look, struct half *half);
     /* Weights of p. False: a kept tetrahedron would not be well oriented. */
     bool (*weigh)(struct weighing *weighing, const double p[3]);
+    /* Of WIDE columns of the rows. */
+    void (*bound)(const struct weighing *weighing, uint32_t column, struct bounds *out);
+    /* Of `count` values, up to WIDE, which each slot has at `values` + stride * slot. */
+    void (*say)(const struct weighing *weighing, const double *values, size_t stride, uint32_t count, struct said *out);
 };
 
 extern const struct kernels kernels_plain, kernels_avx2;

@@ -47,10 +47,10 @@ static bool reserve_weighing(struct weighing *weighing, size_t count)
 }
 
 /* Lists the star of one end; those with the other end only if it is the first. */
-static void list_star(struct weighing *weighing, uint32_t *list, const struct working *working, uint32_t end, uint32_t other,
-                      bool first)
+static void list_star(const struct run *run, struct weighing *weighing, uint32_t *list, uint32_t end, uint32_t other, bool first)
 {
     static const uint8_t others_of[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
+    const struct working *working = run->working;
     const struct span *star = &working->stars[end];
     for (uint32_t i = 0; i < star->count; i++) {
         uint32_t tet = working->pool[star->begin + i];
@@ -67,70 +67,40 @@ static void list_star(struct weighing *weighing, uint32_t *list, const struct wo
         for (int k = 0; k < 4; k++) {
             uint32_t slot = weighing->slots[at][k] = k ? corners[others[k - 1]] : end;
             weighing->rows[k][at] = working_row(working, slot);
+            __builtin_prefetch(working->values + (size_t)working->value_count * slot); // for say_all
+            __builtin_prefetch(&run->proposals[slot]);                                 // for touch_stars
         }
     }
 }
 
-/* What the star's interpolants of one column of the rows say at the result, each widened by its rounding (PROOF.md, 4): the greatest
- * (sign 1) or the least (-1). Their mean is added to *mean. */
-static double continued(const struct weighing *weighing, uint32_t column, double sign, double *mean)
+/* What the worker says of four values of the slots, by their number. */
+static struct said *said_of(const struct worker *worker, uint32_t value)
 {
-    double extreme = -INFINITY, sum = 0;
-    for (uint32_t i = 0; i < weighing->count; i++) {
-        double first = weighing->rows[0][i][column], value = first, spread = 0;
-        for (int k = 0; k < 3; k++) {
-            double difference = weighing->rows[k + 1][i][column] - first;
-            value += weighing->weights[k][i] * difference;
-            spread = larger(spread, fabs(difference));
-        }
-        double slack = 32 * DBL_EPSILON * (weighing->spread[i] * spread + fabs(first) + fabs(value));
-        extreme = larger(extreme, sign * value + slack);
-        sum += weighing->shares[i] * value;
-    }
-    *mean += sum;
-    return sign * extreme;
+    return &worker->said[value / WIDE];
 }
 
-/* What the star says of values that the fields have now: at the result, without its rounding, and at the star's vertices. */
-struct said {
-    double least, greatest, mean;
-    double low, high;
-};
-
-/* Values together in one look at the star. */
-enum { TOGETHER = 4 };
-
-static void said_by_ends(const struct join *join, const double *values, size_t stride, struct said *out)
+/* Where both ends are at one point, only they say something. */
+static void say_ends(const struct join *join, const double *values, size_t stride, uint32_t count, struct said *out)
 {
-    double first = values[join->kept * stride], second = values[join->dead * stride];
-    out->low = out->least = smaller(first, second);
-    out->high = out->greatest = larger(first, second);
-    out->mean = (first + second) / 2;
-}
-
-/* Of up to TOGETHER components that stand together. */
-static void said_by_star(const struct worker *worker, const struct join *join, const double *values, size_t stride, uint32_t count,
-                         struct said *out)
-{
-    const struct weighing *weighing = &worker->weighing;
     for (uint32_t c = 0; c < count; c++) {
-        out[c] = (struct said){INFINITY, -INFINITY, 0, INFINITY, -INFINITY};
-        if (join->still)
-            said_by_ends(join, values + c, stride, &out[c]);
+        double first = values[join->kept * stride + c], second = values[join->dead * stride + c];
+        out->low[c] = out->least[c] = smaller(first, second);
+        out->high[c] = out->greatest[c] = larger(first, second);
+        out->mean[c] = (first + second) / 2;
     }
-    for (uint32_t i = 0; i < weighing->count && !join->still; i++) {
-        const double *at[4], weights[3] = {weighing->weights[0][i], weighing->weights[1][i], weighing->weights[2][i]};
-        for (int k = 0; k < 4; k++)
-            at[k] = values + weighing->slots[i][k] * stride;
-        for (uint32_t c = 0; c < count; c++) {
-            double f[4] = {at[0][c], at[1][c], at[2][c], at[3][c]};
-            double value = f[0] + weights[0] * (f[1] - f[0]) + weights[1] * (f[2] - f[0]) + weights[2] * (f[3] - f[0]);
-            out[c].least = smaller(out[c].least, value);
-            out[c].greatest = larger(out[c].greatest, value);
-            out[c].mean += weighing->shares[i] * value;
-            out[c].low = smaller(out[c].low, smaller(smaller(f[0], f[1]), smaller(f[2], f[3])));
-            out[c].high = larger(out[c].high, larger(larger(f[0], f[1]), larger(f[2], f[3])));
-        }
+}
+
+/* All values that the slots have. */
+static void say_all(const struct run *run, const struct worker *worker, const struct join *join)
+{
+    const struct working *working = run->working;
+    uint32_t stride = working->value_count;
+    for (uint32_t first = 0; first < stride; first += WIDE) {
+        uint32_t count = stride - first < WIDE ? stride - first : WIDE;
+        if (join->still)
+            say_ends(join, working->values + first, stride, count, said_of(worker, first));
+        else
+            run->kernels->say(&worker->weighing, working->values + first, stride, count, said_of(worker, first));
     }
 }
 
@@ -145,6 +115,29 @@ static void set_shares(struct weighing *weighing)
         weighing->shares[i] /= sum;
 }
 
+static void bound_ends(const struct working *working, const double *a, const double *b, double *upper, double *lower, double *means)
+{
+    for (uint32_t c = 0; c < working->component_count; c++) {
+        uint32_t column = ROW_FIELDS + 2 * c;
+        upper[c] = larger(a[column], b[column]);
+        lower[c] = smaller(a[column + 1], b[column + 1]);
+        means[c] = (upper[c] + lower[c]) / 2;
+    }
+}
+
+static void bound_star(const struct run *run, const struct weighing *weighing, double *upper, double *lower, double *means)
+{
+    struct bounds bounds;
+    for (uint32_t c = 0; c < run->working->component_count; c++) {
+        uint32_t at = 2 * c % WIDE; // U, and L behind it
+        if (at == 0)
+            run->kernels->bound(weighing, ROW_FIELDS + 2 * c, &bounds);
+        upper[c] = bounds.upper[at];
+        lower[c] = bounds.lower[at + 1];
+        means[c] = (bounds.mean[at] + bounds.mean[at + 1]) / 2;
+    }
+}
+
 /* U and L of the result in the worker's numbers. False: a tetrahedron would not be well oriented. */
 static bool find_bounds(const struct run *run, struct worker *worker, const struct join *join)
 {
@@ -153,38 +146,35 @@ static bool find_bounds(const struct run *run, struct worker *worker, const stru
     double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
     double *means = numbers_of(run, worker, NUMBERS_MEAN);
     worker->weighing.count = 0;
-    list_star(&worker->weighing, worker->list, working, join->dead, join->kept, true);
-    list_star(&worker->weighing, worker->list, working, join->kept, join->dead, false);
+    list_star(run, &worker->weighing, worker->list, join->dead, join->kept, true);
+    list_star(run, &worker->weighing, worker->list, join->kept, join->dead, false);
     if (!join->still && !run->kernels->weigh(&worker->weighing, join->p))
         return false;
     if (!join->still)
         set_shares(&worker->weighing);
-    for (uint32_t c = 0; c < working->component_count; c++) {
-        uint32_t column = ROW_FIELDS + 2 * c;
-        double mean = 0;
-        upper[c] = join->still ? larger(a[column], b[column]) : continued(&worker->weighing, column, 1, &mean);
-        lower[c] = join->still ? smaller(a[column + 1], b[column + 1]) : continued(&worker->weighing, column + 1, -1, &mean);
-        means[c] = join->still ? (upper[c] + lower[c]) / 2 : mean / 2;
-    }
+    if (join->still)
+        bound_ends(working, a, b, upper, lower, means);
+    else
+        bound_star(run, &worker->weighing, upper, lower, means);
     return true;
 }
 
 /* ---- making it so */
 
 /* The values that cost next to nothing: those of the ends that are where the result is, or the mean of both. */
-static uint32_t free_values(const struct working *working, const struct join *join, const struct working_field *field,
-                            uint32_t component, double out[2])
+static uint32_t free_values(const struct working *working, const struct join *join, uint32_t field, uint32_t component,
+                            double out[2])
 {
     uint32_t ends[2] = {join->kept, join->dead}, count = 0;
     double sum = 0;
     for (int end = 0; end < 2; end++) {
-        double value = field->values[(size_t)ends[end] * field->components + component];
+        double value = working_values(working, ends[end], field)[component];
         sum += value;
         if (memcmp(working_row(working, ends[end]), join->p, sizeof join->p) == 0)
             out[count++] = value;
     }
     if (!count)
-        out[count++] = field_round(field, component, sum / 2);
+        out[count++] = field_round(&working->fields[field], component, sum / 2);
     return count;
 }
 
@@ -210,27 +200,30 @@ static void choose_values(const struct run *run, const struct worker *worker, co
         const struct working_field *field = &working->fields[component->field];
         double there[2], error = component->scale > 0 ? run->certified[c] / component->scale : 0;
         double least = upper[c] - error, greatest = lower[c] + error;
-        struct said said;
-        said_by_star(worker, join, field->values + component->component, field->components, 1, &said);
+        uint32_t at = working->firsts[component->field] + component->component;
+        const struct said *said = said_of(worker, at);
         if (component->scale > 0) {
-            uint32_t count = free_values(working, join, field, component->component, there);
+            uint32_t count = free_values(working, join, component->field, component->component, there);
             double value = near_mean(field, component->component, means[c], values[c], least, greatest);
             values[c] = field_cheap(field, component->component, there, count, value, least, greatest, error / CHEAP_PART);
         }
         predicted[c] = component->predicted[join->kept] + component->predicted[join->dead] +
-                       larger(said.greatest - values[c], values[c] - said.least);
+                       larger(said->greatest[at % WIDE] - values[c], values[c] - said->least[at % WIDE]);
     }
 }
 
 /* A value among those of the star's vertices: what is not controlled has no bound that keeps it from extrapolating. */
-static double carried_value(const struct working *working, const struct join *join, const struct working_field *field,
-                            uint32_t component, const struct said *said)
+static double carried_value(const struct worker *worker, const struct working *working, const struct join *join, uint32_t f,
+                            uint32_t component)
 {
-    double there[2], spread = (said->greatest - said->least) / 2;
-    double value = field_round(field, component, smaller(larger(said->mean, said->low), said->high));
-    uint32_t count = free_values(working, join, field, component, there);
-    return field_cheap(field, component, there, count, value, larger(said->low, value - spread),
-                       smaller(said->high, value + spread), spread / CHEAP_PART);
+    const struct working_field *field = &working->fields[f];
+    uint32_t at = working->firsts[f] + component, i = at % WIDE;
+    const struct said *said = said_of(worker, at);
+    double there[2], spread = (said->greatest[i] - said->least[i]) / 2;
+    double value = field_round(field, component, smaller(larger(said->mean[i], said->low[i]), said->high[i]));
+    uint32_t count = free_values(working, join, f, component, there);
+    return field_cheap(field, component, there, count, value, larger(said->low[i], value - spread),
+                       smaller(said->high[i], value + spread), spread / CHEAP_PART);
 }
 
 static bool is_controlled(const struct working *working, uint32_t field)
@@ -245,16 +238,9 @@ static bool is_controlled(const struct working *working, uint32_t field)
 static void carry_fields(const struct worker *worker, const struct working *working, const struct join *join)
 {
     for (uint32_t f = 0; f < working->field_count; f++) {
-        const struct working_field *field = &working->fields[f];
         bool carried = !is_controlled(working, f);
-        for (uint32_t first = 0; first < field->components && carried; first += TOGETHER) {
-            uint32_t left = field->components - first, count = left < TOGETHER ? left : TOGETHER;
-            struct said said[TOGETHER];
-            said_by_star(worker, join, field->values + first, field->components, count, said);
-            for (uint32_t c = 0; c < count; c++)
-                field->values[(size_t)join->kept * field->components + first + c] =
-                    carried_value(working, join, field, first + c, &said[c]);
-        }
+        for (uint32_t c = 0; c < working->fields[f].components && carried; c++)
+            working_values(working, join->kept, f)[c] = carried_value(worker, working, join, f, c);
     }
 }
 
@@ -264,7 +250,7 @@ static void log_values(const struct working *working, const struct join *join, u
         const struct working_field *field = &working->fields[f];
         size_t k = field->components;
         for (size_t c = 0; c < k; c++)
-            working->log->fields[f].values[record * k + c] = field->values[join->kept * k + c] + field->middles[c];
+            working->log->fields[f].values[record * k + c] = working_values(working, join->kept, f)[c] + field->middles[c];
     }
 }
 
@@ -272,10 +258,9 @@ static void set_components(const struct working *working, const struct join *joi
 {
     for (uint32_t c = 0; c < working->component_count; c++) {
         struct controlled *component = &working->components[c];
-        const struct working_field *field = &working->fields[component->field];
         component->predicted[join->kept] = predicted[c];
         predicted[c] *= component->scale;
-        field->values[(size_t)join->kept * field->components + component->component] = values[c];
+        working_values(working, join->kept, component->field)[component->component] = values[c];
     }
 }
 
@@ -386,6 +371,7 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
         refuse(run, worker, slot, error, LOG_REFUSED_ROUNDING);
         return;
     }
+    say_all(run, worker, &join);
     choose_values(run, worker, &join, values, predicted);
     const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
     for (uint32_t c = 0; c < working->component_count; c++) {

@@ -57,8 +57,8 @@ static enum tetlod_status allocate(struct retraced *state, uint32_t nodes)
     state->zeros = array_zero(k, sizeof(double));
     state->halves = array_zero(k, sizeof(double));
     state->errors = array_zero(2 * k, sizeof(double));
-    state->worker.numbers = array_zero(NUMBERS * k, sizeof(double));
-    if (!state->run.proposals || !state->slot_of || !state->zeros || !state->halves || !state->errors || !state->worker.numbers)
+    if (!state->run.proposals || !state->slot_of || !state->zeros || !state->halves || !state->errors ||
+        !worker_init(&state->worker, &state->working))
         return no_memory(state);
     for (uint32_t slot = 0; slot < n; slot++)
         state->slot_of[state->working.node[slot]] = slot;

@@ -19,7 +19,7 @@ static const double EASED = 0.8;
 /* Below it the ladder has no steps between (ladder.h): nobody asks for what is between, and every rung looks at most vertices again. */
 static const double STEPS_FROM = 1e-3;
 
-/* Times that a rung looks again at vertices whose stars have changed. */
+/* Times that a rung looks again at vertices whose stars have changed, if levels are named after it; else the next rung does. */
 enum { MOST_PASSES = 3 };
 
 /* Of the proposals one in PART is compared at a time, those with the least priorities, until they are one in REFILL; fewer than FEW
@@ -297,11 +297,28 @@ static bool unclaimed(const struct rounds *rounds, uint32_t slot, uint64_t prior
     return true;
 }
 
+/* As fetch_ahead, for both ends of proposals. */
+static void fetch_stars(const struct rounds *rounds, const uint32_t *slots, size_t left)
+{
+    const struct working *working = &rounds->working;
+    if (left > 3)
+        __builtin_prefetch(&rounds->run.proposals[slots[3]]);
+    if (left > 2) {
+        __builtin_prefetch(&working->stars[slots[2]]);
+        __builtin_prefetch(&working->stars[rounds->run.proposals[slots[2]].target / 2]);
+    }
+    if (left > 1) {
+        __builtin_prefetch(working->pool + working->stars[slots[1]].begin);
+        __builtin_prefetch(working->pool + working->stars[rounds->run.proposals[slots[1]].target / 2].begin);
+    }
+}
+
 static void win_range(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct rounds *rounds = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
+        fetch_stars(rounds, rounds->proposing.slots + i, end - i);
         uint32_t slot = rounds->proposing.slots[i], *blocker = &rounds->blockers[slot];
         const struct proposal *proposal = &rounds->run.proposals[slot];
         uint32_t other = proposal->target / 2;
@@ -562,7 +579,7 @@ static enum tetlod_status list_changed(struct rounds *rounds)
     return TETLOD_OK;
 }
 
-static enum tetlod_status climb_rung(struct rounds *rounds, double limit)
+static enum tetlod_status climb_rung(struct rounds *rounds, double limit, bool named)
 {
     rounds->run.limit = limit;
     rounds->bound = 0;
@@ -573,7 +590,7 @@ static enum tetlod_status climb_rung(struct rounds *rounds, double limit)
         TETLOD_TRY(take_proposals(rounds));
         TETLOD_TRY(play_rounds(rounds));
         rounds->again.count = 0;
-        if (pass == MOST_PASSES)
+        if (pass == (named ? MOST_PASSES : 0))
             break;
         TETLOD_TRY(list_changed(rounds));
         rounds->run.round++;
@@ -598,7 +615,7 @@ static enum tetlod_status climb(struct rounds *rounds)
     double limit = fmin(1e-6, rounds->options->max_error);
     TETLOD_TRY(mark(rounds));
     for (;;) {
-        TETLOD_TRY(climb_rung(rounds, limit));
+        TETLOD_TRY(climb_rung(rounds, limit, named));
         if (shrunk_since_mark(rounds) > (named ? 1 : sqrt(rounds->options->growth)))
             TETLOD_TRY(mark(rounds));
         if (finished(rounds) || limit >= rounds->options->max_error)
@@ -630,11 +647,9 @@ static enum tetlod_status allocate(struct rounds *rounds)
     if (!rounds->run.proposals || !rounds->blockers || !rounds->claims || !rounds->listed || !rounds->certified ||
         !rounds->predicted || !rounds->run.factors || !rounds->run.workers)
         return no_memory(rounds);
-    for (unsigned w = 0; w < crew_size(rounds->run.crew); w++) {
-        rounds->run.workers[w].numbers = array_zero(NUMBERS * k, sizeof(double));
-        if (!rounds->run.workers[w].numbers)
+    for (unsigned w = 0; w < crew_size(rounds->run.crew); w++)
+        if (!worker_init(&rounds->run.workers[w], &rounds->working))
             return no_memory(rounds);
-    }
     memset(rounds->claims, 0xff, n * sizeof *rounds->claims);
     for (size_t c = 0; c < k; c++)
         rounds->run.factors[c] = rounds->working.components[c].factor;

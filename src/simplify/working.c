@@ -28,11 +28,12 @@ void working_fini(struct working *working)
     for (uint32_t f = 0; f < working->field_count && working->fields; f++) {
         free(working->fields[f].middles);
         free(working->fields[f].component_range);
-        free(working->fields[f].values);
     }
     for (uint32_t c = 0; c < working->component_count && working->components; c++)
         free(working->components[c].predicted);
     free(working->fields);
+    free(working->firsts);
+    free(working->values);
     free(working->components);
     free(working->rows);
     free(working->corners);
@@ -136,16 +137,16 @@ static void freeze(struct working *working)
     }
 }
 
-static bool init_values(struct working *working, struct working_field *field, const struct point_field *from)
+static bool init_values(struct working *working, uint32_t f, const struct point_field *from)
 {
     size_t k = from->components, n = working->slot_count;
+    struct working_field *field = &working->fields[f];
     *field = (struct working_field){.components = from->components,
                                     .type = from->type,
                                     .middles = array_new(k, sizeof(double)),
                                     .component_range = array_new(k, 2 * sizeof(double)),
-                                    .values = array_new(n * k, sizeof(double)),
                                     .grid = from->grid};
-    if (!field->middles || !field->component_range || !field->values)
+    if (!field->middles || !field->component_range)
         return false;
     for (size_t c = 0; c < k; c++) {
         double *range = field->component_range[c];
@@ -156,7 +157,8 @@ static bool init_values(struct working *working, struct working_field *field, co
         }
         double middle = field->middles[c] = field_middle(range);
         for (size_t v = 0; v < n; v++)
-            field->values[v * k + c] = grid_round(&field->grid, field->type, from->values[working->node[v] * k + c]) - middle;
+            working_values(working, (uint32_t)v, f)[c] =
+                grid_round(&field->grid, field->type, from->values[working->node[v] * k + c]) - middle;
         range[0] = grid_round(&field->grid, field->type, range[0]) - middle;
         range[1] = grid_round(&field->grid, field->type, range[1]) - middle;
     }
@@ -181,12 +183,19 @@ static bool init_component(struct working *working, const struct tetmesh *mesh, 
 static enum tetlod_status init_fields(struct working *working, const struct tetmesh *mesh, const uint32_t *controlled,
                                       uint32_t controlled_count, const double *limits, struct tetlod_error *error)
 {
-    bool room = true;
+    bool room;
     working->field_count = mesh->field_count;
     working->fields = array_zero(mesh->field_count, sizeof *working->fields);
-    for (uint32_t f = 0; f < mesh->field_count && working->fields && room; f++)
-        room = init_values(working, &working->fields[f], &mesh->fields[f]);
-    if (!working->fields || !room)
+    working->firsts = array_new(mesh->field_count, sizeof *working->firsts);
+    for (uint32_t f = 0; f < mesh->field_count && working->firsts; f++) {
+        working->firsts[f] = working->value_count;
+        working->value_count += mesh->fields[f].components;
+    }
+    working->values = array_new((size_t)working->slot_count * working->value_count, sizeof *working->values);
+    room = working->fields && working->firsts && working->values;
+    for (uint32_t f = 0; f < mesh->field_count && room; f++)
+        room = init_values(working, f, &mesh->fields[f]);
+    if (!room)
         return tetlodi_fail_nomem(error, "the fields", working_bytes(mesh, controlled_count));
     struct log_component *names = array_new(working->component_count, sizeof *names);
     room = names != NULL;

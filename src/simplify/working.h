@@ -50,7 +50,10 @@ struct working {
     struct grid position_grid[3];
     uint32_t component_count, field_count;
     struct controlled *components;
-    struct working_field *fields; /* values by slot */
+    struct working_field *fields; /* their own `values` are NULL: they are here, those of one slot together */
+    uint32_t *firsts;             /* [field] its first component in a row of values */
+    uint32_t value_count;
+    double *values;               /* [value_count * slot] */
     struct contraction_log *log;  /* borrowed */
 };
 
@@ -59,6 +62,12 @@ enum { ROW_FIELDS = 3 }; /* behind the position: U and L of each component, then
 static inline double *working_row(const struct working *working, uint32_t slot)
 {
     return working->rows + (size_t)working->stride * slot;
+}
+
+/* The slot's values of a field. */
+static inline double *working_values(const struct working *working, uint32_t slot, uint32_t field)
+{
+    return working->values + (size_t)working->value_count * slot + working->firsts[field];
 }
 
 static inline uint32_t row_moved(const struct working *working)

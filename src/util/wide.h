@@ -19,6 +19,13 @@ static inline wide wide_of(double a, double b, double c, double d) { return _mm2
 static inline wide wide_all(double a) { return _mm256_set1_pd(a); }
 static inline wide wide_load(const double *p) { return _mm256_loadu_pd(p); }
 static inline void wide_store(double *p, wide a) { _mm256_storeu_pd(p, a); }
+
+/* The first of them, up to four, and 0; nothing behind them is read. */
+static inline wide wide_load_some(const double *p, unsigned count)
+{
+    return _mm256_maskload_pd(p, _mm256_cmpgt_epi64(_mm256_set1_epi64x(count), _mm256_set_epi64x(3, 2, 1, 0)));
+}
+
 static inline wide wide_add(wide a, wide b) { return _mm256_add_pd(a, b); }
 static inline wide wide_sub(wide a, wide b) { return _mm256_sub_pd(a, b); }
 static inline wide wide_mul(wide a, wide b) { return _mm256_mul_pd(a, b); }
@@ -74,6 +81,7 @@ typedef struct {
 static inline wide wide_of(double a, double b, double c, double d) { return (wide){{a, b, c, d}}; }
 static inline wide wide_all(double a) { return (wide){{a, a, a, a}}; }
 static inline wide wide_load(const double *p) { WIDE_EACH(p[i]); }
+static inline wide wide_load_some(const double *p, unsigned count) { WIDE_EACH((unsigned)i < count ? p[i] : 0); }
 static inline void wide_store(double *p, wide a) { memcpy(p, a.at, sizeof a.at); }
 static inline wide wide_add(wide a, wide b) { WIDE_EACH(a.at[i] + b.at[i]); }
 static inline wide wide_sub(wide a, wide b) { WIDE_EACH(a.at[i] - b.at[i]); }
