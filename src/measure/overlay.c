@@ -19,7 +19,7 @@ static const double THIN = 1e-9;
 /* A pair whose weights may be wrong by more than this is not looked at in doubles at all. */
 static const double HOPELESS = 1e-4;
 
-enum { MOST_ENDS = 24, CHUNK = 64 };
+enum { MOST_ENDS = 24, CHUNK = 16 };
 
 /* lambda_j(p) = rows[j-1] . (p - origin), j = 1..3. */
 struct weights_map {
@@ -35,24 +35,17 @@ struct compared {
 
 /* One thread's. */
 struct worker {
-    double *most;         /* [field_count] */
-    uint32_t *candidates; /* of b, near the tetrahedron of a at hand: numbers in `wanted`, then tetrahedra */
-    size_t capacity;
-    uint32_t candidate_count;
-    struct weights_map map; /* of the tetrahedron of a at hand */
+    double *most; /* [field_count] */
     uint64_t cells;
-    bool failed;
 };
 
 struct overlay {
     const struct tetmesh *meshes[2]; /* borrowed */
     int finer;                       /* which has more tetrahedra */
-    uint32_t wanted_count, *wanted;  /* [wanted_count] tetrahedra of b that are to be looked at */
-    uint32_t *wanted_corners;        /* [4 * wanted] */
-    struct bvh bvh;                  /* of those */
+    const struct bvh *tree;          /* of those */
+    struct bvh own_tree;             /* if none was given */
     double *boxes;                   /* [6 * tet of b] */
-    struct weights_map *maps;        /* [tet of b] of those */
-    uint8_t *usable[2];              /* [tet] it has an interpolant, and is to be looked at */
+    uint8_t *usable[2];              /* [tet] it has an interpolant, and may be looked at */
     const struct overlay_options *options;
     uint32_t field_count, compared_count;
     struct compared *compared;
@@ -104,11 +97,11 @@ static void make_map(const struct tetmesh *mesh, uint32_t tet, struct weights_ma
     out->noise = 48 * DBL_EPSILON * size2 * sqrt(size2) / fabs(volume6);
 }
 
-/* Weights in the pair's tetrahedron of mesh `m` of the other's corners, and what rounding may make of them. False if they all lie on
- * or behind one of its faces: most pairs, so that is asked face by face. */
-static bool weigh_corners(const struct overlay *overlay, const struct worker *worker, int m, const uint32_t tets[2], double out[4][4], double *slack)
+/* Weights in the pair's tetrahedron of mesh `m`, whose map is given, of the other's corners, and what rounding may make of them. False if
+ * they all lie on or behind one of its faces: most pairs, so that is asked face by face. */
+static bool weigh_corners(const struct overlay *overlay, const struct weights_map *map, int m, const uint32_t tets[2], double out[4][4],
+                          double *slack)
 {
-    const struct weights_map *map = m ? &overlay->maps[tets[1]] : &worker->map;
     double r[4][3], largest = 1;
     for (int c = 0; c < 4; c++)
         for (int i = 0; i < 3; i++)
@@ -193,22 +186,47 @@ static double weigh(const double weights[4], const double values[4])
     return weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2] + weights[3] * values[3];
 }
 
-/* May the pair have a difference above what was found? In the intersection it is at most what it is at the worst corner of either
- * tetrahedron: of the finer mesh's, or of both. */
+/* The largest of a linear function in the part of a tetrahedron that is before one face of the other, of the four whichever says least.
+ * `at`: at its corners; `in`: their weights, which decide with `room`. */
+static double largest_before(double in[4][4], const double at[4], double room)
+{
+    double bound = INFINITY;
+    for (int k = 0; k < 4; k++) {
+        double most = 0;
+        for (int i = 0; i < 4; i++)
+            if (in[i][k] + room >= 0)
+                most = larger(most, fabs(at[i]));
+        for (int e = 0; e < 6; e++) {
+            int i = tet_edges[e][0], j = tet_edges[e][1];
+            double from = in[i][k] + room, to = in[j][k] + room;
+            if ((from < 0) != (to < 0))
+                most = larger(most, fabs(at[i] + from / (from - to) * (at[j] - at[i])));
+        }
+        bound = smaller(bound, most);
+    }
+    return bound;
+}
+
+/* May the pair have a difference above what was found? In the intersection it is at most what it is in the part of either tetrahedron
+ * that is before one face of the other: of the finer mesh's, or of both. */
 static bool may_be_worse(const struct overlay *overlay, const struct worker *worker, const struct cell *cell, double in[2][4][4], bool both)
 {
     for (uint32_t c = 0; c < overlay->compared_count; c++) {
         const struct compared *compared = &overlay->compared[c];
-        double values[2][4], size = gather_values(overlay, compared, cell, values), bound = INFINITY;
-        for (int m = 0; m < 2; m++) { // the corners of tetrahedron m
-            double most = 0;
+        double values[2][4], size = gather_values(overlay, compared, cell, values);
+        double enough = worker->most[compared->field] - 8 * size * cell->slack;
+        bool worse = true;
+        for (int m = 0; m < 2 && worse; m++) { // the corners of tetrahedron m
+            double at[4], most = 0;
             if (m != overlay->finer && !both)
                 continue;
-            for (int k = 0; k < 4; k++)
-                most = larger(most, fabs(values[m][k] - weigh(in[m][k], values[!m])));
-            bound = smaller(bound, most);
+            for (int k = 0; k < 4; k++) {
+                at[k] = values[m][k] - weigh(in[m][k], values[!m]);
+                most = larger(most, fabs(at[k]));
+            }
+            worse = most > enough && largest_before(in[m], at, 2 * cell->slack) > enough;
         }
-        if (bound + 8 * size * cell->slack > worker->most[compared->field])
+        if (worse)
             return true;
     }
     return false;
@@ -315,18 +333,23 @@ static void compare_exactly(const struct overlay *overlay, struct worker *worker
 }
 
 /* Where a level is compared with the original, most tetrahedra of the finer mesh near one of the other are outside it, or differ by less
- * than what was found. Both are known from their corners alone. */
-static void compare_pair(const struct overlay *overlay, struct worker *worker, uint32_t tet_a, uint32_t tet_b)
+ * than what was found. Both are known from their corners alone, and the map of the coarser mesh's. */
+static void compare_pair(const struct overlay *overlay, struct worker *worker, const struct weights_map *coarse, const uint32_t tets[2])
 {
-    struct cell cell = {.tets = {tet_a, tet_b}};
+    struct cell cell; // its ends are not to be cleared, which would cost more than most pairs do
+    struct weights_map fine;
     int finer = overlay->finer;
     double in[2][4][4], slack; // in[m]: of the corners of tetrahedron m, in the other one
-    if (!same_body(overlay, tet_a, tet_b) || !weigh_corners(overlay, worker, !finer, cell.tets, in[finer], &slack))
+    if (!same_body(overlay, tets[0], tets[1]) || !weigh_corners(overlay, coarse, !finer, tets, in[finer], &slack))
         return;
+    cell.tets[0] = tets[0];
+    cell.tets[1] = tets[1];
+    cell.count = 0;
     cell.slack = slack;
     if (slack <= HOPELESS && !may_be_worse(overlay, worker, &cell, in, false))
         return;
-    if (!weigh_corners(overlay, worker, finer, cell.tets, in[!finer], &slack))
+    make_map(overlay->meshes[finer], tets[finer], &fine);
+    if (!weigh_corners(overlay, &fine, finer, tets, in[!finer], &slack))
         return;
     cell.slack = larger(cell.slack, slack);
     match_corners(overlay, cell.tets, cell.slack, in[0], in[1]);
@@ -346,55 +369,79 @@ static void tet_box(const struct tetmesh *mesh, uint32_t tet, double box[6])
     }
 }
 
-/* Of the candidates, which come by the leaf, those whose own box meets the box. */
-static void cull_candidates(const struct overlay *overlay, struct worker *worker, const double box[6])
+static bool looked_at(const struct overlay *overlay, int m, uint32_t tet)
 {
-    uint32_t kept = 0;
-    for (uint32_t k = 0; k < worker->candidate_count; k++) {
-        uint32_t tet = overlay->wanted[worker->candidates[k]];
-        const double *other = overlay->boxes + 6 * (size_t)tet;
-        bool meets = true;
-        for (int i = 0; i < 3; i++)
-            meets &= other[i] <= box[i + 3] && other[i + 3] >= box[i];
-        worker->candidates[kept] = tet;
-        kept += meets;
-    }
-    worker->candidate_count = kept;
+    const uint8_t *wanted = overlay->options->wanted;
+    return overlay->usable[m][tet] && (!m || !wanted || wanted[tet]);
 }
 
-/* The tetrahedra of b near one of a. False: out of memory. */
-static bool find_candidates(const struct overlay *overlay, struct worker *worker, uint32_t tet)
-{
+/* A tetrahedron: its box, and what its four weights are at a place. */
+struct reach {
     double box[6];
-    tet_box(overlay->meshes[0], tet, box);
-    uint32_t count = bvh_find_box(&overlay->bvh, box, worker->candidates, (uint32_t)worker->capacity);
-    if (count > worker->capacity) {
-        void *grown = worker->candidates;
-        if (!array_reserve(&grown, &worker->capacity, count, sizeof(uint32_t)))
-            return false;
-        worker->candidates = grown;
-        count = bvh_find_box(&overlay->bvh, box, worker->candidates, (uint32_t)worker->capacity);
+    struct weights_map map;
+    double at_origin[4], rows[3][4], sizes[3][4]; /* weight k is at_origin[k] + sum over i of rows[i][k] r[i]; their absolute values */
+};
+
+static void reach_set(struct reach *reach, const struct tetmesh *mesh, uint32_t tet)
+{
+    tet_box(mesh, tet, reach->box);
+    make_map(mesh, tet, &reach->map);
+    for (int i = 0; i < 3; i++) {
+        double *row = reach->rows[i];
+        for (int k = 0; k < 3; k++)
+            row[k] = reach->map.rows[k][i];
+        row[3] = -(row[0] + row[1] + row[2]);
+        for (int k = 0; k < 4; k++)
+            reach->sizes[i][k] = fabs(row[k]);
     }
-    worker->candidate_count = count;
-    cull_candidates(overlay, worker, box);
-    return true;
+    for (int k = 0; k < 4; k++)
+        reach->at_origin[k] = k == 3;
+}
+
+/* Does a node's box reach inside the tetrahedron: into its box, and not as a whole on or behind one of its faces, which all corners in
+ * it were then found to be? */
+static inline bool reaches(const void *context, const float own[6])
+{
+    const struct reach *reach = context;
+    double most[4], size[4];
+    if (!bvh_boxes_meet(reach->box, own))
+        return false;
+    memcpy(most, reach->at_origin, sizeof most);
+    for (int k = 0; k < 4; k++)
+        size[k] = 1;
+    for (int i = 0; i < 3; i++) {
+        double middle = ((double)own[i] + (double)own[i + 3]) / 2 - reach->map.origin[i], half = ((double)own[i + 3] - (double)own[i]) / 2;
+        double farthest = fabs(middle) + half;
+        for (int k = 0; k < 4; k++) {
+            most[k] += reach->rows[i][k] * middle + reach->sizes[i][k] * half;
+            size[k] += reach->sizes[i][k] * farthest;
+        }
+    }
+    double noise = 2 * reach->map.noise * (size[0] + size[1] + size[2]); // no weight in the box is larger than that sum
+    bool behind = false;
+    for (int k = 0; k < 4; k++)
+        behind |= most[k] <= THIN - noise;
+    return !behind;
 }
 
 static void compare_range(void *context, unsigned number, size_t begin, size_t end)
 {
     const struct overlay *overlay = context;
-    struct worker *worker = &overlay->workers[number];
-    for (size_t tet = begin; tet < end && !worker->failed; tet++) {
-        if (!overlay->usable[0][tet])
+    int finer = overlay->finer;
+    for (size_t tet = begin; tet < end; tet++) {
+        if (!looked_at(overlay, !finer, (uint32_t)tet))
             continue;
-        if (!find_candidates(overlay, worker, (uint32_t)tet)) {
-            worker->failed = true;
-            return;
-        }
-        if (worker->candidate_count)
-            make_map(overlay->meshes[0], (uint32_t)tet, &worker->map);
-        for (uint32_t i = 0; i < worker->candidate_count; i++)
-            compare_pair(overlay, worker, (uint32_t)tet, worker->candidates[i]);
+        struct reach reach;
+        uint32_t first, last, tets[2];
+        reach_set(&reach, overlay->meshes[!finer], (uint32_t)tet);
+        struct bvh_walk walk = bvh_walk_begin(overlay->tree);
+        tets[!finer] = (uint32_t)tet;
+        while (bvh_next_leaf_where(&walk, reaches, &reach, &first, &last))
+            for (uint32_t i = first; i < last; i++) {
+                tets[finer] = overlay->tree->order[i];
+                if (looked_at(overlay, finer, tets[finer]))
+                    compare_pair(overlay, &overlay->workers[number], &reach.map, tets);
+            }
     }
 }
 
@@ -417,23 +464,17 @@ static enum tetlod_status prepare_mesh(struct overlay *overlay, int m, struct ov
 
 static enum tetlod_status prepare_boxes(struct overlay *overlay, struct tetlod_error *error)
 {
-    const struct tetmesh *b = overlay->meshes[1];
-    const uint8_t *wanted = overlay->options->wanted;
+    const struct tetmesh *b = overlay->meshes[1], *fine = overlay->meshes[overlay->finer];
     overlay->boxes = array_new(b->tet_count, 6 * sizeof *overlay->boxes);
-    overlay->maps = array_new(b->tet_count, sizeof *overlay->maps);
-    overlay->wanted = array_new(b->tet_count, sizeof *overlay->wanted);
-    overlay->wanted_corners = array_new(b->tet_count, 4 * sizeof *overlay->wanted_corners);
-    if (!overlay->boxes || !overlay->maps || !overlay->wanted || !overlay->wanted_corners)
-        return tetlodi_fail_nomem(error, "the overlay", b->tet_count * (68 + (uint64_t)sizeof *overlay->maps));
-    for (uint32_t t = 0; t < b->tet_count; t++) {
+    if (!overlay->boxes)
+        return tetlodi_fail_nomem(error, "the overlay", b->tet_count * 6 * (uint64_t)sizeof *overlay->boxes);
+    for (uint32_t t = 0; t < b->tet_count; t++)
         tet_box(b, t, overlay->boxes + 6 * (size_t)t);
-        if (!overlay->usable[1][t] || (wanted && !wanted[t]))
-            continue;
-        make_map(b, t, &overlay->maps[t]);
-        memcpy(overlay->wanted_corners + 4 * (size_t)overlay->wanted_count, b->corners + 4 * (size_t)t, 4 * sizeof(uint32_t));
-        overlay->wanted[overlay->wanted_count++] = t;
-    }
-    return bvh_build(&overlay->bvh, b->positions, overlay->wanted_corners, overlay->wanted_count, 4, error);
+    overlay->tree = overlay->finer ? NULL : overlay->options->tree;
+    if (overlay->tree)
+        return TETLOD_OK;
+    overlay->tree = &overlay->own_tree;
+    return bvh_build(&overlay->own_tree, fine->positions, fine->corners, fine->tet_count, 4, error);
 }
 
 static enum tetlod_status prepare_fields(struct overlay *overlay, const uint32_t *a_fields, const uint32_t *b_fields,
@@ -468,32 +509,23 @@ static void overlay_fini(struct overlay *overlay, unsigned threads)
 {
     for (int m = 0; m < 2; m++)
         free(overlay->usable[m]);
-    free(overlay->maps);
-    for (unsigned w = 0; w < threads && overlay->workers; w++) {
+    for (unsigned w = 0; w < threads && overlay->workers; w++)
         free(overlay->workers[w].most);
-        free(overlay->workers[w].candidates);
-    }
     free(overlay->workers);
     free(overlay->compared);
     free(overlay->boxes);
-    free(overlay->wanted);
-    free(overlay->wanted_corners);
-    bvh_fini(&overlay->bvh);
+    bvh_fini(&overlay->own_tree);
 }
 
-static enum tetlod_status gather(const struct overlay *overlay, unsigned threads, double *out,
-                                 struct overlay_report *report, struct tetlod_error *error)
+static void gather(const struct overlay *overlay, unsigned threads, double *out, struct overlay_report *report)
 {
     memset(out, 0, overlay->field_count * sizeof *out);
     for (unsigned w = 0; w < threads; w++) {
         const struct worker *worker = &overlay->workers[w];
-        if (worker->failed)
-            return tetlodi_fail_nomem(error, "the overlay", worker->capacity * 8);
         report->cells += worker->cells;
         for (uint32_t f = 0; f < overlay->field_count; f++)
             out[f] = larger(out[f], worker->most[f]);
     }
-    return TETLOD_OK;
 }
 
 enum tetlod_status overlay_max(const struct tetmesh *a, const uint32_t *a_fields, const struct tetmesh *b,
@@ -510,9 +542,8 @@ enum tetlod_status overlay_max(const struct tetmesh *a, const uint32_t *a_fields
     TETLOD_TRY_DONE(prepare_fields(&overlay, a_fields, b_fields, error));
     TETLOD_TRY_DONE(prepare_workers(&overlay, threads, error));
     TETLOD_TRY_DONE(prepare_boxes(&overlay, error));
-    if (overlay.wanted_count)
-        parallel_for(threads, a->tet_count, CHUNK, compare_range, &overlay);
-    status = gather(&overlay, threads, out, report, error);
+    parallel_for(threads, overlay.meshes[!overlay.finer]->tet_count, CHUNK, compare_range, &overlay);
+    gather(&overlay, threads, out, report);
 done:
     overlay_fini(&overlay, threads);
     return status;

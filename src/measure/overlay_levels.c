@@ -22,11 +22,12 @@ struct overlay_levels {
     struct point_field *fields;
     uint32_t *numbers;        /* [field] */
     double *most;             /* [field] */
+    struct bvh tree;          /* of the original's tetrahedra */
 };
 
 uint64_t overlay_levels_bytes(const struct tetmesh *original)
 {
-    return (uint64_t)original->tet_count * (16 + 3 + 104 + 48 + 24 + 8) + (uint64_t)original->vertex_count * 4;
+    return (uint64_t)original->tet_count * (16 + 3 + 48 + 2 + 20) + (uint64_t)original->vertex_count * 4;
 }
 
 void overlay_levels_free(struct overlay_levels *levels)
@@ -35,6 +36,7 @@ void overlay_levels_free(struct overlay_levels *levels)
         return;
     void *const owned[] = {levels->bodies, levels->promised, levels->corners, levels->usable, levels->wanted,
                            levels->fields, levels->numbers,  levels->most,    levels};
+    bvh_fini(&levels->tree);
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
 }
@@ -68,6 +70,11 @@ enum tetlod_status overlay_levels_new(struct overlay_levels **out, const struct 
                                           levels->promised);
     for (uint32_t f = 0; f < fields; f++)
         levels->numbers[f] = f;
+    enum tetlod_status status = bvh_build(&levels->tree, original->positions, original->corners, original->tet_count, 4, error);
+    if (status != TETLOD_OK) {
+        overlay_levels_free(levels);
+        return status;
+    }
     *out = levels;
     return TETLOD_OK;
 }
@@ -92,17 +99,38 @@ static void take_level(struct overlay_levels *levels, const struct coarsening *m
         levels->fields[f] = (struct point_field){.components = mesh->fields[f].components, .values = mesh->fields[f].values};
 }
 
+/* Is the finest level the original to the last bit? Then it has no difference. */
+static bool is_original(const struct overlay_levels *levels, const struct coarsening *finest)
+{
+    const struct tetmesh *original = levels->original;
+    size_t vertices = original->vertex_count;
+    bool same = finest->stored == original->tet_count &&
+                !memcmp(finest->positions, original->positions, 3 * vertices * sizeof(double)) &&
+                !memcmp(finest->corners, original->corners, 4 * finest->stored * sizeof(uint32_t));
+    for (size_t t = 0; t < finest->stored && same; t++)
+        same = finest->states[t] < COARSE_DIED;
+    for (uint32_t f = 0; f < original->field_count && same; f++)
+        same = !memcmp(finest->fields[f].values, original->fields[f].values,
+                       vertices * original->fields[f].components * sizeof(double));
+    return same;
+}
+
 enum tetlod_status overlay_levels_next(struct overlay_levels *levels, const struct coarsening *coarsening, double *io_most,
                                        struct tetlod_error *error)
 {
     const struct tetmesh *original = levels->original;
     struct tetmesh level = {.vertex_count = coarsening->slot_count, .positions = coarsening->positions, .corners = levels->corners,
                             .field_count = coarsening->field_count, .fields = levels->fields};
+    if (!levels->started && is_original(levels, coarsening)) {
+        levels->started = true;
+        return TETLOD_OK;
+    }
     take_level(levels, coarsening, &level);
     const struct overlay_options options = {.threads = levels->threads,
                                             .bodies = {levels->bodies, levels->bodies},
                                             .usable = {levels->promised, levels->usable},
                                             .wanted = levels->wanted,
+                                            .tree = &levels->tree,
                                             .floors = io_most};
     struct overlay_report report;
     TETLOD_TRY(overlay_max(original, levels->numbers, &level, levels->numbers, original->field_count, &options, levels->most,

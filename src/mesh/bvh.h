@@ -40,17 +40,23 @@ static inline struct bvh_walk bvh_walk_begin(const struct bvh *bvh)
     return (struct bvh_walk){.bvh = bvh, .depth = 1}; // at the root, 0
 }
 
-/* The next leaf that meets a box (lower corner, upper corner), which may have shrunk since the last: it holds order[*out_first .. *out_end). */
-static inline bool bvh_next_leaf(struct bvh_walk *walk, const double box[6], uint32_t *out_first, uint32_t *out_end)
+/* Do a box and a node's (lower corner, upper corner) meet? */
+static inline bool bvh_boxes_meet(const double box[6], const float own[6])
+{
+    bool meets = true;
+    for (int d = 0; d < 3; d++)
+        meets &= !((double)own[d] > box[d + 3] || (double)own[d + 3] < box[d]);
+    return meets;
+}
+
+/* The next leaf whose own box, and those of all nodes above it, `meets` says true of: it holds order[*out_first .. *out_end). */
+static inline bool bvh_next_leaf_where(struct bvh_walk *walk, bool (*meets)(const void *context, const float own[6]), const void *context,
+                                       uint32_t *out_first, uint32_t *out_end)
 {
     const struct bvh *bvh = walk->bvh;
     while (walk->depth) {
         uint32_t node = walk->stack[--walk->depth];
-        const float *own = bvh->boxes + 6 * (size_t)node;
-        bool meets = true;
-        for (int d = 0; d < 3; d++)
-            meets &= !((double)own[d] > box[d + 3] || (double)own[d + 3] < box[d]);
-        if (!meets)
+        if (!meets(context, bvh->boxes + 6 * (size_t)node))
             continue;
         if (node >= bvh->leaf_first) {
             uint64_t first = (uint64_t)(node - bvh->leaf_first) * BVH_LEAF, end = first + BVH_LEAF;
@@ -62,6 +68,17 @@ static inline bool bvh_next_leaf(struct bvh_walk *walk, const double box[6], uin
         walk->stack[walk->depth++] = 2 * node + 1;
     }
     return false;
+}
+
+static inline bool bvh_meets_box(const void *box, const float own[6])
+{
+    return bvh_boxes_meet(box, own);
+}
+
+/* The next leaf that meets a box (lower corner, upper corner), which may have shrunk since the last. */
+static inline bool bvh_next_leaf(struct bvh_walk *walk, const double box[6], uint32_t *out_first, uint32_t *out_end)
+{
+    return bvh_next_leaf_where(walk, bvh_meets_box, box, out_first, out_end);
 }
 
 /* Primitives of the leaves that meet a box (lower corner, upper corner): all that meet it, and some near it. Their number is
