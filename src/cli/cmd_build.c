@@ -80,12 +80,12 @@ static const char help[] =
     "\n"
     "example: tetlod build bluntfinxyz.bin --q bluntfinq.bin --field Pressure -o blunt.tetlod\n";
 
-enum { MOST_FIELDS = 64, MOST_NAMES = 6 };
+enum { MOST_CONTROLS = 64, MOST_NAMES = 6 };
 
 struct request {
     const char *input, *output, *carry, *contract, *region;
-    const char *fields[MOST_FIELDS];
-    double units[MOST_FIELDS]; /* --abs-error of each field; 0: none */
+    const char *fields[MOST_CONTROLS];
+    double units[MOST_CONTROLS]; /* --abs-error of each field; 0: none */
     uint32_t field_count;
     double mail_error; /* of the finest level that is written; 0: all levels are */
     struct build_options build;
@@ -104,7 +104,7 @@ struct request {
 struct input {
     struct tetmesh mesh;
     struct io_report read;
-    struct build_control controls[2 * MOST_FIELDS + 1]; // a magnitude brings its vector; and how far points move
+    struct build_control controls[2 * MOST_CONTROLS + 1]; // a magnitude brings its vector; and how far points move
     uint32_t count;
 };
 
@@ -215,8 +215,8 @@ static bool parse_option(struct request *request, int option, const char *value)
         request->output = value;
         return true;
     case 'f':
-        if (request->field_count == MOST_FIELDS) {
-            cli_usage("build", "at most %d --field", MOST_FIELDS);
+        if (request->field_count == MOST_CONTROLS) {
+            cli_usage("build", "at most %d --field", MOST_CONTROLS);
             return false;
         }
         request->fields[request->field_count++] = value;
@@ -707,7 +707,7 @@ static enum tetlod_status build_rest(struct request *request, struct topology_sp
 static enum tetlod_status build_topologies(struct request *request, struct input *in, struct topology_spool *spool, struct tetlod_error *error)
 {
     uint32_t count = in->count - request->series.series.points_move;
-    char *copies[2 * MOST_FIELDS + 1];
+    char *copies[2 * MOST_CONTROLS + 1];
     for (uint32_t c = 0; c < count; c++)
         copies[c] = strdup(in->mesh.fields[in->controls[c].field].name);
     release(request, in);

@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/topologies.h"
 #include "src/util/array.h"
 #include "src/util/file.h"
 

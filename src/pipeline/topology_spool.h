@@ -5,8 +5,7 @@
 
 #include <stdio.h>
 
-#include "format/bytes.h"
-#include "format/checksum.h"
+#include "format/topologies.h"
 #include "format/writer.h"
 
 struct topology_spool {

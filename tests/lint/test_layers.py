@@ -23,7 +23,7 @@ LAYERS = {
     'src/log': MESHES,
     'src/forest': MESHES,
     'src/measure': MESHES + ['src/log/', 'src/forest/'],
-    'src/pipeline': MESHES + ['format/step_code.h', 'format/time_table.h', 'src/simplify/simplify.h', 'src/simplify/retrace.h', 'src/log/', 'src/measure/'],
+    'src/pipeline': MESHES + ['format/step_code.h', 'format/time_table.h', 'format/topologies.h', 'src/simplify/simplify.h', 'src/simplify/retrace.h', 'src/log/', 'src/measure/'],
     'src/library': MESHES + ['src/pipeline/build.h'],
     'src/report': MESHES,
     'server': MESHES + ['src/io/io.h', 'src/report/', 'src/forest/', 'server/net/', 'server/answer/', 'server/store/'],
