@@ -6,9 +6,10 @@
 #include "src/measure/overlay_levels.h"
 #include "src/simplify/simplify.h"
 
-/* What the writer takes a tetrahedron and a vertex, without what it borrows, and for a field's exact tail, and what the program takes
- * with its libraries and the compressor's tables: measured. Of the rest the allocator wastes one part in ALLOCATOR. */
-enum { WRITER_TET = 78, WRITER_VERTEX = 40, WRITER_COMPONENT = 16, WRITER_TAIL = 9 << 18, PROGRAM = 13 << 20, ALLOCATOR = 32 };
+/* What the writer takes a tetrahedron and a vertex, without what it borrows; what of that is for records, and goes before a field's exact tail,
+ * and what that takes; and what the program takes with its libraries and the compressor's tables: measured. Of the rest the allocator wastes one
+ * part in ALLOCATOR. */
+enum { WRITER_TET = 68, WRITER_RECORDS = 10, WRITER_VERTEX = 40, WRITER_COMPONENT = 16, WRITER_TAIL = 9 << 18, PROGRAM = 13 << 20, ALLOCATOR = 32 };
 
 static uint64_t component_count(const struct tetmesh *mesh)
 {
@@ -27,7 +28,8 @@ uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *opt
     uint64_t contract = simplify_bytes(mesh, options->control_count, &simplify_options);
     uint64_t measure = log + coarsening_bytes(mesh) + measure_levels_bytes(mesh) +
                        (build_asks_overlay(options) ? overlay_levels_bytes(mesh) : 0);
-    uint64_t encode = log + tets * WRITER_TET + vertices * (WRITER_VERTEX + WRITER_COMPONENT * components) + WRITER_TAIL;
+    uint64_t records = tets * WRITER_RECORDS, last = records > WRITER_TAIL ? records : WRITER_TAIL;
+    uint64_t encode = log + tets * WRITER_TET + vertices * (WRITER_VERTEX + WRITER_COMPONENT * components) + last;
     uint64_t most = contract > measure ? contract : measure;
     held += quantise_wanted(&options->quantise) ? held : vertices * 8 * components; // the rounded mesh; or values on grids
     uint64_t sum = held + (most > encode ? most : encode);
