@@ -601,10 +601,15 @@ static enum tetlod_status load_series(struct request *request, const struct io_r
                                       struct build_control *controls, uint32_t *count, struct tetlod_error *error)
 {
     const char *wrong = against_series(request);
+    uint32_t paths = request->series.path_count;
+    if (wrong && paths > 1)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "%.60s is a second step in time, and a series cannot be built with %s (--json, --all and --quiet take no value)",
+                            cli_base_name(request->series.paths[1]), wrong);
     if (wrong)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has several steps in time, and a series cannot be built with %s; --time N builds one step",
                             wrong);
-    uint64_t steps = request->series.path_count > 1 ? request->series.path_count : read->steps;
+    uint64_t steps = paths > 1 ? paths : read->steps;
     TETLOD_TRY(series_input_load(&request->series, steps, &request->reading, mesh, controls, count, &request->progress, error));
     request->build.series = &request->series.series;
     request->build.domain_error = 0; // a step's error is then one at the same position (PROOF.md, 5)
