@@ -300,7 +300,7 @@ fuzz: needs-check
 	ASAN_OPTIONS=allocator_may_return_null=1 build/fuzz/tests/fuzz/$$t -max_total_time=$(TIME) -rss_limit_mb=4096 -timeout=20 -artifact_prefix=build/fuzz/found/$$t/ build/fuzz/found/$$t tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
 
 
-## mutate: read MUTATIONS mutations of each file of each corpus, under the sanitizers (TARGET=name for one; config=release: without)
+## mutate: read MUTATIONS mutations of each file of each corpus, under the sanitizers, in twice the memory of the file or 64 MB (TARGET=name for one; config=release: without)
 .PHONY: mutate
 MUTATIONS ?= 10000
 mutate: needs-check

@@ -622,10 +622,14 @@ static const char *against_series(const struct request *request)
 static enum tetlod_status load_series(struct request *request, struct input *in, struct tetlod_error *error)
 {
     const char *wrong = against_series(request);
+    struct series_input *series = &request->series;
+    if (wrong && series->path_count > 1)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT,
+                            "%.60s is a second step in time, and a series cannot be built with %s (--json, --all and --quiet take no value)",
+                            cli_base_name(series->paths[1]), wrong);
     if (wrong)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has several steps in time, and a series cannot be built with %s; --time N builds one step",
                             wrong);
-    struct series_input *series = &request->series;
     TETLOD_TRY(series_input_count(series, series->path_count > 1 ? series->path_count : in->read.steps, error));
     TETLOD_TRY(series_input_load(series, &request->reading, &in->mesh, in->controls, &in->count, &request->progress, error));
     request->build.series = &series->series;

@@ -243,6 +243,8 @@ def refuse_options():
                                    ('a step and a level', '--level', ['extract', path('wake.tetlod'), '--step', '1', '--level', '2', '-o', path('x.vtu')]),
                                    ('a step and a time', '--time', ['extract', path('wake.tetlod'), '--step', '1', '--time', '2', '-o', path('x.vtu')])):
         fails('usage: ' + name, 2, [words], *arguments)
+    fails('a file behind an option without a value', 2, ['wake_1.vtu is a second step', '--json', 'no value'], 'build', path('wake_0.vtu'), '--json', path('wake_1.vtu'),
+          '--certify', 'exact', '-o', path('x.tetlod'))
     fails('a step that is not there', 2, ['step 99'], 'extract', path('wake.tetlod'), '--step', '99', '-o', path('x.vtu'))
     fails('a stream without steps', 2, ['no series'], 'extract', path('one.tetlod'), '--step', '0', '-o', path('x.vtu'))
     fails('a picture over time of one', 2, ['one.tetlod', 'no series'], 'plot', path('one.tetlod'), '--steps', '-o', path('x.svg'))

@@ -2,7 +2,8 @@
 /*
  * Runs a fuzz target over files and folders of its corpus, in blocks of exactly their size so that sanitizers see any
  * byte too far; with MUTATIONS=n also over n mutations of each file, the same ones in every run. The one that is being read is in
- * the file mutation.bin; one that takes longer than a minute ends the program. TAP: one line a program.
+ * the file mutation.bin; one that takes longer than a minute, or more than twice the memory of the file itself and more than
+ * MOST_KILOBYTES, ends the program. TAP: one line a program.
  */
 #include <dirent.h>
 #include <fcntl.h>
@@ -13,7 +14,10 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-enum { MOST_SECONDS = 60 };
+enum {
+    MOST_SECONDS = 60,
+    MOST_KILOBYTES = 64 << 10, // whatever the file is: sanitizers hold freed memory back, and threads have stacks
+};
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 
@@ -67,10 +71,44 @@ static size_t edit(uint8_t *bytes, size_t size, size_t room, uint64_t *state)
     return size;
 }
 
+/* The most memory that the process held since the peak was forgotten, in kilobytes; 0 where the system does not say. */
+static long peak_kilobytes(void)
+{
+    char line[256];
+    long peak = 0;
+    FILE *file = fopen("/proc/self/status", "r");
+    while (file && fgets(line, sizeof line, file) && sscanf(line, "VmHWM: %ld", &peak) != 1)
+        ;
+    if (file)
+        fclose(file);
+    return peak;
+}
+
+static void forget_peak(void)
+{
+    int file = open("/proc/self/clear_refs", O_WRONLY);
+    if (file < 0)
+        return;
+    if (write(file, "5", 1) != 1) // proc(5): the peak becomes what is held now
+        perror("clear_refs");
+    close(file);
+}
+
+/* Kilobytes that reading them takes at most, beyond what was held before. */
+static long kilobytes_of(const uint8_t *bytes, size_t size)
+{
+    forget_peak();
+    long before = peak_kilobytes();
+    LLVMFuzzerTestOneInput(bytes, size);
+    return peak_kilobytes() - before;
+}
+
 /* Reads mutations of a file, which differ by their number alone. */
 static void mutate(const uint8_t *bytes, size_t size, unsigned long count)
 {
     size_t room = size + 1024;
+    long most = count ? 2 * kilobytes_of(bytes, size) : 0;
+    most = most > MOST_KILOBYTES ? most : MOST_KILOBYTES;
     uint8_t *work = malloc(room);
     int copy = count && work ? open("mutation.bin", O_RDWR | O_CREAT | O_TRUNC, 0666) : -1;
     for (unsigned long n = 0; n < count && copy >= 0; n++) {
@@ -84,9 +122,13 @@ static void mutate(const uint8_t *bytes, size_t size, unsigned long count)
             abort();
         memcpy(exact, work, length);
         alarm(MOST_SECONDS);
-        LLVMFuzzerTestOneInput(exact, length);
+        long took = kilobytes_of(exact, length);
         alarm(0);
         free(exact);
+        if (took > most) {
+            fprintf(stderr, "mutation.bin takes %ld kB, at most %ld are good\n", took, most);
+            abort();
+        }
     }
     if (copy >= 0)
         close(copy);
