@@ -246,51 +246,91 @@ enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_co
                 tetlodi_fail(error, status, "%.230s", inner.message);
         }
         tetmesh_fini(&input);
-        comparison->progress(comparison->progress_opaque, (s + 1.0) / check.step_count);
+        comparison->watch.progress(comparison->watch.opaque, (s + 1.0) / check.step_count);
     }
     tetmesh_fini(&first);
     close_bands(&check);
     return status;
 }
 
-/* ---- measuring */
+/* ---- measuring: the steps of a band are the fields of one mesh, for its geometry is the same at all of them */
 
-static enum tetlod_status measure_band(struct steps_check *check, const struct tetmesh *exact, const struct measure *measure, uint32_t b,
-                                       uint32_t step, uint32_t field, unsigned threads, double *out_sampled, double *out_rms)
+enum { BATCH_BYTES = 1 << 28 }; /* of exact values held at once */
+
+/* The steps at hand, and the exact one of their bands. */
+struct steps_batch {
+    uint32_t first, count, field;
+    unsigned threads;
+    struct tetmesh exact; /* [step of the batch] its fields */
+};
+
+static enum tetlod_status read_batch(const struct steps_check *check, const struct steps_batch *batch, uint32_t b, struct tetmesh *out)
+{
+    const struct band_reader *band = &check->bands[b];
+    const struct tetlod_info *info = tetlod_info(check->file);
+    const struct tetlod_field *field = &info->fields[tetlod_series_info(band->series)->fields[batch->field]];
+    for (uint32_t i = 0; i < batch->count; i++) {
+        TETLOD_TRY(tetlod_seek_step(band->series, band->cursor, b, batch->first + i, check->error));
+        if (i == 0)
+            TETLOD_TRY(level_mesh_copy(info, band->cursor, out, check->error));
+        TETLOD_TRY(tetmesh_add_field(out, field->name, field->components, field->type, check->error));
+        memcpy(out->fields[i].values, tetlod_step_values(band->series, batch->field),
+               (size_t)out->vertex_count * field->components * sizeof(double));
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status measure_band(const struct steps_check *check, const struct steps_batch *batch, const struct measure *measure,
+                                       uint32_t b, struct measured *measured, struct steps_errors *out)
 {
     struct tetmesh mesh = {0};
-    struct measured measured;
     double domain, range[2];
-    enum tetlod_status status = read_band(check, b, step, &mesh);
+    enum tetlod_status status = read_batch(check, batch, b, &mesh);
     if (status == TETLOD_OK)
-        status = measure_mesh(measure, &mesh, &field, threads, &measured, &domain, check->error);
-    if (status == TETLOD_OK) {
-        counted_range(check, exact, field, field, range);
+        status = measure_mesh(measure, &mesh, NULL, batch->threads, measured, &domain, check->error);
+    for (uint32_t i = 0; i < batch->count && status == TETLOD_OK; i++) {
+        size_t at = (size_t)b * check->step_count + batch->first + i;
+        counted_range(check, &batch->exact, i, batch->field, range);
         double width = range[1] - range[0];
-        *out_sampled = width > 0 ? measured.sampled / width : 0;
-        *out_rms = width > 0 ? measured.rms / width : 0;
+        out->sampled[at] = width > 0 ? measured[i].sampled / width : 0;
+        out->rms[at] = width > 0 ? measured[i].rms / width : 0;
     }
     tetmesh_fini(&mesh);
     return status;
 }
 
-static enum tetlod_status measure_step(struct steps_check *check, uint32_t step, uint32_t field, unsigned threads, struct steps_errors *out)
+static enum tetlod_status measure_batch(const struct steps_check *check, struct steps_batch *batch, const struct steps_watch *watch,
+                                        struct steps_errors *out)
 {
-    struct tetmesh exact = {0};
+    uint32_t bands = check->band_count - 1; // the last one is exact
     struct measure *measure = NULL;
-    enum tetlod_status status = read_band(check, check->band_count - 1, step, &exact);
+    struct measured *measured = array_new(batch->count, sizeof *measured);
+    enum tetlod_status status = measured ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a step", batch->count * sizeof *measured);
     if (status == TETLOD_OK)
-        status = measure_new(&measure, &exact, &field, 1, threads, check->error);
-    for (uint32_t b = 0; b + 1 < check->band_count && status == TETLOD_OK; b++) {
-        size_t at = (size_t)b * check->step_count + step;
-        status = measure_band(check, &exact, measure, b, step, field, threads, &out->sampled[at], &out->rms[at]);
+        status = read_batch(check, batch, bands, &batch->exact);
+    if (status == TETLOD_OK)
+        status = measure_new(&measure, &batch->exact, NULL, batch->count, batch->threads, check->error);
+    for (uint32_t b = 0; b < bands && status == TETLOD_OK; b++) {
+        status = measure_band(check, batch, measure, b, measured, out);
+        watch->progress(watch->opaque, (batch->first + batch->count * (b + 1.0) / bands) / check->step_count);
     }
     measure_free(measure);
-    tetmesh_fini(&exact);
+    tetmesh_fini(&batch->exact);
+    free(measured);
     return status;
 }
 
-enum tetlod_status steps_measure(struct tetlod_file *file, uint32_t field, unsigned threads, struct steps_errors *out, struct tetlod_error *error)
+/* Steps of which the exact values of a field fit. */
+static uint32_t batch_steps(const struct steps_check *check, uint32_t field)
+{
+    const struct tetlod_info *info = tetlod_info(check->file);
+    uint32_t components = info->fields[tetlod_series_info(check->bands[0].series)->fields[field]].components;
+    uint64_t fit = BATCH_BYTES / (8 * (uint64_t)components * (info->vertices ? info->vertices : 1));
+    return fit < 1 ? 1 : fit < check->step_count ? (uint32_t)fit : check->step_count;
+}
+
+enum tetlod_status steps_measure(struct tetlod_file *file, uint32_t field, unsigned threads, const struct steps_watch *watch,
+                                 struct steps_errors *out, struct tetlod_error *error)
 {
     struct steps_check check = {.file = file, .error = error};
     enum tetlod_status status = open_bands(&check);
@@ -301,8 +341,11 @@ enum tetlod_status steps_measure(struct tetlod_file *file, uint32_t field, unsig
         if (!out->sampled || !out->rms)
             status = tetlodi_fail_nomem(error, "the errors of the steps", 2 * count * sizeof(double));
     }
-    for (uint32_t s = 0; s < check.step_count && status == TETLOD_OK; s++)
-        status = measure_step(&check, s, field, threads, out);
+    uint32_t most = status == TETLOD_OK ? batch_steps(&check, field) : 1;
+    for (uint32_t s = 0; s < check.step_count && status == TETLOD_OK; s += most) {
+        struct steps_batch batch = {s, check.step_count - s < most ? check.step_count - s : most, field, threads, {0}};
+        status = measure_batch(&check, &batch, watch, out);
+    }
     close_bands(&check);
     return status;
 }

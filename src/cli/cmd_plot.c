@@ -7,9 +7,11 @@
 #include "format/fail.h"
 #include "src/cli/against_steps.h"
 #include "src/cli/cli.h"
+#include "src/cli/progress.h"
 #include "src/report/info_json.h"
 #include "src/report/plot.h"
 #include "src/util/file.h"
+#include "src/util/parallel.h"
 
 static const char help[] =
     "usage: tetlod plot FILE.tetlod -o OUT.svg [--field NAME] [--steps]\n"
@@ -60,6 +62,21 @@ static uint32_t series_field(const struct tetlod_series_info *steps, const struc
     return TETLOD_NONE;
 }
 
+static void show_measuring(void *progress, double done)
+{
+    progress_update(progress, "measure", done);
+}
+
+static enum tetlod_status measure_steps(struct tetlod_file *file, uint32_t field, struct steps_errors *out, struct tetlod_error *error)
+{
+    struct progress progress;
+    const struct steps_watch watch = {show_measuring, &progress};
+    progress_init(&progress, false, false);
+    enum tetlod_status status = steps_measure(file, field, parallel_cores(), &watch, out, error);
+    progress_end(&progress);
+    return status;
+}
+
 static enum tetlod_status write_steps(struct tetlod_file *file, const struct tetlod_series *series, uint32_t field, const char *path,
                                       const char *output, struct tetlod_error *error)
 {
@@ -67,7 +84,7 @@ static enum tetlod_status write_steps(struct tetlod_file *file, const struct tet
     struct steps_errors errors;
     struct file_output *out;
     char id[256];
-    enum tetlod_status status = steps_measure(file, field, 0, &errors, error);
+    enum tetlod_status status = measure_steps(file, field, &errors, error);
     if (status == TETLOD_OK)
         status = file_output_open(&out, output, error);
     if (status == TETLOD_OK) {
