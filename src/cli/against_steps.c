@@ -205,13 +205,14 @@ static enum tetlod_status compare_exact(const struct steps_check *check, const s
     for (uint32_t b = 0; b < check->band_count && status == TETLOD_OK; b++) {
         const struct band_reader *band = &check->bands[b];
         struct tetmesh mesh = {0};
+        struct tetlod_error inner = {0};
         if (!is_exact(check, b))
             continue;
         TETLOD_TRY(tetlod_seek_step(band->series, band->cursor, b, step, check->error));
         TETLOD_TRY(level_mesh_copy(tetlod_info(check->file), band->cursor, &mesh, check->error));
         status = level_mesh_step(tetlod_info(check->file), band->series, &mesh, check->error);
         if (status == TETLOD_OK)
-            status = mesh_same(input, &mesh, check->error);
+            status = mesh_same(input, &mesh, &inner) == TETLOD_OK ? TETLOD_OK : tetlodi_fail(check->error, inner.status, "step %u: %.200s", step, inner.message);
         tetmesh_fini(&mesh);
     }
     return status;
