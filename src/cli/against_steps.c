@@ -27,8 +27,7 @@ struct steps_check {
     struct band_reader *bands;
     uint32_t band_count, field_count, step_count;
     bool own_ranges;  /* bands are fractions of these */
-    uint32_t *fields; /* [field] of the input's mesh, then of the level's: in order */
-    double *floors, *found;
+    uint32_t *fields; /* [field] of the input's mesh */
     struct tetlod_error *error;
 };
 
@@ -40,8 +39,6 @@ static void close_bands(struct steps_check *check)
     }
     free(check->bands);
     free(check->fields);
-    free(check->floors);
-    free(check->found);
 }
 
 static enum tetlod_status open_bands(struct steps_check *check)
@@ -56,14 +53,10 @@ static enum tetlod_status open_bands(struct steps_check *check)
     check->own_ranges = series_own_ranges(tetlod_info(check->file));
     tetlod_series_free(first);
     check->bands = array_zero(bands, sizeof *check->bands);
-    check->fields = array_zero(2 * (size_t)check->field_count, sizeof *check->fields);
-    check->floors = array_zero(check->field_count, sizeof *check->floors);
-    check->found = array_zero(check->field_count, sizeof *check->found);
-    if (!check->bands || !check->fields || !check->floors || !check->found)
+    check->fields = array_zero(check->field_count, sizeof *check->fields);
+    if (!check->bands || !check->fields)
         return tetlodi_fail_nomem(check->error, "the bands", bands * sizeof *check->bands);
     check->band_count = bands;
-    for (uint32_t f = 0; f < check->field_count; f++)
-        check->fields[check->field_count + f] = f;
     for (uint32_t b = 0; b < bands; b++) {
         TETLOD_TRY(tetlod_series_new(&check->bands[b].series, check->file, check->error));
         TETLOD_TRY(tetlod_cursor_new(&check->bands[b].cursor, check->file, none, 0, check->error));
@@ -109,6 +102,52 @@ enum tetlod_status steps_decode(struct tetlod_file *file, struct steps_found *fo
     return status;
 }
 
+/* ---- several steps at once: as the fields of one mesh, for the geometry of a band is the same at all steps */
+
+enum { BATCH_BYTES = 1 << 28, BATCH_STEPS = 32 }; /* of exact values held at once, at most */
+
+/* The steps at hand: fields `field` to field + field_count of the series. */
+struct steps_batch {
+    uint32_t first, count, field, field_count;
+    unsigned threads;
+    struct tetmesh exact; /* its fields are [step of the batch][field] */
+};
+
+/* Steps of which the exact values fit. */
+static uint32_t batch_steps(const struct steps_check *check, const struct steps_batch *batch)
+{
+    const struct tetlod_info *info = tetlod_info(check->file);
+    uint64_t bytes = 0;
+    for (uint32_t f = 0; f < batch->field_count; f++)
+        bytes += 8 * (uint64_t)info->vertices * info->fields[tetlod_series_info(check->bands[0].series)->fields[batch->field + f]].components;
+    uint64_t fit = bytes ? BATCH_BYTES / bytes : BATCH_STEPS;
+    return fit < 1 ? 1 : fit < BATCH_STEPS ? (uint32_t)fit : BATCH_STEPS;
+}
+
+/* The batch's steps in a band. */
+static enum tetlod_status read_batch(const struct steps_check *check, const struct steps_batch *batch, uint32_t b, struct tetmesh *out)
+{
+    const struct band_reader *band = &check->bands[b];
+    const struct tetlod_info *info = tetlod_info(check->file);
+    for (uint32_t i = 0; i < batch->count; i++) {
+        TETLOD_TRY(tetlod_seek_step(band->series, band->cursor, b, batch->first + i, check->error));
+        if (i == 0)
+            TETLOD_TRY(level_mesh_copy(info, band->cursor, out, check->error));
+        for (uint32_t f = batch->field; f < batch->field + batch->field_count; f++) {
+            const struct tetlod_field *field = &info->fields[tetlod_series_info(band->series)->fields[f]];
+            TETLOD_TRY(tetmesh_add_field(out, field->name, field->components, field->type, check->error));
+            memcpy(out->fields[out->field_count - 1].values, tetlod_step_values(band->series, f),
+                   (size_t)out->vertex_count * field->components * sizeof(double));
+        }
+    }
+    return TETLOD_OK;
+}
+
+static void show_batch(const struct steps_check *check, const struct steps_batch *batch, const struct steps_watch *watch, uint32_t b)
+{
+    watch->progress(watch->opaque, (batch->first + batch->count * (b + 1.0) / check->band_count) / check->step_count);
+}
+
 /* ---- one step */
 
 static enum tetlod_status find_fields(struct steps_check *check, struct tetmesh *input)
@@ -145,66 +184,131 @@ static void counted_range(const struct steps_check *check, const struct tetmesh 
         memcpy(out, steps->ranges[f], 2 * sizeof *out);
 }
 
-/* The largest difference that the stream allows. */
-static double promised(const struct steps_check *check, const struct tetmesh *input, uint32_t b, uint32_t step, uint32_t f)
+/* The largest difference that the stream allows, of field `at` of the input. */
+static double promised(const struct steps_check *check, const struct tetmesh *input, uint32_t at, uint32_t b, uint32_t step, uint32_t f)
 {
     const struct tetlod_series_info *steps = tetlod_series_info(check->bands[b].series);
     double range[2];
-    counted_range(check, input, check->fields[f], f, range);
+    counted_range(check, input, at, f, range);
     return fmin(largest_difference(tetlod_step_error(check->bands[b].series, f, b, step), steps->ranges[f]),
                 largest_difference(steps->bands[b].error, range));
 }
 
-static enum tetlod_status read_band(struct steps_check *check, uint32_t b, uint32_t step, struct tetmesh *out)
+static bool is_exact(const struct steps_check *check, uint32_t b)
 {
-    const struct band_reader *band = &check->bands[b];
-    TETLOD_TRY(tetlod_seek_step(band->series, band->cursor, b, step, check->error));
-    TETLOD_TRY(level_mesh_copy(tetlod_info(check->file), band->cursor, out, check->error));
-    return level_mesh_step(tetlod_info(check->file), band->series, out, check->error);
+    return !(tetlod_series_info(check->bands[b].series)->bands[b].error > 0);
 }
 
-/* A step in a band against the input's. */
-static enum tetlod_status compare_band(struct steps_check *check, const struct tetmesh *input, const struct measure *measure, uint32_t b,
-                                       uint32_t step, struct tetmesh *mesh, struct measured *measured)
+static enum tetlod_status compare_exact(const struct steps_check *check, const struct tetmesh *input, uint32_t step)
 {
-    const struct band_reader *band = &check->bands[b];
-    const struct tetlod_series_info *steps = tetlod_series_info(band->series);
-    struct overlay_report report;
-    struct overlay_options options = {.threads = check->comparison->threads, .floors = check->floors};
-    double domain;
-    TETLOD_TRY(read_band(check, b, step, mesh));
-    if (!(steps->bands[b].error > 0))
-        return mesh_same(input, mesh, check->error);
-    TETLOD_TRY(measure_mesh(measure, mesh, NULL, check->comparison->threads, measured, &domain, check->error));
-    for (uint32_t f = 0; f < check->field_count; f++) {
-        check->floors[f] = promised(check, input, b, step, f);
-        if (measured[f].sampled > check->floors[f])
-            return too_large(check, b, step, f, "the error at samples", measured[f].sampled);
+    enum tetlod_status status = TETLOD_OK;
+    for (uint32_t b = 0; b < check->band_count && status == TETLOD_OK; b++) {
+        const struct band_reader *band = &check->bands[b];
+        struct tetmesh mesh = {0};
+        struct tetlod_error inner = {0};
+        if (!is_exact(check, b))
+            continue;
+        TETLOD_TRY(tetlod_seek_step(band->series, band->cursor, b, step, check->error));
+        TETLOD_TRY(level_mesh_copy(tetlod_info(check->file), band->cursor, &mesh, check->error));
+        status = level_mesh_step(tetlod_info(check->file), band->series, &mesh, check->error);
+        if (status == TETLOD_OK)
+            status = mesh_same(input, &mesh, &inner) == TETLOD_OK ? TETLOD_OK : tetlodi_fail(check->error, inner.status, "step %u: %.200s", step, inner.message);
+        tetmesh_fini(&mesh);
     }
-    TETLOD_TRY(overlay_max(input, check->fields, mesh, check->fields + check->field_count, check->field_count, &options, check->found, &report, check->error));
-    for (uint32_t f = 0; f < check->field_count; f++)
-        if (check->found[f] > check->floors[f])
-            return too_large(check, b, step, f, "the exact maximum", check->found[f]);
-    return TETLOD_OK;
+    return status;
 }
 
-static enum tetlod_status compare_step(struct steps_check *check, struct tetmesh *input, uint32_t step)
+/* Steps in a band against the input's. measured, floors, found: [step of the batch][field], as the fields of the mesh. */
+static enum tetlod_status compare_band(const struct steps_check *check, const struct steps_batch *batch, const struct measure *measure,
+                                       uint32_t b, struct tetmesh *mesh, struct measured *measured, double *floors, double *found)
+{
+    struct overlay_report report;
+    const struct overlay_options options = {.threads = batch->threads, .floors = floors};
+    uint32_t count = batch->count * check->field_count, *fields = array_new(count, sizeof *fields);
+    double domain;
+    enum tetlod_status status = fields ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a band", count * sizeof *fields);
+    if (status == TETLOD_OK)
+        status = read_batch(check, batch, b, mesh);
+    if (status == TETLOD_OK)
+        status = measure_mesh(measure, mesh, NULL, batch->threads, measured, &domain, check->error);
+    for (uint32_t i = 0; i < count && status == TETLOD_OK; i++) {
+        uint32_t step = batch->first + i / check->field_count, f = i % check->field_count;
+        fields[i] = i;
+        floors[i] = promised(check, &batch->exact, i, b, step, f);
+        if (measured[i].sampled > floors[i])
+            status = too_large(check, b, step, f, "the error at samples", measured[i].sampled);
+    }
+    if (status == TETLOD_OK)
+        status = overlay_max(&batch->exact, fields, mesh, fields, count, &options, found, &report, check->error);
+    for (uint32_t i = 0; i < count && status == TETLOD_OK; i++)
+        if (found[i] > floors[i])
+            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count, "the exact maximum", found[i]);
+    free(fields);
+    return status;
+}
+
+/* Compares the steps of a batch, which is then empty. */
+static enum tetlod_status compare_batch(const struct steps_check *check, struct steps_batch *batch)
 {
     struct measure *measure = NULL;
-    struct measured *measured = array_new(check->field_count, sizeof *measured);
-    enum tetlod_status status = measured ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a step", check->field_count * sizeof *measured);
+    uint32_t count = batch->count * check->field_count;
+    struct measured *measured = array_new(count, sizeof *measured);
+    double *limits = array_new(count, 2 * sizeof *limits);
+    enum tetlod_status status = measured && limits ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a step", count * sizeof *measured);
     if (status == TETLOD_OK)
-        status = find_fields(check, input);
-    if (status == TETLOD_OK)
-        status = measure_new(&measure, input, check->fields, check->field_count, check->comparison->threads, check->error);
+        status = measure_new(&measure, &batch->exact, NULL, count, batch->threads, check->error);
     for (uint32_t b = 0; b < check->band_count && status == TETLOD_OK; b++) {
         struct tetmesh mesh = {0};
-        status = compare_band(check, input, measure, b, step, &mesh, measured);
+        if (!is_exact(check, b))
+            status = compare_band(check, batch, measure, b, &mesh, measured, limits, limits + count);
         tetmesh_fini(&mesh);
+        show_batch(check, batch, &check->comparison->watch, b);
     }
     measure_free(measure);
     free(measured);
+    free(limits);
+    tetmesh_fini(&batch->exact);
+    batch->exact = (struct tetmesh){0};
+    batch->first += batch->count;
+    batch->count = 0;
     return status;
+}
+
+static bool same_geometry(const struct tetmesh *a, const struct tetmesh *b)
+{
+    return a->vertex_count == b->vertex_count && a->tet_count == b->tet_count &&
+           memcmp(a->positions, b->positions, (size_t)a->vertex_count * 3 * sizeof(double)) == 0 &&
+           memcmp(a->corners, b->corners, (size_t)a->tet_count * 4 * sizeof(uint32_t)) == 0;
+}
+
+/* Takes the values of the input, and its geometry if it is the first. */
+static enum tetlod_status batch_take(const struct steps_check *check, struct tetmesh *input, struct steps_batch *batch)
+{
+    if (batch->count == 0) {
+        batch->exact = (struct tetmesh){.vertex_count = input->vertex_count, .tet_count = input->tet_count, .position_type = input->position_type,
+                                        .positions = input->positions, .corners = input->corners};
+        input->positions = NULL;
+        input->corners = NULL;
+    }
+    for (uint32_t f = 0; f < check->field_count; f++) {
+        const struct point_field *from = &input->fields[check->fields[f]];
+        TETLOD_TRY(tetmesh_add_field(&batch->exact, from->name, from->components, from->type, check->error));
+        memcpy(batch->exact.fields[batch->exact.field_count - 1].values, from->values,
+               (size_t)batch->exact.vertex_count * from->components * sizeof(double));
+    }
+    batch->count++;
+    return TETLOD_OK;
+}
+
+/* A step of the input: its exact values are compared at once, those of bands together with other steps on the same mesh. */
+static enum tetlod_status compare_step(struct steps_check *check, struct tetmesh *input, uint32_t step, struct steps_batch *batch)
+{
+    TETLOD_TRY(find_fields(check, input));
+    TETLOD_TRY(compare_exact(check, input, step));
+    if (batch->count && (batch->count == batch_steps(check, batch) || !same_geometry(&batch->exact, input)))
+        TETLOD_TRY(compare_batch(check, batch));
+    TETLOD_TRY(batch_take(check, input, batch));
+    return step + 1 == check->step_count ? compare_batch(check, batch) : TETLOD_OK;
 }
 
 static enum tetlod_status read_as_it_is(const struct steps_check *check, uint32_t step, struct tetmesh *out)
@@ -232,6 +336,7 @@ enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_co
     struct steps_check check = {.file = file, .comparison = comparison, .error = error};
     struct tetmesh first = {0};
     enum tetlod_status status = open_bands(&check);
+    struct steps_batch batch = {.field_count = check.field_count, .threads = comparison->threads};
     if (status == TETLOD_OK && points_move(&check))
         status = read_as_it_is(&check, 0, &first);
     for (uint32_t s = 0; s < check.step_count && status == TETLOD_OK; s++) {
@@ -240,14 +345,14 @@ enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_co
         status = read_step(&check, s, &first, &input);
         if (status == TETLOD_OK) {
             check.error = &inner;
-            status = compare_step(&check, &input, s);
+            status = compare_step(&check, &input, s, &batch);
             check.error = error;
             if (status != TETLOD_OK)
                 tetlodi_fail(error, status, "%.230s", inner.message);
         }
         tetmesh_fini(&input);
-        comparison->progress(comparison->progress_opaque, (s + 1.0) / check.step_count);
     }
+    tetmesh_fini(&batch.exact);
     tetmesh_fini(&first);
     close_bands(&check);
     return status;
@@ -255,42 +360,49 @@ enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_co
 
 /* ---- measuring */
 
-static enum tetlod_status measure_band(struct steps_check *check, const struct tetmesh *exact, const struct measure *measure, uint32_t b,
-                                       uint32_t step, uint32_t field, unsigned threads, double *out_sampled, double *out_rms)
+static enum tetlod_status measure_band(const struct steps_check *check, const struct steps_batch *batch, const struct measure *measure,
+                                       uint32_t b, struct measured *measured, struct steps_errors *out)
 {
     struct tetmesh mesh = {0};
-    struct measured measured;
     double domain, range[2];
-    enum tetlod_status status = read_band(check, b, step, &mesh);
+    enum tetlod_status status = read_batch(check, batch, b, &mesh);
     if (status == TETLOD_OK)
-        status = measure_mesh(measure, &mesh, &field, threads, &measured, &domain, check->error);
-    if (status == TETLOD_OK) {
-        counted_range(check, exact, field, field, range);
+        status = measure_mesh(measure, &mesh, NULL, batch->threads, measured, &domain, check->error);
+    for (uint32_t i = 0; i < batch->count && status == TETLOD_OK; i++) {
+        size_t at = (size_t)b * check->step_count + batch->first + i;
+        counted_range(check, &batch->exact, i, batch->field, range);
         double width = range[1] - range[0];
-        *out_sampled = width > 0 ? measured.sampled / width : 0;
-        *out_rms = width > 0 ? measured.rms / width : 0;
+        out->sampled[at] = width > 0 ? measured[i].sampled / width : 0;
+        out->rms[at] = width > 0 ? measured[i].rms / width : 0;
     }
     tetmesh_fini(&mesh);
     return status;
 }
 
-static enum tetlod_status measure_step(struct steps_check *check, uint32_t step, uint32_t field, unsigned threads, struct steps_errors *out)
+static enum tetlod_status measure_batch(const struct steps_check *check, struct steps_batch *batch, const struct steps_watch *watch,
+                                        struct steps_errors *out)
 {
-    struct tetmesh exact = {0};
+    uint32_t bands = check->band_count - 1; // the last one is exact
     struct measure *measure = NULL;
-    enum tetlod_status status = read_band(check, check->band_count - 1, step, &exact);
+    struct measured *measured = array_new(batch->count, sizeof *measured);
+    enum tetlod_status status = measured ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a step", batch->count * sizeof *measured);
     if (status == TETLOD_OK)
-        status = measure_new(&measure, &exact, &field, 1, threads, check->error);
-    for (uint32_t b = 0; b + 1 < check->band_count && status == TETLOD_OK; b++) {
-        size_t at = (size_t)b * check->step_count + step;
-        status = measure_band(check, &exact, measure, b, step, field, threads, &out->sampled[at], &out->rms[at]);
+        status = read_batch(check, batch, bands, &batch->exact);
+    if (status == TETLOD_OK)
+        status = measure_new(&measure, &batch->exact, NULL, batch->count, batch->threads, check->error);
+    for (uint32_t b = 0; b < bands && status == TETLOD_OK; b++) {
+        status = measure_band(check, batch, measure, b, measured, out);
+        show_batch(check, batch, watch, b);
     }
     measure_free(measure);
-    tetmesh_fini(&exact);
+    tetmesh_fini(&batch->exact);
+    batch->exact = (struct tetmesh){0};
+    free(measured);
     return status;
 }
 
-enum tetlod_status steps_measure(struct tetlod_file *file, uint32_t field, unsigned threads, struct steps_errors *out, struct tetlod_error *error)
+enum tetlod_status steps_measure(struct tetlod_file *file, uint32_t field, unsigned threads, const struct steps_watch *watch,
+                                 struct steps_errors *out, struct tetlod_error *error)
 {
     struct steps_check check = {.file = file, .error = error};
     enum tetlod_status status = open_bands(&check);
@@ -301,8 +413,13 @@ enum tetlod_status steps_measure(struct tetlod_file *file, uint32_t field, unsig
         if (!out->sampled || !out->rms)
             status = tetlodi_fail_nomem(error, "the errors of the steps", 2 * count * sizeof(double));
     }
-    for (uint32_t s = 0; s < check.step_count && status == TETLOD_OK; s++)
-        status = measure_step(&check, s, field, threads, out);
+    struct steps_batch batch = {.field = field, .field_count = 1, .threads = threads};
+    while (batch.first < check.step_count && status == TETLOD_OK) {
+        uint32_t left = check.step_count - batch.first, most = batch_steps(&check, &batch);
+        batch.count = left < most ? left : most;
+        status = measure_batch(&check, &batch, watch, out);
+        batch.first += batch.count;
+    }
     close_bands(&check);
     return status;
 }

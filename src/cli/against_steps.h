@@ -15,12 +15,17 @@ struct steps_found {
 /* Decodes every step in every band. ERR_STREAM, ERR_CHECKSUM. */
 TETLOD_CHECKED enum tetlod_status steps_decode(struct tetlod_file *file, struct steps_found *found, struct tetlod_error *error);
 
+/* Hears how much is done, 0..1. */
+struct steps_watch {
+    void (*progress)(void *opaque, double done);
+    void *opaque;
+};
+
 struct steps_comparison {
     const struct series_input *input; /* the steps that it was built from: --times as then */
     const struct reading *reading;
     unsigned threads;
-    void (*progress)(void *opaque, double done);
-    void *progress_opaque;
+    struct steps_watch watch;
 };
 
 /* Reads every step of the input: the exact values are the input's bit for bit, and in each band no difference is above what is promised,
@@ -28,11 +33,11 @@ struct steps_comparison {
 TETLOD_CHECKED enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_comparison *comparison, struct tetlod_error *error);
 
 /* How far off a field of the series is at each step in each band but the exact one, which it is measured against: at samples, as fractions
- * of the range that the bands count in. */
+ * of the range that the bands count in. Holds as many steps at once as fit. The result does not depend on `threads`. */
 struct steps_errors {
     double *sampled, *rms; /* [band][step], to be freed */
 };
-TETLOD_CHECKED enum tetlod_status steps_measure(struct tetlod_file *file, uint32_t field, unsigned threads, struct steps_errors *out,
-                                                struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status steps_measure(struct tetlod_file *file, uint32_t field, unsigned threads, const struct steps_watch *watch,
+                                                struct steps_errors *out, struct tetlod_error *error);
 
 #endif

@@ -7,10 +7,12 @@
 #include "format/fail.h"
 #include "src/cli/against_steps.h"
 #include "src/cli/cli.h"
+#include "src/cli/progress.h"
 #include "src/report/info_json.h"
 #include "src/report/plot.h"
 #include "src/util/array.h"
 #include "src/util/file.h"
+#include "src/util/parallel.h"
 
 static const char help[] =
     "usage: tetlod plot FILE.tetlod -o OUT.svg [--field NAME] [--steps]\n"
@@ -61,6 +63,21 @@ static uint32_t series_field(const struct tetlod_series_info *steps, const struc
     return TETLOD_NONE;
 }
 
+static void show_measuring(void *progress, double done)
+{
+    progress_update(progress, "measure", done);
+}
+
+static enum tetlod_status measure_field(struct tetlod_file *file, uint32_t field, struct steps_errors *out, struct tetlod_error *error)
+{
+    struct progress progress;
+    const struct steps_watch watch = {show_measuring, &progress};
+    progress_init(&progress, false, false);
+    enum tetlod_status status = steps_measure(file, field, parallel_cores(), &watch, out, error);
+    progress_end(&progress);
+    return status;
+}
+
 /* The errors of all steps, of one topology group after the other. */
 struct all_steps {
     uint32_t count, bands, done;
@@ -89,7 +106,7 @@ static enum tetlod_status add_steps(struct all_steps *all, struct tetlod_file *f
     else if (steps->band_count - 1 != all->bands || steps->step_count > room)
         status = tetlodi_fail(error, TETLOD_ERR_STREAM, "a topology group has other bands or steps than the stream says");
     else
-        status = steps_measure(file, field, 0, &errors, error);
+        status = measure_field(file, field, &errors, error);
     for (uint32_t s = 0; s < steps->step_count && status == TETLOD_OK; s++) {
         all->times[all->done + s] = steps->times[s];
         for (uint32_t b = 0; b < all->bands; b++) {

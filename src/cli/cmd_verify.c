@@ -242,7 +242,7 @@ static enum tetlod_status read_input(const struct verification *v, struct tetmes
 
 static enum tetlod_status verify_steps(struct verification *v)
 {
-    const struct steps_comparison comparison = {&v->request->series, &v->request->reading, v->request->threads, compare_progress, v};
+    const struct steps_comparison comparison = {&v->request->series, &v->request->reading, v->request->threads, {compare_progress, v}};
     return v->series.steps ? steps_against(v->file, &comparison, v->error) : TETLOD_OK;
 }
 

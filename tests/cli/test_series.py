@@ -126,8 +126,10 @@ def files_case():
     some = info(path('some.tetlod'))['series']
     must('verify', path('some.tetlod'), '--against', path('wake.pvd'), '--times', '3:9:3')
     wrong = tetlod('verify', path('some.tetlod'), '--against', path('wake.pvd'), '--times', '4:10:3')
-    good = '3 steps' in said and some['steps'] == 3 and wrong.returncode == 3
-    return None if good and 'series' in info(path('files.tetlod')) else (said, some, wrong)
+    swapped = [names[0], names[2], names[1]] + names[3:]
+    other = tetlod('verify', path('files.tetlod'), *[word for name in swapped for word in ('--against', name)])
+    good = '3 steps' in said and some['steps'] == 3 and wrong.returncode == 3 and other.returncode == 3 and b'step 1: ' in other.stderr
+    return None if good and 'series' in info(path('files.tetlod')) else (said, some, wrong, other)
 
 
 def one_step_case():
