@@ -28,6 +28,7 @@ void tetlodi_index_fini(struct tetlodi_index *index)
     free(index->cells);
     free(index->cell_names);
     free(index->topologies);
+    free(index->times);
     *index = (struct tetlodi_index){0};
 }
 

@@ -37,6 +37,7 @@ struct tetlodi_index {
     struct tetlod_cell_field *cells; /* the same */
     char *cell_names;
     struct tetlod_topology *topologies; /* from its section */
+    double *times;                      /* of all their steps */
 };
 
 void tetlodi_index_fini(struct tetlodi_index *index);

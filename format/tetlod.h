@@ -146,7 +146,7 @@ struct tetlod_cell_field {
  * stream; the first one is the stream itself. */
 struct tetlod_topology {
     uint32_t step_count;
-    double times[2];       /* of its first step, of its last */
+    const double *times;   /* [step_count], not falling, also from one group to the next */
     char cid[33];          /* of its stream */
     uint64_t offset, size; /* of its stream's bytes in the whole */
     uint64_t reserved[2];

@@ -684,7 +684,7 @@ static enum tetlod_status build_topology(struct request *request, struct topolog
         if (status == TETLOD_OK)
             status = write_stream(request, &in, &sink, &report, &inner);
         if (status == TETLOD_OK)
-            status = topology_spool_note(spool, group, topology->count, topology->times, &inner);
+            status = topology_spool_note(spool, group, topology->count, request->topologies.times + topology->from, &inner);
         if (status != TETLOD_OK)
             series_input_blame(&request->series, series_input_number(&request->series, 0), status, &inner, error);
     }
@@ -698,7 +698,7 @@ static enum tetlod_status build_rest(struct request *request, struct topology_sp
     const struct series_topologies *topologies = &request->topologies;
     request->series.series.ranges = (const double(*)[2])topologies->ranges;
     TETLOD_TRY(topology_spool_init(spool, topologies->count, error));
-    TETLOD_TRY(topology_spool_note(spool, 0, topologies->groups[0].count, topologies->groups[0].times, error));
+    TETLOD_TRY(topology_spool_note(spool, 0, topologies->groups[0].count, topologies->times, error));
     for (uint32_t g = 1; g < topologies->count; g++)
         TETLOD_TRY(build_topology(request, spool, g, names, count, error));
     TETLOD_TRY(topology_spool_sections(spool, error));

@@ -79,7 +79,7 @@ static void print_text(const struct tetlod_file *file, int fd, bool all)
     print_cut(info, fd);
     for (uint32_t t = 0, first = 0; t < info->topology_count; first += info->topologies[t++].step_count)
         printf("topology %-4u steps %u to %u, times %.9g .. %.9g, bytes %llu%s\n", t, first, first + info->topologies[t].step_count - 1,
-               info->topologies[t].times[0], info->topologies[t].times[1], (unsigned long long)info->topologies[t].size,
+               info->topologies[t].times[0], info->topologies[t].times[info->topologies[t].step_count - 1], (unsigned long long)info->topologies[t].size,
                t ? "" : " (all of the stream; what follows is about this one)");
     if (series)
         series_print(stdout, series, info);

@@ -336,7 +336,7 @@ static enum tetlod_status check_topology(const struct tetlod_file *file, const s
     struct tetlod_series *series;
     TETLOD_TRY(tetlod_series_new(&series, file, error));
     const struct tetlod_series_info *steps = tetlod_series_info(series);
-    bool good = steps->step_count == says->step_count && steps->times[0] == says->times[0] && steps->times[steps->step_count - 1] == says->times[1];
+    bool good = steps->step_count == says->step_count && memcmp(steps->times, says->times, steps->step_count * sizeof *steps->times) == 0;
     tetlod_series_free(series);
     return good ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "topology group %u has other steps than the table says", number);
 }

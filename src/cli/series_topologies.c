@@ -18,7 +18,6 @@ struct scan {
     uint32_t name_count;
     struct tetmesh first; /* of the group at hand */
     uint32_t *components; /* [name] */
-    double last;          /* the time of the step before */
     struct tetlod_error *error;
 };
 
@@ -87,11 +86,9 @@ static enum tetlod_status scan_step(struct scan *scan, struct tetmesh *mesh, uin
     TETLOD_TRY(add_values(scan, mesh, step == 0));
     if (step == 0 || displacement_obstacle(mesh, &scan->first))
         TETLOD_TRY(begin_group(scan, mesh, step));
-    struct series_topology *group = &scan->out->groups[scan->out->count - 1];
-    scan->input->numbered |= step && !(time > scan->last);
-    scan->last = time;
-    group->times[1] = time;
-    group->times[0] = group->count++ ? group->times[0] : time;
+    scan->out->groups[scan->out->count - 1].count++;
+    scan->out->times[step] = time;
+    scan->input->numbered |= step && !(time > scan->out->times[step - 1]);
     return TETLOD_OK;
 }
 
@@ -115,27 +112,17 @@ static enum tetlod_status scan_steps(struct scan *scan, const struct reading *re
     return TETLOD_OK;
 }
 
-/* Numbers stand for times that do not rise. */
-static void number_times(struct series_topologies *out, const struct series_input *input)
-{
-    for (uint32_t g = 0; g < out->count && input->numbered; g++) {
-        struct series_topology *group = &out->groups[g];
-        group->times[0] = (double)(input->begin + group->from * input->stride);
-        group->times[1] = (double)(input->begin + (group->from + group->count - 1) * input->stride);
-    }
-}
-
 enum tetlod_status series_topologies_find(struct series_topologies *out, struct series_input *input, const struct reading *reading,
                                           const char *const *names, uint32_t count, struct progress *progress, struct tetlod_error *error)
 {
     struct scan scan = {.out = out, .input = input, .names = names, .name_count = count, .error = error};
-    *out = (struct series_topologies){.ranges = array_new(count, sizeof *out->ranges)};
+    *out = (struct series_topologies){.ranges = array_new(count, sizeof *out->ranges), .times = array_new(input->wanted, sizeof *out->times)};
     scan.components = array_zero(count, sizeof *scan.components);
-    enum tetlod_status status = out->ranges && scan.components ? TETLOD_OK : tetlodi_fail_nomem(error, "the fields", count * sizeof *out->ranges);
+    enum tetlod_status status = out->ranges && out->times && scan.components ? TETLOD_OK : tetlodi_fail_nomem(error, "the fields", count * sizeof *out->ranges);
     if (status == TETLOD_OK)
         status = scan_steps(&scan, reading, progress);
-    if (status == TETLOD_OK)
-        number_times(out, input);
+    for (uint32_t s = 0; s < input->wanted && input->numbered && status == TETLOD_OK; s++)
+        out->times[s] = (double)(input->begin + s * input->stride); // times that do not rise tell nothing
     tetmesh_fini(&scan.first);
     free(scan.components);
     if (status != TETLOD_OK)
@@ -146,6 +133,7 @@ enum tetlod_status series_topologies_find(struct series_topologies *out, struct 
 void series_topologies_fini(struct series_topologies *topologies)
 {
     free(topologies->groups);
+    free(topologies->times);
     free(topologies->ranges);
     *topologies = (struct series_topologies){0};
 }

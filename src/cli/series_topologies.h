@@ -8,13 +8,13 @@
 struct series_topology {
     uint32_t from, count; /* steps of the series */
     uint32_t tets;
-    double times[2];
 };
 
 struct series_topologies {
     uint32_t count;
     struct series_topology *groups; /* owned, as the rest */
     size_t room;
+    double *times;       /* [step] */
     double (*ranges)[2]; /* [name] over all steps and components */
 };
 

@@ -45,14 +45,14 @@ struct tetlodi_sink topology_spool_sink(const struct topology_spool *spool)
     return (struct tetlodi_sink){put, spool->file};
 }
 
-enum tetlod_status topology_spool_note(struct topology_spool *spool, uint32_t group, uint32_t steps, const double times[2],
+enum tetlod_status topology_spool_note(struct topology_spool *spool, uint32_t group, uint32_t steps, const double *times,
                                        struct tetlod_error *error)
 {
     struct tetlod_topology *topology = &spool->topologies[group];
     struct tetlodi_header header;
     uint8_t raw[HEADER_SIZE];
     topology->step_count = steps;
-    memcpy(topology->times, times, sizeof topology->times);
+    topology->times = times;
     if (group == 0)
         return TETLOD_OK;
     topology->offset = spool->source.size;

@@ -25,8 +25,8 @@ void topology_spool_fini(struct topology_spool *spool);
 /* Where the next group's stream goes. */
 struct tetlodi_sink topology_spool_sink(const struct topology_spool *spool);
 
-/* What is known of group `group`; but for the first one its stream has just been written. ERR_IO. */
-TETLOD_CHECKED enum tetlod_status topology_spool_note(struct topology_spool *spool, uint32_t group, uint32_t steps, const double times[2],
+/* What is known of group `group`; but for the first one its stream has just been written. `times` [steps] are borrowed. ERR_IO. */
+TETLOD_CHECKED enum tetlod_status topology_spool_note(struct topology_spool *spool, uint32_t group, uint32_t steps, const double *times,
                                                       struct tetlod_error *error);
 
 /* The sections TOPO and NEXT, when all groups are noted: valid as long as the spool. ERR_NOMEM. */

@@ -72,9 +72,13 @@ static bool add_topologies(json_t *object, const struct tetlod_info *info)
     json_t *topologies = json_array();
     for (uint32_t t = 0; t < info->topology_count; t++) {
         const struct tetlod_topology *topology = &info->topologies[t];
-        json_array_append_new(topologies, json_pack("{s:i, s:[f,f], s:s, s:I, s:I}", "steps", (int)topology->step_count, "times",
-                                                    topology->times[0], topology->times[1], "cid", topology->cid, "offset",
-                                                    (json_int_t)topology->offset, "bytes", (json_int_t)topology->size));
+        json_t *times = json_array();
+        for (uint32_t s = 0; s < topology->step_count; s++)
+            json_array_append_new(times, json_real(topology->times[s]));
+        bool whole = json_array_size(times) == topology->step_count;
+        json_array_append_new(topologies, whole ? json_pack("{s:i, s:o, s:s, s:I, s:I}", "steps", (int)topology->step_count, "times", times,
+                                                            "cid", topology->cid, "offset", (json_int_t)topology->offset, "bytes",
+                                                            (json_int_t)topology->size) : NULL);
     }
     return json_array_size(topologies) == info->topology_count && !json_object_set_new(object, "topologies", topologies);
 }

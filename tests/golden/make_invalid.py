@@ -111,11 +111,11 @@ def cases():
     yield 'time_random', 'decode', 'steps of other bytes, with their digests', shuffled(lambda group: bytes(255 - b for b in group))
     yield 'time_mode', 'decode', 'a first step that is predicted from the one before', shuffled(lambda group: b'\xff' * len(group))
     yield 'topologies_one', 'open', 'one topology group, which needs no table', regrouped(0, 'I', 1)
-    yield 'topologies_steps', 'open', 'a topology group without steps', regrouped(4 + 48, 'I', 0)
-    yield 'topologies_times', 'open', 'a topology group whose times are before those of the one before', regrouped(4 + 48 + 8, 'd', -1.0)
-    yield 'topologies_size', 'open', 'topology groups that do not fill their section', regrouped(4 + 2 * 48 + 24, 'Q', 64)
+    yield 'topologies_steps', 'open', 'a topology group without steps', regrouped(4 + 32, 'I', 0)
+    yield 'topologies_times', 'open', 'steps of topology groups whose times fall', regrouped(4 + 3 * 32 + 8, 'd', -1.0)
+    yield 'topologies_size', 'open', 'topology groups that do not fill their section', regrouped(4 + 2 * 32 + 8, 'Q', 64)
     yield 'topologies_alone', 'open', 'a table of topology groups without their streams', section(ONE, b'TOPO', 2)
-    yield 'topologies_other', 'decode', 'a topology group of another content id', regrouped(4 + 48 + 32, '16s', bytes(16))
+    yield 'topologies_other', 'decode', 'a topology group of another content id', regrouped(4 + 32 + 16, '16s', bytes(16))
     yield 'topologies_twice', 'open', 'NEXT twice', section(MESHES, b'NEXT', 0)
     yield 'truncated', 'decode', 'the last byte is missing', GRID[:-1]
 

@@ -278,7 +278,7 @@ static void check_topologies(const struct tetlod_file *file, const char *path)
         tetlod_close(part);
         CHECK_INT(tetlod_topology_of_step(info, steps, &own), t);
         CHECK_INT(own, 0);
-        CHECK_INT(tetlod_topology_for_time(info, topology->times[1]), t);
+        CHECK_INT(tetlod_topology_for_time(info, topology->times[topology->step_count - 1]), t);
         steps += topology->step_count;
         CHECK_INT(tetlod_topology_of_step(info, steps - 1, &own), t);
         CHECK_INT(own, topology->step_count - 1);

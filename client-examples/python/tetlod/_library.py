@@ -49,7 +49,7 @@ class CCellField(Structure):
 
 
 class CTopology(Structure):
-    _fields_ = [('step_count', c_uint32), ('times', c_double * 2), ('cid', c_char * 33), ('offset', c_uint64), ('size', c_uint64),
+    _fields_ = [('step_count', c_uint32), ('times', POINTER(c_double)), ('cid', c_char * 33), ('offset', c_uint64), ('size', c_uint64),
                 ('reserved', c_uint64 * 2)]
 
 
@@ -191,7 +191,7 @@ class LibraryDecoder:
         b = c.bounds[:]
         return Info(c.cid.decode(), c.vertices, c.tets, c.bytes, ((b[0], b[1], b[2]), (b[3], b[4], b[5])), bool(c.lossless), fields,
                     tuple(levels), metadata_of(c.metadata), tuple(f.name.decode() for f in c.cell_fields[:c.cell_field_count]),
-                    tuple(Topology(t.step_count, (t.times[0], t.times[1]), t.cid.decode(), t.offset, t.size) for t in c.topologies[:c.topology_count]))
+                    tuple(Topology(t.step_count, tuple(t.times[:t.step_count]), t.cid.decode(), t.offset, t.size) for t in c.topologies[:c.topology_count]))
 
     def seek(self, level: int) -> None:
         error = CError()

@@ -33,10 +33,10 @@ class Level:
 
 @dataclass(frozen=True)
 class Topology:
-    """Steps of a series over one mesh, where others are over other ones: a stream of its own, `bytes` from `offset` on. `times`: of its first and
-    last step. The first one is the stream itself."""
+    """Steps of a series over one mesh, where others are over other ones: a stream of its own, `bytes` from `offset` on. The first one is the
+    stream itself."""
     steps: int
-    times: Tuple[float, float]
+    times: Tuple[float, ...]
     cid: str
     offset: int
     bytes: int

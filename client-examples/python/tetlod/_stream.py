@@ -46,7 +46,10 @@ class Stream:
     @property
     def times(self) -> Tuple[float, ...]:
         """The times of the steps of a series; () of a stream with one moment."""
-        return tuple(time for number in range(max(1, len(self.info.topologies))) for time in self._topology(number)._own_times())
+        if self.info.topologies:
+            return tuple(time for topology in self.info.topologies for time in topology.times)
+        steps = self._decoder.steps
+        return steps.times if steps else ()
 
     @property
     def mesh(self) -> Mesh:
@@ -65,7 +68,7 @@ class Stream:
         it is taken; without one, the exact form.
         """
         topologies = self.info.topologies
-        nearest = min(range(len(topologies)), key=lambda i: max(topologies[i].times[0] - time, time - topologies[i].times[1], 0), default=0)
+        nearest = min(range(len(topologies)), key=lambda i: min(abs(own - time) for own in topologies[i].times), default=0)
         if nearest:
             return self._topology(nearest).at(time, error, abs_error=abs_error)
         steps = self._decoder.steps
@@ -113,10 +116,6 @@ class Stream:
         error = self._choice.fraction
         link = self._source.page + ('' if error is None else '#error=%.6g' % error)
         return '<iframe src="%s" title="tetlod" style="width: 100%%; height: 480px; border: 0"></iframe>' % html.escape(link)
-
-    def _own_times(self) -> Tuple[float, ...]:
-        steps = self._decoder.steps
-        return steps.times if steps else ()
 
     def _topology(self, number: int) -> 'Stream':
         """The stream of a topology group."""

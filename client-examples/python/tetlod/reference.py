@@ -274,19 +274,22 @@ class Stream:
         """The table of topology groups (SPEC 3.8)."""
         following = [section for section in self.sections if section['tag'] == 'NEXT']
         count = data.take('I')
-        require(following and not following[0]['packed'] and count > 1 and len(data.data) == 4 + 48 * count, 'the table of topology groups is damaged')
-        offset, last = following[0]['offset'], -math.inf
+        require(following and not following[0]['packed'] and count > 1 and len(data.data) >= 4 + 32 * count, 'the table of topology groups is damaged')
+        offset = following[0]['offset']
         for number in range(count):
-            steps, reserved, begin, end, size, cid = data.take('IIddQ16s')
-            require(1 <= steps <= 1 << 20 and reserved == 0 and math.isfinite(begin) and math.isfinite(end) and last <= begin <= end,
-                    'the table of topology groups is damaged')
+            steps, reserved, size, cid = data.take('IIQ16s')
+            require(1 <= steps <= 1 << 20 and reserved == 0, 'the table of topology groups is damaged')
             require(size >= 64 if number else size == 0 and cid == bytes(16), 'the table of topology groups is damaged')
-            last = end
-            self.topologies.append({'steps': steps, 'times': (begin, end), 'cid': cid.hex() if number else self.cid,
+            self.topologies.append({'steps': steps, 'cid': cid.hex() if number else self.cid,
                                     'offset': offset if number else 0, 'bytes': size if number else self.bytes})
             offset += size
-        require(offset == following[0]['offset'] + following[0]['stored'] and sum(t['steps'] for t in self.topologies) <= 1 << 20,
+        steps = sum(topology['steps'] for topology in self.topologies)
+        require(offset == following[0]['offset'] + following[0]['stored'] and steps <= 1 << 20 and len(data.data) == 4 + 32 * count + 8 * steps,
                 'the table of topology groups is damaged')
+        times = struct.unpack('<%dd' % steps, data.data[4 + 32 * count:])
+        require(all(map(math.isfinite, times)) and all(map(operator.le, times, times[1:])), 'times that fall')
+        for topology in self.topologies:
+            topology['times'], times = times[:topology['steps']], times[topology['steps']:]
 
     def topology(self, number):
         """A topology group as a stream of its own."""
