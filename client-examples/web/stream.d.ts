@@ -254,6 +254,8 @@ export class TetlodStream extends EventTarget {
   refineTo(target?: Target, options?: { signal?: AbortSignal }): Promise<{ level: number; reached: boolean }>;
   /** Of a series in time, from the event `series` on. */
   readonly series: Series | null;
+  /** The topology group that is shown, of a series whose mesh changes: `info` and `series.bands` are its own, steps and times those of all. */
+  readonly topology: number;
   /** Bytes of steps, beside `received`. */
   readonly receivedSteps: number;
   /** Shows a step in a band, or in the coarsest one within an error; values pass into it in `blend` milliseconds. */

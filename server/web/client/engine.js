@@ -2,8 +2,8 @@
 // What the worker does: fetches the bytes that the goal needs, moves the cursor towards it, and makes the pictures of
 // what it shows. Two loops, one for bytes and one for levels; whoever changes something wakes them.
 import { boundOf, chooseLevel } from './choose.js';
-import { Held, readerOf } from './held.js';
-import { Source, canList, query, sleep } from './network.js';
+import { Held, readerOf, readerOfPart } from './held.js';
+import { FetchError, Source, canList, query, sleep } from './network.js';
 import { Groups, chooseBand, infoOfSteps } from './steps.js';
 import { View } from './tetlod.js';
 import { Flow, drawVectors } from './vectors.js';
@@ -25,6 +25,8 @@ function countRegions(values) {
   }
   return [...tets].sort(([a], [b]) => a - b).map(([number, count]) => ({ number, tets: count }));
 }
+
+const rangesOf = (source) => (from, to) => source.apart(from, to - from);
 
 const aborted = () => new DOMException('the request was aborted', 'AbortError');
 
@@ -67,19 +69,23 @@ export class Engine {
   // ---- what the page asks
 
   // `source`: { url, headers, credentials }, { blob }, or { read }, a function as of Held.
-  async open({ module, source, fields, retries, target }) {
-    const onRetry = (detail) => this.#emit('retry', detail);
+  // `part`: {cid, offset, size} of the stream, if it is one inside the source; of `fields` it may lack some.
+  async open({ module, source, part, fields, retries, target }) {
+    const options = { signal: this.#stop.signal, retries, onRetry: (detail) => this.#emit('retry', detail) };
     const read = source.blob ? readerOf(source.blob) : source.read;
-    this.#source = read ? new Held(read) : new Source(source, { target, fields, signal: this.#stop.signal, retries, onRetry });
+    if (part) this.#source = new Held(readerOfPart(read ?? rangesOf(new Source(source, options)), part));
+    else this.#source = read ? new Held(read) : new Source(source, { ...options, target, fields });
     const first = this.#source.read(0, 1); // while the module is compiled
     first.catch(() => {});
     this.#view = await View.create(await module);
     await first;
-    const names = this.#source.partial ? this.#source.fields : Array.isArray(fields) ? fields : null;
+    let names = this.#source.partial ? this.#source.fields : Array.isArray(fields) ? fields : null;
     if (this.#source.partial) this.#view.select(names);
     for (let reading = first; !await this.#receive(1, reading);) reading = undefined;
     this.#info = this.#base = this.#view.describe();
     this.#source.cid = this.#info.cid;
+    if (part && part.cid !== this.#info.cid) throw new FetchError('a topology group is another stream than the table says');
+    if (part) names = names?.filter((name) => this.#info.fields.some((field) => field.name === name)) ?? null;
     if (this.#source.partial) this.#source.levels = this.#info.levels;
     if (names) this.#fields = names.map((name) => this.#fieldIndex(name));
     if (target) this.#goal = chooseLevel(this.#info, target);

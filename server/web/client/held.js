@@ -40,5 +40,9 @@ export class Held {
   }
 }
 
+/** Reads a stream that lies inside the bytes that `read` gives. */
+export const readerOfPart = (read, { offset, size }) => async (from, to, signal) =>
+  (from < size ? read(offset + from, offset + Math.min(to, size), signal) : new Uint8Array());
+
 /** Reads a Blob or File. */
 export const readerOf = (blob) => async (from, to) => new Uint8Array(await blob.slice(from, to).arrayBuffer());

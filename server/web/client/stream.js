@@ -155,7 +155,7 @@ class Link {
 let nextId = 0; // of calls
 
 export class TetlodStream extends EventTarget {
-  #link; #next = null; #options; #spec = null; #step = null; #replacing = Promise.resolve(); #closed = false; #tellEnded; #ended = new Promise((resolve) => { this.#tellEnded = resolve; }); #reader = null; #reading = new AbortController();
+  #link; #next = null; #crossing = null; #ahead = null; #asks = 0; #asking = null; #topologies = []; #options; #spec = null; #step = null; #replacing = Promise.resolve(); #closed = false; #tellEnded; #ended = new Promise((resolve) => { this.#tellEnded = resolve; }); #reader = null; #reading = new AbortController();
   info = null;
   fields = []; // names of those that are decoded
   level = 0;
@@ -163,6 +163,7 @@ export class TetlodStream extends EventTarget {
   receivedCells = 0; // bytes of values of cells, beside those
   receivedSteps = 0; // bytes of steps, beside those
   series = null; // {group, times, bands: [{error, level}], fields: [{name, range}], displacement: name or null} of a series in time, from the event `series` on
+  topology = 0; // the topology group that is shown, of a series whose mesh changes: `info`, levels and bands are its own, times those of all
 
   /**
    * Opens a stream and decodes its base mesh. `source`: the URL of a server's mesh (…/v1/meshes/{id}) or of a file, or
@@ -184,6 +185,7 @@ export class TetlodStream extends EventTarget {
       stream.#options = { source: told, retries, wasm: wasm && new URL(wasm, globalThis.document?.baseURI ?? globalThis.location?.href).href };
       stream.#link = stream.#newLink();
       stream.#take(await stream.#link.open({ ...stream.#options, fields, target }));
+      stream.#topologies = stream.info.topologies;
     } catch (error) {
       stream.close();
       throw error;
@@ -201,6 +203,7 @@ export class TetlodStream extends EventTarget {
    */
   async refineTo(target = {}, { signal } = {}) {
     this.#step = null;
+    this.#leaveCrossing();
     return this.#ask('refineTo', target, signal);
   }
 
@@ -209,20 +212,131 @@ export class TetlodStream extends EventTarget {
    * from those of the step before, in so many milliseconds. Resolves as refineTo does, which leads back to the first step's levels.
    */
   async seekStep(step, { band, error, blend } = {}, { signal } = {}) {
-    this.#step = { step, band, error, blend };
-    return this.#ask('seekStep', this.#step, signal);
+    const { topology, own } = this.#placeOf(step);
+    const wanted = { step: own, band, error, blend };
+    if (topology !== this.topology) return this.#cross(topology, wanted, signal);
+    this.#step = wanted;
+    this.#leaveCrossing();
+    return this.#ask('seekStep', wanted, signal);
   }
 
   async #ask(action, argument, signal) {
     signal?.throwIfAborted();
-    const id = nextId++;
+    const id = this.#asking = nextId++;
+    const mine = ++this.#asks;
     const stop = () => this.#link.send({ action: 'abort', argument: id });
     signal?.addEventListener('abort', stop, { once: true });
     try {
       return await this.#call(action, argument, id);
+    } catch (error) {
+      if (mine !== this.#asks && error.name === 'AbortError' && !this.#closed && !signal?.aborted) return { level: this.level, reached: false };
+      throw error;
     } finally {
       signal?.removeEventListener('abort', stop);
     }
+  }
+
+  // ---- topology groups: each is a stream of its own, with a worker of its own
+
+  // The group of a step, which counts through all of them, and its number there.
+  #placeOf(step) {
+    let own = step;
+    for (const [topology, { times }] of this.#topologies.entries()) {
+      if (own < times.length) return { topology, own };
+      own -= times.length;
+    }
+    if (this.#topologies.length) throw new RangeError(`step is a whole number from 0 to ${step - own - 1}, not ${step}`);
+    return { topology: 0, own: step };
+  }
+
+  #stepsBefore(topology) {
+    return this.#topologies.slice(0, topology).reduce((sum, { times }) => sum + times.length, 0);
+  }
+
+  // Its worker opens the stream; `opened` resolves then.
+  #prepare(topology) {
+    const link = this.#newLink();
+    link.topology = topology;
+    const opened = link.open({ ...this.#optionsOf(topology), fields: this.fields });
+    opened.catch(() => {}); // whoever crosses hears of it
+    return { topology, link, opened };
+  }
+
+  #optionsOf(topology) {
+    return topology ? { ...this.#options, part: this.#topologies[topology] } : this.#options;
+  }
+
+  #leaveCrossing() {
+    this.#crossing?.link.close(closedReason());
+    this.#crossing = null;
+  }
+
+  // What is shown stays until the other group has come to the step.
+  async #cross(topology, wanted, signal) {
+    signal?.throwIfAborted();
+    this.#asks++;
+    this.#link.send({ action: 'abort', argument: this.#asking }); // what it was asked for is not wanted any more
+    const mine = this.#crossing = { ...this.#takePrepared(topology) };
+    const stop = () => { if (this.#crossing === mine) this.#leaveCrossing(); };
+    signal?.addEventListener('abort', stop, { once: true });
+    try {
+      const opened = await mine.opened;
+      const answer = await mine.link.call(nextId++, 'seekStep', { ...wanted, blend: 0 });
+      if (this.#crossing !== mine || !answer.reached) return { level: this.level, reached: false };
+      this.#crossing = null;
+      this.#step = wanted;
+      this.#takeOver(mine, opened);
+      return answer;
+    } catch (error) {
+      if (this.#crossing !== mine && !this.#closed && !signal?.aborted) return { level: this.level, reached: false };
+      if (this.#crossing === mine) this.#leaveCrossing();
+      throw signal?.aborted ? signal.reason : error;
+    } finally {
+      signal?.removeEventListener('abort', stop);
+    }
+  }
+
+  // The worker that is on its way there already, or is ahead; of another group it ends.
+  #takePrepared(topology) {
+    const here = [this.#crossing, this.#ahead].find((prepared) => prepared?.topology === topology);
+    if (this.#crossing && this.#crossing.link !== here?.link) this.#leaveCrossing();
+    if (this.#ahead && this.#ahead.link !== here?.link) this.#ahead.link.close(closedReason());
+    this.#ahead = null;
+    return here ?? this.#prepare(topology);
+  }
+
+  #takeOver({ topology, link }, opened) {
+    const before = this.#link;
+    this.#link = link;
+    this.topology = topology;
+    this.#take(opened);
+    this.series = this.#whole(link.series);
+    link.send({ action: 'show', argument: this.#spec });
+    before.handOver(link);
+    this.#dispatch('topology', { topology, info: this.info });
+    this.#tell('level', link.level, link);
+    this.#tell('step', link.at, link);
+  }
+
+  // The next group is opened while the last steps of this one are shown.
+  #lookAhead(step) {
+    const { length } = this.#topologies;
+    if (!length || this.#ahead || this.#crossing || step + this.series.group < this.#topologies[this.topology].times.length) return;
+    this.#ahead = this.#prepare((this.topology + 1) % length);
+    const { link, opened } = this.#ahead;
+    opened.then(() => link.call(nextId++, 'seekStep', { ...this.#step, step: 0, blend: 0 })).catch(() => {});
+  }
+
+  // A group's series, with the times of all steps.
+  #whole(series) {
+    return this.#topologies.length ? { ...series, times: this.#topologies.flatMap(({ times }) => times) } : series;
+  }
+
+  // What a worker says of its group's steps, in numbers that count through all groups; `steps`: from and to of those that are there.
+  #ofAll(detail, { topology = 0, series: { group, times } }) {
+    const before = this.#stepsBefore(topology);
+    const steps = detail.groups.map((g) => [before + g * group, before + Math.min((g + 1) * group, times.length)]);
+    return { ...detail, steps, ...(detail.step !== undefined && { step: before + detail.step }) };
   }
 
   /**
@@ -252,13 +366,15 @@ export class TetlodStream extends EventTarget {
   async #replace(fields) {
     this.#next = this.#newLink();
     try {
-      const opened = await this.#next.open({ ...this.#options, fields, target: { level: this.level } });
+      this.#next.topology = this.topology;
+      const opened = await this.#next.open({ ...this.#optionsOf(this.topology), fields, target: { level: this.level } });
       let target;
       do {
         target = { level: this.level }; // the other one goes on
         await this.#next.call(nextId++, 'refineTo', target);
       } while (this.level !== target.level);
       if (this.#step) await this.#next.call(nextId++, 'seekStep', { ...this.#step, blend: 0 });
+      if (this.#next.topology !== this.topology) throw closedReason(); // it has gone on to another mesh
       this.#take(opened);
       this.#next.send({ action: 'show', argument: this.#spec });
       this.#link.handOver(this.#next);
@@ -354,6 +470,8 @@ export class TetlodStream extends EventTarget {
     this.#reading.abort(reason);
     this.#link?.close(reason);
     this.#next?.close(reason);
+    this.#crossing?.link.close(reason);
+    this.#ahead?.link.close(reason);
   }
 
   async #read(link, { id, from, to }) {
@@ -364,17 +482,25 @@ export class TetlodStream extends EventTarget {
     }
   }
 
-  // Of a worker that only prepares more fields, nothing is heard but that its network fails.
+  // Of a worker that only prepares something, nothing is heard but that its network fails; what it shows is for later.
   #tell(event, detail, link) {
     if (this.#closed) return;
     if (event === 'read') return void this.#read(link, detail);
-    if (link === this.#next && event !== 'retry') return;
+    if (event === 'series') link.series = detail;
+    if (event === 'level') link.level = detail;
+    if (event === 'step') link.at = detail;
+    if (link !== this.#link && event !== 'retry') return;
     if (event === 'level') this.level = detail.level;
     if (event === 'cells') this.receivedCells += detail.bytes;
     if (event === 'buffered') this.receivedSteps = detail.received;
-    if (event === 'series') this.series = detail;
+    if (event === 'series') this.series = this.#whole(detail);
     if (event === 'progress') this.received = detail.received;
-    this.dispatchEvent(new CustomEvent(event, { detail }));
+    this.#dispatch(event, event === 'series' ? this.series : event === 'step' || event === 'buffered' ? this.#ofAll(detail, link) : detail);
+    if (event === 'step') this.#lookAhead(detail.step);
     if (event === 'pictures') nextFrame(() => link.send({ action: 'seen' }));
+  }
+
+  #dispatch(event, detail) {
+    this.dispatchEvent(new CustomEvent(event, { detail }));
   }
 }

@@ -27,7 +27,7 @@ export class Player {
   /** `stage`: where the bar goes. The viewer's stream is a series. */
   constructor(viewer, stage) {
     this.#viewer = viewer;
-    const { times, group } = viewer.series;
+    const { times } = viewer.series;
     const button = (id, label, text, act) => {
       const made = element('button', { type: 'button', id, className: 'small', ariaLabel: label, title: label }, text);
       made.addEventListener('click', act);
@@ -37,7 +37,7 @@ export class Player {
     line.addEventListener('input', () => this.go(Number(line.value)));
     const speed = element('select', { id: 'player-speed', ariaLabel: 'Steps a second' }, ...rates.map((rate) => element('option', { value: rate, selected: rate === usual }, `${rate} /s`)));
     speed.addEventListener('change', () => { this.#rate = Number(speed.value); });
-    const buffer = svg('svg', { id: 'player-buffer', viewBox: `0 0 ${Math.ceil(times.length / group) * group} 1`, preserveAspectRatio: 'none', 'aria-hidden': 'true' });
+    const buffer = svg('svg', { id: 'player-buffer', viewBox: `0 0 ${times.length} 1`, preserveAspectRatio: 'none', 'aria-hidden': 'true' });
     this.#parts = {
       line, buffer,
       play: button('player-play', 'Play (space)', '▶', () => this.toggle()),
@@ -52,7 +52,7 @@ export class Player {
     stage.append(element('section', { id: 'player', ariaLabel: 'Time' }, buttons, element('span', { className: 'track' }, line, buffer), now, late, still));
     this.#setLoop(true);
     viewer.addEventListener('step', () => this.#tell());
-    viewer.addEventListener('buffered', ({ detail }) => this.#drawBuffer(detail.groups));
+    viewer.addEventListener('buffered', ({ detail }) => this.#drawBuffer(detail.steps));
     this.#tell();
   }
 
@@ -142,14 +142,13 @@ export class Player {
   #tell() {
     const { times } = this.#viewer.series;
     const { line, now } = this.#parts;
-    if (this.#viewer.at) this.#drawBuffer(this.#viewer.at.groups);
+    if (this.#viewer.at) this.#drawBuffer(this.#viewer.at.steps);
     line.value = this.#now;
     line.setAttribute('aria-valuetext', `step ${this.#now}, time ${significant(times[this.#now], 5)}`);
     now.textContent = `${significant(times[this.#now], 5)} · ${this.#now} of ${times.length - 1}`;
   }
 
-  #drawBuffer(groups) {
-    const { group } = this.#viewer.series;
-    this.#parts.buffer.replaceChildren(...groups.map((g) => svg('rect', { x: g * group, y: 0, width: group, height: 1 })));
+  #drawBuffer(steps) {
+    this.#parts.buffer.replaceChildren(...steps.map(([from, to]) => svg('rect', { x: from, y: 0, width: to - from, height: 1 })));
   }
 }

@@ -185,6 +185,11 @@ export class Viewer extends EventTarget {
       this.#tell('series', detail);
       if (this.#inTime) this.refine();
     });
+    this.stream.addEventListener('topology', ({ detail }) => {
+      this.info = this.#index = detail.info;
+      this.series = this.stream.series;
+      this.at = null;
+    });
     this.stream.addEventListener('step', ({ detail }) => this.#arrive(detail));
     this.stream.addEventListener('cells', ({ detail }) => {
       this.regions.set(detail.field, detail.regions);

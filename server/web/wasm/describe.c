@@ -178,6 +178,21 @@ const char *view_describe_series(struct view *view)
     return out->failed ? NULL : (const char *)out->bytes;
 }
 
+/* Topology groups: their steps, and where the stream of each is in the whole. */
+static void put_topologies(struct tetlodi_buffer *out, const struct tetlod_info *info)
+{
+    for (uint32_t t = 0; t < info->topology_count; t++) {
+        const struct tetlod_topology *topology = &info->topologies[t];
+        put(out, t ? ",{\"cid\":" : "{\"cid\":");
+        put_string(out, topology->cid);
+        put_member(out, "offset", (double)topology->offset);
+        put_member(out, "size", (double)topology->size);
+        put(out, ",\"times\":");
+        put_point(out, topology->times, (int)topology->step_count);
+        put(out, "}");
+    }
+}
+
 const char *view_describe(struct view *view)
 {
     const struct tetlod_info *info = view_info(view);
@@ -204,6 +219,8 @@ const char *view_describe(struct view *view)
     put(out, "],\"levels\":[");
     for (uint32_t k = 0; k < info->level_count; k++)
         put_level(out, view, k);
+    put(out, "],\"topologies\":[");
+    put_topologies(out, info);
     put(out, "],\"time\":");
     put_table(out, info);
     put(out, ",\"metadata\":");
