@@ -281,6 +281,7 @@ demo: needs
 
 ## check: install, build and run all tests; ends with 'N passed, N failed' (ONLY=pattern runs some)
 .PHONY: check
+unexport ONLY # tests of the web client take it as a part of a test's name
 check: needs-check
 	$(Q)$(MAKE) $(PARALLEL) --no-print-directory all tests
 	$(Q)$(MAKE) $(PARALLEL) --no-print-directory config=asan all tests

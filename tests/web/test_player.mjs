@@ -102,23 +102,41 @@ async function playsAndLoops() {
   await until(() => document.getElementById('player-play').textContent === '▶' && window.tetlod.at.step === 19);
 }
 
-// Groups of the wanted band take long: the next steps come in a coarser one, and the page says so; where it stops it is exact again.
+// The next group of the wanted band comes late: the page plays a coarser one, and says so; where it stops it is exact again.
 async function lateStepsAreCoarser() {
-  const wanted = (await look()).series.bands.findIndex(({ error }) => error === 0.01);
-  await page.route(/bands\/\d+\/groups\//, async (route) => {
-    const [, band] = /bands\/(\d+)/.exec(route.request().url());
-    if (Number(band) >= wanted) await new Promise((resolve) => { setTimeout(resolve, 1200); });
+  const { bands, group: size } = (await look()).series;
+  const wanted = bands.findIndex(({ error }) => error === 0.01);
+  const groups = /bands\/(\d+)\/groups\/(\d+)/;
+  let send;
+  const sent = new Promise((resolve) => { send = resolve; });
+  await page.route(groups, async (route) => {
+    const [, band, group] = groups.exec(route.request().url()).map(Number);
+    if (band >= wanted && group) await sent;
     await route.continue();
   });
   await open('&step=6');
   await atStep(6);
+  await page.evaluate((first) => {
+    const { viewer } = window.tetlod;
+    const text = (id) => document.getElementById(id).textContent;
+    window.heard = [];
+    viewer.addEventListener('step', () => window.heard.push({ error: viewer.at.error, late: text('player-late'), shown: text('shown-error') }));
+    viewer.showStep = function (step, options) { // until it is late by every measure
+      if (step === first) window.asked = performance.now();
+      return Object.getPrototypeOf(this).showStep.call(this, step, options);
+    };
+  }, size);
   await page.keyboard.press(' ');
-  await until(() => window.tetlod.at.error > 0.01 && /late/.test(document.getElementById('player-late').textContent));
-  assert.match(await page.locator('#shown-error').textContent(), /^[25]\u202f%/);
+  await until(() => performance.now() - window.asked > 400);
+  send();
+  await until(() => window.heard.some(({ error }) => error > 0.01));
   await page.keyboard.press(' ');
+  const { late, shown } = await page.evaluate(() => window.heard.find(({ error }) => error > 0.01));
+  assert.match(late, /late/);
+  assert.match(shown, /^[25]\u202f%/);
   await until(() => window.tetlod.settled && window.tetlod.at.error === 0.01);
   assert.equal(await page.locator('#player-late').textContent(), '');
-  await page.unroute(/bands\/\d+\/groups\//);
+  await page.unroute(groups);
 }
 
 // The body bends: the surface that is drawn has other places at another step, and covers other pixels.
