@@ -49,6 +49,8 @@ export interface Info {
   lossless: boolean;
   fields: Field[];
   cellFields: CellField[];
+  /** Of a series whose mesh changes; else none. Where the stream of each lies, and the times of its steps. */
+  topologies: { cid: string; offset: number; size: number; times: number[] }[];
   levels: Level[];
   metadata: Record<string, unknown>;
 }
@@ -215,6 +217,7 @@ export interface Events {
   cells: { field: string; bytes: number; regions: { number: number; tets: number }[] | null };
   buffered: { band: number; groups: number[]; received: number };
   finished: { level: number };
+  /** What is decoded stays, unless the decoder itself has stopped: then the stream has ended. */
   error: { message: string };
 }
 
@@ -263,7 +266,7 @@ export class TetlodStream extends EventTarget {
   /** Decodes these fields, too, from now on. Pictures go on without them until they are there. */
   addFields(names: string[]): Promise<void>;
   mesh(): Promise<Mesh>;
-  /** Of the mesh that is shown; null outside. */
+  /** Of what is drawn of the mesh; null elsewhere. */
   probe(point: Point): Promise<{ tet: number; values: Record<string, number[]>; cells: Record<string, number[]> } | null>;
   /** Fetches values of cells, which are there from the event `cells` on. show() does so for those that it needs. */
   loadCells(name: string): Promise<void>;
@@ -271,7 +274,7 @@ export class TetlodStream extends EventTarget {
   readonly receivedCells: number;
   /** Values of cells, of all the original's tetrahedra, component by component: a level's are the first. */
   cells(name: string): Promise<Float64Array>;
-  /** The value that colours the pictures, along a segment: `ends` has [at, value] of begin and end of each piece, `at` from 0 to 1. */
+  /** The value that colours the pictures, along a segment: `ends` has [at, value] of begin and end of each piece, `at` from 0 to 1; what is not drawn is a gap. */
   line(from: Point, to: Point): Promise<{ level: number; ends: Float64Array }>;
   /** Gives back the memory that finer levels took. */
   compact(): Promise<void>;

@@ -106,6 +106,27 @@ async function regions_are_left_out() {
   await assert.rejects(stream.show({ regions: { field: 'load', hidden: [1] } }), /'load' are not whole numbers of one component/);
 }
 
+// A line has gaps, and a probe no value, where a region or what is beyond a threshold is not drawn.
+async function lines_and_probes_are_of_what_is_drawn() {
+  const [from, to] = [[0, 0.31, 0.42], [1, 0.31, 0.42]];
+  await stream.refineTo({ level: finest });
+  await stream.show({ field: 'heat', cellField: 'load', regions: { field: 'material', hidden: [10] } });
+  const { ends } = await stream.line(from, to);
+  const load = await stream.cells('load');
+  const material = await stream.cells('material');
+  assert.ok(Math.abs(ends[0] - 0.5) < 1e-9 && Math.abs(ends.at(-2) - 1) < 1e-9, `from ${ends[0]} to ${ends.at(-2)}`);
+  for (let i = 1; i < ends.length; i += 2) assert.equal(material[load.indexOf(ends[i])], 20);
+  assert.equal(await stream.probe([0.3, 0.31, 0.42]), null);
+  const found = await stream.probe([0.7, 0.31, 0.42]);
+  assert.deepEqual([found.cells.material, found.cells.load], [[20], [load[found.tet]]]);
+  await stream.show({ field: 'heat', threshold: { field: 'heat', low: 0.9 } });
+  const rest = (await stream.line(from, to)).ends;
+  assert.ok(rest.length > 8 && rest.every((x, i) => i % 2 === 0 || x >= 0.9));
+  assert.equal(await stream.probe([0.05, 0.31, 0.42]), null);
+  await stream.show(null);
+  assert.ok(await stream.probe([0.05, 0.31, 0.42]));
+}
+
 // Their bytes come when they are first needed, once; after a failure they can be asked for again.
 async function they_come_when_they_are_needed() {
   const host = await fileHost(bytes);
@@ -132,5 +153,5 @@ async function they_come_when_they_are_needed() {
   await server.stop();
 }
 
-await run([the_index_names_them, triangles_have_the_values_of_their_tetrahedra, rays_grid_and_line_have_them_too, regions_are_left_out, they_come_when_they_are_needed]);
+await run([the_index_names_them, triangles_have_the_values_of_their_tetrahedra, rays_grid_and_line_have_them_too, regions_are_left_out, lines_and_probes_are_of_what_is_drawn, they_come_when_they_are_needed]);
 stream.close();

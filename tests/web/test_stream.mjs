@@ -2,7 +2,7 @@
 // TetlodStream over servers and hosts of files that behave, fail, stop and lie.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
-import { readFileSync } from 'node:fs';
+import { readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { pathToFileURL } from 'node:url';
 import { ROOT, SCRATCH, TETLOD, fileHost, folderHost, program, sampleStream } from './hosts.mjs';
@@ -516,6 +516,56 @@ async function picturesOfEveryStep() {
   host.close();
 }
 
+// The decoder's module with one function that traps at once, as a fault in it would.
+function moduleThatTraps(name) {
+  const wasm = readFileSync(join(built, 'tetlod.wasm'));
+  let at = 8;
+  const number = () => {
+    for (let value = 0, shift = 0; ; shift += 7) {
+      const byte = wasm[at++];
+      value += (byte & 127) * 2 ** shift;
+      if (byte < 128) return value;
+    }
+  };
+  at = wasm.indexOf(`${String.fromCharCode(name.length)}${name}\0`, 'latin1') + name.length + 2; // its export: name, kind, number
+  const wanted = number() - WebAssembly.Module.imports(new WebAssembly.Module(wasm)).length;
+  for (at = 8; wasm[at] !== 10;) { // the section of code
+    at++;
+    const size = number();
+    at += size;
+  }
+  at++;
+  number();
+  const count = number();
+  assert.ok(wanted >= 0 && wanted < count);
+  for (let i = 0; i < wanted; i++) {
+    const size = number();
+    at += size;
+  }
+  const size = number();
+  wasm.fill(1, at, at + size - 1); // no operation, but: no locals, unreachable
+  wasm.set([0, 0], at);
+  const file = join(SCRATCH, `${name}.wasm`);
+  writeFileSync(file, wasm);
+  return pathToFileURL(file).href;
+}
+
+// A trap ends the stream, and all that waits hears why.
+async function aDecoderThatTraps() {
+  const host = await fileHost(bytes);
+  for (const [name, act] of [['view_probe', (stream) => stream.probe([0, 0, 0])], ['view_surface', (stream) => stream.show({ surface: true })]]) {
+    const stream = await TetlodStream.open(host.url, { wasm: moduleThatTraps(name) });
+    host.hold = stream.received; // the rest does not come
+    const said = heard(stream, 'error');
+    const waiting = [stream.refineTo(), act(stream).then(() => said).then(({ message }) => { throw new Error(message); })];
+    for (const settled of await Promise.allSettled(waiting)) assert.match(settled.reason?.message ?? '', /^the decoder stopped: unreachable; open the stream again$/);
+    assert.match((await said).message, /^the decoder stopped/);
+    await assert.rejects(stream.mesh(), /the stream is closed/);
+    host.hold = Infinity;
+  }
+  host.close();
+}
+
 await run([theServersRoutes, goesOnToATargetAtOnce, oneAnswerIsEnough, someFields, fieldsThatJoin, severalBudgets, asksAhead, levelsAreChosenAsTheServerDoes, aFileByRanges, aFileWithoutRange, explodedFiles, brokenConnectionsLoseNothing,
   waitsAsTheServerAsks, waitsForADescriptionToo, givesUpAndGoesOnLater, aServerThatIsKilledAndStartsAgain, aDamagedStream, aStreamThatEndsTooEarly,
-  aFileThatChanges, whatIsNotAStream, requestsEndEarly, picturesOfEveryStep]);
+  aFileThatChanges, whatIsNotAStream, requestsEndEarly, picturesOfEveryStep, aDecoderThatTraps]);

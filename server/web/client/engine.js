@@ -77,7 +77,7 @@ export class Engine {
     else this.#source = read ? new Held(read) : new Source(source, { ...options, target, fields });
     const first = this.#source.read(0, 1); // while the module is compiled
     first.catch(() => {});
-    this.#view = await View.create(await module);
+    this.#view = await View.create(await module, (error) => this.#break(error));
     await first;
     let names = this.#source.partial ? this.#source.fields : Array.isArray(fields) ? fields : null;
     if (this.#source.partial) this.#view.select(names);
@@ -143,14 +143,17 @@ export class Engine {
     return this.#view.mesh(this.#info.fields);
   }
 
+  /** Values at a point of what is drawn. */
   probe(point) {
+    this.#filter(); // the mesh may have gone on
     return this.#view.probe(point, this.#info.fields, this.#info.cellFields);
   }
 
-  /** The value that colours the pictures, along a segment. */
+  /** The value that colours the pictures, along a segment: what is not drawn is a gap. */
   line([from, to]) {
     if (!this.#spec || (this.#spec.shade < 0 && this.#spec.cellShade < 0)) throw new RangeError('a line needs pictures with a field');
-    this.#colour(); // the mesh may have gone on
+    this.#filter();
+    this.#colour();
     return { level: this.#shown, ends: this.#view.along(from, to) };
   }
 
@@ -186,6 +189,12 @@ export class Engine {
 
   seen() {
     this.#seen?.();
+  }
+
+  // The page ends the stream, and with it all that waits.
+  #break(error) {
+    this.#emit('broken', { message: `the decoder stopped: ${error.message}; open the stream again` });
+    this.close();
   }
 
   close() {
@@ -565,6 +574,11 @@ export class Engine {
   }
 
   // Returns the range.
+  // Which tetrahedra are drawn.
+  #filter() {
+    this.#view.filter(this.#spec?.threshold, this.#spec?.regions);
+  }
+
   #colour() {
     const { shade, component, cellShade, cellComponent } = this.#spec;
     return cellShade < 0 ? this.#view.shade(shade, component) : this.#view.shadeCells(cellShade, cellComponent);
@@ -585,9 +599,9 @@ export class Engine {
   }
 
   #draw(t) {
-    const { edges: lines, slices, isosurfaces, threshold, regions, clip } = this.#spec;
+    const { edges: lines, slices, isosurfaces, clip } = this.#spec;
     this.#view.clip(clip);
-    this.#view.filter(threshold, regions);
+    this.#filter();
     return {
       shade: this.#drawShade(t),
       surface: this.#drawSurface(),

@@ -474,6 +474,11 @@ export class TetlodStream extends EventTarget {
     this.#ahead?.link.close(reason);
   }
 
+  #break(detail) {
+    this.#end(new Error(detail.message));
+    this.dispatchEvent(new CustomEvent('error', { detail }));
+  }
+
   async #read(link, { id, from, to }) {
     try {
       link.send({ action: 'bytes', argument: { id, bytes: await this.#reader.read(from, to, this.#reading.signal) } });
@@ -486,6 +491,7 @@ export class TetlodStream extends EventTarget {
   #tell(event, detail, link) {
     if (this.#closed) return;
     if (event === 'read') return void this.#read(link, detail);
+    if (event === 'broken') return link === this.#link ? this.#break(detail) : link.close(new Error(detail.message));
     if (event === 'series') link.series = detail;
     if (event === 'level') link.level = detail;
     if (event === 'step') link.at = detail;

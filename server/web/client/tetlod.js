@@ -34,13 +34,27 @@ function objectOf(text) {
   }
 }
 
+// The exports; none of them throws but by a trap, which ends what they are part of.
+function guarded(exports, broken) {
+  const guard = (call) => (...words) => {
+    try {
+      return call(...words);
+    } catch (error) {
+      broken(error);
+      throw error;
+    }
+  };
+  return Object.fromEntries(Object.entries(exports).map(([name, value]) => [name, typeof value === 'function' ? guard(value) : value]));
+}
+
 export class View {
   #code; #view;
 
-  static async create(module) {
+  /** `broken(error)` hears that a call trapped: what the module's memory holds is worth nothing then. */
+  static async create(module, broken = () => {}) {
     const { exports } = await WebAssembly.instantiate(module, { wasi_snapshot_preview1: noFiles });
     exports._initialize();
-    return new View(exports);
+    return new View(guarded(exports, broken));
   }
 
   constructor(code) {

@@ -327,7 +327,7 @@ const double *view_values(const struct view *view, uint32_t field)
 
 uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz)
 {
-    return cut_along(&view->shown, view->shade, view->by_cells ? view->of_tets : NULL, (double[3]){ax, ay, az}, (double[3]){bx, by, bz}, &view->line, &view->error);
+    return cut_along(view_drawn(view), view->shade, view_of_drawn(view), (double[3]){ax, ay, az}, (double[3]){bx, by, bz}, &view->line, &view->error);
 }
 
 const struct cut_line *view_line(const struct view *view)
@@ -342,16 +342,17 @@ uint32_t view_probe(struct view *view, double x, double y, double z)
     double weights[4], diagonal = 0, *out = view->probed;
     for (int i = 0; i < 3; i++)
         diagonal += (info->bounds[1][i] - info->bounds[0][i]) * (info->bounds[1][i] - info->bounds[0][i]);
-    uint32_t tet = cut_probe(&view->shown, p, 1e-4 * sqrt(diagonal), weights);
-    for (uint32_t f = 0; tet != TETLOD_NONE && f < view->shown.field_count; f++) {
-        const struct point_field *field = &view->shown.fields[f];
+    const struct tetmesh *drawn = view_drawn(view);
+    uint32_t tet = cut_probe(drawn, p, 1e-4 * sqrt(diagonal), weights);
+    for (uint32_t f = 0; tet != TETLOD_NONE && f < drawn->field_count; f++) {
+        const struct point_field *field = &drawn->fields[f];
         for (uint32_t c = 0; c < field->components; c++, out++) {
             *out = field->values ? 0 : NAN;
             for (int i = 0; field->values && i < 4; i++)
-                *out += weights[i] * field->values[(size_t)view->shown.corners[4 * (size_t)tet + (size_t)i] * field->components + c];
+                *out += weights[i] * field->values[(size_t)drawn->corners[4 * (size_t)tet + (size_t)i] * field->components + c];
         }
     }
-    return tet;
+    return tet != TETLOD_NONE && view->has_kept ? view->kept_tets[tet] : tet;
 }
 
 const double *view_probed(const struct view *view)

@@ -206,12 +206,13 @@ VIEW_EXPORT(view_rays) uint32_t view_rays(struct view *view);
 VIEW_EXPORT(view_ray_data) const struct cut_rays *view_ray_data(const struct view *view);
 /* A field of the mesh that is shown, its components vertex by vertex; NULL: it is not decoded. */
 VIEW_EXPORT(view_values) const double *view_values(const struct view *view, uint32_t field);
-/* The value that colours, along a segment: view_line. */
+/* The value that colours, along a segment through what is drawn: view_line. After view_filter. */
 VIEW_EXPORT(view_along)
 uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz);
 VIEW_EXPORT(view_line) const struct cut_line *view_line(const struct view *view);
-/* Which tetrahedron a point is in, or is as good as in: the page knows points of the surface in float32 only. TETLOD_NONE, or its values
- * are in view_probed: a number for each component of each field, NaN for those that are not decoded. */
+/* Which tetrahedron of those that are drawn a point is in, or is as good as in: the page knows points of the surface in float32 only.
+ * TETLOD_NONE, or its values are in view_probed: a number for each component of each field, NaN for those that are not decoded. After
+ * view_filter. */
 VIEW_EXPORT(view_probe) uint32_t view_probe(struct view *view, double x, double y, double z);
 VIEW_EXPORT(view_probed) const double *view_probed(const struct view *view);
 
