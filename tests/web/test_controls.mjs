@@ -805,9 +805,7 @@ async function nothing_was_complained_of() {
   assert.deepEqual([page.complaints, page.strangers], [[], []]);
 }
 
-const tests = [the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
+await run([the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components,
   ranges_of_the_colours, logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, layers_are_drawn, a_threshold_leaves_cells, cells_colour_and_regions_are_hidden, vectors_are_drawn, isosurfaces_are_drawn, tetrahedra_are_rendered, rays_pass_flat_tetrahedra, a_volume_is_rendered,
   the_camera_and_the_background, a_second_view_turns_along, a_link_shows_the_same, what_leaves_the_page, surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says,
-  a_line_is_plotted, values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of];
-const { ONLY } = process.env;
-await run(ONLY ? tests.filter((test) => test.name.includes(ONLY)) : tests);
+  a_line_is_plotted, values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of]);
