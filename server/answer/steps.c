@@ -23,17 +23,37 @@ static const struct tetlod_series_info *series_info(struct exchange *exchange, c
     return series ? tetlod_series_info(series) : NULL;
 }
 
-static bool take_step(struct exchange *exchange, const struct tetlod_series_info *info, uint32_t *out)
+/* Steps over another mesh are in a stream of their own, which this one holds. */
+static bool refuse_topology(struct exchange *exchange, const struct tetlod_info *info, uint32_t topology)
 {
+    const struct tetlod_topology *other = &info->topologies[topology];
+    response_problem(exchange->response, 422, exchange->request->target,
+                     "that step is over another mesh, of topology group %" PRIu32 ": a stream of its own in bytes %" PRIu64 " to %" PRIu64
+                     " of this stream's file; here are the steps 0 to %" PRIu32,
+                     topology, other->offset, other->offset + other->size - 1, info->topologies[0].step_count - 1);
+    return false;
+}
+
+static bool take_step(struct exchange *exchange, const struct dataset *dataset, const struct tetlod_series_info *info, uint32_t *out)
+{
+    const struct tetlod_info *stream = dataset_info(dataset);
+    uint32_t count = info->step_count, topology = 0;
+    for (uint32_t t = 1; t < stream->topology_count; t++)
+        count += stream->topologies[t].step_count;
     char time[80], step[24];
     double moment;
     enum query_result by_time = query_value(exchange->query, "time", time, sizeof time);
     enum query_result by_step = query_value(exchange->query, "step", step, sizeof step);
-    if (by_time == QUERY_ABSENT && by_step == QUERY_FOUND)
-        return take_number(exchange, step, "step", info->step_count, out);
+    if (by_time == QUERY_ABSENT && by_step == QUERY_FOUND) {
+        if (!take_number(exchange, step, "step", count, out))
+            return false;
+        topology = stream->topology_count ? tetlod_topology_of_step(stream, *out, NULL) : 0;
+        return !topology || refuse_topology(exchange, stream, topology);
+    }
     if (by_step == QUERY_ABSENT && by_time == QUERY_FOUND && text_number(time, false, &moment)) {
         *out = tetlod_step_for_time(info, moment);
-        return true;
+        topology = stream->topology_count ? tetlod_topology_for_time(stream, moment) : 0;
+        return !topology || refuse_topology(exchange, stream, topology);
     }
     response_problem(exchange->response, 400, exchange->request->target, "give one number, once: time=%g or step=%" PRIu32,
                      info->times[info->step_count - 1], info->step_count - 1);
@@ -69,7 +89,7 @@ enum query_result query_step(struct exchange *exchange, struct dataset *dataset,
     if (query_value(exchange->query, "time", text, sizeof text) == QUERY_ABSENT && query_value(exchange->query, "step", text, sizeof text) == QUERY_ABSENT)
         return QUERY_ABSENT;
     const struct tetlod_series_info *info = series_info(exchange, dataset);
-    if (!info || !check_parameters(exchange, names) || !take_band(exchange, info, &out->band) || !take_step(exchange, info, &out->step))
+    if (!info || !check_parameters(exchange, names) || !take_band(exchange, info, &out->band) || !take_step(exchange, dataset, info, &out->step))
         return QUERY_BAD;
     out->level = info->bands[out->band].level;
     return QUERY_FOUND;

@@ -131,5 +131,23 @@ def test_bytes():
                     group_of(data, series, field, band, group) for field in range(len(names)))
 
 
-with Server(*PATHS) as server:
-    run([test_meshes, test_choice, test_surfaces, test_bytes])
+def test_topologies():
+    """Steps of the first group are there; of the others the answer says where their stream is, and that is one."""
+    base = '/v1/meshes/topologies'
+    groups = server.json(base)['topologies']
+    assert [group['steps'] for group in groups] == [2, 2, 1] and sum((group['times'] for group in groups), []) == [0, .25, .5, .75, 1]
+    for query in ('step=1', 'time=0.3'):
+        status, head, _ = server.get(base + '/mesh?error=1&' + query)
+        assert status == 303 and get(base + '/' + head['location'])[0]['tetlod-step'] == '1', query
+    for query, number in (('step=2', 1), ('time=0.6', 1), ('step=4', 2), ('time=9', 2)):
+        for path in ('mesh', 'prefix'):
+            status, _, body = server.get('%s/%s?error=1&%s' % (base, path, query))
+            assert status == 422 and b'topology group %d' % number in body, (query, status, body)
+    assert server.get(base + '/mesh?error=1&step=5')[0] == 400
+    group = groups[1]
+    status, _, body = server.get('%s/%s/stream' % (base, groups[0]['cid']), Range='bytes=%d-%d' % (group['offset'], group['offset'] + group['bytes'] - 1))
+    assert status == 206 and reference.open(body).cid == group['cid'], (status, len(body), body[:80])
+
+
+with Server(*PATHS, os.path.join(ROOT, 'tests', 'golden', 'topologies.tetlod')) as server:
+    run([test_meshes, test_choice, test_surfaces, test_bytes, test_topologies])
