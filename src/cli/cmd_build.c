@@ -712,11 +712,14 @@ static enum tetlod_status build_topologies(struct request *request, struct input
 {
     uint32_t count = in->count - request->series.series.points_move;
     char *copies[2 * MOST_CONTROLS + 1];
+    bool room = true;
     for (uint32_t c = 0; c < count; c++)
-        copies[c] = strdup(in->mesh.fields[in->controls[c].field].name);
+        room &= (copies[c] = strdup(in->mesh.fields[in->controls[c].field].name)) != NULL;
     release(request, in);
     const char *const *names = (const char *const *)copies;
-    enum tetlod_status status = series_topologies_find(&request->topologies, &request->series, &request->reading, names, count, &request->progress, error);
+    enum tetlod_status status = room ? TETLOD_OK : tetlodi_fail_nomem(error, "the fields' names", count * sizeof *copies);
+    if (status == TETLOD_OK)
+        status = series_topologies_find(&request->topologies, &request->series, &request->reading, names, count, &request->progress, error);
     if (status == TETLOD_OK)
         status = build_rest(request, spool, names, count, error);
     request->series.from = 0;
