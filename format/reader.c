@@ -9,9 +9,9 @@
 #include "format/cells.h"
 #include "format/checksum.h"
 #include "format/fail.h"
-#include "format/topologies.h"
 #include "format/order.h"
 #include "format/pack.h"
+#include "format/topologies.h"
 
 static const uint64_t DEFAULT_BYTES = (uint64_t)16 << 30;
 
@@ -207,26 +207,17 @@ static enum tetlod_status read_metadata(struct tetlod_file *file, struct tetlod_
     return TETLOD_OK;
 }
 
-static enum tetlod_status read_cells(struct tetlod_file *file, struct tetlod_error *error)
+/* Decodes the first section with a tag, if there is one, into the index. */
+static enum tetlod_status read_table(struct tetlod_file *file, const char *tag,
+                                     enum tetlod_status (*decode)(struct tetlodi_index *, const uint8_t *, size_t, struct tetlod_error *),
+                                     struct tetlod_error *error)
 {
-    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, file->index.info.section_count, TAG_CELLS);
+    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, file->index.info.section_count, tag);
     uint8_t *bytes = NULL;
     if (!section)
         return TETLOD_OK;
     TETLOD_TRY(read_section(file, section, &bytes, error));
-    enum tetlod_status status = tetlodi_cells_decode(&file->index, bytes, (size_t)section->plain, error);
-    free(bytes);
-    return status;
-}
-
-static enum tetlod_status read_topologies(struct tetlod_file *file, struct tetlod_error *error)
-{
-    const struct tetlodi_section *section = tetlodi_section_find(file->index.sections, file->index.info.section_count, TAG_TOPOLOGIES);
-    uint8_t *bytes = NULL;
-    if (!section)
-        return TETLOD_OK;
-    TETLOD_TRY(read_section(file, section, &bytes, error));
-    enum tetlod_status status = tetlodi_topologies_decode(&file->index, bytes, (size_t)section->plain, error);
+    enum tetlod_status status = decode(&file->index, bytes, (size_t)section->plain, error);
     free(bytes);
     return status;
 }
@@ -253,8 +244,8 @@ static enum tetlod_status read_index(struct tetlod_file *file, const struct tetl
     file->index_bytes = header->index_plain + file->index.info.level_count * sizeof *file->index.levels +
                         file->index.info.level_count * (1 + (uint64_t)file->index.info.field_count) * sizeof *file->index.frames;
     TETLOD_TRY_DONE(read_metadata(file, error));
-    TETLOD_TRY_DONE(read_cells(file, error));
-    status = read_topologies(file, error);
+    TETLOD_TRY_DONE(read_table(file, TAG_CELLS, tetlodi_cells_decode, error));
+    status = read_table(file, TAG_TOPOLOGIES, tetlodi_topologies_decode, error);
 done:
     free(index);
     free(stored);

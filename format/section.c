@@ -5,9 +5,9 @@
 
 #include "format/cells.h"
 #include "format/fail.h"
-#include "format/topologies.h"
 #include "format/pack.h"
 #include "format/time_table.h"
+#include "format/topologies.h"
 
 /* Tags that this library reads, and where their sections are. */
 static const struct known {

@@ -9,6 +9,7 @@
 
 #include "format/fail.h"
 #include "server/answer/respond.h"
+#include "src/report/series_json.h"
 #include "src/util/array.h"
 
 /* ---- what is asked for */
@@ -37,9 +38,7 @@ static bool refuse_topology(struct exchange *exchange, const struct tetlod_info 
 static bool take_step(struct exchange *exchange, const struct dataset *dataset, const struct tetlod_series_info *info, uint32_t *out)
 {
     const struct tetlod_info *stream = dataset_info(dataset);
-    uint32_t count = info->step_count, topology = 0;
-    for (uint32_t t = 1; t < stream->topology_count; t++)
-        count += stream->topologies[t].step_count;
+    uint32_t count = stream->topology_count ? series_steps_before(stream, stream->topology_count) : info->step_count, topology = 0;
     char time[80], step[24];
     double moment;
     enum query_result by_time = query_value(exchange->query, "time", time, sizeof time);

@@ -10,6 +10,7 @@
 #include "src/cli/progress.h"
 #include "src/report/info_json.h"
 #include "src/report/plot.h"
+#include "src/report/series_json.h"
 #include "src/util/array.h"
 #include "src/util/file.h"
 #include "src/util/parallel.h"
@@ -85,14 +86,6 @@ struct all_steps {
     struct steps_errors errors;
 };
 
-static uint32_t count_steps(const struct tetlod_info *info, const struct tetlod_series_info *steps)
-{
-    uint32_t count = info->topology_count ? 0 : steps->step_count;
-    for (uint32_t t = 0; t < info->topology_count; t++)
-        count += info->topologies[t].step_count;
-    return count;
-}
-
 static enum tetlod_status add_steps(struct all_steps *all, struct tetlod_file *file, const char *name, struct tetlod_error *error)
 {
     struct tetlod_series *series;
@@ -161,7 +154,8 @@ static enum tetlod_status plot_steps(struct tetlod_file *file, const char *path,
     if (tetlod_series_new(&series, file, &inner) != TETLOD_OK)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s: --steps: %.230s", path, inner.message);
     const struct tetlod_series_info *steps = tetlod_series_info(series);
-    struct all_steps all = {.count = count_steps(info, steps), .bands = steps->band_count - 1};
+    struct all_steps all = {.count = info->topology_count ? series_steps_before(info, info->topology_count) : steps->step_count,
+                            .bands = steps->band_count - 1};
     const char *shown = name ? name : info->fields[steps->fields[0]].name;
     enum tetlod_status status = measure_steps(&all, file, shown, &inner);
     if (status != TETLOD_OK)

@@ -385,10 +385,9 @@ static void print_done(const struct verification *v)
         printf(" of points that move, which turns over %" PRIu64 " tetrahedra at most at one step in one band", v->series.turned);
     if (v->request->series.path_count)
         printf("; %u levels measured", against->measured);
-    bool all = v->whole && (tetlod_info(v->file)->topology_count || against->exact_count == against->measured);
-    if (against->measured && all)
+    if (against->measured && v->whole)
         printf(", max held against the exact maximum at all of them");
-    for (uint32_t i = all ? 0 : against->exact_count; i-- > 0;)
+    for (uint32_t i = v->whole ? 0 : against->exact_count; i-- > 0;)
         printf("%s%u", i + 1 == against->exact_count ? ", max held against the exact maximum at levels " : ", ",
                against->exact[i]);
     putchar('\n');

@@ -8,6 +8,7 @@
 #include "format/fail.h"
 #include "src/mesh/displacement.h"
 #include "src/report/level_mesh.h"
+#include "src/report/series_json.h"
 
 static enum tetlod_status choose_step(const struct tetlod_series_info *info, const struct step_choice *choice, uint32_t *step,
                                       struct tetlod_error *error)
@@ -68,10 +69,8 @@ static enum tetlod_status extract_from(struct tetlod_file *file, const struct st
     struct tetlod_file *part;
     uint32_t step = 0, topology = choice->by_time ? tetlod_topology_for_time(info, choice->time)
                                                   : choice->step > UINT32_MAX ? TETLOD_NONE : tetlod_topology_of_step(info, (uint32_t)choice->step, &step);
-    for (uint32_t t = 0; t < info->topology_count; t++) {
-        own.before += t < topology ? info->topologies[t].step_count : 0;
-        own.total += info->topologies[t].step_count;
-    }
+    own.before = series_steps_before(info, topology);
+    own.total = series_steps_before(info, info->topology_count);
     if (topology == TETLOD_NONE)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "it has %u steps, 0 to %u; there is no step %llu", own.total, own.total - 1,
                             (unsigned long long)choice->step);

@@ -18,4 +18,7 @@ json_t *series_json(const struct tetlod_series *series, const struct tetlod_info
 
 void series_print(FILE *out, const struct tetlod_series *series, const struct tetlod_info *info);
 
+/* Steps of the topology groups before one; of all of them before info->topology_count. */
+uint32_t series_steps_before(const struct tetlod_info *info, uint32_t topology);
+
 #endif
