@@ -59,6 +59,25 @@ export class LinePlot {
     for (const [name, value] of [['x1', places[0].x], ['y1', places[0].y], ['x2', places[1].x], ['y2', places[1].y]]) this.line.setAttribute(name, value.toFixed(1));
   }
 
+  /** The line in a saved picture; `factor`: its pixels of one on the screen. */
+  drawOn(context, { width, height }, factor) {
+    const { scene, store: { state } } = this.viewer;
+    const places = state.line ? [0, 1].map((end) => scene.toPicture(add(this.world(end), scene.centre, -1), [width, height])) : [];
+    if (!places.length || places.some(({ depth }) => depth > 1)) return;
+    context.save();
+    context.strokeStyle = context.fillStyle = getComputedStyle(this.line).stroke;
+    context.lineWidth = 2 * factor;
+    context.beginPath();
+    for (const { x, y } of places) context.lineTo(x, y);
+    context.stroke();
+    for (const { x, y } of places) {
+      context.beginPath();
+      context.arc(x, y, 4 * factor, 0, 2 * Math.PI);
+      context.fill();
+    }
+    context.restore();
+  }
+
   makeKnob(layer, end) {
     const knob = element('button', { type: 'button', className: 'knob along', ariaLabel: `Line: ${end ? 'end' : 'begin'}; drag, or arrow keys` });
     let held = false;
@@ -133,7 +152,7 @@ export class LinePlot {
     const { width, height } = this.drawing.getBoundingClientRect();
     if (!this.shown || this.box.hidden || !width) return;
     const { ends, from, to, bound } = this.shown;
-    if (!ends.length) return this.drawing.replaceChildren(svg('text', { x: width / 2, y: height / 2 }, 'The line does not meet the volume.'));
+    if (!ends.length) return this.drawing.replaceChildren(svg('text', { x: width / 2, y: height / 2 }, 'The line does not meet what is drawn.'));
     const [low, high] = this.extent();
     const whole = length(add(to, from, -1));
     this.x = (at) => margin.left + at * (width - margin.left - margin.right);
