@@ -588,7 +588,7 @@ async function what_leaves_the_page() {
   assert.equal(mesh.name, `fin-${level}.vtu`);
   assert.match(mesh.bytes.subarray(0, 2000).toString('latin1'), new RegExp(`NumberOfCells="${tets}"`));
   const shot = await download('screenshot');
-  const labels = await page.locator('.axes text, .pin b, .pin span, .knob.along, line.along').evaluateAll((all) => all.map((mark) => mark.getBoundingClientRect().toJSON()));
+  const labels = await page.locator('.axes text, .pin b, .pin span, .knob.along, line.rim').evaluateAll((all) => all.map((mark) => mark.getBoundingClientRect().toJSON()));
   assert.ok(labels.length > 10);
   assert.equal(shot.name, `fin-${level}.png`);
   const texts = JSON.parse(execFileSync('python3', ['-c', readTexts], { input: shot.bytes }));
