@@ -131,6 +131,8 @@ mutant('overlay: no slack of a bound', 'src/measure/overlay.c', 'double enough =
        'double enough = worker->most[compared->field] + 0 * size;', 'a bound is widened by its rounding', 'unit/test_overlay')
 mutant('overlay: no slack of the ends', 'src/measure/overlay.c', 'if (found + 8 * size * cell->slack > worker', 'if (found + 0 * size > worker',
        'what is left to 113 bits is what doubles cannot rule out', 'unit/test_overlay')
+mutant('overlay: clipped as rounding has it', 'src/measure/overlay.c', 'double room = 2 * cell->slack;', 'double room = 0;',
+       'the ends lie between those of what rounding allows', 'unit/test_overlay')
 mutant('overlay: corners of the wrong mesh', 'src/measure/overlay.c', 'if (m != overlay->finer && !both)', 'if (m == overlay->finer && !both)',
        'before both are weighed only those of the finer mesh are known', 'unit/test_overlay')
 mutant('overlay: a finest level that moved', 'src/measure/overlay_levels.c', '!memcmp(finest->positions, original->positions, 3 * vertices * sizeof(double)) &&', '',
