@@ -21,22 +21,28 @@ void tetlodi_replay_init(struct tetlodi_replay *replay, struct tetlodi_memory *m
         replay->free_runs[i] = TETLOD_NONE;
 }
 
-void tetlodi_replay_fini(struct tetlodi_replay *replay)
+void tetlodi_replay_drop(struct tetlodi_replay *replay)
 {
     struct tetlodi_memory *memory = replay->memory;
     for (uint32_t i = 0; i < replay->column_count; i++) {
         struct tetlodi_column *column = &replay->columns[i];
-        TETLODI_FREE(memory, column->codes, column->codes_capacity);
         TETLODI_FREE(memory, column->values, column->values_capacity);
         TETLODI_FREE(memory, column->before, column->before_capacity);
         TETLODI_FREE(memory, column->other_values, column->other_capacity);
     }
-    TETLODI_FREE(memory, replay->corners, replay->corners_capacity);
     TETLODI_FREE(memory, replay->parents, replay->parents_capacity);
     TETLODI_FREE(memory, replay->pool, replay->pool_capacity);
     TETLODI_FREE(memory, replay->stars, replay->stars_capacity);
     TETLODI_FREE(memory, replay->log, replay->log_capacity);
     TETLODI_FREE(memory, replay->labels, replay->labels_capacity);
+}
+
+void tetlodi_replay_fini(struct tetlodi_replay *replay)
+{
+    tetlodi_replay_drop(replay);
+    for (uint32_t i = 0; i < replay->column_count; i++)
+        TETLODI_FREE(replay->memory, replay->columns[i].codes, replay->columns[i].codes_capacity);
+    TETLODI_FREE(replay->memory, replay->corners, replay->corners_capacity);
 }
 
 int tetlodi_column_room(struct tetlodi_column *column, struct tetlodi_memory *memory, size_t vertices, size_t records)

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * The writer holds the same mesh as a cursor and walks it from the base mesh up, telling the recorder what the contraction
- * forest says. Leaves are numbered depth first, so that "below a node" is a range. A tetrahedron comes back with the split of
- * the last of the nodes in which its corners meet.
+ * forest says. A tetrahedron comes back with the split of the last of the nodes in which its corners meet.
  */
 #include "format/writer.h"
 
@@ -15,31 +14,21 @@
 #include "format/container.h"
 #include "format/fail.h"
 #include "format/index.h"
+#include "format/lineage.h"
 #include "format/order.h"
 #include "format/record_fields.h"
 #include "format/star_view.h"
 #include "format/tail.h"
 #include "format/utf8.h"
 
-enum { MOST_CHILDREN = 4 };
-
 /* The rate of learning that makes the smallest streams from some 1,000 vertices on, or within 1/1000 of them. */
 enum { USUAL_SLOWEST = 6 };
-
-struct range {
-    uint32_t begin, end;
-};
 
 struct writer {
     const struct tetlodi_write_input *in;
     struct tetlod_error *error;
-    uint32_t nodes;
-    uint32_t *parent;      /* [node] */
-    struct range *range;   /* [node] of positions of its leaves */
-    uint32_t *position;    /* [leaf] depth first */
+    struct lineage lineage; /* `waiting` counts down to the split with which a tetrahedron is there */
     uint32_t *slot_at;     /* [position] slot of the leaf's living ancestor */
-    uint32_t *meeting_begin, *meeting; /* [contraction + 1], tetrahedra whose corners meet in its node */
-    uint8_t *waiting;      /* [tet] nodes still to be split before it is there */
     uint32_t *node_at;     /* [slot] */
     uint32_t *original_of; /* [tet in order of arrival] */
     uint32_t node;         /* that splits */
@@ -63,136 +52,13 @@ static enum tetlod_status out_of_memory(struct writer *w)
     return tetlodi_fail_nomem(w->error, "the stream", (uint64_t)w->in->tets * 64);
 }
 
-static const uint32_t *children_of(const struct writer *w, uint32_t node)
-{
-    return w->in->children + 4 * (size_t)(node - w->in->vertices);
-}
-
-static uint32_t child_count(const uint32_t *children)
-{
-    uint32_t count = 0;
-    while (count < MOST_CHILDREN && children[count] != TETLOD_NONE)
-        count++;
-    return count;
-}
-
-/* ---- the forest */
-
-static enum tetlod_status link_parents(struct writer *w)
-{
-    for (uint32_t node = 0; node < w->nodes; node++)
-        w->parent[node] = TETLOD_NONE;
-    for (uint32_t node = w->in->vertices; node < w->nodes; node++) {
-        const uint32_t *children = children_of(w, node);
-        uint32_t count = child_count(children);
-        if (count < 2)
-            return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "contraction %u has fewer than two vertices",
-                                node - w->in->vertices);
-        for (uint32_t c = 0; c < count; c++) {
-            if (children[c] >= node || w->parent[children[c]] != TETLOD_NONE)
-                return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "contraction %u takes a vertex that is not there",
-                                    node - w->in->vertices);
-            w->parent[children[c]] = node;
-        }
-    }
-    return TETLOD_OK;
-}
-
-/* Sizes from the leaves up, then begins from the roots down: children follow each other inside their parent. */
-static void number_leaves(struct writer *w)
-{
-    uint32_t next = 0;
-    for (uint32_t node = 0; node < w->nodes; node++)
-        w->range[node] = (struct range){0, node < w->in->vertices};
-    for (uint32_t node = 0; node < w->nodes; node++)
-        if (w->parent[node] != TETLOD_NONE)
-            w->range[w->parent[node]].end += w->range[node].end;
-    for (uint32_t node = w->nodes; node-- > 0;) {
-        uint32_t size = w->range[node].end;
-        if (w->parent[node] == TETLOD_NONE) {
-            w->range[node] = (struct range){next, next + size};
-            next += size;
-        }
-        if (node < w->in->vertices) {
-            w->position[node] = w->range[node].begin;
-            continue;
-        }
-        const uint32_t *children = children_of(w, node);
-        uint32_t begin = w->range[node].begin;
-        for (uint32_t c = 0; c < child_count(children); c++) {
-            struct range *range = &w->range[children[c]];
-            *range = (struct range){begin, begin + range->end};
-            begin = range->end;
-        }
-    }
-}
-
-static bool below(const struct writer *w, uint32_t leaf, uint32_t node)
-{
-    return w->position[leaf] >= w->range[node].begin && w->position[leaf] < w->range[node].end;
-}
-
-/* The different nodes in which a tetrahedron's corners meet, three at most: those of neighbours in depth first order. */
-static uint32_t meetings(const struct writer *w, uint32_t tet, uint32_t out[3])
-{
-    uint32_t leaves[4], count = 0;
-    memcpy(leaves, w->in->corners + 4 * (size_t)tet, sizeof leaves);
-    for (int i = 1; i < 4; i++)
-        for (int j = i; j > 0 && w->position[leaves[j - 1]] > w->position[leaves[j]]; j--) {
-            uint32_t swap = leaves[j];
-            leaves[j] = leaves[j - 1];
-            leaves[j - 1] = swap;
-        }
-    for (int i = 0; i < 3; i++) {
-        uint32_t node = leaves[i];
-        bool seen = false;
-        while (node != TETLOD_NONE && !below(w, leaves[i + 1], node))
-            node = w->parent[node];
-        for (uint32_t k = 0; k < count; k++)
-            seen |= out[k] == node;
-        if (node != TETLOD_NONE && !seen)
-            out[count++] = node;
-    }
-    return count;
-}
-
-static enum tetlod_status list_meetings(struct writer *w)
-{
-    uint32_t out[3], contractions = w->in->contractions;
-    uint64_t total = 0;
-    for (uint32_t t = 0; t < w->in->tets; t++) {
-        w->waiting[t] = (uint8_t)meetings(w, t, out);
-        for (uint32_t i = 0; i < w->waiting[t]; i++)
-            w->meeting_begin[out[i] - w->in->vertices + 1]++;
-        total += w->waiting[t];
-    }
-    if (total > UINT32_MAX)
-        return tetlodi_fail(w->error, TETLOD_ERR_LIMIT, "the mesh is too large");
-    w->meeting = malloc((total ? total : 1) * sizeof *w->meeting);
-    uint32_t *next = malloc((contractions + (size_t)1) * sizeof *next);
-    if (!w->meeting || !next) {
-        free(next);
-        return out_of_memory(w);
-    }
-    for (uint32_t c = 0; c < contractions; c++)
-        w->meeting_begin[c + 1] += w->meeting_begin[c];
-    memcpy(next, w->meeting_begin, contractions * sizeof *next);
-    for (uint32_t t = 0; t < w->in->tets; t++) {
-        uint32_t count = meetings(w, t, out);
-        for (uint32_t i = 0; i < count; i++)
-            w->meeting[next[out[i] - w->in->vertices]++] = t;
-    }
-    free(next);
-    return TETLOD_OK;
-}
-
 /* ---- numbers */
 
 /* A component of a column at a node. */
 static double value_of(const struct writer *w, uint32_t column, uint32_t node, size_t component)
 {
     const struct tetlodi_write_field *field = column ? &w->in->fields[column - 1] : NULL;
-    const double *values = field ? field->values : w->in->positions,
+    const double *values = !field ? w->in->positions : field->values ? field->values : field->exact,
                  *node_values = field ? field->node_values : w->in->node_positions;
     size_t n = w->columns[column].components, originals = n * w->in->vertices, at = node * n + component;
     return at < originals ? values[at] : node_values[at - originals];
@@ -203,20 +69,27 @@ static unsigned axis_of(uint32_t column, size_t component)
     return column ? 0 : (unsigned)component;
 }
 
+/* Is the number that levels have there not the original's but the grid's nearest? */
+static bool is_rounded(const struct writer *w, uint32_t column, uint32_t node)
+{
+    return column && !w->in->fields[column - 1].values && node < w->in->vertices;
+}
+
 static int64_t code_of(const struct writer *w, uint32_t column, uint32_t node, size_t component)
 {
-    return scale_code(&w->columns[column].scale, axis_of(column, component), value_of(w, column, node, component));
+    int64_t code = scale_code(&w->columns[column].scale, axis_of(column, component), value_of(w, column, node, component));
+    return is_rounded(w, column, node) && code > w->in->fields[column - 1].most ? w->in->fields[column - 1].most : code;
 }
 
 /* Has every number of a column a code? */
 static enum tetlod_status check_column(const struct writer *w, uint32_t c)
 {
     const char *name = c ? w->in->fields[c - 1].name : "positions";
-    for (uint32_t node = 0; node < w->nodes; node++)
+    for (uint32_t node = 0; node < w->lineage.nodes; node++)
         for (size_t k = 0; k < w->columns[c].components; k++) {
             double value = value_of(w, c, node, k);
             double back = scale_value(&w->columns[c].scale, axis_of(c, k), code_of(w, c, node, k));
-            if (!isfinite(value) || memcmp(&back, &value, sizeof value) != 0)
+            if (!isfinite(value) || (!is_rounded(w, c, node) && memcmp(&back, &value, sizeof value) != 0))
                 return tetlodi_fail(w->error, TETLOD_ERR_ARGUMENT, "%s: %.17g is not a number of its type", name, value);
         }
     return TETLOD_OK;
@@ -224,24 +97,17 @@ static enum tetlod_status check_column(const struct writer *w, uint32_t c)
 
 /* ---- base mesh */
 
-static uint32_t root_of(const struct writer *w, uint32_t leaf)
-{
-    while (w->parent[leaf] != TETLOD_NONE)
-        leaf = w->parent[leaf];
-    return leaf;
-}
-
 /* Gives a node a place among the living: its leaves' ancestor. */
 static void settle_node(struct writer *w, uint32_t node, uint32_t slot)
 {
     w->node_at[slot] = node;
-    for (uint32_t p = w->range[node].begin; p < w->range[node].end; p++)
+    for (uint32_t p = w->lineage.range[node].begin; p < w->lineage.range[node].end; p++)
         w->slot_at[p] = slot;
 }
 
 static uint32_t slot_of(const struct writer *w, uint32_t tet, int corner)
 {
-    return w->slot_at[w->position[w->in->corners[4 * (size_t)tet + (size_t)corner]]];
+    return w->slot_at[w->lineage.position[w->in->corners[4 * (size_t)tet + (size_t)corner]]];
 }
 
 struct base {
@@ -254,9 +120,9 @@ static enum tetlod_status gather_base(struct writer *w, struct base *base)
 {
     uint32_t vertices = 0, tets = 0;
     for (uint32_t t = 0; t < w->in->tets; t++)
-        tets += w->waiting[t] == 0;
-    for (uint32_t node = 0; node < w->nodes; node++)
-        vertices += w->parent[node] == TETLOD_NONE;
+        tets += w->lineage.waiting[t] == 0;
+    for (uint32_t node = 0; node < w->lineage.nodes; node++)
+        vertices += w->lineage.parent[node] == TETLOD_NONE;
     base->corners = malloc((4 * (size_t)tets + 1) * sizeof *base->corners);
     base->tets = malloc((tets + (size_t)1) * sizeof *base->tets);
     base->tet_order = malloc((tets + (size_t)1) * sizeof *base->tet_order);
@@ -269,13 +135,13 @@ static enum tetlod_status gather_base(struct writer *w, struct base *base)
     for (uint32_t v = 0; v < w->in->vertices; v++)
         w->slot_at[v] = TETLOD_NONE;
     for (uint32_t v = 0; v < w->in->vertices; v++)
-        if (w->slot_at[w->position[v]] == TETLOD_NONE) {
-            base->roots[vertices] = root_of(w, v);
+        if (w->slot_at[w->lineage.position[v]] == TETLOD_NONE) {
+            base->roots[vertices] = lineage_root(&w->lineage, v);
             settle_node(w, base->roots[vertices], vertices);
             vertices++;
         }
     for (uint32_t t = 0; t < w->in->tets; t++) {
-        if (w->waiting[t])
+        if (w->lineage.waiting[t])
             continue;
         for (int c = 0; c < 4; c++)
             base->corners[4 * (size_t)tets + (size_t)c] = slot_of(w, t, c);
@@ -301,9 +167,9 @@ static void find_copies(const struct writer *w, uint32_t column, uint8_t *copied
     for (size_t c = 1; c < n; c++)
         for (size_t source = 0; source < c && copied[c] == c; source++) {
             uint32_t node = 0;
-            while (node < w->nodes && code_of(w, column, node, c) == code_of(w, column, node, source))
+            while (node < w->lineage.nodes && code_of(w, column, node, c) == code_of(w, column, node, source))
                 node++;
-            copied[c] = (uint8_t)(node == w->nodes ? source : c);
+            copied[c] = (uint8_t)(node == w->lineage.nodes ? source : c);
         }
 }
 
@@ -386,8 +252,8 @@ static bool same_place(const struct writer *w, uint32_t a, uint32_t b)
  * that the sign of where the second lies can be learned. */
 static uint32_t order_children(struct writer *w, uint32_t node)
 {
-    uint32_t count = child_count(children_of(w, node)), first = 0;
-    memcpy(w->children, children_of(w, node), count * sizeof *w->children);
+    uint32_t count = lineage_child_count(&w->lineage, node), first = 0;
+    memcpy(w->children, lineage_children(&w->lineage, node), count * sizeof *w->children);
     for (uint32_t c = 1; c < count; c++) {
         uint32_t a = w->children[c], b = w->children[first];
         size_t axis = code_of(w, 0, a, 0) != code_of(w, 0, b, 0) ? 0 : code_of(w, 0, a, 1) != code_of(w, 0, b, 1) ? 1 : 2;
@@ -403,13 +269,13 @@ static uint32_t order_children(struct writer *w, uint32_t node)
 /* Tetrahedra that wait for this record only. */
 static enum tetlod_status list_arrivals(struct writer *w, uint32_t node)
 {
-    uint32_t c = node - w->in->vertices, begin = w->meeting_begin[c], end = w->meeting_begin[c + 1];
+    uint32_t c = node - w->in->vertices, begin = w->lineage.meeting_begin[c], end = w->lineage.meeting_begin[c + 1];
     if (!TETLODI_ROOM(&w->memory, w->arrived, w->arrived_capacity, end - begin))
         return out_of_memory(w);
     w->arrived_count = 0;
     for (uint32_t i = begin; i < end; i++)
-        if (--w->waiting[w->meeting[i]] == 0)
-            w->arrived[w->arrived_count++] = w->meeting[i];
+        if (--w->lineage.waiting[w->lineage.meeting[i]] == 0)
+            w->arrived[w->arrived_count++] = w->lineage.meeting[i];
     return TETLOD_OK;
 }
 
@@ -495,8 +361,9 @@ static int plan_split(void *opaque, struct tetlodi_star_view *star, unsigned num
     uint32_t node = w->children[number], child = w->replay.vertices, count = 0;
     for (uint32_t i = 0; i < star->size; i++) {
         const uint32_t *leaves = w->in->corners + 4 * (size_t)w->original_of[star->corners[i] / 4];
-        star->labels[i] = below(w, leaves[0], node) || below(w, leaves[1], node) || below(w, leaves[2], node) ||
-                          below(w, leaves[3], node);
+        star->labels[i] = 0;
+        for (int c = 0; c < 4; c++)
+            star->labels[i] |= lineage_below(&w->lineage, leaves[c], node);
     }
     settle_node(w, node, child);
     for (uint32_t e = 0; e < star->edge_count && w->arrived_count; e++)
@@ -528,7 +395,7 @@ static enum tetlod_status write_level(struct writer *w, uint32_t level)
     uint32_t contractions = w->in->levels[level].contractions;
     uint32_t vertices = w->in->vertices;
     for (uint32_t c = 0; c < contractions; c++)
-        vertices -= child_count(children_of(w, w->in->vertices + c)) - 1;
+        vertices -= lineage_child_count(&w->lineage, w->in->vertices + c) - 1;
     start_coders(w);
     tetlodi_level_begin(&w->recorder, vertices, w->in->tets);
     while (w->replay.vertices < vertices)
@@ -556,8 +423,8 @@ static enum tetlod_status code_tail(struct writer *w, uint32_t field)
 static enum tetlod_status write_tail(struct writer *w, uint32_t level)
 {
     w->index.tail = 1;
-    free(w->meeting); // no record is left, and memory is at its peak here
-    w->meeting = NULL;
+    tetlodi_lineage_fini(&w->lineage); // no record is left, and memory is at its peak here
+    tetlodi_replay_drop(&w->replay);
     start_coders(w);
     for (uint32_t f = 0; f < w->in->field_count; f++)
         if (w->in->fields[f].exact)
@@ -752,13 +619,7 @@ static enum tetlod_status allocate(struct writer *w, unsigned slowest)
     const struct tetlodi_write_input *in = w->in;
     size_t parts = in->field_count + (size_t)1;
     w->memory.most = UINT64_MAX;
-    w->nodes = in->vertices + in->contractions;
-    w->parent = malloc(w->nodes * sizeof *w->parent);
-    w->range = malloc(w->nodes * sizeof *w->range);
-    w->position = malloc(in->vertices * sizeof *w->position);
     w->slot_at = malloc(in->vertices * sizeof *w->slot_at);
-    w->meeting_begin = calloc(in->contractions + (size_t)1, sizeof *w->meeting_begin);
-    w->waiting = malloc(in->tets);
     w->node_at = malloc(in->vertices * sizeof *w->node_at);
     w->original_of = malloc(in->tets * sizeof *w->original_of);
     w->columns = calloc(parts, sizeof *w->columns);
@@ -767,8 +628,7 @@ static enum tetlod_status allocate(struct writer *w, unsigned slowest)
     w->index.info.field_count = in->field_count;
     w->index.info.level_count = in->level_count;
     w->index.slowest = slowest;
-    bool done = w->parent && w->range && w->position && w->slot_at && w->meeting_begin && w->waiting && w->node_at &&
-                w->original_of && w->columns && w->encoders && w->stored && tetlodi_index_allocate(&w->index);
+    bool done = w->slot_at && w->node_at && w->original_of && w->columns && w->encoders && w->stored && tetlodi_index_allocate(&w->index);
     if (!done)
         return out_of_memory(w);
     set_columns(w);
@@ -788,8 +648,8 @@ static void release(struct writer *w)
     tetlodi_recorder_fini(&w->recorder);
     if (w->replay.memory)
         tetlodi_replay_fini(&w->replay);
-    void *const owned[] = {w->parent,  w->range,       w->position, w->slot_at, w->meeting_begin, w->meeting, w->waiting,
-                           w->node_at, w->original_of, w->arrived,  w->columns, w->stored,        w->encoders};
+    tetlodi_lineage_fini(&w->lineage);
+    void *const owned[] = {w->slot_at, w->node_at, w->original_of, w->arrived, w->columns, w->stored, w->encoders};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     tetlodi_cell_parts_fini(&w->cells);
@@ -802,11 +662,9 @@ static enum tetlod_status encode(struct writer *w, unsigned slowest)
 {
     TETLOD_TRY(check_input(w));
     TETLOD_TRY(allocate(w, slowest));
-    TETLOD_TRY(link_parents(w));
-    number_leaves(w);
+    TETLOD_TRY(tetlodi_lineage_init(&w->lineage, w->in, w->error));
     for (uint32_t c = 0; c <= w->in->field_count; c++)
         TETLOD_TRY(check_column(w, c));
-    TETLOD_TRY(list_meetings(w));
     TETLOD_TRY(write_levels(w));
     if (!tetlodi_cells_encode(&w->cells, w->in->cells, w->in->cell_field_count, w->original_of, w->in->tets))
         return out_of_memory(w);

@@ -19,10 +19,11 @@ struct tetlodi_write_field {
     int was_float64;       /* the original's type is float64 although `type`, float32, is enough for its values */
     int controlled;
     double range[2];
-    const double *values;      /* [components * vertices], the original's */
+    const double *values;      /* [components * vertices], the original's in all levels; NULL: `exact` at the nearest k up to `most` */
     const double *node_values; /* [components * contractions], of the nodes that contractions made */
     unsigned bits;             /* 0: bit for bit. Else every value is (type)(origin + step * k) for a k of so many bits */
     double origin, step;
+    int64_t most;
     const double *exact;       /* with bits: the original's values are rounded, and are these in the last level. NULL: they are not */
 };
 

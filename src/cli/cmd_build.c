@@ -12,6 +12,7 @@
 #include "src/simplify/simplify.h"
 #include "src/cli/cli.h"
 #include "src/cli/mail.h"
+#include "src/cli/print_json.h"
 #include "src/cli/progress.h"
 #include "src/cli/reading.h"
 #include "src/cli/series_topologies.h"
@@ -496,17 +497,14 @@ static int print_json(const struct request *request, const struct build_report *
                              "nan_filled", (json_int_t)request->nan_filled,
                              "peak_memory", (json_int_t)peak, "bytes_per_tetrahedron",
                              (double)peak / (double)tetlod_info(file)->tets, "threads", (int)request->build.threads);
-    char *text = object && more && json_object_update(object, more) == 0 ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
-    if (text)
-        puts(text);
-    else
-        tetlodi_fail_nomem(&error, "the JSON", 4096);
-    free(text);
+    if (object && (!more || json_object_update(object, more) != 0)) {
+        json_decref(object);
+        object = NULL;
+    }
     json_decref(more);
-    json_decref(object);
     tetlod_close(file);
     close(fd);
-    return text ? EXIT_DONE : cli_fail(&error);
+    return cli_print_json(object);
 }
 
 /* Whose error is held, where nobody said so, and which fields are off by what comes. */

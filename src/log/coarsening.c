@@ -6,6 +6,7 @@
 
 #include "format/fail.h"
 #include "src/mesh/adjacency.h"
+#include "src/mesh/grid.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
@@ -43,7 +44,8 @@ static bool copy_fields(struct coarsening *coarsening, const struct tetmesh *mes
         coarsening->field_count++;
         if (!coarsening->fields[f].values)
             return false;
-        memcpy(coarsening->fields[f].values, field->values, count * sizeof(double));
+        for (size_t i = 0; i < count; i++)
+            coarsening->fields[f].values[i] = field->grid.bits ? grid_round(&field->grid, field->type, field->values[i]) : field->values[i];
     }
     return coarsening->fields;
 }

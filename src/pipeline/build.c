@@ -28,8 +28,7 @@ static const double DOMAIN_ERROR_SMALL = 0.001;
 static const double NO_DIFFERENCE = 1e-12;
 
 struct build {
-    const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised */
-    const struct tetmesh *coded;    /* the same with the values that levels have of it */
+    const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised. Levels have its values on its grids */
     const struct tetmesh *original; /* that errors are about */
     struct tetmesh rounded;
     double *rounding;               /* [field] bound of what rounding changed, if quantised */
@@ -287,7 +286,7 @@ static enum tetlod_status measure_marks(struct build *build)
     build->errors = array_new((marks + (size_t)1) * fields, TETLOD_MEASURES * sizeof(double));
     if (!measured || !build->exact || !build->levels || !build->errors)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(build->error, "the levels", (uint64_t)marks * fields * 32));
-    TETLOD_TRY_DONE(coarsening_init(&coarsening, build->coded, &build->log, build->error));
+    TETLOD_TRY_DONE(coarsening_init(&coarsening, build->mesh, &build->log, build->error));
     TETLOD_TRY_DONE(measure_levels_new(&measure, build->original, &coarsening, build->options->threads, build->error));
     if (build_asks_overlay(build->options))
         TETLOD_TRY_DONE(overlay_levels_new(&build->overlay, build->original, &coarsening, build->options->threads, build->error));
@@ -357,13 +356,13 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                                  .components = field->components,
                                                  .type = field->type,
                                                  .controlled = is_controlled(build, f),
-                                                 .values = build->coded->fields[f].values,
                                                  .node_values = log->fields[f].values};
         fields[f].was_float64 = build->original->fields[f].type != field->type;
-        fields[f].exact = build->precision.tail && field->grid.bits > 0 ? field->values : NULL;
+        *(build->precision.tail && field->grid.bits ? &fields[f].exact : &fields[f].values) = field->values;
         fields[f].bits = field->grid.bits;
         fields[f].origin = field->grid.origin;
         fields[f].step = field->grid.step;
+        fields[f].most = (int64_t)field->grid.most;
         point_field_range(&build->original->fields[f], mesh->vertex_count, fields[f].range);
     }
     struct tetlodi_write_input input = {.vertices = mesh->vertex_count,
@@ -408,8 +407,7 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
 static enum tetlod_status fit_precision(struct build *build)
 {
     TETLOD_TRY(precision_init(&build->precision, build->original, build->error));
-    build->mesh = &build->precision.exact;
-    build->coded = &build->precision.coded;
+    build->mesh = &build->precision.mesh;
     return TETLOD_OK;
 }
 
@@ -417,7 +415,7 @@ static enum tetlod_status fit_precision(struct build *build)
 static enum tetlod_status quantise(struct build *build)
 {
     TETLOD_TRY(quantise_mesh(&build->rounded, build->mesh, &build->options->quantise, build->error));
-    build->mesh = build->coded = &build->rounded;
+    build->mesh = &build->rounded;
     build->rounding = array_new(build->mesh->field_count, sizeof *build->rounding);
     if (!build->rounding)
         return tetlodi_fail_nomem(build->error, "the fields", build->mesh->field_count * sizeof *build->rounding);

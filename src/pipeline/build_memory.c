@@ -6,10 +6,10 @@
 #include "src/measure/overlay_levels.h"
 #include "src/simplify/simplify.h"
 
-/* What the writer takes a tetrahedron and a vertex, without what it borrows; what of that is for records, and goes before a field's exact tail,
- * and what that takes; and what the program takes with its libraries and the compressor's tables: measured. Of the rest the allocator wastes one
- * part in ALLOCATOR. */
-enum { WRITER_TET = 68, WRITER_RECORDS = 10, WRITER_VERTEX = 40, WRITER_COMPONENT = 16, WRITER_TAIL = 9 << 18, PROGRAM = 13 << 20, ALLOCATOR = 32 };
+/* What the writer takes a tetrahedron, a vertex and a component, without what it borrows; what of that is for records, and goes before a field's
+ * exact tail, and what that takes; and what the program takes with its libraries and the compressor's tables: measured. Of the rest the
+ * allocator wastes one part in ALLOCATOR. */
+enum { WRITER_TET = 26, WRITER_RECORDS = 40, WRITER_VERTEX = 40, WRITER_COMPONENT = 16, WRITER_TAIL = 9 << 18, PROGRAM = 13 << 20, ALLOCATOR = 32 };
 
 static uint64_t component_count(const struct tetmesh *mesh)
 {
@@ -31,7 +31,7 @@ uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *opt
     uint64_t records = tets * WRITER_RECORDS, last = records > WRITER_TAIL ? records : WRITER_TAIL;
     uint64_t encode = log + tets * WRITER_TET + vertices * (WRITER_VERTEX + WRITER_COMPONENT * components) + last;
     uint64_t most = contract > measure ? contract : measure;
-    held += quantise_wanted(&options->quantise) ? held : vertices * 8 * components; // the rounded mesh; or values on grids
+    held += quantise_wanted(&options->quantise) ? held : 0; // the rounded mesh
     uint64_t sum = held + (most > encode ? most : encode);
     return PROGRAM + sum + sum / ALLOCATOR;
 }

@@ -45,15 +45,14 @@ static struct grid choose_grid(const double range[2], enum tetlod_type type)
     return good ? (struct grid){bits, origin, step, most} : none;
 }
 
-/* Puts a field's values on its grid. */
-static void round_field(struct precision *precision, uint32_t f)
+/* What a field's grid changes. */
+static void weigh_rounding(struct precision *precision, uint32_t f)
 {
-    const struct point_field *exact = &precision->exact.fields[f];
-    double *values = precision->coded.fields[f].values, most = 0, sum = 0;
-    size_t count = (size_t)precision->exact.vertex_count * exact->components;
+    const struct point_field *field = &precision->mesh.fields[f];
+    double most = 0, sum = 0;
+    size_t count = field->grid.bits ? (size_t)precision->mesh.vertex_count * field->components : 0;
     for (size_t i = 0; i < count; i++) {
-        values[i] = exact->grid.bits ? grid_round(&exact->grid, exact->type, exact->values[i]) : exact->values[i];
-        double change = fabs(values[i] - exact->values[i]);
+        double change = fabs(grid_round(&field->grid, field->type, field->values[i]) - field->values[i]);
         most = fmax(most, change);
         sum += change * change;
     }
@@ -61,54 +60,40 @@ static void round_field(struct precision *precision, uint32_t f)
     precision->rounding_rms[f] = count ? sqrt(sum / (double)count) : 0;
 }
 
-static enum tetlod_status init_field(struct precision *precision, const struct tetmesh *mesh, uint32_t f,
-                                     struct tetlod_error *error)
+static void choose_precision(struct precision *precision, const struct tetmesh *mesh, uint32_t f)
 {
-    struct point_field *exact = &precision->exact.fields[f], *coded = &precision->coded.fields[f];
-    size_t count = (size_t)mesh->vertex_count * exact->components;
+    struct point_field *field = &precision->mesh.fields[f];
     double range[2];
-    if (exact->type == TETLOD_FLOAT64 && precision_is_narrow(exact->values, count))
-        exact->type = TETLOD_FLOAT32;
-    point_field_range(&mesh->fields[f], mesh->vertex_count, range);
-    exact->grid = choose_grid(range, exact->type);
-    precision->tail |= exact->grid.bits > 0;
-    *coded = *exact;
-    coded->values = array_new(count, sizeof *coded->values);
-    if (!coded->values)
-        return tetlodi_fail_nomem(error, "the fields", count * sizeof *coded->values);
-    round_field(precision, f);
-    return TETLOD_OK;
+    *field = mesh->fields[f];
+    if (field->type == TETLOD_FLOAT64 && precision_is_narrow(field->values, (size_t)mesh->vertex_count * field->components))
+        field->type = TETLOD_FLOAT32;
+    point_field_range(field, mesh->vertex_count, range);
+    field->grid = choose_grid(range, field->type);
+    precision->tail |= field->grid.bits > 0;
+    weigh_rounding(precision, f);
 }
 
 enum tetlod_status precision_init(struct precision *precision, const struct tetmesh *mesh, struct tetlod_error *error)
 {
     uint32_t fields = mesh->field_count;
-    *precision = (struct precision){.exact = *mesh, .coded = *mesh};
-    precision->exact.fields = array_zero(fields, sizeof *precision->exact.fields);
-    precision->coded.fields = array_zero(fields, sizeof *precision->coded.fields);
-    precision->rounding = array_zero(fields, sizeof *precision->rounding);
-    precision->rounding_rms = array_zero(fields, sizeof *precision->rounding_rms);
-    enum tetlod_status status = TETLOD_OK;
-    if (!precision->exact.fields || !precision->coded.fields || !precision->rounding || !precision->rounding_rms)
-        status = tetlodi_fail_nomem(error, "the fields", fields * sizeof *precision->exact.fields);
-    if (status == TETLOD_OK && mesh->position_type == TETLOD_FLOAT64 &&
-        precision_is_narrow(mesh->positions, 3 * (size_t)mesh->vertex_count))
-        precision->exact.position_type = precision->coded.position_type = TETLOD_FLOAT32;
-    for (uint32_t f = 0; f < fields && status == TETLOD_OK; f++) {
-        precision->exact.fields[f] = mesh->fields[f];
-        status = init_field(precision, mesh, f, error);
-    }
-    if (status != TETLOD_OK)
+    *precision = (struct precision){.mesh = *mesh,
+                                    .rounding = array_zero(fields, sizeof *precision->rounding),
+                                    .rounding_rms = array_zero(fields, sizeof *precision->rounding_rms)};
+    precision->mesh.fields = array_zero(fields, sizeof *precision->mesh.fields);
+    if (!precision->mesh.fields || !precision->rounding || !precision->rounding_rms) {
         precision_fini(precision);
-    return status;
+        return tetlodi_fail_nomem(error, "the fields", fields * sizeof *precision->mesh.fields);
+    }
+    if (mesh->position_type == TETLOD_FLOAT64 && precision_is_narrow(mesh->positions, 3 * (size_t)mesh->vertex_count))
+        precision->mesh.position_type = TETLOD_FLOAT32;
+    for (uint32_t f = 0; f < fields; f++)
+        choose_precision(precision, mesh, f);
+    return TETLOD_OK;
 }
 
 void precision_fini(struct precision *precision)
 {
-    for (uint32_t f = 0; f < precision->coded.field_count && precision->coded.fields; f++)
-        free(precision->coded.fields[f].values);
-    free(precision->exact.fields);
-    free(precision->coded.fields);
+    free(precision->mesh.fields);
     free(precision->rounding);
     free(precision->rounding_rms);
     *precision = (struct precision){0};

@@ -9,9 +9,8 @@
 #include "src/mesh/tetmesh.h"
 
 struct precision {
-    struct tetmesh exact; /* the mesh itself, its arrays borrowed, with grids and types that are enough */
-    struct tetmesh coded; /* the same with the original's values on the grids */
-    double *rounding, *rounding_rms; /* [field] how far these are from the original's, at most and on average */
+    struct tetmesh mesh; /* the mesh itself, its arrays borrowed, with grids and types that are enough */
+    double *rounding, *rounding_rms; /* [field] how far the original's values on the grids are from them, at most and on average */
     bool tail; /* a field has a grid */
 };
 

@@ -23,6 +23,11 @@ uint32_t series_steps_before(const struct tetlod_info *info, uint32_t topology)
     return steps;
 }
 
+uint32_t series_step_count(const struct tetlod_info *info, const struct tetlod_series_info *steps)
+{
+    return info->topology_count ? series_steps_before(info, info->topology_count) : steps->step_count;
+}
+
 /* What all steps of a band come to: bytes, and the largest error of a field. */
 static void sum_band(const struct tetlod_series *series, uint32_t band, uint64_t *bytes, double *error)
 {
