@@ -831,7 +831,6 @@ static int run(int argc, char **argv)
     if (request.for_mail)
         prepare_mail(&request);
     progress_init(&request.progress, forced, request.quiet);
-    cli_give_memory_back();
     return build(&request);
 }
 
