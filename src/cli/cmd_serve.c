@@ -274,4 +274,4 @@ static int run(int argc, char **argv)
     return serve(&settings);
 }
 
-const struct command command_serve = {"serve", "serves streams over HTTP", help, run};
+const struct command command_serve = {"serve", "serve streams over HTTP", help, run};

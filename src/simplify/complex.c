@@ -221,7 +221,7 @@ enum tetlod_status complex_init(struct complex *complex, const struct tetmesh *m
     return status;
 }
 
-bool complex_thaw(struct complex *complex, uint32_t v)
+bool complex_unfreeze(struct complex *complex, uint32_t v)
 {
     const uint32_t *tets = complex->pool + complex->star_begin[v];
     if (!(complex->flags[v] & VERTEX_FROZEN))
