@@ -154,6 +154,12 @@ bool is_ghosts(const char *name, uint64_t components);
 TETLOD_CHECKED enum tetlod_status block_take_ghosts(struct block *block, bool cell, struct io_report *report,
                                                     struct tetlod_error *error);
 
+/* The block's field of the name and components of another's, at points or of cells; or NULL. */
+struct point_field *block_find_like(struct block *block, bool cell, const struct point_field *like);
+
+/* Counts the fields that a block has and the first one lacks. */
+void block_note_others(struct block *first, struct block *block, bool cell, struct io_report *report);
+
 /* Makes one block of all, which are emptied: points, cells, and the fields that all of them have. Welds points of several
  * blocks, and those of one block if the tolerance `weld` is not negative. */
 TETLOD_CHECKED enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block *out, struct io_report *report,
