@@ -247,16 +247,16 @@ static bool ask_boxes(struct exchange *exchange, const struct dataset *dataset, 
 }
 
 /* To the step's immutable URL. */
-static enum outcome redirect_to_step(struct exchange *exchange, struct dataset *dataset, const struct step_choice *step)
+static enum outcome redirect_to_step(struct exchange *exchange, const struct step_choice *step)
 {
-    const struct tetlod_info *info = dataset_info(dataset);
+    const struct tetlod_info *info = dataset_info(step->dataset);
     struct choice choice = {0};
     if (!parse_format(exchange, &choice, true) || !query_cells(exchange, info, &choice.cells))
         return ANSWERED;
     response_static(exchange->response, 303, "text/plain; charset=utf-8", redirected);
     response_header(exchange->response, "Location", "%s/bands/%" PRIu32 "/steps/%" PRIu32 "/mesh.%s%s%s", info->cid, step->band, step->step,
                     choice.format, choice.cells.any ? "?cells=" : "", choice.cells.any ? choice.cells.text : "");
-    step_headers(exchange->response, dataset, step);
+    step_headers(exchange->response, step);
     cache_revalidate(exchange->response);
     return ANSWERED;
 }
@@ -270,18 +270,18 @@ static enum outcome answer_mesh(struct exchange *exchange, struct dataset *datas
     uint32_t level;
     enum query_result asked = query_step(exchange, dataset, of_step, &step);
     if (asked != QUERY_ABSENT)
-        return asked == QUERY_FOUND ? redirect_to_step(exchange, dataset, &step) : ANSWERED;
+        return asked == QUERY_FOUND ? redirect_to_step(exchange, &step) : ANSWERED;
     if (check_parameters(exchange, names) && ask_level(exchange, dataset, &choice, &level) &&
         ask_boxes(exchange, dataset, &choice, level) && parse_format(exchange, &choice, choice.box_count) && query_cells(exchange, dataset_info(dataset), &choice.cells))
         redirect(exchange, dataset, &choice, level);
     return ANSWERED;
 }
 
-static enum outcome answer_step_prefix(struct exchange *exchange, struct dataset *dataset, const struct step_choice *step)
+static enum outcome answer_step_prefix(struct exchange *exchange, const struct step_choice *step)
 {
-    enum outcome outcome = respond_step_prefix(exchange, dataset, step);
+    enum outcome outcome = respond_step_prefix(exchange, step);
     if (outcome == ANSWERED && exchange->response->status == 200) {
-        step_headers(exchange->response, dataset, step);
+        step_headers(exchange->response, step);
         cache_revalidate(exchange->response);
     }
     return outcome;
@@ -297,7 +297,7 @@ static enum outcome answer_prefix(struct exchange *exchange, struct dataset *dat
     uint32_t level;
     enum query_result asked = query_step(exchange, dataset, of_step, &step);
     if (asked != QUERY_ABSENT)
-        return asked == QUERY_FOUND ? answer_step_prefix(exchange, dataset, &step) : ANSWERED;
+        return asked == QUERY_FOUND ? answer_step_prefix(exchange, &step) : ANSWERED;
     if (!check_parameters(exchange, names) || !ask_level(exchange, dataset, &choice, &level))
         return ANSWERED;
     enum outcome outcome = respond_prefix(exchange, dataset, level);

@@ -33,10 +33,9 @@ static bool take_fields(struct exchange *exchange, const struct dataset *dataset
 }
 
 /* Of the selected fields the groups that a step is in, behind the spans that are there. */
-static size_t add_groups(const struct dataset *dataset, const struct step_choice *choice, const char *selected, struct tetlod_span *spans,
-                         size_t count)
+static size_t add_groups(const struct step_choice *choice, const char *selected, struct tetlod_span *spans, size_t count)
 {
-    const struct tetlod_series *series = dataset_series(dataset);
+    const struct tetlod_series *series = dataset_series(choice->dataset);
     const struct tetlod_series_info *info = tetlod_series_info(series);
     for (uint32_t f = 0; f < info->field_count; f++)
         if (selected[info->fields[f]] == '1')
@@ -44,13 +43,14 @@ static size_t add_groups(const struct dataset *dataset, const struct step_choice
     return count;
 }
 
-static enum outcome answer_group(struct exchange *exchange, struct dataset *dataset, const struct step_choice *choice)
+static enum outcome answer_group(struct exchange *exchange, const struct step_choice *choice)
 {
     struct tetlod_span spans[MOST_FIELDS];
+    struct dataset *dataset = choice->dataset;
     char selected[MOST_FIELDS + 1], etag[80 + MOST_FIELDS];
     if (!take_fields(exchange, dataset, selected))
         return ANSWERED;
-    size_t count = add_groups(dataset, choice, selected, spans, 0);
+    size_t count = add_groups(choice, selected, spans, 0);
     snprintf(etag, sizeof etag, "%s-b%" PRIu32 "-g%" PRIu32 "-%s", dataset_info(dataset)->cid, choice->band, choice->step / TETLOD_STEP_GROUP, selected);
     return answer_immutable(exchange, respond_stored(exchange, dataset, spans, count, etag));
 }
@@ -73,14 +73,15 @@ enum outcome handle_group(struct exchange *exchange)
     if (!dataset)
         return ANSWERED;
     if (check_parameters(exchange, names) && captured_band(exchange, dataset, &choice) && take_group(exchange, dataset, &choice))
-        outcome = answer_group(exchange, dataset, &choice);
+        outcome = answer_group(exchange, &choice);
     dataset_release(dataset);
     return outcome;
 }
 
-enum outcome respond_step_prefix(struct exchange *exchange, struct dataset *dataset, const struct step_choice *choice)
+enum outcome respond_step_prefix(struct exchange *exchange, const struct step_choice *choice)
 {
     static const uint32_t none[1] = {0};
+    struct dataset *dataset = choice->dataset;
     const struct tetlod_file *file = dataset_file(dataset);
     const struct tetlod_info *info = tetlod_info(file);
     const struct tetlod_series_info *series = tetlod_series_info(dataset_series(dataset));
@@ -98,7 +99,7 @@ enum outcome respond_step_prefix(struct exchange *exchange, struct dataset *data
     tetlod_spans(file, TETLOD_NONE, choice->level, none, 0, spans, most);
     const struct tetlod_section *table = &info->sections[tetlod_section_index(info, "TIME")];
     spans[count++] = (struct tetlod_span){table->offset, table->stored};
-    count = add_groups(dataset, choice, selected, spans, count);
+    count = add_groups(choice, selected, spans, count);
     snprintf(etag, sizeof etag, "%s-ib%" PRIu32 "-g%" PRIu32 "-%s", info->cid, choice->band, choice->step / TETLOD_STEP_GROUP, selected);
     enum outcome outcome = respond_stored(exchange, dataset, spans, count, etag);
     free(spans);

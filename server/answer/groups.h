@@ -10,6 +10,6 @@
 enum outcome handle_group(struct exchange *exchange);
 
 /* Header, index and geometry up to the band's level, the table of steps, and the group that the step is in. */
-enum outcome respond_step_prefix(struct exchange *exchange, struct dataset *dataset, const struct step_choice *choice);
+enum outcome respond_step_prefix(struct exchange *exchange, const struct step_choice *choice);
 
 #endif

@@ -2,6 +2,7 @@
 /* A level as a mesh file. */
 #include "server/answer/level_file.h"
 
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -139,7 +140,7 @@ enum outcome handle_step_mesh(struct exchange *exchange)
         query_cells(exchange, dataset_info(dataset), &choice.cells))
         outcome = answer_made(exchange, dataset, choice.step.level, &choice);
     if (outcome == ANSWERED && exchange->response->status == 200)
-        name_download(exchange->response, dataset, "-step%s-%s.%s", exchange->captures[3], exchange->captures[2], exchange->captures[4]);
+        name_download(exchange->response, dataset, "-step%" PRIu32 "-%s.%s", step_number(&choice.step), exchange->captures[2], exchange->captures[4]);
     dataset_release(dataset);
     return outcome;
 }

@@ -35,7 +35,7 @@ enum body_kind { BODY_NONE, BODY_BYTES, BODY_PIECES, BODY_ABSENT };
 
 #define SIZE_UNKNOWN UINT64_MAX
 
-enum { RESPONSE_HEADERS = 20, HEADER_VALUE = 1024, ETAG_CAPACITY = 1000 };
+enum { RESPONSE_HEADERS = 24, HEADER_VALUE = 1024, ETAG_CAPACITY = 1000 };
 
 struct response {
     unsigned status;

@@ -157,13 +157,30 @@ static enum tetlod_status make_info(void *opaque, struct cache_value *out, struc
     return json_body(describe_stream(context->dataset, dataset_id(context->dataset)), context->coding, out, error);
 }
 
+/* The topology group that the query names, of a stream that is held; without a name the stream itself. NULL: answered, and the stream is released. */
+static struct dataset *take_topology(struct exchange *exchange, struct dataset *whole)
+{
+    static const char *const names[] = {"topology", NULL};
+    uint32_t count = dataset_info(whole)->topology_count, topology = 0;
+    char text[24];
+    enum query_result result = query_value(exchange->query, names[0], text, sizeof text);
+    if (check_parameters(exchange, names) &&
+        (result == QUERY_ABSENT || take_number(exchange, result == QUERY_FOUND ? text : "", "topology group", count ? count : 1, &topology)))
+        return dataset_topology(whole, topology);
+    dataset_release(whole);
+    return NULL;
+}
+
 enum outcome handle_stream_info(struct exchange *exchange)
 {
-    struct dataset *dataset = catalogue_find(exchange->site->catalogue, exchange->captures[0]);
-    if (!dataset) {
+    struct dataset *whole = catalogue_find(exchange->site->catalogue, exchange->captures[0]);
+    if (!whole) {
         respond_no_mesh(exchange);
         return ANSWERED;
     }
+    struct dataset *dataset = take_topology(exchange, whole);
+    if (!dataset)
+        return ANSWERED;
     enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE);
     struct info_context *context = array_new(1, sizeof *context);
     if (!context) {

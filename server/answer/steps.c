@@ -24,43 +24,35 @@ static const struct tetlod_series_info *series_info(struct exchange *exchange, c
     return series ? tetlod_series_info(series) : NULL;
 }
 
-/* Steps over another mesh are in a stream of their own, which this one holds. */
-static bool refuse_topology(struct exchange *exchange, const struct tetlod_info *info, uint32_t topology)
+/* Sets the step that the parameter `step` or `time` means, and the topology group that has it. */
+static bool take_step(struct exchange *exchange, struct dataset *whole, struct step_choice *out)
 {
-    const struct tetlod_topology *other = &info->topologies[topology];
-    response_problem(exchange->response, 422, exchange->request->target,
-                     "that step is over another mesh, of topology group %" PRIu32 ": a stream of its own in bytes %" PRIu64 " to %" PRIu64
-                     " of this stream's file; here are the steps 0 to %" PRIu32,
-                     topology, other->offset, other->offset + other->size - 1, info->topologies[0].step_count - 1);
-    return false;
-}
-
-static bool take_step(struct exchange *exchange, const struct dataset *dataset, const struct tetlod_series_info *info, uint32_t *out)
-{
-    const struct tetlod_info *stream = dataset_info(dataset);
-    uint32_t count = stream->topology_count ? series_steps_before(stream, stream->topology_count) : info->step_count, topology = 0;
+    const struct tetlod_info *stream = dataset_info(whole);
+    const struct tetlod_series_info *info = tetlod_series_info(dataset_series(whole));
+    uint32_t groups = stream->topology_count, count = series_step_count(stream, info);
     char time[80], step[24];
     double moment;
     enum query_result by_time = query_value(exchange->query, "time", time, sizeof time);
     enum query_result by_step = query_value(exchange->query, "step", step, sizeof step);
     if (by_time == QUERY_ABSENT && by_step == QUERY_FOUND) {
-        if (!take_number(exchange, step, "step", count, out))
+        if (!take_number(exchange, step, "step", count, &out->step))
             return false;
-        topology = stream->topology_count ? tetlod_topology_of_step(stream, *out, NULL) : 0;
-        return !topology || refuse_topology(exchange, stream, topology);
+        out->dataset = dataset_topology(whole, groups ? tetlod_topology_of_step(stream, out->step, &out->step) : 0);
+        return true;
     }
     if (by_step == QUERY_ABSENT && by_time == QUERY_FOUND && text_number(time, false, &moment)) {
-        *out = tetlod_step_for_time(info, moment);
-        topology = stream->topology_count ? tetlod_topology_for_time(stream, moment) : 0;
-        return !topology || refuse_topology(exchange, stream, topology);
+        out->dataset = dataset_topology(whole, groups ? tetlod_topology_for_time(stream, moment) : 0);
+        out->step = tetlod_step_for_time(tetlod_series_info(dataset_series(out->dataset)), moment);
+        return true;
     }
     response_problem(exchange->response, 400, exchange->request->target, "give one number, once: time=%g or step=%" PRIu32,
-                     info->times[info->step_count - 1], info->step_count - 1);
+                     info->times[info->step_count - 1], count - 1);
     return false;
 }
 
-static bool take_band(struct exchange *exchange, const struct tetlod_series_info *info, uint32_t *out)
+static bool take_band(struct exchange *exchange, struct step_choice *out)
 {
+    const struct tetlod_series_info *info = tetlod_series_info(dataset_series(out->dataset));
     char fraction[80], units[80];
     double error;
     enum query_result by_fraction = query_value(exchange->query, "error", fraction, sizeof fraction);
@@ -72,9 +64,11 @@ static bool take_band(struct exchange *exchange, const struct tetlod_series_info
                          "a step goes with one of error=0.01 and abs_error=0.2, a number of at least 0");
         return false;
     }
-    *out = absolute ? tetlod_band_for_abs_error(info, error) : tetlod_band_for_error(info, error);
-    if (*out != TETLOD_NONE)
+    out->band = absolute ? tetlod_band_for_abs_error(info, error) : tetlod_band_for_error(info, error);
+    if (out->band != TETLOD_NONE) {
+        out->level = info->bands[out->band].level;
         return true;
+    }
     response_problem(exchange->response, 422, exchange->request->target,
                      "no band of the series is within that error: the finest has %g, a fraction of the range over all steps",
                      info->bands[info->band_count - 1].error);
@@ -84,20 +78,17 @@ static bool take_band(struct exchange *exchange, const struct tetlod_series_info
 enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *const *names, struct step_choice *out)
 {
     char text[2];
-    *out = (struct step_choice){.any = true, .file = dataset_file(dataset)};
+    *out = (struct step_choice){.any = true};
     if (query_value(exchange->query, "time", text, sizeof text) == QUERY_ABSENT && query_value(exchange->query, "step", text, sizeof text) == QUERY_ABSENT)
         return QUERY_ABSENT;
-    const struct tetlod_series_info *info = series_info(exchange, dataset);
-    if (!info || !check_parameters(exchange, names) || !take_band(exchange, info, &out->band) || !take_step(exchange, dataset, info, &out->step))
-        return QUERY_BAD;
-    out->level = info->bands[out->band].level;
-    return QUERY_FOUND;
+    bool good = series_info(exchange, dataset) && check_parameters(exchange, names) && take_step(exchange, dataset, out) && take_band(exchange, out);
+    return good ? QUERY_FOUND : QUERY_BAD;
 }
 
 bool captured_band(struct exchange *exchange, struct dataset *dataset, struct step_choice *out)
 {
     const struct tetlod_series_info *info = series_info(exchange, dataset);
-    *out = (struct step_choice){.any = true, .file = dataset_file(dataset)};
+    *out = (struct step_choice){.any = true, .dataset = dataset};
     if (!info || !take_number(exchange, exchange->captures[2], "band", info->band_count, &out->band))
         return false;
     out->level = info->bands[out->band].level;
@@ -147,7 +138,7 @@ static enum tetlod_status make_step(const void *opaque, const struct forest *for
     const struct step_choice *choice = opaque;
     struct tetlod_series *series; // one that decodes is for one thread
     TETLOD_TRY(forest_mesh(forest, choice->level, out, error));
-    enum tetlod_status status = tetlod_series_new(&series, choice->file, error);
+    enum tetlod_status status = tetlod_series_new(&series, dataset_file(choice->dataset), error);
     if (status == TETLOD_OK)
         status = tetlod_series_decode(series, out->corners, choice->band, choice->step, error);
     if (status == TETLOD_OK)
@@ -178,8 +169,14 @@ void step_name(const struct step_choice *choice, char out[STEP_NAME])
         snprintf(out, STEP_NAME, "-%" PRIu32 "-%" PRIu32, choice->band, choice->step);
 }
 
-void step_headers(struct response *response, const struct dataset *dataset, const struct step_choice *choice)
+uint32_t step_number(const struct step_choice *choice)
 {
+    return dataset_steps_before(choice->dataset) + choice->step;
+}
+
+void step_headers(struct response *response, const struct step_choice *choice)
+{
+    const struct dataset *dataset = choice->dataset;
     const struct tetlod_series *series = dataset_series(dataset);
     const struct tetlod_series_info *steps = tetlod_series_info(series);
     const struct tetlod_level *level = &dataset_info(dataset)->levels[choice->level];
@@ -190,15 +187,17 @@ void step_headers(struct response *response, const struct dataset *dataset, cons
     response_header(response, "Tetlod-Vertices", "%" PRIu32, level->vertices);
     response_header(response, "Tetlod-Tets", "%" PRIu32, level->tets);
     response_header(response, "Tetlod-Band", "%" PRIu32, choice->band);
-    response_header(response, "Tetlod-Step", "%" PRIu32, choice->step);
+    response_header(response, "Tetlod-Step", "%" PRIu32, step_number(choice));
+    response_header(response, "Tetlod-Topology", "%" PRIu32, dataset_topology_number(dataset));
     response_header(response, "Tetlod-Time", "%.17g", steps->times[choice->step]);
     response_header(response, "Tetlod-Error", "max=%.9g", error);
 }
 
 static void put_headers(struct response *response, struct dataset *dataset, const void *opaque, const struct region_note *note)
 {
+    (void)dataset;
     (void)note;
-    step_headers(response, dataset, opaque);
+    step_headers(response, opaque);
 }
 
 void step_answer(struct level_answer *answer, const struct tetlod_info *info)

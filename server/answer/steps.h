@@ -9,12 +9,12 @@
 /* A step in a band, or none: then a level is meant. */
 struct step_choice {
     bool any;
-    uint32_t band, level, step; /* the level is the band's */
-    const struct tetlod_file *file; /* of the dataset that is held meanwhile */
+    struct dataset *dataset;    /* the topology group that has it, which the caller holds */
+    uint32_t band, level, step; /* of that group; the level is the band's */
 };
 
-/* What the parameters `time` and `step` of a query mean, with the band by `error` or `abs_error`. QUERY_ABSENT: there is none of the two.
- * QUERY_BAD: answered, also where a parameter is not one of `names`. */
+/* What the parameters `time` and `step` of a query mean, with the band by `error` or `abs_error`. Steps are counted through all topology
+ * groups. QUERY_ABSENT: there is none of the two. QUERY_BAD: answered, also where a parameter is not one of `names`. */
 enum query_result query_step(struct exchange *exchange, struct dataset *dataset, const char *const *names, struct step_choice *out);
 
 /* Of a path .../bands/{band}/steps/{step}/...: captures 2 and 3, or the first of them alone. False: answered. */
@@ -32,7 +32,10 @@ void step_answer(struct level_answer *answer, const struct tetlod_info *info);
 enum { STEP_NAME = 32 };
 void step_name(const struct step_choice *choice, char out[STEP_NAME]);
 
-/* Tetlod-Level, -Vertices, -Tets, -Band, -Step, -Time, -Error. */
-void step_headers(struct response *response, const struct dataset *dataset, const struct step_choice *choice);
+/* The step's number among those of all topology groups. */
+uint32_t step_number(const struct step_choice *choice);
+
+/* Tetlod-Level, -Vertices, -Tets, -Band, -Step, -Topology, -Time, -Error. */
+void step_headers(struct response *response, const struct step_choice *choice);
 
 #endif

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "server/answer/stream_json.h"
 
+#include <inttypes.h>
 #include <stdbool.h>
 #include <stdio.h>
 
@@ -10,19 +11,23 @@
 #include "src/report/series_json.h"
 
 /* What belongs to a stream, relative to the description's URL; links with {} are templates (RFC 6570). */
-static json_t *links_of(const struct tetlod_info *info, bool series, const char *name)
+static json_t *links_of(const struct dataset *dataset, const char *name)
 {
+    const struct tetlod_info *info = dataset_info(dataset);
     char id[3 * ID_CAPACITY];
     const char *cid = info->cid;
     if (!percent_encode(name, id, sizeof id))
         return NULL;
     json_t *links = json_object();
-    static const struct {
+    char self[24] = "";
+    if (dataset_topology_number(dataset))
+        snprintf(self, sizeof self, "?topology=%" PRIu32, dataset_topology_number(dataset));
+    const struct {
         const char *name, *tail;
         bool content; /* under the content id */
         bool steps;   /* of a series only */
     } all[] = {
-        {"self", "", false, false},
+        {"self", self, false, false},
         {"mesh", "/mesh{?error,abs_error,level,tets,bytes,field,measure,format,cells,time,step}", false, false},
         {"prefix", "/prefix{?error,abs_error,level,tets,bytes,field,measure,fields,time,step}", false, false},
         {"level", "/levels/{level}/mesh.{format}{?cells}", true, false},
@@ -39,7 +44,7 @@ static json_t *links_of(const struct tetlod_info *info, bool series, const char 
     };
     for (size_t i = 0; links && i < sizeof all / sizeof *all; i++) {
         char path[640];
-        if (all[i].steps && !series)
+        if (all[i].steps && !dataset_series(dataset))
             continue;
         snprintf(path, sizeof path, "%s%s%s%s", id, all[i].content ? "/" : "", all[i].content ? cid : "",
                  all[i].tail);
@@ -56,7 +61,7 @@ json_t *describe_stream(const struct dataset *dataset, const char *id)
     json_t *levels = json_object_get(object, "levels");
     for (uint32_t k = 0; k < info->level_count; k++)
         json_object_set_new(json_array_get(levels, k), "offset", json_integer((json_int_t)info->levels[k].offset));
-    json_object_set_new(object, "links", links_of(info, series, id));
+    json_object_set_new(object, "links", links_of(dataset, id));
     if (series)
         json_object_set_new(object, "series", series_json(series, info));
     return object;

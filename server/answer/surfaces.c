@@ -205,9 +205,12 @@ static enum outcome handle_shape(struct exchange *exchange, enum shape shape, bo
     if (take_mesh(exchange, dataset, of_step, &choice) && take_format(exchange, format, &choice) && take_shape(exchange, dataset, &choice))
         outcome = answer_surface(exchange, dataset, &choice);
     static const char *const names[] = {[BOUNDARY] = "surface", [ISOSURFACE] = "isosurface", [SLICE] = "slice"};
-    if (outcome == ANSWERED && exchange->response->status == 200)
-        name_download(exchange->response, dataset, "%s%s-%s-%s.%s", of_step ? "-step" : "", of_step ? exchange->captures[3] : "",
-                      exchange->captures[2], names[shape], format);
+    if (outcome == ANSWERED && exchange->response->status == 200) {
+        char step[STEP_NAME] = "";
+        if (of_step)
+            snprintf(step, sizeof step, "-step%" PRIu32, step_number(&choice.step));
+        name_download(exchange->response, dataset, "%s-%s-%s.%s", step, exchange->captures[2], names[shape], format);
+    }
     dataset_release(dataset);
     return outcome;
 }

@@ -537,30 +537,19 @@ struct dataset *catalogue_find(struct catalogue *catalogue, const char *id)
     return dataset;
 }
 
-static bool has_content(const struct dataset *dataset, const char *id, const char *cid)
-{
-    return strcmp(dataset_id(dataset), id) == 0 && strcmp(dataset_info(dataset)->cid, cid) == 0;
-}
-
 struct dataset *catalogue_find_content(struct catalogue *catalogue, const char *id, const char *cid, double now)
 {
-    struct dataset *dataset = NULL;
+    size_t size = strlen(cid);
     pthread_mutex_lock(&catalogue->lock);
     struct entry *entry = find_entry(&catalogue->table, id);
-    if (entry && entry->dataset && has_content(entry->dataset, id, cid))
-        dataset = dataset_hold(entry->dataset);
+    struct dataset *dataset = entry && entry->dataset ? dataset_with_content(entry->dataset, cid, size) : NULL;
     for (struct replaced *kept = catalogue->replaced; !dataset && kept; kept = kept->next)
-        if (has_content(kept->dataset, id, cid)) {
-            dataset = dataset_hold(kept->dataset);
+        if (strcmp(dataset_id(kept->dataset), id) == 0 && (dataset = dataset_with_content(kept->dataset, cid, size)))
             kept->last_asked = now;
-        }
+    if (dataset)
+        dataset_hold(dataset);
     pthread_mutex_unlock(&catalogue->lock);
     return dataset;
-}
-
-static bool is_content(const struct dataset *dataset, const char *cid, size_t size)
-{
-    return dataset && strlen(dataset_info(dataset)->cid) == size && memcmp(dataset_info(dataset)->cid, cid, size) == 0;
 }
 
 bool catalogue_has_content(struct catalogue *catalogue, const char *cid, size_t size)
@@ -568,9 +557,9 @@ bool catalogue_has_content(struct catalogue *catalogue, const char *cid, size_t 
     bool found = false;
     pthread_mutex_lock(&catalogue->lock);
     for (size_t i = 0; !found && i < catalogue->table.count; i++)
-        found = is_content(catalogue->table.entries[i].dataset, cid, size);
+        found = catalogue->table.entries[i].dataset && dataset_with_content(catalogue->table.entries[i].dataset, cid, size);
     for (const struct replaced *kept = catalogue->replaced; !found && kept; kept = kept->next)
-        found = is_content(kept->dataset, cid, size);
+        found = dataset_with_content(kept->dataset, cid, size);
     pthread_mutex_unlock(&catalogue->lock);
     return found;
 }

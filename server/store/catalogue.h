@@ -33,7 +33,7 @@ void catalogue_scan(struct catalogue *catalogue, double now);
 /* The current stream of an id, or NULL; the caller releases it. */
 struct dataset *catalogue_find(struct catalogue *catalogue, const char *id);
 
-/* The stream of an id with this content id, current or replaced, or NULL. */
+/* The stream of an id, or the topology group of it, with this content id, current or replaced, or NULL. */
 struct dataset *catalogue_find_content(struct catalogue *catalogue, const char *id, const char *cid, double now);
 
 /* The current streams by id, `most` at most, each held, in an array that the caller frees; NULL if memory is out. */
@@ -42,7 +42,7 @@ struct dataset **catalogue_list(struct catalogue *catalogue, size_t most, size_t
 /* A number that tells what is listed: of ids and content ids. */
 uint64_t catalogue_digest(struct catalogue *catalogue);
 
-/* Whether a stream with this content id is there, current or replaced. */
+/* Whether a stream or a topology group with this content id is there, current or replaced. */
 bool catalogue_has_content(struct catalogue *catalogue, const char *cid, size_t size);
 
 /* How many files and folders the last scan could not look at. */

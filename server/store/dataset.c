@@ -17,13 +17,22 @@
 enum { ERRORS_CAPACITY = 96 };
 
 struct dataset {
+    struct stored *stored;
+    struct tetlod_file *file;
+    uint64_t offset; /* of its stream in the file */
+    uint32_t topology, steps_before;
+    struct tetlod_series *series; /* NULL: one moment */
+    char (*level_errors)[ERRORS_CAPACITY]; /* [level_count], printed once: every answer has one */
+};
+
+/* A stream's file, which its topology groups share. */
+struct stored {
     atomic_uint references;
     char id[ID_CAPACITY];
     struct open_file *opened;
-    struct tetlod_file *file;
     struct file_identity identity;
-    struct tetlod_series *series; /* NULL: one moment */
-    char (*level_errors)[ERRORS_CAPACITY]; /* [level_count], printed once: every answer has one */
+    struct dataset *datasets; /* [count]: the whole stream, then its further topology groups */
+    uint32_t count;
 };
 
 static void print_errors(const struct tetlod_info *info, uint32_t level, char *out, size_t capacity)
@@ -73,88 +82,147 @@ static bool read_bytes(int fd, uint64_t offset, unsigned char *out, size_t size)
 /* The library's source. It holds what it reads against digests. */
 static enum tetlod_status read_source(void *opaque, uint64_t offset, void *buffer, size_t size)
 {
-    struct dataset *dataset = opaque;
-    int fd = open_file_use(dataset->opened);
+    struct stored *stored = opaque;
+    int fd = open_file_use(stored->opened);
     if (fd < 0)
         return errno == ESTALE ? TETLOD_ERR_MISMATCH : TETLOD_ERR_IO;
     bool complete = read_bytes(fd, offset, buffer, size);
-    open_file_let_go(dataset->opened);
+    open_file_let_go(stored->opened);
     return complete ? TETLOD_OK : TETLOD_ERR_IO;
 }
 
-static bool still_the_same(const struct dataset *dataset, int fd)
+static bool still_the_same(const struct stored *stored, int fd)
 {
     struct file_identity now;
-    return identity_of(fd, &now) && identity_same(&now, &dataset->identity);
+    return identity_of(fd, &now) && identity_same(&now, &stored->identity);
 }
 
 /* Whoever writes into a file changes its time first: bytes that were read before a look at the time are those of before. */
 bool dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t size)
 {
-    int fd = open_file_use(dataset->opened);
+    struct stored *stored = dataset->stored;
+    int fd = open_file_use(stored->opened);
     if (fd < 0)
         return false;
-    bool good = read_bytes(fd, offset, out, size) && still_the_same(dataset, fd);
-    open_file_let_go(dataset->opened);
+    bool good = read_bytes(fd, dataset->offset + offset, out, size) && still_the_same(stored, fd);
+    open_file_let_go(stored->opened);
     return good;
 }
 
-static enum tetlod_status open_stream(struct dataset *dataset, struct tetlod_error *error)
+/* Opens the whole stream, and makes a dataset for it and one for each further topology group. */
+static enum tetlod_status open_whole(struct stored *stored, struct tetlod_error *error)
 {
-    const struct tetlod_source source = {read_source, dataset, dataset->identity.size};
+    const struct tetlod_source source = {read_source, stored, stored->identity.size};
     const struct tetlod_options options = {.struct_size = sizeof options, .threads = parallel_cores()};
-    TETLOD_TRY(tetlod_open(&dataset->file, &source, &options, error));
-    if (tetlod_info(dataset->file)->bytes > dataset->identity.size)
-        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "the stream ends too early: %llu of %llu bytes",
-                            (unsigned long long)dataset->identity.size,
-                            (unsigned long long)tetlod_info(dataset->file)->bytes);
+    struct tetlod_file *file;
+    TETLOD_TRY(tetlod_open(&file, &source, &options, error));
+    const struct tetlod_info *info = tetlod_info(file);
+    uint32_t count = info->topology_count ? info->topology_count : 1;
+    stored->datasets = array_zero(count, sizeof *stored->datasets);
+    if (!stored->datasets) {
+        tetlod_close(file);
+        return tetlodi_fail_nomem(error, "a stream", count * (uint64_t)sizeof *stored->datasets);
+    }
+    stored->count = count;
+    stored->datasets[0].file = file;
+    if (info->bytes <= stored->identity.size)
+        return TETLOD_OK;
+    return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "the stream ends too early: %llu of %llu bytes", (unsigned long long)stored->identity.size,
+                        (unsigned long long)info->bytes);
+}
+
+static enum tetlod_status open_topology(struct stored *stored, uint32_t topology, struct tetlod_error *error)
+{
+    struct dataset *dataset = &stored->datasets[topology];
+    dataset->stored = stored;
+    dataset->topology = topology;
+    if (topology) {
+        const struct tetlod_topology *topologies = tetlod_info(stored->datasets[0].file)->topologies;
+        dataset->offset = topologies[topology].offset;
+        dataset->steps_before = dataset[-1].steps_before + topologies[topology - 1].step_count;
+        TETLOD_TRY(tetlod_open_topology(&dataset->file, stored->datasets[0].file, topology, error));
+    }
     if (tetlod_section_index(tetlod_info(dataset->file), "TIME") != TETLOD_NONE)
         TETLOD_TRY(tetlod_series_new(&dataset->series, dataset->file, error));
     return print_all_errors(dataset, error);
 }
 
+static void close_stored(struct stored *stored)
+{
+    for (uint32_t t = stored->count; t-- > 0;) {
+        tetlod_series_free(stored->datasets[t].series);
+        tetlod_close(stored->datasets[t].file);
+        free(stored->datasets[t].level_errors);
+    }
+    open_file_free(stored->opened);
+    free(stored->datasets);
+    free(stored);
+}
+
 enum tetlod_status dataset_open(struct dataset **out, const char *id, struct open_files *files, const char *path, int fd,
                                 struct tetlod_error *error)
 {
-    struct dataset *dataset = array_zero(1, sizeof *dataset);
+    struct stored *stored = array_zero(1, sizeof *stored);
     *out = NULL;
-    if (!dataset || !identity_of(fd, &dataset->identity)) {
+    if (!stored || !identity_of(fd, &stored->identity)) {
         close(fd);
-        bool memory = !dataset;
-        free(dataset);
-        return memory ? tetlodi_fail_nomem(error, "a stream", sizeof *dataset) : tetlodi_fail(error, TETLOD_ERR_IO, "is not a regular file");
+        bool memory = !stored;
+        free(stored);
+        return memory ? tetlodi_fail_nomem(error, "a stream", sizeof *stored) : tetlodi_fail(error, TETLOD_ERR_IO, "is not a regular file");
     }
-    atomic_init(&dataset->references, 1);
-    snprintf(dataset->id, sizeof dataset->id, "%s", id);
-    dataset->opened = open_file_new(files, path, fd, &dataset->identity);
-    enum tetlod_status status = dataset->opened ? open_stream(dataset, error) : tetlodi_fail_nomem(error, "a stream", sizeof *dataset);
+    atomic_init(&stored->references, 1);
+    snprintf(stored->id, sizeof stored->id, "%s", id);
+    stored->opened = open_file_new(files, path, fd, &stored->identity);
+    enum tetlod_status status = stored->opened ? open_whole(stored, error) : tetlodi_fail_nomem(error, "a stream", sizeof *stored);
+    for (uint32_t t = 0; status == TETLOD_OK && t < stored->count; t++)
+        status = open_topology(stored, t, error);
     if (status == TETLOD_OK)
-        *out = dataset;
+        *out = stored->datasets;
     else
-        dataset_release(dataset);
+        close_stored(stored);
     return status;
 }
 
 struct dataset *dataset_hold(struct dataset *dataset)
 {
-    atomic_fetch_add(&dataset->references, 1);
+    atomic_fetch_add(&dataset->stored->references, 1);
     return dataset;
 }
 
 void dataset_release(struct dataset *dataset)
 {
-    if (!dataset || atomic_fetch_sub(&dataset->references, 1) != 1)
-        return;
-    tetlod_series_free(dataset->series);
-    tetlod_close(dataset->file);
-    open_file_free(dataset->opened);
-    free(dataset->level_errors);
-    free(dataset);
+    if (dataset && atomic_fetch_sub(&dataset->stored->references, 1) == 1)
+        close_stored(dataset->stored);
+}
+
+struct dataset *dataset_topology(struct dataset *whole, uint32_t topology)
+{
+    return &whole->stored->datasets[topology];
+}
+
+struct dataset *dataset_with_content(struct dataset *whole, const char *cid, size_t size)
+{
+    for (uint32_t t = 0; t < whole->stored->count; t++) {
+        const char *own = tetlod_info(whole->stored->datasets[t].file)->cid;
+        if (strlen(own) == size && memcmp(own, cid, size) == 0)
+            return &whole->stored->datasets[t];
+    }
+    return NULL;
+}
+
+uint32_t dataset_topology_number(const struct dataset *dataset)
+{
+    return dataset->topology;
+}
+
+uint32_t dataset_steps_before(const struct dataset *dataset)
+{
+    return dataset->steps_before;
 }
 
 const char *dataset_id(const struct dataset *dataset)
 {
-    return dataset->id;
+    return dataset->stored->id;
 }
 
 const struct tetlod_info *dataset_info(const struct dataset *dataset)
@@ -179,7 +247,7 @@ const struct tetlod_series *dataset_series(const struct dataset *dataset)
 
 const struct file_identity *dataset_identity(const struct dataset *dataset)
 {
-    return &dataset->identity;
+    return &dataset->stored->identity;
 }
 
 enum tetlod_status dataset_check(struct dataset *dataset, struct tetlod_error *error)
@@ -189,10 +257,11 @@ enum tetlod_status dataset_check(struct dataset *dataset, struct tetlod_error *e
 
 bool dataset_intact(struct dataset *dataset)
 {
-    int fd = open_file_use(dataset->opened);
+    struct stored *stored = dataset->stored;
+    int fd = open_file_use(stored->opened);
     if (fd < 0)
         return false;
-    bool same = still_the_same(dataset, fd);
-    open_file_let_go(dataset->opened);
+    bool same = still_the_same(stored, fd);
+    open_file_let_go(stored->opened);
     return same;
 }

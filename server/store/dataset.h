@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* An open stream: immutable and counted. It is found by id in the catalogue's table; an id never becomes part of a path. */
+/* An open stream: immutable and counted. It is found by id in the catalogue's table; an id never becomes part of a path. Where the mesh
+ * changes from step to step, each topology group (SPEC 3.8) is a dataset: the first one is the whole stream, the others are streams of
+ * their own inside its file. All of them have its id and are held and released as one. */
 #ifndef TETLOD_SERVER_DATASET_H
 #define TETLOD_SERVER_DATASET_H
 
@@ -19,12 +21,22 @@ TETLOD_CHECKED enum tetlod_status dataset_open(struct dataset **out, const char 
 struct dataset *dataset_hold(struct dataset *dataset);
 void dataset_release(struct dataset *dataset);
 
+/* A topology group of the whole stream. Number 0 is the dataset itself. */
+struct dataset *dataset_topology(struct dataset *whole, uint32_t topology);
+
+/* The whole stream or its topology group that has this content id, of `size` characters; NULL if none has. */
+struct dataset *dataset_with_content(struct dataset *whole, const char *cid, size_t size);
+
+/* Number of this topology group, and how many steps the groups before it have. Both are 0 where there is one mesh. */
+uint32_t dataset_topology_number(const struct dataset *dataset);
+uint32_t dataset_steps_before(const struct dataset *dataset);
+
 const char *dataset_id(const struct dataset *dataset);
 const struct tetlod_info *dataset_info(const struct dataset *dataset);
 /* "max=0.01, sampled=0.008": the measures of a level that are known, each the largest over the controlled fields. */
 const char *dataset_level_errors(const struct dataset *dataset, uint32_t level);
 
-/* Reads stored bytes. False if they cannot be read, or if the file was written over meanwhile: then they are not to be sent. */
+/* Reads stored bytes of the dataset's own stream. False if they cannot be read, or if the file was written over meanwhile: then they are not to be sent. */
 bool dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t size);
 
 struct tetlod_file *dataset_file(struct dataset *dataset);

@@ -150,7 +150,7 @@ static void copy_cells(const struct block *block, struct cells *out, uint32_t fi
     const struct cells *cells = &block->cells;
     uint64_t count = block_cell_count(block), at = out->connectivity_count, size = connectivity_of(block);
     uint64_t each = block->dims[0] ? 8 : 4;
-    for (uint64_t c = 0; c < count; c++) {
+    for (uint64_t c = 0; c < count && out->types; c++) {
         out->types[out->count + c] = block->dims[0] ? VTK_TYPE_HEXAHEDRON : cells->types ? cells->types[c] : VTK_TYPE_TET;
         out->offsets[out->count + c + 1] = at + (cells->offsets ? cells->offsets[c + 1] : each * (c + 1));
     }
@@ -158,9 +158,11 @@ static void copy_cells(const struct block *block, struct cells *out, uint32_t fi
         put_hexahedra(block->dims, first_point, out->connectivity + at);
     else if (size) {
         memcpy(out->connectivity + at, cells->connectivity, (size_t)size * sizeof *cells->connectivity);
-        for (uint64_t c = out->count; c < out->count + count; c++)
+        for (uint64_t c = out->count; c < out->count + count && out->types; c++)
             shift_cell(out->types[c], out->connectivity + out->offsets[c], out->offsets[c + 1] - out->offsets[c], first_point,
                        block->mesh.vertex_count);
+        if (!out->types)
+            shift_cell(VTK_TYPE_TET, out->connectivity + at, size, first_point, block->mesh.vertex_count);
     }
     out->count += count;
     out->connectivity_count += size;
@@ -191,19 +193,20 @@ static enum tetlod_status merge_cells(struct blocks *blocks, struct block *out, 
 {
     uint64_t count = 0, connectivity = 0, done = 0;
     uint32_t first_point = 0;
-    bool hides = false;
+    bool hides = false, only_tets = true;
     for (size_t b = 0; b < blocks->count; b++) {
         TETLOD_TRY(check_offsets(&blocks->at[b], error));
+        only_tets &= !blocks->at[b].dims[0] && (!blocks->at[b].cells.types || !blocks->at[b].cells.count);
         count += block_cell_count(&blocks->at[b]);
         connectivity += connectivity_of(&blocks->at[b]);
         hides |= blocks->at[b].hidden != NULL;
     }
     struct cells *cells = &out->cells;
-    cells->types = array_new((size_t)count, 1);
-    cells->offsets = array_zero((size_t)count + 1, sizeof *cells->offsets);
+    cells->types = only_tets ? NULL : array_new((size_t)count, 1);
+    cells->offsets = only_tets ? NULL : array_zero((size_t)count + 1, sizeof *cells->offsets);
     cells->connectivity = array_new((size_t)connectivity, sizeof *cells->connectivity);
     out->hidden = hides ? array_zero((size_t)count, 1) : NULL;
-    if (!cells->types || !cells->offsets || !cells->connectivity || (hides && !out->hidden))
+    if ((!only_tets && (!cells->types || !cells->offsets)) || !cells->connectivity || (hides && !out->hidden))
         return tetlodi_fail_nomem(error, "the cells", count * 9 + connectivity * 4);
     for (size_t b = 0; b < blocks->count; b++) {
         struct block *block = &blocks->at[b];

@@ -93,8 +93,8 @@ def test_http_guide():
     with Server(os.path.join(folder, 'fin.tetlod'), os.path.join(folder, 'run.tetlod')) as server:
         said = follow(page, folder, server.url)
     names, heads = set(re.findall(r'`(Tetlod-[A-Za-z]+)`', page)), [text for text in said if text.startswith('HTTP/')]
-    assert len(names) == 7 and len(heads) == 2 and all('303 See Other' in head for head in heads), heads
-    assert all(name in heads[1] for name in names) and all(name in heads[0] for name in names - {'Tetlod-Band', 'Tetlod-Step', 'Tetlod-Time'}), heads
+    assert len(names) == 8 and len(heads) == 2 and all('303 See Other' in head for head in heads), heads
+    assert all(name in heads[1] for name in names) and all(name in heads[0] for name in names - {'Tetlod-Band', 'Tetlod-Step', 'Tetlod-Topology', 'Tetlod-Time'}), heads
     assert os.path.getsize(os.path.join(folder, 'step.vtu')) > 1000 and os.path.getsize(os.path.join(folder, 'step.part')) > 1000
     assert 'levels 0 to' in shell('tetlod info part.tetlod', folder) and os.path.getsize(os.path.join(folder, 'begin.tetlod')) == 20001
     assert json.loads(said[-1])['status'] == 400 and os.path.getsize(os.path.join(folder, 'near.vtu')) > 10000

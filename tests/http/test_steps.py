@@ -2,19 +2,21 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Steps in time over HTTP: meshes and surfaces of every band are the reference decoder's, groups and prefixes are the stream's bytes."""
 import os
+import subprocess
 import sys
 
 import numpy
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader
 
-from served import ROOT, SCRATCH, Server, run
+from served import ROOT, SCRATCH, TETLOD, Server, run
 
 sys.path.insert(0, os.path.join(ROOT, 'tests'))
 from streams import tetlod as reference  # noqa: E402
 
 NAMES = ('series_float32', 'series_float64', 'series_moving')
 PATHS = [os.path.join(ROOT, 'tests', 'golden', name + '.tetlod') for name in NAMES]
+TOPOLOGIES = os.path.join(ROOT, 'tests', 'golden', 'topologies.tetlod')
 server = None
 
 
@@ -131,23 +133,73 @@ def test_bytes():
                     group_of(data, series, field, band, group) for field in range(len(names)))
 
 
+def same_mesh(body, path):
+    """An answer and a file of `tetlod extract`: points, corners and the fields that have steps."""
+    with open(path, 'rb') as file:
+        wanted = read(file.read(), vtkXMLUnstructuredGridReader())
+    points, cells, fields = vtk_to_numpy(wanted.GetPoints().GetData()), vtk_to_numpy(wanted.GetCells().GetConnectivityArray()), arrays(wanted)
+    found = read(body, vtkXMLUnstructuredGridReader())
+    assert numpy.array_equal(vtk_to_numpy(found.GetPoints().GetData()), points)
+    assert numpy.array_equal(vtk_to_numpy(found.GetCells().GetConnectivityArray()), cells)
+    found = arrays(found)
+    assert found and all(numpy.array_equal(values, fields[name]) for name, values in found.items()), list(found)
+
+
 def test_topologies():
-    """Steps of the first group are there; of the others the answer says where their stream is, and that is one."""
+    """Every step of every topology group is answered: as `tetlod extract` makes it, under the content id of the group's stream."""
     base = '/v1/meshes/topologies'
     groups = server.json(base)['topologies']
     assert [group['steps'] for group in groups] == [2, 2, 1] and sum((group['times'] for group in groups), []) == [0, .25, .5, .75, 1]
-    for query in ('step=1', 'time=0.3'):
-        status, head, _ = server.get(base + '/mesh?error=1&' + query)
-        assert status == 303 and get(base + '/' + head['location'])[0]['tetlod-step'] == '1', query
-    for query, number in (('step=2', 1), ('time=0.6', 1), ('step=4', 2), ('time=9', 2)):
-        for path in ('mesh', 'prefix'):
-            status, _, body = server.get('%s/%s?error=1&%s' % (base, path, query))
-            assert status == 422 and b'topology group %d' % number in body, (query, status, body)
-    assert server.get(base + '/mesh?error=1&step=5')[0] == 400
-    group = groups[1]
-    status, _, body = server.get('%s/%s/stream' % (base, groups[0]['cid']), Range='bytes=%d-%d' % (group['offset'], group['offset'] + group['bytes'] - 1))
-    assert status == 206 and reference.open(body).cid == group['cid'], (status, len(body), body[:80])
+    for step, (number, own, time) in enumerate(((0, 0, .1), (0, 1, .3), (1, 0, .6), (1, 1, .8), (2, 0, 9))):
+        described = server.json('%s?topology=%d' % (base, number))
+        assert described['cid'] == groups[number]['cid'] and described['series']['times'] == groups[number]['times'], described
+        assert described['links']['self'] == 'topologies' + ('?topology=%d' % number if number else '')
+        for band, known in enumerate(described['series']['bands']):
+            path = os.path.join(SCRATCH, 'extracted.vtu')
+            subprocess.run([TETLOD, 'extract', TOPOLOGIES, '--step', str(step), '--error', repr(known['error']), '-o', path], check=True, stderr=subprocess.DEVNULL)
+            for query in ('step=%d' % step, 'time=%g' % time):
+                status, head, _ = server.get('%s/mesh?error=%r&%s' % (base, known['error'], query))
+                assert status == 303 and head['location'].endswith('%s/bands/%d/steps/%d/mesh.vtu' % (groups[number]['cid'], band, own)), (query, head)
+                assert (head['tetlod-step'], head['tetlod-topology']) == (str(step), str(number)) and float(head['tetlod-time']) == groups[number]['times'][own], head
+            address = base + '/' + head['location']
+            head, body = get(address)
+            assert (head['tetlod-step'], head['tetlod-topology']) == (str(step), str(number)) and 'step%d-' % step in head['content-disposition'], head
+            same_mesh(body, path)
+            assert server.get(address, **{'If-None-Match': head['etag']})[0] == 304
+    for query in ('step=5', 'step=-1', 'step=1&time=0.5'):
+        assert server.get('%s/mesh?error=1&%s' % (base, query))[0] == 400, query
+    for query in ('topology=3', 'topology=x', 'topology=', 'topologies=1'):
+        assert server.get('%s?%s' % (base, query))[0] == 400, query
+    assert server.get('/v1/meshes/series_float32?topology=0')[0] == 200 and server.get('/v1/meshes/series_float32?topology=1')[0] == 400
 
 
-with Server(*PATHS, os.path.join(ROOT, 'tests', 'golden', 'topologies.tetlod')) as server:
-    run([test_meshes, test_choice, test_surfaces, test_bytes, test_topologies])
+def test_streams_of_topologies():
+    """A group's content id names its own stream: the bytes, and what is made of them, are those of that stream served alone."""
+    base = '/v1/meshes/topologies'
+    groups, etags = server.json(base)['topologies'], set()
+    with open(TOPOLOGIES, 'rb') as file:
+        whole = file.read()
+    paths = []
+    for number, group in enumerate(groups[1:], 1):
+        _, body = get('%s/%s/stream' % (base, group['cid']))
+        assert body == whole[group['offset']:group['offset'] + group['bytes']] and reference.open(body).cid == group['cid']
+        assert server.get('%s/%s/stream' % (base, group['cid']), Range='bytes=7-90')[2] == body[7:91]
+        paths.append(os.path.join(SCRATCH, 'alone%d.tetlod' % number))
+        with open(paths[-1], 'wb') as file:
+            file.write(body)
+    with Server(*paths) as alone:
+        for number, group in enumerate(groups[1:], 1):
+            finest = len(server.json('%s?topology=%d' % (base, number))['levels']) - 1
+            for path in ('levels/0/mesh.vtu', 'levels/%d/mesh.tetlod' % finest, 'levels/%d/surface.vtp' % finest, 'records/0-%d' % finest,
+                         'bands/0/steps/0/surface.vtp', 'bands/1/groups/0'):
+                head, body = get('%s/%s/%s' % (base, group['cid'], path))
+                assert body == alone.get('/v1/meshes/alone%d/%s/%s' % (number, group['cid'], path))[2], path
+                etags.add((path, head['etag']))
+            first = sum(known['steps'] for known in groups[:number])
+            assert get('%s/prefix?error=1&step=%d' % (base, first))[1] == alone.get('/v1/meshes/alone%d/prefix?error=1&step=0' % number)[2]
+    assert len({etag for _, etag in etags}) == len(etags), etags
+    assert server.get('%s/%s/bands/0/steps/0/mesh.vtu' % ('/v1/meshes/series_float32', groups[1]['cid']))[0] == 404
+
+
+with Server(*PATHS, TOPOLOGIES) as server:
+    run([test_meshes, test_choice, test_surfaces, test_bytes, test_topologies, test_streams_of_topologies])

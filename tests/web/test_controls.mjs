@@ -560,7 +560,7 @@ const vtpOf = ({ path }) => JSON.parse(execFileSync('/usr/bin/python3', ['-c', r
 const near = (a, b) => Math.abs(a - b) <= 1e-5 * (1 + Math.abs(b));
 
 // Where two pictures differ otherwise than at each of some places, and only there.
-const axesIn = (...pictures) => page.evaluate(async ([one, other, labels]) => {
+const marksIn = (...pictures) => page.evaluate(async ([one, other, labels]) => {
   const pixels = await Promise.all([one, other].map(async (base64) => {
     const image = await createImageBitmap(new Blob([Uint8Array.from(atob(base64), (c) => c.charCodeAt(0))]));
     const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
@@ -571,7 +571,7 @@ const axesIn = (...pictures) => page.evaluate(async ([one, other, labels]) => {
   const met = labels.map(() => 0);
   const wrong = [];
   for (let i = 0; i < data.length; i += 4) {
-    if (Math.abs(data[i] - without[i]) < 40) continue;
+    if ([0, 1, 2].every((c) => Math.abs(data[i + c] - without[i + c]) < 40)) continue;
     const [x, y] = [(i / 4) % width, Math.floor(i / 4 / width)];
     const label = labels.findIndex(({ left, right, top, bottom }) => x > left - 3 && x < right + 3 && y > top - 3 && y < bottom + 3);
     if (label < 0) wrong.push([x, y]);
@@ -581,21 +581,23 @@ const axesIn = (...pictures) => page.evaluate(async ([one, other, labels]) => {
 }, pictures.map((file) => file.bytes?.toString('base64') ?? file));
 
 async function what_leaves_the_page() {
-  await open('');
+  await open('&pins=0.5,0.5,0.25&line=0.2,0.5,0.5,0.35,0.5,0.6');
+  await until(() => /^[\d.]+$/.test(document.querySelector('.pin span').textContent));
   const { level, tets } = await page.evaluate(() => window.tetlod.stream.info.levels[window.tetlod.level]);
   const mesh = await download('download');
   assert.equal(mesh.name, `fin-${level}.vtu`);
   assert.match(mesh.bytes.subarray(0, 2000).toString('latin1'), new RegExp(`NumberOfCells="${tets}"`));
   const shot = await download('screenshot');
-  const labels = await page.locator('.axes text').evaluateAll((all) => all.map((text) => text.getBoundingClientRect().toJSON()));
-  assert.ok(labels.length > 5);
+  const labels = await page.locator('.axes text, .pin b, .pin span, .knob.along, line.rim').evaluateAll((all) => all.map((mark) => mark.getBoundingClientRect().toJSON()));
+  assert.ok(labels.length > 10);
   assert.equal(shot.name, `fin-${level}.png`);
   const texts = JSON.parse(execFileSync('python3', ['-c', readTexts], { input: shot.bytes }));
   assert.equal(texts.Title, 'fin');
   assert.match(texts.Description, new RegExp(`^Pressure, level ${level} of \\d+: Pressure ≤ [\\d.]+\\s%`));
   assert.match(texts.Source, /view\/fin#.*error=0.05/);
   await page.locator('#axes').uncheck();
-  assert.deepEqual(await axesIn(shot, await download('screenshot'), labels), [], 'the axes have their numbers where the screen has them');
+  await page.evaluate(() => window.tetlod.set({ pins: [], line: null }));
+  assert.deepEqual(await marksIn(shot, await download('screenshot'), labels), [], 'axes, line and probe are where the screen has them');
   await page.locator('#axes').check();
   const { width, height } = await page.locator('#stage').boundingBox();
   assert.deepEqual([shot.bytes.readUInt32BE(16), shot.bytes.readUInt32BE(20)], [Math.round(width), Math.round(height)]);

@@ -41,7 +41,7 @@ export class Axes {
   }
 
   /** The same in a saved picture; `factor`: its pixels of one on the screen. */
-  draw(context, { width, height }, factor) {
+  drawOn(context, { width, height }, factor) {
     const { color, fontFamily } = getComputedStyle(this.drawing);
     context.save();
     Object.assign(context, { fillStyle: color, globalAlpha: 0.75, textAlign: 'center', textBaseline: 'middle' });

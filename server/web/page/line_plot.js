@@ -24,8 +24,8 @@ export class LinePlot {
     this.box = byId('line-plot');
     this.drawing = byId('line-drawing');
     this.overlay = svg('svg', { class: 'outlines', 'aria-hidden': 'true' });
-    this.line = svg('line', { class: 'along' });
-    this.overlay.append(this.line);
+    this.lines = ['along rim', 'along'].map((name) => svg('line', { class: name })); // the rim, then the line on it
+    this.overlay.append(...this.lines);
     layer.append(this.overlay);
     this.knobs = [0, 1].map((end) => this.makeKnob(layer, end));
     this.sample = coalesced(() => this.ask());
@@ -56,7 +56,29 @@ export class LinePlot {
       if (!hidden) knob.style.transform = `translate(${places[end].x}px, ${places[end].y}px)`;
     });
     if (hidden) return;
-    for (const [name, value] of [['x1', places[0].x], ['y1', places[0].y], ['x2', places[1].x], ['y2', places[1].y]]) this.line.setAttribute(name, value.toFixed(1));
+    const ends = { x1: places[0].x, y1: places[0].y, x2: places[1].x, y2: places[1].y };
+    for (const line of this.lines) for (const [name, value] of Object.entries(ends)) line.setAttribute(name, value.toFixed(1));
+  }
+
+  /** The line in a saved picture; `factor`: its pixels of one on the screen. */
+  drawOn(context, { width, height }, factor) {
+    const { scene, store: { state } } = this.viewer;
+    const places = state.line ? [0, 1].map((end) => scene.toPicture(add(this.world(end), scene.centre, -1), [width, height])) : [];
+    if (!places.length || places.some(({ depth }) => depth > 1)) return;
+    context.save();
+    this.lines.forEach((line, inner) => {
+      const { stroke, strokeWidth } = getComputedStyle(line);
+      Object.assign(context, { strokeStyle: stroke, fillStyle: stroke, lineWidth: parseFloat(strokeWidth) * factor });
+      context.beginPath();
+      for (const { x, y } of places) context.lineTo(x, y);
+      context.stroke();
+      for (const { x, y } of places) {
+        context.beginPath();
+        context.arc(x, y, (inner ? 6 : 9) * factor, 0, 2 * Math.PI); // a knob within its border
+        context.fill();
+      }
+    });
+    context.restore();
   }
 
   makeKnob(layer, end) {
@@ -133,7 +155,7 @@ export class LinePlot {
     const { width, height } = this.drawing.getBoundingClientRect();
     if (!this.shown || this.box.hidden || !width) return;
     const { ends, from, to, bound } = this.shown;
-    if (!ends.length) return this.drawing.replaceChildren(svg('text', { x: width / 2, y: height / 2 }, 'The line does not meet the volume.'));
+    if (!ends.length) return this.drawing.replaceChildren(svg('text', { x: width / 2, y: height / 2 }, 'The line does not meet what is drawn.'));
     const [low, high] = this.extent();
     const whole = length(add(to, from, -1));
     this.x = (at) => margin.left + at * (width - margin.left - margin.right);

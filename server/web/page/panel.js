@@ -192,7 +192,7 @@ const drawOver = () => {
   viewer.drawBarNow();
   compass.draw(viewer.scene.axes());
 };
-const save = () => savePicture(viewer.scene, `${name}-${viewer.level}`, { size: pictureSize(), texts: textsOfPicture(), redraw: drawOver, axes });
+const save = () => savePicture(viewer.scene, `${name}-${viewer.level}`, { size: pictureSize(), texts: textsOfPicture(), redraw: drawOver, layers: [axes, line, pins] });
 const saveAs = (ending, blob) => saveFile(`${name}-${viewer.level}-${ending}`, blob);
 const inPicture = (act) => (event) => (document.activeElement === byId('picture') ? act(event) : false);
 

@@ -7,6 +7,19 @@ import { boundShown, colouredOf, titleOf } from './levels.js';
 import { notice } from './notices.js';
 import { significant } from './numbers.js';
 
+// A line of text on its background, where the screen has it: `left` and the half of its height from the point that it marks.
+function drawLabel(context, part, left, origin) {
+  const box = part.getBoundingClientRect();
+  const { backgroundColor, borderRadius, color, font } = getComputedStyle(part);
+  const [x, y] = [box.left - origin.left + left, box.top - origin.top - 10];
+  Object.assign(context, { fillStyle: backgroundColor, font, textAlign: 'center', textBaseline: 'middle' });
+  context.beginPath();
+  context.roundRect(x, y, box.width, box.height, borderRadius.endsWith('%') ? box.height / 2 : parseFloat(borderRadius));
+  context.fill();
+  context.fillStyle = color;
+  context.fillText(part.textContent, x + box.width / 2, y + box.height / 2);
+}
+
 export class Pins {
   // `pointer()`: where the pointer is in the picture, or null
   constructor(viewer, layer, pointer) {
@@ -68,6 +81,21 @@ export class Pins {
     }
   }
 
+  /** The same in a saved picture; `factor`: its pixels of one on the screen. */
+  drawOn(context, { width, height }, factor) {
+    const { scene } = this.viewer;
+    for (const { place, mark } of this.marks) {
+      const { x, y, depth } = scene.toPicture(add(place, scene.centre, -1), [width, height]);
+      if (depth > 1) continue;
+      const origin = mark.getBoundingClientRect();
+      context.save();
+      context.translate(x, y);
+      context.scale(factor, factor);
+      for (const part of mark.children) drawLabel(context, part, -10, origin);
+      context.restore();
+    }
+  }
+
   async #ask() {
     const { viewer, marks } = this;
     const { info, level, store: { state }, stream } = viewer;
@@ -78,8 +106,8 @@ export class Pins {
       const found = (await stream.probe(place).catch(() => null))?.[cells ? 'cells' : 'values'][name];
       if (marks !== this.marks) return;
       const number = found && significant(component === 'magnitude' ? Math.hypot(...found) : found[component], 5);
-      value.textContent = found ? `${titleOf(info, viewer.coloredState)} ${number} ${words}` : 'outside of the volume';
-      mark.lastChild.textContent = found ? number : 'outside';
+      value.textContent = found ? `${titleOf(info, viewer.coloredState)} ${number} ${words}` : 'nothing is drawn here';
+      mark.lastChild.textContent = found ? number : 'nothing';
     }
   }
 }

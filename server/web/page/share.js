@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What leaves the page: a picture with its scalar bar and axes, and a link that shows the same again.
+// What leaves the page: a picture with its scalar bar, axes, line and probes, and a link that shows the same again.
 
 import { byId, element } from './dom.js';
 import { notice } from './notices.js';
 import { withTexts } from './png_text.js';
 
 // What lies over the picture, as large beside it as on the screen: below, in the middle or at the left.
-function drawOver(context, shot, { redraw, axes }) {
+function drawOver(context, shot, { redraw, layers }) {
   const { width, height } = shot;
   const stage = byId('stage').getBoundingClientRect();
   const factor = Math.min(width / stage.width, height / stage.height);
-  axes.draw(context, shot, factor);
+  for (const layer of layers) layer.drawOn(context, shot, factor);
   const over = ['scalarbar', 'compass'].map(byId).filter((canvas) => canvas.getBoundingClientRect().width);
   for (const canvas of over) canvas.dataset.pixels = factor;
   redraw();
@@ -26,13 +26,13 @@ function drawOver(context, shot, { redraw, axes }) {
   redraw();
 }
 
-/** `size`: [width, height], if not as on the screen; `texts`: what the file says of itself; `redraw()` draws what lies over the picture; `axes`: theirs. */
-export async function savePicture(scene, name, { size, texts, redraw, axes }) {
+/** `size`: [width, height], if not as on the screen; `texts`: what the file says of itself; `redraw()` draws the bar and the compass anew; `layers`: what else lies over the picture, each with `drawOn`. */
+export async function savePicture(scene, name, { size, texts, redraw, layers }) {
   const shot = await scene.capture(size);
   const canvas = element('canvas', { width: shot.width, height: shot.height });
   const context = canvas.getContext('2d');
   context.drawImage(shot, 0, 0);
-  drawOver(context, shot, { redraw, axes });
+  drawOver(context, shot, { redraw, layers });
   const blob = await new Promise((done) => canvas.toBlob(done, 'image/png'));
   saveFile(`${name}.png`, withTexts(blob, texts));
 }
