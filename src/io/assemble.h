@@ -130,6 +130,9 @@ TETLOD_CHECKED enum tetlod_status cell_numbers_to_field(struct cell_numbers *num
                                                         struct tetlod_error *error);
 void cell_numbers_fini(struct cell_numbers *numbers);
 
+/* Whether what is at a path of names of blocks, "/OUTER/INNER/", is in the block `name`: one of these, or several with a slash between. */
+bool block_path_has(const char *path, const char *name);
+
 /* Whether all values are whole numbers: text may hold others where its type says integer. */
 bool values_are_whole(const double *values, size_t count);
 

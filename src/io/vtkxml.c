@@ -109,16 +109,6 @@ static enum tetlod_status fail_block(const struct vtkxml_document *document, con
     return tetlodi_fail(error, TETLOD_ERR_MESH, "has no block '%.60s' with a file; there are:%.160s", name, known);
 }
 
-/* Whether a part is, or is in, the block of that name; "OUTER/INNER" names one in another. */
-static bool is_in_block(const struct vtkxml_part *part, const char *name)
-{
-    size_t length = strlen(name);
-    for (const char *at = part->path; *at; at++)
-        if (*at == '/' && strncmp(at + 1, name, length) == 0 && at[1 + length] == '/')
-            return true;
-    return false;
-}
-
 /* Whether a file has blocks with names itself. */
 static bool has_blocks(const char *path)
 {
@@ -143,14 +133,14 @@ static enum tetlod_status read_parts(const struct vtkxml_document *document, str
     TETLOD_TRY(choose_time(document, input, &time, &has_time, report, error));
     report->names_blocks = true;
     for (size_t p = 0; p < document->part_count && wanted && !is_here; p++)
-        is_here = is_in_block(&document->parts[p], wanted);
+        is_here = block_path_has(document->parts[p].path, wanted);
     whole.block = NULL;
     inner.options = !wanted || is_here ? &whole : options;
     for (size_t p = 0; p < document->part_count; p++) {
         const struct vtkxml_part *part = &document->parts[p];
         if (has_time && (!part->has_time || part->time != time))
             continue;
-        if (wanted && !(is_here ? is_in_block(part, wanted) : has_blocks(part->file)))
+        if (wanted && !(is_here ? block_path_has(part->path, wanted) : has_blocks(part->file)))
             continue;
         found = true;
         TETLOD_TRY(io_read_named(out, &inner, part->file, report, error));

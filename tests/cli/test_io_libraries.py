@@ -333,6 +333,24 @@ def cgns_blocks_case():
     return None if (converted(path('in.cgns'), '--block', 'Half1')[3]['region'] == 2).all() else 'block'
 
 
+def cgns_bases_case():
+    """Two bases with a zone of the same name each; one base, one zone of a base."""
+    points, tets, fields, cells = tet_mesh(60)
+    file = cgns_file.File(path('in.cgns'))
+    for b, base in enumerate(('Base', 'Other')):
+        if b:
+            file.new_base(base)
+        for z, zone in enumerate(('Zone', 'Only' + base)):
+            file.zone(zone, points + 5 * z + 10 * b, len(tets))
+            file.section('Volume', 'tetra', tets)
+            file.solution('AtVertices', cgns_file.VERTEX, fields)
+    file.close()
+    wanted = {(): 4, ('--block', 'Other'): 2, ('--block', 'Other/Zone'): 1, ('--block', 'Zone'): 2, ('--block', 'OnlyBase'): 1}
+    got = {arguments: len(converted(path('in.cgns'), *arguments)[1]) // len(tets) for arguments in wanted}
+    refused = tetlod('convert', path('in.cgns'), '--block', 'Nobody', '-o', path('out.vtu'))
+    return None if got == wanted and refused.returncode == 3 and b'Base/OnlyBase Base/Zone Other/OnlyOther Other/Zone' in refused.stderr else (got, refused)
+
+
 def cgns_structured_case():
     grid, points, fields, cells, volume = structured('structured')
     file = cgns_file.File(path('in.cgns'))
@@ -453,6 +471,7 @@ def main():
             case('cgns %s %s' % ('HDF5' if hdf5 else 'ADF', np.dtype(precision)), cgns_tets_case, hdf5, precision)
     damaged_cases('in.cgns')
     case('cgns: zones', cgns_blocks_case)
+    case('cgns: bases', cgns_bases_case)
     case('cgns: structured', cgns_structured_case)
     case('cgns: steps', cgns_steps_case)
     for kind in 'sections', 'mixed', 'polyhedra':
