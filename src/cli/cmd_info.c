@@ -5,7 +5,7 @@
 #include "src/cli/cli.h"
 #include "src/cli/print_json.h"
 #include "src/report/info_json.h"
-#include "src/report/metadata.h"
+#include "src/level/metadata.h"
 #include "src/report/series_json.h"
 
 static const char help[] =

@@ -18,8 +18,8 @@
 #include "src/io/io.h"
 #include "src/mesh/displacement.h"
 #include "src/mesh/mesh_check.h"
-#include "src/report/level_mesh.h"
-#include "src/report/metadata.h"
+#include "src/level/level_mesh.h"
+#include "src/level/metadata.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "src/report/metadata.h"
+#include "src/level/metadata.h"
 
 bool series_own_ranges(const struct tetlod_info *info)
 {
