@@ -11,7 +11,7 @@
 #include "server/answer/obtain.h"
 #include "server/answer/respond.h"
 #include "src/forest/forest.h"
-#include "src/report/level_mesh.h"
+#include "src/level/level_mesh.h"
 #include "src/util/array.h"
 
 /* A view on its way to a worker. */

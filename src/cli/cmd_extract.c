@@ -12,7 +12,7 @@
 #include "src/cli/extract_region.h"
 #include "src/cli/extract_step.h"
 #include "src/io/io.h"
-#include "src/report/level_mesh.h"
+#include "src/level/level_mesh.h"
 #include "src/util/file.h"
 #include "src/util/parallel.h"
 

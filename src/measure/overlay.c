@@ -123,34 +123,16 @@ static bool weigh_corners(const struct overlay *overlay, const struct weights_ma
     return true;
 }
 
-/* A corner that is on a face's plane, but for rounding, is on no side of it: else what lies in the plane may be lost when it is clipped.
- * One that both have is where it is, whatever rounding says. */
-static void match_corners(const struct overlay *overlay, const uint32_t tets[2], double slack, double in_b[4][4], double in_a[4][4])
-{
-    for (int i = 0; i < 16; i++) {
-        in_a[i / 4][i % 4] = fabs(in_a[i / 4][i % 4]) <= slack ? 0 : in_a[i / 4][i % 4];
-        in_b[i / 4][i % 4] = fabs(in_b[i / 4][i % 4]) <= slack ? 0 : in_b[i / 4][i % 4];
-    }
-    for (int i = 0; i < 4; i++)
-        for (int j = 0; j < 4; j++) {
-            const double *p = corner(overlay->meshes[0], tets[0], i), *q = corner(overlay->meshes[1], tets[1], j);
-            if (p[0] != q[0] || p[1] != q[1] || p[2] != q[2])
-                continue;
-            for (int k = 0; k < 4; k++) {
-                in_b[i][k] = k == j;
-                in_a[j][k] = k == i;
-            }
-        }
-}
-
-/* Clips the edges of the cell's tetrahedron of mesh m to the other one, in which its corners have the weights `in`. */
+/* Clips the edges of the cell's tetrahedron of mesh m to the other one, in which its corners have the weights `in`, and to what is so near to
+ * it that rounding may have put it there: the ends that there are lie between those. */
 static void clip_edges(struct cell *cell, int m, double in[4][4])
 {
+    double room = 2 * cell->slack;
     for (int e = 0; e < 6; e++) {
         int i = tet_edges[e][0], j = tet_edges[e][1];
         double t[2] = {0, 1};
         for (int k = 0; k < 4; k++) {
-            double from = in[i][k], to = in[j][k];
+            double from = in[i][k] + room, to = in[j][k] + room;
             if (from < 0 && to < 0)
                 t[0] = 2; // behind a face as a whole
             else if (from < 0)
@@ -352,7 +334,6 @@ static void compare_pair(const struct overlay *overlay, struct worker *worker, c
     if (!weigh_corners(overlay, &fine, finer, tets, in[!finer], &slack))
         return;
     cell.slack = larger(cell.slack, slack);
-    match_corners(overlay, cell.tets, cell.slack, in[0], in[1]);
     worker->cells++;
     if (cell.slack > HOPELESS || (may_be_worse(overlay, worker, &cell, in, true) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
         compare_exactly(overlay, worker, &cell);

@@ -107,8 +107,6 @@ static bool is_original(const struct overlay_levels *levels, const struct coarse
     bool same = finest->stored == original->tet_count &&
                 !memcmp(finest->positions, original->positions, 3 * vertices * sizeof(double)) &&
                 !memcmp(finest->corners, original->corners, 4 * finest->stored * sizeof(uint32_t));
-    for (size_t t = 0; t < finest->stored && same; t++)
-        same = finest->states[t] < COARSE_DIED;
     for (uint32_t f = 0; f < original->field_count && same; f++)
         same = !memcmp(finest->fields[f].values, original->fields[f].values,
                        vertices * original->fields[f].components * sizeof(double));

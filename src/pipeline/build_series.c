@@ -15,9 +15,10 @@
 /* Steps that drive at least, where there are so many; components that are retraced together, where they fit. */
 enum { LEAST_KEYS = 16, BATCH_COMPONENTS = 32 };
 
-/* What a component takes a vertex while it drives, in bytes: its values here, in the working mesh and in the log, U, L, the prediction. What the
- * levels of the bands and the frame at hand take a vertex: measured. */
-enum { DRIVING_BYTES = 56, ENCODING_BYTES = 400 };
+/* Bytes. A component that drives takes DRIVING_BYTES a vertex (its values here, in the working mesh and in the log, U, L, the prediction) and
+ * STAR_BYTES a thread (values and planes of a large star). The levels of the bands and the frame at hand take ENCODING_BYTES a vertex. The last
+ * two are measured. */
+enum { DRIVING_BYTES = 56, STAR_BYTES = 3 << 10, ENCODING_BYTES = 400 };
 
 /* ---- values */
 
@@ -41,7 +42,8 @@ enum tetlod_status series_load(const struct series_build *series, uint32_t step,
         row += control_bytes(series, i);
     }
     unsigned char *bytes = (unsigned char *)out + count * sizeof *out - size; // floats come at the end, and become doubles from there
-    if (file_input_read(&series->input->values, (size_t)(step * row + offset), size, bytes) != size)
+    const struct tetlod_source *values = &series->input->values;
+    if (values->read(values->opaque, step * row + offset, bytes, size) != TETLOD_OK)
         return tetlodi_fail(error, TETLOD_ERR_IO, "a step's values cannot be read from a temporary file");
     for (size_t i = 0; i < count && series->input->types[control] == TETLOD_FLOAT32; i++) {
         float value;
@@ -145,13 +147,18 @@ static uint64_t left_over(const struct series_build *series)
     return !memory ? UINT64_MAX : memory > base ? memory - base : 0;
 }
 
+/* As many keys as the memory has room for, on any number of threads; then as many threads as there is room for beside the first. */
 static enum tetlod_status choose_keys(struct series_build *series, struct tetlod_error *error)
 {
-    uint64_t one = (uint64_t)series->mesh->vertex_count * DRIVING_BYTES * series->component_count, fit = left_over(series) / one;
+    uint64_t star = (uint64_t)STAR_BYTES * series->component_count, one = (uint64_t)series->mesh->vertex_count * DRIVING_BYTES * series->component_count + star;
+    uint64_t left = left_over(series), fit = left / one;
     uint32_t steps = series->input->step_count, least = steps < LEAST_KEYS ? steps : LEAST_KEYS;
     series->key_count = fit < steps ? (uint32_t)fit : steps;
-    if (series->key_count >= least)
+    if (series->key_count >= least) {
+        uint64_t threads = 1 + (left - series->key_count * one) / (series->key_count * star);
+        series->simplify.threads = threads < series->simplify.threads ? (unsigned)threads : series->simplify.threads;
         return TETLOD_OK;
+    }
     return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%u of %u steps have to drive the contraction, each takes %llu MB, and --memory leaves room for %u",
                         least, steps, (unsigned long long)(one >> 20) + 1, series->key_count);
 }

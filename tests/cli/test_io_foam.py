@@ -48,7 +48,7 @@ def put(name, kind, content, binary, packed):
         'binary' if binary else 'ascii', kind, WIDTHS['label'], WIDTHS['scalar'], os.path.basename(name))
     data = head.encode() + (content if isinstance(content, bytes) else content.encode()) + b'\n\n// **** //\n'
     os.makedirs(os.path.dirname(path(name)), exist_ok=True)
-    with (gzip.open(path(name + '.gz'), 'wb') if packed else open(path(name), 'wb')) as file:
+    with (gzip.open(path(name + '.gz'), 'wb', 1) if packed else open(path(name), 'wb')) as file:
         file.write(data)
 
 

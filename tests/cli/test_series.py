@@ -105,7 +105,7 @@ def few_keys_case():
 
 
 def memory_case():
-    """Ten times as many steps take no more memory: nothing of a step is kept, and no temporary file is mapped."""
+    """Ten times as many steps take no more memory, on any number of threads: nothing of a step is kept, no temporary file is mapped."""
     if CONFIG != 'release':
         return None
     must('sample', 'wake', '--size', '4', '--steps', str(STEPS), '-o', path('few.pvd'))
@@ -113,9 +113,25 @@ def memory_case():
     with open(path('many.pvd'), 'w') as file:
         file.write('<VTKFile type="Collection" version="0.1"><Collection>%s</Collection></VTKFile>' % sets)
     build = ['build', path('many.pvd'), '--field', 'Velocity', '--carry', 'Velocity', '--bands', '5%,1%', '-o', path('many.tetlod'), '--json', '--quiet']
-    room = '%dM' % int(re.search(r'needs about (\d+) MB', tetlod(*build, '--memory', '1M').stderr.decode()).group(1))
-    peaks = [json.loads(must(*build, '--memory', room, '--times', times).stdout)['peak_memory'] / 2 ** 20 for times in ('0:99', ':')]
-    return None if peaks[1] - peaks[0] < 1.2 and max(peaks) < 1.1 * int(room[:-1]) + 1 else (peaks, room)
+    room = 2 + int(re.search(r'needs about (\d+) MB', tetlod(*build, '--memory', '1M').stderr.decode()).group(1))
+    peaks = [json.loads(must(*build, '--memory', '%dM' % room, '--threads', '8', '--times', times).stdout)['peak_memory'] / 2 ** 20 for times in ('0:99', ':')]
+    return None if peaks[1] - peaks[0] < 1.2 and max(peaks) < 1.1 * room else (peaks, room)
+
+
+def temporary_case():
+    """Temporary files are in TMPDIR: a folder that is not there is named; one that has no files without a name is left empty."""
+    build = ['build', path('wake.pvd'), '--times', '0:3', '--field', 'Pressure', '--bands', '5%', '--quiet', '-o']
+    done = tetlod(*build, path('none.tetlod'), env=dict(os.environ, TMPDIR=path('missing')))
+    if done.returncode != 1 or 'missing' not in done.stderr.decode() or 'TMPDIR' not in done.stderr.decode():
+        return done
+    os.makedirs(path('named'), exist_ok=True)
+    must(*build, path('usual.tetlod'))
+    environment = dict(os.environ, TMPDIR=path('named'))
+    if CONFIG == 'release':
+        environment['LD_PRELOAD'] = os.path.join(os.environ['ROOT'], 'build/release/tests/cli/no_tmpfile.so')
+    done = tetlod(*build, path('named.tetlod'), env=environment)
+    same = done.returncode == 0 and open(path('named.tetlod'), 'rb').read() == open(path('usual.tetlod'), 'rb').read()
+    return None if same and not os.listdir(path('named')) else (done, os.listdir(path('named')))
 
 
 def files_case():
@@ -267,6 +283,7 @@ case('a picture of the errors over time', plot_case)
 case('a band between round errors has a level of its own', band_case)
 case('steps that do not drive', few_keys_case)
 case('memory is bounded, whatever the number of steps', memory_case)
+case('temporary files', temporary_case)
 case('several files, and some steps', files_case)
 case('steps that are cut off at the ends of their range', clipped_case)
 case('errors relative to each step', own_range_case)

@@ -115,6 +115,33 @@ mutant('exact: originals are lost', 'src/simplify/exact/patch.c', 'if (!outside_
        'if (t % 8 != 7 && !outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, overlaps, complex, t, cone) &&',
        'a cone lists all originals that overlap it', 'unit/test_exact')
 
+# ---- the overlay, which checks it: what rules pairs out (8)
+
+mutant('overlay: half of a box', 'src/measure/overlay.c', 'most[k] += reach->rows[i][k] * middle + reach->sizes[i][k] * half;', 'most[k] += reach->rows[i][k] * middle;',
+       'a box reaches as far as its farthest corner', 'unit/test_overlay')
+mutant('overlay: a box behind a face', 'src/measure/overlay.c', 'behind |= most[k] <= THIN - noise;', 'behind |= most[k] <= THIN;',
+       'a box is behind a face if rounding cannot have put it there', 'unit/test_overlay')
+mutant('overlay: corners behind a face', 'src/measure/overlay.c', 'if (!(most > THIN - map->noise * largest))', 'if (!(most > THIN))',
+       'the same of corners', 'unit/test_overlay')
+mutant('overlay: no crossings of a face', 'src/measure/overlay.c', 'if ((from < 0) != (to < 0))', 'if (from < 0 && to > INFINITY)',
+       'the part before a face has corners of its own', 'unit/test_overlay')
+mutant('overlay: no room before a face', 'src/measure/overlay.c', 'largest_before(in[m], at, 2 * cell->slack)', 'largest_before(in[m], at, 0)',
+       'a corner is before a face as far as rounding can tell', 'unit/test_overlay')
+mutant('overlay: no slack of a bound', 'src/measure/overlay.c', 'double enough = worker->most[compared->field] - 8 * size * cell->slack;',
+       'double enough = worker->most[compared->field] + 0 * size;', 'a bound is widened by its rounding', 'unit/test_overlay')
+mutant('overlay: no slack of the ends', 'src/measure/overlay.c', 'if (found + 8 * size * cell->slack > worker', 'if (found + 0 * size > worker',
+       'what is left to 113 bits is what doubles cannot rule out', 'unit/test_overlay')
+mutant('overlay: clipped as rounding has it', 'src/measure/overlay.c', 'double room = 2 * cell->slack;', 'double room = 0;',
+       'the ends lie between those of what rounding allows', 'unit/test_overlay')
+mutant('overlay: corners of the wrong mesh', 'src/measure/overlay.c', 'if (m != overlay->finer && !both)', 'if (m == overlay->finer && !both)',
+       'before both are weighed only those of the finer mesh are known', 'unit/test_overlay')
+mutant('overlay: a finest level that moved', 'src/measure/overlay_levels.c', '!memcmp(finest->positions, original->positions, 3 * vertices * sizeof(double)) &&', '',
+       'only what is the original is not compared with it', 'unit/test_overlay')
+mutant('overlay: a finest level of other tetrahedra', 'src/measure/overlay_levels.c', '!memcmp(finest->corners, original->corners, 4 * finest->stored * sizeof(uint32_t))', 'true',
+       'the same', 'unit/test_overlay')
+mutant('overlay: a finest level of other values', 'src/measure/overlay_levels.c', 'for (uint32_t f = 0; f < original->field_count && same; f++)', 'for (uint32_t f = original->field_count; f < original->field_count && same; f++)',
+       'the same', 'unit/test_overlay')
+
 # ---- what is stored
 
 mutant('max below sampled', 'src/pipeline/build.c', 'errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);', '',

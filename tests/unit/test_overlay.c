@@ -2,8 +2,11 @@
 /* The exact maximum over an overlay: known answers, and never below what dense sampling of any two meshes finds. */
 #include <stdlib.h>
 
+#include "src/measure/exact_cell.h"
 #include "src/measure/overlay.h"
+#include "src/measure/overlay_levels.h"
 #include "src/mesh/locate.h"
+#include "src/mesh/tet_geom.h"
 #include "src/sample/sample.h"
 #include "tests/gen.h"
 #include "tests/test.h"
@@ -239,6 +242,169 @@ static void test_against_sampling(void)
     }
 }
 
+/* The same, of all pairs in 113 bits: nothing is ruled out. */
+static double all_pairs(const struct tetmesh *a, const struct tetmesh *b)
+{
+    const struct tetmesh *const meshes[2] = {a, b};
+    quad most = 0;
+    for (size_t pair = 0; pair < (size_t)a->tet_count * b->tet_count; pair++) {
+        const size_t tets[2] = {pair / b->tet_count, pair % b->tet_count};
+        struct exact_cell cell;
+        double values[2][4];
+        for (int m = 0; m < 2; m++)
+            for (size_t c = 0; c < 4; c++) {
+                size_t v = meshes[m]->corners[4 * tets[m] + c];
+                cell.corners[m][c] = meshes[m]->positions + 3 * v;
+                values[m][c] = meshes[m]->fields[0].values[v];
+            }
+        bool meet = exact_cell_clip(&cell);
+        for (int end = 0; meet && end < cell.count; end++) {
+            quad found = exact_cell_difference(&cell, end, (const double(*)[4])values);
+            most = found > most ? found : most;
+        }
+    }
+    return (double)most;
+}
+
+/* Flattened across no axis: what rounding makes of weights then grows as the thickness falls. */
+static void flatten(struct tetmesh *mesh, double thickness)
+{
+    static const double normal[3] = {0.36, 0.48, 0.8};
+    for (size_t v = 0; v < mesh->vertex_count; v++) {
+        double *p = mesh->positions + 3 * v, height = p[0] * normal[0] + p[1] * normal[1] + p[2] * normal[2];
+        for (int d = 0; d < 3; d++)
+            p[d] += (thickness - 1) * height * normal[d];
+    }
+}
+
+/* What rules pairs out, or whole boxes of them, rules out nothing that counts: fields that differ most in one place, and ones that do
+ * nearly as much everywhere; tetrahedra of all shapes. */
+static void test_against_all_pairs(void)
+{
+    static const double thicknesses[4] = {1, 1e-2, 1e-6, 1e-8};
+    for (uint64_t seed = 1; seed <= 24; seed++) {
+        struct tetmesh a, b;
+        REQUIRE(make_cube(&a, 1 + seed % 3, seed) && make_cube(&b, 1 + seed / 3 % 3, seed + 50));
+        random_values(&a, seed + 100);
+        random_values(&b, seed + 200);
+        for (size_t v = 0; v < a.vertex_count && seed % 2; v++) // as good as flat but for one vertex
+            a.fields[0].values[v] *= v == seed % a.vertex_count ? 1 : 1e-3;
+        flatten(&a, thicknesses[(seed - 1) / 6]);
+        flatten(&b, thicknesses[(seed - 1) / 6]);
+        double wanted = all_pairs(&a, &b);
+        CHECK(wanted > 0);
+        CHECK_NEAR(exact(&a, &b, 2), wanted, 1e-14 * wanted);
+        tetmesh_fini(&a);
+        tetmesh_fini(&b);
+    }
+}
+
+static double between(uint64_t *seed, double low, double high)
+{
+    return low + (high - low) * ((double)(gen_random(seed) >> 11) * 0x1p-53);
+}
+
+/* A tetrahedron of a height, across no axis. */
+static void make_first(double p[4][3], double height, uint64_t *seed)
+{
+    static const double along[2][3] = {{0.8, -0.6, 0}, {0.48, 0.64, -0.6}}, normal[3] = {0.36, 0.48, 0.8},
+                        place[4][2] = {{0, 0}, {1, 0}, {0, 1}, {0.3, 0.4}};
+    for (int c = 0; c < 4; c++) {
+        double x = place[c][0] + between(seed, 0, 0.2), y = place[c][1] + between(seed, 0, 0.2);
+        for (int d = 0; d < 3; d++)
+            p[c][d] = x * along[0][d] + y * along[1][d] + (c == 3 ? height : 0) * normal[d];
+    }
+}
+
+enum { CROSSES, TOUCHES, LIES_ON, KINDS };
+
+/* One that crosses it, or lies with a face on one of its, by about what is a contact, or has a corner there, at 0, and short edges along the
+ * axes. */
+static void make_second(double p[4][3], double first[4][3], int kind, uint64_t *seed)
+{
+    for (int c = 0; c < 4; c++) {
+        double w[4] = {between(seed, -0.2, 0.6), between(seed, -0.2, 0.6), 0, kind == CROSSES ? between(seed, -0.2, 0.6) : between(seed, 0, 2e-8)};
+        w[3] = kind == LIES_ON && c == 3 ? -0.5 : w[3];
+        w[2] = 1 - w[0] - w[1] - w[3];
+        for (int d = 0; d < 3; d++)
+            p[c][d] = w[0] * first[0][d] + w[1] * first[1][d] + w[2] * first[2][d] + w[3] * first[3][d];
+    }
+    for (int i = 0; i < 12 && kind == TOUCHES; i++)
+        first[i / 3][i % 3] -= p[0][i % 3];
+    for (int i = 0; i < 12 && kind == TOUCHES; i++)
+        p[i / 3][i % 3] = i / 3 == i % 3 + 1 ? -1e-9 : 0;
+}
+
+static bool is_degenerate(double p[4][3])
+{
+    return tet_orientation(p[0], p[1], p[2], p[3]) == 0;
+}
+
+/* Rounding, which for slivers and for small ones beside large ones is far more than what makes a contact, must not rule a pair out. The
+ * floor is a hair below the difference. */
+static void test_rounding(void)
+{
+    static const uint32_t corners[1][4] = {{0, 1, 2, 3}}, only[1] = {0};
+    static const double heights[4] = {0.5, 1e-7, 3e-8, 5e-9};
+    uint64_t seed = 7;
+    for (int i = 0; i < 4800; i++) {
+        double p[2][4][3], floor, most;
+        struct tetmesh meshes[2];
+        struct overlay_report report;
+        make_first(p[1], heights[i % 4], &seed);
+        make_second(p[0], p[1], i % KINDS, &seed);
+        for (int m = 0; m < 2; m++) {
+            REQUIRE(make_mesh(&meshes[m], p[m], 4, corners, 1));
+            random_values(&meshes[m], gen_random(&seed));
+        }
+        double wanted = all_pairs(&meshes[0], &meshes[1]);
+        if (is_degenerate(p[0]) || is_degenerate(p[1]))
+            wanted = 0;
+        floor = wanted * (1 - 1e-12);
+        REQUIRE(overlay_max(&meshes[0], only, &meshes[1], only, 1, &(struct overlay_options){.threads = 1, .floors = &floor}, &most, &report,
+                            NULL) == TETLOD_OK);
+        CHECK(most == wanted);
+        tetmesh_fini(&meshes[0]);
+        tetmesh_fini(&meshes[1]);
+    }
+}
+
+/* What the finest level of a mesh, as `coarsening` has it, is found to differ by. */
+static double finest(const struct tetmesh *original, const struct coarsening *coarsening)
+{
+    struct overlay_levels *levels;
+    double most = 0;
+    if (overlay_levels_new(&levels, original, coarsening, 1, NULL) != TETLOD_OK)
+        return NAN;
+    CHECK(overlay_levels_next(levels, coarsening, &most, NULL) == TETLOD_OK);
+    overlay_levels_free(levels);
+    return most;
+}
+
+/* A finest level that is the original has no difference; one with a position, a value or a diagonal of its own has. */
+static void test_finest_level(void)
+{
+    static const double points[5][3] = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, {0.5, 0.5, 1}};
+    static const uint32_t one[2][4] = {{0, 1, 2, 4}, {0, 2, 3, 4}}, other[2][4] = {{0, 1, 3, 4}, {1, 2, 3, 4}};
+    struct tetmesh mesh, turned;
+    struct coarsening same, crossed;
+    REQUIRE(make_mesh(&mesh, points, 5, one, 2) && make_mesh(&turned, points, 5, other, 2));
+    mesh.fields[0].values[2] = turned.fields[0].values[2] = 1;
+    REQUIRE(coarsening_init(&same, &mesh, NULL, NULL) == TETLOD_OK && coarsening_init(&crossed, &turned, NULL, NULL) == TETLOD_OK);
+    CHECK(finest(&mesh, &same) == 0);
+    CHECK_NEAR(finest(&mesh, &crossed), 0.5, 1e-15);
+    same.fields[0].values[4] += 0.25;
+    CHECK(finest(&mesh, &same) == 0.25);
+    same.fields[0].values[4] -= 0.25;
+    same.positions[3 * 4 + 2] = 2;
+    mesh.fields[0].values[4] = same.fields[0].values[4] = 1;
+    CHECK_NEAR(finest(&mesh, &same), 0.25, 1e-15);
+    coarsening_fini(&same);
+    coarsening_fini(&crossed);
+    tetmesh_fini(&mesh);
+    tetmesh_fini(&turned);
+}
+
 int main(void)
 {
     RUN(test_identity);
@@ -249,5 +415,8 @@ int main(void)
     RUN(test_common_plane);
     RUN(test_overlap);
     RUN(test_against_sampling);
+    RUN(test_against_all_pairs);
+    RUN(test_rounding);
+    RUN(test_finest_level);
     return test_end();
 }
