@@ -31,7 +31,6 @@ struct writer {
     uint32_t *slot_at;     /* [position] slot of the leaf's living ancestor */
     uint32_t *node_at;     /* [slot] */
     uint32_t *original_of; /* [tet in order of arrival] */
-    uint32_t node;         /* that splits */
     uint32_t children[MOST_CHILDREN];
     uint32_t *arrived;     /* tetrahedra that come with its record and have not come yet, original numbers */
     uint32_t arrived_count;

@@ -18,7 +18,7 @@ static struct point_field *fields_of(struct block *block, bool cell, uint32_t *c
     return cell ? block->mesh.cell_fields : block->mesh.fields;
 }
 
-static struct point_field *find_like(struct block *block, bool cell, const struct point_field *like)
+struct point_field *block_find_like(struct block *block, bool cell, const struct point_field *like)
 {
     uint32_t count;
     struct point_field *fields = fields_of(block, cell, &count);
@@ -47,7 +47,7 @@ static enum tetlod_status merge_field(struct blocks *blocks, struct block *out, 
     enum tetlod_type type = TETLOD_FLOAT32;
     bool is_integer = true;
     for (size_t b = 0; b < blocks->count; b++) {
-        const struct point_field *field = find_like(&blocks->at[b], cell, like);
+        const struct point_field *field = block_find_like(&blocks->at[b], cell, like);
         if (!rows_of(&blocks->at[b], cell))
             continue;
         if (!field) {
@@ -67,7 +67,7 @@ static enum tetlod_status merge_field(struct blocks *blocks, struct block *out, 
     merged->is_integer = is_integer;
     memcpy(merged->unit, like->unit, sizeof merged->unit);
     for (size_t b = 0; b < blocks->count; b++) {
-        struct point_field *field = find_like(&blocks->at[b], cell, like);
+        struct point_field *field = block_find_like(&blocks->at[b], cell, like);
         size_t size = (size_t)rows_of(&blocks->at[b], cell) * like->components;
         if (size)
             memcpy(at, field->values, size * sizeof *at);
@@ -78,14 +78,28 @@ static enum tetlod_status merge_field(struct blocks *blocks, struct block *out, 
     return TETLOD_OK;
 }
 
+void block_note_others(struct block *first, struct block *block, bool cell, struct io_report *report)
+{
+    uint32_t count;
+    struct point_field *fields = fields_of(block, cell, &count);
+    for (uint32_t f = 0; f < count; f++)
+        if (!block_find_like(first, cell, &fields[f]))
+            io_leave_out(report, &report->partial_arrays, fields[f].name, strlen(fields[f].name));
+}
+
+/* The fields of the first block that has points or cells, as far as all others have them. */
 static enum tetlod_status merge_fields(struct blocks *blocks, struct block *out, bool cell, struct io_report *report,
                                        struct tetlod_error *error)
 {
     uint32_t count = 0;
-    struct point_field *fields = NULL;
-    for (size_t b = 0; b < blocks->count && !fields; b++)
-        if (rows_of(&blocks->at[b], cell))
-            fields = fields_of(&blocks->at[b], cell, &count);
+    struct block *first = NULL;
+    for (size_t b = 0; b < blocks->count; b++) {
+        if (!rows_of(&blocks->at[b], cell))
+            continue;
+        first = first ? first : &blocks->at[b];
+        block_note_others(first, &blocks->at[b], cell, report);
+    }
+    struct point_field *fields = first ? fields_of(first, cell, &count) : NULL;
     for (uint32_t f = 0; f < count; f++)
         TETLOD_TRY(merge_field(blocks, out, cell, &fields[f], report, error));
     return TETLOD_OK;

@@ -285,8 +285,8 @@ export class Engine {
     this.#view.put(offset, bytes);
     const series = this.#view.series(this.#fields);
     this.#view.forget();
-    this.#groups = new Groups((band, group) => this.#readGroup(series, band, group), (error) => {
-      if (error) this.#fail(error);
+    this.#groups = new Groups((band, group) => this.#readGroup(series, band, group), (band, error) => {
+      if (error && band === this.#time?.band) this.#fail(error);
       if (this.#time) this.#emit('buffered', { band: this.#time.band, groups: this.#groups.of(this.#time.band), received: this.#groups.received });
       this.#wake();
     });

@@ -11,17 +11,24 @@ const CustomEvent = globalThis.CustomEvent ?? class extends Event {
 
 // Bundlers know the worker by this very expression.
 async function startWorker() {
-  if (typeof Worker !== 'undefined') return new Worker(new URL('./worker.js', import.meta.url), { type: 'module', name: 'tetlod' });
+  if (typeof Worker !== 'undefined') return { worker: new Worker(new URL('./worker.js', import.meta.url), { type: 'module', name: 'tetlod' }) };
   const threads = 'node:worker_threads'; // not a literal: bundlers for browsers need not know it
-  return new (await import(threads)).Worker(new URL('./worker.js', import.meta.url));
+  return { worker: new (await import(threads)).Worker(new URL('./worker.js', import.meta.url)) };
 }
 
-// Where the worker's file is not beside this one (a bundler that does not know it, a server for development), or is of another
-// origin, the copy in a module of ours is run.
+const ofText = (text) => new Worker(URL.createObjectURL(new Blob([text], { type: 'text/javascript' })), { type: 'module', name: 'tetlod' });
+
+// Of another origin a script is no worker, but one of the page's may import it.
+async function startForeign(cause) {
+  if (cause.name !== 'SecurityError') throw cause;
+  const { url } = import.meta; // bundlers need not know the worker once more
+  return { worker: ofText(`import ${JSON.stringify(new URL('./worker.js', url).href)};`) };
+}
+
+// Where the worker's file is not to be had (a bundler that does not know it, a server for development), the copy in a module of ours is run.
 async function startCopy(cause) {
   const { source, wasm } = await import('./inline.js').catch(() => { throw cause; });
-  const url = URL.createObjectURL(new Blob([source], { type: 'text/javascript' }));
-  return { worker: new Worker(url, { type: 'module', name: 'tetlod' }), module: await WebAssembly.compile(wasm()) };
+  return { worker: ofText(source), module: await WebAssembly.compile(wasm()) };
 }
 
 class NotStarted extends Error {}
@@ -81,16 +88,18 @@ class Link {
   }
 
   async open(options) {
-    try {
-      this.#use(await startWorker());
-      return await this.#opened(options);
-    } catch (cause) {
-      const foreign = cause instanceof DOMException && cause.name === 'SecurityError'; // the script is of another origin
-      if (this.#reason || !(foreign || cause instanceof NotStarted)) throw cause;
-      const { worker, module } = await startCopy(cause);
-      this.#use(worker);
-      return this.#opened({ ...options, wasm: options.wasm ?? module });
+    let cause;
+    for (const start of [startWorker, startForeign, startCopy]) {
+      try {
+        const { worker, module } = await start(cause);
+        this.#use(worker);
+        return await this.#opened({ ...options, wasm: options.wasm ?? module });
+      } catch (error) {
+        if (this.#reason || !(error instanceof NotStarted || error.name === 'SecurityError')) throw error;
+        cause = error;
+      }
     }
+    throw cause;
   }
 
   async #opened(options) {
