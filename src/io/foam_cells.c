@@ -243,7 +243,8 @@ static enum tetlod_status keep_face(struct faces *f, const struct face_reader *r
         return tetlodi_fail_nomem(f->error, "the faces", end * sizeof *f->corners + count * 16);
     f->offsets[count - 1] = begin;
     f->offsets[count] = end;
-    memcpy(f->corners + begin, reader->corners, (size_t)reader->sides * sizeof *f->corners);
+    if (reader->sides) // of none there may be no array yet
+        memcpy(f->corners + begin, reader->corners, (size_t)reader->sides * sizeof *f->corners);
     f->owner[count - 1] = reader->owner;
     f->neighbour[count - 1] = reader->neighbour;
     f->count = count;
