@@ -776,13 +776,13 @@ static void pool_compact(struct overlaps *overlaps)
     overlaps->pool_size = kept;
 }
 
-/* Room for `needed` more in the pool, which is as large as what is in use and a third. */
+/* Room for `needed` more in the pool, which is as large as what is in use and an eighth. */
 static bool pool_room(struct overlaps *overlaps, size_t needed)
 {
     if (overlaps->pool_size + needed <= overlaps->pool_capacity)
         return true;
     pool_compact(overlaps);
-    size_t capacity = overlaps->pool_size + overlaps->pool_size / 3 + needed + 1024;
+    size_t capacity = overlaps->pool_size + overlaps->pool_size / 8 + needed + 1024;
     void *pool = array_resize(overlaps->pool, capacity, sizeof *overlaps->pool);
     if (!pool)
         return false;
