@@ -115,6 +115,12 @@ mutant('exact: originals are lost', 'src/simplify/exact/patch.c', 'if (!outside_
        'if (t % 8 != 7 && !outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, overlaps, complex, t, cone) &&',
        'a cone lists all originals that overlap it', 'unit/test_exact')
 
+mutant('exact: originals stay marked', 'src/simplify/exact/patch.c', 'patch->listed[patch->tets[t] / 64] = 0;', '', 'the next star has all of its originals', 'unit/test_exact')
+mutant('exact: the star stays marked', 'src/simplify/exact/patch.c', 'patch->covered[star->tets[i] / 64] = 0;', '(void)star;', 'vertices in the next star are its own', 'unit/test_exact')
+mutant('exact: distances of another order', 'src/simplify/exact/patch.h',
+       'return n[0] * r[0] + n[patch->stride] * r[1] + n[2 * (size_t)patch->stride] * r[2];', 'return n[0] * r[0] + (n[patch->stride] * r[1] + n[2 * (size_t)patch->stride] * r[2]);',
+       'all decisions are taken from the same numbers', 'unit/test_exact')
+
 # ---- the overlay, which checks it: what rules pairs out (8)
 
 mutant('overlay: half of a box', 'src/measure/overlay.c', 'most[k] += reach->rows[i][k] * middle + reach->sizes[i][k] * half;', 'most[k] += reach->rows[i][k] * middle;',
