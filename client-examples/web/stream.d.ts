@@ -113,7 +113,7 @@ export interface Spec {
   /** `zone`: the two isosurfaces between which the original's lies, too. */
   isosurfaces?: { field?: string; component?: Component; value: number; zone?: boolean }[];
   /** Draw only tetrahedra whose corners have values from `low` to `high`. */
-  threshold?: { field?: string; component?: Component; low?: number; high?: number } | null;
+  threshold?: { field?: string; cellField?: string; component?: Component; low?: number; high?: number } | null;
   /** Lines of the cells in surface and slices. */
   edges?: boolean;
   /** Everything is of what is behind the plane; the surface is closed there. */
