@@ -405,6 +405,7 @@ static enum tetlod_status write_level(struct writer *w, uint32_t level)
     uint32_t vertices = w->in->vertices;
     for (uint32_t c = 0; c < contractions; c++)
         vertices -= lineage_child_count(&w->lineage, w->in->vertices + c) - 1;
+    tetlodi_lineage_trim(&w->lineage, w->in->levels[level - 1].contractions);
     start_coders(w);
     tetlodi_level_begin(&w->recorder, vertices, w->in->tets);
     while (w->replay.vertices < vertices)

@@ -199,7 +199,7 @@ static bool take_cells(struct exchange *exchange, const struct tetlod_info *info
     uint32_t clash = tetlod_cell_field_index(info, REGION_FIELD);
     if (clash == TETLOD_NONE || !out->chosen[clash])
         return true;
-    response_problem(exchange->response, 400, exchange->request->target, "cells cannot have '%s' here: so is called what tells the parts", REGION_FIELD);
+    response_problem(exchange->response, 400, exchange->request->target, "cells cannot have '%s' here: the field that tells the parts has that name", REGION_FIELD);
     return false;
 }
 

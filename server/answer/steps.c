@@ -19,7 +19,7 @@ static const struct tetlod_series_info *series_info(struct exchange *exchange, c
 {
     const struct tetlod_series *series = dataset_series(dataset);
     if (!series)
-        response_problem(exchange->response, 404, exchange->request->target, "'%s' is no series in time: it has one moment only",
+        response_problem(exchange->response, 404, exchange->request->target, "'%s' is not a series in time",
                          dataset_id(dataset));
     return series ? tetlod_series_info(series) : NULL;
 }

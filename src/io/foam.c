@@ -107,14 +107,15 @@ static enum tetlod_status read_field(struct foam *f, const char *path, const cha
     double *values = NULL;
     char unit[UNIT_SIZE];
     bool cell;
-    if (foam_open(&file, f->input, path, &ignored) != TETLOD_OK) {
-        foam_close(&file);
-        return TETLOD_OK; // it is not a file of OpenFOAM
-    }
+    enum tetlod_status status = foam_open(&file, f->input, path, &ignored);
     file.error = f->error;
+    if (status != TETLOD_OK) {
+        status = foam_end(&file);
+        foam_close(&file);
+        return status; // OK: it is not a file of OpenFOAM
+    }
     uint32_t width = components_of(file.class_name, &cell);
     uint64_t rows = cell ? f->cells : f->points;
-    enum tetlod_status status = TETLOD_OK;
     enum tetlod_type type = file.binary && file.scalar == VALUE_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
     if (!width) {
         if (strstr(file.class_name, "Field"))

@@ -11,8 +11,6 @@ from tap import finish, report
 
 SIZE = 36
 OWN = ('vtu', 'vtk', 'msh', 'vtkhdf', 'xdmf', 'exo', 'mesh', 'meshb')
-TETS = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]  # the faces of a cell, seen from outside
-HEXAHEDRA = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
 
 
 # A process starts with the memory of the one that it was forked from, as far as the system's figures go: this one is small
@@ -65,6 +63,7 @@ def vtk_files(points, tets, hexahedra):
     """As VTK writes them: text, base64, two pieces, hexahedra, polyhedra."""
     import numpy as np
     import vtk
+    from test_io_foam import HEXAHEDRON
     writer = vtk.vtkXMLUnstructuredGridWriter()
     grid = grid_of(vtk.VTK_TETRA, points, tets)
     save(writer, grid, 'ascii.vtu', 'Ascii')
@@ -77,7 +76,7 @@ def vtk_files(points, tets, hexahedra):
         <PPoints><PDataArray type="Float64" NumberOfComponents="3"/></PPoints><Piece Source="part0.vtu"/><Piece Source="part1.vtu"/>
         </PUnstructuredGrid></VTKFile>''')
     save(writer, grid_of(vtk.VTK_HEXAHEDRON, points, hexahedra), 'hexahedra.vtu')
-    faces = hexahedra[:, HEXAHEDRA].reshape(-1, 6, 4)
+    faces = hexahedra[:, HEXAHEDRON].reshape(-1, 6, 4)
     grid = vtk.vtkUnstructuredGrid()
     grid.SetPoints(grid_of(vtk.VTK_TETRA, points, tets).GetPoints())
     for cell in faces[::4]:
@@ -87,35 +86,6 @@ def vtk_files(points, tets, hexahedra):
         grid.InsertNextCell(vtk.VTK_POLYHEDRON, ids)
     save(writer, grid, 'polyhedra.vtu')
     return ['ascii.vtu', 'base64.vtu', 'parts.pvtu', 'hexahedra.vtu', 'polyhedra.vtu']
-
-
-def foam_files(points, cells, sides, binary, packed):
-    """An OpenFOAM case; its faces, those of two cells first."""
-    import numpy as np
-    from test_io_foam import list_of, put
-    faces = cells[:, sides].reshape(-1, len(sides[0]))
-    owner = np.repeat(np.arange(len(cells)), len(sides))
-    corners = np.sort(faces, axis=1)[:, :3].astype(np.uint64)
-    order = np.argsort((corners[:, 0] << np.uint64(42)) + (corners[:, 1] << np.uint64(21)) + corners[:, 2], kind='stable')
-    same = np.append((corners[order[1:]] == corners[order[:-1]]).all(axis=1), False)
-    first = np.flatnonzero(~np.append(False, same[:-1]))
-    inner, outer = first[same[first]], first[~same[first]]
-    listed = order[np.concatenate([inner, outer])]
-    folder = 'case%d%d%d/' % (len(sides), binary, packed)
-    put(folder + 'constant/polyMesh/points', 'vectorField', list_of(points, binary), binary, packed)
-    if binary:
-        ends = np.arange(len(listed) + 1) * faces.shape[1]
-        put(folder + 'constant/polyMesh/faces', 'faceCompactList', list_of(ends, True) + list_of(faces[listed].ravel(), True), True, packed)
-    else:
-        row = '3(%d %d %d)\n' if len(sides[0]) == 3 else '4(%d %d %d %d)\n'
-        text = '%d\n(\n%s)' % (len(listed), row * len(listed) % tuple(faces[listed].ravel().tolist()))
-        put(folder + 'constant/polyMesh/faces', 'faceList', text, False, packed)
-    put(folder + 'constant/polyMesh/owner', 'labelList', list_of(owner[listed], binary), binary, packed)
-    put(folder + 'constant/polyMesh/neighbour', 'labelList', list_of(owner[order[inner + 1]], binary), binary, packed)
-    field = b'dimensions [0 0 0 1 0 0 0]; internalField nonuniform List<scalar> ' + list_of(np.arange(len(cells)) / 7, binary) + b';'
-    put(folder + '1/T', 'volScalarField', field, binary, packed)
-    write(folder + 'case.foam', '')
-    return [folder + 'case.foam']
 
 
 def other_files(points, tets):
@@ -157,6 +127,7 @@ def plot3d():
 def write_all():
     import numpy as np
     from meshes import read
+    from test_io_foam import HEXAHEDRON, TETRAHEDRON, foam_files
     points, tets = read('in.vtu')[:2]
     tets = tets.astype(np.int64)
     n = SIZE + 1
@@ -166,8 +137,8 @@ def write_all():
     plot3d()
     names = vtk_files(points, tets, hexahedra) + other_files(points, tets)
     for binary, packed in (True, False), (False, True):
-        names += foam_files(points, tets, TETS, binary, packed)
-    return names + foam_files(points, hexahedra, HEXAHEDRA, True, False)
+        names += foam_files(points, tets, TETRAHEDRON, binary, packed)
+    return names + foam_files(points, hexahedra, HEXAHEDRON, True, False)
 
 
 def hold(name, most, *arguments):

@@ -35,11 +35,6 @@ struct trial_run {
     double *distances; /* [point] of those that are outside of the level */
 };
 
-static double unit_random(uint64_t *random)
-{
-    return (double)(gen_random(random) >> 11) * 0x1p-53;
-}
-
 static double value_at(const struct tetmesh *mesh, const uint32_t *vertices, const double *weights)
 {
     double sum = 0;
@@ -68,7 +63,7 @@ static void try_point(struct trial_run *run, size_t point)
     if (!has_interpolant(run->original, tet))
         return;
     for (int c = 0; c < 4; c++)
-        total += weights[c] = -log(1 - unit_random(&random)) + 1e-12; // evenly over the tetrahedron
+        total += weights[c] = -log(1 - gen_unit(&random)) + 1e-12; // evenly over the tetrahedron
     for (int c = 0; c < 4; c++) {
         weights[c] /= total;
         for (int d = 0; d < 3; d++)
