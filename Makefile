@@ -24,12 +24,12 @@ PARALLEL = $(if $(findstring -j,$(MAKEFLAGS)),,-j$(shell nproc 2>/dev/null || ec
 # ---- what a build asks for. `make needs` looks for it on any system; `make deps` installs it, on Debian alone
 NEEDS_COMMANDS = $(CC) $(AR) $(LD) $(OBJCOPY) $(PKG_CONFIG) python3 $(if $(ALONE),,zstd) $(if $(filter 0,$(WEB))$(ALONE)$(PREBUILT),,node npm $(WASM_CC))
 NEEDS_CHECK := clang mypy gmsh adf2hdf qemu-ppc nginx varnishd openssl chromium lintian dh
-NEEDS_PYTHON := numpy scipy vtk meshio h5py netCDF4 jsonschema setuptools wheel pip venv
+NEEDS_PYTHON := numpy scipy vtk meshio h5py netCDF4 jsonschema nbconvert setuptools wheel pip venv
 # Debian packages of all that
 DEPS_BUILD := gcc libc6-dev make pkg-config ca-certificates curl python3 zstd libzstd-dev libexpat1-dev zlib1g-dev liblz4-dev liblzma-dev libhdf5-dev libnetcdf-dev libcgns-dev \
     libjansson-dev libmicrohttpd-dev clang-14 lld-14 wasi-libc libclang-rt-14-dev-wasm32 \
     $(foreach command,node npm,$(if $(shell command -v $(command)),,$(command:node=nodejs)))
-DEPS_CHECK := lintian debhelper clang libcurl4-openssl-dev python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema nginx-light varnish openssl chromium firefox-esr xvfb
+DEPS_CHECK := lintian debhelper clang libcurl4-openssl-dev python3-venv python3-pip python3-setuptools python3-wheel mypy qemu-user gcc-powerpc-linux-gnu libc6-dev-powerpc-cross libclang-rt-14-dev python3-numpy python3-scipy python3-vtk9 python3-meshio python3-h5py python3-netcdf4 gmsh cgns-convert python3-jsonschema python3-nbconvert nginx-light varnish openssl chromium firefox-esr xvfb
 DEPS_BENCH := python3-vtk9 wrk nginx-light chromium
 
 # ---- flags: ours first, the user's CPPFLAGS, CFLAGS, LDFLAGS appended

@@ -131,6 +131,15 @@ enum tetlod_status tetlodi_lineage_init(struct lineage *out, const struct tetlod
     return list_meetings(out, error);
 }
 
+void tetlodi_lineage_trim(struct lineage *lineage, uint32_t contractions)
+{
+    size_t left = lineage->meeting_begin[contractions] ? lineage->meeting_begin[contractions] : 1;
+    uint32_t *shrunk = realloc(lineage->meeting, left * sizeof *shrunk);
+    lineage->meeting = shrunk ? shrunk : lineage->meeting;
+    free(lineage->parent);
+    lineage->parent = NULL;
+}
+
 void tetlodi_lineage_fini(struct lineage *lineage)
 {
     void *const owned[] = {lineage->parent, lineage->range, lineage->position, lineage->meeting_begin, lineage->meeting, lineage->waiting};

@@ -28,6 +28,9 @@ struct lineage {
 enum tetlod_status tetlodi_lineage_init(struct lineage *out, const struct tetlodi_write_input *in, struct tetlod_error *error);
 void tetlodi_lineage_fini(struct lineage *lineage);
 
+/* Gives back the parents, which only the base mesh needs, and the meetings of all but the first contractions. */
+void tetlodi_lineage_trim(struct lineage *lineage, uint32_t contractions);
+
 /* The nodes that a contraction made one of. */
 static inline const uint32_t *lineage_children(const struct lineage *lineage, uint32_t node)
 {

@@ -515,17 +515,14 @@ static enum tetlod_status place_children(struct tetlodi_recorder *recorder, cons
     return TETLOD_OK;
 }
 
-/* An encoder's fields follow each record at once. */
-static enum tetlod_status encode_fields(struct tetlodi_recorder *recorder, struct tetlod_error *error)
+/* An encoder's fields follow each record at once. The writer has made room for them. */
+static void encode_fields(struct tetlodi_recorder *recorder)
 {
     struct tetlodi_replay *replay = recorder->replay;
     int64_t(*codes)[4] = recorder->codes + 3;
-    if (!tetlodi_fields_room(recorder))
-        return tetlodi_no_room(replay->memory, error);
     for (uint32_t f = 1; f < replay->column_count; codes += replay->columns[f++].components)
         tetlodi_field_encode(recorder, recorder->log, f, codes);
     tetlodi_field_log_clear(recorder->log);
-    return TETLOD_OK;
 }
 
 static enum tetlod_status code_record(struct tetlodi_recorder *recorder, struct tetlodi_record *record,
@@ -552,7 +549,9 @@ static enum tetlod_status code_record(struct tetlodi_recorder *recorder, struct 
             return tetlodi_no_room(replay->memory, error);
         TETLOD_TRY(code_split(recorder, i, at_first, error));
     }
-    return recorder->plan && recorder->log ? encode_fields(recorder, error) : TETLOD_OK;
+    if (recorder->plan && recorder->log)
+        encode_fields(recorder);
+    return TETLOD_OK;
 }
 
 enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct tetlodi_record *record,

@@ -228,17 +228,20 @@ int tetlodi_column_place(struct tetlodi_column *column, int position, uint32_t v
             return 0;
         for (uint32_t i = 1; i < children; i++) {
             size_t at = (first_child + (size_t)i - 1) * n + c;
+            double value = scale_value(&column->scale, axis, codes[c][i]);
             column->codes[at] = codes[c][i];
-            column->values[at] = scale_value(&column->scale, axis, codes[c][i]);
-            if (!isfinite(column->values[at]))
+            if (!isfinite(value))
                 return 0;
+            if (column->values)
+                column->values[at] = value;
         }
     }
     for (unsigned c = 0; c < n; c++) {
         size_t at = vertex * n + c;
         column->before[record * n + c] = column->codes[at];
         column->codes[at] = codes[c][0];
-        column->values[at] = scale_value(&column->scale, position ? c : 0, codes[c][0]);
+        if (column->values)
+            column->values[at] = scale_value(&column->scale, position ? c : 0, codes[c][0]);
     }
     return 1;
 }

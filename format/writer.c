@@ -31,7 +31,6 @@ struct writer {
     uint32_t *slot_at;     /* [position] slot of the leaf's living ancestor */
     uint32_t *node_at;     /* [slot] */
     uint32_t *original_of; /* [tet in order of arrival] */
-    uint32_t node;         /* that splits */
     uint32_t children[MOST_CHILDREN];
     uint32_t *arrived;     /* tetrahedra that come with its record and have not come yet, original numbers */
     uint32_t arrived_count;
@@ -173,14 +172,23 @@ static void find_copies(const struct writer *w, uint32_t column, uint8_t *copied
         }
 }
 
+/* Room for all that is to come. Values of fields predict those of the base mesh alone. */
+static bool make_room(struct writer *w, size_t base_vertices)
+{
+    bool room = tetlodi_replay_room(&w->replay, w->in->vertices, w->in->tets);
+    for (uint32_t c = 0; c < w->replay.column_count && room; c++) {
+        struct tetlodi_column *column = &w->columns[c];
+        room = tetlodi_column_room(column, &w->memory, c ? base_vertices : w->in->vertices, 1) &&
+               TETLODI_ROOM(&w->memory, column->codes, column->codes_capacity, (size_t)w->in->vertices * column->components);
+    }
+    return room;
+}
+
 static enum tetlod_status code_base(struct writer *w, struct base *base)
 {
     struct tetlodi_recorder *recorder = &w->recorder;
     TETLOD_TRY(gather_base(w, base));
-    bool room = tetlodi_replay_room(&w->replay, w->in->vertices, w->in->tets);
-    for (uint32_t c = 0; c < w->replay.column_count && room; c++)
-        room = tetlodi_column_room(&w->columns[c], &w->memory, w->in->vertices, 1);
-    if (!room)
+    if (!make_room(w, base->guide.vertices))
         return tetlodi_no_room(&w->memory, w->error);
     TETLOD_TRY(tetlodi_base_connectivity(recorder, base->guide.vertices, base->guide.tets, &base->guide, w->error));
     for (uint32_t v = 0; v < base->guide.vertices; v++) {
@@ -197,6 +205,7 @@ static enum tetlod_status code_base(struct writer *w, struct base *base)
         tetlodi_copies_code(&recorder->coders[c], models, w->columns[c].components);
         TETLOD_TRY(tetlodi_base_column(&w->replay, &w->columns[c], &recorder->coders[c], &models->corner, models->copied,
                                        w->error));
+        TETLODI_FREE(&w->memory, w->columns[c].values, w->columns[c].values_capacity);
     }
     return tetlodi_replay_base(&w->replay) ? TETLOD_OK : tetlodi_no_room(&w->memory, w->error);
 }
@@ -396,6 +405,7 @@ static enum tetlod_status write_level(struct writer *w, uint32_t level)
     uint32_t vertices = w->in->vertices;
     for (uint32_t c = 0; c < contractions; c++)
         vertices -= lineage_child_count(&w->lineage, w->in->vertices + c) - 1;
+    tetlodi_lineage_trim(&w->lineage, w->in->levels[level - 1].contractions);
     start_coders(w);
     tetlodi_level_begin(&w->recorder, vertices, w->in->tets);
     while (w->replay.vertices < vertices)

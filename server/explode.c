@@ -17,7 +17,7 @@
 #include "server/server.h"
 #include "src/io/io.h"
 #include "src/report/info_json.h"
-#include "src/report/level_mesh.h"
+#include "src/level/level_mesh.h"
 #include "src/util/array.h"
 #include "src/util/file.h"
 

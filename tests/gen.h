@@ -28,6 +28,12 @@ struct gen_options {
 /* Random numbers: splitmix64. */
 uint64_t gen_random(uint64_t *state);
 
+/* From 0 up to, but without, 1. */
+static inline double gen_unit(uint64_t *state)
+{
+    return (double)(gen_random(state) >> 11) * 0x1p-53;
+}
+
 /* A sequence with two fields: "id", float64, the number of each node; and "value" of two components. With tail_bits also "kinds",
  * float64, of a few values, the same again, two decimals and six digits; and "narrow", float64 of float32 values. False: out of
  * memory. */

@@ -81,15 +81,17 @@ static int print_shortest(char *out, size_t size, double value)
     return (int)strlen(out);
 }
 
-bool print_boxes(const struct region_box *boxes, size_t count, char out[static BOXES_CAPACITY])
+bool print_boxes(struct exchange *exchange, const struct region_box *boxes, size_t count, char out[static BOXES_CAPACITY])
 {
     size_t used = 0;
     for (size_t i = 0; i < 6 * count; i++) {
         char number[40];
         const struct region_box *box = &boxes[i / 6];
         size_t axis = i % 3, size = (size_t)print_shortest(number, sizeof number, i % 6 < 3 ? box->low[axis] : box->high[axis]);
-        if (used + size + 2 > BOXES_CAPACITY)
+        if (used + size + 2 > BOXES_CAPACITY) {
+            response_problem(exchange->response, 400, exchange->request->target, "these are too many boxes: write fewer, or fewer digits");
             return false;
+        }
         memcpy(out + used, number, size);
         used += size;
         out[used++] = i % 6 == 5 ? ';' : ',';
@@ -166,10 +168,8 @@ static enum outcome answer_region(struct exchange *exchange, struct dataset *dat
     const struct tetlod_info *info = dataset_info(dataset);
     const struct region region = region_of(choice);
     char boxes[BOXES_CAPACITY], cells[MOST_CELL_FIELDS / 4 + 1], name[BOXES_CAPACITY + sizeof cells + 80];
-    if (!print_boxes(choice->boxes, choice->box_count, boxes)) {
-        response_problem(exchange->response, 400, exchange->request->target, "these are too many boxes: write fewer, or fewer digits");
+    if (!print_boxes(exchange, choice->boxes, choice->box_count, boxes))
         return ANSWERED;
-    }
     cell_choice_name(&choice->cells, cells);
     snprintf(name, sizeof name, "%s-%" PRIu32 "-%s%s%s", mesh_format_name(choice->format), choice->coarse, boxes, choice->cells.any ? "-" : "",
              choice->cells.any ? cells : "");
@@ -199,7 +199,7 @@ static bool take_cells(struct exchange *exchange, const struct tetlod_info *info
     uint32_t clash = tetlod_cell_field_index(info, REGION_FIELD);
     if (clash == TETLOD_NONE || !out->chosen[clash])
         return true;
-    response_problem(exchange->response, 400, exchange->request->target, "cells cannot have '%s' here: so is called what tells the parts", REGION_FIELD);
+    response_problem(exchange->response, 400, exchange->request->target, "cells cannot have '%s' here: the field that tells the parts has that name", REGION_FIELD);
     return false;
 }
 

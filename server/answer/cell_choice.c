@@ -6,7 +6,7 @@
 #include "format/fail.h"
 #include "server/answer/params.h"
 #include "server/answer/respond.h"
-#include "src/report/level_mesh.h"
+#include "src/level/level_mesh.h"
 
 static json_t *cell_names(const struct tetlod_info *info)
 {

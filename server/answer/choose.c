@@ -182,10 +182,8 @@ static void redirect(struct exchange *exchange, const struct dataset *dataset, c
     const struct tetlod_info *info = dataset_info(dataset);
     char boxes[BOXES_CAPACITY];
     const char *cells = choice->cells.any ? choice->cells.text : "";
-    if (choice->box_count && !print_boxes(choice->boxes, choice->box_count, boxes)) {
-        response_problem(response, 400, target_of(exchange), "these are too many boxes: write fewer, or fewer digits");
+    if (choice->box_count && !print_boxes(exchange, choice->boxes, choice->box_count, boxes))
         return;
-    }
     response_static(response, 303, "text/plain; charset=utf-8", redirected);
     if (choice->box_count) // from .../mesh
         response_header(response, "Location", "%s/levels/%" PRIu32 "/region.%s?box_level=%" PRIu32 "&box=%s%s%s", info->cid, level,

@@ -34,7 +34,7 @@ static struct stored *new_stored(struct exchange *exchange, struct dataset *data
 {
     struct stored *stored = malloc(sizeof *stored + count * sizeof *spans);
     if (!stored) {
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+        respond_no_memory(exchange);
         return NULL;
     }
     *stored = (struct stored){dataset_hold(dataset), count, 0};
@@ -177,10 +177,8 @@ static enum outcome answer_frames(struct exchange *exchange, struct dataset *dat
             fields[count++] = f;
     size_t most = tetlod_spans(file, from, last, fields, count, NULL, 0);
     struct tetlod_span *spans = array_new(most, sizeof *spans);
-    if (!spans) {
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-        return ANSWERED;
-    }
+    if (!spans)
+        return respond_no_memory(exchange);
     tetlod_spans(file, from, last, fields, count, spans, most);
     char etag[80 + MOST_FIELDS];
     snprintf(etag, sizeof etag, "%s-%s%" PRIu32 "-%" PRIu32 "-%s", info->cid, index_too ? "i" : "", first, last, selected);

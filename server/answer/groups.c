@@ -92,10 +92,8 @@ enum outcome respond_step_prefix(struct exchange *exchange, const struct step_ch
         selected[series->fields[series->displacement]] = '1';
     size_t most = tetlod_spans(file, TETLOD_NONE, choice->level, none, 0, NULL, 0), count = most;
     struct tetlod_span *spans = array_new(most + 1 + info->field_count, sizeof *spans);
-    if (!spans) {
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-        return ANSWERED;
-    }
+    if (!spans)
+        return respond_no_memory(exchange);
     tetlod_spans(file, TETLOD_NONE, choice->level, none, 0, spans, most);
     const struct tetlod_section *table = &info->sections[tetlod_section_index(info, "TIME")];
     spans[count++] = (struct tetlod_span){table->offset, table->stored};

@@ -11,7 +11,7 @@
 #include "server/answer/obtain.h"
 #include "server/answer/respond.h"
 #include "src/forest/forest.h"
-#include "src/report/level_mesh.h"
+#include "src/level/level_mesh.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 
@@ -97,8 +97,7 @@ static enum outcome obtain_answer(struct exchange *exchange, struct dataset *dat
     struct making *making = malloc(sizeof *making + answer->choice_size);
     if (!making) {
         cache_release(exchange->site->memory, forest);
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-        return ANSWERED;
+        return respond_no_memory(exchange);
     }
     *making = (struct making){exchange->site, dataset_hold(dataset), forest, *answer, coding};
     memcpy(making->choice, answer->choice, answer->choice_size);

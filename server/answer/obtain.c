@@ -136,8 +136,7 @@ enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *
         if (!entry || !add_pin(request, cache, entry)) {
             cache_release(cache, entry);
             recipe->free(recipe->context);
-            response_problem(exchange->response, 503, request->target, "the server is out of memory");
-            return ANSWERED;
+            return respond_no_memory(exchange);
         }
     }
     /* The waiter is registered before the work starts: from then on the request may be resumed at any time. */
@@ -279,10 +278,8 @@ enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, u
     if (!value) {
         struct decode *decode = array_new(1, sizeof *decode);
         char key[KEY_CAPACITY];
-        if (!decode) {
-            response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-            return ANSWERED;
-        }
+        if (!decode)
+            return respond_no_memory(exchange);
         *decode = (struct decode){exchange->site, dataset_hold(dataset), level};
         print_key(info, forest_last_level(info, level), key);
         const struct recipe recipe = {make_forest, free_decode, decode, forest_estimate(info, level), PATIENCE, exchange->site->decoders};

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* What a client may write into a request, read by its grammar: query strings, Range, entity tags, Accept-Encoding. Pure
  * functions over NUL-terminated text of any content. */
-#ifndef TETLOD_SERVER_QUERY_H
-#define TETLOD_SERVER_QUERY_H
+#ifndef TETLOD_SERVER_PARAMS_H
+#define TETLOD_SERVER_PARAMS_H
 
 #include <stdbool.h>
 #include <stddef.h>

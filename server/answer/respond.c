@@ -124,6 +124,12 @@ void respond_failure(struct exchange *exchange, const struct tetlod_error *error
 
 enum { MOST_NAMED = 100 };
 
+enum outcome respond_no_memory(struct exchange *exchange)
+{
+    response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+    return ANSWERED;
+}
+
 void respond_no_mesh(struct exchange *exchange)
 {
     size_t count = 0;

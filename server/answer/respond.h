@@ -46,6 +46,9 @@ bool respond_unchanged(struct exchange *exchange, const struct representation *r
 /* The response for a failure of the library. */
 void respond_failure(struct exchange *exchange, const struct tetlod_error *error);
 
+/* 503, where the answer itself has no room. ANSWERED. */
+enum outcome respond_no_memory(struct exchange *exchange);
+
 /* 404 with the ids that there are, for the first capture. */
 void respond_no_mesh(struct exchange *exchange);
 

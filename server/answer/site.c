@@ -81,10 +81,8 @@ enum outcome handle_ready(struct exchange *exchange)
     int size = text ? snprintf(text, 160, "{\"status\": \"ready\", \"meshes\": %zu, \"unreadable\": %zu, \"open_files\": %zu}\n", catalogue_count(site->catalogue),
                                catalogue_troubles(site->catalogue), catalogue_open_files(site->catalogue))
                     : 0;
-    if (!text) {
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-        return ANSWERED;
-    }
+    if (!text)
+        return respond_no_memory(exchange);
     response_owned(exchange->response, 200, "application/json", text, (size_t)size);
     response_header_text(exchange->response, "Cache-Control", "no-store");
     return ANSWERED;
@@ -110,7 +108,7 @@ enum outcome handle_metrics(struct exchange *exchange)
         response_problem(exchange->response, 404, exchange->request->target, "metrics have an address of their own here");
     else if (metrics_print(site->metrics, gauges, sizeof gauges / sizeof *gauges, &text) != TETLOD_OK) {
         buffer_fini(&text);
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+        respond_no_memory(exchange);
     } else {
         response_owned(exchange->response, 200, "text/plain; version=0.0.4; charset=utf-8", text.bytes, text.size);
         response_header_text(exchange->response, "Cache-Control", "no-store");
@@ -185,8 +183,7 @@ enum outcome handle_stream_info(struct exchange *exchange)
     struct info_context *context = array_new(1, sizeof *context);
     if (!context) {
         dataset_release(dataset);
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-        return ANSWERED;
+        return respond_no_memory(exchange);
     }
     *context = (struct info_context){dataset, coding};
     char key[256], etag[64];
@@ -230,10 +227,8 @@ enum outcome handle_catalogue(struct exchange *exchange)
     struct list_context *context = array_new(1, sizeof *context);
     const struct cache_value *value;
     char etag[64], key[80];
-    if (!context) {
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-        return ANSWERED;
-    }
+    if (!context)
+        return respond_no_memory(exchange);
     *context = (struct list_context){site->catalogue, coding};
     snprintf(etag, sizeof etag, "%016llx-" TETLOD_VERSION_STRING, (unsigned long long)catalogue_digest(site->catalogue));
     snprintf(key, sizeof key, "catalogue/%s/%s", etag, coding_name(coding));

@@ -19,7 +19,7 @@ static const struct tetlod_series_info *series_info(struct exchange *exchange, c
 {
     const struct tetlod_series *series = dataset_series(dataset);
     if (!series)
-        response_problem(exchange->response, 404, exchange->request->target, "'%s' is no series in time: it has one moment only",
+        response_problem(exchange->response, 404, exchange->request->target, "'%s' is not a series in time",
                          dataset_id(dataset));
     return series ? tetlod_series_info(series) : NULL;
 }
@@ -29,7 +29,7 @@ static bool take_step(struct exchange *exchange, struct dataset *whole, struct s
 {
     const struct tetlod_info *stream = dataset_info(whole);
     const struct tetlod_series_info *info = tetlod_series_info(dataset_series(whole));
-    uint32_t groups = stream->topology_count, count = groups ? series_steps_before(stream, groups) : info->step_count;
+    uint32_t groups = stream->topology_count, count = series_step_count(stream, info);
     char time[80], step[24];
     double moment;
     enum query_result by_time = query_value(exchange->query, "time", time, sizeof time);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Streams as JSON, with the links between the resources of the API. New references; NULL if memory is out. */
-#ifndef TETLOD_SERVER_DESCRIBE_H
-#define TETLOD_SERVER_DESCRIBE_H
+#ifndef TETLOD_SERVER_STREAM_JSON_H
+#define TETLOD_SERVER_STREAM_JSON_H
 
 #include <jansson.h>
 

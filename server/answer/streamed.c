@@ -11,7 +11,7 @@
 #include "server/answer/obtain.h"
 #include "server/answer/respond.h"
 #include "src/forest/forest.h"
-#include "src/report/level_mesh.h"
+#include "src/level/level_mesh.h"
 #include "src/util/array.h"
 
 /* A view on its way to a worker. */
@@ -126,10 +126,8 @@ static enum outcome obtain_view(struct exchange *exchange, const struct streamed
     const struct cache_value *value;
     char key[120];
     *out = NULL;
-    if (!viewing) {
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-        return ANSWERED;
-    }
+    if (!viewing)
+        return respond_no_memory(exchange);
     cache_hold(site->memory, forest);
     *viewing = (struct viewing){site, forest, answer->level};
     snprintf(key, sizeof key, "%s/view/%" PRIu64 "/%" PRIu32, info->cid, forest_serial(forest), answer->level);
@@ -148,10 +146,8 @@ static enum outcome obtain_cells(struct exchange *exchange, struct dataset *data
     const struct cache_value *value;
     char name[MOST_CELL_FIELDS / 4 + 1], key[sizeof name + 80];
     *out = NULL;
-    if (!celling) {
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
-        return ANSWERED;
-    }
+    if (!celling)
+        return respond_no_memory(exchange);
     *celling = (struct celling){exchange->site, dataset_hold(dataset), answer->level, *answer->cells};
     cell_choice_name(answer->cells, name);
     snprintf(key, sizeof key, "%s/cells/%" PRIu32 "/%s", info->cid, answer->level, name);
@@ -205,7 +201,7 @@ static bool respond(struct exchange *exchange, const struct streamed_answer *ans
     struct cache *memory = exchange->site->memory;
     if (!file) {
         release(memory, held);
-        response_problem(exchange->response, 503, exchange->request->target, "the server is out of memory");
+        respond_no_memory(exchange);
         return false;
     }
     *file = (struct file){memory, *held, NULL, {cache_value(held->view, &error)->data, forest_view_values, forest_view_corners}};

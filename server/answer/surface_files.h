@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Surfaces as files: VTP (raw appended), binary STL, binary glTF 2.0. VTP and glTF carry the mesh's fields. */
-#ifndef TETLOD_SERVER_SURFACE_WRITE_H
-#define TETLOD_SERVER_SURFACE_WRITE_H
+#ifndef TETLOD_SERVER_SURFACE_FILES_H
+#define TETLOD_SERVER_SURFACE_FILES_H
 
 #include "server/answer/buffer.h"
 #include "src/cut/cut.h"

@@ -360,7 +360,7 @@ static enum tetlod_status lose_path(struct scan *scan, const char *path, struct 
 {
     scan->troubles++;
     if (!error)
-        complain(scan->catalogue, "%s: it is gone, and what was served of it", path);
+        complain(scan->catalogue, "%s: it is gone; its streams are no longer served", path);
     return tetlodi_fail(error, TETLOD_ERR_IO, "%s: cannot open: %s", path, strerror(ENOENT));
 }
 

@@ -245,11 +245,6 @@ const struct tetlod_series *dataset_series(const struct dataset *dataset)
     return dataset->series;
 }
 
-const struct file_identity *dataset_identity(const struct dataset *dataset)
-{
-    return &dataset->stored->identity;
-}
-
 enum tetlod_status dataset_check(struct dataset *dataset, struct tetlod_error *error)
 {
     return tetlodi_check_parts(dataset->file, error);

@@ -50,6 +50,4 @@ TETLOD_CHECKED enum tetlod_status dataset_check(struct dataset *dataset, struct 
 /* False once the bytes were written over in place: then nothing of it may be sent any more. */
 bool dataset_intact(struct dataset *dataset);
 
-const struct file_identity *dataset_identity(const struct dataset *dataset);
-
 #endif

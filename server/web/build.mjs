@@ -56,7 +56,7 @@ writeFileSync(join(made, workerName), contents);
 // Each page is bundled for itself: a file that both load would be one more request. The catalogue may open the other.
 const pages = { ...options, entryNames: '[name]', chunkNames: 'chunk-[hash]', splitting: true, plugins: [renamed('stream.js', 'worker.js', workerName)] };
 await build({ ...pages, entryPoints: ['page/catalogue.js'], external: ['./view.js'] });
-const { metafile } = await build({ ...pages, entryPoints: ['page/view.js'], metafile: true });
+const { metafile } = await build({ ...pages, entryPoints: ['page/view.js', 'page/element.js'], metafile: true });
 for (const name of readdirSync(join(here, 'page')))
   if (/\.(html|svg)$/.test(name) || name === 'guard.js') cpSync(join(here, 'page', name), join(made, name));
 const style = (...names) => names.map((name) => readFileSync(join(here, 'page', name), 'utf8')).join('');

@@ -24,7 +24,7 @@
 #include "src/mesh/adjacency.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
-#include "src/report/level_mesh.h"
+#include "src/level/level_mesh.h"
 #include "src/util/array.h"
 
 /* What the index may round an error up by: it keeps 16 binary digits (format/SPEC.md, 15). A measured error that is larger is refused. */

@@ -11,7 +11,7 @@
 #include "src/measure/overlay.h"
 #include "src/measure/same.h"
 #include "src/mesh/displacement.h"
-#include "src/report/level_mesh.h"
+#include "src/level/level_mesh.h"
 #include "src/report/series_json.h"
 #include "src/util/array.h"
 

@@ -12,6 +12,7 @@
 #include "src/simplify/simplify.h"
 #include "src/cli/cli.h"
 #include "src/cli/mail.h"
+#include "src/cli/print_json.h"
 #include "src/cli/progress.h"
 #include "src/cli/reading.h"
 #include "src/cli/series_topologies.h"
@@ -43,7 +44,7 @@ static const char help[] =
     "      --region NAME       values of cells that tell regions, such as materials: where two meet, vertices and faces stay as\n"
     "                          they are at every level (default: integers named region, material or the like); none: no regions\n"
     "      --certify HOW       what holds the error: fast (default), a bound that is carried along; exact, the exact maximum\n"
-    "                          over the whole domain: far fewer tetrahedra for the same error, in several times the time\n"
+    "                          over the whole domain: far fewer tetrahedra for the same error, in tens of times the time\n"
     "      --certify-all       a 'max' for every field, also without --field: the exact maximum of every level, measured at the end;\n"
     "                          takes several times as long\n"
     "      --metric M          what orders the contractions: envelope (default of fast), the carried bound; field-quadric\n"
@@ -73,7 +74,7 @@ static const char help[] =
     "      --keep-order        store the input's numbering too, for tetlod extract --original-order\n"
     "      --compress N        1 fast .. 22 small (default 19): from 20 on the coder's rates of learning are all tried\n"
     "      --threads N         0 (default): all cores; the bytes do not depend on it\n"
-    "      --memory BYTES      refuse what needs more; K, M, G may follow\n"
+    "      --memory BYTES      refuse what needs more; K, M, G may follow. Of a series, fewer steps limit the contraction first\n"
     "      --all               list every level (default: about ten)\n"
     "      --json              print the stream's index, and times and memory, as JSON\n"
     "      --progress, --quiet draw the progress bar in any case; say nothing but errors\n"
@@ -496,17 +497,14 @@ static int print_json(const struct request *request, const struct build_report *
                              "nan_filled", (json_int_t)request->nan_filled,
                              "peak_memory", (json_int_t)peak, "bytes_per_tetrahedron",
                              (double)peak / (double)tetlod_info(file)->tets, "threads", (int)request->build.threads);
-    char *text = object && more && json_object_update(object, more) == 0 ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
-    if (text)
-        puts(text);
-    else
-        tetlodi_fail_nomem(&error, "the JSON", 4096);
-    free(text);
+    if (object && (!more || json_object_update(object, more) != 0)) {
+        json_decref(object);
+        object = NULL;
+    }
     json_decref(more);
-    json_decref(object);
     tetlod_close(file);
     close(fd);
-    return text ? EXIT_DONE : cli_fail(&error);
+    return cli_print_json(object);
 }
 
 /* Whose error is held, where nobody said so, and which fields are off by what comes. */
@@ -833,7 +831,6 @@ static int run(int argc, char **argv)
     if (request.for_mail)
         prepare_mail(&request);
     progress_init(&request.progress, forced, request.quiet);
-    cli_give_memory_back();
     return build(&request);
 }
 

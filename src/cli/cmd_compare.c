@@ -1,15 +1,14 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include <jansson.h>
 #include <stdio.h>
-#include <stdlib.h>
 
 #include "format/fail.h"
 #include "src/measure/measure.h"
 #include "src/measure/overlay.h"
 #include "src/pipeline/build.h"
 #include "src/cli/cli.h"
+#include "src/cli/print_json.h"
 #include "src/io/io.h"
-#include "src/report/info_json.h"
 #include "src/util/parallel.h"
 
 static const char help[] =
@@ -60,12 +59,7 @@ static int print(const struct tetmesh *a, const struct tetmesh *b, uint32_t fiel
                                (json_int_t)found->overlay.degenerate[0], (json_int_t)found->overlay.degenerate[1],
                                "errors", "max", fractions[0], "sampled", fractions[1], "rms",
                                fractions[2], "domain_error", domain);
-    char *text = object ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
-    if (text)
-        puts(text);
-    free(text);
-    json_decref(object);
-    return text ? EXIT_DONE : EXIT_FAILED;
+    return cli_print_json(object);
 }
 
 /* Field `name` of a mesh, which may be NAME:mag or NAME:0 as in tetlod build. */

@@ -41,4 +41,4 @@ static int run(int argc, char **argv)
     return server_explode(&explode, &error) == TETLOD_OK ? EXIT_DONE : cli_fail(&error);
 }
 
-const struct command command_explode = {"explode", "lays streams out as files for a plain web server", help, run};
+const struct command command_explode = {"explode", "lay streams out as files for a plain web server", help, run};

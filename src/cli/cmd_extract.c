@@ -12,7 +12,7 @@
 #include "src/cli/extract_region.h"
 #include "src/cli/extract_step.h"
 #include "src/io/io.h"
-#include "src/report/level_mesh.h"
+#include "src/level/level_mesh.h"
 #include "src/util/file.h"
 #include "src/util/parallel.h"
 
@@ -190,7 +190,7 @@ static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct re
     TETLOD_TRY(tetlod_cursor_new(&cursor, file, NULL, 0, error));
     enum tetlod_status status = tetlod_cursor_seek(cursor, level, error);
     if (status == TETLOD_OK)
-        status = level_mesh_copy(info, cursor, mesh, error);
+        status = level_mesh_take(info, &cursor, mesh, error);
     if (status == TETLOD_OK)
         status = level_mesh_cells(file, TETLOD_NONE, NULL, mesh, error);
     if (status == TETLOD_OK && request->original_order)

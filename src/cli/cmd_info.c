@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include <stdio.h>
-#include <stdlib.h>
 #include <unistd.h>
 
-#include "format/fail.h"
 #include "src/cli/cli.h"
+#include "src/cli/print_json.h"
 #include "src/report/info_json.h"
-#include "src/report/metadata.h"
+#include "src/level/metadata.h"
 #include "src/report/series_json.h"
 
 static const char help[] =
@@ -99,15 +98,7 @@ static int print_json(const struct tetlod_file *file, const char *path)
         object = NULL;
     }
     tetlod_series_free(series);
-    char *text = object ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
-    struct tetlod_error error = {0};
-    if (text)
-        puts(text);
-    else
-        tetlodi_fail_nomem(&error, "the JSON", 4096);
-    free(text);
-    json_decref(object);
-    return text ? EXIT_DONE : cli_fail(&error);
+    return cli_print_json(object);
 }
 
 static int run(int argc, char **argv)

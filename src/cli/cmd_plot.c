@@ -154,8 +154,7 @@ static enum tetlod_status plot_steps(struct tetlod_file *file, const char *path,
     if (tetlod_series_new(&series, file, &inner) != TETLOD_OK)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%s: --steps: %.230s", path, inner.message);
     const struct tetlod_series_info *steps = tetlod_series_info(series);
-    struct all_steps all = {.count = info->topology_count ? series_steps_before(info, info->topology_count) : steps->step_count,
-                            .bands = steps->band_count - 1};
+    struct all_steps all = {.count = series_step_count(info, steps), .bands = steps->band_count - 1};
     const char *shown = name ? name : info->fields[steps->fields[0]].name;
     enum tetlod_status status = measure_steps(&all, file, shown, &inner);
     if (status != TETLOD_OK)

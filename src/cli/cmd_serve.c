@@ -220,7 +220,6 @@ static int serve(const struct settings *settings)
     sigaddset(&signals, SIGHUP);
     pthread_sigmask(SIG_BLOCK, &signals, NULL);
     raise_descriptor_limit();
-    cli_give_memory_back();
     if (server_start(&server, &settings->server, &error) != TETLOD_OK)
         return cli_fail(&error);
     for (size_t i = 0; server_url(server, i); i++)
@@ -275,4 +274,4 @@ static int run(int argc, char **argv)
     return serve(&settings);
 }
 
-const struct command command_serve = {"serve", "serves streams over HTTP", help, run};
+const struct command command_serve = {"serve", "serve streams over HTTP", help, run};

@@ -12,14 +12,14 @@
 #include "src/cli/against.h"
 #include "src/cli/against_steps.h"
 #include "src/cli/cli.h"
+#include "src/cli/print_json.h"
 #include "src/cli/progress.h"
 #include "src/cli/reading.h"
 #include "src/io/io.h"
 #include "src/mesh/displacement.h"
 #include "src/mesh/mesh_check.h"
-#include "src/report/info_json.h"
-#include "src/report/level_mesh.h"
-#include "src/report/metadata.h"
+#include "src/level/level_mesh.h"
+#include "src/level/metadata.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
@@ -407,12 +407,8 @@ static int print_result(const struct verification *v, enum tetlod_status status,
     object = json_pack("{s:s, s:b, s:s, s:i, s:i, s:o}", "file", v->request->stream, "ok", status == TETLOD_OK, "message",
                        status == TETLOD_OK ? "" : error->message, "steps", (int)v->series.steps, "measured_levels", (int)v->against.measured,
                        "exact_levels", levels);
-    char *text = object ? json_dumps(object, INFO_JSON_FLAGS) : NULL;
-    if (text)
-        puts(text);
-    free(text);
-    json_decref(object);
-    return status == TETLOD_OK && text ? EXIT_DONE : cli_fail(error);
+    int result = cli_print_json(object);
+    return status == TETLOD_OK ? result : cli_fail(error);
 }
 
 static int verify(struct request *request)

@@ -7,7 +7,7 @@
 
 #include "format/fail.h"
 #include "src/mesh/displacement.h"
-#include "src/report/level_mesh.h"
+#include "src/level/level_mesh.h"
 #include "src/report/series_json.h"
 
 static enum tetlod_status choose_step(const struct tetlod_series_info *info, const struct step_choice *choice, uint32_t *step,

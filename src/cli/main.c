@@ -66,6 +66,7 @@ static int run(int argc, char **argv)
         printf("tetlod " TETLOD_VERSION_STRING "\n");
         return EXIT_DONE;
     }
+    cli_give_memory_back();
     const struct command *command = find_command(argv[1]);
     return command ? command->run(argc - 1, argv + 1) : unknown_command(argv[1]);
 }

@@ -68,6 +68,7 @@ void reading_notes(const char *command, const struct io_report *report, const st
                  {report->partial_arrays, "arrays left out: not all blocks have them"},
                  {report->averaged_fields, "fields made of cell data: at each point the mean over its tetrahedra by volume"},
                  {report->nan_filled, "NaN values filled"},
+                 {report->nan_cells, "values of cells are NaN, and stay so"},
                  {mesh->unused_points, "points that no tetrahedron uses left out"}};
     if (report->steps > 1)
         fprintf(stderr, "tetlod %s: step %" PRIu64 " of 0 .. %" PRIu64 " in time: %g\n", command, report->step,

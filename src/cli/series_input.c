@@ -23,9 +23,7 @@ void series_input_init(struct series_input *input)
 /* Reading it again must not keep what was read before. */
 static void forget(struct series_input *input)
 {
-    if (input->spool)
-        fclose(input->spool);
-    input->spool = NULL;
+    spool_close(&input->spool);
     input->rounded = 0;
 }
 
@@ -115,17 +113,17 @@ enum tetlod_status series_input_read(const struct series_input *input, uint64_t 
 static enum tetlod_status put_values(struct series_input *input, const struct point_field *field, uint32_t vertices, enum tetlod_type type,
                                      struct tetlod_error *error)
 {
-    size_t count = (size_t)field->components * vertices, width = type == TETLOD_FLOAT32 ? sizeof(float) : sizeof(double), written = 0;
+    size_t count = (size_t)field->components * vertices;
     float single[512];
-    for (size_t i = 0; i < count && type == TETLOD_FLOAT32; i += 512) {
+    if (type == TETLOD_FLOAT64)
+        return spool_write(&input->spool, field->values, count * sizeof *field->values, error);
+    for (size_t i = 0; i < count; i += 512) {
         size_t some = count - i < 512 ? count - i : 512;
         for (size_t k = 0; k < some; k++)
             single[k] = (float)field->values[i + k];
-        written += fwrite(single, width, some, input->spool);
+        TETLOD_TRY(spool_write(&input->spool, single, some * sizeof *single, error));
     }
-    if (type == TETLOD_FLOAT64)
-        written = fwrite(field->values, width, count, input->spool);
-    return written == count ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
+    return TETLOD_OK;
 }
 
 /* The step's mesh, which has the tetrahedra of the first one, gets its points. TETLOD_MORE: they move after all. */
@@ -172,8 +170,7 @@ static enum tetlod_status put_steps(struct series_input *input, const struct rea
                                     const struct build_control *controls, uint32_t count, struct progress *progress, struct tetlod_error *error)
 {
     forget(input);
-    if (!(input->spool = tmpfile()))
-        return tetlodi_fail(error, TETLOD_ERR_IO, "there is no temporary file for the steps; TMPDIR names a folder for it");
+    TETLOD_TRY(spool_open(&input->spool, error));
     uint32_t most = input->wanted - input->from, s = 0;
     for (bool same = true; s < most && same; s += same) {
         struct tetmesh mesh = {0};
@@ -249,9 +246,7 @@ enum tetlod_status series_input_load(struct series_input *input, const struct re
         return tetlodi_fail_nomem(error, "the times", most * sizeof *input->times);
     TETLOD_TRY(put_all(input, reading, first, controls, count, progress, error));
     check_times(input);
-    if (fflush(input->spool) != 0)
-        return tetlodi_fail(error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
-    input->series.values = (struct file_input){.fd = fileno(input->spool)};
+    TETLOD_TRY(spool_source(&input->spool, &input->series.values, error));
     input->series.times = input->times;
     input->series.types = input->types;
     input->series.bands = input->bands;

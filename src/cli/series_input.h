@@ -3,11 +3,10 @@
 #ifndef TETLOD_SERIES_INPUT_H
 #define TETLOD_SERIES_INPUT_H
 
-#include <stdio.h>
-
 #include "src/cli/progress.h"
 #include "src/cli/reading.h"
 #include "src/pipeline/build_series.h"
+#include "src/util/spool.h"
 
 enum { MOST_SERIES_STEPS = 1 << 20, MOST_SERIES_BANDS = 32 };
 
@@ -21,7 +20,7 @@ struct series_input {
     struct build_series series;
     double *times;
     enum tetlod_type *types;
-    FILE *spool; /* the controlled fields' values */
+    struct spool spool; /* the controlled fields' values */
     uint64_t rounded; /* coordinates of points that move which come back to the last place only */
     uint32_t own_times; /* numbers stand for times, which fall or are not there */
 };

@@ -75,6 +75,15 @@ enum tetlod_status assemble_field(struct tetmesh *mesh, const char *name, uint64
     return status;
 }
 
+bool block_path_has(const char *path, const char *name)
+{
+    size_t length = strlen(name);
+    for (const char *at = path; *at; at++)
+        if (*at == '/' && strncmp(at + 1, name, length) == 0 && at[1 + length] == '/')
+            return true;
+    return false;
+}
+
 bool values_are_whole(const double *values, size_t count)
 {
     for (size_t i = 0; i < count; i++)

@@ -130,6 +130,9 @@ TETLOD_CHECKED enum tetlod_status cell_numbers_to_field(struct cell_numbers *num
                                                         struct tetlod_error *error);
 void cell_numbers_fini(struct cell_numbers *numbers);
 
+/* Whether what is at a path of names of blocks, "/OUTER/INNER/", is in the block `name`: one of these, or several with a slash between. */
+bool block_path_has(const char *path, const char *name);
+
 /* Whether all values are whole numbers: text may hold others where its type says integer. */
 bool values_are_whole(const double *values, size_t count);
 
@@ -153,6 +156,12 @@ bool is_ghosts(const char *name, uint64_t components);
  * a point that is hidden (2). */
 TETLOD_CHECKED enum tetlod_status block_take_ghosts(struct block *block, bool cell, struct io_report *report,
                                                     struct tetlod_error *error);
+
+/* The block's field of the name and components of another's, at points or of cells; or NULL. */
+struct point_field *block_find_like(struct block *block, bool cell, const struct point_field *like);
+
+/* Counts the fields that a block has and the first one lacks. */
+void block_note_others(struct block *first, struct block *block, bool cell, struct io_report *report);
 
 /* Makes one block of all, which are emptied: points, cells, and the fields that all of them have. Welds points of several
  * blocks, and those of one block if the tolerance `weld` is not negative. */

@@ -18,7 +18,7 @@ static struct point_field *fields_of(struct block *block, bool cell, uint32_t *c
     return cell ? block->mesh.cell_fields : block->mesh.fields;
 }
 
-static struct point_field *find_like(struct block *block, bool cell, const struct point_field *like)
+struct point_field *block_find_like(struct block *block, bool cell, const struct point_field *like)
 {
     uint32_t count;
     struct point_field *fields = fields_of(block, cell, &count);
@@ -47,7 +47,7 @@ static enum tetlod_status merge_field(struct blocks *blocks, struct block *out, 
     enum tetlod_type type = TETLOD_FLOAT32;
     bool is_integer = true;
     for (size_t b = 0; b < blocks->count; b++) {
-        const struct point_field *field = find_like(&blocks->at[b], cell, like);
+        const struct point_field *field = block_find_like(&blocks->at[b], cell, like);
         if (!rows_of(&blocks->at[b], cell))
             continue;
         if (!field) {
@@ -67,7 +67,7 @@ static enum tetlod_status merge_field(struct blocks *blocks, struct block *out, 
     merged->is_integer = is_integer;
     memcpy(merged->unit, like->unit, sizeof merged->unit);
     for (size_t b = 0; b < blocks->count; b++) {
-        struct point_field *field = find_like(&blocks->at[b], cell, like);
+        struct point_field *field = block_find_like(&blocks->at[b], cell, like);
         size_t size = (size_t)rows_of(&blocks->at[b], cell) * like->components;
         if (size)
             memcpy(at, field->values, size * sizeof *at);
@@ -78,14 +78,28 @@ static enum tetlod_status merge_field(struct blocks *blocks, struct block *out, 
     return TETLOD_OK;
 }
 
+void block_note_others(struct block *first, struct block *block, bool cell, struct io_report *report)
+{
+    uint32_t count;
+    struct point_field *fields = fields_of(block, cell, &count);
+    for (uint32_t f = 0; f < count; f++)
+        if (!block_find_like(first, cell, &fields[f]))
+            io_leave_out(report, &report->partial_arrays, fields[f].name, strlen(fields[f].name));
+}
+
+/* The fields of the first block that has points or cells, as far as all others have them. */
 static enum tetlod_status merge_fields(struct blocks *blocks, struct block *out, bool cell, struct io_report *report,
                                        struct tetlod_error *error)
 {
     uint32_t count = 0;
-    struct point_field *fields = NULL;
-    for (size_t b = 0; b < blocks->count && !fields; b++)
-        if (rows_of(&blocks->at[b], cell))
-            fields = fields_of(&blocks->at[b], cell, &count);
+    struct block *first = NULL;
+    for (size_t b = 0; b < blocks->count; b++) {
+        if (!rows_of(&blocks->at[b], cell))
+            continue;
+        first = first ? first : &blocks->at[b];
+        block_note_others(first, &blocks->at[b], cell, report);
+    }
+    struct point_field *fields = first ? fields_of(first, cell, &count) : NULL;
     for (uint32_t f = 0; f < count; f++)
         TETLOD_TRY(merge_field(blocks, out, cell, &fields[f], report, error));
     return TETLOD_OK;
@@ -150,7 +164,7 @@ static void copy_cells(const struct block *block, struct cells *out, uint32_t fi
     const struct cells *cells = &block->cells;
     uint64_t count = block_cell_count(block), at = out->connectivity_count, size = connectivity_of(block);
     uint64_t each = block->dims[0] ? 8 : 4;
-    for (uint64_t c = 0; c < count; c++) {
+    for (uint64_t c = 0; c < count && out->types; c++) {
         out->types[out->count + c] = block->dims[0] ? VTK_TYPE_HEXAHEDRON : cells->types ? cells->types[c] : VTK_TYPE_TET;
         out->offsets[out->count + c + 1] = at + (cells->offsets ? cells->offsets[c + 1] : each * (c + 1));
     }
@@ -158,9 +172,11 @@ static void copy_cells(const struct block *block, struct cells *out, uint32_t fi
         put_hexahedra(block->dims, first_point, out->connectivity + at);
     else if (size) {
         memcpy(out->connectivity + at, cells->connectivity, (size_t)size * sizeof *cells->connectivity);
-        for (uint64_t c = out->count; c < out->count + count; c++)
+        for (uint64_t c = out->count; c < out->count + count && out->types; c++)
             shift_cell(out->types[c], out->connectivity + out->offsets[c], out->offsets[c + 1] - out->offsets[c], first_point,
                        block->mesh.vertex_count);
+        if (!out->types)
+            shift_cell(VTK_TYPE_TET, out->connectivity + at, size, first_point, block->mesh.vertex_count);
     }
     out->count += count;
     out->connectivity_count += size;
@@ -191,19 +207,20 @@ static enum tetlod_status merge_cells(struct blocks *blocks, struct block *out, 
 {
     uint64_t count = 0, connectivity = 0, done = 0;
     uint32_t first_point = 0;
-    bool hides = false;
+    bool hides = false, only_tets = true;
     for (size_t b = 0; b < blocks->count; b++) {
         TETLOD_TRY(check_offsets(&blocks->at[b], error));
+        only_tets &= !blocks->at[b].dims[0] && (!blocks->at[b].cells.types || !blocks->at[b].cells.count);
         count += block_cell_count(&blocks->at[b]);
         connectivity += connectivity_of(&blocks->at[b]);
         hides |= blocks->at[b].hidden != NULL;
     }
     struct cells *cells = &out->cells;
-    cells->types = array_new((size_t)count, 1);
-    cells->offsets = array_zero((size_t)count + 1, sizeof *cells->offsets);
+    cells->types = only_tets ? NULL : array_new((size_t)count, 1);
+    cells->offsets = only_tets ? NULL : array_zero((size_t)count + 1, sizeof *cells->offsets);
     cells->connectivity = array_new((size_t)connectivity, sizeof *cells->connectivity);
     out->hidden = hides ? array_zero((size_t)count, 1) : NULL;
-    if (!cells->types || !cells->offsets || !cells->connectivity || (hides && !out->hidden))
+    if ((!only_tets && (!cells->types || !cells->offsets)) || !cells->connectivity || (hides && !out->hidden))
         return tetlodi_fail_nomem(error, "the cells", count * 9 + connectivity * 4);
     for (size_t b = 0; b < blocks->count; b++) {
         struct block *block = &blocks->at[b];

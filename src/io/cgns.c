@@ -16,6 +16,7 @@
 
 struct zone {
     int file, base, zone;
+    char passed_over[160]; /* names of zones that are not asked for, as far as they fit */
     uint64_t size; /* of the file */
     struct block *block;
     struct io_report *report;
@@ -486,22 +487,36 @@ static enum tetlod_status choose_step(struct zone *z, const struct io_read_optio
     return status;
 }
 
+/* Whether the zone is asked for, by its name, its base's, or BASE/ZONE; if not, the message says its name. */
+static bool is_wanted(struct zone *z, const char *base, const char *wanted)
+{
+    char name[33], path[72];
+    cgsize_t size[9];
+    size_t used = strlen(z->passed_over);
+    if (!wanted || cg_zone_read(z->file, z->base, z->zone, name, size) != CG_OK)
+        return true; // reading it says why it cannot be read
+    snprintf(path, sizeof path, "/%s/%s/", base, name);
+    if (block_path_has(path, wanted))
+        return true;
+    snprintf(z->passed_over + used, sizeof z->passed_over - used, " %s/%s", base, name);
+    return false;
+}
+
 static enum tetlod_status read_base(struct zone *z, struct blocks *out, const struct io_read_options *options)
 {
     char name[33];
     int cell_dimension, dimension, zones;
-    const char *wanted = options ? options->block : NULL;
     if (cg_base_read(z->file, z->base, name, &cell_dimension, &dimension) != CG_OK || cg_nzones(z->file, z->base, &zones) != CG_OK)
         return fail(z, "the base cannot be read");
     if (cell_dimension != 3 || dimension != 3) {
         z->report->flat_blocks++;
         return TETLOD_OK;
     }
+    z->has_steps = false;
     TETLOD_TRY(choose_step(z, options));
     z->report->names_blocks = true;
     for (z->zone = 1; z->zone <= zones; z->zone++) {
-        cgsize_t size[9];
-        if (cg_zone_read(z->file, z->base, z->zone, name, size) == CG_OK && wanted && strcmp(name, wanted) != 0)
+        if (!is_wanted(z, name, options ? options->block : NULL))
             continue;
         TETLOD_TRY(blocks_add(out, &z->block, z->error));
         enum tetlod_status status = read_zone(z);
@@ -523,9 +538,10 @@ static enum tetlod_status read_file(struct blocks *out, const struct io_input *i
     enum tetlod_status status = TETLOD_OK;
     for (z.base = 1; z.base <= bases && status == TETLOD_OK; z.base++)
         status = read_base(&z, out, input->options);
-    if (status == TETLOD_OK && out->count == 0)
-        status = tetlodi_fail(error, TETLOD_ERR_MESH, "has no zone%s in three dimensions",
-                              input->options && input->options->block ? " of that name" : "");
+    if (status == TETLOD_OK && out->count == 0 && !*z.passed_over)
+        status = tetlodi_fail(error, TETLOD_ERR_MESH, "has no zone in three dimensions");
+    else if (status == TETLOD_OK && out->count == 0)
+        status = tetlodi_fail(error, TETLOD_ERR_MESH, "has no base or zone '%.60s'; there are:%s", input->options->block, z.passed_over);
     cg_close(z.file);
     return status;
 }

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#define _GNU_SOURCE // madvise
 /* The child sends what it has read through a pipe, array by array, and frees each, so that both together hold it about once. */
 #include "src/io/contain.h"
 
@@ -8,13 +7,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include "format/fail.h"
 #include "src/util/array.h"
+#include "src/util/pages.h"
 
 /* ---- the pipe */
 
@@ -48,15 +47,6 @@ static bool take_bytes(int fd, void *bytes, size_t size)
     return true;
 }
 
-/* Gives back the pages that lie in a range as a whole. */
-static void drop_pages(char *begin, size_t size)
-{
-    uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE), first = ((uintptr_t)begin + page - 1) / page * page,
-              end = ((uintptr_t)begin + size) / page * page;
-    if (end > first)
-        madvise(begin + (first - (uintptr_t)begin), end - first, MADV_DONTNEED);
-}
-
 /* An array with its size in front; the child's is freed, and given back while it is sent. */
 static bool send_array(int fd, void *array, uint64_t size)
 {
@@ -65,7 +55,7 @@ static bool send_array(int fd, void *array, uint64_t size)
     for (size_t at = 0; good && at < size; at += PART) {
         size_t part = size - at < PART ? (size_t)size - at : PART;
         good = send_bytes(fd, (char *)array + at, part);
-        drop_pages((char *)array + at, part);
+        pages_drop((char *)array + at, part);
     }
     free(array);
     return good;

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Reading an OpenFOAM case by the (usually empty) file NAME.foam in its folder: constant/polyMesh, and the volume fields of a time,
- * a folder whose name is a number. Cells are recognised by their faces: tetrahedra, hexahedra, wedges and pyramids become these, all
- * others polyhedra. Values are those of cells; boundary conditions are not read.
+ * Reading an OpenFOAM case by the (usually empty) file NAME.foam in its folder: constant/polyMesh (foam_cells.c), and the
+ * fields of a time, a folder whose name is a number. Boundary conditions are not read.
  */
 #include <dirent.h>
 #include <stdio.h>
@@ -10,7 +9,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/io/foam_text.h"
+#include "src/io/foam_cells.h"
 #include "src/io/formats.h"
 #include "src/io/time_steps.h"
 #include "src/util/array.h"
@@ -20,65 +19,8 @@ struct foam {
     struct io_report *report;
     struct tetlod_error *error;
     struct block *block;
-    uint64_t faces, cells, points;
-    uint32_t *offsets, *corners;     /* owned: of faces */
-    uint32_t *owner, *neighbour;     /* owned: cells of faces */
-    uint64_t *cell_offsets;          /* owned, cells + 1 */
-    uint32_t *cell_faces;            /* owned */
+    uint64_t cells, points;
 };
-
-/* ---- faces */
-
-/* Text: each face with its own count. */
-static enum tetlod_status text_faces(struct foam *f, struct foam_file *file)
-{
-    size_t capacity = 0, used = 0;
-    bool uniform;
-    TETLOD_TRY(foam_list(file, file->label, 2, &f->faces, &uniform));
-    f->offsets = array_zero((size_t)f->faces + 1, sizeof *f->offsets);
-    if (!f->offsets || uniform)
-        return uniform ? foam_fail(file, "faces are not uniform") : tetlodi_fail_nomem(f->error, "the faces", f->faces * 8);
-    for (uint64_t face = 0; face < f->faces; face++) {
-        uint32_t *corners;
-        uint64_t count;
-        enum tetlod_status status = foam_labels(file, &corners, &count);
-        bool good = status == TETLOD_OK && array_reserve((void **)&f->corners, &capacity, used + (size_t)count, sizeof *f->corners);
-        if (good && count)
-            memcpy(f->corners + used, corners, (size_t)count * sizeof *corners);
-        free(corners);
-        TETLOD_TRY(status);
-        if (!good)
-            return tetlodi_fail_nomem(f->error, "the faces", used * 8);
-        used += (size_t)count;
-        if (used >= TETLOD_NONE)
-            return foam_fail(file, "its faces have more points than can be numbered");
-        f->offsets[face + 1] = (uint32_t)used;
-    }
-    return TETLOD_OK;
-}
-
-/* Binary: where each face begins, then the points of all. */
-static enum tetlod_status compact_faces(struct foam *f, struct foam_file *file)
-{
-    uint64_t ends, corners;
-    TETLOD_TRY(foam_labels(file, &f->offsets, &ends));
-    TETLOD_TRY(foam_labels(file, &f->corners, &corners));
-    f->faces = ends ? ends - 1 : 0;
-    bool good = ends > 0 && f->offsets[0] == 0;
-    for (uint64_t i = 0; good && i < f->faces; i++)
-        good = f->offsets[i] <= f->offsets[i + 1];
-    return good && f->offsets[f->faces] <= corners ? TETLOD_OK : foam_fail(file, "its faces do not fit");
-}
-
-static enum tetlod_status read_faces(struct foam *f)
-{
-    struct foam_file file;
-    enum tetlod_status status = foam_open(&file, f->input, "constant/polyMesh/faces", f->error);
-    if (status == TETLOD_OK)
-        status = strcmp(file.class_name, "faceCompactList") == 0 ? compact_faces(f, &file) : text_faces(f, &file);
-    foam_close(&file);
-    return status;
-}
 
 static enum tetlod_status read_points(struct foam *f)
 {
@@ -89,166 +31,13 @@ static enum tetlod_status read_points(struct foam *f)
     if (status == TETLOD_OK)
         status = foam_scalars(&file, 3, &positions, &f->points);
     if (status == TETLOD_OK)
+        status = foam_end(&file);
+    if (status == TETLOD_OK)
         status = assemble_points_of(&f->block->mesh, f->points, &positions, type, f->error);
     free(positions);
     foam_close(&file);
     return status;
 }
-
-static enum tetlod_status read_cells_of(struct foam *f, const char *name, uint32_t **out, uint64_t *count)
-{
-    struct foam_file file;
-    *out = NULL;
-    enum tetlod_status status = foam_open(&file, f->input, name, f->error);
-    if (status == TETLOD_OK)
-        status = foam_labels(&file, out, count);
-    for (uint64_t i = 0; status == TETLOD_OK && i < *count; i++)
-        if ((*out)[i] == TETLOD_NONE || (*out)[i] >= 2 * f->faces + 1)
-            status = foam_fail(&file, "a face belongs to a cell that cannot be there");
-    for (uint64_t i = 0; status == TETLOD_OK && i < *count; i++)
-        f->cells = (uint64_t)(*out)[i] + 1 > f->cells ? (uint64_t)(*out)[i] + 1 : f->cells;
-    foam_close(&file);
-    return status;
-}
-
-/* The faces of each cell. */
-static enum tetlod_status gather_faces(struct foam *f)
-{
-    uint64_t owners, neighbours;
-    TETLOD_TRY(read_cells_of(f, "constant/polyMesh/owner", &f->owner, &owners));
-    TETLOD_TRY(read_cells_of(f, "constant/polyMesh/neighbour", &f->neighbour, &neighbours));
-    if (owners != f->faces || neighbours > f->faces)
-        return tetlodi_fail(f->error, TETLOD_ERR_MESH, "constant/polyMesh: there are %llu faces, but %llu owners",
-                            (unsigned long long)f->faces, (unsigned long long)owners);
-    f->cell_offsets = array_zero((size_t)f->cells + 2, sizeof *f->cell_offsets);
-    f->cell_faces = array_new((size_t)(owners + neighbours), sizeof *f->cell_faces);
-    if (!f->cell_offsets || !f->cell_faces)
-        return tetlodi_fail_nomem(f->error, "the cells", f->cells * 8);
-    for (uint64_t i = 0; i < owners; i++)
-        f->cell_offsets[f->owner[i] + 2]++;
-    for (uint64_t i = 0; i < neighbours; i++)
-        f->cell_offsets[f->neighbour[i] + 2]++;
-    for (uint64_t c = 0; c + 2 < f->cells + 2; c++)
-        f->cell_offsets[c + 2] += f->cell_offsets[c + 1];
-    for (uint64_t i = 0; i < owners; i++)
-        f->cell_faces[f->cell_offsets[f->owner[i] + 1]++] = (uint32_t)i;
-    for (uint64_t i = 0; i < neighbours; i++)
-        f->cell_faces[f->cell_offsets[f->neighbour[i] + 1]++] = (uint32_t)i;
-    free(f->neighbour);
-    f->neighbour = NULL;
-    return TETLOD_OK;
-}
-
-/* ---- cells */
-
-static uint64_t sides_of(const struct foam *f, uint32_t face)
-{
-    return f->offsets[face + 1] - f->offsets[face];
-}
-
-static bool has_corner(const uint32_t *corners, uint64_t count, int64_t point)
-{
-    for (uint64_t i = 0; i < count; i++)
-        if (corners[i] == point)
-            return true;
-    return false;
-}
-
-/* The point that an edge of the cell joins to `point` outside the base face; -1 if there is none or several. */
-static int64_t point_above(const struct foam *f, const uint32_t *faces, uint64_t count, uint32_t base, int64_t point)
-{
-    const uint32_t *bottom = f->corners + f->offsets[base];
-    int64_t above = -1;
-    for (uint64_t i = 0; i < count; i++) {
-        const uint32_t *corners = f->corners + f->offsets[faces[i]];
-        uint64_t sides = sides_of(f, faces[i]);
-        for (uint64_t s = 0; s < sides && faces[i] != base; s++) {
-            if (corners[s] != point)
-                continue;
-            const int64_t ends[2] = {corners[(s + 1) % sides], corners[(s + sides - 1) % sides]};
-            for (int e = 0; e < 2; e++) {
-                if (has_corner(bottom, sides_of(f, base), ends[e]))
-                    continue;
-                if (above >= 0 && above != ends[e])
-                    return -1;
-                above = ends[e];
-            }
-        }
-    }
-    return above;
-}
-
-/* Cell c of these faces by shape: its corners in VTK's order; 0 if it is none of the four. A face's points are counter-clockwise
- * seen from outside its owner; the base's should be so from inside. */
-static unsigned char find_shape(const struct foam *f, uint64_t c, const uint32_t *faces, uint64_t count, int64_t corners[8], size_t *corner_count)
-{
-    unsigned triangles = 0, quads = 0;
-    uint32_t base = faces[0];
-    for (uint64_t i = 0; i < count; i++) {
-        uint64_t sides = sides_of(f, faces[i]);
-        triangles += sides == 3;
-        quads += sides == 4;
-        if (sides != 3 && sides != 4)
-            return 0;
-    }
-    unsigned char type = triangles == 4 && quads == 0   ? VTK_TYPE_TET
-                         : triangles == 0 && quads == 6 ? VTK_TYPE_HEXAHEDRON
-                         : triangles == 2 && quads == 3 ? VTK_TYPE_WEDGE
-                         : triangles == 4 && quads == 1 ? VTK_TYPE_PYRAMID
-                                                        : 0;
-    uint64_t sides = type == VTK_TYPE_TET || type == VTK_TYPE_WEDGE ? 3 : 4;
-    for (uint64_t i = 0; i < count && sides_of(f, base) != sides; i++)
-        base = faces[i];
-    bool is_cone = type == VTK_TYPE_TET || type == VTK_TYPE_PYRAMID;
-    for (uint64_t s = 0; s < sides && type; s++) {
-        uint64_t side = f->owner[base] == c ? sides - 1 - s : s;
-        corners[s] = f->corners[f->offsets[base] + side];
-        int64_t above = point_above(f, faces, count, base, corners[s]);
-        if (above < 0 || (is_cone && s && above != corners[sides]))
-            return 0;
-        corners[sides + (is_cone ? 0 : s)] = above;
-    }
-    *corner_count = (size_t)(is_cone ? sides + 1 : 2 * sides);
-    for (size_t i = 0; i < *corner_count && type; i++)
-        for (size_t j = 0; j < i; j++)
-            if (corners[i] == corners[j])
-                return 0;
-    return type;
-}
-
-static enum tetlod_status add_polyhedron(struct foam *f, const uint32_t *faces, uint64_t count)
-{
-    size_t size = 1, at = 1;
-    for (uint64_t i = 0; i < count; i++)
-        size += 1 + (size_t)sides_of(f, faces[i]);
-    int64_t *stream = array_new(size, sizeof *stream);
-    if (!stream)
-        return tetlodi_fail_nomem(f->error, "a polyhedron", size * 8);
-    stream[0] = (int64_t)count;
-    for (uint64_t i = 0; i < count; i++) {
-        stream[at++] = (int64_t)sides_of(f, faces[i]);
-        for (uint32_t c = f->offsets[faces[i]]; c < f->offsets[faces[i] + 1]; c++)
-            stream[at++] = f->corners[c];
-    }
-    enum tetlod_status status = cells_add(&f->block->cells, VTK_TYPE_POLYHEDRON, stream, size, f->error);
-    free(stream);
-    return status;
-}
-
-static enum tetlod_status add_cells(struct foam *f)
-{
-    for (uint64_t c = 0; c < f->cells; c++) {
-        const uint32_t *faces = f->cell_faces + f->cell_offsets[c];
-        uint64_t count = f->cell_offsets[c + 1] - f->cell_offsets[c];
-        int64_t corners[8];
-        size_t corner_count;
-        unsigned char type = count ? find_shape(f, c, faces, count, corners, &corner_count) : 0;
-        TETLOD_TRY(type ? cells_add(&f->block->cells, type, corners, corner_count, f->error) : add_polyhedron(f, faces, count));
-    }
-    return TETLOD_OK;
-}
-
-/* ---- fields */
 
 static uint32_t components_of(const char *class_name, bool *cell)
 {
@@ -318,14 +107,15 @@ static enum tetlod_status read_field(struct foam *f, const char *path, const cha
     double *values = NULL;
     char unit[UNIT_SIZE];
     bool cell;
-    if (foam_open(&file, f->input, path, &ignored) != TETLOD_OK) {
-        foam_close(&file);
-        return TETLOD_OK; // it is not a file of OpenFOAM
-    }
+    enum tetlod_status status = foam_open(&file, f->input, path, &ignored);
     file.error = f->error;
+    if (status != TETLOD_OK) {
+        status = foam_end(&file);
+        foam_close(&file);
+        return status; // OK: it is not a file of OpenFOAM
+    }
     uint32_t width = components_of(file.class_name, &cell);
     uint64_t rows = cell ? f->cells : f->points;
-    enum tetlod_status status = TETLOD_OK;
     enum tetlod_type type = file.binary && file.scalar == VALUE_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
     if (!width) {
         if (strstr(file.class_name, "Field"))
@@ -333,6 +123,7 @@ static enum tetlod_status read_field(struct foam *f, const char *path, const cha
         goto done;
     }
     TETLOD_TRY_DONE(internal_values(&file, width, rows, &values, unit));
+    TETLOD_TRY_DONE(foam_end(&file));
     TETLOD_TRY_DONE(cell ? assemble_cell_field(mesh, name, width, type, rows, f->error) : assemble_field(mesh, name, width, type, f->error));
     struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
     free(field->values);
@@ -404,34 +195,15 @@ static enum tetlod_status read_time(struct foam *f)
     return status;
 }
 
-static void free_faces(struct foam *f)
-{
-    free(f->offsets);
-    free(f->corners);
-    free(f->owner);
-    free(f->neighbour);
-    free(f->cell_offsets);
-    free(f->cell_faces);
-    f->offsets = f->corners = f->owner = f->neighbour = NULL;
-    f->cell_offsets = NULL;
-    f->cell_faces = NULL;
-}
-
 enum tetlod_status foam_read(struct blocks *out, const struct io_input *input, struct io_report *report,
                              struct tetlod_error *error)
 {
     struct foam f = {.input = input, .report = report, .error = error};
-    enum tetlod_status status;
     if (!input->path)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is an OpenFOAM case, which cannot be read from memory");
     TETLOD_TRY(blocks_add(out, &f.block, error));
-    TETLOD_TRY_DONE(read_points(&f));
-    TETLOD_TRY_DONE(read_faces(&f));
-    TETLOD_TRY_DONE(gather_faces(&f));
-    TETLOD_TRY_DONE(add_cells(&f));
-    free_faces(&f);
-    status = read_time(&f);
-done:
-    free_faces(&f);
-    return status;
+    TETLOD_TRY(read_points(&f));
+    TETLOD_TRY(foam_cells(&f.block->cells, input, error));
+    f.cells = f.block->cells.count;
+    return read_time(&f);
 }

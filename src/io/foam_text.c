@@ -12,36 +12,92 @@
 #include "src/util/array.h"
 #include "src/util/file.h"
 
+/* A packed file: zlib unpacks it piece by piece into the window. */
+enum { WINDOW = 1 << 18, AHEAD = 1 << 16 }; /* a word or comment's end is looked for in so many bytes */
+
+struct gzip {
+    z_stream stream;
+    const unsigned char *end; /* of the packed bytes */
+    uint64_t unpacked; /* before the window */
+    bool is_done, is_damaged;
+    char window[WINDOW];
+};
+
 enum tetlod_status foam_fail(const struct foam_file *file, const char *why)
 {
-    return tetlodi_fail(file->error, TETLOD_ERR_MESH, "%s: byte %td: %s", file->name,
-                        (const unsigned char *)file->rest.at - file->view.bytes, why);
+    const struct gzip *gzip = file->gzip;
+    if (gzip && gzip->is_damaged)
+        return tetlodi_fail(file->error, TETLOD_ERR_MESH, "%s.gz: its gzip data is damaged or truncated", file->name);
+    unsigned long long at = gzip ? gzip->unpacked + (uint64_t)(file->rest.at - gzip->window)
+                                 : (unsigned long long)((const unsigned char *)file->rest.at - file->view.bytes);
+    return tetlodi_fail(file->error, TETLOD_ERR_MESH, "%s: byte %llu: %s", file->name, at, why);
 }
 
-/* Unpacks gzip; a file of this size cannot hold more than 1100 times as much. */
-static enum tetlod_status unpack(struct file_view *view, struct tetlod_error *error)
+static uint64_t packed_left(const struct gzip *gzip)
 {
-    z_stream stream = {.next_in = view->bytes, .avail_in = (uInt)view->size};
-    unsigned char *out = NULL;
-    size_t capacity = 0, size = 0;
-    int result = view->size <= UINT32_MAX && inflateInit2(&stream, 16 + MAX_WBITS) == Z_OK ? Z_OK : Z_MEM_ERROR;
-    while (result == Z_OK) {
-        if (!array_reserve((void **)&out, &capacity, size + 65536, 1)) {
-            result = Z_MEM_ERROR;
-            break;
-        }
-        stream.next_out = out + size;
-        stream.avail_out = (uInt)(capacity - size < 1 << 30 ? capacity - size : 1 << 30);
-        size_t before = stream.avail_out;
-        result = inflate(&stream, Z_NO_FLUSH);
-        size += before - stream.avail_out; // without more input and output inflate says Z_BUF_ERROR
+    return (uint64_t)(gzip->end - gzip->stream.next_in);
+}
+
+/* One call of inflate into what is free of the window. After the end another gzip file may follow. */
+static void inflate_some(struct gzip *gzip)
+{
+    enum { MOST = 1 << 30 };
+    uint64_t left = packed_left(gzip);
+    gzip->stream.avail_in = (uInt)(left < MOST ? left : MOST);
+    int result = inflate(&gzip->stream, Z_NO_FLUSH);
+    gzip->is_done = result == Z_STREAM_END && (packed_left(gzip) < 2 || memcmp(gzip->stream.next_in, "\x1f\x8b", 2) != 0);
+    if (result == Z_STREAM_END && !gzip->is_done)
+        result = inflateReset(&gzip->stream);
+    gzip->is_damaged = result != Z_OK && !gzip->is_done; // without more input it says Z_BUF_ERROR
+}
+
+/* Moves the window on, so that it begins with the rest. */
+static void refill(struct foam_file *file)
+{
+    struct gzip *gzip = file->gzip;
+    size_t rest = (size_t)(file->rest.end - file->rest.at);
+    gzip->unpacked += (uint64_t)(file->rest.at - gzip->window);
+    memmove(gzip->window, file->rest.at, rest);
+    gzip->stream.next_out = (unsigned char *)gzip->window + rest;
+    gzip->stream.avail_out = (uInt)(WINDOW - rest);
+    while (gzip->stream.avail_out && !gzip->is_done && !gzip->is_damaged)
+        inflate_some(gzip);
+    file->rest = (struct text){gzip->window, (const char *)gzip->stream.next_out};
+    file_view_pass(&file->view, gzip->stream.next_in);
+}
+
+/* Brings so many bytes into the window as a word can have, where it is near its end. Whether there is a byte left. */
+static inline bool look_ahead(struct foam_file *file)
+{
+    struct gzip *gzip = file->gzip;
+    if (gzip && file->rest.end - file->rest.at < AHEAD && !gzip->is_done && !gzip->is_damaged)
+        refill(file);
+    return file->rest.at < file->rest.end;
+}
+
+enum tetlod_status foam_end(struct foam_file *file)
+{
+    while (file->gzip && look_ahead(file))
+        file->rest.at = file->rest.end;
+    return file->gzip && file->gzip->is_damaged ? foam_fail(file, "") : TETLOD_OK;
+}
+
+static enum tetlod_status start_unpacking(struct foam_file *file)
+{
+    struct gzip *gzip = file->gzip = array_new(1, sizeof *gzip);
+    if (gzip) {
+        gzip->stream = (z_stream){.next_in = file->view.bytes};
+        gzip->end = file->view.bytes + file->view.size;
+        gzip->unpacked = 0;
+        gzip->is_done = gzip->is_damaged = false;
     }
-    inflateEnd(&stream);
-    file_view_close(view);
-    *view = (struct file_view){.bytes = out, .size = size};
-    if (result == Z_MEM_ERROR)
-        return tetlodi_fail_nomem(error, "unpacking a file", size);
-    return result == Z_STREAM_END ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_MESH, "its gzip data is damaged or truncated");
+    if (!gzip || inflateInit2(&gzip->stream, 16 + MAX_WBITS) != Z_OK) {
+        free(gzip);
+        file->gzip = NULL;
+        return tetlodi_fail_nomem(file->error, "unpacking a file", sizeof *gzip);
+    }
+    file->rest = (struct text){gzip->window, gzip->window};
+    return TETLOD_OK;
 }
 
 static enum tetlod_status load(struct foam_file *file, const struct io_input *input, const char *name)
@@ -61,26 +117,33 @@ static enum tetlod_status load(struct foam_file *file, const struct io_input *in
         }
     }
     enum tetlod_status status = file_view_path(&file->view, path, file->error);
-    if (status == TETLOD_OK && is_packed)
-        status = unpack(&file->view, file->error);
     free(path);
-    return status;
+    file->rest = (struct text){(const char *)file->view.bytes, (const char *)file->view.bytes + file->view.size};
+    return status == TETLOD_OK && is_packed ? start_unpacking(file) : status;
+}
+
+static void skip_comment(struct foam_file *file, bool is_line)
+{
+    struct text *rest = &file->rest;
+    for (rest->at += 2; look_ahead(file); rest->at++)
+        if (is_line ? *rest->at == '\n' : rest->end - rest->at > 1 && rest->at[0] == '*' && rest->at[1] == '/')
+            break;
+    size_t left = (size_t)(rest->end - rest->at);
+    rest->at += is_line ? left > 0 : left < 2 ? left : 2;
 }
 
 struct text foam_token(struct foam_file *file)
 {
     struct text *rest = &file->rest;
-    file_view_pass(&file->view, rest->at);
-    for (;;) {
-        while (rest->at < rest->end && (*rest->at == ' ' || (*rest->at >= '\t' && *rest->at <= '\r')))
+    if (!file->gzip)
+        file_view_pass(&file->view, rest->at);
+    while (look_ahead(file)) {
+        if (*rest->at == ' ' || (*rest->at >= '\t' && *rest->at <= '\r'))
             rest->at++;
-        if (rest->end - rest->at < 2 || rest->at[0] != '/' || (rest->at[1] != '/' && rest->at[1] != '*'))
-            break;
-        if (rest->at[1] == '/')
-            text_line(rest);
+        else if (rest->end - rest->at >= 2 && rest->at[0] == '/' && (rest->at[1] == '/' || rest->at[1] == '*'))
+            skip_comment(file, rest->at[1] == '/');
         else
-            for (rest->at += 2; rest->at < rest->end && !(rest->at[-1] == '/' && rest->at[-2] == '*'); rest->at++)
-                ;
+            break;
     }
     struct text token = {rest->at, rest->at};
     static const char single[] = "(){};[]";
@@ -113,14 +176,15 @@ static enum tetlod_status read_header(struct foam_file *file)
     if (!text_is(foam_token(file), "FoamFile") || !text_is(foam_token(file), "{"))
         return foam_fail(file, "there should be a FoamFile header");
     for (struct text key = foam_token(file); !text_is(key, "}"); key = foam_token(file)) {
+        bool is_format = text_is(key, "format"), is_class = text_is(key, "class"), is_arch = text_is(key, "arch"), is_end = key.at == key.end;
         struct text value = foam_token(file);
-        if (key.at == key.end || value.at == value.end)
+        if (is_end || value.at == value.end)
             return foam_fail(file, "its header has no end; is it truncated?");
-        if (text_is(key, "format"))
+        if (is_format)
             file->binary = text_is(value, "binary");
-        if (text_is(key, "class"))
+        if (is_class)
             snprintf(file->class_name, sizeof file->class_name, "%.*s", text_length(value), value.at);
-        if (text_is(key, "arch")) {
+        if (is_arch) {
             file->label = contains(value, "label=64") ? VALUE_INT64 : VALUE_INT32;
             file->scalar = contains(value, "scalar=32") ? VALUE_FLOAT32 : VALUE_FLOAT64;
         }
@@ -134,59 +198,114 @@ enum tetlod_status foam_open(struct foam_file *file, const struct io_input *inpu
 {
     *file = (struct foam_file){.name = name, .label = VALUE_INT32, .scalar = VALUE_FLOAT64, .error = error};
     TETLOD_TRY(load(file, input, name));
-    file->rest = (struct text){(const char *)file->view.bytes, (const char *)file->view.bytes + file->view.size};
     return read_header(file);
 }
 
 void foam_close(struct foam_file *file)
 {
+    if (file->gzip)
+        inflateEnd(&file->gzip->stream);
+    free(file->gzip);
+    file->gzip = NULL;
     file_view_close(&file->view);
 }
 
-enum tetlod_status foam_list(struct foam_file *file, enum value_type type, uint64_t width, uint64_t *count, bool *uniform)
+/* Bytes that there can still be: packed, they are at most so many times fewer. */
+static uint64_t most_left(struct foam_file *file)
+{
+    enum { MOST_RATIO = 1100 };
+    uint64_t left = look_ahead(file) ? (uint64_t)(file->rest.end - file->rest.at) : 0;
+    return left + (file->gzip ? MOST_RATIO * packed_left(file->gzip) : 0);
+}
+
+/* The count and the opening bracket of a list whose elements are so many bytes at least. */
+static enum tetlod_status open_list(struct foam_file *file, uint64_t least, uint64_t *count, bool *uniform)
 {
     struct text token = foam_token(file);
     int64_t parsed;
-    uint64_t left, least = file->binary ? value_size(type) * width : 2 * width;
     if (!text_int(&token, &parsed) || parsed < 0)
         return foam_fail(file, "there should be the size of a list here");
     token = foam_token(file);
     *uniform = text_is(token, "{");
     *count = (uint64_t)parsed;
-    left = (uint64_t)(file->rest.end - file->rest.at) + !file->binary; // after the last word of a text there may be nothing
     if (!*uniform && !text_is(token, "("))
         return foam_fail(file, "there should be a list in ( ) here");
+    uint64_t left = most_left(file) + !file->binary; // after the last word of a text there may be nothing
     if (*uniform ? *count > 1000 * left : *count > left / least)
         return foam_fail(file, "the file ends too early for this list; is it truncated?");
     return TETLOD_OK;
 }
 
-static enum tetlod_status list_end(struct foam_file *file, bool uniform)
+static enum tetlod_status close_list(struct foam_file *file, bool uniform)
 {
     return text_is(foam_token(file), uniform ? "}" : ")") ? TETLOD_OK : foam_fail(file, "a list should end here");
 }
 
+/* How many of `count` binary values of that type lie in memory, one at least. */
+static enum tetlod_status values_ahead(struct foam_file *file, enum value_type type, uint64_t *count)
+{
+    enum { MOST = 1 << 16 }; // so that a mapped file is given back on the way
+    uint64_t there = look_ahead(file) ? (uint64_t)(file->rest.end - file->rest.at) / value_size(type) : 0;
+    if (!file->gzip)
+        file_view_pass(&file->view, file->rest.at);
+    there = there < MOST ? there : MOST;
+    *count = *count < there ? *count : there;
+    return there ? TETLOD_OK : foam_fail(file, "the file ends too early for this list; is it truncated?");
+}
+
+enum tetlod_status foam_list_begin(struct foam_list *list, struct foam_file *file)
+{
+    *list = (struct foam_list){.file = file};
+    return open_list(file, file->binary ? value_size(file->label) : 2, &list->count, &list->uniform);
+}
+
+enum tetlod_status foam_list_of_lists(struct foam_list *list, struct foam_file *file)
+{
+    enum { LEAST = 4 }; // 0(), and what parts it from the next
+    *list = (struct foam_list){.file = file};
+    TETLOD_TRY(open_list(file, LEAST, &list->count, &list->uniform));
+    return list->uniform ? foam_fail(file, "lists in a list cannot be uniform") : TETLOD_OK;
+}
+
+enum tetlod_status foam_list_next(struct foam_list *list)
+{
+    struct foam_file *file = list->file;
+    if (list->uniform && list->taken++)
+        return TETLOD_OK;
+    if (file->binary && !list->uniform) {
+        uint64_t one = 1;
+        TETLOD_TRY(values_ahead(file, file->label, &one));
+        values_to_points((const unsigned char *)file->rest.at, file->label, false, 1, &list->value);
+        file->rest.at += value_size(file->label);
+        return TETLOD_OK;
+    }
+    struct text token = foam_token(file);
+    int64_t number;
+    if (!text_int(&token, &number))
+        return foam_fail(file, "there should be a whole number here");
+    list->value = cells_point(number);
+    return TETLOD_OK;
+}
+
+enum tetlod_status foam_list_end(struct foam_list *list)
+{
+    return close_list(list->file, list->uniform);
+}
+
 enum tetlod_status foam_labels(struct foam_file *file, uint32_t **out, uint64_t *count)
 {
-    bool uniform;
+    struct foam_list list;
     *out = NULL;
-    TETLOD_TRY(foam_list(file, file->label, 1, count, &uniform));
-    *out = array_new((size_t)*count, sizeof **out);
+    TETLOD_TRY(foam_list_begin(&list, file));
+    *count = list.count;
+    *out = array_new((size_t)list.count, sizeof **out);
     if (!*out)
-        return tetlodi_fail_nomem(file->error, file->name, *count * 4);
-    if (file->binary && !uniform) {
-        values_to_points((const unsigned char *)file->rest.at, file->label, false, (size_t)*count, *out);
-        file->rest.at += *count * value_size(file->label);
-        return list_end(file, uniform);
+        return tetlodi_fail_nomem(file->error, file->name, list.count * 4);
+    for (uint64_t i = 0; i < list.count; i++) {
+        TETLOD_TRY(foam_list_next(&list));
+        (*out)[i] = list.value;
     }
-    for (uint64_t i = 0; i < *count; i++) {
-        struct text token = uniform && i ? (struct text){NULL, NULL} : foam_token(file);
-        int64_t number;
-        if (token.at && !text_int(&token, &number))
-            return foam_fail(file, "there should be a whole number here");
-        (*out)[i] = token.at ? cells_point(number) : (*out)[0];
-    }
-    return list_end(file, uniform);
+    return foam_list_end(&list);
 }
 
 static enum tetlod_status text_row(struct foam_file *file, uint32_t width, double *out)
@@ -205,19 +324,21 @@ enum tetlod_status foam_scalars(struct foam_file *file, uint32_t width, double *
 {
     bool uniform;
     *out = NULL;
-    TETLOD_TRY(foam_list(file, file->scalar, width, count, &uniform));
+    TETLOD_TRY(open_list(file, file->binary ? value_size(file->scalar) * width : 2 * width, count, &uniform));
     *out = array_new((size_t)*count, width * sizeof **out);
     if (!*out)
         return tetlodi_fail_nomem(file->error, file->name, *count * width * 8);
-    if (file->binary && !uniform) {
-        values_to_doubles((const unsigned char *)file->rest.at, file->scalar, false, (size_t)*count * width, *out);
-        file->rest.at += *count * width * value_size(file->scalar);
-        return list_end(file, uniform);
+    bool is_binary = file->binary && !uniform;
+    for (uint64_t i = 0, some; is_binary && i < *count * width; i += some) {
+        some = *count * width - i;
+        TETLOD_TRY(values_ahead(file, file->scalar, &some));
+        values_to_doubles((const unsigned char *)file->rest.at, file->scalar, false, (size_t)some, *out + i);
+        file->rest.at += some * value_size(file->scalar);
     }
-    for (uint64_t i = 0; i < *count; i++)
+    for (uint64_t i = 0; !is_binary && i < *count; i++)
         if (uniform && i)
             memcpy(*out + i * width, *out, width * sizeof **out);
         else
             TETLOD_TRY(text_row(file, width, *out + i * width));
-    return list_end(file, uniform);
+    return close_list(file, uniform);
 }

@@ -287,9 +287,10 @@ static enum tetlod_status finish(struct inp *p)
     for (uint64_t i = 0; i < cells->connectivity_count; i++) { // until now by the file's numbers
         uint32_t number = cells->connectivity[i];
         cells->connectivity[i] = number == TETLOD_NONE ? TETLOD_NONE : tag_map_find(&p->nodes, number);
+        if (number == TETLOD_NONE)
+            return tetlodi_fail(p->error, TETLOD_ERR_MESH, "an element refers to a node whose number is not one of 0 to %u", TETLOD_NONE - 1);
         if (cells->connectivity[i] == TETLOD_NONE)
-            return tetlodi_fail(p->error, TETLOD_ERR_MESH, "an element refers to node %lld, which is not there",
-                                number == TETLOD_NONE ? -1 : (long long)number);
+            return tetlodi_fail(p->error, TETLOD_ERR_MESH, "an element refers to node %u, which is not there", number);
     }
     TETLOD_TRY(cell_numbers_to_field(&p->sets, mesh, "region", cells->count, p->error));
     cell_numbers_fini(&p->sets);

@@ -2,8 +2,9 @@
 #define _GNU_SOURCE // realpath
 #include "src/io/io.h"
 
-#include <stdio.h>
 #include <limits.h>
+#include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -189,6 +190,17 @@ static enum tetlod_status treat_cell_data(struct tetmesh *mesh, const struct io_
     return TETLOD_OK;
 }
 
+static uint64_t count_nan_cells(const struct tetmesh *mesh)
+{
+    uint64_t count = 0;
+    for (uint32_t f = 0; f < mesh->cell_field_count; f++) {
+        const struct point_field *field = &mesh->cell_fields[f];
+        for (size_t i = 0; i < (size_t)mesh->tet_count * field->components; i++)
+            count += isnan(field->values[i]) != 0;
+    }
+    return count;
+}
+
 /* From tetrahedra as the file has them to a mesh that is valid. */
 static enum tetlod_status clean(struct tetmesh *mesh, const struct io_read_options *options, struct io_report *report,
                                 struct tetlod_error *error)
@@ -199,6 +211,7 @@ static enum tetlod_status clean(struct tetmesh *mesh, const struct io_read_optio
     TETLOD_TRY(tetmesh_drop_unused(mesh, error)); // often they are those that have no value
     mesh->unused_points -= mesh->unused_points < report->welded_points ? mesh->unused_points : report->welded_points;
     TETLOD_TRY(treat_cell_data(mesh, options, report, error));
+    report->nan_cells = count_nan_cells(mesh);
     if (options->nan_fill)
         TETLOD_TRY(nan_fill(mesh, options->nan_fill, &report->nan_filled, error));
     return tetmesh_validate_values(mesh, error);

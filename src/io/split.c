@@ -14,6 +14,7 @@
 #include "src/mesh/cell_refine.h"
 #include "src/mesh/cell_split.h"
 #include "src/util/array.h"
+#include "src/util/pages.h"
 
 enum { NO_VOLUME = CELL_SHAPES, POLYHEDRON, UNKNOWN }; // what a VTK type may be besides a shape
 
@@ -334,8 +335,14 @@ static double copy_tets(struct splitter *s)
 
 static enum tetlod_status split_all(struct splitter *s, struct tetlod_error *error)
 {
+    enum { STRIDE = 1 << 18 };
     s->is_turned = copy_tets(s) < 0;
-    for (uint64_t c = 0; c < s->cells->count; c++) {
+    for (uint64_t c = 0, dropped = 0; c < s->cells->count; c++) {
+        uint64_t behind = s->cells->offsets[c] > dropped ? s->cells->offsets[c] - dropped : 0;
+        if (behind >= STRIDE) {
+            pages_drop(s->cells->connectivity + dropped, behind * sizeof *s->cells->connectivity);
+            dropped += behind;
+        }
         struct vtk_type type = find_type(s->cells->types[c]);
         if ((s->hidden && s->hidden[c]) || type.shape == NO_VOLUME || is_copied(s, type))
             continue;
@@ -483,6 +490,7 @@ enum tetlod_status block_split(struct block *block, bool subdivide, struct tetme
         TETLOD_TRY_DONE(cells_give_types(&block->cells, error));
     TETLOD_TRY_DONE(block->dims[0] ? split_grid(block, out, &origin, report, error)
                                    : split_cells(block, subdivide, out, &origin, report, error));
+    cells_fini(&block->cells); // gives room for the values
     if (origin)
         status = spread_values(out, origin, error);
 done:

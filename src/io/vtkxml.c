@@ -60,7 +60,7 @@ static enum tetlod_status read_grid(const struct vtkxml_document *document, stru
             status = tetlodi_fail(error, TETLOD_ERR_MESH, "piece %zu is not of the extent that is given for it", p);
     }
     if (status == TETLOD_OK && document->piece_count > 1)
-        status = vtkxml_join(out, first, (const int64_t(*)[6])extents, document->extent, error);
+        status = vtkxml_join(out, first, (const int64_t(*)[6])extents, document->extent, report, error);
     free(extents);
     return status;
 }
@@ -100,29 +100,50 @@ static enum tetlod_status fail_block(const struct vtkxml_document *document, con
     char known[160] = "";
     size_t length = 0;
     for (size_t p = 0; p < document->part_count && length + 40 < sizeof known; p++) {
-        size_t size = strlen(document->parts[p].name);
-        size = size < 36 ? size : 36;
+        size_t size = strlen(document->parts[p].path) - 1;
+        size = size < 37 ? size : 37;
         known[length] = ' ';
-        memcpy(known + length + 1, document->parts[p].name, size);
-        length += size + 1;
+        memcpy(known + length + 1, document->parts[p].path + 1, size ? size - 1 : 0);
+        length = strlen(known);
     }
     return tetlodi_fail(error, TETLOD_ERR_MESH, "has no block '%.60s' with a file; there are:%.160s", name, known);
 }
 
+/* Whether a file has blocks with names itself. */
+static bool has_blocks(const char *path)
+{
+    static const char *const extensions[] = {".vtm", ".vtmb", ".vtpd", ".vtpc"};
+    const char *dot = strrchr(path, '.');
+    for (size_t i = 0; dot && i < sizeof extensions / sizeof *extensions; i++)
+        if (strcmp(dot, extensions[i]) == 0)
+            return true;
+    return false;
+}
+
+/* The part as a whole where it is in the block that is asked for; if no part is, those blocks in it. */
 static enum tetlod_status read_parts(const struct vtkxml_document *document, struct blocks *out,
                                      const struct io_input *input, struct io_report *report, struct tetlod_error *error)
 {
-    const char *wanted = input->options ? input->options->block : NULL;
+    const struct io_read_options *options = input->options;
+    struct io_read_options whole = options ? *options : (struct io_read_options){0};
+    const char *wanted = whole.block;
+    struct io_input inner = *input;
     double time = 0;
-    bool has_time, found = false;
+    bool has_time, found = false, is_here = false;
     TETLOD_TRY(choose_time(document, input, &time, &has_time, report, error));
     report->names_blocks = true;
+    for (size_t p = 0; p < document->part_count && wanted && !is_here; p++)
+        is_here = block_path_has(document->parts[p].path, wanted);
+    whole.block = NULL;
+    inner.options = !wanted || is_here ? &whole : options;
     for (size_t p = 0; p < document->part_count; p++) {
         const struct vtkxml_part *part = &document->parts[p];
-        if ((has_time && (!part->has_time || part->time != time)) || (wanted && *part->name && strcmp(part->name, wanted) != 0))
+        if (has_time && (!part->has_time || part->time != time))
+            continue;
+        if (wanted && !(is_here ? block_path_has(part->path, wanted) : has_blocks(part->file)))
             continue;
         found = true;
-        TETLOD_TRY(io_read_named(out, input, part->file, report, error));
+        TETLOD_TRY(io_read_named(out, &inner, part->file, report, error));
     }
     return found ? TETLOD_OK : fail_block(document, wanted ? wanted : "", error);
 }

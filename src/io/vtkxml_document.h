@@ -50,7 +50,8 @@ struct vtkxml_piece {
 
 /* A file that another one is made of. */
 struct vtkxml_part {
-    char *file, *name; /* owned; name "" if there is none */
+    char *file;
+    char *path; /* owned, as `file` is: "/BLOCK/.../NAME/", the names of the blocks that it is in and its own; those without a name are not in it */
     double time;
     bool has_time;
 };
@@ -107,6 +108,7 @@ TETLOD_CHECKED enum tetlod_status vtkxml_read_piece(const struct vtkxml_document
 
 /* Makes one structured block of those from `first` on, which lie in the whole extent as `extents` (six numbers each) says. */
 TETLOD_CHECKED enum tetlod_status vtkxml_join(struct blocks *blocks, size_t first, const int64_t (*extents)[6],
-                                              const int64_t whole[6], struct tetlod_error *error);
+                                              const int64_t whole[6], struct io_report *report,
+                                              struct tetlod_error *error);
 
 #endif

@@ -11,6 +11,7 @@ struct join {
     struct block whole;
     const int64_t *extent; /* of the whole */
     unsigned char *filled; /* [point] */
+    struct io_report *report;
 };
 
 /* The whole's number of a piece's row (i from the first) of points or, with `cell` 1, of cells. */
@@ -29,14 +30,17 @@ static void copy_rows(const struct join *join, const int64_t *extent, const void
             memcpy((unsigned char *)to + row_at(join->extent, extent, j, k, cell) * size, at, count * size);
 }
 
-static enum tetlod_status start_whole(struct join *join, const struct block *first, struct tetlod_error *error)
+static enum tetlod_status start_whole(struct join *join, const struct block *pieces, size_t count, struct tetlod_error *error)
 {
     uint64_t points = 1;
+    enum tetlod_type type = TETLOD_FLOAT32;
+    for (size_t p = 0; p < count; p++)
+        type = pieces[p].mesh.position_type == TETLOD_FLOAT64 ? TETLOD_FLOAT64 : type;
     for (int d = 0; d < 3; d++) {
         join->whole.dims[d] = (uint32_t)(join->extent[2 * d + 1] - join->extent[2 * d] + 1);
         points = points > TETLOD_NONE ? points : points * join->whole.dims[d];
     }
-    TETLOD_TRY(assemble_points(&join->whole.mesh, points, first->mesh.position_type, error));
+    TETLOD_TRY(assemble_points(&join->whole.mesh, points, type, error));
     join->filled = array_zero((size_t)points, 1);
     return join->filled ? TETLOD_OK : tetlodi_fail_nomem(error, "the joined grid", points);
 }
@@ -49,30 +53,44 @@ static enum tetlod_status check_extent(const int64_t *whole, const int64_t *exte
     return TETLOD_OK;
 }
 
-static struct point_field *find_like(struct block *block, bool cell, const struct point_field *like)
-{
-    struct point_field *fields = cell ? block->mesh.cell_fields : block->mesh.fields;
-    uint32_t f = cell ? tetmesh_find_cell_field(&block->mesh, like->name) : tetmesh_find_field(&block->mesh, like->name);
-    return f != TETLOD_NONE && fields[f].components == like->components ? &fields[f] : NULL;
-}
-
 /* The field `like` of the first piece; left out where a piece lacks it. */
 static enum tetlod_status join_field(struct join *join, struct block *pieces, size_t count, const int64_t (*extents)[6],
                                      const struct point_field *like, bool cell, struct tetlod_error *error)
 {
     struct tetmesh *mesh = &join->whole.mesh;
-    for (size_t p = 0; p < count; p++)
-        if (!find_like(&pieces[p], cell, like))
+    enum tetlod_type type = TETLOD_FLOAT32;
+    bool is_integer = true;
+    for (size_t p = 0; p < count; p++) {
+        const struct point_field *field = block_find_like(&pieces[p], cell, like);
+        if (!field) {
+            io_leave_out(join->report, &join->report->partial_arrays, like->name, strlen(like->name));
             return TETLOD_OK;
+        }
+        type = field->type == TETLOD_FLOAT64 ? TETLOD_FLOAT64 : type;
+        is_integer &= field->is_integer;
+    }
     if (cell)
-        TETLOD_TRY(assemble_cell_field(mesh, like->name, like->components, like->type, block_cell_count(&join->whole), error));
+        TETLOD_TRY(assemble_cell_field(mesh, like->name, like->components, type, block_cell_count(&join->whole), error));
     else
-        TETLOD_TRY(assemble_field(mesh, like->name, like->components, like->type, error));
+        TETLOD_TRY(assemble_field(mesh, like->name, like->components, type, error));
     struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
-    field->is_integer = like->is_integer;
+    field->is_integer = is_integer;
+    memcpy(field->unit, like->unit, sizeof field->unit);
     for (size_t p = 0; p < count; p++)
-        copy_rows(join, extents[p], find_like(&pieces[p], cell, like)->values, field->values,
+        copy_rows(join, extents[p], block_find_like(&pieces[p], cell, like)->values, field->values,
                   like->components * sizeof *field->values, cell);
+    return TETLOD_OK;
+}
+
+/* All fields, at points or of cells. */
+static enum tetlod_status join_fields(struct join *join, struct block *pieces, size_t count, const int64_t (*extents)[6], bool cell,
+                                      struct tetlod_error *error)
+{
+    const struct tetmesh *first = &pieces[0].mesh;
+    for (size_t p = 1; p < count; p++)
+        block_note_others(&pieces[0], &pieces[p], cell, join->report);
+    for (uint32_t f = 0; f < (cell ? first->cell_field_count : first->field_count); f++)
+        TETLOD_TRY(join_field(join, pieces, count, extents, cell ? &first->cell_fields[f] : &first->fields[f], cell, error));
     return TETLOD_OK;
 }
 
@@ -130,19 +148,17 @@ static enum tetlod_status join_all(struct join *join, struct block *pieces, size
     if (wanted > points)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "the pieces have %llu points, fewer than the whole extent",
                             (unsigned long long)points);
-    TETLOD_TRY(start_whole(join, &pieces[0], error));
+    TETLOD_TRY(start_whole(join, pieces, count, error));
     TETLOD_TRY(join_points(join, pieces, count, extents, error));
-    for (uint32_t f = 0; f < pieces[0].mesh.field_count; f++)
-        TETLOD_TRY(join_field(join, pieces, count, extents, &pieces[0].mesh.fields[f], false, error));
-    for (uint32_t f = 0; f < pieces[0].mesh.cell_field_count; f++)
-        TETLOD_TRY(join_field(join, pieces, count, extents, &pieces[0].mesh.cell_fields[f], true, error));
+    TETLOD_TRY(join_fields(join, pieces, count, extents, false, error));
+    TETLOD_TRY(join_fields(join, pieces, count, extents, true, error));
     return join_hidden(join, pieces, count, extents, error);
 }
 
 enum tetlod_status vtkxml_join(struct blocks *blocks, size_t first, const int64_t (*extents)[6], const int64_t whole[6],
-                               struct tetlod_error *error)
+                               struct io_report *report, struct tetlod_error *error)
 {
-    struct join join = {.extent = whole};
+    struct join join = {.extent = whole, .report = report};
     size_t count = blocks->count - first;
     if (count == 0)
         return TETLOD_OK;

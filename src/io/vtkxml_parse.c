@@ -18,6 +18,9 @@ struct parse {
     bool in_array, is_known, has_array; /* has_array: the array whose element is open is the last of the document's */
     char unit[2 * UNIT_SIZE]; /* text of a key */
     size_t unit_length;
+    char *path; /* owned: of the blocks that are open, "/BLOCK/.../" */
+    size_t *path_ends; /* owned: its length before each of them */
+    size_t path_capacity, end_capacity, open_blocks;
     enum tetlod_status status;
     struct tetlod_error *error;
 };
@@ -183,7 +186,32 @@ static void start_piece(struct parse *parse, const char **attributes)
     document->pieces[document->piece_count++] = piece;
 }
 
-/* <DataSet file= name= timestep=>. Empty blocks have no file. */
+/* Elements of a multi-block file that parts are in. */
+static bool is_block(const struct parse *parse, const char *name)
+{
+    return parse->document->kind == VTKXML_MULTIBLOCK &&
+           (strcmp(name, "Block") == 0 || strcmp(name, "Piece") == 0 || strcmp(name, "Partitions") == 0);
+}
+
+static void start_block(struct parse *parse, const char *name)
+{
+    size_t end = parse->path ? strlen(parse->path) : 0, length = name ? strlen(name) : 0;
+    if (!array_reserve((void **)&parse->path, &parse->path_capacity, end + length + 3, 1) ||
+        !array_reserve((void **)&parse->path_ends, &parse->end_capacity, parse->open_blocks + 1, sizeof *parse->path_ends)) {
+        fail_nomem(parse);
+        return;
+    }
+    parse->path_ends[parse->open_blocks++] = end;
+    snprintf(parse->path + end, length + 3, "%s%s%s", end ? "" : "/", name ? name : "", length ? "/" : "");
+}
+
+static void end_block(struct parse *parse)
+{
+    if (parse->open_blocks)
+        parse->path[parse->path_ends[--parse->open_blocks]] = 0;
+}
+
+/* <DataSet file= name= timestep=>: a block, too, though its own file may hold others. Empty ones have no file. */
 static void start_part(struct parse *parse, const char **attributes)
 {
     struct vtkxml_document *document = parse->document;
@@ -192,11 +220,13 @@ static void start_part(struct parse *parse, const char **attributes)
         return;
     part.has_time = numbers(attributes, "timestep", 1, &part.time);
     part.file = copy_attribute(attributes, "file");
-    part.name = copy_attribute(attributes, attribute(attributes, "name") ? "name" : "part");
-    if (!part.file || !part.name ||
+    start_block(parse, attribute(attributes, attribute(attributes, "name") ? "name" : "part"));
+    part.path = parse->status == TETLOD_OK ? strdup(parse->path) : NULL;
+    end_block(parse);
+    if (!part.file || !part.path ||
         !array_reserve((void **)&document->parts, &document->part_capacity, document->part_count + 1, sizeof part)) {
         free(part.file);
-        free(part.name);
+        free(part.path);
         fail_nomem(parse);
         return;
     }
@@ -313,6 +343,8 @@ static void XMLCALL on_start(void *opaque, const char *name, const char **attrib
         start_file(parse, attributes);
     else if (!parse->is_known)
         fail(parse, "this is XML, but not a VTK file; its first element is", name);
+    else if (is_block(parse, name))
+        start_block(parse, attribute(attributes, "name"));
     else if (strcmp(name, "Piece") == 0)
         start_piece(parse, attributes);
     else if (strcmp(name, "DataSet") == 0)
@@ -335,6 +367,8 @@ static void XMLCALL on_end(void *opaque, const char *name)
     end_array(parse);
     if (strcmp(name, "InformationKey") == 0)
         end_key(parse);
+    if (is_block(parse, name))
+        end_block(parse);
     if (find_section(name) != VTKXML_ELSEWHERE)
         parse->section = VTKXML_ELSEWHERE;
 }
@@ -391,6 +425,8 @@ enum tetlod_status vtkxml_parse(struct vtkxml_document *document, const struct i
     XML_SetElementHandler(parse.parser, on_start, on_end);
     enum tetlod_status status = feed(&parse);
     XML_ParserFree(parse.parser);
+    free(parse.path);
+    free(parse.path_ends);
     find_appended(document);
     return status;
 }
@@ -403,7 +439,7 @@ void vtkxml_document_fini(struct vtkxml_document *document)
         free(document->pieces[p].source);
     for (size_t p = 0; p < document->part_count; p++) {
         free(document->parts[p].file);
-        free(document->parts[p].name);
+        free(document->parts[p].path);
     }
     free(document->arrays);
     free(document->pieces);

@@ -264,31 +264,53 @@ uint32_t coarsening_heir_face(const struct coarsening *coarsening, uint32_t face
 
 /* ---- numbers */
 
-enum tetlod_status coarsening_compact(struct coarsening *coarsening, uint32_t **out_renumbered, struct tetlod_error *error)
+void coarse_numbers_fini(struct coarse_numbers *numbers)
 {
-    uint32_t *renumbered = array_new(coarsening->stored, sizeof *renumbered), count = 0;
-    if (!renumbered)
-        return tetlodi_fail_nomem(error, "the levels' mesh", 4 * (uint64_t)coarsening->stored);
-    for (size_t t = 0; t < coarsening->stored; t++)
-        renumbered[t] = coarsening->states[t] < COARSE_DIED ? count++ : TETLOD_NONE;
+    free(numbers->living);
+    free(numbers->before);
+    *numbers = (struct coarse_numbers){0};
+}
+
+static enum tetlod_status number_living(const struct coarsening *coarsening, struct coarse_numbers *out, struct tetlod_error *error)
+{
+    size_t words = ((size_t)coarsening->stored + 63) / 64;
+    uint32_t count = 0;
+    *out = (struct coarse_numbers){array_zero(words, sizeof *out->living), array_new(words, sizeof *out->before)};
+    if (!out->living || !out->before) {
+        coarse_numbers_fini(out);
+        return tetlodi_fail_nomem(error, "the levels' mesh", 12 * (uint64_t)words);
+    }
     for (size_t t = 0; t < coarsening->stored; t++) {
-        size_t to = renumbered[t];
-        if (to == TETLOD_NONE)
+        if (t % 64 == 0)
+            out->before[t / 64] = count;
+        bool living = coarsening->states[t] < COARSE_DIED;
+        out->living[t / 64] |= (uint64_t)living << t % 64;
+        count += living;
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status coarsening_compact(struct coarsening *coarsening, struct coarse_numbers *out, struct tetlod_error *error)
+{
+    size_t count = 0;
+    TETLOD_TRY(number_living(coarsening, out, error));
+    for (size_t t = 0; t < coarsening->stored; t++) {
+        if (coarse_number(out, (uint32_t)t) == TETLOD_NONE)
             continue;
-        memmove(coarsening->corners + 4 * to, coarsening->corners + 4 * t, 4 * sizeof(uint32_t));
-        coarsening->states[to] = coarsening->states[t];
+        memmove(coarsening->corners + 4 * count, coarsening->corners + 4 * t, 4 * sizeof(uint32_t));
+        coarsening->states[count] = coarsening->states[t];
         for (int i = 0; i < 4; i++) {
             uint32_t across = coarsening->neighbours[4 * t + i];
-            coarsening->neighbours[4 * to + i] = across == TETLOD_NONE ? across : 4 * renumbered[across / 4] + across % 4;
+            coarsening->neighbours[4 * count + i] = across == TETLOD_NONE ? across : 4 * coarse_number(out, across / 4) + across % 4;
         }
+        count++;
     }
     for (size_t v = 0; v < coarsening->slot_count; v++)
         if (!(coarsening->slots[v] & SLOT_MERGED) && coarsening->tet_of[v] != TETLOD_NONE)
-            coarsening->tet_of[v] = renumbered[coarsening->tet_of[v]];
-    coarsening->stored = coarsening->tets = count;
+            coarsening->tet_of[v] = coarse_number(out, coarsening->tet_of[v]);
+    coarsening->stored = coarsening->tets = (uint32_t)count;
     coarsening->corners = array_shrink(coarsening->corners, count, 4 * sizeof(uint32_t));
     coarsening->neighbours = array_shrink(coarsening->neighbours, count, 4 * sizeof(uint32_t));
     coarsening->states = array_shrink(coarsening->states, count, 1);
-    *out_renumbered = renumbered;
     return TETLOD_OK;
 }

@@ -81,9 +81,22 @@ uint32_t coarsening_heir(const struct coarsening *coarsening, uint32_t tet);
 /* The face, 4 * tet + face, that is where this one is or was, or TETLOD_NONE: it collapsed. Not for COARSE_GONE. */
 uint32_t coarsening_heir_face(const struct coarsening *coarsening, uint32_t face);
 
-/* Renumbers the living tetrahedra 0 .. tets-1 in their order and gives back the room of the others. out_renumbered[old] is the new
- * number or TETLOD_NONE; it has `stored` elements and is the caller's to free. ERR_NOMEM leaves all as it was. */
-TETLOD_CHECKED enum tetlod_status coarsening_compact(struct coarsening *coarsening, uint32_t **out_renumbered,
-                                                     struct tetlod_error *error);
+/* The numbers that living tetrahedra get, by bits and counts: a table of them would be as large as an array of the mesh. */
+struct coarse_numbers {
+    uint64_t *living; /* [old / 64] a bit each */
+    uint32_t *before; /* [old / 64] living ones of less number */
+};
+
+/* The new number, or TETLOD_NONE. */
+static inline uint32_t coarse_number(const struct coarse_numbers *numbers, uint32_t old)
+{
+    uint64_t word = numbers->living[old / 64], bit = UINT64_C(1) << old % 64;
+    return word & bit ? numbers->before[old / 64] + (uint32_t)__builtin_popcountll(word & (bit - 1)) : TETLOD_NONE;
+}
+
+/* Renumbers the living tetrahedra 0 .. tets-1 in their order and gives back the room of the others. coarse_numbers_fini ends *out.
+ * ERR_NOMEM leaves all as it was. */
+TETLOD_CHECKED enum tetlod_status coarsening_compact(struct coarsening *coarsening, struct coarse_numbers *out, struct tetlod_error *error);
+void coarse_numbers_fini(struct coarse_numbers *numbers);
 
 #endif

@@ -500,7 +500,7 @@ static enum tetlod_status update_domain(struct measure_levels *m, double *io_dom
 
 struct renumbering {
     struct measure_levels *measure;
-    const uint32_t *renumbered;
+    struct coarse_numbers numbers;
 };
 
 static void renumber_hosts(void *context, unsigned worker, size_t begin, size_t end)
@@ -509,27 +509,25 @@ static void renumber_hosts(void *context, unsigned worker, size_t begin, size_t 
     (void)worker;
     for (size_t sample = begin; sample < end; sample++)
         if (r->measure->hosts[sample] < HOST_SPECIAL)
-            r->measure->hosts[sample] = r->renumbered[r->measure->hosts[sample]];
+            r->measure->hosts[sample] = coarse_number(&r->numbers, r->measure->hosts[sample]);
 }
 
 static enum tetlod_status compact(struct measure_levels *m, struct tetlod_error *error)
 {
     struct renumbering r = {.measure = m};
-    uint32_t *renumbered;
     if (m->mesh->tets > m->mesh->stored / 2)
         return TETLOD_OK;
-    TETLOD_TRY(coarsening_compact(m->mesh, &renumbered, error));
-    r.renumbered = renumbered;
+    TETLOD_TRY(coarsening_compact(m->mesh, &r.numbers, error));
     parallel_for(m->threads, m->samples, TALLY_CHUNK, renumber_hosts, &r);
     for (size_t i = 0; i < m->bound_count; i++) {
-        uint32_t face = m->nearest[i], tet = face == TETLOD_NONE ? TETLOD_NONE : renumbered[face / 4];
+        uint32_t face = m->nearest[i], tet = face == TETLOD_NONE ? TETLOD_NONE : coarse_number(&r.numbers, face / 4);
         m->nearest[i] = tet == TETLOD_NONE ? TETLOD_NONE : 4 * tet + face % 4;
     }
     for (size_t i = 0; i < m->stray_count; i++) {
         uint32_t face = m->strays[i].face;
-        m->strays[i].face = face == TETLOD_NONE ? face : 4 * renumbered[face / 4] + face % 4;
+        m->strays[i].face = face == TETLOD_NONE ? face : 4 * coarse_number(&r.numbers, face / 4) + face % 4;
     }
-    free(renumbered);
+    coarse_numbers_fini(&r.numbers);
     return TETLOD_OK;
 }
 
@@ -538,7 +536,7 @@ static enum tetlod_status compact(struct measure_levels *m, struct tetlod_error 
 enum tetlod_status measure_levels_next(struct measure_levels *m, struct measured *out, double *io_domain,
                                        struct tetlod_error *error)
 {
-    enum tetlod_status status;
+    enum tetlod_status status = TETLOD_OK;
     for (unsigned i = 0; i < m->threads; i++)
         walker_reset(&m->workers[i].walker);
     parallel_for(m->threads, m->chunks, 1, update_samples, m);
@@ -547,11 +545,10 @@ enum tetlod_status measure_levels_next(struct measure_levels *m, struct measured
         tally_result(m->tallies + f * m->chunks, m->chunks, m->scales[f], m->counted, &out[f].sampled, &out[f].rms);
     TETLOD_TRY_DONE(update_domain(m, io_domain, error));
     m->started = true;
-    status = compact(m, error);
 done:
     mesh_surface_fini(&m->surface);
     mesh_surface_fini(&m->changed);
-    return status;
+    return status == TETLOD_OK ? compact(m, error) : status;
 }
 
 /* Which samples count, and where they are at first. */

@@ -10,7 +10,6 @@
  */
 #include "src/mesh/mesh_check.h"
 
-#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -18,6 +17,7 @@
 #include "src/mesh/adjacency.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
+#include "src/util/union_find.h"
 
 struct link_edge {
     uint32_t low, high, triangle;
@@ -37,24 +37,6 @@ struct check {
     uint32_t (*triangles)[3]; /* ascending */
     uint32_t *ends;           /* of its boundary edges; of all its edges */
 };
-
-static uint32_t find_root(uint32_t *parent, uint32_t i)
-{
-    while (parent[i] != i) {
-        parent[i] = parent[parent[i]];
-        i = parent[i];
-    }
-    return i;
-}
-
-/* True if they were apart. */
-static bool join(uint32_t *parent, uint32_t a, uint32_t b)
-{
-    a = find_root(parent, a);
-    b = find_root(parent, b);
-    parent[a > b ? a : b] = a > b ? b : a;
-    return a != b;
-}
 
 static const double *point(const struct check *c, uint32_t v)
 {
@@ -181,7 +163,7 @@ static void touch_boundary(struct check *c, uint32_t a, uint32_t b)
         c->surface[a] = a;
     if (c->surface[b] == TETLOD_NONE)
         c->surface[b] = b;
-    join(c->surface, a, b);
+    join_sets(c->surface, a, b);
 }
 
 static void check_link(struct check *c, uint32_t v)
@@ -193,7 +175,7 @@ static void check_link(struct check *c, uint32_t v)
     for (size_t i = 0, end; i < sides; i = end) {
         const struct link_edge *first = &c->edges[i];
         for (end = i + 1; end < sides && c->edges[end].low == first->low && c->edges[end].high == first->high; end++)
-            parts -= join(c->triangle_part, first->triangle, c->edges[end].triangle);
+            parts -= join_sets(c->triangle_part, first->triangle, c->edges[end].triangle);
         edges++;
         overfull |= end - i > 2;
         if (v < first->low)
@@ -238,7 +220,7 @@ static void count_components(struct check *c)
     struct mesh_report *report = c->report;
     for (uint32_t t = 0; t < c->tet_count; t++)
         for (int i = 1; i < 4; i++)
-            join(c->part, c->corners[4 * (size_t)t], c->corners[4 * (size_t)t + (size_t)i]);
+            join_sets(c->part, c->corners[4 * (size_t)t], c->corners[4 * (size_t)t + (size_t)i]);
     for (uint32_t v = 0; v < c->vertex_count; v++) {
         report->components += c->part[v] == v && c->offsets[v] != c->offsets[v + 1];
         report->boundary_components += c->surface[v] == v;

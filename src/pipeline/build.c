@@ -339,6 +339,24 @@ static struct tetlodi_write_cells *list_cells(const struct tetmesh *mesh, const 
     return cells;
 }
 
+static struct tetlodi_write_field list_field(const struct build *build, uint32_t f)
+{
+    const struct point_field *field = &build->mesh->fields[f], *original = &build->original->fields[f];
+    struct tetlodi_write_field out = {.name = field->name,
+                                      .components = field->components,
+                                      .type = field->type,
+                                      .was_float64 = original->type != field->type,
+                                      .controlled = is_controlled(build, f),
+                                      .node_values = build->log.fields[f].values,
+                                      .bits = field->grid.bits,
+                                      .origin = field->grid.origin,
+                                      .step = field->grid.step,
+                                      .most = (int64_t)field->grid.most};
+    *(build->precision.tail && field->grid.bits ? &out.exact : &out.values) = field->values;
+    point_field_range(original, build->mesh->vertex_count, out.range);
+    return out;
+}
+
 static enum tetlod_status encode(struct build *build, const struct tetlodi_sink *sink)
 {
     const struct tetmesh *mesh = build->mesh;
@@ -350,21 +368,8 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
         free(cells);
         return tetlodi_fail_nomem(build->error, "the fields", mesh->field_count * sizeof *fields);
     }
-    for (uint32_t f = 0; f < mesh->field_count; f++) {
-        const struct point_field *field = &mesh->fields[f];
-        fields[f] = (struct tetlodi_write_field){.name = field->name,
-                                                 .components = field->components,
-                                                 .type = field->type,
-                                                 .controlled = is_controlled(build, f),
-                                                 .node_values = log->fields[f].values};
-        fields[f].was_float64 = build->original->fields[f].type != field->type;
-        *(build->precision.tail && field->grid.bits ? &fields[f].exact : &fields[f].values) = field->values;
-        fields[f].bits = field->grid.bits;
-        fields[f].origin = field->grid.origin;
-        fields[f].step = field->grid.step;
-        fields[f].most = (int64_t)field->grid.most;
-        point_field_range(&build->original->fields[f], mesh->vertex_count, fields[f].range);
-    }
+    for (uint32_t f = 0; f < mesh->field_count; f++)
+        fields[f] = list_field(build, f);
     struct tetlodi_write_input input = {.vertices = mesh->vertex_count,
                                         .tets = mesh->tet_count,
                                         .contractions = log->count,

@@ -9,7 +9,7 @@
 /* What the writer takes a tetrahedron, a vertex and a component, without what it borrows; what of that is for records, and goes before a field's
  * exact tail, and what that takes; and what the program takes with its libraries and the compressor's tables: measured. Of the rest the
  * allocator wastes one part in ALLOCATOR. */
-enum { WRITER_TET = 26, WRITER_RECORDS = 40, WRITER_VERTEX = 40, WRITER_COMPONENT = 16, WRITER_TAIL = 9 << 18, PROGRAM = 13 << 20, ALLOCATOR = 32 };
+enum { WRITER_TET = 26, WRITER_RECORDS = 36, WRITER_VERTEX = 40, WRITER_COMPONENT = 8, WRITER_TAIL = 9 << 18, PROGRAM = 13 << 20, ALLOCATOR = 32 };
 
 static uint64_t component_count(const struct tetmesh *mesh)
 {

@@ -42,7 +42,8 @@ enum tetlod_status series_load(const struct series_build *series, uint32_t step,
         row += control_bytes(series, i);
     }
     unsigned char *bytes = (unsigned char *)out + count * sizeof *out - size; // floats come at the end, and become doubles from there
-    if (file_input_read(&series->input->values, (size_t)(step * row + offset), size, bytes) != size)
+    const struct tetlod_source *values = &series->input->values;
+    if (values->read(values->opaque, step * row + offset, bytes, size) != TETLOD_OK)
         return tetlodi_fail(error, TETLOD_ERR_IO, "a step's values cannot be read from a temporary file");
     for (size_t i = 0; i < count && series->input->types[control] == TETLOD_FLOAT32; i++) {
         float value;

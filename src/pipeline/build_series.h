@@ -11,12 +11,11 @@
 #include "src/log/contraction_log.h"
 #include "src/pipeline/build.h"
 #include "src/simplify/simplify.h"
-#include "src/util/file.h"
 
 struct build_series {
     uint32_t step_count;
     const double *times;           /* [step], not falling */
-    struct file_input values;      /* [step][control][components * vertices], each control's in its type */
+    struct tetlod_source values;   /* [step][control][components * vertices], each control's in its type */
     const enum tetlod_type *types; /* [control] */
     const double *bands;           /* falling errors, fractions of the range; the last is 0 */
     uint32_t band_count;

@@ -15,6 +15,7 @@
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/series_parts.h"
 #include "src/util/array.h"
+#include "src/util/spool.h"
 
 /* Codes up to this size are exact in float32, times a power of two. */
 static const double FLOAT32_CODES = 0x1p24;
@@ -26,17 +27,12 @@ struct band_level {
     struct tetlodi_lower lower;
 };
 
-struct spool {
-    FILE *file;
-    struct tetlod_source source; /* in the end */
-    size_t size;
-};
-
 struct series_encoding {
     uint32_t band_count, row_count;
     struct tetlodi_time time;
     struct band_level *levels; /* [band] */
     struct spool *spools;      /* [control][band] */
+    struct tetlod_source *sources; /* the same, in the end */
     struct tetlodi_buffer table;
     struct tetlodi_write_section *sections;
 };
@@ -57,13 +53,12 @@ void series_encoding_free(struct series_encoding *encoding)
         free(encoding->levels[b].nodes);
         tetlodi_lower_fini(&encoding->levels[b].lower);
     }
-    for (uint32_t i = 0; i < encoding->row_count && encoding->spools; i++) {
-        if (encoding->spools[i].file)
-            fclose(encoding->spools[i].file);
-    }
+    for (uint32_t i = 0; i < encoding->row_count && encoding->spools; i++)
+        spool_close(&encoding->spools[i]);
     tetlodi_time_fini(&encoding->time);
     free(encoding->levels);
     free(encoding->spools);
+    free(encoding->sources);
     tetlodi_buffer_fini(&encoding->table);
     free(encoding->sections);
     free(encoding);
@@ -265,9 +260,7 @@ static enum tetlod_status encode_group(struct row *row, uint32_t begin, uint32_t
     if (status == TETLOD_OK) {
         size_t at = time_row(&encoding->time, row->control, row->band) * encoding->time.group_count + begin / STEP_GROUP;
         tetlodi_digest(group.bytes, group.size, encoding->time.digests[at]);
-        if (fwrite(group.bytes, 1, group.size, spool->file) != group.size)
-            status = tetlodi_fail(row->batch->error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
-        spool->size += group.size;
+        status = spool_write(spool, group.bytes, group.size, row->batch->error);
     }
     tetlodi_buffer_fini(&group);
     return status;
@@ -342,13 +335,13 @@ static enum tetlod_status start(struct series_build *series, struct tetlod_error
     encoding->row_count = controls * input->band_count;
     encoding->levels = array_zero(encoding->band_count, sizeof *encoding->levels);
     encoding->spools = array_zero(encoding->row_count, sizeof *encoding->spools);
+    encoding->sources = array_zero(encoding->row_count, sizeof *encoding->sources);
     encoding->sections = array_zero(1 + (size_t)encoding->row_count, sizeof *encoding->sections);
-    if (!encoding->levels || !encoding->spools || !encoding->sections ||
+    if (!encoding->levels || !encoding->spools || !encoding->sources || !encoding->sections ||
         !tetlodi_time_allocate(&encoding->time, controls, input->band_count, input->step_count))
         return tetlodi_fail_nomem(error, "the table of steps", (uint64_t)encoding->row_count * input->step_count * 8);
     for (uint32_t i = 0; i < encoding->row_count; i++)
-        if (!(encoding->spools[i].file = tmpfile()))
-            return tetlodi_fail(error, TETLOD_ERR_IO, "there is no temporary file for the steps; TMPDIR names a folder for it");
+        TETLOD_TRY(spool_open(&encoding->spools[i], error));
     encoding->time.displacement = input->points_move ? controls : 0;
     for (uint32_t c = 0; c < controls; c++)
         encoding->time.fields[c] = (struct tetlodi_time_field){series->options->controls[c].field, input->types[c],
@@ -359,12 +352,6 @@ static enum tetlod_status start(struct series_build *series, struct tetlod_error
     return TETLOD_OK;
 }
 
-static enum tetlod_status read_spool(void *opaque, uint64_t offset, void *buffer, size_t size)
-{
-    const struct file_input file = {.fd = fileno(opaque)};
-    return file_input_read(&file, (size_t)offset, size, buffer) == size ? TETLOD_OK : TETLOD_ERR_IO;
-}
-
 static enum tetlod_status list_sections(struct series_encoding *encoding, struct tetlod_error *error)
 {
     tetlodi_time_encode(&encoding->time, &encoding->table);
@@ -372,11 +359,9 @@ static enum tetlod_status list_sections(struct series_encoding *encoding, struct
         return tetlodi_fail_nomem(error, "the table of steps", encoding->table.size);
     encoding->sections[0] = (struct tetlodi_write_section){.tag = TAG_TIME, .row = 8, .bytes = encoding->table.bytes, .size = encoding->table.size};
     for (uint32_t i = 0; i < encoding->row_count; i++) {
-        struct spool *spool = &encoding->spools[i];
-        if (fflush(spool->file) != 0)
-            return tetlodi_fail(error, TETLOD_ERR_IO, "the steps cannot be written to a temporary file");
-        spool->source = (struct tetlod_source){read_spool, spool->file, spool->size};
-        encoding->sections[1 + i] = (struct tetlodi_write_section){.tag = TAG_STEP_VALUES, .row = ROW_CODED, .source = &spool->source, .size = spool->size};
+        struct tetlod_source *source = &encoding->sources[i];
+        TETLOD_TRY(spool_source(&encoding->spools[i], source, error));
+        encoding->sections[1 + i] = (struct tetlodi_write_section){.tag = TAG_STEP_VALUES, .row = ROW_CODED, .source = source, .size = (size_t)source->size};
     }
     return TETLOD_OK;
 }

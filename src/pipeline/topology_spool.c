@@ -6,43 +6,34 @@
 
 #include "format/fail.h"
 #include "src/util/array.h"
-#include "src/util/file.h"
 
 static enum tetlod_status put(void *opaque, const void *bytes, size_t size)
 {
-    return fwrite(bytes, 1, size, opaque) == size ? TETLOD_OK : TETLOD_ERR_IO;
-}
-
-static enum tetlod_status get(void *opaque, uint64_t offset, void *buffer, size_t size)
-{
-    const struct file_input input = {.fd = fileno(opaque)};
-    return file_input_read(&input, (size_t)offset, size, buffer) == size ? TETLOD_OK : TETLOD_ERR_IO;
+    return spool_write(opaque, bytes, size, NULL);
 }
 
 enum tetlod_status topology_spool_init(struct topology_spool *spool, uint32_t count, struct tetlod_error *error)
 {
-    *spool = (struct topology_spool){.file = tmpfile(),
-                                     .count = count,
+    *spool = (struct topology_spool){.count = count,
                                      .topologies = array_zero(count, sizeof *spool->topologies),
                                      .cids = array_zero(count, sizeof *spool->cids)};
     if (!spool->topologies || !spool->cids)
         return tetlodi_fail_nomem(error, "the topology groups", count * sizeof *spool->topologies);
-    return spool->file ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_IO, "there is no temporary file for the steps; TMPDIR names a folder for it");
+    return spool_open(&spool->streams, error);
 }
 
 void topology_spool_fini(struct topology_spool *spool)
 {
-    if (spool->file)
-        fclose(spool->file);
+    spool_close(&spool->streams);
     free(spool->topologies);
     free(spool->cids);
     tetlodi_buffer_fini(&spool->table);
     *spool = (struct topology_spool){0};
 }
 
-struct tetlodi_sink topology_spool_sink(const struct topology_spool *spool)
+struct tetlodi_sink topology_spool_sink(struct topology_spool *spool)
 {
-    return (struct tetlodi_sink){put, spool->file};
+    return (struct tetlodi_sink){put, &spool->streams};
 }
 
 enum tetlod_status topology_spool_note(struct topology_spool *spool, uint32_t group, uint32_t steps, const double *times,
@@ -56,12 +47,11 @@ enum tetlod_status topology_spool_note(struct topology_spool *spool, uint32_t gr
     if (group == 0)
         return TETLOD_OK;
     topology->offset = spool->source.size;
-    if (fflush(spool->file) != 0 || get(spool->file, topology->offset, raw, sizeof raw) != TETLOD_OK ||
-        tetlodi_header_decode(&header, raw, NULL) != TETLOD_OK)
-        return tetlodi_fail(error, TETLOD_ERR_IO, "the streams of the steps cannot be written to a temporary file");
+    TETLOD_TRY(spool_source(&spool->streams, &spool->source, error));
+    topology->size = spool->source.size - topology->offset;
+    if (spool->source.read(spool->source.opaque, topology->offset, raw, sizeof raw) != TETLOD_OK || tetlodi_header_decode(&header, raw, NULL) != TETLOD_OK)
+        return tetlodi_fail(error, TETLOD_ERR_IO, "the streams of the steps cannot be read from a temporary file");
     memcpy(spool->cids[group], header.cid, DIGEST_SIZE);
-    topology->size = header.file_size;
-    spool->source.size += header.file_size;
     return TETLOD_OK;
 }
 
@@ -70,8 +60,6 @@ enum tetlod_status topology_spool_sections(struct topology_spool *spool, struct 
     tetlodi_topologies_encode(spool->topologies, spool->count, (const uint8_t(*)[DIGEST_SIZE])spool->cids, &spool->table);
     if (spool->table.failed)
         return tetlodi_fail_nomem(error, "the table of topology groups", spool->count * sizeof *spool->topologies);
-    spool->source.read = get;
-    spool->source.opaque = spool->file;
     spool->sections[0] = (struct tetlodi_write_section){.tag = TAG_TOPOLOGIES, .early = 1, .bytes = spool->table.bytes, .size = spool->table.size};
     spool->sections[1] = (struct tetlodi_write_section){.tag = TAG_NEXT, .row = ROW_CODED, .source = &spool->source, .size = (size_t)spool->source.size};
     return TETLOD_OK;

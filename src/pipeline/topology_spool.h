@@ -3,18 +3,17 @@
 #ifndef TETLOD_TOPOLOGY_SPOOL_H
 #define TETLOD_TOPOLOGY_SPOOL_H
 
-#include <stdio.h>
-
 #include "format/topologies.h"
 #include "format/writer.h"
+#include "src/util/spool.h"
 
 struct topology_spool {
-    FILE *file;
+    struct spool streams;
     uint32_t count;
     struct tetlod_topology *topologies; /* [count] */
     uint8_t (*cids)[DIGEST_SIZE];
     struct tetlodi_buffer table;
-    struct tetlod_source source;
+    struct tetlod_source source; /* of all streams so far */
     struct tetlodi_write_section sections[2];
 };
 
@@ -23,7 +22,7 @@ TETLOD_CHECKED enum tetlod_status topology_spool_init(struct topology_spool *spo
 void topology_spool_fini(struct topology_spool *spool);
 
 /* Where the next group's stream goes. */
-struct tetlodi_sink topology_spool_sink(const struct topology_spool *spool);
+struct tetlodi_sink topology_spool_sink(struct topology_spool *spool);
 
 /* What is known of group `group`; but for the first one its stream has just been written. `times` [steps] are borrowed. ERR_IO. */
 TETLOD_CHECKED enum tetlod_status topology_spool_note(struct topology_spool *spool, uint32_t group, uint32_t steps, const double *times,

@@ -12,6 +12,7 @@
 #include "src/simplify/table.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
+#include "src/util/union_find.h"
 
 /* ---- which faces and vertices there are */
 
@@ -45,13 +46,6 @@ static void set_boundary(struct working *working, uint32_t tet, uint32_t opposit
  * which that is. */
 enum { FACE_ONE = 1, FACE_MANY = 3, FACE_UPWARDS = 4, FACE_FIRST = 8 };
 
-static uint32_t find_root(uint32_t *parent, uint32_t i)
-{
-    while (parent[i] != i)
-        i = parent[i] = parent[parent[i]];
-    return i;
-}
-
 /* The link of a slot: its pieces, if triangles hang together where just two are at an edge, and how many such edges there are; `many`:
  * more than two are at some edge. */
 struct link {
@@ -77,10 +71,8 @@ static struct link join_faces(struct finder *finder, const struct hood *hood, st
                 __atomic_store_n(&finder->folded[hood->tets[t]], 1, __ATOMIC_RELAXED);
                 __atomic_store_n(&finder->folded[hood->tets[first]], 1, __ATOMIC_RELAXED);
             }
-            uint32_t a = find_root(parent, first), b = find_root(parent, t);
             link.pairs++;
-            link.pieces -= a != b;
-            parent[a < b ? b : a] = a < b ? a : b;
+            link.pieces -= join_sets(parent, first, t);
         }
     }
     return link;

@@ -64,11 +64,13 @@ static bool another_part(const struct clearance *c, uint32_t f, uint32_t g)
     const uint32_t *a = triangle_of(c, f), *b = triangle_of(c, g);
     if (c->body[a[0]] != c->body[b[0]])
         return true;
+    if (!(dot(c->normals + 3 * (size_t)f, c->normals + 3 * (size_t)g) < TURNED))
+        return false;
     for (int i = 0; i < 3; i++)
         for (int k = 0; k < 3; k++)
             if (a[i] == b[k])
                 return false;
-    return dot(c->normals + 3 * (size_t)f, c->normals + 3 * (size_t)g) < TURNED;
+    return true;
 }
 
 /* The box of some vertices, grown to all sides. */
@@ -176,7 +178,7 @@ static void mark_overlapped(struct clearance *c, uint32_t tet, uint32_t count, d
         for (uint32_t i = first; i < end; i++) {
             uint32_t v = c->vertices[c->vertex_boxes.order[i]];
             const double *p = position_of(c, v);
-            for (uint32_t t = 0; t < count; t++) {
+            for (uint32_t t = 0; t < count && in_box(box, p); t++) {
                 const uint32_t *corners = c->mesh->corners + 4 * (size_t)(tet + t);
                 if (in_box(boxes[t], p) && corners[0] != v && corners[1] != v && corners[2] != v && corners[3] != v &&
                     locator_weights(&locator, tet + t, p, weights) > INSIDE)

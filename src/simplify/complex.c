@@ -9,6 +9,7 @@
 #include "src/mesh/adjacency.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
+#include "src/util/union_find.h"
 
 uint64_t complex_bytes(uint32_t vertices, uint32_t tets)
 {
@@ -119,13 +120,6 @@ static void orient(struct complex *complex)
     }
 }
 
-static uint32_t find_root(uint32_t *parent, uint32_t i)
-{
-    while (parent[i] != i)
-        i = parent[i] = parent[parent[i]];
-    return i;
-}
-
 /* Joins corners of the same vertex across faces: afterwards a vertex has a root corner per fan of tetrahedra. */
 static void join_fans(const struct complex *complex, uint32_t *parent)
 {
@@ -138,10 +132,8 @@ static void join_fans(const struct complex *complex, uint32_t *parent)
                 continue;
             for (unsigned c = 0; c < 4; c++)
                 for (unsigned d = 0; d < 4; d++)
-                    if (c != f && complex->corners[4 * (size_t)t + c] == complex->corners[(across & ~3u) + d]) {
-                        uint32_t a = find_root(parent, 4 * t + c), b = find_root(parent, (across & ~3u) + d);
-                        parent[a < b ? b : a] = a < b ? a : b;
-                    }
+                    if (c != f && complex->corners[4 * (size_t)t + c] == complex->corners[(across & ~3u) + d])
+                        join_sets(parent, 4 * t + c, (across & ~3u) + d);
         }
 }
 
@@ -229,7 +221,7 @@ enum tetlod_status complex_init(struct complex *complex, const struct tetmesh *m
     return status;
 }
 
-bool complex_thaw(struct complex *complex, uint32_t v)
+bool complex_unfreeze(struct complex *complex, uint32_t v)
 {
     const uint32_t *tets = complex->pool + complex->star_begin[v];
     if (!(complex->flags[v] & VERTEX_FROZEN))

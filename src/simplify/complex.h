@@ -108,7 +108,7 @@ TETLOD_CHECKED enum tetlod_status complex_contract(struct complex *complex, cons
                                                    struct tetlod_error *error);
 
 /* Is a frozen vertex free now, for its last degenerate, inverted or folded tetrahedron is gone? Then it is no longer frozen. */
-bool complex_thaw(struct complex *complex, uint32_t v);
+bool complex_unfreeze(struct complex *complex, uint32_t v);
 
 /* p rounded to the mesh's position type. */
 void complex_round_position(const struct complex *complex, double p[3]);

@@ -99,7 +99,7 @@ void worker_fini(struct worker *worker)
     free(worker->numbers);
     free(worker->said);
     free(worker->open);
-    free(worker->thawing);
+    free(worker->unfreezing);
 }
 
 /* ---- step 2 */

@@ -49,8 +49,8 @@ struct worker {
     double *numbers; /* scratch per component: see numbers_of */
     uint32_t *open; /* boundary slots around whose boundary contractions of this round have moved */
     size_t open_count, open_room;
-    uint32_t *thawing; /* frozen slots around contractions of this round that moved nothing */
-    size_t thawing_count, thawing_room;
+    uint32_t *unfreezing; /* frozen slots around contractions of this round that moved nothing */
+    size_t unfreezing_count, unfreezing_room;
     uint64_t refused[LOG_REFUSALS];
     bool failed; /* out of memory */
 };

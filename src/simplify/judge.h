@@ -66,8 +66,8 @@ struct run {
     double *certified, *predicted; /* [driver_count] running maxima */
     double *assigned;              /* [driver_count] of the contraction at hand, as is its outcome */
     struct outcome *outcome;
-    uint32_t *link, *thawed;
-    size_t link_capacity, thawed_capacity;
+    uint32_t *link, *unfrozen;
+    size_t link_capacity, unfrozen_capacity;
     struct tetlod_error *error;
 };
 

@@ -332,7 +332,7 @@ static void touch_stars(const struct run *run, struct worker *worker, const stru
             if (opens && working->flags[slot] & VERTEX_BOUNDARY)
                 room = list_slot(&worker->open, &worker->open_count, &worker->open_room, slot);
             if (room && join->still && working->flags[slot] & VERTEX_FROZEN)
-                room = list_slot(&worker->thawing, &worker->thawing_count, &worker->thawing_room, slot);
+                room = list_slot(&worker->unfreezing, &worker->unfreezing_count, &worker->unfreezing_room, slot);
             worker->failed |= !room;
         }
 }

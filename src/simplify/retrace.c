@@ -99,7 +99,7 @@ static enum tetlod_status follow(struct retraced *state, const struct contractio
         return no_memory(state);
     if (!merged.done || distance_squared(working_row(working, kept), p) != 0)
         return tetlodi_fail(state->error, TETLOD_ERR_MISMATCH, "contraction %u cannot be done again", record);
-    state->worker.open_count = state->worker.thawing_count = 0;
+    state->worker.open_count = state->worker.unfreezing_count = 0;
     working->node[kept] = working->slot_count + record;
     state->slot_of[working->slot_count + record] = kept;
     working->vertices_alive--;

@@ -466,15 +466,15 @@ static int compare_slots(const void *a, const void *b)
 }
 
 /* The workers' lists of one kind, each slot once, in the place of the winners, who are done. */
-static enum tetlod_status collect(struct rounds *rounds, bool thawing)
+static enum tetlod_status collect(struct rounds *rounds, bool unfreezing)
 {
     size_t kept = 0;
     rounds->winners.count = 0;
     for (unsigned w = 0; w < crew_size(rounds->run.crew); w++) {
         struct worker *worker = &rounds->run.workers[w];
-        size_t *count = thawing ? &worker->thawing_count : &worker->open_count;
+        size_t *count = unfreezing ? &worker->unfreezing_count : &worker->open_count;
         for (size_t i = 0; i < *count; i++)
-            if (!list_add(&rounds->winners, thawing ? worker->thawing[i] : worker->open[i]))
+            if (!list_add(&rounds->winners, unfreezing ? worker->unfreezing[i] : worker->open[i]))
                 return no_memory(rounds);
         *count = 0;
     }
@@ -488,7 +488,7 @@ static enum tetlod_status collect(struct rounds *rounds, bool thawing)
 }
 
 /* A frozen vertex whose last degenerate, inverted or folded tetrahedron is gone is free. */
-static void thaw(struct rounds *rounds, uint32_t slot)
+static void unfreeze(struct rounds *rounds, uint32_t slot)
 {
     struct working *working = &rounds->working;
     const struct span *star = &working->stars[slot];
@@ -519,7 +519,7 @@ static enum tetlod_status contract(struct rounds *rounds)
     crew_run(rounds->run.crew, rounds->winners.count, 64, classify_range, rounds);
     TETLOD_TRY(collect(rounds, true));
     for (size_t i = 0; i < rounds->winners.count; i++)
-        thaw(rounds, rounds->winners.slots[i]);
+        unfreeze(rounds, rounds->winners.slots[i]);
     return TETLOD_OK;
 }
 

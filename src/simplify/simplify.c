@@ -129,14 +129,14 @@ static enum tetlod_status list_simplices(struct run *run, uint32_t v, bool first
 }
 
 /* After a contraction at one point: lists the simplices of the vertices around it that are free now. */
-static enum tetlod_status thaw(struct run *run, uint32_t v)
+static enum tetlod_status unfreeze(struct run *run, uint32_t v)
 {
     size_t count = 0;
-    TETLOD_TRY(complex_link_vertices(run->complex, v, &run->thawed, &run->thawed_capacity, &count, run->error));
-    complex_thaw(run->complex, v);
+    TETLOD_TRY(complex_link_vertices(run->complex, v, &run->unfrozen, &run->unfrozen_capacity, &count, run->error));
+    complex_unfreeze(run->complex, v);
     for (size_t i = 0; i < count; i++)
-        if (complex_thaw(run->complex, run->thawed[i]))
-            TETLOD_TRY(list_simplices(run, run->thawed[i], false));
+        if (complex_unfreeze(run->complex, run->unfrozen[i]))
+            TETLOD_TRY(list_simplices(run, run->unfrozen[i], false));
     return TETLOD_OK;
 }
 
@@ -172,7 +172,7 @@ static enum tetlod_status perform(struct run *run, const struct star *star, cons
         run->predicted[d] = fmax(run->predicted[d], driver->predicted[v] * driver->scale);
     }
     if (star->still)
-        TETLOD_TRY(thaw(run, v));
+        TETLOD_TRY(unfreeze(run, v));
     return list_simplices(run, v, false);
 }
 
@@ -738,7 +738,7 @@ done:
     free(run.certified);
     free(run.outcome);
     free(run.link);
-    free(run.thawed);
+    free(run.unfrozen);
     fields_fini(&fields);
     complex_fini(&complex);
     return status;

@@ -18,7 +18,11 @@ class File:
         self.do('cg_set_file_type', 2 if hdf5 else 1)
         self.fn, self.base = ctypes.c_int(), ctypes.c_int()
         self.do('cg_open', path.encode(), 1, ctypes.byref(self.fn))
-        self.do('cg_base_write', self.fn, b'Base', 3, 3, ctypes.byref(self.base))
+        self.new_base('Base')
+
+    def new_base(self, name):
+        """What follows belongs to it."""
+        self.do('cg_base_write', self.fn, name.encode(), 3, 3, ctypes.byref(self.base))
 
     def do(self, name, *arguments):
         if getattr(self.cg, name)(*arguments):

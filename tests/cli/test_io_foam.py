@@ -9,8 +9,8 @@ import numpy as np
 import vtk
 from vtk.util.numpy_support import vtk_to_numpy
 
-from common import CONFIG, case, fails, finish, path, report, tetlod, write
-from meshes import arrays_of, converted, volumes
+from common import CONFIG, case, fails, finish, must, path, report, tetlod, write
+from meshes import arrays_of, compare, converted, read, volumes
 from test_io_vtkxml import other_cells
 
 POINTS = other_cells(())[1]
@@ -48,7 +48,7 @@ def put(name, kind, content, binary, packed):
         'binary' if binary else 'ascii', kind, WIDTHS['label'], WIDTHS['scalar'], os.path.basename(name))
     data = head.encode() + (content if isinstance(content, bytes) else content.encode()) + b'\n\n// **** //\n'
     os.makedirs(os.path.dirname(path(name)), exist_ok=True)
-    with (gzip.open(path(name + '.gz'), 'wb') if packed else open(path(name), 'wb')) as file:
+    with (gzip.open(path(name + '.gz'), 'wb', 1) if packed else open(path(name), 'wb')) as file:
         file.write(data)
 
 
@@ -116,6 +116,80 @@ def foam_case(split, binary, packed):
     return None if np.array_equal(vtk_to_numpy(grid.GetCellData().GetArray('p')), np.arange(4.0) + 2) else 'VTK reads other values'
 
 
+TETRAHEDRON = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]  # faces, seen from outside
+HEXAHEDRON = CELLS[0][1]
+
+
+def foam_files(points, cells, sides, binary, packed):
+    """An OpenFOAM case; its faces, those of two cells first."""
+    faces = cells[:, sides].reshape(-1, len(sides[0]))
+    owner = np.repeat(np.arange(len(cells)), len(sides))
+    corners = np.sort(faces, axis=1)[:, :3].astype(np.uint64)
+    order = np.argsort((corners[:, 0] << np.uint64(42)) + (corners[:, 1] << np.uint64(21)) + corners[:, 2], kind='stable')
+    same = np.append((corners[order[1:]] == corners[order[:-1]]).all(axis=1), False)
+    first = np.flatnonzero(~np.append(False, same[:-1]))
+    inner, outer = first[same[first]], first[~same[first]]
+    listed = order[np.concatenate([inner, outer])]
+    folder = 'case%d%d%d/' % (len(sides), binary, packed)
+    put(folder + 'constant/polyMesh/points', 'vectorField', list_of(points, binary), binary, packed)
+    if binary:
+        ends = np.arange(len(listed) + 1) * faces.shape[1]
+        put(folder + 'constant/polyMesh/faces', 'faceCompactList', list_of(ends, True) + list_of(faces[listed].ravel(), True), True, packed)
+    else:
+        row = '3(%d %d %d)\n' if len(sides[0]) == 3 else '4(%d %d %d %d)\n'
+        text = '%d\n(\n%s)' % (len(listed), row * len(listed) % tuple(faces[listed].ravel().tolist()))
+        put(folder + 'constant/polyMesh/faces', 'faceList', text, False, packed)
+    put(folder + 'constant/polyMesh/owner', 'labelList', list_of(owner[listed], binary), binary, packed)
+    put(folder + 'constant/polyMesh/neighbour', 'labelList', list_of(owner[order[inner + 1]], binary), binary, packed)
+    field = b'dimensions [0 0 0 1 0 0 0]; internalField nonuniform List<scalar> ' + list_of(np.arange(len(cells)) / 7, binary) + b';'
+    put(folder + '1/T', 'volScalarField', field, binary, packed)
+    write(folder + 'case.foam', '')
+    return [folder + 'case.foam']
+
+
+def large_case():
+    """Files longer than what is unpacked at once, whole and in two gzip members: the same mesh as from binary ones."""
+    must('sample', 'cube', '--size', '14', '-o', 'in.vtu')
+    points, tets = read('in.vtu')[:2]
+    name = lambda binary, packed: path(foam_files(points, tets.astype(np.int64), TETRAHEDRON, binary, packed)[0])
+    wanted, packed = converted(name(True, False)), name(False, True)
+    got = compare(wanted, converted(packed)) or compare(wanted, converted(name(False, False)))
+    faces = path(os.path.dirname(packed) + '/constant/polyMesh/faces.gz')
+    text = gzip.open(faces).read()
+    with open(faces, 'wb') as file:
+        file.write(gzip.compress(text[:100001]) + gzip.compress(text[100001:]))
+    if got or len(text) < 500000 or len(wanted[1]) != len(tets) or not np.allclose(volumes(*wanted[:2]).sum(), volumes(points, tets).sum()):
+        return got or 'mesh'
+    return compare(wanted, converted(packed))
+
+
+def damaged_gzip_case():
+    """What is behind the values is looked at, too: it is where the check sum is."""
+    foam_case(False, False, True)
+    name = path('case/10/p.gz')
+    with open(name, 'rb') as file:
+        data = file.read()
+    for bad in data[:-6], data[:-6] + bytes([data[-6] ^ 1]) + data[-5:], data[:40]:
+        write('case/10/p.gz', bad)
+        done = tetlod('convert', path('case/case.foam'), '-o', path('out.vtu'))
+        if done.returncode != 3 or b'gzip data is damaged' not in done.stderr:
+            return done
+    return None
+
+
+def odd_tetrahedra_case():
+    """Four faces of three points that are no tetrahedron: the cell becomes a polyhedron, all others stay what they are."""
+    write_case(False, False, False)
+    points, faces, owner, neighbour = mesh(False)
+    last = [i for i, cell in enumerate(owner) if cell == 3] + [i for i, cell in enumerate(neighbour) if cell == 3]
+    faces[last[-2]] = faces[last[-1]]
+    put('case/constant/polyMesh/faces', 'faceList', '%d\n(\n%s\n)' % (len(faces), '\n'.join(
+        '%d(%s)' % (len(f), ' '.join(map(str, f))) for f in faces)), False, False)
+    p, t, f, c = converted(path('case/case.foam'))
+    kept = np.bincount((c['p'] - 2).astype(int), volumes(p, t))[:3]
+    return None if np.allclose(kept, [1, 0.5, 1 / 3]) else kept
+
+
 def damaged_cases(binary):
     random, bad = np.random.default_rng(4), []
     names = ['constant/polyMesh/' + n for n in ('points', 'faces', 'owner', 'neighbour')] + ['10/p', '10/U']
@@ -143,6 +217,9 @@ def main():
                      foam_case, split, binary, packed)
     for WIDTHS['label'], WIDTHS['scalar'] in (64, 64), (32, 32), (32, 64):
         case('openfoam, binary, labels of %(label)d bits, scalars of %(scalar)d' % WIDTHS, foam_case, True, True, False)
+    case('longer files', large_case)
+    case('damaged gzip', damaged_gzip_case)
+    case('four triangles that are no tetrahedron', odd_tetrahedra_case)
     damaged_cases(False)
     damaged_cases(True)
     os.remove(path('case/constant/polyMesh/owner'))

@@ -8,7 +8,7 @@ import numpy as np
 import vtk
 
 from common import CONFIG, case, fails, finish, must, path, report, tetlod, write
-from meshes import compare, compare_split, converted, structured, tet_mesh, vtk_mesh, volumes
+from meshes import compare, compare_split, converted, read, structured, tet_mesh, vtk_mesh, volumes
 from test_io_vtkxml import other_cells, quadratic_grid
 
 try:
@@ -275,6 +275,12 @@ def exodus_netcdf_case(form, apart):
         problem = compare(wanted, converted(path('in.exo'), *(['--time', '0'] if step == 0 else [])))
         if problem:
             return 'step %d: %s' % (step, problem)
+    with netCDF4.Dataset(path('in.exo'), 'a') as file:  # as the truth table says: one block lacks the variable
+        file.renameVariable('vals_elem_var1eb1', 'other')
+    done = must('convert', path('in.exo'), '-o', path('converted.vtu'))
+    lacks = np.isnan(read('converted.vtu')[3]['load'])
+    if b'%d values of cells are NaN' % counts[0] not in done.stderr or not np.array_equal(lacks, ids == 10):
+        return done.stderr
     second = ids == 20
     for block in '20', 'shell':
         p, t, f, c = converted(path('in.exo'), '--block', block)
@@ -331,6 +337,24 @@ def cgns_blocks_case():
     if len(p) != len(mesh[0]) or not np.isclose(volumes(p, t).sum(), volumes(*mesh[:2]).sum()):
         return '%d points' % len(p)
     return None if (converted(path('in.cgns'), '--block', 'Half1')[3]['region'] == 2).all() else 'block'
+
+
+def cgns_bases_case():
+    """Two bases with a zone of the same name each; one base, one zone of a base."""
+    points, tets, fields, cells = tet_mesh(60)
+    file = cgns_file.File(path('in.cgns'))
+    for b, base in enumerate(('Base', 'Other')):
+        if b:
+            file.new_base(base)
+        for z, zone in enumerate(('Zone', 'Only' + base)):
+            file.zone(zone, points + 5 * z + 10 * b, len(tets))
+            file.section('Volume', 'tetra', tets)
+            file.solution('AtVertices', cgns_file.VERTEX, fields)
+    file.close()
+    wanted = {(): 4, ('--block', 'Other'): 2, ('--block', 'Other/Zone'): 1, ('--block', 'Zone'): 2, ('--block', 'OnlyBase'): 1}
+    got = {arguments: len(converted(path('in.cgns'), *arguments)[1]) // len(tets) for arguments in wanted}
+    refused = tetlod('convert', path('in.cgns'), '--block', 'Nobody', '-o', path('out.vtu'))
+    return None if got == wanted and refused.returncode == 3 and b'Base/OnlyBase Base/Zone Other/OnlyOther Other/Zone' in refused.stderr else (got, refused)
 
 
 def cgns_structured_case():
@@ -453,6 +477,7 @@ def main():
             case('cgns %s %s' % ('HDF5' if hdf5 else 'ADF', np.dtype(precision)), cgns_tets_case, hdf5, precision)
     damaged_cases('in.cgns')
     case('cgns: zones', cgns_blocks_case)
+    case('cgns: bases', cgns_bases_case)
     case('cgns: structured', cgns_structured_case)
     case('cgns: steps', cgns_steps_case)
     for kind in 'sections', 'mixed', 'polyhedra':

@@ -88,6 +88,15 @@ def extracted_case():
     return None if units_of('level.vtk', vtk.vtkUnstructuredGridReader()) == units else units_of('level.vtk')
 
 
+def stream_case():
+    """A stream that is itself the input."""
+    grid, units = labelled()
+    save(vtk.vtkXMLUnstructuredGridWriter(), grid, 'in.vtu')
+    must('build', 'in.vtu', '-o', 'in.tetlod')
+    must('convert', 'in.tetlod', '-o', 'back.vtu')
+    return differs('in.tetlod', units) if units_of('back.vtu') == units else units_of('back.vtu')
+
+
 def foam_case():
     write_case(False, True, False)
     return differs('case/case.foam', {'p': 'm^2 s^-2', 'U': 'm^2 s^-2', 'T': 'K'})
@@ -135,6 +144,7 @@ def main():
     case('VTK reads those of legacy VTK', vtk_reads_case, 'out.vtk', vtk.vtkUnstructuredGridReader(), ('wind', 'heat', 'load'))
     case('VTK reads those of a surface', vtk_reads_case, 'out.vtp', vtk.vtkXMLPolyDataReader(), ('wind', 'heat'))
     case('extract writes them', extracted_case)
+    case('a stream as input', stream_case)
     case('OpenFOAM', foam_case)
     shown = tetlod('info', 'out.tetlod').stdout.decode()
     report('info says them', 'field         T, 1 x ' in shown and ' 300 K' in shown, shown[:800])

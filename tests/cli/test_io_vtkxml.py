@@ -8,7 +8,8 @@ import vtk
 from vtk.util.numpy_support import numpy_to_vtk
 
 from common import case, fails, finish, must, path, report, tetlod, write
-from meshes import (add_arrays, arrays_of, compare, compare_split, converted, structured, tet_mesh, vtk_mesh, volumes)
+from meshes import (add_arrays, arrays_of, compare, compare_split, converted, read, structured, tet_mesh, vtk_mesh,
+                    volumes)
 
 WRITERS = {'image': (vtk.vtkXMLImageDataWriter, 'vti'), 'rectilinear': (vtk.vtkXMLRectilinearGridWriter, 'vtr'),
            'structured': (vtk.vtkXMLStructuredGridWriter, 'vts')}
@@ -123,6 +124,105 @@ def collection_case():
     if not np.array_equal(last[2]['heat'], mesh[2]['heat']) or not np.allclose(first[2]['heat'], mesh[2]['heat'] - 2):
         return 'not the step that was asked for'
     return compare(mesh, converted(path('all.pvd'), '--time', '2'))
+
+
+def part_of(mesh, mask, more=()):
+    """Some of the tetrahedra, with further fields."""
+    points, tets, fields, cells = mesh
+    used, local = np.unique(tets[mask], return_inverse=True)
+    return vtk_mesh(points[used], local.reshape(-1, 4), {n: v[used] for n, v in {**fields, **dict(more)}.items()},
+                    {n: v[mask] for n, v in cells.items()})
+
+
+def loads(*arguments):
+    """A value that every tetrahedron has of its own, and what was said."""
+    done = must('convert', *arguments, '-o', path('converted.vtu'))
+    return sorted(read('converted.vtu')[3]['load']), done.stderr.decode()
+
+
+def nested_case():
+    """Blocks in blocks, pieces without names, an empty block; a collection that names that file: --block takes a block as a whole."""
+    mesh = tet_mesh(200)
+    load, x = mesh[3]['load'], mesh[0][mesh[1]].mean(axis=1)[:, 0]
+    masks = [x < 0.25, (x >= 0.25) & (x < 0.5), (x >= 0.5) & (x < 0.75), x >= 0.75]
+    inner, outer, pieces = vtk.vtkMultiBlockDataSet(), vtk.vtkMultiBlockDataSet(), vtk.vtkMultiPieceDataSet()
+    pieces.SetNumberOfPieces(3)
+    for i in range(2):
+        inner.SetBlock(i, part_of(mesh, masks[i]))
+        inner.GetMetaData(i).Set(vtk.vtkCompositeDataSet.NAME(), 'ab'[i])
+        pieces.SetPiece(2 * i, part_of(mesh, masks[2 + i]))
+    for i, (block, name) in enumerate(((inner, 'Fluid'), (pieces, 'Solid'), (vtk.vtkUnstructuredGrid(), 'Empty'))):
+        outer.SetBlock(i, block)
+        outer.GetMetaData(i).Set(vtk.vtkCompositeDataSet.NAME(), name)
+    writer = vtk.vtkXMLMultiBlockDataWriter()
+    writer.SetInputData(outer)
+    writer.SetFileName(path('nested.vtm'))
+    assert writer.Write()
+    save(vtk.vtkXMLUnstructuredGridWriter(), part_of(mesh, masks[0]), 'first.vtu')
+    write('nested.pvd', '<VTKFile type="Collection"><Collection><DataSet timestep="0" part="0" file="first.vtu"/>'
+          '<DataSet timestep="1e-1" group="" part="0" file="nested.vtm"/><DataSet timestep="0.1" part="1" file="%s"/></Collection></VTKFile>'
+          % path('./first.vtu'))
+    wanted = {(): masks, ('--block', 'Fluid'): masks[:2], ('--block', 'b'): masks[1:2], ('--block', 'Fluid/a'): masks[:1],
+              ('--block', 'Solid'): masks[2:]}
+    for name in 'nested.vtm', 'nested.pvd':
+        for arguments, parts in wanted.items():
+            more = [load[masks[0]]] if name == 'nested.pvd' and not arguments else []
+            if loads(name, *arguments)[0] != sorted(np.concatenate([load[m] for m in parts] + more)):
+                return '%s %s' % (name, arguments)
+    if loads('nested.pvd', '--time', '0')[0] != sorted(load[masks[0]]) or loads('nested.pvd', '--block', '1')[0] != sorted(load[masks[0]]):
+        return 'one part'
+    refused = tetlod('convert', 'nested.vtm', '--block', 'Flu', '-o', 'out.vtu')
+    return None if refused.returncode == 3 and b'Fluid/a Fluid/b Solid' in refused.stderr else refused
+
+
+def partitions_case():
+    mesh = tet_mesh(120)
+    load, region = mesh[3]['load'], mesh[3]['region']
+    collection = vtk.vtkPartitionedDataSetCollection()
+    for i in range(2):
+        collection.SetPartition(i, 0, part_of(mesh, region == i + 1))
+    collection.GetMetaData(1).Set(vtk.vtkCompositeDataSet.NAME(), 'second')
+    writer = vtk.vtkXMLPartitionedDataSetCollectionWriter()
+    writer.SetInputData(collection)
+    writer.SetFileName(path('parts.vtpc'))
+    assert writer.Write()
+    good = loads('parts.vtpc')[0] == sorted(load) and loads('parts.vtpc', '--block', 'second')[0] == sorted(load[region == 2])
+    return None if good else 'values'
+
+
+def different_arrays_case():
+    """A field that only some pieces have, the first one or not, is left out and named; a piece may be empty."""
+    mesh = tet_mesh(120)
+    region = mesh[3]['region']
+    for i in range(2):
+        name = ('only_first', 'only_second')[i]
+        save(vtk.vtkXMLUnstructuredGridWriter(), part_of(mesh, region == i + 1, {name: mesh[2]['heat']}), 'piece%d.vtu' % i)
+    save(vtk.vtkXMLUnstructuredGridWriter(), vtk.vtkUnstructuredGrid(), 'empty.vtu')
+    write('mixed.pvtu', '<VTKFile type="PUnstructuredGrid"><PUnstructuredGrid><PPoints>'
+          '<PDataArray type="Float64" NumberOfComponents="3"/></PPoints><Piece Source="empty.vtu"/><Piece Source="piece0.vtu"/><Piece Source="piece1.vtu"/></PUnstructuredGrid></VTKFile>')
+    got, said = loads('mixed.pvtu')
+    reader = vtk.vtkXMLPUnstructuredGridReader()
+    reader.SetFileName(path('mixed.pvtu'))
+    reader.Update()
+    theirs, ours = reader.GetOutput().GetNumberOfCells(), len(got)
+    good = got == sorted(mesh[3]['load']) and "'only_second', 'only_first'" in said and theirs == ours
+    return None if good and sorted(read('converted.vtu')[2]) == sorted(mesh[2]) else '%d of %d: %s' % (ours, theirs, said)
+
+
+def different_structured_case():
+    grid, *wanted = structured('structured', (9, 7, 6))
+    writer = vtk.vtkXMLPStructuredGridWriter()
+    for set_, value in ((writer.SetInputData, grid), (writer.SetFileName, path('whole.pvts')), (writer.SetNumberOfPieces, 2), (writer.SetEndPiece, 1)):
+        set_(value)
+    assert writer.Write()
+    reader = vtk.vtkXMLStructuredGridReader()
+    reader.SetFileName(path('whole_1.vts'))
+    reader.Update()
+    piece = reader.GetOutput()
+    add_arrays(piece.GetPointData(), {'late': np.arange(float(piece.GetNumberOfPoints()))})
+    save(vtk.vtkXMLStructuredGridWriter(), piece, 'whole_1.vts')
+    said = must('convert', 'whole.pvts', '-o', 'out.vtu').stderr.decode()
+    return compare_split(*wanted, converted(path('whole.pvts'))) or (None if "left out: 'late'" in said else said)
 
 
 def other_cells(polyhedra):
@@ -277,6 +377,10 @@ def main():
     case('pvtu: pieces are welded, ghosts dropped', pvtu_case)
     case('vtm: blocks are merged, one is chosen', blocks_case)
     case('pvd: a step in time is chosen', collection_case)
+    case('blocks in blocks, pieces, in a collection', nested_case)
+    case('partitions', partitions_case)
+    case('pieces of different fields', different_arrays_case)
+    case('structured pieces of different fields', different_structured_case)
     for polyhedra in (), (0,), (0, 2), (0, 1, 2, 3):
         for mode in 'ascii', 'appended':
             case('cells of all kinds, %d polyhedra, %s' % (len(polyhedra), mode), other_cells_case, polyhedra, mode)

@@ -118,6 +118,22 @@ def memory_case():
     return None if peaks[1] - peaks[0] < 1.2 and max(peaks) < 1.1 * room else (peaks, room)
 
 
+def temporary_case():
+    """Temporary files are in TMPDIR: a folder that is not there is named; one that has no files without a name is left empty."""
+    build = ['build', path('wake.pvd'), '--times', '0:3', '--field', 'Pressure', '--bands', '5%', '--quiet', '-o']
+    done = tetlod(*build, path('none.tetlod'), env=dict(os.environ, TMPDIR=path('missing')))
+    if done.returncode != 1 or 'missing' not in done.stderr.decode() or 'TMPDIR' not in done.stderr.decode():
+        return done
+    os.makedirs(path('named'), exist_ok=True)
+    must(*build, path('usual.tetlod'))
+    environment = dict(os.environ, TMPDIR=path('named'))
+    if CONFIG == 'release':
+        environment['LD_PRELOAD'] = os.path.join(os.environ['ROOT'], 'build/release/tests/cli/no_tmpfile.so')
+    done = tetlod(*build, path('named.tetlod'), env=environment)
+    same = done.returncode == 0 and open(path('named.tetlod'), 'rb').read() == open(path('usual.tetlod'), 'rb').read()
+    return None if same and not os.listdir(path('named')) else (done, os.listdir(path('named')))
+
+
 def files_case():
     names = [path('wake_%d.vtu' % i) for i in (3, 5, 9)]
     must('build', *names, '--field', 'Pressure', '--carry', 'Pressure', '--bands', '5%', '-o', path('files.tetlod'))
@@ -267,6 +283,7 @@ case('a picture of the errors over time', plot_case)
 case('a band between round errors has a level of its own', band_case)
 case('steps that do not drive', few_keys_case)
 case('memory is bounded, whatever the number of steps', memory_case)
+case('temporary files', temporary_case)
 case('several files, and some steps', files_case)
 case('steps that are cut off at the ends of their range', clipped_case)
 case('errors relative to each step', own_range_case)

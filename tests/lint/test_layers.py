@@ -4,6 +4,7 @@
 import glob
 import os
 import re
+import sys
 
 from lint_report import ROOT, finish, report
 
@@ -15,7 +16,8 @@ LAYERS = {
     'format': [],
     'src/util': FORMAT,
     'src/mesh': ARRAYS,
-    'src/io': MESHES,
+    'src/level': MESHES,
+    'src/io': MESHES + ['src/level/'],
     'src/sample': MESHES,
     'src/cut': MESHES,
     'src/simplify': MESHES + ['src/simplify/exact/', 'src/log/contraction_log.h'],
@@ -25,13 +27,13 @@ LAYERS = {
     'src/measure': MESHES + ['src/log/', 'src/forest/'],
     'src/pipeline': MESHES + ['format/step_code.h', 'format/time_table.h', 'format/topologies.h', 'src/simplify/simplify.h', 'src/simplify/retrace.h', 'src/log/', 'src/measure/'],
     'src/library': MESHES + ['src/pipeline/build.h'],
-    'src/report': MESHES,
-    'server': MESHES + ['src/io/io.h', 'src/report/', 'src/forest/', 'server/net/', 'server/answer/', 'server/store/'],
+    'src/report': MESHES + ['src/level/'],
+    'server': MESHES + ['src/io/io.h', 'src/report/', 'src/level/', 'src/forest/', 'server/net/', 'server/answer/', 'server/store/'],
     'server/net': ARRAYS + ['server/answer/'],
-    'server/answer': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/forest/', 'src/measure/region_error.h', 'format/reader.h', 'server/store/'],
-    'server/store': MESHES + ['src/report/', 'format/reader.h'],
+    'server/answer': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/level/', 'src/forest/', 'src/measure/region_error.h', 'format/reader.h', 'server/store/'],
+    'server/store': MESHES + ['src/report/', 'src/level/', 'format/reader.h'],
     'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
-    'src/cli': ['format/bytes.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'server/server.h'],
+    'src/cli': ['format/bytes.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/level/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'server/server.h'],
 }
 LIBC = set('''assert ctype dirent errno fcntl float getopt immintrin inttypes limits malloc math pthread sched signal stdarg stdatomic stdbool stddef
     stdint stdio stdlib string strings time unistd sys/mman sys/resource sys/stat sys/types'''.split())
@@ -40,7 +42,7 @@ SOCKETS = set('arpa/inet netdb netinet/in netinet/tcp poll sys/eventfd sys/rando
 PACKAGES = {
     'hdf5.h': ['src/io/'], 'netcdf.h': ['src/io/'], 'netcdf_mem.h': ['src/io/'], 'cgnslib.h': ['src/io/'], 'sys/wait.h': ['src/io/contain.c'],
     'expat.h': ['src/io/'], 'lzma.h': ['src/io/'], 'zlib.h': ['src/io/', 'server/answer/'], 'lz4.h': ['src/io/'], 'zstd.h': ['format/', 'server/answer/'],
-    'jansson.h': ['src/report/', 'src/cli/', 'server/'],
+    'jansson.h': ['src/level/', 'src/report/', 'src/cli/', 'server/'],
     'microhttpd.h': ['server/net/'],
 }
 BANNED = re.compile(r'(?<![\w.>])(strcpy|strcat|sprintf|vsprintf|sscanf|atoi|atol|atof|strtok|gets|alloca)\s*\(')
@@ -96,6 +98,14 @@ def twins():
     return ['%s is %s' % (name, ' and '.join(sorted(paths))) for name, paths in sorted(places.items()) if len(paths) > 1]
 
 
+def stale_mutants():
+    """Lines of the proof that tests/mutants takes out, and that the code no longer has, or has twice."""
+    sys.path.insert(0, os.path.join(ROOT, 'tests', 'mutants'))
+    from table import MUTANTS
+    return ['%s: %s' % (mutant['name'], file) for mutant in MUTANTS for file, old, _ in mutant['edits']
+            if open(os.path.join(ROOT, file), encoding='utf-8').read().count(old) != 1]
+
+
 def main():
     sources = {}
     for folder in LAYERS:
@@ -128,6 +138,7 @@ def main():
     report('nothing outside src/cli prints, exits or takes signals', speaking)
     report('no file is too long to read', long_files)
     report('every source names its licence first', licence)
+    report('every line that a mutant takes out is in its file, once', stale_mutants())
     finish()
 
 

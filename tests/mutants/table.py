@@ -17,12 +17,11 @@ ATTACK = 'attack 1 60'  # the program, its streams, and verify
 
 # ---- the envelope (PROOF.md, 2 to 4), in rounds
 
-mutant('star without a tetrahedron', 'src/simplify/merge.c',
-       'double extreme = -INFINITY, sum = 0;\n    for (uint32_t i = 0; i < weighing->count; i++) {',
-       'double extreme = -INFINITY, sum = 0;\n    for (uint32_t i = 1; i < weighing->count; i++) {',
+mutant('star without a tetrahedron', 'src/simplify/kernels.c',
+       'rounding = wide_all(32 * DBL_EPSILON);\n    for (uint32_t i = 0; i < weighing->count; i++) {',
+       'rounding = wide_all(32 * DBL_EPSILON);\n    for (uint32_t i = 1; i < weighing->count; i++) {',
        'all tetrahedra of the star are continued to the new vertex', PROOF)
-mutant('rounding slack', 'src/simplify/merge.c', 'double slack = 32 * DBL_EPSILON * (weighing->spread[i] * spread + fabs(first) + fabs(value));',
-       'double slack = 0 * spread;', 'an upper value is widened by its rounding', 'unit/test_rounds')
+mutant('rounding slack', 'src/simplify/kernels.c', 'wide slack = wide_mul(rounding, size);', 'wide slack = wide_mul(wide_sub(rounding, rounding), size);', 'an upper value is widened by its rounding', 'unit/test_rounds')
 mutant('upper is the value', 'src/simplify/merge.c', 'row[ROW_FIELDS + 2 * c] = upper[c];', 'row[ROW_FIELDS + 2 * c] = (upper[c] + lower[c]) / 2;',
        'errors accumulate', PROOF)
 mutant('one side of the error', 'src/simplify/evaluate.c', 'worst = larger(worst, larger(upper[c] - value, value - lower[c]) * component->factor);',

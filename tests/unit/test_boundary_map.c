@@ -65,7 +65,7 @@ static void check_points(const struct boundary_map *map, const struct complex *c
     double *values = malloc(complex->vertex_count * sizeof *values);
     REQUIRE(values);
     for (uint32_t v = 0; v < complex->vertex_count; v++)
-        values[v] = (double)(gen_random(random) >> 11) * 0x1p-53;
+        values[v] = gen_unit(random);
     double least = boundary_map_least(map, values, 1, 0.5), tightest = INFINITY;
     for (uint32_t i = 0; i < map->point_count; i++) {
         const struct map_point *at = &map->points[i];

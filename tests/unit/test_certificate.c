@@ -14,7 +14,7 @@
 #include "src/mesh/locate.h"
 #include "src/mesh/mesh_check.h"
 #include "src/mesh/tet_geom.h"
-#include "src/report/level_mesh.h"
+#include "src/level/level_mesh.h"
 #include "src/sample/sample.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
@@ -34,11 +34,6 @@ struct trial_run {
     double *errors;    /* [point] of field 0, NaN: the level has no value there */
     double *distances; /* [point] of those that are outside of the level */
 };
-
-static double unit_random(uint64_t *random)
-{
-    return (double)(gen_random(random) >> 11) * 0x1p-53;
-}
 
 static double value_at(const struct tetmesh *mesh, const uint32_t *vertices, const double *weights)
 {
@@ -68,7 +63,7 @@ static void try_point(struct trial_run *run, size_t point)
     if (!has_interpolant(run->original, tet))
         return;
     for (int c = 0; c < 4; c++)
-        total += weights[c] = -log(1 - unit_random(&random)) + 1e-12; // evenly over the tetrahedron
+        total += weights[c] = -log(1 - gen_unit(&random)) + 1e-12; // evenly over the tetrahedron
     for (int c = 0; c < 4; c++) {
         weights[c] /= total;
         for (int d = 0; d < 3; d++)

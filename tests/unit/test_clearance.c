@@ -13,20 +13,15 @@
 
 enum { SECTORS = 40, VERTICES = SECTORS + 2, FACES = 2 * SECTORS };
 
-static double unit_random(uint64_t *random)
-{
-    return (double)(gen_random(random) >> 11) * 0x1p-53;
-}
-
 /* Sectors around the line from vertex 0 to vertex 1, with a rim that is not level; the faces over and under them. */
 static void make_fan(uint64_t *random, double positions[VERTICES][3], uint32_t corners[SECTORS][4], uint32_t faces[FACES][3])
 {
-    double height = 0.2 + unit_random(random), far = unit_random(random) < 0.5 ? 1e5 : 0;
+    double height = 0.2 + gen_unit(random), far = gen_unit(random) < 0.5 ? 1e5 : 0;
     memset(positions, 0, 2 * sizeof *positions);
     positions[1][2] = height;
     for (uint32_t i = 0; i < SECTORS; i++) {
-        double angle = 2 * 3.14159265358979323846 * i / SECTORS, radius = 0.5 + unit_random(random);
-        double at[3] = {radius * cos(angle), radius * sin(angle), height * (0.5 + 0.2 * unit_random(random))};
+        double angle = 2 * 3.14159265358979323846 * i / SECTORS, radius = 0.5 + gen_unit(random);
+        double at[3] = {radius * cos(angle), radius * sin(angle), height * (0.5 + 0.2 * gen_unit(random))};
         uint32_t sector[4] = {0, 1, 2 + i, 2 + (i + 1) % SECTORS};
         memcpy(positions[2 + i], at, sizeof at);
         memcpy(corners[i], sector, sizeof sector);
@@ -62,7 +57,7 @@ static void test_fans(void)
     uint64_t random = 5;
     uint32_t near = 0;
     for (int seed = 0; seed < 20; seed++) {
-        double limit = 0.01 + 0.1 * unit_random(&random), found[VERTICES];
+        double limit = 0.01 + 0.1 * gen_unit(&random), found[VERTICES];
         make_fan(&random, positions, corners, faces);
         struct clearance_mesh mesh = {.positions = positions[0], .corners = corners[0], .triangles = faces[0],
                                       .vertex_count = VERTICES, .tet_count = SECTORS, .triangle_count = FACES};

@@ -30,11 +30,6 @@ struct world {
     double p[3];
 };
 
-static double unit_random(uint64_t *random)
-{
-    return (double)(gen_random(random) >> 11) * 0x1p-53;
-}
-
 /* A sample with float64 values of a bent field; vertices inside are moved. */
 static bool open_world(struct world *world, const char *name, uint32_t size, uint64_t seed)
 {
@@ -47,9 +42,9 @@ static bool open_world(struct world *world, const char *name, uint32_t size, uin
     for (uint32_t v = 0; v < mesh->vertex_count; v++) {
         double *p = mesh->positions + 3 * (size_t)v;
         for (int i = 0; i < 3 && !(world->complex.flags[v] & VERTEX_BOUNDARY) && strcmp(name, "cube") == 0; i++)
-            p[i] += 0.3 * (unit_random(&world->random) - 0.5);
+            p[i] += 0.3 * (gen_unit(&world->random) - 0.5);
         memcpy(world->complex.positions + 3 * (size_t)v, p, 24);
-        mesh->fields[0].values[v] = sin(p[0] + 2 * p[1]) + p[2] * p[0] + 0.1 * unit_random(&world->random);
+        mesh->fields[0].values[v] = sin(p[0] + 2 * p[1]) + p[2] * p[0] + 0.1 * gen_unit(&world->random);
     }
     return fields_init(&world->fields, mesh, (uint32_t[]){0}, 1, NULL, NULL) == TETLOD_OK &&
            boundary_init(&world->boundary, &world->complex, 0.01, 1e-9, 0, NULL) == TETLOD_OK &&
@@ -90,7 +85,7 @@ static bool pick(struct world *world)
     const double *weights = candidates_weights(count, candidate), *a = complex->positions + 3 * (size_t)simplex[0];
     bool free = !(flags & VERTEX_BOUNDARY) && gen_random(&world->random) % 4 == 0, whole = false, holds;
     for (int i = 0; i < 3; i++) {
-        world->p[i] = a[i] + (free ? 0.2 * (unit_random(&world->random) - 0.5) : 0);
+        world->p[i] = a[i] + (free ? 0.2 * (gen_unit(&world->random) - 0.5) : 0);
         for (uint32_t s = 1; s < count; s++)
             world->p[i] += weights[s] * (complex->positions[3 * (size_t)simplex[s] + (size_t)i] - a[i]);
     }
@@ -110,7 +105,7 @@ static bool flatten(struct world *world)
     const struct star *star = &world->star;
     const struct complex *complex = &world->complex;
     uint32_t i = star->tet_count - 1;
-    double normal[3], to[3], left = pow(10, -5 - 3 * unit_random(&world->random));
+    double normal[3], to[3], left = pow(10, -5 - 3 * gen_unit(&world->random));
     const double *face[3];
     while (star->moving[i] == STAR_REMOVED)
         i--;

@@ -9,11 +9,6 @@
 #include "tests/gen.h"
 #include "tests/test.h"
 
-static double unit_random(uint64_t *random)
-{
-    return (double)(gen_random(random) >> 11) * 0x1p-53;
-}
-
 static double least(const double w[4])
 {
     return smaller(smaller(w[0], w[1]), smaller(w[2], w[3]));
@@ -136,7 +131,7 @@ static void check_mesh(const struct tetmesh *mesh, int points)
     for (int i = 0; i < points; i++) {
         double p[3];
         for (int d = 0; d < 3; d++) // a third of them beside the mesh's box
-            p[d] = low[d] + (high[d] - low[d]) * (i % 3 ? unit_random(&random) : 2 * unit_random(&random) - 0.5);
+            p[d] = low[d] + (high[d] - low[d]) * (i % 3 ? gen_unit(&random) : 2 * gen_unit(&random) - 0.5);
         check_point(&locator, p, size, wrong);
     }
     for (uint32_t v = 0; v < mesh->vertex_count; v += 7)

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "src/report/metadata.h"
+#include "src/level/metadata.h"
 #include "tests/test.h"
 
 /* Does Jansson take a text as `mine` says? It has no numbers above DBL_MAX and no keys with NUL: such a text tells nothing. */

@@ -18,7 +18,7 @@ static int make_cube(struct tetmesh *mesh, uint32_t n, uint64_t seed)
         return 0;
     for (size_t i = 0; i < 3 * (size_t)mesh->vertex_count; i++) {
         double x = mesh->positions[i] / n;
-        double step = ((double)(gen_random(&seed) >> 11) * 0x1p-53 - 0.5) * 0.3 / n;
+        double step = (gen_unit(&seed) - 0.5) * 0.3 / n;
         mesh->positions[i] = x > 0 && x < 1 ? x + step : x;
     }
     memset(mesh->fields[0].values, 0, mesh->vertex_count * sizeof(double));
@@ -28,7 +28,7 @@ static int make_cube(struct tetmesh *mesh, uint32_t n, uint64_t seed)
 static void random_values(struct tetmesh *mesh, uint64_t seed)
 {
     for (size_t v = 0; v < mesh->vertex_count; v++)
-        mesh->fields[0].values[v] = (double)(gen_random(&seed) >> 11) * 0x1p-53;
+        mesh->fields[0].values[v] = gen_unit(&seed);
 }
 
 static double exact(const struct tetmesh *a, const struct tetmesh *b, unsigned threads)
@@ -211,7 +211,7 @@ static double dense(const struct tetmesh *a, const struct tetmesh *b, uint64_t s
     for (int i = 0; i < 40000; i++) {
         double reach = i < 20000 ? 1 : pow(2, -(i - 20000) / 1000.0);
         for (int d = 0; d < 3; d++) {
-            double x = (double)(gen_random(&seed) >> 11) * 0x1p-53;
+            double x = gen_unit(&seed);
             p[d] = fmin(1, fmax(0, i < 20000 ? x : at[d] + reach * (x - 0.5)));
         }
         double found = fabs(value_at(&locators[0], a, p) - value_at(&locators[1], b, p));
@@ -301,7 +301,7 @@ static void test_against_all_pairs(void)
 
 static double between(uint64_t *seed, double low, double high)
 {
-    return low + (high - low) * ((double)(gen_random(seed) >> 11) * 0x1p-53);
+    return low + (high - low) * gen_unit(seed);
 }
 
 /* A tetrahedron of a height, across no axis. */

@@ -10,7 +10,7 @@
 #include "src/mesh/locate.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/build.h"
-#include "src/report/level_mesh.h"
+#include "src/level/level_mesh.h"
 #include "src/sample/sample.h"
 #include "src/util/array.h"
 #include "tests/gen.h"
@@ -18,11 +18,6 @@
 #include "tests/test.h"
 
 enum { POINTS = 3000, MOST_TETS = 64 };
-
-static double unit_random(uint64_t *random)
-{
-    return (double)(gen_random(random) >> 11) * 0x1p-53;
-}
 
 /* ---- meshes */
 
@@ -38,7 +33,7 @@ static void add_block(struct tetmesh *mesh, uint32_t n, const double corner[3], 
             inside &= at[d] > 0 && at[d] < n;
         for (int d = 0; d < 3; d++)
             mesh->positions[3 * (size_t)mesh->vertex_count + (size_t)d] =
-                corner[d] + size[d] * (at[d] + (inside ? shaken * (unit_random(&seed) - 0.5) : 0)) / n;
+                corner[d] + size[d] * (at[d] + (inside ? shaken * (gen_unit(&seed) - 0.5) : 0)) / n;
         mesh->vertex_count++;
     }
     for (uint32_t c = 0; c < n * n * n; c++)
@@ -93,7 +88,7 @@ static double point_error(const struct checked *c, const struct tetmesh *level, 
     uint32_t tet = (uint32_t)(gen_random(random) % c->original->tet_count), tets[MOST_TETS];
     double weights[4], total = 0, p[3] = {0, 0, 0}, value = 0, best = INFINITY;
     for (int i = 0; i < 4; i++)
-        total += weights[i] = -log(1 - unit_random(random)) + 1e-12;
+        total += weights[i] = -log(1 - gen_unit(random)) + 1e-12;
     for (int i = 0; i < 4; i++) {
         uint32_t v = c->original->corners[4 * (size_t)tet + (size_t)i];
         value += weights[i] / total * (values[v] - base);
@@ -120,7 +115,7 @@ static double boundary_distance(const struct locator locators[2], uint64_t *rand
             double weights[3], total = 0, p[3] = {0, 0, 0};
             struct place place;
             for (int k = 0; k < 3; k++)
-                total += weights[k] = unit_random(random) + 1e-9;
+                total += weights[k] = gen_unit(random) + 1e-9;
             for (int k = 0; k < 3; k++)
                 for (int d = 0; d < 3; d++)
                     p[d] += weights[k] / total *

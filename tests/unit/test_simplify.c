@@ -38,11 +38,6 @@ static struct mesh_report look(const struct tetmesh *mesh)
     return report;
 }
 
-static double unit_random(uint64_t *random)
-{
-    return (double)(gen_random(random) >> 11) * 0x1p-53;
-}
-
 /* Grid cubes whose inner vertices are moved at random, as float64, with a field that bends. */
 static void make_jittered(struct tetmesh *mesh, uint32_t size, uint64_t seed)
 {
@@ -52,10 +47,10 @@ static void make_jittered(struct tetmesh *mesh, uint32_t size, uint64_t seed)
         double *p = mesh->positions + 3 * v, sum = 0;
         for (int d = 0; d < 3; d++) {
             if (p[d] > 0 && p[d] < size) // what lies in a side stays in it
-                p[d] += 0.3 * (unit_random(&seed) - 0.5);
+                p[d] += 0.3 * (gen_unit(&seed) - 0.5);
             sum += (d + 1) * p[d] / size;
         }
-        mesh->fields[0].values[v] = sin(2 * sum) + 0.01 * unit_random(&seed);
+        mesh->fields[0].values[v] = sin(2 * sum) + 0.01 * gen_unit(&seed);
     }
     CHECK_INT(look(mesh).inverted_tets + look(mesh).degenerate_tets, 0);
 }
@@ -84,7 +79,7 @@ static double true_error(const struct tetmesh *original, const struct tetmesh *l
                              original->positions + 3 * corners[2], original->positions + 3 * corners[3]))
             continue; // no promise is made inside
         for (int c = 0; c < 4; c++)
-            total += weights[c] = unit_random(&random) * (i % 3 ? 1 : unit_random(&random)) + 1e-12;
+            total += weights[c] = gen_unit(&random) * (i % 3 ? 1 : gen_unit(&random)) + 1e-12;
         for (int c = 0; c < 4; c++) {
             weights[c] /= total;
             for (int d = 0; d < 3; d++)
@@ -116,7 +111,7 @@ static double boundary_distance(const struct tetmesh *from, const struct tetmesh
             return INFINITY;
     for (int i = 0; i < POINTS; i++) {
         const uint32_t *corners = locators[0].surface.triangles + 3 * (gen_random(&random) % locators[0].surface.count);
-        double u = unit_random(&random), v = unit_random(&random), p[3];
+        double u = gen_unit(&random), v = gen_unit(&random), p[3];
         struct place place;
         if (u + v > 1) {
             u = 1 - u;

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// node page.mjs ORIGIN CELL: the catalogue and the viewer of the stream `fin` as somebody meets them first.
+// node page.mjs ORIGIN CELLS: the catalogue and the viewer of the stream `fin` as somebody meets them first.
 import assert from 'node:assert/strict';
-import { statSync } from 'node:fs';
-import { pathToFileURL } from 'node:url';
+import { once } from 'node:events';
+import { readFileSync, statSync } from 'node:fs';
+import { createServer } from 'node:http';
 import { firstPicture, launch, openPage, pictureFigures, settled } from './browser.mjs';
 import { run } from './tap.mjs';
 
-const [, , origin, cell] = process.argv;
+const [, , origin, cells] = process.argv;
 const browser = await launch();
 let page;
 
@@ -165,14 +166,29 @@ async function the_base_mesh_is_a_target() {
   await coarse.context().close();
 }
 
-async function a_notebook_cell_shows_the_stream() {
-  const notebook = await openPage(browser, 'file:');
-  await notebook.goto(pathToFileURL(cell).href);
+// The server whose streams any origin may read shows the element; that of the other one gives way to what stands in it, the server's page.
+async function notebook_cells_show_the_stream() {
+  const notebook = await openPage(browser, origin);
+  await notebook.route(/^https:/, (route) => route.fulfill({ contentType: 'text/javascript', body: '' })); // what nbconvert's pages load from elsewhere
+  const host = createServer((_, response) => response.setHeader('Content-Type', 'text/html').end(readFileSync(cells))).listen(0, '127.0.0.1');
+  await once(host, 'listening');
+  await notebook.goto(`http://localhost:${host.address().port}`);
+  const [closed, open] = await notebook.locator('tetlod-view').elementHandles();
+  await notebook.waitForFunction((view) => view.stream?.level > 0 && !view.childElementCount, open);
+  await notebook.waitForFunction((view) => view.shadowRoot.querySelector('slot'), closed);
   const [, frame] = notebook.frames();
+  assert.equal(await closed.$eval('iframe', ({ src }) => src), frame.url());
   await frame.waitForFunction(() => window.tetlod?.settled);
   assert.equal(await frame.evaluate(() => window.tetlod.state.error), 0.2);
-  assert.deepEqual(notebook.complaints, []);
+  assert.equal(await open.evaluate(({ state }) => new URLSearchParams(state).get('error')), '0.2');
+  for (const view of [closed, open]) {
+    await view.scrollIntoViewIfNeeded();
+    const { length } = await view.screenshot();
+    assert.ok(length > 15e3, `a picture of ${length} bytes`);
+  }
+  assert.ok(notebook.complaints.every((text) => /CORS|ERR_FAILED|local resource/.test(text)), notebook.complaints.join());
   await notebook.context().close();
+  host.close();
 }
 
 async function what_is_loaded_is_small() {
@@ -193,4 +209,4 @@ async function what_is_loaded_is_small() {
 
 await run([catalogue_lists_streams, viewer_shows_a_picture, refines_and_coarsens, state_is_in_the_url, a_slice_is_dragged, the_value_under_the_pointer,
   lengths_have_a_range_of_their_own, a_picture_is_saved, what_is_wrong_is_said, every_control_has_a_name, nothing_went_wrong,
-  the_base_mesh_is_a_target, a_notebook_cell_shows_the_stream, what_is_loaded_is_small]);
+  the_base_mesh_is_a_target, notebook_cells_show_the_stream, what_is_loaded_is_small]);

@@ -13,6 +13,7 @@ export async function run(all) {
   }
   for (const [number, test] of tests.entries()) {
     const line = `${number + 1} - ${test.name}`;
+    const began = performance.now();
     try {
       const skipped = await test();
       console.log(`ok ${line}${typeof skipped === 'string' ? ` # SKIP ${skipped}` : ''}`);
@@ -21,6 +22,7 @@ export async function run(all) {
       console.log(`not ok ${line}`);
       console.log(String(error?.stack ?? error).replace(/^/gm, '# '));
     }
+    console.log(`# ${((performance.now() - began) / 1000).toFixed(1)} s`);
   }
   console.log(`1..${tests.length}`);
   process.exit(failed ? 1 : 0); // whatever still listens

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The page in a browser: serves a sample, page.mjs looks at it."""
+"""The page in a browser: serves a sample, page.mjs looks at it, and at a notebook with streams of two servers, as nbconvert shows it."""
 import os
 import subprocess
 import sys
@@ -15,9 +15,19 @@ subprocess.run([TETLOD, 'sample', 'fin', '-o', mesh], check=True, stdout=subproc
 subprocess.run([TETLOD, 'build', mesh, '--quiet', '-o', os.path.join(folder, 'fin.tetlod')], check=True)
 sys.path.insert(0, os.path.join(ROOT, 'client-examples', 'python'))
 import tetlod  # noqa: E402
+from nbconvert import HTMLExporter  # noqa: E402
+from nbformat import v4  # noqa: E402
 
-with Server(folder) as server:
-    with tetlod.open(server.url + 'v1/meshes/fin', error='20%') as stream, open(os.path.join(SCRATCH, 'cell.html'), 'w') as cell:
-        assert tetlod.open(os.path.join(folder, 'fin.tetlod'))._repr_html_() is None
-        cell.write('<!doctype html><title>A cell</title>' + stream._repr_html_())  # as notebooks do
-    sys.exit(subprocess.run(['node', os.path.join(ROOT, 'tests', 'web', 'page.mjs'), server.url, cell.name]).returncode)
+
+def cell(server):
+    with tetlod.open(server.url + 'v1/meshes/fin', error='20%') as stream:
+        return v4.new_code_cell('stream', outputs=[v4.new_output('execute_result', {'text/html': stream._repr_html_()})])
+
+
+assert tetlod.open(os.path.join(folder, 'fin.tetlod'))._repr_html_() is None
+with Server(folder) as server, Server(folder, '--cors', '*') as open_server:
+    notebook = v4.new_notebook(cells=[cell(server), cell(open_server)], metadata={'language_info': {'name': 'python', 'pygments_lexer': 'python3'}})
+    path = os.path.join(SCRATCH, 'cells.html')
+    with open(path, 'w') as page:
+        page.write(HTMLExporter(template_name='lab').from_notebook_node(notebook)[0])
+    sys.exit(subprocess.run(['node', os.path.join(ROOT, 'tests', 'web', 'page.mjs'), server.url, path]).returncode)

@@ -102,9 +102,9 @@ async function playsAndLoops() {
   await until(() => document.getElementById('player-play').textContent === '▶' && window.tetlod.at.step === 19);
 }
 
-// The next group of the wanted band comes late: the page plays a coarser one, and says so; where it stops it is exact again.
-async function lateStepsAreCoarser() {
-  const { bands, group: size } = (await look()).series;
+// Groups of the wanted band and of finer ones but the first do not come until they are sent; the page plays from the last step that is there.
+async function withoutTheNextGroups() {
+  const { bands } = (await look()).series;
   const wanted = bands.findIndex(({ error }) => error === 0.01);
   const groups = /bands\/(\d+)\/groups\/(\d+)/;
   let send;
@@ -116,27 +116,43 @@ async function lateStepsAreCoarser() {
   });
   await open('&step=6');
   await atStep(6);
-  await page.evaluate((first) => {
+  await page.evaluate(() => {
     const { viewer } = window.tetlod;
     const text = (id) => document.getElementById(id).textContent;
     window.heard = [];
-    viewer.addEventListener('step', () => window.heard.push({ error: viewer.at.error, late: text('player-late'), shown: text('shown-error') }));
-    viewer.showStep = function (step, options) { // until it is late by every measure
-      if (step === first) window.asked = performance.now();
+    viewer.addEventListener('step', () => window.heard.push({ step: viewer.at.step, error: viewer.at.error, late: text('player-late'), shown: text('shown-error') }));
+    viewer.showStep = function (step, options) {
+      if (step === viewer.series.group) window.asked ??= performance.now();
       return Object.getPrototypeOf(this).showStep.call(this, step, options);
     };
-  }, size);
+  });
   await page.keyboard.press(' ');
-  await until(() => performance.now() - window.asked > 400);
-  send();
+  return send;
+}
+
+// What was shown coarser, and why; where it stops, and all is there, it is exact again.
+async function coarserForNow(send) {
   await until(() => window.heard.some(({ error }) => error > 0.01));
   await page.keyboard.press(' ');
-  const { late, shown } = await page.evaluate(() => window.heard.find(({ error }) => error > 0.01));
+  const { step, late, shown } = await page.evaluate(() => window.heard.find(({ error }) => error > 0.01));
   assert.match(late, /late/);
   assert.match(shown, /^[25]\u202f%/);
+  send();
   await until(() => window.tetlod.settled && window.tetlod.at.error === 0.01);
   assert.equal(await page.locator('#player-late').textContent(), '');
-  await page.unroute(groups);
+  await page.unrouteAll();
+  return step;
+}
+
+async function lateStepsAreCoarser() {
+  const send = await withoutTheNextGroups();
+  await until(() => performance.now() - window.asked > 400); // until it is late by every measure
+  send();
+  await coarserForNow(send);
+}
+
+async function stepsThatDoNotComeAreCoarser() {
+  assert.equal(await coarserForNow(await withoutTheNextGroups()), (await look()).series.group);
 }
 
 // The body bends: the surface that is drawn has other places at another step, and covers other pixels.
@@ -163,4 +179,4 @@ async function pointsMove() {
   assert.deepEqual(page.complaints, []);
 }
 
-await run([stepsAreShown, pointsMove, aLinkNamesTheStep, theRangeIsTheSeries, playsAndLoops, lateStepsAreCoarser]);
+await run([stepsAreShown, pointsMove, aLinkNamesTheStep, theRangeIsTheSeries, playsAndLoops, lateStepsAreCoarser, stepsThatDoNotComeAreCoarser]);

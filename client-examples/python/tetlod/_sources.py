@@ -33,7 +33,8 @@ class Source:
     name = 'bytes'
     size = 0
     late: float = math.inf  # where the levels end, once that is known: sections lie behind them
-    page: Optional[str] = None  # where a viewer shows it
+    server: Optional[str] = None  # that has a viewer, too
+    page: Optional[str] = None    # where that shows it
 
     def read(self, offset: int, size: int) -> bytes:
         raise NotImplementedError
@@ -183,8 +184,8 @@ class Server(Remote):
 
     def __init__(self, url: str, choice: Choice, progress: Optional[Progress]) -> None:
         super().__init__(url, progress)
-        at, _, mesh = url.rpartition('/v1/meshes/')
-        self.page = '%s/view/%s' % (at, mesh)
+        self.server, _, mesh = url.rpartition('/v1/meshes/')
+        self.page = '%s/view/%s' % (self.server, mesh)
         query = choice.query()
         if set(query) <= {'field', 'measure'}:
             query['tets'] = str(MOST_TETS)  # the finest level

@@ -110,12 +110,16 @@ class Stream:
         return '<tetlod.Stream %s: level %d of %d>' % (self._source.name, max(self.level, 0), len(self.levels) - 1)
 
     def _repr_html_(self) -> Optional[str]:
-        """What a notebook shows of a server's stream: the server's viewer, at the error that was asked for. None elsewhere."""
-        if self._source.page is None:
+        """What a notebook shows of a server's stream, at the error that was asked for; None of others. It is the server's element
+        where the server lets the notebook's origin read it (serve --cors), else its page in a frame."""
+        source, error = self._source, self._choice.fraction
+        if source.server is None or source.page is None:
             return None
-        error = self._choice.fraction
-        link = self._source.page + ('' if error is None else '#error=%.6g' % error)
-        return '<iframe src="%s" title="tetlod" style="width: 100%%; height: 480px; border: 0"></iframe>' % html.escape(link)
+        page, asked = (source.page, '') if error is None else ('%s#error=%.6g' % (source.page, error), 'error="%.6g"' % error)
+        style = 'style="display: block; width: 100%; height: 480px; border: 0"'
+        frame = '<iframe src="%s" title="tetlod" %s></iframe>' % (html.escape(page), style)
+        script = '<script type="module" src="%s"></script>' % html.escape(source.server + '/element.js')
+        return '%s<tetlod-view src="%s" %s %s>%s</tetlod-view>' % (script, html.escape(source.name), asked, style, frame)
 
     def _topology(self, number: int) -> 'Stream':
         """The stream of a topology group."""

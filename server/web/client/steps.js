@@ -24,12 +24,15 @@ export function infoOfSteps(info, series, band) {
   };
 }
 
-/** The bytes of groups of steps: one after the other, in the order in which they are needed, kept while there is room. */
+/**
+ * The bytes of groups of steps: of a band one after the other, in the order in which they are needed, kept while there is room.
+ * A group that does not come holds up its own band only.
+ */
 export class Groups {
-  #read; #heard; #kept = new Map(); #bytes = 0; #wanted = []; #reading = false;
+  #read; #heard; #kept = new Map(); #bytes = 0; #wanted = []; #reading = new Set(); // bands
   received = 0; // bytes, of groups that were dropped, too
 
-  /** `read(band, group)` resolves to pieces [{offset, bytes}]; `heard(error)` is called when they are there, or why they are not. */
+  /** `read(band, group)` resolves to pieces [{offset, bytes}]; `heard(band, error)` is called when they are there, or why they are not. */
   constructor(read, heard) {
     this.#read = read;
     this.#heard = heard;
@@ -54,17 +57,17 @@ export class Groups {
   }
 
   async #next() {
-    if (this.#reading || !this.#wanted.length) return;
+    if (!this.#wanted.length || this.#reading.has(this.#wanted[0][0])) return;
     const [band, group] = this.#wanted.shift();
-    this.#reading = true;
+    this.#reading.add(band);
     try {
       this.#keep(`${band}/${group}`, await this.#read(band, group));
-      this.#heard();
+      this.#heard(band);
     } catch (error) {
-      this.#wanted = [];
-      this.#heard(error);
+      this.#wanted = this.#wanted.filter(([b]) => b !== band);
+      this.#heard(band, error);
     }
-    this.#reading = false;
+    this.#reading.delete(band);
     this.#next();
   }
 

@@ -11,17 +11,24 @@ const CustomEvent = globalThis.CustomEvent ?? class extends Event {
 
 // Bundlers know the worker by this very expression.
 async function startWorker() {
-  if (typeof Worker !== 'undefined') return new Worker(new URL('./worker.js', import.meta.url), { type: 'module', name: 'tetlod' });
+  if (typeof Worker !== 'undefined') return { worker: new Worker(new URL('./worker.js', import.meta.url), { type: 'module', name: 'tetlod' }) };
   const threads = 'node:worker_threads'; // not a literal: bundlers for browsers need not know it
-  return new (await import(threads)).Worker(new URL('./worker.js', import.meta.url));
+  return { worker: new (await import(threads)).Worker(new URL('./worker.js', import.meta.url)) };
 }
 
-// Where the worker's file is not beside this one (a bundler that does not know it, a server for development), or is of another
-// origin, the copy in a module of ours is run.
+const ofText = (text) => new Worker(URL.createObjectURL(new Blob([text], { type: 'text/javascript' })), { type: 'module', name: 'tetlod' });
+
+// Of another origin a script is no worker, but one of the page's may import it.
+async function startForeign(cause) {
+  if (cause.name !== 'SecurityError') throw cause;
+  const { url } = import.meta; // bundlers need not know the worker once more
+  return { worker: ofText(`import ${JSON.stringify(new URL('./worker.js', url).href)};`) };
+}
+
+// Where the worker's file is not to be had (a bundler that does not know it, a server for development), the copy in a module of ours is run.
 async function startCopy(cause) {
   const { source, wasm } = await import('./inline.js').catch(() => { throw cause; });
-  const url = URL.createObjectURL(new Blob([source], { type: 'text/javascript' }));
-  return { worker: new Worker(url, { type: 'module', name: 'tetlod' }), module: await WebAssembly.compile(wasm()) };
+  return { worker: ofText(source), module: await WebAssembly.compile(wasm()) };
 }
 
 class NotStarted extends Error {}
@@ -72,6 +79,7 @@ const closedReason = () => new DOMException('the stream was closed', 'AbortError
 
 // One worker and the calls that wait for its answers.
 class Link {
+  received = { received: 0, receivedSteps: 0 }; // bytes, of levels and of steps
   #worker; #calls = new Map(); #tell; #failed; #reason = null; #running = false;
 
   /** `tell(event, detail)` hears its events, `failed(error)` that a running worker broke. */
@@ -81,16 +89,18 @@ class Link {
   }
 
   async open(options) {
-    try {
-      this.#use(await startWorker());
-      return await this.#opened(options);
-    } catch (cause) {
-      const foreign = cause instanceof DOMException && cause.name === 'SecurityError'; // the script is of another origin
-      if (this.#reason || !(foreign || cause instanceof NotStarted)) throw cause;
-      const { worker, module } = await startCopy(cause);
-      this.#use(worker);
-      return this.#opened({ ...options, wasm: options.wasm ?? module });
+    let cause;
+    for (const start of [startWorker, startForeign, startCopy]) {
+      try {
+        const { worker, module } = await start(cause);
+        this.#use(worker);
+        return await this.#opened({ ...options, wasm: options.wasm ?? module });
+      } catch (error) {
+        if (this.#reason || !(error instanceof NotStarted || error.name === 'SecurityError')) throw error;
+        cause = error;
+      }
     }
+    throw cause;
   }
 
   async #opened(options) {
@@ -162,6 +172,8 @@ export class TetlodStream extends EventTarget {
   received = 0;
   receivedCells = 0; // bytes of values of cells, beside those
   receivedSteps = 0; // bytes of steps, beside those
+  receivedBefore = 0; // bytes of topology groups that were shown before, beside all those
+  bytes = 0; // of the whole stream, all topology groups among them
   series = null; // {group, times, bands: [{error, level}], fields: [{name, range}], displacement: name or null} of a series in time, from the event `series` on
   topology = 0; // the topology group that is shown, of a series whose mesh changes: `info`, levels and bands are its own, times those of all
 
@@ -186,6 +198,7 @@ export class TetlodStream extends EventTarget {
       stream.#link = stream.#newLink();
       stream.#take(await stream.#link.open({ ...stream.#options, fields, target }));
       stream.#topologies = stream.info.topologies;
+      stream.bytes = stream.info.bytes;
     } catch (error) {
       stream.close();
       throw error;
@@ -309,6 +322,8 @@ export class TetlodStream extends EventTarget {
     const before = this.#link;
     this.#link = link;
     this.topology = topology;
+    this.receivedBefore += this.received + this.receivedSteps;
+    Object.assign(this, link.received);
     this.#take(opened);
     this.series = this.#whole(link.series);
     link.send({ action: 'show', argument: this.#spec });
@@ -495,12 +510,13 @@ export class TetlodStream extends EventTarget {
     if (event === 'series') link.series = detail;
     if (event === 'level') link.level = detail;
     if (event === 'step') link.at = detail;
+    if (event === 'progress') link.received.received = detail.received;
+    if (event === 'buffered') link.received.receivedSteps = detail.received;
     if (link !== this.#link && event !== 'retry') return;
     if (event === 'level') this.level = detail.level;
     if (event === 'cells') this.receivedCells += detail.bytes;
-    if (event === 'buffered') this.receivedSteps = detail.received;
+    Object.assign(this, link.received);
     if (event === 'series') this.series = this.#whole(detail);
-    if (event === 'progress') this.received = detail.received;
     this.#dispatch(event, event === 'series' ? this.series : event === 'step' || event === 'buffered' ? this.#ofAll(detail, link) : detail);
     if (event === 'step') this.#lookAhead(detail.step);
     if (event === 'pictures') nextFrame(() => link.send({ action: 'seen' }));

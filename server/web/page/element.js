@@ -58,7 +58,7 @@ export class TetlodView extends HTMLElement {
   }
 
   attributeChangedCallback(name, before, value) {
-    if (!this.isConnected || before === value) return;
+    if (!this.isConnected || !this.shadowRoot || before === value) return; // it has not opened yet
     if (name === 'src') this.#open();
     else if (this.#viewer?.scene) this.#follow(name, value); // one that opens reads the attributes when it is there
   }
@@ -86,6 +86,12 @@ export class TetlodView extends HTMLElement {
   #fail(error) {
     this.#say(error.message);
     this.dispatchEvent(new CustomEvent('error', { detail: { message: error.message } }));
+  }
+
+  // What stands in the element is for where the stream cannot be shown.
+  #giveWay() {
+    this.#close();
+    this.shadowRoot.replaceChildren(element('slot'));
   }
 
   #close() {
@@ -121,7 +127,7 @@ export class TetlodView extends HTMLElement {
     if (!this.source) return;
     try {
       const viewer = this.#viewer = new Viewer(parts, this.#fragment());
-      viewer.addEventListener('retry', ({ detail }) => this.#say(detail.message));
+      viewer.addEventListener('retry', ({ detail }) => (this.childElementCount ? this.#giveWay() : this.#say(detail.message)));
       viewer.addEventListener('progress', () => this.#say(''));
       viewer.addEventListener('failed', ({ detail }) => this.#fail(detail));
       this.#say('Loading…');
@@ -130,11 +136,14 @@ export class TetlodView extends HTMLElement {
       this.#say('');
       this.#show(viewer, parts);
     } catch (error) {
-      if (this.#viewer) this.#fail(error);
+      if (!this.#viewer) return;
+      if (this.childElementCount) this.#giveWay();
+      this.#fail(error);
     }
   }
 
   #show(viewer, { over, bar }) {
+    this.replaceChildren();
     const axes = new Axes(over, viewer.scene, viewer.info.bounds);
     viewer.scene.addEventListener('render', () => axes.update());
     viewer.store.watch(['axes'], ({ axes: shown }) => axes.show(shown));
@@ -154,4 +163,4 @@ export class TetlodView extends HTMLElement {
   }
 }
 
-customElements.define('tetlod-view', TetlodView);
+if (!customElements.get('tetlod-view')) customElements.define('tetlod-view', TetlodView); // a page may have it from several servers

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The bar that plays a series in time: steps one after the other, those that come late in a coarser band.
+// The bar that plays a series in time: steps one after the other, those that come late, or not at all, in a coarser band.
 
 import { element, svg } from './dom.js';
 import { percent, significant } from './numbers.js';
@@ -7,6 +7,8 @@ import { percent, significant } from './numbers.js';
 const rates = [1, 2, 5, 10, 15, 30]; // steps a second
 const usual = 10;
 const patience = 1.5; // intervals that a step may take before it is late
+const longest = 8;    // and before it is not waited for any more,
+const least = 1000;   // but at least so many milliseconds
 const recovered = 16; // steps in time after which a finer band is tried again
 const blended = 0.8;  // of an interval: what is left is for decoding
 
@@ -118,8 +120,9 @@ export class Player {
       const interval = 1000 / this.#rate;
       const started = performance.now();
       const band = Math.max(this.#viewer.wantedBand - this.#coarser, 0);
-      const reached = await this.#viewer.showStep(step, { band, blend: step && interval > 60 ? blended * interval : 0 });
-      if (!reached || this.#playing !== mine) break;
+      const shown = this.#viewer.showStep(step, { band, blend: step && interval > 60 ? blended * interval : 0 });
+      const reached = await (band ? Promise.race([shown, sleep(Math.max(longest * interval, least))]) : shown);
+      if (reached === false || this.#playing !== mine) break;
       const took = performance.now() - started;
       this.#adapt(took > patience * interval, band);
       if (took < interval) await sleep(interval - took);

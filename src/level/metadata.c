@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/report/metadata.h"
+#include "src/level/metadata.h"
 
 #include <errno.h>
 #include <math.h>

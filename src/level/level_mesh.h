@@ -9,6 +9,10 @@
 TETLOD_CHECKED enum tetlod_status level_mesh_copy(const struct tetlod_info *info, const struct tetlod_cursor *cursor,
                                                   struct tetmesh *out, struct tetlod_error *error);
 
+/* The same in less memory: the cursor gives its arrays back while they are copied. Frees it and makes it NULL, also after a failure. */
+TETLOD_CHECKED enum tetlod_status level_mesh_take(const struct tetlod_info *info, struct tetlod_cursor **cursor, struct tetmesh *out,
+                                                  struct tetlod_error *error);
+
 /* Adds the values that tetlod_seek_step gave: the series' fields, in its order, to the mesh of the band's level. */
 TETLOD_CHECKED enum tetlod_status level_mesh_step(const struct tetlod_info *info, const struct tetlod_series *series, struct tetmesh *mesh,
                                                   struct tetlod_error *error);

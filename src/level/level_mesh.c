@@ -1,15 +1,28 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/report/level_mesh.h"
+#include "src/level/level_mesh.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/report/metadata.h"
+#include "src/level/metadata.h"
 #include "src/util/array.h"
+#include "src/util/pages.h"
 
-enum tetlod_status level_mesh_copy(const struct tetlod_info *info, const struct tetlod_cursor *cursor,
-                                   struct tetmesh *out, struct tetlod_error *error)
+/* Copies an array; `from` is given back on the way if `gives`, so that both together take its memory once. */
+static void copy_array(void *to, const void *from, size_t size, bool gives)
+{
+    enum { PART = 1 << 20 };
+    for (size_t at = 0; at < size; at += PART) {
+        size_t part = size - at < PART ? size - at : PART;
+        memcpy((char *)to + at, (const char *)from + at, part);
+        if (gives)
+            pages_drop((void *)((uintptr_t)from + at), part); // the decoder's own, which only says that nobody else may write it
+    }
+}
+
+static enum tetlod_status copy(const struct tetlod_info *info, const struct tetlod_cursor *cursor, bool gives, struct tetmesh *out,
+                               struct tetlod_error *error)
 {
     struct tetlod_mesh mesh;
     tetlod_cursor_mesh(cursor, &mesh);
@@ -19,19 +32,34 @@ enum tetlod_status level_mesh_copy(const struct tetlod_info *info, const struct 
     enum tetlod_status status = TETLOD_OK;
     if (!out->positions || !out->corners)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "a level", (uint64_t)mesh.vertices * 24 + (uint64_t)mesh.tets * 16));
-    memcpy(out->positions, mesh.positions, mesh.vertices * 3 * sizeof(double));
-    memcpy(out->corners, mesh.corners, mesh.tets * 4 * sizeof(uint32_t));
+    copy_array(out->positions, mesh.positions, mesh.vertices * 3 * sizeof(double), gives);
+    copy_array(out->corners, mesh.corners, mesh.tets * 4 * sizeof(uint32_t), gives);
     for (uint32_t f = 0; f < info->field_count; f++) {
         const struct tetlod_field *field = &info->fields[f];
         if (!mesh.fields[f])
             continue;
         TETLOD_TRY_DONE(tetmesh_add_field(out, field->name, field->components, field->type, error));
-        memcpy(out->fields[out->field_count - 1].values, mesh.fields[f],
-               (size_t)mesh.vertices * field->components * sizeof(double));
+        copy_array(out->fields[out->field_count - 1].values, mesh.fields[f], (size_t)mesh.vertices * field->components * sizeof(double),
+                   gives);
     }
 done:
     if (status != TETLOD_OK)
         tetmesh_fini(out);
+    return status;
+}
+
+enum tetlod_status level_mesh_copy(const struct tetlod_info *info, const struct tetlod_cursor *cursor, struct tetmesh *out,
+                                   struct tetlod_error *error)
+{
+    return copy(info, cursor, false, out, error);
+}
+
+enum tetlod_status level_mesh_take(const struct tetlod_info *info, struct tetlod_cursor **cursor, struct tetmesh *out,
+                                   struct tetlod_error *error)
+{
+    enum tetlod_status status = copy(info, *cursor, true, out, error);
+    tetlod_cursor_free(*cursor);
+    *cursor = NULL;
     return status;
 }
 

@@ -1,0 +1,80 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#define _GNU_SOURCE
+#include "src/util/spool.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "format/fail.h"
+#include "src/util/file.h"
+
+static const char *folder_name(void)
+{
+    const char *named = getenv("TMPDIR");
+    return named && *named ? named : "/tmp";
+}
+
+/* For file systems that have no files without a name. */
+static int open_and_remove(const char *folder)
+{
+    char path[4096];
+    if (snprintf(path, sizeof path, "%s/tetlod-XXXXXX", folder) >= (int)sizeof path) {
+        errno = ENAMETOOLONG;
+        return -1;
+    }
+    int fd = mkostemp(path, O_CLOEXEC);
+    if (fd >= 0)
+        unlink(path);
+    return fd;
+}
+
+enum tetlod_status spool_open(struct spool *out, struct tetlod_error *error)
+{
+    const char *folder = folder_name();
+    int fd = open(folder, O_TMPFILE | O_RDWR | O_EXCL | O_CLOEXEC, 0600);
+    if (fd < 0)
+        fd = open_and_remove(folder);
+    *out = (struct spool){.file = fd >= 0 ? fdopen(fd, "w+") : NULL};
+    if (out->file)
+        return TETLOD_OK;
+    enum tetlod_status status = tetlodi_fail(error, TETLOD_ERR_IO, "there is no temporary file in %.100s: %s; TMPDIR names another folder", folder,
+                                             strerror(errno));
+    if (fd >= 0)
+        close(fd);
+    return status;
+}
+
+void spool_close(struct spool *spool)
+{
+    if (spool->file)
+        fclose(spool->file);
+    *spool = (struct spool){0};
+}
+
+static enum tetlod_status fail_write(struct tetlod_error *error)
+{
+    return tetlodi_fail(error, TETLOD_ERR_IO, "a temporary file in %.100s cannot be written: %s; TMPDIR names another folder", folder_name(), strerror(errno));
+}
+
+enum tetlod_status spool_write(struct spool *spool, const void *bytes, size_t size, struct tetlod_error *error)
+{
+    if (fwrite(bytes, 1, size, spool->file) != size)
+        return fail_write(error);
+    spool->size += size;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status read_spool(void *opaque, uint64_t offset, void *buffer, size_t size)
+{
+    const struct file_input file = {.fd = fileno(opaque)};
+    return file_input_read(&file, (size_t)offset, size, buffer) == size ? TETLOD_OK : TETLOD_ERR_IO;
+}
+
+enum tetlod_status spool_source(struct spool *spool, struct tetlod_source *out, struct tetlod_error *error)
+{
+    *out = (struct tetlod_source){read_spool, spool->file, spool->size};
+    return fflush(spool->file) == 0 ? TETLOD_OK : fail_write(error);
+}
