@@ -110,8 +110,8 @@ mutant('exact: no spokes', 'src/simplify/exact/exact.c', 'return at_edges(e) && 
        'critical points of kind 3', 'unit/test_exact')
 mutant('exact: not the new vertex', 'src/simplify/exact/exact.c', 'if (!is_original(e) && !at_apex(e))', 'if (0 && !is_original(e) && !at_apex(e))',
        'critical points of kind 4', 'unit/test_exact')
-mutant('exact: originals are lost', 'src/simplify/exact/patch.c', 'if (!outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, overlaps, complex, t, cone) &&',
-       'if (t % 8 != 7 && !outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, overlaps, complex, t, cone) &&',
+mutant('exact: originals are lost', 'src/simplify/exact/patch.c', 'if (!outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, complex, t, cone) &&',
+       'if (t % 8 != 7 && !outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, complex, t, cone) &&',
        'a cone lists all originals that overlap it', 'unit/test_exact')
 
 mutant('exact: originals stay marked', 'src/simplify/exact/patch.c', 'patch->listed[patch->tets[t] / 64] = 0;', '', 'the next star has all of its originals', 'unit/test_exact')
