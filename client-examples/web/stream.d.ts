@@ -113,7 +113,7 @@ export interface Spec {
   /** `zone`: the two isosurfaces between which the original's lies, too. */
   isosurfaces?: { field?: string; component?: Component; value: number; zone?: boolean }[];
   /** Draw only tetrahedra whose corners have values from `low` to `high`. */
-  threshold?: { field?: string; component?: Component; low?: number; high?: number } | null;
+  threshold?: { field?: string; cellField?: string; component?: Component; low?: number; high?: number } | null;
   /** Lines of the cells in surface and slices. */
   edges?: boolean;
   /** Everything is of what is behind the plane; the surface is closed there. */
@@ -261,6 +261,10 @@ export class TetlodStream extends EventTarget {
   readonly topology: number;
   /** Bytes of steps, beside `received`. */
   readonly receivedSteps: number;
+  /** Bytes of topology groups that were shown before, beside `received` and `receivedSteps`. */
+  readonly receivedBefore: number;
+  /** Of the whole stream, all topology groups among them. */
+  readonly bytes: number;
   /** Shows a step in a band, or in the coarsest one within an error; values pass into it in `blend` milliseconds. */
   seekStep(step: number, choice?: { band?: number; error?: number; blend?: number }, options?: { signal?: AbortSignal }): Promise<{ level: number; reached: boolean }>;
   /** Decodes these fields, too, from now on. Pictures go on without them until they are there. */

@@ -23,8 +23,8 @@ static bool before(const struct queue_entry *x, const struct queue_entry *y)
 
 void queue_fit(struct queue *queue)
 {
-    size_t capacity = queue->count + queue->count / 4 + 16;
-    if (queue->capacity > queue->count + queue->count / 8 && queue->capacity < queue->count + queue->count / 2 + 16)
+    size_t capacity = queue->count + queue->count / 16 + 16;
+    if (queue->capacity > queue->count + queue->count / 32 && queue->capacity < queue->count + queue->count / 8 + 16)
         return;
     void *entries = array_resize(queue->entries, capacity, sizeof *queue->entries);
     if (!entries) // what is there is kept as it is

@@ -9,14 +9,15 @@
 
 enum { QUEUE_WITNESSES = 8 };
 
+/* There is one for every simplex: of what a large mesh takes under the exact limit they are the largest part. */
 struct queue_entry {
-    double value;     /* the key in a queue, a lower bound of the error while it waits */
-    uint32_t vertices[4]; /* ascending; TETLOD_NONE behind the last */
-    uint32_t stamp;   /* contractions done when it was evaluated */
-    uint32_t candidate;
-    uint32_t refused; /* bits of the candidates that the exact limit has refused since; `bound` is the least that they need */
-    double bound;
-    uint32_t witness_count; /* waiting: while these tetrahedra are as they were, so is the bound; none: not known */
+    double value;             /* the key in a queue, a lower bound of the error while it waits */
+    double bound;             /* the least that the refused candidates need */
+    uint32_t vertices[4];     /* ascending; TETLOD_NONE behind the last */
+    uint32_t stamp;           /* contractions done when it was evaluated */
+    uint32_t refused : 22;    /* bits of the candidates that the exact limit has refused since */
+    uint32_t candidate : 5;
+    uint32_t witness_count : 5; /* waiting: while these tetrahedra are as they were, so is the bound; none: not known */
     uint32_t witness[QUEUE_WITNESSES];
 };
 
@@ -27,7 +28,7 @@ struct queue {
 
 void queue_fini(struct queue *queue);
 
-/* Gives it room for a quarter more than there are, if it has much more than that or hardly any. */
+/* Gives it room for a sixteenth more than there are, if it has much more than that or hardly any. */
 void queue_fit(struct queue *queue);
 
 /* Plain append, without keeping the heap's order: for lists of waiting entries. False: out of memory. */

@@ -228,8 +228,10 @@ static enum tetlod_status next_candidate(const struct run *run, struct judge *ju
     if (!*io_tried)
         TETLOD_TRY(judge_try_all(run, judge, entry));
     *io_tried = true;
-    entry->bound = smaller(entry->bound, judge_best(run, judge, entry));
+    double least = judge_best(run, judge, entry);
     *out_left = isfinite(entry->value);
+    if (!*out_left) // what is left waits for as much; else it is asked next, and the answer counts
+        entry->bound = smaller(entry->bound, least);
     return TETLOD_OK;
 }
 

@@ -4,6 +4,7 @@
 import glob
 import os
 import re
+import sys
 
 from lint_report import ROOT, finish, report
 
@@ -97,6 +98,14 @@ def twins():
     return ['%s is %s' % (name, ' and '.join(sorted(paths))) for name, paths in sorted(places.items()) if len(paths) > 1]
 
 
+def stale_mutants():
+    """Lines of the proof that tests/mutants takes out, and that the code no longer has, or has twice."""
+    sys.path.insert(0, os.path.join(ROOT, 'tests', 'mutants'))
+    from table import MUTANTS
+    return ['%s: %s' % (mutant['name'], file) for mutant in MUTANTS for file, old, _ in mutant['edits']
+            if open(os.path.join(ROOT, file), encoding='utf-8').read().count(old) != 1]
+
+
 def main():
     sources = {}
     for folder in LAYERS:
@@ -129,6 +138,7 @@ def main():
     report('nothing outside src/cli prints, exits or takes signals', speaking)
     report('no file is too long to read', long_files)
     report('every source names its licence first', licence)
+    report('every line that a mutant takes out is in its file, once', stale_mutants())
     finish()
 
 

@@ -17,12 +17,11 @@ ATTACK = 'attack 1 60'  # the program, its streams, and verify
 
 # ---- the envelope (PROOF.md, 2 to 4), in rounds
 
-mutant('star without a tetrahedron', 'src/simplify/merge.c',
-       'double extreme = -INFINITY, sum = 0;\n    for (uint32_t i = 0; i < weighing->count; i++) {',
-       'double extreme = -INFINITY, sum = 0;\n    for (uint32_t i = 1; i < weighing->count; i++) {',
+mutant('star without a tetrahedron', 'src/simplify/kernels.c',
+       'rounding = wide_all(32 * DBL_EPSILON);\n    for (uint32_t i = 0; i < weighing->count; i++) {',
+       'rounding = wide_all(32 * DBL_EPSILON);\n    for (uint32_t i = 1; i < weighing->count; i++) {',
        'all tetrahedra of the star are continued to the new vertex', PROOF)
-mutant('rounding slack', 'src/simplify/merge.c', 'double slack = 32 * DBL_EPSILON * (weighing->spread[i] * spread + fabs(first) + fabs(value));',
-       'double slack = 0 * spread;', 'an upper value is widened by its rounding', 'unit/test_rounds')
+mutant('rounding slack', 'src/simplify/kernels.c', 'wide slack = wide_mul(rounding, size);', 'wide slack = wide_mul(wide_sub(rounding, rounding), size);', 'an upper value is widened by its rounding', 'unit/test_rounds')
 mutant('upper is the value', 'src/simplify/merge.c', 'row[ROW_FIELDS + 2 * c] = upper[c];', 'row[ROW_FIELDS + 2 * c] = (upper[c] + lower[c]) / 2;',
        'errors accumulate', PROOF)
 mutant('one side of the error', 'src/simplify/evaluate.c', 'worst = larger(worst, larger(upper[c] - value, value - lower[c]) * component->factor);',
@@ -111,9 +110,15 @@ mutant('exact: no spokes', 'src/simplify/exact/exact.c', 'return at_edges(e) && 
        'critical points of kind 3', 'unit/test_exact')
 mutant('exact: not the new vertex', 'src/simplify/exact/exact.c', 'if (!is_original(e) && !at_apex(e))', 'if (0 && !is_original(e) && !at_apex(e))',
        'critical points of kind 4', 'unit/test_exact')
-mutant('exact: originals are lost', 'src/simplify/exact/patch.c', 'if (!outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, overlaps, complex, t, cone) &&',
-       'if (t % 8 != 7 && !outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, overlaps, complex, t, cone) &&',
+mutant('exact: originals are lost', 'src/simplify/exact/patch.c', 'if (!outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, complex, t, cone) &&',
+       'if (t % 8 != 7 && !outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, complex, t, cone) &&',
        'a cone lists all originals that overlap it', 'unit/test_exact')
+
+mutant('exact: originals stay marked', 'src/simplify/exact/patch.c', 'patch->listed[patch->tets[t] / 64] = 0;', '', 'the next star has all of its originals', 'unit/test_exact')
+mutant('exact: the star stays marked', 'src/simplify/exact/patch.c', 'patch->covered[star->tets[i] / 64] = 0;', '(void)star;', 'vertices in the next star are its own', 'unit/test_exact')
+mutant('exact: distances of another order', 'src/simplify/exact/patch.h',
+       'return n[0] * r[0] + n[patch->stride] * r[1] + n[2 * (size_t)patch->stride] * r[2];', 'return n[0] * r[0] + (n[patch->stride] * r[1] + n[2 * (size_t)patch->stride] * r[2]);',
+       'all decisions are taken from the same numbers', 'unit/test_exact')
 
 # ---- the overlay, which checks it: what rules pairs out (8)
 

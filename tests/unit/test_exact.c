@@ -119,6 +119,23 @@ static bool flatten(struct world *world)
     return star_fits(star, complex, world->p);
 }
 
+/* After all vertices were placed: the distances that are computed anew have the signs by which all is sorted, and no marks are left. */
+static void check_patch(const struct world *world)
+{
+    const struct patch *patch = &world->examiner.patch;
+    uint32_t wrong = 0, marks = 0;
+    for (uint32_t v = 0; v < patch->vertex_count; v++)
+        for (uint32_t w = 0; w < patch->wall_count; w++)
+            wrong += (patch_distance(patch, w, patch->offsets[v]) >= patch->thresholds[w]) !=
+                     (patch_side(patch, v, POSITIVE)[w / 64] >> w % 64 & 1);
+    for (uint32_t i = 0; i < (world->complex.tet_count + 63) / 64; i++)
+        marks += patch->listed[i] || patch->covered[i];
+    for (uint32_t v = 0; v < world->mesh.vertex_count; v++)
+        marks += patch->numbers[v] != TETLOD_NONE;
+    CHECK_INT(wrong, 0);
+    CHECK_INT(marks, 0);
+}
+
 /* Examines the picked contraction. */
 static struct finding examine(struct world *world, double limit)
 {
@@ -127,6 +144,8 @@ static struct finding examine(struct world *world, double limit)
         exact_examine(&world->examiner, &world->overlaps, &world->complex, &world->fields, &world->star, world->p,
                       limit, INFINITY, true, &finding, NULL) != TETLOD_OK)
         TEST_FAIL("out of memory");
+    if (finding.allowed)
+        check_patch(world);
     return finding;
 }
 

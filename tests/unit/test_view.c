@@ -174,7 +174,7 @@ static void test_steps_of_a_level_share_their_boundary(void)
     CHECK_INT(view_step(view, 0, 2), TETLOD_OK);
     CHECK(!view->has_boundary);
     draw_all(view);
-    view_threshold(view, 0, 0, 0, INFINITY);
+    view_threshold(view, false, 0, 0, 0, INFINITY);
     CHECK_INT(view_filter(view), TETLOD_OK);
     CHECK_INT(view_surface(view, 0), TETLOD_OK);
     CHECK_INT(view_step(view, 0, 1), TETLOD_OK);

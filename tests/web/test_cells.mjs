@@ -106,6 +106,23 @@ async function regions_are_left_out() {
   await assert.rejects(stream.show({ regions: { field: 'load', hidden: [1] } }), /'load' are not whole numbers of one component/);
 }
 
+// Tetrahedra are left out by their own values, which other values may colour.
+async function a_threshold_is_of_them() {
+  const { tets } = info.levels[coarse];
+  const load = (await stream.cells('load')).subarray(0, tets);
+  const pull = (await stream.cells('pull')).subarray(0, 2 * tets);
+  const lengths = Array.from(load, (_, t) => Math.hypot(pull[2 * t], pull[2 * t + 1]));
+  for (const [component, values] of [[undefined, load], ['magnitude', lengths]]) {
+    const threshold = { cellField: component ? 'pull' : 'load', component, low: 700, high: 2000 };
+    const [own, other] = [await picturesAt(coarse, { cellField: 'load', threshold }), await picturesAt(coarse, { field: 'heat', threshold })];
+    const left = load.filter((_, t) => values[t] >= 700 && values[t] <= 2000);
+    assert.ok(left.length > 50 && left.length < tets - 50);
+    for (const { rays } of [own, other]) assert.equal(rays.corners.length, 4 * left.length);
+    assert.ok(own.surface.values.length && own.surface.values.every((x) => left.includes(x)));
+  }
+  await assert.rejects(stream.show({ threshold: { cellField: 'heat', low: 1 } }), /no values of cells 'heat'/);
+}
+
 // A line has gaps, and a probe no value, where a region or what is beyond a threshold is not drawn.
 async function lines_and_probes_are_of_what_is_drawn() {
   const [from, to] = [[0, 0.31, 0.42], [1, 0.31, 0.42]];
@@ -153,5 +170,5 @@ async function they_come_when_they_are_needed() {
   await server.stop();
 }
 
-await run([the_index_names_them, triangles_have_the_values_of_their_tetrahedra, rays_grid_and_line_have_them_too, regions_are_left_out, lines_and_probes_are_of_what_is_drawn, they_come_when_they_are_needed]);
+await run([the_index_names_them, triangles_have_the_values_of_their_tetrahedra, rays_grid_and_line_have_them_too, regions_are_left_out, a_threshold_is_of_them, lines_and_probes_are_of_what_is_drawn, they_come_when_they_are_needed]);
 stream.close();

@@ -266,6 +266,10 @@ async function cells_colour_and_regions_are_hidden() {
   await page.locator('#cells').selectOption('pull');
   await page.locator('#component').selectOption('1');
   await until(() => Number(document.getElementById('low').value) < -3000);
+  await page.locator('#cells').selectOption('load');
+  await page.locator('#threshold').check();
+  await until(() => Math.min(...window.tetlod.scene.surface.part.values) >= 1535.5);
+  assert.ok(Math.abs(Number(await page.locator('#threshold-least').inputValue()) - 1535.5) < 1);
   assert.deepEqual(page.complaints, []);
 }
 

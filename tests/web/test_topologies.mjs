@@ -30,6 +30,8 @@ function hashOf({ fields }, series) {
 async function everyStep(source, order) {
   const stream = await TetlodStream.open(source);
   const { topologies } = stream.info;
+  let received = 0; // of all groups
+  let changed = false;
   const all = topologies.flatMap(({ times }, topology) => times.map((time, own) => ({ time, topology, own })));
   for (const step of order(all.length)) {
     const { topology, own, time } = all[step];
@@ -41,6 +43,10 @@ async function everyStep(source, order) {
     const band = bands.length - 1;
     assert.equal(hashOf(await stream.mesh(), stream.series), listOf(topology)[band * topologies[topology].times.length + own], `step ${step}`);
     assert.equal(stream.level, bands[band].level);
+    changed ||= topology > 0;
+    const now = stream.received + stream.receivedSteps + stream.receivedBefore;
+    assert.ok(now > 1000 && now >= received && (stream.receivedBefore > 0) === changed, `${now}, ${received} before`);
+    received = now;
   }
   await assert.rejects(stream.seekStep(all.length), /from 0 to 4, not 5/);
   stream.close();

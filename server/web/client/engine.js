@@ -171,7 +171,7 @@ export class Engine {
   async show(spec) {
     const checked = spec && this.#checkSpec(spec);
     const number = ++this.#shows;
-    for (const field of [checked?.cellShade ?? -1, checked?.regions?.field ?? -1]) if (field >= 0) await this.#loadCells(field);
+    for (const field of [checked?.cellShade ?? -1, checked?.regions?.field ?? -1, checked?.threshold?.cells ? checked.threshold.field : -1]) if (field >= 0) await this.#loadCells(field);
     if (number === this.#shows) this.#apply(checked); // else a later one came before the bytes
   }
 
@@ -503,15 +503,16 @@ export class Engine {
   #checkSpec({ field, component, cellField, regions = null, surface = false, edges = false, slices = [], isosurfaces = [], threshold = null, clip = null, volume = null, vectors = null, rays = false, morph = true, tag = null }) {
     const shade = field === undefined ? -1 : this.#fieldIndex(field);
     const of = (name) => (name === undefined ? shade : this.#fieldIndex(name));
-    if (shade < 0 && [...isosurfaces, threshold].some((what) => what && what.field === undefined)) throw new RangeError('an isosurface or threshold needs a field');
+    if (shade < 0 && [...isosurfaces, threshold].some((what) => what && what.field === undefined && what.cellField === undefined)) throw new RangeError('an isosurface or threshold needs a field');
     if (volume && !(volume.size >= 2 && volume.size <= 512)) throw new RangeError(`volume.size is from 2 to 512, not ${volume.size}`);
     const cellShade = cellField === undefined ? -1 : this.#cellIndex(cellField);
     const valueOf = (what) => ({ field: of(what.field), component: this.#component(this.#info.fields[of(what.field)], what.component ?? (what.field === undefined && cellShade < 0 ? component : 0)) });
+    const ofCells = ({ cellField: name, component: of = 0 }) => ({ cells: true, field: this.#cellIndex(name), component: this.#component(this.#info.cellFields[this.#cellIndex(name)], of) });
     return {
       surface, edges, slices, clip, volume, rays, morph, tag, shade, cellShade, vectors: vectors && this.#checkVectors(vectors), regions: regions && this.#checkRegions(regions),
       component: shade < 0 ? 0 : this.#component(this.#info.fields[shade], cellShade < 0 ? component : 0),
       cellComponent: cellShade < 0 ? 0 : this.#component(this.#info.cellFields[cellShade], component),
-      threshold: threshold && { low: -Infinity, high: Infinity, ...threshold, ...valueOf(threshold) },
+      threshold: threshold && { low: -Infinity, high: Infinity, ...threshold, ...(threshold.cellField === undefined ? { cells: false, ...valueOf(threshold) } : ofCells(threshold)) },
       isosurfaces: isosurfaces.map((iso) => ({ ...valueOf(iso), value: iso.value, zone: Boolean(iso.zone) })),
     };
   }

@@ -79,6 +79,7 @@ const closedReason = () => new DOMException('the stream was closed', 'AbortError
 
 // One worker and the calls that wait for its answers.
 class Link {
+  received = { received: 0, receivedSteps: 0 }; // bytes, of levels and of steps
   #worker; #calls = new Map(); #tell; #failed; #reason = null; #running = false;
 
   /** `tell(event, detail)` hears its events, `failed(error)` that a running worker broke. */
@@ -171,6 +172,8 @@ export class TetlodStream extends EventTarget {
   received = 0;
   receivedCells = 0; // bytes of values of cells, beside those
   receivedSteps = 0; // bytes of steps, beside those
+  receivedBefore = 0; // bytes of topology groups that were shown before, beside all those
+  bytes = 0; // of the whole stream, all topology groups among them
   series = null; // {group, times, bands: [{error, level}], fields: [{name, range}], displacement: name or null} of a series in time, from the event `series` on
   topology = 0; // the topology group that is shown, of a series whose mesh changes: `info`, levels and bands are its own, times those of all
 
@@ -195,6 +198,7 @@ export class TetlodStream extends EventTarget {
       stream.#link = stream.#newLink();
       stream.#take(await stream.#link.open({ ...stream.#options, fields, target }));
       stream.#topologies = stream.info.topologies;
+      stream.bytes = stream.info.bytes;
     } catch (error) {
       stream.close();
       throw error;
@@ -318,6 +322,8 @@ export class TetlodStream extends EventTarget {
     const before = this.#link;
     this.#link = link;
     this.topology = topology;
+    this.receivedBefore += this.received + this.receivedSteps;
+    Object.assign(this, link.received);
     this.#take(opened);
     this.series = this.#whole(link.series);
     link.send({ action: 'show', argument: this.#spec });
@@ -504,12 +510,13 @@ export class TetlodStream extends EventTarget {
     if (event === 'series') link.series = detail;
     if (event === 'level') link.level = detail;
     if (event === 'step') link.at = detail;
+    if (event === 'progress') link.received.received = detail.received;
+    if (event === 'buffered') link.received.receivedSteps = detail.received;
     if (link !== this.#link && event !== 'retry') return;
     if (event === 'level') this.level = detail.level;
     if (event === 'cells') this.receivedCells += detail.bytes;
-    if (event === 'buffered') this.receivedSteps = detail.received;
+    Object.assign(this, link.received);
     if (event === 'series') this.series = this.#whole(detail);
-    if (event === 'progress') this.received = detail.received;
     this.#dispatch(event, event === 'series' ? this.series : event === 'step' || event === 'buffered' ? this.#ofAll(detail, link) : detail);
     if (event === 'step') this.#lookAhead(detail.step);
     if (event === 'pictures') nextFrame(() => link.send({ action: 'seen' }));

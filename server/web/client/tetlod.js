@@ -249,11 +249,11 @@ export class View {
   }
 
   /**
-   * From now on pictures are of tetrahedra whose corners have values from `low` to `high` of `range` at the end of a move, or of all (null),
+   * From now on pictures are of tetrahedra whose corners, or which themselves (`cells`), have values from `low` to `high` of `range` at the end of a move, or of all (null),
    * but not of those of `regions`: {field, hidden}, numbers of a field of cells that is loaded; null: none are left out.
    */
   filter(range, regions) {
-    if (range) this.#code.view_threshold(this.#view, range.field, range.component, range.low, range.high);
+    if (range) this.#code.view_threshold(this.#view, range.cells, range.field, range.component, range.low, range.high);
     else this.#code.view_unthreshold(this.#view);
     const hidden = Float64Array.from(regions?.hidden ?? []).sort();
     this.#check(this.#lend(hidden, (address) => this.#code.view_hide(this.#view, regions?.field ?? 0, address, hidden.length)));

@@ -288,7 +288,7 @@ export class Controls {
         number();
       };
     });
-    store.watch(['threshold', 'field', 'component'], ({ threshold }) => {
+    store.watch(['threshold', 'field', 'cells', 'component'], ({ threshold }) => {
       box.checked = Boolean(threshold);
       byId('threshold-body').hidden = !threshold;
       if (threshold) for (const update of follow) update();

@@ -68,9 +68,9 @@ function tellShown() {
   const measure = shownMeasure(info, state);
   byId('stop').hidden = level === wantedLevel(info, state);
   byId('error-kind').textContent = { max: 'Certified error', sampled: 'Sampled error', rms: 'RMS error' }[measure];
-  const received = stream.received + stream.receivedSteps + stream.receivedCells;
-  put('shown-bytes', bytes(received), `of ${bytes(info.bytes)}`);
-  byId('progress').value = received / info.bytes;
+  const received = stream.received + stream.receivedSteps + stream.receivedCells + stream.receivedBefore;
+  put('shown-bytes', bytes(received), `of ${bytes(stream.bytes)}`);
+  byId('progress').value = received / stream.bytes;
   controls.setShown(level, stream.received);
   if (!now) return;
   const error = viewer.at?.error ?? errorOf(now, state.field, measure);

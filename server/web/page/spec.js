@@ -2,23 +2,26 @@
 // What the state asks of the stream: which pictures, and how exact they are to be.
 
 import { planeOf } from './geometry.js';
-import { colouredOf, componentOf, defaultTets, fieldOf, isosurfacesOf, measureFor, targetFieldOf, vectorsOf } from './levels.js';
+import { colouredOf, defaultTets, fieldOf, isosurfacesOf, measureFor, targetFieldOf, vectorsOf } from './levels.js';
 
 // What the state's fractions are of; it does not change while the stream comes.
-function rangeOf(info, { field, component }) {
-  const { range, components } = fieldOf(info, field);
+function rangeIn({ field: { range, components }, component }) {
   return component === 'magnitude' ? [0, Math.sqrt(components) * Math.max(...range.map(Math.abs))] : range;
 }
 
 /** What isosurfaces are fractions of, and what a threshold's ends are. */
-export const isosurfaceRange = (state, info) => rangeOf(info, isosurfacesOf(info, state));
-export const thresholdRange = (state, info) => rangeOf(info, { field: state.field, component: componentOf(info, state) });
+export const isosurfaceRange = (state, info) => {
+  const { field, component } = isosurfacesOf(info, state);
+  return rangeIn({ field: fieldOf(info, field), component });
+};
+export const thresholdRange = (state, info) => rangeIn(colouredOf(info, state));
 
 function thresholdOf(state, info) {
   if (!state.threshold) return null;
   const [low, high] = thresholdRange(state, info);
   const [from, to] = state.threshold;
-  return { field: state.field, component: componentOf(info, state), low: from > 0 ? low + from * (high - low) : -Infinity, high: to < 1 ? low + to * (high - low) : Infinity };
+  const { field: { name }, cells, component } = colouredOf(info, state);
+  return { [cells ? 'cellField' : 'field']: name, component, low: from > 0 ? low + from * (high - low) : -Infinity, high: to < 1 ? low + to * (high - low) : Infinity };
 }
 
 /** The pictures, as `TetlodStream.show` takes them. */

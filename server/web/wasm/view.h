@@ -50,6 +50,7 @@ struct view_sample {
 
 /* Tetrahedra whose four corners have values from low to high. */
 struct view_range {
+    bool of_cells; /* of a field of cells, that is loaded */
     uint32_t field;
     int32_t component;
     double low, high;
@@ -171,7 +172,7 @@ VIEW_EXPORT(view_unclip) void view_unclip(struct view *view);
 
 /* From now on pictures are of tetrahedra in a range, at the end of a move; or of all again. */
 VIEW_EXPORT(view_threshold)
-void view_threshold(struct view *view, uint32_t field, int32_t component, double low, double high);
+void view_threshold(struct view *view, bool of_cells, uint32_t field, int32_t component, double low, double high);
 VIEW_EXPORT(view_unthreshold) void view_unthreshold(struct view *view);
 /* And not of those with these numbers, ascending, in a field of cells that is loaded, of one component. */
 VIEW_EXPORT(view_hide) uint32_t view_hide(struct view *view, uint32_t field, const double *numbers, uint32_t count);
@@ -184,6 +185,8 @@ VIEW_EXPORT(view_filter) uint32_t view_filter(struct view *view);
 VIEW_EXPORT(view_load_cells) uint32_t view_load_cells(struct view *view, uint32_t field);
 /* [components * tetrahedra of the original]; NULL: it is not loaded. */
 VIEW_EXPORT(view_cells) const double *view_cells(const struct view *view, uint32_t field);
+/* Of a tetrahedron, in a field of cells that is loaded. */
+double view_cell_value(const struct view *view, uint32_t field, int32_t component, size_t tet);
 /* As view_shade: such a field colours, which is loaded. After view_filter. Then its least and greatest value are in view_shade_range. */
 VIEW_EXPORT(view_shade_cells) uint32_t view_shade_cells(struct view *view, uint32_t field, int32_t component);
 VIEW_EXPORT(view_shade_range) const double *view_shade_range(const struct view *view);

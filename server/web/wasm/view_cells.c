@@ -41,6 +41,12 @@ static double value_of(const double *values, uint32_t components, int32_t compon
     return sqrt(sum);
 }
 
+double view_cell_value(const struct view *view, uint32_t field, int32_t component, size_t tet)
+{
+    uint32_t components = view_info(view)->cell_fields[field].components;
+    return value_of(view->cells[field] + tet * components, components, component);
+}
+
 /* What is drawn may be some of the tetrahedra. */
 static bool take_kept(struct view *view)
 {
@@ -57,7 +63,7 @@ static bool take_kept(struct view *view)
 
 uint32_t view_shade_cells(struct view *view, uint32_t field, int32_t component)
 {
-    uint32_t tets = view->shown.tet_count, components = view_info(view)->cell_fields[field].components;
+    uint32_t tets = view->shown.tet_count;
     double *of_tets = array_resize(view->of_tets, tets ? tets : 1, sizeof *of_tets), low = INFINITY, high = -INFINITY;
     if (of_tets)
         view->of_tets = of_tets;
@@ -67,7 +73,7 @@ uint32_t view_shade_cells(struct view *view, uint32_t field, int32_t component)
     view->shade_field = field;
     view->shade_component = component;
     for (size_t t = 0; of_tets && t < tets; t++) {
-        of_tets[t] = value_of(view->cells[field] + t * components, components, component);
+        of_tets[t] = view_cell_value(view, field, component, t);
         low = of_tets[t] < low ? of_tets[t] : low;
         high = of_tets[t] > high ? of_tets[t] : high;
     }

@@ -13,13 +13,13 @@ static void forget_kept(struct view *view)
     view->grid_size = 0;
 }
 
-void view_threshold(struct view *view, uint32_t field, int32_t component, double low, double high)
+void view_threshold(struct view *view, bool of_cells, uint32_t field, int32_t component, double low, double high)
 {
     const struct view_range *last = &view->range;
-    if (view->has_range && last->field == field && last->component == component && last->low == low && last->high == high)
+    if (view->has_range && last->of_cells == of_cells && last->field == field && last->component == component && last->low == low && last->high == high)
         return;
     view->has_range = true;
-    view->range = (struct view_range){field, component, low, high};
+    view->range = (struct view_range){of_cells, field, component, low, high};
     forget_kept(view);
 }
 
@@ -51,11 +51,15 @@ uint32_t view_hide(struct view *view, uint32_t field, const double *numbers, uin
     return TETLOD_OK;
 }
 
-static bool is_in_range(const struct view *view, const uint32_t *tet)
+static bool is_in_range(const struct view *view, uint32_t tet)
 {
+    const struct view_range *range = &view->range;
+    const uint32_t *corners = view->shown.corners + 4 * (size_t)tet;
     bool in = true;
-    for (int i = 0; i < 4; i++)
-        in = in && view->function[tet[i]] >= view->range.low && view->function[tet[i]] <= view->range.high;
+    for (int i = 0; i < (range->of_cells ? 1 : 4); i++) {
+        double value = range->of_cells ? view_cell_value(view, range->field, range->component, tet) : view->function[corners[i]];
+        in = in && value >= range->low && value <= range->high;
+    }
     return in;
 }
 
@@ -80,7 +84,7 @@ static bool keep(struct view *view)
     uint32_t count = 0;
     for (uint32_t t = 0; t < shown->tet_count; t++) {
         const uint32_t *tet = shown->corners + 4 * (size_t)t;
-        if ((view->has_range && !is_in_range(view, tet)) || (view->hidden.count && is_hidden(view, t)))
+        if ((view->has_range && !is_in_range(view, t)) || (view->hidden.count && is_hidden(view, t)))
             continue;
         tets[count] = t;
         memcpy(corners + 4 * (size_t)count++, tet, 4 * sizeof *tet);
@@ -94,7 +98,7 @@ uint32_t view_filter(struct view *view)
     const struct view_range *range = &view->range;
     if (view->has_kept || (!view->has_range && !view->hidden.count))
         return TETLOD_OK;
-    if (view->has_range)
+    if (view->has_range && !range->of_cells)
         view_take_values(view->moving ? &view->to : &view->shown, view->shown.vertex_count, range->field, range->component, view->function);
     view->has_kept = keep(view);
     return view->has_kept ? TETLOD_OK : tetlodi_fail_nomem(&view->error, "some of the tetrahedra", 20 * (uint64_t)view->shown.tet_count);

@@ -258,7 +258,7 @@ static bool at_vertex(const struct examination *e, uint32_t v)
 {
     struct examiner *examiner = e->examiner;
     const struct patch *patch = &examiner->patch;
-    const double *p = patch_position(patch, e->overlaps, v), *row = patch_row(patch, v);
+    const double *p = patch->positions[v];
     size_t links = patch->link_count, vertices = patch->vertex_count;
     if (p[0] == patch->apex[0] && p[1] == patch->apex[1] && p[2] == patch->apex[2]) {
         for (uint32_t d = 0; d < e->fields->driver_count; d++)
@@ -275,7 +275,7 @@ static bool at_vertex(const struct examination *e, uint32_t v)
     for (uint32_t d = 0; d < e->fields->driver_count; d++) {
         double constant = -examiner->original[d * vertices + v];
         for (int k = 0; k < 3; k++)
-            constant += cone->scale[k] * row[cone->walls[k]] * examiner->level[d * links + cone->link[k]];
+            constant += cone->scale[k] * patch_distance(patch, cone->walls[k], patch->offsets[v]) * examiner->level[d * links + cone->link[k]];
         examiner->constants[d] = constant;
     }
     const struct sentinel here = {cone->tet, {{patch->vertices[v], patch->vertices[v]}, 0}};
@@ -288,20 +288,20 @@ static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_
     struct examiner *examiner = e->examiner;
     const struct patch *patch = &examiner->patch;
     const struct cone *cone = &patch->cones[patch->walls[w].cones[0]];
-    const double *from = patch_row(patch, a), *to = patch_row(patch, b);
-    double between = from[w] - to[w], t = between != 0 ? from[w] / between : 0, s, x[3], weights[3], sum = 0;
+    const double *from = patch->offsets[a], *to = patch->offsets[b], near = patch_distance(patch, w, from);
+    double between = near - patch_distance(patch, w, to), t = between != 0 ? near / between : 0, s, x[3], weights[3], sum = 0;
     t = smaller(larger(t, 0), 1);
     s = 1 - t;
     for (int k = 0; k < 3; k++) {
         uint32_t other = cone->walls[k];
-        weights[k] = other == w ? 0 : cone->scale[k] * (s * from[other] + t * to[other]);
+        weights[k] = other == w ? 0 : cone->scale[k] * (s * patch_distance(patch, other, from) + t * patch_distance(patch, other, to));
         if (weights[k] < -patch->beyond)
             return true;
         sum += weights[k];
     }
     if (sum > 1 + patch->beyond)
         return true;
-    const double *p = patch_position(patch, e->overlaps, a), *q = patch_position(patch, e->overlaps, b);
+    const double *p = patch->positions[a], *q = patch->positions[b];
     for (int i = 0; i < 3; i++)
         x[i] = s * p[i] + t * q[i];
     double weight = cone->apex * cone_height(cone, patch, e->complex, x);
@@ -358,7 +358,7 @@ static bool at_face(const struct examination *e, uint32_t link, const uint32_t f
     double across[3][2], weights[3], off[2], along[3], x[3] = {0, 0, 0};
     for (int k = 0; k < 3; k++)
         for (int i = 0; i < 2; i++)
-            across[k][i] = patch_row(patch, face[k])[spoke->walls[i]];
+            across[k][i] = patch_distance(patch, spoke->walls[i], patch->offsets[face[k]]);
     if (!triangle_holds(across, tolerance, weights, off))
         return true;
     for (int i = 0; i < 2; i++)
@@ -366,7 +366,7 @@ static bool at_face(const struct examination *e, uint32_t link, const uint32_t f
             return true; // the spoke lies in the face: where it leaves that, it crosses others (PROOF.md, 8)
     for (int k = 0; k < 3; k++)
         for (int i = 0; i < 3; i++)
-            x[i] += weights[k] * patch_position(patch, e->overlaps, face[k])[i];
+            x[i] += weights[k] * patch->positions[face[k]][i];
     subtract(tip, patch->apex, along);
     subtract(tip, x, x);
     double weight = dot(along, x) / dot(along, along);
@@ -393,7 +393,7 @@ static bool at_apex(const struct examination *e)
     for (uint32_t t = 0; t < patch->tet_count; t++) {
         const double *p[4];
         for (int c = 0; c < 4; c++)
-            p[c] = patch_position(patch, e->overlaps, patch->corners[t][c]);
+            p[c] = patch->positions[patch->corners[t][c]];
         double weights[4] = {tet_volume6(at, p[1], p[2], p[3]), tet_volume6(p[0], at, p[2], p[3]),
                              tet_volume6(p[0], p[1], at, p[3]), tet_volume6(p[0], p[1], p[2], at)};
         double volume = weights[0] + weights[1] + weights[2] + weights[3], least = INFINITY;
@@ -460,7 +460,7 @@ enum { ARRIVED = -1, LOST = -2 };
  * LOST: its near end is outside of one as well, so that rounding has led astray, or it leaves the star. */
 static int64_t way_out(const struct patch *patch, const uint32_t edge[2], uint32_t f)
 {
-    const double *from = patch_row(patch, edge[0]), *to = patch_row(patch, edge[1]);
+    const double *from = patch->offsets[edge[0]], *to = patch->offsets[edge[1]];
     const uint64_t *near = patch_side(patch, edge[0], POSITIVE), *far = patch_side(patch, edge[1], POSITIVE),
                    *inside = patch->cone_signs + (size_t)f * patch->words;
     int64_t found = ARRIVED;
@@ -472,7 +472,7 @@ static int64_t way_out(const struct patch *patch, const uint32_t edge[2], uint32
             continue;
         if ((near[w / 64] ^ inside[w / 64]) & bit || patch->walls[w].outer)
             return LOST;
-        double t = from[w] / (from[w] - to[w]);
+        double distance = patch_distance(patch, w, from), t = distance / (distance - patch_distance(patch, w, to));
         if (t < first) {
             first = t;
             found = w;
@@ -641,7 +641,7 @@ static bool look_everywhere(const struct examination *e)
     if (!is_original(e) && !at_apex(e))
         return false;
     for (uint32_t v = 0; v < patch->vertex_count; v++) {
-        patch_rows(patch, e->overlaps, v, v + 1);
+        patch_place(patch, v);
         if (!at_vertex(e, v))
             return false;
     }

@@ -11,8 +11,8 @@
 #include "src/mesh/vector.h"
 #include "src/util/array.h"
 
-/* A star whose rows would be longer in all is left alone: it is no good anyway. */
-static const size_t MOST_ROWS = (size_t)1 << 19;
+/* A star with more pairs of a vertex and a wall is left alone: it is no good anyway. */
+static const size_t MOST_SIDES = (size_t)1 << 19;
 
 /* Distances from a plane through v', and heights over a link face, are this many units in the last place of the product of
  * the three lengths that they are made of wrong at most (PROOF.md, section 8). */
@@ -26,10 +26,6 @@ static const double LEAST_SINE = 1e-3;
 
 struct patch_slot {
     uint32_t epoch, edge;
-};
-
-struct patch_number {
-    uint32_t epoch, number;
 };
 
 /* ---- which originals overlap which tetrahedra */
@@ -112,7 +108,13 @@ static const uint32_t *overlaps_of(const struct overlaps *overlaps, uint32_t tet
 
 /* ---- memory */
 
-enum part { TETS, CORNERS, VERTICES, EDGES, LINK, WALLS, CONES, NORMALS, ROWS, SIGNS, CONE_WALLS, CONE_SIGNS, SPOKE_WALLS,
+/* Of a set of numbers below that. */
+static size_t set_words(size_t count)
+{
+    return (count + 63) / 64;
+}
+
+enum part { TETS, CORNERS, VERTICES, EDGES, LINK, WALLS, CONES, NORMALS, POSITIONS, OFFSETS, SIGNS, CONE_WALLS, CONE_SIGNS, SPOKE_WALLS,
             SPOKES, TABLE, PAIRS, ORIGINAL_SIDES, HOMES };
 
 /* Room for that many elements in an array of the patch; `array` points to its pointer. */
@@ -132,32 +134,44 @@ static enum tetlod_status no_room(struct tetlod_error *error)
 
 enum tetlod_status patch_init(struct patch *patch, const struct complex *complex, struct tetlod_error *error)
 {
-    size_t tets = complex->tet_count, vertices = complex->vertex_count;
-    *patch = (struct patch){.tet_epoch = array_zero(tets, sizeof(uint32_t)),
-                            .star_epoch = array_zero(tets, sizeof(uint32_t)),
-                            .vertex_number = array_zero(vertices, sizeof *patch->vertex_number),
+    size_t set = set_words(complex->tet_count), vertices = complex->vertex_count;
+    *patch = (struct patch){.listed = array_zero(set, sizeof(uint64_t)),
+                            .covered = array_zero(set, sizeof(uint64_t)),
+                            .numbers = array_new(vertices, sizeof(uint32_t)),
                             .slot_epoch = array_zero(vertices, sizeof(uint32_t)),
                             .slot_number = array_new(vertices, sizeof(uint32_t))};
-    if (patch->tet_epoch && patch->star_epoch && patch->vertex_number && patch->slot_epoch &&
-        patch->slot_number)
-        return TETLOD_OK;
-    patch_fini(patch);
-    return tetlodi_fail_nomem(error, "the originals under a star", tets * 8 + vertices * 16);
+    if (!patch->listed || !patch->covered || !patch->numbers || !patch->slot_epoch || !patch->slot_number) {
+        patch_fini(patch);
+        return tetlodi_fail_nomem(error, "the originals under a star", set * 16 + vertices * 12);
+    }
+    memset(patch->numbers, 0xff, vertices * sizeof *patch->numbers);
+    return TETLOD_OK;
 }
 
 void patch_fini(struct patch *patch)
 {
     void *owned[] = {patch->tets,         patch->corners,      patch->vertices,    patch->edges,       patch->link,
-                     patch->walls,        patch->cones,        patch->normals,     patch->rows,        patch->signs,
+                     patch->walls,        patch->cones,        patch->normals,     patch->positions,   patch->offsets,
+                     patch->signs,
                      patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spokes,      patch->table,
-                     patch->pairs,        patch->sides,       patch->homes,       patch->tet_epoch,   patch->star_epoch,
-                     patch->vertex_number, patch->slot_epoch, patch->slot_number};
+                     patch->pairs,        patch->sides,       patch->homes,       patch->listed,      patch->covered,
+                     patch->numbers,      patch->slot_epoch,   patch->slot_number};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     *patch = (struct patch){0};
 }
 
 /* ---- gathering */
+
+static inline bool set_has(const uint64_t *set, uint32_t number)
+{
+    return set[number / 64] >> number % 64 & 1;
+}
+
+static inline void set_add(uint64_t *set, uint32_t number)
+{
+    set[number / 64] |= (uint64_t)1 << number % 64;
+}
 
 /* The originals under the star's tetrahedra, each once; those under the ones that are removed first, for v' is likely there. */
 static bool gather_tets(struct patch *patch, const struct overlaps *overlaps, const struct star *star)
@@ -167,50 +181,66 @@ static bool gather_tets(struct patch *patch, const struct overlaps *overlaps, co
     for (uint32_t i = 0; i < star->tet_count; i++) {
         overlaps_of(overlaps, star->tets[i], &count);
         most += count;
-        patch->star_epoch[star->tets[i]] = patch->epoch;
     }
     patch->tet_count = 0;
+    patch->steepest = 0;
     if (!room(patch, TETS, &patch->tets, most, sizeof *patch->tets))
         return false;
     for (int pass = 0; pass < 2; pass++)
         for (uint32_t i = 0; i < star->tet_count; i++) {
             const uint32_t *list = overlaps_of(overlaps, star->tets[i], &count);
             for (uint32_t k = 0; k < count && (star->moving[i] == STAR_REMOVED) == !pass; k++) {
-                if (patch->tet_epoch[list[k]] != patch->epoch)
-                    patch->tets[patch->tet_count++] = list[k];
-                patch->tet_epoch[list[k]] = patch->epoch;
+                if (set_has(patch->listed, list[k]))
+                    continue;
+                set_add(patch->listed, list[k]);
+                patch->tets[patch->tet_count++] = list[k];
             }
         }
+    for (uint32_t t = 0; t < patch->tet_count; t++) {
+        float slope = overlaps->slopes[patch->tets[t]];
+        patch->listed[patch->tets[t] / 64] = 0;
+        patch->steepest = slope > patch->steepest ? slope : patch->steepest;
+    }
     return room(patch, CORNERS, &patch->corners, patch->tet_count, sizeof *patch->corners);
 }
 
 /* Numbers the originals' vertices, those that the star hosts first. */
-static bool gather_vertices(struct patch *patch, const struct overlaps *overlaps)
+static bool gather_vertices(struct patch *patch, const struct overlaps *overlaps, const struct star *star)
 {
     static const uint32_t outside = (uint32_t)1 << 31; // a number among those that it does not host
     size_t most = 4 * (size_t)patch->tet_count;
     if (!room(patch, VERTICES, &patch->vertices, 2 * most, sizeof *patch->vertices))
         return false;
     uint32_t *corners = patch->corners[0], *others = patch->vertices + most, inside_count = 0, other_count = 0;
+    for (uint32_t i = 0; i < star->tet_count; i++)
+        set_add(patch->covered, star->tets[i]);
     for (size_t i = 0; i < most; i++) {
         uint32_t v = overlaps->mesh->corners[4 * (size_t)patch->tets[i / 4] + i % 4];
-        struct patch_number *number = &patch->vertex_number[v];
-        if (number->epoch != patch->epoch) {
+        uint32_t *number = &patch->numbers[v];
+        if (*number == TETLOD_NONE) {
             uint32_t host = overlaps->host[v];
-            bool inside = host != TETLOD_NONE && patch->star_epoch[host] == patch->epoch;
-            *number = (struct patch_number){patch->epoch, inside ? inside_count : other_count | outside};
+            bool inside = host != TETLOD_NONE && set_has(patch->covered, host);
+            *number = inside ? inside_count : other_count | outside;
             if (inside)
                 patch->vertices[inside_count++] = v;
             else
                 others[other_count++] = v;
         }
-        corners[i] = number->number;
+        corners[i] = *number;
     }
+    for (uint32_t i = 0; i < star->tet_count; i++)
+        patch->covered[star->tets[i] / 64] = 0;
     for (size_t i = 0; i < most; i++)
         corners[i] = corners[i] & outside ? (corners[i] & ~outside) + inside_count : corners[i];
     memmove(patch->vertices + inside_count, others, other_count * sizeof *others);
     patch->inside_count = inside_count;
     patch->vertex_count = inside_count + other_count;
+    if (!room(patch, POSITIONS, &patch->positions, patch->vertex_count, sizeof *patch->positions))
+        return false;
+    for (uint32_t v = 0; v < patch->vertex_count; v++) {
+        patch->numbers[patch->vertices[v]] = TETLOD_NONE;
+        memcpy(patch->positions[v], overlaps->mesh->positions + 3 * (size_t)patch->vertices[v], sizeof *patch->positions);
+    }
     return true;
 }
 
@@ -441,7 +471,6 @@ enum tetlod_status patch_look(struct patch *patch, const struct complex *complex
     memcpy(patch->apex, p, sizeof patch->apex);
     *out_sound = true;
     if (!room(patch, NORMALS, &patch->normals, 5 * stride, sizeof *patch->normals) ||
-        !room(patch, ROWS, &patch->rows, stride, sizeof *patch->rows) ||
         !room(patch, SIGNS, &patch->signs, SIDES * words, sizeof *patch->signs) ||
         !room(patch, CONE_WALLS, &patch->cone_walls, words * cones, sizeof *patch->cone_walls) ||
         !room(patch, CONE_SIGNS, &patch->cone_signs, words * cones, sizeof *patch->cone_signs) ||
@@ -465,21 +494,20 @@ enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *over
                                 bool *out_few, struct tetlod_error *error)
 {
     double reach2 = 0;
-    if (!patch->gathered && (!gather_tets(patch, overlaps, star) || !gather_vertices(patch, overlaps)))
+    if (!patch->gathered && (!gather_tets(patch, overlaps, star) || !gather_vertices(patch, overlaps, star)))
         return no_room(error);
     patch->gathered = true;
-    *out_few = (size_t)patch->stride * patch->vertex_count <= MOST_ROWS;
-    if (*out_few && (!room(patch, ROWS, &patch->rows, (size_t)patch->stride * patch->vertex_count, sizeof *patch->rows) ||
+    *out_few = (size_t)patch->stride * patch->vertex_count <= MOST_SIDES;
+    if (*out_few && (!room(patch, OFFSETS, &patch->offsets, patch->vertex_count, sizeof *patch->offsets) ||
                      !room(patch, SIGNS, &patch->signs, SIDES * (size_t)patch->words * patch->vertex_count,
                            sizeof *patch->signs) ||
                      !room(patch, HOMES, &patch->homes, patch->vertex_count, sizeof *patch->homes)))
         return no_room(error);
     for (uint32_t v = 0; v < patch->vertex_count; v++)
-        reach2 = larger(reach2, distance_squared(patch->apex, patch_position(patch, overlaps, v)));
+        reach2 = larger(reach2, distance_squared(patch->apex, patch->positions[v]));
     reach_out(patch, sqrt(reach2));
     patch->beyond = BEYOND + PLANE_ROUNDING * patch->condition;
-    for (uint32_t t = 0; t < patch->tet_count; t++) // the originals' own planes and weights are rounded, too
-        patch->condition = larger(patch->condition, overlaps->slopes[patch->tets[t]] * patch->reach);
+    patch->condition = larger(patch->condition, patch->steepest * patch->reach); // the originals' own planes and weights are rounded, too
     return TETLOD_OK;
 }
 
@@ -493,9 +521,8 @@ struct unaligned {
     lanes lanes;
 } __attribute__((packed, aligned(8), may_alias));
 
-/* The distances from up to 64 walls, and their signs. */
-static inline void make_word(const struct patch *patch, const double r[3], double *row, size_t first, size_t last,
-                             uint64_t *signs)
+/* On which sides of up to 64 walls a place is. */
+static inline void make_word(const struct patch *patch, const double r[3], size_t first, size_t last, uint64_t *signs)
 {
     const double *nx = patch->normals, *ny = nx + patch->stride, *nz = ny + patch->stride, *tolerances = patch->tolerances,
                  *thresholds = patch->thresholds;
@@ -503,7 +530,6 @@ static inline void make_word(const struct patch *patch, const double r[3], doubl
     lane_bits positives = {0}, nears = {0}, bit = {1, 2};
     for (size_t w = first; w < last; w += PATCH_LANES, bit <<= PATCH_LANES) {
         lanes distance = LOAD(nx + w) * x + LOAD(ny + w) * y + LOAD(nz + w) * z, tolerance = LOAD(tolerances + w);
-        memcpy(row + w, &distance, sizeof distance);
         positives |= (lane_bits)(distance >= LOAD(thresholds + w)) & bit;
         nears |= (lane_bits)(distance <= tolerance) & (lane_bits)(distance >= -tolerance) & bit;
     }
@@ -514,13 +540,11 @@ static inline void make_word(const struct patch *patch, const double r[3], doubl
     signs[MAYBE_NOT_NEGATIVE * patch->words] = positive | near;
 }
 
-static void make_row(const struct patch *patch, const double p[3], double *row, uint64_t *signs)
+static void make_signs(const struct patch *patch, const double r[3], uint64_t *signs)
 {
-    double r[3];
-    subtract(p, patch->apex, r);
     for (uint32_t word = 0; word < patch->words; word++) {
         size_t first = (size_t)64 * word, last = first + 64 < patch->stride ? first + 64 : patch->stride;
-        make_word(patch, r, row, first, last, signs + word);
+        make_word(patch, r, first, last, signs + word);
     }
 }
 
@@ -543,26 +567,27 @@ static uint32_t find_cone(const struct patch *patch, const uint64_t *signs)
     return TETLOD_NONE;
 }
 
-void patch_rows(struct patch *patch, const struct overlaps *overlaps, uint32_t begin, uint32_t end)
+void patch_place(struct patch *patch, uint32_t vertex)
 {
-    for (uint32_t v = begin; v < end; v++) {
-        uint64_t *signs = patch->signs + (size_t)v * SIDES * patch->words;
-        make_row(patch, patch_position(patch, overlaps, v), patch->rows + (size_t)v * patch->stride, signs);
-        patch->homes[v] = find_cone(patch, signs + POSITIVE * patch->words);
-    }
+    uint64_t *signs = patch->signs + (size_t)vertex * SIDES * patch->words;
+    subtract(patch->positions[vertex], patch->apex, patch->offsets[vertex]);
+    make_signs(patch, patch->offsets[vertex], signs);
+    patch->homes[vertex] = find_cone(patch, signs + POSITIVE * patch->words);
 }
 
 uint32_t patch_cone_at(struct patch *patch, const struct complex *complex, const double p[3], double weights[3],
                        double *apex_weight)
 {
-    make_row(patch, p, patch->rows, patch->signs); // of vertex 0, whose turn comes later
+    double r[3];
+    subtract(p, patch->apex, r);
+    make_signs(patch, r, patch->signs); // of vertex 0, whose turn comes later
     uint32_t f = find_cone(patch, patch->signs);
     if (f == TETLOD_NONE)
         return f;
     const struct cone *cone = &patch->cones[f];
     *apex_weight = cone->apex * cone_height(cone, patch, complex, p);
     for (int k = 0; k < 3; k++)
-        weights[k] = cone->scale[k] * patch->rows[cone->walls[k]];
+        weights[k] = cone->scale[k] * patch_distance(patch, cone->walls[k], r);
     return f;
 }
 
@@ -572,13 +597,12 @@ uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex)
     if (best != TETLOD_NONE)
         return best;
     // rounding may leave a sliver between cones: the cone that it is least outside of
-    const double *row = patch_row(patch, vertex);
     double most = -patch->beyond;
     for (uint32_t f = 0; f < patch->cone_count; f++) {
         const struct cone *cone = &patch->cones[f];
         double least = INFINITY;
         for (int k = 0; k < 3; k++)
-            least = smaller(least, cone->scale[k] * row[cone->walls[k]]);
+            least = smaller(least, cone->scale[k] * patch_distance(patch, cone->walls[k], patch->offsets[vertex]));
         if (least > most) {
             most = least;
             best = f;
@@ -609,11 +633,10 @@ static bool on_boundary(const struct patch *patch, const struct cone *cone)
 }
 
 /* Is the original behind the cone's link face? */
-static bool behind(const struct patch *patch, const struct overlaps *overlaps, const struct complex *complex, size_t tet,
-                   const struct cone *cone)
+static bool behind(const struct patch *patch, const struct complex *complex, size_t tet, const struct cone *cone)
 {
     for (int c = 0; c < 4; c++)
-        if (cone->outer || cone_height(cone, patch, complex, patch_position(patch, overlaps, patch->corners[tet][c])) > cone->tolerance)
+        if (cone->outer || cone_height(cone, patch, complex, patch->positions[patch->corners[tet][c]]) > cone->tolerance)
             return false;
     return true;
 }
@@ -646,12 +669,12 @@ static bool apart_by_original(const struct patch *patch, const struct overlaps *
 }
 
 /* Is a corner of the original inside the cone? */
-static bool holds_corner(const struct patch *patch, const struct overlaps *overlaps, const struct complex *complex, size_t tet, uint32_t f)
+static bool holds_corner(const struct patch *patch, const struct complex *complex, size_t tet, uint32_t f)
 {
     const struct cone *cone = &patch->cones[f];
     for (int c = 0; c < 4; c++) {
         uint32_t v = patch->corners[tet][c];
-        if (patch->homes[v] == f && cone_height(cone, patch, complex, patch_position(patch, overlaps, v)) > cone->tolerance)
+        if (patch->homes[v] == f && cone_height(cone, patch, complex, patch->positions[v]) > cone->tolerance)
             return true;
     }
     return false;
@@ -674,8 +697,8 @@ static bool hand_on_to(const struct patch *patch, const struct overlaps *overlap
         return false;
     uint32_t *list = handover->numbers + handover->count + 2, count = 0;
     for (size_t t = 0; t < patch->tet_count; t++)
-        if (!outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, overlaps, complex, t, cone) &&
-            (on_boundary(patch, cone) || holds_corner(patch, overlaps, complex, t, f) || !apart_by_original(patch, overlaps, complex, patch->tets[t], cone)))
+        if (!outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, complex, t, cone) &&
+            (on_boundary(patch, cone) || holds_corner(patch, complex, t, f) || !apart_by_original(patch, overlaps, complex, patch->tets[t], cone)))
             list[count++] = patch->tets[t];
     list[-2] = cone->tet;
     list[-1] = count;
@@ -722,7 +745,7 @@ enum tetlod_status patch_hand_on(struct patch *patch, const struct overlaps *ove
     for (uint32_t v = 0; v < patch->vertex_count; v++) {
         uint32_t f = patch_cone_of(patch, v), host = f == TETLOD_NONE ? f : patch->cones[f].tet;
         if (v >= patch->inside_count &&
-            (f == TETLOD_NONE || !(cone_height(&patch->cones[f], patch, complex, patch_position(patch, overlaps, v)) > 0)))
+            (f == TETLOD_NONE || !(cone_height(&patch->cones[f], patch, complex, patch->positions[v]) > 0)))
             continue;
         out->numbers[out->count++] = patch->vertices[v];
         out->numbers[out->count++] = host;
@@ -753,13 +776,13 @@ static void pool_compact(struct overlaps *overlaps)
     overlaps->pool_size = kept;
 }
 
-/* Room for `needed` more in the pool, which is as large as what is in use and a third. */
+/* Room for `needed` more in the pool, which is as large as what is in use and an eighth. */
 static bool pool_room(struct overlaps *overlaps, size_t needed)
 {
     if (overlaps->pool_size + needed <= overlaps->pool_capacity)
         return true;
     pool_compact(overlaps);
-    size_t capacity = overlaps->pool_size + overlaps->pool_size / 3 + needed + 1024;
+    size_t capacity = overlaps->pool_size + overlaps->pool_size / 8 + needed + 1024;
     void *pool = array_resize(overlaps->pool, capacity, sizeof *overlaps->pool);
     if (!pool)
         return false;

@@ -5,7 +5,7 @@
  * Every tetrahedron of the level has a list of the original ones that overlap it. A star's patch is the union of its lists. A
  * contraction to v' makes a cone from v' over every link face; between two cones stands a wall, the triangle of v' and an edge
  * of the link; where walls meet is a spoke, the edge from v' to a vertex of the link. All there is to know of an original
- * vertex is on which side of every wall's plane it is, and how far: one row of numbers, whose signs as bits cull.
+ * vertex is on which side of every wall's plane it is, as bits that cull, and how far, which is computed where it is asked.
  */
 #ifndef TETLOD_PATCH_H
 #define TETLOD_PATCH_H
@@ -91,6 +91,8 @@ struct patch {
     uint32_t *tets;              /* of the original */
     uint32_t (*corners)[4];      /* [tet] vertices */
     uint32_t *vertices;          /* of the original; those hosted by the star first */
+    double (*positions)[3];      /* [vertex] */
+    float steepest;              /* the largest of the tetrahedra's slopes */
     uint32_t (*edges)[2];        /* once each, after patch_edges */
     /* the star */
     uint32_t link_count, wall_count, cone_count;
@@ -102,19 +104,20 @@ struct patch {
     double condition;            /* the largest of the cones', and of the originals' once these are gathered: (longest edge)^2 * reach / 6V */
     double beyond;               /* a point counts that is this far outside of a wall, in weights: by rounding it may be inside */
     uint32_t words;              /* of a set of walls */
-    uint32_t stride;             /* of rows: the walls, and idle ones up to a multiple of PATCH_LANES */
+    uint32_t stride;             /* the walls, and idle ones up to a multiple of PATCH_LANES */
     double *normals;             /* [3][stride] of the walls */
-    double *tolerances;          /* [stride] of the distances' rounding */
+    double *tolerances;          /* [stride] of the distances' rounding, scaled */
     double *thresholds;          /* [stride] distances from there on count as positive */
-    double *rows;                /* [vertex][stride] distances from the walls' planes, scaled */
+    double (*offsets)[3];        /* [vertex] from the apex */
     uint64_t *signs;             /* [vertex][SIDES][words] sets of walls */
     uint32_t *homes;             /* [vertex] the cone whose signs it has, or TETLOD_NONE */
     uint64_t *cone_walls, *cone_signs; /* [cone][words] its walls, and the signs inside it */
     uint64_t *spoke_walls;       /* [link][words] the walls that meet there, but those on the boundary */
     struct spoke *spokes;        /* [link] */
     /* scratch */
-    uint32_t epoch, *tet_epoch, *star_epoch, *slot_epoch, *slot_number;
-    struct patch_number *vertex_number; /* [original vertex] */
+    uint32_t epoch, *slot_epoch, *slot_number;
+    uint64_t *listed, *covered; /* sets of original tetrahedra, and of the level's; empty between stars, as are: */
+    uint32_t *numbers;          /* [original vertex] its number, or TETLOD_NONE */
     struct patch_slot *table; /* of edges */
     size_t table_size;
     uint32_t *pairs;          /* [link * link] number of the wall there, plus 1; all 0 between stars */
@@ -140,13 +143,13 @@ TETLOD_CHECKED enum tetlod_status patch_look(struct patch *patch, const struct c
 uint32_t patch_cone_at(struct patch *patch, const struct complex *complex, const double p[3], double weights[3],
                        double *apex_weight);
 
-/* Gathers the originals under the star, if they are not there yet, and makes room for their rows. *out_few: they are not too
+/* Gathers the originals under the star, if they are not there yet, and makes room for their vertices' sides. *out_few: they are not too
  * many. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status patch_gather(struct patch *patch, const struct overlaps *overlaps,
                                                const struct star *star, bool *out_few, struct tetlod_error *error);
 
-/* Computes the rows of vertices begin .. end-1. */
-void patch_rows(struct patch *patch, const struct overlaps *overlaps, uint32_t begin, uint32_t end);
+/* Finds where a vertex is: its offset, its sides and its home. */
+void patch_place(struct patch *patch, uint32_t vertex);
 
 /* The cone whose directions from v' hold the vertex, or TETLOD_NONE where the star has none. It may be beyond the link. */
 uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex);
@@ -154,7 +157,7 @@ uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex);
 /* Lists the edges of the patch. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status patch_edges(struct patch *patch, struct tetlod_error *error);
 
-/* After the rows of all vertices: finds the lists that the star's cones will have. ERR_NOMEM. */
+/* After all vertices were placed: finds the lists that the star's cones will have. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status patch_hand_on(struct patch *patch, const struct overlaps *overlaps,
                                                 const struct complex *complex, struct handover *out,
                                                 struct tetlod_error *error);
@@ -165,14 +168,11 @@ void handover_fini(struct handover *handover);
 TETLOD_CHECKED enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star,
                                                 const struct handover *handover, struct tetlod_error *error);
 
-static inline const double *patch_position(const struct patch *patch, const struct overlaps *overlaps, uint32_t vertex)
+/* Of a place at `r` from the apex: its distance from a wall's plane, scaled. The same bits as its signs are taken from. */
+static inline double patch_distance(const struct patch *patch, uint32_t wall, const double r[3])
 {
-    return overlaps->mesh->positions + 3 * (size_t)patch->vertices[vertex];
-}
-
-static inline const double *patch_row(const struct patch *patch, uint32_t vertex)
-{
-    return patch->rows + (size_t)vertex * patch->stride;
+    const double *n = patch->normals + wall;
+    return n[0] * r[0] + n[patch->stride] * r[1] + n[2 * (size_t)patch->stride] * r[2];
 }
 
 /* A vertex's set of walls. */
