@@ -371,8 +371,8 @@ static int plan_split(void *opaque, struct tetlodi_star_view *star, unsigned num
     for (uint32_t i = 0; i < star->size; i++) {
         const uint32_t *leaves = w->in->corners + 4 * (size_t)w->original_of[star->corners[i] / 4];
         star->labels[i] = 0;
-        for (int c = 0; c < 4; c++)
-            star->labels[i] |= lineage_below(&w->lineage, leaves[c], node);
+        for (int c = 0; c < 4 && !star->labels[i]; c++)
+            star->labels[i] = lineage_below(&w->lineage, leaves[c], node);
     }
     settle_node(w, node, child);
     for (uint32_t e = 0; e < star->edge_count && w->arrived_count; e++)

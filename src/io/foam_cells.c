@@ -327,14 +327,6 @@ static uint64_t sides_of(const struct faces *f, uint32_t face)
     return f->offsets[face + 1] - f->offsets[face];
 }
 
-static bool has_corner(const uint32_t *corners, uint64_t count, int64_t point)
-{
-    for (uint64_t i = 0; i < count; i++)
-        if (corners[i] == point)
-            return true;
-    return false;
-}
-
 /* The point that an edge of the cell joins to `point` outside the base face; -1 if there is none or several. */
 static int64_t point_above(const struct faces *f, const uint32_t *faces, uint64_t count, uint32_t base, int64_t point)
 {
@@ -346,9 +338,9 @@ static int64_t point_above(const struct faces *f, const uint32_t *faces, uint64_
         for (uint64_t s = 0; s < sides && faces[i] != base; s++) {
             if (corners[s] != point)
                 continue;
-            const int64_t ends[2] = {corners[(s + 1) % sides], corners[(s + sides - 1) % sides]};
+            const uint32_t ends[2] = {corners[(s + 1) % sides], corners[(s + sides - 1) % sides]};
             for (int e = 0; e < 2; e++) {
-                if (has_corner(bottom, sides_of(f, base), ends[e]))
+                if (is_among(ends[e], bottom, (size_t)sides_of(f, base)))
                     continue;
                 if (above >= 0 && above != ends[e])
                     return -1;

@@ -342,17 +342,19 @@ static struct tetlodi_write_cells *list_cells(const struct tetmesh *mesh, const 
 static struct tetlodi_write_field list_field(const struct build *build, uint32_t f)
 {
     const struct point_field *field = &build->mesh->fields[f], *original = &build->original->fields[f];
+    bool is_exact_later = build->precision.tail && field->grid.bits;
     struct tetlodi_write_field out = {.name = field->name,
                                       .components = field->components,
                                       .type = field->type,
                                       .was_float64 = original->type != field->type,
                                       .controlled = is_controlled(build, f),
+                                      .values = is_exact_later ? NULL : field->values,
+                                      .exact = is_exact_later ? field->values : NULL,
                                       .node_values = build->log.fields[f].values,
                                       .bits = field->grid.bits,
                                       .origin = field->grid.origin,
                                       .step = field->grid.step,
                                       .most = (int64_t)field->grid.most};
-    *(build->precision.tail && field->grid.bits ? &out.exact : &out.values) = field->values;
     point_field_range(original, build->mesh->vertex_count, out.range);
     return out;
 }

@@ -2,8 +2,8 @@
 /*
  * Flow along +x past a post between two plates, half of it, cut in its plane of symmetry y = 0. i runs around the post from the
  * stagnation line to the wake, j away from it, k from plate to plate. Layers at the post and at the plates are thin: cells are
- * stretched up to 1 : 300 and each layer is 1.18 (size 64) times as thick as the one below it, as in meshes for boundary layers. The fields are formulas: the flow without friction,
- * boundary layers, a separated shear layer, vortices in the wake.
+ * stretched up to 1 : 300 and each layer is 1.18 (size 64) times as thick as the one below it, as in meshes for boundary layers.
+ * The fields are formulas: the flow without friction, boundary layers, a separated shear layer, vortices in the wake.
  */
 #include <math.h>
 

@@ -178,7 +178,9 @@ static void mark_overlapped(struct clearance *c, uint32_t tet, uint32_t count, d
         for (uint32_t i = first; i < end; i++) {
             uint32_t v = c->vertices[c->vertex_boxes.order[i]];
             const double *p = position_of(c, v);
-            for (uint32_t t = 0; t < count && in_box(box, p); t++) {
+            if (!in_box(box, p))
+                continue;
+            for (uint32_t t = 0; t < count; t++) {
                 const uint32_t *corners = c->mesh->corners + 4 * (size_t)(tet + t);
                 if (in_box(boxes[t], p) && corners[0] != v && corners[1] != v && corners[2] != v && corners[3] != v &&
                     locator_weights(&locator, tet + t, p, weights) > INSIDE)

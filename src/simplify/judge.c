@@ -7,6 +7,8 @@
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
 
+_Static_assert((int)MOST_TRIALS <= (int)QUEUE_CANDIDATES && MOST_TRIALS <= 32, "an entry has a bit for each candidate");
+
 /* Trials are followed to this multiple of the limit, so that most of what waits is not looked at on the next rungs. */
 static const double HORIZON = 2;
 

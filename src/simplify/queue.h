@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { QUEUE_WITNESSES = 8 };
+enum { QUEUE_WITNESSES = 8, QUEUE_CANDIDATES = 22 };
 
 /* There is one for every simplex: of what a large mesh takes under the exact limit they are the largest part. */
 struct queue_entry {
@@ -15,7 +15,7 @@ struct queue_entry {
     double bound;             /* the least that the refused candidates need */
     uint32_t vertices[4];     /* ascending; TETLOD_NONE behind the last */
     uint32_t stamp;           /* contractions done when it was evaluated */
-    uint32_t refused : 22;    /* bits of the candidates that the exact limit has refused since */
+    uint32_t refused : QUEUE_CANDIDATES; /* bits of the candidates that the exact limit has refused since */
     uint32_t candidate : 5;
     uint32_t witness_count : 5; /* waiting: while these tetrahedra are as they were, so is the bound; none: not known */
     uint32_t witness[QUEUE_WITNESSES];

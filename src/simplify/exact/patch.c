@@ -11,7 +11,7 @@
 #include "src/mesh/vector.h"
 #include "src/util/array.h"
 
-/* A star with more pairs of a vertex and a wall is left alone: it is no good anyway. */
+/* A star with more pairs of a vertex and a wall is refused: so many originals hardly ever fit a contraction. */
 static const size_t MOST_SIDES = (size_t)1 << 19;
 
 /* Distances from a plane through v', and heights over a link face, are this many units in the last place of the product of
