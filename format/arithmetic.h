@@ -21,7 +21,8 @@
     (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
 #error "tetlod must not be compiled with -ffast-math or parts of it: streams would decode wrong"
 #endif
-#if !defined(FLT_EVAL_METHOD) || FLT_EVAL_METHOD != 0
+/* 16, of machines that compute in binary16 (-mavx512fp16): float and double are evaluated in their own precision, as with 0 */
+#if !defined(FLT_EVAL_METHOD) || (FLT_EVAL_METHOD != 0 && FLT_EVAL_METHOD != 16)
 #error "tetlod needs double arithmetic in double precision; on 32-bit x86 compile with -msse2 -mfpmath=sse"
 #endif
 #if FLT_RADIX != 2 || DBL_MANT_DIG != 53 || FLT_MANT_DIG != 24

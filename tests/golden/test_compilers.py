@@ -3,6 +3,7 @@
 """format/ built by other compilers, without the project's flags: all golden streams decode to the same arrays, or it refuses."""
 import glob
 import os
+import platform
 import shutil
 import subprocess
 
@@ -30,6 +31,12 @@ def decodes(what, compiler, flags, emulator=()):
 
 decodes('gcc -O3 -march=native', 'gcc', ['-O3', '-march=native'])
 decodes('clang -O3 -march=native', 'clang', ['-O3', '-march=native'])
+if platform.machine() == 'x86_64' and shutil.which('gcc'):
+    # what -march=native means on newer machines: FLT_EVAL_METHOD is 16 (compiled only: it does not run on older ones)
+    said = build('half', 'gcc', '-O2', '-mavx512fp16')
+    report('gcc -mavx512fp16', not said, said)
+else:
+    report('gcc -mavx512fp16', True, skip='no gcc, or not an x86-64 machine')
 decodes('32 bits, big-endian (PowerPC)', 'powerpc-linux-gnu-gcc', ['-O2', '-static'], ['qemu-ppc'])
 for flag in ('-ffast-math', '-fassociative-math -fno-signed-zeros -fno-trapping-math'):
     for compiler in ('gcc', 'clang'):
