@@ -11,9 +11,23 @@
 #include "server/answer/made.h"
 #include "server/answer/respond.h"
 #include "server/answer/steps.h"
-#include "server/answer/surface_files.h"
 #include "src/cut/cut.h"
+#include "src/io/io.h"
 #include "src/util/array.h"
+
+/* A file format of an answer. */
+struct surface_format {
+    const char *name, *media_type;
+    enum tetlod_status (*write)(const struct tetmesh *mesh, const struct cut *surface, const struct tetlodi_sink *sink,
+                                struct tetlod_error *error);
+};
+
+static const struct surface_format surface_formats[] = {
+    {"vtp", "application/vnd.vtk.vtp", io_write_vtp},
+    {"stl", "model/stl", io_write_stl},
+    {"glb", "model/gltf-binary", io_write_glb},
+    {NULL, NULL, NULL},
+};
 
 enum shape { BOUNDARY, ISOSURFACE, SLICE };
 
@@ -53,10 +67,11 @@ static enum tetlod_status cut(const struct tetmesh *mesh, const struct surface_c
 static enum tetlod_status write_surface(const void *opaque, const struct tetmesh *mesh, struct buffer *out, struct tetlod_error *error)
 {
     const struct surface_choice *choice = opaque;
+    struct tetlodi_sink sink = buffer_sink(out);
     struct cut surface = {0};
     enum tetlod_status status = cut(mesh, choice, &surface, error);
     if (status == TETLOD_OK)
-        status = choice->format->write(mesh, &surface, out);
+        status = choice->format->write(mesh, &surface, &sink, error);
     cut_fini(&surface);
     return status;
 }

@@ -64,7 +64,7 @@ static const struct format formats[] = {
     {"cgns", "CGNS: unstructured and structured zones, polyhedra, steps in time (libcgns)", {"cgns"}, ONE,
      WITH_CGNS(cgns_sniff), WITH_CGNS(cgns_read), NULL},
     {"stl", "the boundary surface", {"stl"}, ONE, NULL, NULL, stl_write},
-    {"ply", "the boundary surface with the first scalar", {"ply"}, ONE, NULL, NULL, ply_write},
+    {"ply", "the boundary surface with all fields", {"ply"}, ONE, NULL, NULL, ply_write},
     {"vtp", "the boundary surface with all fields", {"vtp"}, ONE, NULL, NULL, vtp_write},
     {"glb", "the boundary surface, coloured, with fields as attributes", {"glb"}, ONE, NULL, NULL, glb_write},
     {"inp", "Abaqus and CalculiX: nodes and elements", {"inp"}, ONE, inp_sniff, inp_read, NULL},

@@ -83,6 +83,16 @@ TETLOD_CHECKED enum tetlod_status io_write_vtu_plain(const struct tetmesh *mesh,
 TETLOD_CHECKED enum tetlod_status io_write_vtk(const struct tetmesh *mesh, const struct tetlodi_sink *sink,
                                                struct tetlod_error *error);
 
+/* The same of a surface that was cut out of the mesh, with the mesh's fields of points: binary STL, which has no fields, VTP and binary
+ * glTF 2.0. */
+struct cut;
+TETLOD_CHECKED enum tetlod_status io_write_stl(const struct tetmesh *mesh, const struct cut *surface, const struct tetlodi_sink *sink,
+                                               struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status io_write_vtp(const struct tetmesh *mesh, const struct cut *surface, const struct tetlodi_sink *sink,
+                                               struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status io_write_glb(const struct tetmesh *mesh, const struct cut *surface, const struct tetlodi_sink *sink,
+                                               struct tetlod_error *error);
+
 /* ---- files written piece by piece, for what is larger than memory ---- */
 
 /* The rows of a mesh: points and tetrahedra by number. */

@@ -156,7 +156,8 @@ def surface_case(extension):
     blob = open(path('out.glb'), 'rb').read()
     size = struct.unpack_from('<I', blob, 12)[0]
     scene = json.loads(blob[20:20 + size])
-    view = scene['bufferViews'][scene['accessors'][scene['meshes'][0]['primitives'][0]['attributes']['_HEAT']]['bufferView']]
+    attribute = next(name for name, field in scene['meshes'][0]['extras']['fields'].items() if field == 'heat')
+    view = scene['bufferViews'][scene['accessors'][scene['meshes'][0]['primitives'][0]['attributes'][attribute]]['bufferView']]
     heat = np.frombuffer(blob, '<f4', view['byteLength'] // 4, 28 + size + view['byteOffset'])
     good = struct.unpack_from('<4sII', blob) == (b'glTF', 2, len(blob)) and all(np.float32(at[tuple(a)]) == h for a, h in zip(p, heat))
     return None if good else 'values'

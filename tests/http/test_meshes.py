@@ -16,10 +16,11 @@ import zlib
 
 import numpy
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkFiltersCore import vtkContourFilter, vtkMassProperties, vtkTriangleFilter
 from vtkmodules.vtkIOGeometry import vtkGLTFReader, vtkSTLReader
 from vtkmodules.vtkIOLegacy import vtkUnstructuredGridReader
-from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
 
 from served import PATIENCE, SCRATCH, SLOW, TETLOD, Server, eventually, run
 
@@ -403,9 +404,64 @@ def test_slice_and_surface():
     reader.SetFileName(save('slice.glb', glb[2]))
     reader.Update()
     assert reader.GetOutput().GetNumberOfPoints() > 10
-    assert json.loads(glb[2][20:20 + int.from_bytes(glb[2][12:16], 'little')])['asset']['version'] == '2.0'
+    assert glb_scene(glb[2])[0]['asset']['version'] == '2.0'
     for query in ('', 'origin=0,0,0', 'origin=0,0,0&normal=0,0,0', 'origin=0,0&normal=0,0,1', 'origin=0,0,0&normal=0,0,nan'):
         problem(level + 'slice.vtp?' + query, 400)
+
+
+def glb_scene(body):
+    size = int.from_bytes(body[12:16], 'little')
+    return json.loads(body[20:20 + size]), body[28 + size:]
+
+
+def glb_array(body, accessor):
+    scene, binary = glb_scene(body)
+    view = scene['bufferViews'][scene['accessors'][accessor]['bufferView']]
+    return numpy.frombuffer(binary, '<f4', view['byteLength'] // 4, view['byteOffset'])
+
+
+def make_labelled(folder):
+    """A stream of fin's level 2, whose pressure has a unit and is there twice more, under names that glTF's letters do not tell apart."""
+    grid = read(vtkXMLUnstructuredGridReader(), server.get(base + '/levels/2/mesh.vtu')[2], 'level.vtu')
+    fields = grid.GetPointData()
+    for name in 'p 1', 'p.1':
+        twin = fields.GetArray('Pressure').NewInstance()
+        twin.DeepCopy(fields.GetArray('Pressure'))
+        twin.SetName(name)
+        fields.AddArray(twin)
+    fields.GetArray('Pressure').GetInformation().Set(vtkDataArray.UNITS_LABEL(), 'N/m² <&>')
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(grid)
+    writer.SetFileName(os.path.join(SCRATCH, 'labelled.vtu'))
+    writer.Write()
+    os.makedirs(folder)
+    tetlod('build', writer.GetFileName(), '-o', os.path.join(folder, 'labelled.tetlod'), '--field', 'Pressure', '--quiet')
+
+
+def test_surface_files():
+    """A level's surface is the file that extract writes of it; VTP says units, glTF keeps fields of like names apart."""
+    folder = os.path.join(SCRATCH, 'labelled')
+    make_labelled(folder)
+    with Server(folder) as labelled:
+        shown = labelled.json('/v1/meshes/labelled')
+        level = '/v1/meshes/labelled/%s/levels/%d/' % (shown['cid'], len(shown['levels']) // 2)
+        for form in 'vtp', 'stl', 'glb':
+            written = os.path.join(SCRATCH, 'written.' + form)
+            tetlod('extract', os.path.join(folder, 'labelled.tetlod'), '--level', len(shown['levels']) // 2, '-o', written)
+            with open(written, 'rb') as file:
+                assert labelled.get(level + 'surface.' + form)[2] == file.read(), form
+        query = '?field=Pressure&value=%r' % (sum(shown['fields'][0]['range']) / 2)
+        surface = read(vtkXMLPolyDataReader(), labelled.get(level + 'isosurface.vtp' + query)[2], 'labelled.vtp').GetPointData()
+        assert surface.GetArray('Pressure').GetInformation().Get(vtkDataArray.UNITS_LABEL()) == 'N/m² <&>'
+        assert not surface.GetArray('p 1').HasInformation() or not surface.GetArray('p 1').GetInformation().Has(vtkDataArray.UNITS_LABEL())
+        body = labelled.get(level + 'isosurface.glb' + query)[2]
+        mesh = glb_scene(body)[0]['meshes'][0]
+        attributes, names = mesh['primitives'][0]['attributes'], mesh['extras']['fields']
+        assert sorted(names.values()) == sorted(field['name'] for field in shown['fields']) and set(names) < set(attributes), mesh
+        for attribute, name in names.items():
+            assert (glb_array(body, attributes[attribute]) == vtk_to_numpy(surface.GetArray(name)).ravel()).all(), name
+        empty, binary = glb_scene(labelled.get(level + 'isosurface.glb?field=Pressure&value=1e30')[2])
+        assert 'meshes' not in empty and 'buffers' not in empty and not binary, empty
 
 
 def metric(name, of=None):
@@ -729,5 +785,5 @@ with Server(FOLDER) as server:
     base = '/v1/meshes/fin/' + info['cid']
     run([test_catalogue, test_names_of_downloads, test_description, test_level_for_error, test_fields_that_are_not_controlled, test_level_for_budget, test_bad_questions,
          test_every_level_is_the_cursors, test_levels_while_decoding, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
-         test_prefix, test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_one_computation,
+         test_prefix, test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_surface_files, test_one_computation,
          test_small_cache, test_slow_readers, test_memory_is_bounded, test_a_level_needs_its_stage, test_replaced_stream, test_forgotten_stream, test_reload_signal, test_stop_during_answers, test_overload, test_writes_nothing, test_server_timing, test_what_is_no_stream, test_damaged_stream])

@@ -17,7 +17,7 @@ LAYERS = {
     'src/util': FORMAT,
     'src/mesh': ARRAYS,
     'src/level': MESHES,
-    'src/io': MESHES + ['src/level/'],
+    'src/io': MESHES + ['src/level/', 'src/cut/cut.h'],
     'src/sample': MESHES,
     'src/cut': MESHES,
     'src/simplify': MESHES + ['src/simplify/exact/', 'src/log/contraction_log.h'],

@@ -153,7 +153,7 @@ static enum tetlod_status write_short(void *opaque, const void *bytes, size_t si
 static void test_sinks_that_fail(void)
 {
     enum tetlod_status (*const writers[])(const struct tetmesh *, const struct tetlodi_sink *, struct tetlod_error *) = {
-        io_write_vtu, io_write_vtu_plain, io_write_vtk, gmsh_write, stl_write, ply_write};
+        io_write_vtu, io_write_vtu_plain, io_write_vtk, gmsh_write, stl_write, ply_write, vtp_write, glb_write};
     struct tetmesh mesh;
     REQUIRE(sample_find("cube")->make(&mesh, 12, NULL) == TETLOD_OK);
     for (size_t w = 0; w < sizeof writers / sizeof *writers; w++) {
