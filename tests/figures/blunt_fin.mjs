@@ -6,7 +6,7 @@ import { writeFileSync } from 'node:fs';
 import { basename, join } from 'node:path';
 import { launch } from '../web/browser.mjs';
 import { program } from '../web/hosts.mjs';
-import { capture, openView } from '../web/pictures.mjs';
+import { capture, openViewer, showView } from '../web/pictures.mjs';
 
 const [, , stream, folder] = process.argv;
 const width = 270; // of each picture
@@ -49,24 +49,25 @@ async function compose(browser, cells, labels) {
 const server = await program([stream]);
 const browser = await launch();
 const id = basename(stream, '.tetlod');
+const small = await openViewer(browser, server.url, size);
 const cells = rows.map(() => []);
 const labels = [];
 for (const error of errors) {
   for (const [i, row] of rows.entries()) {
-    const page = await openView(browser, server.url, id, `error=${error}&${view}&${row}`, size);
-    cells[i].push((await capture(page, width)).toString('base64'));
-    const { tets, all } = await page.evaluate(() => {
+    await showView(small, server.url, id, `error=${error}&${view}&${row}`);
+    cells[i].push((await capture(small, width)).toString('base64'));
+    const { tets, all } = await small.evaluate(() => {
       const { stream: { info }, level } = window.tetlod;
       return { tets: info.levels[level].tets, all: info.tets };
     });
     const text = `${tets.toLocaleString('en')} tetrahedra`;
     labels[errors.indexOf(error)] = [error ? `${+(100 * error).toPrecision(3)} %` : 'original', error ? `${text}, ${((100 * tets) / all).toFixed(1)} %` : text];
-    await page.context().close();
   }
 }
 writeFileSync(join(folder, 'blunt_levels.png'), await compose(browser, cells, labels));
 const whole = 'error=0.01&camera=26.6,-29.1,19.4,0.6,-0.8,-0.8,0,0,1&log=1&range=manual&low=0.4&high=5&surface=inside&slices=z@0.12&isosurfaces=0.2';
-const page = await openView(browser, server.url, id, whole, { viewport: { width: 1200, height: 720 }, colorScheme: 'light' });
+const page = await openViewer(browser, server.url, { viewport: { width: 1200, height: 720 }, colorScheme: 'light' });
+await showView(page, server.url, id, whole);
 writeFileSync(join(folder, 'viewer.png'), await page.screenshot());
 await browser.close();
 await server.stop();

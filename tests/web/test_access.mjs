@@ -90,14 +90,17 @@ const contrasts = () => {
 };
 
 async function text_has_contrast() {
-  for (const colorScheme of ['light', 'dark'])
-    for (const url of [server.url, viewer]) {
-      const page = await open(url, { colorScheme });
+  for (const url of [server.url, viewer]) {
+    const page = await open(url);
+    for (const colorScheme of ['light', 'dark']) {
+      await page.emulateMedia({ colorScheme });
+      await page.waitForFunction((wanted) => document.documentElement.dataset.theme === wanted, colorScheme);
       const { count, poor } = await page.evaluate(contrasts);
       assert.ok(count > 10, `${count} texts`);
       assert.deepEqual(poor, [], `${colorScheme} ${url}`);
-      await page.context().close();
     }
+    await page.context().close();
+  }
 }
 
 async function a_small_screen_is_enough() {
@@ -117,13 +120,14 @@ async function a_small_screen_is_enough() {
 
 // Figures of any length have room: those of the finest level that is not exact are the longest.
 async function figures_do_not_overlap() {
+  const page = await open(viewer);
+  await page.evaluate(() => {
+    const { stream, set } = window.tetlod;
+    set({ error: Math.min(...stream.info.levels.map((l) => l.errors.Pressure.max).filter((e) => e > 0)) });
+  });
+  await settled(page);
   for (const viewport of [{ width: 1200, height: 800 }, { width: 700, height: 360 }, { width: 360, height: 640 }]) {
-    const page = await open(viewer, { viewport });
-    await page.evaluate(() => {
-      const { stream, set } = window.tetlod;
-      set({ error: Math.min(...stream.info.levels.map((l) => l.errors.Pressure.max).filter((e) => e > 0)) });
-    });
-    await settled(page);
+    await page.setViewportSize(viewport);
     const over = await page.evaluate(() => [...document.querySelectorAll('#shown dd')].flatMap((e) => {
       const text = document.createRange();
       text.selectNodeContents(e);
@@ -131,18 +135,19 @@ async function figures_do_not_overlap() {
       return room < 0 ? [`${e.innerText}: ${room}`] : [];
     }));
     assert.deepEqual(over, [], JSON.stringify(viewport));
-    await page.context().close();
   }
+  await page.context().close();
 }
 
 // On a wide and low screen the controls are beside the picture, on a high one under it.
 async function the_picture_keeps_most_of_the_screen() {
+  const page = await open(viewer);
   for (const viewport of [{ width: 740, height: 360 }, { width: 390, height: 800 }, { width: 1200, height: 800 }]) {
-    const page = await open(viewer, { viewport });
+    await page.setViewportSize(viewport);
     const { width, height } = await page.locator('#stage').boundingBox();
     assert.ok(width * height > 0.5 * viewport.width * viewport.height, `${width} x ${height} of ${JSON.stringify(viewport)}`);
-    await page.context().close();
   }
+  await page.context().close();
 }
 
 async function levels_jump_where_motion_is_unwanted() {

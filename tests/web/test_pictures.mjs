@@ -8,7 +8,7 @@ import { join } from 'node:path';
 import { launch } from './browser.mjs';
 import { program, ROOT, SCRATCH, TETLOD } from './hosts.mjs';
 import { run } from './tap.mjs';
-import { capture, difference, openView } from './pictures.mjs';
+import { capture, difference, openViewer, showView } from './pictures.mjs';
 
 const folder = join(ROOT, 'tests/web/pictures');
 // all of the finest level, which is the mesh itself however it is contracted
@@ -27,12 +27,13 @@ const stream = join(SCRATCH, 'fin.tetlod');
 execFileSync(TETLOD, ['build', join(ROOT, 'samples/fin.vtu'), '-o', stream, '--quiet']);
 const server = await program([stream]);
 const browser = await launch();
+const page = await openViewer(browser, server.url);
 const update = Boolean(process.env.UPDATE);
 if (update) mkdirSync(folder, { recursive: true });
 
 const looksAsBefore = ([name, state]) => {
   const test = async () => {
-    const page = await openView(browser, server.url, 'fin', state);
+    await showView(page, server.url, 'fin', state);
     const picture = await capture(page, 300);
     const path = join(folder, `${name}.png`);
     writeFileSync(update ? path : join(SCRATCH, `${name}.png`), picture);
@@ -40,31 +41,28 @@ const looksAsBefore = ([name, state]) => {
     console.log(`# ${name}: ${(100 * plain).toFixed(2)} % of the pixels differ, by ${mean.toFixed(2)} in the mean`);
     assert.ok(plain <= 0.01 && mean <= 1.5, `${name} does not look as tests/web/pictures/${name}.png; what was drawn is in ${SCRATCH}`);
     assert.deepEqual([page.complaints, page.strangers], [[], []]);
-    await page.context().close();
   };
   return Object.defineProperty(test, 'name', { value: `${name}_looks_as_before` });
 };
 
 // The tolerance is worth something: no two of the pictures would pass for each other.
 async function pictures_differ() {
-  const page = await openView(browser, server.url, 'fin', states.boundary);
+  await showView(page, server.url, 'fin', states.boundary);
   const picture = await capture(page, 300);
   for (const name of Object.keys(states).slice(1)) {
     const { plain } = await difference(page, join(folder, `${name}.png`), picture);
     assert.ok(plain > 0.03, `${name} differs from the boundary in ${plain} of the pixels`);
   }
-  await page.context().close();
 }
 
 // A coarse level is another mesh, but nearly the same picture.
 async function a_coarse_level_looks_alike() {
-  const page = await openView(browser, server.url, 'fin', 'error=0.02');
+  await showView(page, server.url, 'fin', 'error=0.02');
   const { level, levels } = await page.evaluate(() => ({ level: window.tetlod.level, levels: window.tetlod.stream.info.levels.length }));
   assert.ok(level < levels - 1);
   const { plain, mean } = await difference(page, join(folder, 'boundary.png'), await capture(page, 300));
   console.log(`# level ${level} of ${levels - 1}: ${(100 * plain).toFixed(2)} % of the pixels differ, by ${mean.toFixed(2)} in the mean`);
   assert.ok(plain <= 0.05 && mean > 0, `${plain}`);
-  await page.context().close();
 }
 
 await run([...Object.entries(states).map(looksAsBefore), pictures_differ, a_coarse_level_looks_alike]);
