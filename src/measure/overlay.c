@@ -97,28 +97,42 @@ static void make_map(const struct tetmesh *mesh, uint32_t tet, struct weights_ma
     out->noise = 48 * DBL_EPSILON * size2 * sqrt(size2) / fabs(volume6);
 }
 
-/* Weights in the pair's tetrahedron of mesh `m`, whose map is given, of the other's corners, and what rounding may make of them. False if
- * they all lie on or behind one of its faces: most pairs, so that is asked face by face. */
-static bool weigh_corners(const struct overlay *overlay, const struct weights_map *map, int m, const uint32_t tets[2], double out[4][4],
-                          double *slack)
+/* A number at each of the four corners of a tetrahedron. */
+typedef double four __attribute__((vector_size(32)));
+
+static inline double largest_of(const four *x)
 {
-    double r[4][3], largest = 1;
+    return larger(larger((*x)[0], (*x)[1]), larger((*x)[2], (*x)[3]));
+}
+
+static inline double smallest_of(const four *x)
+{
+    return smaller(smaller((*x)[0], (*x)[1]), smaller((*x)[2], (*x)[3]));
+}
+
+/* Weights in a tetrahedron, whose map is given, of the corners of another one, and what rounding may make of them. False if they all lie
+ * on or behind one of its faces: most pairs, so that is asked face by face. */
+static bool weigh_corners(const struct weights_map *map, const struct tetmesh *mesh, uint32_t tet, double out[4][4], double *slack)
+{
+    double largest = 1;
+    const double *p[4];
+    four r[3], weights[4];
     for (int c = 0; c < 4; c++)
-        for (int i = 0; i < 3; i++)
-            r[c][i] = corner(overlay->meshes[!m], tets[!m], c)[i] - map->origin[i];
+        p[c] = corner(mesh, tet, c);
+    for (int i = 0; i < 3; i++)
+        r[i] = (four){p[0][i], p[1][i], p[2][i], p[3][i]} - map->origin[i];
     for (int k = 1; k < 5; k++) {
-        double most = -INFINITY, least = INFINITY;
-        for (int c = 0; c < 4; c++) {
-            const double *row = map->rows[(k - 1) % 3];
-            double *w = out[c];
-            w[k % 4] = k < 4 ? row[0] * r[c][0] + row[1] * r[c][1] + row[2] * r[c][2] : 1 - w[1] - w[2] - w[3];
-            most = larger(most, w[k % 4]);
-            least = smaller(least, w[k % 4]);
-        }
-        largest = larger(largest, larger(most, -least));
+        const double *row = map->rows[(k - 1) % 3];
+        four *w = &weights[k % 4];
+        *w = k < 4 ? row[0] * r[0] + row[1] * r[1] + row[2] * r[2] : 1 - weights[1] - weights[2] - weights[3];
+        double most = largest_of(w);
+        largest = larger(largest, larger(most, -smallest_of(w)));
         if (!(most > THIN - map->noise * largest))
             return false;
     }
+    for (int c = 0; c < 4; c++)
+        for (int k = 0; k < 4; k++)
+            out[c][k] = weights[k][c];
     *slack = map->noise * largest;
     return true;
 }
@@ -322,7 +336,7 @@ static void compare_pair(const struct overlay *overlay, struct worker *worker, c
     struct weights_map fine;
     int finer = overlay->finer;
     double in[2][4][4], slack; // in[m]: of the corners of tetrahedron m, in the other one
-    if (!same_body(overlay, tets[0], tets[1]) || !weigh_corners(overlay, coarse, !finer, tets, in[finer], &slack))
+    if (!same_body(overlay, tets[0], tets[1]) || !weigh_corners(coarse, overlay->meshes[finer], tets[finer], in[finer], &slack))
         return;
     cell.tets[0] = tets[0];
     cell.tets[1] = tets[1];
@@ -331,7 +345,7 @@ static void compare_pair(const struct overlay *overlay, struct worker *worker, c
     if (slack <= HOPELESS && !may_be_worse(overlay, worker, &cell, in, false))
         return;
     make_map(overlay->meshes[finer], tets[finer], &fine);
-    if (!weigh_corners(overlay, &fine, finer, tets, in[!finer], &slack))
+    if (!weigh_corners(&fine, overlay->meshes[!finer], tets[!finer], in[!finer], &slack))
         return;
     cell.slack = larger(cell.slack, slack);
     worker->cells++;
@@ -469,6 +483,8 @@ static enum tetlod_status prepare_fields(struct overlay *overlay, const uint32_t
         return tetlodi_fail_nomem(error, "the overlay", components * sizeof *overlay->compared);
     for (uint32_t f = 0; f < overlay->field_count; f++) {
         const struct point_field *a = &overlay->meshes[0]->fields[a_fields[f]], *b = &overlay->meshes[1]->fields[b_fields[f]];
+        if (overlay->options->floors && overlay->options->floors[f] == INFINITY)
+            continue; // nothing is above that
         for (uint32_t k = 0; k < a->components; k++)
             overlay->compared[overlay->compared_count++] = (struct compared){{a->values + k, b->values + k}, a->components, f};
     }
