@@ -247,7 +247,7 @@ static enum tetlod_status ask(const struct run *run, struct judge *judge, struct
     memcpy(work->values, judge->examiner.chosen, size);
     memcpy(work->errors, judge->examiner.errors, size);
     work->outcome = ALLOWED;
-    return exact_hand_on(&judge->examiner, &run->overlaps, run->complex, &work->handover, &judge->error);
+    return exact_hand_on(&judge->examiner, run->complex, &work->handover, &judge->error);
 }
 
 /* May the star be contracted to a position that is none of the candidates? */

@@ -152,7 +152,7 @@ static struct finding examine(struct world *world, double limit)
 static void contract(struct world *world, struct outcome *outcome)
 {
     struct handover handover = {0};
-    CHECK_INT(exact_hand_on(&world->examiner, &world->overlaps, &world->complex, &handover, NULL), TETLOD_OK);
+    CHECK_INT(exact_hand_on(&world->examiner, &world->complex, &handover, NULL), TETLOD_OK);
     CHECK_INT(overlaps_take(&world->overlaps, &world->star, &handover, NULL), TETLOD_OK);
     handover_fini(&handover);
     fields_contract(&world->fields, &world->complex, &world->star, world->p, outcome);

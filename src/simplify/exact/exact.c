@@ -524,41 +524,42 @@ static inline void both_sides(const struct patch *patch, const uint32_t corners[
 }
 
 /* Are all walls that meet in the spoke among those? */
-static inline bool around(const struct patch *patch, const uint64_t *both, uint32_t link)
+static inline bool around(const struct patch *patch, uint32_t words, const uint64_t *both, uint32_t link)
 {
-    const uint64_t *walls = patch->spoke_walls + (size_t)link * patch->words;
+    const uint64_t *walls = patch->spoke_walls + (size_t)link * words;
     uint64_t missing = 0;
-    for (uint32_t word = 0; word < patch->words; word++)
+    for (uint32_t word = 0; word < words; word++)
         missing |= walls[word] & ~both[word];
     return !missing;
 }
 
 /* The same of an original face. */
-static inline bool face_around(const struct patch *patch, const uint32_t face[3], uint32_t link)
+static inline bool face_around(const struct patch *patch, uint32_t words, const uint32_t face[3], uint32_t link)
 {
-    const uint64_t *a = patch_side(patch, face[0], 0), *b = patch_side(patch, face[1], 0), *c = patch_side(patch, face[2], 0),
-                   *walls = patch->spoke_walls + (size_t)link * patch->words;
-    uint32_t words = patch->words, low = MAYBE_NOT_POSITIVE * words, high = MAYBE_NOT_NEGATIVE * words;
+    const uint64_t *sides[3], *walls = patch->spoke_walls + (size_t)link * words;
+    uint32_t low = MAYBE_NOT_POSITIVE * words, high = MAYBE_NOT_NEGATIVE * words;
+    for (int k = 0; k < 3; k++)
+        sides[k] = patch->signs + (size_t)face[k] * SIDES * words;
     uint64_t missing = 0;
     for (uint32_t word = 0; word < words; word++)
-        missing |= walls[word] & ~((a[low + word] | b[low + word] | c[low + word]) &
-                                   (a[high + word] | b[high + word] | c[high + word]));
+        missing |= walls[word] & ~((sides[0][low + word] | sides[1][low + word] | sides[2][low + word]) &
+                                   (sides[0][high + word] | sides[1][high + word] | sides[2][high + word]));
     return !missing;
 }
 
 /* The faces that may cross a spoke: from one of their two tetrahedra they are seen to turn one way, from the other the other way,
  * so that each counts once. `sets` are the originals' walls of both sides. */
-static bool at_spoke(const struct examination *e, uint32_t link, const uint64_t *sets)
+static inline bool at_spoke(const struct examination *e, uint32_t words, uint32_t link, const uint64_t *sets)
 {
     const struct patch *patch = &e->examiner->patch;
     for (uint32_t t = 0; t < patch->tet_count; t++) {
-        if (!around(patch, sets + (size_t)t * patch->words, link))
+        if (!around(patch, words, sets + (size_t)t * words, link))
             continue;
         for (int f = 0; f < 4; f++) {
             uint32_t face[3];
             for (int k = 0; k < 3; k++)
                 face[k] = patch->corners[t][tet_faces[f][k]];
-            if (face_around(patch, face, link) && !at_face(e, link, face))
+            if (face_around(patch, words, face, link) && !at_face(e, link, face))
                 return false;
         }
     }
@@ -579,7 +580,7 @@ static bool at_spokes(const struct examination *e)
     for (size_t t = 0; t < tets; t++)
         both_sides(patch, patch->corners[t], examiner->sets + t * patch->words);
     for (uint32_t link = 0; link < patch->link_count; link++)
-        if (!at_spoke(e, link, examiner->sets))
+        if (!(patch->words == 1 ? at_spoke(e, 1, link, examiner->sets) : at_spoke(e, patch->words, link, examiner->sets)))
             return false;
     return true;
 }
@@ -789,8 +790,8 @@ enum tetlod_status exact_examine(struct examiner *examiner, const struct overlap
     return TETLOD_OK;
 }
 
-enum tetlod_status exact_hand_on(struct examiner *examiner, const struct overlaps *overlaps, const struct complex *complex,
-                                 struct handover *out, struct tetlod_error *error)
+enum tetlod_status exact_hand_on(struct examiner *examiner, const struct complex *complex, struct handover *out,
+                                 struct tetlod_error *error)
 {
-    return patch_hand_on(&examiner->patch, overlaps, complex, out, error);
+    return patch_hand_on(&examiner->patch, complex, out, error);
 }

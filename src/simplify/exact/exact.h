@@ -72,8 +72,7 @@ TETLOD_CHECKED enum tetlod_status exact_examine(struct examiner *examiner, const
                                                 struct tetlod_error *error);
 
 /* After exact_examine has allowed a contraction: what it leaves to its cones, for overlaps_take. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status exact_hand_on(struct examiner *examiner, const struct overlaps *overlaps,
-                                                const struct complex *complex, struct handover *out,
+TETLOD_CHECKED enum tetlod_status exact_hand_on(struct examiner *examiner, const struct complex *complex, struct handover *out,
                                                 struct tetlod_error *error);
 
 #endif

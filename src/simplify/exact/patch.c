@@ -24,10 +24,6 @@ static const double BEYOND = 1e-9;
 /* A star in which all walls at a spoke are one plane but for this is left alone: nothing is exact across them. */
 static const double LEAST_SINE = 1e-3;
 
-struct patch_slot {
-    uint32_t epoch, edge;
-};
-
 /* ---- which originals overlap which tetrahedra */
 
 /* How much an interpolant's value changes at most over a unit of length, in units of what it varies in the tetrahedron. */
@@ -115,7 +111,7 @@ static size_t set_words(size_t count)
 }
 
 enum part { TETS, CORNERS, VERTICES, EDGES, LINK, WALLS, CONES, NORMALS, POSITIONS, OFFSETS, SIGNS, CONE_WALLS, CONE_SIGNS, SPOKE_WALLS,
-            SPOKES, TABLE, PAIRS, ORIGINAL_SIDES, HOMES };
+            SPOKES, FIRST_EDGES, NEXT_EDGES, PAIRS, ORIGINAL_SIDES, HOMES, PLACES };
 
 /* Room for that many elements in an array of the patch; `array` points to its pointer. */
 static bool room(struct patch *patch, enum part part, void *array, size_t needed, size_t size)
@@ -153,8 +149,9 @@ void patch_fini(struct patch *patch)
     void *owned[] = {patch->tets,         patch->corners,      patch->vertices,    patch->edges,       patch->link,
                      patch->walls,        patch->cones,        patch->normals,     patch->positions,   patch->offsets,
                      patch->signs,
-                     patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spokes,      patch->table,
+                     patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spokes,      patch->first_edges, patch->next_edges,
                      patch->pairs,        patch->sides,       patch->homes,       patch->listed,      patch->covered,
+                     patch->places,
                      patch->numbers,      patch->slot_epoch,   patch->slot_number};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
@@ -315,31 +312,25 @@ enum tetlod_status patch_take_up(struct patch *patch, const struct complex *comp
 
 enum tetlod_status patch_edges(struct patch *patch, struct tetlod_error *error)
 {
-    size_t most = 6 * (size_t)patch->tet_count, size = 64;
+    size_t most = 6 * (size_t)patch->tet_count;
     if (patch->edge_count)
         return TETLOD_OK;
-    while (size < most)
-        size *= 2;
-    if (size > patch->table_size) {
-        free(patch->table);
-        patch->table = array_zero(size, sizeof *patch->table);
-        patch->table_size = patch->table ? size : 0;
-    }
-    if (!patch->table || !room(patch, EDGES, &patch->edges, most, sizeof *patch->edges))
+    if (!room(patch, EDGES, &patch->edges, most, sizeof *patch->edges) ||
+        !room(patch, NEXT_EDGES, &patch->next_edges, most, sizeof *patch->next_edges) ||
+        !room(patch, FIRST_EDGES, &patch->first_edges, patch->vertex_count, sizeof *patch->first_edges))
         return no_room(error);
+    memset(patch->first_edges, 0xff, patch->vertex_count * sizeof *patch->first_edges);
     for (uint32_t t = 0; t < patch->tet_count; t++)
         for (int e = 0; e < 6; e++) {
             uint32_t a = patch->corners[t][tet_edges[e][0]], b = patch->corners[t][tet_edges[e][1]];
             uint32_t least = a < b ? a : b, greatest = a < b ? b : a;
-            size_t at = (least * (size_t)2654435761u + greatest * (size_t)40503u) & (size - 1);
-            for (; patch->table[at].epoch == patch->epoch; at = (at + 1) & (size - 1)) {
-                const uint32_t *edge = patch->edges[patch->table[at].edge];
-                if (edge[0] == least && edge[1] == greatest)
-                    break;
-            }
-            if (patch->table[at].epoch == patch->epoch)
+            uint32_t at = patch->first_edges[least];
+            while (at != TETLOD_NONE && patch->edges[at][1] != greatest)
+                at = patch->next_edges[at];
+            if (at != TETLOD_NONE)
                 continue;
-            patch->table[at] = (struct patch_slot){patch->epoch, patch->edge_count};
+            patch->next_edges[patch->edge_count] = patch->first_edges[least];
+            patch->first_edges[least] = patch->edge_count;
             patch->edges[patch->edge_count][0] = least;
             patch->edges[patch->edge_count++][1] = greatest;
         }
@@ -527,11 +518,12 @@ static inline void make_word(const struct patch *patch, const double r[3], size_
     const double *nx = patch->normals, *ny = nx + patch->stride, *nz = ny + patch->stride, *tolerances = patch->tolerances,
                  *thresholds = patch->thresholds;
     const lanes x = {r[0], r[0]}, y = {r[1], r[1]}, z = {r[2], r[2]};
+    const lane_bits absolute = {INT64_MAX, INT64_MAX}; // all but the sign
     lane_bits positives = {0}, nears = {0}, bit = {1, 2};
     for (size_t w = first; w < last; w += PATCH_LANES, bit <<= PATCH_LANES) {
         lanes distance = LOAD(nx + w) * x + LOAD(ny + w) * y + LOAD(nz + w) * z, tolerance = LOAD(tolerances + w);
         positives |= (lane_bits)(distance >= LOAD(thresholds + w)) & bit;
-        nears |= (lane_bits)(distance <= tolerance) & (lane_bits)(distance >= -tolerance) & bit;
+        nears |= (lane_bits)((lanes)((lane_bits)distance & absolute) <= tolerance) & bit;
     }
     uint64_t positive = positives[0] | positives[1], near = nears[0] | nears[1],
              all = ~(uint64_t)0 >> (64 - (last - first));
@@ -613,16 +605,26 @@ uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex)
 
 /* ---- handing on */
 
-/* Is an original, of whose corners those are the sets of walls that all may be on the negative side of, and on the positive,
- * on the other side of one of the cone's walls? Those on the boundary do not count, nor does a link face there: a cone is taken to
- * reach beyond them, so that nothing is lost where the boundary has moved. */
-static inline bool outside_walls(const struct patch *patch, const uint64_t *sides, uint32_t f)
+/* On which sides of the walls an original may be with all its corners: two sets, the walls on whose negative side, and on whose positive. */
+static void find_sides(struct patch *patch, const uint32_t corners[4])
 {
-    const uint64_t *walls = patch->cone_walls + (size_t)f * patch->words, *inside = patch->cone_signs + (size_t)f * patch->words;
+    size_t words = patch->words;
+    for (size_t word = 0; word < words; word++) {
+        patch->sides[word] = patch->sides[words + word] = ~(uint64_t)0;
+        for (int c = 0; c < 4; c++) {
+            patch->sides[word] &= patch_side(patch, corners[c], MAYBE_NOT_POSITIVE)[word];
+            patch->sides[words + word] &= patch_side(patch, corners[c], MAYBE_NOT_NEGATIVE)[word];
+        }
+    }
+}
+
+/* Is an original, whose sides those are, on the other side of one of the cone's walls? */
+static inline bool outside_walls(const struct patch *patch, size_t words, uint32_t f)
+{
+    const uint64_t *sides = patch->sides, *masks = patch->masks + 2 * f * words;
     uint64_t outside = 0;
-    for (uint32_t word = 0; word < patch->words; word++)
-        outside |= ((inside[word] & sides[word]) | ((walls[word] ^ inside[word]) & sides[patch->words + word])) &
-                   ~patch->outer_walls[word];
+    for (size_t word = 0; word < words; word++)
+        outside |= (masks[word] & sides[word]) | (masks[words + word] & sides[words + word]);
     return outside;
 }
 
@@ -641,33 +643,6 @@ static bool behind(const struct patch *patch, const struct complex *complex, siz
     return true;
 }
 
-/* Is the cone on the other side of one of the original's planes? */
-static bool apart_by_original(const struct patch *patch, const struct overlaps *overlaps, const struct complex *complex,
-                              uint32_t tet, const struct cone *cone)
-{
-    const uint32_t *corners = overlaps->mesh->corners + 4 * (size_t)tet;
-    const double *q[4] = {patch->apex, link_position(patch, complex, cone->link[0]),
-                          link_position(patch, complex, cone->link[1]), link_position(patch, complex, cone->link[2])};
-    for (int f = 0; f < 4; f++) {
-        const double *p[3];
-        double a[3], b[3], r[3], n[3];
-        for (int k = 0; k < 3; k++)
-            p[k] = overlaps->mesh->positions + 3 * (size_t)corners[tet_faces[f][k]];
-        subtract(p[1], p[0], a);
-        subtract(p[2], p[0], b);
-        cross(a, b, n);
-        subtract(overlaps->mesh->positions + 3 * (size_t)corners[f], p[0], r);
-        double inside = dot(n, r) > 0 ? 1 : -1, most = -INFINITY;
-        for (int c = 0; c < 4; c++) {
-            subtract(q[c], p[0], r);
-            most = larger(most, inside * dot(n, r));
-        }
-        if (most <= PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * 2 * patch->reach)
-            return true;
-    }
-    return false;
-}
-
 /* Is a corner of the original inside the cone? */
 static bool holds_corner(const struct patch *patch, const struct complex *complex, size_t tet, uint32_t f)
 {
@@ -680,6 +655,115 @@ static bool holds_corner(const struct patch *patch, const struct complex *comple
     return false;
 }
 
+/* The planes of an original's faces, but those that have the apex on the original's side: no cone is beyond these. */
+struct planes {
+    uint32_t count;
+    struct plane {
+        double origin[3], normal[3]; /* inwards */
+        double tolerance;            /* of normal . (p - origin) */
+    } planes[4];
+};
+
+static bool above(const struct plane *plane, const double p[3])
+{
+    double r[3];
+    subtract(p, plane->origin, r);
+    return dot(plane->normal, r) > plane->tolerance;
+}
+
+static void find_planes(const struct patch *patch, const uint32_t corners[4], struct planes *out)
+{
+    out->count = 0;
+    for (int f = 0; f < 4; f++) {
+        struct plane *plane = &out->planes[out->count];
+        const double *p[3];
+        double a[3], b[3], r[3];
+        for (int k = 0; k < 3; k++)
+            p[k] = patch->positions[corners[tet_faces[f][k]]];
+        subtract(p[1], p[0], a);
+        subtract(p[2], p[0], b);
+        cross(a, b, plane->normal);
+        subtract(patch->positions[corners[f]], p[0], r);
+        bool turned = !(dot(plane->normal, r) > 0);
+        for (int i = 0; i < 3; i++) {
+            plane->origin[i] = p[0][i];
+            plane->normal[i] = turned ? -plane->normal[i] : plane->normal[i];
+        }
+        plane->tolerance = PLANE_ROUNDING * sqrt(dot(a, a) * dot(b, b)) * 2 * patch->reach;
+        out->count += !above(plane, patch->apex);
+    }
+}
+
+/* Is the cone on the other side of one of the planes? */
+static bool apart(const struct patch *patch, const struct complex *complex, const struct planes *planes, const struct cone *cone)
+{
+    for (uint32_t i = 0; i < planes->count; i++) {
+        bool beyond = true;
+        for (int k = 0; k < 3 && beyond; k++)
+            beyond = !above(&planes->planes[i], link_position(patch, complex, cone->link[k]));
+        if (beyond)
+            return true;
+    }
+    return false;
+}
+
+/* Finds the cones that an original may overlap, and adds the pairs. False: no memory. */
+static bool pair_original(struct patch *patch, const struct complex *complex, uint32_t tet)
+{
+    struct planes planes;
+    bool found = false;
+    size_t words = patch->words;
+    if (!room(patch, PLACES, &patch->places, patch->place_count + patch->cone_count, sizeof *patch->places))
+        return false;
+    find_sides(patch, patch->corners[tet]);
+    for (uint32_t f = 0; f < patch->cone_count; f++) {
+        if ((words == 1 ? outside_walls(patch, 1, f) : outside_walls(patch, words, f)) || behind(patch, complex, tet, &patch->cones[f]))
+            continue;
+        if (!on_boundary(patch, &patch->cones[f]) && !holds_corner(patch, complex, tet, f)) {
+            if (!found)
+                find_planes(patch, patch->corners[tet], &planes);
+            found = true;
+            if (apart(patch, complex, &planes, &patch->cones[f]))
+                continue;
+        }
+        patch->places[patch->place_count++] = (struct place){f, patch->tets[tet]};
+        patch->cones[f].originals++;
+    }
+    return true;
+}
+
+/* Of each cone the walls that it is on the positive side of, and those that it is on the negative side of. Walls on the boundary do not
+ * count, nor does a link face there: a cone is taken to reach beyond them, so that nothing is lost where the boundary has moved. */
+static bool make_masks(struct patch *patch)
+{
+    size_t words = patch->words;
+    if (!room(patch, ORIGINAL_SIDES, &patch->sides, 2 * words * (1 + (size_t)patch->cone_count), sizeof *patch->sides))
+        return false;
+    patch->masks = patch->sides + 2 * words;
+    memset(patch->masks, 0, 2 * words * patch->cone_count * sizeof *patch->masks);
+    for (uint32_t f = 0; f < patch->cone_count; f++)
+        for (int k = 0; k < 3; k++) {
+            uint32_t w = patch->cones[f].walls[k];
+            bool positive = patch->cone_signs[f * words + w / 64] >> w % 64 & 1;
+            if (!patch->walls[w].outer)
+                patch->masks[(2 * f + !positive) * words + w / 64] |= (uint64_t)1 << w % 64;
+        }
+    return true;
+}
+
+static bool pair_originals(struct patch *patch, const struct complex *complex)
+{
+    if (!make_masks(patch))
+        return false;
+    patch->place_count = 0;
+    for (uint32_t f = 0; f < patch->cone_count; f++)
+        patch->cones[f].originals = 0;
+    for (uint32_t t = 0; t < patch->tet_count; t++)
+        if (!pair_original(patch, complex, t))
+            return false;
+    return true;
+}
+
 static bool handover_room(struct handover *handover, size_t needed)
 {
     void *grown = handover->numbers;
@@ -688,57 +772,28 @@ static bool handover_room(struct handover *handover, size_t needed)
     return done;
 }
 
-/* The originals that may overlap a cone become its list. */
-static bool hand_on_to(const struct patch *patch, const struct overlaps *overlaps, const struct complex *complex, uint32_t f,
-                       struct handover *handover)
+/* The originals that may overlap a cone become its list. False: no memory. */
+static bool hand_on_lists(struct patch *patch, const struct complex *complex, struct handover *handover)
 {
-    const struct cone *cone = &patch->cones[f];
-    if (!handover_room(handover, 2 + (size_t)patch->tet_count))
+    if (!pair_originals(patch, complex) || !handover_room(handover, 2 * (size_t)patch->cone_count + patch->place_count))
         return false;
-    uint32_t *list = handover->numbers + handover->count + 2, count = 0;
-    for (size_t t = 0; t < patch->tet_count; t++)
-        if (!outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, complex, t, cone) &&
-            (on_boundary(patch, cone) || holds_corner(patch, complex, t, f) || !apart_by_original(patch, overlaps, complex, patch->tets[t], cone)))
-            list[count++] = patch->tets[t];
-    list[-2] = cone->tet;
-    list[-1] = count;
-    handover->count += 2 + (size_t)count;
-    return true;
-}
-
-/* On which sides of the walls originals may be with all their corners. */
-static bool find_sides(struct patch *patch)
-{
-    size_t tets = patch->tet_count, walls = patch->words;
-    if (!room(patch, ORIGINAL_SIDES, &patch->sides, (2 * tets + 1) * walls, sizeof *patch->sides))
-        return false;
-    patch->outer_walls = patch->sides + 2 * tets * walls;
-    memset(patch->outer_walls, 0, walls * sizeof *patch->sides);
-    for (uint32_t w = 0; w < patch->wall_count; w++)
-        patch->outer_walls[w / 64] |= (uint64_t)patch->walls[w].outer << w % 64;
-    for (size_t t = 0; t < tets; t++) {
-        const uint32_t *corners = patch->corners[t];
-        uint64_t *sides = patch->sides + 2 * t * walls;
-        for (size_t word = 0; word < walls; word++) {
-            sides[word] = sides[walls + word] = ~(uint64_t)0;
-            for (int c = 0; c < 4; c++) {
-                sides[word] &= patch_side(patch, corners[c], MAYBE_NOT_POSITIVE)[word];
-                sides[walls + word] &= patch_side(patch, corners[c], MAYBE_NOT_NEGATIVE)[word];
-            }
-        }
+    for (uint32_t f = 0; f < patch->cone_count; f++) {
+        uint32_t *list = handover->numbers + handover->count, count = patch->cones[f].originals;
+        list[0] = patch->cones[f].tet;
+        list[1] = count;
+        patch->cones[f].originals = (uint32_t)handover->count + 2; // where the next one goes
+        handover->count += 2 + (size_t)count;
     }
+    for (size_t i = 0; i < patch->place_count; i++)
+        handover->numbers[patch->cones[patch->places[i].cone].originals++] = patch->places[i].original;
     return true;
 }
 
-enum tetlod_status patch_hand_on(struct patch *patch, const struct overlaps *overlaps, const struct complex *complex,
-                                 struct handover *out, struct tetlod_error *error)
+enum tetlod_status patch_hand_on(struct patch *patch, const struct complex *complex, struct handover *out, struct tetlod_error *error)
 {
     out->count = 0;
-    if (!find_sides(patch))
+    if (!hand_on_lists(patch, complex, out))
         return no_room(error);
-    for (uint32_t f = 0; f < patch->cone_count; f++)
-        if (!hand_on_to(patch, overlaps, complex, f, out))
-            return no_room(error);
     out->list_count = out->count;
     if (!handover_room(out, 2 * (size_t)patch->vertex_count))
         return no_room(error);

@@ -70,6 +70,7 @@ struct cone {
     uint32_t link[3];
     uint32_t walls[3];  /* opposite these */
     bool outer;         /* its link face lies on the boundary */
+    uint32_t originals; /* scratch of patch_hand_on */
     double normal[3];   /* of the link face, inwards */
     double scale[3];    /* weight of link[i] at p = scale[i] * distance of p from walls[i] */
     double apex;        /* weight of v' at p = apex * normal . (p - link[0]) */
@@ -118,11 +119,15 @@ struct patch {
     uint32_t epoch, *slot_epoch, *slot_number;
     uint64_t *listed, *covered; /* sets of original tetrahedra, and of the level's; empty between stars, as are: */
     uint32_t *numbers;          /* [original vertex] its number, or TETLOD_NONE */
-    struct patch_slot *table; /* of edges */
-    size_t table_size;
+    uint32_t *first_edges;    /* [vertex] the last edge that has it as its lesser end, TETLOD_NONE behind the first; and */
+    uint32_t *next_edges;     /* [edge] the one before */
     uint32_t *pairs;          /* [link * link] number of the wall there, plus 1; all 0 between stars */
-    uint64_t *sides;          /* [original][2][words] of patch_hand_on: the walls that all its corners may be on the negative side of, on the positive */
-    uint64_t *outer_walls;    /* the last of them: the walls on the boundary */
+    uint64_t *sides;          /* [2][words] of patch_hand_on: the walls that all corners of an original may be on the negative side of, on the positive */
+    uint64_t *masks;          /* [cone][2][words] behind them: what a cone is on the other side of */
+    struct place {
+        uint32_t cone, original;
+    } *places;                /* [place_count] cones, and originals that may overlap them, by these */
+    size_t place_count;
     size_t capacity[PATCH_PARTS];
 };
 
@@ -158,8 +163,7 @@ uint32_t patch_cone_of(const struct patch *patch, uint32_t vertex);
 TETLOD_CHECKED enum tetlod_status patch_edges(struct patch *patch, struct tetlod_error *error);
 
 /* After all vertices were placed: finds the lists that the star's cones will have. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status patch_hand_on(struct patch *patch, const struct overlaps *overlaps,
-                                                const struct complex *complex, struct handover *out,
+TETLOD_CHECKED enum tetlod_status patch_hand_on(struct patch *patch, const struct complex *complex, struct handover *out,
                                                 struct tetlod_error *error);
 
 void handover_fini(struct handover *handover);
