@@ -110,10 +110,12 @@ mutant('exact: no spokes', 'src/simplify/exact/exact.c', 'return at_edges(e) && 
        'critical points of kind 3', 'unit/test_exact')
 mutant('exact: not the new vertex', 'src/simplify/exact/exact.c', 'if (!is_original(e) && !at_apex(e))', 'if (0 && !is_original(e) && !at_apex(e))',
        'critical points of kind 4', 'unit/test_exact')
-mutant('exact: originals are lost', 'src/simplify/exact/patch.c', 'if (!outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, complex, t, cone) &&',
-       'if (t % 8 != 7 && !outside_walls(patch, patch->sides + 2 * t * patch->words, f) && !behind(patch, complex, t, cone) &&',
+mutant('exact: originals are lost', 'src/simplify/exact/patch.c', 'if (!pair_original(patch, complex, t))', 'if (t % 8 != 7 && !pair_original(patch, complex, t))',
        'a cone lists all originals that overlap it', 'unit/test_exact')
-
+mutant('exact: planes turned outwards', 'src/simplify/exact/patch.c', 'bool turned = !(dot(plane->normal, r) > 0);', 'bool turned = dot(plane->normal, r) > 0;',
+       'the same', 'unit/test_exact')
+mutant('exact: walls of the wrong side', 'src/simplify/exact/patch.c', 'patch->masks[(2 * f + !positive) * words', 'patch->masks[(2 * f + positive) * words',
+       'the same', 'unit/test_exact')
 mutant('exact: originals stay marked', 'src/simplify/exact/patch.c', 'patch->listed[patch->tets[t] / 64] = 0;', '', 'the next star has all of its originals', 'unit/test_exact')
 mutant('exact: the star stays marked', 'src/simplify/exact/patch.c', 'patch->covered[star->tets[i] / 64] = 0;', '(void)star;', 'vertices in the next star are its own', 'unit/test_exact')
 mutant('exact: distances of another order', 'src/simplify/exact/patch.h',

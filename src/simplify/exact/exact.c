@@ -580,7 +580,9 @@ static bool at_spokes(const struct examination *e)
     for (size_t t = 0; t < tets; t++)
         both_sides(patch, patch->corners[t], examiner->sets + t * patch->words);
     for (uint32_t link = 0; link < patch->link_count; link++)
-        if (!(patch->words == 1 ? at_spoke(e, 1, link, examiner->sets) : at_spoke(e, patch->words, link, examiner->sets)))
+        if (!(patch->words == 1   ? at_spoke(e, 1, link, examiner->sets)
+              : patch->words == 2 ? at_spoke(e, 2, link, examiner->sets)
+                                  : at_spoke(e, patch->words, link, examiner->sets)))
             return false;
     return true;
 }

@@ -111,7 +111,7 @@ static size_t set_words(size_t count)
 }
 
 enum part { TETS, CORNERS, VERTICES, EDGES, LINK, WALLS, CONES, NORMALS, POSITIONS, OFFSETS, SIGNS, CONE_WALLS, CONE_SIGNS, SPOKE_WALLS,
-            SPOKES, FIRST_EDGES, NEXT_EDGES, PAIRS, ORIGINAL_SIDES, HOMES, PLACES };
+            SPOKES, TABLE, PAIRS, ORIGINAL_SIDES, HOMES, PLACES };
 
 /* Room for that many elements in an array of the patch; `array` points to its pointer. */
 static bool room(struct patch *patch, enum part part, void *array, size_t needed, size_t size)
@@ -149,7 +149,7 @@ void patch_fini(struct patch *patch)
     void *owned[] = {patch->tets,         patch->corners,      patch->vertices,    patch->edges,       patch->link,
                      patch->walls,        patch->cones,        patch->normals,     patch->positions,   patch->offsets,
                      patch->signs,
-                     patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spokes,      patch->first_edges, patch->next_edges,
+                     patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spokes,      patch->table,
                      patch->pairs,        patch->sides,       patch->homes,       patch->listed,      patch->covered,
                      patch->places,
                      patch->numbers,      patch->slot_epoch,   patch->slot_number};
@@ -312,25 +312,28 @@ enum tetlod_status patch_take_up(struct patch *patch, const struct complex *comp
 
 enum tetlod_status patch_edges(struct patch *patch, struct tetlod_error *error)
 {
-    size_t most = 6 * (size_t)patch->tet_count;
+    size_t most = 6 * (size_t)patch->tet_count, size = 64;
     if (patch->edge_count)
         return TETLOD_OK;
-    if (!room(patch, EDGES, &patch->edges, most, sizeof *patch->edges) ||
-        !room(patch, NEXT_EDGES, &patch->next_edges, most, sizeof *patch->next_edges) ||
-        !room(patch, FIRST_EDGES, &patch->first_edges, patch->vertex_count, sizeof *patch->first_edges))
+    while (size < most)
+        size *= 2;
+    if (!room(patch, TABLE, &patch->table, size, sizeof *patch->table) ||
+        !room(patch, EDGES, &patch->edges, most, sizeof *patch->edges))
         return no_room(error);
-    memset(patch->first_edges, 0xff, patch->vertex_count * sizeof *patch->first_edges);
+    memset(patch->table, 0, size * sizeof *patch->table);
     for (uint32_t t = 0; t < patch->tet_count; t++)
         for (int e = 0; e < 6; e++) {
             uint32_t a = patch->corners[t][tet_edges[e][0]], b = patch->corners[t][tet_edges[e][1]];
             uint32_t least = a < b ? a : b, greatest = a < b ? b : a;
-            uint32_t at = patch->first_edges[least];
-            while (at != TETLOD_NONE && patch->edges[at][1] != greatest)
-                at = patch->next_edges[at];
-            if (at != TETLOD_NONE)
+            size_t at = (least * (size_t)2654435761u + greatest * (size_t)40503u) & (size - 1);
+            for (; patch->table[at]; at = (at + 1) & (size - 1)) {
+                const uint32_t *edge = patch->edges[patch->table[at] - 1];
+                if (edge[0] == least && edge[1] == greatest)
+                    break;
+            }
+            if (patch->table[at])
                 continue;
-            patch->next_edges[patch->edge_count] = patch->first_edges[least];
-            patch->first_edges[least] = patch->edge_count;
+            patch->table[at] = patch->edge_count + 1;
             patch->edges[patch->edge_count][0] = least;
             patch->edges[patch->edge_count++][1] = greatest;
         }
@@ -717,7 +720,9 @@ static bool pair_original(struct patch *patch, const struct complex *complex, ui
         return false;
     find_sides(patch, patch->corners[tet]);
     for (uint32_t f = 0; f < patch->cone_count; f++) {
-        if ((words == 1 ? outside_walls(patch, 1, f) : outside_walls(patch, words, f)) || behind(patch, complex, tet, &patch->cones[f]))
+        if ((words == 1   ? outside_walls(patch, 1, f)
+             : words == 2 ? outside_walls(patch, 2, f)
+                          : outside_walls(patch, words, f)) || behind(patch, complex, tet, &patch->cones[f]))
             continue;
         if (!on_boundary(patch, &patch->cones[f]) && !holds_corner(patch, complex, tet, f)) {
             if (!found)
