@@ -10,50 +10,7 @@
 #ifndef TETLOD_PATCH_H
 #define TETLOD_PATCH_H
 
-#include "src/simplify/complex.h"
-
-/* A point on an edge of the original; `ends` may be twice the same vertex, or TETLOD_NONE: no such point. */
-struct watched {
-    uint32_t ends[2];
-    float along; /* 0 .. 1 */
-};
-
-/* The same, and the tetrahedron of the level that it is in. */
-struct sentinel {
-    uint32_t tet;
-    struct watched point;
-};
-
-enum { SENTINELS = 2 };
-
-/* Which original tetrahedra overlap which of the level. */
-struct overlaps {
-    const struct tetmesh *mesh; /* the original, borrowed */
-    size_t *begin;              /* [tet of the level] its list in the pool; 0: it has none */
-    uint32_t *pool;             /* list after list: its tetrahedron of the level, how many originals it has, and these */
-    size_t pool_size, pool_capacity;
-    float *slopes;              /* [original tet] (longest edge)^2 / 6V, rounded up; 0: it has no volume */
-    struct watched *sentinels;  /* [tet of the level][SENTINELS] points near which contractions were refused last */
-    uint32_t *host;             /* [original vertex] the tetrahedron of the level that it is in: a hint, what to look at first */
-};
-
-/* What a contraction leaves to its cones: their lists, as the pool has them; then vertices of the original and the tetrahedra
- * that they are in. */
-struct handover {
-    uint32_t *numbers;
-    size_t list_count, count, capacity; /* numbers of the lists; of all */
-};
-
-/* For the complex of the mesh before its first contraction. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh *mesh,
-                                                struct tetlod_error *error);
-void overlaps_fini(struct overlaps *overlaps);
-
-/* Bytes that they take with as many threads, about. */
-uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets, unsigned threads);
-
-/* Sets up a sentinel. */
-void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel);
+#include "src/simplify/exact/overlaps.h"
 
 /* On which side of a wall's plane a vertex is: that it counts to, and, rounding in doubt, where it may be. */
 enum { POSITIVE, MAYBE_NOT_POSITIVE, MAYBE_NOT_NEGATIVE, SIDES };
@@ -164,12 +121,6 @@ TETLOD_CHECKED enum tetlod_status patch_edges(struct patch *patch, struct tetlod
 /* After all vertices were placed: finds the lists that the star's cones will have. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status patch_hand_on(struct patch *patch, const struct complex *complex, struct handover *out,
                                                 struct tetlod_error *error);
-
-void handover_fini(struct handover *handover);
-
-/* With the contraction of a star that has not changed since: takes its lists over. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star,
-                                                const struct handover *handover, struct tetlod_error *error);
 
 /* Of a place at `r` from the apex: its distance from a wall's plane, scaled. The same bits as its signs are taken from. */
 static inline double patch_distance(const struct patch *patch, uint32_t wall, const double r[3])
