@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The controls of the panel's layers: what of the volume is drawn, as surfaces, as arrows and streamlines, and as a volume.
 import assert from 'node:assert/strict';
+import { colorTable } from '../../server/web/page/colors.js';
 import { firstPicture, settled } from './browser.mjs';
 import { becomes, changesThePicture, enter, infoOf, nothing_was_complained_of, open, page, picture, size, state, until } from './controls.mjs';
 import { run } from './tap.mjs';
@@ -128,7 +129,7 @@ async function isosurfaces_are_drawn() {
 
 // The largest difference, of 255, between the picture and what the values along the rays give, where nothing else is drawn.
 // `behind`: the plane {origin, normal} that clips, or null
-const differenceFromRays = (behind) => page.evaluate(async (clip) => {
+const differenceFromRays = (behind) => page.evaluate(async ([clip, map]) => {
   const { stream, scene, state } = window.tetlod;
   scene.box.setVisibility(false);
   const image = await scene.capture();
@@ -151,9 +152,7 @@ const differenceFromRays = (behind) => page.evaluate(async (clip) => {
         const value = ends[i + 1] + ((k + 0.5) / steps) * (ends[i + 3] - ends[i + 1]);
         const x = Math.min(1, Math.max(0, (value - low) / (high - low)));
         const taken = light * (1 - (1 - opacityAt(x)) ** ((ends[i + 2] - ends[i]) * length / steps * 100 / Math.max(...sides)));
-        const color = [];
-        scene.lookup.getColor(value, color);
-        color.slice(0, 3).forEach((c, d) => { seen[d] += taken * c; });
+        map[Math.round(x * (map.length - 1))].forEach((c, d) => { seen[d] += taken * (c / 255); });
         light -= taken;
       }
     }
@@ -179,7 +178,7 @@ const differenceFromRays = (behind) => page.evaluate(async (clip) => {
       worst = Math.max(worst, ...seen.map((c, d) => Math.abs(c - pixel[d])));
     }
   return { worst, covered };
-}, behind);
+}, [behind, colorTable('viridis', false, 1025)]);
 
 // Rays through the tetrahedra: the picture is what the values along each ray give, at any level and behind a plane.
 async function tetrahedra_are_rendered() {

@@ -7,8 +7,8 @@ import '@kitware/vtk.js/Rendering/OpenGL/Camera.js';
 import '@kitware/vtk.js/Rendering/OpenGL/PolyDataMapper.js';
 import '@kitware/vtk.js/Rendering/OpenGL/Renderer.js';
 import vtkInteractorStyle from '@kitware/vtk.js/Interaction/Style/InteractorStyleTrackballCamera.js';
+import vtkLookupTable from '@kitware/vtk.js/Common/Core/LookupTable.js';
 import vtkPolyData from '@kitware/vtk.js/Common/DataModel/PolyData.js';
-import vtkColorTransferFunction from '@kitware/vtk.js/Rendering/Core/ColorTransferFunction.js';
 import vtkRenderer from '@kitware/vtk.js/Rendering/Core/Renderer.js';
 import vtkRenderWindow from '@kitware/vtk.js/Rendering/Core/RenderWindow.js';
 import vtkInteractor from '@kitware/vtk.js/Rendering/Core/RenderWindowInteractor.js';
@@ -37,10 +37,10 @@ export const views = {
   oblique: [[0.62, -0.66, 0.42], [0, 0, 1]],
 };
 
-// All at once: vtk.js sorts and compares all points for each that is added.
+const mapColors = 257; // of a map as it is drawn: between two of them the graphics processor goes straight
+
 function fillLookup(lookup, table, low, high) {
-  const at = (i) => low + ((high - low) * i) / (table.length - 1);
-  lookup.setNodes(table.map(([r, g, b], i) => ({ x: at(i), r: r / 255, g: g / 255, b: b / 255, midpoint: 0.5, sharpness: 0 })));
+  lookup.setTable(table);
   lookup.setMappingRange(low, high);
 }
 
@@ -75,8 +75,8 @@ export class Scene extends EventTarget {
     this.window = vtkRenderWindow.newInstance();
     this.window.addRenderer(this.renderer);
     this.openView();
-    this.lookup = vtkColorTransferFunction.newInstance();
-    this.lineLookup = vtkColorTransferFunction.newInstance();
+    this.lookup = vtkLookupTable.newInstance();
+    this.lineLookup = vtkLookupTable.newInstance();
     this.closed = false;
     this.box = null;
     this.surface = new Layer(this.renderer, this.lookup, this.lineLookup);
@@ -89,6 +89,7 @@ export class Scene extends EventTarget {
     this.rays = null;   // the tetrahedra's
     this.cells = null;
     this.colors = {};
+    this.table = []; // the map's colours
     this.state = null;
     this.range = [0, 1];
     this.boxColor = [0, 0, 0];
@@ -218,7 +219,8 @@ export class Scene extends EventTarget {
   async loadVolume() {
     const { VolumeLayer } = await import('./volume.js');
     if (this.volume) return;
-    this.volume = new VolumeLayer(this.renderer, this.lookup);
+    this.volume = new VolumeLayer(this.renderer);
+    this.volume.color(this.table, this.range);
     this.volume.update(this.grid);
     this.restyle(this.state);
   }
@@ -272,10 +274,11 @@ export class Scene extends EventTarget {
 
   // Colours from `low` to `high`, which are logarithms if the state says so.
   recolor(state, low, high) {
-    const table = colorTable(state.map, state.reversed, 65);
-    fillLookup(this.lookup, table, low, high);
-    fillLookup(this.lineLookup, table.map(lineColor), low, high);
+    this.table = colorTable(state.map, state.reversed, mapColors);
+    fillLookup(this.lookup, this.table, low, high);
+    fillLookup(this.lineLookup, this.table.map(lineColor), low, high);
     this.range = [low, high];
+    this.volume?.color(this.table, this.range);
     this.colors = { map: state.map, reversed: state.reversed };
     if (this.state) this.styleVolumes();
     this.render();

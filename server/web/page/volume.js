@@ -14,11 +14,11 @@ import vtkVolumeMapper from '@kitware/vtk.js/Rendering/Core/VolumeMapper.js';
 const proportional = 1; // vtkVolumeProperty's OpacityMode.PROPORTIONAL: a component that multiplies the opacity
 
 export class VolumeLayer {
-  // `lookup`: the colours that the picture's other parts have too
-  constructor(renderer, lookup) {
+  constructor(renderer) {
     this.image = vtkImageData.newInstance();
     this.mapper = vtkVolumeMapper.newInstance();
     this.actor = vtkVolume.newInstance();
+    this.colors = vtkColorTransferFunction.newInstance();
     this.opacity = vtkPiecewiseFunction.newInstance();
     const mask = vtkPiecewiseFunction.newInstance();
     mask.addPoint(0, 0);
@@ -29,7 +29,7 @@ export class VolumeLayer {
     const property = this.actor.getProperty();
     property.setInterpolationTypeToLinear();
     property.setShade(false);
-    property.setRGBTransferFunction(0, lookup);
+    property.setRGBTransferFunction(0, this.colors);
     property.setScalarOpacity(0, this.opacity);
     property.setRGBTransferFunction(1, black);
     property.setScalarOpacity(1, mask);
@@ -56,6 +56,13 @@ export class VolumeLayer {
     // an opacity of the editor holds for a hundredth of the longest side, whatever the grid
     const longest = Math.max(...grid.spacing.map((s, i) => s * grid.dims[i]));
     for (const component of [0, 1]) this.actor.getProperty().setScalarOpacityUnitDistance(component, longest / 100);
+  }
+
+  // `table`: the map's colours. All at once: vtk.js sorts and compares all points for each that is added.
+  color(table, [low, high]) {
+    const at = (i) => low + ((high - low) * i) / (table.length - 1);
+    this.colors.setNodes(table.map(([r, g, b], i) => ({ x: at(i), r: r / 255, g: g / 255, b: b / 255, midpoint: 0.5, sharpness: 0 })));
+    this.colors.setMappingRange(low, high);
   }
 
   // Opacities of the editor's points, which are fractions of the colours' range.
