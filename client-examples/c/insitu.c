@@ -5,8 +5,10 @@
  *
  * cc insitu.c $(pkg-config --cflags --libs tetlod-build) -lm -o insitu
  */
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 #include <tetlod_build.h>
 
@@ -50,13 +52,17 @@ static int save(char *path)
     struct tetlod_build_options options;
     struct tetlod_error error = {0};
     FILE *file = fopen(path, "wb");
+    if (!file) {
+        fprintf(stderr, "%s: %s\n", path, strerror(errno));
+        return 1;
+    }
     tetlod_build_defaults(&options);
     options.max_error = 0.1; /* nobody asks for coarser levels */
     options.progress = show;
     options.progress_opaque = path;
-    enum tetlod_status status = file ? tetlod_build(&mesh, &options, write_bytes, file, &error) : TETLOD_ERR_IO;
+    enum tetlod_status status = tetlod_build(&mesh, &options, write_bytes, file, &error);
     fprintf(stderr, status == TETLOD_OK ? "\n" : "\n%s: %s\n", path, error.message);
-    return (file && fclose(file)) || status != TETLOD_OK;
+    return fclose(file) || status != TETLOD_OK;
 }
 
 int main(int argc, char **argv)

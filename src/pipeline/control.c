@@ -174,7 +174,7 @@ enum tetlod_status build_control_default(struct tetmesh *mesh, struct build_cont
 {
     *out = (struct build_control){0};
     if (!mesh->field_count)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "it has no point field; give it one, or convert its cell data to point data");
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "it has no point field; give it one, such as the solution of a PLOT3D grid (--q) or its cell data (--cell-data average)");
     for (uint32_t f = 0; f < mesh->field_count; f++)
         if (mesh->fields[f].components == 1) {
             out->field = f;
