@@ -34,13 +34,13 @@ static const char help[] =
     "                     there as it is; in a belt around it no error is certified, it is measured. Up to 16 times. A cell field, Region,\n"
     "                     tells the parts: 0 the coarse level, 1 the fine one, 2 the belt; one of that name in the stream is left out\n"
     "      --box-error E  the error in the boxes, as of --error or --abs-error (default 0)\n"
-    "      --time T       of a series the step whose time is nearest to T, in its coarsest form within --error or --abs-error: a fraction\n"
-    "                     of the range over all steps. Without an error: exactly. Only fields that have steps are written\n"
+    "      --time T       in a series the step whose time is nearest to T, in its coarsest form within --error or --abs-error: a fraction\n"
+    "                     of the range over all steps. Without an error it is exact. Only fields that have steps are written\n"
     "      --step N       the same for the step with this number, from 0\n"
     "      --original-order  the finest level in the input's own numbering, if tetlod build --keep-order kept it\n"
     "      --quiet        do not say which level it is, and what error each field has there at most\n"
     "\n"
-    "Of a file that is cut off, such as a download that stopped, the levels that are whole can be extracted.\n"
+    "If a file is cut off, such as a download that stopped, the levels that are whole can still be extracted.\n"
     "\n"
     "example: tetlod extract blunt.tetlod --error 1% -o coarse.vtu\n";
 

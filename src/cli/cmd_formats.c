@@ -6,8 +6,8 @@
 
 static const char help[] = "usage: tetlod formats\n"
                            "\n"
-                           "Lists the mesh files that this binary reads and writes: name, read, written, extensions, what of\n"
-                           "the format. A file's content decides its format, then its extension.\n"
+                           "Lists the mesh files that this binary reads and writes: name, whether it is read and written,\n"
+                           "extensions, and what is known of the format. A file's content decides its format, then its extension.\n"
                            "\n"
                            "example: tetlod formats\n";
 
@@ -21,8 +21,7 @@ static int run(int argc, char **argv)
         printf("%-9s %-4s %-5s", format.name, format.reads ? "read" : "-", format.writes ? "write" : "-");
         for (size_t e = 0; format.extensions[e]; e++)
             printf(" .%s", format.extensions[e]);
-        printf("  %s%s%s\n", format.about, format.missing ? "; this binary was built without " : "",
-               format.missing ? format.missing : "");
+        printf("  %s\n", format.about);
     }
     return EXIT_DONE;
 }

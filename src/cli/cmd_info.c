@@ -17,10 +17,10 @@ static const char help[] =
     "      --all   every level, and the measure 'predicted'\n"
     "      --json  the index as JSON, as /v1/meshes/{id} of the server gives it\n"
     "\n"
-    "Of a series in time: the bands that its steps are stored in, with the bytes of a step.\n"
+    "For a series in time it also lists the bands that hold the steps, with the bytes of a step.\n"
     "\n"
-    "Errors are fractions of the field's range, in percent; a dash means: not known. 'bytes' is the length of the prefix of the\n"
-    "file that decodes to the level. 'others': the largest measured error of the fields that are not controlled.\n";
+    "Errors are fractions of the field's range, in percent; a dash means that one is not known. 'bytes' is the length of the prefix of the\n"
+    "file that decodes to the level. 'others' is the largest measured error of the fields that are not controlled.\n";
 
 /* A download that stopped still shows the levels that came. */
 static void print_cut(const struct tetlod_info *info, int fd)

@@ -62,7 +62,6 @@ struct io_format {
     const char *name, *about; /* about: what of the format there is */
     const char *const *extensions; /* ends with NULL */
     bool reads, writes; /* in this binary */
-    const char *missing; /* the library that this binary was built without, or NULL */
 };
 
 /* False past the last. */
