@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Whether everybody can use the page: by keyboard alone, with contrast, on a small screen, without motion.
 import assert from 'node:assert/strict';
+import { join } from 'node:path';
 import { launch, openPage, firstPicture, settled } from './browser.mjs';
-import { program, sampleStream } from './hosts.mjs';
+import { ROOT, cellStream, program, sampleStream } from './hosts.mjs';
 import { run } from './tap.mjs';
 
-const server = await program([sampleStream().path]);
+const server = await program([sampleStream().path, cellStream().path, join(ROOT, 'tests/golden/series_moving.tetlod')]);
 const browser = await launch();
 const viewer = `${server.url}view/fin#error=0.1&slices=x@0.5&isosurfaces=0.4&clip=z@0.7`;
 
@@ -15,7 +16,7 @@ async function open(url, options) {
   if (url.includes('/view/')) {
     await firstPicture(page);
     await settled(page);
-  } else await page.getByRole('link', { name: 'View' }).waitFor();
+  } else await page.getByRole('link', { name: 'View' }).first().waitFor();
   return page;
 }
 
@@ -103,6 +104,108 @@ async function text_has_contrast() {
   }
 }
 
+// Notes the size of what is written on canvases, in pixels of the page, or of the picture that is saved.
+const noteCanvases = () => {
+  window.written = [];
+  const plain = CanvasRenderingContext2D.prototype.fillText;
+  CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
+    const { canvas } = this;
+    const { a, b } = this.getTransform();
+    const drawn = parseFloat(/([\d.]+)px/.exec(this.font)[1]) * Math.hypot(a, b);
+    window.written.push({ text, size: canvas.isConnected ? (drawn * canvas.getBoundingClientRect().width) / canvas.width : drawn, where: canvas.id || canvas.className });
+    return plain.call(this, text, ...rest);
+  };
+};
+
+// The size of all letters that are there, in shadow trees, too, but for those of a chosen file's name, which is shown nowhere.
+const letters = () => {
+  const found = [...window.written];
+  const walk = (root) => {
+    for (const e of root.querySelectorAll('*')) {
+      if (e.shadowRoot) walk(e.shadowRoot);
+      if (!e.checkVisibility({ visibilityProperty: true }) || e.closest('.hidden, noscript')) continue;
+      const file = e.type === 'file';
+      const written = e.matches('input:not([type=range], [type=checkbox]), select') || [...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim());
+      if (!written) continue;
+      const size = parseFloat(getComputedStyle(e, file ? '::file-selector-button' : null).fontSize) * (e instanceof SVGGraphicsElement ? e.getScreenCTM().a : 1);
+      found.push({ text: e.textContent.trim().slice(0, 40) || e.id, size, where: e.closest('[id]')?.id ?? e.tagName });
+    }
+  };
+  walk(document);
+  return found;
+};
+
+async function checkLetters(page, what, ...wanted) {
+  const found = await page.evaluate(letters);
+  assert.deepEqual(found.filter(({ size }) => size < 11.99), [], what);
+  for (const place of wanted) assert.ok(found.some(({ where, text }) => where === place || text === place), `${what}: nothing is written in '${place}'`);
+}
+
+// Everything opened: all of the panel, and what lies over the picture.
+async function letters_are_large_enough() {
+  const page = await openPage(browser, server.url);
+  await page.addInitScript(noteCanvases);
+  await page.goto(server.url);
+  await page.getByText('Levels and files').first().click();
+  await checkLetters(page, 'catalogue', 'Certified error at most', 'VTU', '152\u202fkB');
+  const everything = '&isosurfaces=0.4&zone=1&vectors=arrows&threshold=0,0.9&clip=z@0.9&line=0,0.1,0.2,1,0.9,0.8&pins=0.5,0.5,0.25;0.2,0.2,0.5&volume=1&volumeSize=48&surface=glass';
+  for (const [id, more, ...wanted] of [['fin', everything, 'line-words', 'line-drawing', 'pins', 'zone-words', 'vector-field', 'plot', 'scalarbar', 'compass', 'Y'],
+    ['cells', '&cells=material&regions=material', 'region-list', 'cells'], ['series_moving', '&step=3', 'player-now', 'player-speed']]) {
+    await page.goto('about:blank');
+    await page.goto(`${server.url}view/${id}#slices=x@0.5${more}`);
+    await firstPicture(page);
+    await page.waitForFunction(() => !document.getElementById('controls').inert);
+    for (const details of await page.locator('#controls details').all()) await details.evaluate((e) => { e.open = true; });
+    if (id === 'fin') await page.locator('#line-drawing text').first().waitFor();
+    if (id === 'cells') await page.locator('#region-list label').first().waitFor();
+    if (id === 'series_moving') await page.locator('#player').waitFor();
+    await settled(page);
+    await page.locator('#copy-link').click(); // a notice
+    await page.locator('#notice-share').waitFor();
+    await page.mouse.move(...await page.evaluate(() => {
+      const { width, height } = document.getElementById('picture').getBoundingClientRect();
+      const places = Array.from({ length: 400 }, (_, i) => [(0.1 + (i % 20) / 25) * width, (0.1 + Math.floor(i / 20) / 25) * height]);
+      return places.find((place) => window.tetlod.scene.pick(...place) && document.elementFromPoint(...place).closest('#picture'));
+    }));
+    await page.locator('#probe').waitFor();
+    await checkLetters(page, id, 'notice-share', 'probe', 'controls', 'name', 'about', ...wanted);
+    await page.keyboard.press('?');
+    await checkLetters(page, id, 'keys');
+    await page.keyboard.press('Escape');
+  }
+  await page.context().close();
+}
+
+// A picture that is smaller than on the screen has letters of the same size, and fewer of them.
+async function letters_of_saved_pictures() {
+  const page = await openPage(browser, server.url);
+  await page.addInitScript(noteCanvases);
+  await page.goto(`${viewer}&pins=0.5,0.5,0.25`);
+  await firstPicture(page);
+  await settled(page);
+  for (const [width, height] of [[300, 260], [700, 500], [2000, 1500]]) {
+    await page.locator('#png-width').fill(String(width));
+    await page.locator('#png-height').fill(String(height));
+    await page.evaluate(() => { window.written.length = 0; });
+    await Promise.all([page.waitForEvent('download'), page.locator('#save-png').click()]);
+    const written = await page.evaluate(() => window.written.filter(({ where }) => !where));
+    assert.ok(written.some(({ text }) => text === 'x') && written.some(({ text }) => text === '1'), `${written.map(({ text }) => text)}`);
+    assert.deepEqual(written.filter(({ size }) => size < 11.99), [], `${width} x ${height}`);
+  }
+  await page.context().close();
+}
+
+async function letters_of_the_element() {
+  const page = await openPage(browser, server.url);
+  await page.addInitScript(noteCanvases);
+  const html = `<!doctype html><title>t</title><script type="module" src="/element.js"></script><tetlod-view src="/v1/meshes/fin" error="10%"></tetlod-view>`;
+  await page.route(`${server.url}host.html`, (route) => route.fulfill({ contentType: 'text/html', body: html }));
+  await page.goto(`${server.url}host.html`);
+  await page.waitForFunction(() => document.querySelector('tetlod-view').shadowRoot?.querySelector('.over text'));
+  await checkLetters(page, 'element', 'x', 'bar');
+  await page.context().close();
+}
+
 async function a_small_screen_is_enough() {
   for (const url of [server.url, viewer]) {
     const page = await open(url, { viewport: { width: 360, height: 640 }, hasTouch: true });
@@ -150,6 +253,19 @@ async function the_picture_keeps_most_of_the_screen() {
   await page.context().close();
 }
 
+// What can be in the picture is seen without scrolling.
+async function layers_are_above_the_fold() {
+  const page = await open(`${server.url}view/fin`);
+  for (const viewport of [{ width: 1280, height: 800 }, { width: 1024, height: 700 }]) {
+    await page.setViewportSize(viewport);
+    for (const id of ['surface', 'edges', 'slices', 'add-isosurface', 'vectors', 'volume', 'threshold', 'clip']) {
+      const { y, height } = await page.locator(`#${id}`).evaluate((e) => (e.id === 'clip' ? e.previousElementSibling : e).getBoundingClientRect().toJSON());
+      assert.ok(height > 0 && y + height <= viewport.height, `${id} ends at ${y + height} of ${viewport.height}`);
+    }
+  }
+  await page.context().close();
+}
+
 async function levels_jump_where_motion_is_unwanted() {
   const page = await open(viewer, { reducedMotion: 'reduce' });
   await page.evaluate(() => {
@@ -164,7 +280,8 @@ async function levels_jump_where_motion_is_unwanted() {
   await page.context().close();
 }
 
-await run([every_control_is_reached_by_tab, text_has_contrast, a_small_screen_is_enough, figures_do_not_overlap, the_picture_keeps_most_of_the_screen,
+await run([every_control_is_reached_by_tab, text_has_contrast, letters_are_large_enough, letters_of_saved_pictures, letters_of_the_element,
+  a_small_screen_is_enough, figures_do_not_overlap, the_picture_keeps_most_of_the_screen, layers_are_above_the_fold,
   levels_jump_where_motion_is_unwanted]);
 await browser.close();
 await server.stop();

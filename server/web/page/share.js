@@ -5,24 +5,38 @@ import { byId, element } from './dom.js';
 import { notice } from './notices.js';
 import { withTexts } from './png_text.js';
 
-// What lies over the picture, as large beside it as on the screen: below, in the middle or at the left.
+const beside = 220; // pixels at both sides of the scalar bar, where the compass is
+const narrow = 200; // a bar that would be narrower has the width for itself
+
+// Makes the bar as narrow as a picture that is `room` pixels wide needs it; whether there is room for the compass, too.
+function fitBar(bar, room) {
+  const { width } = bar.getBoundingClientRect();
+  const both = room - beside >= Math.min(width, narrow);
+  bar.style.width = `${Math.min(width, room - (both ? beside : 20))}px`;
+  return both;
+}
+
+// What lies over the picture, beside it as on the screen, below, in the middle or at the left, and never smaller: words can be read in any picture.
 function drawOver(context, shot, { redraw, layers }) {
   const { width, height } = shot;
   const stage = byId('stage').getBoundingClientRect();
-  const factor = Math.min(width / stage.width, height / stage.height);
+  const factor = Math.max(1, Math.min(width / stage.width, height / stage.height));
   for (const layer of layers) layer.drawOn(context, shot, factor);
-  const over = ['scalarbar', 'compass'].map(byId).filter((canvas) => canvas.getBoundingClientRect().width);
+  const [bar, compass] = ['scalarbar', 'compass'].map(byId);
+  const room = width / factor;
+  const over = (room >= stage.width || fitBar(bar, room) ? [bar, compass] : [bar]).filter((canvas) => canvas.getBoundingClientRect().width);
   for (const canvas of over) canvas.dataset.pixels = factor;
   redraw();
   for (const canvas of over) {
     const box = canvas.getBoundingClientRect();
-    const left = canvas.id === 'compass' ? (box.left - stage.left) * factor : width / 2 + (box.left - stage.left - stage.width / 2) * factor;
+    const left = canvas === compass ? (box.left - stage.left) * factor : width / 2 + (box.left - stage.left - stage.width / 2) * factor;
     const place = [left, height - (stage.bottom - box.top) * factor, box.width * factor, box.height * factor];
     context.fillStyle = getComputedStyle(canvas).backgroundColor;
     context.fillRect(...place);
     context.drawImage(canvas, ...place);
     delete canvas.dataset.pixels;
   }
+  bar.style.width = '';
   redraw();
 }
 
