@@ -4,6 +4,7 @@
  * attributes. The JSON names the length of every array and comes first; it is put twice, at first only to know its own length.
  */
 #include <ctype.h>
+#include <float.h>
 #include <inttypes.h>
 #include <math.h>
 
@@ -145,6 +146,15 @@ static enum tetlod_status measure_json(const struct tetmesh *mesh, const struct 
     return put_finish(&put);
 }
 
+static bool fits_float32(const struct tetmesh *mesh, const struct cut *surface)
+{
+    for (uint32_t v = 0; v < surface->vertex_count; v++)
+        for (uint32_t d = 0; d < 3; d++)
+            if (fabs(cut_value(surface, v, mesh->positions, 3, d)) > FLT_MAX)
+                return false;
+    return true;
+}
+
 static void put_array(struct put *put, const struct cut *surface, const double *values, uint32_t components)
 {
     for (uint32_t v = 0; v < surface->vertex_count; v++)
@@ -189,6 +199,8 @@ enum tetlod_status io_write_glb(const struct tetmesh *mesh, const struct cut *su
     enum { HEAD = 12, CHUNK_HEAD = 8 };
     struct put put;
     uint64_t json, arrays;
+    if (!fits_float32(mesh, surface))
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "a GLB file has float32 coordinates, which these do not fit into; write .vtp");
     TETLOD_TRY(measure_json(mesh, surface, &json, &arrays, error));
     uint64_t padded = (json + 3) & ~(uint64_t)3, all = HEAD + CHUNK_HEAD + padded + (arrays ? CHUNK_HEAD + arrays : 0);
     if (all > UINT32_MAX)

@@ -163,6 +163,14 @@ def surface_case(extension):
     return None if good else 'values'
 
 
+def huge_case():
+    """Coordinates beyond float32 are no numbers of JSON."""
+    points, tets, fields, cells = tet_mesh(20)
+    meshio.write(path('in.vtu'), meshio.Mesh(points.astype(float) * 1e39, [('tetra', tets)]))
+    done = tetlod('convert', path('in.vtu'), '-o', path('huge.glb'))
+    return None if done.returncode == 1 and b'.vtp' in done.stderr and not os.path.exists(path('huge.glb')) else done
+
+
 def abaqus_case():
     points, tets, fields, cells = tet_mesh(60)
     meshio.write(path('in.inp'), meshio.Mesh(points, [('tetra', tets), ('triangle', tets[:3, :3])]))
@@ -272,6 +280,7 @@ def main():
             case('element data of %s%s' % (version, ', binary' if binary else ''), gmsh_data_case, version, binary)
     for extension in '.vtp', '.glb':
         case('the surface as %s' % extension, surface_case, extension)
+    case('coordinates beyond float32 as .glb', huge_case)
     case('abaqus by meshio', abaqus_case)
     case('calculix by hand', calculix_case)
     case('abaqus: parts, instances, files that are named', abaqus_parts_case)
