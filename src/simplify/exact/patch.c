@@ -33,7 +33,7 @@ static size_t set_words(size_t count)
 }
 
 enum part { TETS, CORNERS, VERTICES, EDGES, LINK, WALLS, CONES, NORMALS, POSITIONS, OFFSETS, SIGNS, CONE_WALLS, CONE_SIGNS, SPOKE_WALLS,
-            SPOKES, TABLE, PAIRS, ORIGINAL_SIDES, HOMES, PLACES };
+            SPOKES, TABLE, PAIRS, ORIGINAL_SIDES, HOMES, PLACES, HELD };
 
 /* Room for that many elements in an array of the patch; `array` points to its pointer. */
 static bool room(struct patch *patch, enum part part, void *array, size_t needed, size_t size)
@@ -73,7 +73,7 @@ void patch_fini(struct patch *patch)
                      patch->signs,
                      patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spokes,      patch->table,
                      patch->pairs,        patch->sides,       patch->homes,       patch->listed,      patch->covered,
-                     patch->places,
+                     patch->places,       patch->held,
                      patch->numbers,      patch->slot_epoch,   patch->slot_number};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
@@ -437,17 +437,22 @@ struct unaligned {
     lanes lanes;
 } __attribute__((packed, aligned(8), may_alias));
 
+/* Distances of a place from as many walls. */
+static inline lanes distances(const struct patch *patch, size_t wall, const double r[3])
+{
+    const double *n = patch->normals + wall;
+    const lanes x = {r[0], r[0]}, y = {r[1], r[1]}, z = {r[2], r[2]};
+    return LOAD(n) * x + LOAD(n + patch->stride) * y + LOAD(n + 2 * (size_t)patch->stride) * z;
+}
+
 /* On which sides of up to 64 walls a place is. */
 static inline void make_word(const struct patch *patch, const double r[3], size_t first, size_t last, uint64_t *signs)
 {
-    const double *nx = patch->normals, *ny = nx + patch->stride, *nz = ny + patch->stride, *tolerances = patch->tolerances,
-                 *thresholds = patch->thresholds;
-    const lanes x = {r[0], r[0]}, y = {r[1], r[1]}, z = {r[2], r[2]};
     const lane_bits absolute = {INT64_MAX, INT64_MAX}; // all but the sign
     lane_bits positives = {0}, nears = {0}, bit = {1, 2};
     for (size_t w = first; w < last; w += PATCH_LANES, bit <<= PATCH_LANES) {
-        lanes distance = LOAD(nx + w) * x + LOAD(ny + w) * y + LOAD(nz + w) * z, tolerance = LOAD(tolerances + w);
-        positives |= (lane_bits)(distance >= LOAD(thresholds + w)) & bit;
+        lanes distance = distances(patch, w, r), tolerance = LOAD(patch->tolerances + w);
+        positives |= (lane_bits)(distance >= LOAD(patch->thresholds + w)) & bit;
         nears |= (lane_bits)((lanes)((lane_bits)distance & absolute) <= tolerance) & bit;
     }
     uint64_t positive = positives[0] | positives[1], near = nears[0] | nears[1],
@@ -492,12 +497,24 @@ void patch_place(struct patch *patch, uint32_t vertex)
     patch->homes[vertex] = find_cone(patch, signs + POSITIVE * patch->words);
 }
 
+/* The sides that a place counts to alone, in the room of vertex 0, whose turn comes later. */
+static void make_positives(const struct patch *patch, const double r[3])
+{
+    for (uint32_t word = 0; word < patch->words; word++) {
+        lane_bits positives = {0}, bit = {1, 2};
+        size_t first = (size_t)64 * word, last = first + 64 < patch->stride ? first + 64 : patch->stride;
+        for (size_t w = first; w < last; w += PATCH_LANES, bit <<= PATCH_LANES)
+            positives |= (lane_bits)(distances(patch, w, r) >= LOAD(patch->thresholds + w)) & bit;
+        patch->signs[word] = positives[0] | positives[1];
+    }
+}
+
 uint32_t patch_cone_at(struct patch *patch, const struct complex *complex, const double p[3], double weights[3],
                        double *apex_weight)
 {
     double r[3];
     subtract(p, patch->apex, r);
-    make_signs(patch, r, patch->signs); // of vertex 0, whose turn comes later
+    make_positives(patch, r);
     uint32_t f = find_cone(patch, patch->signs);
     if (f == TETLOD_NONE)
         return f;
@@ -568,16 +585,24 @@ static bool behind(const struct patch *patch, const struct complex *complex, siz
     return true;
 }
 
-/* Is a corner of the original inside the cone? */
-static bool holds_corner(const struct patch *patch, const struct complex *complex, size_t tet, uint32_t f)
+/* Finds which vertices are inside the cones whose signs they have, not beyond their link faces. False: no memory. */
+static bool find_held(struct patch *patch, const struct complex *complex)
 {
-    const struct cone *cone = &patch->cones[f];
-    for (int c = 0; c < 4; c++) {
-        uint32_t v = patch->corners[tet][c];
-        if (patch->homes[v] == f && cone_height(cone, patch, complex, patch->positions[v]) > cone->tolerance)
-            return true;
+    if (!room(patch, HELD, &patch->held, patch->vertex_count, sizeof *patch->held))
+        return false;
+    for (uint32_t v = 0; v < patch->vertex_count; v++) {
+        uint32_t f = patch->homes[v];
+        bool inside = f != TETLOD_NONE && cone_height(&patch->cones[f], patch, complex, patch->positions[v]) > patch->cones[f].tolerance;
+        patch->held[v] = inside ? f : TETLOD_NONE;
     }
-    return false;
+    return true;
+}
+
+/* Is a corner of the original inside the cone? */
+static inline bool holds_corner(const struct patch *patch, const uint32_t corners[4], uint32_t f)
+{
+    const uint32_t *held = patch->held;
+    return held[corners[0]] == f || held[corners[1]] == f || held[corners[2]] == f || held[corners[3]] == f;
 }
 
 /* The planes of an original's faces, but those that have the apex on the original's side: no cone is beyond these. */
@@ -638,19 +663,22 @@ static bool pair_original(struct patch *patch, const struct complex *complex, ui
     struct planes planes;
     bool found = false;
     size_t words = patch->words;
+    const uint32_t *corners = patch->corners[tet];
     if (!room(patch, PLACES, &patch->places, patch->place_count + patch->cone_count, sizeof *patch->places))
         return false;
-    find_sides(patch, patch->corners[tet]);
+    find_sides(patch, corners);
     for (uint32_t f = 0; f < patch->cone_count; f++) {
-        if ((words == 1   ? outside_walls(patch, 1, f)
-             : words == 2 ? outside_walls(patch, 2, f)
-                          : outside_walls(patch, words, f)) || behind(patch, complex, tet, &patch->cones[f]))
+        if (words == 1   ? outside_walls(patch, 1, f)
+            : words == 2 ? outside_walls(patch, 2, f)
+                         : outside_walls(patch, words, f))
             continue;
-        if (!on_boundary(patch, &patch->cones[f]) && !holds_corner(patch, complex, tet, f)) {
+        if (!holds_corner(patch, corners, f)) {
+            if (behind(patch, complex, tet, &patch->cones[f]))
+                continue;
             if (!found)
-                find_planes(patch, patch->corners[tet], &planes);
+                find_planes(patch, corners, &planes);
             found = true;
-            if (apart(patch, complex, &planes, &patch->cones[f]))
+            if (!on_boundary(patch, &patch->cones[f]) && apart(patch, complex, &planes, &patch->cones[f]))
                 continue;
         }
         patch->places[patch->place_count++] = (struct place){f, patch->tets[tet]};
@@ -680,7 +708,7 @@ static bool make_masks(struct patch *patch)
 
 static bool pair_originals(struct patch *patch, const struct complex *complex)
 {
-    if (!make_masks(patch))
+    if (!make_masks(patch) || !find_held(patch, complex))
         return false;
     patch->place_count = 0;
     for (uint32_t f = 0; f < patch->cone_count; f++)

@@ -79,6 +79,7 @@ struct patch {
     uint32_t *table;          /* of edges: their numbers, plus 1 */
     uint32_t *pairs;          /* [link * link] number of the wall there, plus 1; all 0 between stars */
     uint64_t *sides;          /* [2][words] of patch_hand_on: the walls that all corners of an original may be on the negative side of, on the positive */
+    uint32_t *held;           /* [vertex] of the same: the cone that it is inside of, or TETLOD_NONE */
     uint64_t *masks;          /* [cone][2][words] behind them: what a cone is on the other side of */
     struct place {
         uint32_t cone, original;
