@@ -11,6 +11,7 @@
 #include "src/simplify/exact/exact.h"
 #include "src/simplify/samples.h"
 #include "src/simplify/simplify.h"
+#include "src/simplify/waiting_list.h"
 
 /* What evaluating a simplex needs: one a thread. */
 struct judge {
@@ -50,9 +51,10 @@ struct run {
     struct samples samples; /* of the measured metric */
     struct judge *judges; /* [crew_size]; the first is the one that contracts */
     struct crew *crew;    /* one judge each */
-    struct queue queue, waiting;
+    struct queue queue;
+    struct waiting_list waiting;
     struct queue_entry last;    /* that was listed after a contraction */
-    struct queue fresh;         /* of the exact limit: simplices that are not evaluated yet */
+    struct queue fresh;         /* simplices that are to be evaluated */
     struct work *works;         /* [BATCH] */
     double batch_key;           /* the least in the queue behind the batch */
     uint32_t batch;             /* its number */

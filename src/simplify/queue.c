@@ -21,18 +21,6 @@ static bool before(const struct queue_entry *x, const struct queue_entry *y)
     return false;
 }
 
-void queue_fit(struct queue *queue)
-{
-    size_t capacity = queue->count + queue->count / 16 + 16;
-    if (queue->capacity > queue->count + queue->count / 32 && queue->capacity < queue->count + queue->count / 8 + 16)
-        return;
-    void *entries = array_resize(queue->entries, capacity, sizeof *queue->entries);
-    if (!entries) // what is there is kept as it is
-        return;
-    queue->entries = entries;
-    queue->capacity = capacity;
-}
-
 bool queue_append(struct queue *queue, const struct queue_entry *entry)
 {
     void *grown = queue->entries;

@@ -9,7 +9,6 @@
 
 enum { QUEUE_WITNESSES = 8, QUEUE_CANDIDATES = 22 };
 
-/* There is one for every simplex: of what a large mesh takes under the exact limit they are the largest part. */
 struct queue_entry {
     double value;             /* the key in a queue, a lower bound of the error while it waits */
     double bound;             /* the least that the refused candidates need */
@@ -28,10 +27,7 @@ struct queue {
 
 void queue_fini(struct queue *queue);
 
-/* Gives it room for a sixteenth more than there are, if it has much more than that or hardly any. */
-void queue_fit(struct queue *queue);
-
-/* Plain append, without keeping the heap's order: for lists of waiting entries. False: out of memory. */
+/* Plain append, without keeping the heap's order: for plain lists. False: out of memory. */
 bool queue_append(struct queue *queue, const struct queue_entry *entry);
 
 bool queue_push(struct queue *queue, const struct queue_entry *entry);

@@ -18,6 +18,9 @@
  * searched from; between them not at all. */
 static const double EXACT_HORIZON = 1.2;
 
+/* So many that wait are evaluated at a time. */
+enum { RESCANNED = 4096 };
+
 /* What all candidates fail by little may succeed between them: so many steps are made, each halved as often at most, while what is
  * expected of the next is below this multiple of the limit, and what the last one came to below that. */
 enum { MOST_STEPS = 12, HALVINGS = 2 };
@@ -28,24 +31,23 @@ static const double HOPE = 1.12, NEAR = 1.1;
  * named after. */
 static const double CHANCE = 1, CHANCE_NAMED = 1.4;
 
-/* Takes what is obsolete out of those that wait. */
+/* Takes what is obsolete out of those that wait, if many have joined them since. */
 static void clear_waiting(struct run *run)
 {
-    struct queue *waiting = &run->waiting;
-    size_t kept = 0;
-    for (size_t i = 0; i < waiting->count; i++)
-        if (!obsolete(run->complex, &waiting->entries[i]))
-            waiting->entries[kept++] = waiting->entries[i];
-    waiting->count = kept;
-    queue_fit(waiting);
+    if (run->waiting.count <= run->waiting.swept + run->waiting.swept / 16 + 1024)
+        return;
+    for (size_t i = 0; i < run->waiting.count; i++) {
+        struct queue_entry entry = waiting_list_get(&run->waiting, i);
+        if (obsolete(run->complex, &entry))
+            waiting_list_take(&run->waiting, i);
+    }
+    waiting_list_sweep(&run->waiting);
 }
 
 /* Into the queue, or with those that wait for a higher rung. */
 static enum tetlod_status file(struct run *run, const struct queue_entry *entry, bool allowed)
 {
-    if (!allowed && run->waiting.count == run->waiting.capacity && run->complex->log.count)
-        clear_waiting(run);
-    if (allowed ? queue_push(&run->queue, entry) : queue_append(&run->waiting, entry))
+    if (allowed ? queue_push(&run->queue, entry) : waiting_list_add(&run->waiting, entry))
         return TETLOD_OK;
     return tetlodi_fail_nomem(run->error, "the queue", run->queue.capacity * sizeof *entry);
 }
@@ -422,6 +424,7 @@ static enum tetlod_status climb(struct run *run)
             continue;
         }
         TETLOD_TRY(contract(run, &entry));
+        clear_waiting(run);
         TETLOD_TRY(report(run));
         if (shrunk_since_mark(run) >= run->options->growth)
             TETLOD_TRY(mark(run));
@@ -429,83 +432,62 @@ static enum tetlod_status climb(struct run *run)
     return TETLOD_OK;
 }
 
-enum verdict { GONE, STAYS, MOVES };
-
-struct rescan {
+/* Simplices that are evaluated side by side; none of that changes the others. */
+struct evaluation {
     struct run *run;
     struct queue_entry *entries;
-    uint8_t *verdicts; /* enum verdict */
+    uint8_t *allowed;
 };
 
-static void rescan_range(void *context, unsigned worker, size_t begin, size_t end)
+static void evaluate_range(void *context, unsigned worker, size_t begin, size_t end)
 {
-    const struct rescan *rescan = context;
-    const struct run *run = rescan->run;
-    struct judge *judge = &rescan->run->judges[worker];
-    for (size_t i = begin; i < end && judge->status == TETLOD_OK; i++) {
-        struct queue_entry *entry = &rescan->entries[i];
-        bool allowed = false;
-        rescan->verdicts[i] = STAYS;
-        if (entry->value > run->limit && !stale(run->complex, entry)) // most
-            continue;
-        rescan->verdicts[i] = GONE;
-        if (obsolete(run->complex, entry))
-            continue;
-        if (entry->value <= run->limit || may_have_eased(run->complex, entry))
-            judge->status = judge_evaluate(run, judge, entry, &allowed);
-        rescan->verdicts[i] = allowed ? MOVES : STAYS;
-    }
-}
-
-/* Looks again at what waits: entries that the new limit may allow, and those whose bound may have changed. All of them as
- * things are now, so that the threads do not matter. */
-static enum tetlod_status rescan(struct run *run, bool *out_any)
-{
-    struct queue *waiting = &run->waiting;
-    struct rescan rescan = {run, waiting->entries, array_new(waiting->count, 1)};
-    if (!rescan.verdicts)
-        return tetlodi_fail_nomem(run->error, "the queue", waiting->count);
-    crew_run(run->crew, waiting->count, 512, rescan_range, &rescan);
-    enum tetlod_status status = first_failure(run);
-    for (size_t i = waiting->count; i-- > 0 && status == TETLOD_OK;) {
-        if (rescan.verdicts[i] == STAYS)
-            continue;
-        if (rescan.verdicts[i] == MOVES)
-            status = file(run, &waiting->entries[i], true);
-        waiting->entries[i] = waiting->entries[--waiting->count]; // the last one, which stays, takes its place
-    }
-    free(rescan.verdicts);
-    queue_fit(waiting);
-    *out_any = run->queue.count > 0;
-    return status;
-}
-
-static void fresh_range(void *context, unsigned worker, size_t begin, size_t end)
-{
-    const struct rescan *rescan = context;
-    struct judge *judge = &rescan->run->judges[worker];
+    const struct evaluation *evaluation = context;
+    struct judge *judge = &evaluation->run->judges[worker];
     for (size_t i = begin; i < end && judge->status == TETLOD_OK; i++) {
         bool allowed = false;
-        judge->status = judge_evaluate(rescan->run, judge, &rescan->entries[i], &allowed);
-        rescan->verdicts[i] = allowed ? MOVES : STAYS;
+        judge->status = judge_evaluate(evaluation->run, judge, &evaluation->entries[i], &allowed);
+        evaluation->allowed[i] = allowed;
     }
 }
 
-/* Gives the simplices that the last contractions have made their keys. */
+/* Evaluates the fresh simplices as things are now, so that the threads do not matter, and files them. */
 static enum tetlod_status file_fresh(struct run *run)
 {
     struct queue *fresh = &run->fresh;
-    struct rescan rescan = {run, fresh->entries, array_new(fresh->count, 1)};
+    struct evaluation evaluation = {run, fresh->entries, array_zero(fresh->count, 1)};
     enum tetlod_status status;
-    if (!rescan.verdicts)
+    if (!evaluation.allowed)
         return tetlodi_fail_nomem(run->error, "the queue", fresh->count);
-    crew_run(run->crew, fresh->count, 16, fresh_range, &rescan);
+    crew_run(run->crew, fresh->count, 16, evaluate_range, &evaluation);
     status = first_failure(run);
     for (size_t i = 0; i < fresh->count && status == TETLOD_OK; i++)
-        status = file(run, &fresh->entries[i], rescan.verdicts[i] == MOVES);
+        status = file(run, &fresh->entries[i], evaluation.allowed[i]);
     fresh->count = 0;
-    free(rescan.verdicts);
+    free(evaluation.allowed);
     return status;
+}
+
+/* Looks again at what waits: entries that the new limit may allow, and those whose bound may have changed. Some at a time, which takes
+ * less room. */
+static enum tetlod_status rescan(struct run *run, bool *out_any)
+{
+    struct waiting_list *waiting = &run->waiting;
+    size_t count = waiting->count;
+    for (size_t i = 0; i < count; i++) {
+        struct queue_entry entry = waiting_list_get(waiting, i);
+        bool reached = entry.value <= run->limit, gone = (reached || stale(run->complex, &entry)) && obsolete(run->complex, &entry);
+        if (!gone && !reached && !may_have_eased(run->complex, &entry)) // most
+            continue;
+        waiting_list_take(waiting, i);
+        if (!gone && !queue_append(&run->fresh, &entry))
+            return tetlodi_fail_nomem(run->error, "the queue", run->fresh.capacity * sizeof entry);
+        if (run->fresh.count == RESCANNED)
+            TETLOD_TRY(file_fresh(run));
+    }
+    TETLOD_TRY(file_fresh(run));
+    waiting_list_sweep(waiting);
+    *out_any = run->queue.count > 0;
+    return TETLOD_OK;
 }
 
 /* Claims the star of an entry for its batch, unless a contraction of the batch may change it. */
@@ -570,6 +552,7 @@ static enum tetlod_status climb_exactly(struct run *run)
                 TETLOD_TRY(mark(run));
         }
         TETLOD_TRY(file_fresh(run));
+        clear_waiting(run);
     }
     return TETLOD_OK;
 }
@@ -590,6 +573,8 @@ static enum tetlod_status rung(struct run *run, double limit, bool named)
             break;
         TETLOD_TRY(rescan(run, &any));
     }
+    if (!run->queue.count)
+        queue_fini(&run->queue); // its room is wanted elsewhere
     return TETLOD_OK;
 }
 
@@ -728,7 +713,7 @@ done:
     samples_fini(&run.samples);
     free_judges(&run);
     queue_fini(&run.queue);
-    queue_fini(&run.waiting);
+    waiting_list_fini(&run.waiting);
     queue_fini(&run.fresh);
     for (size_t i = 0; i < BATCH && run.works; i++)
         handover_fini(&run.works[i].handover);

@@ -1,0 +1,160 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/simplify/waiting_list.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/tetlod.h"
+#include "src/util/array.h"
+
+/* Instead of a record: an edge without witnesses; one with too many. */
+static const uint32_t BARE = UINT32_MAX, UNKNOWN = UINT32_MAX - 1;
+
+/* Numbers of a record before its vertices and witnesses. */
+enum { OWNER, VERTICES, WITNESSES, HEAD };
+
+void waiting_list_fini(struct waiting_list *list)
+{
+    free(list->simplices);
+    free(list->pool);
+    *list = (struct waiting_list){0};
+}
+
+static bool has_record(const struct waiting_simplex *simplex)
+{
+    return simplex->record < UNKNOWN;
+}
+
+static uint32_t stored_witnesses(uint32_t count)
+{
+    return count <= QUEUE_WITNESSES ? count : 0;
+}
+
+static size_t record_size(const uint32_t *record)
+{
+    return HEAD + (size_t)record[VERTICES] + stored_witnesses(record[WITNESSES]);
+}
+
+/* Moves the records that are in use to the front of the pool. */
+static void compact_pool(struct waiting_list *list)
+{
+    size_t kept = 0;
+    for (size_t at = 0, size; at < list->pool_size; at += size) {
+        uint32_t *record = list->pool + at;
+        size = record_size(record);
+        if (record[OWNER] >= list->count || list->simplices[record[OWNER]].record != at)
+            continue;
+        list->simplices[record[OWNER]].record = (uint32_t)kept;
+        memmove(list->pool + kept, record, size * sizeof *record);
+        kept += size;
+    }
+    list->pool_size = kept;
+}
+
+/* Gives an array room for `count` and a sixteenth more, if it has much more than that. What cannot be had is left as it is. */
+static void fit(void **array, size_t *capacity, size_t count, size_t size)
+{
+    size_t fitting = count + count / 16 + 16;
+    void *fitted = *capacity > fitting + count / 16 ? array_resize(*array, fitting, size) : NULL;
+    if (!fitted)
+        return;
+    *array = fitted;
+    *capacity = fitting;
+}
+
+/* Room for so many more numbers in the pool. */
+static bool pool_room(struct waiting_list *list, size_t needed)
+{
+    void *pool = list->pool;
+    if (list->pool_size + needed <= list->pool_capacity)
+        return true;
+    compact_pool(list);
+    size_t wanted = list->pool_size + needed, capacity = wanted + list->pool_size / 8 + 1024;
+    if (capacity >= UNKNOWN)
+        return false;
+    if (wanted + list->pool_size / 16 <= list->pool_capacity)
+        return true;
+    pool = array_resize(list->pool, capacity, sizeof *list->pool);
+    if (!pool)
+        return false;
+    list->pool = pool;
+    list->pool_capacity = capacity;
+    return true;
+}
+
+/* The record of the simplex that is added. False: no memory. */
+static bool add_record(struct waiting_list *list, const struct queue_entry *entry, uint32_t extra, uint32_t *out)
+{
+    uint32_t stored = stored_witnesses(entry->witness_count);
+    if (!extra && !stored) {
+        *out = entry->witness_count ? UNKNOWN : BARE;
+        return true;
+    }
+    if (!pool_room(list, HEAD + (size_t)extra + stored))
+        return false;
+    uint32_t *record = list->pool + list->pool_size;
+    record[OWNER] = (uint32_t)list->count;
+    record[VERTICES] = extra;
+    record[WITNESSES] = entry->witness_count;
+    memcpy(record + HEAD, entry->vertices + 2, extra * sizeof *record);
+    memcpy(record + HEAD + extra, entry->witness, stored * sizeof *record);
+    *out = (uint32_t)list->pool_size;
+    list->pool_size += record_size(record);
+    return true;
+}
+
+bool waiting_list_add(struct waiting_list *list, const struct queue_entry *entry)
+{
+    void *grown = list->simplices;
+    uint32_t extra = (entry->vertices[2] != TETLOD_NONE) + (entry->vertices[3] != TETLOD_NONE), record;
+    if (!array_reserve(&grown, &list->capacity, list->count + 1, sizeof *list->simplices))
+        return false;
+    list->simplices = grown;
+    if (!add_record(list, entry, extra, &record))
+        return false;
+    list->simplices[list->count++] = (struct waiting_simplex){
+        .value = entry->value, .vertices = {entry->vertices[0], entry->vertices[1]}, .stamp = entry->stamp, .record = record};
+    return true;
+}
+
+struct queue_entry waiting_list_get(const struct waiting_list *list, size_t number)
+{
+    const struct waiting_simplex *simplex = &list->simplices[number];
+    struct queue_entry entry = {.value = simplex->value,
+                                .vertices = {simplex->vertices[0], simplex->vertices[1], TETLOD_NONE, TETLOD_NONE},
+                                .stamp = simplex->stamp,
+                                .witness_count = simplex->record == UNKNOWN ? QUEUE_WITNESSES + 1 : 0};
+    if (!has_record(simplex))
+        return entry;
+    const uint32_t *record = list->pool + simplex->record;
+    entry.witness_count = record[WITNESSES] & 31;
+    memcpy(entry.vertices + 2, record + HEAD, record[VERTICES] * sizeof *record);
+    memcpy(entry.witness, record + HEAD + record[VERTICES], stored_witnesses(record[WITNESSES]) * sizeof *record);
+    return entry;
+}
+
+void waiting_list_take(struct waiting_list *list, size_t number)
+{
+    list->simplices[number].vertices[0] = TETLOD_NONE;
+    list->simplices[number].record = BARE;
+}
+
+void waiting_list_sweep(struct waiting_list *list)
+{
+    size_t kept = 0;
+    for (size_t i = 0; i < list->count; i++) {
+        if (list->simplices[i].vertices[0] == TETLOD_NONE)
+            continue;
+        list->simplices[kept] = list->simplices[i];
+        if (has_record(&list->simplices[kept]))
+            list->pool[list->simplices[kept].record + OWNER] = (uint32_t)kept;
+        kept++;
+    }
+    list->count = list->swept = kept;
+    compact_pool(list);
+    void *simplices = list->simplices, *pool = list->pool;
+    fit(&simplices, &list->capacity, list->count, sizeof *list->simplices);
+    fit(&pool, &list->pool_capacity, list->pool_size, sizeof *list->pool);
+    list->simplices = simplices;
+    list->pool = pool;
+}
