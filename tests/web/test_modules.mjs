@@ -14,6 +14,8 @@ const { clipToWindow, dot, linesBehind, pickPart, planeOf, planeOutline, sidesOf
 const { autoRange, firstView, histogram, mapOf } = await load('first_view.js');
 const { colorTable, lineColor, mapNames } = await load('colors.js');
 const { mapOfFile } = await load('color_file.js');
+const { Groups } = await load('../client/steps.js');
+const { Source } = await load('../client/network.js');
 const { Flow, drawVectors } = await load('../client/vectors.js');
 const { bytes, count, parseNumber, percent, significant, ticks } = await load('numbers.js');
 
@@ -322,6 +324,45 @@ function numbers_as_people_read_them() {
   assert.deepEqual(ticks(3, 3, 5), [3]);
 }
 
-await run([streamlines_follow_the_field, arrows_point_along_the_field, a_plane_cuts_arrows, a_state_survives_its_fragment, maps_are_those_they_are_named_after, maps_from_files, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, units_of_fields, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
+// Groups of steps are read one after the other, each once; what is not wanted any more ends.
+async function groups_of_steps_are_read_in_turn() {
+  const asked = [];
+  const groups = new Groups((band, group, signal) => new Promise((resolve) => { asked.push({ band, group, signal, come: () => resolve([{ offset: 0, bytes: new Uint8Array(4) }]) }); }), () => {});
+  const come = async (i) => { asked[i].come(); await new Promise(setImmediate); };
+  assert.equal(groups.take(0, [1, 2, 3]), null);
+  assert.equal(groups.take(0, [1, 2, 3]), null); // while the first is on its way
+  await come(0);
+  assert.equal(groups.take(0, [1, 2, 3]).length, 1);
+  assert.deepEqual(asked.map(({ group }) => group), [1, 2]);
+  assert.equal(groups.take(0, [7, 8, 9]), null);
+  assert.ok(asked[1].signal.aborted && !asked[2].signal.aborted);
+  await come(1); // too late
+  assert.deepEqual([asked.map(({ group }) => group), groups.of(0)], [[1, 2, 7], [1]]);
+  assert.equal(groups.take(1, [7, 8, 9]), null);
+  assert.ok(!asked[2].signal.aborted, 'another band goes on');
+  groups.drop();
+  assert.ok(asked[2].signal.aborted && asked[3].signal.aborted);
+  groups.take(0, [7, 8, 9]);
+  await come(4);
+  assert.deepEqual([groups.of(0), groups.of(1)], [[1, 7], []]);
+}
+
+// A host that never answers is asked again after a long silence, and its request ends.
+async function a_silent_host_is_asked_again() {
+  const [plainFetch, plainTimeout] = [globalThis.fetch, globalThis.setTimeout];
+  const [signals, retries, waited] = [[], [], []];
+  globalThis.setTimeout = (act, milliseconds) => plainTimeout(act, (waited.push(milliseconds), 1));
+  globalThis.fetch = (url, { signal }) => {
+    signals.push(signal);
+    if (signals.length > 1) return Promise.resolve(new Response(new Uint8Array([7, 8, 9]), { status: 206 }));
+    return new Promise((_, reject) => { signal.addEventListener('abort', () => reject(signal.reason)); });
+  };
+  const source = new Source({ url: 'http://127.0.0.1/a.tetlod' }, { onRetry: ({ message }) => retries.push(message) });
+  const bytes = await source.apart(0, 3).finally(() => Object.assign(globalThis, { fetch: plainFetch, setTimeout: plainTimeout }));
+  assert.deepEqual([[...bytes], signals.map(({ aborted }) => aborted), waited[0]], [[7, 8, 9], [true, false], 30000]);
+  assert.match(retries[0], /a\.tetlod: no answer came for 30 s/);
+}
+
+await run([groups_of_steps_are_read_in_turn, a_silent_host_is_asked_again, streamlines_follow_the_field, arrows_point_along_the_field, a_plane_cuts_arrows, a_state_survives_its_fragment, maps_are_those_they_are_named_after, maps_from_files, a_broken_fragment_gives_defaults, a_link_is_of_what_differs_from_the_first_view, colours_chosen_from_the_data, a_store_tells_what_changed, units_of_fields, the_wanted_level, the_state_says_what_to_ask_for, what_a_level_promises, planes_cross_the_bounds,
   polygons_end_at_the_window, the_nearest_triangle_is_picked, lines_of_the_far_walls,
   lines_are_seen_on_every_colour, numbers_as_people_read_them]);

@@ -102,11 +102,12 @@ async function playsAndLoops() {
   await until(() => document.getElementById('player-play').textContent === '▶' && window.tetlod.at.step === 19);
 }
 
+const groups = /bands\/(\d+)\/groups\/(\d+)/;
+
 // Groups of the wanted band and of finer ones but the first do not come until they are sent; the page plays from the last step that is there.
 async function withoutTheNextGroups() {
   const { bands } = (await look()).series;
   const wanted = bands.findIndex(({ error }) => error === 0.01);
-  const groups = /bands\/(\d+)\/groups\/(\d+)/;
   let send;
   const sent = new Promise((resolve) => { send = resolve; });
   await page.route(groups, async (route) => {
@@ -155,6 +156,30 @@ async function stepsThatDoNotComeAreCoarser() {
   assert.equal(await coarserForNow(await withoutTheNextGroups()), (await look()).series.group);
 }
 
+// A host that is silent: whoever waits is told so and can ask anew, which the host then answers; by single steps and while playing in the coarsest band.
+async function aStepThatDoesNotComeIsAskedForAgain() {
+  let silent;
+  await page.route(groups, async (route) => {
+    const [, , group] = groups.exec(route.request().url()).map(Number);
+    if (!silent || !group) await route.continue();
+  });
+  for (const [state, key, next] of [['&step=7', '.', 8], ['&step=7&error=0.5', ' ', 10]]) {
+    silent = true;
+    await open(state);
+    await atStep(7);
+    await page.keyboard.press(key);
+    await page.getByText('Step 8 has not come yet.').waitFor();
+    assert.equal((await look()).at.step, 7);
+    silent = false;
+    await page.locator('#notice-step').getByRole('button', { name: 'Try again' }).click();
+    await until((step) => window.tetlod.at.step >= step, next);
+    assert.equal(await page.locator('#notice-step').count(), 0);
+  }
+  await page.keyboard.press(' ');
+  assert.deepEqual(page.complaints, []);
+  await page.unrouteAll();
+}
+
 // The body bends: the surface that is drawn has other places at another step, and covers other pixels.
 async function pointsMove() {
   await open('&step=0', 'series_moving');
@@ -179,4 +204,5 @@ async function pointsMove() {
   assert.deepEqual(page.complaints, []);
 }
 
-await run([stepsAreShown, pointsMove, aLinkNamesTheStep, theRangeIsTheSeries, playsAndLoops, lateStepsAreCoarser, stepsThatDoNotComeAreCoarser]);
+await run([stepsAreShown, pointsMove, aLinkNamesTheStep, theRangeIsTheSeries, playsAndLoops, lateStepsAreCoarser, stepsThatDoNotComeAreCoarser,
+  aStepThatDoesNotComeIsAskedForAgain]);

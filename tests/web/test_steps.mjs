@@ -136,4 +136,23 @@ async function damageIsFound() {
   stream.close();
 }
 
-await run([ofAServer, ofHostsOfFiles, ofAFileInAnyOrder, aStepIsOneRange, thereAndBack, picturesBlend, damageIsFound]);
+// Whoever gives up a step and asks for it again gets it, even if the host never answers the first time.
+async function aGroupThatDoesNotCome() {
+  const host = await fileHost(readFileSync(pathOf('series_float32')));
+  const stream = await TetlodStream.open(host.url);
+  await stream.seekStep(0, { band: 0 });
+  const silent = new Promise((resolve) => { host.fault = () => { resolve(); return true; }; });
+  const giveUp = new AbortController();
+  const finest = { band: stream.series.bands.length - 1 };
+  const step = stream.seekStep(1, finest, { signal: giveUp.signal });
+  await silent;
+  giveUp.abort();
+  await assert.rejects(step, { name: 'AbortError' });
+  host.fault = null;
+  assert.ok((await stream.seekStep(1, finest)).reached);
+  assert.equal(hashOf(await stream.mesh(), stream.series), expected('series_float32')[finest.band * stream.series.times.length + 1]);
+  stream.close();
+  host.close();
+}
+
+await run([ofAServer, ofHostsOfFiles, ofAFileInAnyOrder, aStepIsOneRange, thereAndBack, picturesBlend, damageIsFound, aGroupThatDoesNotCome]);

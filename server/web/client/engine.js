@@ -135,6 +135,7 @@ export class Engine {
     this.#aim(this.#view.level);
     if (this.#time && this.#at) this.#time = { ...this.#at, blend: 0 };
     else this.#leaveSteps();
+    this.#groups?.drop();
     this.#endRequest('reject', aborted());
     this.#wake();
   }
@@ -285,7 +286,7 @@ export class Engine {
     this.#view.put(offset, bytes);
     const series = this.#view.series(this.#fields);
     this.#view.forget();
-    this.#groups = new Groups((band, group) => this.#readGroup(series, band, group), (band, error) => {
+    this.#groups = new Groups((...wanted) => this.#readGroup(series, ...wanted), (band, error) => {
       if (error && band === this.#time?.band) this.#fail(error);
       if (this.#time) this.#emit('buffered', { band: this.#time.band, groups: this.#groups.of(this.#time.band), received: this.#groups.received });
       this.#wake();
@@ -295,13 +296,13 @@ export class Engine {
   }
 
   // Of the fields that are decoded, and the one that moves the points, each by an address of its own, which caches keep.
-  #readGroup({ fields, group: size, displacement }, band, group) {
+  #readGroup({ fields, group: size, displacement }, band, group, signal) {
     const wanted = fields.map(({ name }, i) => ({ name, ...this.#view.span(i, band, group * size) }))
       .filter(({ name }) => !this.#fields || name === displacement || this.#fields.some((f) => this.#base.fields[f].name === name));
     const addressOf = (name) => (routes) =>
       canList([name]) && routes.group?.replace('{band}', band).replace('{group}', group).concat('?', query({ fields: name }));
     return Promise.all(wanted.map(async ({ name, offset, size: length }) =>
-      ({ offset, bytes: length ? await this.#source.apart(offset, length, addressOf(name)) : new Uint8Array() })));
+      ({ offset, bytes: length ? await this.#source.apart(offset, length, { addressOf: addressOf(name), signal }) : new Uint8Array() })));
   }
 
   #leaveSteps() {

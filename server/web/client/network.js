@@ -7,7 +7,7 @@ const OPENING = 32768;  // header, index and first levels of most streams, if mo
 const FIRST = 65536;    // of a file whose index is not known, if there is a target: as long on its way as its first answer is awaited
 const LEAST = 1 << 17;  // that one request may ask for, if so much is needed; later ones as much as all before them, up to
 const MOST = 1 << 20;
-const longest = 30_000; // milliseconds without a byte, and between two attempts at most a third of it
+const longest = 30_000; // milliseconds without an answer or a byte, and between two attempts at most a third of it
 
 /** A failure that stays when it is tried again. */
 export class FetchError extends Error {
@@ -53,14 +53,21 @@ async function failureOf(answer) {
 const isServed = (url) => /\/v1\/meshes\/[^/]+\/?$/.test(new URL(url).pathname);
 
 // An answer that is fine, or why it is not. A browser does not say that a host forbids other origins: the message has to.
-async function ask(url, options) {
+// `signals`, of which some may be undefined, end the request, and so does a host that does not answer. Where signals cannot be
+// joined, in older browsers, a request that nobody waits for ends with the worker.
+async function ask(url, { signals, ...options }) {
+  const stop = new AbortController();
+  const silent = setTimeout(() => stop.abort(new Error(`no answer came for ${longest / 1000} s`)), longest);
+  const signal = AbortSignal.any?.([stop.signal, ...signals.filter(Boolean)]) ?? stop.signal;
   let answer;
   try {
-    answer = await fetch(url, options);
+    answer = await fetch(url, { ...options, signal });
   } catch (error) {
     const foreign = globalThis.location && new URL(url).origin !== location.origin;
     const hint = foreign ? ' (is the host there, and does it allow other origins?)' : '';
     throw new Retry(`${url}: ${error.cause?.message || error.message}${hint}`);
+  } finally {
+    clearTimeout(silent);
   }
   if (answer.ok) return answer;
   throw await failureOf(answer);
@@ -131,23 +138,23 @@ export class Source {
   }
 
   /** Bytes from elsewhere in the stream: by an address that a server has for just these, a function of its routes, else as a range. */
-  apart(offset, size, addressOf = () => null) {
+  apart(offset, size, { addressOf = () => null, signal } = {}) {
     return this.#persist(async () => {
       if (this.#whole) return this.#whole.subarray(offset, offset + size);
       if (this.#served && !this.#routes) await this.#findRoutes();
       const address = this.#routes && addressOf(this.#routes);
-      if (!address) return this.#askApart(offset, size);
-      const answer = await this.#fetch(address).catch((error) => {
+      if (!address) return this.#askApart(offset, size, signal);
+      const answer = await this.#fetch(address, { signal }).catch((error) => {
         if (error instanceof FetchError) return null; // a host of files has the stream only
         throw error;
       });
-      return answer ? this.#all(answer, size) : this.#askApart(offset, size);
-    });
+      return answer ? this.#all(answer, size) : this.#askApart(offset, size, signal);
+    }, signal);
   }
 
-  async #askApart(offset, size) {
+  async #askApart(offset, size, signal) {
     const range = { Range: `bytes=${offset}-${offset + size - 1}` };
-    const answer = await this.#fetch(this.#routes?.stream ?? this.#url, { headers: range, cache: 'no-store' });
+    const answer = await this.#fetch(this.#routes?.stream ?? this.#url, { headers: range, cache: 'no-store', signal });
     if (answer.status === 206) return this.#all(answer, size);
     this.#whole = new Uint8Array(await answer.arrayBuffer()); // a host without ranges: once
     return this.#whole.subarray(offset, offset + size);
@@ -189,17 +196,17 @@ export class Source {
     this.#ahead = null;
   }
 
-  async #persist(attemptOnce) {
+  async #persist(attemptOnce, signal = this.#signal) {
     for (let attempt = 1; ; attempt++) {
       try {
         return await attemptOnce();
       } catch (error) {
-        if (this.#signal?.aborted) throw this.#signal.reason;
+        for (const stop of [this.#signal, signal]) stop?.throwIfAborted();
         if (!(error instanceof Retry)) throw error;
         if (attempt > this.#retries) throw new FetchError(`${error.message} (${attempt} attempts)`);
         const delay = Math.max(error.after, Math.min(longest / 3, 250 * 2 ** attempt) * (0.75 + Math.random() / 2));
         this.#onRetry({ attempt, delay: delay / 1000, message: error.message });
-        await sleep(delay, this.#signal);
+        await sleep(delay, signal);
       }
     }
   }
@@ -249,9 +256,9 @@ export class Source {
   }
 
   // The caller's headers and credentials go to the stream's host only.
-  #fetch(url, { headers, ...options } = {}) {
+  #fetch(url, { headers, signal, ...options } = {}) {
     const own = new URL(url).origin === new URL(this.#url).origin ? this.#request : {};
-    return ask(url, { ...options, ...own, headers: { ...own.headers, ...headers }, signal: this.#signal });
+    return ask(url, { ...options, ...own, headers: { ...own.headers, ...headers }, signals: [this.#signal, signal] });
   }
 
   async #ask(position, until) {

@@ -29,18 +29,20 @@ export function infoOfSteps(info, series, band) {
  * A group that does not come holds up its own band only.
  */
 export class Groups {
-  #read; #heard; #kept = new Map(); #bytes = 0; #wanted = []; #reading = new Set(); // bands
+  #read; #heard; #kept = new Map(); #bytes = 0; #wanted = []; #reading = new Map(); // of bands: {group, stop}
   received = 0; // bytes, of groups that were dropped, too
 
-  /** `read(band, group)` resolves to pieces [{offset, bytes}]; `heard(band, error)` is called when they are there, or why they are not. */
+  /** `read(band, group, signal)` resolves to pieces [{offset, bytes}]; `heard(band, error)` is called when they are there, or why they are not. */
   constructor(read, heard) {
     this.#read = read;
     this.#heard = heard;
   }
 
-  /** The pieces of the first of some groups, or null; what is missing of all of them is read from now on. */
+  /** The pieces of the first of some groups, or null; what is missing of all of them is read from now on, and nothing else of their band. */
   take(band, groups) {
-    this.#wanted = groups.filter((group) => !this.#kept.has(`${band}/${group}`)).map((group) => [band, group]);
+    const reading = this.#reading.get(band)?.group;
+    if (reading !== undefined && !groups.includes(reading)) this.#drop(band);
+    this.#wanted = groups.filter((group) => group !== reading && !this.#kept.has(`${band}/${group}`)).map((group) => [band, group]);
     this.#next();
     const key = `${band}/${groups[0]}`;
     const pieces = this.#kept.get(key) ?? null;
@@ -56,18 +58,27 @@ export class Groups {
     return [...this.#kept.keys()].map((key) => key.split('/').map(Number)).filter(([b]) => b === band).map(([, group]) => group);
   }
 
+  /** What is under way is not waited for any more; who wants it asks again. */
+  drop() {
+    for (const band of [...this.#reading.keys()]) this.#drop(band);
+  }
+
+  #drop(band) {
+    this.#reading.get(band).stop.abort();
+    this.#reading.delete(band);
+  }
+
   async #next() {
     if (!this.#wanted.length || this.#reading.has(this.#wanted[0][0])) return;
     const [band, group] = this.#wanted.shift();
-    this.#reading.add(band);
-    try {
-      this.#keep(`${band}/${group}`, await this.#read(band, group));
-      this.#heard(band);
-    } catch (error) {
-      this.#wanted = this.#wanted.filter(([b]) => b !== band);
-      this.#heard(band, error);
-    }
+    const stop = new AbortController();
+    this.#reading.set(band, { group, stop });
+    const [pieces, error] = await this.#read(band, group, stop.signal).then((read) => [read], (problem) => [null, problem]);
+    if (stop.signal.aborted) return;
     this.#reading.delete(band);
+    if (pieces) this.#keep(`${band}/${group}`, pieces);
+    else this.#wanted = this.#wanted.filter(([b]) => b !== band);
+    this.#heard(band, error);
     this.#next();
   }
 

@@ -19,4 +19,5 @@ function nameOf(from) {
   return /([^/]+)\/[0-9a-f]{32}\/stream$/.exec(path)?.[1] ?? path.split('/').pop().replace(/\.tetlod$/, '');
 }
 
-export const viewer = new Viewer({ stage: byId('stage'), picture: byId('picture'), bar: byId('scalarbar') }, location.hash);
+const below = () => (matchMedia('(max-width: 900px)').matches ? 132 : 64); // player.css
+export const viewer = new Viewer({ stage: byId('stage'), picture: byId('picture'), bar: byId('scalarbar'), below }, location.hash);

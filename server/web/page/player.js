@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The bar that plays a series in time: steps one after the other, those that come late, or not at all, in a coarser band.
 
-import { element, svg } from './dom.js';
+import { byId, element, svg } from './dom.js';
 import { percent, significant } from './numbers.js';
 
 const rates = [1, 2, 5, 10, 15, 30]; // steps a second
@@ -51,7 +51,7 @@ export class Player {
     const { play, loop, now, late, still } = this.#parts;
     const buttons = element('span', { className: 'buttons' }, button('player-back', 'One step back (,)', '‹', () => this.step(-1)), play,
       button('player-on', 'One step on (.)', '›', () => this.step(1)), loop, speed);
-    stage.append(element('section', { id: 'player', ariaLabel: 'Time' }, buttons, element('span', { className: 'track' }, line, buffer), now, late, still));
+    stage.append(element('section', { id: 'player', ariaLabel: 'Time' }, byId('notices'), buttons, element('span', { className: 'track' }, line, buffer), now, late, still));
     this.#setLoop(true);
     viewer.addEventListener('step', () => this.#tell());
     viewer.addEventListener('buffered', ({ detail }) => this.#drawBuffer(detail.steps));

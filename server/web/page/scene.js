@@ -46,7 +46,7 @@ function fillLookup(lookup, table, low, high) {
 
 const zoneOpacity = 0.3;
 
-const borders = { side: 56, top: 48, bottom: 80 }; // pixels that the volume leaves to what lies over the picture
+const borders = { side: 56, top: 48 }; // pixels that the volume leaves to what lies over the picture
 
 const boundsOf = ([low, high]) => [low[0], high[0], low[1], high[1], low[2], high[2]]; // vtk's order
 
@@ -92,6 +92,7 @@ export class Scene extends EventTarget {
     this.table = []; // the map's colours
     this.state = null;
     this.range = [0, 1];
+    this.bottom = 80; // as the other borders
     this.boxColor = [0, 0, 0];
     this.render = coalesced(() => this.closed || this.interactor.render());
     this.startInteraction();
@@ -135,8 +136,11 @@ export class Scene extends EventTarget {
     this.view.delete();
   }
 
-  // The middle of the bounds is the scene's origin: 32 bits are enough for what is near it.
-  setBounds(bounds, parallel) {
+  // The middle of the bounds is the scene's origin: 32 bits are enough for what is near it. `below`: pixels of what lies over the
+  // picture at the bottom, beside the scalar bar.
+  setBounds(bounds, parallel, below = 0) {
+    this.bottom += below;
+    this.resize();
     this.centre = middle(bounds);
     this.bounds = bounds.map((corner) => add(corner, this.centre, -1));
     this.box = boxLines(this.renderer, this.bounds);
@@ -180,7 +184,7 @@ export class Scene extends EventTarget {
     // what fits, fits the shorter side
     const camera = this.renderer.getActiveCamera();
     camera.setUseHorizontalViewAngle(width < height);
-    camera.setWindowCenter(0, (borders.top - borders.bottom) / Math.max(height, 1));
+    camera.setWindowCenter(0, (borders.top - this.bottom) / Math.max(height, 1));
     this.pixels = Math.min(window.devicePixelRatio || 1, 2);
     this.view.setSize(Math.max(1, Math.round(width * this.pixels)), Math.max(1, Math.round(height * this.pixels)));
     this.render();
@@ -350,7 +354,8 @@ export class Scene extends EventTarget {
   // How far the bounds reach, as a fraction of the room that the title and the scalar bar leave.
   overflow() {
     const { width, height } = this.container.getBoundingClientRect();
-    const { side, top, bottom } = borders;
+    const { bottom } = this;
+    const { side, top } = borders;
     const [roomX, roomY] = [width / 2 - side, (height - top - bottom) / 2];
     const far = corners(this.bounds).map((corner) => {
       const { x, y } = this.toScreen(corner);

@@ -15,6 +15,10 @@ function tellRetry({ detail: { message, delay, attempt } }) {
   notice('retry', `${message}; trying again in ${significant(delay, 2)} s (attempt ${attempt})`, { failed: true, seconds: 0 });
 }
 
+function tellWaiting({ detail: { step, retry } }) {
+  notice('step', `Step ${step} has not come yet.`, { seconds: 0, children: [button('Try again', retry)] });
+}
+
 // What is decoded stays in the picture; a network may have come back.
 function tellFailure({ detail: { message, retry } }) {
   clear('retry');
@@ -33,6 +37,8 @@ function listen() {
   viewer.addEventListener('pictures', () => { byId('loading').hidden = true; });
   viewer.addEventListener('joining', ({ detail: { fields } }) => notice('fields', `Loading ${fields.join(', ')}…`, { seconds: 0 }));
   viewer.addEventListener('joined', () => clear('fields'));
+  viewer.addEventListener('waiting', tellWaiting);
+  viewer.addEventListener('waited', () => clear('step'));
   viewer.addEventListener('failed', tellFailure);
 }
 

@@ -12,6 +12,7 @@ import { isosurfaceRange, specOf, targetOf } from './spec.js';
 import { Store, defaults, fromFragment, toFragment } from './state.js';
 
 const workerPatience = 50; // milliseconds
+const stepPatience = 5000; // until somebody is asked
 const muchTets = 500_000;  // that it is worth giving back
 const stillness = matchMedia('(prefers-reduced-motion: reduce)');
 
@@ -44,8 +45,9 @@ export class Viewer extends EventTarget {
 
   /**
    * `parts`: the elements { stage, picture, bar }: what has the background, what the picture is drawn in, the scalar bar's
-   * canvas. `fragment`: the state at first. Events: 'retry', 'loading', 'progress', 'level', 'pictures', 'error' as of the
-   * stream; 'series', 'step', 'buffered' and 'cells' as of the stream; 'colors' when they changed, 'joining' and 'joined' {fields}, 'failed' {message, retry}.
+   * canvas; `below()`: pixels that the player of a series takes above that. `fragment`: the state at first. Events: 'retry',
+   * 'loading', 'progress', 'level', 'pictures', 'error', 'series', 'step', 'buffered' and 'cells' as of the stream; 'colors' when
+   * they changed, 'joining' and 'joined' {fields}, 'waiting' {step, retry} and 'waited', 'failed' {message, retry}.
    */
   constructor(parts, fragment) {
     super();
@@ -72,7 +74,7 @@ export class Viewer extends EventTarget {
     await Promise.race([running, opened, patience]);
     await Promise.all([opened, code.then((module) => this.#openScene(module))]);
     const { state } = this.store;
-    this.scene.setBounds(this.info.bounds, state.parallel);
+    this.scene.setBounds(this.info.bounds, state.parallel, this.info.time ? this.#parts.below?.() : 0);
     if (state.camera) this.scene.setCamera(state.camera);
     if (this.#early) this.#takePictures(this.#early);
     await this.#pictured;
@@ -108,13 +110,21 @@ export class Viewer extends EventTarget {
     return chooseBand(this.series, this.store.state.error, wantedLevel(this.info, { ...this.store.state, error: 0 }));
   }
 
-  /** Shows a step in a band; false: another one is shown instead. */
+  /** Shows a step in a band; false: another one is shown instead. Of one that does not come 'waiting' tells, and 'waited' when that is over. */
   async showStep(step, options) {
-    try {
-      return (await this.stream.seekStep(step, options)).reached;
-    } catch (error) {
-      if (error.name !== 'AbortError') this.#tell('failed', { message: error.message, retry: this.refine });
-      return false;
+    for (;;) {
+      const again = new AbortController();
+      const waiting = setTimeout(() => this.#tell('waiting', { step, retry: () => again.abort() }), stepPatience);
+      try {
+        return (await this.stream.seekStep(step, options, { signal: again.signal })).reached;
+      } catch (error) {
+        if (again.signal.aborted) continue;
+        if (error.name !== 'AbortError') this.#tell('failed', { message: error.message, retry: this.refine });
+        return false;
+      } finally {
+        clearTimeout(waiting);
+        this.#tell('waited');
+      }
     }
   }
 
