@@ -159,6 +159,19 @@ static enum tetlod_status read_cells(struct medit *m, unsigned char type, unsign
     return TETLOD_OK;
 }
 
+/* Passes over what belongs to a keyword; a binary file says where the next one is. */
+static enum tetlod_status skip_keyword(struct medit *m)
+{
+    struct text look = m->rest;
+    while (!m->binary && look.at < look.end) {
+        struct text word = text_word_past_comments(&look);
+        if (is_keyword(word))
+            break;
+        m->rest = look;
+    }
+    return TETLOD_OK;
+}
+
 static enum tetlod_status read_keyword(struct medit *m, struct text keyword)
 {
     static const struct {
@@ -177,14 +190,7 @@ static enum tetlod_status read_keyword(struct medit *m, struct text keyword)
     for (size_t k = 0; k < sizeof cells / sizeof *cells; k++)
         if (text_is(keyword, cells[k].name))
             return read_cells(m, cells[k].type, cells[k].corners);
-    struct text look = m->rest;
-    while (!m->binary && look.at < look.end) {
-        struct text word = text_word_past_comments(&look);
-        if (is_keyword(word))
-            break;
-        m->rest = look;
-    }
-    return TETLOD_OK;
+    return skip_keyword(m);
 }
 
 /* The version of a binary file, which begins with 1, the version, and the dimension as its first keyword; or 0. */
@@ -269,8 +275,10 @@ static enum tetlod_status read_solution_keyword(struct medit *m, struct text key
     static const uint8_t components[] = {0, 1, 3, 6}; // scalar, vector, symmetric matrix
     int64_t count, fields, type;
     uint32_t first = m->mesh->field_count;
-    if (!text_is(keyword, "SolAtVertices"))
+    if (text_is(keyword, "MeshVersionFormatted") || text_is(keyword, "Dimension"))
         return read_keyword(m, keyword);
+    if (!text_is(keyword, "SolAtVertices")) // cells are those of the mesh
+        return skip_keyword(m);
     TETLOD_TRY(take_int(m, &count));
     if (count != m->mesh->vertex_count)
         return fail(m, "the number of values is not the number of vertices of the mesh");
