@@ -4,6 +4,7 @@ import assert from 'node:assert/strict';
 import { once } from 'node:events';
 import { readFileSync, statSync } from 'node:fs';
 import { createServer } from 'node:http';
+import { pathToFileURL } from 'node:url';
 import { firstPicture, launch, openPage, pictureFigures, settled } from './browser.mjs';
 import { run } from './tap.mjs';
 
@@ -167,12 +168,10 @@ async function the_base_mesh_is_a_target() {
 }
 
 // The server whose streams any origin may read shows the element; that of the other one gives way to what stands in it, the server's page.
-async function notebook_cells_show_the_stream() {
+async function showsCells(url) {
   const notebook = await openPage(browser, origin);
   await notebook.route(/^https:/, (route) => route.fulfill({ contentType: 'text/javascript', body: '' })); // what nbconvert's pages load from elsewhere
-  const host = createServer((_, response) => response.setHeader('Content-Type', 'text/html').end(readFileSync(cells))).listen(0, '127.0.0.1');
-  await once(host, 'listening');
-  await notebook.goto(`http://localhost:${host.address().port}`);
+  await notebook.goto(url);
   const [closed, open] = await notebook.locator('tetlod-view').elementHandles();
   await notebook.waitForFunction((view) => view.stream?.level > 0 && !view.childElementCount, open);
   await notebook.waitForFunction((view) => view.shadowRoot.querySelector('slot'), closed);
@@ -186,9 +185,47 @@ async function notebook_cells_show_the_stream() {
     const { length } = await view.screenshot();
     assert.ok(length > 15e3, `a picture of ${length} bytes`);
   }
-  assert.ok(notebook.complaints.every((text) => /CORS|ERR_FAILED|local resource/.test(text)), notebook.complaints.join());
+  assert.ok(notebook.complaints.every((text) => /CORS|ERR_FAILED|ERR_FILE_NOT_FOUND|local resource/.test(text)), notebook.complaints.join());
   await notebook.context().close();
+}
+
+async function notebook_cells_show_the_stream() {
+  const host = createServer((_, response) => response.setHeader('Content-Type', 'text/html').end(readFileSync(cells))).listen(0, '127.0.0.1');
+  await once(host, 'listening');
+  await showsCells(`http://localhost:${host.address().port}`);
   host.close();
+}
+
+async function notebook_cells_of_a_file_show_the_stream() {
+  await showsCells(pathToFileURL(cells).href);
+}
+
+// What was mailed or kept outlives its server.
+async function a_cell_says_what_it_needs() {
+  const notebook = await openPage(browser, origin);
+  await notebook.route(/^https?:/, (route) => route.abort('connectionrefused'));
+  await notebook.goto(pathToFileURL(cells).href);
+  await notebook.getByText(/Nothing is shown while its server does not run/).first().waitFor();
+  assert.equal(await notebook.locator('tetlod-view a').first().getAttribute('href'), `${origin}view/fin#error=0.2`);
+  await notebook.context().close();
+}
+
+// A frame has no size until it is shown, as in a cell that first tries something else.
+async function a_frame_that_is_shown_later() {
+  const host = await openPage(browser, origin);
+  await host.setContent(`<iframe src="${origin}view/fin#error=0.2" style="display: none; width: 900px; height: 480px"></iframe>`);
+  const [, frame] = host.frames();
+  await frame.waitForFunction(() => performance.getEntriesByName('tetlod-graphics').length, null, { polling: 50 }); // it has no animation frames either
+  await host.locator('iframe').evaluate((e) => { e.style.display = 'block'; });
+  await frame.waitForFunction(() => window.tetlod?.settled);
+  const outside = await frame.evaluate(() => {
+    const { scene } = window.tetlod;
+    const { width, height } = document.getElementById('picture').getBoundingClientRect();
+    const corners = Array.from({ length: 8 }, (_, i) => scene.toScreen([0, 1, 2].map((k) => scene.bounds[(i >> k) & 1][k])));
+    return corners.filter(({ x, y, depth }) => !(x > 0 && x < width && y > 0 && y < height && depth < 1));
+  });
+  assert.deepEqual(outside, []);
+  await host.context().close();
 }
 
 async function what_is_loaded_is_small() {
@@ -209,4 +246,4 @@ async function what_is_loaded_is_small() {
 
 await run([catalogue_lists_streams, viewer_shows_a_picture, refines_and_coarsens, state_is_in_the_url, a_slice_is_dragged, the_value_under_the_pointer,
   lengths_have_a_range_of_their_own, a_picture_is_saved, what_is_wrong_is_said, every_control_has_a_name, nothing_went_wrong,
-  the_base_mesh_is_a_target, notebook_cells_show_the_stream, what_is_loaded_is_small]);
+  the_base_mesh_is_a_target, notebook_cells_show_the_stream, notebook_cells_of_a_file_show_the_stream, a_cell_says_what_it_needs, a_frame_that_is_shown_later, what_is_loaded_is_small]);

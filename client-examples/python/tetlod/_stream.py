@@ -111,15 +111,17 @@ class Stream:
 
     def _repr_html_(self) -> Optional[str]:
         """What a notebook shows of a server's stream, at the error that was asked for; None of others. It is the server's element
-        where the server lets the notebook's origin read it (serve --cors), else its page in a frame."""
+        where the server lets the notebook's origin read it (serve --cors), else its page in a frame, and what both need."""
         source, error = self._source, self._choice.fraction
         if source.server is None or source.page is None:
             return None
         page, asked = (source.page, '') if error is None else ('%s#error=%.6g' % (source.page, error), 'error="%.6g"' % error)
         style = 'style="display: block; width: 100%; height: 480px; border: 0"'
         frame = '<iframe src="%s" title="tetlod" %s></iframe>' % (html.escape(page), style)
+        words = '<p>This is <a href="%s">%s</a>. Nothing is shown while its server does not run (tetlod serve), or cannot be reached.</p>' % (
+            html.escape(page), html.escape(source.page))
         script = '<script type="module" src="%s"></script>' % html.escape(source.server + '/element.js')
-        return '%s<tetlod-view src="%s" %s %s>%s</tetlod-view>' % (script, html.escape(source.name), asked, style, frame)
+        return '%s<tetlod-view src="%s" %s %s>%s%s</tetlod-view>' % (script, html.escape(source.name), asked, style, frame, words)
 
     def _topology(self, number: int) -> 'Stream':
         """The stream of a topology group."""

@@ -16,7 +16,10 @@ async function startWorker() {
   return { worker: new (await import(threads)).Worker(new URL('./worker.js', import.meta.url)) };
 }
 
-const ofText = (text) => new Worker(URL.createObjectURL(new Blob([text], { type: 'text/javascript' })), { type: 'module', name: 'tetlod' });
+// A page without an origin (one from the disk, or in a sandbox) may not run a Blob as a module, but the text itself.
+const addressOf = (text) => (globalThis.origin === 'null' ? `data:text/javascript,${encodeURIComponent(text)}`
+  : URL.createObjectURL(new Blob([text], { type: 'text/javascript' })));
+const ofText = (text) => new Worker(addressOf(text), { type: 'module', name: 'tetlod' });
 
 // Of another origin a script is no worker, but one of the page's may import it.
 async function startForeign(cause) {

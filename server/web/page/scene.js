@@ -93,6 +93,7 @@ export class Scene extends EventTarget {
     this.state = null;
     this.range = [0, 1];
     this.bottom = 80; // as the other borders
+    this.wantedLook = null;
     this.boxColor = [0, 0, 0];
     this.render = coalesced(() => this.closed || this.interactor.render());
     this.startInteraction();
@@ -187,6 +188,7 @@ export class Scene extends EventTarget {
     camera.setWindowCenter(0, (borders.top - this.bottom) / Math.max(height, 1));
     this.pixels = Math.min(window.devicePixelRatio || 1, 2);
     this.view.setSize(Math.max(1, Math.round(width * this.pixels)), Math.max(1, Math.round(height * this.pixels)));
+    if (this.wantedLook) this.look(this.wantedLook);
     this.render();
   }
 
@@ -336,11 +338,15 @@ export class Scene extends EventTarget {
     const camera = this.renderer.getActiveCamera();
     camera.set({ position: place.slice(0, 3), focalPoint: place.slice(3, 6), viewUp: place.slice(6, 9) });
     if (place[9]) camera.setParallelScale(place[9]);
+    this.wantedLook = null;
     this.afterCamera();
   }
 
-  // Everything in the picture, seen from one of `views`.
+  // Everything in the picture, seen from one of `views`. Where the picture has no size yet, in a frame that is not shown: when it has one.
   look(view) {
+    const { width, height } = this.container.getBoundingClientRect();
+    this.wantedLook = width && height ? null : view;
+    if (this.wantedLook) return;
     const [direction, up] = views[view];
     const centre = middle(this.bounds);
     const camera = this.renderer.getActiveCamera();
