@@ -157,6 +157,14 @@ void boundary_fini(struct boundary *boundary)
     *boundary = (struct boundary){0};
 }
 
+void boundary_renumber(struct boundary *boundary, const struct renumbering *slots)
+{
+    renumber_array(&boundary->kinds, sizeof *boundary->kinds, slots);
+    renumber_array(&boundary->directions, 3 * sizeof *boundary->directions, slots);
+    renumber_array(&boundary->moved, sizeof *boundary->moved, slots);
+    renumber_array(&boundary->most, sizeof *boundary->most, slots);
+}
+
 static bool vertex_may_move(const struct boundary *boundary, const struct complex *complex, uint32_t v,
                             const double p[3])
 {

@@ -44,6 +44,9 @@ TETLOD_CHECKED enum tetlod_status boundary_init(struct boundary *boundary, const
                                                 struct tetlod_error *error);
 void boundary_fini(struct boundary *boundary);
 
+/* Takes over new numbers of slots. */
+void boundary_renumber(struct boundary *boundary, const struct renumbering *slots);
+
 /* May the gathered simplex be contracted to p = sum of weights times its vertices, as far as each vertex's kind, and
  * the regions, say? */
 bool boundary_allows(const struct boundary *boundary, const struct complex *complex, const struct star *star,

@@ -188,6 +188,8 @@ enum tetlod_status complex_init(struct complex *complex, const struct tetmesh *m
 {
     *complex = (struct complex){.vertex_count = mesh->vertex_count,
                                 .tet_count = mesh->tet_count,
+                                .slot_count = mesh->vertex_count,
+                                .tets_stored = mesh->tet_count,
                                 .vertices_alive = mesh->vertex_count,
                                 .tets_alive = mesh->tet_count,
                                 .position_type = mesh->position_type};
@@ -403,4 +405,71 @@ enum tetlod_status complex_contract(struct complex *complex, const struct star *
         set_least_volume(complex, tets[i]);
     log_contraction(complex, star);
     return TETLOD_OK;
+}
+
+/* ---- renumbering */
+
+static bool tet_is_left(const void *context, uint32_t tet)
+{
+    const struct complex *complex = context;
+    return complex->corners[4 * (size_t)tet] != TETLOD_NONE;
+}
+
+static bool slot_is_left(const void *context, uint32_t slot)
+{
+    return complex_alive(context, slot);
+}
+
+bool complex_find_numbers(const struct complex *complex, struct renumbering *tets, struct renumbering *slots)
+{
+    *tets = *slots = (struct renumbering){0};
+    return renumbering_init(tets, complex->tets_stored, tet_is_left, complex) &&
+           renumbering_init(slots, complex->slot_count, slot_is_left, complex);
+}
+
+/* The stars, one after the other. */
+static void move_stars(struct complex *complex, const struct renumbering *tets, uint32_t *pool)
+{
+    complex->pool_size = 0;
+    for (uint32_t v = 0; v < complex->slot_count; v++) {
+        const uint32_t *star = complex->pool + complex->star_begin[v];
+        complex->star_begin[v] = complex->pool_size;
+        complex->star_capacity[v] = complex->star_count[v];
+        for (uint32_t i = 0; i < complex->star_count[v]; i++)
+            pool[complex->pool_size++] = tets->numbers[star[i]];
+    }
+    free(complex->pool);
+    complex->pool = pool;
+}
+
+bool complex_renumber(struct complex *complex, const struct renumbering *tets, const struct renumbering *slots)
+{
+    size_t stars = 4 * (size_t)tets->after;
+    uint32_t *pool = array_new(stars, sizeof *pool);
+    if (!pool)
+        return false;
+    renumber_array(&complex->corners, 4 * sizeof *complex->corners, tets);
+    renumber_array(&complex->neighbours, 4 * sizeof *complex->neighbours, tets);
+    renumber_array(&complex->tet_changed, sizeof *complex->tet_changed, tets);
+    renumber_array(&complex->least_volume6, sizeof *complex->least_volume6, tets);
+    renumber_array(&complex->positions, 3 * sizeof *complex->positions, slots);
+    renumber_array(&complex->flags, sizeof *complex->flags, slots);
+    renumber_array(&complex->changed, sizeof *complex->changed, slots);
+    renumber_array(&complex->born, sizeof *complex->born, slots);
+    renumber_array(&complex->star_begin, sizeof *complex->star_begin, slots);
+    renumber_array(&complex->star_count, sizeof *complex->star_count, slots);
+    renumber_array(&complex->star_capacity, sizeof *complex->star_capacity, slots);
+    renumber_array(&complex->node, sizeof *complex->node, slots);
+    renumber_array(&complex->local, sizeof *complex->local, slots);
+    renumber_array(&complex->epoch_of, sizeof *complex->epoch_of, slots);
+    complex->tets_stored = tets->after;
+    complex->slot_count = slots->after;
+    for (size_t i = 0; i < stars; i++) {
+        uint32_t across = complex->neighbours[i];
+        complex->corners[i] = slots->numbers[complex->corners[i]];
+        complex->neighbours[i] = across == TETLOD_NONE ? across : 4 * tets->numbers[across / 4] + across % 4;
+    }
+    move_stars(complex, tets, pool);
+    complex->pool_capacity = stars;
+    return true;
 }

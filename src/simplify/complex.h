@@ -3,7 +3,7 @@
  * The simplicial complex while it is contracted, with the log of its contractions.
  *
  * Vertices live in slots: a contraction of a simplex puts its result into the slot of the simplex's first vertex and frees
- * the others. Tetrahedra keep their number for life. A slot's current node (original vertices are nodes 0 .. n-1, contraction
+ * the others. Tetrahedra keep their number, until all are renumbered (complex_renumber). A slot's current node (original vertices are nodes 0 .. n-1, contraction
  * c makes node n + c) names it in the log (src/log/contraction_log.h).
  *
  * Functions that check change nothing; complex_contract asserts what they promised.
@@ -14,6 +14,7 @@
 #include <stdbool.h>
 
 #include "src/log/contraction_log.h"
+#include "src/simplify/renumber.h"
 #include "src/simplify/table.h"
 
 enum {
@@ -25,7 +26,8 @@ enum {
 };
 
 struct complex {
-    uint32_t vertex_count, tet_count; /* of the original; slots run over them */
+    uint32_t vertex_count, tet_count; /* of the original */
+    uint32_t slot_count, tets_stored; /* that there are numbers for: at first the same, fewer after complex_renumber */
     uint32_t vertices_alive, tets_alive;
     double *positions;    /* [3 * slot], exactly representable in position_type */
     uint32_t *corners;    /* [4 * tet] slots; the first is TETLOD_NONE when the tetrahedron is gone */
@@ -106,6 +108,12 @@ TETLOD_CHECKED enum tetlod_status star_link_condition(struct star *star, struct 
  * ERR_NOMEM leaves the complex unusable but freeable. */
 TETLOD_CHECKED enum tetlod_status complex_contract(struct complex *complex, const struct star *star, const double p[3],
                                                    struct tetlod_error *error);
+
+/* The numbers that living tetrahedra and slots would have without gaps. False: no memory. */
+bool complex_find_numbers(const struct complex *complex, struct renumbering *tets, struct renumbering *slots);
+
+/* Takes over these numbers. False: no memory, nothing has changed. */
+bool complex_renumber(struct complex *complex, const struct renumbering *tets, const struct renumbering *slots);
 
 /* Is a frozen vertex free now, for its last degenerate, inverted or folded tetrahedron is gone? Then it is no longer frozen. */
 bool complex_unfreeze(struct complex *complex, uint32_t v);

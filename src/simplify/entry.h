@@ -52,7 +52,7 @@ static inline bool may_have_eased(const struct complex *complex, const struct qu
         return false;
     bool eased = entry->witness_count > QUEUE_WITNESSES;
     for (uint32_t i = 0; i < entry->witness_count && !eased; i++)
-        eased = complex->tet_changed[entry->witness[i]] > entry->stamp;
+        eased = entry->witness[i] == TETLOD_NONE || complex->tet_changed[entry->witness[i]] > entry->stamp;
     return eased;
 }
 

@@ -117,6 +117,20 @@ enum tetlod_status fields_init(struct fields *fields, const struct tetmesh *mesh
     return tetlodi_fail_nomem(error, "the fields", fields_bytes(mesh, controlled_count));
 }
 
+void fields_renumber(struct fields *fields, const struct renumbering *tets, const struct renumbering *slots)
+{
+    for (uint32_t f = 0; f < fields->count; f++)
+        renumber_array(&fields->fields[f].values, fields->fields[f].components * sizeof(double), slots);
+    for (uint32_t d = 0; d < fields->driver_count; d++) {
+        struct driver *driver = &fields->drivers[d];
+        renumber_array(&driver->upper, sizeof *driver->upper, slots);
+        renumber_array(&driver->lower, sizeof *driver->lower, slots);
+        renumber_array(&driver->predicted, sizeof *driver->predicted, slots);
+        renumber_array(&driver->quadrics, QUADRIC_SIZE * sizeof *driver->quadrics, slots);
+        renumber_array(&driver->envelopes, sizeof *driver->envelopes, tets);
+    }
+}
+
 /* ---- quadrics */
 
 void normalise_position(const struct fields *fields, const double p[3], double out[3])

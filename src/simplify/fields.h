@@ -92,6 +92,9 @@ double outcome_error(const struct fields *fields, const struct outcome *outcome)
 void fields_contract(struct fields *fields, const struct complex *complex, const struct star *star, const double p[3],
                      const struct outcome *outcome);
 
+/* Takes over new numbers of tetrahedra and slots. */
+void fields_renumber(struct fields *fields, const struct renumbering *tets, const struct renumbering *slots);
+
 /* What a component's values are kept less: nothing, unless all of them are so far from zero that no more than a factor of two is
  * between any two of them and their middle. Then the differences are exact (Sterbenz). */
 double field_middle(const double range[2]);

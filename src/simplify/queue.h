@@ -17,7 +17,7 @@ struct queue_entry {
     uint32_t refused : QUEUE_CANDIDATES; /* bits of the candidates that the exact limit has refused since */
     uint32_t candidate : 5;
     uint32_t witness_count : 5; /* waiting: while these tetrahedra are as they were, so is the bound; none: not known */
-    uint32_t witness[QUEUE_WITNESSES];
+    uint32_t witness[QUEUE_WITNESSES]; /* TETLOD_NONE: it is gone */
 };
 
 struct queue {

@@ -18,6 +18,9 @@
  * searched from; between them not at all. */
 static const double EXACT_HORIZON = 1.2;
 
+/* Tetrahedra and slots are renumbered where no larger fraction of them is left. */
+static const double MOST_LEFT = 0.9375;
+
 /* So many that wait are evaluated at a time. */
 enum { RESCANNED = 4096 };
 
@@ -31,17 +34,22 @@ static const double HOPE = 1.12, NEAR = 1.1;
  * named after. */
 static const double CHANCE = 1, CHANCE_NAMED = 1.4;
 
-/* Takes what is obsolete out of those that wait, if many have joined them since. */
+/* Takes what is obsolete out of those that wait. */
 static void clear_waiting(struct run *run)
 {
-    if (run->waiting.count <= run->waiting.swept + run->waiting.swept / 16 + 1024)
-        return;
     for (size_t i = 0; i < run->waiting.count; i++) {
         struct queue_entry entry = waiting_list_get(&run->waiting, i);
         if (obsolete(run->complex, &entry))
             waiting_list_take(&run->waiting, i);
     }
     waiting_list_sweep(&run->waiting);
+}
+
+/* The same, if many have joined them since. */
+static void clear_if_grown(struct run *run)
+{
+    if (run->waiting.count > run->waiting.swept + run->waiting.swept / 16 + 1024)
+        clear_waiting(run);
 }
 
 /* Into the queue, or with those that wait for a higher rung. */
@@ -424,7 +432,7 @@ static enum tetlod_status climb(struct run *run)
             continue;
         }
         TETLOD_TRY(contract(run, &entry));
-        clear_waiting(run);
+        clear_if_grown(run);
         TETLOD_TRY(report(run));
         if (shrunk_since_mark(run) >= run->options->growth)
             TETLOD_TRY(mark(run));
@@ -485,6 +493,7 @@ static enum tetlod_status rescan(struct run *run, bool *out_any)
             TETLOD_TRY(file_fresh(run));
     }
     TETLOD_TRY(file_fresh(run));
+    queue_fini(&run->fresh); // it is large where much was due
     waiting_list_sweep(waiting);
     *out_any = run->queue.count > 0;
     return TETLOD_OK;
@@ -528,6 +537,29 @@ static enum tetlod_status take_batch(struct run *run, size_t *out_count)
     return TETLOD_OK;
 }
 
+/* Gives back the room of what is gone, if that is much. After climbing nothing but the list has numbers of tetrahedra and slots, for the
+ * queue is empty. Where there is no memory for that nothing is renumbered. */
+static void renumber(struct run *run)
+{
+    struct complex *complex = run->complex;
+    struct renumbering tets, slots;
+    queue_fini(&run->queue);
+    if (complex->tets_alive > MOST_LEFT * complex->tets_stored)
+        return;
+    clear_waiting(run);
+    if (complex_find_numbers(complex, &tets, &slots) && complex_renumber(complex, &tets, &slots)) {
+        fields_renumber(run->fields, &tets, &slots);
+        boundary_renumber(&run->boundary, &slots);
+        overlaps_renumber(&run->overlaps, &tets);
+        waiting_list_renumber(&run->waiting, &tets, &slots);
+        renumber_array(&run->claims, sizeof *run->claims, &slots);
+        for (unsigned j = 0; j < crew_size(run->crew); j++)
+            patch_renumber(&run->judges[j].examiner.patch, &slots);
+    }
+    renumbering_fini(&tets);
+    renumbering_fini(&slots);
+}
+
 /* The same under the exact limit: it is asked about a batch at a time. */
 static enum tetlod_status climb_exactly(struct run *run)
 {
@@ -552,7 +584,7 @@ static enum tetlod_status climb_exactly(struct run *run)
                 TETLOD_TRY(mark(run));
         }
         TETLOD_TRY(file_fresh(run));
-        clear_waiting(run);
+        clear_if_grown(run);
     }
     return TETLOD_OK;
 }
@@ -569,12 +601,12 @@ static enum tetlod_status rung(struct run *run, double limit, bool named)
         uint32_t before = run->complex->log.count;
         TETLOD_TRY(is_exact(run) ? climb_exactly(run) : climb(run));
         TETLOD_TRY(first_failure(run));
+        if (is_exact(run) && !run->queue.count)
+            renumber(run);
         if (run->complex->log.count == before)
             break;
         TETLOD_TRY(rescan(run, &any));
     }
-    if (!run->queue.count)
-        queue_fini(&run->queue); // its room is wanted elsewhere
     return TETLOD_OK;
 }
 

@@ -179,7 +179,7 @@ static enum tetlod_status copy_star(struct local_complex *copy, struct star *sta
     copy->tets = grown;
     copy->count = copy->vertex_count = 0;
     if (++complex->epoch == 0) { // it wraps
-        memset(complex->epoch_of, 0, complex->vertex_count * sizeof *complex->epoch_of);
+        memset(complex->epoch_of, 0, complex->slot_count * sizeof *complex->epoch_of);
         complex->epoch = 1;
     }
     for (uint32_t s = 0; s < star->simplex_count; s++)

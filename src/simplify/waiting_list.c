@@ -158,3 +158,17 @@ void waiting_list_sweep(struct waiting_list *list)
     list->simplices = simplices;
     list->pool = pool;
 }
+
+void waiting_list_renumber(struct waiting_list *list, const struct renumbering *tets, const struct renumbering *slots)
+{
+    for (size_t i = 0; i < list->count; i++) {
+        struct waiting_simplex *simplex = &list->simplices[i];
+        uint32_t *record = list->pool + simplex->record;
+        for (int k = 0; k < 2; k++)
+            simplex->vertices[k] = slots->numbers[simplex->vertices[k]];
+        for (uint32_t k = 0; has_record(simplex) && k < record[VERTICES]; k++)
+            record[HEAD + k] = slots->numbers[record[HEAD + k]];
+        for (uint32_t k = 0; has_record(simplex) && k < stored_witnesses(record[WITNESSES]); k++)
+            record[HEAD + record[VERTICES] + k] = renumbered(tets, record[HEAD + record[VERTICES] + k]);
+    }
+}

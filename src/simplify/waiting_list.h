@@ -7,6 +7,7 @@
 #define TETLOD_WAITING_LIST_H
 
 #include "src/simplify/queue.h"
+#include "src/simplify/renumber.h"
 
 struct waiting_simplex {
     double value;         /* a lower bound of its error */
@@ -35,5 +36,8 @@ void waiting_list_take(struct waiting_list *list, size_t number);
 
 /* Closes the gaps, and gives back room: what is left is for a sixteenth more. */
 void waiting_list_sweep(struct waiting_list *list);
+
+/* Takes over new numbers of tetrahedra and of slots, all of which are left. A witness that is gone becomes TETLOD_NONE. */
+void waiting_list_renumber(struct waiting_list *list, const struct renumbering *tets, const struct renumbering *slots);
 
 #endif

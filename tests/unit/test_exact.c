@@ -69,7 +69,7 @@ static void close_world(struct world *world)
 static bool pick(struct world *world)
 {
     struct complex *complex = &world->complex;
-    uint32_t tet = (uint32_t)(gen_random(&world->random) % complex->tet_count);
+    uint32_t tet = (uint32_t)(gen_random(&world->random) % complex->tets_stored);
     uint32_t count = (uint32_t[]){2, 2, 2, 3, 4}[gen_random(&world->random) % 5];
     uint32_t candidate = (uint32_t)(gen_random(&world->random) % candidates_count(count, MOST_CANDIDATES));
     uint32_t simplex[4], first = (uint32_t)(gen_random(&world->random) % 4);
@@ -128,7 +128,7 @@ static void check_patch(const struct world *world)
         for (uint32_t w = 0; w < patch->wall_count; w++)
             wrong += (patch_distance(patch, w, patch->offsets[v]) >= patch->thresholds[w]) !=
                      (patch_side(patch, v, POSITIVE)[w / 64] >> w % 64 & 1);
-    for (uint32_t i = 0; i < (world->complex.tet_count + 63) / 64; i++)
+    for (uint32_t i = 0; i < (world->mesh.tet_count + 63) / 64; i++)
         marks += patch->listed[i] || patch->covered[i];
     for (uint32_t v = 0; v < world->mesh.vertex_count; v++)
         marks += patch->numbers[v] != TETLOD_NONE;
@@ -160,6 +160,19 @@ static void contract(struct world *world, struct outcome *outcome)
     boundary_update(&world->boundary, &world->complex, world->star.simplex[0], 0, 1e-9);
 }
 
+/* Gives what is left new numbers, as the builder does in between. */
+static void renumber(struct world *world)
+{
+    struct renumbering tets, slots;
+    CHECK(complex_find_numbers(&world->complex, &tets, &slots) && complex_renumber(&world->complex, &tets, &slots));
+    fields_renumber(&world->fields, &tets, &slots);
+    boundary_renumber(&world->boundary, &slots);
+    overlaps_renumber(&world->overlaps, &tets);
+    patch_renumber(&world->examiner.patch, &slots);
+    renumbering_fini(&tets);
+    renumbering_fini(&slots);
+}
+
 /* The overlay's largest difference of the level from the original, as a fraction of the range. */
 static double overlay_error(const struct world *world)
 {
@@ -168,11 +181,11 @@ static double overlay_error(const struct world *world)
     struct overlay_report report = {0};
     double error = NAN;
     level.positions = world->complex.positions;
-    level.corners = malloc(16 * (size_t)world->complex.tet_count);
+    level.corners = malloc(16 * (size_t)world->complex.tets_stored);
     level.tet_count = 0;
     level.fields = &field;
     field.values = world->fields.fields[0].values;
-    for (uint32_t t = 0; t < world->complex.tet_count && level.corners; t++)
+    for (uint32_t t = 0; t < world->complex.tets_stored && level.corners; t++)
         if (world->complex.corners[4 * (size_t)t] != TETLOD_NONE)
             memcpy(level.corners + 4 * (size_t)level.tet_count++, world->complex.corners + 4 * (size_t)t, 16);
     if (!level.corners || overlay_max(&level, (uint32_t[]){0}, &world->mesh, (uint32_t[]){0}, 1, &(struct overlay_options){.threads = 1}, &error, &report, NULL) != TETLOD_OK)
@@ -307,6 +320,8 @@ static void check_sequence(const char *name, uint32_t size, uint64_t seed, int t
         envelope = larger(envelope, outcome_error(&world.fields, &outcome));
         contract(&world, &outcome);
         done++;
+        if (done % 8 == 0)
+            renumber(&world);
         CHECK(!(flat && i % 2) || overlay_error(&world) <= limit * (1 + 1e-6));
     }
     double truth = overlay_error(&world);

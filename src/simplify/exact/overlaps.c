@@ -100,6 +100,19 @@ static void pool_compact(struct overlaps *overlaps)
     overlaps->pool_size = kept;
 }
 
+void overlaps_renumber(struct overlaps *overlaps, const struct renumbering *tets)
+{
+    pool_compact(overlaps);
+    for (size_t at = 0; at < overlaps->pool_size; at += 2 + (size_t)overlaps->pool[at + 1])
+        overlaps->pool[at] = tets->numbers[overlaps->pool[at]];
+    for (uint32_t v = 0; v < overlaps->mesh->vertex_count; v++)
+        overlaps->host[v] = renumbered(tets, overlaps->host[v]);
+    renumber_array(&overlaps->begin, sizeof *overlaps->begin, tets);
+    renumber_array(&overlaps->sentinels, SENTINELS * sizeof *overlaps->sentinels, tets);
+    overlaps->pool_capacity = overlaps->pool_size + overlaps->pool_size / 16;
+    overlaps->pool = array_shrink(overlaps->pool, overlaps->pool_capacity, sizeof *overlaps->pool);
+}
+
 /* Room for `needed` more in the pool, which is as large as what is in use and an eighth. */
 static bool pool_room(struct overlaps *overlaps, size_t needed)
 {

@@ -58,6 +58,9 @@ static inline const uint32_t *overlaps_of(const struct overlaps *overlaps, uint3
 
 void handover_fini(struct handover *handover);
 
+/* Takes over new numbers of the level's tetrahedra, and gives back room. */
+void overlaps_renumber(struct overlaps *overlaps, const struct renumbering *tets);
+
 /* With the contraction of a star that has not changed since: takes its lists over. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star,
                                                 const struct handover *handover, struct tetlod_error *error);

@@ -80,6 +80,12 @@ void patch_fini(struct patch *patch)
     *patch = (struct patch){0};
 }
 
+void patch_renumber(struct patch *patch, const struct renumbering *slots)
+{
+    renumber_array(&patch->slot_epoch, sizeof *patch->slot_epoch, slots);
+    renumber_array(&patch->slot_number, sizeof *patch->slot_number, slots);
+}
+
 /* ---- gathering */
 
 static inline bool set_has(const uint64_t *set, uint32_t number)

@@ -92,6 +92,9 @@ TETLOD_CHECKED enum tetlod_status patch_init(struct patch *patch, const struct c
                                              struct tetlod_error *error);
 void patch_fini(struct patch *patch);
 
+/* Takes over new numbers of slots, between stars. */
+void patch_renumber(struct patch *patch, const struct renumbering *slots);
+
 /* Takes up a gathered star, without the originals under it. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status patch_take_up(struct patch *patch, const struct complex *complex,
                                                 const struct star *star, struct tetlod_error *error);
