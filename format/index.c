@@ -9,8 +9,9 @@
 #include "format/pack.h"
 #include "format/round.h"
 #include "format/utf8.h"
+#include "format/writer.h"
 
-enum { FIELD_CONTROLLED = 1, FIELD_EXACT_LATER = 2, SCALE_FLOAT64 = 1, SCALE_NARROW = 2 };
+enum { FIELD_CONTROLLED = 1, FIELD_EXACT_LATER = 2, FIELD_BOUND = 4, SCALE_FLOAT64 = 1, SCALE_NARROW = 2 };
 enum { LEVEL_BYTES = 48, LEVEL_FIELD_BYTES = 56, FIELD_BYTES = 22 };
 
 void tetlodi_index_fini(struct tetlodi_index *index)
@@ -112,7 +113,8 @@ void tetlodi_index_encode(const struct tetlodi_index *index, struct tetlodi_buff
         size_t length = strlen(field->name);
         put_scale(out, &index->scales[1 + f], 1);
         tetlodi_put(out, field->components, 1);
-        tetlodi_put(out, (field->controlled ? FIELD_CONTROLLED : 0) | (index->exact_later[f] ? FIELD_EXACT_LATER : 0), 1);
+        tetlodi_put(out, (field->controlled ? FIELD_CONTROLLED : 0) | (index->exact_later[f] ? FIELD_EXACT_LATER : 0) |
+                             (field->bounds != TETLOD_NONE ? FIELD_BOUND : 0), 1);
         tetlodi_put_f64(out, field->range[0]);
         tetlodi_put_f64(out, field->range[1]);
         tetlodi_put(out, length, 2);
@@ -342,6 +344,17 @@ static const char *get_text(struct tetlodi_bytes *in, size_t size, char **text)
     return start;
 }
 
+/* The field whose name this one's is, but for BOUND_SUFFIX. */
+static uint32_t find_bounded(const struct tetlod_info *info, const char *name)
+{
+    size_t length = strlen(name), suffix = sizeof BOUND_SUFFIX - 1;
+    for (uint32_t f = 0; f < info->field_count && length > suffix; f++)
+        if (strlen(info->fields[f].name) == length - suffix && memcmp(info->fields[f].name, name, length - suffix) == 0 &&
+            strcmp(name + length - suffix, BOUND_SUFFIX) == 0)
+            return f;
+    return TETLOD_NONE;
+}
+
 /* False: a name that is none. */
 static bool decode_fields(struct tetlodi_index *index, struct tetlodi_bytes *in)
 {
@@ -355,6 +368,7 @@ static bool decode_fields(struct tetlodi_index *index, struct tetlodi_bytes *in)
         field->components = (uint32_t)tetlodi_get(in, 1);
         unsigned flags = (unsigned)tetlodi_get(in, 1);
         field->controlled = (flags & FIELD_CONTROLLED) != 0;
+        field->bounds = flags & FIELD_BOUND ? f : TETLOD_NONE; // until all names are known
         index->exact_later[f] = (flags & FIELD_EXACT_LATER) != 0;
         field->range[0] = tetlodi_get_f64(in);
         field->range[1] = tetlodi_get_f64(in);
@@ -363,6 +377,9 @@ static bool decode_fields(struct tetlodi_index *index, struct tetlodi_bytes *in)
         field->name = get_text(in, size, &text);
         named &= size && !in->failed && tetlodi_plain_text(field->name, size);
     }
+    for (uint32_t f = 0; f < info->field_count && named; f++)
+        if (index->fields[f].bounds == f)
+            index->fields[f].bounds = find_bounded(info, index->fields[f].name);
     return named;
 }
 

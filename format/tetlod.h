@@ -101,6 +101,7 @@ struct tetlod_field {
     enum tetlod_type type; /* of the original; a lossless stream restores it bit for bit */
     double range[2];       /* least and greatest value over all components of the original */
     int controlled;        /* its error drove the contraction */
+    uint32_t bounds;       /* the field whose error this one bounds at every point of every level (SPEC 3.3); TETLOD_NONE: none */
     uint64_t reserved[2];
 };
 

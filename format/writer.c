@@ -521,7 +521,8 @@ static void fill_info(struct writer *w)
                                                    .components = in->fields[f].components,
                                                    .type = original_type(&in->fields[f]),
                                                    .range = {in->fields[f].range[0], in->fields[f].range[1]},
-                                                   .controlled = in->fields[f].controlled};
+                                                   .controlled = in->fields[f].controlled,
+                                                   .bounds = in->fields[f].local_bound ? f : TETLOD_NONE}; // a flag in the index
     for (uint32_t f = 0; f < in->field_count; f++)
         info->lossless &= in->fields[f].bits == 0 || in->fields[f].exact;
 }

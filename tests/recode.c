@@ -136,6 +136,7 @@ static void fill_input(struct reader *r)
                                                          .type = scale->type,
                                                          .was_float64 = scale->original != scale->type,
                                                          .controlled = field->controlled,
+                                                         .local_bound = field->bounds != TETLOD_NONE,
                                                          .bits = scale->bits,
                                                          .origin = scale->origin[0],
                                                          .step = scale->step[0],
@@ -210,6 +211,30 @@ static void round_all(const double *values, size_t count, size_t step, double or
         double value = origin + size * code;
         pointer.out[i] = narrow ? (double)(float)value : value;
     }
+}
+
+static void scale_all(const double *values, size_t count, double by)
+{
+    union {
+        const double *in;
+        double *out;
+    } pointer = {values};
+    for (size_t i = 0; i < count; i++)
+        pointer.out[i] *= by;
+}
+
+void recode_scale(struct recode *recode, uint32_t f, double by)
+{
+    struct tetlodi_write_field *field = &recode->fields[f];
+    size_t vertices = (size_t)recode->input.vertices * field->components;
+    const double *of_vertices[] = {field->values, field->exact};
+    for (int i = 0; i < 2; i++)
+        if (of_vertices[i])
+            scale_all(of_vertices[i], vertices, by);
+    scale_all(field->node_values, (size_t)recode->input.contractions * field->components, by);
+    scale_all(field->range, 2, by);
+    field->origin *= by;
+    field->step *= by;
 }
 
 /* Goes back to the original's values and has no tail. */

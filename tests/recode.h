@@ -18,6 +18,9 @@ void recode_free(struct recode *recode);
 /* Rounds positions and values to grids of so many bits across the bounds; 0 leaves them as they are. */
 void recode_quantise(struct recode *recode, unsigned position_bits, unsigned field_bits);
 
+/* All values of a field, which has a grid, times a power of two. */
+void recode_scale(struct recode *recode, uint32_t field, double by);
+
 /* Rounds the nodes' values of all fields but the first to grids of so many bits; the original's become exact in a level more, for
  * which there is room. */
 void recode_exact_later(struct recode *recode, unsigned field_bits);

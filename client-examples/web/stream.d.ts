@@ -10,6 +10,8 @@ export interface Field {
   range: [number, number];
   /** Its error drove the contraction: `max` is certified. */
   controlled: boolean;
+  /** The field whose error this one bounds at every point of every level (`tetlod build --local-bound`). */
+  bounds?: string;
 }
 
 /** Values of cells: each tetrahedron of a level is one of the original's, and has its values. */

@@ -9,6 +9,7 @@
  */
 #include "src/cli/against.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -313,6 +314,48 @@ static enum tetlod_status choose_tets(struct against *a, struct overlay_options 
     return TETLOD_OK;
 }
 
+/* What rounding may make of a difference of two values, and its limit. */
+static double largest_local(double most, const double range[2])
+{
+    return largest_difference(0, range) + most * (1 + TIE) + 4 * DBL_EPSILON * larger(fabs(range[0]), fabs(range[1]));
+}
+
+/* The local bound `bound` of the level: with b its values, M the largest of them and s the bounded field's, |s - psi| <= b everywhere if
+ * neither s + (M - b) nor s - (M - b) is further than M from psi. */
+static enum tetlod_status check_local(struct against *a, uint32_t k, uint32_t bound, struct overlay_options options)
+{
+    const struct tetlod_info *info = tetlod_info(a->file);
+    uint32_t bounded = info->fields[bound].bounds;
+    const uint32_t original[2] = {a->fields[bounded], a->fields[bounded]}, shifted[2] = {0, 1};
+    const struct point_field *field = &a->level.fields[bounded];
+    size_t components = field->components, count = components * a->level.vertex_count;
+    const double *bounds = a->level.fields[bound].values;
+    double *values = array_new(count, 2 * sizeof *values), most = 0, found[2];
+    struct overlay_report overlay;
+    if (!values)
+        return nomem(a);
+    for (uint32_t v = 0; v < a->level.vertex_count; v++)
+        most = larger(most, bounds[v]);
+    for (size_t i = 0; i < count; i++) {
+        values[i] = field->values[i] + (most - bounds[i / components]);
+        values[count + i] = field->values[i] - (most - bounds[i / components]);
+    }
+    double floor = largest_local(most, info->fields[bounded].range);
+    struct point_field fields[2] = {*field, *field};
+    struct tetmesh level = a->level;
+    fields[0].values = values;
+    fields[1].values = values + count;
+    level.fields = fields;
+    level.field_count = 2;
+    options.floors = (const double[2]){floor, floor};
+    enum tetlod_status status = overlay_max(a->original, original, &level, shifted, 2, &options, found, &overlay, a->error);
+    free(values);
+    if (status == TETLOD_OK && larger(found[0], found[1]) > floor)
+        status = tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: %.60s is off by %.3g more than it says somewhere", k,
+                              info->fields[bound].name, info->fields[bounded].name, larger(found[0], found[1]) - most);
+    return status;
+}
+
 static enum tetlod_status check_exact(struct against *a, uint32_t k, bool all)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
@@ -332,6 +375,9 @@ static enum tetlod_status check_exact(struct against *a, uint32_t k, bool all)
         if (a->exact[f] > a->floors[f])
             return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: certified is %.9g, but the exact maximum is %.9g",
                                 k, info->fields[f].name, stored_error(info, k, f, TETLOD_MAX), range_fraction(info->fields[f].range, a->exact[f]));
+    for (uint32_t f = 0; f < info->field_count; f++)
+        if (info->fields[f].bounds != TETLOD_NONE)
+            TETLOD_TRY(check_local(a, k, f, options));
     return TETLOD_OK;
 }
 
@@ -396,7 +442,7 @@ static enum tetlod_status prepare(struct against *a)
             return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "the input has no field '%.60s' of %u components",
                                 info->fields[f].name, info->fields[f].components);
         point_field_range(&a->input->fields[a->fields[f]], a->input->vertex_count, range);
-        if (range[0] != stored[0] || range[1] != stored[1])
+        if (info->fields[f].bounds == TETLOD_NONE && (range[0] != stored[0] || range[1] != stored[1]))
             return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "%.60s: the input's range is %g .. %g, stored is %g .. %g",
                                 info->fields[f].name, range[0], range[1], stored[0], stored[1]);
     }

@@ -16,6 +16,7 @@
 #include "src/cli/progress.h"
 #include "src/cli/reading.h"
 #include "src/cli/series_topologies.h"
+#include "src/pipeline/local_bound.h"
 #include "src/pipeline/topology_spool.h"
 #include "src/io/io.h"
 #include "src/mesh/displacement.h"
@@ -47,6 +48,7 @@ static const char help[] =
     "                          over the whole domain: far fewer tetrahedra for the same error, in tens of times the time\n"
     "      --certify-all       a 'max' for every field, also without --field: the exact maximum of every level, measured at the end;\n"
     "                          takes several times as long\n"
+    "      --local-bound       a field 'NAME bound' of each --field: how far off it is at most at each point of a level\n"
     "      --metric M          what orders the contractions: envelope (default of fast), the carried bound; field-quadric\n"
     "                          (Cignoni and others; default of exact) or quadric (Garland and Heckbert). Two more are\n"
     "                          also the limit: sva, the accumulated prediction of scalar value assignment; measured,\n"
@@ -143,7 +145,7 @@ static bool parse_metric(const char *text, enum metric *out)
     return false;
 }
 
-enum { CERTIFY_ALL = 256 }; /* an option without a letter */
+enum { CERTIFY_ALL = 256, LOCAL_BOUND }; /* options without a letter */
 
 static const char *const certify_names[] = {[CERTIFY_FAST] = "fast", [CERTIFY_EXACT] = "exact"};
 
@@ -241,6 +243,8 @@ static bool parse_option(struct request *request, int option, const char *value)
         return parse_certify(value, &build->certify);
     case CERTIFY_ALL:
         return build->certify_all = true;
+    case LOCAL_BOUND:
+        return build->local_bound = true;
     case 'k':
         request->contract = value;
         return parse_contract(value, &build->contract);
@@ -386,6 +390,15 @@ static void add_units(json_t *units, const struct point_field *fields, uint32_t 
             json_object_set_new(units, fields[f].name, json_string(fields[f].unit));
 }
 
+/* The same of its local bound. */
+static void add_bound_unit(json_t *units, const struct point_field *field)
+{
+    char *name = field->unit[0] ? local_bound_name(field->name) : NULL;
+    if (name)
+        json_object_set_new(units, name, json_string(field->unit));
+    free(name);
+}
+
 /* Units, and provenance: what made the stream out of what. Machine and moment are left out, so that bytes repeat. */
 static char *make_metadata(const struct request *request, const struct tetmesh *mesh,
                            const struct build_control *controls, uint32_t count)
@@ -411,6 +424,8 @@ static char *make_metadata(const struct request *request, const struct tetmesh *
     json_t *units = json_object();
     add_units(units, mesh->cell_fields, mesh->cell_field_count);
     add_units(units, mesh->fields, mesh->field_count);
+    for (uint32_t i = 0; i < count && build->local_bound; i++)
+        add_bound_unit(units, &mesh->fields[controls[i].field]);
     if (object && json_object_size(units))
         json_object_set(object, "units", units);
     json_decref(units);
@@ -614,7 +629,7 @@ static const char *against_series(const struct request *request)
         return "rounding (--position-bits, --field-bits, --for mail and the like)";
     if (request->moves_boundary && build->domain_error > 0)
         return "--domain-error: it keeps its boundary";
-    return build->certify_all ? "--certify-all" : NULL;
+    return build->certify_all ? "--certify-all" : build->local_bound ? "--local-bound" : NULL;
 }
 
 static enum tetlod_status load_series(struct request *request, struct input *in, struct tetlod_error *error)
@@ -769,13 +784,14 @@ static void prepare_mail(struct request *request)
 
 static int run(int argc, char **argv)
 {
-    enum { JSON = CERTIFY_ALL + 1, PROGRESS, QUIET };
+    enum { JSON = LOCAL_BOUND + 1, PROGRESS, QUIET };
     static const struct option options[] = {
         {"output", required_argument, NULL, 'o'},     READING_OPTIONS,
         {"field", required_argument, NULL, 'f'},      {"carry", required_argument, NULL, 'c'},
         {"region", required_argument, NULL, 'r'},
         {"metric", required_argument, NULL, 'm'},     {"contract", required_argument, NULL, 'k'},
         {"certify", required_argument, NULL, 'C'},    {"certify-all", no_argument, NULL, CERTIFY_ALL},
+        {"local-bound", no_argument, NULL, LOCAL_BOUND},
         {"candidates", required_argument, NULL, 'n'},
         {"max-error", required_argument, NULL, 'e'},  {"min-tets", required_argument, NULL, 't'},
         {"boundary-angle", required_argument, NULL, 'b'}, {"domain-error", required_argument, NULL, 'd'},

@@ -66,7 +66,10 @@ static void print_text(const struct tetlod_file *file, int fd, bool all)
         const struct tetlod_field *field = &info->fields[f];
         print_field("field         ", field->name, field->components, field->type == TETLOD_FLOAT64 ? "float64" : "float32",
                     field->range, metadata);
-        printf("%s\n", field->controlled ? ", controlled" : "");
+        if (field->bounds == TETLOD_NONE)
+            printf("%s\n", field->controlled ? ", controlled" : "");
+        else
+            printf(", bounds the error of %s\n", info->fields[field->bounds].name);
     }
     for (uint32_t f = 0; f < info->cell_field_count; f++) {
         static const char *const types[] = {"float32", "float64", "int8", "int16", "int32", "int64"};

@@ -208,13 +208,18 @@ static enum tetlod_status undo(struct verification *v)
 
 /* ---- against the input */
 
-/* Fields that the build derived are not in the input: derived again. */
+/* Fields that the build derived are not in the input: derived again. A local bound is 0 there. */
 static enum tetlod_status derive_fields(const struct tetlod_info *info, struct tetmesh *input, struct tetlod_error *error)
 {
     for (uint32_t f = 0; f < info->field_count; f++) {
+        const struct tetlod_field *field = &info->fields[f];
         struct build_control ignored;
-        if (tetmesh_find_field(input, info->fields[f].name) == TETLOD_NONE)
-            TETLOD_TRY(build_control_parse(input, info->fields[f].name, &ignored, error));
+        if (tetmesh_find_field(input, field->name) != TETLOD_NONE)
+            continue;
+        if (field->bounds != TETLOD_NONE)
+            TETLOD_TRY(tetmesh_add_field(input, field->name, field->components, field->type, error));
+        else
+            TETLOD_TRY(build_control_parse(input, field->name, &ignored, error));
     }
     return TETLOD_OK;
 }

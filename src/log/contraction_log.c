@@ -40,6 +40,8 @@ void log_fini(struct contraction_log *log)
     for (uint32_t f = 0; f < log->field_count; f++)
         free(log->fields[f].values);
     free(log->fields);
+    for (uint32_t c = 0; c < log->component_count; c++)
+        free(log->components[c].bounds);
     free(log->children);
     free(log->positions);
     free(log->components);
@@ -57,6 +59,16 @@ enum tetlod_status log_control(struct contraction_log *log, const struct log_com
         return tetlodi_fail_nomem(error, "the controlled components", count * sizeof *components);
     memcpy(log->components, components, count * sizeof *components);
     log->component_count = count;
+    return TETLOD_OK;
+}
+
+enum tetlod_status log_keep_bounds(struct contraction_log *log, struct tetlod_error *error)
+{
+    for (uint32_t c = 0; c < log->component_count; c++) {
+        log->components[c].bounds = array_new(log->vertex_count, sizeof(double));
+        if (!log->components[c].bounds)
+            return tetlodi_fail_nomem(error, "the local bounds", log->vertex_count * sizeof(double));
+    }
     return TETLOD_OK;
 }
 
@@ -102,4 +114,6 @@ void log_finish(struct contraction_log *log)
     log->positions = array_shrink(log->positions, log->count, 3 * sizeof *log->positions);
     for (uint32_t f = 0; f < log->field_count; f++)
         log->fields[f].values = array_shrink(log->fields[f].values, log->count, log->fields[f].components * sizeof(double));
+    for (uint32_t c = 0; c < log->component_count && log->components[c].bounds; c++)
+        log->components[c].bounds = array_shrink(log->components[c].bounds, log->count, sizeof(double));
 }

@@ -8,7 +8,7 @@
  * such an m and says what the errors are there.
  *
  * How to fill it:
- *   log_init, log_control        once, before the first contraction
+ *   log_init, log_control        once, before the first contraction; log_keep_bounds behind them, where local bounds are asked for
  *   log_extend(log, n)           makes room for n records and returns the first; it never fails and allocates nothing, as a mesh
  *                                has fewer contractions than vertices and the memory of records that are not written is not used
  *   children, positions, values  are written directly, each record once, in any order and by any thread
@@ -35,6 +35,7 @@ struct log_mark {
 struct log_component {
     uint32_t field, component;
     double scale; /* 1 / the field's range; 0 for a constant field */
+    double *bounds; /* [contraction] of the node that it made: largest of U - s and s - L (PROOF.md, 2), in the field's units; NULL: not kept */
 };
 
 struct log_field {
@@ -78,6 +79,9 @@ void log_fini(struct contraction_log *log);
 /* The controlled components, which are copied: what a mark has errors of. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status log_control(struct contraction_log *log, const struct log_component *components,
                                               uint32_t count, struct tetlod_error *error);
+
+/* Makes room for the components' bounds. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status log_keep_bounds(struct contraction_log *log, struct tetlod_error *error);
 
 /* Adds `count` records, which the caller fills, and returns the first one's number. */
 uint32_t log_extend(struct contraction_log *log, uint32_t count);

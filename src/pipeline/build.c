@@ -14,6 +14,7 @@
 #include "src/pipeline/build_memory.h"
 #include "src/pipeline/build_series.h"
 #include "src/pipeline/limits.h"
+#include "src/pipeline/local_bound.h"
 #include "src/pipeline/precision.h"
 #include "src/util/array.h"
 
@@ -34,6 +35,8 @@ struct build {
     double *rounding;               /* [field] bound of what rounding changed, if quantised */
     double rounded_by;              /* how far rounding has moved the boundary, in units of length */
     struct precision precision;     /* if not */
+    struct local_bounds bounds;     /* if they are asked for: `original` has them once the mesh is contracted */
+    double (*ranges)[2];            /* [field] of the original; of a local bound 0 to the largest */
     const struct build_options *options;
     struct contraction_log log;
     struct series_build *series;    /* if there is one */
@@ -101,6 +104,7 @@ static enum tetlod_status contract(struct build *build)
         .boundary_limit = domain_error * mesh_diagonal(build->original),
         .boundary_least = BOUNDARY_KEPT * mesh_diagonal(build->original),
         .regions = regions_of(build),
+        .local_bound = options->local_bound,
         .growth = options->growth,
         .threads = options->threads,
         .progress = options->progress ? contract_progress : NULL,
@@ -116,9 +120,10 @@ static enum tetlod_status contract(struct build *build)
 
 /* The certified and the predicted error of a field at a mark, as fractions of the original's range: its worst component's. NaN if it
  * does not drive. */
-static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, const double range[2], double *errors)
+static void mark_errors(const struct build *build, uint32_t mark, uint32_t field, double *errors)
 {
     const struct contraction_log *log = &build->log;
+    const double *range = build->ranges[field];
     errors[TETLOD_MAX] = errors[TETLOD_PREDICTED] = NAN;
     for (uint32_t d = 0; d < log->component_count; d++) {
         if (log->components[d].field != field)
@@ -139,10 +144,9 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
 {
     uint32_t fields = build->mesh->field_count;
     for (uint32_t f = 0; f < fields; f++) {
-        double *errors = build->errors + ((size_t)mark * fields + f) * TETLOD_MEASURES, range[2];
-        const double *finer = mark ? errors - fields * TETLOD_MEASURES : NULL;
-        point_field_range(&build->original->fields[f], build->original->vertex_count, range);
-        mark_errors(build, mark, f, range, errors);
+        double *errors = build->errors + ((size_t)mark * fields + f) * TETLOD_MEASURES;
+        const double *finer = mark ? errors - fields * TETLOD_MEASURES : NULL, *range = build->ranges[f];
+        mark_errors(build, mark, f, errors);
         errors[TETLOD_SAMPLED] = range_fraction(range, measured[f].sampled);
         errors[TETLOD_RMS] = range_fraction(range, measured[f].rms);
         if (build->precision.tail) { // what has not been contracted is not measured
@@ -154,6 +158,21 @@ static void file_errors(const struct build *build, uint32_t mark, const struct m
         for (int m = 0; m < TETLOD_MEASURES && finer; m++)
             errors[m] = isnan(errors[m]) ? errors[m] : larger(errors[m], finer[m]);
     }
+}
+
+static enum tetlod_status find_ranges(struct build *build)
+{
+    const struct tetmesh *original = build->original;
+    build->ranges = array_new(original->field_count, sizeof *build->ranges);
+    if (!build->ranges)
+        return tetlodi_fail_nomem(build->error, "the fields", original->field_count * sizeof *build->ranges);
+    for (uint32_t f = 0; f < original->field_count; f++) {
+        const struct grid *grid = &build->mesh->fields[f].grid;
+        point_field_range(&original->fields[f], original->vertex_count, build->ranges[f]);
+        if (build->options->local_bound && f >= build->bounds.first)
+            build->ranges[f][1] = grid->origin + grid->step * grid->most;
+    }
+    return TETLOD_OK;
 }
 
 /* A component that drives as a field of its own is also in its vector: there its values are the same ones. */
@@ -176,11 +195,11 @@ static void copy_components(struct build *build)
 static enum tetlod_status find_exact(struct build *build, const struct coarsening *coarsening, uint32_t mark)
 {
     for (uint32_t f = 0; f < build->mesh->field_count; f++) {
-        double range[2], finer = NO_DIFFERENCE, own[TETLOD_MEASURES];
-        point_field_range(&build->original->fields[f], build->original->vertex_count, range);
+        const double *range = build->ranges[f];
+        double finer = NO_DIFFERENCE, own[TETLOD_MEASURES];
         if (mark)
             finer = larger(finer, build->errors[((size_t)(mark - 1) * build->mesh->field_count + f) * TETLOD_MEASURES + TETLOD_MAX]);
-        mark_errors(build, mark, f, range, own);
+        mark_errors(build, mark, f, own);
         finer = fmax(finer, own[TETLOD_MAX] * (1 - 4 * DBL_EPSILON));
         bool asked = range_has_scale(range) && (is_controlled(build, f) || build->options->certify_all);
         build->exact[f] = asked ? finer * (range[1] - range[0]) : INFINITY;
@@ -192,8 +211,8 @@ static enum tetlod_status find_exact(struct build *build, const struct coarsenin
 static void raise_max(const struct build *build, uint32_t mark)
 {
     for (uint32_t f = 0; f < build->mesh->field_count; f++) {
-        double *errors = build->errors + ((size_t)mark * build->mesh->field_count + f) * TETLOD_MEASURES, range[2];
-        point_field_range(&build->original->fields[f], build->original->vertex_count, range);
+        double *errors = build->errors + ((size_t)mark * build->mesh->field_count + f) * TETLOD_MEASURES;
+        const double *range = build->ranges[f];
         double exact = range_fraction(range, build->exact[f]);
         if (isfinite(build->exact[f]) && exact > NO_DIFFERENCE)
             errors[TETLOD_MAX] = fmax(errors[TETLOD_MAX], larger(exact, errors[TETLOD_SAMPLED]));
@@ -348,6 +367,7 @@ static struct tetlodi_write_field list_field(const struct build *build, uint32_t
                                       .type = field->type,
                                       .was_float64 = original->type != field->type,
                                       .controlled = is_controlled(build, f),
+                                      .local_bound = build->options->local_bound && f >= build->bounds.first,
                                       .values = is_exact_later ? NULL : field->values,
                                       .exact = is_exact_later ? field->values : NULL,
                                       .node_values = build->log.fields[f].values,
@@ -355,7 +375,7 @@ static struct tetlodi_write_field list_field(const struct build *build, uint32_t
                                       .origin = field->grid.origin,
                                       .step = field->grid.step,
                                       .most = (int64_t)field->grid.most};
-    point_field_range(original, build->mesh->vertex_count, out.range);
+    memcpy(out.range, build->ranges[f], sizeof out.range);
     return out;
 }
 
@@ -418,6 +438,35 @@ static enum tetlod_status fit_precision(struct build *build)
     return TETLOD_OK;
 }
 
+/* Why there can be no local bounds, or NULL. Where `max` is the exact maximum at the same position, nodes' bounds do not hold it. */
+static const char *against_local_bound(const struct build_options *options)
+{
+    if (options->certify == CERTIFY_EXACT || options->metric == METRIC_MEASURED)
+        return "--certify exact and --metric measured carry no bound along";
+    if (quantise_wanted(&options->quantise))
+        return "it is of lossless builds, without rounding (--field-bits, --for mail and the like)";
+    if (options->domain_error > DOMAIN_ERROR_SMALL)
+        return "it is certified for a --domain-error of 0.001 at most";
+    return options->series ? "it is of one step in time; --time N builds one" : NULL;
+}
+
+static enum tetlod_status check_local_bound(const struct build *build)
+{
+    const char *why = build->options->local_bound ? against_local_bound(build->options) : NULL;
+    if (why)
+        return tetlodi_fail(build->error, TETLOD_ERR_ARGUMENT, "--local-bound: %s", why);
+    for (uint32_t i = 0; i < build->options->control_count && build->options->local_bound; i++)
+        TETLOD_TRY(local_bound_check(build->original, build->options->controls[i].field, build->error));
+    return TETLOD_OK;
+}
+
+static enum tetlod_status add_local_bounds(struct build *build)
+{
+    TETLOD_TRY(local_bounds_add(&build->bounds, build->original, &build->precision, &build->log, build->error));
+    build->original = &build->bounds.original;
+    return TETLOD_OK;
+}
+
 /* Rounds a copy of the mesh, to be contracted in its place. */
 static enum tetlod_status quantise(struct build *build)
 {
@@ -435,6 +484,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
 {
     struct build build = {.mesh = mesh, .original = mesh, .options = options, .error = error};
     enum tetlod_status status;
+    TETLOD_TRY_DONE(check_local_bound(&build));
     TETLOD_TRY_DONE(build_check_memory(mesh, options, error));
     if (quantise_wanted(&options->quantise))
         TETLOD_TRY_DONE(quantise(&build));
@@ -445,6 +495,9 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
         TETLOD_TRY_DONE(series_new(&build.series, build.mesh, options, error));
     TETLOD_TRY_DONE(contract(&build));
     copy_components(&build);
+    if (options->local_bound)
+        TETLOD_TRY_DONE(add_local_bounds(&build));
+    TETLOD_TRY_DONE(find_ranges(&build));
     TETLOD_TRY_DONE(measure_marks(&build));
     TETLOD_TRY_DONE(encode(&build, sink));
     *report = (struct build_report){.contractions = build.log.count,
@@ -458,8 +511,10 @@ done:
     series_free(build.series);
     log_fini(&build.log);
     tetmesh_fini(&build.rounded);
+    local_bounds_fini(&build.bounds);
     precision_fini(&build.precision);
     free(build.rounding);
+    free(build.ranges);
     free(build.levels);
     free(build.errors);
     return status;

@@ -24,9 +24,11 @@ uint64_t build_bytes(const struct tetmesh *mesh, const struct build_options *opt
     const struct simplify_options simplify_options = {.metric = options->metric, .certify = options->certify,
                                                       .contract = options->contract, .threads = options->threads};
     uint64_t vertices = mesh->vertex_count, tets = mesh->tet_count, components = component_count(mesh);
-    uint64_t held = vertices * (24 + 8 * components) + tets * 16, log = vertices * (40 + 8 * components);
-    uint64_t contract = simplify_bytes(mesh, options->control_count, &simplify_options);
-    uint64_t measure = log + coarsening_bytes(mesh) + measure_levels_bytes(mesh) +
+    uint64_t held = vertices * (24 + 8 * components) + tets * 16, bounds = options->local_bound ? options->control_count : 0;
+    uint64_t contract = simplify_bytes(mesh, options->control_count, &simplify_options) + 8 * vertices * bounds;
+    components += bounds; // a field more of each: in the log, where levels are measured, and in the stream
+    uint64_t log = vertices * (40 + 8 * components);
+    uint64_t measure = log + coarsening_bytes(mesh) + measure_levels_bytes(mesh) + bounds * (12 * vertices + 8 * tets) +
                        (build_asks_overlay(options) ? overlay_levels_bytes(mesh) : 0);
     uint64_t records = tets * WRITER_RECORDS, last = records > WRITER_TAIL ? records : WRITER_TAIL;
     uint64_t encode = log + tets * WRITER_TET + vertices * (WRITER_VERTEX + WRITER_COMPONENT * components) + last;

@@ -16,11 +16,15 @@ void stream_id(const char *path, char *out, size_t size)
     snprintf(out, size, "%.*s", (int)length, name);
 }
 
-static json_t *field_json(const struct tetlod_field *field)
+static json_t *field_json(const struct tetlod_info *info, uint32_t f)
 {
-    return json_pack("{s:s, s:i, s:s, s:[f,f], s:b}", "name", field->name, "components", (int)field->components, "type",
-                     field->type == TETLOD_FLOAT64 ? "float64" : "float32", "range", field->range[0], field->range[1],
-                     "controlled", field->controlled);
+    const struct tetlod_field *field = &info->fields[f];
+    json_t *object = json_pack("{s:s, s:i, s:s, s:[f,f], s:b}", "name", field->name, "components", (int)field->components, "type",
+                               field->type == TETLOD_FLOAT64 ? "float64" : "float32", "range", field->range[0], field->range[1],
+                               "controlled", field->controlled);
+    if (object && field->bounds != TETLOD_NONE)
+        json_object_set_new(object, "bounds", json_string(info->fields[field->bounds].name));
+    return object;
 }
 
 static json_t *cell_field_json(const struct tetlod_cell_field *field)
@@ -89,7 +93,7 @@ json_t *info_json(const struct tetlod_info *info, const char *id)
     for (uint32_t f = 0; f < info->cell_field_count; f++)
         json_array_append_new(cells, cell_field_json(&info->cell_fields[f]));
     for (uint32_t f = 0; f < info->field_count; f++)
-        json_array_append_new(fields, field_json(&info->fields[f]));
+        json_array_append_new(fields, field_json(info, f));
     for (uint32_t k = 0; k < info->level_count; k++)
         json_array_append_new(levels, level_json(info, k));
     const double(*b)[3] = info->bounds;

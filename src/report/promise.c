@@ -17,7 +17,7 @@ struct uncontrolled uncontrolled_at(const struct tetlod_info *info, uint32_t lev
     struct uncontrolled found = {0, TETLOD_NONE, 0};
     for (uint32_t f = 0; f < info->field_count; f++) {
         double sampled = error_of(info, level, f, TETLOD_SAMPLED);
-        if (info->fields[f].controlled)
+        if (info->fields[f].controlled || info->fields[f].bounds != TETLOD_NONE)
             continue;
         found.count++;
         if (found.worst == TETLOD_NONE || sampled > found.sampled) {
@@ -81,6 +81,9 @@ void promise_of_field(const struct tetlod_info *info, uint32_t level, uint32_t f
     const struct tetlod_field *field = &info->fields[f];
     double max = error_of(info, level, f, TETLOD_MAX), error = isnan(max) ? error_of(info, level, f, TETLOD_SAMPLED) : max;
     double fraction = percent(error) / 100;
-    snprintf(out, size, "%.60s %s %.3g %% of the range, %.4g in its units (%s%s)", field->name, isnan(max) ? "about" : "\u2264", 100 * fraction,
+    if (field->bounds != TETLOD_NONE)
+        snprintf(out, size, "%.60s: how far off %.60s is at most at each point (certified)", field->name, info->fields[field->bounds].name);
+    else
+        snprintf(out, size, "%.60s %s %.3g %% of the range, %.4g in its units (%s%s)", field->name, isnan(max) ? "about" : "\u2264", 100 * fraction,
              fraction * (field->range[1] - field->range[0]), isnan(max) ? "measured" : "certified", field->controlled ? "" : ", not controlled");
 }

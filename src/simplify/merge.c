@@ -379,6 +379,8 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
         double worst = larger(upper[c] - values[c], values[c] - lower[c]);
         double named = component->factor > 0 ? run->limit / component->factor * component->scale : INFINITY;
         certified[c] = smaller(smaller(worst * component->scale, named), 1); // within rounding of the limit is the limit
+        if (working->log->components[c].bounds)
+            working->log->components[c].bounds[record] = worst;
     }
     carry_fields(worker, working, &join);
     set_components(working, &join, values, predicted);

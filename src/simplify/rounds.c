@@ -429,6 +429,8 @@ static void move_record(struct contraction_log *log, uint32_t from, uint32_t to)
         size_t k = log->fields[f].components;
         memcpy(log->fields[f].values + to * k, log->fields[f].values + from * k, k * sizeof(double));
     }
+    for (uint32_t c = 0; c < log->component_count && log->components[c].bounds; c++)
+        log->components[c].bounds[to] = log->components[c].bounds[from];
 }
 
 /* Counts a contraction that is done. */
@@ -688,6 +690,8 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     if (!rounds.run.crew)
         TETLOD_TRY_DONE(no_memory(&rounds));
     TETLOD_TRY_DONE(working_init(&rounds.working, mesh, controlled, controlled_count, limits, out, error));
+    if (options->local_bound)
+        TETLOD_TRY_DONE(log_keep_bounds(out, error));
     TETLOD_TRY_DONE(regions_fix(mesh, options->regions, rounds.working.node, rounds.working.flags, error));
     TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_find(&rounds.working, rounds.run.crew, error));

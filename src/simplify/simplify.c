@@ -180,6 +180,8 @@ static enum tetlod_status perform(struct run *run, const struct star *star, cons
         double certain = smaller(errors[d] * driver->scale, rounded_limit(run, driver));
         run->certified[d] = larger(run->certified[d], smaller(certain, 1)); // values never leave the range
         run->predicted[d] = fmax(run->predicted[d], driver->predicted[v] * driver->scale);
+        if (run->options->local_bound)
+            run->complex->log.components[d].bounds[run->complex->log.count - 1] = errors[d];
     }
     if (star->still)
         TETLOD_TRY(unfreeze(run, v));
@@ -686,10 +688,12 @@ static enum tetlod_status log_drivers(const struct run *run)
         return tetlodi_fail_nomem(run->error, "the drivers", count * sizeof *components);
     for (uint32_t d = 0; d < count; d++) {
         const struct driver *driver = &run->fields->drivers[d];
-        components[d] = (struct log_component){driver->field, driver->component, driver->scale};
+        components[d] = (struct log_component){.field = driver->field, .component = driver->component, .scale = driver->scale};
     }
     enum tetlod_status status = log_control(&run->complex->log, components, count, run->error);
     free(components);
+    if (status == TETLOD_OK && run->options->local_bound)
+        status = log_keep_bounds(&run->complex->log, run->error);
     return status;
 }
 

@@ -30,6 +30,7 @@ struct simplify_options {
     double boundary_limit; /* units of length */
     double boundary_least; /* how far the boundary may move even where it meets another part of it: by rounding */
     const double *regions; /* [tet] its region, or NULL */
+    bool local_bound;      /* the log keeps every node's bound */
     double growth;         /* vertices of a level / vertices of the one below */
     unsigned threads;      /* of the rescans; the result does not depend on it */
     bool (*progress)(void *opaque, double done); /* 0..1; false cancels; may be NULL */

@@ -209,7 +209,7 @@ static enum tetlod_status init_fields(struct working *working, const struct tetm
             component->scale = range[1] > range[0] ? 1 / (range[1] - range[0]) : 0;
             component->factor = component->scale * (limits ? 1 / limits[i] : 1);
             room = init_component(working, mesh, c);
-            names[c] = (struct log_component){component->field, k, component->scale};
+            names[c] = (struct log_component){.field = component->field, .component = k, .scale = component->scale};
         }
     }
     enum tetlod_status status = room ? log_control(working->log, names, working->component_count, error)

@@ -108,3 +108,27 @@ bool falsehood_write(const struct falsehood *f, struct tetlod_file *file, struct
     recode_free(&recode);
     return done;
 }
+
+bool falsehood_write_bound(const struct falsehood *f, struct tetlod_file *file, const char *path, char *text, size_t size)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    for (uint32_t bound = 0; bound < info->field_count; bound++) {
+        const struct tetlod_field *field = &info->fields[bound];
+        struct recode recode;
+        double truth = 0, by = 0.5;
+        for (uint32_t k = 0; k < f->levels && field->bounds != TETLOD_NONE; k++) {
+            const double *range = info->fields[field->bounds].range;
+            truth = fmax(truth, f->max[(size_t)k * f->fields + field->bounds] * (range[1] - range[0]));
+        }
+        if (!(truth > 1e-6 * field->range[1]) || recode_read(&recode, file, NULL) != TETLOD_OK)
+            continue;
+        while (field->range[1] * by > 0.99 * truth)
+            by /= 2;
+        recode_scale(&recode, bound, by);
+        snprintf(text, size, "%.20s put to at most %.9g, the difference is %.9g", field->name, field->range[1] * by, truth);
+        bool done = seal(&recode, path);
+        recode_free(&recode);
+        return done;
+    }
+    return false;
+}

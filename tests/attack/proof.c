@@ -86,6 +86,7 @@ static void choose_options(struct proof *p)
                                            .certify = exact ? CERTIFY_EXACT : CERTIFY_FAST,
                                            .contract = CONTRACT_EDGES,
                                            .max_error = 1,
+                                           .local_bound = !exact,
                                            .boundary_angle = angles[dice_below(dice, 7)],
                                            .boundary_least = 1e-12 * diagonal,
                                            .growth = growths[dice_below(dice, 4)],
@@ -172,6 +173,52 @@ static void check_partners(struct proof *p, uint32_t mark, const struct oracle_m
     }
 }
 
+/* What component c is off by at most at the vertex in each slot; returned is the largest. */
+static double slot_bounds(const struct proof *p, uint32_t mark, uint32_t c, double *out)
+{
+    double most = 0;
+    memset(out, 0, p->mesh.vertex_count * sizeof *out);
+    for (uint32_t r = 0; r < p->log.marks[mark].contractions; r++)
+        out[p->coarsening.slot_of[r]] = p->log.components[c].bounds[r];
+    for (uint32_t v = 0; v < p->mesh.vertex_count; v++)
+        most = fmax(most, out[v]);
+    return most;
+}
+
+/* Is the difference nowhere above the bounds of the vertices around it? With b these, interpolated, and M the largest, |s - psi| <= b is the
+ * same as that neither s + (M - b) nor s - (M - b) is further than M from psi. */
+static void check_local(struct proof *p, uint32_t mark, const struct oracle_mesh *level)
+{
+    size_t n = level->vertices;
+    double *bounds = oracle_memory(n, sizeof *bounds), *shifted[2] = {oracle_memory(n, sizeof(double)), oracle_memory(n, sizeof(double))};
+    for (uint32_t c = 0; c < p->original.value_count && p->options.local_bound; c++) {
+        struct oracle_mesh original = p->original, both = *level;
+        struct oracle_place worst[ORACLE_MOST_VALUES];
+        double most = slot_bounds(p, mark, c, bounds), scale = p->log.components[c].scale, far = 0;
+        original.value_count = both.value_count = 2;
+        for (size_t i = 0; i < 2 * n; i++)
+            shifted[i / n][i % n] = level->values[c][i % n * level->strides[c]] + (i < n ? 1 : -1) * (most - bounds[i % n]);
+        for (size_t i = 0; i < 2 * n; i++)
+            far = fmax(far, fabs(shifted[i / n][i % n]));
+        for (int side = 0; side < 2; side++) {
+            original.values[side] = p->original.values[c];
+            original.strides[side] = p->original.strides[c];
+            both.values[side] = shifted[side];
+            both.strides[side] = 1;
+        }
+        oracle_overlay(&original, &both, radius(p, mark), worst);
+        double allowed = most * (1 + 1e-9) + 1e-12 / scale + 4 * DBL_EPSILON * far; // shifted values are rounded
+        for (uint32_t side = 0; side < 2 && scale > 0; side++)
+            if (worst[side].difference > allowed &&
+                !oracle_partner(&both, p->part[p->mesh.corners[4 * (size_t)worst[side].tet]], worst[side].position, radius(p, mark), side,
+                                worst[side].value, allowed))
+                found(p, "local bound", "mark %u of %u: component %u is off by %.3g of its range more, of %.3g", mark, p->log.mark_count, c, (worst[side].difference - most) * scale, most * scale);
+    }
+    free(bounds);
+    free(shifted[0]);
+    free(shifted[1]);
+}
+
 static void check_mark(struct proof *p, uint32_t mark)
 {
     const struct coarsening *mesh = &p->coarsening;
@@ -188,6 +235,7 @@ static void check_mark(struct proof *p, uint32_t mark)
     check_mesh(p, mark, &level);
     check_max(p, mark, &level);
     check_partners(p, mark, &level);
+    check_local(p, mark, &level);
     double distance = fmax(oracle_boundary_distance(&p->original, &level), oracle_boundary_distance(&level, &p->original));
     if (distance > radius(p, mark))
         found(p, "distance", "mark %u of %u: %.9g, it is %.9g", mark, p->log.mark_count, p->log.marks[mark].moved, distance);

@@ -34,7 +34,8 @@ static bool read_table(struct table *table)
         const json_t *field = json_array_get(fields, f), *range = json_object_get(field, "range");
         table->fields[f] = (struct tetlod_field){.name = json_string_value(json_object_get(field, "name")),
                                                  .components = (uint32_t)number_of(field, "components"),
-                                                 .controlled = json_is_true(json_object_get(field, "controlled"))};
+                                                 .controlled = json_is_true(json_object_get(field, "controlled")),
+                                                 .bounds = TETLOD_NONE};
         for (size_t i = 0; i < 2; i++)
             table->fields[f].range[i] = json_number_value(json_array_get(range, i));
     }

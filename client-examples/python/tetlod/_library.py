@@ -35,7 +35,7 @@ class CSource(Structure):
 
 class CField(Structure):
     _fields_ = [('name', c_char_p), ('components', c_uint32), ('type', c_int), ('range', c_double * 2), ('controlled', c_int),
-                ('reserved', c_uint64 * 2)]
+                ('bounds', c_uint32), ('reserved', c_uint64 * 2)]
 
 
 class CLevel(Structure):
@@ -181,8 +181,10 @@ class LibraryDecoder:
 
     def _information(self) -> Info:
         c = self._library.tetlod_info(self._file).contents
-        fields = tuple(Field(f.name.decode(), f.components, 'float64' if f.type else 'float32', (f.range[0], f.range[1]), bool(f.controlled))
-                       for f in c.fields[:c.field_count])
+        names = [f.name.decode() for f in c.fields[:c.field_count]]
+        fields = tuple(Field(name, f.components, 'float64' if f.type else 'float32', (f.range[0], f.range[1]), bool(f.controlled),
+                             names[f.bounds] if f.bounds < len(names) else None)
+                       for name, f in zip(names, c.fields[:c.field_count]))
         levels = []
         for number, level in enumerate(c.levels[:c.level_count]):
             values = level.errors[:4 * len(fields)] if fields else []

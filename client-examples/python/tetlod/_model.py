@@ -12,12 +12,13 @@ Fraction = Union[float, str]
 
 @dataclass(frozen=True)
 class Field:
-    """A field of the points. `range` is that of the original over all components."""
+    """A field of the points. `range` is that of the original over all components; of a local bound, 0 and the largest."""
     name: str
     components: int
     type: str
     range: Tuple[float, float]
     controlled: bool
+    bounds: Optional[str] = None  # the field whose error this one bounds at every point
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ def collector_paused() -> Iterator[None]:
 
 
 def information(stream: Any) -> Info:
-    fields = tuple(Field(f['name'], f['components'], f['type'], (f['range'][0], f['range'][1]), f['controlled']) for f in stream.fields)
+    fields = tuple(Field(f['name'], f['components'], f['type'], (f['range'][0], f['range'][1]), f['controlled'], f['bounds']) for f in stream.fields)
     levels = tuple(Level(k['level'], k['vertices'], k['tets'], k['bytes'], k['domain_error'], k['errors']) for k in stream.levels)
     exact = [f['exact_later'] or not scale.bits for f, scale in zip(stream.fields, stream.scales[1:])]
     low, high = stream.bounds

@@ -200,7 +200,11 @@ class Stream:
             require(all(name != field['name'] for field in self.fields), 'two fields of one name')
             self.fields.append({'name': name, 'components': components, 'controlled': bool(flags & 1),
                                 'exact_later': bool(flags & 2), 'range': [low, high],
-                                'type': 'float64' if self.scales[-1].original else 'float32'})
+                                'type': 'float64' if self.scales[-1].original else 'float32',
+                                'bounds': name[:-len(' bound')] if flags & 4 and name.endswith(' bound') else None})
+        names = {field['name'] for field in self.fields}
+        for field in self.fields:
+            field['bounds'] = field['bounds'] if field['bounds'] in names else None
         self.levels, self.frames = [], []
         early = offset
         offset += early_size

@@ -49,14 +49,20 @@ static void put_point(struct tetlodi_buffer *out, const double *point, int count
     put(out, "]");
 }
 
-static void put_field(struct tetlodi_buffer *out, const struct tetlod_field *field)
+static void put_field(struct tetlodi_buffer *out, const struct tetlod_info *info, uint32_t f)
 {
+    const struct tetlod_field *field = &info->fields[f];
     put(out, "{\"name\":");
     put_string(out, field->name);
     put_member(out, "components", field->components);
     put(out, field->type == TETLOD_FLOAT64 ? ",\"type\":\"float64\",\"range\":" : ",\"type\":\"float32\",\"range\":");
     put_point(out, field->range, 2);
-    put(out, field->controlled ? ",\"controlled\":true}" : ",\"controlled\":false}");
+    put(out, field->controlled ? ",\"controlled\":true" : ",\"controlled\":false");
+    if (field->bounds != TETLOD_NONE) {
+        put(out, ",\"bounds\":");
+        put_string(out, info->fields[field->bounds].name);
+    }
+    put(out, "}");
 }
 
 static const char *name_of(enum tetlod_cell_type type)
@@ -212,7 +218,7 @@ const char *view_describe(struct view *view)
     put(out, info->lossless ? "],\"lossless\":true,\"fields\":[" : "],\"lossless\":false,\"fields\":[");
     for (uint32_t f = 0; f < info->field_count; f++) {
         put(out, f ? "," : "");
-        put_field(out, &info->fields[f]);
+        put_field(out, info, f);
     }
     put(out, "],\"cellFields\":[");
     put_cell_fields(out, info);
