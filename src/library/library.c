@@ -151,6 +151,7 @@ static struct build_options options_of(const struct tetlod_build_options *option
     build.growth = options->growth;
     build.compression = options->compression;
     build.certify_all = options->certify_all;
+    build.local_bound = options->local_bound;
     build.keep_order = options->keep_order;
     build.quantise = (struct quantise_options){options->position_bits, options->field_bits, options->position_error, options->field_error};
     build.threads = options->threads ? options->threads : parallel_cores();

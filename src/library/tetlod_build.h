@@ -52,6 +52,7 @@ struct tetlod_build_options {
     double growth;               /* vertices of a level / vertices of the one below */
     int certify_exact;           /* 1: the exact maximum is the limit: fewer tetrahedra, more time */
     int certify_all;             /* 1: a certified error for every field */
+    int local_bound;             /* 1: a field "NAME bound" of each controlled one: how far off it is at most at each point */
     unsigned position_bits, field_bits;   /* round to so many bits; 0: lossless */
     double position_error, field_error;   /* as many bits as keep this error; 0: lossless */
     int keep_order;              /* 1: store the numbering of the arrays, too */

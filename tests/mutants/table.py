@@ -49,6 +49,20 @@ mutant("link condition's boundary", 'src/simplify/links.c',
        'if (faces >> corner_of(corners, slot_a) & 1 && faces >> corner_of(corners, slot_b) & 1)\n            return false;', '',
        'a tetrahedron with boundary faces at both ends', 'unit/test_links')
 
+# ---- local bounds (2)
+
+mutant('local bound of one side', 'src/simplify/merge.c', 'bounds[record] = worst;', 'bounds[record] = upper[c] - values[c];', 'a local bound counts both ways', PROOF)
+mutant('local bound stays behind', 'src/simplify/rounds.c', 'log->components[c].bounds[to] = log->components[c].bounds[from];', ';',
+       'a record that closes a gap takes its bounds along', PROOF)
+mutant('local bound, one after the other', 'src/simplify/simplify.c', 'bounds[run->complex->log.count - 1] = errors[d];', 'bounds[run->complex->log.count - 1] = errors[d] / 2;',
+       'the sequential contraction says them, too', PROOF)
+mutant('local bound is rounded down', 'src/pipeline/local_bound.c', 'larger(ceil((values[i] - grid->origin) / grid->step), 0)', 'larger(floor((values[i] - grid->origin) / grid->step), 0)',
+       'what is stored is no less than the bound', 'cli/test_local_bound')
+mutant('local bound without rounding', 'src/pipeline/local_bound.c', 'origin = ceil(rounding / step) * step;', 'origin = 0;',
+       "the original's vertices are off by their rounding", 'cli/test_local_bound')
+mutant('verify believes local bounds', 'src/cli/against.c', 'if (status == TETLOD_OK && larger(found[0], found[1]) > floor)', 'if (status == TETLOD_OK && larger(found[0], found[1]) > 2 * floor)',
+       'a local bound that is too small is refused', ATTACK)
+
 # ---- steps in time (10)
 
 mutant('L and U are cut to the range', 'src/pipeline/encode_series.c',

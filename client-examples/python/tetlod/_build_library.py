@@ -35,7 +35,7 @@ class CMesh(Structure):
 class COptions(Structure):
     _fields_ = [('struct_size', c_size_t), ('controls', POINTER(c_char_p)), ('control_count', c_uint32), ('region', c_char_p),
                 ('max_error', c_double), ('min_tets', c_uint32), ('domain_error', c_double), ('boundary_angle', c_double), ('growth', c_double),
-                ('certify_exact', c_int), ('certify_all', c_int), ('position_bits', c_uint), ('field_bits', c_uint),
+                ('certify_exact', c_int), ('certify_all', c_int), ('local_bound', c_int), ('position_bits', c_uint), ('field_bits', c_uint),
                 ('position_error', c_double), ('field_error', c_double), ('keep_order', c_int), ('compression', c_int), ('threads', c_uint),
                 ('memory', c_uint64), ('metadata', c_char_p), ('progress', PROGRESS), ('progress_opaque', c_void_p)]
 
@@ -43,7 +43,7 @@ class COptions(Structure):
 FUNCTIONS = (('tetlod_build_defaults', None, (POINTER(COptions),)),
              ('tetlod_build', c_int, (POINTER(CMesh), POINTER(COptions), WRITE, c_void_p, POINTER(CError))))
 FRACTIONS = ('max_error', 'domain_error', 'position_error', 'field_error')
-NUMBERS = ('min_tets', 'boundary_angle', 'growth', 'certify_all', 'position_bits', 'field_bits', 'keep_order', 'threads', 'memory')
+NUMBERS = ('min_tets', 'boundary_angle', 'growth', 'certify_all', 'local_bound', 'position_bits', 'field_bits', 'keep_order', 'threads', 'memory')
 OPTIONS = {'field', 'region', 'certify', 'compress', 'metadata', 'progress', *FRACTIONS, *NUMBERS}
 
 
