@@ -53,7 +53,7 @@ mutant("link condition's boundary", 'src/simplify/links.c',
 
 mutant('local bound of one side', 'src/simplify/merge.c', 'bounds[record] = worst;', 'bounds[record] = upper[c] - values[c];', 'a local bound counts both ways', PROOF)
 mutant('local bound stays behind', 'src/simplify/rounds.c', 'log->components[c].bounds[to] = log->components[c].bounds[from];', ';',
-       'a record that closes a gap takes its bounds along', PROOF)
+       'a record that closes a gap takes its bounds along', 'cli/test_local_bound')
 mutant('local bound, one after the other', 'src/simplify/simplify.c', 'bounds[run->complex->log.count - 1] = errors[d];', 'bounds[run->complex->log.count - 1] = errors[d] / 2;',
        'the sequential contraction says them, too', PROOF)
 mutant('local bound is rounded down', 'src/pipeline/local_bound.c', 'larger(ceil((values[i] - grid->origin) / grid->step), 0)', 'larger(floor((values[i] - grid->origin) / grid->step), 0)',
