@@ -83,7 +83,7 @@ def test_tutorial():
 def test_faq():
     folder = place('faq')
     shell('tetlod sample fin --size 6 -o mesh.vtu', folder)
-    assert len(follow(text('client-examples/FAQ.md'), folder)) == 14
+    assert len(follow(text('client-examples/FAQ.md'), folder)) == 15
 
 
 def test_http_guide():
