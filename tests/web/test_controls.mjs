@@ -4,7 +4,7 @@ import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { readFileSync } from 'node:fs';
 import { firstPicture, openPage, settled } from './browser.mjs';
-import { becomes, browser, changesThePicture, enter, infoOf, nothing_was_complained_of, open, page, picture, server, state, until } from './controls.mjs';
+import { becomes, browser, changesThePicture, enter, infoOf, nothing_was_complained_of, open, page, picture, server, size, state, until } from './controls.mjs';
 import { run } from './tap.mjs';
 
 async function the_error_has_a_slider_and_two_fields() {
@@ -148,19 +148,21 @@ async function a_logarithm_of_what_is_not_positive() {
   assert.deepEqual(page.complaints, []);
 }
 
+// Whether all of the volume is in the picture, clear of title and scalar bar.
+const allIsSeen = () => page.evaluate(() => {
+  const { scene } = window.tetlod;
+  const { width, height } = document.getElementById('picture').getBoundingClientRect();
+  const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => scene.toScreen([0, 1, 2].map((k) => scene.bounds[(i >> k) & 1][k])));
+  return corners.every(({ x, y }) => x > 0 && x < width && y > 30 && y < height - 70);
+});
+
 async function the_camera_and_the_background() {
   await open('');
   const seen = [];
   for (const look of ['+x', '-x', '+y', '-y', '+z', '-z', 'oblique']) {
     await page.locator(`[data-look="${look}"]`).click();
     seen.push(await picture());
-    const inside = await page.evaluate(() => {
-      const { scene } = window.tetlod;
-      const { width, height } = document.getElementById('picture').getBoundingClientRect();
-      const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => scene.toScreen([0, 1, 2].map((k) => scene.bounds[(i >> k) & 1][k])));
-      return corners.every(({ x, y }) => x > 0 && x < width && y > 30 && y < height - 70);
-    });
-    assert.ok(inside, `${look} shows everything, clear of title and scalar bar`);
+    assert.ok(await allIsSeen(), `${look} shows everything`);
   }
   assert.equal(new Set(seen).size, 7);
   await changesThePicture('parallel projection', () => page.locator('#parallel').check());
@@ -172,6 +174,28 @@ async function the_camera_and_the_background() {
   const { error, surface, background, parallel } = await state();
   assert.deepEqual({ error, surface, background, parallel }, { error: 0.01, surface: 'inside', background: 'auto', parallel: false });
   assert.equal(await page.evaluate(() => document.getElementById('error-percent').value), '1');
+}
+
+// Until somebody moves the camera the volume fills the picture, whatever the window becomes.
+async function the_volume_fits_the_window() {
+  await open('');
+  const place = () => page.evaluate(() => String(window.tetlod.scene.camera()));
+  const before = await place();
+  const resized = async (to) => {
+    const width = await page.evaluate(() => window.tetlod.scene.view.getSize()[0]);
+    await page.setViewportSize(to);
+    await until((was) => window.tetlod.scene.view.getSize()[0] !== was, width);
+  };
+  await resized({ width: 620, height: 560 });
+  assert.ok(await place() !== before && await allIsSeen());
+  assert.equal((await state()).camera, null);
+  await resized(size);
+  assert.equal(await place(), before);
+  await page.locator('#picture').press('ArrowLeft');
+  const turned = await place();
+  await resized({ width: 620, height: 560 });
+  assert.equal(await place(), turned, 'it stays as somebody has turned it');
+  await page.setViewportSize(size);
 }
 
 async function a_second_view_turns_along() {
@@ -503,6 +527,6 @@ async function fingers_turn_and_probe() {
 }
 
 await run([the_error_has_a_slider_and_two_fields, budgets_limit_the_level, measures_are_chosen, the_plot_is_dragged, fields_and_components, ranges_of_the_colours,
-  logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, the_camera_and_the_background, a_second_view_turns_along,
+  logarithm_map_and_direction, a_logarithm_of_what_is_not_positive, a_map_from_a_file, the_camera_and_the_background, the_volume_fits_the_window, a_second_view_turns_along,
   a_link_shows_the_same, what_leaves_the_page, surfaces_are_saved, the_whole_screen_and_the_panel, keys_do_what_the_help_says, a_line_is_plotted,
   values_are_probed, probes_stay, fingers_turn_and_probe, nothing_was_complained_of]);

@@ -93,7 +93,7 @@ export class Scene extends EventTarget {
     this.state = null;
     this.range = [0, 1];
     this.bottom = 80; // as the other borders
-    this.wantedLook = null;
+    this.looked = null; // one of `views`, until the camera is moved otherwise
     this.boxColor = [0, 0, 0];
     this.render = coalesced(() => this.closed || this.interactor.render());
     this.startInteraction();
@@ -165,6 +165,7 @@ export class Scene extends EventTarget {
   }
 
   cameraRests() {
+    this.looked = null;
     this.dispatchEvent(new Event('camera'));
   }
 
@@ -188,7 +189,7 @@ export class Scene extends EventTarget {
     camera.setWindowCenter(0, (borders.top - this.bottom) / Math.max(height, 1));
     this.pixels = Math.min(window.devicePixelRatio || 1, 2);
     this.view.setSize(Math.max(1, Math.round(width * this.pixels)), Math.max(1, Math.round(height * this.pixels)));
-    if (this.wantedLook) this.look(this.wantedLook);
+    if (this.looked) this.fit(this.looked);
     this.render();
   }
 
@@ -338,15 +339,21 @@ export class Scene extends EventTarget {
     const camera = this.renderer.getActiveCamera();
     camera.set({ position: place.slice(0, 3), focalPoint: place.slice(3, 6), viewUp: place.slice(6, 9) });
     if (place[9]) camera.setParallelScale(place[9]);
-    this.wantedLook = null;
+    this.looked = null;
     this.afterCamera();
   }
 
-  // Everything in the picture, seen from one of `views`. Where the picture has no size yet, in a frame that is not shown: when it has one.
+  // Everything in the picture, seen from one of `views`, whatever its size becomes.
   look(view) {
+    this.fit(view);
+    this.cameraRests();
+    this.looked = view;
+  }
+
+  // In a frame that is not shown the picture has no size yet.
+  fit(view) {
     const { width, height } = this.container.getBoundingClientRect();
-    this.wantedLook = width && height ? null : view;
-    if (this.wantedLook) return;
+    if (!width || !height) return;
     const [direction, up] = views[view];
     const centre = middle(this.bounds);
     const camera = this.renderer.getActiveCamera();
@@ -354,7 +361,6 @@ export class Scene extends EventTarget {
     this.renderer.resetCamera(boundsOf(this.bounds));
     for (let i = 0; i < 6; i++) this.enlarge(1 / this.overflow());
     this.afterCamera();
-    this.cameraRests();
   }
 
   // How far the bounds reach, as a fraction of the room that the title and the scalar bar leave.
