@@ -39,13 +39,13 @@ function levelWithin(info, key, most) {
 
 /**
  * How far a value of a level may be from the original's: of a component, or of the length of all, from the errors of each.
- * `certified`: proved; else it is the largest that was measured.
+ * `certified`: proved; else it is the largest that was measured. `local`: what the local bound says of it at a place, if it is known.
  */
-export function boundOf(info, level, name, component) {
+export function boundOf(info, level, name, component, local) {
   const { components, range: [low, high] } = info.fields.find((f) => f.name === name);
   const { max, sampled = 1 } = info.levels[level].errors[name] ?? {};
   const lengths = component === 'magnitude' ? Math.sqrt(components) : 1;
-  return { bound: (max ?? sampled) * (high - low) * lengths, certified: max !== undefined };
+  return { bound: local ?? (max ?? sampled) * (high - low) * lengths, certified: (local ?? max) !== undefined };
 }
 
 /** The coarsest level for an error, limited by budgets; the finest one if nothing is asked. */

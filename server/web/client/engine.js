@@ -150,12 +150,27 @@ export class Engine {
     return this.#view.probe(point, this.#info.fields, this.#info.cellFields);
   }
 
-  /** The value that colours the pictures, along a segment: what is not drawn is a gap. */
+  /** The value that colours the pictures, along a segment: what is not drawn is a gap. `bounds`: the field's local bound at each end, if it is held. */
   line([from, to]) {
     if (!this.#spec || (this.#spec.shade < 0 && this.#spec.cellShade < 0)) throw new RangeError('a line needs pictures with a field');
     this.#filter();
     this.#colour();
-    return { level: this.#shown, ends: this.#view.along(from, to) };
+    const found = { level: this.#shown, ends: this.#view.along(from, to) };
+    const local = this.#localBound();
+    if (local < 0) return found;
+    this.#view.shade(local, 0);
+    const { shade, component } = this.#spec;
+    const lengths = component < 0 ? Math.sqrt(this.#info.fields[shade].components) : 1;
+    found.bounds = this.#view.along(from, to).filter((_, i) => i % 2).map((bound) => lengths * bound);
+    this.#colour();
+    return found;
+  }
+
+  // The field, of those that are held, which bounds the error of the one that colours at every point; -1: none.
+  #localBound() {
+    const { shade, cellShade } = this.#spec;
+    const { name } = this.#info.fields[shade] ?? {};
+    return cellShade < 0 ? this.#info.fields.findIndex(({ bounds }, f) => bounds && bounds === name && (!this.#fields || this.#fields.includes(f))) : -1;
   }
 
   /** Fetches the values of a field of cells; `cells` gives those of all the original's tetrahedra, too. */

@@ -425,7 +425,8 @@ export class TetlodStream extends EventTarget {
     return this.#call('probe', point);
   }
 
-  /** {level, ends}: the value that colours the pictures, along a segment: [at, value] of begin and end of each piece, exactly as the mesh has it. */
+  /** {level, ends, bounds}: the value that colours the pictures, along a segment: [at, value] of begin and end of each piece, exactly as the mesh has it;
+   *  `bounds`: how far off it is at most at each of these ends, where the field's local bound is loaded. */
   line(from, to) {
     return this.#call('line', [from, to]);
   }

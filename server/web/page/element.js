@@ -3,7 +3,7 @@
 
 import { Axes } from './axes.js';
 import { element } from './dom.js';
-import { errorOf, shownMeasure } from './levels.js';
+import { errorOf, shownField, shownMeasure } from './levels.js';
 import { Viewer } from './viewer.js';
 
 const style = `
@@ -158,7 +158,7 @@ export class TetlodView extends HTMLElement {
   }
 
   #tellLevel({ info, level, store: { state }, settled }) {
-    const error = errorOf(info.levels[level], state.field, shownMeasure(info, state));
+    const error = errorOf(info.levels[level], shownField(info, state), shownMeasure(info, state));
     this.dispatchEvent(new CustomEvent('level', { detail: { level, tets: info.levels[level].tets, error, settled } }));
   }
 }

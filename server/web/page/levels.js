@@ -12,11 +12,13 @@ export const measureNames = {
 
 export const measuresOf = (info, field) => Object.keys(measureNames).filter((m) => info.levels[0].errors[field]?.[m] !== undefined);
 
-// The field whose error the target limits: the one asked for, else the one that is drawn if the stream controls it, else
-// the first controlled one. A field that is only drawn changes no level: what it would cost is asked first.
+// The field whose error the target limits: the one asked for, else the one that is drawn if the stream controls it (of a local
+// bound the one that it bounds), else the first controlled one. A field that is only drawn changes no level: what it would cost
+// is asked first.
 export function targetFieldOf(info, { field, errorField }) {
   if (fieldOf(info, errorField)) return errorField;
-  return fieldOf(info, field)?.controlled ? field : (info.fields.find((f) => f.controlled)?.name ?? field ?? info.fields[0].name);
+  const shown = shownField(info, { field });
+  return fieldOf(info, shown)?.controlled ? shown : (info.fields.find((f) => f.controlled)?.name ?? field ?? info.fields[0].name);
 }
 
 // The wanted measure where the field has it, else the strictest that it has.
@@ -27,8 +29,9 @@ function measureOf(info, field, measure) {
 
 export const measureFor = (info, state) => measureOf(info, targetFieldOf(info, state), state.measure);
 
-// What is known of the drawn field: { field, measure }.
-export const shownMeasure = (info, state) => measureOf(info, state.field, state.measure);
+// The field whose error is told: the drawn one, or that which a local bound is of; and what is known of it.
+export const shownField = (info, { field }) => fieldOf(info, field)?.bounds ?? field;
+export const shownMeasure = (info, state) => measureOf(info, shownField(info, state), state.measure);
 
 export const errorOf = (level, field, measure) => level.errors[field]?.[measure] ?? 1;
 
@@ -37,7 +40,7 @@ export function promiseOf(info, level) {
   const { errors } = info.levels[level];
   const held = info.fields.filter((f) => f.controlled)
     .map(({ name }) => (errors[name].max === undefined ? `${name} ${percent(errors[name].sampled)} (measured)` : `${name} ≤ ${percent(errors[name].max)} (certified)`));
-  const others = info.fields.filter((f) => !f.controlled).map(({ name }) => ({ name, sampled: errors[name].sampled }));
+  const others = info.fields.filter((f) => !f.controlled && !f.bounds).map(({ name }) => ({ name, sampled: errors[name].sampled }));
   const worst = others.reduce((a, b) => (b.sampled > a.sampled ? b : a), others[0]);
   const rest = worst && `${others.length === 1 ? `${worst.name} not controlled:` : `${others.length} fields not controlled, worst ${worst.name}`} ${percent(worst.sampled)} (measured)`;
   return [held.join(', '), rest].filter(Boolean).join('; ');
@@ -101,11 +104,16 @@ export function colouredOf(info, state) {
   return { field, cells: Boolean(cells), component: componentIn(field, state.component) };
 }
 
+// The field that bounds the error of this one at every point, if the stream has it.
+export const localBoundOf = (info, name) => info.fields.find((f) => f.bounds === name)?.name;
+
 // How far a value that colours may be from the original's: { bound, certified, words }; for values of cells a coarser level has no bound: null.
-export function boundShown(info, level, state) {
+// `local`: what the local bound says there, if it is known.
+export function boundShown(info, level, state, local) {
   const { field, cells, component } = colouredOf(info, state);
+  if (!cells && field.bounds) return { bound: null, certified: true, words: `is how far off ${field.bounds} is at most` };
   if (cells) return level === info.levels.length - 1 ? { bound: 0, certified: true, words: 'exact' } : { bound: null, certified: false, words: 'of the cell, without a bound' };
-  const found = boundOf(info, level, field.name, component);
+  const found = boundOf(info, level, field.name, component, local);
   return { ...found, words: wordsOfBound(info, field.name, found) };
 }
 
@@ -126,9 +134,10 @@ export function vectorsOf(info, { vectors, vectorField, field }) {
   return vectors === 'off' ? null : [vectorField, field].find((name) => able.includes(name)) ?? able[0] ?? null;
 }
 
-// Names of the fields that the picture needs.
+// Names of the fields that the picture needs; probes and a plotted line tell the local bound, where there is one.
 export const shownFields = (info, state) => [...new Set([
-  state.field, ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : []), vectorsOf(info, state) ?? state.field])];
+  state.field, ...(state.isosurfaces.length ? [isosurfacesOf(info, state).field] : []), vectorsOf(info, state) ?? state.field,
+  (state.pins.length || state.line ? localBoundOf(info, state.field) : null) ?? state.field])];
 
 export function titleOf(info, state) {
   const { field: { name, components }, component } = colouredOf(info, state);

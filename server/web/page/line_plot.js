@@ -8,12 +8,12 @@ import { clamp, significant, ticks } from './numbers.js';
 
 const margin = { left: 52, right: 10, top: 8, bottom: 20 };
 
-/** For each end of a piece: its distance, place, value, and the bounds of the original's. */
-export function rowsOf(from, to, ends, bound) {
+/** For each end of a piece: its distance, place, value, and the bounds of the original's: `bounds` has how far that may be off. */
+export function rowsOf(from, to, ends, bounds) {
   const whole = length(add(to, from, -1));
   return Array.from({ length: ends.length / 2 }, (_, i) => {
     const [at, value] = ends.subarray(2 * i, 2 * i + 2);
-    return [at * whole, ...mix(from, to, at), value, value - bound, value + bound];
+    return [at * whole, ...mix(from, to, at), value, value - bounds[i], value + bounds[i]];
   });
 }
 
@@ -135,7 +135,9 @@ export class LinePlot {
     this.asking = false;
     if (!answer) return;
     const { info, coloredState: state } = viewer;
-    this.shown = { ...answer, from, to, title: titleOf(info, state), ...boundShown(info, answer.level, state) };
+    const { bound, words } = boundShown(info, answer.level, state, answer.bounds?.reduce((most, b) => Math.max(most, b), 0));
+    const bounds = answer.bounds ?? new Float64Array(answer.ends.length / 2).fill(bound);
+    this.shown = { ...answer, from, to, title: titleOf(info, state), bound, bounds, words };
     this.draw();
     if (line !== viewer.store.state.line) this.sample();
   }
@@ -154,16 +156,16 @@ export class LinePlot {
   draw() {
     const { width, height } = this.drawing.getBoundingClientRect();
     if (!this.shown || this.box.hidden || !width) return;
-    const { ends, from, to, bound } = this.shown;
+    const { ends, from, to, bounds } = this.shown;
     if (!ends.length) return this.drawing.replaceChildren(svg('text', { x: width / 2, y: height / 2 }, 'The line does not meet what is drawn.'));
     const [low, high] = this.extent();
     const whole = length(add(to, from, -1));
     this.x = (at) => margin.left + at * (width - margin.left - margin.right);
     this.y = (value) => height - margin.bottom - ((clamp(value, low, high) - low) / (high - low)) * (height - margin.top - margin.bottom);
-    const place = (i, shift) => `${this.x(ends[i]).toFixed(1)},${this.y(ends[i + 1] + shift).toFixed(1)}`;
+    const place = (i, side) => `${this.x(ends[i]).toFixed(1)},${this.y(ends[i + 1] + side * bounds[i / 2]).toFixed(1)}`;
     let [band, curve] = ['', ''];
     for (let i = 0; i < ends.length; i += 4) {
-      band += `M${place(i, bound)}L${place(i + 2, bound)}L${place(i + 2, -bound)}L${place(i, -bound)}Z`;
+      band += `M${place(i, 1)}L${place(i + 2, 1)}L${place(i + 2, -1)}L${place(i, -1)}Z`;
       curve += `M${place(i, 0)}L${place(i + 2, 0)}`;
     }
     const marks = [
@@ -182,22 +184,23 @@ export class LinePlot {
   }
 
   tellValue(offset) {
-    const { ends, bound, from, to } = this.shown ?? { ends: [] };
+    const { ends, bound, bounds, from, to } = this.shown ?? { ends: [] };
     if (!ends.length || !this.x) return;
     const at = (offset - this.x(0)) / (this.x(1) - this.x(0));
     for (let i = 0; i < ends.length; i += 4) {
       if (at < ends[i] || at > ends[i + 2]) continue;
-      const value = ends[i + 1] + ((at - ends[i]) / (ends[i + 2] - ends[i])) * (ends[i + 3] - ends[i + 1]);
-      byId('line-words').textContent = `${significant(value, 5)}${bound === null ? '' : ` ± ${significant(bound, 2)}`} at ${mix(from, to, at).map((c) => significant(c, 4)).join(', ')}`;
+      const between = (a, b) => a + ((at - ends[i]) / (ends[i + 2] - ends[i])) * (b - a);
+      const allowed = bound === null ? '' : ` ± ${significant(between(bounds[i / 2], bounds[i / 2 + 1]), 2)}`;
+      byId('line-words').textContent = `${significant(between(ends[i + 1], ends[i + 3]), 5)}${allowed} at ${mix(from, to, at).map((c) => significant(c, 4)).join(', ')}`;
       return;
     }
   }
 
   // Each piece is a line of its own, so that gaps stay gaps.
   async saveAs(kind) {
-    const { title, from, to, ends, bound } = this.shown;
+    const { title, from, to, ends, bound, bounds } = this.shown;
     const { csvOf, vtpOf } = await import('./surface_files.js');
-    const rows = rowsOf(from, to, ends, bound);
+    const rows = rowsOf(from, to, ends, bounds);
     const column = (k) => Float64Array.from(rows, (row) => row[k]);
     const names = [[title, 4], ['distance', 0], ...(bound === null ? [] : [['at least', 5], ['at most', 6]])];
     const columns = ['distance', 'x', 'y', 'z', title, 'at least', 'at most'].slice(0, bound === null ? 5 : 7);

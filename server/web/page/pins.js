@@ -3,7 +3,7 @@
 
 import { byId, coalesced, element } from './dom.js';
 import { add, length } from './geometry.js';
-import { boundShown, colouredOf, titleOf } from './levels.js';
+import { boundShown, colouredOf, localBoundOf, titleOf } from './levels.js';
 import { notice } from './notices.js';
 import { significant } from './numbers.js';
 
@@ -101,12 +101,14 @@ export class Pins {
     const { info, level, store: { state }, stream } = viewer;
     if (level < 0 || !stream.fields.includes(state.field)) return;
     const { field: { name }, cells, component } = colouredOf(info, viewer.coloredState);
-    const { words } = boundShown(info, level, viewer.coloredState);
     for (const { place, mark, value } of marks) {
-      const found = (await stream.probe(place).catch(() => null))?.[cells ? 'cells' : 'values'][name];
+      const answer = await stream.probe(place).catch(() => null);
       if (marks !== this.marks) return;
+      const found = answer?.[cells ? 'cells' : 'values'][name];
+      const local = answer?.values[localBoundOf(info, name)]?.[0] * (component === 'magnitude' ? Math.sqrt(found.length) : 1);
+      const { words } = boundShown(info, level, viewer.coloredState, local >= 0 ? local : undefined);
       const number = found && significant(component === 'magnitude' ? Math.hypot(...found) : found[component], 5);
-      value.textContent = found ? `${titleOf(info, viewer.coloredState)} ${number} ${words}` : 'nothing is drawn here';
+      value.textContent = found ? `${titleOf(info, viewer.coloredState)} ${number} ${words}${local > 0 ? ' here' : ''}` : 'nothing is drawn here';
       mark.lastChild.textContent = found ? number : 'nothing';
     }
   }

@@ -90,6 +90,7 @@ export class Viewer extends EventTarget {
       this.#asked++;
       this.show();
     });
+    store.watch(['pins', 'line'], () => this.#missing.length && this.show()); // they tell the local bound
     store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes', 'step'], this.refine);
     store.watch(['shading', 'surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'], (state) => scene.restyle(state));
     store.watch(['background'], () => this.repaint());
