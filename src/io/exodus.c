@@ -113,7 +113,10 @@ static enum tetlod_status read_points(struct exodus *e)
     bool apart = find_variable(e, names[0], &variable);
     if (!apart && (!find_variable(e, "coord", &variable) || variable.rank != 2 || variable.dims[0] != 3 || variable.dims[1] != count))
         return fail(e, "has no coordinates");
-    TETLOD_TRY(assemble_points(&e->block->mesh, count, variable.type == NC_FLOAT ? TETLOD_FLOAT32 : TETLOD_FLOAT64, e->error));
+    bool is_double = variable.type != NC_FLOAT;
+    for (size_t d = 1; d < 3 && apart; d++)
+        is_double |= find_variable(e, names[d], &variable) && variable.type != NC_FLOAT;
+    TETLOD_TRY(assemble_points(&e->block->mesh, count, is_double ? TETLOD_FLOAT64 : TETLOD_FLOAT32, e->error));
     double *axis = array_new((size_t)count, sizeof *axis);
     enum tetlod_status status = axis ? TETLOD_OK : tetlodi_fail_nomem(e->error, "the points", count * 8);
     for (size_t d = 0; d < 3 && status == TETLOD_OK; d++) {

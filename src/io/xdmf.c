@@ -140,6 +140,7 @@ static enum tetlod_status three_items(const struct xdmf *x, const struct xml_nod
     struct xdmf_item items[3] = {{0}};
     const struct xml_node *child = NULL;
     enum tetlod_status status = TETLOD_OK;
+    enum tetlod_type type = TETLOD_FLOAT32;
     uint64_t points = 1;
     for (int d = 0; d < 3 && status == TETLOD_OK; d++) {
         child = xml_child(x->source.tree, node, "DataItem", child);
@@ -149,10 +150,11 @@ static enum tetlod_status three_items(const struct xdmf *x, const struct xml_nod
         if (status == TETLOD_OK && !axes && items[d].count != items[0].count)
             status = fail_at(x, node, "has different numbers of coordinates");
         points = axes && points < TETLOD_NONE ? points * items[d].count : points;
+        type = items[d].type == TETLOD_FLOAT64 ? TETLOD_FLOAT64 : type;
     }
     points = axes ? points : items[0].count;
     if (status == TETLOD_OK)
-        status = assemble_points(&block->mesh, points, items[0].type, x->error);
+        status = assemble_points(&block->mesh, points, type, x->error);
     for (uint64_t p = 0; p < points && status == TETLOD_OK; p++) {
         uint64_t at[3] = {p, p, p};
         if (axes) {

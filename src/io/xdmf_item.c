@@ -295,13 +295,15 @@ static enum tetlod_status load_join(const struct xdmf_source *source, const stru
         enum tetlod_status status = xml_attribute(referred, "ItemType") ? fail_at(child, error, "in a function should be of numbers")
                                                                         : load_uniform(source, referred, NULL, false, &part, error);
         if (status == TETLOD_OK && c == 0) {
-            out->type = part.type;
-            out->is_integer = part.is_integer;
+            out->type = TETLOD_FLOAT32;
+            out->is_integer = true;
             status = part.count > SIZE_MAX / 8 / width ? fail_at(node, error, "is too large")
                                                        : make_room(out, part.count * width, false, error);
         }
         if (status == TETLOD_OK && part.count * width != out->count)
             status = fail_at(child, error, "has another number of values than the first");
+        out->type = part.type == TETLOD_FLOAT64 ? TETLOD_FLOAT64 : out->type;
+        out->is_integer &= part.is_integer;
         for (uint64_t i = 0; i < part.count && status == TETLOD_OK; i++)
             out->doubles[i * width + c] = part.doubles[i];
         xdmf_item_fini(&part);

@@ -162,6 +162,20 @@ def xdmf_hyperslab_case():
     return problem
 
 
+def xdmf_types_case():
+    """Coordinates and components of two types, each item with its own: the mesh has the wider one."""
+    points, tets, fields, cells = tet_mesh(60)
+    points[:, 0] = points[:, 0].astype(np.float32)
+    n, whole = len(points), np.arange(len(points))
+    item = lambda values, kind, size: '<DataItem Dimensions="%s" NumberType="%s" Precision="%d">%s</DataItem>' % (
+        ' '.join(map(str, values.shape)), kind, size, ' '.join(map(repr, values.ravel().tolist())))
+    joined = item(whole, 'Int', 4) + item(points[:, 0], 'Float', 4) + item(points[:, 1], 'Float', 8)
+    write('in.xdmf', '<Xdmf><Domain><Grid><Topology TopologyType="Tetrahedron">%s</Topology><Geometry GeometryType="X_Y_Z">%s</Geometry>'
+          '<Attribute Name="joined" Center="Node"><DataItem ItemType="Function" Function="JOIN($0, $1, $2)">%s</DataItem></Attribute></Grid></Domain>'
+          '</Xdmf>' % (item(tets, 'Int', 8), ''.join(item(points[:, d], 'Float', 8 if d else 4) for d in range(3)), joined))
+    return compare((points, tets, {'joined': np.column_stack([whole, points[:, :2]])}, {}), converted(path('in.xdmf')))
+
+
 def xdmf_included_case():
     """Steps of two functions on one mesh that xi:include points to, as meshio and FEniCS write them, are one mesh with both."""
     points, tets, fields, cells = tet_mesh(60)
@@ -239,8 +253,9 @@ def exodus_netcdf_case(form, apart):
                            ('time_step', None), ('num_nod_var', 2), ('num_elem_var', 1), ('four', 4), ('three', 3)):
             file.createDimension(name, size)
         if apart:
+            points[:, 0] = points[:, 0].astype(np.float32)
             for d in range(3):
-                file.createVariable('coord' + 'xyz'[d], 'f8', ('num_nodes',))[:] = points[:, d]
+                file.createVariable('coord' + 'xyz'[d], 'f8' if d else 'f4', ('num_nodes',))[:] = points[:, d]
         else:
             file.createVariable('coord', 'f8', ('num_dim', 'num_nodes'))[:] = points.T
         file.createVariable('eb_prop1', 'i4', ('num_el_blk',))[:] = [10, 20, 30]
@@ -462,6 +477,7 @@ def main():
             case('xdmf: %s' % kind, xdmf_structured_case, kind)
         case('xdmf: steps', xdmf_steps_case)
         case('xdmf: parts of data sets, joined components', xdmf_hyperslab_case)
+        case('xdmf: items of several types', xdmf_types_case)
         case('xdmf: steps of functions on an included mesh', xdmf_included_case)
         damaged_cases('in.xdmf')
     for precision in np.float32, np.float64:
