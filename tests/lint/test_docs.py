@@ -17,8 +17,9 @@ def read(path):
 
 
 def accepted_options(command):
-    """The long options in the getopt table of a command's source."""
-    source = read('src/cli/cmd_%s.c' % command)
+    """The long options in the getopt table of a command's sources."""
+    paths = [os.path.join('src/cli', name % command) for name in ('cmd_%s.c', '%s_request.c')]
+    source = ''.join(read(path) for path in paths if os.path.exists(os.path.join(ROOT, path)))
     if 'READING_OPTIONS' in source:
         source += read('src/cli/reading.h')
     return {'--' + name for name in re.findall(r'\{"([a-z0-9-]+)",\s*(?:no|required)_argument', source)}

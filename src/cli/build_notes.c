@@ -1,0 +1,139 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+#include "src/cli/build_notes.h"
+
+#include <inttypes.h>
+#include <jansson.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "src/cli/print_json.h"
+#include "src/mesh/displacement.h"
+#include "src/report/info_json.h"
+
+enum { MOST_NAMES = 6 };
+
+/* ---- on standard error */
+
+/* Whose error is held, where nobody said so, and which fields are off by what comes. */
+static void say_fields(const struct build_request *request, const struct tetmesh *mesh, const struct build_control *controls, uint32_t count)
+{
+    if (!request->field_count)
+        fprintf(stderr, "tetlod build: no --field is given: the error of '%s' is held down\n", mesh->fields[controls[0].field].name);
+    char names[300] = "";
+    size_t used = 0;
+    uint32_t others = 0;
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        bool controlled = false;
+        for (uint32_t i = 0; i < count; i++)
+            controlled |= controls[i].field == f;
+        if (!controlled && others++ < MOST_NAMES && used < sizeof names)
+            used += (size_t)snprintf(names + used, sizeof names - used, "%s%.40s", others > 1 ? ", " : "", mesh->fields[f].name);
+    }
+    if (others)
+        fprintf(stderr, "tetlod build: %" PRIu32 " field%s measured, nothing holds it down: %s%s\n", others,
+                others == 1 ? " is not controlled: its error is" : "s are not controlled: their error is", names, others > MOST_NAMES ? ", ..." : "");
+}
+
+void build_notes(const struct build_request *request, const struct io_report *read, const struct tetmesh *mesh,
+                 const struct build_control *controls, uint32_t count, const struct build_report *report)
+{
+    say_fields(request, mesh, controls, count);
+    struct io_report notes_read = *read;
+    if (request->build.series)
+        notes_read.steps = 0; // all of them were read
+    reading_notes("build", &notes_read, mesh);
+    const struct {
+        uint64_t count;
+        const char *what;
+    } notes[] = {{report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
+                 {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"},
+                 {report->folded_tets, "folded tetrahedra, on the same side of a face as their neighbour, carried along; no promise "
+                                       "is made inside them"}};
+    for (size_t i = 0; i < sizeof notes / sizeof *notes; i++)
+        if (notes[i].count)
+            fprintf(stderr, "tetlod build: %" PRIu64 " %s\n", notes[i].count, notes[i].what);
+    for (uint32_t g = 0; g < request->topologies.count; g++)
+        fprintf(stderr, "tetlod build: topology group %" PRIu32 ": steps %" PRIu32 " to %" PRIu32 " over %" PRIu32 " tetrahedra\n", g,
+                request->topologies.groups[g].from, request->topologies.groups[g].from + request->topologies.groups[g].count - 1,
+                request->topologies.groups[g].tets);
+    if (request->series.own_times)
+        fprintf(stderr, "tetlod build: the steps' times do not rise: their numbers stand for them\n");
+    if (request->build.series)
+        fprintf(stderr, "tetlod build: %s%" PRIu32 " steps in time, of which %" PRIu32 " limit the contraction; fields that are not controlled are those of the first step\n",
+                request->topologies.count ? "of topology group 0 " : "", request->build.series->step_count, report->keys);
+    if (request->series.series.points_move)
+        fprintf(stderr, "tetlod build: the points move: '" DISPLACEMENT_FIELD "' says how far and drives as the other fields do; all errors are "
+                        "those at the same point of the body, proved on the mesh of the first step\n");
+    if (request->series.rounded)
+        fprintf(stderr, "tetlod build: %" PRIu64 " coordinates of points that move come back to the last place only, not bit for bit\n",
+                request->series.rounded);
+    fprintf(stderr, "tetlod build: %s: %s%" PRIu32 " vertices, %" PRIu32 " tetrahedra in %" PRIu32 " levels\n",
+            request->output, request->for_mail ? "the coarse levels of " : "", mesh->vertex_count, mesh->tet_count, report->levels);
+}
+
+/* ---- on standard output */
+
+int build_print_levels(const struct build_request *request)
+{
+    struct tetlod_file *file;
+    struct tetlod_error error = {0};
+    int fd;
+    if (cli_open_stream(request->output, 1, &file, &fd, &error) != TETLOD_OK)
+        return cli_fail(&error);
+    cli_print_levels(tetlod_info(file), request->all);
+    if (request->for_mail)
+        cli_print_promises(stdout, tetlod_info(file), tetlod_info(file)->level_count - 1);
+    tetlod_close(file);
+    close(fd);
+    return EXIT_DONE;
+}
+
+/* The most memory so far, in bytes. What getrusage says may be the peak of the process that started this one. */
+static uint64_t peak_memory(void)
+{
+    static const char name[] = "VmHWM:";
+    uint64_t peak = 0; // kB
+    char line[256];
+    FILE *status = fopen("/proc/self/status", "r");
+    while (status && fgets(line, sizeof line, status))
+        if (strncmp(line, name, sizeof name - 1) == 0)
+            peak = strtoull(line + sizeof name - 1, NULL, 10);
+    if (status)
+        fclose(status);
+    return peak << 10;
+}
+
+int build_print_json(const struct build_request *request, const struct build_report *report, double read_seconds, double write_seconds)
+{
+    struct tetlod_file *file;
+    struct tetlod_error error = {0};
+    int fd;
+    char id[256];
+    if (cli_open_stream(request->output, 1, &file, &fd, &error) != TETLOD_OK)
+        return cli_fail(&error);
+    stream_id(request->output, id, sizeof id);
+    uint64_t peak = peak_memory();
+    json_t *object = info_json(tetlod_info(file), id);
+    json_t *seconds = json_pack("{s:f, s:f, s:f, s:f, s:f}", "read", read_seconds, "contract",
+                                request->seconds[BUILD_CONTRACT], "measure", request->seconds[BUILD_MEASURE], "encode",
+                                request->seconds[BUILD_ENCODE], "write", write_seconds);
+    json_t *refused = json_pack("{s:I, s:I, s:I, s:I, s:I}", "flip", (json_int_t)report->refused[LOG_REFUSED_FLIP], "link",
+                                (json_int_t)report->refused[LOG_REFUSED_LINK], "boundary",
+                                (json_int_t)report->refused[LOG_REFUSED_BOUNDARY], "rounding",
+                                (json_int_t)report->refused[LOG_REFUSED_ROUNDING], "size",
+                                (json_int_t)report->refused[LOG_REFUSED_SIZE]);
+    json_t *more = json_pack("{s:o, s:o, s:I, s:I, s:I, s:f, s:i}", "seconds", seconds, "refused", refused, "contractions",
+                             (json_int_t)report->contractions,
+                             "nan_filled", (json_int_t)request->nan_filled,
+                             "peak_memory", (json_int_t)peak, "bytes_per_tetrahedron",
+                             (double)peak / (double)tetlod_info(file)->tets, "threads", (int)request->build.threads);
+    if (object && (!more || json_object_update(object, more) != 0)) {
+        json_decref(object);
+        object = NULL;
+    }
+    json_decref(more);
+    tetlod_close(file);
+    close(fd);
+    return cli_print_json(object);
+}

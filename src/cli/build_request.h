@@ -1,0 +1,44 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/* What tetlod build is asked for, and how far it is. */
+#ifndef TETLOD_BUILD_REQUEST_H
+#define TETLOD_BUILD_REQUEST_H
+
+#include "src/cli/progress.h"
+#include "src/cli/reading.h"
+#include "src/cli/series_input.h"
+#include "src/cli/series_topologies.h"
+#include "src/pipeline/build.h"
+
+enum { MOST_CONTROLS = 64 };
+
+struct build_request {
+    const char *input, *output, *carry, *contract, *region;
+    const char *fields[MOST_CONTROLS];
+    double units[MOST_CONTROLS]; /* --abs-error of each field; 0: none */
+    uint32_t field_count;
+    double mail_error; /* of the finest level that is written; 0: all levels are */
+    struct build_options build;
+    struct reading reading;
+    struct series_input series;
+    struct series_topologies topologies; /* none: all steps are over one mesh */
+    uint64_t nan_filled;
+    bool for_mail, json, quiet, all, ordered, moves_boundary; /* ordered: --metric is given; moves_boundary: --domain-error */
+    bool draws_progress; /* in any case */
+    char own_output[4096]; /* the name of the output where none is given */
+    struct progress progress;
+    double phase_started;
+    enum build_phase phase;
+    double seconds[BUILD_PHASES];
+};
+
+/* The options, as `tetlod help build` explains them. */
+extern const char build_help[];
+
+/* Takes the command line. EXIT_DONE, or EXIT_USAGE after a message. */
+int build_request_parse(struct build_request *out, int argc, char **argv);
+
+/* The names that the options give. */
+const char *build_metric_name(enum metric metric);
+const char *build_certify_name(enum certify certify);
+
+#endif
