@@ -130,6 +130,8 @@ mutant('exact: planes turned outwards', 'src/simplify/exact/patch.c', 'bool turn
        'the same', 'unit/test_exact')
 mutant('exact: walls of the wrong side', 'src/simplify/exact/patch.c', 'patch->masks[(2 * f + !positive) * words', 'patch->masks[(2 * f + positive) * words',
        'the same', 'unit/test_exact')
+mutant('exact: an estimate is taken for an answer', 'src/simplify/simplify.c', 'if (!*out_left) // what is left waits', 'if (true) // what is left waits',
+       'what was refused is not asked again', 'unit/test_asked_once')
 mutant('exact: originals stay marked', 'src/simplify/exact/patch.c', 'patch->listed[patch->tets[t] / 64] = 0;', '', 'the next star has all of its originals', 'unit/test_exact')
 mutant('exact: the star stays marked', 'src/simplify/exact/patch.c', 'patch->covered[star->tets[i] / 64] = 0;', '(void)star;', 'vertices in the next star are its own', 'unit/test_exact')
 mutant('exact: distances of another order', 'src/simplify/exact/patch.h',
