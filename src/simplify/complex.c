@@ -13,7 +13,7 @@
 
 uint64_t complex_bytes(uint32_t vertices, uint32_t tets)
 {
-    uint64_t per_vertex = 24 + 1 + 4 + 4 + 8 + 4 + 4 + 4 + 16 + 24 + 8, per_tet = 16 + 16 + 4 + 8 + 2 * 16;
+    uint64_t per_vertex = 24 + 1 + 4 + 4 + 8 + 4 + 4 + 4 + 16 + 24 + 8, per_tet = 16 + 16 + 4 + 8 + 16;
     return vertices * per_vertex + tets * per_tet;
 }
 

@@ -765,18 +765,27 @@ done:
     return status;
 }
 
-/* The complex, the fields and a queue of seven edges a vertex, and what the metric and the limit keep. */
+/* What a simplex that waits takes with its witnesses, of which the exact limit has fewer. */
+static uint64_t waiting_bytes(const struct tetmesh *mesh, const struct simplify_options *options)
+{
+    uint64_t edges = (uint64_t)mesh->vertex_count + mesh->tet_count, witnesses = options->certify == CERTIFY_EXACT ? 4 : 11;
+    return edges * (sizeof(struct waiting_simplex) + witnesses * sizeof(uint32_t));
+}
+
+/* The complex, the fields, what waits, and what the metric and the limit keep. */
 uint64_t simplify_bytes(const struct tetmesh *mesh, uint32_t controlled_count, const struct simplify_options *options)
 {
     if (in_rounds(options))
         return rounds_bytes(mesh, controlled_count);
-    uint64_t bytes = complex_bytes(mesh->vertex_count, mesh->tet_count) + fields_bytes(mesh, controlled_count) +
-                     mesh->vertex_count * (uint64_t)7 * sizeof(struct queue_entry);
-    if (options->metric != METRIC_MEASURED && options->certify != CERTIFY_EXACT)
+    uint64_t bytes = complex_bytes(mesh->vertex_count, mesh->tet_count) + fields_bytes(mesh, controlled_count) + waiting_bytes(mesh, options);
+    if (metric_has_quadrics(options->metric))
+        bytes += mesh->vertex_count * (uint64_t)controlled_count * QUADRIC_SIZE * sizeof(double);
+    if (asks_envelopes(options))
         bytes += mesh->tet_count * (uint64_t)controlled_count * sizeof(struct envelope);
     if (options->metric == METRIC_MEASURED)
         bytes += samples_bytes(mesh, controlled_count);
-    if (options->certify == CERTIFY_EXACT)
-        bytes += overlaps_bytes(mesh->vertex_count, mesh->tet_count, options->threads);
+    if (options->certify == CERTIFY_EXACT) // whose log grows while slots are given back
+        bytes += overlaps_bytes(mesh->vertex_count, mesh->tet_count) + options->threads * patch_bytes(mesh->vertex_count, mesh->tet_count) -
+                 fields_bytes(mesh, 0) / 2;
     return bytes;
 }

@@ -439,8 +439,10 @@ def memory():
     """What --memory counts is what a build takes at its peak."""
     if CONFIG != 'release':
         return report('--memory: right within 10 %', True, skip='release only')
+    exact = ('--certify', 'exact', '--threads', '2')
     for sample, size, options in (('cube', 12, ()), ('cube', 24, ()), ('cube', 24, ('--metric', 'sva')), ('fin', 24, ()),
-                                  ('fin', 24, ('--field', 'Pressure', '--field', 'Density', '--field', 'Velocity'))):
+                                  ('fin', 24, ('--field', 'Pressure', '--field', 'Density', '--field', 'Velocity')),
+                                  ('cube', 16, exact), ('fin', 12, exact), ('fin', 20, exact), ('post', 20, exact), ('delta', 6, exact)):
         tetlod('sample', sample, '--size', str(size), '-o', 'm.vtu')
         refused = tetlod('build', 'm.vtu', '-o', 'm.tetlod', '--memory', '1', *options).stderr.decode()
         said = int(refused.split('needs about ')[1].split()[0])

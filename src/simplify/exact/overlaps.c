@@ -34,7 +34,7 @@ enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh
                                   .host = array_new(mesh->vertex_count, sizeof *overlaps->host)};
     if (!overlaps->begin || !overlaps->pool || !overlaps->slopes || !overlaps->sentinels || !overlaps->host) {
         overlaps_fini(overlaps);
-        return tetlodi_fail_nomem(error, "the overlaps", overlaps_bytes(mesh->vertex_count, mesh->tet_count, 0));
+        return tetlodi_fail_nomem(error, "the overlaps", overlaps_bytes(mesh->vertex_count, mesh->tet_count));
     }
     for (uint32_t t = 0; t < tets; t++) {
         overlaps->begin[t] = 3 * (size_t)t + 2;
@@ -48,10 +48,13 @@ enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh
     return TETLOD_OK;
 }
 
-uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets, unsigned threads)
+/* The pool grows while tetrahedra go; both together take the most where it has about so many numbers for each that there was. */
+enum { POOLED = 4 };
+
+uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets)
 {
-    return tets * (uint64_t)(12 + 16 * sizeof(uint32_t) + SENTINELS * sizeof(struct watched)) + vertices * (uint64_t)4 +
-           threads * (tets * (uint64_t)8 + vertices * (uint64_t)16);
+    uint64_t per_tet = sizeof(size_t) + sizeof(float) + SENTINELS * sizeof(struct watched) + POOLED * sizeof(uint32_t);
+    return tets * per_tet + vertices * (uint64_t)sizeof(uint32_t);
 }
 
 void overlaps_fini(struct overlaps *overlaps)

@@ -42,8 +42,8 @@ TETLOD_CHECKED enum tetlod_status overlaps_init(struct overlaps *overlaps, const
                                                 struct tetlod_error *error);
 void overlaps_fini(struct overlaps *overlaps);
 
-/* Bytes that they take with as many threads, about. */
-uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets, unsigned threads);
+/* Bytes that they take, about. */
+uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets);
 
 /* Sets up a sentinel. */
 void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel);

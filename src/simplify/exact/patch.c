@@ -80,6 +80,14 @@ void patch_fini(struct patch *patch)
     *patch = (struct patch){0};
 }
 
+/* Of the largest stars there are while much of the mesh is left. */
+static const uint64_t STAR_BYTES = 7 << 18;
+
+uint64_t patch_bytes(uint32_t vertices, uint32_t tets)
+{
+    return vertices * (uint64_t)12 + tets / 4 + STAR_BYTES;
+}
+
 void patch_renumber(struct patch *patch, const struct renumbering *slots)
 {
     renumber_array(&patch->slot_epoch, sizeof *patch->slot_epoch, slots);

@@ -92,6 +92,9 @@ TETLOD_CHECKED enum tetlod_status patch_init(struct patch *patch, const struct c
                                              struct tetlod_error *error);
 void patch_fini(struct patch *patch);
 
+/* Bytes that a thread takes, about. */
+uint64_t patch_bytes(uint32_t vertices, uint32_t tets);
+
 /* Takes over new numbers of slots, between stars. */
 void patch_renumber(struct patch *patch, const struct renumbering *slots);
 
