@@ -427,26 +427,40 @@ bool complex_find_numbers(const struct complex *complex, struct renumbering *tet
            renumbering_init(slots, complex->slot_count, slot_is_left, complex);
 }
 
-/* The stars, one after the other. */
-static void move_stars(struct complex *complex, const struct renumbering *tets, uint32_t *pool)
+/* A slot, and where its star begins in the pool. */
+struct placed {
+    size_t begin;
+    uint32_t slot;
+};
+
+static int compare_places(const void *left, const void *right)
 {
+    const struct placed *a = left, *b = right;
+    return a->begin < b->begin ? -1 : a->begin > b->begin;
+}
+
+/* Moves the stars together, in the order in which they lie in the pool. `order` has room for all of them. */
+static void move_stars(struct complex *complex, const struct renumbering *tets, struct placed *order)
+{
+    for (uint32_t v = 0; v < complex->slot_count; v++)
+        order[v] = (struct placed){complex->star_begin[v], v};
+    qsort(order, complex->slot_count, sizeof *order, compare_places);
     complex->pool_size = 0;
-    for (uint32_t v = 0; v < complex->slot_count; v++) {
-        const uint32_t *star = complex->pool + complex->star_begin[v];
+    for (uint32_t k = 0; k < complex->slot_count; k++) {
+        uint32_t v = order[k].slot;
         complex->star_begin[v] = complex->pool_size;
         complex->star_capacity[v] = complex->star_count[v];
         for (uint32_t i = 0; i < complex->star_count[v]; i++)
-            pool[complex->pool_size++] = tets->numbers[star[i]];
+            complex->pool[complex->pool_size++] = tets->numbers[complex->pool[order[k].begin + i]];
     }
-    free(complex->pool);
-    complex->pool = pool;
+    complex->pool = array_shrink(complex->pool, complex->pool_size, sizeof *complex->pool);
+    complex->pool_capacity = complex->pool_size;
 }
 
 bool complex_renumber(struct complex *complex, const struct renumbering *tets, const struct renumbering *slots)
 {
-    size_t stars = 4 * (size_t)tets->after;
-    uint32_t *pool = array_new(stars, sizeof *pool);
-    if (!pool)
+    struct placed *order = array_new(slots->after, sizeof *order);
+    if (!order)
         return false;
     renumber_array(&complex->corners, 4 * sizeof *complex->corners, tets);
     renumber_array(&complex->neighbours, 4 * sizeof *complex->neighbours, tets);
@@ -464,12 +478,12 @@ bool complex_renumber(struct complex *complex, const struct renumbering *tets, c
     renumber_array(&complex->epoch_of, sizeof *complex->epoch_of, slots);
     complex->tets_stored = tets->after;
     complex->slot_count = slots->after;
-    for (size_t i = 0; i < stars; i++) {
+    for (size_t i = 0; i < 4 * (size_t)tets->after; i++) {
         uint32_t across = complex->neighbours[i];
         complex->corners[i] = slots->numbers[complex->corners[i]];
         complex->neighbours[i] = across == TETLOD_NONE ? across : 4 * tets->numbers[across / 4] + across % 4;
     }
-    move_stars(complex, tets, pool);
-    complex->pool_capacity = stars;
+    move_stars(complex, tets, order);
+    free(order);
     return true;
 }

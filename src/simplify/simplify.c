@@ -22,7 +22,7 @@ static const double EXACT_HORIZON = 1.2;
 static const double MOST_LEFT = 0.9375;
 
 /* So many that wait are evaluated at a time. */
-enum { RESCANNED = 4096 };
+enum { RESCANNED = 2048 };
 
 /* What all candidates fail by little may succeed between them: so many steps are made, each halved as often at most, while what is
  * expected of the next is below this multiple of the limit, and what the last one came to below that. */
@@ -460,20 +460,41 @@ static void evaluate_range(void *context, unsigned worker, size_t begin, size_t 
     }
 }
 
-/* Evaluates the fresh simplices as things are now, so that the threads do not matter, and files them. */
-static enum tetlod_status file_fresh(struct run *run)
+/* Evaluates the fresh simplices as things are now, so that the threads do not matter. *out_allowed is to be freed. */
+static enum tetlod_status evaluate_fresh(struct run *run, uint8_t **out_allowed)
 {
     struct queue *fresh = &run->fresh;
     struct evaluation evaluation = {run, fresh->entries, array_zero(fresh->count, 1)};
-    enum tetlod_status status;
+    *out_allowed = evaluation.allowed;
     if (!evaluation.allowed)
         return tetlodi_fail_nomem(run->error, "the queue", fresh->count);
     crew_run(run->crew, fresh->count, 16, evaluate_range, &evaluation);
-    status = first_failure(run);
-    for (size_t i = 0; i < fresh->count && status == TETLOD_OK; i++)
-        status = file(run, &fresh->entries[i], evaluation.allowed[i]);
-    fresh->count = 0;
-    free(evaluation.allowed);
+    return first_failure(run);
+}
+
+/* And files them. */
+static enum tetlod_status file_fresh(struct run *run)
+{
+    uint8_t *allowed;
+    enum tetlod_status status = evaluate_fresh(run, &allowed);
+    for (size_t i = 0; i < run->fresh.count && status == TETLOD_OK; i++)
+        status = file(run, &run->fresh.entries[i], allowed[i]);
+    run->fresh.count = 0;
+    free(allowed);
+    return status;
+}
+
+/* The same of simplices that waited, in these places: they stay there or go into the queue. */
+static enum tetlod_status file_again(struct run *run, const size_t *places)
+{
+    uint8_t *allowed;
+    enum tetlod_status status = evaluate_fresh(run, &allowed);
+    for (size_t i = 0; i < run->fresh.count && status == TETLOD_OK; i++)
+        if (allowed[i] ? !queue_push(&run->queue, &run->fresh.entries[i])
+                       : !waiting_list_replace(&run->waiting, places[i], &run->fresh.entries[i]))
+            status = tetlodi_fail_nomem(run->error, "the queue", run->queue.capacity * sizeof(struct queue_entry));
+    run->fresh.count = 0;
+    free(allowed);
     return status;
 }
 
@@ -482,19 +503,22 @@ static enum tetlod_status file_fresh(struct run *run)
 static enum tetlod_status rescan(struct run *run, bool *out_any)
 {
     struct waiting_list *waiting = &run->waiting;
-    size_t count = waiting->count;
-    for (size_t i = 0; i < count; i++) {
+    size_t places[RESCANNED];
+    for (size_t i = 0; i < waiting->count; i++) {
         struct queue_entry entry = waiting_list_get(waiting, i);
         bool reached = entry.value <= run->limit, gone = (reached || stale(run->complex, &entry)) && obsolete(run->complex, &entry);
         if (!gone && !reached && !may_have_eased(run->complex, &entry)) // most
             continue;
         waiting_list_take(waiting, i);
-        if (!gone && !queue_append(&run->fresh, &entry))
+        if (gone)
+            continue;
+        places[run->fresh.count] = i;
+        if (!queue_append(&run->fresh, &entry))
             return tetlodi_fail_nomem(run->error, "the queue", run->fresh.capacity * sizeof entry);
         if (run->fresh.count == RESCANNED)
-            TETLOD_TRY(file_fresh(run));
+            TETLOD_TRY(file_again(run, places));
     }
-    TETLOD_TRY(file_fresh(run));
+    TETLOD_TRY(file_again(run, places));
     queue_fini(&run->fresh); // it is large where much was due
     waiting_list_sweep(waiting);
     *out_any = run->queue.count > 0;

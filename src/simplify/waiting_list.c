@@ -82,9 +82,10 @@ static bool pool_room(struct waiting_list *list, size_t needed)
     return true;
 }
 
-/* The record of the simplex that is added. False: no memory. */
-static bool add_record(struct waiting_list *list, const struct queue_entry *entry, uint32_t extra, uint32_t *out)
+/* The record of the simplex of that number. False: no memory. */
+static bool add_record(struct waiting_list *list, const struct queue_entry *entry, size_t number, uint32_t *out)
 {
+    uint32_t extra = (entry->vertices[2] != TETLOD_NONE) + (entry->vertices[3] != TETLOD_NONE);
     uint32_t stored = stored_witnesses(entry->witness_count);
     if (!extra && !stored) {
         *out = entry->witness_count ? UNKNOWN : BARE;
@@ -93,7 +94,7 @@ static bool add_record(struct waiting_list *list, const struct queue_entry *entr
     if (!pool_room(list, HEAD + (size_t)extra + stored))
         return false;
     uint32_t *record = list->pool + list->pool_size;
-    record[OWNER] = (uint32_t)list->count;
+    record[OWNER] = (uint32_t)number;
     record[VERTICES] = extra;
     record[WITNESSES] = entry->witness_count;
     memcpy(record + HEAD, entry->vertices + 2, extra * sizeof *record);
@@ -106,13 +107,20 @@ static bool add_record(struct waiting_list *list, const struct queue_entry *entr
 bool waiting_list_add(struct waiting_list *list, const struct queue_entry *entry)
 {
     void *grown = list->simplices;
-    uint32_t extra = (entry->vertices[2] != TETLOD_NONE) + (entry->vertices[3] != TETLOD_NONE), record;
     if (!array_reserve(&grown, &list->capacity, list->count + 1, sizeof *list->simplices))
         return false;
     list->simplices = grown;
-    if (!add_record(list, entry, extra, &record))
+    list->simplices[list->count].record = BARE;
+    return waiting_list_replace(list, list->count++, entry);
+}
+
+bool waiting_list_replace(struct waiting_list *list, size_t number, const struct queue_entry *entry)
+{
+    uint32_t record;
+    list->simplices[number].record = BARE;
+    if (!add_record(list, entry, number, &record))
         return false;
-    list->simplices[list->count++] = (struct waiting_simplex){
+    list->simplices[number] = (struct waiting_simplex){
         .value = entry->value, .vertices = {entry->vertices[0], entry->vertices[1]}, .stamp = entry->stamp, .record = record};
     return true;
 }

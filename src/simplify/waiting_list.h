@@ -28,6 +28,9 @@ void waiting_list_fini(struct waiting_list *list);
 /* Adds what a queue's entry has while it waits: all but its bound and its candidates. False: no memory. */
 bool waiting_list_add(struct waiting_list *list, const struct queue_entry *entry);
 
+/* Puts another simplex in the place of one. False: no memory. */
+bool waiting_list_replace(struct waiting_list *list, size_t number, const struct queue_entry *entry);
+
 /* A simplex as a queue's entry. */
 struct queue_entry waiting_list_get(const struct waiting_list *list, size_t number);
 

@@ -57,8 +57,13 @@ static void test_kept(void)
             wrong += !waiting_list_add(&list, &expected[count++]);
         }
         for (size_t i = 0; i < count; i++) {
-            bool taken = i < before && gen_random(&seed) % 4 == 0;
-            if (taken)
+            uint64_t chance = gen_random(&seed) % 8;
+            if (i < before && chance == 2) { // taken out, and another one comes in its place
+                waiting_list_take(&list, i);
+                expected[i] = random_entry(&seed);
+                wrong += !waiting_list_replace(&list, i, &expected[i]);
+            }
+            if (i < before && chance < 2)
                 waiting_list_take(&list, i);
             else
                 expected[kept++] = expected[i];
