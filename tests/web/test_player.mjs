@@ -80,6 +80,35 @@ async function theRangeIsTheSeries() {
   assert.equal(await low(), before);
 }
 
+// What the state's fractions are of: over all steps at a step, of the first one at a level; as drawn, and as the panel says it.
+async function valuesAreOfWhatIsShown() {
+  await open('&isosurfaces=0.5&threshold=0.3,0.8&surface=solid&step=7');
+  const checked = async () => {
+    const { value, values, number, least, absolute, range } = await page.evaluate(() => {
+      const { scene, viewer } = window.tetlod;
+      const numberOf = (id) => Number(document.querySelector(id).value);
+      return { value: scene.isosurfaces[0].part.values[0], values: [...scene.surface.part.values], number: numberOf('#isosurfaces .number'),
+        least: numberOf('#threshold-least'), absolute: numberOf('#error-absolute'), range: viewer.info.fields[0].range };
+    });
+    const span = range[1] - range[0];
+    const near = (a, b) => assert.ok(Math.abs(a - b) < 2e-3 * span, `${a} is not ${b}`);
+    near(number, range[0] + 0.5 * span);
+    near(value, number);
+    near(least, range[0] + 0.3 * span);
+    near(absolute, 0.01 * span);
+    assert.ok(values.length && values.every((x) => x >= least - 2e-3 * span && x <= range[0] + 0.802 * span));
+    return span;
+  };
+  await atStep(7);
+  const overAll = await checked();
+  await page.evaluate(() => window.tetlod.set({ step: null }));
+  await until(() => window.tetlod.settled && window.tetlod.at === null);
+  assert.ok(await checked() < overAll);
+  await page.evaluate(() => window.tetlod.set({ step: 12 }));
+  await atStep(12);
+  assert.equal(await checked(), overAll);
+}
+
 async function playsAndLoops() {
   await open('&step=16');
   await atStep(16);
@@ -204,5 +233,5 @@ async function pointsMove() {
   assert.deepEqual(page.complaints, []);
 }
 
-await run([stepsAreShown, pointsMove, aLinkNamesTheStep, theRangeIsTheSeries, playsAndLoops, lateStepsAreCoarser, stepsThatDoNotComeAreCoarser,
+await run([stepsAreShown, pointsMove, aLinkNamesTheStep, theRangeIsTheSeries, valuesAreOfWhatIsShown, playsAndLoops, lateStepsAreCoarser, stepsThatDoNotComeAreCoarser,
   aStepThatDoesNotComeIsAskedForAgain]);

@@ -59,12 +59,23 @@ export class Controls {
   // `actions`: { look(view), viewNormal() }
   constructor(viewer, actions) {
     const { store, info } = viewer;
-    Object.assign(this, { viewer, store, info, actions });
+    Object.assign(this, { viewer, store, actions });
     this.opened = 'inside'; // what the boundary became when it was opened
     options(byId('field'), info.fields.map((f) => [f.name, f.name]));
     options(byId('cells'), [['', 'no, by the field'], ...info.cellFields.map((f) => [f.name, f.name])]);
     byId('cells-row').hidden = !info.cellFields.length;
     options(byId('isosurface-field'), [['', 'as coloured'], ...info.fields.map((f) => [f.name, f.name])]);
+  }
+
+  // Of what is shown now: a series has other ranges and errors at its steps than at its levels.
+  get info() {
+    return this.viewer.info;
+  }
+
+  // Calls `react(state)` now, whenever one of the keys changes, and with another index.
+  follow(keys, react) {
+    this.store.watch(keys, react);
+    this.viewer.addEventListener('info', () => react(this.store.state));
   }
 
   // What makes the panel, each a short piece of work.
@@ -76,12 +87,12 @@ export class Controls {
   // ---- detail
 
   bindDetail() {
-    const { store, info } = this;
+    const { store } = this;
     this.plot = new Plot(byId('plot'), (k) => this.chooseLevel(k));
     const slider = byId('error');
-    const span = () => spanOf(fieldOf(info, targetFieldOf(info, store.state)));
+    const span = () => spanOf(fieldOf(this.info, targetFieldOf(this.info, store.state)));
     slider.addEventListener('input', () => store.set({ error: this.errorAt(Number(slider.value)) }));
-    const follow = [
+    const numbers = [
       bindNumber(byId('error-percent'), () => plain(100 * store.state.error), (x) => store.set({ error: clamp(x / 100, 0, 1) })),
       bindNumber(byId('error-absolute'), () => plain(store.state.error * span(), 3), (x) => store.set({ error: clamp(x / (span() || 1), 0, 1) })),
       bindNumber(byId('max-tets'), () => store.state.maxTets || '', (x) => store.set({ maxTets: Math.max(0, Math.round(x)) })),
@@ -89,15 +100,16 @@ export class Controls {
     ];
     for (const [id, key] of [['max-tets', 'maxTets'], ['max-bytes', 'maxBytes']])
       byId(id).addEventListener('input', (event) => event.target.value.trim() === '' && store.set({ [key]: 0 }));
-    store.watch(['field', 'errorField', 'measure'], (state) => {
+    this.follow(['field', 'errorField', 'measure'], (state) => {
+      const { info } = this;
       const field = targetFieldOf(info, state);
       const measure = measureFor(info, state);
       options(byId('measure'), measuresOf(info, field).map((m) => [m, measureNames[m]]));
       byId('measure').value = measure;
       this.plot.setLevels(info.levels.map((l) => ({ bytes: l.bytes, error: errorOf(l, field, measure) })), info.bytes);
     });
-    store.watch(['field', 'errorField', 'measure', 'error', 'maxTets', 'maxBytes'], (state) => {
-      for (const update of follow) update();
+    this.follow(['field', 'errorField', 'measure', 'error', 'maxTets', 'maxBytes'], (state) => {
+      for (const update of numbers) update();
       slider.value = this.sliderAt(state.error);
       slider.ariaValueText = state.error ? `${plain(100 * state.error)} percent` : 'finest';
       this.placePoint();
@@ -268,19 +280,19 @@ export class Controls {
   }
 
   bindThreshold() {
-    const { store, info } = this;
+    const { store } = this;
     const box = byId('threshold');
     // what is left is looked at from outside
     box.addEventListener('change', () => store.set(box.checked ? { threshold: [0.5, 1], surface: 'solid' } : { threshold: null }));
     const put = (end, x) => {
-      const ends = [...store.state.threshold];
-      ends[end] = Number(clamp(x, 0, 1).toPrecision(5));
-      store.set({ threshold: end ? [Math.min(...ends), ends[1]] : [ends[0], Math.max(...ends)] });
+      const both = [...store.state.threshold];
+      both[end] = Number(clamp(x, 0, 1).toPrecision(5));
+      store.set({ threshold: end ? [Math.min(...both), both[1]] : [both[0], Math.max(...both)] });
     };
-    const follow = ['low', 'high'].map((name, end) => {
+    const ends = ['low', 'high'].map((name, end) => {
       const slider = byId(`threshold-${name}`);
       slider.addEventListener('input', () => put(end, slider.value / 1000));
-      const range = () => thresholdRange(store.state, info);
+      const range = () => thresholdRange(store.state, this.info);
       const number = bindNumber(byId(`threshold-${end ? 'most' : 'least'}`),
         () => plain(range()[0] + store.state.threshold[end] * (range()[1] - range()[0])), (x) => put(end, (x - range()[0]) / (range()[1] - range()[0] || 1)));
       return () => {
@@ -288,10 +300,11 @@ export class Controls {
         number();
       };
     });
-    store.watch(['threshold', 'field', 'cells', 'component'], ({ threshold }) => {
+    this.follow(['threshold', 'field', 'cells', 'component'], ({ threshold, cells }) => {
       box.checked = Boolean(threshold);
       byId('threshold-body').hidden = !threshold;
-      if (threshold) for (const update of follow) update();
+      byId('threshold-words').textContent = cells ? 'Cells with values between these.' : 'Cells whose corners all have values between these.';
+      if (threshold) for (const update of ends) update();
     });
   }
 

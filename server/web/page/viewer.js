@@ -39,6 +39,7 @@ export class Viewer extends EventTarget {
   #index = null;   // the stream's info; `info` is that of the steps while one is shown
   #parts; #fragment; #pictured; #tellPictured;
   #asked = 0;      // changes of what the worker is to make
+  #spec = '';      // what it was asked to make last
   #early = null;   // pictures that came before there was where to draw them
   #most = 0;       // tetrahedra of the finest level since memory was given back
   #drawn = -1;     // the picture's level, when it has come to rest and is what was asked for
@@ -46,7 +47,7 @@ export class Viewer extends EventTarget {
   /**
    * `parts`: the elements { stage, picture, bar }: what has the background, what the picture is drawn in, the scalar bar's
    * canvas; `below()`: pixels that the player of a series takes above that. `fragment`: the state at first. Events: 'retry',
-   * 'loading', 'progress', 'level', 'pictures', 'error', 'series', 'step', 'buffered' and 'cells' as of the stream; 'colors' when
+   * 'loading', 'progress', 'level', 'pictures', 'error', 'series', 'step', 'buffered' and 'cells' as of the stream; 'colors' and 'info' when
    * they changed, 'joining' and 'joined' {fields}, 'waiting' {step, retry} and 'waited', 'failed' {message, retry}.
    */
   constructor(parts, fragment) {
@@ -85,11 +86,7 @@ export class Viewer extends EventTarget {
     const { store, scene } = this;
     store.watch(['map', 'cells', 'reversed', 'range', 'low', 'high', 'log', 'isosurfaces', 'isosurfaceField'], this.recolor);
     store.watch(['log'], (state) => scene.setLogarithmic(state.log));
-    store.watch(['field', 'component', 'cells', 'regions', 'hidden', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'log', 'smooth'], () => {
-      this.#drawn = -1;
-      this.#asked++;
-      this.show();
-    });
+    store.watch(['field', 'component', 'cells', 'regions', 'hidden', 'surface', 'edges', 'sliceEdges', 'slices', 'isosurfaces', 'isosurfaceField', 'zone', 'threshold', 'clip', 'vectors', 'vectorField', 'vectorCount', 'volume', 'volumeSize', 'log', 'smooth'], () => this.#remake());
     store.watch(['pins', 'line'], () => this.#missing.length && this.show()); // they tell the local bound
     store.watch(['error', 'measure', 'field', 'errorField', 'maxTets', 'maxBytes', 'step'], this.refine);
     store.watch(['shading', 'surface', 'edges', 'sliceEdges', 'parallel', 'opacity', 'isosurfaceOpacity'], (state) => scene.restyle(state));
@@ -165,8 +162,7 @@ export class Viewer extends EventTarget {
     this.#hear();
     if (!this.#missing.length) return this.#showNow();
     this.#showNow({ ...this.store.state, isosurfaces: [], vectors: 'off' }); // what there is, until the others are here
-    this.#asked++;
-    this.show();
+    this.#remake();
   }
 
   #openScene({ Scene }) {
@@ -215,10 +211,7 @@ export class Viewer extends EventTarget {
   #arrive(at) {
     const before = this.at;
     this.at = at;
-    if (before?.band !== at.band) {
-      this.info = infoOfSteps(this.#index, this.series, at.band);
-      this.recolor();
-    }
+    if (before?.band !== at.band) this.#takeInfo(infoOfSteps(this.#index, this.series, at.band));
     this.level = at.level;
     this.#tell('step', at);
   }
@@ -226,8 +219,21 @@ export class Viewer extends EventTarget {
   #leaveSteps() {
     if (!this.at) return;
     this.at = null;
-    this.info = this.#index;
+    this.#takeInfo(this.#index);
+  }
+
+  // The state's fractions are of ranges and bounds, which may be others at steps.
+  #takeInfo(info) {
+    this.info = info;
     this.recolor();
+    if (JSON.stringify(specOf(this.store.state, info)) !== this.#spec) this.#remake();
+    this.#tell('info');
+  }
+
+  #remake() {
+    this.#drawn = -1;
+    this.#asked++;
+    this.show();
   }
 
   // ---- colours and their range
@@ -323,6 +329,7 @@ export class Viewer extends EventTarget {
   // Values of cells come when they are first shown.
   async #showNow(state = this.store.state) {
     const spec = specOf(state, this.info);
+    this.#spec = JSON.stringify(spec);
     const fields = [spec.cellField, spec.regions?.field].filter((name) => name && !this.regions.has(name));
     if (fields.length) this.#tell('joining', { fields });
     try {
