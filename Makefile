@@ -446,7 +446,8 @@ figures: needs-check all
 	/usr/bin/python3 tests/figures/level_sequence.py $(BINARY) build/figures/fin.tetlod samples/figures/fin_levels.png --field Pressure --width 230
 ifdef BLUNT
 	$(BINARY) build $(BLUNT)/bluntfinxyz.bin --q $(BLUNT)/bluntfinq.bin --field Pressure --carry Pressure -o build/figures/blunt.tetlod --quiet
-	TETLOD=$(BINARY) node tests/figures/blunt_fin.mjs build/figures/blunt.tetlod samples/figures
+	$(BINARY) build $(BLUNT)/bluntfinxyz.bin --q $(BLUNT)/bluntfinq.bin --field Pressure --carry Pressure --local-bound -o build/figures/bounded.tetlod --quiet
+	TETLOD=$(BINARY) node tests/figures/blunt_fin.mjs build/figures/blunt.tetlod build/figures/bounded.tetlod samples/figures
 endif
 
 ## install: program, libraries, headers, manual, completion and systemd units into $(DESTDIR)$(PREFIX); uninstall removes them again

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// node blunt_fin.mjs STREAM FOLDER: what the viewer shows of the blunt fin at several errors, side by side (blunt_levels.png):
+// node blunt_fin.mjs STREAM BOUNDED FOLDER: what the viewer shows of the blunt fin at several errors, side by side (blunt_levels.png):
 // rendered as a volume, and its boundary with the cells' edges, as in Figures 4.7 and 4.8 of the thesis; and the viewer
-// itself (viewer.png). TETLOD names the program.
+// itself (viewer.png), and with a stream that has a local bound, coloured by it (local_bound.png). TETLOD names the program.
 import { writeFileSync } from 'node:fs';
 import { basename, join } from 'node:path';
 import { launch } from '../web/browser.mjs';
 import { program } from '../web/hosts.mjs';
 import { capture, openViewer, showView } from '../web/pictures.mjs';
 
-const [, , stream, folder] = process.argv;
+const [, , stream, bounded, folder] = process.argv;
 const width = 270; // of each picture
 const errors = [0, 0.002, 0.005, 0.01, 0.05];
 const view = 'camera=20.4,-23,13.2,0.6,-1,-1,0,0,1&log=1&range=manual&low=0.4&high=5';
@@ -46,7 +46,7 @@ async function compose(browser, cells, labels) {
   return Buffer.from(base64, 'base64');
 }
 
-const server = await program([stream]);
+const server = await program([stream, bounded]);
 const browser = await launch();
 const id = basename(stream, '.tetlod');
 const small = await openViewer(browser, server.url, size);
@@ -69,5 +69,8 @@ const whole = 'error=0.01&camera=26.6,-29.1,19.4,0.6,-0.8,-0.8,0,0,1&log=1&range
 const page = await openViewer(browser, server.url, { viewport: { width: 1200, height: 720 }, colorScheme: 'light' });
 await showView(page, server.url, id, whole);
 writeFileSync(join(folder, 'viewer.png'), await page.screenshot());
+const bound = 'error=0.01&camera=26.6,-29.1,19.4,0.6,-0.8,-0.8,0,0,1&range=auto&surface=inside&slices=z@0.12&field=Pressure%20bound';
+await showView(page, server.url, basename(bounded, '.tetlod'), bound);
+writeFileSync(join(folder, 'local_bound.png'), await page.screenshot({ clip: { x: 0, y: 0, width: 876, height: 720 } }));
 await browser.close();
 await server.stop();
