@@ -30,9 +30,25 @@ struct zone {
     cgsize_t *face_points, *face_offsets; /* owned */
 };
 
+enum { SAID = 151 };
+
+/* What the library says is wrong, as one line. */
+static const char *library_says(char out[SAID])
+{
+    size_t length = 0;
+    for (const char *c = cg_get_error(); *c && length < SAID - 1; c++)
+        if ((unsigned char)*c > ' ')
+            out[length++] = *c;
+        else if (length && out[length - 1] != ' ')
+            out[length++] = ' ';
+    out[length] = 0;
+    return out;
+}
+
 static enum tetlod_status fail(const struct zone *z, const char *what)
 {
-    return tetlodi_fail(z->error, TETLOD_ERR_MESH, "base %d, zone %d: %s: %.100s", z->base, z->zone, what, cg_get_error());
+    char said[SAID];
+    return tetlodi_fail(z->error, TETLOD_ERR_MESH, "base %d, zone %d: %s: %.100s", z->base, z->zone, what, library_says(said));
 }
 
 static bool plausible(const struct zone *z, int64_t count)
@@ -532,9 +548,10 @@ static enum tetlod_status read_file(struct blocks *out, const struct io_input *i
                                     struct tetlod_error *error)
 {
     struct zone z = {.size = input->size, .report = report, .error = error};
+    char said[SAID];
     int bases;
     if (cg_open(input->path, CG_MODE_READ, &z.file) != CG_OK || cg_nbases(z.file, &bases) != CG_OK)
-        return tetlodi_fail(error, TETLOD_ERR_MESH, "is damaged or truncated: %.150s", cg_get_error());
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "is damaged or truncated: %s", library_says(said));
     enum tetlod_status status = TETLOD_OK;
     for (z.base = 1; z.base <= bases && status == TETLOD_OK; z.base++)
         status = read_base(&z, out, input->options);
