@@ -29,7 +29,7 @@ function measureOf(info, field, measure) {
 
 export const measureFor = (info, state) => measureOf(info, targetFieldOf(info, state), state.measure);
 
-// The field whose error is told: the drawn one, or that which a local bound is of; and what is known of it.
+// The field whose error the panel shows: the drawn field, or the field that a drawn local bound bounds. And which error is known of it.
 export const shownField = (info, { field }) => fieldOf(info, field)?.bounds ?? field;
 export const shownMeasure = (info, state) => measureOf(info, shownField(info, state), state.measure);
 
