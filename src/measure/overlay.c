@@ -7,8 +7,8 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/measure/clusters.h"
 #include "src/measure/exact_cell.h"
-#include "src/mesh/bvh.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
@@ -42,8 +42,8 @@ struct worker {
 struct overlay {
     const struct tetmesh *meshes[2]; /* borrowed */
     int finer;                       /* which has more tetrahedra */
-    const struct bvh *tree;          /* of those */
-    struct bvh own_tree;             /* if none was given */
+    const struct clusters *clusters; /* of those */
+    struct clusters own_clusters;    /* if none were given */
     double *boxes;                   /* [6 * tet of b] */
     uint8_t *usable[2];              /* [tet] it has an interpolant, and may be looked at */
     const struct overlay_options *options;
@@ -99,6 +99,7 @@ static void make_map(const struct tetmesh *mesh, uint32_t tet, struct weights_ma
 
 /* A number at each of the four corners of a tetrahedron. */
 typedef double four __attribute__((vector_size(32)));
+typedef int64_t four_bits __attribute__((vector_size(32)));
 
 static inline double largest_of(const four *x)
 {
@@ -182,25 +183,20 @@ static double weigh(const double weights[4], const double values[4])
     return weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2] + weights[3] * values[3];
 }
 
-/* The largest of a linear function in the part of a tetrahedron that is before one face of the other, of the four whichever says least.
- * `at`: at its corners; `in`: their weights, which decide with `room`. */
-static double largest_before(double in[4][4], const double at[4], double room)
+/* Is a linear function above a bound somewhere in the part of a tetrahedron that is before face k of the other? `at`: the function at the
+ * corners; `in`: their weights, which decide with `room`. */
+static bool exceeds_before(double in[4][4], int k, const double at[4], double room, double bound)
 {
-    double bound = INFINITY;
-    for (int k = 0; k < 4; k++) {
-        double most = 0;
-        for (int i = 0; i < 4; i++)
-            if (in[i][k] + room >= 0)
-                most = larger(most, fabs(at[i]));
-        for (int e = 0; e < 6; e++) {
-            int i = tet_edges[e][0], j = tet_edges[e][1];
-            double from = in[i][k] + room, to = in[j][k] + room;
-            if ((from < 0) != (to < 0))
-                most = larger(most, fabs(at[i] + from / (from - to) * (at[j] - at[i])));
-        }
-        bound = smaller(bound, most);
+    for (int i = 0; i < 4; i++)
+        if (in[i][k] + room >= 0 && fabs(at[i]) > bound)
+            return true;
+    for (int e = 0; e < 6; e++) {
+        int i = tet_edges[e][0], j = tet_edges[e][1];
+        double from = in[i][k] + room, to = in[j][k] + room;
+        if ((from < 0) != (to < 0) && fabs(at[i] + from / (from - to) * (at[j] - at[i])) > bound)
+            return true;
     }
-    return bound;
+    return false;
 }
 
 /* May the pair have a difference above what was found? In the intersection it is at most what it is in the part of either tetrahedron
@@ -220,7 +216,9 @@ static bool may_be_worse(const struct overlay *overlay, const struct worker *wor
                 at[k] = values[m][k] - weigh(in[m][k], values[!m]);
                 most = larger(most, fabs(at[k]));
             }
-            worse = most > enough && largest_before(in[m], at, 2 * cell->slack) > enough;
+            worse = most > enough;
+            for (int k = 0; k < 4 && worse; k++)
+                worse = exceeds_before(in[m], k, at, 2 * cell->slack, enough);
         }
         if (worse)
             return true;
@@ -328,31 +326,6 @@ static void compare_exactly(const struct overlay *overlay, struct worker *worker
     }
 }
 
-/* Where a level is compared with the original, most tetrahedra of the finer mesh near one of the other are outside it, or differ by less
- * than what was found. Both are known from their corners alone, and the map of the coarser mesh's. */
-static void compare_pair(const struct overlay *overlay, struct worker *worker, const struct weights_map *coarse, const uint32_t tets[2])
-{
-    struct cell cell; // its ends are not to be cleared, which would cost more than most pairs do
-    struct weights_map fine;
-    int finer = overlay->finer;
-    double in[2][4][4], slack; // in[m]: of the corners of tetrahedron m, in the other one
-    if (!same_body(overlay, tets[0], tets[1]) || !weigh_corners(coarse, overlay->meshes[finer], tets[finer], in[finer], &slack))
-        return;
-    cell.tets[0] = tets[0];
-    cell.tets[1] = tets[1];
-    cell.count = 0;
-    cell.slack = slack;
-    if (slack <= HOPELESS && !may_be_worse(overlay, worker, &cell, in, false))
-        return;
-    make_map(overlay->meshes[finer], tets[finer], &fine);
-    if (!weigh_corners(&fine, overlay->meshes[!finer], tets[!finer], in[!finer], &slack))
-        return;
-    cell.slack = larger(cell.slack, slack);
-    worker->cells++;
-    if (cell.slack > HOPELESS || (may_be_worse(overlay, worker, &cell, in, true) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
-        compare_exactly(overlay, worker, &cell);
-}
-
 static void tet_box(const struct tetmesh *mesh, uint32_t tet, double box[6])
 {
     for (int i = 0; i < 3; i++) {
@@ -393,17 +366,11 @@ static void reach_set(struct reach *reach, const struct tetmesh *mesh, uint32_t 
         reach->at_origin[k] = k == 3;
 }
 
-/* Does a node's box reach inside the tetrahedron: into its box, and not as a whole on or behind one of its faces, which all corners in
- * it were then found to be? */
-static inline bool reaches(const void *context, const float own[6])
+/* What rounding may make of weights in a node's box, and the largest that they are there. */
+static inline double weights_in(const struct reach *reach, const float own[6], double most[4])
 {
-    const struct reach *reach = context;
-    double most[4], size[4];
-    if (!bvh_boxes_meet(reach->box, own))
-        return false;
-    memcpy(most, reach->at_origin, sizeof most);
-    for (int k = 0; k < 4; k++)
-        size[k] = 1;
+    double size[4] = {1, 1, 1, 1};
+    memcpy(most, reach->at_origin, sizeof reach->at_origin);
     for (int i = 0; i < 3; i++) {
         double middle = ((double)own[i] + (double)own[i + 3]) / 2 - reach->map.origin[i], half = ((double)own[i + 3] - (double)own[i]) / 2;
         double farthest = fabs(middle) + half;
@@ -412,31 +379,119 @@ static inline bool reaches(const void *context, const float own[6])
             size[k] += reach->sizes[i][k] * farthest;
         }
     }
-    double noise = 2 * reach->map.noise * (size[0] + size[1] + size[2]); // no weight in the box is larger than that sum
+    return 2 * reach->map.noise * (size[0] + size[1] + size[2]); // no weight in the box is larger than that sum
+}
+
+/* Does a node's box reach inside the tetrahedron: into its box, and not as a whole on or behind one of its faces, which all corners in
+ * it were then found to be? */
+static inline bool reaches(const void *context, const float own[6])
+{
+    const struct reach *reach = context;
+    double most[4];
+    if (!bvh_boxes_meet(reach->box, own))
+        return false;
+    double noise = weights_in(reach, own, most);
     bool behind = false;
     for (int k = 0; k < 4; k++)
         behind |= most[k] <= THIN - noise;
     return !behind;
 }
 
+/* What the vertices of a cluster of the finer mesh are to a tetrahedron of the coarser one. */
+struct sight {
+    double weights[4][CLUSTER_VERTICES];
+    int64_t behind[CLUSTER_VERTICES]; /* bit k: on or behind the tetrahedron's face k */
+};
+
+/* Four vertices at a time; the last ones may be the same. */
+static void look_at(const struct overlay *overlay, const struct reach *reach, uint32_t cluster, struct sight *out)
+{
+    const struct clusters *clusters = overlay->clusters;
+    const struct weights_map *map = &reach->map;
+    const double *positions = overlay->meshes[overlay->finer]->positions;
+    const uint32_t *vertices = clusters->vertices + clusters->begin[cluster], last = clusters->begin[cluster + 1] - clusters->begin[cluster] - 1;
+    double most[4], least = THIN - weights_in(reach, clusters->tree.boxes + 6 * ((size_t)clusters->tree.leaf_first + cluster), most);
+    for (uint32_t v = 0; v <= last; v += 4) {
+        four r[3], w[4];
+        four_bits behind = {0, 0, 0, 0};
+        const double *p[4];
+        for (uint32_t l = 0; l < 4; l++)
+            p[l] = positions + 3 * (size_t)vertices[v + l < last ? v + l : last];
+        for (int i = 0; i < 3; i++)
+            r[i] = (four){p[0][i], p[1][i], p[2][i], p[3][i]} - map->origin[i];
+        for (int k = 1; k < 4; k++)
+            w[k] = map->rows[k - 1][0] * r[0] + map->rows[k - 1][1] * r[1] + map->rows[k - 1][2] * r[2];
+        w[0] = 1 - w[1] - w[2] - w[3];
+        for (int k = 0; k < 4; k++) {
+            behind |= (w[k] <= least) & ((int64_t)1 << k);
+            memcpy(out->weights[k] + v, &w[k], sizeof w[k]);
+        }
+        memcpy(out->behind + v, &behind, sizeof behind);
+    }
+}
+
+/* Where a level is compared with the original, most tetrahedra of the finer mesh near one of the other are outside it, or differ by less
+ * than what was found. Both are known from their corners alone, and the map of the coarser mesh's. */
+static void compare_pair(const struct overlay *overlay, struct worker *worker, const struct weights_map *coarse, const uint32_t tets[2],
+                         const struct sight *sight, const uint8_t corners[4])
+{
+    struct cell cell; // its ends are not to be cleared, which would cost more than most pairs do
+    struct weights_map fine;
+    int finer = overlay->finer;
+    double in[2][4][4], largest = 1, slack; // in[m]: of the corners of tetrahedron m, in the other one
+    for (int c = 0; c < 4; c++)
+        for (int k = 0; k < 4; k++) {
+            in[finer][c][k] = sight->weights[k][corners[c]];
+            largest = larger(largest, fabs(in[finer][c][k]));
+        }
+    cell.tets[0] = tets[0];
+    cell.tets[1] = tets[1];
+    cell.count = 0;
+    cell.slack = coarse->noise * largest;
+    if (cell.slack <= HOPELESS && !may_be_worse(overlay, worker, &cell, in, false))
+        return;
+    make_map(overlay->meshes[finer], tets[finer], &fine);
+    if (!weigh_corners(&fine, overlay->meshes[!finer], tets[!finer], in[!finer], &slack))
+        return;
+    cell.slack = larger(cell.slack, slack);
+    worker->cells++;
+    if (cell.slack > HOPELESS || (may_be_worse(overlay, worker, &cell, in, true) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
+        compare_exactly(overlay, worker, &cell);
+}
+
+/* The tetrahedra of a cluster with one of the coarser mesh. */
+static void compare_cluster(const struct overlay *overlay, struct worker *worker, const struct reach *reach, uint32_t tet,
+                            uint32_t first, uint32_t end)
+{
+    const struct clusters *clusters = overlay->clusters;
+    int finer = overlay->finer;
+    uint32_t tets[2];
+    struct sight sight;
+    look_at(overlay, reach, first / CLUSTER_TETS, &sight);
+    tets[!finer] = tet;
+    for (uint32_t i = first; i < end; i++) {
+        const uint8_t *corners = clusters->corners[i];
+        if (sight.behind[corners[0]] & sight.behind[corners[1]] & sight.behind[corners[2]] & sight.behind[corners[3]])
+            continue; // most
+        tets[finer] = clusters->tree.order[i];
+        if (looked_at(overlay, finer, tets[finer]) && same_body(overlay, tets[0], tets[1]))
+            compare_pair(overlay, worker, &reach->map, tets, &sight, corners);
+    }
+}
+
 static void compare_range(void *context, unsigned number, size_t begin, size_t end)
 {
     const struct overlay *overlay = context;
-    int finer = overlay->finer;
+    int coarser = !overlay->finer;
     for (size_t tet = begin; tet < end; tet++) {
-        if (!looked_at(overlay, !finer, (uint32_t)tet))
+        if (!looked_at(overlay, coarser, (uint32_t)tet))
             continue;
         struct reach reach;
-        uint32_t first, last, tets[2];
-        reach_set(&reach, overlay->meshes[!finer], (uint32_t)tet);
-        struct bvh_walk walk = bvh_walk_begin(overlay->tree);
-        tets[!finer] = (uint32_t)tet;
+        uint32_t first, last;
+        reach_set(&reach, overlay->meshes[coarser], (uint32_t)tet);
+        struct bvh_walk walk = bvh_walk_begin(&overlay->clusters->tree);
         while (bvh_next_leaf_where(&walk, reaches, &reach, &first, &last))
-            for (uint32_t i = first; i < last; i++) {
-                tets[finer] = overlay->tree->order[i];
-                if (looked_at(overlay, finer, tets[finer]))
-                    compare_pair(overlay, &overlay->workers[number], &reach.map, tets);
-            }
+            compare_cluster(overlay, &overlay->workers[number], &reach, (uint32_t)tet, first, last);
     }
 }
 
@@ -465,11 +520,11 @@ static enum tetlod_status prepare_boxes(struct overlay *overlay, struct tetlod_e
         return tetlodi_fail_nomem(error, "the overlay", b->tet_count * 6 * (uint64_t)sizeof *overlay->boxes);
     for (uint32_t t = 0; t < b->tet_count; t++)
         tet_box(b, t, overlay->boxes + 6 * (size_t)t);
-    overlay->tree = overlay->finer ? NULL : overlay->options->tree;
-    if (overlay->tree)
+    overlay->clusters = overlay->finer ? NULL : overlay->options->clusters;
+    if (overlay->clusters)
         return TETLOD_OK;
-    overlay->tree = &overlay->own_tree;
-    return bvh_build(&overlay->own_tree, fine->positions, fine->corners, fine->tet_count, 4, error);
+    overlay->clusters = &overlay->own_clusters;
+    return clusters_build(&overlay->own_clusters, fine, error);
 }
 
 static enum tetlod_status prepare_fields(struct overlay *overlay, const uint32_t *a_fields, const uint32_t *b_fields,
@@ -511,7 +566,7 @@ static void overlay_fini(struct overlay *overlay, unsigned threads)
     free(overlay->workers);
     free(overlay->compared);
     free(overlay->boxes);
-    bvh_fini(&overlay->own_tree);
+    clusters_fini(&overlay->own_clusters);
 }
 
 static void gather(const struct overlay *overlay, unsigned threads, double *out, struct overlay_report *report)

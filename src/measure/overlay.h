@@ -14,7 +14,7 @@
 #ifndef TETLOD_OVERLAY_H
 #define TETLOD_OVERLAY_H
 
-#include "src/mesh/bvh.h"
+#include "src/measure/clusters.h"
 #include "src/mesh/tetmesh.h"
 
 struct overlay_report {
@@ -28,7 +28,7 @@ struct overlay_options {
     const uint32_t *bodies[2]; /* [vertex] each body is compared with that of the same number only; NULL: with all */
     const uint8_t *usable[2];  /* [tet] 0: left out as degenerate ones are; NULL: none */
     const uint8_t *wanted;     /* [tet of b] 0: the differences in it are known; NULL: none */
-    const struct bvh *tree;    /* over all tetrahedra of a (borrowed), to be asked several times; NULL: made where it is needed */
+    const struct clusters *clusters; /* of all tetrahedra of a (borrowed), to be asked several times; NULL: made where they are needed */
     const double *floors;      /* [count] in the field's units: differences up to that are not looked for; NULL: 0 */
 };
 

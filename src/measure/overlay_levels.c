@@ -22,12 +22,12 @@ struct overlay_levels {
     struct point_field *fields;
     uint32_t *numbers;        /* [field] */
     double *most;             /* [field] */
-    struct bvh tree;          /* of the original's tetrahedra */
+    struct clusters clusters; /* of the original */
 };
 
 uint64_t overlay_levels_bytes(const struct tetmesh *original)
 {
-    return (uint64_t)original->tet_count * (16 + 3 + 48 + 2 + 20) + (uint64_t)original->vertex_count * 4;
+    return (uint64_t)original->tet_count * (16 + 3 + 48 + 2) + clusters_bytes(original->tet_count) + (uint64_t)original->vertex_count * 4;
 }
 
 void overlay_levels_free(struct overlay_levels *levels)
@@ -36,7 +36,7 @@ void overlay_levels_free(struct overlay_levels *levels)
         return;
     void *const owned[] = {levels->bodies, levels->promised, levels->corners, levels->usable, levels->wanted,
                            levels->fields, levels->numbers,  levels->most,    levels};
-    bvh_fini(&levels->tree);
+    clusters_fini(&levels->clusters);
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
 }
@@ -70,7 +70,7 @@ enum tetlod_status overlay_levels_new(struct overlay_levels **out, const struct 
                                           levels->promised);
     for (uint32_t f = 0; f < fields; f++)
         levels->numbers[f] = f;
-    enum tetlod_status status = bvh_build(&levels->tree, original->positions, original->corners, original->tet_count, 4, error);
+    enum tetlod_status status = clusters_build(&levels->clusters, original, error);
     if (status != TETLOD_OK) {
         overlay_levels_free(levels);
         return status;
@@ -128,7 +128,7 @@ enum tetlod_status overlay_levels_next(struct overlay_levels *levels, const stru
                                             .bodies = {levels->bodies, levels->bodies},
                                             .usable = {levels->promised, levels->usable},
                                             .wanted = levels->wanted,
-                                            .tree = &levels->tree,
+                                            .clusters = &levels->clusters,
                                             .floors = io_most};
     struct overlay_report report;
     TETLOD_TRY(overlay_max(original, levels->numbers, &level, levels->numbers, original->field_count, &options, levels->most,

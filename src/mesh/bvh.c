@@ -3,34 +3,17 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "format/fail.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
-#include "src/util/parallel.h"
 
-struct coded {
-    uint64_t code;
+/* A primitive, by the middle of its box. */
+struct item {
+    float middle[3];
     uint32_t primitive;
 };
-
-static int compare_codes(const void *left, const void *right)
-{
-    const struct coded *a = left, *b = right;
-    if (a->code != b->code)
-        return a->code < b->code ? -1 : 1;
-    return a->primitive < b->primitive ? -1 : a->primitive > b->primitive;
-}
-
-/* Two zero bits after each of the 21 low bits. */
-static uint64_t spread_bits(uint64_t x)
-{
-    x = (x | x << 32) & 0x1f00000000ffffull;
-    x = (x | x << 16) & 0x1f0000ff0000ffull;
-    x = (x | x << 8) & 0x100f00f00f00f00full;
-    x = (x | x << 4) & 0x10c30c30c30c30c3ull;
-    return (x | x << 2) & 0x1249249249249249ull;
-}
 
 static void primitive_box(const double *positions, const uint32_t *corners, unsigned vertices, double box[6])
 {
@@ -45,27 +28,70 @@ static void primitive_box(const double *positions, const uint32_t *corners, unsi
     }
 }
 
-static void morton_order(struct coded *coded, const double *positions, const uint32_t *primitives, uint32_t count,
-                         unsigned vertices)
+static bool is_before(const struct item *a, const struct item *b, int axis)
 {
-    double all[6] = {INFINITY, INFINITY, INFINITY, -INFINITY, -INFINITY, -INFINITY}, box[6];
-    for (uint32_t i = 0; i < count; i++) {
-        primitive_box(positions, primitives + (size_t)i * vertices, vertices, box);
-        for (int d = 0; d < 3; d++) {
-            all[d] = smaller(all[d], box[d]);
-            all[d + 3] = larger(all[d + 3], box[d + 3]);
+    return a->middle[axis] != b->middle[axis] ? a->middle[axis] < b->middle[axis] : a->primitive < b->primitive;
+}
+
+static void exchange(struct item *a, struct item *b)
+{
+    struct item kept = *a;
+    *a = *b;
+    *b = kept;
+}
+
+/* Moves the `wanted` least along an axis to the beginning. */
+static void select_least(struct item *items, size_t count, size_t wanted, int axis)
+{
+    size_t low = 0, high = count; // what is outside of them is where it belongs
+    while (low < wanted && wanted < high && high - low > 1) {
+        struct item pivot = items[low + (high - low - 1) / 2]; // never the last, so that both parts have some
+        size_t i = low, j = high - 1;
+        for (;; i++, j--) {
+            while (is_before(&items[i], &pivot, axis))
+                i++;
+            while (is_before(&pivot, &items[j], axis))
+                j--;
+            if (i >= j)
+                break;
+            exchange(&items[i], &items[j]);
         }
+        if (j + 1 <= wanted)
+            low = j + 1;
+        else
+            high = j + 1;
     }
-    for (uint32_t i = 0; i < count; i++) {
-        primitive_box(positions, primitives + (size_t)i * vertices, vertices, box);
-        uint64_t code = 0;
+}
+
+/* The axis along which the items lie farthest apart. */
+static int longest_axis(const struct item *items, size_t count)
+{
+    float low[3], high[3];
+    int longest = 0;
+    memcpy(low, items[0].middle, sizeof low);
+    memcpy(high, low, sizeof high);
+    for (size_t i = 1; i < count; i++)
         for (int d = 0; d < 3; d++) {
-            double extent = all[d + 3] - all[d], t = extent > 0 ? ((box[d] + box[d + 3]) / 2 - all[d]) / extent : 0;
-            code |= spread_bits((uint64_t)(t * 0x1fffff)) << d;
+            low[d] = items[i].middle[d] < low[d] ? items[i].middle[d] : low[d];
+            high[d] = items[i].middle[d] > high[d] ? items[i].middle[d] : high[d];
         }
-        coded[i] = (struct coded){code, i};
+    for (int d = 1; d < 3; d++)
+        if (high[d] - low[d] > high[longest] - low[longest])
+            longest = d;
+    return longest;
+}
+
+/* Items of a node with so many leaves below it: as many as the first half of them holds go there, the least along one axis. */
+static void order_items(struct item *items, size_t count, uint32_t leaves, uint32_t leaf)
+{
+    for (; count > leaf; leaves /= 2) {
+        size_t half = (size_t)leaves / 2 * leaf;
+        if (count <= half)
+            continue;
+        select_least(items, count, half, longest_axis(items, count));
+        order_items(items + half, count - half, leaves / 2, leaf);
+        count = half;
     }
-    qsort(coded, count, sizeof *coded, compare_codes);
 }
 
 static void store_box(float *out, const double box[6])
@@ -84,72 +110,58 @@ static void join_boxes(float *out, const float *a, const float *b)
     }
 }
 
-struct filling {
-    struct bvh *bvh;
-    const double *positions;
-    const uint32_t *primitives;
-    unsigned vertices;
-};
-
-static void fill_leaves(void *context, unsigned worker, size_t begin, size_t end)
+static void fill_leaf(struct bvh *bvh, uint32_t leaf, const double *positions, const uint32_t *primitives, unsigned vertices)
 {
-    const struct filling *filling = context;
-    struct bvh *bvh = filling->bvh;
-    (void)worker;
-    for (size_t leaf = begin; leaf < end; leaf++) {
-        double box[6] = {INFINITY, INFINITY, INFINITY, -INFINITY, -INFINITY, -INFINITY}, one[6];
-        for (uint64_t i = (uint64_t)leaf * BVH_LEAF; i < bvh->count && i < ((uint64_t)leaf + 1) * BVH_LEAF; i++) {
-            primitive_box(filling->positions, filling->primitives + (size_t)bvh->order[i] * filling->vertices,
-                          filling->vertices, one);
-            for (int d = 0; d < 3; d++) {
-                box[d] = smaller(box[d], one[d]);
-                box[d + 3] = larger(box[d + 3], one[d + 3]);
-            }
+    double box[6] = {INFINITY, INFINITY, INFINITY, -INFINITY, -INFINITY, -INFINITY}, one[6];
+    uint64_t first = (uint64_t)leaf * bvh->leaf;
+    for (uint64_t i = first; i < bvh->count && i < first + bvh->leaf; i++) {
+        primitive_box(positions, primitives + (size_t)bvh->order[i] * vertices, vertices, one);
+        for (int d = 0; d < 3; d++) {
+            box[d] = smaller(box[d], one[d]);
+            box[d + 3] = larger(box[d + 3], one[d + 3]);
         }
-        store_box(bvh->boxes + 6 * (bvh->leaf_first + leaf), box);
     }
+    store_box(bvh->boxes + 6 * ((size_t)bvh->leaf_first + leaf), box);
 }
 
-static void fill_boxes(struct bvh *bvh, const double *positions, const uint32_t *primitives, unsigned vertices,
-                       unsigned threads)
+static void fill_boxes(struct bvh *bvh, const double *positions, const uint32_t *primitives, unsigned vertices)
 {
-    struct filling filling = {bvh, positions, primitives, vertices};
-    parallel_for(threads, (size_t)bvh->leaf_first + 1, 1024, fill_leaves, &filling); // leaf_first + 1 leaves
+    for (uint32_t leaf = 0; leaf <= bvh->leaf_first; leaf++) // one more than there are other nodes
+        fill_leaf(bvh, leaf, positions, primitives, vertices);
     for (uint32_t node = bvh->leaf_first; node-- > 0;)
         join_boxes(bvh->boxes + 6 * (size_t)node, bvh->boxes + 6 * (2 * (size_t)node + 1),
                    bvh->boxes + 6 * (2 * (size_t)node + 2));
 }
 
 enum tetlod_status bvh_build(struct bvh *bvh, const double *positions, const uint32_t *primitives, uint32_t count,
-                             unsigned vertices_per_primitive, struct tetlod_error *error)
+                             unsigned vertices_per_primitive, uint32_t leaf, struct tetlod_error *error)
 {
-    uint32_t *order = array_new(count, sizeof *order);
-    struct coded *coded = array_new(count, sizeof *coded);
-    if (!order || !coded) {
-        free(order);
-        free(coded);
-        return tetlodi_fail_nomem(error, "a box hierarchy", (uint64_t)count * (sizeof *coded + 16));
-    }
-    morton_order(coded, positions, primitives, count, vertices_per_primitive);
-    for (uint32_t i = 0; i < count; i++)
-        order[i] = coded[i].primitive;
-    free(coded);
-    return bvh_build_ordered(bvh, positions, primitives, count, vertices_per_primitive, order, 1, error);
-}
-
-enum tetlod_status bvh_build_ordered(struct bvh *bvh, const double *positions, const uint32_t *primitives,
-                                     uint32_t count, unsigned vertices_per_primitive, uint32_t *order, unsigned threads,
-                                     struct tetlod_error *error)
-{
-    uint32_t leaves = 1, needed = count / BVH_LEAF + 1;
+    uint32_t leaves = 1, needed = count / leaf + 1;
     while (leaves < needed)
         leaves *= 2;
-    *bvh = (struct bvh){count, leaves - 1, order, array_new(2 * (size_t)leaves - 1, 6 * sizeof(float))};
-    if (!bvh->boxes) {
+    struct item *items = array_new(count, sizeof *items);
+    *bvh = (struct bvh){.count = count,
+                        .leaf_first = leaves - 1,
+                        .leaf = leaf,
+                        .order = array_new(count, sizeof *bvh->order),
+                        .boxes = array_new(2 * (size_t)leaves - 1, 6 * sizeof(float))};
+    if (!items || !bvh->order || !bvh->boxes) {
+        free(items);
         bvh_fini(bvh);
-        return tetlodi_fail_nomem(error, "a box hierarchy", (uint64_t)leaves * 48);
+        return tetlodi_fail_nomem(error, "a box hierarchy", (uint64_t)count * (sizeof *items + 4) + (uint64_t)leaves * 48);
     }
-    fill_boxes(bvh, positions, primitives, vertices_per_primitive, threads);
+    for (uint32_t i = 0; i < count; i++) {
+        double box[6];
+        primitive_box(positions, primitives + (size_t)i * vertices_per_primitive, vertices_per_primitive, box);
+        for (int d = 0; d < 3; d++)
+            items[i].middle[d] = (float)(box[d] / 2 + box[d + 3] / 2);
+        items[i].primitive = i;
+    }
+    order_items(items, count, leaves, leaf);
+    for (uint32_t i = 0; i < count; i++)
+        bvh->order[i] = items[i].primitive;
+    free(items);
+    fill_boxes(bvh, positions, primitives, vertices_per_primitive);
     return TETLOD_OK;
 }
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* A balanced hierarchy of boxes over primitives in Morton order: implicit, a node's children are 2i+1 and 2i+2. */
+/* A balanced hierarchy of boxes over primitives, halved along the longest axis: implicit, a node's children are 2i+1 and 2i+2. */
 #ifndef TETLOD_BVH_H
 #define TETLOD_BVH_H
 
@@ -10,20 +10,17 @@
 struct bvh {
     uint32_t count;      /* primitives */
     uint32_t leaf_first; /* number of the first leaf node */
-    uint32_t *order;     /* [count] primitives in leaf order; leaf l holds order[4l .. 4l+4) */
+    uint32_t leaf;       /* primitives in one */
+    uint32_t *order;     /* [count] primitives in leaf order; leaf l holds order[leaf * l .. leaf * (l + 1)) */
     float *boxes;        /* [6 * node] lower corner, upper corner, rounded outwards */
 };
 
 enum { BVH_LEAF = 4, BVH_DEPTH = 40 };
 
-/* Over `count` primitives with the given corner points each (3 or 4 vertices). ERR_NOMEM. O(n log n). */
-TETLOD_CHECKED enum tetlod_status bvh_build(struct bvh *bvh, const double *positions, const uint32_t *primitives,
-                                            uint32_t count, unsigned vertices_per_primitive, struct tetlod_error *error);
-
-/* The same with an order that keeps neighbours together, which it takes over (also when it fails). O(n). */
-TETLOD_CHECKED enum tetlod_status bvh_build_ordered(struct bvh *bvh, const double *positions, const uint32_t *primitives,
-                                                    uint32_t count, unsigned vertices_per_primitive, uint32_t *order,
-                                                    unsigned threads, struct tetlod_error *error);
+/* Over `count` primitives with the given corner points each (1, 3 or 4 vertices), `leaf` of them in a leaf: BVH_LEAF, where nothing is
+ * known of more. ERR_NOMEM. O(n log n). */
+TETLOD_CHECKED enum tetlod_status bvh_build(struct bvh *bvh, const double *positions, const uint32_t *primitives, uint32_t count,
+                                            unsigned vertices_per_primitive, uint32_t leaf, struct tetlod_error *error);
 void bvh_fini(struct bvh *bvh);
 
 /* Square of the distance of p from a node's box; 0 inside. */
@@ -59,7 +56,7 @@ static inline bool bvh_next_leaf_where(struct bvh_walk *walk, bool (*meets)(cons
         if (!meets(context, bvh->boxes + 6 * (size_t)node))
             continue;
         if (node >= bvh->leaf_first) {
-            uint64_t first = (uint64_t)(node - bvh->leaf_first) * BVH_LEAF, end = first + BVH_LEAF;
+            uint64_t first = (uint64_t)(node - bvh->leaf_first) * bvh->leaf, end = first + bvh->leaf;
             *out_first = (uint32_t)(first < bvh->count ? first : bvh->count);
             *out_end = (uint32_t)(end < bvh->count ? end : bvh->count);
             return true;

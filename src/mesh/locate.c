@@ -23,7 +23,7 @@ enum tetlod_status locator_init(struct locator *locator, const double *positions
     if (!neighbours)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the boundary", 16 * (uint64_t)tet_count));
     TETLOD_TRY_DONE(adjacency_build(corners, tet_count, vertex_count, neighbours, NULL, error));
-    TETLOD_TRY_DONE(bvh_build(&locator->tets, positions, corners, tet_count, 4, error));
+    TETLOD_TRY_DONE(bvh_build(&locator->tets, positions, corners, tet_count, 4, BVH_LEAF, error));
     TETLOD_TRY_DONE(mesh_surface_init(&locator->surface, positions, corners, neighbours, tet_count, NULL, 0, 0, error));
 done:
     if (status != TETLOD_OK)

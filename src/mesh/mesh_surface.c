@@ -30,7 +30,7 @@ enum tetlod_status mesh_surface_init(struct mesh_surface *surface, const double 
                 surface->triangles[3 * (size_t)surface->count + (size_t)i] = corners[(s & ~(size_t)3) + tet_faces[s & 3][i]];
             surface->faces[surface->count++] = (uint32_t)s;
         }
-    enum tetlod_status status = bvh_build(&surface->boxes, positions, surface->triangles, surface->count, 3, error);
+    enum tetlod_status status = bvh_build(&surface->boxes, positions, surface->triangles, surface->count, 3, BVH_LEAF, error);
     if (status != TETLOD_OK)
         mesh_surface_fini(surface);
     return status;
@@ -67,8 +67,8 @@ static double search(const struct mesh_surface *surface, uint32_t body, const do
             stack[depth++] = near;
             continue;
         }
-        uint64_t first = (uint64_t)(node - bvh->leaf_first) * BVH_LEAF;
-        for (uint64_t i = first; i < bvh->count && i < first + BVH_LEAF; i++) {
+        uint64_t first = (uint64_t)(node - bvh->leaf_first) * bvh->leaf;
+        for (uint64_t i = first; i < bvh->count && i < first + bvh->leaf; i++) {
             const uint32_t *triangle = surface->triangles + 3 * (size_t)bvh->order[i];
             if (surface->bodies && surface->bodies[triangle[0]] != body)
                 continue;

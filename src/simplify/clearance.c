@@ -219,7 +219,7 @@ static void overlap_range(void *context, unsigned worker, size_t begin, size_t e
 static enum tetlod_status fill_boxes(struct clearance *c, struct tetlod_error *error)
 {
     uint32_t count = 0;
-    TETLOD_TRY(bvh_build(&c->triangle_boxes, c->mesh->positions, c->mesh->triangles, c->mesh->triangle_count, 3, error));
+    TETLOD_TRY(bvh_build(&c->triangle_boxes, c->mesh->positions, c->mesh->triangles, c->mesh->triangle_count, 3, BVH_LEAF, error));
     for (size_t i = 0; i < 3 * (size_t)c->mesh->triangle_count; i++) {
         uint32_t v = c->mesh->triangles[i];
         if (!c->overlapped[v])
@@ -227,7 +227,7 @@ static enum tetlod_status fill_boxes(struct clearance *c, struct tetlod_error *e
         c->overlapped[v] = 1;
     }
     memset(c->overlapped, 0, c->mesh->vertex_count);
-    return bvh_build(&c->vertex_boxes, c->mesh->positions, c->vertices, count, 1, error);
+    return bvh_build(&c->vertex_boxes, c->mesh->positions, c->vertices, count, 1, BVH_LEAF, error);
 }
 
 enum tetlod_status clearance_find(const struct clearance_mesh *mesh, double most, double least, unsigned threads, double *out,
