@@ -498,6 +498,14 @@ static enum tetlod_status file_again(struct run *run, const size_t *places)
     return status;
 }
 
+/* Has nothing happened to an edge that waits for a higher limit? Then the rest of it need not be read. */
+static inline bool waits_on(const struct run *run, const struct waiting_simplex *simplex)
+{
+    const uint32_t *changed = run->complex->changed;
+    return run->options->contract == CONTRACT_EDGES && !(simplex->value <= run->limit) &&
+           changed[simplex->vertices[0]] <= simplex->stamp && changed[simplex->vertices[1]] <= simplex->stamp;
+}
+
 /* Looks again at what waits: entries that the new limit may allow, and those whose bound may have changed. Some at a time, which takes
  * less room. */
 static enum tetlod_status rescan(struct run *run, bool *out_any)
@@ -505,6 +513,8 @@ static enum tetlod_status rescan(struct run *run, bool *out_any)
     struct waiting_list *waiting = &run->waiting;
     size_t places[RESCANNED];
     for (size_t i = 0; i < waiting->count; i++) {
+        if (waits_on(run, &waiting->simplices[i])) // most
+            continue;
         struct queue_entry entry = waiting_list_get(waiting, i);
         bool reached = entry.value <= run->limit, gone = (reached || stale(run->complex, &entry)) && obsolete(run->complex, &entry);
         if (!gone && !reached && !may_have_eased(run->complex, &entry)) // most

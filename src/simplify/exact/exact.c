@@ -487,6 +487,8 @@ static bool at_edge(const struct examination *e, const uint32_t edge[2])
     const struct patch *patch = &e->examiner->patch;
     size_t before = e->examiner->point_count;
     uint32_t f = patch->homes[edge[0]];
+    if (f != TETLOD_NONE && patch->homes[edge[1]] == f)
+        return true; // most
     for (uint32_t steps = 0; f != TETLOD_NONE && steps < patch->wall_count; steps++) {
         int64_t w = way_out(patch, edge, f);
         if (w == ARRIVED)
