@@ -626,8 +626,8 @@ static bool ask_sentinels(const struct examination *e)
     if (!hopeful(examiner, e->fields, e->horizon))
         return false;
     for (uint32_t i = 0; i < e->star->tet_count; i++)
-        for (size_t k = 0; k < SENTINELS; k++)
-            if (!ask_sentinel(e, &e->overlaps->sentinels[SENTINELS * (size_t)e->star->tets[i] + k]))
+        for (uint32_t k = e->overlaps->sentinels[e->star->tets[i]]; k != TETLOD_NONE; k = e->overlaps->watches[k].next)
+            if (!ask_sentinel(e, &e->overlaps->watches[k].point))
                 return false;
     return hopeful(examiner, e->fields, e->horizon);
 }

@@ -25,23 +25,18 @@ enum tetlod_status overlaps_init(struct overlaps *overlaps, const struct tetmesh
 {
     size_t tets = mesh->tet_count;
     *overlaps = (struct overlaps){.mesh = mesh,
-                                  .begin = array_new(tets, sizeof *overlaps->begin),
-                                  .pool = array_new(3 * tets, sizeof *overlaps->pool),
-                                  .pool_size = 3 * tets,
-                                  .pool_capacity = 3 * tets,
+                                  .lists = array_new(tets, sizeof *overlaps->lists),
                                   .slopes = array_new(tets, sizeof *overlaps->slopes),
-                                  .sentinels = array_new(tets, SENTINELS * sizeof *overlaps->sentinels),
+                                  .sentinels = array_new(tets, sizeof *overlaps->sentinels),
                                   .host = array_new(mesh->vertex_count, sizeof *overlaps->host)};
-    if (!overlaps->begin || !overlaps->pool || !overlaps->slopes || !overlaps->sentinels || !overlaps->host) {
+    if (!overlaps->lists || !overlaps->slopes || !overlaps->sentinels || !overlaps->host) {
         overlaps_fini(overlaps);
         return tetlodi_fail_nomem(error, "the overlaps", overlaps_bytes(mesh->vertex_count, mesh->tet_count));
     }
     for (uint32_t t = 0; t < tets; t++) {
-        overlaps->begin[t] = 3 * (size_t)t + 2;
-        memcpy(overlaps->pool + 3 * (size_t)t, (uint32_t[]){t, 1, t}, 3 * sizeof *overlaps->pool);
+        overlaps->lists[t] = t;
         overlaps->slopes[t] = slope_of(mesh, t);
-        for (int i = 0; i < SENTINELS; i++)
-            overlaps->sentinels[SENTINELS * (size_t)t + (size_t)i].ends[0] = TETLOD_NONE;
+        overlaps->sentinels[t] = TETLOD_NONE;
         for (int c = 0; c < 4; c++)
             overlaps->host[mesh->corners[4 * (size_t)t + (size_t)c]] = t;
     }
@@ -53,31 +48,55 @@ enum { POOLED = 4 };
 
 uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets)
 {
-    uint64_t per_tet = sizeof(size_t) + sizeof(float) + SENTINELS * sizeof(struct watched) + POOLED * sizeof(uint32_t);
+    uint64_t per_tet = sizeof(uint32_t) + sizeof(float) + sizeof(uint32_t) + POOLED * sizeof(uint32_t);
     return tets * per_tet + vertices * (uint64_t)sizeof(uint32_t);
 }
 
 void overlaps_fini(struct overlaps *overlaps)
 {
-    free(overlaps->begin);
+    free(overlaps->lists);
     free(overlaps->pool);
     free(overlaps->slopes);
     free(overlaps->sentinels);
+    free(overlaps->watches);
     free(overlaps->host);
     *overlaps = (struct overlaps){0};
+}
+
+/* A watch of a tetrahedron that has fewer than it may have, before its others. False: no memory. */
+static bool add_watch(struct overlaps *overlaps, uint32_t tet)
+{
+    void *grown = overlaps->watches;
+    if (overlaps->watch_count == TETLOD_NONE ||
+        !array_reserve(&grown, &overlaps->watch_capacity, overlaps->watch_count + 1, sizeof *overlaps->watches))
+        return false;
+    overlaps->watches = grown;
+    overlaps->watches[overlaps->watch_count].next = overlaps->sentinels[tet];
+    overlaps->sentinels[tet] = (uint32_t)overlaps->watch_count++;
+    return true;
 }
 
 void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel)
 {
     const struct watched *point = &sentinel->point;
+    uint32_t chain[MOST_WATCHES], count = 0, same;
     if (sentinel->tet == TETLOD_NONE || point->ends[0] == TETLOD_NONE)
         return;
-    struct watched *own = overlaps->sentinels + SENTINELS * (size_t)sentinel->tet;
-    int last = 0;
-    while (last < SENTINELS - 1 && (own[last].ends[0] != point->ends[0] || own[last].ends[1] != point->ends[1]))
-        last++;
-    memmove(own + 1, own, (size_t)last * sizeof *own);
-    own[0] = *point;
+    for (uint32_t i = overlaps->sentinels[sentinel->tet]; i != TETLOD_NONE; i = overlaps->watches[i].next)
+        chain[count++] = i;
+    for (same = 0; same < count; same++) {
+        const uint32_t *ends = overlaps->watches[chain[same]].point.ends;
+        if (ends[0] == point->ends[0] && ends[1] == point->ends[1])
+            break;
+    }
+    if (same == count && count < MOST_WATCHES) {
+        if (add_watch(overlaps, sentinel->tet))
+            overlaps->watches[overlaps->sentinels[sentinel->tet]].point = *point;
+        return;
+    }
+    for (uint32_t last = same < count ? same : count - 1; last > 0; last--) // moved towards the end, over the one that goes
+        overlaps->watches[chain[last]].point = overlaps->watches[chain[last - 1]].point;
+    overlaps->watches[chain[0]].point = *point;
 }
 
 void handover_fini(struct handover *handover)
@@ -94,13 +113,31 @@ static void pool_compact(struct overlaps *overlaps)
     for (size_t at = 0, next; at < overlaps->pool_size; at = next) {
         size_t size = 2 + (size_t)pool[at + 1];
         next = at + size;
-        if (overlaps->begin[pool[at]] != at + 2)
+        if (overlaps->lists[pool[at]] != (OVERLAPS_POOLED | (at + 2)))
             continue;
-        overlaps->begin[pool[at]] = kept + 2;
+        overlaps->lists[pool[at]] = OVERLAPS_POOLED | (uint32_t)(kept + 2);
         memmove(pool + kept, pool + at, size * sizeof *pool);
         kept += size;
     }
     overlaps->pool_size = kept;
+}
+
+/* Leaves out the watches of tetrahedra that are gone. If there is no memory for that they stay. */
+static void watches_compact(struct overlaps *overlaps, const struct renumbering *tets)
+{
+    struct watch *kept = array_new(overlaps->watch_count, sizeof *kept);
+    size_t count = 0;
+    for (uint32_t t = 0; t < tets->after && kept; t++)
+        for (uint32_t *at = &overlaps->sentinels[t]; *at != TETLOD_NONE; at = &kept[count - 1].next) {
+            kept[count] = overlaps->watches[*at];
+            *at = (uint32_t)count++;
+        }
+    if (!kept)
+        return;
+    free(overlaps->watches);
+    overlaps->watch_count = count;
+    overlaps->watch_capacity = count + count / 16;
+    overlaps->watches = array_shrink(kept, overlaps->watch_capacity, sizeof *kept);
 }
 
 void overlaps_renumber(struct overlaps *overlaps, const struct renumbering *tets)
@@ -110,25 +147,28 @@ void overlaps_renumber(struct overlaps *overlaps, const struct renumbering *tets
         overlaps->pool[at] = tets->numbers[overlaps->pool[at]];
     for (uint32_t v = 0; v < overlaps->mesh->vertex_count; v++)
         overlaps->host[v] = renumbered(tets, overlaps->host[v]);
-    renumber_array(&overlaps->begin, sizeof *overlaps->begin, tets);
-    renumber_array(&overlaps->sentinels, SENTINELS * sizeof *overlaps->sentinels, tets);
+    renumber_array(&overlaps->lists, sizeof *overlaps->lists, tets);
+    renumber_array(&overlaps->sentinels, sizeof *overlaps->sentinels, tets);
+    watches_compact(overlaps, tets);
     overlaps->pool_capacity = overlaps->pool_size + overlaps->pool_size / 16;
     overlaps->pool = array_shrink(overlaps->pool, overlaps->pool_capacity, sizeof *overlaps->pool);
 }
 
 /* Room for `needed` more in the pool, which is as large as what is in use and an eighth. */
-static bool pool_room(struct overlaps *overlaps, size_t needed)
+static enum tetlod_status pool_room(struct overlaps *overlaps, size_t needed, struct tetlod_error *error)
 {
     if (overlaps->pool_size + needed <= overlaps->pool_capacity)
-        return true;
+        return TETLOD_OK;
     pool_compact(overlaps);
     size_t capacity = overlaps->pool_size + overlaps->pool_size / 8 + needed + 1024;
+    if (overlaps->pool_size + needed >= OVERLAPS_POOLED)
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the exact limit holds up to 2^31 pairs of an original tetrahedron and one that it overlaps: use the fast one");
     void *pool = array_resize(overlaps->pool, capacity, sizeof *overlaps->pool);
     if (!pool)
-        return false;
+        return tetlodi_fail_nomem(error, "the overlaps", capacity * sizeof *overlaps->pool);
     overlaps->pool = pool;
     overlaps->pool_capacity = capacity;
-    return true;
+    return TETLOD_OK;
 }
 
 enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star, const struct handover *handover,
@@ -136,11 +176,10 @@ enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *s
 {
     const uint32_t *numbers = handover->numbers, *end = numbers + handover->count;
     for (uint32_t i = 0; i < star->tet_count; i++)
-        overlaps->begin[star->tets[i]] = 0;
-    if (!pool_room(overlaps, handover->list_count))
-        return tetlodi_fail_nomem(error, "the overlaps", handover->list_count * sizeof *overlaps->pool);
+        overlaps->lists[star->tets[i]] = TETLOD_NONE;
+    TETLOD_TRY(pool_room(overlaps, handover->list_count, error));
     for (const uint32_t *list = numbers; list < numbers + handover->list_count; list += 2 + (size_t)list[1])
-        overlaps->begin[list[0]] = overlaps->pool_size + (size_t)(list - numbers) + 2;
+        overlaps->lists[list[0]] = OVERLAPS_POOLED | (uint32_t)(overlaps->pool_size + (size_t)(list - numbers) + 2);
     memcpy(overlaps->pool + overlaps->pool_size, numbers, handover->list_count * sizeof *numbers);
     overlaps->pool_size += handover->list_count;
     for (numbers += handover->list_count; numbers < end; numbers += 2)

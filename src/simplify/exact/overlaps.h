@@ -17,16 +17,26 @@ struct sentinel {
     struct watched point;
 };
 
-enum { SENTINELS = 2 };
+/* A point near which contractions were refused, and the number of the one before it. */
+struct watch {
+    struct watched point;
+    uint32_t next; /* TETLOD_NONE: it is the last */
+};
+
+enum { MOST_WATCHES = 2 }; /* of a tetrahedron */
+
+static const uint32_t OVERLAPS_POOLED = UINT32_C(1) << 31;
 
 /* Which original tetrahedra overlap which of the level. */
 struct overlaps {
     const struct tetmesh *mesh; /* the original, borrowed */
-    size_t *begin;              /* [tet of the level] its list in the pool; 0: it has none */
+    uint32_t *lists;            /* [tet of the level] the original that it still is, or OVERLAPS_POOLED and where its list begins; TETLOD_NONE: none */
     uint32_t *pool;             /* list after list: its tetrahedron of the level, how many originals it has, and these */
     size_t pool_size, pool_capacity;
     float *slopes;              /* [original tet] (longest edge)^2 / 6V, rounded up; 0: it has no volume */
-    struct watched *sentinels;  /* [tet of the level][SENTINELS] points near which contractions were refused last */
+    uint32_t *sentinels;        /* [tet of the level] its last watch, or TETLOD_NONE: most have none */
+    struct watch *watches;
+    size_t watch_count, watch_capacity;
     uint32_t *host;             /* [original vertex] the tetrahedron of the level that it is in: a hint, what to look at first */
 };
 
@@ -45,14 +55,18 @@ void overlaps_fini(struct overlaps *overlaps);
 /* Bytes that they take, about. */
 uint64_t overlaps_bytes(uint32_t vertices, uint32_t tets);
 
-/* Sets up a sentinel. */
+/* Sets up a sentinel in place of its tetrahedron's oldest. Without memory there is none, which only takes time. */
 void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel);
 
-/* The originals that overlap a tetrahedron of the level. */
+/* The originals that overlap a tetrahedron of the level, until the next call that changes them. */
 static inline const uint32_t *overlaps_of(const struct overlaps *overlaps, uint32_t tet, uint32_t *out_count)
 {
-    const uint32_t *list = overlaps->pool + overlaps->begin[tet];
-    *out_count = overlaps->begin[tet] ? list[-1] : 0;
+    const uint32_t *list = &overlaps->lists[tet];
+    *out_count = *list != TETLOD_NONE;
+    if (!*out_count || !(*list & OVERLAPS_POOLED))
+        return list;
+    list = overlaps->pool + (*list & ~OVERLAPS_POOLED);
+    *out_count = list[-1];
     return list;
 }
 
@@ -61,7 +75,7 @@ void handover_fini(struct handover *handover);
 /* Takes over new numbers of the level's tetrahedra, and gives back room. */
 void overlaps_renumber(struct overlaps *overlaps, const struct renumbering *tets);
 
-/* With the contraction of a star that has not changed since: takes its lists over. ERR_NOMEM. */
+/* With the contraction of a star that has not changed since: takes its lists over. ERR_NOMEM, ERR_LIMIT. */
 TETLOD_CHECKED enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star,
                                                 const struct handover *handover, struct tetlod_error *error);
 
