@@ -10,8 +10,8 @@
 /* Instead of a record: an edge without witnesses; one with too many. */
 static const uint32_t BARE = UINT32_MAX, UNKNOWN = UINT32_MAX - 1;
 
-/* Numbers of a record before its vertices and witnesses. */
-enum { OWNER, VERTICES, WITNESSES, HEAD };
+/* A record begins with the number of its simplex, and with how many vertices and, these bits higher, witnesses follow. */
+enum { OWNER, COUNTS, HEAD, WITNESS_BITS = 8 };
 
 void waiting_list_fini(struct waiting_list *list)
 {
@@ -30,9 +30,19 @@ static uint32_t stored_witnesses(uint32_t count)
     return count <= QUEUE_WITNESSES ? count : 0;
 }
 
+static uint32_t extra_vertices(const uint32_t *record)
+{
+    return record[COUNTS] & ((1u << WITNESS_BITS) - 1);
+}
+
+static uint32_t witness_count(const uint32_t *record)
+{
+    return record[COUNTS] >> WITNESS_BITS;
+}
+
 static size_t record_size(const uint32_t *record)
 {
-    return HEAD + (size_t)record[VERTICES] + stored_witnesses(record[WITNESSES]);
+    return HEAD + (size_t)extra_vertices(record) + stored_witnesses(witness_count(record));
 }
 
 /* Moves the records that are in use to the front of the pool. */
@@ -95,8 +105,7 @@ static bool add_record(struct waiting_list *list, const struct queue_entry *entr
         return false;
     uint32_t *record = list->pool + list->pool_size;
     record[OWNER] = (uint32_t)number;
-    record[VERTICES] = extra;
-    record[WITNESSES] = entry->witness_count;
+    record[COUNTS] = extra | (uint32_t)entry->witness_count << WITNESS_BITS;
     memcpy(record + HEAD, entry->vertices + 2, extra * sizeof *record);
     memcpy(record + HEAD + extra, entry->witness, stored * sizeof *record);
     *out = (uint32_t)list->pool_size;
@@ -135,9 +144,10 @@ struct queue_entry waiting_list_get(const struct waiting_list *list, size_t numb
     if (!has_record(simplex))
         return entry;
     const uint32_t *record = list->pool + simplex->record;
-    entry.witness_count = record[WITNESSES] & 31;
-    memcpy(entry.vertices + 2, record + HEAD, record[VERTICES] * sizeof *record);
-    memcpy(entry.witness, record + HEAD + record[VERTICES], stored_witnesses(record[WITNESSES]) * sizeof *record);
+    uint32_t extra = extra_vertices(record), witnesses = witness_count(record);
+    entry.witness_count = witnesses & 31;
+    memcpy(entry.vertices + 2, record + HEAD, extra * sizeof *record);
+    memcpy(entry.witness, record + HEAD + extra, stored_witnesses(witnesses) * sizeof *record);
     return entry;
 }
 
@@ -174,9 +184,12 @@ void waiting_list_renumber(struct waiting_list *list, const struct renumbering *
         uint32_t *record = list->pool + simplex->record;
         for (int k = 0; k < 2; k++)
             simplex->vertices[k] = slots->numbers[simplex->vertices[k]];
-        for (uint32_t k = 0; has_record(simplex) && k < record[VERTICES]; k++)
+        if (!has_record(simplex))
+            continue;
+        uint32_t extra = extra_vertices(record);
+        for (uint32_t k = 0; k < extra; k++)
             record[HEAD + k] = slots->numbers[record[HEAD + k]];
-        for (uint32_t k = 0; has_record(simplex) && k < stored_witnesses(record[WITNESSES]); k++)
-            record[HEAD + record[VERTICES] + k] = renumbered(tets, record[HEAD + record[VERTICES] + k]);
+        for (uint32_t k = HEAD + extra; k < record_size(record); k++)
+            record[k] = renumbered(tets, record[k]);
     }
 }

@@ -19,7 +19,7 @@ struct waiting_simplex {
 struct waiting_list {
     struct waiting_simplex *simplices;
     size_t count, capacity, swept; /* there were so many when the list was last swept */
-    uint32_t *pool; /* records: number of the simplex, of vertices beyond two, of witnesses, and these */
+    uint32_t *pool; /* records: number of the simplex, how many vertices beyond two and witnesses it has, and these */
     size_t pool_size, pool_capacity;
 };
 

@@ -56,13 +56,13 @@ enum tetlod_status patch_init(struct patch *patch, const struct complex *complex
     *patch = (struct patch){.listed = array_zero(set, sizeof(uint64_t)),
                             .covered = array_zero(set, sizeof(uint64_t)),
                             .numbers = array_new(vertices, sizeof(uint32_t)),
-                            .slot_epoch = array_zero(vertices, sizeof(uint32_t)),
-                            .slot_number = array_new(vertices, sizeof(uint32_t))};
-    if (!patch->listed || !patch->covered || !patch->numbers || !patch->slot_epoch || !patch->slot_number) {
+                            .slot_numbers = array_new(vertices, sizeof(uint32_t))};
+    if (!patch->listed || !patch->covered || !patch->numbers || !patch->slot_numbers) {
         patch_fini(patch);
-        return tetlodi_fail_nomem(error, "the originals under a star", set * 16 + vertices * 12);
+        return tetlodi_fail_nomem(error, "the originals under a star", set * 16 + vertices * 8);
     }
     memset(patch->numbers, 0xff, vertices * sizeof *patch->numbers);
+    memset(patch->slot_numbers, 0xff, vertices * sizeof *patch->slot_numbers);
     return TETLOD_OK;
 }
 
@@ -74,7 +74,7 @@ void patch_fini(struct patch *patch)
                      patch->cone_walls,   patch->cone_signs,   patch->spoke_walls, patch->spokes,      patch->table,
                      patch->pairs,        patch->sides,       patch->homes,       patch->listed,      patch->covered,
                      patch->places,       patch->held,
-                     patch->numbers,      patch->slot_epoch,   patch->slot_number};
+                     patch->numbers,      patch->slot_numbers};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
     *patch = (struct patch){0};
@@ -85,13 +85,12 @@ static const uint64_t STAR_BYTES = 7 << 18;
 
 uint64_t patch_bytes(uint32_t vertices, uint32_t tets)
 {
-    return vertices * (uint64_t)12 + tets / 4 + STAR_BYTES;
+    return vertices * (uint64_t)8 + tets / 4 + STAR_BYTES;
 }
 
 void patch_renumber(struct patch *patch, const struct renumbering *slots)
 {
-    renumber_array(&patch->slot_epoch, sizeof *patch->slot_epoch, slots);
-    renumber_array(&patch->slot_number, sizeof *patch->slot_number, slots);
+    patch->slot_numbers = array_shrink(patch->slot_numbers, slots->after, sizeof *patch->slot_numbers);
 }
 
 /* ---- gathering */
@@ -179,12 +178,11 @@ static bool gather_vertices(struct patch *patch, const struct overlaps *overlaps
 
 static uint32_t link_number(struct patch *patch, uint32_t slot)
 {
-    if (patch->slot_epoch[slot] != patch->epoch) {
-        patch->slot_epoch[slot] = patch->epoch;
-        patch->slot_number[slot] = patch->link_count;
+    if (patch->slot_numbers[slot] == TETLOD_NONE) {
+        patch->slot_numbers[slot] = patch->link_count;
         patch->link[patch->link_count++] = slot;
     }
-    return patch->slot_number[slot];
+    return patch->slot_numbers[slot];
 }
 
 /* A cone for every re-attached tetrahedron. */
@@ -205,6 +203,8 @@ static bool gather_cones(struct patch *patch, const struct complex *complex, con
             cone->link[k] =
                 link_number(patch, complex->corners[4 * (size_t)cone->tet + tet_faces[star->moving[i]][k]]);
     }
+    for (uint32_t l = 0; l < patch->link_count; l++)
+        patch->slot_numbers[patch->link[l]] = TETLOD_NONE;
     return true;
 }
 
@@ -240,7 +240,6 @@ static bool gather_walls(struct patch *patch)
 enum tetlod_status patch_take_up(struct patch *patch, const struct complex *complex, const struct star *star,
                                  struct tetlod_error *error)
 {
-    patch->epoch++;
     patch->edge_count = patch->vertex_count = patch->tet_count = 0;
     patch->gathered = false;
     return gather_cones(patch, complex, star) && gather_walls(patch) ? TETLOD_OK : no_room(error);

@@ -72,10 +72,10 @@ struct patch {
     uint64_t *cone_walls, *cone_signs; /* [cone][words] its walls, and the signs inside it */
     uint64_t *spoke_walls;       /* [link][words] the walls that meet there, but those on the boundary */
     struct spoke *spokes;        /* [link] */
-    /* scratch */
-    uint32_t epoch, *slot_epoch, *slot_number;
-    uint64_t *listed, *covered; /* sets of original tetrahedra, and of the level's; empty between stars, as are: */
-    uint32_t *numbers;          /* [original vertex] its number, or TETLOD_NONE */
+    /* scratch; the first four are empty between stars */
+    uint64_t *listed, *covered; /* sets of original tetrahedra, and of the level's */
+    uint32_t *numbers;        /* [original vertex] its number, or TETLOD_NONE */
+    uint32_t *slot_numbers;   /* [slot] its number in the link, or TETLOD_NONE */
     uint64_t *table;          /* of edges, by their ends */
     uint32_t *pairs;          /* [link * link] number of the wall there, plus 1; all 0 between stars */
     uint64_t *sides;          /* [2][words] of patch_hand_on: the walls that all corners of an original may be on the negative side of, on the positive */
