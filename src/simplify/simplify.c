@@ -37,18 +37,19 @@ static const double CHANCE = 1, CHANCE_NAMED = 1.4;
 /* Takes what is obsolete out of those that wait. */
 static void clear_waiting(struct run *run)
 {
-    for (size_t i = 0; i < run->waiting.count; i++) {
-        struct queue_entry entry = waiting_list_get(&run->waiting, i);
+    struct waiting_list *waiting = &run->waiting;
+    for (size_t at = 0; at < waiting->size; at = waiting_list_next(waiting, at)) {
+        struct queue_entry entry = waiting_list_get(waiting, at);
         if (obsolete(run->complex, &entry))
-            waiting_list_take(&run->waiting, i);
+            waiting_list_take(waiting, at);
     }
-    waiting_list_sweep(&run->waiting);
+    waiting_list_sweep(waiting);
 }
 
 /* The same, if many have joined them since. */
 static void clear_if_grown(struct run *run)
 {
-    if (run->waiting.count > run->waiting.swept + run->waiting.swept / 16 + 1024)
+    if (waiting_list_has_grown(&run->waiting))
         clear_waiting(run);
 }
 
@@ -512,17 +513,18 @@ static enum tetlod_status rescan(struct run *run, bool *out_any)
 {
     struct waiting_list *waiting = &run->waiting;
     size_t places[RESCANNED];
-    for (size_t i = 0; i < waiting->count; i++) {
-        if (waits_on(run, &waiting->simplices[i])) // most
+    for (size_t at = 0, end = waiting->size, next; at < end; at = next) {
+        next = waiting_list_next(waiting, at);
+        if (waits_on(run, waiting_list_at(waiting, at))) // most
             continue;
-        struct queue_entry entry = waiting_list_get(waiting, i);
+        struct queue_entry entry = waiting_list_get(waiting, at);
         bool reached = entry.value <= run->limit, gone = (reached || stale(run->complex, &entry)) && obsolete(run->complex, &entry);
         if (!gone && !reached && !may_have_eased(run->complex, &entry)) // most
             continue;
-        waiting_list_take(waiting, i);
+        waiting_list_take(waiting, at);
         if (gone)
             continue;
-        places[run->fresh.count] = i;
+        places[run->fresh.count] = at;
         if (!queue_append(&run->fresh, &entry))
             return tetlodi_fail_nomem(run->error, "the queue", run->fresh.capacity * sizeof entry);
         if (run->fresh.count == RESCANNED)

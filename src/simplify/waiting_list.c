@@ -7,22 +7,10 @@
 #include "format/tetlod.h"
 #include "src/util/array.h"
 
-/* Instead of a record: an edge without witnesses; one with too many. */
-static const uint32_t BARE = UINT32_MAX, UNKNOWN = UINT32_MAX - 1;
-
-/* A record begins with the number of its simplex, and with how many vertices and, these bits higher, witnesses follow. */
-enum { OWNER, COUNTS, HEAD, WITNESS_BITS = 8 };
-
 void waiting_list_fini(struct waiting_list *list)
 {
     free(list->simplices);
-    free(list->pool);
     *list = (struct waiting_list){0};
-}
-
-static bool has_record(const struct waiting_simplex *simplex)
-{
-    return simplex->record < UNKNOWN;
 }
 
 static uint32_t stored_witnesses(uint32_t count)
@@ -30,166 +18,104 @@ static uint32_t stored_witnesses(uint32_t count)
     return count <= QUEUE_WITNESSES ? count : 0;
 }
 
-static uint32_t extra_vertices(const uint32_t *record)
+static uint32_t extra_vertices(const struct queue_entry *entry)
 {
-    return record[COUNTS] & ((1u << WITNESS_BITS) - 1);
+    return (uint32_t)(entry->vertices[2] != TETLOD_NONE) + (entry->vertices[3] != TETLOD_NONE);
 }
 
-static uint32_t witness_count(const uint32_t *record)
+/* Room for so many numbers. */
+static uint8_t even(uint32_t numbers)
 {
-    return record[COUNTS] >> WITNESS_BITS;
+    return (uint8_t)(numbers + numbers % 2);
 }
 
-static size_t record_size(const uint32_t *record)
+static void write_simplex(struct waiting_simplex *simplex, const struct queue_entry *entry)
 {
-    return HEAD + (size_t)extra_vertices(record) + stored_witnesses(witness_count(record));
-}
-
-/* Moves the records that are in use to the front of the pool. */
-static void compact_pool(struct waiting_list *list)
-{
-    size_t kept = 0;
-    for (size_t at = 0, size; at < list->pool_size; at += size) {
-        uint32_t *record = list->pool + at;
-        size = record_size(record);
-        if (record[OWNER] >= list->count || list->simplices[record[OWNER]].record != at)
-            continue;
-        list->simplices[record[OWNER]].record = (uint32_t)kept;
-        memmove(list->pool + kept, record, size * sizeof *record);
-        kept += size;
-    }
-    list->pool_size = kept;
-}
-
-/* Gives an array room for `count` and a sixteenth more, if it has much more than that. What cannot be had is left as it is. */
-static void fit(void **array, size_t *capacity, size_t count, size_t size)
-{
-    size_t fitting = count + count / 16 + 16;
-    void *fitted = *capacity > fitting + count / 16 ? array_resize(*array, fitting, size) : NULL;
-    if (!fitted)
-        return;
-    *array = fitted;
-    *capacity = fitting;
-}
-
-/* Room for so many more numbers in the pool. */
-static bool pool_room(struct waiting_list *list, size_t needed)
-{
-    void *pool = list->pool;
-    if (list->pool_size + needed <= list->pool_capacity)
-        return true;
-    compact_pool(list);
-    size_t wanted = list->pool_size + needed, capacity = wanted + list->pool_size / 8 + 1024;
-    if (capacity >= UNKNOWN)
-        return false;
-    if (wanted + list->pool_size / 16 <= list->pool_capacity)
-        return true;
-    pool = array_resize(list->pool, capacity, sizeof *list->pool);
-    if (!pool)
-        return false;
-    list->pool = pool;
-    list->pool_capacity = capacity;
-    return true;
-}
-
-/* The record of the simplex of that number. False: no memory. */
-static bool add_record(struct waiting_list *list, const struct queue_entry *entry, size_t number, uint32_t *out)
-{
-    uint32_t extra = (entry->vertices[2] != TETLOD_NONE) + (entry->vertices[3] != TETLOD_NONE);
-    uint32_t stored = stored_witnesses(entry->witness_count);
-    if (!extra && !stored) {
-        *out = entry->witness_count ? UNKNOWN : BARE;
-        return true;
-    }
-    if (!pool_room(list, HEAD + (size_t)extra + stored))
-        return false;
-    uint32_t *record = list->pool + list->pool_size;
-    record[OWNER] = (uint32_t)number;
-    record[COUNTS] = extra | (uint32_t)entry->witness_count << WITNESS_BITS;
-    memcpy(record + HEAD, entry->vertices + 2, extra * sizeof *record);
-    memcpy(record + HEAD + extra, entry->witness, stored * sizeof *record);
-    *out = (uint32_t)list->pool_size;
-    list->pool_size += record_size(record);
-    return true;
+    simplex->value = entry->value;
+    memcpy(simplex->vertices, entry->vertices, sizeof simplex->vertices);
+    simplex->stamp = entry->stamp;
+    simplex->extra = (uint8_t)extra_vertices(entry);
+    simplex->witnesses = entry->witness_count;
+    memcpy(simplex->more, entry->vertices + 2, simplex->extra * sizeof *simplex->more);
+    memcpy(simplex->more + simplex->extra, entry->witness, stored_witnesses(entry->witness_count) * sizeof *simplex->more);
 }
 
 bool waiting_list_add(struct waiting_list *list, const struct queue_entry *entry)
 {
     void *grown = list->simplices;
-    if (!array_reserve(&grown, &list->capacity, list->count + 1, sizeof *list->simplices))
+    uint8_t room = even(extra_vertices(entry) + stored_witnesses(entry->witness_count));
+    size_t size = sizeof(struct waiting_simplex) + room * sizeof(uint32_t), place = list->size;
+    if (!array_reserve(&grown, &list->capacity, list->size + size, 1))
         return false;
     list->simplices = grown;
-    list->simplices[list->count].record = BARE;
-    return waiting_list_replace(list, list->count++, entry);
-}
-
-bool waiting_list_replace(struct waiting_list *list, size_t number, const struct queue_entry *entry)
-{
-    uint32_t record;
-    list->simplices[number].record = BARE;
-    if (!add_record(list, entry, number, &record))
-        return false;
-    list->simplices[number] = (struct waiting_simplex){
-        .value = entry->value, .vertices = {entry->vertices[0], entry->vertices[1]}, .stamp = entry->stamp, .record = record};
+    list->size += size;
+    waiting_list_at(list, place)->room = room;
+    write_simplex(waiting_list_at(list, place), entry);
     return true;
 }
 
-struct queue_entry waiting_list_get(const struct waiting_list *list, size_t number)
+bool waiting_list_replace(struct waiting_list *list, size_t place, const struct queue_entry *entry)
 {
-    const struct waiting_simplex *simplex = &list->simplices[number];
+    if (extra_vertices(entry) + stored_witnesses(entry->witness_count) > waiting_list_at(list, place)->room) {
+        waiting_list_take(list, place);
+        return waiting_list_add(list, entry);
+    }
+    write_simplex(waiting_list_at(list, place), entry);
+    return true;
+}
+
+struct queue_entry waiting_list_get(const struct waiting_list *list, size_t place)
+{
+    const struct waiting_simplex *simplex = waiting_list_at(list, place);
     struct queue_entry entry = {.value = simplex->value,
                                 .vertices = {simplex->vertices[0], simplex->vertices[1], TETLOD_NONE, TETLOD_NONE},
                                 .stamp = simplex->stamp,
-                                .witness_count = simplex->record == UNKNOWN ? QUEUE_WITNESSES + 1 : 0};
-    if (!has_record(simplex))
-        return entry;
-    const uint32_t *record = list->pool + simplex->record;
-    uint32_t extra = extra_vertices(record), witnesses = witness_count(record);
-    entry.witness_count = witnesses & 31;
-    memcpy(entry.vertices + 2, record + HEAD, extra * sizeof *record);
-    memcpy(entry.witness, record + HEAD + extra, stored_witnesses(witnesses) * sizeof *record);
+                                .witness_count = simplex->witnesses & 31};
+    memcpy(entry.vertices + 2, simplex->more, simplex->extra * sizeof *simplex->more);
+    memcpy(entry.witness, simplex->more + simplex->extra, stored_witnesses(simplex->witnesses) * sizeof *simplex->more);
     return entry;
 }
 
-void waiting_list_take(struct waiting_list *list, size_t number)
+void waiting_list_take(struct waiting_list *list, size_t place)
 {
-    list->simplices[number].vertices[0] = TETLOD_NONE;
-    list->simplices[number].record = BARE;
+    waiting_list_at(list, place)->vertices[0] = TETLOD_NONE;
 }
 
 void waiting_list_sweep(struct waiting_list *list)
 {
     size_t kept = 0;
-    for (size_t i = 0; i < list->count; i++) {
-        if (list->simplices[i].vertices[0] == TETLOD_NONE)
+    for (size_t at = 0, next; at < list->size; at = next) {
+        struct waiting_simplex *simplex = waiting_list_at(list, at);
+        next = waiting_list_next(list, at);
+        if (simplex->vertices[0] == TETLOD_NONE)
             continue;
-        list->simplices[kept] = list->simplices[i];
-        if (has_record(&list->simplices[kept]))
-            list->pool[list->simplices[kept].record + OWNER] = (uint32_t)kept;
-        kept++;
+        simplex->room = even(simplex->extra + stored_witnesses(simplex->witnesses));
+        size_t size = sizeof *simplex + simplex->room * sizeof *simplex->more;
+        memmove(list->simplices + kept, simplex, size);
+        kept += size;
     }
-    list->count = list->swept = kept;
-    compact_pool(list);
-    void *simplices = list->simplices, *pool = list->pool;
-    fit(&simplices, &list->capacity, list->count, sizeof *list->simplices);
-    fit(&pool, &list->pool_capacity, list->pool_size, sizeof *list->pool);
-    list->simplices = simplices;
-    list->pool = pool;
+    list->size = list->swept = kept;
+    size_t fitting = kept + kept / 16 + 1024;
+    if (list->capacity <= fitting + kept / 16)
+        return;
+    list->simplices = array_shrink(list->simplices, fitting, 1);
+    list->capacity = fitting;
+}
+
+bool waiting_list_has_grown(const struct waiting_list *list)
+{
+    return list->size > list->swept + list->swept / 16 + 1024 * sizeof(struct waiting_simplex);
 }
 
 void waiting_list_renumber(struct waiting_list *list, const struct renumbering *tets, const struct renumbering *slots)
 {
-    for (size_t i = 0; i < list->count; i++) {
-        struct waiting_simplex *simplex = &list->simplices[i];
-        uint32_t *record = list->pool + simplex->record;
+    for (size_t at = 0; at < list->size; at = waiting_list_next(list, at)) {
+        struct waiting_simplex *simplex = waiting_list_at(list, at);
         for (int k = 0; k < 2; k++)
             simplex->vertices[k] = slots->numbers[simplex->vertices[k]];
-        if (!has_record(simplex))
-            continue;
-        uint32_t extra = extra_vertices(record);
-        for (uint32_t k = 0; k < extra; k++)
-            record[HEAD + k] = slots->numbers[record[HEAD + k]];
-        for (uint32_t k = HEAD + extra; k < record_size(record); k++)
-            record[k] = renumbered(tets, record[k]);
+        for (uint32_t k = 0; k < simplex->extra; k++)
+            simplex->more[k] = slots->numbers[simplex->more[k]];
+        for (uint32_t k = simplex->extra; k < simplex->extra + stored_witnesses(simplex->witnesses); k++)
+            simplex->more[k] = renumbered(tets, simplex->more[k]);
     }
 }
