@@ -427,31 +427,27 @@ bool complex_find_numbers(const struct complex *complex, struct renumbering *tet
            renumbering_init(slots, complex->slot_count, slot_is_left, complex);
 }
 
-/* A slot, and where its star begins in the pool. */
-struct placed {
-    size_t begin;
-    uint32_t slot;
-};
-
 static int compare_places(const void *left, const void *right)
 {
-    const struct placed *a = left, *b = right;
-    return a->begin < b->begin ? -1 : a->begin > b->begin;
+    const uint64_t *a = left, *b = right;
+    return *a < *b ? -1 : *a > *b;
 }
 
-/* Moves the stars together, in the order in which they lie in the pool. `order` has room for all of them. */
-static void move_stars(struct complex *complex, const struct renumbering *tets, struct placed *order)
+/* Moves the stars together, in the order in which they lie in the pool. `order` has room for all of them: where each begins, and, in the
+ * lower half, its slot. */
+static void move_stars(struct complex *complex, const struct renumbering *tets, uint64_t *order)
 {
     for (uint32_t v = 0; v < complex->slot_count; v++)
-        order[v] = (struct placed){complex->star_begin[v], v};
+        order[v] = (uint64_t)complex->star_begin[v] << 32 | v;
     qsort(order, complex->slot_count, sizeof *order, compare_places);
     complex->pool_size = 0;
     for (uint32_t k = 0; k < complex->slot_count; k++) {
-        uint32_t v = order[k].slot;
+        uint32_t v = (uint32_t)order[k];
+        size_t begin = order[k] >> 32;
         complex->star_begin[v] = complex->pool_size;
         complex->star_capacity[v] = complex->star_count[v];
         for (uint32_t i = 0; i < complex->star_count[v]; i++)
-            complex->pool[complex->pool_size++] = tets->numbers[complex->pool[order[k].begin + i]];
+            complex->pool[complex->pool_size++] = renumbered(tets, complex->pool[begin + i]);
     }
     complex->pool = array_shrink(complex->pool, complex->pool_size, sizeof *complex->pool);
     complex->pool_capacity = complex->pool_size;
@@ -459,7 +455,7 @@ static void move_stars(struct complex *complex, const struct renumbering *tets, 
 
 bool complex_renumber(struct complex *complex, const struct renumbering *tets, const struct renumbering *slots)
 {
-    struct placed *order = array_new(slots->after, sizeof *order);
+    uint64_t *order = complex->pool_size <= UINT32_MAX ? array_new(slots->after, sizeof *order) : NULL;
     if (!order)
         return false;
     renumber_array(&complex->corners, 4 * sizeof *complex->corners, tets);
@@ -480,8 +476,8 @@ bool complex_renumber(struct complex *complex, const struct renumbering *tets, c
     complex->slot_count = slots->after;
     for (size_t i = 0; i < 4 * (size_t)tets->after; i++) {
         uint32_t across = complex->neighbours[i];
-        complex->corners[i] = slots->numbers[complex->corners[i]];
-        complex->neighbours[i] = across == TETLOD_NONE ? across : 4 * tets->numbers[across / 4] + across % 4;
+        complex->corners[i] = renumbered(slots, complex->corners[i]);
+        complex->neighbours[i] = across == TETLOD_NONE ? across : 4 * renumbered(tets, across / 4) + across % 4;
     }
     move_stars(complex, tets, order);
     free(order);

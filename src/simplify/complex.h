@@ -112,7 +112,7 @@ TETLOD_CHECKED enum tetlod_status complex_contract(struct complex *complex, cons
 /* The numbers that living tetrahedra and slots would have without gaps. False: no memory. */
 bool complex_find_numbers(const struct complex *complex, struct renumbering *tets, struct renumbering *slots);
 
-/* Takes over these numbers. False: no memory, nothing has changed. */
+/* Takes over these numbers. False: no memory, or stars of more than 2^32 numbers: nothing has changed. */
 bool complex_renumber(struct complex *complex, const struct renumbering *tets, const struct renumbering *slots);
 
 /* Is a frozen vertex free now, for its last degenerate, inverted or folded tetrahedron is gone? Then it is no longer frozen. */

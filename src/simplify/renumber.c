@@ -9,15 +9,23 @@
 bool renumbering_init(struct renumbering *renumbering, uint32_t before, bool (*is_left)(const void *context, uint32_t number),
                       const void *context)
 {
-    *renumbering = (struct renumbering){array_new(before, sizeof *renumbering->numbers), before, 0};
-    for (uint32_t i = 0; i < before && renumbering->numbers; i++)
-        renumbering->numbers[i] = is_left(context, i) ? renumbering->after++ : TETLOD_NONE;
-    return renumbering->numbers;
+    size_t words = (size_t)before / 64 + 1;
+    *renumbering = (struct renumbering){array_zero(words, sizeof(uint64_t)), array_new(words, sizeof(uint32_t)), before, 0};
+    for (uint32_t i = 0; i < before && renumbering->left && renumbering->ranks; i++) {
+        if (i % 64 == 0)
+            renumbering->ranks[i / 64] = renumbering->after;
+        if (!is_left(context, i))
+            continue;
+        renumbering->left[i / 64] |= (uint64_t)1 << i % 64;
+        renumbering->after++;
+    }
+    return renumbering->left && renumbering->ranks;
 }
 
 void renumbering_fini(struct renumbering *renumbering)
 {
-    free(renumbering->numbers);
+    free(renumbering->left);
+    free(renumbering->ranks);
     *renumbering = (struct renumbering){0};
 }
 
@@ -27,10 +35,13 @@ void renumber_array(void *array, size_t element_size, const struct renumbering *
     memcpy(&elements, array, sizeof elements);
     if (!elements)
         return;
+    size_t number = 0;
     for (uint32_t i = 0; i < renumbering->before; i++) {
-        uint32_t number = renumbering->numbers[i];
-        if (number != TETLOD_NONE && number != i)
+        if (!(renumbering->left[i / 64] >> i % 64 & 1))
+            continue;
+        if (number != i)
             memcpy(elements + number * element_size, elements + i * element_size, element_size);
+        number++;
     }
     elements = array_shrink(elements, renumbering->after, element_size);
     memcpy(array, &elements, sizeof elements);

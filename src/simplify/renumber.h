@@ -10,8 +10,10 @@
 
 #include "format/tetlod.h"
 
+/* In little room, as it is made where a build takes the most memory. */
 struct renumbering {
-    uint32_t *numbers; /* [before] the new number, or TETLOD_NONE: it is gone */
+    uint64_t *left;  /* set of the numbers that are left */
+    uint32_t *ranks; /* [word of the set] how many are left before it */
     uint32_t before, after;
 };
 
@@ -20,10 +22,13 @@ bool renumbering_init(struct renumbering *renumbering, uint32_t before, bool (*i
                       const void *context);
 void renumbering_fini(struct renumbering *renumbering);
 
-/* The new number of one that may be TETLOD_NONE. */
+/* The new number; TETLOD_NONE: it is gone, or was that. */
 static inline uint32_t renumbered(const struct renumbering *renumbering, uint32_t number)
 {
-    return number == TETLOD_NONE ? number : renumbering->numbers[number];
+    if (number == TETLOD_NONE)
+        return number;
+    uint64_t word = renumbering->left[number / 64], bit = (uint64_t)1 << number % 64;
+    return word & bit ? renumbering->ranks[number / 64] + (uint32_t)__builtin_popcountll(word & (bit - 1)) : TETLOD_NONE;
 }
 
 /* Moves the elements of an array to their new numbers and gives back room. `array` points to its pointer, which may be NULL. */

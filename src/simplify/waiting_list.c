@@ -112,9 +112,9 @@ void waiting_list_renumber(struct waiting_list *list, const struct renumbering *
     for (size_t at = 0; at < list->size; at = waiting_list_next(list, at)) {
         struct waiting_simplex *simplex = waiting_list_at(list, at);
         for (int k = 0; k < 2; k++)
-            simplex->vertices[k] = slots->numbers[simplex->vertices[k]];
+            simplex->vertices[k] = renumbered(slots, simplex->vertices[k]);
         for (uint32_t k = 0; k < simplex->extra; k++)
-            simplex->more[k] = slots->numbers[simplex->more[k]];
+            simplex->more[k] = renumbered(slots, simplex->more[k]);
         for (uint32_t k = simplex->extra; k < simplex->extra + stored_witnesses(simplex->witnesses); k++)
             simplex->more[k] = renumbered(tets, simplex->more[k]);
     }

@@ -81,11 +81,11 @@ static void test_complex(void)
     size_t *sizes = malloc(slots.before * sizeof *sizes);
     REQUIRE(tets_before && slots_before && sizes);
     for (uint32_t t = 0; t < tets.before; t++)
-        if (tets.numbers[t] != TETLOD_NONE)
-            describe_tet(&complex, t, &tets, &slots, tets_before[tets.numbers[t]]);
+        if (renumbered(&tets, t) != TETLOD_NONE)
+            describe_tet(&complex, t, &tets, &slots, tets_before[renumbered(&tets, t)]);
     for (uint32_t v = 0; v < slots.before; v++)
-        if (slots.numbers[v] != TETLOD_NONE)
-            sizes[slots.numbers[v]] = describe_slot(&complex, v, &tets, slots_before[slots.numbers[v]]);
+        if (renumbered(&slots, v) != TETLOD_NONE)
+            sizes[renumbered(&slots, v)] = describe_slot(&complex, v, &tets, slots_before[renumbered(&slots, v)]);
     REQUIRE(complex_renumber(&complex, &tets, &slots));
     int wrong = 0;
     for (uint32_t t = 0; t < tets.after; t++) {

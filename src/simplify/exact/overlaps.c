@@ -144,7 +144,7 @@ void overlaps_renumber(struct overlaps *overlaps, const struct renumbering *tets
 {
     pool_compact(overlaps);
     for (size_t at = 0; at < overlaps->pool_size; at += 2 + (size_t)overlaps->pool[at + 1])
-        overlaps->pool[at] = tets->numbers[overlaps->pool[at]];
+        overlaps->pool[at] = renumbered(tets, overlaps->pool[at]);
     for (uint32_t v = 0; v < overlaps->mesh->vertex_count; v++)
         overlaps->host[v] = renumbered(tets, overlaps->host[v]);
     renumber_array(&overlaps->lists, sizeof *overlaps->lists, tets);
