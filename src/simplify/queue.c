@@ -60,6 +60,30 @@ struct queue_entry queue_pop(struct queue *queue)
     return top;
 }
 
+/* The entry by its new numbers. False: a vertex is gone. */
+static bool renumber_entry(struct queue_entry *entry, const struct renumbering *tets, const struct renumbering *slots)
+{
+    for (int i = 0; i < 4 && entry->vertices[i] != TETLOD_NONE; i++) {
+        entry->vertices[i] = renumbered(slots, entry->vertices[i]);
+        if (entry->vertices[i] == TETLOD_NONE)
+            return false;
+    }
+    for (uint32_t i = 0; i < entry->witness_count && i < QUEUE_WITNESSES; i++)
+        entry->witness[i] = renumbered(tets, entry->witness[i]);
+    return true;
+}
+
+void queue_renumber(struct queue *queue, const struct renumbering *tets, const struct renumbering *slots)
+{
+    size_t count = queue->count;
+    queue->count = 0;
+    for (size_t i = 0; i < count; i++) {
+        struct queue_entry entry = queue->entries[i];
+        if (renumber_entry(&entry, tets, slots))
+            queue_push(queue, &entry); // there is room: no more have been kept than were read
+    }
+}
+
 bool queue_check(const struct queue *queue)
 {
     for (size_t i = 1; i < queue->count; i++)

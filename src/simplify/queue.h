@@ -7,6 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "src/simplify/renumber.h"
+
 enum { QUEUE_WITNESSES = 8, QUEUE_CANDIDATES = 22 };
 
 struct queue_entry {
@@ -32,6 +34,9 @@ bool queue_append(struct queue *queue, const struct queue_entry *entry);
 
 bool queue_push(struct queue *queue, const struct queue_entry *entry);
 struct queue_entry queue_pop(struct queue *queue); /* count > 0 */
+
+/* Takes over new numbers of tetrahedra and of slots, and drops what has a vertex that is gone. A witness that is gone becomes TETLOD_NONE. */
+void queue_renumber(struct queue *queue, const struct renumbering *tets, const struct renumbering *slots);
 
 /* Every entry is no smaller than its parent. */
 bool queue_check(const struct queue *queue);

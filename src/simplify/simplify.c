@@ -19,7 +19,7 @@
 static const double EXACT_HORIZON = 1.2;
 
 /* Tetrahedra and slots are renumbered where no larger fraction of them is left. */
-static const double MOST_LEFT = 0.9375;
+static const double MOST_LEFT = 0.96;
 
 /* So many that wait are evaluated at a time. */
 enum { RESCANNED = 2048 };
@@ -568,6 +568,8 @@ static enum tetlod_status take_batch(struct run *run, size_t *out_count)
         else
             run->postponed[postponed++] = entry;
     }
+    while (run->queue.count && obsolete(run->complex, &run->queue.entries[0]))
+        queue_pop(&run->queue);
     run->batch_key = run->queue.count ? run->queue.entries[0].value : INFINITY;
     for (size_t i = 0; i < postponed; i++)
         TETLOD_TRY(file(run, &run->postponed[i], true));
@@ -575,13 +577,12 @@ static enum tetlod_status take_batch(struct run *run, size_t *out_count)
     return TETLOD_OK;
 }
 
-/* Gives back the room of what is gone, if that is much. After climbing nothing but the list has numbers of tetrahedra and slots, for the
- * queue is empty. Where there is no memory for that nothing is renumbered. */
+/* Gives back the room of what is gone, if that is much. Between batches nothing else has numbers of tetrahedra and slots. Where there is no
+ * memory for that nothing is renumbered. */
 static void renumber(struct run *run)
 {
     struct complex *complex = run->complex;
     struct renumbering tets, slots;
-    queue_fini(&run->queue);
     if (complex->tets_alive > MOST_LEFT * complex->tets_stored)
         return;
     clear_waiting(run);
@@ -590,6 +591,7 @@ static void renumber(struct run *run)
         boundary_renumber(&run->boundary, &slots);
         overlaps_renumber(&run->overlaps, &tets);
         waiting_list_renumber(&run->waiting, &tets, &slots);
+        queue_renumber(&run->queue, &tets, &slots);
         renumber_array(&run->claims, sizeof *run->claims, &slots);
         for (unsigned j = 0; j < crew_size(run->crew); j++)
             patch_renumber(&run->judges[j].examiner.patch, &slots);
@@ -623,6 +625,7 @@ static enum tetlod_status climb_exactly(struct run *run)
         }
         TETLOD_TRY(file_fresh(run));
         clear_if_grown(run);
+        renumber(run);
     }
     return TETLOD_OK;
 }
@@ -639,8 +642,8 @@ static enum tetlod_status rung(struct run *run, double limit, bool named)
         uint32_t before = run->complex->log.count;
         TETLOD_TRY(is_exact(run) ? climb_exactly(run) : climb(run));
         TETLOD_TRY(first_failure(run));
-        if (is_exact(run) && !run->queue.count)
-            renumber(run);
+        if (!run->queue.count)
+            queue_fini(&run->queue);
         if (run->complex->log.count == before)
             break;
         TETLOD_TRY(rescan(run, &any));

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* New numbers change nothing but numbers: the complex, and what lists say of it. */
+/* New numbers change nothing but numbers: the complex, and what lists and queues say of it. */
 #include "src/simplify/renumber.h"
 
 #include <stdlib.h>
@@ -125,20 +125,66 @@ static void test_list(void)
         CHECK(i % 2 || waiting_list_add(&list, &entry));
     }
     waiting_list_renumber(&list, &numbers, &numbers);
-    int wrong = list.count != 150;
-    for (size_t i = 0; i < list.count; i++) {
-        struct queue_entry entry = waiting_list_get(&list, i);
+    int wrong = 0;
+    uint32_t i = 0;
+    for (size_t at = 0; at < list.size; at = waiting_list_next(&list, at), i++) {
+        struct queue_entry entry = waiting_list_get(&list, at);
         wrong += entry.stamp != 2 * i || entry.vertices[0] != i || entry.vertices[1] != i + 1 || entry.witness_count != 2 ||
                  entry.witness[0] != 2 * i || entry.witness[1] != TETLOD_NONE || entry.value != entry.stamp % 7;
     }
     CHECK_INT(wrong, 0);
+    CHECK_INT(i, 150);
     renumbering_fini(&numbers);
     waiting_list_fini(&list);
 }
 
+/* A queue keeps its order, and drops what has lost a vertex. */
+static void test_queue(void)
+{
+    struct renumbering numbers;
+    struct queue queue = {0};
+    REQUIRE(renumbering_init(&numbers, 1000, is_even, NULL));
+    for (uint32_t i = 0; i < 300; i++) {
+        struct queue_entry entry = {.value = i % 7, .stamp = i, .vertices = {i, i + 2, i % 3 ? i + 4 : TETLOD_NONE, TETLOD_NONE}};
+        entry.witness[entry.witness_count++] = 2 * i;
+        entry.witness[entry.witness_count++] = 2 * i + 1;
+        CHECK(queue_push(&queue, &entry));
+    }
+    queue_renumber(&queue, &numbers, &numbers);
+    CHECK_INT(queue.count, 150);
+    CHECK(queue_check(&queue));
+    int wrong = 0;
+    while (queue.count) {
+        struct queue_entry entry = queue_pop(&queue);
+        uint32_t i = entry.stamp / 2;
+        wrong += entry.stamp % 2 || entry.vertices[0] != i || entry.vertices[1] != i + 1 || entry.witness[0] != 2 * i ||
+                 entry.vertices[2] != (entry.stamp % 3 ? i + 2 : TETLOD_NONE) || entry.witness[1] != TETLOD_NONE ||
+                 entry.value != entry.stamp % 7;
+    }
+    CHECK_INT(wrong, 0);
+    renumbering_fini(&numbers);
+    queue_fini(&queue);
+}
+
+/* What is left has the ranks of a set, at the ends of its words, too. */
+static void test_numbers(void)
+{
+    struct renumbering numbers;
+    for (uint32_t count = 1; count < 200; count++) {
+        REQUIRE(renumbering_init(&numbers, count, is_even, NULL));
+        int wrong = numbers.before != count || numbers.after != (count + 1) / 2 || renumbered(&numbers, TETLOD_NONE) != TETLOD_NONE;
+        for (uint32_t i = 0; i < count; i++)
+            wrong += renumbered(&numbers, i) != (i % 2 ? TETLOD_NONE : i / 2);
+        CHECK_INT(wrong, 0);
+        renumbering_fini(&numbers);
+    }
+}
+
 int main(void)
 {
+    RUN(test_numbers);
     RUN(test_complex);
     RUN(test_list);
+    RUN(test_queue);
     return test_end();
 }
