@@ -120,6 +120,17 @@ mutant('exact: no walls', 'src/simplify/exact/exact.c', 'return at_edges(e) && g
        'critical points of kind 2', 'unit/test_exact')
 mutant('exact: an edge crosses one wall at most', 'src/simplify/exact/exact.c', 'if (w == ARRIVED)\n            return true;', 'if (w == ARRIVED || steps)\n            return true;',
        'an edge is followed to its end', 'unit/test_exact')
+mutant('exact: an edge ends where it begins', 'src/simplify/exact/exact.c', 'if (f != TETLOD_NONE && patch->homes[edge[1]] == f)', 'if (f != TETLOD_NONE)',
+       'the same', 'unit/test_exact')
+mutant('exact: an edge is told by one end', 'src/simplify/exact/patch.c', 'uint64_t key = (uint64_t)greatest << 32 | least;', 'uint64_t key = (uint64_t)greatest << 32;',
+       'all edges are asked', 'unit/test_exact')
+mutant('exact: slots keep their numbers', 'src/simplify/exact/patch.c', 'patch->slot_numbers[patch->link[l]] = TETLOD_NONE;', '(void)patch->slot_numbers[patch->link[l]];',
+       "the next star's link has numbers of its own", 'unit/test_exact')
+mutant('exact: a number too many is left', 'src/simplify/renumber.h', 'word & (bit - 1)', 'word & (bit - 1 | bit)', 'new numbers have no gaps', 'unit/test_renumber')
+mutant('exact: the queue keeps what is gone', 'src/simplify/queue.c', 'if (renumber_entry(&entry, tets, slots))', 'if (renumber_entry(&entry, tets, slots) || true)',
+       'what has lost a vertex is dropped', 'unit/test_renumber')
+mutant('exact: the oldest point stays', 'src/simplify/exact/overlaps.c', 'uint32_t last = same < count ? same : count - 1;', 'uint32_t last = same < count ? same : 0;',
+       'the last two points that refused are kept', 'unit/test_overlaps')
 mutant('exact: no spokes', 'src/simplify/exact/exact.c', 'return at_edges(e) && goes_on(e) && at_spokes(e);', 'return at_edges(e) && goes_on(e) && (1 || at_spokes(e));',
        'critical points of kind 3', 'unit/test_exact')
 mutant('exact: not the new vertex', 'src/simplify/exact/exact.c', 'if (!is_original(e) && !at_apex(e))', 'if (0 && !is_original(e) && !at_apex(e))',
@@ -146,9 +157,13 @@ mutant('overlay: a box behind a face', 'src/measure/overlay.c', 'behind |= most[
        'a box is behind a face if rounding cannot have put it there', 'unit/test_overlay')
 mutant('overlay: corners behind a face', 'src/measure/overlay.c', 'if (!(most > THIN - map->noise * largest))', 'if (!(most > THIN))',
        'the same of corners', 'unit/test_overlay')
-mutant('overlay: no crossings of a face', 'src/measure/overlay.c', 'if ((from < 0) != (to < 0))', 'if (from < 0 && to > INFINITY)',
+mutant('overlay: a vertex behind a face', 'src/measure/overlay.c', 'THIN - weights_in(reach, clusters', 'THIN - 0 * weights_in(reach, clusters',
+       'the same of the vertices of a cluster', 'unit/test_overlay')
+mutant('overlay: a vertex of another number', 'src/measure/clusters.c', 'clusters->corners[i][c] = (uint8_t)k;', 'clusters->corners[i][c] = (uint8_t)(k & 7);',
+       "a tetrahedron's corners are its own", 'unit/test_overlay')
+mutant('overlay: no crossings of a face', 'src/measure/overlay.c', 'if ((from < 0) != (to < 0) &&', 'if (from < 0 && to > INFINITY &&',
        'the part before a face has corners of its own', 'unit/test_overlay')
-mutant('overlay: no room before a face', 'src/measure/overlay.c', 'largest_before(in[m], at, 2 * cell->slack)', 'largest_before(in[m], at, 0)',
+mutant('overlay: no room before a face', 'src/measure/overlay.c', 'exceeds_before(in[m], k, at, 2 * cell->slack, enough)', 'exceeds_before(in[m], k, at, 0, enough)',
        'a corner is before a face as far as rounding can tell', 'unit/test_overlay')
 mutant('overlay: no slack of a bound', 'src/measure/overlay.c', 'double enough = worker->most[compared->field] - 8 * size * cell->slack;',
        'double enough = worker->most[compared->field] + 0 * size;', 'a bound is widened by its rounding', 'unit/test_overlay')

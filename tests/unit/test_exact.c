@@ -119,6 +119,28 @@ static bool flatten(struct world *world)
     return star_fits(star, complex, world->p);
 }
 
+static bool has_edge(const struct patch *patch, uint32_t a, uint32_t b)
+{
+    for (uint32_t i = 0; i < patch->edge_count; i++)
+        if (patch->edges[i][0] == (a < b ? a : b) && patch->edges[i][1] == (a < b ? b : a))
+            return true;
+    return false;
+}
+
+/* All edges of the patch's originals are listed, each once. */
+static void check_edges(const struct patch *patch)
+{
+    uint32_t missing = 0, twice = 0;
+    for (uint32_t t = 0; t < patch->tet_count; t++)
+        for (int e = 0; e < 6; e++)
+            missing += !has_edge(patch, patch->corners[t][tet_edges[e][0]], patch->corners[t][tet_edges[e][1]]);
+    for (uint32_t i = 0; i < patch->edge_count; i++)
+        for (uint32_t j = 0; j < i; j++)
+            twice += !memcmp(patch->edges[i], patch->edges[j], sizeof *patch->edges);
+    CHECK_INT(missing, 0);
+    CHECK_INT(twice, 0);
+}
+
 /* After all vertices were placed: the distances that are computed anew have the signs by which all is sorted, and no marks are left. */
 static void check_patch(const struct world *world)
 {
@@ -134,6 +156,7 @@ static void check_patch(const struct world *world)
         marks += patch->numbers[v] != TETLOD_NONE;
     CHECK_INT(wrong, 0);
     CHECK_INT(marks, 0);
+    check_edges(patch);
 }
 
 /* Examines the picked contraction. */
