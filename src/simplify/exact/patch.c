@@ -260,13 +260,15 @@ enum tetlod_status patch_edges(struct patch *patch, struct tetlod_error *error)
         for (int e = 0; e < 6; e++) {
             uint32_t a = patch->corners[t][tet_edges[e][0]], b = patch->corners[t][tet_edges[e][1]];
             uint32_t least = a < b ? a : b, greatest = a < b ? b : a;
-            uint64_t key = (uint64_t)greatest << 32 | least; // not 0, which is nothing
             size_t at = (least * (size_t)2654435761u + greatest * (size_t)40503u) & (size - 1);
-            while (patch->table[at] && patch->table[at] != key)
-                at = (at + 1) & (size - 1);
+            for (; patch->table[at]; at = (at + 1) & (size - 1)) {
+                const uint32_t *edge = patch->edges[patch->table[at] - 1];
+                if (edge[0] == least && edge[1] == greatest)
+                    break;
+            }
             if (patch->table[at])
                 continue;
-            patch->table[at] = key;
+            patch->table[at] = patch->edge_count + 1;
             patch->edges[patch->edge_count][0] = least;
             patch->edges[patch->edge_count++][1] = greatest;
         }

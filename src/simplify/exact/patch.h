@@ -76,7 +76,7 @@ struct patch {
     uint64_t *listed, *covered; /* sets of original tetrahedra, and of the level's */
     uint32_t *numbers;        /* [original vertex] its number, or TETLOD_NONE */
     uint32_t *slot_numbers;   /* [slot] its number in the link, or TETLOD_NONE */
-    uint64_t *table;          /* of edges, by their ends */
+    uint32_t *table;          /* of edges: their numbers, plus 1 */
     uint32_t *pairs;          /* [link * link] number of the wall there, plus 1; all 0 between stars */
     uint64_t *sides;          /* [2][words] of patch_hand_on: the walls that all corners of an original may be on the negative side of, on the positive */
     uint32_t *held;           /* [vertex] of the same: the cone that it is inside of, or TETLOD_NONE */
