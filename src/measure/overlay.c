@@ -397,14 +397,14 @@ static inline bool reaches(const void *context, const float own[6])
     return !behind;
 }
 
-/* What the vertices of a cluster of the finer mesh are to a tetrahedron of the coarser one. */
-struct sight {
+/* The vertices of a cluster of the finer mesh, in a tetrahedron of the coarser one. */
+struct weighed {
     double weights[4][CLUSTER_VERTICES];
     int64_t behind[CLUSTER_VERTICES]; /* bit k: on or behind the tetrahedron's face k */
 };
 
 /* Four vertices at a time; the last ones may be the same. */
-static void look_at(const struct overlay *overlay, const struct reach *reach, uint32_t cluster, struct sight *out)
+static void weigh_cluster(const struct overlay *overlay, const struct reach *reach, uint32_t cluster, struct weighed *out)
 {
     const struct clusters *clusters = overlay->clusters;
     const struct weights_map *map = &reach->map;
@@ -423,7 +423,7 @@ static void look_at(const struct overlay *overlay, const struct reach *reach, ui
             w[k] = map->rows[k - 1][0] * r[0] + map->rows[k - 1][1] * r[1] + map->rows[k - 1][2] * r[2];
         w[0] = 1 - w[1] - w[2] - w[3];
         for (int k = 0; k < 4; k++) {
-            behind |= (w[k] <= least) & ((int64_t)1 << k);
+            behind |= (four_bits)(w[k] <= least) & ((int64_t)1 << k);
             memcpy(out->weights[k] + v, &w[k], sizeof w[k]);
         }
         memcpy(out->behind + v, &behind, sizeof behind);
@@ -433,7 +433,7 @@ static void look_at(const struct overlay *overlay, const struct reach *reach, ui
 /* Where a level is compared with the original, most tetrahedra of the finer mesh near one of the other are outside it, or differ by less
  * than what was found. Both are known from their corners alone, and the map of the coarser mesh's. */
 static void compare_pair(const struct overlay *overlay, struct worker *worker, const struct weights_map *coarse, const uint32_t tets[2],
-                         const struct sight *sight, const uint8_t corners[4])
+                         const struct weighed *weighed, const uint8_t corners[4])
 {
     struct cell cell; // its ends are not to be cleared, which would cost more than most pairs do
     struct weights_map fine;
@@ -441,7 +441,7 @@ static void compare_pair(const struct overlay *overlay, struct worker *worker, c
     double in[2][4][4], largest = 1, slack; // in[m]: of the corners of tetrahedron m, in the other one
     for (int c = 0; c < 4; c++)
         for (int k = 0; k < 4; k++) {
-            in[finer][c][k] = sight->weights[k][corners[c]];
+            in[finer][c][k] = weighed->weights[k][corners[c]];
             largest = larger(largest, fabs(in[finer][c][k]));
         }
     cell.tets[0] = tets[0];
@@ -466,16 +466,16 @@ static void compare_cluster(const struct overlay *overlay, struct worker *worker
     const struct clusters *clusters = overlay->clusters;
     int finer = overlay->finer;
     uint32_t tets[2];
-    struct sight sight;
-    look_at(overlay, reach, first / CLUSTER_TETS, &sight);
+    struct weighed weighed;
+    weigh_cluster(overlay, reach, first / CLUSTER_TETS, &weighed);
     tets[!finer] = tet;
     for (uint32_t i = first; i < end; i++) {
         const uint8_t *corners = clusters->corners[i];
-        if (sight.behind[corners[0]] & sight.behind[corners[1]] & sight.behind[corners[2]] & sight.behind[corners[3]])
+        if (weighed.behind[corners[0]] & weighed.behind[corners[1]] & weighed.behind[corners[2]] & weighed.behind[corners[3]])
             continue; // most
         tets[finer] = clusters->tree.order[i];
         if (looked_at(overlay, finer, tets[finer]) && same_body(overlay, tets[0], tets[1]))
-            compare_pair(overlay, worker, &reach->map, tets, &sight, corners);
+            compare_pair(overlay, worker, &reach->map, tets, &weighed, corners);
     }
 }
 

@@ -59,7 +59,9 @@ static inline bool bvh_next_leaf_where(struct bvh_walk *walk, bool (*meets)(cons
             uint64_t first = (uint64_t)(node - bvh->leaf_first) * bvh->leaf, end = first + bvh->leaf;
             *out_first = (uint32_t)(first < bvh->count ? first : bvh->count);
             *out_end = (uint32_t)(end < bvh->count ? end : bvh->count);
-            return true;
+            if (first < bvh->count) // the last leaves are empty
+                return true;
+            continue;
         }
         walk->stack[walk->depth++] = 2 * node + 2;
         walk->stack[walk->depth++] = 2 * node + 1;
