@@ -72,7 +72,7 @@ struct star {
     uint32_t simplex[4];
     uint32_t simplex_count;
     uint32_t tet_count, removed_count;
-    bool still; /* the simplex's vertices are at one point: contracting it moves nothing */
+    bool at_one_point; /* the simplex's vertices are at one point: contracting it moves nothing */
     size_t capacity;
     uint32_t *tets;
     uint8_t *moving;  /* the corner that moves, or STAR_REMOVED */

@@ -16,10 +16,10 @@
 #include "src/util/array.h"
 
 /* Errors are followed to this multiple of the limit and at least so far, so that what waits is not looked at on the next rungs. */
-static const double HORIZON = 2, LEAST_HORIZON = 0.01;
+static const double CUTOFF = 2, LEAST_CUTOFF = 0.01;
 
 /* The other half of a middle is followed to this multiple only: it is asked for one edge at a time. */
-static const double HALF_HORIZON = 1.5;
+static const double HALF_CUTOFF = 1.5;
 
 /* Middles whose other half is examined in one evaluation; if more look good, the vertex is looked at again on the next rung. */
 enum { MOST_MIDDLES = 3 };
@@ -104,9 +104,9 @@ void worker_fini(struct worker *worker)
 
 /* ---- step 2 */
 
-static double horizon(const struct run *run)
+static double cutoff(const struct run *run)
 {
-    return larger(HORIZON * run->limit, LEAST_HORIZON);
+    return larger(CUTOFF * run->limit, LEAST_CUTOFF);
 }
 
 static double key_of(double error, uint32_t removed)
@@ -161,28 +161,28 @@ static void consider(const struct run *run, struct worker *worker, struct candid
 }
 
 /* All edges. Returns how many candidates are within the limit, as far as this star says. */
-static uint32_t look_around(const struct run *run, struct worker *worker, struct waiting *waiting)
+static uint32_t query_edges(const struct run *run, struct worker *worker, struct waiting *waiting)
 {
     struct hood *hood = &worker->hood;
     uint32_t count = 0;
-    struct look look = {run->working->component_count, run->factors, numbers_of(run, worker, NUMBERS_GAP), 1,
-                        horizon(run)};
+    struct edge_query query = {run->working->component_count, run->factors, numbers_of(run, worker, NUMBERS_GAP), 1,
+                        cutoff(run)};
     for (uint32_t n = 0; n < hood->count; n++) {
         bool end, middle;
         if (!allowed(run, hood, n, &end, &middle))
             continue;
-        look.part = middle ? 0.5 : 1;
-        struct seen seen = run->kernels->look(hood, n, &look, run->working->stride);
-        const double *reach = hood->reach + 2 * (size_t)n * look.components;
+        query.part = middle ? 0.5 : 1;
+        struct edge_answer answer = run->kernels->query_edge(hood, n, &query, run->working->stride);
+        const double *reach = hood->reach + 2 * (size_t)n * query.components;
         if (middle)
-            consider(run, worker, (struct candidate){.error = seen.error, .neighbour = n, .middle = true},
-                     !seen.half_turned, seen.followed, &count, waiting);
-        double error = middle ? 0 : seen.error;
-        for (uint32_t c = 0; c < look.components && middle; c++)
-            error = larger(error, (look.gaps[c] + reach[2 * c] - reach[2 * c + 1]) / 2 * look.factors[c]);
+            consider(run, worker, (struct candidate){.error = answer.error, .neighbour = n, .middle = true},
+                     !answer.half_turned, answer.followed, &count, waiting);
+        double error = middle ? 0 : answer.error;
+        for (uint32_t c = 0; c < query.components && middle; c++)
+            error = larger(error, (query.gaps[c] + reach[2 * c] - reach[2 * c + 1]) / 2 * query.factors[c]);
         if (end)
             consider(run, worker, (struct candidate){.error = error, .neighbour = n},
-                     seen.turned <= hood->shared[n], seen.followed, &count, waiting);
+                     answer.turned <= hood->shared[n], answer.followed, &count, waiting);
     }
     return count;
 }
@@ -206,9 +206,9 @@ static bool set_bounds(const struct run *run, struct worker *worker, const struc
         double *rise = numbers_of(run, worker, NUMBERS_RISE);
         for (uint32_t f = 0; f < 2 * components; f++)
             rise[f] = working_row(working, other)[ROW_FIELDS + f] - own[ROW_FIELDS + f];
-        struct look look = {components, run->factors, numbers_of(run, worker, NUMBERS_GAP), 0.5, HALF_HORIZON * run->limit};
+        struct edge_query query = {components, run->factors, numbers_of(run, worker, NUMBERS_GAP), 0.5, HALF_CUTOFF * run->limit};
         struct half half = {upper, lower, rise, 0};
-        if (!run->kernels->halfway(working, other, hood->vertex, &look, &half))
+        if (!run->kernels->halfway(working, other, hood->vertex, &query, &half))
             return false;
     }
     for (uint32_t c = 0; c < components; c++) {
@@ -386,7 +386,7 @@ void evaluate(const struct run *run, struct worker *worker, uint32_t slot)
         for (uint32_t c = 0; c < working->component_count; c++)
             gaps[c] = own[ROW_FIELDS + 2 * c] - own[ROW_FIELDS + 2 * c + 1];
         run->kernels->prepare(&worker->hood, working);
-        uint32_t count = look_around(run, worker, &waiting);
+        uint32_t count = query_edges(run, worker, &waiting);
         proposed = choose(run, worker, slot, count, &waiting);
     }
     if (proposed)

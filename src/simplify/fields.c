@@ -220,11 +220,11 @@ static void extremes(const struct complex *complex, const struct star *star, con
 {
     out[0] = INFINITY;
     out[1] = -INFINITY;
-    for (uint32_t s = 0; s < star->simplex_count && star->still; s++) {
+    for (uint32_t s = 0; s < star->simplex_count && star->at_one_point; s++) {
         out[0] = smaller(out[0], values[star->simplex[s] * stride]);
         out[1] = larger(out[1], values[star->simplex[s] * stride]);
     }
-    for (uint32_t i = 0; i < star->tet_count && !star->still; i++) {
+    for (uint32_t i = 0; i < star->tet_count && !star->at_one_point; i++) {
         struct tet_affine affine;
         complex_affine(complex, star->tets[i], &affine);
         const uint32_t *corners = complex->corners + 4 * (size_t)star->tets[i];

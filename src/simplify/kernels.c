@@ -110,18 +110,18 @@ static inline wide plane_at(const double *plane, wide x, wide y, wide z)
     return wide_dot(wide_load(plane), x, wide_load(plane + WIDE), y, wide_load(plane + 2 * WIDE), z);
 }
 
-static inline void count_turned(const double *planes, wide x, wide y, wide z, struct seen *seen)
+static inline void count_turned(const double *planes, wide x, wide y, wide z, struct edge_answer *answer)
 {
     wide before = wide_load(planes + WIDE * PLANE_VOLUME), small = wide_load(planes + WIDE * PLANE_LEAST);
     wide after = wide_add(before, plane_at(planes + WIDE * PLANE_SLOPE, x, y, z));
-    seen->turned += wide_count_at_most(after, small);
-    seen->half_turned |= wide_at_most(wide_mul(wide_all(0.5), wide_add(after, before)), small);
+    answer->turned += wide_count_at_most(after, small);
+    answer->half_turned |= wide_at_most(wide_mul(wide_all(0.5), wide_add(after, before)), small);
 }
 
-static inline struct seen look_with(const struct hood *hood, uint32_t neighbour, const struct look *look, uint32_t stride,
-                                    uint32_t components)
+static inline struct edge_answer query_edge_with(const struct hood *hood, uint32_t neighbour, const struct edge_query *query, uint32_t stride,
+                                                 uint32_t components)
 {
-    struct seen seen = {.followed = true};
+    struct edge_answer answer = {.followed = true};
     size_t four = WIDE * plane_count(components); // planes of four tetrahedra
     const double *r = hood->rows + (size_t)neighbour * stride;
     double *reach = hood->reach + (size_t)neighbour * 2 * components;
@@ -139,25 +139,25 @@ static inline struct seen look_with(const struct hood *hood, uint32_t neighbour,
             wide lower = wide_min(plane_at(first + 3 * WIDE, x, y, z), plane_at(second + 3 * WIDE, x, y, z));
             reach[2 * c] = larger(reach[2 * c], wide_greatest(upper));
             reach[2 * c + 1] = smaller(reach[2 * c + 1], wide_least(lower));
-            error = larger(error, (look->gaps[c] + look->part * (reach[2 * c] - reach[2 * c + 1])) / 2 * look->factors[c]);
+            error = larger(error, (query->gaps[c] + query->part * (reach[2 * c] - reach[2 * c + 1])) / 2 * query->factors[c]);
         }
-        count_turned(planes, x, y, z, &seen);
-        count_turned(planes + four, x, y, z, &seen);
-        seen.error = error;
-        if (error > look->most) {
-            seen.followed = false;
+        count_turned(planes, x, y, z, &answer);
+        count_turned(planes + four, x, y, z, &answer);
+        answer.error = error;
+        if (error > query->most) {
+            answer.followed = false;
             break;
         }
-        if (seen.half_turned && seen.turned > hood->shared[neighbour]) // neither is possible
+        if (answer.half_turned && answer.turned > hood->shared[neighbour]) // neither is possible
             break;
     }
-    return seen;
+    return answer;
 }
 
-static struct seen look(const struct hood *hood, uint32_t neighbour, const struct look *look, uint32_t stride)
+static struct edge_answer query_edge(const struct hood *hood, uint32_t neighbour, const struct edge_query *query, uint32_t stride)
 {
-    return look->components == 1 ? look_with(hood, neighbour, look, stride, 1)
-                                 : look_with(hood, neighbour, look, stride, look->components);
+    return query->components == 1 ? query_edge_with(hood, neighbour, query, stride, 1)
+                                  : query_edge_with(hood, neighbour, query, stride, query->components);
 }
 
 /* Twice what tet_orientation asks for at most, for r may be longer than the edges were. */
@@ -200,7 +200,7 @@ static inline uint32_t four_of_star(const struct working *working, uint32_t slot
     return count;
 }
 
-static inline bool halfway_with(const struct working *working, uint32_t from, uint32_t to, const struct look *look,
+static inline bool halfway_with(const struct working *working, uint32_t from, uint32_t to, const struct edge_query *query,
                                 struct half *half, uint32_t components)
 {
     const double *rows[3][WIDE], *own = working_row(working, from), *target = working_row(working, to);
@@ -246,19 +246,19 @@ static inline bool halfway_with(const struct working *working, uint32_t from, ui
                 half->upper[c] = larger(half->upper[c], half->rise[f] + 0.5 * wide_greatest(rise));
             else {
                 half->lower[c] = smaller(half->lower[c], half->rise[f] + 0.5 * wide_least(rise));
-                half->error = larger(half->error, (look->gaps[c] + half->upper[c] - half->lower[c]) / 2 * look->factors[c]);
+                half->error = larger(half->error, (query->gaps[c] + half->upper[c] - half->lower[c]) / 2 * query->factors[c]);
             }
         }
-        if (half->error > look->most)
+        if (half->error > query->most)
             return true;
     }
     return true;
 }
 
-static bool halfway(const struct working *working, uint32_t from, uint32_t to, const struct look *look, struct half *half)
+static bool halfway(const struct working *working, uint32_t from, uint32_t to, const struct edge_query *query, struct half *half)
 {
-    return look->components == 1 ? halfway_with(working, from, to, look, half, 1)
-                                 : halfway_with(working, from, to, look, half, look->components);
+    return query->components == 1 ? halfway_with(working, from, to, query, half, 1)
+                                 : halfway_with(working, from, to, query, half, query->components);
 }
 
 static inline wide wide_square(const wide a[4])
@@ -392,9 +392,9 @@ static void say(const struct weighing *weighing, const double *values, size_t st
 }
 
 #if defined(KERNELS)
-const struct kernels KERNELS = {prepare, look, doubt, halfway, weigh, bound, say};
+const struct kernels KERNELS = {prepare, query_edge, doubt, halfway, weigh, bound, say};
 #else
-const struct kernels kernels_plain = {prepare, look, doubt, halfway, weigh, bound, say};
+const struct kernels kernels_plain = {prepare, query_edge, doubt, halfway, weigh, bound, say};
 
 const struct kernels *kernels_choose(void)
 {

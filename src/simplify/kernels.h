@@ -27,16 +27,16 @@ static inline double *planes_at(const struct hood *hood, uint32_t components, ui
     return hood->planes + plane_count(components) * i;
 }
 
-/* How a position on the edge to a neighbour is looked at. */
-struct look {
+/* What is asked about the edge to a neighbour. */
+struct edge_query {
     uint32_t components;
     const double *factors; /* [component] error of the limit's kind per value */
     const double *gaps;    /* [component] U - L at the vertex */
-    double part;           /* of the edge: 1 to look at the neighbour's position, 0.5 if the middle is possible, too */
+    double part;           /* of the edge: 1 for the neighbour's position, 0.5 if the middle is possible, too */
     double most;           /* a greater error is not followed */
 };
 
-struct seen {
+struct edge_answer {
     double error;     /* of part of the edge, by this star alone */
     bool followed;    /* false: it got above `most`, and the rest is not known */
     uint32_t turned;  /* tetrahedra that are turned over at the neighbour's position: at least those that vanish */
@@ -77,11 +77,11 @@ struct kernels {
     /* Rows and planes of a gathered hood none of whose tetrahedra is degenerate. */
     void (*prepare)(struct hood *hood, const struct working *working);
     /* What the hood says at a neighbour. hood->reach of it is set. */
-    struct seen (*look)(const struct hood *hood, uint32_t neighbour, const struct look *look, uint32_t stride);
+    struct edge_answer (*query_edge)(const struct hood *hood, uint32_t neighbour, const struct edge_query *query, uint32_t stride);
     /* Lists in hood->doubtful the tetrahedra that may turn over where the vertex moves by r; the others surely do not. Returns how many. */
     uint32_t (*doubt)(struct hood *hood, uint32_t components, const double r[3]);
     /* The star of `from` at the middle of its edge to `to`. False: a tetrahedron is turned over there. */
-    bool (*halfway)(const struct working *working, uint32_t from, uint32_t to, const struct look *look, struct half *half);
+    bool (*halfway)(const struct working *working, uint32_t from, uint32_t to, const struct edge_query *query, struct half *half);
     /* Weights of p. False: a kept tetrahedron would not be well oriented. */
     bool (*weigh)(struct weighing *weighing, const double p[3]);
     /* Of WIDE columns of the rows. */

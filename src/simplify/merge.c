@@ -13,7 +13,7 @@
 /* An edge, and what contracting it makes of its vertices. */
 struct join {
     uint32_t kept, dead;
-    bool still; /* both are at one point: nothing moves */
+    bool at_one_point; /* both are at one point: nothing moves */
     double p[3];
 };
 
@@ -97,7 +97,7 @@ static void say_all(const struct run *run, const struct worker *worker, const st
     uint32_t stride = working->value_count;
     for (uint32_t first = 0; first < stride; first += WIDE) {
         uint32_t count = stride - first < WIDE ? stride - first : WIDE;
-        if (join->still)
+        if (join->at_one_point)
             say_ends(join, working->values + first, stride, count, said_of(worker, first));
         else
             run->kernels->say(&worker->weighing, working->values + first, stride, count, said_of(worker, first));
@@ -148,11 +148,11 @@ static bool find_bounds(const struct run *run, struct worker *worker, const stru
     worker->weighing.count = 0;
     list_star(run, &worker->weighing, worker->list, join->dead, join->kept, true);
     list_star(run, &worker->weighing, worker->list, join->kept, join->dead, false);
-    if (!join->still && !run->kernels->weigh(&worker->weighing, join->p))
+    if (!join->at_one_point && !run->kernels->weigh(&worker->weighing, join->p))
         return false;
-    if (!join->still)
+    if (!join->at_one_point)
         set_shares(&worker->weighing);
-    if (join->still)
+    if (join->at_one_point)
         bound_ends(working, a, b, upper, lower, means);
     else
         bound_star(run, &worker->weighing, upper, lower, means);
@@ -331,7 +331,7 @@ static void touch_stars(const struct run *run, struct worker *worker, const stru
                 touch(run, slot);
             if (opens && working->flags[slot] & VERTEX_BOUNDARY)
                 room = list_slot(&worker->open, &worker->open_count, &worker->open_room, slot);
-            if (room && join->still && working->flags[slot] & VERTEX_FROZEN)
+            if (room && join->at_one_point && working->flags[slot] & VERTEX_FROZEN)
                 room = list_slot(&worker->unfreezing, &worker->unfreezing_count, &worker->unfreezing_room, slot);
             worker->failed |= !room;
         }
@@ -348,7 +348,7 @@ void merge(const struct run *run, struct worker *worker, uint32_t slot, uint32_t
     *out = (struct merged){.kept = join.kept};
     if (!reserve(worker, (size_t)working->stars[join.dead].count + working->stars[join.kept].count))
         return;
-    join.still = distance_squared(working_row(working, join.dead), working_row(working, join.kept)) == 0;
+    join.at_one_point = distance_squared(working_row(working, join.dead), working_row(working, join.kept)) == 0;
     if (target % 2)
         middle_of(working, join.dead, join.kept, join.p);
     else

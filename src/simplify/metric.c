@@ -195,7 +195,7 @@ void metric_try(enum metric metric, struct metric_scratch *scratch, const struct
     }
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         struct metric_bounds bounds = {{INFINITY, -INFINITY}, {TETLOD_NONE, TETLOD_NONE}, NAN};
-        for (uint32_t s = 0; s < star->simplex_count && star->still; s++) {
+        for (uint32_t s = 0; s < star->simplex_count && star->at_one_point; s++) {
             bounds.value[0] = smaller(bounds.value[0], fields->drivers[d].lower[star->simplex[s]]);
             bounds.value[1] = larger(bounds.value[1], fields->drivers[d].upper[star->simplex[s]]);
         }
@@ -207,7 +207,7 @@ void metric_try(enum metric metric, struct metric_scratch *scratch, const struct
             scratch->bounds[d * MOST_TRIALS + t] = bounds;
     }
     bool bounded = isfinite(limit) || !metric_has_quadrics(metric); // quadrics alone need no bounds
-    for (uint32_t i = 0; i < star->tet_count && !star->still && any_left(trials, count, limit); i++) {
+    for (uint32_t i = 0; i < star->tet_count && !star->at_one_point && any_left(trials, count, limit); i++) {
         uint32_t tet = star->tets[i], ahead = star->tets[i + 4 < star->tet_count ? i + 4 : i];
         const double *origin = complex->positions + 3 * (size_t)complex->corners[4 * (size_t)tet];
         __builtin_prefetch(&complex->least_volume6[ahead]);

@@ -295,9 +295,9 @@ static void take_sample(const struct fields *fields, const double *row, struct a
     }
 }
 
-/* All samples for all trials, or until none of them can be below the horizon. */
+/* All samples for all trials, or until none of them can be below the cutoff. */
 static void take_all(const struct samples *samples, struct sampler *sampler, const struct fields *fields,
-                     const struct star *star, double limit, double horizon, struct trial *trials, uint32_t count)
+                     const struct star *star, double limit, double cutoff, struct trial *trials, uint32_t count)
 {
     bool left = true;
     sampler->held_count = 0;
@@ -307,10 +307,10 @@ static void take_all(const struct samples *samples, struct sampler *sampler, con
             double *parts = sampler->parts + sampler->held_count * sampler->part_count;
             left = false;
             for (uint32_t t = 0; t < count; t++) {
-                if (!trials[t].possible || trials[t].error > horizon)
+                if (!trials[t].possible || trials[t].error > cutoff)
                     continue;
                 take_sample(fields, row, &sampler->attempts[t], limit, &trials[t], parts + 2 * (size_t)t * fields->driver_count);
-                left |= trials[t].error <= horizon;
+                left |= trials[t].error <= cutoff;
             }
             sampler->held[sampler->held_count++] = (struct held){s, sampler->attempts[0].cone};
         }
@@ -358,13 +358,13 @@ static bool attempt_all(struct sampler *sampler, const struct complex *complex, 
 }
 
 enum tetlod_status samples_try(const struct samples *samples, struct sampler *sampler, const struct complex *complex,
-                               const struct fields *fields, const struct star *star, double limit, double horizon,
+                               const struct fields *fields, const struct star *star, double limit, double cutoff,
                                struct trial *trials, uint32_t count, struct tetlod_error *error)
 {
     TETLOD_TRY(reserve(sampler, samples, fields, star, count, error));
     if (!attempt_all(sampler, complex, fields, star, trials, count))
         return TETLOD_OK;
-    take_all(samples, sampler, fields, star, limit * (1 - SPARE), horizon, trials, count);
+    take_all(samples, sampler, fields, star, limit * (1 - SPARE), cutoff, trials, count);
     for (uint32_t t = 0; t < count; t++) {
         if (trials[t].possible && trials[t].error == 0)
             settle(sampler, fields, t, &trials[t]);

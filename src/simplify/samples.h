@@ -45,7 +45,7 @@ void sampler_fini(struct sampler *sampler);
 /* As metric_try does, for the true error at the samples. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status samples_try(const struct samples *samples, struct sampler *sampler,
                                               const struct complex *complex, const struct fields *fields,
-                                              const struct star *star, double limit, double horizon,
+                                              const struct star *star, double limit, double cutoff,
                                               struct trial *trials, uint32_t count, struct tetlod_error *error);
 
 /* The drivers' values at a trial of the last samples_try; NaN: scalar value assignment. */

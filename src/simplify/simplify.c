@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "src/simplify/judge.h"
+#include "src/simplify/evaluator.h"
 #include "src/simplify/ladder.h"
 #include "src/simplify/regions.h"
 #include "src/simplify/rounds.h"
@@ -14,9 +14,9 @@
 #include "src/util/array.h"
 #include "src/util/crew.h"
 
-/* What the exact limit refuses is followed to this multiple of it on the rungs that levels are named after, where near misses are
- * searched from; between them not at all. */
-static const double EXACT_HORIZON = 1.2;
+/* Examining a position stops where the error is above this multiple of the limit, on rungs that levels are named after; on the others it
+ * stops at the limit. Positions between the candidates are searched for from those below it. */
+static const double EXACT_CUTOFF = 1.2;
 
 /* Tetrahedra and slots are renumbered where no larger fraction of them is left. */
 static const double MOST_LEFT = 0.96;
@@ -24,15 +24,15 @@ static const double MOST_LEFT = 0.96;
 /* So many that wait are evaluated at a time. */
 enum { RESCANNED = 2048 };
 
-/* What all candidates fail by little may succeed between them: so many steps are made, each halved as often at most, while what is
- * expected of the next is below this multiple of the limit, and what the last one came to below that. */
+/* If every candidate misses the limit by little, positions between them are searched: at most MOST_STEPS steps, each halved at most HALVINGS
+ * times. A step is made while the error that is expected of it is below STEP_EXPECTED times the limit, and the last step's error was below
+ * STEP_NEEDED times the limit. */
 enum { MOST_STEPS = 12, HALVINGS = 2 };
-static const double HOPE = 1.12, NEAR = 1.1;
+static const double STEP_EXPECTED = 1.12, STEP_NEEDED = 1.1;
 
-/* Above this multiple of the limit, the root mean square that the quadric expects tells that the exact limit will refuse (hardly
- * one in a hundred that it allows has more than 1.4): it waits unasked. Less is asked between the rungs that levels are
- * named after. */
-static const double CHANCE = 1, CHANCE_NAMED = 1.4;
+/* The exact limit is not asked about a candidate if the quadric expects a root mean square above this multiple of the limit: of candidates
+ * above 1.4 it would refuse about 99 in a hundred. Between the rungs that levels are named after fewer candidates are asked about. */
+static const double MOST_EXPECTED = 1, MOST_EXPECTED_NAMED = 1.4;
 
 /* Takes what is obsolete out of those that wait. */
 static void clear_waiting(struct run *run)
@@ -64,11 +64,11 @@ static enum tetlod_status file(struct run *run, const struct queue_entry *entry,
 static enum tetlod_status evaluate_and_file(struct run *run, struct queue_entry *entry)
 {
     bool allowed;
-    if (!judge_may(run, entry))
+    if (!may_be_contracted(run, entry))
         return TETLOD_OK;
-    if (judge_evaluate(run, run->judges, entry, &allowed) != TETLOD_OK) {
-        *run->error = run->judges->error;
-        return run->judges->error.status;
+    if (evaluate_simplex(run, run->evaluators, entry, &allowed) != TETLOD_OK) {
+        *run->error = run->evaluators->error;
+        return run->evaluators->error.status;
     }
     return file(run, entry, allowed);
 }
@@ -93,9 +93,9 @@ static enum tetlod_status file_simplex(struct run *run, uint32_t v, const uint32
         run->last = entry;
         return TETLOD_OK;
     }
-    if (!first && judge_may(run, &entry) && !queue_append(&run->fresh, &entry))
+    if (!first && may_be_contracted(run, &entry) && !queue_append(&run->fresh, &entry))
         return tetlodi_fail_nomem(run->error, "the queue", run->fresh.capacity * sizeof entry);
-    return first && entry.vertices[0] == v && judge_may(run, &entry) ? file(run, &entry, false) : TETLOD_OK;
+    return first && entry.vertices[0] == v && may_be_contracted(run, &entry) ? file(run, &entry, false) : TETLOD_OK;
 }
 
 static enum tetlod_status list_edges(struct run *run, uint32_t v, bool first)
@@ -170,7 +170,7 @@ static enum tetlod_status perform(struct run *run, const struct star *star, cons
                                   const double *errors)
 {
     uint32_t v = star->simplex[0];
-    double most = smaller(boundary_map_most(&run->judges->map, run->boundary.most), run->boundary.limit);
+    double most = smaller(boundary_map_most(&run->evaluators->map, run->boundary.most), run->boundary.limit);
     fields_contract(run->fields, run->complex, star, p, run->outcome);
     TETLOD_TRY(complex_contract(run->complex, star, p, run->error));
     metric_update_envelopes(run->options->metric, run->fields, run->complex, v);
@@ -184,7 +184,7 @@ static enum tetlod_status perform(struct run *run, const struct star *star, cons
         if (run->options->local_bound)
             run->complex->log.components[d].bounds[run->complex->log.count - 1] = errors[d];
     }
-    if (star->still)
+    if (star->at_one_point)
         TETLOD_TRY(unfreeze(run, v));
     return list_simplices(run, v, false);
 }
@@ -194,32 +194,32 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
 {
     double p[3], moved;
     bool holds;
-    struct judge *judge = run->judges;
-    struct star *star = &judge->star;
+    struct evaluator *evaluator = run->evaluators;
+    struct star *star = &evaluator->star;
     TETLOD_TRY(star_gather(star, run->complex, entry->vertices, vertex_count(entry), run->error));
-    if (!judge_place(run, judge, entry, p, &moved))
+    if (!evaluator_place(run, evaluator, entry, p, &moved))
         return refuse(run, *entry, INFINITY);
     TETLOD_TRY(star_link_condition(star, run->complex, &holds, run->error));
     if (!holds) {
-        judge->refused[LOG_REFUSED_LINK]++;
+        evaluator->refused[LOG_REFUSED_LINK]++;
         return refuse(run, *entry, INFINITY);
     }
     struct trial trial = {.position = {p[0], p[1], p[2]}, .possible = true};
-    if (judge_try(run, judge, &judge->map, run->limit, &trial, 1) != TETLOD_OK) {
-        *run->error = judge->error;
+    if (evaluator_try(run, evaluator, &evaluator->map, run->limit, &trial, 1) != TETLOD_OK) {
+        *run->error = evaluator->error;
         return run->error->status;
     }
     if (run->options->metric == METRIC_MEASURED && (!trial.possible || trial.error > run->limit))
         return refuse(run, *entry, trial.possible ? trial.error : INFINITY);
-    judge_assigned(run, judge, run->assigned);
-    fields_outcome(run->fields, run->complex, star, &judge->map, p, run->assigned, run->outcome);
+    evaluator_assigned(run, evaluator, run->assigned);
+    fields_outcome(run->fields, run->complex, star, &evaluator->map, p, run->assigned, run->outcome);
     double certified = outcome_error(run->fields, run->outcome);
     if (metric_is_certified(run->options->metric) && certified > run->limit * (1 + LIMIT_TIE)) { // its rounding is too much
-        judge->refused[LOG_REFUSED_ROUNDING]++;
+        evaluator->refused[LOG_REFUSED_ROUNDING]++;
         return refuse(run, *entry, certified);
     }
     if (run->options->metric == METRIC_MEASURED)
-        samples_contract(&run->samples, &judge->sampler, run->fields, star, trial.error);
+        samples_contract(&run->samples, &evaluator->sampler, run->fields, star, trial.error);
     if (run->options->metric == METRIC_ENVELOPE)
         fields_cheapen(run->fields, run->complex, star, p, run->certified, run->outcome);
     for (uint32_t d = 0; d < run->fields->driver_count; d++)
@@ -230,8 +230,8 @@ static enum tetlod_status contract(struct run *run, const struct queue_entry *en
 
 /* ---- the exact limit */
 
-/* The entry's candidate is refused; its next best is chosen. *io_tried: the judge has tried all on this star; *out_left: there is one. */
-static enum tetlod_status next_candidate(const struct run *run, struct judge *judge, struct queue_entry *entry,
+/* The entry's candidate is refused; its next best is chosen. *io_tried: the evaluator has tried all on this star; *out_left: there is one. */
+static enum tetlod_status next_candidate(const struct run *run, struct evaluator *evaluator, struct queue_entry *entry,
                                          const struct finding *finding, bool *io_tried, bool *out_left)
 {
     uint32_t a = finding->witness[0].tet, b = finding->witness[1].tet;
@@ -239,130 +239,130 @@ static enum tetlod_status next_candidate(const struct run *run, struct judge *ju
     entry->bound = smaller(entry->bound, finding->error);
     remember_witnesses(entry, (uint32_t[]){a == TETLOD_NONE ? b : a, b == TETLOD_NONE ? a : b});
     if (!*io_tried)
-        TETLOD_TRY(judge_try_all(run, judge, entry));
+        TETLOD_TRY(evaluator_try_all(run, evaluator, entry));
     *io_tried = true;
-    double least = judge_best(run, judge, entry);
+    double least = evaluator_best(run, evaluator, entry);
     *out_left = isfinite(entry->value);
     if (!*out_left) // what is left waits for as much; else it is asked next, and the answer counts
         entry->bound = smaller(entry->bound, least);
     return TETLOD_OK;
 }
 
-/* Asks the exact limit about the work's position on the star that was taken up. */
-static enum tetlod_status ask(const struct run *run, struct judge *judge, struct work *work, double horizon,
+/* Asks the exact limit about the item's position on the star that was taken up. */
+static enum tetlod_status ask(const struct run *run, struct evaluator *evaluator, struct batch_entry *item, double cutoff,
                               bool whole, struct finding *out)
 {
     size_t size = run->fields->driver_count * sizeof(double);
-    TETLOD_TRY(exact_examine(&judge->examiner, &run->overlaps, run->complex, run->fields, &judge->star, work->position,
-                             run->limit, horizon, whole, out, &judge->error));
+    TETLOD_TRY(exact_examine(&evaluator->examiner, &run->overlaps, run->complex, run->fields, &evaluator->star, item->position,
+                             run->limit, cutoff, whole, out, &evaluator->error));
     if (!out->allowed)
         return TETLOD_OK;
-    memcpy(work->values, judge->examiner.chosen, size);
-    memcpy(work->errors, judge->examiner.errors, size);
-    work->outcome = ALLOWED;
-    return exact_hand_on(&judge->examiner, run->complex, &work->handover, &judge->error);
+    memcpy(item->values, evaluator->examiner.chosen, size);
+    memcpy(item->errors, evaluator->examiner.errors, size);
+    item->outcome = ALLOWED;
+    return exact_hand_on(&evaluator->examiner, run->complex, &item->handover, &evaluator->error);
 }
 
 /* May the star be contracted to a position that is none of the candidates? */
-static bool may_go(const struct run *run, struct judge *judge, const double p[3])
+static bool may_go(const struct run *run, struct evaluator *evaluator, const double p[3])
 {
     static const double anywhere[4] = {0.25, 0.25, 0.25, 0.25};
-    return boundary_allows(&run->boundary, run->complex, &judge->star, anywhere, p) &&
-           boundary_moves(&run->boundary, run->complex, &judge->star, p, &judge->map) <= run->boundary.limit &&
-           star_fits(&judge->star, run->complex, p);
+    return boundary_allows(&run->boundary, run->complex, &evaluator->star, anywhere, p) &&
+           boundary_moves(&run->boundary, run->complex, &evaluator->star, p, &evaluator->map) <= run->boundary.limit &&
+           star_fits(&evaluator->star, run->complex, p);
 }
 
-/* All candidates are refused, the one at work->position by the least: goes on from there, each step to where less is needed,
- * until that is allowed or there is no hope. */
-static enum tetlod_status search(const struct run *run, struct judge *judge, struct work *work)
+/* All candidates are refused, the one at item->position by the least: goes on from there, each step to where less is needed,
+ * until that is allowed or no step is worth making. */
+static enum tetlod_status search(const struct run *run, struct evaluator *evaluator, struct batch_entry *item)
 {
     struct finding finding;
-    double from[3], step[3], expected, most = EXACT_HORIZON * run->limit;
-    TETLOD_TRY(ask(run, judge, work, most, true, &finding));
+    double from[3], step[3], expected, most = EXACT_CUTOFF * run->limit;
+    TETLOD_TRY(ask(run, evaluator, item, most, true, &finding));
     for (int steps = 0; steps < MOST_STEPS && !finding.allowed && finding.error < most; steps++) {
         double best = finding.error;
-        memcpy(from, work->position, sizeof from);
-        TETLOD_TRY(descent_step(&judge->descent, &judge->examiner, &run->boundary, run->complex, run->fields, &judge->star,
-                                step, &expected, &judge->error));
-        for (int halving = 0; halving <= HALVINGS && expected < HOPE * run->limit && !(finding.error < best); halving++) {
+        memcpy(from, item->position, sizeof from);
+        TETLOD_TRY(descent_step(&evaluator->descent, &evaluator->examiner, &run->boundary, run->complex, run->fields, &evaluator->star,
+                                step, &expected, &evaluator->error));
+        for (int halving = 0; halving <= HALVINGS && expected < STEP_EXPECTED * run->limit && !(finding.error < best); halving++) {
             for (int i = 0; i < 3; i++)
-                work->position[i] = from[i] + step[i] / (1 << halving);
-            complex_round_position(run->complex, work->position);
-            if (may_go(run, judge, work->position))
-                TETLOD_TRY(ask(run, judge, work, best, true, &finding));
+                item->position[i] = from[i] + step[i] / (1 << halving);
+            complex_round_position(run->complex, item->position);
+            if (may_go(run, evaluator, item->position))
+                TETLOD_TRY(ask(run, evaluator, item, best, true, &finding));
         }
         if (!(finding.error < best))
             break;
-        most = NEAR * run->limit;
+        most = STEP_NEEDED * run->limit;
     }
     return TETLOD_OK;
 }
 
-/* Examines a fresh entry's candidates, best first, until one is allowed or it is not its turn any more. Changes nothing but the judge and the work. */
-static enum tetlod_status examine(const struct run *run, struct judge *judge, struct work *work)
+/* Examines a fresh entry's candidates, best first, until one is allowed or it is not its turn any more. Changes nothing but the evaluator and the item. */
+static enum tetlod_status examine(const struct run *run, struct evaluator *evaluator, struct batch_entry *item)
 {
-    struct queue_entry *entry = &work->entry;
-    double horizon = (run->named ? EXACT_HORIZON : 1) * run->limit, least = INFINITY, nearest[3], moved;
+    struct queue_entry *entry = &item->entry;
+    double cutoff = (run->named ? EXACT_CUTOFF : 1) * run->limit, least = INFINITY, nearest[3], moved;
     bool tried = false;
-    work->witness_count = 0;
-    TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
-    TETLOD_TRY(exact_take_up(&judge->examiner, run->complex, run->fields, &judge->star, &judge->error));
+    item->witness_count = 0;
+    TETLOD_TRY(star_gather(&evaluator->star, run->complex, entry->vertices, vertex_count(entry), &evaluator->error));
+    TETLOD_TRY(exact_begin(&evaluator->examiner, run->complex, run->fields, &evaluator->star, &evaluator->error));
     do {
         struct finding finding = {.error = INFINITY, .witness = {{.tet = TETLOD_NONE}, {.tet = TETLOD_NONE}}};
         double key = entry->value;
         bool left;
-        work->outcome = REFUSED;
-        if (judge_place(run, judge, entry, work->position, &moved))
-            TETLOD_TRY(ask(run, judge, work, horizon, false, &finding));
+        item->outcome = REFUSED;
+        if (evaluator_place(run, evaluator, entry, item->position, &moved))
+            TETLOD_TRY(ask(run, evaluator, item, cutoff, false, &finding));
         else
             entry->witness_count = QUEUE_WITNESSES + 1;
-        judge->refused[LOG_REFUSED_SIZE] += finding.large;
+        evaluator->refused[LOG_REFUSED_SIZE] += finding.large;
         if (finding.allowed)
             return TETLOD_OK;
         if (finding.error < least) {
             least = finding.error;
-            memcpy(nearest, work->position, sizeof nearest);
+            memcpy(nearest, item->position, sizeof nearest);
         }
-        for (int i = 0; i < 2 && work->witness_count < 8; i++)
-            work->witnesses[work->witness_count++] = finding.witness[i];
-        TETLOD_TRY(next_candidate(run, judge, entry, &finding, &tried, &left));
-        if (!left && run->named && least < horizon) {
-            memcpy(work->position, nearest, sizeof nearest);
-            TETLOD_TRY(search(run, judge, work));
+        for (int i = 0; i < 2 && item->witness_count < 8; i++)
+            item->witnesses[item->witness_count++] = finding.witness[i];
+        TETLOD_TRY(next_candidate(run, evaluator, entry, &finding, &tried, &left));
+        if (!left && run->named && least < cutoff) {
+            memcpy(item->position, nearest, sizeof nearest);
+            TETLOD_TRY(search(run, evaluator, item));
         }
         if (!left) {
-            entry->value = work->outcome == ALLOWED ? key : entry->bound;
+            entry->value = item->outcome == ALLOWED ? key : entry->bound;
             return TETLOD_OK;
         }
     } while (entry->value <= run->batch_key);
-    work->outcome = FILED; // others come before its next candidate
+    item->outcome = FILED; // others come before its next candidate
     return TETLOD_OK;
 }
 
-static void work_range(void *context, unsigned worker, size_t begin, size_t end)
+static void examine_range(void *context, unsigned worker, size_t begin, size_t end)
 {
     struct run *run = context;
-    struct judge *judge = &run->judges[worker];
-    for (size_t i = begin; i < end && judge->status == TETLOD_OK; i++) {
-        struct work *work = &run->works[i];
+    struct evaluator *evaluator = &run->evaluators[worker];
+    for (size_t i = begin; i < end && evaluator->status == TETLOD_OK; i++) {
+        struct batch_entry *item = &run->batch_entries[i];
         bool allowed;
-        if (!stale(run->complex, &work->entry)) {
-            judge->status = examine(run, judge, work);
+        if (!stale(run->complex, &item->entry)) {
+            evaluator->status = examine(run, evaluator, item);
             continue;
         }
-        work->witness_count = 0;
-        judge->status = judge_evaluate(run, judge, &work->entry, &allowed);
-        work->outcome = allowed ? FILED : REFUSED;
+        item->witness_count = 0;
+        evaluator->status = evaluate_simplex(run, evaluator, &item->entry, &allowed);
+        item->outcome = allowed ? FILED : REFUSED;
     }
 }
 
 /* Contracts an entry that was allowed, if nothing else of its batch is in the way. */
-static enum tetlod_status contract_exactly(struct run *run, const struct work *work)
+static enum tetlod_status contract_exactly(struct run *run, const struct batch_entry *item)
 {
-    const double *p = work->position;
+    const double *p = item->position;
     bool holds;
-    struct star *star = &run->judges->star;
-    const struct queue_entry *entry = &work->entry;
+    struct star *star = &run->evaluators->star;
+    const struct queue_entry *entry = &item->entry;
     if (obsolete(run->complex, entry))
         return TETLOD_OK;
     if (stale(run->complex, entry))
@@ -370,23 +370,23 @@ static enum tetlod_status contract_exactly(struct run *run, const struct work *w
     TETLOD_TRY(star_gather(star, run->complex, entry->vertices, vertex_count(entry), run->error));
     TETLOD_TRY(star_link_condition(star, run->complex, &holds, run->error));
     if (!holds) {
-        run->judges->refused[LOG_REFUSED_LINK]++;
+        run->evaluators->refused[LOG_REFUSED_LINK]++;
         return refuse(run, *entry, INFINITY);
     }
-    double moved = boundary_moves(&run->boundary, run->complex, star, p, &run->judges->map);
-    fields_outcome(run->fields, run->complex, star, &run->judges->map, p, work->values, run->outcome);
-    TETLOD_TRY(overlaps_take(&run->overlaps, star, &work->handover, run->error));
-    return perform(run, star, p, moved, work->errors);
+    double moved = boundary_moves(&run->boundary, run->complex, star, p, &run->evaluators->map);
+    fields_outcome(run->fields, run->complex, star, &run->evaluators->map, p, item->values, run->outcome);
+    TETLOD_TRY(overlaps_take(&run->overlaps, star, &item->handover, run->error));
+    return perform(run, star, p, moved, item->errors);
 }
 
 static enum tetlod_status first_failure(struct run *run)
 {
     for (unsigned j = 0; j < crew_size(run->crew); j++) {
-        if (run->judges[j].status != TETLOD_OK) {
-            *run->error = run->judges[j].error;
-            return run->judges[j].status;
+        if (run->evaluators[j].status != TETLOD_OK) {
+            *run->error = run->evaluators[j].error;
+            return run->evaluators[j].status;
         }
-        if (run->judges[j].map.failed)
+        if (run->evaluators[j].map.failed)
             return tetlodi_fail_nomem(run->error, "a boundary", 0);
     }
     return TETLOD_OK;
@@ -453,10 +453,10 @@ struct evaluation {
 static void evaluate_range(void *context, unsigned worker, size_t begin, size_t end)
 {
     const struct evaluation *evaluation = context;
-    struct judge *judge = &evaluation->run->judges[worker];
-    for (size_t i = begin; i < end && judge->status == TETLOD_OK; i++) {
+    struct evaluator *evaluator = &evaluation->run->evaluators[worker];
+    for (size_t i = begin; i < end && evaluator->status == TETLOD_OK; i++) {
         bool allowed = false;
-        judge->status = judge_evaluate(evaluation->run, judge, &evaluation->entries[i], &allowed);
+        evaluator->status = evaluate_simplex(evaluation->run, evaluator, &evaluation->entries[i], &allowed);
         evaluation->allowed[i] = allowed;
     }
 }
@@ -564,7 +564,7 @@ static enum tetlod_status take_batch(struct run *run, size_t *out_count)
         if (obsolete(run->complex, &entry))
             continue;
         if (stale(run->complex, &entry) || claim(run, &entry))
-            run->works[count++].entry = entry;
+            run->batch_entries[count++].entry = entry;
         else
             run->postponed[postponed++] = entry;
     }
@@ -594,7 +594,7 @@ static void renumber(struct run *run)
         queue_renumber(&run->queue, &tets, &slots);
         renumber_array(&run->claims, sizeof *run->claims, &slots);
         for (unsigned j = 0; j < crew_size(run->crew); j++)
-            patch_renumber(&run->judges[j].examiner.patch, &slots);
+            patch_renumber(&run->evaluators[j].examiner.patch, &slots);
     }
     renumbering_fini(&tets);
     renumbering_fini(&slots);
@@ -606,17 +606,17 @@ static enum tetlod_status climb_exactly(struct run *run)
     while (run->queue.count && !finished(run)) {
         size_t count;
         TETLOD_TRY(take_batch(run, &count));
-        crew_run(run->crew, count, 1, work_range, run);
+        crew_run(run->crew, count, 1, examine_range, run);
         TETLOD_TRY(first_failure(run));
         for (size_t i = 0; i < count; i++) {
             uint32_t before = run->complex->log.count;
-            for (uint32_t k = 0; k < run->works[i].witness_count; k++)
-                overlaps_watch(&run->overlaps, &run->works[i].witnesses[k]);
-            if (run->works[i].outcome == ALLOWED && !finished(run))
-                TETLOD_TRY(contract_exactly(run, &run->works[i]));
+            for (uint32_t k = 0; k < run->batch_entries[i].witness_count; k++)
+                overlaps_watch(&run->overlaps, &run->batch_entries[i].witnesses[k]);
+            if (run->batch_entries[i].outcome == ALLOWED && !finished(run))
+                TETLOD_TRY(contract_exactly(run, &run->batch_entries[i]));
             else
-                TETLOD_TRY(file(run, &run->works[i].entry, run->works[i].outcome != REFUSED));
-            handover_fini(&run->works[i].handover); // they are large where stars are
+                TETLOD_TRY(file(run, &run->batch_entries[i].entry, run->batch_entries[i].outcome != REFUSED));
+            handover_fini(&run->batch_entries[i].handover); // they are large where stars are
             if (run->complex->log.count == before)
                 continue;
             TETLOD_TRY(report(run));
@@ -636,7 +636,7 @@ static enum tetlod_status rung(struct run *run, double limit, bool named)
     bool any;
     run->limit = limit;
     run->named = named;
-    run->chance = named ? CHANCE_NAMED : CHANCE;
+    run->most_expected = named ? MOST_EXPECTED_NAMED : MOST_EXPECTED;
     TETLOD_TRY(rescan(run, &any));
     for (int round = 0; any && !finished(run) && round < 4; round++) {
         uint32_t before = run->complex->log.count;
@@ -675,47 +675,47 @@ static bool asks_envelopes(const struct simplify_options *options)
     return options->metric != METRIC_MEASURED && !(options->certify == CERTIFY_EXACT && metric_has_quadrics(options->metric));
 }
 
-static enum tetlod_status make_judges(struct run *run)
+static enum tetlod_status make_evaluators(struct run *run)
 {
     run->crew = crew_new(run->options->threads);
-    run->judges = run->crew ? array_zero(crew_size(run->crew), sizeof *run->judges) : NULL;
-    if (!run->crew || !run->judges)
-        return tetlodi_fail_nomem(run->error, "the threads", run->options->threads * sizeof *run->judges);
+    run->evaluators = run->crew ? array_zero(crew_size(run->crew), sizeof *run->evaluators) : NULL;
+    if (!run->crew || !run->evaluators)
+        return tetlodi_fail_nomem(run->error, "the threads", run->options->threads * sizeof *run->evaluators);
     for (unsigned j = 0; j < crew_size(run->crew); j++) {
-        TETLOD_TRY(metric_init(&run->judges[j].scratch, run->fields, run->error));
+        TETLOD_TRY(metric_init(&run->evaluators[j].scratch, run->fields, run->error));
         if (is_exact(run))
-            TETLOD_TRY(examiner_init(&run->judges[j].examiner, run->complex, run->fields, run->error));
-        TETLOD_TRY(sampler_init(&run->judges[j].sampler, run->fields, run->error));
+            TETLOD_TRY(examiner_init(&run->evaluators[j].examiner, run->complex, run->fields, run->error));
+        TETLOD_TRY(sampler_init(&run->evaluators[j].sampler, run->fields, run->error));
     }
     return TETLOD_OK;
 }
 
-static enum tetlod_status make_works(struct run *run, const struct tetmesh *mesh)
+static enum tetlod_status make_batch(struct run *run, const struct tetmesh *mesh)
 {
     size_t drivers = run->fields->driver_count;
-    run->works = array_zero(BATCH, sizeof *run->works);
-    run->work_values = array_new(2 * BATCH * drivers, sizeof *run->work_values);
+    run->batch_entries = array_zero(BATCH, sizeof *run->batch_entries);
+    run->batch_values = array_new(2 * BATCH * drivers, sizeof *run->batch_values);
     run->claims = array_zero(run->complex->vertex_count, sizeof *run->claims);
-    if (!run->works || !run->work_values || !run->claims)
-        return tetlodi_fail_nomem(run->error, "the works", BATCH * (sizeof *run->works + 16 * drivers));
+    if (!run->batch_entries || !run->batch_values || !run->claims)
+        return tetlodi_fail_nomem(run->error, "a batch", BATCH * (sizeof *run->batch_entries + 16 * drivers));
     for (size_t i = 0; i < BATCH; i++) {
-        run->works[i].values = run->work_values + 2 * i * drivers;
-        run->works[i].errors = run->works[i].values + drivers;
+        run->batch_entries[i].values = run->batch_values + 2 * i * drivers;
+        run->batch_entries[i].errors = run->batch_entries[i].values + drivers;
     }
     return overlaps_init(&run->overlaps, mesh, run->error);
 }
 
-static void free_judges(struct run *run)
+static void free_evaluators(struct run *run)
 {
-    for (unsigned j = 0; run->judges && j < crew_size(run->crew); j++) {
-        star_fini(&run->judges[j].star);
-        metric_fini(&run->judges[j].scratch);
-        examiner_fini(&run->judges[j].examiner);
-        sampler_fini(&run->judges[j].sampler);
-        descent_fini(&run->judges[j].descent);
-        boundary_map_fini(&run->judges[j].map);
+    for (unsigned j = 0; run->evaluators && j < crew_size(run->crew); j++) {
+        star_fini(&run->evaluators[j].star);
+        metric_fini(&run->evaluators[j].scratch);
+        examiner_fini(&run->evaluators[j].examiner);
+        sampler_fini(&run->evaluators[j].sampler);
+        descent_fini(&run->evaluators[j].descent);
+        boundary_map_fini(&run->evaluators[j].map);
     }
-    free(run->judges);
+    free(run->evaluators);
     crew_free(run->crew);
 }
 
@@ -765,10 +765,10 @@ enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *m
     TETLOD_TRY_DONE(boundary_init(&run.boundary, &complex, options->boundary_angle, options->boundary_limit,
                                   options->boundary_least, error));
     if (options->certify == CERTIFY_EXACT)
-        TETLOD_TRY_DONE(make_works(&run, mesh));
+        TETLOD_TRY_DONE(make_batch(&run, mesh));
     if (options->metric == METRIC_MEASURED)
         TETLOD_TRY_DONE(samples_init(&run.samples, mesh, &complex, &fields, error));
-    TETLOD_TRY_DONE(make_judges(&run));
+    TETLOD_TRY_DONE(make_evaluators(&run));
     run.certified = array_zero(3 * (size_t)fields.driver_count, sizeof(double));
     run.outcome = array_new(fields.driver_count, sizeof *run.outcome);
     if (!run.certified || !run.outcome)
@@ -778,7 +778,7 @@ enum tetlod_status simplify(struct contraction_log *out, const struct tetmesh *m
     TETLOD_TRY_DONE(run_ladder(&run));
     for (unsigned j = 0; j < crew_size(run.crew); j++)
         for (int r = 0; r < LOG_REFUSALS; r++)
-            complex.log.refused[r] += run.judges[j].refused[r];
+            complex.log.refused[r] += run.evaluators[j].refused[r];
     log_finish(&complex.log);
     *out = complex.log;
     complex.log = (struct contraction_log){0};
@@ -786,14 +786,14 @@ done:
     boundary_fini(&run.boundary);
     overlaps_fini(&run.overlaps);
     samples_fini(&run.samples);
-    free_judges(&run);
+    free_evaluators(&run);
     queue_fini(&run.queue);
     waiting_list_fini(&run.waiting);
     queue_fini(&run.fresh);
-    for (size_t i = 0; i < BATCH && run.works; i++)
-        handover_fini(&run.works[i].handover);
-    free(run.works);
-    free(run.work_values);
+    for (size_t i = 0; i < BATCH && run.batch_entries; i++)
+        handover_fini(&run.batch_entries[i].handover);
+    free(run.batch_entries);
+    free(run.batch_values);
     free(run.claims);
     free(run.certified);
     free(run.outcome);

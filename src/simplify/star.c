@@ -47,10 +47,10 @@ static enum tetlod_status begin(struct star *star, const struct complex *complex
                                 uint32_t simplex_count, size_t most, struct tetlod_error *error)
 {
     const double *first = complex->positions + 3 * (size_t)simplex[0];
-    star->still = true;
+    star->at_one_point = true;
     for (uint32_t s = 0; s < simplex_count; s++) {
         star->simplex[s] = simplex[s];
-        star->still &= distance_squared(first, complex->positions + 3 * (size_t)simplex[s]) == 0;
+        star->at_one_point &= distance_squared(first, complex->positions + 3 * (size_t)simplex[s]) == 0;
     }
     star->simplex_count = simplex_count;
     star->tet_count = star->removed_count = 0;
@@ -140,7 +140,7 @@ void complex_affine(const struct complex *complex, uint32_t tet, struct tet_affi
 bool star_fits(const struct star *star, const struct complex *complex, const double p[3])
 {
     for (uint32_t i = 0; i < star->tet_count; i++) {
-        if (star->moving[i] == STAR_REMOVED || star->still)
+        if (star->moving[i] == STAR_REMOVED || star->at_one_point)
             continue;
         const double *q[4];
         for (int c = 0; c < 4; c++)

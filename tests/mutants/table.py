@@ -37,8 +37,8 @@ mutant('values are not rounded', 'src/simplify/evaluate.c',
 mutant('flips', 'src/simplify/kernels.c', 'fits &= !(small >> j & 1 && weighing->moves[i + j]);', 'fits &= !(small >> j & 1 && weighing->moves[i + j] > 1);',
        'C1: no tetrahedron flips or degenerates', PROOF,
        more=(('src/simplify/evaluate.c', 'working_row(working, hood->slots[c])) <= 0)', 'working_row(working, hood->slots[c])) < -1)'),
-             ('src/simplify/evaluate.c', '!seen.half_turned, seen.followed', 'true, seen.followed'),
-             ('src/simplify/evaluate.c', 'seen.turned <= hood->shared[n], seen.followed', 'true, seen.followed')))
+             ('src/simplify/evaluate.c', '!answer.half_turned, answer.followed', 'true, answer.followed'),
+             ('src/simplify/evaluate.c', 'answer.turned <= hood->shared[n], answer.followed', 'true, answer.followed')))
 mutant('link condition', 'src/simplify/evaluate.c',
        'if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room)) {', 'if (!links_hold(&worker->links, hood, working, candidate->neighbour, &room) && !room) {',
        'C4 is asked', 'unit/test_links')
@@ -94,8 +94,8 @@ mutant('folds are not frozen', 'src/simplify/border.c', 'working->flags[working-
 # ---- the same for other metrics, faces and tetrahedra
 
 mutant('serial: star without a tetrahedron', 'src/simplify/fields.c',
-       'for (uint32_t i = 0; i < star->tet_count && !star->still; i++) {\n        struct tet_affine affine;',
-       'for (uint32_t i = 1; i < star->tet_count && !star->still; i++) {\n        struct tet_affine affine;',
+       'for (uint32_t i = 0; i < star->tet_count && !star->at_one_point; i++) {\n        struct tet_affine affine;',
+       'for (uint32_t i = 1; i < star->tet_count && !star->at_one_point; i++) {\n        struct tet_affine affine;',
        'all tetrahedra of the star are continued to the new vertex', 'unit/test_fields')
 mutant('serial: upper is the value', 'src/simplify/fields.c', 'driver->upper[v] = outcome[d].upper;', 'driver->upper[v] = outcome[d].value;',
        'errors accumulate', PROOF)

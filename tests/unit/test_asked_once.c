@@ -45,18 +45,18 @@ static void note(const struct complex *complex, const struct star *star, const d
 /* What the builder calls in place of exact_examine (Makefile). Searches between candidates (`whole`) begin with one of these on purpose. */
 enum tetlod_status __wrap_exact_examine(struct examiner *examiner, const struct overlaps *overlaps, const struct complex *complex,
                                         const struct fields *fields, const struct star *star, const double p[3], double limit,
-                                        double horizon, bool whole, struct finding *out, struct tetlod_error *error);
+                                        double cutoff, bool whole, struct finding *out, struct tetlod_error *error);
 enum tetlod_status __real_exact_examine(struct examiner *examiner, const struct overlaps *overlaps, const struct complex *complex,
                                         const struct fields *fields, const struct star *star, const double p[3], double limit,
-                                        double horizon, bool whole, struct finding *out, struct tetlod_error *error);
+                                        double cutoff, bool whole, struct finding *out, struct tetlod_error *error);
 
 enum tetlod_status __wrap_exact_examine(struct examiner *examiner, const struct overlaps *overlaps, const struct complex *complex,
                                         const struct fields *fields, const struct star *star, const double p[3], double limit,
-                                        double horizon, bool whole, struct finding *out, struct tetlod_error *error)
+                                        double cutoff, bool whole, struct finding *out, struct tetlod_error *error)
 {
     if (!whole)
         note(complex, star, p, limit);
-    return __real_exact_examine(examiner, overlaps, complex, fields, star, p, limit, horizon, whole, out, error);
+    return __real_exact_examine(examiner, overlaps, complex, fields, star, p, limit, cutoff, whole, out, error);
 }
 
 static int compare_questions(const void *a, const void *b)

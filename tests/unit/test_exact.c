@@ -163,7 +163,7 @@ static void check_patch(const struct world *world)
 static struct finding examine(struct world *world, double limit)
 {
     struct finding finding = {.error = NAN};
-    if (exact_take_up(&world->examiner, &world->complex, &world->fields, &world->star, NULL) != TETLOD_OK ||
+    if (exact_begin(&world->examiner, &world->complex, &world->fields, &world->star, NULL) != TETLOD_OK ||
         exact_examine(&world->examiner, &world->overlaps, &world->complex, &world->fields, &world->star, world->p,
                       limit, INFINITY, true, &finding, NULL) != TETLOD_OK)
         TEST_FAIL("out of memory");

@@ -109,7 +109,7 @@ static void check_kernels(const struct tetmesh *mesh, const uint32_t *controlled
     double factors[8], gaps[8] = {0};
     for (uint32_t c = 0; c < working.component_count; c++)
         factors[c] = working.components[c].factor;
-    const struct look look = {working.component_count, factors, gaps, 1, 0.05};
+    const struct edge_query query = {working.component_count, factors, gaps, 1, 0.05};
     for (uint32_t v = 0; v < working.slot_count; v++) {
         if (working.flags[v] & VERTEX_FROZEN)
             continue;
@@ -121,8 +121,8 @@ static void check_kernels(const struct tetmesh *mesh, const uint32_t *controlled
         size_t planes = plane_count(working.component_count) * ((hoods[0].tet_count + 3) / 4 * 4);
         CHECK_INT(memcmp(hoods[0].planes, hoods[1].planes, planes * sizeof(double)), 0);
         for (uint32_t n = 0; n < hoods[0].count; n++) {
-            struct seen a = kernels[0]->look(&hoods[0], n, &look, working.stride);
-            struct seen b = kernels[1]->look(&hoods[1], n, &look, working.stride);
+            struct edge_answer a = kernels[0]->query_edge(&hoods[0], n, &query, working.stride);
+            struct edge_answer b = kernels[1]->query_edge(&hoods[1], n, &query, working.stride);
             size_t width = 2 * (size_t)working.component_count;
             CHECK(a.error == b.error && a.followed == b.followed && a.turned == b.turned && a.half_turned == b.half_turned);
             CHECK_INT(memcmp(hoods[0].reach + n * width, hoods[1].reach + n * width, width * sizeof(double)), 0);

@@ -79,11 +79,11 @@ static bool point_room(struct examiner *examiner, size_t width)
     return true;
 }
 
-enum tetlod_status exact_take_up(struct examiner *examiner, const struct complex *complex, const struct fields *fields,
+enum tetlod_status exact_begin(struct examiner *examiner, const struct complex *complex, const struct fields *fields,
                                  const struct star *star, struct tetlod_error *error)
 {
     struct patch *patch = &examiner->patch;
-    TETLOD_TRY(patch_take_up(patch, complex, star, error));
+    TETLOD_TRY(patch_begin(patch, complex, star, error));
     size_t links = patch->link_count;
     examiner->recent_count = 0;
     if (!room(&examiner->level, &examiner->level_capacity, links * fields->driver_count))
@@ -174,22 +174,22 @@ static bool narrow(struct interval *interval, double weight, double constant, co
     return true;
 }
 
-/* May the limits that the intervals need still be below the horizon? Below a horizon of 0: is nothing refused so far? */
-static bool hopeful(const struct examiner *examiner, const struct fields *fields, double horizon)
+/* May the limits that the intervals need still be below the cutoff? Below a cutoff of 0: is nothing refused so far? */
+static bool below_cutoff(const struct examiner *examiner, const struct fields *fields, double cutoff)
 {
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         const struct interval *interval = &examiner->intervals[d];
         double factor = fields->drivers[d].scale * fields->drivers[d].weight;
-        if (interval->limit > interval->asked && interval->limit * factor >= horizon)
+        if (interval->limit > interval->asked && interval->limit * factor >= cutoff)
             return false;
     }
     return true;
 }
 
-/* One corner of the overlay, whose constants are in examiner->constants. False: it is hopeless, or there is no memory (then
+/* One corner of the overlay, whose constants are in examiner->constants. False: it is above the cutoff, or there is no memory (then
  * point_count is SIZE_MAX). */
 static bool add_point(struct examiner *examiner, const struct fields *fields, double weight, uint32_t cone,
-                      const struct sentinel *where, double horizon)
+                      const struct sentinel *where, double cutoff)
 {
     size_t width = 1 + (size_t)fields->driver_count;
     bool risen = false;
@@ -205,7 +205,7 @@ static bool add_point(struct examiner *examiner, const struct fields *fields, do
         point[1 + d] = examiner->constants[d];
         risen |= narrow(&examiner->intervals[d], weight, examiner->constants[d], where);
     }
-    return !risen || hopeful(examiner, fields, horizon);
+    return !risen || below_cutoff(examiner, fields, cutoff);
 }
 
 /* The intervals before any point: the range. What rounding may hide is taken off the limit. */
@@ -249,7 +249,7 @@ struct examination {
     const struct complex *complex;
     const struct fields *fields;
     const struct star *star;
-    double horizon;
+    double cutoff;
     bool whole;
 };
 
@@ -263,7 +263,7 @@ static bool at_vertex(const struct examination *e, uint32_t v)
     if (p[0] == patch->apex[0] && p[1] == patch->apex[1] && p[2] == patch->apex[2]) {
         for (uint32_t d = 0; d < e->fields->driver_count; d++)
             examiner->constants[d] = -examiner->original[d * vertices + v];
-        return add_point(examiner, e->fields, 1, TETLOD_NONE, &nowhere, e->horizon);
+        return add_point(examiner, e->fields, 1, TETLOD_NONE, &nowhere, e->cutoff);
     }
     uint32_t f = patch_cone_of(patch, v);
     if (f == TETLOD_NONE)
@@ -279,7 +279,7 @@ static bool at_vertex(const struct examination *e, uint32_t v)
         examiner->constants[d] = constant;
     }
     const struct sentinel here = {cone->tet, {{patch->vertices[v], patch->vertices[v]}, 0}};
-    return add_point(examiner, e->fields, weight, f, &here, e->horizon);
+    return add_point(examiner, e->fields, weight, f, &here, e->cutoff);
 }
 
 /* Where the edge from vertex a to vertex b crosses the plane of wall w, if that is in the wall. */
@@ -316,7 +316,7 @@ static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_
         examiner->constants[d] = constant;
     }
     const struct sentinel here = {cone->tet, {{patch->vertices[a], patch->vertices[b]}, (float)t}};
-    return add_point(examiner, e->fields, weight, patch->walls[w].cones[0], &here, e->horizon);
+    return add_point(examiner, e->fields, weight, patch->walls[w].cones[0], &here, e->cutoff);
 }
 
 /* Is the origin in the triangle, which turns counterclockwise? Then its barycentric weights, as exact as they can be had, and how
@@ -380,7 +380,7 @@ static bool at_face(const struct examination *e, uint32_t link, const uint32_t f
         examiner->constants[d] = constant;
     }
     const struct sentinel here = {patch->cones[spoke->cone].tet, {{TETLOD_NONE, TETLOD_NONE}, 0}};
-    return add_point(examiner, e->fields, weight, spoke->cone, &here, e->horizon);
+    return add_point(examiner, e->fields, weight, spoke->cone, &here, e->cutoff);
 }
 
 /* v' where it is no original vertex: in the original that it is least outside of. */
@@ -411,7 +411,7 @@ static bool at_apex(const struct examination *e)
         if (most >= 0)
             break;
     }
-    return most == -INFINITY || add_point(examiner, e->fields, 1, TETLOD_NONE, &nowhere, e->horizon);
+    return most == -INFINITY || add_point(examiner, e->fields, 1, TETLOD_NONE, &nowhere, e->cutoff);
 }
 
 static bool is_original(const struct examination *e)
@@ -616,31 +616,31 @@ static bool ask_sentinel(const struct examination *e, const struct watched *poin
     return examiner->point_count != SIZE_MAX;
 }
 
-/* What refused the star's other candidates, then the sentinels of its tetrahedra. False: hopeless, or no memory. */
+/* What refused the star's other candidates, then the sentinels of its tetrahedra. False: above the cutoff, or no memory. */
 static bool ask_sentinels(const struct examination *e)
 {
     const struct examiner *examiner = e->examiner;
     for (uint32_t i = 0; i < examiner->recent_count; i++)
         if (!ask_sentinel(e, &examiner->recent[i].point))
             return false;
-    if (!hopeful(examiner, e->fields, e->horizon))
+    if (!below_cutoff(examiner, e->fields, e->cutoff))
         return false;
     for (uint32_t i = 0; i < e->star->tet_count; i++)
         for (uint32_t k = e->overlaps->sentinels[e->star->tets[i]]; k != TETLOD_NONE; k = e->overlaps->watches[k].next)
             if (!ask_sentinel(e, &e->overlaps->watches[k].point))
                 return false;
-    return hopeful(examiner, e->fields, e->horizon);
+    return below_cutoff(examiner, e->fields, e->cutoff);
 }
 
 /* Is the next kind of corners asked, too? Not if one has refused, unless the whole bound is wanted. */
 static bool goes_on(const struct examination *e)
 {
-    return e->whole || hopeful(e->examiner, e->fields, 0);
+    return e->whole || below_cutoff(e->examiner, e->fields, 0);
 }
 
 /* All corners of the overlay, kind by kind, the cheapest first: once one kind refuses, the next need not be asked. False:
- * hopeless, or out of memory. */
-static bool look_everywhere(const struct examination *e)
+ * above the cutoff, or out of memory. */
+static bool examine_corners(const struct examination *e)
 {
     struct patch *patch = &e->examiner->patch;
     if (!is_original(e) && !at_apex(e))
@@ -763,26 +763,26 @@ static void settle(struct examiner *examiner, const struct fields *fields, doubl
 
 enum tetlod_status exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
                                  const struct complex *complex, const struct fields *fields, const struct star *star,
-                                 const double p[3], double limit, double horizon, bool whole, struct finding *out,
+                                 const double p[3], double limit, double cutoff, bool whole, struct finding *out,
                                  struct tetlod_error *error)
 {
-    const struct examination e = {examiner, overlaps, complex, fields, star, horizon, whole};
+    const struct examination e = {examiner, overlaps, complex, fields, star, cutoff, whole};
     bool good;
     *out = (struct finding){.error = INFINITY, .witness = {nowhere, nowhere}};
-    TETLOD_TRY(patch_look(&examiner->patch, complex, p, &good, error));
+    TETLOD_TRY(patch_set_apex(&examiner->patch, complex, p, &good, error));
     if (!good)
         return TETLOD_OK;
     open_intervals(examiner, fields, limit);
     examiner->point_count = 0;
-    bool hope = ask_sentinels(&e) && examiner->point_count != SIZE_MAX;
-    if (hope) {
+    bool undecided = ask_sentinels(&e) && examiner->point_count != SIZE_MAX;
+    if (undecided) {
         TETLOD_TRY(gather(examiner, overlaps, fields, star, &good, error));
         out->large = !good;
         if (!good)
             return TETLOD_OK;
         open_intervals(examiner, fields, limit);
         examiner->point_count = 0;
-        look_everywhere(&e);
+        examine_corners(&e);
     }
     if (examiner->point_count == SIZE_MAX)
         return tetlodi_fail_nomem(error, "the exact limit", examiner->point_capacity * 8);

@@ -58,17 +58,17 @@ TETLOD_CHECKED enum tetlod_status examiner_init(struct examiner *examiner, const
 void examiner_fini(struct examiner *examiner);
 
 /* Takes up a gathered star. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status exact_take_up(struct examiner *examiner, const struct complex *complex,
+TETLOD_CHECKED enum tetlod_status exact_begin(struct examiner *examiner, const struct complex *complex,
                                                 const struct fields *fields, const struct star *star,
                                                 struct tetlod_error *error);
 
 /* May the star that was taken up be contracted to p, where no tetrahedron flips, with an error of at most `limit`? Then
  * the drivers' values are in examiner->chosen, and the error of each, rounding included, is in examiner->errors. A bound is
- * followed to `horizon` at most, and only if `whole` beyond the kind of corners that refused first. ERR_NOMEM. */
+ * followed to `cutoff` at most, and only if `whole` beyond the kind of corners that refused first. ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status exact_examine(struct examiner *examiner, const struct overlaps *overlaps,
                                                 const struct complex *complex, const struct fields *fields,
                                                 const struct star *star, const double p[3], double limit,
-                                                double horizon, bool whole, struct finding *out,
+                                                double cutoff, bool whole, struct finding *out,
                                                 struct tetlod_error *error);
 
 /* After exact_examine has allowed a contraction: what it leaves to its cones, for overlaps_take. ERR_NOMEM. */

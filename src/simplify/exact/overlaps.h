@@ -30,7 +30,7 @@ static const uint32_t OVERLAPS_POOLED = UINT32_C(1) << 31;
 /* Which original tetrahedra overlap which of the level. */
 struct overlaps {
     const struct tetmesh *mesh; /* the original, borrowed */
-    uint32_t *lists;            /* [tet of the level] the original that it still is, or OVERLAPS_POOLED and where its list begins; TETLOD_NONE: none */
+    uint32_t *lists;            /* [tet of the level] the original that it is, or OVERLAPS_POOLED and where its list begins; TETLOD_NONE: none */
     uint32_t *pool;             /* list after list: its tetrahedron of the level, how many originals it has, and these */
     size_t pool_size, pool_capacity;
     float *slopes;              /* [original tet] (longest edge)^2 / 6V, rounded up; 0: it has no volume */

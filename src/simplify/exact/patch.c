@@ -237,7 +237,7 @@ static bool gather_walls(struct patch *patch)
     return true;
 }
 
-enum tetlod_status patch_take_up(struct patch *patch, const struct complex *complex, const struct star *star,
+enum tetlod_status patch_begin(struct patch *patch, const struct complex *complex, const struct star *star,
                                  struct tetlod_error *error)
 {
     patch->edge_count = patch->vertex_count = patch->tet_count = 0;
@@ -299,7 +299,7 @@ static void reach_out(struct patch *patch, double reach)
 }
 
 /* The walls' planes. */
-static void look_at_walls(struct patch *patch, const struct complex *complex)
+static void set_walls(struct patch *patch, const struct complex *complex)
 {
     for (uint32_t w = 0; w < patch->wall_count; w++) {
         const struct wall *wall = &patch->walls[w];
@@ -323,7 +323,7 @@ static void look_at_walls(struct patch *patch, const struct complex *complex)
 
 /* The weights in a cone; a wall on the boundary is turned so that the star is on its positive side. False if the cone has no
  * volume. */
-static bool look_at_cone(struct patch *patch, const struct complex *complex, uint32_t f)
+static bool set_cone(struct patch *patch, const struct complex *complex, uint32_t f)
 {
     struct cone *cone = &patch->cones[f];
     const double *p[3];
@@ -367,7 +367,7 @@ static bool look_at_cone(struct patch *patch, const struct complex *complex, uin
 }
 
 /* Of the walls that meet in a spoke the two neighbours that are least alike. False if all are almost one plane. */
-static bool look_at_spokes(struct patch *patch, const struct complex *complex)
+static bool set_spokes(struct patch *patch, const struct complex *complex)
 {
     memset(patch->spoke_walls, 0, (size_t)patch->link_count * patch->words * sizeof(uint64_t));
     for (uint32_t w = 0; w < patch->wall_count; w++)
@@ -391,7 +391,7 @@ static bool look_at_spokes(struct patch *patch, const struct complex *complex)
     return true;
 }
 
-enum tetlod_status patch_look(struct patch *patch, const struct complex *complex, const double p[3], bool *out_sound,
+enum tetlod_status patch_set_apex(struct patch *patch, const struct complex *complex, const double p[3], bool *out_sound,
                               struct tetlod_error *error)
 {
     size_t cones = patch->cone_count, stride = patch->stride = (patch->wall_count + PATCH_LANES - 1) / PATCH_LANES * PATCH_LANES;
@@ -412,10 +412,10 @@ enum tetlod_status patch_look(struct patch *patch, const struct complex *complex
         reach2 = larger(reach2, distance_squared(patch->apex, link_position(patch, complex, l)));
     patch->reach = sqrt(reach2);
     patch->condition = 0;
-    look_at_walls(patch, complex);
+    set_walls(patch, complex);
     for (uint32_t f = 0; f < cones && *out_sound; f++)
-        *out_sound = look_at_cone(patch, complex, f);
-    *out_sound = *out_sound && look_at_spokes(patch, complex);
+        *out_sound = set_cone(patch, complex, f);
+    *out_sound = *out_sound && set_spokes(patch, complex);
     return TETLOD_OK;
 }
 

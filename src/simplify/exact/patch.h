@@ -99,11 +99,11 @@ uint64_t patch_bytes(uint32_t vertices, uint32_t tets);
 void patch_renumber(struct patch *patch, const struct renumbering *slots);
 
 /* Takes up a gathered star, without the originals under it. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status patch_take_up(struct patch *patch, const struct complex *complex,
+TETLOD_CHECKED enum tetlod_status patch_begin(struct patch *patch, const struct complex *complex,
                                                 const struct star *star, struct tetlod_error *error);
 
 /* Looks at it from p. *out_sound: every cone has a volume. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status patch_look(struct patch *patch, const struct complex *complex, const double p[3],
+TETLOD_CHECKED enum tetlod_status patch_set_apex(struct patch *patch, const struct complex *complex, const double p[3],
                                              bool *out_sound, struct tetlod_error *error);
 
 /* The cone that a point on an original edge is in, found without the originals, or TETLOD_NONE; its weights at the link

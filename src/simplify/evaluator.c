@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "src/simplify/judge.h"
+#include "src/simplify/evaluator.h"
 
 #include <math.h>
 #include <string.h>
@@ -10,7 +10,7 @@
 _Static_assert((int)MOST_TRIALS <= (int)QUEUE_CANDIDATES && MOST_TRIALS <= 32, "an entry has a bit for each candidate");
 
 /* Trials are followed to this multiple of the limit, so that most of what waits is not looked at on the next rungs. */
-static const double HORIZON = 2;
+static const double CUTOFF = 2;
 
 /* So many tetrahedra around each vertex of a simplex are asked before its whole star is gathered. */
 enum { AROUND = 4 };
@@ -38,64 +38,64 @@ static bool optimum_position(const struct run *run, const struct star *star, dou
 }
 
 /* Trials are followed up to here. */
-static double horizon(const struct run *run)
+static double cutoff(const struct run *run)
 {
-    return is_exact(run) ? INFINITY : HORIZON * run->limit;
+    return is_exact(run) ? INFINITY : CUTOFF * run->limit;
 }
 
-enum tetlod_status judge_try(const struct run *run, struct judge *judge, const struct boundary_map *map, double most,
+enum tetlod_status evaluator_try(const struct run *run, struct evaluator *evaluator, const struct boundary_map *map, double most,
                              struct trial *trials, uint32_t count)
 {
     if (run->options->metric == METRIC_MEASURED)
-        return samples_try(&run->samples, &judge->sampler, run->complex, run->fields, &judge->star, run->limit, most,
-                           trials, count, &judge->error);
-    metric_try(run->options->metric, &judge->scratch, run->fields, run->complex, &judge->star, map, most, trials, count);
+        return samples_try(&run->samples, &evaluator->sampler, run->complex, run->fields, &evaluator->star, run->limit, most,
+                           trials, count, &evaluator->error);
+    metric_try(run->options->metric, &evaluator->scratch, run->fields, run->complex, &evaluator->star, map, most, trials, count);
     return TETLOD_OK;
 }
 
-void judge_assigned(const struct run *run, const struct judge *judge, double *values)
+void evaluator_assigned(const struct run *run, const struct evaluator *evaluator, double *values)
 {
     if (run->options->metric == METRIC_MEASURED)
-        samples_assigned(&judge->sampler, run->fields, 0, values);
+        samples_assigned(&evaluator->sampler, run->fields, 0, values);
     else
-        metric_assigned(&judge->scratch, run->fields, 0, values);
+        metric_assigned(&evaluator->scratch, run->fields, 0, values);
 }
 
 /* Lets the boundary have its say on a trial that the fields allow: it may forbid it, or demand more of the values. */
-static void ask_boundary(const struct run *run, struct judge *judge, struct queue_entry *entry, struct trial *trial,
+static void ask_boundary(const struct run *run, struct evaluator *evaluator, struct queue_entry *entry, struct trial *trial,
                          uint32_t number)
 {
     double before = trial->error;
-    double moved = boundary_moves(&run->boundary, run->complex, &judge->star, trial->position, &judge->map);
+    double moved = boundary_moves(&run->boundary, run->complex, &evaluator->star, trial->position, &evaluator->map);
     if (!(moved <= run->boundary.limit)) {
         trial->error = INFINITY;
-        judge->refused[LOG_REFUSED_BOUNDARY]++;
+        evaluator->refused[LOG_REFUSED_BOUNDARY]++;
     } else if (metric_is_certified(run->options->metric) && !is_exact(run))
-        metric_demand(&judge->scratch, run->fields, &judge->map, number, &trial->error);
+        metric_demand(&evaluator->scratch, run->fields, &evaluator->map, number, &trial->error);
     if (trial->error > before)
         entry->witness_count = QUEUE_WITNESSES + 1;
 }
 
-/* Tries all candidates on the judge's star by the fields alone. */
-static enum tetlod_status try_candidates(const struct run *run, struct judge *judge)
+/* Tries all candidates on the evaluator's star by the fields alone. */
+static enum tetlod_status try_candidates(const struct run *run, struct evaluator *evaluator)
 {
-    struct trial *trials = judge->trials;
-    uint32_t vertices = judge->star.simplex_count, count = candidates_count(vertices, run->options->candidates);
+    struct trial *trials = evaluator->trials;
+    uint32_t vertices = evaluator->star.simplex_count, count = candidates_count(vertices, run->options->candidates);
     for (uint32_t c = 0; c < count; c++) {
-        candidate_position(run->complex, &judge->star, c, trials[c].position);
-        trials[c].possible = boundary_allows(&run->boundary, run->complex, &judge->star, candidates_weights(vertices, c),
+        candidate_position(run->complex, &evaluator->star, c, trials[c].position);
+        trials[c].possible = boundary_allows(&run->boundary, run->complex, &evaluator->star, candidates_weights(vertices, c),
                                              trials[c].position);
     }
-    trials[count].possible = optimum_position(run, &judge->star, trials[count].position);
-    judge->trial_count = count += trials[count].possible;
-    return judge_try(run, judge, NULL, horizon(run), trials, count);
+    trials[count].possible = optimum_position(run, &evaluator->star, trials[count].position);
+    evaluator->trial_count = count += trials[count].possible;
+    return evaluator_try(run, evaluator, NULL, cutoff(run), trials, count);
 }
 
 /* What else is to be said of what was tried. */
-static void judge_trials(const struct run *run, struct judge *judge, struct queue_entry *entry)
+static void evaluator_trials(const struct run *run, struct evaluator *evaluator, struct queue_entry *entry)
 {
-    for (uint32_t c = 0; c < judge->trial_count; c++) {
-        struct trial *trial = &judge->trials[c];
+    for (uint32_t c = 0; c < evaluator->trial_count; c++) {
+        struct trial *trial = &evaluator->trials[c];
         if (entry->refused & UINT32_C(1) << c)
             continue;
         remember_witnesses(entry, trial->witness);
@@ -103,29 +103,29 @@ static void judge_trials(const struct run *run, struct judge *judge, struct queu
             entry->refused |= UINT32_C(1) << c;
             continue;
         }
-        if (is_exact(run)) // it is asked only when the candidate's turn comes, if that has a chance
-            trial->error = metric_has_quadrics(run->options->metric) ? trial->error / run->chance : 0;
+        if (is_exact(run)) // it is asked only when the candidate's turn comes, if its estimate is not too large
+            trial->error = metric_has_quadrics(run->options->metric) ? trial->error / run->most_expected : 0;
         if (trial->error <= run->limit)
-            ask_boundary(run, judge, entry, trial, c);
+            ask_boundary(run, evaluator, entry, trial, c);
     }
 }
 
-enum tetlod_status judge_try_all(const struct run *run, struct judge *judge, struct queue_entry *entry)
+enum tetlod_status evaluator_try_all(const struct run *run, struct evaluator *evaluator, struct queue_entry *entry)
 {
-    TETLOD_TRY(try_candidates(run, judge));
-    judge_trials(run, judge, entry);
+    TETLOD_TRY(try_candidates(run, evaluator));
+    evaluator_trials(run, evaluator, entry);
     return TETLOD_OK;
 }
 
-double judge_best(const struct run *run, const struct judge *judge, struct queue_entry *entry)
+double evaluator_best(const struct run *run, const struct evaluator *evaluator, struct queue_entry *entry)
 {
     double best = INFINITY, least = INFINITY;
-    for (uint32_t c = 0; c < judge->trial_count; c++) {
-        const struct trial *trial = &judge->trials[c];
+    for (uint32_t c = 0; c < evaluator->trial_count; c++) {
+        const struct trial *trial = &evaluator->trials[c];
         if (entry->refused & UINT32_C(1) << c)
             continue;
         least = smaller(least, trial->error);
-        double key = metric_key(run->options->metric, trial, judge->star.removed_count);
+        double key = metric_key(run->options->metric, trial, evaluator->star.removed_count);
         if (trial->error <= run->limit && key < best) {
             best = key;
             entry->candidate = c;
@@ -149,43 +149,43 @@ static uint32_t likely_tets(const struct complex *complex, const struct queue_en
     return count;
 }
 
-/* Is the simplex refused beyond the horizon by these alone? Most that waits is, and its star need not be gathered. Then the entry's
+/* Is the simplex refused beyond the cutoff by these alone? Most that waits is, and its star need not be gathered. Then the entry's
  * value is a lower bound of its error. */
-static enum tetlod_status refused_early(const struct run *run, struct judge *judge, struct queue_entry *entry,
+static enum tetlod_status refused_early(const struct run *run, struct evaluator *evaluator, struct queue_entry *entry,
                                         bool *out_refused)
 {
     uint32_t tets[QUEUE_WITNESSES + 4 * AROUND], count = likely_tets(run->complex, entry, tets);
     *out_refused = false;
     entry->witness_count = 0;
-    TETLOD_TRY(star_gather_some(&judge->star, run->complex, entry->vertices, vertex_count(entry), tets, count,
-                                &judge->error));
-    if (!judge->star.tet_count || judge->star.still)
+    TETLOD_TRY(star_gather_some(&evaluator->star, run->complex, entry->vertices, vertex_count(entry), tets, count,
+                                &evaluator->error));
+    if (!evaluator->star.tet_count || evaluator->star.at_one_point)
         return TETLOD_OK;
-    TETLOD_TRY(try_candidates(run, judge));
-    for (uint32_t c = 0; c < judge->trial_count; c++)
-        if (judge->trials[c].possible && !(judge->trials[c].error > horizon(run)))
+    TETLOD_TRY(try_candidates(run, evaluator));
+    for (uint32_t c = 0; c < evaluator->trial_count; c++)
+        if (evaluator->trials[c].possible && !(evaluator->trials[c].error > cutoff(run)))
             return TETLOD_OK;
-    judge_trials(run, judge, entry);
-    entry->value = judge_best(run, judge, entry);
+    evaluator_trials(run, evaluator, entry);
+    entry->value = evaluator_best(run, evaluator, entry);
     *out_refused = true;
     return TETLOD_OK;
 }
 
-bool judge_may(const struct run *run, const struct queue_entry *entry)
+bool may_be_contracted(const struct run *run, const struct queue_entry *entry)
 {
     const struct complex *complex = run->complex;
     const double *first = complex->positions + 3 * (size_t)entry->vertices[0];
-    bool still = run->options->metric != METRIC_MEASURED && !is_exact(run), frozen = false;
+    bool at_one_point = run->options->metric != METRIC_MEASURED && !is_exact(run), frozen = false;
     for (uint32_t i = 0; i < vertex_count(entry); i++) {
         if (complex->flags[entry->vertices[i]] & VERTEX_SINGULAR)
             return false;
         frozen |= complex->flags[entry->vertices[i]] & VERTEX_FROZEN;
-        still &= distance_squared(first, complex->positions + 3 * (size_t)entry->vertices[i]) == 0;
+        at_one_point &= distance_squared(first, complex->positions + 3 * (size_t)entry->vertices[i]) == 0;
     }
-    return still || !frozen;
+    return at_one_point || !frozen;
 }
 
-enum tetlod_status judge_evaluate(const struct run *run, struct judge *judge, struct queue_entry *entry,
+enum tetlod_status evaluate_simplex(const struct run *run, struct evaluator *evaluator, struct queue_entry *entry,
                                   bool *out_allowed)
 {
     bool refused = false;
@@ -194,29 +194,29 @@ enum tetlod_status judge_evaluate(const struct run *run, struct judge *judge, st
     entry->bound = INFINITY;
     *out_allowed = false;
     if (run->options->metric != METRIC_MEASURED && !is_exact(run))
-        TETLOD_TRY(refused_early(run, judge, entry, &refused));
+        TETLOD_TRY(refused_early(run, evaluator, entry, &refused));
     if (refused)
         return TETLOD_OK;
     entry->witness_count = 0;
-    TETLOD_TRY(star_gather(&judge->star, run->complex, entry->vertices, vertex_count(entry), &judge->error));
-    TETLOD_TRY(judge_try_all(run, judge, entry));
-    double error = judge_best(run, judge, entry);
+    TETLOD_TRY(star_gather(&evaluator->star, run->complex, entry->vertices, vertex_count(entry), &evaluator->error));
+    TETLOD_TRY(evaluator_try_all(run, evaluator, entry));
+    double error = evaluator_best(run, evaluator, entry);
     *out_allowed = error <= run->limit;
     entry->value = *out_allowed ? entry->value : error;
     return TETLOD_OK;
 }
 
-bool judge_place(const struct run *run, struct judge *judge, const struct queue_entry *entry, double p[3],
+bool evaluator_place(const struct run *run, struct evaluator *evaluator, const struct queue_entry *entry, double p[3],
                  double *moved)
 {
-    const struct star *star = &judge->star;
+    const struct star *star = &evaluator->star;
     if (entry->candidate < candidates_count(star->simplex_count, run->options->candidates))
         candidate_position(run->complex, star, entry->candidate, p);
     else if (!optimum_position(run, star, p))
         return false;
-    *moved = boundary_moves(&run->boundary, run->complex, star, p, &judge->map);
+    *moved = boundary_moves(&run->boundary, run->complex, star, p, &evaluator->map);
     bool stays = *moved <= run->boundary.limit, fits = stays && star_fits(star, run->complex, p);
-    judge->refused[LOG_REFUSED_BOUNDARY] += !stays;
-    judge->refused[LOG_REFUSED_FLIP] += stays && !fits;
+    evaluator->refused[LOG_REFUSED_BOUNDARY] += !stays;
+    evaluator->refused[LOG_REFUSED_FLIP] += stays && !fits;
     return fits;
 }

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * A run of contractions as it stands, and what it says of a simplex: may it be contracted within the limit, to what, and at what key.
- * Judging changes nothing but the judge, of which each thread has one.
+ * The state of a run of contractions, and the evaluation of a simplex in it: may the simplex be contracted within the limit, where to, and
+ * with which key. An evaluation changes the evaluator only, and each thread has one.
  */
-#ifndef TETLOD_JUDGE_H
-#define TETLOD_JUDGE_H
+#ifndef TETLOD_EVALUATOR_H
+#define TETLOD_EVALUATOR_H
 
 #include "src/simplify/exact/descent.h"
 #include "src/simplify/entry.h"
@@ -14,22 +14,22 @@
 #include "src/simplify/waiting_list.h"
 
 /* What evaluating a simplex needs: one a thread. */
-struct judge {
+struct evaluator {
     struct star star;
     struct metric_scratch scratch;
     struct examiner examiner; /* of the exact limit */
     struct descent descent;   /* of the same */
     struct sampler sampler; /* of the measured metric */
     struct boundary_map map;
-    struct trial trials[MOST_TRIALS]; /* the star's, after judge_try_all */
+    struct trial trials[MOST_TRIALS]; /* the star's, after evaluator_try_all */
     uint32_t trial_count;
     uint64_t refused[LOG_REFUSALS];
     struct tetlod_error error;
     enum tetlod_status status;
 };
 
-/* A simplex whose turn has come under the exact limit. */
-struct work {
+/* A simplex of a batch, which the exact limit is asked about. */
+struct batch_entry {
     struct queue_entry entry;
     enum { FILED, REFUSED, ALLOWED } outcome; /* it has a key; it waits; it may be contracted, as far as the error goes */
     double position[3];                       /* if it is allowed */
@@ -49,22 +49,22 @@ struct run {
     struct boundary boundary;
     struct overlaps overlaps; /* of the exact limit */
     struct samples samples; /* of the measured metric */
-    struct judge *judges; /* [crew_size]; the first is the one that contracts */
-    struct crew *crew;    /* one judge each */
+    struct evaluator *evaluators; /* [crew_size]; the first is the one that contracts */
+    struct crew *crew;    /* one evaluator each */
     struct queue queue;
     struct waiting_list waiting;
     struct queue_entry last;    /* that was listed after a contraction */
     struct queue fresh;         /* simplices that are to be evaluated */
-    struct work *works;         /* [BATCH] */
+    struct batch_entry *batch_entries;         /* [BATCH] */
     double batch_key;           /* the least in the queue behind the batch */
     uint32_t batch;             /* its number */
     uint32_t *claims;           /* [slot] the last batch that had a star with it; scratch of take_batch */
     struct queue_entry postponed[POSTPONED]; /* of the same */
-    double *work_values;        /* [BATCH][2][driver_count] values and errors */
+    double *batch_values;        /* [BATCH][2][driver_count] values and errors */
     double limit;               /* of the current rung */
     double moved;               /* running maximum of how far the boundary moved */
     bool named;                 /* levels are named after it */
-    double chance;              /* what the estimate of an error may be above it to have a chance under the exact limit */
+    double most_expected;       /* the exact limit is not asked where an estimate is above this multiple of the limit */
     double *certified, *predicted; /* [driver_count] running maxima */
     double *assigned;              /* [driver_count] of the contraction at hand, as is its outcome */
     struct outcome *outcome;
@@ -80,29 +80,29 @@ static inline bool is_exact(const struct run *run)
 
 /* May the simplex be contracted at all? Frozen vertices only with vertices at the same point, under the envelope: that needs no
  * interpolant (PROOF.md, 6). */
-bool judge_may(const struct run *run, const struct queue_entry *entry);
+bool may_be_contracted(const struct run *run, const struct queue_entry *entry);
 
 /* Evaluates a simplex as it is now. *out_allowed: the limit allows it, and entry->value is its key; else it is a lower bound
  * of its error. The entry's witnesses are asked first. */
-TETLOD_CHECKED enum tetlod_status judge_evaluate(const struct run *run, struct judge *judge, struct queue_entry *entry,
+TETLOD_CHECKED enum tetlod_status evaluate_simplex(const struct run *run, struct evaluator *evaluator, struct queue_entry *entry,
                                                  bool *out_allowed);
 
-/* Tries all candidates on the judge's star. What the entry refuses stays so. */
-TETLOD_CHECKED enum tetlod_status judge_try_all(const struct run *run, struct judge *judge, struct queue_entry *entry);
+/* Tries all candidates on the evaluator's star. What the entry refuses stays so. */
+TETLOD_CHECKED enum tetlod_status evaluator_try_all(const struct run *run, struct evaluator *evaluator, struct queue_entry *entry);
 
 /* The best of those that the entry does not refuse: returns its error (INFINITY: none is possible; above the limit: a lower bound);
  * its key is in entry->value. */
-double judge_best(const struct run *run, const struct judge *judge, struct queue_entry *entry);
+double evaluator_best(const struct run *run, const struct evaluator *evaluator, struct queue_entry *entry);
 
-/* Where the entry's candidate is on the judge's star, and how far the boundary then has moved in all, by judge->map. False: it cannot
+/* Where the entry's candidate is on the evaluator's star, and how far the boundary then has moved in all, by evaluator->map. False: it cannot
  * be had. */
-bool judge_place(const struct run *run, struct judge *judge, const struct queue_entry *entry, double p[3], double *moved);
+bool evaluator_place(const struct run *run, struct evaluator *evaluator, const struct queue_entry *entry, double p[3], double *moved);
 
-/* Errors of trials on the judge's star, followed up to `most`. */
-TETLOD_CHECKED enum tetlod_status judge_try(const struct run *run, struct judge *judge, const struct boundary_map *map,
+/* Errors of trials on the evaluator's star, followed up to `most`. */
+TETLOD_CHECKED enum tetlod_status evaluator_try(const struct run *run, struct evaluator *evaluator, const struct boundary_map *map,
                                             double most, struct trial *trials, uint32_t count);
 
 /* The values that they have assigned to the drivers at the first of them. */
-void judge_assigned(const struct run *run, const struct judge *judge, double *values);
+void evaluator_assigned(const struct run *run, const struct evaluator *evaluator, double *values);
 
 #endif
