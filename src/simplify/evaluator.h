@@ -36,7 +36,7 @@ struct batch_entry {
     double *values, *errors;                  /* [driver_count] */
     struct sentinel witnesses[8];             /* points that refused candidates */
     uint32_t witness_count;
-    struct handover handover;                 /* of what is allowed */
+    struct passed passed;                 /* of what is allowed */
 };
 
 /* So many are examined at a time at most, on as many threads as there are; fewer where as many others are in their way. */

@@ -260,7 +260,7 @@ static enum tetlod_status ask(const struct run *run, struct evaluator *evaluator
     memcpy(item->values, evaluator->examiner.chosen, size);
     memcpy(item->errors, evaluator->examiner.errors, size);
     item->outcome = ALLOWED;
-    return exact_hand_on(&evaluator->examiner, run->complex, &item->handover, &evaluator->error);
+    return exact_pass_on(&evaluator->examiner, run->complex, &item->passed, &evaluator->error);
 }
 
 /* May the star be contracted to a position that is none of the candidates? */
@@ -375,7 +375,7 @@ static enum tetlod_status contract_exactly(struct run *run, const struct batch_e
     }
     double moved = boundary_moves(&run->boundary, run->complex, star, p, &run->evaluators->map);
     fields_outcome(run->fields, run->complex, star, &run->evaluators->map, p, item->values, run->outcome);
-    TETLOD_TRY(overlaps_take(&run->overlaps, star, &item->handover, run->error));
+    TETLOD_TRY(overlaps_take(&run->overlaps, star, &item->passed, run->error));
     return perform(run, star, p, moved, item->errors);
 }
 
@@ -594,7 +594,7 @@ static void renumber(struct run *run)
         queue_renumber(&run->queue, &tets, &slots);
         renumber_array(&run->claims, sizeof *run->claims, &slots);
         for (unsigned j = 0; j < crew_size(run->crew); j++)
-            patch_renumber(&run->evaluators[j].examiner.patch, &slots);
+            cover_renumber(&run->evaluators[j].examiner.cover, &slots);
     }
     renumbering_fini(&tets);
     renumbering_fini(&slots);
@@ -616,7 +616,7 @@ static enum tetlod_status climb_exactly(struct run *run)
                 TETLOD_TRY(contract_exactly(run, &run->batch_entries[i]));
             else
                 TETLOD_TRY(file(run, &run->batch_entries[i].entry, run->batch_entries[i].outcome != REFUSED));
-            handover_fini(&run->batch_entries[i].handover); // they are large where stars are
+            passed_fini(&run->batch_entries[i].passed); // they are large where stars are
             if (run->complex->log.count == before)
                 continue;
             TETLOD_TRY(report(run));
@@ -791,7 +791,7 @@ done:
     waiting_list_fini(&run.waiting);
     queue_fini(&run.fresh);
     for (size_t i = 0; i < BATCH && run.batch_entries; i++)
-        handover_fini(&run.batch_entries[i].handover);
+        passed_fini(&run.batch_entries[i].passed);
     free(run.batch_entries);
     free(run.batch_values);
     free(run.claims);
@@ -824,7 +824,7 @@ uint64_t simplify_bytes(const struct tetmesh *mesh, uint32_t controlled_count, c
     if (options->metric == METRIC_MEASURED)
         bytes += samples_bytes(mesh, controlled_count);
     if (options->certify == CERTIFY_EXACT) // whose log grows while slots are given back
-        bytes += overlaps_bytes(mesh->vertex_count, mesh->tet_count) + options->threads * patch_bytes(mesh->vertex_count, mesh->tet_count) -
+        bytes += overlaps_bytes(mesh->vertex_count, mesh->tet_count) + options->threads * cover_bytes(mesh->vertex_count, mesh->tet_count) -
                  fields_bytes(mesh, 0) / 2;
     return bytes;
 }

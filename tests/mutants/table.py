@@ -120,11 +120,11 @@ mutant('exact: no walls', 'src/simplify/exact/exact.c', 'return at_edges(e) && g
        'critical points of kind 2', 'unit/test_exact')
 mutant('exact: an edge crosses one wall at most', 'src/simplify/exact/exact.c', 'if (w == ARRIVED)\n            return true;', 'if (w == ARRIVED || steps)\n            return true;',
        'an edge is followed to its end', 'unit/test_exact')
-mutant('exact: an edge ends where it begins', 'src/simplify/exact/exact.c', 'if (f != TETLOD_NONE && patch->homes[edge[1]] == f)', 'if (f != TETLOD_NONE)',
+mutant('exact: an edge ends where it begins', 'src/simplify/exact/exact.c', 'if (f != TETLOD_NONE && cover->homes[edge[1]] == f)', 'if (f != TETLOD_NONE)',
        'the same', 'unit/test_exact')
-mutant('exact: an edge is told by one end', 'src/simplify/exact/patch.c', 'if (edge[0] == least && edge[1] == greatest)', 'if (edge[1] == greatest)',
+mutant('exact: an edge is told by one end', 'src/simplify/exact/cover.c', 'if (edge[0] == least && edge[1] == greatest)', 'if (edge[1] == greatest)',
        'all edges are asked', 'unit/test_exact')
-mutant('exact: slots keep their numbers', 'src/simplify/exact/patch.c', 'patch->slot_numbers[patch->link[l]] = TETLOD_NONE;', '(void)patch->slot_numbers[patch->link[l]];',
+mutant('exact: slots keep their numbers', 'src/simplify/exact/cover.c', 'cover->slot_numbers[cover->link[l]] = TETLOD_NONE;', '(void)cover->slot_numbers[cover->link[l]];',
        "the next star's link has numbers of its own", 'unit/test_exact')
 mutant('exact: a number too many is left', 'src/simplify/renumber.h', 'word & (bit - 1)', 'word & (bit - 1 | bit)', 'new numbers have no gaps', 'unit/test_renumber')
 mutant('exact: the queue keeps what is gone', 'src/simplify/queue.c', 'if (renumber_entry(&entry, tets, slots))', 'if (renumber_entry(&entry, tets, slots) || true)',
@@ -135,18 +135,18 @@ mutant('exact: no spokes', 'src/simplify/exact/exact.c', 'return at_edges(e) && 
        'critical points of kind 3', 'unit/test_exact')
 mutant('exact: not the new vertex', 'src/simplify/exact/exact.c', 'if (!is_original(e) && !at_apex(e))', 'if (0 && !is_original(e) && !at_apex(e))',
        'critical points of kind 4', 'unit/test_exact')
-mutant('exact: originals are lost', 'src/simplify/exact/patch.c', 'if (!pair_original(patch, complex, t))', 'if (t % 8 != 7 && !pair_original(patch, complex, t))',
+mutant('exact: originals are lost', 'src/simplify/exact/cover.c', 'if (!pair_original(cover, complex, t))', 'if (t % 8 != 7 && !pair_original(cover, complex, t))',
        'a cone lists all originals that overlap it', 'unit/test_exact')
-mutant('exact: planes turned outwards', 'src/simplify/exact/patch.c', 'bool turned = !(dot(plane->normal, r) > 0);', 'bool turned = dot(plane->normal, r) > 0;',
+mutant('exact: planes turned outwards', 'src/simplify/exact/cover.c', 'bool turned = !(dot(plane->normal, r) > 0);', 'bool turned = dot(plane->normal, r) > 0;',
        'the same', 'unit/test_exact')
-mutant('exact: walls of the wrong side', 'src/simplify/exact/patch.c', 'patch->masks[(2 * f + !positive) * words', 'patch->masks[(2 * f + positive) * words',
+mutant('exact: walls of the wrong side', 'src/simplify/exact/cover.c', 'cover->masks[(2 * f + !positive) * words', 'cover->masks[(2 * f + positive) * words',
        'the same', 'unit/test_exact')
 mutant('exact: an estimate is taken for an answer', 'src/simplify/simplify.c', 'if (!*out_left) // what is left waits', 'if (true) // what is left waits',
        'what was refused is not asked again', 'unit/test_asked_once')
-mutant('exact: originals stay marked', 'src/simplify/exact/patch.c', 'patch->listed[patch->tets[t] / 64] = 0;', '', 'the next star has all of its originals', 'unit/test_exact')
-mutant('exact: the star stays marked', 'src/simplify/exact/patch.c', 'patch->covered[star->tets[i] / 64] = 0;', '(void)star;', 'vertices in the next star are its own', 'unit/test_exact')
-mutant('exact: distances of another order', 'src/simplify/exact/patch.h',
-       'return n[0] * r[0] + n[patch->stride] * r[1] + n[2 * (size_t)patch->stride] * r[2];', 'return n[0] * r[0] + (n[patch->stride] * r[1] + n[2 * (size_t)patch->stride] * r[2]);',
+mutant('exact: originals stay marked', 'src/simplify/exact/cover.c', 'cover->listed[cover->tets[t] / 64] = 0;', '', 'the next star has all of its originals', 'unit/test_exact')
+mutant('exact: the star stays marked', 'src/simplify/exact/cover.c', 'cover->covered[star->tets[i] / 64] = 0;', '(void)star;', 'vertices in the next star are its own', 'unit/test_exact')
+mutant('exact: distances of another order', 'src/simplify/exact/cover.h',
+       'return n[0] * r[0] + n[cover->stride] * r[1] + n[2 * (size_t)cover->stride] * r[2];', 'return n[0] * r[0] + (n[cover->stride] * r[1] + n[2 * (size_t)cover->stride] * r[2]);',
        'all decisions are taken from the same numbers', 'unit/test_exact')
 
 # ---- the overlay, which checks it: what rules pairs out (8)

@@ -119,44 +119,44 @@ static bool flatten(struct world *world)
     return star_fits(star, complex, world->p);
 }
 
-static bool has_edge(const struct patch *patch, uint32_t a, uint32_t b)
+static bool has_edge(const struct cover *cover, uint32_t a, uint32_t b)
 {
-    for (uint32_t i = 0; i < patch->edge_count; i++)
-        if (patch->edges[i][0] == (a < b ? a : b) && patch->edges[i][1] == (a < b ? b : a))
+    for (uint32_t i = 0; i < cover->edge_count; i++)
+        if (cover->edges[i][0] == (a < b ? a : b) && cover->edges[i][1] == (a < b ? b : a))
             return true;
     return false;
 }
 
-/* All edges of the patch's originals are listed, each once. */
-static void check_edges(const struct patch *patch)
+/* All edges of the cover's originals are listed, each once. */
+static void check_edges(const struct cover *cover)
 {
     uint32_t missing = 0, twice = 0;
-    for (uint32_t t = 0; t < patch->tet_count; t++)
+    for (uint32_t t = 0; t < cover->tet_count; t++)
         for (int e = 0; e < 6; e++)
-            missing += !has_edge(patch, patch->corners[t][tet_edges[e][0]], patch->corners[t][tet_edges[e][1]]);
-    for (uint32_t i = 0; i < patch->edge_count; i++)
+            missing += !has_edge(cover, cover->corners[t][tet_edges[e][0]], cover->corners[t][tet_edges[e][1]]);
+    for (uint32_t i = 0; i < cover->edge_count; i++)
         for (uint32_t j = 0; j < i; j++)
-            twice += !memcmp(patch->edges[i], patch->edges[j], sizeof *patch->edges);
+            twice += !memcmp(cover->edges[i], cover->edges[j], sizeof *cover->edges);
     CHECK_INT(missing, 0);
     CHECK_INT(twice, 0);
 }
 
 /* After all vertices were placed: the distances that are computed anew have the signs by which all is sorted, and no marks are left. */
-static void check_patch(const struct world *world)
+static void check_cover(const struct world *world)
 {
-    const struct patch *patch = &world->examiner.patch;
+    const struct cover *cover = &world->examiner.cover;
     uint32_t wrong = 0, marks = 0;
-    for (uint32_t v = 0; v < patch->vertex_count; v++)
-        for (uint32_t w = 0; w < patch->wall_count; w++)
-            wrong += (patch_distance(patch, w, patch->offsets[v]) >= patch->thresholds[w]) !=
-                     (patch_side(patch, v, POSITIVE)[w / 64] >> w % 64 & 1);
+    for (uint32_t v = 0; v < cover->vertex_count; v++)
+        for (uint32_t w = 0; w < cover->wall_count; w++)
+            wrong += (cover_distance(cover, w, cover->offsets[v]) >= cover->thresholds[w]) !=
+                     (cover_side(cover, v, POSITIVE)[w / 64] >> w % 64 & 1);
     for (uint32_t i = 0; i < (world->mesh.tet_count + 63) / 64; i++)
-        marks += patch->listed[i] || patch->covered[i];
+        marks += cover->listed[i] || cover->covered[i];
     for (uint32_t v = 0; v < world->mesh.vertex_count; v++)
-        marks += patch->numbers[v] != TETLOD_NONE;
+        marks += cover->numbers[v] != TETLOD_NONE;
     CHECK_INT(wrong, 0);
     CHECK_INT(marks, 0);
-    check_edges(patch);
+    check_edges(cover);
 }
 
 /* Examines the picked contraction. */
@@ -168,16 +168,16 @@ static struct finding examine(struct world *world, double limit)
                       limit, INFINITY, true, &finding, NULL) != TETLOD_OK)
         TEST_FAIL("out of memory");
     if (finding.allowed)
-        check_patch(world);
+        check_cover(world);
     return finding;
 }
 
 static void contract(struct world *world, struct outcome *outcome)
 {
-    struct handover handover = {0};
-    CHECK_INT(exact_hand_on(&world->examiner, &world->complex, &handover, NULL), TETLOD_OK);
-    CHECK_INT(overlaps_take(&world->overlaps, &world->star, &handover, NULL), TETLOD_OK);
-    handover_fini(&handover);
+    struct passed passed = {0};
+    CHECK_INT(exact_pass_on(&world->examiner, &world->complex, &passed, NULL), TETLOD_OK);
+    CHECK_INT(overlaps_take(&world->overlaps, &world->star, &passed, NULL), TETLOD_OK);
+    passed_fini(&passed);
     fields_contract(&world->fields, &world->complex, &world->star, world->p, outcome);
     CHECK_INT(complex_contract(&world->complex, &world->star, world->p, NULL), TETLOD_OK);
     boundary_update(&world->boundary, &world->complex, world->star.simplex[0], 0, 1e-9);
@@ -191,7 +191,7 @@ static void renumber(struct world *world)
     fields_renumber(&world->fields, &tets, &slots);
     boundary_renumber(&world->boundary, &slots);
     overlaps_renumber(&world->overlaps, &tets);
-    patch_renumber(&world->examiner.patch, &slots);
+    cover_renumber(&world->examiner.cover, &slots);
     renumbering_fini(&tets);
     renumbering_fini(&slots);
 }

@@ -55,26 +55,26 @@ static double weight_of(const struct examiner *examiner, const struct fields *fi
 static const double *gradient_at(const struct examiner *examiner, const struct descent_driver *driver, size_t corner)
 {
     uint32_t cone = examiner->cones[corner];
-    return driver->gradients + 3 * (size_t)(cone == TETLOD_NONE ? examiner->patch.cone_count : cone);
+    return driver->gradients + 3 * (size_t)(cone == TETLOD_NONE ? examiner->cover.cone_count : cone);
 }
 
 static void make_gradients(const struct examiner *examiner, const struct boundary *boundary, const struct complex *complex,
                            const struct star *star, const double *level, double value, double *gradients)
 {
-    const struct patch *patch = &examiner->patch;
-    double *mean = gradients + 3 * (size_t)patch->cone_count;
+    const struct cover *cover = &examiner->cover;
+    double *mean = gradients + 3 * (size_t)cover->cone_count;
     memset(mean, 0, 3 * sizeof *mean);
-    for (uint32_t f = 0; f < patch->cone_count; f++) {
-        const struct cone *cone = &patch->cones[f];
+    for (uint32_t f = 0; f < cover->cone_count; f++) {
+        const struct cone *cone = &cover->cones[f];
         double *g = gradients + 3 * (size_t)f;
         for (size_t i = 0; i < 3; i++) {
             g[i] = value * cone->apex * cone->normal[i];
             for (int k = 0; k < 3; k++)
-                g[i] += level[cone->link[k]] * cone->scale[k] * patch->normals[i * patch->stride + cone->walls[k]];
+                g[i] += level[cone->link[k]] * cone->scale[k] * cover->normals[i * cover->stride + cone->walls[k]];
         }
         boundary_follow(boundary, complex, star, g);
         for (int i = 0; i < 3; i++)
-            mean[i] += g[i] / patch->cone_count;
+            mean[i] += g[i] / cover->cone_count;
     }
 }
 
@@ -84,7 +84,7 @@ static double open_driver(struct descent_driver *driver, const struct examiner *
 {
     double value = (examiner->intervals[d].low + examiner->intervals[d].high) / 2, most = 0;
     driver->factor = fields->drivers[d].scale * fields->drivers[d].weight;
-    make_gradients(examiner, boundary, complex, star, examiner->level + d * (size_t)examiner->patch.link_count, value,
+    make_gradients(examiner, boundary, complex, star, examiner->level + d * (size_t)examiner->cover.link_count, value,
                    driver->gradients);
     for (size_t i = 0; i < examiner->point_count; i++) {
         double constant = examiner->points[(1 + (size_t)fields->driver_count) * i + 1 + d];
@@ -154,7 +154,7 @@ static double reweigh(struct descent_driver *driver, const struct examiner *exam
 
 static bool make_room(struct descent *descent, const struct examiner *examiner, uint32_t drivers)
 {
-    size_t gradients = 3 * ((size_t)examiner->patch.cone_count + 1), points = examiner->point_count;
+    size_t gradients = 3 * ((size_t)examiner->cover.cone_count + 1), points = examiner->point_count;
     if (!room(&descent->drivers, &descent->driver_capacity, drivers, sizeof *descent->drivers) ||
         !room(&descent->numbers, &descent->number_capacity, drivers * (gradients + 2 * points), sizeof *descent->numbers))
         return false;
@@ -169,7 +169,7 @@ enum tetlod_status descent_step(struct descent *descent, const struct examiner *
                                 const struct complex *complex, const struct fields *fields, const struct star *star,
                                 double out_step[3], double *out_error, struct tetlod_error *error)
 {
-    double most = 0, reach = examiner->patch.reach, longest = LONGEST_STEP * reach;
+    double most = 0, reach = examiner->cover.reach, longest = LONGEST_STEP * reach;
     if (!make_room(descent, examiner, fields->driver_count))
         return tetlodi_fail_nomem(error, "the exact limit", 16 * examiner->point_count);
     for (uint32_t d = 0; d < fields->driver_count; d++)

@@ -18,7 +18,7 @@ static const double LEAST_WEIGHT = 1e-9;
 /* Points this far beyond a wall or a face still count: they are at it, but for rounding. */
 static const double BEYOND = 1e-9;
 
-/* A crossing of a spoke and a face is off a wall by this fraction of the patch's reach at most, or the spoke lies in the face. */
+/* A crossing of a spoke and a face is off a wall by this fraction of the cover's reach at most, or the spoke lies in the face. */
 static const double IN_FACE = 1e-6;
 enum { REFINEMENTS = 3 };
 
@@ -35,12 +35,12 @@ enum tetlod_status examiner_init(struct examiner *examiner, const struct complex
     examiner->chosen = examiner->constants + drivers;
     examiner->errors = examiner->chosen + drivers;
     examiner->bases = examiner->errors + drivers;
-    return patch_init(&examiner->patch, complex, error);
+    return cover_init(&examiner->cover, complex, error);
 }
 
 void examiner_fini(struct examiner *examiner)
 {
-    patch_fini(&examiner->patch);
+    cover_fini(&examiner->cover);
     free(examiner->intervals);
     free(examiner->level);
     free(examiner->original);
@@ -82,9 +82,9 @@ static bool point_room(struct examiner *examiner, size_t width)
 enum tetlod_status exact_begin(struct examiner *examiner, const struct complex *complex, const struct fields *fields,
                                  const struct star *star, struct tetlod_error *error)
 {
-    struct patch *patch = &examiner->patch;
-    TETLOD_TRY(patch_begin(patch, complex, star, error));
-    size_t links = patch->link_count;
+    struct cover *cover = &examiner->cover;
+    TETLOD_TRY(cover_begin(cover, complex, star, error));
+    size_t links = cover->link_count;
     examiner->recent_count = 0;
     if (!room(&examiner->level, &examiner->level_capacity, links * fields->driver_count))
         return tetlodi_fail_nomem(error, "the exact limit", links * fields->driver_count * 8);
@@ -92,9 +92,9 @@ enum tetlod_status exact_begin(struct examiner *examiner, const struct complex *
         const struct driver *driver = &fields->drivers[d];
         const struct working_field *field = &fields->fields[driver->field];
         const double *values = field->values + driver->component;
-        examiner->bases[d] = links ? values[(size_t)patch->link[0] * field->components] : 0;
+        examiner->bases[d] = links ? values[(size_t)cover->link[0] * field->components] : 0;
         for (size_t l = 0; l < links; l++)
-            examiner->level[d * links + l] = values[(size_t)patch->link[l] * field->components] - examiner->bases[d];
+            examiner->level[d * links + l] = values[(size_t)cover->link[l] * field->components] - examiner->bases[d];
     }
     return TETLOD_OK;
 }
@@ -112,15 +112,15 @@ static double original_value(const struct examiner *examiner, const struct overl
 static enum tetlod_status gather(struct examiner *examiner, const struct overlaps *overlaps, const struct fields *fields,
                                  const struct star *star, bool *out_few, struct tetlod_error *error)
 {
-    struct patch *patch = &examiner->patch;
-    bool before = patch->gathered;
-    TETLOD_TRY(patch_gather(patch, overlaps, star, out_few, error));
-    size_t vertices = patch->vertex_count;
+    struct cover *cover = &examiner->cover;
+    bool before = cover->gathered;
+    TETLOD_TRY(cover_gather(cover, overlaps, star, out_few, error));
+    size_t vertices = cover->vertex_count;
     if (!room(&examiner->original, &examiner->original_capacity, vertices * fields->driver_count))
         return tetlodi_fail_nomem(error, "the exact limit", vertices * fields->driver_count * 8);
     for (uint32_t d = 0; d < fields->driver_count && !before; d++)
         for (size_t v = 0; v < vertices; v++)
-            examiner->original[d * vertices + v] = original_value(examiner, overlaps, fields, d, patch->vertices[v]);
+            examiner->original[d * vertices + v] = original_value(examiner, overlaps, fields, d, cover->vertices[v]);
     return TETLOD_OK;
 }
 
@@ -211,24 +211,24 @@ static bool add_point(struct examiner *examiner, const struct fields *fields, do
 /* The intervals before any point: the range. What rounding may hide is taken off the limit. */
 static void open_intervals(struct examiner *examiner, const struct fields *fields, double limit)
 {
-    const struct patch *patch = &examiner->patch;
+    const struct cover *cover = &examiner->cover;
     for (uint32_t d = 0; d < fields->driver_count; d++) {
         const struct driver *driver = &fields->drivers[d];
         const double *whole = fields->fields[driver->field].component_range[driver->component];
         const double range[2] = {whole[0] - examiner->bases[d], whole[1] - examiner->bases[d]};
         double least = INFINITY, greatest = -INFINITY;
-        for (size_t l = 0; l < patch->link_count; l++) {
-            double value = examiner->level[d * (size_t)patch->link_count + l];
+        for (size_t l = 0; l < cover->link_count; l++) {
+            double value = examiner->level[d * (size_t)cover->link_count + l];
             least = smaller(least, value);
             greatest = larger(greatest, value);
         }
-        for (size_t v = 0; v < patch->vertex_count; v++) {
-            double value = examiner->original[d * (size_t)patch->vertex_count + v];
+        for (size_t v = 0; v < cover->vertex_count; v++) {
+            double value = examiner->original[d * (size_t)cover->vertex_count + v];
             least = smaller(least, value);
             greatest = larger(greatest, value);
         }
         double factor = driver->scale * driver->weight, own = factor > 0 ? limit / factor : INFINITY;
-        double slack = 64 * DBL_EPSILON * (patch->condition + 2) * (greatest - least);
+        double slack = 64 * DBL_EPSILON * (cover->condition + 2) * (greatest - least);
         examiner->errors[d] = slack;
         examiner->intervals[d] = (struct interval){own * (1 + LIMIT_TIE / 2) - slack,
                                                    own * (1 + LIMIT_TIE / 2) - slack,
@@ -257,28 +257,28 @@ struct examination {
 static bool at_vertex(const struct examination *e, uint32_t v)
 {
     struct examiner *examiner = e->examiner;
-    const struct patch *patch = &examiner->patch;
-    const double *p = patch->positions[v];
-    size_t links = patch->link_count, vertices = patch->vertex_count;
-    if (p[0] == patch->apex[0] && p[1] == patch->apex[1] && p[2] == patch->apex[2]) {
+    const struct cover *cover = &examiner->cover;
+    const double *p = cover->positions[v];
+    size_t links = cover->link_count, vertices = cover->vertex_count;
+    if (p[0] == cover->apex[0] && p[1] == cover->apex[1] && p[2] == cover->apex[2]) {
         for (uint32_t d = 0; d < e->fields->driver_count; d++)
             examiner->constants[d] = -examiner->original[d * vertices + v];
         return add_point(examiner, e->fields, 1, TETLOD_NONE, &nowhere, e->cutoff);
     }
-    uint32_t f = patch_cone_of(patch, v);
+    uint32_t f = cover_cone_of(cover, v);
     if (f == TETLOD_NONE)
         return true;
-    const struct cone *cone = &patch->cones[f];
-    double weight = cone->apex * cone_height(cone, patch, e->complex, p);
+    const struct cone *cone = &cover->cones[f];
+    double weight = cone->apex * cone_height(cone, cover, e->complex, p);
     if (!(weight > 0))
         return true;
     for (uint32_t d = 0; d < e->fields->driver_count; d++) {
         double constant = -examiner->original[d * vertices + v];
         for (int k = 0; k < 3; k++)
-            constant += cone->scale[k] * patch_distance(patch, cone->walls[k], patch->offsets[v]) * examiner->level[d * links + cone->link[k]];
+            constant += cone->scale[k] * cover_distance(cover, cone->walls[k], cover->offsets[v]) * examiner->level[d * links + cone->link[k]];
         examiner->constants[d] = constant;
     }
-    const struct sentinel here = {cone->tet, {{patch->vertices[v], patch->vertices[v]}, 0}};
+    const struct sentinel here = {cone->tet, {{cover->vertices[v], cover->vertices[v]}, 0}};
     return add_point(examiner, e->fields, weight, f, &here, e->cutoff);
 }
 
@@ -286,37 +286,37 @@ static bool at_vertex(const struct examination *e, uint32_t v)
 static bool at_wall(const struct examination *e, uint32_t a, uint32_t b, uint32_t w)
 {
     struct examiner *examiner = e->examiner;
-    const struct patch *patch = &examiner->patch;
-    const struct cone *cone = &patch->cones[patch->walls[w].cones[0]];
-    const double *from = patch->offsets[a], *to = patch->offsets[b], near = patch_distance(patch, w, from);
-    double between = near - patch_distance(patch, w, to), t = between != 0 ? near / between : 0, s, x[3], weights[3], sum = 0;
+    const struct cover *cover = &examiner->cover;
+    const struct cone *cone = &cover->cones[cover->walls[w].cones[0]];
+    const double *from = cover->offsets[a], *to = cover->offsets[b], near = cover_distance(cover, w, from);
+    double between = near - cover_distance(cover, w, to), t = between != 0 ? near / between : 0, s, x[3], weights[3], sum = 0;
     t = smaller(larger(t, 0), 1);
     s = 1 - t;
     for (int k = 0; k < 3; k++) {
         uint32_t other = cone->walls[k];
-        weights[k] = other == w ? 0 : cone->scale[k] * (s * patch_distance(patch, other, from) + t * patch_distance(patch, other, to));
-        if (weights[k] < -patch->beyond)
+        weights[k] = other == w ? 0 : cone->scale[k] * (s * cover_distance(cover, other, from) + t * cover_distance(cover, other, to));
+        if (weights[k] < -cover->beyond)
             return true;
         sum += weights[k];
     }
-    if (sum > 1 + patch->beyond)
+    if (sum > 1 + cover->beyond)
         return true;
-    const double *p = patch->positions[a], *q = patch->positions[b];
+    const double *p = cover->positions[a], *q = cover->positions[b];
     for (int i = 0; i < 3; i++)
         x[i] = s * p[i] + t * q[i];
-    double weight = cone->apex * cone_height(cone, patch, e->complex, x);
+    double weight = cone->apex * cone_height(cone, cover, e->complex, x);
     if (!(weight > 0))
         return true;
     for (uint32_t d = 0; d < e->fields->driver_count; d++) {
-        const double *level = examiner->level + d * (size_t)patch->link_count,
-                     *original = examiner->original + d * (size_t)patch->vertex_count;
+        const double *level = examiner->level + d * (size_t)cover->link_count,
+                     *original = examiner->original + d * (size_t)cover->vertex_count;
         double constant = -s * original[a] - t * original[b];
         for (int k = 0; k < 3; k++)
             constant += weights[k] * level[cone->link[k]];
         examiner->constants[d] = constant;
     }
-    const struct sentinel here = {cone->tet, {{patch->vertices[a], patch->vertices[b]}, (float)t}};
-    return add_point(examiner, e->fields, weight, patch->walls[w].cones[0], &here, e->cutoff);
+    const struct sentinel here = {cone->tet, {{cover->vertices[a], cover->vertices[b]}, (float)t}};
+    return add_point(examiner, e->fields, weight, cover->walls[w].cones[0], &here, e->cutoff);
 }
 
 /* Is the origin in the triangle, which turns counterclockwise? Then its barycentric weights, as exact as they can be had, and how
@@ -351,35 +351,35 @@ static bool triangle_holds(const double p[3][2], const double tolerance[2], doub
 static bool at_face(const struct examination *e, uint32_t link, const uint32_t face[3])
 {
     struct examiner *examiner = e->examiner;
-    const struct patch *patch = &examiner->patch;
-    const struct spoke *spoke = &patch->spokes[link];
-    const double *tip = e->complex->positions + 3 * (size_t)patch->link[link];
-    const double tolerance[2] = {patch->tolerances[spoke->walls[0]], patch->tolerances[spoke->walls[1]]};
+    const struct cover *cover = &examiner->cover;
+    const struct spoke *spoke = &cover->spokes[link];
+    const double *tip = e->complex->positions + 3 * (size_t)cover->link[link];
+    const double tolerance[2] = {cover->tolerances[spoke->walls[0]], cover->tolerances[spoke->walls[1]]};
     double across[3][2], weights[3], off[2], along[3], x[3] = {0, 0, 0};
     for (int k = 0; k < 3; k++)
         for (int i = 0; i < 2; i++)
-            across[k][i] = patch_distance(patch, spoke->walls[i], patch->offsets[face[k]]);
+            across[k][i] = cover_distance(cover, spoke->walls[i], cover->offsets[face[k]]);
     if (!triangle_holds(across, tolerance, weights, off))
         return true;
     for (int i = 0; i < 2; i++)
-        if (fabs(off[i]) > IN_FACE * patch->reach * patch->walls[spoke->walls[i]].length)
+        if (fabs(off[i]) > IN_FACE * cover->reach * cover->walls[spoke->walls[i]].length)
             return true; // the spoke lies in the face: where it leaves that, it crosses others (PROOF.md, 8)
     for (int k = 0; k < 3; k++)
         for (int i = 0; i < 3; i++)
-            x[i] += weights[k] * patch->positions[face[k]][i];
-    subtract(tip, patch->apex, along);
+            x[i] += weights[k] * cover->positions[face[k]][i];
+    subtract(tip, cover->apex, along);
     subtract(tip, x, x);
     double weight = dot(along, x) / dot(along, along);
     if (!(weight > 0) || weight > 1 + BEYOND)
         return true;
     for (uint32_t d = 0; d < e->fields->driver_count; d++) {
-        const double *original = examiner->original + d * (size_t)patch->vertex_count;
-        double constant = (1 - weight) * examiner->level[d * (size_t)patch->link_count + link];
+        const double *original = examiner->original + d * (size_t)cover->vertex_count;
+        double constant = (1 - weight) * examiner->level[d * (size_t)cover->link_count + link];
         for (int k = 0; k < 3; k++)
             constant -= weights[k] * original[face[k]];
         examiner->constants[d] = constant;
     }
-    const struct sentinel here = {patch->cones[spoke->cone].tet, {{TETLOD_NONE, TETLOD_NONE}, 0}};
+    const struct sentinel here = {cover->cones[spoke->cone].tet, {{TETLOD_NONE, TETLOD_NONE}, 0}};
     return add_point(examiner, e->fields, weight, spoke->cone, &here, e->cutoff);
 }
 
@@ -387,13 +387,13 @@ static bool at_face(const struct examination *e, uint32_t link, const uint32_t f
 static bool at_apex(const struct examination *e)
 {
     struct examiner *examiner = e->examiner;
-    const struct patch *patch = &examiner->patch;
-    const double *at = patch->apex;
+    const struct cover *cover = &examiner->cover;
+    const double *at = cover->apex;
     double most = -INFINITY;
-    for (uint32_t t = 0; t < patch->tet_count; t++) {
+    for (uint32_t t = 0; t < cover->tet_count; t++) {
         const double *p[4];
         for (int c = 0; c < 4; c++)
-            p[c] = patch->positions[patch->corners[t][c]];
+            p[c] = cover->positions[cover->corners[t][c]];
         double weights[4] = {tet_volume6(at, p[1], p[2], p[3]), tet_volume6(p[0], at, p[2], p[3]),
                              tet_volume6(p[0], p[1], at, p[3]), tet_volume6(p[0], p[1], p[2], at)};
         double volume = weights[0] + weights[1] + weights[2] + weights[3], least = INFINITY;
@@ -406,7 +406,7 @@ static bool at_apex(const struct examination *e)
             examiner->constants[d] = 0;
             for (int c = 0; c < 4; c++)
                 examiner->constants[d] -=
-                    weights[c] * examiner->original[d * (size_t)patch->vertex_count + patch->corners[t][c]];
+                    weights[c] * examiner->original[d * (size_t)cover->vertex_count + cover->corners[t][c]];
         }
         if (most >= 0)
             break;
@@ -420,17 +420,17 @@ static bool is_original(const struct examination *e)
     for (uint32_t s = 0; s < e->star->simplex_count; s++) {
         uint32_t slot = e->star->simplex[s];
         if (complex->node[slot] < complex->vertex_count &&
-            memcmp(complex->positions + 3 * (size_t)slot, e->examiner->patch.apex, 24) == 0)
+            memcmp(complex->positions + 3 * (size_t)slot, e->examiner->cover.apex, 24) == 0)
             return true;
     }
     return false;
 }
 
 /* Are both ends of an edge outside of one of the cone's walls? `a` and `b` are their sets of sides. */
-static inline bool beside(const struct patch *patch, uint32_t words, const uint64_t *a, const uint64_t *b, uint32_t f)
+static inline bool beside(const struct cover *cover, uint32_t words, const uint64_t *a, const uint64_t *b, uint32_t f)
 {
     uint32_t low = MAYBE_NOT_POSITIVE * words, high = MAYBE_NOT_NEGATIVE * words;
-    const uint64_t *walls = patch->cone_walls + (size_t)f * words, *inside = patch->cone_signs + (size_t)f * words;
+    const uint64_t *walls = cover->cone_walls + (size_t)f * words, *inside = cover->cone_signs + (size_t)f * words;
     uint64_t outside = 0;
     for (uint32_t word = 0; word < words; word++)
         outside |= (inside[word] & ~(a[high + word] | b[high + word])) |
@@ -441,13 +441,13 @@ static inline bool beside(const struct patch *patch, uint32_t words, const uint6
 /* All walls whose planes have the ends of an edge on different sides. */
 static bool try_walls(const struct examination *e, const uint32_t edge[2])
 {
-    const struct patch *patch = &e->examiner->patch;
-    const uint64_t *a = patch_side(patch, edge[0], POSITIVE), *b = patch_side(patch, edge[1], POSITIVE);
-    for (uint32_t word = 0; word < patch->words; word++)
+    const struct cover *cover = &e->examiner->cover;
+    const uint64_t *a = cover_side(cover, edge[0], POSITIVE), *b = cover_side(cover, edge[1], POSITIVE);
+    for (uint32_t word = 0; word < cover->words; word++)
         for (uint64_t bits = a[word] ^ b[word]; bits; bits &= bits - 1) {
             uint32_t w = 64 * word + (uint32_t)__builtin_ctzll(bits);
-            const struct wall *wall = &patch->walls[w];
-            if (!beside(patch, patch->words, a, b, wall->cones[0]) && !beside(patch, patch->words, a, b, wall->cones[1]) &&
+            const struct wall *wall = &cover->walls[w];
+            if (!beside(cover, cover->words, a, b, wall->cones[0]) && !beside(cover, cover->words, a, b, wall->cones[1]) &&
                 !at_wall(e, edge[0], edge[1], w))
                 return false;
         }
@@ -458,21 +458,21 @@ enum { ARRIVED = -1, LOST = -2 };
 
 /* The wall by which an edge leaves cone f: of those that its far end is outside of the one that it crosses first. ARRIVED: of none.
  * LOST: its near end is outside of one as well, so that rounding has led astray, or it leaves the star. */
-static int64_t way_out(const struct patch *patch, const uint32_t edge[2], uint32_t f)
+static int64_t way_out(const struct cover *cover, const uint32_t edge[2], uint32_t f)
 {
-    const double *from = patch->offsets[edge[0]], *to = patch->offsets[edge[1]];
-    const uint64_t *near = patch_side(patch, edge[0], POSITIVE), *far = patch_side(patch, edge[1], POSITIVE),
-                   *inside = patch->cone_signs + (size_t)f * patch->words;
+    const double *from = cover->offsets[edge[0]], *to = cover->offsets[edge[1]];
+    const uint64_t *near = cover_side(cover, edge[0], POSITIVE), *far = cover_side(cover, edge[1], POSITIVE),
+                   *inside = cover->cone_signs + (size_t)f * cover->words;
     int64_t found = ARRIVED;
     double first = INFINITY;
     for (int k = 0; k < 3; k++) {
-        uint32_t w = patch->cones[f].walls[k];
+        uint32_t w = cover->cones[f].walls[k];
         uint64_t bit = (uint64_t)1 << w % 64;
         if (!((far[w / 64] ^ inside[w / 64]) & bit))
             continue;
-        if ((near[w / 64] ^ inside[w / 64]) & bit || patch->walls[w].outer)
+        if ((near[w / 64] ^ inside[w / 64]) & bit || cover->walls[w].outer)
             return LOST;
-        double distance = patch_distance(patch, w, from), t = distance / (distance - patch_distance(patch, w, to));
+        double distance = cover_distance(cover, w, from), t = distance / (distance - cover_distance(cover, w, to));
         if (t < first) {
             first = t;
             found = w;
@@ -484,20 +484,20 @@ static int64_t way_out(const struct patch *patch, const uint32_t edge[2], uint32
 /* Follows an edge from cone to cone through the walls that it crosses. Where that fails, all walls are tried. */
 static bool at_edge(const struct examination *e, const uint32_t edge[2])
 {
-    const struct patch *patch = &e->examiner->patch;
+    const struct cover *cover = &e->examiner->cover;
     size_t before = e->examiner->point_count;
-    uint32_t f = patch->homes[edge[0]];
-    if (f != TETLOD_NONE && patch->homes[edge[1]] == f)
+    uint32_t f = cover->homes[edge[0]];
+    if (f != TETLOD_NONE && cover->homes[edge[1]] == f)
         return true; // most
-    for (uint32_t steps = 0; f != TETLOD_NONE && steps < patch->wall_count; steps++) {
-        int64_t w = way_out(patch, edge, f);
+    for (uint32_t steps = 0; f != TETLOD_NONE && steps < cover->wall_count; steps++) {
+        int64_t w = way_out(cover, edge, f);
         if (w == ARRIVED)
             return true;
         if (w == LOST)
             break;
         if (!at_wall(e, edge[0], edge[1], (uint32_t)w))
             return false;
-        f = patch->walls[w].cones[patch->walls[w].cones[0] == f];
+        f = cover->walls[w].cones[cover->walls[w].cones[0] == f];
     }
     e->examiner->point_count = before; // they are found again
     return try_walls(e, edge);
@@ -505,30 +505,30 @@ static bool at_edge(const struct examination *e, const uint32_t edge[2])
 
 static bool at_edges(const struct examination *e)
 {
-    const struct patch *patch = &e->examiner->patch;
-    for (uint32_t i = 0; i < patch->edge_count; i++)
-        if (!at_edge(e, patch->edges[i]))
+    const struct cover *cover = &e->examiner->cover;
+    for (uint32_t i = 0; i < cover->edge_count; i++)
+        if (!at_edge(e, cover->edges[i]))
             return false;
     return true;
 }
 
 /* The walls that an original may lie on both sides of. */
-static inline void both_sides(const struct patch *patch, const uint32_t corners[4], uint64_t *out)
+static inline void both_sides(const struct cover *cover, const uint32_t corners[4], uint64_t *out)
 {
-    for (uint32_t word = 0; word < patch->words; word++) {
+    for (uint32_t word = 0; word < cover->words; word++) {
         uint64_t low = 0, high = 0;
         for (int c = 0; c < 4; c++) {
-            low |= patch_side(patch, corners[c], MAYBE_NOT_POSITIVE)[word];
-            high |= patch_side(patch, corners[c], MAYBE_NOT_NEGATIVE)[word];
+            low |= cover_side(cover, corners[c], MAYBE_NOT_POSITIVE)[word];
+            high |= cover_side(cover, corners[c], MAYBE_NOT_NEGATIVE)[word];
         }
         out[word] = low & high;
     }
 }
 
 /* Are all walls that meet in the spoke among those? */
-static inline bool around(const struct patch *patch, uint32_t words, const uint64_t *both, uint32_t link)
+static inline bool around(const struct cover *cover, uint32_t words, const uint64_t *both, uint32_t link)
 {
-    const uint64_t *walls = patch->spoke_walls + (size_t)link * words;
+    const uint64_t *walls = cover->spoke_walls + (size_t)link * words;
     uint64_t missing = 0;
     for (uint32_t word = 0; word < words; word++)
         missing |= walls[word] & ~both[word];
@@ -536,12 +536,12 @@ static inline bool around(const struct patch *patch, uint32_t words, const uint6
 }
 
 /* The same of an original face. */
-static inline bool face_around(const struct patch *patch, uint32_t words, const uint32_t face[3], uint32_t link)
+static inline bool face_around(const struct cover *cover, uint32_t words, const uint32_t face[3], uint32_t link)
 {
-    const uint64_t *sides[3], *walls = patch->spoke_walls + (size_t)link * words;
+    const uint64_t *sides[3], *walls = cover->spoke_walls + (size_t)link * words;
     uint32_t low = MAYBE_NOT_POSITIVE * words, high = MAYBE_NOT_NEGATIVE * words;
     for (int k = 0; k < 3; k++)
-        sides[k] = patch->signs + (size_t)face[k] * SIDES * words;
+        sides[k] = cover->signs + (size_t)face[k] * SIDES * words;
     uint64_t missing = 0;
     for (uint32_t word = 0; word < words; word++)
         missing |= walls[word] & ~((sides[0][low + word] | sides[1][low + word] | sides[2][low + word]) &
@@ -553,15 +553,15 @@ static inline bool face_around(const struct patch *patch, uint32_t words, const 
  * so that each counts once. `sets` are the originals' walls of both sides. */
 static inline bool at_spoke(const struct examination *e, uint32_t words, uint32_t link, const uint64_t *sets)
 {
-    const struct patch *patch = &e->examiner->patch;
-    for (uint32_t t = 0; t < patch->tet_count; t++) {
-        if (!around(patch, words, sets + (size_t)t * words, link))
+    const struct cover *cover = &e->examiner->cover;
+    for (uint32_t t = 0; t < cover->tet_count; t++) {
+        if (!around(cover, words, sets + (size_t)t * words, link))
             continue;
         for (int f = 0; f < 4; f++) {
             uint32_t face[3];
             for (int k = 0; k < 3; k++)
-                face[k] = patch->corners[t][tet_faces[f][k]];
-            if (face_around(patch, words, face, link) && !at_face(e, link, face))
+                face[k] = cover->corners[t][tet_faces[f][k]];
+            if (face_around(cover, words, face, link) && !at_face(e, link, face))
                 return false;
         }
     }
@@ -571,20 +571,20 @@ static inline bool at_spoke(const struct examination *e, uint32_t words, uint32_
 static bool at_spokes(const struct examination *e)
 {
     struct examiner *examiner = e->examiner;
-    const struct patch *patch = &examiner->patch;
-    size_t tets = patch->tet_count;
+    const struct cover *cover = &examiner->cover;
+    size_t tets = cover->tet_count;
     void *grown = examiner->sets;
-    if (!array_reserve(&grown, &examiner->set_capacity, tets * patch->words, sizeof *examiner->sets)) {
+    if (!array_reserve(&grown, &examiner->set_capacity, tets * cover->words, sizeof *examiner->sets)) {
         examiner->point_count = SIZE_MAX;
         return false;
     }
     examiner->sets = grown;
     for (size_t t = 0; t < tets; t++)
-        both_sides(patch, patch->corners[t], examiner->sets + t * patch->words);
-    for (uint32_t link = 0; link < patch->link_count; link++)
-        if (!(patch->words == 1   ? at_spoke(e, 1, link, examiner->sets)
-              : patch->words == 2 ? at_spoke(e, 2, link, examiner->sets)
-                                  : at_spoke(e, patch->words, link, examiner->sets)))
+        both_sides(cover, cover->corners[t], examiner->sets + t * cover->words);
+    for (uint32_t link = 0; link < cover->link_count; link++)
+        if (!(cover->words == 1   ? at_spoke(e, 1, link, examiner->sets)
+              : cover->words == 2 ? at_spoke(e, 2, link, examiner->sets)
+                                  : at_spoke(e, cover->words, link, examiner->sets)))
             return false;
     return true;
 }
@@ -593,7 +593,7 @@ static bool at_spokes(const struct examination *e)
 static bool ask_sentinel(const struct examination *e, const struct watched *point)
 {
     struct examiner *examiner = e->examiner;
-    struct patch *patch = &examiner->patch;
+    struct cover *cover = &examiner->cover;
     double p[3], weights[3], weight, t = point->along;
     if (point->ends[0] == TETLOD_NONE)
         return true;
@@ -601,17 +601,17 @@ static bool ask_sentinel(const struct examination *e, const struct watched *poin
                  *b = e->overlaps->mesh->positions + 3 * (size_t)point->ends[1];
     for (int k = 0; k < 3; k++)
         p[k] = (1 - t) * a[k] + t * b[k];
-    uint32_t f = patch_cone_at(patch, e->complex, p, weights, &weight);
+    uint32_t f = cover_cone_at(cover, e->complex, p, weights, &weight);
     if (f == TETLOD_NONE || !(weight > 0))
         return true;
     for (uint32_t d = 0; d < e->fields->driver_count; d++) {
         double constant = -(1 - t) * original_value(examiner, e->overlaps, e->fields, d, point->ends[0]) -
                           t * original_value(examiner, e->overlaps, e->fields, d, point->ends[1]);
         for (int k = 0; k < 3; k++)
-            constant += weights[k] * examiner->level[d * (size_t)patch->link_count + patch->cones[f].link[k]];
+            constant += weights[k] * examiner->level[d * (size_t)cover->link_count + cover->cones[f].link[k]];
         examiner->constants[d] = constant;
     }
-    const struct sentinel here = {patch->cones[f].tet, *point};
+    const struct sentinel here = {cover->cones[f].tet, *point};
     add_point(examiner, e->fields, weight, f, &here, INFINITY);
     return examiner->point_count != SIZE_MAX;
 }
@@ -642,18 +642,18 @@ static bool goes_on(const struct examination *e)
  * above the cutoff, or out of memory. */
 static bool examine_corners(const struct examination *e)
 {
-    struct patch *patch = &e->examiner->patch;
+    struct cover *cover = &e->examiner->cover;
     if (!is_original(e) && !at_apex(e))
         return false;
-    for (uint32_t v = 0; v < patch->vertex_count; v++) {
-        patch_place(patch, v);
+    for (uint32_t v = 0; v < cover->vertex_count; v++) {
+        cover_place(cover, v);
         if (!at_vertex(e, v))
             return false;
     }
     if (!goes_on(e))
         return false;
     struct tetlod_error error;
-    if (patch_edges(patch, &error) != TETLOD_OK) {
+    if (cover_edges(cover, &error) != TETLOD_OK) {
         e->examiner->point_count = SIZE_MAX;
         return false;
     }
@@ -769,7 +769,7 @@ enum tetlod_status exact_examine(struct examiner *examiner, const struct overlap
     const struct examination e = {examiner, overlaps, complex, fields, star, cutoff, whole};
     bool good;
     *out = (struct finding){.error = INFINITY, .witness = {nowhere, nowhere}};
-    TETLOD_TRY(patch_set_apex(&examiner->patch, complex, p, &good, error));
+    TETLOD_TRY(cover_set_apex(&examiner->cover, complex, p, &good, error));
     if (!good)
         return TETLOD_OK;
     open_intervals(examiner, fields, limit);
@@ -794,8 +794,8 @@ enum tetlod_status exact_examine(struct examiner *examiner, const struct overlap
     return TETLOD_OK;
 }
 
-enum tetlod_status exact_hand_on(struct examiner *examiner, const struct complex *complex, struct handover *out,
+enum tetlod_status exact_pass_on(struct examiner *examiner, const struct complex *complex, struct passed *out,
                                  struct tetlod_error *error)
 {
-    return patch_hand_on(&examiner->patch, complex, out, error);
+    return cover_pass_on(&examiner->cover, complex, out, error);
 }

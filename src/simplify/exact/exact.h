@@ -9,7 +9,7 @@
 #define TETLOD_EXACT_H
 
 #include "src/simplify/fields.h"
-#include "src/simplify/exact/patch.h"
+#include "src/simplify/exact/cover.h"
 
 /* |weight * s' + constant| is the difference at a corner of the overlay. */
 struct critical {
@@ -31,7 +31,7 @@ enum { RECENT = 8 };
 
 /* One thread's. */
 struct examiner {
-    struct patch patch;
+    struct cover cover;
     struct sentinel recent[RECENT]; /* points that refused the star's candidates so far */
     uint32_t recent_count;
     struct interval *intervals; /* [driver] */
@@ -72,7 +72,7 @@ TETLOD_CHECKED enum tetlod_status exact_examine(struct examiner *examiner, const
                                                 struct tetlod_error *error);
 
 /* After exact_examine has allowed a contraction: what it leaves to its cones, for overlaps_take. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status exact_hand_on(struct examiner *examiner, const struct complex *complex, struct handover *out,
+TETLOD_CHECKED enum tetlod_status exact_pass_on(struct examiner *examiner, const struct complex *complex, struct passed *out,
                                                 struct tetlod_error *error);
 
 #endif

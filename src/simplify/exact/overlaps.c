@@ -99,10 +99,10 @@ void overlaps_watch(struct overlaps *overlaps, const struct sentinel *sentinel)
     overlaps->watches[chain[0]].point = *point;
 }
 
-void handover_fini(struct handover *handover)
+void passed_fini(struct passed *passed)
 {
-    free(handover->numbers);
-    *handover = (struct handover){0};
+    free(passed->numbers);
+    *passed = (struct passed){0};
 }
 
 /* Moves the lists that are in use to the front of the pool. */
@@ -172,18 +172,18 @@ static enum tetlod_status pool_room(struct overlaps *overlaps, size_t needed, st
     return TETLOD_OK;
 }
 
-enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star, const struct handover *handover,
+enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star, const struct passed *passed,
                                  struct tetlod_error *error)
 {
-    const uint32_t *numbers = handover->numbers, *end = numbers + handover->count;
+    const uint32_t *numbers = passed->numbers, *end = numbers + passed->count;
     for (uint32_t i = 0; i < star->tet_count; i++)
         overlaps->lists[star->tets[i]] = TETLOD_NONE;
-    TETLOD_TRY(pool_room(overlaps, handover->list_count, error));
-    for (const uint32_t *list = numbers; list < numbers + handover->list_count; list += 2 + (size_t)list[1])
+    TETLOD_TRY(pool_room(overlaps, passed->list_count, error));
+    for (const uint32_t *list = numbers; list < numbers + passed->list_count; list += 2 + (size_t)list[1])
         overlaps->lists[list[0]] = OVERLAPS_POOLED | (uint32_t)(overlaps->pool_size + (size_t)(list - numbers) + 2);
-    memcpy(overlaps->pool + overlaps->pool_size, numbers, handover->list_count * sizeof *numbers);
-    overlaps->pool_size += handover->list_count;
-    for (numbers += handover->list_count; numbers < end; numbers += 2)
+    memcpy(overlaps->pool + overlaps->pool_size, numbers, passed->list_count * sizeof *numbers);
+    overlaps->pool_size += passed->list_count;
+    for (numbers += passed->list_count; numbers < end; numbers += 2)
         overlaps->host[numbers[0]] = numbers[1];
     return TETLOD_OK;
 }

@@ -40,9 +40,9 @@ struct overlaps {
     uint32_t *host;             /* [original vertex] the tetrahedron of the level that it is in: a hint, what to look at first */
 };
 
-/* What a contraction leaves to its cones: their lists, as the pool has them; then vertices of the original and the tetrahedra
+/* What a contraction passes on to its cones: their lists, as the pool has them; then vertices of the original and the tetrahedra
  * that they are in. */
-struct handover {
+struct passed {
     uint32_t *numbers;
     size_t list_count, count, capacity; /* numbers of the lists; of all */
 };
@@ -70,13 +70,13 @@ static inline const uint32_t *overlaps_of(const struct overlaps *overlaps, uint3
     return list;
 }
 
-void handover_fini(struct handover *handover);
+void passed_fini(struct passed *passed);
 
 /* Takes over new numbers of the level's tetrahedra, and gives back room. */
 void overlaps_renumber(struct overlaps *overlaps, const struct renumbering *tets);
 
 /* With the contraction of a star that has not changed since: takes its lists over. ERR_NOMEM, ERR_LIMIT. */
 TETLOD_CHECKED enum tetlod_status overlaps_take(struct overlaps *overlaps, const struct star *star,
-                                                const struct handover *handover, struct tetlod_error *error);
+                                                const struct passed *passed, struct tetlod_error *error);
 
 #endif
