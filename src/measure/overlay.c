@@ -111,6 +111,20 @@ static inline double smallest_of(const four *x)
     return smaller(smaller((*x)[0], (*x)[1]), smaller((*x)[2], (*x)[3]));
 }
 
+/* Offsets of four places from the map's origin. */
+static inline void offsets_of(const struct weights_map *map, const double *const p[4], four out[3])
+{
+    for (int i = 0; i < 3; i++)
+        out[i] = (four){p[0][i], p[1][i], p[2][i], p[3][i]} - map->origin[i];
+}
+
+/* Weight k of four places. Weight 0 comes last: it is what the others leave. */
+static inline void weigh_at(const struct weights_map *map, const four r[3], int k, four weights[4])
+{
+    const double *row = map->rows[(k + 2) % 3];
+    weights[k] = k ? row[0] * r[0] + row[1] * r[1] + row[2] * r[2] : 1 - weights[1] - weights[2] - weights[3];
+}
+
 /* Weights in a tetrahedron, whose map is given, of the corners of another one, and what rounding may make of them. False if they all lie
  * on or behind one of its faces: most pairs, so that is asked face by face. */
 static bool weigh_corners(const struct weights_map *map, const struct tetmesh *mesh, uint32_t tet, double out[4][4], double *slack)
@@ -120,12 +134,10 @@ static bool weigh_corners(const struct weights_map *map, const struct tetmesh *m
     four r[3], weights[4];
     for (int c = 0; c < 4; c++)
         p[c] = corner(mesh, tet, c);
-    for (int i = 0; i < 3; i++)
-        r[i] = (four){p[0][i], p[1][i], p[2][i], p[3][i]} - map->origin[i];
+    offsets_of(map, p, r);
     for (int k = 1; k < 5; k++) {
-        const double *row = map->rows[(k - 1) % 3];
         four *w = &weights[k % 4];
-        *w = k < 4 ? row[0] * r[0] + row[1] * r[1] + row[2] * r[2] : 1 - weights[1] - weights[2] - weights[3];
+        weigh_at(map, r, k % 4, weights);
         double most = largest_of(w);
         largest = larger(largest, larger(most, -smallest_of(w)));
         if (!(most > THIN - map->noise * largest))
@@ -417,11 +429,9 @@ static void weigh_cluster(const struct overlay *overlay, const struct reach *rea
         const double *p[4];
         for (uint32_t l = 0; l < 4; l++)
             p[l] = positions + 3 * (size_t)vertices[v + l < last ? v + l : last];
-        for (int i = 0; i < 3; i++)
-            r[i] = (four){p[0][i], p[1][i], p[2][i], p[3][i]} - map->origin[i];
-        for (int k = 1; k < 4; k++)
-            w[k] = map->rows[k - 1][0] * r[0] + map->rows[k - 1][1] * r[1] + map->rows[k - 1][2] * r[2];
-        w[0] = 1 - w[1] - w[2] - w[3];
+        offsets_of(map, p, r);
+        for (int k = 1; k < 5; k++)
+            weigh_at(map, r, k % 4, w);
         for (int k = 0; k < 4; k++) {
             behind |= (four_bits)(w[k] <= least) & ((int64_t)1 << k);
             memcpy(out->weights[k] + v, &w[k], sizeof w[k]);

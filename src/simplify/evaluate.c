@@ -166,7 +166,7 @@ static uint32_t query_edges(const struct run *run, struct worker *worker, struct
     struct hood *hood = &worker->hood;
     uint32_t count = 0;
     struct edge_query query = {run->working->component_count, run->factors, numbers_of(run, worker, NUMBERS_GAP), 1,
-                        cutoff(run)};
+                               cutoff(run)};
     for (uint32_t n = 0; n < hood->count; n++) {
         bool end, middle;
         if (!allowed(run, hood, n, &end, &middle))

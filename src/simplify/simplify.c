@@ -499,12 +499,12 @@ static enum tetlod_status file_again(struct run *run, const size_t *places)
     return status;
 }
 
-/* Has nothing happened to an edge that waits for a higher limit? Then the rest of it need not be read. */
+/* Does an edge wait for a higher limit, with nothing changed around it? Then the rest of it need not be read. */
 static inline bool waits_on(const struct run *run, const struct waiting_simplex *simplex)
 {
     const uint32_t *changed = run->complex->changed;
-    return run->options->contract == CONTRACT_EDGES && !(simplex->value <= run->limit) &&
-           changed[simplex->vertices[0]] <= simplex->stamp && changed[simplex->vertices[1]] <= simplex->stamp;
+    return !simplex->extra && !(simplex->value <= run->limit) && changed[simplex->vertices[0]] <= simplex->stamp &&
+           changed[simplex->vertices[1]] <= simplex->stamp;
 }
 
 /* Looks again at what waits: entries that the new limit may allow, and those whose bound may have changed. Some at a time, which takes

@@ -90,7 +90,7 @@ void waiting_list_sweep(struct waiting_list *list)
         if (simplex->vertices[0] == TETLOD_NONE)
             continue;
         simplex->room = even(simplex->extra + stored_witnesses(simplex->witnesses));
-        size_t size = sizeof *simplex + simplex->room * sizeof *simplex->more;
+        size_t size = waiting_list_next(list, at) - at;
         memmove(list->simplices + kept, simplex, size);
         kept += size;
     }

@@ -11,11 +11,6 @@ static bool at_first(const void *context, uint32_t number)
     return number % 3 != 1;
 }
 
-static struct sentinel point(uint32_t tet, uint32_t end)
-{
-    return (struct sentinel){tet, {{end, end + 1}, 0.5f}};
-}
-
 /* Are the watches of a tetrahedron those, the last one first? */
 static bool watches(const struct overlaps *overlaps, uint32_t tet, const uint32_t *ends, uint32_t count)
 {
@@ -28,7 +23,7 @@ static bool watches(const struct overlaps *overlaps, uint32_t tet, const uint32_
 
 static void watch(struct overlaps *overlaps, uint32_t tet, uint32_t end)
 {
-    struct sentinel sentinel = point(tet, end);
+    const struct sentinel sentinel = {tet, {{end, end + 1}, 0.5f}};
     overlaps_watch(overlaps, &sentinel);
 }
 
