@@ -28,8 +28,7 @@ static enum tetlod_status copy(const struct tetlod_file *file, const struct tetl
     enum tetlod_status status = block ? TETLOD_OK : tetlodi_fail_nomem(error, "a block of the stream", COPIED);
     for (uint64_t at = 0, size; status == TETLOD_OK && at < file->index.info.bytes; at += size) {
         size = file->index.info.bytes - at < COPIED ? file->index.info.bytes - at : COPIED;
-        status = file->source.size < at + size ? tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "the stream is cut off")
-                                               : file->source.read(file->source.opaque, at, block, (size_t)size);
+        status = file->source.read(file->source.opaque, at, block, (size_t)size);
         if (status == TETLOD_OK)
             status = sink->write(sink->opaque, block, (size_t)size);
     }
@@ -51,7 +50,7 @@ static enum tetlod_status mark(const struct tetlod_info *info, void **out, size_
     return TETLOD_OK;
 }
 
-/* Where all values of tetrahedra are there: those of the level's, which come first. */
+/* The values of the level's tetrahedra, which come first; of a file that is cut off, of those fields that are whole. */
 static enum tetlod_status take_cells(struct part *part, const struct tetlod_file *file, struct tetlod_error *error)
 {
     const struct tetlod_info *info = &file->index.info;
@@ -60,11 +59,15 @@ static enum tetlod_status take_cells(struct part *part, const struct tetlod_file
     enum tetlod_status status = cells && numbers ? TETLOD_OK : tetlodi_fail_nomem(error, "values of tetrahedra", part->index.info.tets * (uint64_t)4);
     for (uint32_t t = 0; status == TETLOD_OK && t < part->index.info.tets; t++)
         numbers[t] = t;
-    for (; status == TETLOD_OK && count < info->cell_field_count; count++) {
-        const struct tetlod_cell_field *field = &info->cell_fields[count];
+    for (uint32_t f = 0; status == TETLOD_OK && f < info->cell_field_count; f++) {
+        const struct tetlod_cell_field *field = &info->cell_fields[f];
         double *values = malloc(sizeof *values * ((size_t)info->tets * field->components + 1));
-        cells[count] = (struct tetlodi_write_cells){field->name, field->components, field->type, field->region, values};
-        status = values ? tetlod_cells(file, count, values, error) : tetlodi_fail_nomem(error, "values of tetrahedra", info->tets * (uint64_t)8);
+        status = values ? tetlod_cells(file, f, values, error) : tetlodi_fail_nomem(error, "values of tetrahedra", info->tets * (uint64_t)8);
+        if (status == TETLOD_OK)
+            cells[count++] = (struct tetlodi_write_cells){field->name, field->components, field->type, field->region, values};
+        else
+            free(values);
+        status = status == TETLOD_ERR_TRUNCATED ? TETLOD_OK : status;
     }
     if (status == TETLOD_OK && !tetlodi_cells_encode(&part->cells, cells, count, numbers, part->index.info.tets))
         status = tetlodi_fail_nomem(error, "values of tetrahedra", part->index.info.tets * (uint64_t)8);
@@ -74,7 +77,7 @@ static enum tetlod_status take_cells(struct part *part, const struct tetlod_file
         free((void *)(uintptr_t)cells[f].values);
     free(cells);
     free(numbers);
-    return status == TETLOD_ERR_TRUNCATED ? TETLOD_OK : status; // they lie behind what came
+    return status;
 }
 
 static enum tetlod_status take_sections(struct part *part, const struct tetlod_file *file, struct tetlod_error *error)
@@ -122,7 +125,7 @@ enum tetlod_status tetlodi_write_prefix(const struct tetlod_file *file, uint32_t
     const struct tetlod_info *info = &file->index.info;
     if (level >= info->level_count)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no level %u", level);
-    if (level + 1 == info->level_count)
+    if (level + 1 == info->level_count && file->source.size >= info->bytes)
         return copy(file, sink, error);
     struct part part = {.index = file->index};
     size_t parts = 1 + (size_t)info->field_count;
@@ -130,12 +133,15 @@ enum tetlod_status tetlodi_write_prefix(const struct tetlod_file *file, uint32_t
     part.index.info.level_count = level + 1;
     part.index.info.vertices = info->levels[level].vertices;
     part.index.info.tets = info->levels[level].tets;
-    part.index.tail = 0;
     part.index.sections = NULL;
     part.index.listed = NULL;
-    part.index.exact_later = calloc(parts, sizeof *part.index.exact_later); // the tail is not there
+    part.index.exact_later = calloc(parts, sizeof *part.index.exact_later);
     if (!part.index.exact_later)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the index", parts));
+    if (level + 1 == info->level_count)
+        memcpy(part.index.exact_later, file->index.exact_later, info->field_count * sizeof *part.index.exact_later);
+    else
+        part.index.tail = 0;
     TETLOD_TRY_DONE(take_sections(&part, file, error));
     TETLOD_TRY_DONE(take_frames(&part, file, error));
     status = tetlodi_container_write(&part.index, part.frames, part.sections, part.section_count, sink, error);

@@ -239,7 +239,8 @@ TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_section_read(const struct te
 TETLOD_API uint32_t tetlod_section_index(const struct tetlod_info *info, const char *tag);
 
 /* All values of a cell field, [components * info->tets] in the order in which tetrahedra arrive: those of a level's tetrahedra are the
- * first. They lie behind the last level. ERR_ARGUMENT if there is no such field, ERR_STREAM, or as tetlod_section_read. */
+ * first. They lie behind the last level: ERR_TRUNCATED in a prefix without them, whose levels can be read all the same. ERR_ARGUMENT if
+ * there is no such field, ERR_STREAM, or as tetlod_section_read. */
 TETLOD_API TETLOD_CHECKED enum tetlod_status tetlod_cells(const struct tetlod_file *file, uint32_t field, double *out,
                                                           struct tetlod_error *error);
 

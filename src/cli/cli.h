@@ -63,6 +63,10 @@ bool cli_check_output(const struct command *command, const char *output, const c
 /* The finest level whose bytes are all in a stream file, of which a part may be missing; TETLOD_NONE: not even level 0. */
 uint32_t cli_finest_here(const struct tetlod_info *info, int fd);
 
+/* Whether all bytes of a section, and of the values of a cell field, are in such a file. */
+bool cli_section_here(const struct tetlod_section *section, int fd);
+bool cli_cells_here(const struct tetlod_info *info, int fd, uint32_t cell_field);
+
 /* Prints the table of levels: about ten of them, or all. */
 void cli_print_levels(const struct tetlod_info *info, bool all);
 

@@ -40,7 +40,8 @@ static const char help[] =
     "      --original-order  the finest level in the input's own numbering, if tetlod build --keep-order kept it\n"
     "      --quiet        do not say which level it is, and what error each field has there at most\n"
     "\n"
-    "If a file is cut off, such as a download that stopped, the levels that are whole can still be extracted.\n"
+    "If a file is cut off, such as a download that stopped, the levels that are whole can still be extracted. Values of cells lie\n"
+    "behind the levels: those of which bytes are missing are left out. A box needs the finest level.\n"
     "\n"
     "example: tetlod extract blunt.tetlod --error 1% -o coarse.vtu\n";
 
@@ -128,6 +129,9 @@ static enum tetlod_status choose_here(const struct tetlod_info *info, int fd, co
 {
     uint32_t here = cli_finest_here(info, fd);
     TETLOD_TRY(choose(info, request, level, error));
+    if (request->box_count && here != TETLOD_NONE && here + 1 < info->level_count)
+        return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is cut off: levels 0 to %u of %u are here, and --box needs the finest, "
+                            "against which it measures", here, info->level_count - 1);
     if (here != TETLOD_NONE && *level <= here)
         return TETLOD_OK;
     if (here == TETLOD_NONE)
@@ -138,6 +142,22 @@ static enum tetlod_status choose_here(const struct tetlod_info *info, int fd, co
     fprintf(stderr, "tetlod extract: %s is cut off: levels 0 to %u of %u are here\n", request->input, here, info->level_count - 1);
     *level = here;
     return TETLOD_OK;
+}
+
+/* Of a file that is cut off: the values of cells that the output is without. */
+static void note_missing_cells(const struct tetlod_info *info, int fd, const char *path)
+{
+    const char *before = "";
+    for (uint32_t f = 0; f < info->cell_field_count; f++) {
+        if (cli_cells_here(info, fd, f))
+            continue;
+        if (!*before)
+            fprintf(stderr, "tetlod extract: %s is cut off before the values of cells ", path);
+        fprintf(stderr, "%s%s", before, info->cell_fields[f].name);
+        before = ", ";
+    }
+    if (*before)
+        fprintf(stderr, ": they are left out\n");
 }
 
 /* The levels up to one, as a stream. */
@@ -192,7 +212,7 @@ static enum tetlod_status extract_mesh(struct tetlod_file *file, const struct re
     if (status == TETLOD_OK)
         status = level_mesh_take(info, &cursor, mesh, error);
     if (status == TETLOD_OK)
-        status = level_mesh_cells(file, TETLOD_NONE, NULL, mesh, error);
+        status = level_mesh_cells_here(file, NULL, NULL, mesh, error);
     if (status == TETLOD_OK && request->original_order)
         status = level_mesh_reorder(file, mesh, error);
     tetlod_cursor_free(cursor);
@@ -237,6 +257,8 @@ static int extract(const struct request *request)
             fprintf(stderr, "tetlod extract: it is the mesh of the first %u steps; --step and --time take others, on their own\n",
                     info->topologies[0].step_count);
     }
+    if (status == TETLOD_OK && !request->quiet)
+        note_missing_cells(info, fd, request->input);
     tetmesh_fini(&mesh);
     tetlod_close(file);
     close(fd);

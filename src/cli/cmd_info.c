@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include <stdio.h>
+#include <string.h>
 #include <unistd.h>
 
 #include "src/cli/cli.h"
@@ -22,6 +23,32 @@ static const char help[] =
     "Errors are fractions of the field's range, in percent; a dash means that one is not known. 'bytes' is the length of the prefix of the\n"
     "file that decodes to the level. 'others' is the largest measured error of the fields that are not controlled.\n";
 
+static bool is_cell_values(const struct tetlod_section *section)
+{
+    return strcmp(section->tag, "CVAL") == 0;
+}
+
+/* Sections of a file that is cut off, those of cells by the names of the fields. */
+static void print_missing(const struct tetlod_info *info, int fd)
+{
+    const char *before = "cut off       not here: ";
+    for (uint32_t f = 0; f < info->cell_field_count; f++)
+        if (!cli_cells_here(info, fd, f)) {
+            printf("%scells' %s", before, info->cell_fields[f].name);
+            before = ", ";
+        }
+    for (uint32_t i = 0; i < info->section_count; i++) {
+        const struct tetlod_section *section = &info->sections[i];
+        bool again = i && strcmp(section->tag, section[-1].tag) == 0 && !cli_section_here(&section[-1], fd);
+        if (cli_section_here(section, fd) || is_cell_values(section) || again)
+            continue;
+        printf("%ssection %s", before, section->tag);
+        before = ", ";
+    }
+    if (before[0] == ',')
+        printf("\n");
+}
+
 /* A download that stopped still shows the levels that came. */
 static void print_cut(const struct tetlod_info *info, int fd)
 {
@@ -30,6 +57,7 @@ static void print_cut(const struct tetlod_info *info, int fd)
         printf("cut off       not even level 0 is whole\n");
     else if (here + 1 < info->level_count)
         printf("cut off       levels 0 to %u of %u are here\n", here, info->level_count - 1);
+    print_missing(info, fd);
 }
 
 /* The series, if the file is one and holds the table whole; NULL otherwise. */

@@ -34,16 +34,6 @@ static void print_about(const struct tetlod_info *info, const struct region *reg
         snprintf(out + used, size - (size_t)used, " (measured)");
 }
 
-/* All values of cells but those whose name is that of the parts. */
-static enum tetlod_status add_cells(const struct tetlod_file *file, const uint32_t *tets, struct tetmesh *out, struct tetlod_error *error)
-{
-    const struct tetlod_info *info = tetlod_info(file);
-    for (uint32_t f = 0; f < info->cell_field_count; f++)
-        if (strcmp(info->cell_fields[f].name, REGION_FIELD) != 0)
-            TETLOD_TRY(level_mesh_cells(file, f, tets, out, error));
-    return TETLOD_OK;
-}
-
 static enum tetlod_status make(const struct forest *forest, struct tetlod_file *file, const struct region *region, struct tetmesh *out, char *about,
                                size_t about_size, struct tetlod_error *error)
 {
@@ -57,7 +47,7 @@ static enum tetlod_status make(const struct forest *forest, struct tetlod_file *
     if (status == TETLOD_OK)
         status = region_error(forest, out, parallel_cores(), errors, error);
     if (status == TETLOD_OK)
-        status = add_cells(file, tets, out, error);
+        status = level_mesh_cells_here(file, REGION_FIELD, tets, out, error);
     if (status == TETLOD_OK)
         print_about(info, region, &counts, errors, about, about_size);
     free(tets);

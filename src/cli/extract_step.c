@@ -95,7 +95,7 @@ enum tetlod_status extract_step(struct tetlod_file *file, const struct step_choi
     if (status == TETLOD_OK)
         status = take(file, series, cursor, choice, out, about, about_size, error);
     if (status == TETLOD_OK)
-        status = level_mesh_cells(file, TETLOD_NONE, NULL, out, error);
+        status = level_mesh_cells_here(file, NULL, NULL, out, error);
     if (status == TETLOD_OK && original_order)
         status = level_mesh_reorder(file, out, error);
     tetlod_cursor_free(cursor);

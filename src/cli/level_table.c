@@ -2,6 +2,7 @@
 /* The table of levels that build and info print. */
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 #include <sys/stat.h>
 
 #include "src/cli/cli.h"
@@ -19,6 +20,20 @@ uint32_t cli_finest_here(const struct tetlod_info *info, int fd)
     while (level > 0 && info->levels[level - 1].end > (uint64_t)about.st_size)
         level--;
     return level ? level - 1 : TETLOD_NONE;
+}
+
+bool cli_section_here(const struct tetlod_section *section, int fd)
+{
+    struct stat about;
+    return fstat(fd, &about) != 0 || section->offset + section->stored <= (uint64_t)about.st_size;
+}
+
+bool cli_cells_here(const struct tetlod_info *info, int fd, uint32_t cell_field)
+{
+    for (uint32_t i = 0; i < info->section_count; i++)
+        if (strcmp(info->sections[i].tag, "CVAL") == 0 && cell_field-- == 0)
+            return cli_section_here(&info->sections[i], fd);
+    return false;
 }
 
 /* The field that the table's errors are about: the first controlled one. */

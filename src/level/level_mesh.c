@@ -127,6 +127,20 @@ enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t fie
     return status == TETLOD_OK ? level_mesh_units(info, mesh, error) : status;
 }
 
+enum tetlod_status level_mesh_cells_here(const struct tetlod_file *file, const char *except, const uint32_t *tets, struct tetmesh *mesh,
+                                         struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    for (uint32_t f = 0; f < info->cell_field_count; f++) {
+        if (except && strcmp(info->cell_fields[f].name, except) == 0)
+            continue;
+        enum tetlod_status status = level_mesh_cells(file, f, tets, mesh, error);
+        if (status != TETLOD_OK && status != TETLOD_ERR_TRUNCATED)
+            return status;
+    }
+    return TETLOD_OK;
+}
+
 /* The array whose row numbers[i] is row i of this one; this one is freed. NULL: out of memory. */
 static double *scatter(double *rows, size_t width, const uint32_t *numbers, uint32_t count)
 {

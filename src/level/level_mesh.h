@@ -22,6 +22,10 @@ TETLOD_CHECKED enum tetlod_status level_mesh_step(const struct tetlod_info *info
 TETLOD_CHECKED enum tetlod_status level_mesh_cells(const struct tetlod_file *file, uint32_t field, const uint32_t *tets, struct tetmesh *mesh,
                                                    struct tetlod_error *error);
 
+/* All of them but one of the name `except` (NULL: none); of a file that is cut off also without those of which bytes are missing. */
+TETLOD_CHECKED enum tetlod_status level_mesh_cells_here(const struct tetlod_file *file, const char *except, const uint32_t *tets,
+                                                        struct tetmesh *mesh, struct tetlod_error *error);
+
 /* Gives the mesh's fields the units that the stream's metadata say. */
 TETLOD_CHECKED enum tetlod_status level_mesh_units(const struct tetlod_info *info, struct tetmesh *mesh, struct tetlod_error *error);
 

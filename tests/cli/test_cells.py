@@ -7,8 +7,8 @@ import sys
 
 import numpy as np
 
-from cell_meshes import block, cells_of, save
-from common import ROOT, case, finish, must, path, read_grid, tetlod
+from cell_meshes import block, cells_of, points_of, save, tets_of
+from common import ROOT, case, finish, must, path, read_grid, tetlod, write
 
 sys.path.insert(0, os.path.join(ROOT, 'tests'))
 from streams import tetlod as reference  # noqa: E402
@@ -116,6 +116,61 @@ def held_against_the_input():
     return None if done.returncode == 3 and b"no field 'strain' of cells" in done.stderr else done
 
 
+def points_and_cells(name):
+    grid = read_grid(name)
+    return points_of(grid), tets_of(grid), cells_of(grid)
+
+
+def cut_off():
+    """Every whole level comes out of a file that is cut off, with those values of cells that are whole."""
+    data, stream = open(path('a.tetlod'), 'rb').read(), reference.open(path('a.tetlod'))
+    values = [section for section in stream.sections if section['tag'] == 'CVAL']
+    cuts = [(level, stream.levels[level]['bytes'] + 3 * (level % 2), 0) for level in range(0, len(stream.levels), 7)]
+    cuts += [(len(stream.levels) - 1, values[held]['offset'] + values[held]['stored'] // 2, held) for held in range(len(values))]
+    for level, size, held in cuts:
+        write('cut.tetlod', data[:size])
+        must('extract', path('a.tetlod'), '--level', str(level), '-o', path('wanted.vtu'), '--quiet')
+        said = must('extract', path('cut.tetlod'), '-o', path('cut.vtu')).stderr.decode()
+        must('extract', path('cut.tetlod'), '-o', path('saved.tetlod'), '--quiet')
+        must('verify', path('saved.tetlod'), '--quiet')
+        must('extract', path('saved.tetlod'), '-o', path('saved.vtu'), '--quiet')
+        points, tets, cells = points_and_cells('wanted.vtu')
+        names = [field['name'] for field in stream.cell_fields]
+        for name in ('cut.vtu', 'saved.vtu'):
+            found = points_and_cells(name)
+            if not np.array_equal(points, found[0]) or not np.array_equal(tets, found[1]):
+                return name, size, 'another mesh'
+            problem = same({key: cells[key] for key in names[:held]}, found[2])
+            if problem:
+                return name, size, problem
+        described = must('info', path('cut.tetlod')).stdout.decode()
+        if any('cells\' ' + name not in described for name in names[held:]) or 'values of cells ' + ', '.join(names[held:]) not in said:
+            return size, described, said
+    return None
+
+
+def cut_series():
+    """Steps before the cut are there, and of the cells what is whole."""
+    points, tets = block(4)
+    for step in range(9):
+        save('step_%d.vtu' % step, points, tets, {'heat': np.sin(points @ [3.0, 2.0, 1.0] + step / 9)}, {'mat': np.arange(len(tets)) % 7})
+    must('build', *(path('step_%d.vtu' % step) for step in range(9)), '--field', 'heat', '-o', path('steps.tetlod'), '--quiet')
+    stream, data = reference.open(path('steps.tetlod')), open(path('steps.tetlod'), 'rb').read()
+    sections = {section['tag']: section['offset'] + section['stored'] for section in stream.sections}
+    for size in (sections['CVAL'] - 1, sections['CVAL'], sections['TIME'], sections['TVAL'] - 1):
+        write('cut.tetlod', data[:size])
+        must('extract', path('cut.tetlod'), '-o', path('level.vtu'))
+        if ('mat' in cells_of(read_grid('level.vtu'))) != (size >= sections['CVAL']):
+            return size, 'cells'
+        done = tetlod('extract', path('cut.tetlod'), '--step', '2', '--error', '5%', '-o', path('step.vtu'))
+        if done.returncode != (0 if size > sections['TIME'] else 3) or done.stderr.count(b'\n') != 1:
+            return size, done
+    done = tetlod('extract', path('cut.tetlod'), '--error', '5%', '--box', '0,0,0,1,1,1', '-o', path('box.vtu'))
+    write('cut.tetlod', data[:stream.levels[5]['bytes']])
+    refused = tetlod('extract', path('cut.tetlod'), '--level', '3', '--box', '0,0,0,1,1,1', '-o', path('box.vtu'))
+    return None if done.returncode == 0 and refused.returncode == 3 and b'--box needs the finest' in refused.stderr else (done, refused)
+
+
 def carried():
     """--carry chooses among values of cells, too; those of regions are always stored."""
     points, tets = block(4)
@@ -150,6 +205,8 @@ case('info describes them', described)
 case('they are packed', small)
 case('verify decodes them', verified)
 case('verify holds them against the input', held_against_the_input)
+case('a file that is cut off gives every whole level', cut_off)
+case('and of a series every whole level and step', cut_series)
 case('--carry chooses among them', carried)
 case('values of cells alone drive by their average', cells_only)
 finish()

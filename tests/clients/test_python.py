@@ -33,7 +33,7 @@ os.environ['TETLOD_LIBRARY'] = LIBRARY
 os.environ['TETLOD_BUILD_LIBRARY'] = BUILD_LIBRARY = LIBRARY.replace('libtetlod.so', 'libtetlod-build.so')
 sys.path.insert(0, PACKAGE)
 import tetlod  # noqa: E402
-from tetlod import _build_library, _library, _model  # noqa: E402
+from tetlod import _build_library, _library, _model, reference  # noqa: E402
 
 HAS_PYVISTA = importlib.util.find_spec('pyvista') is not None
 FIN = os.path.join(SCRATCH, 'fin.tetlod')
@@ -227,6 +227,27 @@ class Slow(http.server.BaseHTTPRequestHandler):
 
     def log_message(self, *_):
         pass
+
+
+def test_cells_cut_off():
+    """Every whole level, with those values of cells that are whole."""
+    mesh, made = tetlod.read(FIN), os.path.join(SCRATCH, 'cut-cells.tetlod')
+    cells = {'one': np.arange(len(mesh.tets)) % 3, 'two': np.linspace(0, 1, len(mesh.tets))}
+    tetlod.build(mesh.points, mesh.tets, mesh.fields, cells=cells, output=made, program=TETLOD, field='Pressure')
+    stream = reference.open(made)
+    with open(made, 'rb') as file:
+        whole = file.read()
+    ends = [section['offset'] + section['stored'] for section in stream.sections if section['tag'] == 'CVAL']
+    for decoder in ('library', 'python'):
+        for size, level, held in ((stream.levels[4]['bytes'], 4, []), (ends[0], len(stream.levels) - 1, ['one']), (ends[1] - 1, len(stream.levels) - 1, ['one'])):
+            with warnings.catch_warnings(record=True) as warned:
+                warnings.simplefilter('always')
+                warnings.simplefilter('ignore', ResourceWarning)
+                found = tetlod.read(whole[:size], decoder=decoder)
+            assert found.level == level and list(found.cells) == held and 'two' not in found.cells and 'values of cells' in str(warned[0].message)
+            wanted = tetlod.read(whole, level=level, decoder=decoder)
+            assert np.array_equal(wanted.points, found.points) and all(np.array_equal(wanted.cells[name], found.cells[name]) for name in held)
+            found.to_vtk()
 
 
 def test_cells():
@@ -469,5 +490,5 @@ def test_types():
 
 command('sample', 'fin', '--size', '18', '-o', os.path.join(SCRATCH, 'fin.vtu'))
 command('build', os.path.join(SCRATCH, 'fin.vtu'), '-o', FIN)
-run([test_both_decoders_agree, test_local_bound, test_levels_are_those_of_the_program, test_choices, test_local_sources, test_arrays_are_safe, test_cut_off,
+run([test_both_decoders_agree, test_local_bound, test_levels_are_those_of_the_program, test_choices, test_local_sources, test_arrays_are_safe, test_cut_off, test_cells_cut_off,
      test_server, test_cells, test_series, test_levels_while_bytes_arrive, test_build, test_build_by_library, test_pyvista, test_structs_are_those_of_the_header, test_documents, test_types])

@@ -48,6 +48,10 @@ class CCellField(Structure):
                 ('reserved', c_uint64 * 2)]
 
 
+class CSection(Structure):
+    _fields_ = [('tag', c_char * 5), ('critical', c_int), ('offset', c_uint64), ('stored', c_uint64), ('size', c_uint64), ('reserved', c_uint64 * 2)]
+
+
 class CTopology(Structure):
     _fields_ = [('step_count', c_uint32), ('times', POINTER(c_double)), ('cid', c_char * 33), ('offset', c_uint64), ('size', c_uint64),
                 ('reserved', c_uint64 * 2)]
@@ -58,7 +62,7 @@ class CInfo(Structure):
                 ('position_type', c_int), ('lossless', c_int), ('degenerate_tets', c_uint64), ('inverted_tets', c_uint64),
                 ('unused_points', c_uint64), ('field_count', c_uint32), ('level_count', c_uint32), ('fields', POINTER(CField)),
                 ('levels', POINTER(CLevel)), ('metadata', c_char_p), ('metadata_size', c_size_t), ('keeps_order', c_int),
-                ('section_count', c_uint32), ('sections', c_void_p), ('cell_field_count', c_uint32), ('cell_fields', POINTER(CCellField)),
+                ('section_count', c_uint32), ('sections', POINTER(CSection)), ('cell_field_count', c_uint32), ('cell_fields', POINTER(CCellField)),
                 ('topology_count', c_uint32), ('topologies', POINTER(CTopology))]
 
 
@@ -147,6 +151,8 @@ class LibraryDecoder:
         self._check(self._library.tetlod_open(byref(self._file), byref(CSource(self._read, None, source.size)), None, byref(error)), error)
         weakref.finalize(self, free, self._library, self._file, self._cursor, self._series, self._series_cursor, self._read)
         self.info = self._information()
+        c = self._library.tetlod_info(self._file).contents
+        self.cell_ends = tuple(s.offset + s.stored for s in c.sections[:c.section_count] if s.tag == b'CVAL')
         names = [f.name for f in self.info.fields]
         for name in fields or ():
             if name not in names:

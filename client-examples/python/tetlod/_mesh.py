@@ -9,7 +9,8 @@ VTK_TETRA = 10
 
 
 class Cells(Mapping[str, Any]):
-    """Values of tetrahedra by name. They lie at the end of a stream, and are read when they are asked for."""
+    """Values of tetrahedra by name. They lie at the end of a stream, and are read when they are asked for. A stream that is cut off
+    lacks those of which bytes are missing."""
 
     def __init__(self, names: Sequence[str], read: Callable[[str], Any], count: int) -> None:
         self._names, self._read, self._count, self._held = names, read, count, {}  # type: Sequence[str], Callable[[str], Any], int, Dict[str, Any]

@@ -21,6 +21,7 @@ class PythonDecoder:
             self._stream.field_index(name)
         self._cursor: Any = None
         self.info = information(self._stream)
+        self.cell_ends = tuple(s['offset'] + s['stored'] for s in self._stream.sections if s['tag'] == 'CVAL')
 
     def seek(self, level: int) -> None:
         if self._cursor is None:

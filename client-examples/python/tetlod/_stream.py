@@ -81,7 +81,7 @@ class Stream:
         fields = {name: frozen(found) for name, found in values.items() if self._selected is None or name in self._selected}
         errors = {name: {'max': self._decoder.step_error(i, band, step)} for i, name in enumerate(values) if name in fields}
         return Mesh(frozen(points), frozen(tets), fields, level.level, max((known['max'] for known in errors.values()), default=math.nan), errors,
-                    level.domain_error, Cells(self.info.cells, self._decoder.cells, len(tets)), steps.times[step])
+                    level.domain_error, self._cells(len(tets)), steps.times[step])
 
     def refine(self) -> bool:
         """One level finer. False if this is the finest."""
@@ -154,13 +154,20 @@ class Stream:
         if copy:
             points, tets, fields = frozen(points), frozen(tets), {name: frozen(values) for name, values in fields.items()}
         return Mesh(points, tets, fields, self.level, error_of(level, self.fields, self._choice), level.errors, level.domain_error,
-                    Cells(self.info.cells, self._decoder.cells, len(tets)))
+                    self._cells(len(tets)))
+
+    def _cells(self, count: int) -> Cells:
+        return Cells([name for name in self.info.cells if name not in self._missing_cells()], self._decoder.cells, count)
+
+    def _missing_cells(self) -> Tuple[str, ...]:
+        """Of a stream that is cut off: the values of tetrahedra of which bytes are missing."""
+        return tuple(name for name, end in zip(self.info.cells, self._decoder.cell_ends) if end > self._source.size)
 
     def _available(self, choice: Choice) -> int:
         """The level that is meant. Of a stream that is cut off: the finest that is there, unless the choice needs a finer one."""
-        wanted = level_for(self.fields, self.levels, choice)
+        wanted, missing = level_for(self.fields, self.levels, choice), self._missing_cells()
         here = [i for i, level in enumerate(self.levels) if level.bytes <= self._source.size]
-        if wanted in here:
+        if wanted in here and (choice != Choice() or not missing):
             return wanted
         cut = '%s: the stream is cut off' % self._source.name
         if not here:
@@ -168,7 +175,7 @@ class Stream:
         message = cut + ': it holds levels 0 to %d of %d' % (here[-1], len(self.levels) - 1)
         if choice != Choice():
             raise StreamError('%s, not level %d' % (message, wanted))
-        warnings.warn(message, stacklevel=4)
+        warnings.warn(message + (', without values of cells: %s' % ', '.join(missing) if missing else ''), stacklevel=4)
         return here[-1]
 
 
