@@ -69,7 +69,7 @@ static bool has_cookie(const struct request *request, const char *token)
 static void answer_with_cookie(struct exchange *exchange, const char *target)
 {
     const struct site *site = exchange->site;
-    char to[HEADER_VALUE];
+    char to[HEADER_TEXT / 2];
     size_t path = strcspn(target, "?"), start = path, used;
     while (start && target[start - 1] != '/')
         start--;
@@ -147,7 +147,7 @@ void access_headers(const struct site *site, const struct request *request, stru
     const char *origin = allowed_origin(&site->access, request);
     response_header_text(response, "Cross-Origin-Resource-Policy", origin ? "cross-origin" : "same-origin");
     if (site->access.origin_count && !(origin && strcmp(origin, "*") == 0))
-        response_header_text(response, "Vary", "Origin");
+        response_vary(response, "Origin");
     if (!origin)
         return;
     response_header_text(response, "Access-Control-Allow-Origin", origin);

@@ -70,24 +70,13 @@ bool parse_boxes(struct exchange *exchange, struct region_box out[static MOST_BO
     return good;
 }
 
-static int print_shortest(char *out, size_t size, double value)
-{
-    for (int digits = 1; digits < 17; digits++) {
-        snprintf(out, size, "%.*g", digits, value);
-        if (strtod(out, NULL) == value)
-            break;
-        snprintf(out, size, "%.17g", value);
-    }
-    return (int)strlen(out);
-}
-
 bool print_boxes(struct exchange *exchange, const struct region_box *boxes, size_t count, char out[static BOXES_CAPACITY])
 {
     size_t used = 0;
     for (size_t i = 0; i < 6 * count; i++) {
         char number[40];
         const struct region_box *box = &boxes[i / 6];
-        size_t axis = i % 3, size = (size_t)print_shortest(number, sizeof number, i % 6 < 3 ? box->low[axis] : box->high[axis]);
+        size_t axis = i % 3, size = print_number(number, sizeof number, i % 6 < 3 ? box->low[axis] : box->high[axis]);
         if (used + size + 2 > BOXES_CAPACITY) {
             response_problem(exchange->response, 400, exchange->request->target, "these are too many boxes: write fewer, or fewer digits");
             return false;

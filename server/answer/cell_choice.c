@@ -17,12 +17,12 @@ static json_t *cell_names(const struct tetlod_info *info)
 }
 
 /* Chooses what the first name of a list says. Its length with the comma behind, or 0. */
-static size_t choose(const struct tetlod_info *info, const char *list, struct cell_choice *out)
+static size_t choose(const struct tetlod_info *info, char *list, const char *form, struct cell_choice *out)
 {
     uint32_t field = TETLOD_NONE;
     size_t all = list_begins_with(list, "all"), size = 0;
     if (info->cell_field_count)
-        size = list_find(list, &info->cell_fields[0].name, sizeof *info->cell_fields, info->cell_field_count, &field);
+        size = list_find_either(list, form, &info->cell_fields[0].name, sizeof *info->cell_fields, info->cell_field_count, &field);
     for (uint32_t f = 0; f < info->cell_field_count; f++)
         if (f == field || (all && !size))
             out->chosen[f] = out->any = true;
@@ -31,22 +31,23 @@ static size_t choose(const struct tetlod_info *info, const char *list, struct ce
 
 bool query_cells(struct exchange *exchange, const struct tetlod_info *info, struct cell_choice *out)
 {
-    char list[1024];
+    char list[1024], form[sizeof list];
     *out = (struct cell_choice){0};
     enum query_result result = query_value(exchange->query, "cells", list, sizeof list);
     if (result == QUERY_ABSENT)
         return true;
-    if (result == QUERY_BAD || !percent_encode(list, out->text, sizeof out->text)) {
+    if (result == QUERY_BAD) {
         response_problem(exchange->response, 400, exchange->request->target, "cells is one list of names of at most %zu bytes in all, or all",
                          sizeof list - 1);
         return false;
     }
+    query_form_value(exchange->query, "cells", form, sizeof form);
     size_t size = 1;
-    for (const char *at = list; *at && size; at += size)
-        if (!(size = choose(info, at, out)))
+    for (char *at = list; *at && size; at += size)
+        if (!(size = choose(info, at, form + (at - list), out)))
             response_problem_choices(exchange->response, 400, exchange->request->target, "cells", cell_names(info),
                                      "there are no values of cells '%.*s'; names are separated by commas", (int)strcspn(at, ","), at);
-    return size > 0;
+    return size > 0 && percent_encode(list, out->text, sizeof out->text);
 }
 
 void cell_choice_name(const struct cell_choice *choice, char out[MOST_CELL_FIELDS / 4 + 1])

@@ -119,8 +119,11 @@ static bool parse_amount(struct exchange *exchange, const struct tetlod_info *in
 static bool parse_field(struct exchange *exchange, const struct tetlod_info *info, struct choice *choice)
 {
     char name[256] = "";
-    enum query_result result = query_value(exchange->query, "field", name, sizeof name);
+    enum query_result result = query_form_value(exchange->query, "field", name, sizeof name);
     choice->field = result == QUERY_FOUND ? tetlod_field_index(info, name) : TETLOD_NONE;
+    query_value(exchange->query, "field", name, sizeof name);
+    if (result == QUERY_FOUND && tetlod_field_index(info, name) != TETLOD_NONE)
+        choice->field = tetlod_field_index(info, name);
     if (result == QUERY_ABSENT || choice->field != TETLOD_NONE)
         return true;
     response_problem_choices(exchange->response, 400, target_of(exchange), "fields", field_names(info),

@@ -146,13 +146,13 @@ enum outcome respond_level_prefix(struct exchange *exchange, struct dataset *dat
 }
 
 /* Which fields a list of names selects, as text of 0 and 1 for the entity tag. */
-static bool select_fields(struct exchange *exchange, const struct tetlod_info *info, const char *list, char *selected)
+static bool select_fields(struct exchange *exchange, const struct tetlod_info *info, char *list, const char *form, char *selected)
 {
     memset(selected, '0', info->field_count);
     selected[info->field_count] = 0;
-    for (const char *at = list; *at;) {
+    for (char *at = list; *at;) {
         uint32_t field;
-        size_t size = info->field_count ? list_find(at, &info->fields[0].name, sizeof *info->fields, info->field_count, &field) : 0;
+        size_t size = info->field_count ? list_find_either(at, form + (at - list), &info->fields[0].name, sizeof *info->fields, info->field_count, &field) : 0;
         if (!size) {
             response_problem_choices(exchange->response, 400, exchange->request->target, "fields", field_names(info),
                                      "there is no field '%.*s'; fields are separated by commas", (int)strcspn(at, ","), at);
@@ -189,11 +189,12 @@ static enum outcome answer_frames(struct exchange *exchange, struct dataset *dat
 
 enum query_result query_fields(struct exchange *exchange, const struct tetlod_info *info, char *selected)
 {
-    char list[8192];
+    char list[8192], form[sizeof list];
     enum query_result result = query_value(exchange->query, "fields", list, sizeof list);
+    query_form_value(exchange->query, "fields", form, sizeof form);
     if (result == QUERY_BAD)
         response_problem(exchange->response, 400, exchange->request->target, "fields is one list of names of at most %zu bytes in all", sizeof list - 1);
-    else if (result == QUERY_FOUND && !select_fields(exchange, info, list, selected))
+    else if (result == QUERY_FOUND && !select_fields(exchange, info, list, form, selected))
         result = QUERY_BAD;
     return result;
 }

@@ -15,37 +15,57 @@ void response_init(struct response *response)
     memset(response, 0, offsetof(struct response, headers));
 }
 
-void response_header_text(struct response *response, const char *name, const char *value)
-{
-    size_t size = strlen(value);
-    if (response->header_count == RESPONSE_HEADERS)
-        return;
-    if (size >= HEADER_VALUE)
-        return;
-    memcpy(response->headers[response->header_count].value, value, size);
-    response->headers[response->header_count].value[size] = 0;
-    response->headers[response->header_count++].name = name;
-}
-
 void response_header(struct response *response, const char *name, const char *format, ...)
 {
-    if (response->header_count == RESPONSE_HEADERS)
-        return;
-    char *value = response->headers[response->header_count].value;
+    size_t room = sizeof response->header_text - response->header_bytes;
     va_list arguments;
     va_start(arguments, format);
-    int size = vsnprintf(value, HEADER_VALUE, format, arguments);
+    int size = vsnprintf(response->header_text + response->header_bytes, room, format, arguments);
     va_end(arguments);
-    if (size >= 0 && size < HEADER_VALUE)
-        response->headers[response->header_count++].name = name;
+    if (size < 0 || (size_t)size >= room || response->header_count == RESPONSE_HEADERS) {
+        response->headers_lost = true;
+        return;
+    }
+    response->headers[response->header_count].name = name;
+    response->headers[response->header_count++].value = response->header_bytes;
+    response->header_bytes += (size_t)size + 1;
+}
+
+void response_header_text(struct response *response, const char *name, const char *value)
+{
+    response_header(response, name, "%s", value);
+}
+
+static size_t find_header(const struct response *response, const char *name)
+{
+    size_t i = 0;
+    while (i < response->header_count && strcasecmp(response->headers[i].name, name) != 0)
+        i++;
+    return i;
+}
+
+const char *response_header_value(const struct response *response, size_t i)
+{
+    return response->header_text + response->headers[i].value;
 }
 
 const char *response_find_header(const struct response *response, const char *name)
 {
-    for (size_t i = 0; i < response->header_count; i++)
-        if (strcasecmp(response->headers[i].name, name) == 0)
-            return response->headers[i].value;
-    return NULL;
+    size_t i = find_header(response, name);
+    return i < response->header_count ? response_header_value(response, i) : NULL;
+}
+
+void response_vary(struct response *response, const char *name)
+{
+    char both[128];
+    size_t i = find_header(response, "Vary");
+    if (i == response->header_count) {
+        response_header_text(response, "Vary", name);
+        return;
+    }
+    snprintf(both, sizeof both, "%s, %s", response_header_value(response, i), name);
+    response->headers[i] = response->headers[--response->header_count];
+    response_header_text(response, "Vary", both);
 }
 
 void response_release(struct response *response)
@@ -145,7 +165,8 @@ static void put_problem(struct response *response, unsigned status, const char *
         json_object_set_new(problem, name, choices);
     char *text = problem ? json_dumps(problem, JSON_PRESERVE_ORDER) : NULL;
     json_decref(problem);
-    response->header_count = 0;
+    response->header_count = response->header_bytes = 0;
+    response->headers_lost = false;
     response->etag[0] = 0;
     response->ranges = false;
     if (text)

@@ -35,7 +35,8 @@ enum body_kind { BODY_NONE, BODY_BYTES, BODY_PIECES, BODY_ABSENT };
 
 #define SIZE_UNKNOWN UINT64_MAX
 
-enum { RESPONSE_HEADERS = 24, HEADER_VALUE = 1024, ETAG_CAPACITY = 1000 };
+/* HEADER_TEXT: of all values together. A Location has up to 4,000 bytes (the names of many cell fields), the others never fill the rest. */
+enum { RESPONSE_HEADERS = 24, HEADER_TEXT = 8192, ETAG_CAPACITY = 1000 };
 
 struct response {
     unsigned status;
@@ -53,21 +54,27 @@ struct response {
     bool ranges;        /* Range may cut it */
     bool close;         /* the connection ends after it */
     char etag[ETAG_CAPACITY]; /* quoted, or empty */
-    size_t header_count;
+    size_t header_count, header_bytes; /* of header_text, which is in use up to there */
+    bool headers_lost;                 /* one did not fit: the answer is not sent */
     struct {
         const char *name; /* static */
-        char value[HEADER_VALUE];
+        size_t value;     /* where it begins in header_text */
     } headers[RESPONSE_HEADERS];
+    char header_text[HEADER_TEXT];
 };
 
-/* An empty response. (Its headers are not cleared: they are many bytes and count only up to header_count.) */
+/* An empty response. (Headers are not cleared: they are many bytes and count only up to header_count.) */
 void response_init(struct response *response);
 
-/* Adds a header; of a value that does not fit, nothing. */
+/* Adds a header. Where it does not fit, site_answer refuses the request instead. */
 void response_header_text(struct response *response, const char *name, const char *value);
 void response_header(struct response *response, const char *name, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
+/* Adds a name to the one Vary header. */
+void response_vary(struct response *response, const char *name);
+
+const char *response_header_value(const struct response *response, size_t i);
 const char *response_find_header(const struct response *response, const char *name);
 
 void response_release(struct response *response);

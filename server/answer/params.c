@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -17,7 +18,7 @@ static int hex_digit(char c)
     return c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
 }
 
-bool percent_decode(const char *text, size_t size, char *out, size_t capacity)
+static bool decode(const char *text, size_t size, char plus, char *out, size_t capacity)
 {
     size_t used = 0;
     if (!capacity)
@@ -32,13 +33,19 @@ bool percent_decode(const char *text, size_t size, char *out, size_t capacity)
                 return false;
             c = (char)(high * 16 + low);
             i += 2;
-        }
+        } else if (c == '+')
+            c = plus;
         if (used + 1 >= capacity)
             return false;
         out[used++] = c;
     }
     out[used] = 0;
     return tetlodi_plain_text(out, used);
+}
+
+bool percent_decode(const char *text, size_t size, char *out, size_t capacity)
+{
+    return decode(text, size, '+', out, capacity);
 }
 
 bool percent_encode(const char *text, char *out, size_t capacity)
@@ -88,7 +95,7 @@ static bool next_pair(const char **text, struct pair *out)
 
 enum { NAME_CAPACITY = 64 };
 
-enum query_result query_value(const char *text, const char *name, char *out, size_t capacity)
+static enum query_result find_value(const char *text, const char *name, char plus, char *out, size_t capacity)
 {
     enum query_result result = QUERY_ABSENT;
     struct pair pair;
@@ -96,11 +103,21 @@ enum query_result query_value(const char *text, const char *name, char *out, siz
     while (next_pair(&text, &pair)) {
         if (!percent_decode(pair.name, pair.name_size, decoded, sizeof decoded) || strcmp(decoded, name) != 0)
             continue;
-        if (result != QUERY_ABSENT || !percent_decode(pair.value, pair.value_size, out, capacity))
+        if (result != QUERY_ABSENT || !decode(pair.value, pair.value_size, plus, out, capacity))
             return QUERY_BAD;
         result = QUERY_FOUND;
     }
     return result;
+}
+
+enum query_result query_value(const char *text, const char *name, char *out, size_t capacity)
+{
+    return find_value(text, name, '+', out, capacity);
+}
+
+enum query_result query_form_value(const char *text, const char *name, char *out, size_t capacity)
+{
+    return find_value(text, name, ' ', out, capacity);
 }
 
 bool query_begins_with(const char *text, const char *name)
@@ -127,6 +144,14 @@ size_t list_find(const char *list, const char *const *names, size_t stride, uint
         longest = length > longest ? length : longest;
     }
     return longest;
+}
+
+size_t list_find_either(char *list, const char *form, const char *const *names, size_t stride, uint32_t count, uint32_t *out)
+{
+    size_t size = list_find(list, names, stride, count, out);
+    if (!size && (size = list_find(form, names, stride, count, out)))
+        memcpy(list, form, size);
+    return size;
 }
 
 bool query_unknown(const char *text, const char *const *names, char *out, size_t capacity)
@@ -203,6 +228,18 @@ bool text_numbers(const char *text, size_t count, double *out)
         text += *text == ',';
     }
     return true;
+}
+
+size_t print_number(char *out, size_t capacity, double value)
+{
+    int digits = 0;
+    do
+        snprintf(out, capacity, "%.*g", ++digits, value);
+    while (digits < 17 && strtod(out, NULL) != value);
+    char *plus = strchr(out, '+');
+    if (plus)
+        memmove(plus, plus + 1, strlen(plus));
+    return strlen(out);
 }
 
 static bool digits(const char **at, uint64_t *out)

@@ -21,12 +21,19 @@ enum query_result { QUERY_ABSENT, QUERY_FOUND, QUERY_BAD };
  * 1e+3. QUERY_BAD: it is there twice, or its value cannot be decoded or is too long. */
 enum query_result query_value(const char *text, const char *name, char *out, size_t capacity);
 
+/* The same with '+' for a space, as forms and many libraries write it: for names that are not found with '+'. The value has as many
+ * bytes as that of query_value. */
+enum query_result query_form_value(const char *text, const char *name, char *out, size_t capacity);
+
 /* Length of a name that a list, separated by commas, begins with, and of the comma behind it; 0: it begins with another. */
 size_t list_begins_with(const char *list, const char *name);
 
 /* Which of `count` names a list begins with, and that length; a name may have commas: the longest counts. 0: with none. The names stand
  * `stride` bytes apart, as members of structs. */
 size_t list_find(const char *list, const char *const *names, size_t stride, uint32_t count, uint32_t *out);
+
+/* The same in a list as query_value reads it or, where no name is found, as query_form_value does: then the name is copied from there. */
+size_t list_find_either(char *list, const char *form, const char *const *names, size_t stride, uint32_t count, uint32_t *out);
 
 /* Whether the parameter at the beginning of `text` has this name, however it is written. */
 bool query_begins_with(const char *text, const char *name);
@@ -42,6 +49,10 @@ bool text_count(const char *text, bool suffix, uint64_t *out);
 
 /* `count` finite numbers separated by commas. */
 bool text_numbers(const char *text, size_t count, double *out);
+
+/* Prints a number with as few digits as tell it from others, without the '+' of an exponent, which is a space to some readers of
+ * queries. Its length. */
+size_t print_number(char *out, size_t capacity, double value);
 
 enum range_result { RANGE_IGNORED, RANGE_OK, RANGE_UNSATISFIABLE };
 

@@ -81,7 +81,7 @@ void respond_representation(struct response *response, const struct representati
     if (coding)
         response_header_text(response, "Content-Encoding", coding_name(coding));
     if (!representation->alone)
-        response_header_text(response, "Vary", "Accept-Encoding");
+        response_vary(response, "Accept-Encoding");
 }
 
 void respond_body(struct exchange *exchange, const struct cache_value *value, const struct representation *representation)

@@ -64,11 +64,14 @@ static bool match(const char *template, const char *path, size_t size, char capt
     return path == end;
 }
 
-/* The path of a request target: absolute form ("http://host/path", which RFC 9112 obliges servers to take) loses its front. */
+/* The path of a request target: absolute form ("http://host/path", which RFC 9112 obliges servers to take) loses its front. NULL: it
+ * has none; what begins with neither '/' nor a scheme is no path. */
 static const char *path_of(const char *target)
 {
-    if (strncasecmp(target, "http://", 7) != 0 && strncasecmp(target, "https://", 8) != 0)
+    if (target[0] == '/')
         return target;
+    if (strncasecmp(target, "http://", 7) != 0 && strncasecmp(target, "https://", 8) != 0)
+        return NULL;
     const char *authority = strstr(target, "//") + 2;
     size_t size = strcspn(authority, "/?");
     return authority[size] == '/' ? authority + size : "/";
@@ -188,36 +191,57 @@ static void apply_conditions(const struct request *request, struct response *res
     }
 }
 
+/* Refuses what is no request for this server, whoever sends it. The connection ends: what follows might be a body that nobody reads. */
+static bool refuse(const struct request *request, const char *path, struct response *response)
+{
+    bool whole_server = request->method == METHOD_OPTIONS && strcmp(request->target, "*") == 0;
+    bool other_method = request->method == METHOD_OTHER && (!request->refused || request->refused == 413);
+    if (other_method) {
+        response_problem(response, 405, request->target, "only %s are answered here", allow);
+        response_header_text(response, "Allow", allow);
+    } else if (request->refused)
+        response_problem(response, request->refused, request->target, "%s", request->why_refused);
+    else if (!path && !whole_server)
+        response_problem(response, 400, request->target, "a request's target begins with '/' or with http://");
+    else
+        return false;
+    response->close = true;
+    return true;
+}
+
+/* What every answer ends with. */
+static void complete(struct exchange *exchange)
+{
+    const struct request *request = exchange->request;
+    struct response *response = exchange->response;
+    if (response->status == 200 && (request->method == METHOD_GET || request->method == METHOD_HEAD))
+        apply_conditions(request, response);
+    const char *accept = request_header(request, "Accept");
+    if (response->status == 404 && exchange->path && accept && strstr(accept, "text/html"))
+        show_problem(exchange);
+    access_headers(exchange->site, request, response);
+    if (!response->headers_lost)
+        return;
+    response_problem(response, 414, request->target, "the headers of this answer would be too long; ask for less in one request");
+    access_headers(exchange->site, request, response);
+}
+
 enum outcome site_answer(struct site *site, struct request *request, struct response *response)
 {
     struct exchange exchange = {.site = site, .request = request, .response = response};
     const char *path = path_of(request->target);
     enum outcome outcome = ANSWERED;
-    if (request->refused && request->refused != 413) {
-        response_problem(response, request->refused, request->target, "%s", request->why_refused);
-        response->close = true;
-    } else if (request->method == METHOD_OTHER) {
-        response_problem(response, 405, request->target, "only %s are answered here", allow);
-        response_header_text(response, "Allow", allow);
-        response->close = true; // what follows might be a body that nobody reads
-    } else if (request->refused) {
-        response_problem(response, request->refused, request->target, "%s", request->why_refused);
-        response->close = true;
-    } else if (!access_allows(&exchange, below_base(site, path)))
+    if (refuse(request, path, response))
+        ; // answered
+    else if (!access_allows(&exchange, path ? below_base(site, path) : request->target))
         ; // answered
     else if (request->method == METHOD_OPTIONS)
         answer_options(response);
     else
         outcome = dispatch(&exchange, path);
-    if (outcome == WAITING) {
+    if (outcome == WAITING)
         response_release(response);
-        return WAITING;
-    }
-    if (response->status == 200 && (request->method == METHOD_GET || request->method == METHOD_HEAD))
-        apply_conditions(request, response);
-    const char *accept = request_header(request, "Accept");
-    if (response->status == 404 && exchange.path && accept && strstr(accept, "text/html"))
-        show_problem(&exchange);
-    access_headers(site, request, response);
-    return ANSWERED;
+    else
+        complete(&exchange);
+    return outcome;
 }

@@ -40,7 +40,7 @@ enum outcome handle_asset(struct exchange *exchange, const struct embedded_file 
     if (coding)
         response_header_text(response, "Content-Encoding", coding_name(coding));
     snprintf(response->etag, sizeof response->etag, "\"%s%s%s\"", asset->hash, coding ? "-" : "", coding_name(coding));
-    response_header_text(response, "Vary", "Accept-Encoding");
+    response_vary(response, "Accept-Encoding");
     content_policy(exchange->site, response);
     response_header_text(response, "X-Content-Type-Options", "nosniff");
     link_description(exchange);

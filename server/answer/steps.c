@@ -45,8 +45,8 @@ static bool take_step(struct exchange *exchange, struct dataset *whole, struct s
         out->step = tetlod_step_for_time(tetlod_series_info(dataset_series(out->dataset)), moment);
         return true;
     }
-    response_problem(exchange->response, 400, exchange->request->target, "give one number, once: time=%g or step=%" PRIu32,
-                     info->times[info->step_count - 1], count - 1);
+    print_number(time, sizeof time, info->times[info->step_count - 1]);
+    response_problem(exchange->response, 400, exchange->request->target, "give one number, once: time=%s or step=%" PRIu32, time, count - 1);
     return false;
 }
 

@@ -96,13 +96,10 @@ static bool take_format(struct exchange *exchange, const char *name, struct surf
 }
 
 /* A scalar field by its name, or a vector's component as NAME:0. */
-static bool take_field(struct exchange *exchange, const struct dataset *dataset, struct surface_choice *choice)
+static bool find_scalar(const struct tetlod_info *info, char *name, struct surface_choice *choice)
 {
-    const struct tetlod_info *info = dataset_info(dataset);
-    char name[256] = "";
-    enum query_result result = query_value(exchange->query, "field", name, sizeof name);
     uint64_t component = 0;
-    choice->field = result == QUERY_FOUND ? tetlod_field_index(info, name) : TETLOD_NONE;
+    choice->field = tetlod_field_index(info, name);
     char *colon = strrchr(name, ':');
     bool scalar = choice->field != TETLOD_NONE && info->fields[choice->field].components == 1;
     if (!scalar && colon && text_count(colon + 1, false, &component)) {
@@ -111,6 +108,16 @@ static bool take_field(struct exchange *exchange, const struct dataset *dataset,
         scalar = choice->field != TETLOD_NONE && component < info->fields[choice->field].components;
     }
     choice->component = (uint32_t)component;
+    return scalar;
+}
+
+static bool take_field(struct exchange *exchange, const struct dataset *dataset, struct surface_choice *choice)
+{
+    const struct tetlod_info *info = dataset_info(dataset);
+    char name[256] = "", form[256] = "";
+    enum query_result result = query_value(exchange->query, "field", name, sizeof name);
+    bool scalar = result == QUERY_FOUND && (find_scalar(info, name, choice) ||
+                  (query_form_value(exchange->query, "field", form, sizeof form) == QUERY_FOUND && find_scalar(info, form, choice)));
     if (scalar && choice->step.any)
         choice->field = field_with_steps(dataset, choice->field);
     if (scalar && choice->field != TETLOD_NONE)

@@ -39,7 +39,7 @@ struct http {
 };
 
 enum {
-    ANSWER_BYTES = 4096,  // of a connection's memory, for headers of answers
+    ANSWER_BYTES = HEADER_TEXT + 4096, // of a connection's memory, for headers of answers
     LINE = 65536, // no header is that long
     MOST_DRAINED = 65536, // bytes of a refused body that are read so that the client sees the refusal
     MOST_COPIED = 16384,  // bytes of a body that are sooner made at once than in pieces
@@ -312,7 +312,7 @@ static bool add_headers(struct MHD_Response *made, const struct call *call, cons
 {
     bool added = MHD_add_response_header(made, "Server", "tetlod") == MHD_YES;
     for (size_t i = 0; i < response->header_count; i++)
-        added &= MHD_add_response_header(made, response->headers[i].name, response->headers[i].value) == MHD_YES;
+        added &= MHD_add_response_header(made, response->headers[i].name, response_header_value(response, i)) == MHD_YES;
     if (response->media_type)
         added &= MHD_add_response_header(made, "Content-Type", response->media_type) == MHD_YES;
     if (response->etag[0])

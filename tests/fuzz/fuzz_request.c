@@ -53,7 +53,7 @@ static struct site *make_site(void)
 }
 
 struct headers {
-    const char *range, *if_range, *if_none_match, *accept_encoding;
+    const char *range, *if_range, *if_none_match, *accept_encoding, *accept, *origin, *authorization;
 };
 
 static const char *header(void *opaque, const char *name)
@@ -63,6 +63,9 @@ static const char *header(void *opaque, const char *name)
            : strcasecmp(name, "If-Range") == 0        ? headers->if_range
            : strcasecmp(name, "If-None-Match") == 0   ? headers->if_none_match
            : strcasecmp(name, "Accept-Encoding") == 0 ? headers->accept_encoding
+           : strcasecmp(name, "Accept") == 0          ? headers->accept
+           : strcasecmp(name, "Origin") == 0          ? headers->origin
+           : strcasecmp(name, "Authorization") == 0   ? headers->authorization
                                                       : NULL;
 }
 
@@ -95,12 +98,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
-    char *text = malloc(size + 1), *lines[5], *rest = text;
+    char *text = malloc(size + 1), *lines[8], *rest = text;
     if (!text)
         return 0;
     memcpy(text, bytes, size);
     text[size] = 0;
-    for (int i = 0; i < 5; i++) {
+    for (int i = 0; i < 8; i++) {
         lines[i] = rest;
         rest += strcspn(rest, "\n");
         if (*rest)
@@ -110,7 +113,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
     char target[4096];
     char *mark = strstr(lines[0], "CID");
     snprintf(target, sizeof target, "%.*s%s%s", mark ? (int)(mark - lines[0]) : 0, lines[0], mark ? cid : "", mark ? mark + 3 : lines[0]);
-    struct headers headers = {lines[1], lines[2], lines[3], lines[4]};
+    struct headers headers = {lines[1], lines[2], lines[3], lines[4], lines[5], lines[6], lines[7]};
     check_parsers(lines[0], &headers);
     static const enum method methods[] = {METHOD_GET, METHOD_HEAD, METHOD_OPTIONS, METHOD_OTHER};
     for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {

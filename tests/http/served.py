@@ -68,7 +68,9 @@ class Server:
             connection.request(method, path, headers={k.replace('_', '-'): v for k, v in headers.items()})
             answer = connection.getresponse()
             body = answer.read()
-            return answer.status, {k.lower(): v for k, v in answer.getheaders()}, body
+            head = {k.lower(): v for k, v in answer.getheaders()}
+            assert len(head) == len(answer.getheaders()), ('a header came twice', answer.getheaders())
+            return answer.status, head, body
         finally:
             connection.close()
 

@@ -4,6 +4,7 @@
 import os
 import subprocess
 import sys
+import urllib.parse
 
 import numpy
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
@@ -53,6 +54,20 @@ def test_levels():
                 assert list(found) == names, (level, query, list(found))
                 for name in names:
                     assert numpy.array_equal(found[name], stream.cells(name)[:tets]), (level, kind, name)
+
+
+def test_long_lists():
+    """However long the list of names is, the redirection says where to; and '+' is a space in names that have one."""
+    names = ','.join(['time µs'] * 100)
+    for box in ('', '&box=0,0,0,1e6,1e+6,1e-6&box_error=0'):
+        for spelled in (urllib.parse.quote(names), urllib.parse.quote_plus(names), urllib.parse.quote_plus('material,' + names)):
+            status, head, body = server.get('/v1/meshes/cells_float32/mesh?level=1&cells=' + spelled + box)
+            assert status == 303, (status, body)
+            assert '+' not in head['location'] and len(head['location']) > 1024, head
+            status, _, body = server.get(urllib.parse.urljoin('/v1/meshes/cells_float32/mesh', head['location']))
+            assert status == 200 and b'time \xc2\xb5s' in body and (b'material' in body) == ('material' in spelled)
+    assert server.get(base + '/levels/1/mesh.vtu?cells=time+%C2%B5s')[2] == server.get(base + '/levels/1/mesh.vtu?cells=time%20%C2%B5s')[2]
+    assert server.get(base + '/levels/1/mesh.vtu?cells=time%2B%C2%B5s')[0] == 400  # that is a plus
 
 
 def build_larger():
@@ -140,4 +155,4 @@ def test_description():
 
 with Server(STREAM) as server:
     base = '/v1/meshes/cells_float32/' + stream.cid
-    run([test_levels, test_larger_than_the_cache, test_redirection, test_in_boxes, test_refusals, test_tags_differ, test_description])
+    run([test_levels, test_larger_than_the_cache, test_redirection, test_in_boxes, test_long_lists, test_refusals, test_tags_differ, test_description])

@@ -29,9 +29,11 @@ class Generator:
         self.pieces = ['..', '%2e%2e', '%2f', '%00', '%', '%zz', '//', '/', '\\', '?', '&', '=', '#', '%ff', '%c0%af', 'a' * 200, '\x7f', '-1',
                        '99999999999999999999', 'nan', '1e999', ',', ';', '"', "'", '<', '{id}', '*', '../secret', '/etc/passwd', '%0d%0aX: y']
         self.headers = ['Range: bytes=%s', 'If-Range: %s', 'If-None-Match: %s', 'Accept-Encoding: %s', 'Host: %s', 'Connection: %s',
-                        'Content-Length: %s', 'Transfer-Encoding: %s', 'Expect: %s', 'X-Request-Id: %s', 'Cookie: %s', 'Upgrade: %s', '%s: a', '%s']
+                        'Content-Length: %s', 'Transfer-Encoding: %s', 'Expect: %s', 'X-Request-Id: %s', 'Cookie: %s', 'Upgrade: %s', '%s: a', '%s',
+                        'Accept: %s', 'Origin: %s', 'Authorization: %s']
         self.values = ['', '0-', '-1', '0-0,5-9', '9-1', '*', '"x"', 'W/"', 'gzip;q=2', 'zstd;q=0.5,*', '100-continue', 'chunked', 'close', 'x' * 300,
-                       '5', '-5', '0x5', 'keep-alive, upgrade', 'h2c', '\t', '\x01', 'bytes=0-1']
+                       '5', '-5', '0x5', 'keep-alive, upgrade', 'h2c', '\t', '\x01', 'bytes=0-1',
+                       'text/html', 'https://a.example', 'null', 'Bearer x', 'tetlod_token=x']
 
     def target(self):
         r = self.random
@@ -51,9 +53,10 @@ class Generator:
 
     def request(self):
         r = self.random
+        target = self.target() if r.random() < 0.98 else r.choice(('\0', '', '*', 'x', '?', 'http:', 'https://', '\0/healthz'))
         method = r.choice(('GET', 'GET', 'GET', 'HEAD', 'OPTIONS', 'POST', 'FOO', '', 'G\x00T'))
         version = r.choice(('HTTP/1.1',) * 6 + ('HTTP/1.0', 'HTTP/2.0', 'HTTP/1.', 'XTTP/1.1', ''))
-        lines = ['%s %s %s' % (method, self.target(), version)]
+        lines = ['%s %s %s' % (method, target, version)]
         if r.random() < 0.9:
             lines.append('Host: localhost')
         for _ in range(r.choice((0, 0, 1, 2, 5))):

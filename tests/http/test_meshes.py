@@ -22,7 +22,7 @@ from vtkmodules.vtkIOGeometry import vtkGLTFReader, vtkSTLReader
 from vtkmodules.vtkIOLegacy import vtkUnstructuredGridReader
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader, vtkXMLUnstructuredGridWriter
 
-from served import PATIENCE, SCRATCH, SLOW, TETLOD, Server, eventually, run
+from served import PATIENCE, ROOT, SCRATCH, SLOW, TETLOD, Server, eventually, run
 
 FOLDER = os.path.join(SCRATCH, 'streams')
 FIN = os.path.join(FOLDER, 'fin.tetlod')
@@ -350,6 +350,32 @@ def test_id_with_a_space():
     assert described['id'] == 'two words' and described['links']['self'] == 'two%20words'
     status, head, _ = server.get('/v1/meshes/two%20words/mesh?level=0')
     assert status == 303 and server.get(urllib.parse.urljoin('/v1/meshes/two%20words/mesh', head['location']))[0] == 200
+
+
+def test_names_with_plus():
+    """In a query '+' is itself, or a space where no field has that name."""
+    given, folder = os.path.join(SCRATCH, 'plus.vtu'), os.path.join(SCRATCH, 'plus')
+    os.makedirs(folder, exist_ok=True)
+    with open(os.path.join(SCRATCH, 'fin.tetlod.vtu'), 'rb') as file:
+        text = file.read()
+    assert b'"Pressure"' in text and b'"Velocity"' in text
+    with open(given, 'wb') as file:
+        file.write(text.replace(b'"Pressure"', b'"a+b c"').replace(b'"Velocity"', b'"a b c"'))
+    subprocess.run([TETLOD, 'build', given, '--field', 'a+b c', '-o', os.path.join(folder, 'p.tetlod'), '--quiet'], check=True)
+    with Server(folder, '--access-log') as plus:
+        cid = plus.json('/v1/meshes/p')['cid']
+        iso = '/v1/meshes/p/%s/levels/0/isosurface.vtp?value=2&field=' % cid
+        for name, scalar in (('a+b%20c', True), ('a%2Bb+c', True), ('a%2bb%20c', True), ('a%2Bb%2Bc', False), ('a%20b%20c:0', True), ('a+b+c:0', True),
+                             ('a+b+c', False), ('a%20b%2Bc', False)):
+            assert plus.get(iso + name)[0] == (200 if scalar else 400), name
+        for path, status in (('prefix?level=1&fields=', 200), ('mesh?error=0.1&field=', 303)):
+            for name in ('a+b%20c', 'a%2Bb+c'):
+                assert plus.get('/v1/meshes/p/' + path + name)[0] == status, (path, name)
+        both = [plus.get('/v1/meshes/p/%s/records/0-1?fields=%s' % (cid, names)) for names in ('a%2Bb%20c,a%20b%20c', 'a%2Bb+c,a+b+c', 'a+b+c,a+b%20c')]
+        assert both[0][0] == 200 and both[0][2] == both[1][2] == both[2][2]
+        client = "import tetlod; print(tetlod.read('http://%s:%d/v1/meshes/p', error='5%%', field='a+b c').error <= 0.05)" % plus.address
+        done = subprocess.run(['python3', '-c', client], env=dict(os.environ, PYTHONPATH=os.path.join(ROOT, 'client-examples', 'python')), stdout=subprocess.PIPE)
+        assert done.stdout == b'True\n' and 'field=a%2Bb%20c' in plus.messages(), done
 
 
 def area(triangles):
@@ -785,5 +811,5 @@ with Server(FOLDER) as server:
     base = '/v1/meshes/fin/' + info['cid']
     run([test_catalogue, test_names_of_downloads, test_description, test_level_for_error, test_fields_that_are_not_controlled, test_level_for_budget, test_bad_questions,
          test_every_level_is_the_cursors, test_levels_while_decoding, test_formats_agree, test_redirection_is_followed, test_coded_meshes, test_stored_bytes, test_records_of_some_fields,
-         test_prefix, test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_isosurface, test_slice_and_surface, test_surface_files, test_one_computation,
+         test_prefix, test_ranges, test_not_modified, test_not_modified_without_making, test_request_ids, test_id_with_a_space, test_names_with_plus, test_isosurface, test_slice_and_surface, test_surface_files, test_one_computation,
          test_small_cache, test_slow_readers, test_memory_is_bounded, test_a_level_needs_its_stage, test_replaced_stream, test_forgotten_stream, test_reload_signal, test_stop_during_answers, test_overload, test_writes_nothing, test_server_timing, test_what_is_no_stream, test_damaged_stream])

@@ -108,6 +108,26 @@ def test_nul_does_not_cut():
     assert one(ask(b'GET /healthz%2fx HTTP/1.1')) == 404
 
 
+def test_targets_without_a_path():
+    """What begins with neither '/' nor a scheme is refused, with every header that makes an answer look at the path."""
+    browser = b'Accept: text/html\r\n'
+    for target in (b'\0', b'\0/healthz', b'healthz', b'?', b'*', b'http:/x', b'http', b'//\0'[2:], b'localhost:80'):
+        received = ask(b'GET ' + target + b' HTTP/1.1', browser)
+        assert statuses(received) == [400], (target, received)
+        assert b'application/problem+json' in received and json.loads(received.partition(b'\r\n\r\n')[2])['status'] == 400
+    assert one(ask(b'OPTIONS healthz HTTP/1.1')) == 400
+    assert one(ask(b'GET /\0 HTTP/1.1', browser)) == 200
+
+
+def test_one_vary():
+    """Where an answer varies by two headers, one line says so: a proxy may look at the first one alone."""
+    with Server(FOLDER, '--cors', 'https://a.example') as named:
+        for path, names in (('/', ['Accept-Encoding', 'Origin']), ('/v1/meshes', ['Accept-Encoding', 'Origin']), ('/healthz', ['Origin'])):
+            for headers in ({}, {'Origin': 'https://a.example'}, {'If-None-Match': '*'}):
+                head = named.get(path, **headers)[1]
+                assert head['vary'].split(', ') == names, (path, head)  # get() finds headers that come twice
+
+
 def test_absolute_form():
     assert one(ask(b'GET http://x/healthz HTTP/1.1')) == 200
     assert one(ask(b'GET HTTP://x:80/v1/meshes?a HTTP/1.1')) == 200
@@ -427,7 +447,10 @@ def test_connection_limits():
         with Server(FOLDER, option, str(count), '--timeout', '1000') as small:
             held = hold(small, count)
             received = small.raw(b'GET /healthz HTTP/1.1\r\n' + HOST + b'\r\n')
-            assert statuses(received) == [503] and b'Retry-After' in received or not received, (option, received)
+            if received:  # nothing comes where the request was still on its way when the connection was closed
+                head, _, body = received.partition(b'\r\n\r\n')
+                assert statuses(received) == [503] and b'Retry-After' in head, (option, received)
+                assert int(re.search(rb'Content-Length: (\d+)', head)[1]) == len(body) and json.loads(body)['status'] == 503
             held.pop().close()
             eventually(lambda: gets_in(small))
             for connection in held:
@@ -535,7 +558,7 @@ def test_metrics():
 
 with Server(FOLDER, '--timeout', '1000') as server:  # what ends a connection is never that
     run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths, test_a_page_for_browsers, test_traversal,
-         test_nul_does_not_cut, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue, test_nul_in_headers, test_no_silence,
+         test_nul_does_not_cut, test_targets_without_a_path, test_one_vary, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue, test_nul_in_headers, test_no_silence,
          test_refusals_are_problems, test_many_parameters, test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
          test_coding, test_embedding, test_assets, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses, test_metrics_apart, test_threads,
          test_graceful_stop, test_access_log, test_metrics])

@@ -189,7 +189,7 @@ class Server(Remote):
         query = choice.query()
         if set(query) <= {'field', 'measure'}:
             query['tets'] = str(MOST_TETS)  # the finest level
-        self.answer = self._open(url + '/prefix?' + urllib.parse.urlencode(query), {})
+        self.answer = self._open(url + '/prefix?' + urllib.parse.urlencode(query, quote_via=urllib.parse.quote), {})
         self.wanted = int(self.answer.headers.get('Content-Length') or 0)
         self.start()
         if len(self.data) >= HEADER:
