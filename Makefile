@@ -43,8 +43,8 @@ NETCDF ?= $(shell $(PKG_CONFIG) --exists netcdf && echo 1)
 CGNS ?= $(if $(wildcard $(addsuffix /cgnslib.h,/usr/include /usr/local/include)),1)
 PACKAGES += $(if $(filter 1,$(HDF5)),hdf5) $(if $(filter 1,$(NETCDF)),netcdf)
 OPTIONAL_CFLAGS := $(if $(filter 1,$(HDF5)),-DTETLOD_HDF5) $(if $(filter 1,$(NETCDF)),-DTETLOD_NETCDF) $(if $(filter 1,$(CGNS)),-DTETLOD_CGNS)
-OPTIONAL_SRC := $(if $(filter 1,$(HDF5)),,src/io/h5.c src/io/vtkhdf.c src/io/xdmf.c src/io/xdmf_item.c) \
-    $(if $(filter 1,$(NETCDF)),,src/io/exodus.c) $(if $(filter 1,$(CGNS)),,src/io/cgns.c)
+OPTIONAL_SRC := $(if $(filter 1,$(HDF5)),,src/io/services/h5.c src/io/readers/vtkhdf.c src/io/readers/xdmf.c src/io/readers/xdmf_item.c) \
+    $(if $(filter 1,$(NETCDF)),,src/io/readers/exodus.c) $(if $(filter 1,$(CGNS)),,src/io/readers/cgns.c)
 WARNINGS := -Wall -Wextra -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wvla -Wundef -Wcast-qual -Wpointer-arith \
     -Wwrite-strings
 ifeq ($(werror),1)

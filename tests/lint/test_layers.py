@@ -17,7 +17,10 @@ LAYERS = {
     'src/util': FORMAT,
     'src/mesh': ARRAYS,
     'src/level': MESHES,
-    'src/io': MESHES + ['src/level/', 'src/cut/cut.h'],
+    'src/io': MESHES + ['src/io/readers/', 'src/io/writers/', 'src/io/services/'],
+    'src/io/readers': MESHES + ['src/level/', 'src/io/services/'],
+    'src/io/writers': MESHES + ['src/level/', 'src/cut/cut.h', 'src/io/services/h5.h'],
+    'src/io/services': MESHES,
     'src/sample': MESHES,
     'src/cut': MESHES,
     'src/simplify': MESHES + ['src/simplify/exact/', 'src/log/contraction_log.h'],
@@ -40,7 +43,7 @@ LIBC = set('''assert ctype dirent errno fcntl float getopt immintrin inttypes li
 SOCKETS = set('arpa/inet netdb netinet/in netinet/tcp poll sys/eventfd sys/random sys/socket sys/un'.split())
 # header: the folders that may know the library, or the files
 PACKAGES = {
-    'hdf5.h': ['src/io/'], 'netcdf.h': ['src/io/'], 'netcdf_mem.h': ['src/io/'], 'cgnslib.h': ['src/io/'], 'sys/wait.h': ['src/io/contain.c'],
+    'hdf5.h': ['src/io/'], 'netcdf.h': ['src/io/'], 'netcdf_mem.h': ['src/io/'], 'cgnslib.h': ['src/io/'], 'sys/wait.h': ['src/io/services/contain.c'],
     'expat.h': ['src/io/'], 'lzma.h': ['src/io/'], 'zlib.h': ['src/io/', 'server/answer/'], 'lz4.h': ['src/io/'], 'zstd.h': ['format/', 'server/answer/'],
     'jansson.h': ['src/level/', 'src/report/', 'src/cli/', 'server/'],
     'microhttpd.h': ['server/net/'],
@@ -48,7 +51,7 @@ PACKAGES = {
 BANNED = re.compile(r'(?<![\w.>])(strcpy|strcat|sprintf|vsprintf|sscanf|atoi|atol|atof|strtok|gets|alloca)\s*\(')
 SPEAKS = re.compile(r'(?<![\w.>])(printf|vprintf|puts|putchar|perror|exit|_exit|abort|signal|sigaction)\s*\(|\b(stdout|stderr)\b')
 
-CHILDREN = ['src/io/contain.c']  # a process of its own, which must end
+CHILDREN = ['src/io/services/contain.c']  # a process of its own, which must end
 CLEANS_UP = 'src/util/temporary.c'  # removes an unfinished output before a signal ends the process
 
 

@@ -2,9 +2,9 @@
 /* The parts of src/io that the command line does not show: numbers, names, reports, sinks that fail. */
 #include <stdlib.h>
 
-#include "src/io/file_values.h"
-#include "src/io/formats.h"
-#include "src/io/tag_map.h"
+#include "src/io/services/file_values.h"
+#include "src/io/read_input.h"
+#include "src/io/services/tag_map.h"
 #include "src/sample/sample.h"
 #include "src/util/utf8_clean.h"
 #include "tests/memory_sink.h"

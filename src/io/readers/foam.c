@@ -1,0 +1,209 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Reading an OpenFOAM case by the (usually empty) file NAME.foam in its folder: constant/polyMesh (foam_cells.c), and the
+ * fields of a time, a folder whose name is a number. Boundary conditions are not read.
+ */
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "format/fail.h"
+#include "src/io/readers/foam_cells.h"
+#include "src/io/readers/readers.h"
+#include "src/io/services/time_steps.h"
+#include "src/util/array.h"
+
+struct foam {
+    const struct io_input *input;
+    struct io_report *report;
+    struct tetlod_error *error;
+    struct block *block;
+    uint64_t cells, points;
+};
+
+static enum tetlod_status read_points(struct foam *f)
+{
+    struct foam_file file;
+    double *positions = NULL;
+    enum tetlod_status status = foam_open(&file, f->input, "constant/polyMesh/points", f->error);
+    enum tetlod_type type = file.binary && file.scalar == VALUE_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
+    if (status == TETLOD_OK)
+        status = foam_scalars(&file, 3, &positions, &f->points);
+    if (status == TETLOD_OK)
+        status = foam_end(&file);
+    if (status == TETLOD_OK)
+        status = assemble_points_of(&f->block->mesh, f->points, &positions, type, f->error);
+    free(positions);
+    foam_close(&file);
+    return status;
+}
+
+static uint32_t components_of(const char *class_name, bool *cell)
+{
+    static const struct {
+        const char *name;
+        uint32_t components;
+    } kinds[] = {{"ScalarField", 1}, {"VectorField", 3}, {"SymmTensorField", 6}, {"TensorField", 9}, {"SphericalTensorField", 1}};
+    *cell = strncmp(class_name, "vol", 3) == 0;
+    const char *rest = *cell ? class_name + 3 : strncmp(class_name, "point", 5) == 0 ? class_name + 5 : "";
+    for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++)
+        if (strcmp(rest, kinds[k].name) == 0)
+            return kinds[k].components;
+    return 0;
+}
+
+/* The unit of dimensions [kg m s K mol A cd]; fewer numbers are followed by zeros. */
+static void read_dimensions(struct foam_file *file, char unit[UNIT_SIZE])
+{
+    enum { COUNT = 7 };
+    static const char *const names[COUNT] = {"kg", "m", "s", "K", "mol", "A", "cd"};
+    double exponents[COUNT] = {0};
+    size_t count = 0;
+    struct text bracket = foam_token(file), token;
+    if (text_is(bracket, "["))
+        while (token = foam_token(file), count < COUNT && text_double(&token, false, &exponents[count]))
+            count++;
+    unit_of_powers(unit, names, exponents, count);
+}
+
+/* The values of internalField, one for all or one for each, and their unit. */
+static enum tetlod_status internal_values(struct foam_file *file, uint32_t width, uint64_t rows, double **out, char unit[UNIT_SIZE])
+{
+    uint64_t count = rows;
+    struct text token;
+    unit[0] = 0;
+    do {
+        token = foam_token(file);
+        if (token.at == token.end)
+            return foam_fail(file, "there is no internalField");
+        if (text_is(token, "dimensions"))
+            read_dimensions(file, unit);
+    } while (!text_is(token, "internalField"));
+    if (text_is(foam_token(file), "nonuniform")) {
+        foam_token(file); // List<scalar>
+        TETLOD_TRY(foam_scalars(file, width, out, &count));
+        return count == rows ? TETLOD_OK : foam_fail(file, "its internalField has another number of values than there are cells");
+    }
+    double row[9];
+    if (width > 1 && !text_is(foam_token(file), "("))
+        return foam_fail(file, "there should be a ( here");
+    for (uint32_t c = 0; c < width; c++) {
+        token = foam_token(file);
+        if (!text_double(&token, false, &row[c]))
+            return foam_fail(file, "there should be a number here");
+    }
+    *out = array_new((size_t)rows, width * sizeof **out);
+    for (uint64_t i = 0; *out && i < rows; i++)
+        memcpy(*out + i * width, row, width * sizeof *row);
+    return *out ? TETLOD_OK : tetlodi_fail_nomem(file->error, file->name, rows * width * 8);
+}
+
+static enum tetlod_status read_field(struct foam *f, const char *path, const char *name)
+{
+    struct foam_file file;
+    struct tetmesh *mesh = &f->block->mesh;
+    struct tetlod_error ignored;
+    double *values = NULL;
+    char unit[UNIT_SIZE];
+    bool cell;
+    enum tetlod_status status = foam_open(&file, f->input, path, &ignored);
+    file.error = f->error;
+    if (status != TETLOD_OK) {
+        status = foam_end(&file);
+        foam_close(&file);
+        return status; // OK: it is not a file of OpenFOAM
+    }
+    uint32_t width = components_of(file.class_name, &cell);
+    uint64_t rows = cell ? f->cells : f->points;
+    enum tetlod_type type = file.binary && file.scalar == VALUE_FLOAT32 ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
+    if (!width) {
+        if (strstr(file.class_name, "Field"))
+            io_leave_out(f->report, &f->report->skipped_arrays, name, strlen(name));
+        goto done;
+    }
+    TETLOD_TRY_DONE(internal_values(&file, width, rows, &values, unit));
+    TETLOD_TRY_DONE(foam_end(&file));
+    TETLOD_TRY_DONE(cell ? assemble_cell_field(mesh, name, width, type, rows, f->error) : assemble_field(mesh, name, width, type, f->error));
+    struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
+    free(field->values);
+    field->values = values;
+    values = NULL;
+    memcpy(field->unit, unit, sizeof field->unit);
+done:
+    free(values);
+    foam_close(&file);
+    return status;
+}
+
+/* Names are sorted, so that fields are in the same order everywhere. */
+static enum tetlod_status read_fields(struct foam *f, const char *folder_path, const char *time)
+{
+    struct dirent **entries;
+    int count = scandir(folder_path, &entries, NULL, alphasort);
+    enum tetlod_status status = TETLOD_OK;
+    for (int i = 0; i < count; i++) {
+        char path[600], name[256];
+        size_t length = strlen(entries[i]->d_name);
+        snprintf(name, sizeof name, "%s", entries[i]->d_name);
+        if (length > 3 && strcmp(name + length - 3, ".gz") == 0)
+            name[length - 3] = 0;
+        snprintf(path, sizeof path, "%s/%s", time, name);
+        if (status == TETLOD_OK && name[0] != '.')
+            status = read_field(f, path, name);
+        free(entries[i]);
+    }
+    if (count >= 0)
+        free(entries);
+    return status;
+}
+
+/* The folders whose names are numbers are times. */
+static enum tetlod_status read_time(struct foam *f)
+{
+    struct time_steps steps = {0};
+    struct dirent **entries;
+    char *folder, chosen[256] = "", path[4400];
+    const char *slash = strrchr(f->input->path, '/');
+    folder = slash ? strndup(f->input->path, (size_t)(slash - f->input->path) + 1) : strdup("./");
+    if (!folder)
+        return tetlodi_fail_nomem(f->error, "a file's name", 0);
+    int count = scandir(folder, &entries, NULL, alphasort);
+    enum tetlod_status status = TETLOD_OK;
+    for (int i = 0; i < count && status == TETLOD_OK; i++) {
+        struct text text = {entries[i]->d_name, entries[i]->d_name + strlen(entries[i]->d_name)};
+        double time;
+        if (text_double(&text, false, &time))
+            status = time_steps_add(&steps, time, f->error);
+    }
+    if (status == TETLOD_OK && steps.count)
+        status = time_steps_choose(&steps, f->input->options, f->report, f->error);
+    for (int i = 0; i < count; i++) {
+        struct text text = {entries[i]->d_name, entries[i]->d_name + strlen(entries[i]->d_name)};
+        double time;
+        if (steps.count && text_double(&text, false, &time) && time == f->report->time)
+            snprintf(chosen, sizeof chosen, "%s", entries[i]->d_name);
+        free(entries[i]);
+    }
+    if (count >= 0)
+        free(entries);
+    snprintf(path, sizeof path, "%.4000s%s", folder, chosen);
+    if (status == TETLOD_OK && *chosen)
+        status = read_fields(f, path, chosen);
+    free(folder);
+    time_steps_fini(&steps);
+    return status;
+}
+
+enum tetlod_status foam_read(struct blocks *out, const struct io_input *input, struct io_report *report,
+                             struct tetlod_error *error)
+{
+    struct foam f = {.input = input, .report = report, .error = error};
+    if (!input->path)
+        return tetlodi_fail(error, TETLOD_ERR_MESH, "is an OpenFOAM case, which cannot be read from memory");
+    TETLOD_TRY(blocks_add(out, &f.block, error));
+    TETLOD_TRY(read_points(&f));
+    TETLOD_TRY(foam_cells(&f.block->cells, input, error));
+    f.cells = f.block->cells.count;
+    return read_time(&f);
+}

@@ -1,0 +1,165 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * What the readers share. A reader turns a file into blocks: points, cells of any kind, and values at both. From there the way
+ * to a tetmesh is the same for all formats: blocks_merge.c joins blocks, split.c makes tetrahedra.
+ */
+#ifndef TETLOD_ASSEMBLE_H
+#define TETLOD_ASSEMBLE_H
+
+#include "src/io/services/input.h"
+#include "src/mesh/tetmesh.h"
+
+/* Cells in VTK's terms: cell c is of VTK type types[c] and has the corners connectivity[offsets[c] .. offsets[c+1]). A
+ * polyhedron (42) has instead: its number of faces, and for each the number of its points and these. */
+struct cells {
+    uint64_t count, connectivity_count;
+    unsigned char *types;   /* owned; NULL: tetrahedra throughout, and no offsets */
+    uint64_t *offsets;      /* owned, count + 1 */
+    uint32_t *connectivity; /* owned; TETLOD_NONE: the file's number is not one of a point */
+    size_t type_capacity, offset_capacity, connectivity_capacity;
+};
+
+/* VTK's types of cells that formats have, and one that stands for all that have no volume. */
+enum {
+    VTK_TYPE_FLAT = 5,
+    VTK_TYPE_TET = 10,
+    VTK_TYPE_VOXEL = 11,
+    VTK_TYPE_HEXAHEDRON = 12,
+    VTK_TYPE_WEDGE = 13,
+    VTK_TYPE_PYRAMID = 14,
+    VTK_TYPE_TET10 = 24,
+    VTK_TYPE_HEXAHEDRON20 = 25,
+    VTK_TYPE_WEDGE15 = 26,
+    VTK_TYPE_PYRAMID13 = 27,
+    VTK_TYPE_HEXAHEDRON27 = 29,
+    VTK_TYPE_WEDGE18 = 32,
+    VTK_TYPE_POLYHEDRON = 42
+};
+
+/* Appends a cell. The corners are the file's numbers less those of its first point. */
+TETLOD_CHECKED enum tetlod_status cells_add(struct cells *cells, unsigned char type, const int64_t *corners,
+                                            size_t corner_count, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status cells_add_numbers(struct cells *cells, unsigned char type, const uint32_t *corners,
+                                                    size_t corner_count, struct tetlod_error *error);
+/* Gives cells that are tetrahedra throughout their types and offsets. */
+TETLOD_CHECKED enum tetlod_status cells_give_types(struct cells *cells, struct tetlod_error *error);
+/* Takes types and offsets away again where they say nothing else. */
+void cells_drop_types(struct cells *cells);
+void cells_fini(struct cells *cells);
+
+/* Puts the middles of a quadratic cell's edges into VTK's order: CGNS and Exodus list those of the upright edges before those of the top. */
+void cells_middles_to_vtk(unsigned char type, int64_t *points);
+
+/* Of a point that a file counts from 1, its number from 0 on; -1, which no point has, for what cannot be one. */
+static inline int64_t point_from_one(int64_t number)
+{
+    return number > 0 ? number - 1 : -1;
+}
+
+/* A file's number of a point as cells hold it. */
+static inline uint32_t cells_point(int64_t number)
+{
+    return number < 0 || number >= TETLOD_NONE ? TETLOD_NONE : (uint32_t)number;
+}
+
+struct block {
+    struct tetmesh mesh;   /* points and their fields; cell_fields have a tuple per cell; no corners yet */
+    struct cells cells;
+    uint32_t dims[3];      /* points along i, j, k of a structured grid, which has no other cells; or 0 */
+    unsigned char *hidden; /* owned, by cell: not 0 for ghosts and blanked cells, which are left out; NULL: none */
+};
+
+struct blocks {
+    struct block *at; /* owned */
+    size_t count, capacity;
+};
+
+/* Appends an empty block; pointers to others become invalid. */
+TETLOD_CHECKED enum tetlod_status blocks_add(struct blocks *blocks, struct block **out, struct tetlod_error *error);
+void block_fini(struct block *block);
+void blocks_fini(struct blocks *blocks);
+
+/* Cells, those of a structured grid counted. */
+uint64_t block_cell_count(const struct block *block);
+
+/* Room for points; ERR_MESH if there are more than ids can name. The caller has checked the count against the file. */
+TETLOD_CHECKED enum tetlod_status assemble_points(struct tetmesh *mesh, uint64_t count, enum tetlod_type type,
+                                                  struct tetlod_error *error);
+
+/* The same with positions that are there already, in an array that becomes the mesh's. Also after a failure *positions is NULL. */
+TETLOD_CHECKED enum tetlod_status assemble_points_of(struct tetmesh *mesh, uint64_t count, double **positions, enum tetlod_type type,
+                                                     struct tetlod_error *error);
+
+/* tetmesh_add_field with a name that any format can hold: what is not UTF-8 or is a control character becomes '_', an
+ * empty one "field", one that is taken gets a number. */
+TETLOD_CHECKED enum tetlod_status assemble_field(struct tetmesh *mesh, const char *name, uint64_t components,
+                                                 enum tetlod_type type, struct tetlod_error *error);
+
+/* The same for a field of `cells` cells. */
+TETLOD_CHECKED enum tetlod_status assemble_cell_field(struct tetmesh *mesh, const char *name, uint64_t components,
+                                                      enum tetlod_type type, uint64_t cells, struct tetlod_error *error);
+
+/* Notes the unit of an array: UTF-8 without white space about it; what is longer than a unit is none. */
+void unit_set(char unit[UNIT_SIZE], const char *text, size_t length);
+
+/* The unit that is a product of powers: "kg m^-1 s^-2". Nothing if all exponents are 0. */
+void unit_of_powers(char unit[UNIT_SIZE], const char *const *names, const double *exponents, size_t count);
+
+/* Numbers of cells that become a field, if any is not 0: regions, say. */
+struct cell_numbers {
+    double *values; /* owned; NULL: all 0 so far */
+    size_t capacity, count;
+};
+TETLOD_CHECKED enum tetlod_status cell_numbers_add(struct cell_numbers *numbers, uint64_t cell, int64_t number, struct tetlod_error *error);
+TETLOD_CHECKED enum tetlod_status cell_numbers_to_field(struct cell_numbers *numbers, struct tetmesh *mesh, const char *name, uint64_t cells,
+                                                        struct tetlod_error *error);
+void cell_numbers_fini(struct cell_numbers *numbers);
+
+/* Whether what is at a path of names of blocks, "/OUTER/INNER/", is in the block `name`: one of these, or several with a slash between. */
+bool block_path_has(const char *path, const char *name);
+
+/* Whether all values are whole numbers: text may hold others where its type says integer. */
+bool values_are_whole(const double *values, size_t count);
+
+/* Whether three names, one after the other, are those of a vector: they end in X, Y, Z (or x, y, z, or _x, ...). Gives the name
+ * without that. */
+bool assemble_vector_name(const char *const names[3], char *out, size_t size);
+
+/* Marks the cells of which `flags` (VTK's vtkGhostType: duplicate 1, refined 8, hidden 32) says that they are not to be
+ * drawn. */
+TETLOD_CHECKED enum tetlod_status block_hide(struct block *block, const double *flags, struct io_report *report,
+                                             struct tetlod_error *error);
+
+/* Marks the cells of a structured grid with a corner that is blanked: not 0 in `blank`. */
+TETLOD_CHECKED enum tetlod_status block_hide_points(struct block *block, const unsigned char *blank,
+                                                    struct io_report *report, struct tetlod_error *error);
+
+/* Whether an array of that name tells what VTK does not draw. */
+bool is_ghosts(const char *name, uint64_t components);
+
+/* Takes the last field, at points or of cells, away, and hides the cells that it marks: as above; of a structured grid also those with
+ * a point that is hidden (2). */
+TETLOD_CHECKED enum tetlod_status block_take_ghosts(struct block *block, bool cell, struct io_report *report,
+                                                    struct tetlod_error *error);
+
+/* The block's field of the name and components of another's, at points or of cells; or NULL. */
+struct point_field *block_find_like(struct block *block, bool cell, const struct point_field *like);
+
+/* Counts the fields that a block has and the first one lacks. */
+void block_note_others(struct block *first, struct block *block, bool cell, struct io_report *report);
+
+/* Makes one block of all, which are emptied: points, cells, and the fields that all of them have. Welds points of several
+ * blocks, and those of one block if the tolerance `weld` is not negative. */
+TETLOD_CHECKED enum tetlod_status blocks_merge(struct blocks *blocks, double weld, struct block *out, struct io_report *report,
+                                               struct tetlod_error *error);
+
+/* Makes one of points that are no further apart than the tolerance and have the same values in all fields. */
+TETLOD_CHECKED enum tetlod_status block_weld(struct block *block, double tolerance, struct io_report *report,
+                                             struct tetlod_error *error);
+
+/* The block's tetrahedra, first the cells that are tetrahedra, as they are, then those of cells that are split, turned as
+ * most of the first are. The block is emptied. */
+TETLOD_CHECKED enum tetlod_status block_split(struct block *block, bool subdivide, struct tetmesh *out,
+                                              struct io_report *report, struct tetlod_error *error);
+
+#endif
