@@ -18,7 +18,7 @@ enum tetlod_status put_init(struct put *put, const struct tetlodi_sink *sink, bo
     return put->buffer ? TETLOD_OK : tetlodi_fail_nomem(error, "a buffer", BUFFER);
 }
 
-static void flush(struct put *put)
+void put_flush(struct put *put)
 {
     if (put->status == TETLOD_OK && put->used)
         put->status = put->sink->write(put->sink->opaque, put->buffer, put->used);
@@ -27,7 +27,7 @@ static void flush(struct put *put)
 
 enum tetlod_status put_finish(struct put *put)
 {
-    flush(put);
+    put_flush(put);
     free(put->buffer);
     put->buffer = NULL;
     return put->status;
@@ -36,7 +36,7 @@ enum tetlod_status put_finish(struct put *put)
 void put_word(struct put *put, uint64_t word, size_t size)
 {
     if (BUFFER - put->used < size)
-        flush(put);
+        put_flush(put);
     for (size_t b = 0; b < size; b++)
         put->buffer[put->used++] = (unsigned char)(word >> 8 * (put->big_endian ? size - 1 - b : b));
 }
@@ -55,10 +55,21 @@ void put_double(struct put *put, double value, enum tetlod_type type)
     }
 }
 
+void put_bytes(struct put *put, const void *bytes, size_t size)
+{
+    if (size > BUFFER - put->used)
+        put_flush(put);
+    if (size <= BUFFER) {
+        memcpy(put->buffer + put->used, bytes, size);
+        put->used += size;
+    } else if (put->status == TETLOD_OK) {
+        put->status = put->sink->write(put->sink->opaque, bytes, size);
+    }
+}
+
 void put_text(struct put *put, const char *text)
 {
-    for (; *text; text++)
-        put_word(put, (unsigned char)*text, 1);
+    put_bytes(put, text, strlen(text));
 }
 
 const char *xml_escape(char c)

@@ -21,8 +21,12 @@ TETLOD_CHECKED enum tetlod_status put_init(struct put *put, const struct tetlodi
 /* Writes what is left, frees, and returns the sink's status. */
 TETLOD_CHECKED enum tetlod_status put_finish(struct put *put);
 
+/* Writes what is gathered so far. */
+void put_flush(struct put *put);
+
 void put_word(struct put *put, uint64_t word, size_t size);
 void put_double(struct put *put, double value, enum tetlod_type type);
+void put_bytes(struct put *put, const void *bytes, size_t size);
 void put_text(struct put *put, const char *text);
 void put_escaped(struct put *put, const char *text); /* as XML wants it */
 void put_format(struct put *put, const char *format, ...) __attribute__((format(printf, 2, 3))); /* at most 255 bytes */

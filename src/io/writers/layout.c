@@ -2,6 +2,7 @@
 /* Files of which any range can be written by itself: each array knows the bytes of its rows, and asks for those that it needs. */
 #include "src/io/writers/layout.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -50,6 +51,22 @@ void io_layout_free(struct io_layout *layout)
 uint64_t io_layout_size(const struct io_layout *layout)
 {
     return layout->size;
+}
+
+/* Bytes of an integer of which all values are whole numbers that doubles hold exactly; 0: they have to be floats. */
+static size_t integer_width(const struct point_field *field, size_t count)
+{
+    size_t width = field->is_integer && field->values ? 4 : 0;
+    for (size_t i = 0; i < count && width; i++)
+        width = !(fabs(field->values[i]) <= 0x1p53) ? 0 : fabs(field->values[i]) > INT32_MAX ? 8 : width; // also NaN
+    return width;
+}
+
+struct layout_array layout_of_field(const struct point_field *field, uint32_t column, uint64_t rows)
+{
+    size_t integer = integer_width(field, (size_t)rows * field->components), real = field->type == TETLOD_FLOAT32 ? 4 : 8;
+    return (struct layout_array){.kind = ROW_VALUES, .column = column, .words = field->components, .width = integer ? integer : real,
+                                 .integer = integer > 0, .rows = rows, .values = field->values};
 }
 
 static bool add_part(struct io_layout *layout, const struct part *part)
@@ -138,37 +155,38 @@ static void store64(unsigned char *out, uint64_t word, bool big)
             out[b] = (unsigned char)(word >> 8 * b);
 }
 
-static void put_values(const struct io_layout *layout, const struct layout_array *array, const double *values, size_t count)
+static void store_values(const struct layout_array *array, const double *values, size_t count, unsigned char *out)
 {
     for (size_t i = 0; i < count; i++)
         if (array->width == 4) {
             float narrow = (float)values[i];
             uint32_t word;
             memcpy(&word, &narrow, sizeof word);
-            store32(layout->bytes + 4 * i, word, array->big_endian);
+            store32(out + 4 * i, word, array->big_endian);
         } else {
             uint64_t word;
             memcpy(&word, &values[i], sizeof word);
-            store64(layout->bytes + 8 * i, word, array->big_endian);
+            store64(out + 8 * i, word, array->big_endian);
         }
 }
 
-static void put_whole_values(const struct io_layout *layout, const struct layout_array *array, const double *values, size_t count)
+static void store_whole_values(const struct layout_array *array, const double *values, size_t count, unsigned char *out)
 {
     for (size_t i = 0; i < count; i++)
         if (array->width == 4)
-            store32(layout->bytes + 4 * i, (uint32_t)(int32_t)values[i], array->big_endian);
+            store32(out + 4 * i, (uint32_t)(int32_t)values[i], array->big_endian);
         else
-            store64(layout->bytes + 8 * i, (uint64_t)(int64_t)values[i], array->big_endian);
+            store64(out + 8 * i, (uint64_t)(int64_t)values[i], array->big_endian);
 }
 
-static uint64_t integer_at(const struct io_layout *layout, const struct layout_array *array, uint64_t first, size_t i)
+/* Word first + i; the corners are those from `first` on. */
+static uint64_t integer_at(const struct layout_array *array, const uint32_t *corners, uint64_t first, size_t i)
 {
     switch (array->kind) {
     case ROW_CORNERS:
-        return layout->corners[i];
+        return corners[i];
     case ROW_COUNT_CORNERS:
-        return i % 5 ? layout->corners[i / 5 * 4 + i % 5 - 1] : 4;
+        return i % 5 ? corners[i / 5 * 4 + i % 5 - 1] : 4;
     case ROW_END:
         return 4 * (first + i + 1);
     default:
@@ -176,33 +194,53 @@ static uint64_t integer_at(const struct io_layout *layout, const struct layout_a
     }
 }
 
-static void put_integers(const struct io_layout *layout, const struct layout_array *array, uint64_t first, size_t count)
+static void store_integers(const struct layout_array *array, const uint32_t *corners, uint64_t first, size_t count, unsigned char *out)
 {
     for (size_t i = 0; i < count; i++) {
-        uint64_t word = integer_at(layout, array, first, i);
+        uint64_t word = integer_at(array, corners, first, i);
         if (array->width == 1)
-            layout->bytes[i] = (unsigned char)word;
+            out[i] = (unsigned char)word;
         else if (array->width == 4)
-            store32(layout->bytes + 4 * i, (uint32_t)word, array->big_endian);
+            store32(out + 4 * i, (uint32_t)word, array->big_endian);
         else
-            store64(layout->bytes + 8 * i, word, array->big_endian);
+            store64(out + 8 * i, word, array->big_endian);
     }
+}
+
+/* `values` and `corners` are those from the word `first` on. */
+static void store_words(const struct layout_array *array, const double *values, const uint32_t *corners, uint64_t first, size_t count,
+                        unsigned char *out)
+{
+    if (array->kind != ROW_VALUES)
+        store_integers(array, corners, first, count, out);
+    else if (array->integer)
+        store_whole_values(array, values, count, out);
+    else
+        store_values(array, values, count, out);
+}
+
+void layout_store(const struct layout_array *array, uint64_t first, size_t count, unsigned char *out)
+{
+    uint64_t corner = array->kind == ROW_COUNT_CORNERS ? first / 5 * 4 : first;
+    store_words(array, array->values ? array->values + first : NULL, array->corners ? array->corners + corner : NULL, first, count, out);
 }
 
 /* The bytes of some rows, into layout->bytes. */
 static void make_block(struct io_layout *layout, const struct layout_array *array, const struct io_rows *rows, uint64_t first,
                        size_t count)
 {
-    if (array->kind == ROW_VALUES) {
-        if (!array->values)
-            rows->values(rows->opaque, array->column, first, count, layout->values);
-        (array->integer ? put_whole_values : put_values)(layout, array, array->values ? array->values + first * array->words : layout->values,
-                                                         count * array->words);
+    uint64_t word = first * array->words;
+    size_t words = count * array->words;
+    bool has_corners = array->kind == ROW_CORNERS || array->kind == ROW_COUNT_CORNERS;
+    if ((array->kind == ROW_VALUES && array->values) || (has_corners && array->corners)) {
+        layout_store(array, word, words, layout->bytes);
         return;
     }
-    if (array->kind == ROW_CORNERS || array->kind == ROW_COUNT_CORNERS)
+    if (array->kind == ROW_VALUES)
+        rows->values(rows->opaque, array->column, first, count, layout->values);
+    else if (has_corners)
         rows->corners(rows->opaque, first, count, layout->corners);
-    put_integers(layout, array, first, count * array->words);
+    store_words(array, layout->values, layout->corners, word, words, layout->bytes);
 }
 
 /* Bytes begin .. begin + size of a part. */
@@ -242,4 +280,31 @@ void io_layout_read(struct io_layout *layout, const struct io_rows *rows, uint64
         out += some;
         size -= some;
     }
+}
+
+enum tetlod_status layout_end(struct io_layout **out, enum tetlod_status status)
+{
+    if (status != TETLOD_OK) {
+        io_layout_free(*out);
+        *out = NULL;
+    }
+    return status;
+}
+
+enum tetlod_status layout_write_whole(io_layout_maker *lay_out, const struct tetmesh *mesh, const struct tetlodi_sink *sink,
+                                      struct tetlod_error *error)
+{
+    enum { PIECE = 1 << 16 };
+    struct io_layout *layout;
+    TETLOD_TRY(lay_out(&layout, mesh, error));
+    unsigned char *piece = array_new(PIECE, 1);
+    enum tetlod_status status = piece ? TETLOD_OK : tetlodi_fail_nomem(error, "a buffer", PIECE);
+    for (uint64_t at = 0; status == TETLOD_OK && at < layout->size; at += PIECE) {
+        size_t size = layout->size - at < PIECE ? (size_t)(layout->size - at) : PIECE;
+        io_layout_read(layout, NULL, at, size, piece);
+        status = sink->write(sink->opaque, piece, size);
+    }
+    free(piece);
+    io_layout_free(layout);
+    return status;
 }
