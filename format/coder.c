@@ -28,6 +28,7 @@ void tetlodi_decode_start(struct tetlodi_coder *coder, unsigned slowest, const u
                                     .seen_most = (1u << slowest) - 2};
     for (int i = 0; i < 4; i++)
         coder->code = coder->code << 8 | (coder->at < coder->end ? *coder->at++ : 0u);
+    coder->bad = coder->code == coder->range;
 }
 
 void tetlodi_encode_start(struct tetlodi_coder *coder, unsigned slowest, struct tetlodi_encoder *encoder,

@@ -53,7 +53,7 @@ struct tetlodi_coder {
 /* Sets `count` models to even odds. */
 void tetlodi_bits_init(struct tetlodi_bit *bits, size_t count);
 
-/* `slowest` 5..7: the least step of learning is 1/2^slowest. */
+/* `slowest` 5..7: the least step of learning is 1/2^slowest. Whoever decodes looks at `bad` in the end. */
 void tetlodi_decode_start(struct tetlodi_coder *coder, unsigned slowest, const uint8_t *bytes, size_t size);
 void tetlodi_encode_start(struct tetlodi_coder *coder, unsigned slowest, struct tetlodi_encoder *encoder,
                           struct tetlodi_memory *memory);      /* the encoder keeps its buffer */
@@ -105,9 +105,12 @@ TETLODI_INLINE uint32_t code_plain(struct tetlodi_coder *coder, unsigned count, 
     if (coder->encoder) {
         coder->encoder->low += (uint64_t)coder->range * value;
     } else {
-        uint32_t most = (1u << count) - 1;
+        uint32_t max = (1u << count) - 1;
         value = coder->code / coder->range;
-        value = value > most ? most : value;
+        if (__builtin_expect(value > max, 0)) { // else the code stays below the range, in 32 bits
+            coder->bad = 1;
+            value = max;
+        }
         coder->code -= coder->range * value;
     }
     coder_refill(coder);

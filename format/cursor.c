@@ -82,13 +82,17 @@ static enum tetlod_status load_frames(struct tetlod_cursor *cursor, uint32_t lev
     return status;
 }
 
-/* Frames end where what they hold ends, but for zero bytes. */
+/* Frames hold what an encoder writes, and end where that ends, but for zero bytes. */
 static enum tetlod_status check_ends(const struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
-    for (uint32_t c = 0; c < cursor->replay.column_count; c++)
-        for (const uint8_t *at = cursor->recorder.coders[c].at; at < cursor->recorder.coders[c].end; at++)
+    for (uint32_t c = 0; c < cursor->replay.column_count; c++) {
+        const struct tetlodi_coder *coder = &cursor->recorder.coders[c];
+        if (coder->bad)
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, "it holds what no writer writes");
+        for (const uint8_t *at = coder->at; at < coder->end; at++)
             if (*at)
                 return tetlodi_fail(error, TETLOD_ERR_STREAM, "it has bytes that belong to nothing");
+    }
     return TETLOD_OK;
 }
 

@@ -82,6 +82,8 @@ enum tetlod_status tetlodi_unpack(const uint8_t *packed, size_t packed_size, uin
     if (models_init(&models, stride)) {
         tetlodi_decode_start(&coder, RATE, in.at, in.left);
         code_bytes(&coder, &models, stride, out, size);
+        if (coder.bad)
+            status = tetlodi_fail(error, TETLOD_ERR_STREAM, "a packed part holds what no writer writes");
     } else {
         status = tetlodi_fail_nomem(error, "a packed part", size);
     }

@@ -5,10 +5,12 @@
 
 #include "format/index.h"
 
-/* A stream inside a source. */
+/* A topology group's stream inside a source, and the times of the group's steps. */
 struct tetlodi_part {
     struct tetlod_source whole;
     uint64_t offset;
+    uint32_t step_count;
+    double times[];
 };
 
 struct tetlod_file {

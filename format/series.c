@@ -88,6 +88,30 @@ static enum tetlod_status mismatch(struct tetlod_error *error)
     return tetlodi_fail(error, TETLOD_ERR_STREAM, "the table of steps does not go with the stream");
 }
 
+/* Values of error 0 are the original's: they lie at a level that has its mesh. */
+static bool has_exact_bands_at_the_end(const struct tetlodi_time *time, const struct tetlod_info *info)
+{
+    for (uint32_t b = 0; b < time->band_count; b++) {
+        const struct tetlod_level *level = &info->levels[time->bands[b].level];
+        if (!(time->bands[b].error > 0) && (level->vertices != info->vertices || level->tets != info->tets))
+            return false;
+    }
+    return true;
+}
+
+/* In a topology group the steps are those that the table of groups has. */
+static bool has_steps_of_group(const struct tetlod_file *file, const struct tetlodi_time *time)
+{
+    const struct tetlod_topology *first = file->index.topologies;
+    const double *times = file->part ? file->part->times : first ? first->times : time->times;
+    if (time->step_count != (file->part ? file->part->step_count : first ? first->step_count : time->step_count))
+        return false;
+    for (uint32_t s = 0; s < time->step_count; s++)
+        if (time->times[s] < times[s] || time->times[s] > times[s])
+            return false;
+    return true;
+}
+
 /* The table's fields and levels are the stream's, and its rows fill their sections. */
 static enum tetlod_status check_table(struct tetlod_series *series, struct tetlod_error *error)
 {
@@ -98,7 +122,8 @@ static enum tetlod_status check_table(struct tetlod_series *series, struct tetlo
         if (time->fields[f].field >= index->info.field_count)
             return mismatch(error);
     if (time->bands[time->band_count - 1].level >= index->info.level_count ||
-        (time->displacement && index->info.fields[time->fields[time->displacement - 1].field].components != 3))
+        (time->displacement && index->info.fields[time->fields[time->displacement - 1].field].components != 3) ||
+        !has_exact_bands_at_the_end(time, &index->info) || !has_steps_of_group(series->file, time))
         return mismatch(error);
     for (uint32_t i = 0; i < index->info.section_count; i++) {
         uint64_t offset, size;

@@ -86,7 +86,8 @@ enum tetlod_status tetlodi_topologies_decode(struct tetlodi_index *index, const 
     const struct tetlodi_section *next = tetlodi_section_find(index->sections, info->section_count, TAG_NEXT);
     uint32_t count = (uint32_t)tetlodi_get(&in, 4);
     uint64_t steps = 0;
-    bool good = next && !(next->flags & SECTION_PACKED) && count > 1 && (size - 4) / TOPOLOGY_ENTRY >= count;
+    bool good = next && !(next->flags & SECTION_PACKED) && tetlodi_section_find(index->sections, info->section_count, TAG_TIME) && count > 1 &&
+                (size - 4) / TOPOLOGY_ENTRY >= count;
     if (good && !(index->topologies = calloc(count, sizeof *index->topologies)))
         return tetlodi_fail_nomem(error, "the topology groups", count * sizeof *index->topologies);
     good = good && decode_rows(index, count, next, &in, &steps);
@@ -117,10 +118,12 @@ enum tetlod_status tetlod_open_topology(struct tetlod_file **out, const struct t
     if (topology == 0)
         return tetlod_open(out, &file->source, &file->options, error);
     const struct tetlod_topology *of = &info->topologies[topology];
-    struct tetlodi_part *part = malloc(sizeof *part);
+    size_t times = of->step_count * sizeof *of->times;
+    struct tetlodi_part *part = malloc(sizeof *part + times);
     if (!part)
-        return tetlodi_fail_nomem(error, "a topology group", sizeof *part);
-    *part = (struct tetlodi_part){file->source, of->offset};
+        return tetlodi_fail_nomem(error, "a topology group", sizeof *part + times);
+    *part = (struct tetlodi_part){.whole = file->source, .offset = of->offset, .step_count = of->step_count};
+    memcpy(part->times, of->times, times);
     uint64_t there = file->source.size > of->offset ? file->source.size - of->offset : 0;
     struct tetlod_source source = {read_part_of, part, there < of->size ? there : of->size};
     enum tetlod_status status = tetlod_open(out, &source, &file->options, error);
@@ -130,7 +133,8 @@ enum tetlod_status tetlod_open_topology(struct tetlod_file **out, const struct t
     }
     (*out)->part = part;
     const struct tetlod_info *opened = &(*out)->index.info;
-    if (strcmp(opened->cid, of->cid) == 0 && opened->bytes == of->size && !opened->topology_count)
+    if (strcmp(opened->cid, of->cid) == 0 && opened->bytes == of->size && !opened->topology_count &&
+        tetlod_section_index(opened, TAG_TIME) != TETLOD_NONE)
         return TETLOD_OK;
     tetlod_close(*out);
     *out = NULL;

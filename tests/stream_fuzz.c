@@ -7,6 +7,7 @@
 
 #include "format/index.h"
 #include "format/time_table.h"
+#include "tests/level_fuzz.h"
 
 static void demand(int condition)
 {
@@ -145,6 +146,7 @@ void stream_fuzz(const uint8_t *bytes, size_t size)
             abort();
         demand(tetlod_cursor_seek(cursor, reached, &error) == TETLOD_OK && check_mesh(cursor, info) == top);
         tetlod_cursor_free(cursor);
+        level_fuzz(file);
     }
     tetlod_close(file);
 }

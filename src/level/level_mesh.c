@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/level/level_mesh.h"
 
+#include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -197,6 +198,9 @@ static enum tetlod_status reorder(struct tetmesh *mesh, const uint32_t *vertices
 
 enum tetlod_status level_mesh_reorder(const struct tetlod_file *file, struct tetmesh *mesh, struct tetlod_error *error)
 {
+    const struct tetlod_info *info = tetlod_info(file);
+    if (mesh->vertex_count != info->vertices || mesh->tet_count != info->tets)
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the original order is that of the finest level, not of one of %u tetrahedra", mesh->tet_count);
     uint32_t *vertices = array_new(mesh->vertex_count, sizeof *vertices), *tets = array_new(mesh->tet_count, sizeof *tets);
     uint8_t *places = array_new(mesh->tet_count, 4);
     enum tetlod_status status;
@@ -242,6 +246,7 @@ enum tetlod_status level_mesh_renumber(const struct tetlod_file *file, const str
     uint8_t *places = array_new(m, 4);
     enum tetlod_status status;
     *out = (struct tetmesh){.vertex_count = n, .tet_count = m, .position_type = original->position_type};
+    assert(n == tetlod_info(file)->vertices && m == tetlod_info(file)->tets);
     if (!vertices || !tets || !places)
         TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the original order", (uint64_t)m * 8));
     if (original->vertex_count != n || original->tet_count != m)

@@ -30,7 +30,7 @@ TETLOD_CHECKED enum tetlod_status level_mesh_cells_here(const struct tetlod_file
 TETLOD_CHECKED enum tetlod_status level_mesh_units(const struct tetlod_info *info, struct tetmesh *mesh, struct tetlod_error *error);
 
 /* Puts the mesh of the finest level into the original's own numbering of vertices, tetrahedra and corners. ERR_ARGUMENT if the
- * stream does not keep it. */
+ * stream does not keep it, or if the mesh is that of another level. */
 TETLOD_CHECKED enum tetlod_status level_mesh_reorder(const struct tetlod_file *file, struct tetmesh *mesh,
                                                      struct tetlod_error *error);
 

@@ -248,6 +248,9 @@ def refuse_others():
     fails('another mesh', 3, ['step 1', 'other.vtu', 'Pressure'], 'build', path('wake_0.vtu'), path('other.vtu'), '-o', path('x.tetlod'))
     fails('a file that is not there', 1, ['bare.vtu'], 'build', path('wake_0.vtu'), path('bare.vtu'), '-o', path('x.tetlod'))
     report('nothing is left', not os.path.exists(path('x.tetlod')))
+    crafted = os.path.join(os.environ.get('ROOT', '.'), 'tests', 'fuzz', 'corpus', 'reader', 'exact_band_below_the_original')
+    fails('an exact band below the finest level', 3, ['the table of steps does not go with the stream'], 'extract', crafted, '--step', '0', '--original-order',
+          '-o', path('x.vtu'))
 
 
 def refuse_options():

@@ -36,15 +36,15 @@ def level_of(data, level):
     return sections_of(data)[0] - 4 - row * (len(stream.levels) - level)
 
 
-def section(data, tag, flags, offset=None):
-    """A further, empty section."""
+def section(data, tag, flags, offset=None, content=b'', unpacked=0):
+    """A further section behind all others, empty or of some bytes."""
     end, size = index_end(data), int.from_bytes(data[20:24], 'little')
     late = sum(s['stored'] for s in tetlod.open(data).sections if s['tag'] not in ('META', 'CELL', 'TOPO'))  # those of these streams that are early
-    entry = struct.pack('<4sIQQQ16s', tag, flags, late if offset is None else offset, 0, 0, tetlod.digest(b''))
+    entry = struct.pack('<4sIQQQ16s', tag, flags, late if offset is None else offset, len(content), unpacked, tetlod.digest(content))
     count = len(sections_of(data)) + 1
     at = sections_of(data)[0] - 4
-    data = data[:at] + struct.pack('<I', count) + data[at + 4:end] + entry + data[end:]
-    total = int.from_bytes(data[32:40], 'little') + 48
+    data = data[:at] + struct.pack('<I', count) + data[at + 4:end] + entry + data[end:] + content
+    total = int.from_bytes(data[32:40], 'little') + 48 + len(content)
     return sealed(data[:20] + struct.pack('<II', size + 48, size + 48) + data[28:32] + struct.pack('<Q', total) + data[40:])
 
 
@@ -91,8 +91,11 @@ def cases():
         bytes([KEPT[tetlod.open(KEPT).frames[1][0][0]] ^ 1]) + KEPT[tetlod.open(KEPT).frames[1][0][0] + 1:]
     yield 'frame_random', 'decode', 'a frame of other bytes, with its digest', reframed(GRID, 1, 0, lambda frame: bytes(255 - b for b in frame))
     yield 'frame_zero', 'decode', 'a base mesh of zeros, with its digest', reframed(GRID, 0, 0, lambda frame: bytes(len(frame)))
+    yield 'coder_start', 'decode', 'a string of the range coder that begins with 2^32 - 1', section(ONE, b'XABC', 4, None, b'\1\0\0' + b'\xff' * 4, 100)
+    exact = len(tetlod.open(STEPS).levels) - 1
+    yield 'coder_quotient', 'decode', 'plain bits that are more than there is room for', reframed(STEPS, exact, 1, overflowing)
     tail = len(tetlod.open(NOISE).levels) - 1
-    yield 'tail_source', 'decode', 'a component with the exact values of a later one', reframed(NOISE, tail, 2, lambda frame: b'\xff' * len(frame))
+    yield 'tail_source', 'decode', 'a component with the exact values of a later one', reframed(NOISE, tail, 2, lambda frame: b'\xfe' * len(frame))
     yield 'tail_near', 'decode', 'a component that is near twice', reframed(NOISE, tail, 2, lambda frame: b'\xc0\xf0' + frame[2:])
     yield 'time_early', 'open', 'steps in time before level 0', section(ONE, b'TIME', 2)
     yield 'time_twice', 'open', 'TIME twice', section(STEPS, b'TIME', 0)
@@ -103,29 +106,62 @@ def cases():
     yield 'time_field', 'decode', 'steps of a field that is not there', retimed(16, 'I', 2)
     yield 'time_bands', 'decode', 'bands whose errors do not fall', retimed(16 + 48 + 16, 'd', 0.5)
     yield 'time_level', 'decode', 'a band of a level that is not there', retimed(16 + 48 + 32 + 8, 'Q', 99)
+    yield 'time_exact', 'decode', 'a band of error 0 at a level that has not all vertices', retimed(16 + 48 + 32 + 8, 'Q', 13)
     yield 'time_quantum', 'decode', 'a grid with a step that is negative', retimed(16 + 48 + 48, 'd', -1.0)
     yield 'time_falls', 'decode', 'times that fall', retimed(16 + 48 + 48 + 48 + 16, 'd', 0.5)
     yield 'time_frame', 'decode', 'a frame of another size than its section has', retimed(16 + 48 + 48 + 48 + 72, 'I', 5)
     yield 'time_error', 'decode', 'a step with an error that is not a number', retimed(16 + 48 + 48 + 48 + 72 + 4, 'f', NAN)
     yield 'time_digest', 'decode', 'a group of steps with another digest', retimed(-16, '16s', bytes(16))
     yield 'time_random', 'decode', 'steps of other bytes, with their digests', shuffled(lambda group: bytes(255 - b for b in group))
-    yield 'time_mode', 'decode', 'a first step that is predicted from the one before', shuffled(lambda group: b'\xff' * len(group))
+    yield 'time_mode', 'decode', 'a first step that is predicted from the one before', shuffled(lambda group: b'\x60' * len(group))
     yield 'topologies_one', 'open', 'one topology group, which needs no table', regrouped(0, 'I', 1)
     yield 'topologies_steps', 'open', 'a topology group without steps', regrouped(4 + 32, 'I', 0)
     yield 'topologies_times', 'open', 'steps of topology groups whose times fall', regrouped(4 + 3 * 32 + 8, 'd', -1.0)
     yield 'topologies_size', 'open', 'topology groups that do not fill their section', regrouped(4 + 2 * 32 + 8, 'Q', 64)
     yield 'topologies_alone', 'open', 'a table of topology groups without their streams', section(ONE, b'TOPO', 2)
     yield 'topologies_other', 'decode', 'a topology group of another content id', regrouped(4 + 32 + 16, '16s', bytes(16))
+    yield 'topologies_table', 'decode', 'a topology group of other steps than its own table says', regrouped(4, 'I', 1, 4 + 32, 'I', 3)
+    yield 'topologies_still', 'open', 'topology groups without steps in the first one', retagged(MESHES, b'TIME', b'XIME')
     yield 'topologies_twice', 'open', 'NEXT twice', section(MESHES, b'NEXT', 0)
     yield 'truncated', 'decode', 'the last byte is missing', GRID[:-1]
 
 
-def regrouped(at, form, value):
-    """The table of topology groups with a number changed."""
+def overflowing(frame):
+    """A frame of STEPS with the greatest code that leads to plain bits near its end: the quotient is too large for them."""
+    found = []
+
+    class Noticing(tetlod.Coder):
+        def start(self, data):
+            super().start(data)
+            self.own = data == frame
+
+        def plain(self, count):
+            used = len(frame) - self.rest.__length_hint__()
+            if self.own and used < len(frame) and self.range & (1 << count) - 1:
+                found.append((used, self.range, self.code))
+            return super().plain(count)
+
+    whole, tetlod.Coder = tetlod.Coder, Noticing
+    tetlod.open(STEPS).cursor().seek(len(tetlod.open(STEPS).levels) - 1)
+    tetlod.Coder = whole
+    used, width, code = found[-1]
+    highest = int.from_bytes(frame[:used], 'big') - code + width - 1
+    return highest.to_bytes(used, 'big') + bytes(len(frame) - used)
+
+
+def retagged(data, old, new):
+    """A section under another tag, which no reader knows."""
+    number = [section['tag'] for section in tetlod.open(data).sections].index(old.decode())
+    return put(data, sections_of(data)[number], '4s', new)
+
+
+def regrouped(*changes):
+    """The table of topology groups with numbers changed: (place, form, value) of each."""
     stream = tetlod.open(MESHES)
     entry = next(s for s in stream.sections if s['tag'] == 'TOPO')
     table = bytearray(stream.section('TOPO'))
-    struct.pack_into('<' + form, table, at, value)
+    for at, form, value in zip(*[iter(changes)] * 3):
+        struct.pack_into('<' + form, table, at, value)
     data = MESHES[:entry['offset']] + bytes(table) + MESHES[entry['offset'] + len(table):]
     number = [s['tag'] for s in stream.sections].index('TOPO')
     return put(data, sections_of(MESHES)[number] + 32, '16s', tetlod.digest(bytes(table)))

@@ -44,7 +44,7 @@ def decode(data, levels=None):
             for step in range(len(series.times)):
                 series.seek(band, step)
         for topology in range(1, len(stream.topologies) if levels is not None else 0):
-            stream.topology(topology)
+            stream.topology(topology).series()
         return stream.cid
     except (tetlod.StreamError, IndexError, KeyError):
         return None

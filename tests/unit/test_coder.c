@@ -185,6 +185,28 @@ static void test_surprises(void)
         }
 }
 
+/* No encoder's code reaches the range: neither at the start, nor where plain bits would be more than there is room for. */
+static void test_refused(void)
+{
+    const uint8_t equal[] = {0xff, 0xff, 0xff, 0xff}, below[] = {0xff, 0xff, 0xff, 0xfe};
+    struct tetlodi_coder coder;
+    struct tetlodi_bit bit;
+    tetlodi_decode_start(&coder, 6, equal, sizeof equal);
+    CHECK(coder.bad);
+    tetlodi_decode_start(&coder, 6, below, sizeof below);
+    CHECK_INT(coder.bad, 0);
+    tetlodi_bits_init(&bit, 1);
+    CHECK_INT(code_bit(&coder, &bit, 0), 1);
+    CHECK_INT(code_plain(&coder, 10, 0), 1023);
+    CHECK(coder.bad);
+    tetlodi_decode_start(&coder, 6, below, sizeof below);
+    CHECK_INT(code_plain(&coder, 8, 0), 255);
+    CHECK(coder.bad);
+    tetlodi_decode_start(&coder, 6, equal, 2);
+    CHECK_INT(code_plain(&coder, 8, 0), 255);
+    CHECK_INT(coder.bad, 0);
+}
+
 /* A million bits that are expected cost next to nothing. */
 static void test_costs(void)
 {
@@ -210,6 +232,7 @@ int main(void)
     RUN(test_rings);
     RUN(test_range_coder);
     RUN(test_surprises);
+    RUN(test_refused);
     RUN(test_costs);
     return test_end();
 }

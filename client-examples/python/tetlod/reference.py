@@ -175,7 +175,7 @@ class Stream:
         self.cell_fields = []
         if any(section['tag'] == 'CELL' for section in self.sections):
             self._parse_cells(Bytes(self.section('CELL')))
-        self.topologies = []
+        self.topologies, self.group_times = [], None  # the latter: of the steps, in a topology group
         if any(section['tag'] == 'TOPO' for section in self.sections):
             self._parse_topologies(Bytes(self.section('TOPO')))
 
@@ -278,6 +278,7 @@ class Stream:
         """The table of topology groups (SPEC 3.8)."""
         following = [section for section in self.sections if section['tag'] == 'NEXT']
         count = data.take('I')
+        require(any(section['tag'] == 'TIME' for section in self.sections), 'topology groups without steps')
         require(following and not following[0]['packed'] and count > 1 and len(data.data) >= 4 + 32 * count, 'the table of topology groups is damaged')
         offset = following[0]['offset']
         for number in range(count):
@@ -294,6 +295,7 @@ class Stream:
         require(all(map(math.isfinite, times)) and all(map(operator.le, times, times[1:])), 'times that fall')
         for topology in self.topologies:
             topology['times'], times = times[:topology['steps']], times[topology['steps']:]
+        self.group_times = self.topologies[0]['times']
 
     def topology(self, number):
         """A topology group as a stream of its own."""
@@ -302,6 +304,8 @@ class Stream:
         table = self.topologies[number]
         stream = Stream(lambda offset, size: self._read(table['offset'] + offset, min(size, max(0, table['bytes'] - offset))), table['bytes'])
         require((stream.cid, stream.bytes, stream.topologies) == (table['cid'], table['bytes'], []), 'a topology group is another stream than the table says')
+        require(any(section['tag'] == 'TIME' for section in stream.sections), 'a topology group without steps')
+        stream.group_times = table['times']
         return stream
 
     def cells(self, name):
@@ -455,6 +459,7 @@ class Coder:
 
     def start(self, data):
         self.rest, self.range, self.code = iter(data[4:]), 0xffffffff, int.from_bytes(data[:4].ljust(4, b'\0'), 'big')
+        require(self.code < self.range, 'a frame holds what no writer writes')
 
     def finish(self, what):
         """What is left of the frame is zeros (SPEC 6.1)."""
@@ -487,7 +492,8 @@ class Coder:
 
     def plain(self, count):
         width = self.range >> count
-        value = min(self.code // width, (1 << count) - 1)
+        value = self.code // width
+        require(value < 1 << count, 'a frame holds what no writer writes')
         self.code -= width * value
         self._refill(width)
         return value

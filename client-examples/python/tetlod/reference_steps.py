@@ -32,10 +32,13 @@ class Series:
         for band, before in zip(self.bands, [None] + self.bands):
             require(0 <= band['error'] < math.inf and band['level'] < len(stream.levels), 'a band of no level')
             require(before is None or band['error'] < before['error'] and band['level'] >= before['level'], 'bands that do not fall')
+            level = stream.levels[band['level']]
+            require(band['error'] or (level['vertices'], level['tets']) == (stream.vertices, stream.tets), 'an exact band below the finest level')
         self._quanta = [data.take('d') for _ in range(rows)]
         require(all(0 <= quantum <= 2.0 ** 900 for quantum in self._quanta), 'a grid that is none')
         self.times = [data.take('d') for _ in range(steps)]
         require(all(map(math.isfinite, self.times)) and self.times == sorted(self.times), 'times that fall')
+        require(stream.group_times in (None, tuple(self.times)), 'other steps than the table of topology groups says')
         self._entries = [[data.take('If') for _ in range(steps)] for _ in range(rows)]
         require(all(0 <= error < math.inf for row in self._entries for _, error in row), 'a step with an error that is none')
         self._digests = [[data.take('16s') for _ in range(groups)] for _ in range(rows)]
