@@ -345,6 +345,42 @@ def clean_case():
     return None if [len(converted(name, '--weld', w)[0]) for w in ('0.0001', '0.1')] == [7, 6] else 'tolerance'
 
 
+def processor_seconds(*arguments):
+    before = os.times()
+    done = tetlod(*arguments)
+    after = os.times()
+    return done, after.children_user - before.children_user
+
+
+def crowded_case():
+    """Points at a few places, of all of which the values differ, or that have no place (NaN): welding takes little beside reading."""
+    count = 300000
+    tets = np.arange(count).reshape(-1, 4)
+    points = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])[np.arange(count) % 4]
+    lost = points.copy()
+    lost[4:] = np.nan
+    for name, places, fails_with in ('crowded', points, b''), ('lost', lost, b'not a finite number'):
+        save(vtk.vtkXMLUnstructuredGridWriter(), vtk_mesh(places, tets, {'heat': np.arange(count) / 2}, {}), name + '.vtu', compressor='none')
+        _, plain = processor_seconds('convert', name + '.vtu', '-o', 'out.vtu')
+        for tolerance in '0', '0.01':
+            done, seconds = processor_seconds('convert', name + '.vtu', '-o', 'out.vtu', '--weld', tolerance)
+            if fails_with not in done.stderr or (done.returncode != 0) != bool(fails_with) or seconds > 2 + 10 * plain:
+                return name, tolerance, plain, seconds, done
+    return None
+
+
+def equal_values_case():
+    """What is welded: equal places and equal values, where -0 is 0."""
+    random = np.random.default_rng(7)
+    corner, heat = np.array([(0, 0, 0), (9, 0, 0), (0, 9, 0), (0, 0, 9)])[np.arange(4000) % 4], random.integers(-1, 2, 4000) * 0.5
+    points, heat[heat == 0] = (corner + random.integers(-1, 2, (4000, 3))) * -1.0, -0.0
+    heat[::3] += 0.0
+    name = save(vtk.vtkXMLUnstructuredGridWriter(), vtk_mesh(points, np.arange(4000).reshape(-1, 4), {'heat': heat}, {}), 'in.vtu')
+    wanted = len(np.unique(np.column_stack([points, heat]) + 0.0, axis=0))
+    found = [len(converted(name, '--weld', tolerance)[0]) for tolerance in ('0', '0.001')]
+    return None if found == [wanted, wanted] else (found, wanted)
+
+
 def outside_case():
     os.makedirs(path('inner'), exist_ok=True)
     mesh = tet_mesh(60)
@@ -387,6 +423,8 @@ def main():
     case('cells of the second order are subdivided', subdivide_case)
     case('cell data is averaged', average_case)
     case('welding and dropping', clean_case)
+    case('welding crowds', crowded_case)
+    case('welding equal values', equal_values_case)
     outside_case()
     finish()
 

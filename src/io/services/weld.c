@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
- * Welding: points at the same place with the same values become the one of least number. Points are hashed by the box of a
- * grid that they are in; with a tolerance the boxes are that wide, and the 26 around are looked at, too.
+ * Welding: points at the same place with the same values become the one of least number. Points are hashed by their values
+ * and by the box of a grid that they are in; with a tolerance the boxes are that wide, and the 26 around are looked at, too.
+ * Points of one box with the same values that are not welded are further apart than the tolerance: a bucket has a few of them.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -26,17 +27,30 @@ static double box_of(const struct weld *w, double value)
     return w->tolerance > 0 ? floor(value / w->tolerance) : value + 0.0; // -0 becomes 0
 }
 
-static size_t hash_box(const struct weld *w, const double box[3])
+/* Numbers that are equal have the same hash: 0 and -0, and any NaN, which counts as equal among values. */
+static uint64_t mix(uint64_t hash, double value)
+{
+    double normal = isnan(value) ? (double)NAN : value + 0.0;
+    uint64_t bits;
+    memcpy(&bits, &normal, sizeof bits);
+    hash = (hash ^ bits) * UINT64_C(0x9e3779b97f4a7c15);
+    return hash ^ hash >> 29;
+}
+
+static uint64_t hash_values(const struct tetmesh *mesh, uint32_t v)
 {
     uint64_t hash = 0;
-    for (int d = 0; d < 3; d++) {
-        double value = box[d] + 0.0;
-        uint64_t bits;
-        memcpy(&bits, &value, sizeof bits);
-        hash = (hash ^ bits) * UINT64_C(0x9e3779b97f4a7c15);
-        hash ^= hash >> 29;
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
+        const struct point_field *field = &mesh->fields[f];
+        for (size_t c = 0; c < field->components; c++)
+            hash = mix(hash, field->values[(size_t)v * field->components + c]);
     }
-    return (size_t)hash & w->mask;
+    return hash;
+}
+
+static size_t bucket_of(const struct weld *w, const double box[3], uint64_t values)
+{
+    return (size_t)mix(mix(mix(values, box[0]), box[1]), box[2]) & w->mask;
 }
 
 static bool same_values(const struct tetmesh *mesh, uint32_t a, uint32_t b)
@@ -61,27 +75,47 @@ static bool is_near(const struct weld *w, uint32_t a, uint32_t b)
     return x * x + y * y + z * z <= w->tolerance * w->tolerance;
 }
 
-/* The least point of the box that `v` can become, or TETLOD_NONE. */
-static uint32_t find_in_box(const struct weld *w, const double box[3], uint32_t v)
+/* The least point of the box that `v`, whose values have this hash, can become, or TETLOD_NONE. */
+static uint32_t find_in_box(const struct weld *w, const double box[3], uint64_t values, uint32_t v)
 {
     uint32_t found = TETLOD_NONE;
-    for (uint32_t u = w->first[hash_box(w, box)]; u != TETLOD_NONE; u = w->next[u])
+    for (uint32_t u = w->first[bucket_of(w, box, values)]; u != TETLOD_NONE; u = w->next[u])
         if (u < found && is_near(w, u, v) && same_values(w->mesh, u, v))
             found = u;
     return found;
 }
 
-static uint32_t find(const struct weld *w, const double box[3], uint32_t v)
+static uint32_t find(const struct weld *w, const double box[3], uint64_t values, uint32_t v)
 {
     if (w->tolerance <= 0)
-        return find_in_box(w, box, v);
+        return find_in_box(w, box, values, v);
     uint32_t found = TETLOD_NONE;
     for (int n = 0; n < 27; n++) {
         const double near[3] = {box[0] + n % 3 - 1, box[1] + n / 3 % 3 - 1, box[2] + n / 9 - 1};
-        uint32_t u = find_in_box(w, near, v);
+        uint32_t u = find_in_box(w, near, values, v);
         found = u < found ? u : found;
     }
     return found;
+}
+
+/* Chooses what `v` becomes: true where that is another point. A point without a place (NaN) is at the place of no other. */
+static bool weld_point(struct weld *w, uint32_t v)
+{
+    const double *p = w->mesh->positions + 3 * (size_t)v;
+    const double box[3] = {box_of(w, p[0]), box_of(w, p[1]), box_of(w, p[2])};
+    w->target[v] = v;
+    if (isnan(box[0]) || isnan(box[1]) || isnan(box[2]))
+        return false;
+    uint64_t values = hash_values(w->mesh, v);
+    uint32_t found = find(w, box, values, v);
+    if (found != TETLOD_NONE) {
+        w->target[v] = found;
+        return true;
+    }
+    size_t bucket = bucket_of(w, box, values);
+    w->next[v] = w->first[bucket];
+    w->first[bucket] = v;
+    return false;
 }
 
 /* Cells refer to targets afterwards; the points that nothing uses any more are dropped like all such points. */
@@ -116,19 +150,8 @@ enum tetlod_status block_weld(struct block *block, double tolerance, struct io_r
         goto done;
     }
     memset(w.first, 0xff, (w.mask + 1) * sizeof *w.first); // TETLOD_NONE
-    for (uint32_t v = 0; v < count; v++) {
-        const double *p = w.mesh->positions + 3 * (size_t)v;
-        const double box[3] = {box_of(&w, p[0]), box_of(&w, p[1]), box_of(&w, p[2])};
-        uint32_t found = find(&w, box, v);
-        w.target[v] = found == TETLOD_NONE ? v : found;
-        if (found != TETLOD_NONE) {
-            report->welded_points++;
-            continue;
-        }
-        size_t bucket = hash_box(&w, box);
-        w.next[v] = w.first[bucket];
-        w.first[bucket] = v;
-    }
+    for (uint32_t v = 0; v < count; v++)
+        report->welded_points += weld_point(&w, v);
     redirect(block, w.target);
 done:
     free(w.first);
