@@ -11,6 +11,9 @@ import subprocess
 import sys
 import time
 import traceback
+import zlib
+
+import described
 
 TETLOD = os.environ['TETLOD']
 SCRATCH = os.environ['SCRATCH']
@@ -19,10 +22,45 @@ SLOW = {'asan': 3, 'tsan': 8}.get(os.environ.get('CONFIG', ''), 1)  # sanitizers
 PATIENCE = 300  # seconds: what has not come by then, on however slow a machine, will not come
 
 
+class Headers:
+    """Headers of an answer by lower-case name, with all values of each. A header that is taken by its name must be there once."""
+
+    def __init__(self, pairs):
+        self.values = {}
+        for name, value in pairs:
+            self.values.setdefault(name.lower(), []).append(value)
+
+    def __getitem__(self, name):
+        value, = self.values[name]
+        return value
+
+    def __contains__(self, name):
+        return name in self.values
+
+    def __iter__(self):
+        return iter(self.values)
+
+    def __repr__(self):
+        return repr(self.values)
+
+    def get(self, name, otherwise=None):
+        return self[name] if name in self else otherwise
+
+    def lists(self):
+        return self.values.items()
+
+
+def plain(headers, body):
+    """A body without its coding; None where it takes a library that Python does not have."""
+    coding = headers.get('content-encoding', 'identity')
+    return body if coding == 'identity' or not body else zlib.decompress(body, 31) if coding == 'gzip' else None
+
+
 class Server:
     """`with Server(paths, options) as server`: ends with SIGTERM and checks that it ends well and silently."""
 
     def __init__(self, *arguments, listen='127.0.0.1:0', environment=None, descriptors=None):
+        self.base = arguments[arguments.index('--base-path') + 1] if '--base-path' in arguments else '/'
         command = [TETLOD, 'serve', *(['--listen', listen] if listen else []), *map(str, arguments)]
         self.log_path = os.path.join(SCRATCH, 'server-%d.log' % time.monotonic_ns())
         self.log = open(self.log_path, 'wb')
@@ -62,17 +100,19 @@ class Server:
         return socket.create_connection(self.address, timeout=PATIENCE)
 
     def get(self, path, method='GET', **headers):
-        """One request of its own connection: status, headers (lower case names), body. Underscores become dashes."""
+        """One request of its own connection: status, headers, body. The answer is held against the description. Underscores
+        become dashes."""
         connection = http.client.HTTPConnection(*self.address, timeout=PATIENCE)
         try:
             connection.request(method, path, headers={k.replace('_', '-'): v for k, v in headers.items()})
             answer = connection.getresponse()
             body = answer.read()
-            head = {k.lower(): v for k, v in answer.getheaders()}
-            assert len(head) == len(answer.getheaders()), ('a header came twice', answer.getheaders())
-            return answer.status, head, body
         finally:
             connection.close()
+        found = Headers(answer.getheaders())
+        below = '/' + path[len(self.base):] if path.startswith(self.base) else path
+        described.hold(method, below, answer.status, found, plain(found, body))
+        return answer.status, found, body
 
     def json(self, path, **headers):
         status, _, body = self.get(path, **headers)
@@ -107,17 +147,36 @@ def eventually(condition):
         time.sleep(0.02)
 
 
-def statuses(received):
-    """Of the answers that a client would find in these bytes. (libmicrohttpd sends the head of its own refusals twice;
-    the second one is body to the client.)"""
+def answers(received):
+    """Status, headers and body of the answers that a client would find in these bytes. The body of every refusal is checked."""
     found = []
-    while True:
-        head = re.match(rb'HTTP/1\.[01] (\d{3}) .*?\r\n\r\n', received, re.S)
-        if not head:
-            return found
-        found.append(int(head[1]))
-        length = re.search(rb'\r\nContent-Length: (\d+)\r\n', head[0])
-        received = received[head.end() + (int(length[1]) if length else 0):]
+    while head := re.match(rb'HTTP/1\.[01] (\d{3}) .*?\r\n\r\n', received, re.S):
+        status = int(head[1])
+        headers = Headers(line.split(': ', 1) for line in head[0].decode('latin-1').split('\r\n')[1:-2])
+        rest = received[head.end():]
+        if status >= 400 and 'content-type' not in headers:  # libmicrohttpd's own: it may send the head twice, and ends the connection
+            assert not rest or b'<html>' in rest or rest == head[0], (status, received)
+            return found + [(status, headers, rest)]
+        to_head = not rest or rest.startswith(b'HTTP/1.')  # an answer to HEAD has the length of a body that does not come
+        body = b'' if to_head else rest[:int(headers.get('content-length', 0))]
+        received = rest[len(body):]
+        if status >= 400 and body:
+            check_refusal(status, headers, body)
+        found.append((status, headers, body))
+    return found
+
+
+def check_refusal(status, headers, body):
+    """A problem, or a page for browsers."""
+    assert len(body) == int(headers['content-length']), (status, headers, body)
+    if headers['content-type'] == 'application/problem+json':
+        described.check_problem('an answer', status, headers, body)
+    else:
+        assert headers['content-type'].startswith('text/html') and b'<html' in body, (status, headers, body)
+
+
+def statuses(received):
+    return [status for status, _, _ in answers(received)]
 
 
 def run(tests):

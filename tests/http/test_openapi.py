@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The description is valid OpenAPI 3.1, and the server does what it says: every operation is asked, well and badly."""
-import json
+"""The description is valid OpenAPI 3.1, and the server does what it says: every operation is asked, well and badly, so that every
+status and every header that it names is seen. (described.py holds every answer of all HTTP tests against it.)"""
 import os
 import re
 import subprocess
@@ -8,19 +8,12 @@ import urllib.parse
 
 import jsonschema
 
+import described
+from described import DOCUMENT as document, resolve
 from served import SCRATCH, TETLOD, Server, run
 
 FOLDER = os.path.join(SCRATCH, 'streams')
-server = document = None
-
-
-def resolve(value):
-    while isinstance(value, dict) and '$ref' in value:
-        node = document
-        for part in value['$ref'].removeprefix('#/').split('/'):
-            node = node[part.replace('~1', '/').replace('~0', '~')]
-        value = node
-    return value
+server = None
 
 
 def references(node):
@@ -32,10 +25,6 @@ def references(node):
     elif isinstance(node, list):
         for value in node:
             yield from references(value)
-
-
-def validator(schema):
-    return jsonschema.Draft202012Validator({**schema, 'components': document['components']})
 
 
 def test_document():
@@ -54,7 +43,7 @@ def test_document():
             assert parameter['in'] != 'path' or parameter['required']
         assert set(re.findall(r'\{(\w+)\}', path)) == {p['name'] for p in parameters if p['in'] == 'path'}, path
         for status, answer in operation['responses'].items():
-            assert re.fullmatch(r'[1-5]\d\d', status) and resolve(answer)['description']
+            assert re.fullmatch(r'[1-5]\d\d|default', status) and resolve(answer)['description']
     assert len(ids) == len(set(ids))
     for schema in document['components']['schemas'].values():
         jsonschema.Draft202012Validator.check_schema(schema)
@@ -76,19 +65,9 @@ def concrete(path, cid, **changes):
 
 
 def check(path, asked, **headers):
-    operation = document['paths'][path]['get']
-    status, head, body = server.get(asked, **headers)
-    assert str(status) in operation['responses'], (asked, status, body[:300])
-    answer = resolve(operation['responses'][str(status)])
-    for name in answer.get('headers', {}):
-        assert name.lower() in head, (asked, status, name)
-    media_type = head.get('content-type', '').split(';')[0]
-    if status != 304 and 'content' in answer:
-        assert media_type in answer['content'], (asked, media_type)
-        schema = answer['content'][media_type].get('schema')
-        if schema:
-            validator(resolve(schema)).validate(json.loads(body))
-    return status
+    """The status of an answer, which server.get holds against the description."""
+    assert described.path_of(asked) == path, (asked, path)
+    return server.get(asked, **headers)[0]
 
 
 def stream_for(path):
@@ -108,7 +87,7 @@ def test_every_operation():
         if '416' in document['paths'][path]['get']['responses']:
             assert check(path, concrete(path, cid, **changes), Range='bytes=0-3') == 206
             assert check(path, concrete(path, cid, **changes), Range='bytes=999999999-') == 416
-        if '404' in document['paths'][path]['get']['responses'] and '{id}' in path:
+        if '404' in document['paths'][path]['get']['responses'] and path.startswith('/v1/'):
             assert check(path, concrete(path, cid, id='nothing')) == 404
         if '{cid}' in path:
             asked = concrete(path, cid, **changes)
@@ -144,11 +123,59 @@ def test_formats():
                     assert check(path, concrete(path, cid, **{**changes, 'format': name})) in (200, 303), (path, name)
 
 
+def test_pages():
+    """What is not there is a page for who accepts HTML, and a problem for others."""
+    for path in document['paths']:
+        if path.startswith('/v1/meshes/'):
+            assert check(path, concrete(path, '0' * 32, id='nothing'), Accept='text/html') == 404
+    assert check('/view/{id}', '/view/%00', Accept='text/html') == 404
+    assert check('/v1/meshes/{id}', '/v1/meshes/fin?unknown=1') == 400
+    with Server(FOLDER, '--metrics', '127.0.0.1:0') as apart:
+        assert apart.get('/metrics', Accept='text/html')[0] == 404
+
+
+def test_too_much():
+    """A lossy stream has no level within an error of 0; what takes more than the server's memory is refused."""
+    build('fin.vtu', os.path.join(SCRATCH, 'lossy.tetlod'), '--field-bits', '8')
+    subprocess.run([TETLOD, 'sample', 'wake', '--size', '12', '--steps', '2', '-o', 'large.pvd'], cwd=SCRATCH, check=True)
+    build('large.pvd', os.path.join(SCRATCH, 'large.tetlod'), '--bands', '10%')
+    paths = [os.path.join(SCRATCH, name + '.tetlod') for name in ('lossy', 'large')]
+    with Server(*paths, '--cache', '1M', '--memory', '1M') as small:
+        described_large = small.json('/v1/meshes/large')
+        finest = len(described_large['levels']) - 1
+        for path, item in document['paths'].items():
+            if '422' not in item['get']['responses']:
+                continue
+            changes = {'id': 'large', 'level': finest, 'band': 1, 'box': '0,0,0,9,9,9', 'box_level': finest, 'value': 0.5}
+            if 'region' in path:
+                changes['level'] = 0
+            if '{cid}' not in path:
+                changes = {'id': 'lossy', 'error': '0'}
+            asked = concrete(path, described_large['cid'], **changes)
+            assert small.get(asked)[0] == 422, asked
+
+
+def test_all_was_seen():
+    """Every status that the description names came from every operation, with every header that it names. Any operation may
+    answer 503; test_protocol.py and test_meshes.py see it."""
+    for path, item in document['paths'].items():
+        for status, answer in item['get']['responses'].items():
+            if status in ('503', 'default'):
+                continue
+            assert (path, status) in described.SEEN, (path, status)
+            missing = {name.lower() for name in resolve(answer).get('headers', {})} - described.SEEN[path, status]
+            assert not missing, (path, status, missing)
+
+
+def build(mesh, stream, *options):
+    subprocess.run([TETLOD, 'build', mesh, '-o', stream, '--quiet', *options], cwd=SCRATCH, check=True)
+
+
 os.makedirs(FOLDER, exist_ok=True)
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
-subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
+build('fin.vtu', os.path.join(FOLDER, 'fin.tetlod'))
 subprocess.run([TETLOD, 'sample', 'wake', '--size', '4', '--steps', '2', '-o', 'run.pvd'], cwd=SCRATCH, check=True)
-subprocess.run([TETLOD, 'build', 'run.pvd', '-o', os.path.join(FOLDER, 'run.tetlod'), '--bands', '10%,1%', '--quiet'], cwd=SCRATCH, check=True)
+build('run.pvd', os.path.join(FOLDER, 'run.tetlod'), '--bands', '10%,1%')
 with Server(FOLDER) as server:
-    document = server.json('/openapi.json')
-    run([test_document, test_every_operation, test_steps, test_formats])
+    assert server.json('/openapi.json') == document
+    run([test_document, test_every_operation, test_steps, test_formats, test_pages, test_too_much, test_all_was_seen])
