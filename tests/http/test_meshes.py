@@ -10,6 +10,7 @@ import shutil
 import signal
 import socket
 import subprocess
+import sys
 import time
 import urllib.parse
 import zlib
@@ -374,7 +375,7 @@ def test_names_with_plus():
         both = [plus.get('/v1/meshes/p/%s/records/0-1?fields=%s' % (cid, names)) for names in ('a%2Bb%20c,a%20b%20c', 'a%2Bb+c,a+b+c', 'a+b+c,a+b%20c')]
         assert both[0][0] == 200 and both[0][2] == both[1][2] == both[2][2]
         client = "import tetlod; print(tetlod.read('http://%s:%d/v1/meshes/p', error='5%%', field='a+b c').error <= 0.05)" % plus.address
-        done = subprocess.run(['python3', '-c', client], env=dict(os.environ, PYTHONPATH=os.path.join(ROOT, 'client-examples', 'python')), stdout=subprocess.PIPE)
+        done = subprocess.run([sys.executable, '-c', client], env=dict(os.environ, PYTHONPATH=os.path.join(ROOT, 'client-examples', 'python')), stdout=subprocess.PIPE)
         assert done.stdout == b'True\n' and 'field=a%2Bb%20c' in plus.messages(), done
 
 
