@@ -161,5 +161,5 @@ void access_headers(const struct site *site, const struct request *request, stru
         response_header_text(response, "Access-Control-Expose-Headers",
                              "ETag, Content-Range, Content-Length, Content-Encoding, Accept-Ranges, Location, Retry-After, Server-Timing, "
                              "Tetlod-Level, Tetlod-Vertices, Tetlod-Tets, Tetlod-Error, Tetlod-Uncontrolled, Tetlod-Band, Tetlod-Step, Tetlod-Topology, "
-                             "Tetlod-Time, Tetlod-Box-Level, Tetlod-Box-Error, Tetlod-Belt-Tets, Tetlod-Belt-Error, X-Request-Id");
+                             "Tetlod-Time, Tetlod-Box-Level, Tetlod-Box-Error, Tetlod-Transition-Tets, Tetlod-Transition-Error, X-Request-Id");
 }

@@ -91,40 +91,40 @@ bool print_boxes(struct exchange *exchange, const struct region_box *boxes, size
 
 /* ---- the answer ---- */
 
-static enum tetlod_status make_mesh(const void *opaque, const struct forest *forest, struct tetmesh *out, struct tetlod_error *error)
+/* What is known of the transition; its local bounds are made true. */
+static enum tetlod_status measure(const struct forest *forest, struct tetmesh *mesh, const uint32_t *tets, struct region_note *out,
+                                  struct tetlod_error *error)
+{
+    const struct tetlod_info *info = forest_info(forest);
+    double *errors = array_new(info->field_count, sizeof *errors);
+    if (!errors)
+        return tetlodi_fail_nomem(error, "a region's error", info->field_count * sizeof *errors);
+    enum tetlod_status status = region_measure(forest, mesh, tets, 1, errors, error);
+    for (uint32_t f = 0; status == TETLOD_OK && f < info->field_count; f++) {
+        double range = info->fields[f].range[1] - info->fields[f].range[0];
+        if (info->fields[f].controlled && range > 0)
+            out->transition_error = fmax(out->transition_error, errors[f] / range);
+    }
+    free(errors);
+    return status;
+}
+
+static enum tetlod_status make_mesh(const void *opaque, const struct forest *forest, struct tetmesh *out, struct region_note *note,
+                                    struct tetlod_error *error)
 {
     const struct region_choice *choice = opaque;
     struct region region = region_of(choice);
     struct region_counts counts;
     uint32_t *tets;
     enum tetlod_status status = region_mesh(forest, &region, out, &tets, &counts, error);
+    *note = (struct region_note){out->vertex_count, out->tet_count, counts.tets[REGION_TRANSITION], 0};
+    if (status == TETLOD_OK)
+        status = measure(forest, out, tets, note, error);
     if (status == TETLOD_OK)
         status = cell_choice_add(&choice->cells, choice->file, tets, out, error);
     if (status != TETLOD_OK)
         tetmesh_fini(out);
     free(tets);
-    return status;
-}
-
-static enum tetlod_status measure(const void *opaque, const struct forest *forest, const struct tetmesh *mesh, struct region_note *out,
-                                  struct tetlod_error *error)
-{
-    const struct tetlod_info *info = forest_info(forest);
-    const double *parts = mesh->cell_fields[0].values;
-    double *errors = array_new(info->field_count, sizeof *errors);
-    (void)opaque;
-    if (!errors)
-        return tetlodi_fail_nomem(error, "a region's error", info->field_count * sizeof *errors);
-    *out = (struct region_note){mesh->vertex_count, mesh->tet_count, 0, 0};
-    for (size_t t = 0; t < mesh->tet_count; t++)
-        out->belt_tets += parts[t] == (double)REGION_BELT;
-    enum tetlod_status status = region_error(forest, mesh, 1, errors, error);
-    for (uint32_t f = 0; status == TETLOD_OK && f < info->field_count; f++) {
-        double range = info->fields[f].range[1] - info->fields[f].range[0];
-        if (info->fields[f].controlled && range > 0)
-            out->belt_error = fmax(out->belt_error, errors[f] / range);
-    }
-    free(errors);
     return status;
 }
 
@@ -148,8 +148,8 @@ static void put_headers(struct response *response, struct dataset *dataset, cons
         return;
     response_header(response, "Tetlod-Vertices", "%" PRIu32, note->vertices);
     response_header(response, "Tetlod-Tets", "%" PRIu32, note->tets);
-    response_header(response, "Tetlod-Belt-Tets", "%" PRIu32, note->belt_tets);
-    response_header(response, "Tetlod-Belt-Error", "measured=%.9g", note->belt_error);
+    response_header(response, "Tetlod-Transition-Tets", "%" PRIu32, note->transition_tets);
+    response_header(response, "Tetlod-Transition-Error", "measured=%.9g", note->transition_error);
 }
 
 static enum outcome answer_region(struct exchange *exchange, struct dataset *dataset, const struct region_choice *choice)
@@ -173,7 +173,6 @@ static enum outcome answer_region(struct exchange *exchange, struct dataset *dat
         .choice_size = sizeof *choice,
         .finest = true,
         .mesh = make_mesh,
-        .measure = measure,
         .headers = put_headers,
         .mesh_bytes = region_estimate(info, &region) + region_error_bytes(info) + cell_choice_decoding(&choice->cells, info, choice->fine),
     };

@@ -40,11 +40,9 @@ static enum tetlod_status write_answer(const struct making *making, struct buffe
     const struct level_answer *answer = &making->answer;
     const struct forest *forest = forest_of(making->forest);
     struct tetmesh mesh;
-    TETLOD_TRY(answer->mesh ? answer->mesh(making->choice, forest, &mesh, error) : forest_mesh(forest, answer->level, &mesh, error));
+    TETLOD_TRY(answer->mesh ? answer->mesh(making->choice, forest, &mesh, note, error) : forest_mesh(forest, answer->level, &mesh, error));
     *extracted = monotonic_seconds();
     enum tetlod_status status = level_mesh_units(forest_info(forest), &mesh, error);
-    if (status == TETLOD_OK && answer->measure)
-        status = answer->measure(making->choice, forest, &mesh, note, error);
     if (status == TETLOD_OK)
         status = answer->write(making->choice, &mesh, out, error);
     tetmesh_fini(&mesh);

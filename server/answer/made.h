@@ -18,10 +18,9 @@ struct level_answer {
     const void *choice; /* copied */
     size_t choice_size;
     bool finest; /* making it needs the stream up to its finest level, not only up to `level` */
-    /* Of a region or a step; NULL: the mesh is the level's. It needs so many bytes more. */
-    enum tetlod_status (*mesh)(const void *choice, const struct forest *forest, struct tetmesh *out, struct tetlod_error *error);
-    enum tetlod_status (*measure)(const void *choice, const struct forest *forest, const struct tetmesh *mesh, struct region_note *out,
-                                  struct tetlod_error *error);
+    /* Of a region, which gets a note, or a step; NULL: the mesh is the level's. It needs `mesh_bytes` more. */
+    enum tetlod_status (*mesh)(const void *choice, const struct forest *forest, struct tetmesh *out, struct region_note *note,
+                               struct tetlod_error *error);
     void (*headers)(struct response *response, struct dataset *dataset, const void *choice, const struct region_note *note); /* note: may be NULL */
     uint64_t mesh_bytes;
 };

@@ -10,8 +10,8 @@
 
 /* What a region's headers say of it. */
 struct region_note {
-    uint32_t vertices, tets, belt_tets;
-    double belt_error; /* the largest of the controlled fields, a fraction of the range */
+    uint32_t vertices, tets, transition_tets;
+    double transition_error; /* the largest of the controlled fields, a fraction of the range */
 };
 
 /* The value of a cached answer. */

@@ -19,15 +19,15 @@ static void print_about(const struct tetlod_info *info, const struct region *reg
     char coarse[300], fine[300];
     promise_print(info, region->coarse, coarse, sizeof coarse);
     promise_print(info, region->fine, fine, sizeof fine);
-    int used = snprintf(out, size, "%" PRIu32 " tetrahedra of level %" PRIu32 ": %s; %" PRIu32 " of level %" PRIu32 ": %s; %" PRIu32 " of the belt between them:",
-                        counts->tets[REGION_COARSE], region->coarse, coarse, counts->tets[REGION_FINE], region->fine, fine, counts->tets[REGION_BELT]);
+    int used = snprintf(out, size, "%" PRIu32 " tetrahedra of level %" PRIu32 ": %s; %" PRIu32 " of level %" PRIu32 ": %s; %" PRIu32 " of the transition between them:",
+                        counts->tets[REGION_COARSE], region->coarse, coarse, counts->tets[REGION_FINE], region->fine, fine, counts->tets[REGION_TRANSITION]);
     bool any = false;
     for (uint32_t f = 0; f < info->field_count && used > 0 && (size_t)used < size; f++) {
         const struct tetlod_field *field = &info->fields[f];
         double range = field->range[1] - field->range[0];
         if (!field->controlled)
             continue;
-        used += snprintf(out + used, size - (size_t)used, "%s %s %.3g %%", any ? "," : "", field->name, range > 0 ? 100 * errors[f] / range : 0);
+        used += snprintf(out + used, size - (size_t)used, "%s %s %.3g %%", any ? "," : "", field->name, promise_percent(range > 0 ? errors[f] / range : 0));
         any = true;
     }
     if (used > 0 && (size_t)used < size)
@@ -45,7 +45,7 @@ static enum tetlod_status make(const struct forest *forest, struct tetlod_file *
         return tetlodi_fail_nomem(error, "a region", info->field_count * sizeof *errors);
     enum tetlod_status status = region_mesh(forest, region, out, &tets, &counts, error);
     if (status == TETLOD_OK)
-        status = region_error(forest, out, parallel_cores(), errors, error);
+        status = region_measure(forest, out, tets, parallel_cores(), errors, error);
     if (status == TETLOD_OK)
         status = level_mesh_cells_here(file, REGION_FIELD, tets, out, error);
     if (status == TETLOD_OK)
@@ -61,7 +61,7 @@ enum tetlod_status extract_region(struct tetlod_file *file, const struct region 
     uint32_t levels = tetlod_info(file)->level_count;
     struct forest *forest = NULL;
     *out = (struct tetmesh){0};
-    enum tetlod_status status = forest_new(&forest, file, levels - 1, error); // the belt is measured against the finest level
+    enum tetlod_status status = forest_new(&forest, file, levels - 1, error); // the transition is measured against the finest level
     while (status == TETLOD_OK && forest_levels(forest) < levels)
         status = forest_grow(forest, error);
     if (status == TETLOD_OK)

@@ -537,7 +537,7 @@ static enum region_part part_of(const struct cut *cut, const uint32_t *slots)
         fine &= is_fine(cut, slots[c]);
         coarse &= is_coarse(cut, slots[c]);
     }
-    return fine ? REGION_FINE : coarse ? REGION_COARSE : REGION_BELT;
+    return fine ? REGION_FINE : coarse ? REGION_COARSE : REGION_TRANSITION;
 }
 
 /* ---- repair ---- */
@@ -577,14 +577,14 @@ static bool is_flipped(const struct cut *cut, const uint32_t *slots)
            cut->orientation;
 }
 
-/* Splits where a tetrahedron of the belt is flipped, or one that is not fine meets a box. */
+/* Splits where a tetrahedron of the transition is flipped, or one that is not fine meets a box. */
 static bool repair_tets(struct cut *cut)
 {
     bool any = false;
     for (size_t i = cut->fresh; i < cut->count; i++) {
         const uint32_t *slots = cut->cells[i].slots;
         enum region_part part = part_of(cut, slots);
-        if (part == REGION_BELT && is_flipped(cut, slots))
+        if (part == REGION_TRANSITION && is_flipped(cut, slots))
             any |= split_one(cut, slots);
         else if (part != REGION_FINE && meets_any(cut, slots))
             any |= split_all(cut, slots);
@@ -642,7 +642,7 @@ static enum tetlod_status repair_faces(struct cut *cut, bool *any, struct tetlod
     }
     for (size_t i = 0; i < 4 * cut->count; i++) {
         face_of(cut->cells[i / 4].slots, (int)(i % 4), corners);
-        if (find_face(table, places - 1, corners)->tets > 2 && part_of(cut, cut->cells[i / 4].slots) == REGION_BELT)
+        if (find_face(table, places - 1, corners)->tets > 2 && part_of(cut, cut->cells[i / 4].slots) == REGION_TRANSITION)
             *any |= split_one(cut, cut->cells[i / 4].slots);
     }
     free(table);

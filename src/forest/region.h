@@ -6,7 +6,7 @@
  *   1. every tetrahedron that meets a box is there as it is;
  *   2. no tetrahedron is flipped or degenerate that is not so in a level, and no face has more than two: while there is one, its
  *      corner that was contracted last is split.
- * A tetrahedron is one of the fine level, of the coarse level, or of the belt between them; in the belt no certificate holds.
+ * A tetrahedron is one of the fine level, of the coarse level, or of the transition between them, where no certificate holds.
  */
 #ifndef TETLOD_REGION_H
 #define TETLOD_REGION_H
@@ -17,7 +17,7 @@ struct region_box {
     double low[3], high[3];
 };
 
-enum region_part { REGION_COARSE, REGION_FINE, REGION_BELT, REGION_PARTS };
+enum region_part { REGION_COARSE, REGION_FINE, REGION_TRANSITION, REGION_PARTS };
 
 struct region {
     uint32_t coarse, fine; /* levels, coarse < fine */

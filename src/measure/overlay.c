@@ -35,13 +35,14 @@ struct compared {
 
 /* One thread's. */
 struct worker {
-    double *most; /* [field_count] */
+    double *own;  /* [field_count] */
+    double *most; /* [field_count] what was found already: `own`, or that of the tetrahedron which is being compared (`each`) */
     uint64_t cells;
 };
 
 struct overlay {
     const struct tetmesh *meshes[2]; /* borrowed */
-    int finer;                       /* which has more tetrahedra */
+    int finer;                       /* which has more tetrahedra; a where each tetrahedron of b is asked for its own */
     const struct clusters *clusters; /* of those */
     struct clusters own_clusters;    /* if none were given */
     double *boxes;                   /* [6 * tet of b] */
@@ -254,19 +255,31 @@ static bool make_cell(struct cell *cell, double in[2][4][4])
     return cell->count > 0;
 }
 
+/* The largest difference of a component at the cell's ends, with what rounding may hide. */
+static double bound_in(const struct overlay *overlay, const struct compared *compared, const struct cell *cell)
+{
+    double values[2][4], size = gather_values(overlay, compared, cell, values), most = 0;
+    for (int i = 0; i < cell->count; i++)
+        most = larger(most, fabs(weigh(cell->ends[i][0], values[0]) - weigh(cell->ends[i][1], values[1])));
+    return most + 8 * size * cell->slack;
+}
+
 /* Is one of the differences at the cell's ends above what was found, but for rounding? */
 static bool is_worse(const struct overlay *overlay, const struct worker *worker, const struct cell *cell)
 {
-    for (uint32_t c = 0; c < overlay->compared_count; c++) {
-        const struct compared *compared = &overlay->compared[c];
-        double values[2][4], size = gather_values(overlay, compared, cell, values);
-        for (int i = 0; i < cell->count; i++) {
-            double found = fabs(weigh(cell->ends[i][0], values[0]) - weigh(cell->ends[i][1], values[1]));
-            if (found + 8 * size * cell->slack > worker->most[compared->field])
-                return true;
-        }
-    }
+    for (uint32_t c = 0; c < overlay->compared_count; c++)
+        if (bound_in(overlay, &overlay->compared[c], cell) > worker->most[overlay->compared[c].field])
+            return true;
     return false;
+}
+
+/* The bound of a tetrahedron of its own need not be the least one. */
+static void raise_bounds(const struct overlay *overlay, struct worker *worker, const struct cell *cell)
+{
+    for (uint32_t c = 0; c < overlay->compared_count; c++) {
+        double *most = &worker->most[overlay->compared[c].field];
+        *most = larger(*most, bound_in(overlay, &overlay->compared[c], cell));
+    }
 }
 
 static void exact_corners(const struct overlay *overlay, int m, uint32_t tet, const double *out[4])
@@ -331,7 +344,7 @@ static void compare_exactly(const struct overlay *overlay, struct worker *worker
                 for (int k = 0; k < 4; k++)
                     values[m][k] = value_of(overlay, compared, m, cell->tets[m], k);
             quad found = exact_cell_difference(&exact, end, (const double(*)[4])values);
-            if (found > *most)
+            if (found > *most && !overlay->options->each)
                 found = best_difference(overlay, compared, &exact, cell, end, values, found);
             *most = larger(*most, (double)found);
         }
@@ -465,8 +478,10 @@ static void compare_pair(const struct overlay *overlay, struct worker *worker, c
         return;
     cell.slack = larger(cell.slack, slack);
     worker->cells++;
-    if (cell.slack > HOPELESS || (may_be_worse(overlay, worker, &cell, in, true) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
+    if (cell.slack > HOPELESS)
         compare_exactly(overlay, worker, &cell);
+    else if (may_be_worse(overlay, worker, &cell, in, true) && make_cell(&cell, in) && is_worse(overlay, worker, &cell))
+        (overlay->options->each ? raise_bounds : compare_exactly)(overlay, worker, &cell);
 }
 
 /* The tetrahedra of a cluster with one of the coarser mesh. */
@@ -492,16 +507,19 @@ static void compare_cluster(const struct overlay *overlay, struct worker *worker
 static void compare_range(void *context, unsigned number, size_t begin, size_t end)
 {
     const struct overlay *overlay = context;
+    struct worker *worker = &overlay->workers[number];
+    double *each = overlay->options->each;
     int coarser = !overlay->finer;
     for (size_t tet = begin; tet < end; tet++) {
         if (!looked_at(overlay, coarser, (uint32_t)tet))
             continue;
         struct reach reach;
         uint32_t first, last;
+        worker->most = each ? each + tet * overlay->field_count : worker->own;
         reach_set(&reach, overlay->meshes[coarser], (uint32_t)tet);
         struct bvh_walk walk = bvh_walk_begin(&overlay->clusters->tree);
         while (bvh_next_leaf_where(&walk, reaches, &reach, &first, &last))
-            compare_cluster(overlay, &overlay->workers[number], &reach, (uint32_t)tet, first, last);
+            compare_cluster(overlay, worker, &reach, (uint32_t)tet, first, last);
     }
 }
 
@@ -561,9 +579,9 @@ static enum tetlod_status prepare_workers(struct overlay *overlay, unsigned thre
     overlay->workers = array_zero(threads, sizeof *overlay->workers);
     bool done = overlay->workers;
     for (unsigned w = 0; w < threads && done; w++)
-        done = (overlay->workers[w].most = array_zero(overlay->field_count, sizeof(double))) != NULL;
+        done = (overlay->workers[w].own = array_zero(overlay->field_count, sizeof(double))) != NULL;
     for (unsigned w = 0; w < threads && done && overlay->options->floors; w++)
-        memcpy(overlay->workers[w].most, overlay->options->floors, overlay->field_count * sizeof(double));
+        memcpy(overlay->workers[w].own, overlay->options->floors, overlay->field_count * sizeof(double));
     return done ? TETLOD_OK : tetlodi_fail_nomem(error, "the overlay", threads * (uint64_t)sizeof *overlay->workers);
 }
 
@@ -572,7 +590,7 @@ static void overlay_fini(struct overlay *overlay, unsigned threads)
     for (int m = 0; m < 2; m++)
         free(overlay->usable[m]);
     for (unsigned w = 0; w < threads && overlay->workers; w++)
-        free(overlay->workers[w].most);
+        free(overlay->workers[w].own);
     free(overlay->workers);
     free(overlay->compared);
     free(overlay->boxes);
@@ -586,7 +604,7 @@ static void gather(const struct overlay *overlay, unsigned threads, double *out,
         const struct worker *worker = &overlay->workers[w];
         report->cells += worker->cells;
         for (uint32_t f = 0; f < overlay->field_count; f++)
-            out[f] = larger(out[f], worker->most[f]);
+            out[f] = larger(out[f], worker->own[f]);
     }
 }
 
@@ -594,7 +612,7 @@ enum tetlod_status overlay_max(const struct tetmesh *a, const uint32_t *a_fields
                                const uint32_t *b_fields, uint32_t count, const struct overlay_options *options,
                                double *out, struct overlay_report *report, struct tetlod_error *error)
 {
-    struct overlay overlay = {.meshes = {a, b}, .finer = b->tet_count > a->tet_count, .field_count = count, .options = options};
+    struct overlay overlay = {.meshes = {a, b}, .finer = !options->each && b->tet_count > a->tet_count, .field_count = count, .options = options};
     enum tetlod_status status;
     unsigned threads = options->threads;
     threads = threads < 1 ? 1 : threads > PARALLEL_MOST_THREADS ? PARALLEL_MOST_THREADS : threads;

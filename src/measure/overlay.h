@@ -30,6 +30,8 @@ struct overlay_options {
     const uint8_t *wanted;     /* [tet of b] 0: the differences in it are known; NULL: none */
     const struct clusters *clusters; /* of all tetrahedra of a (borrowed), to be asked several times; NULL: made where they are needed */
     const double *floors;      /* [count] in the field's units: differences up to that are not looked for; NULL: 0 */
+    double *each;              /* [tet of b][count] of each tetrahedron its own: a floor, raised to a bound of the differences in it; NULL: none.
+                                  Also where b covers a place more than once; `floors` and the results do not count then */
 };
 
 /* out[i]: the largest |field a_fields[i] of a - field b_fields[i] of b| over its components and the common domain, in the

@@ -37,8 +37,7 @@ __attribute__((format(printf, 3, 4))) static void add(char *out, size_t size, co
     va_end(list);
 }
 
-/* Percent to three digits, rounded up: a promise is not rounded down. */
-static double percent(double fraction)
+double promise_percent(double fraction)
 {
     if (!(fraction > 0))
         return 0;
@@ -53,9 +52,9 @@ static void print_uncontrolled(const struct tetlod_info *info, uint32_t level, c
         return;
     const char *name = info->fields[found.worst].name;
     if (found.count == 1)
-        add(out, size, "; %.60s not controlled: %.3g %% (measured)", name, percent(found.sampled));
+        add(out, size, "; %.60s not controlled: %.3g %% (measured)", name, promise_percent(found.sampled));
     else
-        add(out, size, "; %u fields not controlled, worst %.60s %.3g %% (measured)", found.count, name, percent(found.sampled));
+        add(out, size, "; %u fields not controlled, worst %.60s %.3g %% (measured)", found.count, name, promise_percent(found.sampled));
 }
 
 void promise_print(const struct tetlod_info *info, uint32_t level, char *out, size_t size)
@@ -68,9 +67,9 @@ void promise_print(const struct tetlod_info *info, uint32_t level, char *out, si
             continue;
         if (isnan(max))
             add(out, size, "%s%.60s %.3g %% (measured)", first ? "" : ", ", info->fields[f].name,
-                percent(error_of(info, level, f, TETLOD_SAMPLED)));
+                promise_percent(error_of(info, level, f, TETLOD_SAMPLED)));
         else
-            add(out, size, "%s%.60s \u2264 %.3g %% (certified)", first ? "" : ", ", info->fields[f].name, percent(max));
+            add(out, size, "%s%.60s \u2264 %.3g %% (certified)", first ? "" : ", ", info->fields[f].name, promise_percent(max));
         first = false;
     }
     print_uncontrolled(info, level, out, size);
@@ -80,7 +79,7 @@ void promise_of_field(const struct tetlod_info *info, uint32_t level, uint32_t f
 {
     const struct tetlod_field *field = &info->fields[f];
     double max = error_of(info, level, f, TETLOD_MAX), error = isnan(max) ? error_of(info, level, f, TETLOD_SAMPLED) : max;
-    double fraction = percent(error) / 100;
+    double fraction = promise_percent(error) / 100;
     if (field->bounds != TETLOD_NONE)
         snprintf(out, size, "%.60s: how far off %.60s is at most at each point (certified)", field->name, info->fields[field->bounds].name);
     else

@@ -15,6 +15,9 @@ struct uncontrolled {
 
 struct uncontrolled uncontrolled_at(const struct tetlod_info *info, uint32_t level);
 
+/* Percent of a fraction to three digits, rounded up: a promise is not rounded down. */
+double promise_percent(double fraction);
+
 /* "VonMises ≤ 1 % (certified); 9 fields not controlled, worst Stress 31.9 % (measured)". Cut off at `size` bytes. */
 void promise_print(const struct tetlod_info *info, uint32_t level, char *out, size_t size);
 

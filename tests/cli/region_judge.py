@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
-COARSE, FINE, BELT = 0, 1, 2
+COARSE, FINE, TRANSITION = 0, 1, 2
 
 
 def read_vtk(path):
@@ -106,7 +106,7 @@ def value_at(mesh, tet, p, name):
 def judge(answer, coarse, fine, boxes, seed, domain_moves):
     """Raises AssertionError with what is wrong."""
     region = answer['cell']['Region'][:, 0]
-    assert set(region) <= {COARSE, FINE, BELT}
+    assert set(region) <= {COARSE, FINE, TRANSITION}
     assert not inverted(answer), ('inverted', len(inverted(answer)))
     assert crowded_faces(answer) == 0
     assert keys(answer, region == COARSE) <= keys(coarse), 'a tetrahedron of the coarse level is not one of it'
@@ -123,5 +123,5 @@ def judge(answer, coarse, fine, boxes, seed, domain_moves):
         assert keys(fine, touching) <= have, 'a fine tetrahedron with a corner in the box is missing'
         assert keys(fine, there[there >= 0]) <= have, 'a fine tetrahedron that meets the box is missing'
         ours = holders(answer, points)
-        assert not set(region[ours[ours >= 0]]) & {COARSE, BELT} or keys(answer, ours[ours >= 0]) <= keys(fine), 'what meets the box is not fine'
-    return {part: int((region == part).sum()) for part in (COARSE, FINE, BELT)}
+        assert not set(region[ours[ours >= 0]]) & {COARSE, TRANSITION} or keys(answer, ours[ours >= 0]) <= keys(fine), 'what meets the box is not fine'
+    return {part: int((region == part).sum()) for part in (COARSE, FINE, TRANSITION)}

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 
 sys.path.insert(0, os.path.join(os.environ['ROOT'], 'tests', 'http'))
-from region_judge import BELT, COARSE, FINE, holders, judge, read_vtk, value_at  # noqa: E402
+from region_judge import TRANSITION, COARSE, FINE, holders, judge, read_vtk, value_at  # noqa: E402
 from served import SCRATCH, TETLOD, Server, run  # noqa: E402
 
 
@@ -39,28 +39,28 @@ def halves(boxes):
 
 
 def check_measured(answer, fine, name, said, seed):
-    """No original vertex in the belt is further off than was measured."""
-    belt = np.nonzero(answer['cell']['Region'][:, 0] == BELT)[0]
-    corners = answer['points'][answer['tets'][belt]]
+    """No original vertex in the transition is further off than was measured."""
+    transition = np.nonzero(answer['cell']['Region'][:, 0] == TRANSITION)[0]
+    corners = answer['points'][answer['tets'][transition]]
     low, high = corners.min((0, 1)), corners.max((0, 1))
     near = np.nonzero(((fine['points'] >= low) & (fine['points'] <= high)).all(1))[0]
     chosen = np.random.default_rng(seed).permutation(near)[:500]
     worst = 0
-    for v, t in zip(chosen, holders({'points': answer['points'], 'tets': answer['tets'][belt]}, fine['points'][chosen])):
+    for v, t in zip(chosen, holders({'points': answer['points'], 'tets': answer['tets'][transition]}, fine['points'][chosen])):
         if t >= 0:
-            worst = max(worst, abs(value_at(answer, belt[t], fine['points'][v], name)[0] - fine['point'][name][v, 0]))
+            worst = max(worst, abs(value_at(answer, transition[t], fine['points'][v], name)[0] - fine['point'][name][v, 0]))
     extent = fine['point'][name].max() - fine['point'][name].min()
     assert worst / extent <= said * (1 + 1e-4) + 1e-9, (worst / extent, said)
     return worst / extent
 
 
 def measured(message, name):
-    return float(message.split('belt between them:')[1].split(name + ' ')[1].split(' %')[0]) / 100
+    return float(message.split('transition between them:')[1].split(name + ' ')[1].split(' %')[0]) / 100
 
 
 def check_stream(stream, name, error, fraction, seeds, domain_moves, fields=()):
     coarse, fine = level(stream, '--error', error), level(stream)
-    parts = {COARSE: 0, FINE: 0, BELT: 0}
+    parts = {COARSE: 0, FINE: 0, TRANSITION: 0}
     seen = 0
     for seed in seeds:
         box = random_box(fine, fraction, seed)
@@ -116,6 +116,80 @@ def test_boxes_at_the_edges():
             assert len(answer['tets']) == len(coarse['tets'])
 
 
+def check_bounds(answer, fine, name, component_count):
+    """A local bound holds at the original's vertices, in all three parts; returns by part how far the field is off at most."""
+    values, bounds, region = answer['point'][name], answer['point'][name + '%20bound'][:, 0], answer['cell']['Region'][:, 0]
+    assert values.shape[1] == component_count
+    corners = answer['points'][answer['tets']]
+    low, high = corners.min(1), corners.max(1)
+    inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
+    most = {COARSE: 0, FINE: 0, TRANSITION: 0}
+    for point, value in zip(fine['points'], fine['point'][name]):
+        for t in np.nonzero(((low <= point) & (point <= high)).all(1))[0]:
+            weights = inverse[t] @ (point - corners[t, 0])
+            weights = np.append(1 - weights.sum(), weights)
+            if weights.min() < -1e-9:
+                continue
+            error, bound = np.abs(weights @ values[answer['tets'][t]] - value).max(), weights @ bounds[answer['tets'][t]]
+            assert error <= bound + 1e-6 * np.abs(fine['point'][name]).max(), (name, point, region[t], error, bound)
+            most[region[t]] = max(most[region[t]], error)
+    return most
+
+
+def test_local_bounds():
+    """Of several fields, one of them a vector: true in the transition, too, where vertices of several levels meet; and the server's are the same."""
+    tetlod('build', 'fin.vtu', '-o', 'bounds.tetlod', '--field', 'Pressure', '--field', 'Velocity', '--local-bound', '--domain-error', '0', '--quiet')
+    fine, off = level('bounds.tetlod'), 0
+    for seed, fraction in enumerate((0.002, 0.01, 0.05)):
+        box = random_box(fine, fraction, seed)
+        tetlod('extract', 'bounds.tetlod', '--error', '10%', option(box), '--box-error', '0.1%', '-o', 'region.vtk')
+        answer = read_vtk(os.path.join(SCRATCH, 'region.vtk'))
+        for name, components in (('Pressure', 1), ('Velocity', 3)):
+            off += check_bounds(answer, fine, name, components)[TRANSITION] > 0
+    assert off > 3  # there was something to bound
+    with Server(os.path.join(SCRATCH, 'bounds.tetlod')) as server:
+        text = ','.join('%.17g' % x for x in box)
+        head = server.get('/v1/meshes/bounds/mesh?error=0.1&box_error=0.001&format=vtk&box=' + text)[1]
+        with open(os.path.join(SCRATCH, 'region.vtk'), 'rb') as file:
+            assert file.read() == server.get('/v1/meshes/bounds/' + head['location'])[2]
+
+
+def write_vtk(path, points, tets, fields, cells):
+    with open(path, 'w') as out:
+        out.write('# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS %d double\n' % len(points))
+        np.savetxt(out, points, '%.17g')
+        out.write('CELLS %d %d\n' % (len(tets), 5 * len(tets)))
+        np.savetxt(out, np.insert(tets, 0, 4, axis=1), '%d')
+        out.write('CELL_TYPES %d\n%s' % (len(tets), '10\n' * len(tets)))
+        for where, count, values in ('POINT_DATA', len(points), fields), ('CELL_DATA', len(tets), cells):
+            out.write('%s %d\n' % (where, count))
+            for name, value in values.items():
+                out.write('SCALARS %s double\nLOOKUP_TABLE default\n' % name)
+                np.savetxt(out, value, '%.17g')
+
+
+def test_bodies_that_overlap():
+    """Two bodies in one place, with other values: the transition of each is compared with its own original."""
+    one = level('fixed.tetlod')
+    values = one['point']['Pressure'][:, 0]
+    count, extent = len(values), np.ptp(one['points'], axis=0)
+    write_vtk(os.path.join(SCRATCH, 'two.vtk'), np.vstack([one['points'], one['points'] + 0.01 * extent]), np.vstack([one['tets'], one['tets'] + count]),
+              {'f': np.append(values, values + 0.04 * np.ptp(values))}, {'Body': np.repeat([0.25, 0.75], len(one['tets']))})
+    tetlod('build', 'two.vtk', '-o', 'two.tetlod', '--domain-error', '0', '--local-bound', '--quiet')
+    fine = level('two.tetlod')
+    for seed in range(3):
+        box = random_box(fine, 0.01, seed)
+        message = tetlod('extract', 'two.tetlod', '--error', '10%', option(box), '-o', 'region.vtk')
+        answer, said, worst = read_vtk(os.path.join(SCRATCH, 'region.vtk')), measured(message, 'f'), 0
+        for body in (0.25, 0.75):
+            parts = [{'points': mesh['points'], 'tets': mesh['tets'][mesh['cell']['Body'][:, 0] == body], 'point': mesh['point'],
+                      'cell': {name: cell[mesh['cell']['Body'][:, 0] == body] for name, cell in mesh['cell'].items()}} for mesh in (answer, fine)]
+            used = np.unique(parts[1]['tets'])
+            parts[1]['points'], parts[1]['point'] = fine['points'][used], {'f': fine['point']['f'][used]}
+            worst = max(worst, check_bounds(parts[0], parts[1], 'f', 1)[TRANSITION])
+        assert worst / np.ptp(fine['point']['f']) <= said * (1 + 1e-9), (worst, said)
+
+
 def test_usage():
     for wrong in (['--box', '1,2,3'], ['--box', '1,1,1,0,2,2'], ['--box', '0,0,0,1,1,nan'], ['--box-error', '1%'], ['--box', '0,0,0,1,1,1', '--box-error', 'x']):
         assert 'box' in tetlod('extract', 'fixed.tetlod', '--error', '5%', *wrong, '-o', 'x.vtk', code=2)
@@ -138,13 +212,13 @@ def test_over_http():
         answer = read_vtk(os.path.join(SCRATCH, 'served.vtk'))
         parts = judge(answer, coarse, fine, halves(boxes), 5, False)
         assert head['tetlod-tets'] == str(len(answer['tets'])) and head['tetlod-vertices'] == str(len(answer['points']))
-        assert head['tetlod-belt-tets'] == str(parts[BELT]) and int(head['tetlod-box-level']) > int(head['tetlod-level'])
-        check_measured(answer, level('fixed.tetlod'), 'Pressure', float(head['tetlod-belt-error'].split('measured=')[1]), 5)
+        assert head['tetlod-transition-tets'] == str(parts[TRANSITION]) and int(head['tetlod-box-level']) > int(head['tetlod-level'])
+        check_measured(answer, level('fixed.tetlod'), 'Pressure', float(head['tetlod-transition-error'].split('measured=')[1]), 5)
         tetlod('extract', 'fixed.tetlod', '--error', '5%', '--box-error', '0.2%', *map(option, boxes), '-o', 'region.vtk')
         with open(os.path.join(SCRATCH, 'region.vtk'), 'rb') as file:
             assert file.read() == body
         assert server.get(path, If_None_Match=head['etag'])[0] == 304
-        assert server.get(path, method='HEAD')[1]['tetlod-belt-tets'] == str(parts[BELT])
+        assert server.get(path, method='HEAD')[1]['tetlod-transition-tets'] == str(parts[TRANSITION])
         assert 'xml' in server.get(path.replace('.vtk', '.vtu'))[2][:20].decode()
         plain = server.get('/v1/meshes/fixed/mesh?error=0.01&box=0,0,0,1,1,1&box_error=0.5')
         assert plain[0] == 303 and '/mesh.vtu' in plain[1]['location']
@@ -157,4 +231,4 @@ def test_over_http():
 
 
 run([test_a_fixed_boundary, test_a_boundary_that_moves, test_lossy_and_several_fields, test_several_boxes_and_a_level_between,
-     test_boxes_at_the_edges, test_usage, test_over_http])
+     test_local_bounds, test_bodies_that_overlap, test_boxes_at_the_edges, test_usage, test_over_http])

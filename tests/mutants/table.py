@@ -63,6 +63,15 @@ mutant('local bound without rounding', 'src/pipeline/local_bound.c', 'origin = c
 mutant('verify believes local bounds', 'src/cli/against.c', 'if (status == TETLOD_OK && larger(found[0], found[1]) > floor)', 'if (status == TETLOD_OK && larger(found[0], found[1]) > 2 * floor)',
        'a local bound that is too small is refused', ATTACK)
 
+# ---- the transition of a region (2)
+
+mutant('local bound of a transition as it is', 'src/measure/region_error.c', 'if (status == TETLOD_OK && any)\n        status = transition_far', 'any = false;\n    if (status == TETLOD_OK && any)\n        status = transition_far',
+       'where vertices of several levels meet, a local bound is raised', 'cli/test_region.py')
+mutant('local bound of a transition from below', 'src/measure/region_error.c', 'out[count + i] = s->values[i] - by;', 'out[count + i] = s->values[i] + by;',
+       'it is raised for what is below and above the original', 'cli/test_region.py')
+mutant('transition beside another body', 'src/measure/region_error.c', '.threads = m->threads, .bodies = {far.bodies, t->bodies}, .wanted', '.threads = m->threads, .wanted',
+       'each body is compared with itself', 'cli/test_region.py')
+
 # ---- steps in time (10)
 
 mutant('L and U are cut to the range', 'src/pipeline/encode_series.c',

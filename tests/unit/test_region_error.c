@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* The measured error of a belt is that of the overlay with the whole of the finest level, for any boxes over any complex: also where the
- * finest level overlaps itself. */
+/* The measured error of a transition is that of the overlay with the whole of the finest level, for any boxes over any complex: also where
+ * bodies overlap each other or themselves. A local bound holds in the transition at every finest vertex. */
 #include <stdlib.h>
 
 #include "src/measure/overlay.h"
 #include "src/measure/region_error.h"
+#include "src/mesh/sheets.h"
 #include "tests/gen.h"
 #include "tests/memory_sink.h"
 #include "tests/test.h"
@@ -15,25 +16,33 @@ enum { SEEDS = 1 };
 enum { SEEDS = 4 };
 #endif
 
-static int belts, apart; /* regions with one; those whose difference is above 0 */
+static int transitions, apart; /* regions with one; those whose difference is above 0 */
 
-/* The overlay of the belt and the finest level, whole. */
-static void measure_plainly(const struct forest *forest, const struct tetmesh *mesh, double out[2])
+/* The overlay of the finest level and the transition, whole; each body with itself. */
+static void measure_plainly(const struct forest *forest, const struct tetmesh *mesh, const uint32_t *tets, double out[2])
 {
     static const uint32_t both[] = {0, 1};
-    struct tetmesh belt = *mesh, finest;
+    struct tetmesh finest;
     struct overlay_report report;
+    uint32_t found = 0, *bodies, *own;
+    uint8_t *wanted;
     REQUIRE(forest_mesh(forest, forest_info(forest)->level_count - 1, &finest, NULL) == TETLOD_OK);
-    REQUIRE((belt.corners = malloc(mesh->tet_count * (size_t)16 + 1)) != NULL);
-    belt.tet_count = 0;
-    for (size_t t = 0; t < mesh->tet_count; t++)
-        if (mesh->cell_fields[0].values[t] == (double)REGION_BELT)
-            memcpy(belt.corners + 4 * (size_t)belt.tet_count++, mesh->corners + 4 * t, 16);
-    belts += belt.tet_count > 0;
+    REQUIRE((wanted = malloc(mesh->tet_count + (size_t)1)) && (bodies = malloc(finest.vertex_count * sizeof *bodies)) &&
+            (own = malloc(mesh->vertex_count * sizeof *own)));
+    sheets_bodies(finest.corners, finest.tet_count, finest.vertex_count, bodies);
+    for (size_t t = 0; t < mesh->tet_count; t++) {
+        found += wanted[t] = mesh->cell_fields[0].values[t] == (double)REGION_TRANSITION;
+        for (size_t c = 0; c < 4; c++)
+            own[mesh->corners[4 * t + c]] = bodies[finest.corners[4 * (size_t)tets[t]]];
+    }
+    transitions += found > 0;
     out[0] = out[1] = 0;
-    if (belt.tet_count)
-        REQUIRE(overlay_max(&belt, both, &finest, both, 2, &(struct overlay_options){.threads = 1}, out, &report, NULL) == TETLOD_OK);
-    free(belt.corners);
+    const struct overlay_options options = {.threads = 1, .bodies = {bodies, own}, .wanted = wanted};
+    if (found)
+        REQUIRE(overlay_max(&finest, both, mesh, both, 2, &options, out, &report, NULL) == TETLOD_OK);
+    free(wanted);
+    free(bodies);
+    free(own);
     tetmesh_fini(&finest);
 }
 
@@ -53,8 +62,8 @@ static void check_region(const struct forest *forest, uint64_t *state, const str
     }
     const struct region region = {coarse, fine, &box, 1};
     REQUIRE(region_mesh(forest, &region, &mesh, &tets, &counts, NULL) == TETLOD_OK);
-    measure_plainly(forest, &mesh, plain);
-    REQUIRE(region_error(forest, &mesh, 1 + (unsigned)(gen_random(state) % 2), ours, NULL) == TETLOD_OK);
+    measure_plainly(forest, &mesh, tets, plain);
+    REQUIRE(region_measure(forest, &mesh, tets, 1 + (unsigned)(gen_random(state) % 2), ours, NULL) == TETLOD_OK);
     if (memcmp(plain, ours, sizeof ours) != 0)
         TEST_FAIL("kind %d, seed %d: %.17g and %.17g, not %.17g and %.17g", (int)options->kind, (int)options->seed, ours[0], ours[1], plain[0], plain[1]);
     apart += ours[0] > 0 && ours[1] > 0;
@@ -93,8 +102,8 @@ static void test_as_the_whole_overlay(void)
         for (uint64_t seed = 1; seed <= SEEDS; seed++)
             check_stream(&(struct gen_options){.kind = (enum gen_kind)kind, .seed = seed, .size = 3, .levels = 12, .arity = 2,
                                                .type = seed % 2 ? TETLOD_FLOAT32 : TETLOD_FLOAT64});
-    printf("# %d belts, %d apart\n", belts, apart);
-    CHECK(belts > 5 * SEEDS && apart > 5 * SEEDS);
+    printf("# %d transitions, %d apart\n", transitions, apart);
+    CHECK(transitions > 5 * SEEDS && apart > 5 * SEEDS);
 }
 
 int main(void)
