@@ -176,7 +176,7 @@ mutant('overlay: no room before a face', 'src/measure/overlay.c', 'exceeds_befor
        'a corner is before a face as far as rounding can tell', 'unit/test_overlay')
 mutant('overlay: no slack of a bound', 'src/measure/overlay.c', 'double enough = worker->most[compared->field] - 8 * size * cell->slack;',
        'double enough = worker->most[compared->field] + 0 * size;', 'a bound is widened by its rounding', 'unit/test_overlay')
-mutant('overlay: no slack of the ends', 'src/measure/overlay.c', 'if (found + 8 * size * cell->slack > worker', 'if (found + 0 * size > worker',
+mutant('overlay: no slack of the ends', 'src/measure/overlay.c', 'return most + 8 * size * cell->slack;', 'return most + 0 * size;',
        'what is left to 113 bits is what doubles cannot rule out', 'unit/test_overlay')
 mutant('overlay: clipped as rounding has it', 'src/measure/overlay.c', 'double room = 2 * cell->slack;', 'double room = 0;',
        'the ends lie between those of what rounding allows', 'unit/test_overlay')
