@@ -14,7 +14,7 @@ import threading
 import time
 import urllib.parse
 
-from served import PATIENCE, ROOT, SCRATCH, TETLOD, Server, eventually, run
+from served import PATIENCE, ROOT, SCRATCH, TETLOD, Server, eventually, free_port, run
 
 sys.path.insert(0, os.path.join(ROOT, 'client-examples', 'python'))
 import tetlod.reference as tetlod  # noqa: E402  the client that knows only Range
@@ -25,12 +25,6 @@ PATH = os.environ['PATH'] + ':/usr/sbin'
 NGINX = shutil.which('nginx', path=PATH)
 VARNISH = shutil.which('varnishd', path=PATH)
 cid = None
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(('127.0.0.1', 0))
-        return probe.getsockname()[1]
 
 
 def wait_for_port(port):
@@ -156,6 +150,7 @@ def test_nginx_fails_over():
         text = text.replace('listen 80;', 'listen 127.0.0.1:%d;' % free_port()).replace('listen 443 ', 'listen 127.0.0.1:%d ' % port)
         text = text.replace('127.0.0.1:8081', '127.0.0.1:%d' % ports[0]).replace('127.0.0.1:8082', '127.0.0.1:%d' % ports[1])
         text = text.replace('/etc/ssl/certs/tetlod.pem', certificate).replace('/etc/ssl/private/tetlod.key', key)
+        text = text.replace('proxy_connect_timeout 1s', 'proxy_connect_timeout 60s')  # on a slow machine a server may be slow and yet well
         process = start_nginx('front', text)
         wait_for_port(port)
         check_cache(port)

@@ -170,14 +170,17 @@ HANG = r'''
 #include <dirent.h>
 #include <dlfcn.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <stdlib.h>
 #include <unistd.h>
 struct dirent *readdir(DIR *folder)
 {
     struct dirent *(*next)(DIR *) = (struct dirent *(*)(DIR *))dlsym(RTLD_NEXT, "readdir");
     int before = errno;
-    while (access(getenv("HANG"), F_OK) == 0)
+    while (access(getenv("HANG"), F_OK) == 0) {
+        close(creat(getenv("HANGING"), 0600));
         usleep(10000);
+    }
     errno = before;
     return next(folder);
 }
@@ -188,23 +191,27 @@ def test_a_folder_that_hangs():
     """As on a network file system whose server is away: all else goes on, and stopping is not held up."""
     if os.environ.get('CONFIG') != 'release':
         return 'sanitizers want to be loaded first'
-    library, flag, folder = os.path.join(SCRATCH, 'hang.so'), os.path.join(SCRATCH, 'hang'), folder_of('hanging', 'fin')
+    library, flag, hangs = (os.path.join(SCRATCH, name) for name in ('hang.so', 'hang', 'hangs'))
+    folder = folder_of('hanging', 'fin')
+
+    def hang():
+        with open(flag, 'w'):
+            pass
+        eventually(lambda: os.path.exists(hangs))
+
     with open(library + '.c', 'w') as file:
         file.write(HANG)
     subprocess.run(['cc', '-shared', '-fPIC', '-o', library, library + '.c', '-ldl'], check=True)
-    with Server(folder, '--scan', '0.05', '--timeout', '1', '--drain', '0.1', environment={'LD_PRELOAD': library, 'HANG': flag}) as server:
-        with open(flag, 'w'):
-            pass
-        time.sleep(0.3)
+    with Server(folder, '--scan', '0.05', '--timeout', '1', '--drain', '0.1', environment={'LD_PRELOAD': library, 'HANG': flag, 'HANGING': hangs}) as server:
+        hang()
         shutil.copy(MADE, os.path.join(folder, 'new.tetlod'))
         assert server.get('/v1/meshes/fin')[0] == 200 and server.get('/v1/meshes/fin/prefix?level=0')[0] == 200
         assert server.raw(b'') == b''  # who asks nothing is shut out in time
         assert server.get('/v1/meshes/new')[0] == 404
         os.unlink(flag)
         eventually(lambda: server.get('/v1/meshes/new')[0] == 200)
-        with open(flag, 'w'):
-            pass
-        time.sleep(0.3)
+        os.unlink(hangs)
+        hang()
     assert 'does not answer' in server.messages()
     os.unlink(flag)
 

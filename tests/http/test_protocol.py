@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 
-from served import PATIENCE, ROOT, SCRATCH, SLOW, TETLOD, Server, eventually, run, statuses
+from served import PATIENCE, ROOT, SCRATCH, SLOW, TETLOD, Server, answers, eventually, free_port, run, statuses
 
 FOLDER = os.path.join(SCRATCH, 'streams')
 os.makedirs(FOLDER, exist_ok=True)
@@ -167,8 +167,10 @@ def test_smuggling():
             (b'Content-Length: 99999999999999999999999999\r\n', inner)):
         for method in (b'GET', b'HEAD', b'OPTIONS', b'POST'):
             received = server.raw(method + b' /healthz HTTP/1.1\r\n' + HOST + headers + b'\r\n' + body, finish=True)
-            assert len(statuses(received)) <= 1, (method, headers, received)
-            assert not statuses(received) or statuses(received)[0] >= 400, (method, headers, received)
+            if not received:  # libmicrohttpd cannot tell where a body of a coding that it does not know ends: it says nothing
+                assert headers.startswith((b'Transfer-Encoding: identity', b'Transfer-Encoding: x')), (method, headers)
+            else:
+                assert one(received) >= 400, (method, headers, received)
 
 
 def test_expect_continue():
@@ -198,18 +200,6 @@ def test_no_silence():
             assert status in ((200,) if size < 8000 else (414, 431)), (size, line[:20], headers[:20], status)
 
 
-def refusal(received):
-    """How the first answer in these bytes refuses: its status and whether it is a problem that says so."""
-    head, _, body = received.partition(b'\r\n\r\n')
-    found = re.match(rb'HTTP/1\.1 (\d{3}) ', head)
-    if not found:
-        return 'nothing'
-    if b'application/problem+json' not in head:
-        return 'HTML %d' % int(found[1])
-    assert json.loads(body)['status'] == int(found[1]), received
-    return int(found[1])
-
-
 def test_refusals_are_problems():
     """All but the few that libmicrohttpd makes itself: those that its parser meets before a request reaches us."""
     get, chunked = b'GET /healthz HTTP/1.1\r\n' + HOST, b'POST /healthz HTTP/1.1\r\n' + HOST + b'Transfer-Encoding: chunked\r\n\r\n'
@@ -220,16 +210,20 @@ def test_refusals_are_problems():
         b'GET /' + b'a' * 9000 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 414, b'GET /?' + b'a&' * 4500 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 414,
         get + b'X: ' + b'a' * 9000 + b'\r\n\r\n': 431}
     theirs = {
-        b'GET /healthz\r\n' + HOST + b'\r\n': 'HTML 400', get + b'abc\r\n\r\n': 'HTML 400', b'GET / HTTP/9.9\r\n' + HOST + b'\r\n': 'HTML 505',
-        get + b'Content-Length: +0\r\n\r\n': 'HTML 400', get + b'Content-Length: 99999999999999999999\r\n\r\n': 'HTML 413',
-        chunked + b'zz\r\n': 'HTML 400', chunked + b'F' * 20 + b'\r\n': 'HTML 413', chunked + b'1;' + b'a' * 40000: 'HTML 500',
-        b'GET /' + b'a' * 40000 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 'HTML 414', get + b'X: ' + b'a' * 40000 + b'\r\n\r\n': 'HTML 431',
-        get + b'X: a\r\n' * 1000 + b'\r\n': 'HTML 431', get + b'Transfer-Encoding: x\r\n\r\n': 'nothing'}
+        b'GET /healthz\r\n' + HOST + b'\r\n': 400, get + b'abc\r\n\r\n': 400, b'GET / HTTP/9.9\r\n' + HOST + b'\r\n': 505,
+        get + b'Content-Length: +0\r\n\r\n': 400, get + b'Content-Length: 99999999999999999999\r\n\r\n': 413,
+        chunked + b'zz\r\n': 400, chunked + b'F' * 20 + b'\r\n': 413, get + b'X: a\r\n' * 1000 + b'\r\n': 431}
+    # Of these it may read a part and close: the kernel then resets the connection, which takes away an answer that was sent
+    longer = {b'GET /' + b'a' * 40000 + b' HTTP/1.1\r\n' + HOST + b'\r\n': 414, get + b'X: ' + b'a' * 40000 + b'\r\n\r\n': 431,
+              chunked + b'1;' + b'a' * 40000: 500}
     for data, wanted in ours.items():
-        assert refusal(server.raw(data)) == wanted, (data[:100], wanted)
-    for data, least in theirs.items():
-        received = server.raw(data)
-        assert refusal(received) in (least, 'nothing', *range(400, 600)), (data[:100], received[:300])
+        (status, head, _), = answers(server.raw(data))
+        assert status == wanted and head['content-type'] == 'application/problem+json', (data[:100], status, wanted)
+    for data, wanted in theirs.items():
+        assert one(server.raw(data)) == wanted, (data[:100], wanted)
+    for data, wanted in longer.items():
+        assert statuses(server.raw(data)) in ([], [wanted]), (data[:100], wanted)
+    assert server.raw(get + b'Transfer-Encoding: x\r\n\r\n') == b''  # it cannot tell where the body ends
 
 
 def test_many_parameters():
@@ -239,29 +233,25 @@ def test_many_parameters():
 
 
 def test_long_requests():
-    for size, allowed in ((20000, (414,)), (100000, (414,))):
-        found = statuses(ask(b'GET /' + b'a' * size + b' HTTP/1.1'))
-        assert not found or found[0] in allowed, (size, found)
-    found = statuses(ask(b'GET /healthz HTTP/1.1', b'X: ' + b'a' * 50000 + b'\r\n'))
-    assert not found or found[0] == 431, found
-    found = statuses(ask(b'GET /healthz HTTP/1.1', b'X: a\r\n' * 20000))
-    assert not found or found[0] == 431, found
+    """Longer than what is read: where the server closes before all of it is read, the kernel resets the connection, which may take
+    the refusal away before the client sees it."""
+    for line, headers, wanted in ((b'GET /' + b'a' * 20000, b'', 414), (b'GET /' + b'a' * 100000, b'', 414),
+                                  (b'GET /healthz', b'X: ' + b'a' * 50000 + b'\r\n', 431), (b'GET /healthz', b'X: a\r\n' * 20000, 431)):
+        assert statuses(ask(line + b' HTTP/1.1', headers)) in ([], [wanted]), (line[:20], wanted)
     assert server.get('/v1/meshes/' + 'a' * 3000)[0] == 404
     assert server.get('/healthz')[0] == 200
 
 
 def test_garbage():
+    for data, status in ((b'GET / HTTP/9.9\r\nHost: localhost\r\n\r\n', 505), (b'GET /\r\n\r\n', 400), (b'GET  /  HTTP/1.1\r\n\r\n', 400),
+                         (b'PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n', 505), (b'GET / HTTP/1.1\r\n: x\r\n\r\n', 400),
+                         (b'GET / HTTP/1.1\r\nHost : x\r\n\r\n', 400), (b'GET / HTTP/1.1\r\n Host: localhost\r\n\r\n', 400)):
+        assert one(server.raw(data, finish=True)) == status, data
     with Server(FOLDER, '--timeout', '1') as short:
-        check_garbage(short)
-
-
-def check_garbage(short):
-    for data in (b'\0' * 100, b'\r\n\r\n\r\n', b'GET\r\n\r\n', b'GET / HTTP/9.9\r\nHost: localhost\r\n\r\n', b'\xff\xfe\xfd\r\n\r\n', b'GET /\r\n\r\n',
-                 b'GET  /  HTTP/1.1\r\n\r\n', b'\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03', b'PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n',
-                 b'GET / HTTP/1.1\r\n: x\r\n\r\n', b'GET / HTTP/1.1\r\nHost : x\r\n\r\n', b'GET / HTTP/1.1\r\n Host: localhost\r\n\r\n'):
-        received = short.raw(data, finish=True)
-        assert all(s >= 400 for s in statuses(received)), (data, received)
-    assert short.get('/healthz')[0] == 200
+        # No request: empty lines, no end of a line, no target. The time-out ends the connection.
+        for data in (b'\0' * 100, b'\r\n\r\n\r\n', b'GET\r\n\r\n', b'\xff\xfe\xfd\r\n\r\n', b'\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03'):
+            assert short.raw(data, finish=True) == b'', data
+        assert short.get('/healthz')[0] == 200
 
 
 def test_pipelining():
@@ -424,8 +414,8 @@ def test_slow_loris():
                 raise AssertionError('it is still listened to')
             assert idle.recv(10) == b''
         assert slow.get('/healthz')[0] == 200
-        expired = re.search(rb'tetlod_connections_expired_total (\d+)', slow.get('/metrics')[2])
-        assert int(expired[1]) >= 1  # the idle one may have met libmicrohttpd's own time-out
+        # the idle one may have met libmicrohttpd's own time-out
+        eventually(lambda: int(re.search(rb'tetlod_connections_expired_total (\d+)', slow.get('/metrics')[2])[1]) >= 1)
 
 
 def hold(limited, count):
@@ -447,10 +437,8 @@ def test_connection_limits():
         with Server(FOLDER, option, str(count), '--timeout', '1000') as small:
             held = hold(small, count)
             received = small.raw(b'GET /healthz HTTP/1.1\r\n' + HOST + b'\r\n')
-            if received:  # nothing comes where the request was still on its way when the connection was closed
-                head, _, body = received.partition(b'\r\n\r\n')
-                assert statuses(received) == [503] and b'Retry-After' in head, (option, received)
-                assert int(re.search(rb'Content-Length: (\d+)', head)[1]) == len(body) and json.loads(body)['status'] == 503
+            for status, head, body in answers(received):  # nothing comes where the request was still on its way when the connection was closed
+                assert status == 503 and head['retry-after'] and body and head['cache-control'] == 'no-store', (option, received)
             held.pop().close()
             eventually(lambda: gets_in(small))
             for connection in held:
@@ -496,9 +484,7 @@ def test_addresses():
 
 
 def test_metrics_apart():
-    with socket.socket() as probe:
-        probe.bind(('127.0.0.1', 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     with Server(FOLDER, '--metrics', '127.0.0.1:%d' % port) as apart:
         assert apart.get('/metrics')[0] == 404
         connection = http.client.HTTPConnection('127.0.0.1', port, timeout=PATIENCE)
