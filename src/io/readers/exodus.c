@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Reading Exodus II: a netCDF file, classic or HDF5, with element blocks connect1, connect2, ... of one type each, and variables of
- * nodes (vals_nod_var1, ...) and of the elements of a block (vals_elem_var1eb1, ...) for each step in time. The number of a block
- * becomes the cell field ObjectId, as VTK calls it. Sets of nodes and sides are passed over.
+ * nodes (vals_nod_var1, ...) and of the elements of a block (vals_elem_var1eb1, ...) for each step in time. "Small model" files hold
+ * all variables of nodes in one: vals_nod_var (step, variable, node). Variables become vectors and tensors by their names, as VTK's
+ * reader joins them. The number of a block becomes the cell field ObjectId, as VTK calls it. Sets of nodes and sides are skipped.
  */
 #include <netcdf.h>
 #include <stdio.h>
@@ -26,7 +27,7 @@ struct exodus {
     bool has_steps;
 };
 
-enum { NAME_MOST = 256 };
+enum { MAX_NAME = 256, MAX_JOINED = 6 };
 
 struct variable {
     int id, rank;
@@ -67,15 +68,16 @@ static bool plausible(const struct exodus *e, uint64_t count)
     return count / 1100 <= e->size;
 }
 
-/* `count` values of a variable, of the step if it has steps. */
-static enum tetlod_status read_values(const struct exodus *e, const char *name, bool by_step, uint64_t count, double *out,
-                                      nc_type *type)
+/* `count` values of a variable from start[...] on: one step, one row, all of the last dimension. */
+static enum tetlod_status read_row(const struct exodus *e, const char *name, int rank, const size_t *start, uint64_t count, double *out,
+                                   nc_type *type)
 {
     struct variable variable;
-    if (!find_variable(e, name, &variable) || variable.rank != (by_step ? 2 : 1) || variable.dims[variable.rank - 1] != count)
+    if (!find_variable(e, name, &variable) || variable.rank != rank || variable.dims[rank - 1] != count)
         return tetlodi_fail(e->error, TETLOD_ERR_MESH, "variable %.60s is missing, or is not of %llu values", name,
                             (unsigned long long)count);
-    const size_t start[2] = {by_step ? (size_t)e->step : 0, 0}, size[2] = {by_step ? 1 : (size_t)count, (size_t)count};
+    size_t size[3] = {1, 1, 1};
+    size[rank - 1] = (size_t)count;
     if (type)
         *type = variable.type;
     if (count && nc_get_vara_double(e->file, variable.id, start, size, out) != NC_NOERR)
@@ -83,14 +85,20 @@ static enum tetlod_status read_values(const struct exodus *e, const char *name, 
     return TETLOD_OK;
 }
 
+static enum tetlod_status read_values(const struct exodus *e, const char *name, uint64_t count, double *out)
+{
+    const size_t start[1] = {0};
+    return read_row(e, name, 1, start, count, out, NULL);
+}
+
 /* Text i of a list of names, cleaned; "" if there is none. */
-static void read_name(const struct exodus *e, const char *list, size_t i, char out[NAME_MOST + 1])
+static void read_name(const struct exodus *e, const char *list, size_t i, char out[MAX_NAME + 1])
 {
     struct variable variable;
     out[0] = 0;
     if (!find_variable(e, list, &variable) || variable.rank != 2 || i >= variable.dims[0])
         return;
-    size_t length = variable.dims[1] < NAME_MOST ? variable.dims[1] : NAME_MOST;
+    size_t length = variable.dims[1] < MAX_NAME ? variable.dims[1] : MAX_NAME;
     const size_t start[2] = {i, 0}, size[2] = {1, length};
     if (nc_get_vara_text(e->file, variable.id, start, size, out) != NC_NOERR)
         length = 0;
@@ -122,7 +130,7 @@ static enum tetlod_status read_points(struct exodus *e)
     for (size_t d = 0; d < 3 && status == TETLOD_OK; d++) {
         const size_t start[2] = {d, 0}, size[2] = {1, (size_t)count};
         if (apart)
-            status = read_values(e, names[d], false, count, axis, NULL);
+            status = read_values(e, names[d], count, axis);
         else if (count && nc_get_vara_double(e->file, variable.id, start, size, axis) != NC_NOERR)
             status = fail(e, "its coordinates cannot be read");
         for (uint64_t p = 0; p < count && status == TETLOD_OK; p++)
@@ -218,13 +226,13 @@ static enum tetlod_status read_ids(const struct exodus *e, double *ids)
     struct variable property;
     for (uint64_t b = 0; b < e->blocks; b++)
         ids[b] = (double)(b + 1);
-    return find_variable(e, "eb_prop1", &property) ? read_values(e, "eb_prop1", false, e->blocks, ids, NULL) : TETLOD_OK;
+    return find_variable(e, "eb_prop1", &property) ? read_values(e, "eb_prop1", e->blocks, ids) : TETLOD_OK;
 }
 
 /* Is block b the one that is asked for, by its name or number, or are all? */
 static bool is_wanted(const struct exodus *e, uint64_t b, double id, const char *wanted)
 {
-    char name[NAME_MOST + 1], number[32];
+    char name[MAX_NAME + 1], number[32];
     if (!wanted)
         return true;
     read_name(e, "eb_names", (size_t)b, name);
@@ -257,13 +265,25 @@ static enum tetlod_status read_blocks(struct exodus *e, const char *wanted, cons
 
 /* ---- values */
 
-/* The name of variable `number` (from 1) at points, or in block b. */
-static void name_variable(bool cell, uint64_t number, uint64_t b, char out[static 80])
+/* Where variable `number` (from 1) at points, or in block b, is in the file. */
+struct place {
+    char name[80];
+    int rank;
+    size_t start[3];
+};
+
+static struct place place_of(const struct exodus *e, bool cell, uint64_t number, uint64_t b)
 {
-    if (cell)
-        snprintf(out, 80, "vals_elem_var%llueb%llu", (unsigned long long)number, (unsigned long long)(b + 1));
-    else
-        snprintf(out, 80, "vals_nod_var%llu", (unsigned long long)number);
+    struct place place = {.rank = 2, .start = {(size_t)e->step}};
+    struct variable all;
+    if (cell) {
+        snprintf(place.name, sizeof place.name, "vals_elem_var%llueb%llu", (unsigned long long)number, (unsigned long long)(b + 1));
+    } else if (find_variable(e, "vals_nod_var", &all) && all.rank == 3 && number <= all.dims[1]) {
+        place = (struct place){"vals_nod_var", 3, {(size_t)e->step, (size_t)number - 1, 0}};
+    } else {
+        snprintf(place.name, sizeof place.name, "vals_nod_var%llu", (unsigned long long)number);
+    }
+    return place;
 }
 
 /* Whether there is any such variable in the blocks that were read. */
@@ -271,10 +291,8 @@ static bool has_variable(const struct exodus *e, bool cell, uint64_t number, con
 {
     bool has = !cell;
     for (uint64_t b = 0; b < e->blocks && !has; b++) {
-        char name[80];
         struct variable variable;
-        name_variable(cell, number, b, name);
-        has = counts[b] && find_variable(e, name, &variable);
+        has = counts[b] && find_variable(e, place_of(e, cell, number, b).name, &variable);
     }
     return has;
 }
@@ -282,13 +300,12 @@ static bool has_variable(const struct exodus *e, bool cell, uint64_t number, con
 /* The unit that one of the variables says, as an attribute that netCDF's conventions have. */
 static void read_unit(const struct exodus *e, bool cell, uint64_t number, char unit[UNIT_SIZE])
 {
-    char name[80], text[2 * UNIT_SIZE];
+    char text[2 * UNIT_SIZE];
     for (uint64_t b = 0; b < (cell ? e->blocks : 1) && !unit[0]; b++) {
         struct variable variable;
         nc_type type;
         size_t length;
-        name_variable(cell, number, b, name);
-        if (find_variable(e, name, &variable) && nc_inq_att(e->file, variable.id, "units", &type, &length) == NC_NOERR && type == NC_CHAR &&
+        if (find_variable(e, place_of(e, cell, number, b).name, &variable) && nc_inq_att(e->file, variable.id, "units", &type, &length) == NC_NOERR && type == NC_CHAR &&
             length < sizeof text && nc_get_att_text(e->file, variable.id, "units", text) == NC_NOERR)
             unit_set(unit, text, strnlen(text, length));
     }
@@ -298,7 +315,6 @@ static void read_unit(const struct exodus *e, bool cell, uint64_t number, char u
 static enum tetlod_status read_variable(struct exodus *e, bool cell, uint64_t number, const uint64_t *counts, uint64_t rows,
                                         double *buffer, double *out, uint32_t width, enum tetlod_type *io_type)
 {
-    char name[80];
     uint64_t at = 0;
     for (uint64_t b = 0; b < (cell ? e->blocks : 1); b++) {
         uint64_t count = cell ? counts[b] : rows;
@@ -306,11 +322,11 @@ static enum tetlod_status read_variable(struct exodus *e, bool cell, uint64_t nu
             continue;
         nc_type type = NC_FLOAT;
         struct variable variable;
-        name_variable(cell, number, b, name);
-        bool lacks = cell && !find_variable(e, name, &variable);
+        const struct place place = place_of(e, cell, number, b);
+        bool lacks = cell && !find_variable(e, place.name, &variable);
         double *values = width == 1 ? out + at : buffer;
         if (!lacks)
-            TETLOD_TRY(read_values(e, name, true, count, values, &type));
+            TETLOD_TRY(read_row(e, place.name, place.rank, place.start, count, values, &type));
         for (uint64_t c = 0; c < count && (lacks || width > 1); c++)
             out[(at + c) * width] = lacks ? 0.0 / 0.0 : values[c];
         at += count;
@@ -319,36 +335,68 @@ static enum tetlod_status read_variable(struct exodus *e, bool cell, uint64_t nu
     return TETLOD_OK;
 }
 
+/* The components that VTK's reader joins: names that differ in one of these endings, in this order, in either case. */
+static const struct {
+    uint32_t count;
+    const char *endings[MAX_JOINED];
+} joins[] = {{6, {"xx", "yy", "zz", "xy", "xz", "yz"}}, {3, {"x", "y", "z"}}, {2, {"x", "y"}}};
+
+static bool joins_to(const char names[MAX_JOINED][MAX_NAME + 1], size_t join, char out[MAX_NAME + 1])
+{
+    size_t length = strlen(names[0]), ending = strlen(joins[join].endings[0]), stem = length > ending ? length - ending : 0;
+    for (uint32_t d = 0; d < joins[join].count; d++)
+        if (!stem || strlen(names[d]) != length || strncmp(names[d], names[0], stem) != 0 ||
+            strcasecmp(names[d] + stem, joins[join].endings[d]) != 0)
+            return false;
+    memcpy(out, names[0], stem);
+    out[stem] = 0;
+    return true;
+}
+
+/* The name of the field that begins with variable v (from 0) of `count`, and its components, which are the next variables. */
+static uint32_t name_field(const struct exodus *e, const char *list, uint64_t v, uint64_t count, char out[MAX_NAME + 1])
+{
+    char names[MAX_JOINED][MAX_NAME + 1] = {{0}};
+    for (size_t d = 0; d < MAX_JOINED && v + d < count; d++)
+        read_name(e, list, (size_t)v + d, names[d]);
+    for (size_t join = 0; join < sizeof joins / sizeof *joins; join++)
+        if (joins_to(names, join, out))
+            return joins[join].count;
+    memcpy(out, names[0], sizeof names[0]);
+    return 1;
+}
+
+/* Adds the field of the variables v (from 0) to v + width - 1. */
+static enum tetlod_status read_field(struct exodus *e, bool cell, uint64_t v, uint32_t width, const char *name, const uint64_t *counts,
+                                     uint64_t rows, double *buffer)
+{
+    struct tetmesh *mesh = &e->block->mesh;
+    enum tetlod_type type = TETLOD_FLOAT32;
+    if (cell)
+        TETLOD_TRY(assemble_cell_field(mesh, name, width, TETLOD_FLOAT64, rows, e->error));
+    else
+        TETLOD_TRY(assemble_field(mesh, name, width, TETLOD_FLOAT64, e->error));
+    struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
+    for (uint32_t d = 0; d < width; d++)
+        TETLOD_TRY(read_variable(e, cell, v + d + 1, counts, rows, buffer, field->values + d, width, &type));
+    field->type = type;
+    read_unit(e, cell, v + 1, field->unit);
+    return TETLOD_OK;
+}
+
 /* All variables of nodes or elements at the step. */
 static enum tetlod_status read_fields(struct exodus *e, bool cell, const uint64_t *counts)
 {
-    struct tetmesh *mesh = &e->block->mesh;
     const char *list = cell ? "name_elem_var" : "name_nod_var";
-    uint64_t count = dimension(e, cell ? "num_elem_var" : "num_nod_var");
-    uint64_t rows = cell ? e->block->cells.count : mesh->vertex_count;
+    uint64_t count = e->has_steps ? dimension(e, cell ? "num_elem_var" : "num_nod_var") : 0;
+    uint64_t rows = cell ? e->block->cells.count : e->block->mesh.vertex_count;
     double *buffer = array_new((size_t)rows, sizeof *buffer);
     enum tetlod_status status = buffer ? TETLOD_OK : tetlodi_fail_nomem(e->error, "a variable", rows * 8);
-    for (uint64_t v = 0; v < count && e->has_steps && status == TETLOD_OK;) {
-        char names[3][NAME_MOST + 1], name[NAME_MOST + 1];
-        for (size_t d = 0; d < 3; d++)
-            read_name(e, list, (size_t)v + d, names[d]);
-        const char *said_names[3] = {names[0], names[1], names[2]};
-        uint32_t width = assemble_vector_name(said_names, name, sizeof name) ? 3 : 1;
-        enum tetlod_type type = TETLOD_FLOAT32;
-        if (!has_variable(e, cell, v + 1, counts)) {
-            v++;
-            continue;
-        }
-        const char *said = width == 3 ? name : names[0];
-        status = cell ? assemble_cell_field(mesh, said, width, TETLOD_FLOAT64, rows, e->error)
-                      : assemble_field(mesh, said, width, TETLOD_FLOAT64, e->error);
-        if (status != TETLOD_OK)
-            break;
-        struct point_field *field = cell ? &mesh->cell_fields[mesh->cell_field_count - 1] : &mesh->fields[mesh->field_count - 1];
-        for (uint32_t d = 0; d < width && status == TETLOD_OK; d++)
-            status = read_variable(e, cell, v + d + 1, counts, rows, buffer, field->values + d, width, &type);
-        field->type = type;
-        read_unit(e, cell, v + 1, field->unit);
+    for (uint64_t v = 0; v < count && status == TETLOD_OK;) {
+        char name[MAX_NAME + 1];
+        uint32_t width = name_field(e, list, v, count, name);
+        if (has_variable(e, cell, v + 1, counts))
+            status = read_field(e, cell, v, width, name, counts, rows, buffer);
         v += width;
     }
     free(buffer);
@@ -366,7 +414,7 @@ static enum tetlod_status choose_step(struct exodus *e, const struct io_read_opt
     struct variable variable;
     if (!times)
         return tetlodi_fail_nomem(e->error, "the steps", count * 8);
-    enum tetlod_status status = find_variable(e, "time_whole", &variable) ? read_values(e, "time_whole", false, count, times, NULL) : TETLOD_OK;
+    enum tetlod_status status = find_variable(e, "time_whole", &variable) ? read_values(e, "time_whole", count, times) : TETLOD_OK;
     if (status == TETLOD_OK)
         status = time_steps_pick(count, times, options, e->report, e->error);
     e->has_steps = true;
