@@ -28,7 +28,7 @@ static const struct format formats[] = {
       {"vtu", "pvtu", "vts", "vtr", "vti", "vtm", "pvd", "pvts", "pvtr", "pvti", "vtpd", "vtpc"},
      ONE, vtkxml_sniff, vtkxml_read, io_write_vtu},
     {"vtk", "legacy VTK 1.0 to 5.1", {"vtk"}, ONE, vtk_sniff, vtk_read, io_write_vtk},
-    {"gmsh", "Gmsh 2.2 and 4.1", {"msh"}, ONE, gmsh_sniff, gmsh_read, gmsh_write},
+    {"gmsh", "Gmsh 2.0 to 2.2, 4.0 and 4.1", {"msh"}, ONE, gmsh_sniff, gmsh_read, gmsh_write},
     {"vtkhdf", "VTKHDF: unstructured grids and images, steps in time (libhdf5)", {"vtkhdf", "hdf"}, ONE,
      WITH_HDF5(vtkhdf_sniff), WITH_HDF5(vtkhdf_read), WITH_HDF5(vtkhdf_write)},
     {"xdmf", "XDMF 2 and 3: text, raw, HDF5; collections (libhdf5)", {"xdmf", "xmf"}, ONE, WITH_HDF5(xdmf_sniff),

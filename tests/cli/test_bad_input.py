@@ -209,7 +209,7 @@ def other_formats():
         return write(file, GMSH.format(**dict(GOOD_GMSH, **changes)))
     code, problem, message = run('convert', [gmsh('good.msh')])
     report_problem('the Gmsh file that the others spoil is good', problem or (message if code else None))
-    check('Gmsh: version', 3, [gmsh('version.msh', version='4.0')], '2.2 and 4.1')
+    check('Gmsh: version', 3, [gmsh('version.msh', version='3.0')], '4.0 and 4.1')
     check('Gmsh: a point twice', 3, [gmsh('twice.msh', last='3')], 'point 3')
     check('Gmsh: a point that is not there', 3, [gmsh('missing.msh', last='5')], 'point 4')
     check('Gmsh: element type', 3, [gmsh('type.msh', type='77')], 'type 77')

@@ -26,12 +26,13 @@ WEDGE = [0, 2, 1, 3, 5, 4]  # VTK's wedges are turned the other way
 
 # ---- VTKHDF
 
-def vtkhdf_mesh(name, parts, compression=None, variable_type=False):
+def vtkhdf_mesh(name, parts, compression=None, variable_type=False, typed=True):
     """`parts` is a list of meshes: one partition each."""
     with h5py.File(path(name), 'w') as file:
         root = file.create_group('VTKHDF')
         root.attrs['Version'] = (1, 0)
-        root.attrs['Type'] = 'UnstructuredGrid' if variable_type else np.bytes_('UnstructuredGrid')
+        if typed:
+            root.attrs['Type'] = 'UnstructuredGrid' if variable_type else np.bytes_('UnstructuredGrid')
         put = lambda where, name, values: where.create_dataset(name, data=values, compression=compression)
         put(root, 'NumberOfPoints', [len(p[0]) for p in parts])
         put(root, 'NumberOfCells', [len(p[1]) for p in parts])
@@ -45,6 +46,11 @@ def vtkhdf_mesh(name, parts, compression=None, variable_type=False):
             for field in parts[0][at]:
                 put(where, field, np.concatenate([p[at][field] for p in parts]))
     return path(name)
+
+
+def vtkhdf_untyped_case():
+    mesh = tet_mesh()
+    return compare(mesh, converted(vtkhdf_mesh('in.vtkhdf', [mesh], typed=False)))
 
 
 def vtkhdf_case(precision, compression, variable):
@@ -465,6 +471,7 @@ def main():
         for precision in np.float32, np.float64:
             for compression in None, 'gzip':
                 case('vtkhdf %s %s' % (np.dtype(precision), compression), vtkhdf_case, precision, compression, False)
+        case('vtkhdf: without the attribute Type', vtkhdf_untyped_case)
         case('vtkhdf: type of variable length', vtkhdf_case, np.float64, None, True)
         case('vtkhdf: parts', vtkhdf_parts_case)
         case('vtkhdf: steps', vtkhdf_steps_case)

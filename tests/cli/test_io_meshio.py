@@ -131,12 +131,22 @@ $EndNodeData
 '''
 
 
+def gmsh_case(mesh, version, binary):
+    meshio.gmsh.write(path('in.msh'), mesh, fmt_version=version, binary=binary)
+    must('convert', path('in.msh'), '-o', path('out.vtu'))
+    return compare(mesh, 'out.vtu', 0 if binary else 1e-9)
+
+
 def gmsh_by_hand(version):
     """Tags in no order, a wedge of the second order beside surface elements, parameters on a surface."""
     points = {7: (0, 0, 0), 3: (1, 0, 0), 12: (0, 1, 0), 9: (0, 0, 1), 1: (5, 5, 5)}
-    if version == '2.2':
+    if version[0] == '2':
         nodes = '5\n' + '\n'.join('%d %g %g %g' % (t, *p) for t, p in points.items())
         elements = '3\n1 2 2 0 1 7 3 12\n2 4 3 0 1 9 7 3 12 9\n3 15 2 0 1 1'
+    elif version == '4':
+        at = ['%d %g %g %g' % (t, *points[t]) for t in points]
+        nodes = '2 5\n1 2 1 2\n%s 0.5 0.5\n%s 0.25 1\n1 3 0 3\n' % tuple(at[:2]) + '\n'.join(at[2:])
+        elements = '2 2\n1 2 2 1\n1 7 3 12\n1 3 4 1\n2 7 3 12 9'
     else:
         tags = list(points)
         nodes = '2 5 1 12\n2 1 1 2\n7\n3\n0 0 0 0.5 0.5\n1 0 0 0.25 1\n3 1 0 3\n' + '\n'.join(
@@ -212,9 +222,9 @@ def main():
              lambda: read_case('.msh', mesh, 0 if binary else 1e-9, file_format='gmsh22', binary=binary))
         case('gmsh 2.2 %s: other cells' % kind, lambda: hexahedra_case('.msh', file_format='gmsh22', binary=binary))
         only_tets = meshio.Mesh(mesh.points, mesh.cells[:1], point_data=mesh.point_data)
-        case('gmsh 4.1 %s' % kind,
-             lambda: read_case('.msh', only_tets, 0 if binary else 1e-9, file_format='gmsh', binary=binary))
-    for version in '2.2', '4.1':
+        for version in '4.0', '4.1':
+            case('gmsh %s %s' % (version, kind), gmsh_case, only_tets, version, binary)
+    for version in '2', '2.1', '2.2', '4', '4.1':
         case('gmsh %s by hand' % version, gmsh_by_hand, version)
     case('medit', medit_case, mesh, False)
     case('medit with its solution', medit_case, mesh, True)

@@ -149,11 +149,22 @@ struct element {
 
 /* The beginnings of names, by which Exodus tells types; the number of points tells the order. */
 static const struct element elements[] = {
-    {"TET", 4, VTK_TYPE_TET},          {"TET", 8, VTK_TYPE_TET},         {"TET", 10, VTK_TYPE_TET10},
-    {"TET", 11, VTK_TYPE_TET10},       {"HEX", 8, VTK_TYPE_HEXAHEDRON},  {"HEX", 20, VTK_TYPE_HEXAHEDRON20},
-    {"HEX", 27, VTK_TYPE_HEXAHEDRON20}, {"WED", 6, VTK_TYPE_WEDGE},      {"WED", 15, VTK_TYPE_WEDGE15},
-    {"PYR", 5, VTK_TYPE_PYRAMID},      {"PYR", 13, VTK_TYPE_PYRAMID13},  {"WED", 18, VTK_TYPE_WEDGE15},
+    {"TET", 4, VTK_TYPE_TET},           {"TET", 8, VTK_TYPE_TET},           {"TET", 10, VTK_TYPE_TET10},
+    {"TET", 11, VTK_TYPE_TET10},        {"TET", 14, VTK_TYPE_TET10},        {"TET", 15, VTK_TYPE_TET10},
+    {"HEX", 8, VTK_TYPE_HEXAHEDRON},    {"HEX", 9, VTK_TYPE_HEXAHEDRON},    {"HEX", 20, VTK_TYPE_HEXAHEDRON20},
+    {"HEX", 27, VTK_TYPE_HEXAHEDRON20}, {"WED", 6, VTK_TYPE_WEDGE},         {"WED", 15, VTK_TYPE_WEDGE15},
+    {"WED", 16, VTK_TYPE_WEDGE15},      {"WED", 18, VTK_TYPE_WEDGE15},      {"WED", 20, VTK_TYPE_WEDGE15},
+    {"WED", 21, VTK_TYPE_WEDGE15},      {"PYR", 5, VTK_TYPE_PYRAMID},       {"PYR", 13, VTK_TYPE_PYRAMID13},
+    {"PYR", 14, VTK_TYPE_PYRAMID13},    {"PYR", 18, VTK_TYPE_PYRAMID13},    {"PYR", 19, VTK_TYPE_PYRAMID13},
 };
+
+/* The points of an element that VTK's type has: they come first. */
+static size_t kept_points(unsigned char type)
+{
+    static const uint8_t counts[] = {[VTK_TYPE_TET] = 4, [VTK_TYPE_HEXAHEDRON] = 8, [VTK_TYPE_WEDGE] = 6, [VTK_TYPE_PYRAMID] = 5,
+                                     [VTK_TYPE_TET10] = 10, [VTK_TYPE_HEXAHEDRON20] = 20, [VTK_TYPE_WEDGE15] = 15, [VTK_TYPE_PYRAMID13] = 13};
+    return counts[type];
+}
 
 static unsigned char find_element(const char *name, size_t points)
 {
@@ -179,13 +190,12 @@ static enum tetlod_status type_of(const struct exodus *e, const char *name, cons
 /* Elements by the numbers of their points, of which there are `points` each. */
 static enum tetlod_status add_elements(struct exodus *e, unsigned char type, size_t points, const long long *numbers, size_t count)
 {
-    size_t kept = type == VTK_TYPE_FLAT ? 0 : type == VTK_TYPE_HEXAHEDRON20 ? 20 : type == VTK_TYPE_WEDGE15 ? 15 : type == VTK_TYPE_TET10 ? 10 : points;
     for (size_t c = 0; c < count; c++) {
         int64_t corners[27];
         for (size_t i = 0; i < points && i < 27; i++)
             corners[i] = point_from_one(numbers[c * points + i]);
         cells_middles_to_vtk(type, corners);
-        TETLOD_TRY(cells_add(&e->block->cells, type, corners, kept, e->error));
+        TETLOD_TRY(cells_add(&e->block->cells, type, corners, kept_points(type), e->error));
     }
     return TETLOD_OK;
 }

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #define _GNU_SOURCE // memmem
 /*
- * Reading Gmsh MSH 2.2 and 4.1, text and binary: sections between $Name and $EndName, of which $Nodes, $Elements,
- * $Entities, $NodeData and $ElementData matter. Points and cells have numbers (tags) of their own. In 4.1 they come in blocks, one per entity.
+ * Reading Gmsh MSH 2.0 to 2.2, 4.0 and 4.1, text and binary: sections between $Name and $EndName, of which $Nodes, $Elements,
+ * $Entities, $NodeData and $ElementData matter. Points and cells have numbers (tags) of their own. In 4.0 and 4.1 they come in
+ * blocks, one per entity; 4.0 has the entity's tag before its dimension, and tags of points and cells are 32-bit integers.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -20,7 +21,7 @@ struct gmsh {
     struct tetmesh *mesh;
     struct io_report *report;
     struct tetlod_error *error;
-    bool binary, big_endian, is_4;
+    bool binary, big_endian, is_4, is_40; /* is_40: is_4, too */
     double *positions; /* owned: grows, because blocks are not to be trusted to sum up */
     size_t position_capacity;
     struct tag_map tags;
@@ -115,13 +116,37 @@ static enum tetlod_status read_nodes_2(struct gmsh *g)
     return TETLOD_OK;
 }
 
+/* The head of a block of points or cells: its entity's dimension and tag, a third number, and how many there are. */
+static enum tetlod_status take_block_head(struct gmsh *g, int64_t head[3], int64_t *count)
+{
+    TETLOD_TRY(take_ints(g, VALUE_INT32, 3, head));
+    int64_t first = head[0];
+    head[0] = g->is_40 ? head[1] : first;
+    head[1] = g->is_40 ? first : head[1];
+    return take_ints(g, VALUE_UINT64, 1, count);
+}
+
+/* A block of 4.0: of each point its tag, position and parameters. */
+static enum tetlod_status read_node_block_40(struct gmsh *g, int64_t count, size_t width)
+{
+    for (int64_t i = 0; i < count; i++) {
+        int64_t tag;
+        double values[6];
+        TETLOD_TRY(take_ints(g, VALUE_INT32, 1, &tag));
+        TETLOD_TRY(take_doubles(g, width, values));
+        TETLOD_TRY(add_point(g, tag, values));
+    }
+    return TETLOD_OK;
+}
+
 /* A block: the tags of its points, then their positions and, if it is parametric, their parameters on the entity. */
 static enum tetlod_status read_node_block(struct gmsh *g)
 {
     int64_t entity[3], count; // dimension, tag, parametric
-    TETLOD_TRY(take_ints(g, VALUE_INT32, 3, entity));
-    TETLOD_TRY(take_ints(g, VALUE_UINT64, 1, &count));
+    TETLOD_TRY(take_block_head(g, entity, &count));
     size_t first = g->tags.count, width = entity[2] ? 3 + (size_t)(entity[0] & 3) : 3;
+    if (g->is_40)
+        return read_node_block_40(g, count, width);
     for (int64_t i = 0; i < count; i++) {
         int64_t tag;
         TETLOD_TRY(take_ints(g, VALUE_UINT64, 1, &tag));
@@ -137,13 +162,13 @@ static enum tetlod_status read_node_block(struct gmsh *g)
 
 static enum tetlod_status read_nodes(struct gmsh *g)
 {
-    int64_t header[4]; // blocks, points, least tag, largest tag
+    int64_t header[4]; // blocks, points; 4.1: least tag, largest tag
     if (g->sorted)
         return fail(g, "$Nodes come after $Elements or $NodeData, or twice");
     if (!g->is_4)
         return read_nodes_2(g);
     end_line(g);
-    TETLOD_TRY(take_ints(g, VALUE_UINT64, 4, header));
+    TETLOD_TRY(take_ints(g, VALUE_UINT64, g->is_40 ? 2 : 4, header));
     for (int64_t b = 0; b < header[0]; b++)
         TETLOD_TRY(read_node_block(g));
     return TETLOD_OK;
@@ -308,7 +333,7 @@ static enum tetlod_status read_entity(struct gmsh *g, int dimension, bool is_par
         TETLOD_TRY(skip_tags(g));
         first = whole[0] == 3 ? group_of(g, whole[1]) : 0;
     }
-    TETLOD_TRY(take_doubles(g, dimension ? 6 : 3, bounds));
+    TETLOD_TRY(take_doubles(g, dimension || g->is_40 ? 6 : 3, bounds));
     TETLOD_TRY(take_ints(g, VALUE_UINT64, 1, &count));
     for (int64_t i = 0; i < count; i++) {
         TETLOD_TRY(take_ints(g, VALUE_INT32, 1, &number));
@@ -373,15 +398,15 @@ static enum tetlod_status read_elements(struct gmsh *g)
     if (!g->is_4)
         return read_elements_2(g);
     end_line(g);
-    TETLOD_TRY(take_ints(g, VALUE_UINT64, 4, header));
+    TETLOD_TRY(take_ints(g, VALUE_UINT64, g->is_40 ? 2 : 4, header));
     for (int64_t b = 0; b < header[0]; b++) {
-        TETLOD_TRY(take_ints(g, VALUE_INT32, 3, block));
-        TETLOD_TRY(take_ints(g, VALUE_UINT64, 1, &count));
+        TETLOD_TRY(take_block_head(g, block, &count));
         TETLOD_TRY(find_element(g, block[2], &element));
         int64_t group = block[0] == 3 ? group_of(g, block[1]) : 0;
+        enum value_type tags = g->is_40 ? VALUE_INT32 : VALUE_UINT64;
         for (int64_t i = 0; i < count; i++) {
-            TETLOD_TRY(take_ints(g, VALUE_UINT64, 1, &tag));
-            TETLOD_TRY(take_element(g, &element, VALUE_UINT64, tag, group));
+            TETLOD_TRY(take_ints(g, tags, 1, &tag));
+            TETLOD_TRY(take_element(g, &element, tags, tag, group));
         }
     }
     return TETLOD_OK;
@@ -497,9 +522,11 @@ static enum tetlod_status read_format(struct gmsh *g)
     int64_t binary, size, one;
     if (!text_double(&g->rest, false, &version) || !text_int(&g->rest, &binary) || !text_int(&g->rest, &size))
         return fail(g, "$MeshFormat should be a version, 0 or 1, and 8");
-    if ((version != 2.2 && version != 4.1) || size != 8)
-        return fail(g, "only versions 2.2 and 4.1 of Gmsh's format are known; save the mesh as one of them");
-    g->is_4 = version == 4.1;
+    bool is_2 = version == 2.0 || version == 2.1 || version == 2.2;
+    g->is_40 = version == 4.0;
+    g->is_4 = g->is_40 || version == 4.1;
+    if ((!is_2 && !g->is_4) || size != 8)
+        return fail(g, "only versions 2.0 to 2.2, 4.0 and 4.1 of Gmsh's format are known; save the mesh as one of them");
     g->binary = binary != 0;
     end_line(g);
     if (!g->binary)

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Writing Exodus II, classic netCDF with 64-bit offsets: one element block of tetrahedra, one step in time; components of fields are
- * variables NAME_x, NAME_y, NAME_z, or NAME_1, ... The file is made in memory. */
+ * variables NAMEX, NAMEY, NAMEZ (which VTK joins), or NAME_1, ... The file is made in memory. */
 #include <netcdf.h>
 #include <netcdf_mem.h>
 #include <stdio.h>
@@ -116,7 +116,7 @@ static void put_fields(struct writer *w, const struct point_field *fields, uint3
             char name[NAME_SIZE] = "", part[16] = "";
             const size_t start[2] = {v, 0}, size[2] = {1, NAME_SIZE};
             if (fields[f].components == 3)
-                snprintf(part, sizeof part, "_%c", "xyz"[c]);
+                snprintf(part, sizeof part, "%c", "XYZ"[c]);
             else if (fields[f].components > 1)
                 snprintf(part, sizeof part, "_%u", c + 1);
             snprintf(name, sizeof name, "%.*s%s", NAME_SIZE - 20, fields[f].name, part);
