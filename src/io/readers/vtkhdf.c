@@ -407,10 +407,9 @@ static enum tetlod_status read_file(struct blocks *out, const struct io_input *i
     if (v.root < 0)
         return tetlodi_fail(error, TETLOD_ERR_MESH, "is an HDF5 file without a group VTKHDF; if it belongs to an XDMF file, name that");
     h5_read_text(v.root, "Type", type, sizeof type);
-    if (!type[0] && h5_has(v.root, "Connectivity"))
-        strcpy(type, "UnstructuredGrid"); // files from before the attribute, which VTK's reader also takes for that
+    bool is_untyped = !type[0] && h5_has(v.root, "Connectivity"); // older files, which VTK's reader takes for grids, too
     enum tetlod_status status = choose_step(&v);
-    if (status == TETLOD_OK && strcmp(type, "UnstructuredGrid") == 0)
+    if (status == TETLOD_OK && (is_untyped || strcmp(type, "UnstructuredGrid") == 0))
         status = read_unstructured(&v);
     else if (status == TETLOD_OK && strcmp(type, "ImageData") == 0)
         status = read_image(&v);
