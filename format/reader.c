@@ -89,36 +89,6 @@ enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t l
     return read_part(file, frame, what, out, error);
 }
 
-static enum tetlod_status check_part(const struct tetlod_file *file, const struct tetlodi_frame *frame, const char *what,
-                                     struct tetlod_error *error)
-{
-    enum { PIECE = 1 << 16 };
-    struct tetlodi_sha256 sha;
-    uint8_t digest[32];
-    tetlodi_sha256_init(&sha);
-    for (uint64_t done = 0; done < frame->size;) {
-        uint64_t size = frame->size - done < PIECE ? frame->size - done : PIECE;
-        uint8_t *bytes;
-        TETLOD_TRY(read_stored(file, frame->offset + done, size, &bytes, error));
-        tetlodi_sha256_add(&sha, bytes, (size_t)size);
-        free(bytes);
-        done += size;
-    }
-    tetlodi_sha256_finish(&sha, digest);
-    return memcmp(digest, frame->digest, DIGEST_SIZE) == 0 ? TETLOD_OK : fail_digest(frame, what, error);
-}
-
-enum tetlod_status tetlodi_check_parts(const struct tetlod_file *file, struct tetlod_error *error)
-{
-    const struct tetlod_info *info = &file->index.info;
-    size_t parts = (size_t)info->field_count + 1;
-    for (size_t i = 0; i < info->level_count * parts; i++)
-        TETLOD_TRY(check_part(file, &file->index.frames[i], "a part of a level", error));
-    for (uint32_t i = 0; i < info->section_count; i++)
-        TETLOD_TRY(check_part(file, &file->index.sections[i].frame, file->index.sections[i].tag, error));
-    return TETLOD_OK;
-}
-
 /* ---- sections */
 
 /* A section as it was before it was packed, with a NUL behind, in a block that the caller frees. */

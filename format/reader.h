@@ -29,7 +29,4 @@ struct tetlod_options tetlodi_options(const struct tetlod_options *options);
 TETLOD_CHECKED enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t level, uint32_t part,
                                                      uint8_t **out, size_t *out_size, struct tetlod_error *error);
 
-/* Holds all parts against their digests, frames and sections, in pieces of bounded size. ERR_CHECKSUM, ERR_TRUNCATED, or the source's. */
-TETLOD_CHECKED enum tetlod_status tetlodi_check_parts(const struct tetlod_file *file, struct tetlod_error *error);
-
 #endif

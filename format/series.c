@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
-#include "format/reader.h"
+#include "format/parts.h"
 #include "format/round.h"
 #include "format/time_table.h"
 
@@ -250,6 +250,25 @@ struct tetlod_span tetlod_step_span(const struct tetlod_series *series, uint32_t
     if (!is_there(series, field, band, step))
         return (struct tetlod_span){0, 0};
     return group_span(series, field, band, step / STEP_GROUP);
+}
+
+size_t tetlodi_series_parts(const struct tetlod_series *series, struct tetlodi_frame *out)
+{
+    const struct tetlodi_time *time = &series->time;
+    size_t count = 0;
+    for (size_t row = 0; row < (size_t)time->field_count * time->band_count; row++)
+        for (uint32_t group = 0; group < time->group_count; group++) {
+            uint64_t offset, size;
+            tetlodi_time_place(time, (uint32_t)(row / time->band_count), (uint32_t)(row % time->band_count), group, &offset, &size);
+            if (!size)
+                continue;
+            if (out) {
+                out[count] = (struct tetlodi_frame){series->sections[row]->frame.offset + offset, size, {0}};
+                memcpy(out[count].digest, time->digests[row * time->group_count + group], DIGEST_SIZE);
+            }
+            count++;
+        }
+    return count;
 }
 
 /* ---- values */

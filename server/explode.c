@@ -82,8 +82,10 @@ static enum tetlod_status copy_bytes(const struct tree *tree, struct file_output
     enum tetlod_status status = block ? TETLOD_OK : tetlodi_fail_nomem(tree->error, "a copy", COPY);
     while (status == TETLOD_OK && first < end) {
         size_t some = end - first < COPY ? (size_t)(end - first) : COPY;
-        if (!dataset_read(dataset, first, block, some))
-            status = tetlodi_fail(tree->error, TETLOD_ERR_IO, "%s: the stream cannot be read, or was written over", dataset_id(dataset));
+        struct tetlod_error why = {0};
+        status = dataset_read(dataset, first, block, some, &why);
+        if (status != TETLOD_OK)
+            status = tetlodi_fail(tree->error, status, "%s: the stream cannot be read: %.200s", dataset_id(dataset), why.message);
         else
             status = sink.write(sink.opaque, block, some);
         first += some;

@@ -151,6 +151,7 @@ static void *run_scanner(void *opaque)
         pthread_mutex_unlock(&server->lock);
         catalogue_scan(server->site.catalogue, monotonic_seconds());
         cache_sweep(server->site.memory, is_wanted, server->site.catalogue);
+        cache_sweep(server->site.cache, is_wanted, server->site.catalogue);
         pthread_mutex_lock(&server->lock);
     }
     pthread_mutex_unlock(&server->lock);
@@ -323,6 +324,7 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
     TETLOD_TRY(take_access(server, error));
     TETLOD_TRY(pool_start(&site->pool, options->threads, QUEUE, error));
     TETLOD_TRY(pool_start(&site->decoders, options->threads, QUEUE, error));
+    TETLOD_TRY(pool_start(&site->readers, options->threads, QUEUE, error));
     const struct catalogue_options catalogue = {
         .paths = options->paths,
         .path_count = options->path_count,
@@ -502,10 +504,13 @@ void server_stop(struct server *server)
 {
     if (!server)
         return;
+    if (server->site.catalogue)
+        catalogue_stop(server->site.catalogue);
     stop_accepting(server);
     if (server->gate)
         drain(server);
     stop_keeper(server);
+    pool_stop(server->site.readers);
     pool_stop(server->site.decoders); // these wake all who wait: a suspended connection could not be ended
     pool_stop(server->site.pool);
     if (server->site.cache)
@@ -516,6 +521,7 @@ void server_stop(struct server *server)
     http_stop(server->http);
     if (!stop_scanner(server))
         return; // the process is about to end
+    pool_free(server->site.readers);
     pool_free(server->site.decoders);
     pool_free(server->site.pool);
     gate_free(server->gate);

@@ -24,6 +24,7 @@ struct site {
     struct cache *cache;  /* finished answers */
     struct cache *memory; /* decoded streams, and answers that are too large for the cache */
     struct pool *pool;     /* makes answers; NULL: the asking thread does */
+    struct pool *readers;  /* read stored bytes, which may hang; NULL: the asking thread does */
     struct pool *decoders; /* decode streams, which takes longer; NULL: the asking thread does */
     struct metrics *metrics;
     const char *stream_origins; /* where else the page may load streams from: text of the policy, or NULL */

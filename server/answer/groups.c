@@ -9,6 +9,7 @@
 #include "format/reader.h"
 #include "server/answer/frames.h"
 #include "server/answer/respond.h"
+#include "server/answer/stored.h"
 #include "src/util/array.h"
 
 /* Which of the stream's fields have steps and are asked for, as query_fields says it: without a list, all of them. False: answered. */

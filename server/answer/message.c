@@ -89,7 +89,7 @@ void response_static(struct response *response, unsigned status, const char *med
 }
 
 void response_pieces(struct response *response, const char *media_type, uint64_t size,
-                     bool (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out), void (*release)(void *owner), void *owner)
+                     ptrdiff_t (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out), void (*release)(void *owner), void *owner)
 {
     response_release(response);
     response->status = 200;
@@ -202,6 +202,14 @@ void response_problem_choices(struct response *response, unsigned status, const 
 const char *request_header(const struct request *request, const char *name)
 {
     return request->header ? request->header(request->opaque, name) : NULL;
+}
+
+enum range_result request_range(const struct request *request, const char *etag, uint64_t size, uint64_t *first, uint64_t *length)
+{
+    const char *if_range = request_header(request, "If-Range");
+    if (request->method != METHOD_GET || (if_range && !etag_same(if_range, etag)))
+        return RANGE_IGNORED;
+    return range_parse(request_header(request, "Range"), size, first, length);
 }
 
 void request_unpin(struct request *request)

@@ -30,7 +30,7 @@ struct request {
     } pins[REQUEST_PINS];
 };
 
-/* BODY_PIECES: made while it is sent. BODY_ABSENT: it is not there, for the answer will be a 304. */
+/* BODY_PIECES: made while it is sent. BODY_ABSENT: it is not there, for the answer has none: a 304, or one to HEAD. */
 enum body_kind { BODY_NONE, BODY_BYTES, BODY_PIECES, BODY_ABSENT };
 
 #define SIZE_UNKNOWN UINT64_MAX
@@ -43,11 +43,13 @@ struct response {
     const char *route; /* template of the route, static: for metrics and logs */
     const char *media_type; /* static */
     enum body_kind kind;
-    const void *bytes; /* BODY_BYTES */
-    /* BODY_PIECES: writes bytes begin .. begin + size of the whole body, by one thread at a time. False: they are not to be had, and
-     * the connection ends before its time, by which the client knows. */
-    bool (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out);
-    uint64_t offset; /* BODY_PIECES: where what is sent begins */
+    const void *bytes; /* BODY_BYTES: from byte `held` of the whole body on */
+    uint64_t held;
+    /* BODY_PIECES: writes up to `size` bytes of the whole body from `begin` on, by one thread at a time, and returns how many. 0: there
+     * are none yet, and the request's waiter will be woken. -1: they are not to be had, and the connection ends before its time, by
+     * which the client knows. */
+    ptrdiff_t (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out);
+    uint64_t offset; /* in the whole body, where what is sent begins */
     uint64_t size;     /* of the body that is sent; SIZE_UNKNOWN at most where it is absent */
     void (*release)(void *owner); /* lets go of what the body borrows from; NULL: it is there for good or pinned */
     void *owner;
@@ -84,7 +86,7 @@ void response_static(struct response *response, unsigned status, const char *med
 
 /* A body made while it is sent; takes over `owner`. */
 void response_pieces(struct response *response, const char *media_type, uint64_t size,
-                     bool (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out), void (*release)(void *owner), void *owner);
+                     ptrdiff_t (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out), void (*release)(void *owner), void *owner);
 
 /* Takes over malloc'ed bytes. */
 void response_owned(struct response *response, unsigned status, const char *media_type, void *bytes, size_t size);
@@ -100,6 +102,9 @@ void response_problem_choices(struct response *response, unsigned status, const 
                               struct json_t *choices, const char *format, ...) __attribute__((format(printf, 6, 7)));
 
 const char *status_title(unsigned status);
+
+/* The range of a body of so many bytes, with this entity tag, that a request asks for (RFC 9110, 13.2.2). */
+enum range_result request_range(const struct request *request, const char *etag, uint64_t size, uint64_t *first, uint64_t *length);
 
 /* A request header, or NULL. */
 const char *request_header(const struct request *request, const char *name);

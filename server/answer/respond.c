@@ -104,19 +104,37 @@ bool respond_unchanged(struct exchange *exchange, const struct representation *r
     if (!etag_list_has(request_header(exchange->request, "If-None-Match"), etag))
         return false;
     respond_representation(response, representation);
+    respond_absent(response, size);
+    return true;
+}
+
+void respond_absent(struct response *response, uint64_t size)
+{
     response->kind = BODY_ABSENT;
     response->size = size;
-    return true;
 }
 
 void respond_failure(struct exchange *exchange, const struct tetlod_error *error)
 {
     const char *message = error->message[0] ? error->message : tetlod_status_text(error->status);
-    bool later = error->status == TETLOD_ERR_NOMEM || error->status == TETLOD_ERR_LIMIT;
-    unsigned status = later                                 ? 503
-                      : error->status == TETLOD_ERR_ARGUMENT ? 422  // more than the cache may hold
-                      : error->status == TETLOD_ERR_MISMATCH ? 404  // the file is another one
-                                                             : 500;
+    unsigned status = 500;
+    switch (error->status) {
+    case TETLOD_ERR_NOMEM:
+    case TETLOD_ERR_LIMIT:
+    case TETLOD_ERR_IO:
+    case TETLOD_ERR_CHECKSUM: // damaged, or half a copy
+    case TETLOD_ERR_TRUNCATED:
+        status = 503;
+        break;
+    case TETLOD_ERR_ARGUMENT: // more than the cache may hold
+        status = 422;
+        break;
+    case TETLOD_ERR_MISMATCH: // the file is another one
+        status = 404;
+        break;
+    default:
+        break;
+    }
     response_problem(exchange->response, status, exchange->request->target, "%s", message);
 }
 

@@ -43,6 +43,9 @@ void respond_body(struct exchange *exchange, const struct cache_value *value, co
 /* Prepares the answer 304 if the client has this representation already, so that it need not be made or read. */
 bool respond_unchanged(struct exchange *exchange, const struct representation *representation, uint64_t size);
 
+/* An answer of 200 whose body is not sent; it has so many bytes. */
+void respond_absent(struct response *response, uint64_t size);
+
 /* The response for a failure of the library. */
 void respond_failure(struct exchange *exchange, const struct tetlod_error *error);
 

@@ -160,7 +160,6 @@ static void show_problem(struct exchange *exchange)
 static void apply_conditions(const struct request *request, struct response *response)
 {
     uint64_t first, length;
-    const char *if_range = request_header(request, "If-Range");
     if (response->etag[0] && etag_list_has(request_header(request, "If-None-Match"), response->etag)) {
         response->status = 304; // the body stays: http.c needs its size
         return;
@@ -168,10 +167,8 @@ static void apply_conditions(const struct request *request, struct response *res
     if (!response->ranges)
         return;
     response_header_text(response, "Accept-Ranges", "bytes");
-    if (request->method != METHOD_GET || (if_range && !etag_same(if_range, response->etag)))
-        return;
     uint64_t size = response->size;
-    switch (range_parse(request_header(request, "Range"), size, &first, &length)) {
+    switch (request_range(request, response->etag, size, &first, &length)) {
     case RANGE_IGNORED:
         return;
     case RANGE_UNSATISFIABLE:
@@ -184,10 +181,7 @@ static void apply_conditions(const struct request *request, struct response *res
         response_header(response, "Content-Range", "bytes %llu-%llu/%llu", (unsigned long long)first,
                         (unsigned long long)(first + length - 1), (unsigned long long)size);
         response->size = length;
-        if (response->kind == BODY_PIECES)
-            response->offset += first;
-        else
-            response->bytes = (const unsigned char *)response->bytes + first;
+        response->offset = first;
     }
 }
 

@@ -109,11 +109,11 @@ static void free_file(void *opaque)
     free(file);
 }
 
-static bool read_file(void *opaque, uint64_t begin, size_t size, unsigned char *out)
+static ptrdiff_t read_file(void *opaque, uint64_t begin, size_t size, unsigned char *out)
 {
     struct file *file = opaque;
     io_layout_read(file->layout, &file->rows, begin, size, out);
-    return true;
+    return (ptrdiff_t)size;
 }
 
 /* The view of a level as an entry that the caller releases. A view that is kept does not keep its forest: its key names the one

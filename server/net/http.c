@@ -42,8 +42,7 @@ enum {
     ANSWER_BYTES = HEADER_TEXT + 4096, // of a connection's memory, for headers of answers
     LINE = 65536, // no header is that long
     MOST_DRAINED = 65536, // bytes of a refused body that are read so that the client sees the refusal
-    MOST_COPIED = 16384,  // bytes of a body that are sooner made at once than in pieces
-    PIECE = 16384,        // bytes of a body that are made at a time; every connection with such a body has room for one
+    PIECE = 65536, // bytes of a body that are made at a time; every connection with such a body has room for one
 };
 
 /* Where a request is between its thread and whoever wakes it. */
@@ -218,9 +217,19 @@ static void release_borrowed(void *opaque)
     free(borrowed);
 }
 
+/* Lets go of the thread until the request's waiter is woken, which may have happened already. */
+static void suspend(struct call *call)
+{
+    MHD_suspend_connection(call->connection);
+    int before = RUNNING;
+    if (!atomic_compare_exchange_strong(&call->state, &before, SUSPENDED))
+        MHD_resume_connection(call->connection); // it was woken before it slept
+}
+
 /* A body that is made while it is sent. */
 struct pieces {
-    bool (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out);
+    struct call *call;
+    ptrdiff_t (*read)(void *owner, uint64_t begin, size_t size, unsigned char *out);
     void (*release)(void *owner);
     void *owner;
     uint64_t offset, size;
@@ -239,26 +248,20 @@ static ssize_t read_pieces(void *opaque, uint64_t position, char *out, size_t mo
     struct pieces *pieces = opaque;
     uint64_t left = pieces->size - position;
     size_t some = left < most ? (size_t)left : most;
-    return pieces->read(pieces->owner, pieces->offset + position, some, (unsigned char *)out) ? (ssize_t)some : MHD_CONTENT_READER_END_WITH_ERROR;
+    atomic_store(&pieces->call->state, RUNNING);
+    ptrdiff_t got = pieces->read(pieces->owner, pieces->offset + position, some, (unsigned char *)out);
+    if (got == 0)
+        suspend(pieces->call);
+    return got < 0 ? MHD_CONTENT_READER_END_WITH_ERROR : (ssize_t)got;
 }
 
-/* Few bytes leave with the header in one call; more are made when there is room to send them. */
-static struct MHD_Response *make_pieces_body(struct response *response)
+static struct MHD_Response *make_pieces_body(struct call *call, struct response *response)
 {
-    struct MHD_Response *made = NULL;
-    if (response->size <= MOST_COPIED) {
-        void *bytes = array_new((size_t)response->size, 1);
-        if (bytes && response->read(response->owner, response->offset, (size_t)response->size, bytes))
-            made = MHD_create_response_from_buffer((size_t)response->size, bytes, MHD_RESPMEM_MUST_FREE);
-        if (!made)
-            free(bytes);
-        return made;
-    }
     struct pieces *pieces = array_new(1, sizeof *pieces);
     if (!pieces)
         return NULL;
-    *pieces = (struct pieces){response->read, response->release, response->owner, response->offset, response->size};
-    made = MHD_create_response_from_callback(response->size, PIECE, read_pieces, pieces, release_pieces);
+    *pieces = (struct pieces){call, response->read, response->release, response->owner, response->offset, response->size};
+    struct MHD_Response *made = MHD_create_response_from_callback(response->size, PIECE, read_pieces, pieces, release_pieces);
     if (made)
         response->release = NULL;
     else
@@ -284,23 +287,22 @@ static struct MHD_Response *make_absent_body(uint64_t size)
 }
 
 /* The library's response for the body, which takes over what the body borrows from. */
-static struct MHD_Response *make_body(struct response *response)
+static struct MHD_Response *make_body(struct call *call, struct response *response)
 {
     static const char nothing[1] = "";
     if (response->kind == BODY_PIECES)
-        return make_pieces_body(response);
+        return make_pieces_body(call, response);
     if (response->kind == BODY_ABSENT)
         return make_absent_body(response->size);
+    const char *bytes = response->kind == BODY_NONE ? nothing : (const char *)response->bytes + (response->offset - response->held);
     if (response->kind == BODY_NONE || !response->release)
-        return MHD_create_response_from_buffer((size_t)response->size,
-                                               (void *)(uintptr_t)(response->kind == BODY_NONE ? nothing : (const char *)response->bytes),
-                                               MHD_RESPMEM_PERSISTENT);
+        return MHD_create_response_from_buffer((size_t)response->size, (void *)(uintptr_t)bytes, MHD_RESPMEM_PERSISTENT);
     struct borrowed *borrowed = array_new(1, sizeof *borrowed);
     if (!borrowed)
         return NULL;
     *borrowed = (struct borrowed){response->release, response->owner};
     struct MHD_Response *made = MHD_create_response_from_buffer_with_free_callback_cls(
-        (size_t)response->size, (void *)(uintptr_t)response->bytes, release_borrowed, borrowed);
+        (size_t)response->size, (void *)(uintptr_t)bytes, release_borrowed, borrowed);
     if (!made)
         free(borrowed);
     else
@@ -331,7 +333,7 @@ static enum MHD_Result queue(struct call *call, struct response *response)
     call->bytes = no_body ? 0 : response->size;
     if (call->peer)
         peer_sending(call->peer, call->bytes, monotonic_seconds());
-    struct MHD_Response *made = make_body(response);
+    struct MHD_Response *made = make_body(call, response);
     enum MHD_Result result = MHD_NO;
     if (made && add_headers(made, call, response))
         result = MHD_queue_response(call->connection, response->status, made);
@@ -350,10 +352,7 @@ static enum MHD_Result answer(struct call *call)
         peer_busy(call->peer);
     if (site_answer(call->http->options.site, &call->request, &response) == ANSWERED)
         return queue(call, &response);
-    MHD_suspend_connection(call->connection);
-    int before = RUNNING;
-    if (!atomic_compare_exchange_strong(&call->state, &before, SUSPENDED))
-        MHD_resume_connection(call->connection); // it was woken before it slept
+    suspend(call);
     return MHD_YES;
 }
 

@@ -22,7 +22,11 @@
 
 static const char suffix[] = ".tetlod";
 
-enum { PATH_CAPACITY = 4096, MOST_FILES = 1 << 20 };
+enum {
+    PATH_CAPACITY = 4096,
+    MOST_FILES = 1 << 20,
+    CHECKED_AT_ONCE = 256 << 20, /* bytes that a scan holds against their digests before it goes on without */
+};
 
 /* A name of the table. Without dataset: a file that could not be opened, remembered so that it is tried and complained
  * of once. */
@@ -60,7 +64,9 @@ struct catalogue {
     char **paths;
     size_t path_count;
     double keep_replaced;
+    uint64_t checked_at_once;
     atomic_size_t troubles; /* of the last scan */
+    atomic_bool stopping;
     struct warnings given;
     struct open_files *files;
     void (*log)(void *opaque, const char *level, const char *message);
@@ -162,6 +168,8 @@ struct scan {
     bool complete; /* memory sufficed */
     size_t path;     /* number of the path that is looked at */
     size_t troubles; /* files and folders that could not be looked at: what was known of them stays */
+    bool starting;   /* the first scan, which does not keep clients waiting for large folders */
+    uint64_t left;   /* bytes that may still be checked */
 };
 
 /* Takes over into the next table what the current one has under a name. */
@@ -198,45 +206,63 @@ static bool print_path(const struct scan *scan, int folder, const char *path, ch
     return size > 0 && size < PATH_CAPACITY;
 }
 
-/* Opens a stream. One whose file changed though its content id did not, or was none before, is read whole: somebody may be writing
- * into it. */
+/* Holds a stream against its digests before it is listed, as every stream that comes while the server runs: it may be half a copy.
+ * What the first scan finds is listed without where there is too much of it. Later scans check it, and whoever reads it. */
+static enum tetlod_status check_stream(struct scan *scan, struct dataset *dataset, struct tetlod_error *error)
+{
+    uint64_t bytes = dataset_info(dataset)->bytes;
+    if (scan->starting && bytes > scan->left)
+        return TETLOD_OK;
+    scan->left -= bytes < scan->left ? bytes : scan->left;
+    return dataset_check(dataset, &scan->catalogue->stopping, error);
+}
+
+/* Says once why a file is not served; a caller with `error` says it itself. */
+static enum tetlod_status refuse_stream(struct scan *scan, const char *path, const struct tetlod_error *why, struct tetlod_error *error)
+{
+    if (!error && !atomic_load(&scan->catalogue->stopping))
+        complain(scan->catalogue, "%s: not served: %.200s", path, why->message);
+    return tetlodi_fail(error, why->status, "%s: %.200s", path, why->message);
+}
+
 static enum tetlod_status open_stream(struct scan *scan, int folder, const char *path, int fd, struct entry *entry, struct tetlod_error *error)
 {
-    const struct entry *known = find_entry(&scan->catalogue->table, entry->id);
     struct tetlod_error inner = {0};
     char full[PATH_CAPACITY];
     bool fits = print_path(scan, folder, path, full);
     if (!fits)
         close(fd);
-    enum tetlod_status status = fits ? dataset_open(&entry->dataset, entry->id, scan->catalogue->files, full, fd, &inner)
+    enum tetlod_status status = fits ? dataset_open(&entry->dataset, entry->id, scan->catalogue->files, full, fd, &entry->identity, &inner)
                                      : tetlodi_fail(&inner, TETLOD_ERR_IO, "the path is too long");
-    if (status == TETLOD_OK && known && (!known->dataset || strcmp(dataset_info(known->dataset)->cid, dataset_info(entry->dataset)->cid) == 0))
-        status = dataset_check(entry->dataset, &inner);
-    if (status != TETLOD_OK) {
-        dataset_release(entry->dataset);
-        entry->dataset = NULL;
-    }
     if (status == TETLOD_OK)
+        status = check_stream(scan, entry->dataset, &inner);
+    if (status == TETLOD_OK) {
         say(scan->catalogue, "info", "%s: serving %s, content id %s", path, entry->id, dataset_info(entry->dataset)->cid);
-    else if (!error)
-        say(scan->catalogue, "warning", "%s: not served: %.200s", path, inner.message);
-    return status == TETLOD_OK ? status : tetlodi_fail(error, status, "%s: %.200s", path, inner.message);
+        return TETLOD_OK;
+    }
+    dataset_release(entry->dataset);
+    entry->dataset = NULL;
+    if (status == TETLOD_ERR_IO || status == TETLOD_ERR_NOMEM || status == TETLOD_ERR_LIMIT)
+        entry->identity = (struct file_identity){0}; // nothing is wrong with the file: the next scan tries again
+    return refuse_stream(scan, path, &inner, error);
 }
 
-/* A file's times are those of a clock that ticks every few milliseconds. One that was changed in this tick may be changed again
- * without a trace: it is left alone until the tick is over. */
-static bool settled_identity(int fd, struct file_identity *out)
+/* A file that is as it was. One that was listed unchecked is checked when its turn comes, one that a reader found damaged now. */
+static enum tetlod_status keep_stream(struct scan *scan, const char *path, const struct entry *known, struct tetlod_error *error)
 {
-    enum { TICK = 20 * 1000 * 1000 };
-    struct timespec now;
-    if (!identity_of(fd, out))
-        return false;
-    clock_gettime(CLOCK_REALTIME, &now);
-    long long age = (long long)(now.tv_sec - out->changed.tv_sec) * 1000000000 + (now.tv_nsec - out->changed.tv_nsec);
-    if (age < 0 || age >= TICK)
-        return true;
-    nanosleep(&(struct timespec){0, TICK}, NULL);
-    return identity_of(fd, out);
+    struct entry entry = *known;
+    struct tetlod_error inner = {0};
+    enum tetlod_status status = TETLOD_OK;
+    bool turn = entry.dataset && !dataset_checked(entry.dataset) && scan->left;
+    if (turn || (entry.dataset && dataset_damaged(entry.dataset))) {
+        uint64_t bytes = dataset_info(entry.dataset)->bytes;
+        scan->left -= bytes < scan->left ? bytes : scan->left;
+        status = dataset_check(entry.dataset, &scan->catalogue->stopping, &inner);
+    }
+    if (status == TETLOD_ERR_CHECKSUM || status == TETLOD_ERR_TRUNCATED)
+        entry.dataset = NULL;
+    keep_entry(scan, &entry);
+    return entry.dataset == known->dataset ? TETLOD_OK : refuse_stream(scan, path, &inner, error);
 }
 
 static enum tetlod_status refuse_file(struct scan *scan, const char *path, const char *why, struct tetlod_error *error)
@@ -270,16 +296,20 @@ static enum tetlod_status take_file(struct scan *scan, int folder, const char *p
         complain(catalogue, "%s: another stream has the id '%s' already; this one is not served", path, entry.id);
         return TETLOD_OK;
     }
-    if (known && identity_at(folder, path, &seen) && identity_same(&known->identity, &seen)) {
-        keep_entry(scan, known);
-        return TETLOD_OK;
-    }
+    if (known && identity_at(folder, path, &seen) && identity_same(&known->identity, &seen))
+        return keep_stream(scan, path, known, error);
     int fd = openat(folder, path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
     if (fd < 0)
         return errno == ENOENT ? miss_file(scan, folder, path, error) : keep_file(scan, path, errno, error);
-    if (!entry.id[0] || strcmp(entry.id, ".") == 0 || strcmp(entry.id, "..") == 0 || !settled_identity(fd, &entry.identity)) {
+    if (!entry.id[0] || strcmp(entry.id, ".") == 0 || strcmp(entry.id, "..") == 0 || !identity_of(fd, &seen)) {
         close(fd);
         return refuse_file(scan, path, "it is not a regular file", error);
+    }
+    if (!identity_settled(fd, &entry.identity)) { // the next scan finds it changed
+        close(fd);
+        if (known)
+            keep_entry(scan, known);
+        return tetlodi_fail(error, TETLOD_ERR_IO, "%s: it is being written", path);
     }
     enum tetlod_status status = open_stream(scan, folder, path, fd, &entry, error);
     if (!insert_entry(&scan->next, &entry)) {
@@ -461,7 +491,7 @@ static void replace_table(struct catalogue *catalogue, const struct table *next,
 
 void catalogue_scan(struct catalogue *catalogue, double now)
 {
-    struct scan scan = {catalogue, {0}, true, 0, 0};
+    struct scan scan = {.catalogue = catalogue, .complete = true, .left = catalogue->checked_at_once};
     for (size_t i = 0; i < catalogue->path_count; i++) {
         scan.path = i;
         enum tetlod_status gone = take_path(&scan, catalogue->paths[i], NULL); // a path may come back
@@ -485,11 +515,12 @@ enum tetlod_status catalogue_open(struct catalogue **out, const struct catalogue
         return tetlodi_fail_nomem(error, "the catalogue", sizeof *catalogue);
     pthread_mutex_init(&catalogue->lock, NULL);
     catalogue->keep_replaced = options->keep_replaced;
+    catalogue->checked_at_once = options->checked_at_once ? options->checked_at_once : CHECKED_AT_ONCE;
     catalogue->log = options->log;
     catalogue->log_opaque = options->log_opaque;
     catalogue->paths = array_zero(options->path_count, sizeof *catalogue->paths);
     catalogue->files = open_files_new(options->most_files ? options->most_files : MOST_FILES);
-    struct scan scan = {catalogue, {0}, catalogue->paths && catalogue->files, 0, 0};
+    struct scan scan = {.catalogue = catalogue, .complete = catalogue->paths && catalogue->files, .starting = true, .left = catalogue->checked_at_once};
     enum tetlod_status status = TETLOD_OK;
     for (size_t i = 0; scan.complete && status == TETLOD_OK && i < options->path_count; i++) {
         catalogue->paths[i] = strdup(options->paths[i]);
@@ -570,6 +601,11 @@ uint64_t catalogue_digest(struct catalogue *catalogue)
     uint64_t digest = catalogue->digest;
     pthread_mutex_unlock(&catalogue->lock);
     return digest;
+}
+
+void catalogue_stop(struct catalogue *catalogue)
+{
+    atomic_store(&catalogue->stopping, true);
 }
 
 size_t catalogue_troubles(struct catalogue *catalogue)

@@ -16,6 +16,7 @@ struct catalogue_options {
     const char *const *paths; /* copied */
     size_t path_count;
     double keep_replaced; /* seconds without a request after which a replaced stream goes */
+    uint64_t checked_at_once; /* bytes that the first scan holds against their digests before it lists them. 0: 256 MB */
     size_t most_files;    /* that stay open; the others are opened when they are read. 0: all */
     void (*log)(void *opaque, const char *level, const char *message);
     void *log_opaque;
@@ -29,6 +30,9 @@ void catalogue_close(struct catalogue *catalogue);
 
 /* Takes up what changed on disk. What cannot be looked at now, for any reason but that it is gone, stays as it was. `now` is a monotonic time in seconds. */
 void catalogue_scan(struct catalogue *catalogue, double now);
+
+/* Makes a scan end soon that holds large files against their digests. */
+void catalogue_stop(struct catalogue *catalogue);
 
 /* The current stream of an id, or NULL; the caller releases it. */
 struct dataset *catalogue_find(struct catalogue *catalogue, const char *id);

@@ -3,18 +3,20 @@
 
 #include <errno.h>
 #include <math.h>
-#include <stdatomic.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "format/fail.h"
-#include "format/reader.h"
+#include "format/parts.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
-enum { ERRORS_CAPACITY = 96 };
+enum { ERRORS_CAPACITY = 96, MAX_READINGS = 3 /* of bytes while somebody writes */ };
+
+#define UNCHECKED 0
 
 struct dataset {
     struct stored *stored;
@@ -23,6 +25,9 @@ struct dataset {
     uint32_t topology, steps_before;
     struct tetlod_series *series; /* NULL: one moment */
     char (*level_errors)[ERRORS_CAPACITY]; /* [level_count], printed once: every answer has one */
+    struct tetlodi_frame *parts; /* [part_count] of the stream, which they cover */
+    atomic_uint_fast64_t *checked; /* [part_count]: the file's version that the part was good in, or UNCHECKED */
+    size_t part_count;
 };
 
 /* A stream's file, which its topology groups share. */
@@ -30,7 +35,11 @@ struct stored {
     atomic_uint references;
     char id[ID_CAPACITY];
     struct open_file *opened;
-    struct file_identity identity;
+    struct file_identity identity; /* that it was opened with */
+    pthread_mutex_t lock;          /* over the next two */
+    struct file_identity seen;     /* at the last look */
+    uint64_t version;              /* from 1; another one whenever somebody may have written */
+    atomic_bool all_checked, damaged; /* all parts were good once; a part was not */
     struct dataset *datasets; /* [count]: the whole stream, then its further topology groups */
     uint32_t count;
 };
@@ -63,20 +72,22 @@ static enum tetlod_status print_all_errors(struct dataset *dataset, struct tetlo
     return TETLOD_OK;
 }
 
-/* Reads bytes that the file has; false with errno. */
-static bool read_bytes(int fd, uint64_t offset, unsigned char *out, size_t size)
+static enum tetlod_status read_bytes(int fd, uint64_t offset, unsigned char *out, size_t size, struct tetlod_error *error)
 {
     while (size) {
         ssize_t got = pread(fd, out, size, (off_t)offset);
-        if (got <= 0) {
-            errno = got ? errno : ESTALE; // it shrank
-            return false;
-        }
+        if (got <= 0)
+            return got ? tetlodi_fail(error, TETLOD_ERR_IO, "%s", strerror(errno)) : tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it was cut off");
         out += got;
         offset += (uint64_t)got;
         size -= (size_t)got;
     }
-    return true;
+    return TETLOD_OK;
+}
+
+static enum tetlod_status fail_open(struct tetlod_error *error)
+{
+    return tetlodi_fail(error, errno == ESTALE || errno == ENOENT ? TETLOD_ERR_MISMATCH : TETLOD_ERR_IO, "%s", strerror(errno));
 }
 
 /* The library's source. It holds what it reads against digests. */
@@ -85,28 +96,109 @@ static enum tetlod_status read_source(void *opaque, uint64_t offset, void *buffe
     struct stored *stored = opaque;
     int fd = open_file_use(stored->opened);
     if (fd < 0)
-        return errno == ESTALE ? TETLOD_ERR_MISMATCH : TETLOD_ERR_IO;
-    bool complete = read_bytes(fd, offset, buffer, size);
+        return fail_open(NULL);
+    enum tetlod_status status = read_bytes(fd, offset, buffer, size, NULL);
     open_file_let_go(stored->opened);
-    return complete ? TETLOD_OK : TETLOD_ERR_IO;
+    return status;
 }
 
-static bool still_the_same(const struct stored *stored, int fd)
+/* The version of the file's bytes now, or UNCHECKED if they change as one looks. */
+static uint64_t look(struct stored *stored, int fd)
 {
     struct file_identity now;
-    return identity_of(fd, &now) && identity_same(&now, &stored->identity);
+    if (!identity_settled(fd, &now))
+        return UNCHECKED;
+    pthread_mutex_lock(&stored->lock);
+    if (!identity_same(&now, &stored->seen)) {
+        stored->seen = now;
+        stored->version++;
+    }
+    uint64_t version = stored->version;
+    pthread_mutex_unlock(&stored->lock);
+    return version;
 }
 
-/* Whoever writes into a file changes its time first: bytes that were read before a look at the time are those of before. */
-bool dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t size)
+/* Whether nobody has written since `version`. Whoever writes into a file changes its time first: bytes that were read before this look
+ * are those of that version. */
+static bool is_still(struct stored *stored, int fd, uint64_t version)
+{
+    struct file_identity now;
+    bool same = identity_of(fd, &now);
+    pthread_mutex_lock(&stored->lock);
+    same = same && stored->version == version && identity_same(&now, &stored->seen);
+    pthread_mutex_unlock(&stored->lock);
+    return same;
+}
+
+static enum tetlod_status fail_changing(struct tetlod_error *error)
+{
+    return tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it is being written");
+}
+
+/* Notes that a part is not what it should be: the next scan looks again. */
+static enum tetlod_status note_damage(struct stored *stored, enum tetlod_status status)
+{
+    if (status == TETLOD_ERR_CHECKSUM || status == TETLOD_ERR_TRUNCATED)
+        atomic_store(&stored->damaged, true);
+    return status;
+}
+
+/* The part that has a byte. */
+static size_t part_at(const struct dataset *dataset, uint64_t offset)
+{
+    size_t low = 0, high = dataset->part_count;
+    while (high - low > 1) {
+        size_t middle = low + (high - low) / 2;
+        *(dataset->parts[middle].offset <= offset ? &low : &high) = middle;
+    }
+    return low;
+}
+
+/* Holds the parts from `first` on that begin before `end` against their digests, but for those that were good in this version. */
+static enum tetlod_status check_parts(struct dataset *dataset, size_t first, uint64_t end, uint64_t version, int fd, const atomic_bool *stop,
+                                      struct tetlod_error *error)
+{
+    struct stored *stored = dataset->stored;
+    for (size_t i = first; i < dataset->part_count && dataset->parts[i].offset < end; i++) {
+        if (atomic_load(&dataset->checked[i]) == version)
+            continue;
+        if (stop && atomic_load(stop))
+            return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the server is stopping");
+        TETLOD_TRY(note_damage(stored, tetlodi_check_part(dataset->file, &dataset->parts[i], error)));
+        if (!is_still(stored, fd, version))
+            return fail_changing(error);
+        atomic_store(&dataset->checked[i], version);
+    }
+    return TETLOD_OK;
+}
+
+/* Reads bytes of the version that the file is in now. */
+static enum tetlod_status read_version(struct dataset *dataset, int fd, uint64_t offset, void *out, size_t size, uint64_t *version,
+                                       struct tetlod_error *error)
+{
+    struct stored *stored = dataset->stored;
+    *version = look(stored, fd);
+    if (*version == UNCHECKED)
+        return fail_changing(error);
+    TETLOD_TRY(check_parts(dataset, part_at(dataset, offset), offset + size, *version, fd, NULL, error));
+    TETLOD_TRY(read_bytes(fd, dataset->offset + offset, out, size, error));
+    return is_still(stored, fd, *version) ? TETLOD_OK : fail_changing(error);
+}
+
+enum tetlod_status dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t size, struct tetlod_error *error)
 {
     struct stored *stored = dataset->stored;
     int fd = open_file_use(stored->opened);
     if (fd < 0)
-        return false;
-    bool good = read_bytes(fd, dataset->offset + offset, out, size) && still_the_same(stored, fd);
+        return fail_open(error);
+    enum tetlod_status status;
+    uint64_t version;
+    int left = MAX_READINGS;
+    do
+        status = read_version(dataset, fd, offset, out, size, &version, error);
+    while (status != TETLOD_OK && --left && !is_still(stored, fd, version)); // what it saw may have been half of a change
     open_file_let_go(stored->opened);
-    return good;
+    return status;
 }
 
 /* Opens the whole stream, and makes a dataset for it and one for each further topology group. */
@@ -144,6 +236,10 @@ static enum tetlod_status open_topology(struct stored *stored, uint32_t topology
     }
     if (tetlod_section_index(tetlod_info(dataset->file), "TIME") != TETLOD_NONE)
         TETLOD_TRY(tetlod_series_new(&dataset->series, dataset->file, error));
+    TETLOD_TRY(tetlodi_parts(dataset->file, dataset->series, &dataset->parts, &dataset->part_count, error));
+    dataset->checked = array_zero(dataset->part_count, sizeof *dataset->checked);
+    if (!dataset->checked)
+        return tetlodi_fail_nomem(error, "a stream's parts", dataset->part_count * sizeof *dataset->checked);
     return print_all_errors(dataset, error);
 }
 
@@ -153,23 +249,27 @@ static void close_stored(struct stored *stored)
         tetlod_series_free(stored->datasets[t].series);
         tetlod_close(stored->datasets[t].file);
         free(stored->datasets[t].level_errors);
+        free(stored->datasets[t].parts);
+        free(stored->datasets[t].checked);
     }
     open_file_free(stored->opened);
+    pthread_mutex_destroy(&stored->lock);
     free(stored->datasets);
     free(stored);
 }
 
 enum tetlod_status dataset_open(struct dataset **out, const char *id, struct open_files *files, const char *path, int fd,
-                                struct tetlod_error *error)
+                                const struct file_identity *identity, struct tetlod_error *error)
 {
     struct stored *stored = array_zero(1, sizeof *stored);
     *out = NULL;
-    if (!stored || !identity_of(fd, &stored->identity)) {
+    if (!stored) {
         close(fd);
-        bool memory = !stored;
-        free(stored);
-        return memory ? tetlodi_fail_nomem(error, "a stream", sizeof *stored) : tetlodi_fail(error, TETLOD_ERR_IO, "is not a regular file");
+        return tetlodi_fail_nomem(error, "a stream", sizeof *stored);
     }
+    stored->identity = stored->seen = *identity;
+    stored->version = UNCHECKED + 1;
+    pthread_mutex_init(&stored->lock, NULL);
     atomic_init(&stored->references, 1);
     snprintf(stored->id, sizeof stored->id, "%s", id);
     stored->opened = open_file_new(files, path, fd, &stored->identity);
@@ -245,18 +345,40 @@ const struct tetlod_series *dataset_series(const struct dataset *dataset)
     return dataset->series;
 }
 
-enum tetlod_status dataset_check(struct dataset *dataset, struct tetlod_error *error)
+enum tetlod_status dataset_check(struct dataset *dataset, const atomic_bool *stop, struct tetlod_error *error)
 {
-    return tetlodi_check_parts(dataset->file, error);
+    struct dataset *whole = dataset->stored->datasets;
+    struct stored *stored = dataset->stored;
+    int fd = open_file_use(stored->opened);
+    if (fd < 0)
+        return fail_open(error);
+    uint64_t version = look(stored, fd);
+    atomic_store(&stored->damaged, false);
+    enum tetlod_status status = version == UNCHECKED ? fail_changing(error) : check_parts(whole, 0, UINT64_MAX, version, fd, stop, error);
+    open_file_let_go(stored->opened);
+    if (status == TETLOD_OK)
+        atomic_store(&stored->all_checked, true);
+    return status;
+}
+
+bool dataset_checked(const struct dataset *dataset)
+{
+    return atomic_load(&dataset->stored->all_checked);
+}
+
+bool dataset_damaged(const struct dataset *dataset)
+{
+    return atomic_load(&dataset->stored->damaged);
 }
 
 bool dataset_intact(struct dataset *dataset)
 {
     struct stored *stored = dataset->stored;
+    struct file_identity now;
     int fd = open_file_use(stored->opened);
     if (fd < 0)
         return false;
-    bool same = still_the_same(stored, fd);
+    bool same = identity_of(fd, &now) && identity_same_but_names(&now, &stored->identity);
     open_file_let_go(stored->opened);
     return same;
 }

@@ -5,6 +5,7 @@
 #ifndef TETLOD_SERVER_DATASET_H
 #define TETLOD_SERVER_DATASET_H
 
+#include <stdatomic.h>
 #include <stdbool.h>
 
 #include "format/tetlod.h"
@@ -14,9 +15,9 @@ enum { ID_CAPACITY = 129 }; // 128 bytes and the NUL
 
 struct dataset;
 
-/* Takes over `fd`, which is open under the path, also on failure. Id and path are copied. */
+/* Takes over `fd`, which is open under the path, also on failure. Id and path are copied. The identity is settled. */
 TETLOD_CHECKED enum tetlod_status dataset_open(struct dataset **out, const char *id, struct open_files *files, const char *path, int fd,
-                                               struct tetlod_error *error);
+                                               const struct file_identity *identity, struct tetlod_error *error);
 
 struct dataset *dataset_hold(struct dataset *dataset);
 void dataset_release(struct dataset *dataset);
@@ -36,18 +37,24 @@ const struct tetlod_info *dataset_info(const struct dataset *dataset);
 /* "max=0.01, sampled=0.008": the measures of a level that are known, each the largest over the controlled fields. */
 const char *dataset_level_errors(const struct dataset *dataset, uint32_t level);
 
-/* Reads stored bytes of the dataset's own stream. False if they cannot be read, or if the file was written over meanwhile: then they are not to be sent. */
-bool dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t size);
+/* Reads stored bytes of the dataset's own stream. They are the stream's: each part of it that they lie in (a frame, a section) was
+ * held against its digest since somebody may have written into the file. ERR_CHECKSUM, ERR_TRUNCATED: the file is damaged, or is
+ * being written. ERR_MISMATCH: it is gone, or another file has its place. ERR_IO, ERR_NOMEM. Takes its time. */
+TETLOD_CHECKED enum tetlod_status dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t size, struct tetlod_error *error);
 
 struct tetlod_file *dataset_file(struct dataset *dataset);
 
 /* The steps in time, to be read only; NULL if it has one moment. */
 const struct tetlod_series *dataset_series(const struct dataset *dataset);
 
-/* Reads all and holds it against its digests. */
-TETLOD_CHECKED enum tetlod_status dataset_check(struct dataset *dataset, struct tetlod_error *error);
+/* Holds the file against its digests, as far as that was not done before; ends early with ERR_LIMIT if `stop` becomes true. */
+TETLOD_CHECKED enum tetlod_status dataset_check(struct dataset *dataset, const atomic_bool *stop, struct tetlod_error *error);
 
-/* False once the bytes were written over in place: then nothing of it may be sent any more. */
+/* Whether the whole file was held against its digests; whether a part was found damaged. */
+bool dataset_checked(const struct dataset *dataset);
+bool dataset_damaged(const struct dataset *dataset);
+
+/* False once the bytes were written over in place. Another file under its name is no such thing. */
 bool dataset_intact(struct dataset *dataset);
 
 #endif

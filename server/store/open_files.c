@@ -49,11 +49,34 @@ static bool same_time(const struct timespec *a, const struct timespec *b)
     return a->tv_sec == b->tv_sec && a->tv_nsec == b->tv_nsec;
 }
 
+bool identity_settled(int fd, struct file_identity *out)
+{
+    enum { TICK = 20 * 1000 * 1000, LOOKS = 3 };
+    for (int look = 0; look < LOOKS && identity_of(fd, out); look++) {
+        struct timespec now;
+        clock_gettime(CLOCK_REALTIME, &now);
+        long long age = (long long)(now.tv_sec - out->changed.tv_sec) * 1000000000 + (now.tv_nsec - out->changed.tv_nsec);
+        if (age < 0 || age >= TICK)
+            return true;
+        nanosleep(&(struct timespec){0, TICK}, NULL);
+    }
+    *out = (struct file_identity){0};
+    return false;
+}
+
+static bool same_content(const struct file_identity *a, const struct file_identity *b)
+{
+    return a->device == b->device && a->inode == b->inode && a->size == b->size && same_time(&a->written, &b->written);
+}
+
 bool identity_same(const struct file_identity *a, const struct file_identity *b)
 {
-    return a->device == b->device && a->inode == b->inode && a->size == b->size &&
-           same_time(&a->written, &b->written) &&
-           (same_time(&a->changed, &b->changed) || a->links != b->links); // another name changes the time, too
+    return same_content(a, b) && same_time(&a->changed, &b->changed);
+}
+
+bool identity_same_but_names(const struct file_identity *a, const struct file_identity *b)
+{
+    return same_content(a, b) && (same_time(&a->changed, &b->changed) || a->links != b->links);
 }
 
 struct open_files *open_files_new(size_t most)
@@ -146,7 +169,7 @@ static int open_again(const struct open_file *file)
 {
     struct file_identity now;
     int fd = open(file->path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
-    if (fd >= 0 && !(identity_of(fd, &now) && identity_same(&now, &file->identity))) {
+    if (fd >= 0 && !(identity_of(fd, &now) && identity_same_but_names(&now, &file->identity))) {
         close(fd);
         errno = ESTALE;
         fd = -1;

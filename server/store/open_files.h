@@ -20,7 +20,18 @@ struct file_identity {
 /* False if it is not a regular file, or cannot be looked at. */
 bool identity_of(int fd, struct file_identity *out);
 bool identity_at(int folder, const char *path, struct file_identity *out);
+
+/* The same, of a file that nobody can change from now on without changing its identity. A file's times are those of a clock
+ * that ticks every few milliseconds: this waits for the end of the tick in which it was changed last. False also if it is
+ * changed again and again meanwhile; then *out is all zero. */
+bool identity_settled(int fd, struct file_identity *out);
+
+/* Whether nobody has written meanwhile. */
 bool identity_same(const struct file_identity *a, const struct file_identity *b);
+
+/* The same, of a file that may have got or lost a name, which changes a time as well: a file that was replaced by another one.
+ * Somebody may have written. */
+bool identity_same_but_names(const struct file_identity *a, const struct file_identity *b);
 
 struct open_files;
 struct open_file;

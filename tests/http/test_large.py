@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Answers that are larger than the cache are written while they are sent: the same bytes, ranges of them, 5 GB, and files that change meanwhile."""
+import hashlib
 import http.client
 import os
 import random
@@ -126,42 +127,59 @@ def test_the_kernel_holds_little():
         assert 0 < held < size / 2, (held, size)
 
 
-def sparse_stream(path, size):
-    """The stream with a last frame of so many bytes that are nowhere, but for a mark on each side of 4 GiB."""
+def sparse_stream(path):
+    """The stream with fields' frames that are nowhere, in the last levels, so many that the stream has five gigabytes. They are checked
+    one by one when they are read. A mark lies on each side of 4 GiB."""
+    hole, mark = 1 << 28, b'0123456789'
+    zeros = hashlib.sha256(bytes(hole)).digest()[:16]
     with open(MADE, 'rb') as file:
         data = plain(file.read())
     stream = tetlod.open(data)
-    fields = len(stream.fields)
-    offset, old, _ = stream.frames[-1][-1]
-    index_end = 64 + int.from_bytes(data[20:24], 'little')
-    row = index_end - 48 * len(stream.sections) - 4 - (48 + 56 * fields) + 24 + 32 * fields + 24 * fields
-    assert int.from_bytes(data[row:row + 8], 'little') == old and offset + old == len(data)
-    total = offset + size
-    front = data[:row] + struct.pack('<Q', size) + data[row + 8:offset]
-    front = sealed(front[:32] + struct.pack('<Q', total) + front[40:])
+    fields, levels = len(stream.fields), len(stream.levels)
+    row, index_end = 48 + 56 * fields, 64 + int.from_bytes(data[20:24], 'little')
+    first = index_end - 48 * len(stream.sections) - 4 - row * levels
+    begin = levels - (5 << 30) // (hole * fields) - 1  # of the levels that have holes
+    index, places = bytearray(data[:index_end]), []
+    at = stream.frames[begin][0][0]
+    for level in range(begin, levels):
+        for part in range(1 + fields):
+            place = first + row * level + 24 + 32 * fields + 24 * part
+            offset, old, _ = stream.frames[level][part]
+            assert int.from_bytes(data[place:place + 8], 'little') == old
+            size = hole if part else old
+            if part:
+                digest = zeros
+                if at < CROSSES - 5 and at + size > CROSSES + 5:
+                    here = CROSSES - 5 - at
+                    digest = hashlib.sha256(bytes(here) + mark + bytes(hole - here - len(mark))).digest()[:16]
+                index[place:place + 24] = struct.pack('<Q', size) + digest
+            else:
+                places.append((at, data[offset:offset + old]))
+            at += size
+    front = sealed(bytes(index[:32]) + struct.pack('<Q', at) + bytes(index[40:]) + data[index_end:stream.frames[begin][0][0]])
     with open(path, 'wb') as out:
         out.write(front)
-        out.truncate(total)
-        out.seek(CROSSES - 5)
-        out.write(b'0123456789')
-    return front, total, offset
+        out.truncate(at)
+        for place, some in places + [(CROSSES - 5, mark)]:
+            out.seek(place)
+            out.write(some)
+    return front, at
 
 
 def test_five_gigabytes():
     path = os.path.join(SCRATCH, 'huge.tetlod')
-    front, total, offset = sparse_stream(path, 5 << 30)
-    with Server(path) as server:
+    front, total = sparse_stream(path)
+    with Server(path, '--scan', '1000') as server:
         described = server.json('/v1/meshes/huge')
         base = '/v1/meshes/huge/%s/' % described['cid']
         last = len(described['levels']) - 1
-        assert described['levels'][-1]['bytes'] == total
+        assert described['levels'][-1]['bytes'] == total > 5 << 30
         assert server.get(base + 'stream', method='HEAD')[1]['content-length'] == str(total)
         status, head, part = server.get(base + 'stream', Range='bytes=%d-%d' % (CROSSES - 6, CROSSES + 6))
         assert status == 206 and part == b'\0' + b'0123456789' + b'\0\0' and head['content-range'].endswith('/%d' % total), part
         assert server.get(base + 'stream', Range='bytes=-3')[2] == b'\0\0\0'
-        # The gathered frames of the one field: everything behind level 0
-        name = described['fields'][-1]['name']
-        records = base + 'records/0-%d?fields=%s' % (last, name)
+        # The gathered frames of all fields: everything behind level 0
+        records = base + 'records/0-%d?fields=%s' % (last, ','.join(field['name'] for field in described['fields']))
         size = int(server.get(records, method='HEAD')[1]['content-length'])
         assert size > 5 << 30
         shift = total - size  # ends where the stream ends
@@ -172,7 +190,14 @@ def test_five_gigabytes():
             while len(received) < len(front) + 3000000:
                 received += reader.recv(1 << 20)
             head, _, body = received.partition(b'\r\n\r\n')
-            assert b'Content-Length: %d' % total in head and body[:len(front)] == front and not any(body[len(front):])
+            assert b'Content-Length: %d' % total in head and body[:len(front)] == front and body.endswith(bytes(1000))
+        with open(path, 'r+b') as file:  # a file is checked as far as it is read, again once it was changed
+            file.seek(CROSSES)
+            file.write(b'6')
+        status, head, body = server.get(base + 'stream', Range='bytes=%d-%d' % (CROSSES, CROSSES))
+        assert status in (206, 503) and (status == 503 or body == b'5'), status
+        status, head, body = server.get(base + 'stream', Range='bytes=%d-%d' % (CROSSES - (1 << 20), CROSSES - (1 << 20)))
+        assert status == 503 and head['retry-after'] and b'damaged or is being written' in body, (status, body)
         assert server.get('/healthz')[0] == 200
     os.unlink(path)
 

@@ -498,12 +498,12 @@ def test_metrics_apart():
 
 
 def test_threads():
-    """As many HTTP threads, as many that make meshes and as many that decode, as asked for, beside the main one, the acceptor and the keeper."""
+    """As many HTTP threads, as many that make meshes, that decode and that read files, as asked for, beside the main one, the acceptor and the keeper."""
     def threads(count):
         with Server(FOLDER, '--threads', str(count)) as server_of:
             return len(os.listdir('/proc/%d/task' % server_of.process.pid))
 
-    assert threads(5) - threads(2) == 9
+    assert threads(5) - threads(2) == 12
     with Server(FOLDER, '--threads', '1') as alone:
         assert [alone.get('/healthz')[0] for _ in range(5)] == [200] * 5
 

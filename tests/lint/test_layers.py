@@ -34,7 +34,7 @@ LAYERS = {
     'server': MESHES + ['src/io/io.h', 'src/report/', 'src/level/', 'src/forest/', 'server/net/', 'server/answer/', 'server/store/'],
     'server/net': ARRAYS + ['server/answer/'],
     'server/answer': MESHES + ['src/cut/', 'src/io/io.h', 'src/report/', 'src/level/', 'src/forest/', 'src/measure/region_error.h', 'format/reader.h', 'server/store/'],
-    'server/store': MESHES + ['src/report/', 'src/level/', 'format/reader.h'],
+    'server/store': MESHES + ['src/report/', 'src/level/', 'format/parts.h'],
     'server/web/wasm': MESHES + ['format/bytes.h', 'src/cut/'],
     'src/cli': ['format/bytes.h'] + MESHES + ['src/io/io.h', 'src/report/', 'src/level/', 'src/sample/sample.h', 'src/pipeline/', 'src/simplify/', 'src/log/', 'src/measure/', 'src/forest/', 'server/server.h'],
 }

@@ -22,7 +22,7 @@ static bool write_stream(const char *path, uint64_t seed)
     return gen_write(path, &(struct gen_options){.kind = GEN_GRID, .seed = seed, .size = 3, .levels = 8, .arity = 2, .type = TETLOD_FLOAT32});
 }
 
-static bool open_fixture(struct fixture *f, uint64_t cache_bytes)
+static bool open_fixture(struct fixture *f, uint64_t cache_bytes, uint64_t checked_at_once)
 {
     static const char *const routes[] = {NULL};
     memset(f, 0, sizeof *f);
@@ -31,7 +31,7 @@ static bool open_fixture(struct fixture *f, uint64_t cache_bytes)
         return false;
     snprintf(f->path, sizeof f->path, "%s/m.tetlod", f->folder);
     const char *const paths[] = {f->folder};
-    const struct catalogue_options options = {.paths = paths, .path_count = 1, .keep_replaced = 10};
+    const struct catalogue_options options = {.paths = paths, .path_count = 1, .keep_replaced = 10, .checked_at_once = checked_at_once};
     f->site.cache = cache_new(cache_bytes);
     f->site.memory = cache_new(cache_bytes);
     f->site.metrics = metrics_new(routes);
@@ -81,7 +81,7 @@ static unsigned get(struct fixture *f, const char *path, const char *range)
 static void test_answers(void)
 {
     struct fixture f;
-    REQUIRE(open_fixture(&f, 1 << 24));
+    REQUIRE(open_fixture(&f, 1 << 24, 0));
     CHECK_INT(get(&f, "/v1/meshes", NULL), 200);
     CHECK_INT(get(&f, "/v1/meshes/m", NULL), 200);
     CHECK_TEXT(f.response.media_type, "application/json");
@@ -91,7 +91,7 @@ static void test_answers(void)
     CHECK_INT(get(&f, "stream", NULL), 200);
     uint64_t whole = f.response.size;
     CHECK_INT(get(&f, "stream", "bytes=4-9"), 206);
-    CHECK_INT(f.response.kind, BODY_PIECES);
+    CHECK_INT(f.response.kind, BODY_BYTES);
     CHECK_INT(f.response.offset, 4);
     CHECK_INT(f.response.size, 6);
     char content_range[64];
@@ -113,10 +113,50 @@ static void test_answers(void)
     close_fixture(&f);
 }
 
+static bool flip(const char *path, long offset)
+{
+    FILE *file = fopen(path, "r+b");
+    bool good = file && fseek(file, offset, SEEK_SET) == 0;
+    int byte = good ? fgetc(file) : 0;
+    good = good && fseek(file, offset, SEEK_SET) == 0 && fputc(byte ^ 1, file) != EOF;
+    return file && fclose(file) == 0 && good;
+}
+
+/* What the first scan has no time for is checked part by part when it is read, and as a whole by the next scan. */
+static void test_damage_that_is_found_later(void)
+{
+    struct fixture f;
+    REQUIRE(open_fixture(&f, 1 << 24, 1));
+    struct dataset *dataset = catalogue_find(f.site.catalogue, "m");
+    REQUIRE(dataset);
+    const struct tetlod_info *info = dataset_info(dataset);
+    unsigned last = info->level_count - 1;
+    char levels[32], mesh[48];
+    snprintf(levels, sizeof levels, "records/%u-%u", last - 1, last);
+    snprintf(mesh, sizeof mesh, "levels/%u/mesh.vtu", last);
+    CHECK(!dataset_checked(dataset));
+    REQUIRE(flip(f.path, (long)info->levels[last].offset));
+    CHECK_INT(get(&f, "records/0-1", NULL), 200);
+    CHECK_INT(get(&f, "stream", "bytes=0-99"), 503); // this file is so short that its window has all of it
+    CHECK_INT(get(&f, levels, NULL), 503);
+    CHECK_TEXT(response_find_header(&f.response, "Retry-After"), "1");
+    CHECK_INT(get(&f, mesh, NULL), 503);
+    CHECK(dataset_damaged(dataset));
+    dataset_release(dataset);
+    catalogue_scan(f.site.catalogue, monotonic_seconds());
+    CHECK_INT(get(&f, "records/0-1", NULL), 404);
+    REQUIRE(flip(f.path, 0)); // a header that is none, and back: the file is taken up again when it is good
+    catalogue_scan(f.site.catalogue, monotonic_seconds());
+    REQUIRE(flip(f.path, 0) && write_stream(f.path, 1));
+    catalogue_scan(f.site.catalogue, monotonic_seconds());
+    CHECK_INT(get(&f, levels, NULL), 200);
+    close_fixture(&f);
+}
+
 static void test_cache_too_small(void)
 {
     struct fixture f;
-    REQUIRE(open_fixture(&f, 40000));
+    REQUIRE(open_fixture(&f, 40000, 0));
     CHECK_INT(get(&f, "levels/2/mesh.vtu", NULL), 422);
     CHECK_INT(get(&f, "levels/2/mesh.tetlod", NULL), 200);
     close_fixture(&f);
@@ -126,7 +166,7 @@ static void test_replaced(void)
 {
     struct fixture f;
     char old[48], current[48];
-    REQUIRE(open_fixture(&f, 1 << 24));
+    REQUIRE(open_fixture(&f, 1 << 24, 0));
     snprintf(old, sizeof old, "%s", f.cid);
     char other[112];
     snprintf(other, sizeof other, "%s.new", f.path);
@@ -152,6 +192,7 @@ static void test_replaced(void)
 int main(void)
 {
     RUN(test_answers);
+    RUN(test_damage_that_is_found_later);
     RUN(test_cache_too_small);
     RUN(test_replaced);
     return test_end();
