@@ -24,9 +24,10 @@
 /* In the order in which contents are tried: PLOT3D, which has no magic, last. */
 static const struct format formats[] = {
     {"tetlod", "a stream's finest level", {"tetlod"}, ONE, stream_sniff, stream_read, NULL},
-    {"vtu", "VTK XML: unstructured, structured, rectilinear and image grids, their parallel forms, multi-block, time",
-      {"vtu", "pvtu", "vts", "vtr", "vti", "vtm", "pvd", "pvts", "pvtr", "pvti", "vtpd", "vtpc"},
-     ONE, vtkxml_sniff, vtkxml_read, io_write_vtu},
+    {"vtu", "VTK XML: unstructured grids", {"vtu"}, ONE, vtkxml_sniff, vtkxml_read, io_write_vtu},
+    {"vtkxml", "VTK XML: parallel forms, structured, rectilinear and image grids, multi-block, time",
+     {"pvtu", "vts", "vtr", "vti", "vtm", "pvd", "pvts", "pvtr", "pvti", "vtpd", "vtpc"},
+     ONE, NULL, vtkxml_read, NULL},
     {"vtk", "legacy VTK 1.0 to 5.1", {"vtk"}, ONE, vtk_sniff, vtk_read, io_write_vtk},
     {"gmsh", "Gmsh 2.0 to 2.2, 4.0 and 4.1", {"msh"}, ONE, gmsh_sniff, gmsh_read, gmsh_write},
     {"vtkhdf", "VTKHDF: unstructured grids and images, steps in time (libhdf5)", {"vtkhdf", "hdf"}, ONE,

@@ -129,6 +129,16 @@ def contents():
     check('legacy: keyword', 3, [vtk('word.vtk', types='1\n10\nNONSENSE')], 'NONSENSE')
 
 
+def outputs():
+    """What only a reader has an extension for is no name for an output."""
+    good = vtu('in.vtu')
+    for extension in 'pvtu', 'vts', 'vti', 'vtm', 'pvd', 'foam', 'case':
+        done = subprocess.run([TETLOD, 'convert', good, '-o', path('out.' + extension)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        message = done.stderr.decode()
+        problem = None if done.returncode == 2 and 'use one of .vtu' in message and 'out.' + extension in message else message
+        report_problem('-o out.%s' % extension, 'left behind' if os.path.exists(path('out.' + extension)) else problem)
+
+
 def system():
     os.mkdir(path('folder.vtu'))
     check('directory', 1, [path('folder.vtu')], 'directory')
@@ -308,6 +318,7 @@ def choices_of_nothing():
 
 contents()
 choices_of_nothing()
+outputs()
 system()
 shrinks()
 plot3d()
