@@ -133,7 +133,10 @@ export interface Spec {
 export interface Part {
   /** Relative to the pictures' origin. */
   points: Float32Array;
+  /** Linear on each triangle, unless there are `vectors`. */
   values: Float32Array;
+  /** Of the vectors whose length colours, all components of each point: these are linear on a triangle, `values`, their lengths, are not. */
+  vectors: Float32Array | null;
   /** Absent where it is the same as in the last message. */
   triangles?: Uint32Array;
   lines?: Uint32Array | null;
@@ -166,6 +169,8 @@ export interface Rays {
   /** A tree of boxes over the boundary's faces, eight numbers for each: low corner, number of the node to go on with behind this
    *  one's; high corner, number of the leaf or -1. A node's first child is the next one; leaf i has faces 4 i to 4 i + 3. */
   nodes: Float32Array;
+  /** Of vectors with at most four components whose length colours: four numbers for each vertex. Rays take the length of what is interpolated. */
+  vectors: Float32Array | null;
   /** Values of the tetrahedra, if those colour, filled up to a multiple of four. */
   cells: Float32Array | null;
   /** Four for each tetrahedron: its vertices; 4 times the neighbour opposite each, plus which of its faces that is, or 2^32 - 1. */

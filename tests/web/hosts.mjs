@@ -21,37 +21,53 @@ export function sampleStream() {
   return { path, bytes: readFileSync(path) };
 }
 
-/**
- * A stream with values of cells, made once: a block of 6 * 8^3 tetrahedra in three materials, of which the third fills a corner, a load
- * of each tetrahedron, which is its number there, and a vector of two components.
- */
-export function cellStream() {
-  const path = join(SCRATCH, 'cells.tetlod');
-  if (existsSync(path)) return { path, bytes: readFileSync(path) };
-  const n = 8;
+// A block of 6 * n^3 tetrahedra in a cube of side 1, as the text of a legacy VTK file; `tets` say in which cube they are.
+function block(n) {
   const at = (x, y, z) => x + (n + 1) * (y + (n + 1) * z);
   const line = Array.from({ length: n + 1 }, (_, i) => i);
   const points = line.flatMap((z) => line.flatMap((y) => line.map((x) => [x, y, z].map((c) => c / n))));
   const orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
   const tets = [];
-  const material = [];
   for (let cube = 0; cube < n ** 3; cube++) {
     const low = [cube % n, Math.floor(cube / n) % n, Math.floor(cube / n ** 2)];
     for (const [k, order] of orders.entries()) {
       const corner = [...low];
       const [a, b, c, d] = [at(...corner), ...order.map((axis) => { corner[axis]++; return at(...corner); })];
-      tets.push([0, 3, 4].includes(k) ? [a, b, c, d] : [a, c, b, d]); // none is inside out
-      material.push(low.every((c) => c >= n / 2) ? 30 : low[0] < n / 2 ? 10 : 20);
+      tets.push({ low, corners: [0, 3, 4].includes(k) ? [a, b, c, d] : [a, c, b, d] }); // none is inside out
     }
   }
-  const text = ['# vtk DataFile Version 3.0', 'cells', 'ASCII', 'DATASET UNSTRUCTURED_GRID', `POINTS ${points.length} double`, ...points.map((p) => p.join(' ')),
-    `CELLS ${tets.length} ${5 * tets.length}`, ...tets.map((tet) => `4 ${tet.join(' ')}`), `CELL_TYPES ${tets.length}`, ...tets.map(() => '10'),
-    `POINT_DATA ${points.length}`, 'SCALARS heat double 1', 'LOOKUP_TABLE default', ...points.map(([x, y, z]) => Math.sin(3 * x) + y * z),
-    `CELL_DATA ${tets.length}`, 'SCALARS material int 1', 'LOOKUP_TABLE default', ...material, 'SCALARS load float 1', 'LOOKUP_TABLE default', ...tets.keys(),
-    'SCALARS pull float 2', 'LOOKUP_TABLE default', ...[...tets.keys()].map((t) => `${t % 3} ${-t}`)];
-  writeFileSync(join(SCRATCH, 'cells.vtk'), text.join('\n'));
-  execFileSync(TETLOD, ['build', join(SCRATCH, 'cells.vtk'), '--field', 'heat', '--region', 'material', '-o', path, '--quiet']);
+  const text = ['# vtk DataFile Version 3.0', 'block', 'ASCII', 'DATASET UNSTRUCTURED_GRID', `POINTS ${points.length} double`, ...points.map((p) => p.join(' ')),
+    `CELLS ${tets.length} ${5 * tets.length}`, ...tets.map(({ corners }) => `4 ${corners.join(' ')}`), `CELL_TYPES ${tets.length}`, ...tets.map(() => '10'),
+    `POINT_DATA ${points.length}`];
+  return { points, tets, text };
+}
+
+function streamOf(name, text, ...options) {
+  const path = join(SCRATCH, `${name}.tetlod`);
+  writeFileSync(join(SCRATCH, `${name}.vtk`), text.join('\n'));
+  execFileSync(TETLOD, ['build', join(SCRATCH, `${name}.vtk`), ...options, '-o', path, '--quiet']);
   return { path, bytes: readFileSync(path) };
+}
+
+/**
+ * A stream with values of cells: a block of 6 * 8^3 tetrahedra in three materials, of which the third fills a corner, a load
+ * of each tetrahedron, which is its number there, and a vector of two components.
+ */
+export function cellStream() {
+  const n = 8;
+  const { points, tets, text } = block(n);
+  const material = tets.map(({ low }) => (low.every((c) => c >= n / 2) ? 30 : low[0] < n / 2 ? 10 : 20));
+  return streamOf('cells', [...text, 'SCALARS heat double 1', 'LOOKUP_TABLE default', ...points.map(([x, y, z]) => Math.sin(3 * x) + y * z),
+    `CELL_DATA ${tets.length}`, 'SCALARS material int 1', 'LOOKUP_TABLE default', ...material, 'SCALARS load float 1', 'LOOKUP_TABLE default', ...tets.keys(),
+    'SCALARS pull float 2', 'LOOKUP_TABLE default', ...[...tets.keys()].map((t) => `${t % 3} ${-t}`)], '--field', 'heat', '--region', 'material');
+}
+
+/** A stream with a field whose vectors turn by almost a radian within a tetrahedron, and a scalar. */
+export function turningStream() {
+  const { points, text } = block(6);
+  const turn = ([x, y, z]) => 3 * x + 2 * y - z;
+  return streamOf('turning', [...text, 'SCALARS heat double 1', 'LOOKUP_TABLE default', ...points.map(([x, y, z]) => Math.sin(3 * x) + y * z),
+    'VECTORS flow double', ...points.map((p) => `${Math.cos(turn(p))} ${(1 + p[2]) * Math.sin(turn(p))} ${0.6 * p[1]}`)], '--field', 'heat');
 }
 
 /**

@@ -184,7 +184,7 @@ const differenceFromRays = (behind) => page.evaluate(async ([clip, map]) => {
 async function tetrahedra_are_rendered() {
   await page.setViewportSize(small);
   const middle = { normal: [1, 0, 0], at: 0.5 };
-  for (const [more, clip, id] of [['&error=0.2', null], ['&error=0&cells=load', null, 'cells'], ['&error=0', null], ['&error=0.01&clip=x@0.5', middle]]) {
+  for (const [more, clip, id] of [['&error=0.2', null], ['&error=0.2&field=Velocity', null], ['&error=0&cells=load', null, 'cells'], ['&error=0', null], ['&error=0.01&clip=x@0.5', middle]]) {
     await open(`&volume=1&surface=off&opacity=0:0,0.3:0.05,1:0.4${more}`, page, id);
     await until(() => window.tetlod.scene.rays?.actor.getVisibility());
     await picture();

@@ -581,13 +581,19 @@ export class Engine {
     return this.#view.surface({ lines, keep });
   }
 
+  // The vectors whose length colours; null: what colours is linear.
+  get #lengthOf() {
+    const { shade, component, cellShade } = this.#spec;
+    return cellShade < 0 && shade >= 0 && component < 0 ? { field: shade, components: this.#info.fields[shade].components } : null;
+  }
+
   #drawRays() {
     const { rays, threshold, regions } = this.#spec;
     if (!rays) return null;
     const key = JSON.stringify([this.#shown, threshold && this.#at, threshold, regions]);
     const keep = key === this.#raysOf;
     this.#raysOf = key;
-    return this.#view.rays({ keep });
+    return this.#view.rays({ keep, lengthOf: this.#lengthOf });
   }
 
   // Returns the range.
@@ -634,8 +640,13 @@ export class Engine {
     const at = (level) => boundOf(this.#info, level, this.#info.fields[field].name, component < 0 ? 'magnitude' : component);
     const { bound: fine, certified } = at(this.#shown);
     const bound = t < 1 ? fine + (1 - t) * (at(this.#coarser).bound - fine) : fine;
-    const sides = [-bound, bound].map((shift) => this.#view.isosurface(field, component, value + shift, { normals: true }));
-    return { bound, certified, sides };
+    let near = true;
+    const sides = [-bound, bound].map((shift) => {
+      const side = this.#view.isosurface(field, component, value + shift, { normals: true, margin: shift > 0 });
+      near &&= this.#view.isNear;
+      return side;
+    });
+    return { bound, certified: certified && near, sides };
   }
 
   // A grid takes too long to be made while the mesh moves: undefined then and where it is the same, null where none is wanted.
@@ -658,7 +669,7 @@ export class Engine {
     const [low, high] = this.#info.bounds;
     const { centre } = this.#view; // places are relative to it
     const plane = clip && { ...clip, origin: clip.origin.map((c, i) => c - centre[i]) };
-    return drawVectors(new Flow(this.#view.flow(vectors.field)), vectors, Math.hypot(...high.map((h, i) => h - low[i])), plane);
+    return drawVectors(new Flow(this.#view.flow(vectors.field, this.#lengthOf)), vectors, Math.hypot(...high.map((h, i) => h - low[i])), plane);
   }
 
   // Makes the pictures at t of a move (1: at rest) and waits until they are seen.

@@ -227,13 +227,14 @@ export class View {
     return [...this.#doubles(this.#code.view_shade_range(this.#view), 2)];
   }
 
-  // `lines`, `normals`: what the part has beside points, values and triangles; `keep`: without triangles and lines.
-  #part({ lines = false, normals = false, keep = false } = {}, make) {
-    this.#check(make((lines ? 1 : 0) | (normals ? 2 : 0)));
-    const [points, triangles, edges, ...at] = this.#words(this.#code.view_part(this.#view), 8);
+  // `lines`, `normals`: what the part has beside points, values and triangles; `keep`: without triangles and lines; `margin`: WITH_MARGIN.
+  #part({ lines = false, normals = false, keep = false, margin = false } = {}, make) {
+    this.#check(make((lines ? 1 : 0) | (normals ? 2 : 0) | (margin ? 4 : 0)));
+    const [points, triangles, edges, ...at] = this.#words(this.#code.view_part(this.#view), 10);
     const part = {
       points: this.#floats(at[0], 3 * points).slice(),
       values: this.#floats(at[1], points).slice(),
+      vectors: at[5] ? this.#floats(at[6], at[5] * points).slice() : null,
       normals: normals ? this.#floats(at[4], 3 * points).slice() : null,
     };
     if (keep) return part;
@@ -273,6 +274,11 @@ export class View {
     return this.#part(options, (flags) => this.#code.view_isosurface(this.#view, flags, field, component, value));
   }
 
+  /** Is the last isosurface as near as it is to be? One of a length may need too many triangles for that. */
+  get isNear() {
+    return Boolean(this.#code.view_is_near(this.#view));
+  }
+
   /** The value that colours, or its logarithm, on a grid over the bounds with `size` points along the longest side. */
   resample(size, logarithmic) {
     this.#check(this.#code.view_resample(this.#view, size, logarithmic ? 1 : 0));
@@ -293,17 +299,31 @@ export class View {
     return this.#words(this.#code.view_ray_data(this.#view), 11);
   }
 
-  /** What is drawn, and a field of vectors, as `Flow` takes them: the module's own arrays, until the next call. */
-  flow(field) {
+  /** What is drawn, and a field of vectors, as `Flow` takes them: the module's own arrays, until the next call. `lengthOf`: {field,
+   *  components} of the field whose length colours, or null. */
+  flow(field, lengthOf) {
     const [vertexCount, tetCount, , , vertices, corners, neighbours, , , ofTets, hasOfTets] = this.#rayData();
-    return { cells: hasOfTets ? this.#floats(ofTets, tetCount) : null, vertices: this.#floats(vertices, 4 * vertexCount), corners: this.#words(corners, 4 * tetCount), neighbours: this.#words(neighbours, 4 * tetCount),
-      vectors: this.#doubles(this.#code.view_values(this.#view, field), 3 * vertexCount) };
+    const valuesOf = (of, components) => this.#doubles(this.#code.view_values(this.#view, of), components * vertexCount);
+    return {
+      cells: hasOfTets ? this.#floats(ofTets, tetCount) : null, vertices: this.#floats(vertices, 4 * vertexCount),
+      corners: this.#words(corners, 4 * tetCount), neighbours: this.#words(neighbours, 4 * tetCount), vectors: valuesOf(field, 3),
+      lengths: lengthOf && { values: valuesOf(lengthOf.field, lengthOf.components), components: lengthOf.components },
+    };
   }
 
-  /** What rays through the tetrahedra need (src/cut/rays.h); `keep`: only what a move changes. */
-  rays({ keep = false } = {}) {
+  // Four numbers for each vertex, of vectors that have at most four components.
+  #vectors({ field, components }, count) {
+    const values = this.#doubles(this.#code.view_values(this.#view, field), components * count);
+    const four = new Float32Array(4 * count);
+    for (let v = 0; v < count; v++) for (let c = 0; c < components; c++) four[4 * v + c] = values[components * v + c];
+    return four;
+  }
+
+  /** What rays through the tetrahedra need (src/cut/rays.h); `keep`: only what a move changes. `lengthOf`: as of flow(). */
+  rays({ keep = false, lengthOf = null } = {}) {
     const [vertexCount, tetCount, faceCount, nodeCount, vertices, corners, neighbours, faces, nodes, ofTets, hasOfTets] = this.#rayData();
     const placed = {
+      vectors: lengthOf?.components <= 4 ? this.#vectors(lengthOf, vertexCount) : null,
       vertices: this.#floats(vertices, 4 * vertexCount).slice(), nodes: this.#floats(nodes, 8 * nodeCount).slice(),
       cells: hasOfTets ? this.#floats(ofTets, 4 * Math.ceil(tetCount / 4)).slice() : null,
     };

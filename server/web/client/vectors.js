@@ -20,9 +20,10 @@ const across = (d) => unit(cross(d, Math.abs(d[0]) < 0.7 ? [1, 0, 0] : [0, 1, 0]
 /** A mesh with values, and which tetrahedron is behind which face. */
 export class Flow {
   // `vertices`: place and the value that colours, four numbers for each; `vectors`: three for each; `neighbours`: 4 times the
-  // tetrahedron opposite each corner, plus which of its faces that is, or NONE; `cells`: values of tetrahedra that colour instead, or null
-  constructor({ vertices, corners, neighbours, vectors, cells = null }) {
-    Object.assign(this, { vertices, corners, neighbours, vectors, cells, tets: corners.length / 4 });
+  // tetrahedron opposite each corner, plus which of its faces that is, or NONE; `cells`: values of tetrahedra that colour instead, or null;
+  // `lengths`: {values, components} of vectors whose length colours instead, or null
+  constructor({ vertices, corners, neighbours, vectors, cells = null, lengths = null }) {
+    Object.assign(this, { vertices, corners, neighbours, vectors, cells, lengths, tets: corners.length / 4 });
     this.fastest = 0;
     for (let v = 0; v < vectors.length; v += 3) this.fastest = Math.max(this.fastest, Math.hypot(vectors[v], vectors[v + 1], vectors[v + 2]));
   }
@@ -86,7 +87,11 @@ export class Flow {
   }
 
   shadeAt({ tet, weights }) {
-    return this.cells ? this.cells[tet] : weights.reduce((sum, w, i) => sum + w * this.vertices[4 * this.corners[4 * tet + i] + 3], 0);
+    if (this.cells) return this.cells[tet];
+    const at = (list, n, c) => weights.reduce((sum, w, i) => sum + w * list[n * this.corners[4 * tet + i] + c], 0);
+    if (!this.lengths) return at(this.vertices, 4, 3);
+    const { values, components } = this.lengths;
+    return Math.hypot(...Array.from({ length: components }, (_, c) => at(values, components, c)));
   }
 
   // One step of `length` along the flow, or against it where that is negative (Runge and Kutta's of order 4); null: it leads out, or nowhere.

@@ -59,10 +59,18 @@ export function clipToWindow(polygon, width, height, margin) {
   }), polygon);
 }
 
+// The value of a part within a triangle, with these weights of its corners: of vectors the length, which is not linear.
+function valueIn({ values, vectors }, corners, weights) {
+  const at = (list, n, c) => corners.reduce((sum, corner, i) => sum + weights[i] * list[n * corner + c], 0);
+  if (!vectors) return at(values, 1, 0);
+  const n = vectors.length / values.length;
+  return Math.hypot(...Array.from({ length: n }, (_, c) => at(vectors, n, c)));
+}
+
 // The nearest triangle of a part that a ray meets (Möller and Trumbore): { distance, value, point } or null.
 // `facing`: 1 takes front faces only, -1 back faces only, 0 both.
 export function pickPart(part, from, direction, facing = 0) {
-  const { points, triangles, values } = part;
+  const { points, triangles } = part;
   let best = Infinity;
   let found = null;
   for (let t = 0; t < triangles.length; t += 3) {
@@ -82,9 +90,9 @@ export function pickPart(part, from, direction, facing = 0) {
     const distance = (e2x * qx + e2y * qy + e2z * qz) * inverse;
     if (distance <= 0 || distance >= best) continue;
     best = distance;
-    found = { distance, value: (1 - u - v) * values[triangles[t]] + u * values[triangles[t + 1]] + v * values[triangles[t + 2]] };
+    found = { t, weights: [1 - u - v, u, v] };
   }
-  return found && { ...found, point: add(from, direction, best) };
+  return found && { distance: best, value: valueIn(part, [...triangles.subarray(found.t, found.t + 3)], found.weights), point: add(from, direction, best) };
 }
 
 // Which of `lines` (pairs of points) each side of each triangle is, three to a triangle; -1: none of them.

@@ -31,9 +31,10 @@ export class RayLayer {
   update(cells) {
     this.actor.setVisibility(Boolean(cells));
     if (!cells) return;
-    const { vertices, nodes, corners, neighbours, faces, moves } = cells;
+    const { vertices, vectors, nodes, corners, neighbours, faces, moves } = cells;
     // a texture that is not used is there, too
-    this.mapper.put({ textures: { vertices, nodes, corners, neighbours, faces, cells: cells.cells ?? vertices }, uniforms: { moves, byCells: Boolean(cells.cells) } });
+    this.mapper.put({ textures: { vertices, vectors: vectors ?? vertices, nodes, corners, neighbours, faces, cells: cells.cells ?? vertices },
+      uniforms: { moves, byCells: Boolean(cells.cells), byLengths: Boolean(vectors) } });
   }
 
   // `state` of the picture, [low, high] of the colours, the bounds' `sides`; `clip`: {origin, normal} or null

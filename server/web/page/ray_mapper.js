@@ -166,6 +166,7 @@ class Drawing {
     gl.uniform2f(this.at('range'), ...uniforms.range);
     gl.uniform1i(this.at('logarithmic'), Number(uniforms.logarithmic));
     gl.uniform1i(this.at('byCells'), Number(uniforms.byCells));
+    gl.uniform1i(this.at('byLengths'), Number(uniforms.byLengths));
     gl.uniform4f(this.at('clip'), ...uniforms.clip);
     gl.uniformMatrix4fv(this.at('toWorld'), false, toWorld);
     return taken;

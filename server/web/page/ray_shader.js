@@ -24,12 +24,12 @@ precision highp float;
 precision highp int;
 precision highp usampler2D;
 precision highp sampler2D;
-uniform sampler2D vertices, nodes, cells, table, opaque;
+uniform sampler2D vertices, vectors, nodes, cells, table, opaque;
 uniform usampler2D corners, neighbours, faces;
 uniform mat4 toWorld;           // from the picture's cube to the vertices' coordinates
 uniform uint nodeCount, tetCount;
 uniform vec2 range;             // of the colours, of logarithms if logarithmic
-uniform bool logarithmic, hasOpaque, byCells; // byCells: tetrahedra have the values, four to a texel of cells
+uniform bool logarithmic, hasOpaque, byCells, byLengths; // byCells: tetrahedra have the values, four to a texel of cells; byLengths: those of vectors are
 uniform vec4 clip;              // drawn is where dot(clip.xyz, p) < clip.w
 in vec2 place;
 out vec4 seen;
@@ -100,15 +100,28 @@ float position(float value) {
   return (x - range.x) / (range.y - range.x);
 }
 
-// Colour and opacity of a piece in which the value goes from one to another. z is where, w the value.
-void pass(vec2 from, vec2 to) {
-  float z0 = max(from.x, extent.x), z1 = min(to.x, extent.y);
+// A place on the ray, and what is linear there: the value, or the vector whose length it is.
+struct Place { float z; vec4 linear; };
+
+float valueOf(vec4 linear) { return byLengths ? length(linear) : linear.x; }
+float seat(vec4 linear) { return clamp(position(valueOf(linear)), 0.0, 1.0); }
+
+// In a face, with weights of its corners.
+vec4 linearIn(uvec3 id, vec3 w, vec3 values) {
+  if (!byLengths) return vec4(dot(w, values), 0.0, 0.0, 0.0);
+  return w.x * texelFetch(vectors, at(id.x), 0) + w.y * texelFetch(vectors, at(id.y), 0) + w.z * texelFetch(vectors, at(id.z), 0);
+}
+
+// Colour and opacity of a piece between two places.
+void pass(Place from, Place to) {
+  float z0 = max(from.z, extent.x), z1 = min(to.z, extent.y);
   if (z1 <= z0) return;
-  vec2 part = (vec2(z0, z1) - from.x) / (to.x - from.x);
-  vec2 values = mix(from.yy, to.yy, part);
-  float steps = clamp(ceil(128.0 * abs(clamp(position(values.y), 0.0, 1.0) - clamp(position(values.x), 0.0, 1.0))), 1.0, 128.0);
+  vec2 part = (vec2(z0, z1) - from.z) / (to.z - from.z);
+  vec4 first = mix(from.linear, to.linear, part.x), last = mix(from.linear, to.linear, part.y);
+  float low = seat(first), high = seat(last), between = byLengths ? seat(0.5 * (first + last)) : 0.5 * (low + high); // a length may sink
+  float steps = clamp(ceil(128.0 * max(abs(high - low), 2.0 * abs(between - 0.5 * (low + high)))), 1.0, 128.0);
   for (float i = 0.5; i < steps; i++) {
-    float x = clamp(position(mix(values.x, values.y, i / steps)), 0.0, 1.0);
+    float x = seat(mix(first, last, i / steps));
     vec4 entry = texelFetch(table, ivec2(int(x * ${width - 1}.0 + 0.5), 0), 0);
     float taken = (1.0 - opacity) * (1.0 - exp(-entry.w * (z1 - z0) / steps));
     color += taken * entry.rgb;
@@ -123,7 +136,7 @@ void follow(uint number, float z) {
   uint slot = face.w;
   vec4 a = along(id.x), b = along(id.y), c = along(id.z);
   vec3 w = vec3(area(b, c), area(c, a), area(a, b));
-  vec2 from = vec2(z, dot(w, vec3(a.w, b.w, c.w)) / (w.x + w.y + w.z));
+  Place from = Place(z, linearIn(id, w / (w.x + w.y + w.z), vec3(a.w, b.w, c.w)));
   for (uint i = 0u; i < tetCount; i++) {
     uvec4 tet = texelFetch(corners, at(slot >> 2), 0);
     uint id4 = tet[slot & 3u];
@@ -139,11 +152,11 @@ void follow(uint number, float z) {
     }
     w = vec3(area(b, c), area(c, a), area(a, b));
     float sum = w.x + w.y + w.z;
-    vec2 to = from;
-    if (sum > 0.0) to = vec2(dot(w, vec3(a.z, b.z, c.z)), dot(w, vec3(a.w, b.w, c.w))) / sum;
-    if (byCells) from.y = to.y = texelFetch(cells, at(slot >> 4), 0)[(slot >> 2) & 3u];
+    Place to = from;
+    if (sum > 0.0) to = Place(dot(w, vec3(a.z, b.z, c.z)) / sum, linearIn(id, w / sum, vec3(a.w, b.w, c.w)));
+    if (byCells) from.linear.x = to.linear.x = texelFetch(cells, at(slot >> 4), 0)[(slot >> 2) & 3u];
     pass(from, to);
-    if (opacity > 0.995 || to.x >= extent.y) return;
+    if (opacity > 0.995 || to.z >= extent.y) return;
     from = to;
     uint k = tet.x == gone ? 0u : tet.y == gone ? 1u : tet.z == gone ? 2u : 3u;
     slot = texelFetch(neighbours, at(slot >> 2), 0)[k];

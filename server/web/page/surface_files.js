@@ -39,7 +39,7 @@ function cells(file, corners, each) {
 }
 
 /**
- * VTK's XML PolyData. `positions`: three numbers a point; `arrays`: [name, values of points]; `triangles` or
+ * VTK's XML PolyData. `positions`: three numbers a point; `arrays`: [name, values of points, components (1)]; `triangles` or
  * `lines`: corners; `notes`: [name, number] of the whole.
  */
 export function vtpOf({ positions, arrays, triangles = [], lines = [], notes = [] }) {
@@ -47,7 +47,7 @@ export function vtpOf({ positions, arrays, triangles = [], lines = [], notes = [
   const parts = [
     `<FieldData>${notes.map(([name, value]) => file.array(name, Float64Array.of(value)).replace('NumberOfComponents', 'NumberOfTuples="1" NumberOfComponents')).join('')}</FieldData>`,
     `<Piece NumberOfPoints="${positions.length / 3}" NumberOfVerts="0" NumberOfLines="${lines.length / 2}" NumberOfStrips="0" NumberOfPolys="${triangles.length / 3}">`,
-    `<PointData Scalars="${escaped(arrays[0][0])}">${arrays.map(([name, values]) => file.array(name, values)).join('')}</PointData>`,
+    `<PointData Scalars="${escaped(arrays[0][0])}">${arrays.map(([name, values, components]) => file.array(name, values, components)).join('')}</PointData>`,
     `<Points>${file.array('Points', positions, 3)}</Points>`,
     `<Lines>${cells(file, lines, 2)}</Lines>`,
     `<Polys>${cells(file, triangles, 3)}</Polys>`,
@@ -56,8 +56,9 @@ export function vtpOf({ positions, arrays, triangles = [], lines = [], notes = [
   return file.blob(`<PolyData>\n${parts.join('\n')}\n</PolyData>`);
 }
 
-/** A part of the picture. */
-export function vtpOfPart({ points, values, triangles }, origin, title, notes) {
+/** A part of the picture; where the length of vectors colours, also these: what is between points is the length of their mean. */
+export function vtpOfPart({ points, values, vectors, triangles }, origin, title, notes) {
   const positions = Float64Array.from(points, (x, i) => origin[i % 3] + x);
-  return vtpOf({ positions, arrays: [[title, values]], triangles, notes });
+  const arrays = vectors ? [[`${title} vectors`, vectors, vectors.length / values.length]] : [];
+  return vtpOf({ positions, arrays: [[title, values], ...arrays], triangles, notes });
 }

@@ -62,6 +62,23 @@ const double *view_shade(struct view *view, uint32_t field, int32_t component)
     return view->shade_range;
 }
 
+const struct point_field *view_length_field(const struct view *view)
+{
+    bool length = !view->by_cells && view->shade_component < 0 && view->shade_field < view->shown.field_count;
+    const struct point_field *field = length ? &view->shown.fields[view->shade_field] : NULL;
+    return field && field->values ? field : NULL;
+}
+
+/* The mesh that is shown. */
+static struct view_points shown_points(const struct view *view)
+{
+    const struct point_field *field = view_length_field(view);
+    struct view_array shade = {view->shade, 1, 1};
+    if (field)
+        shade = (struct view_array){field->values, field->components, field->components};
+    return (struct view_points){{view->shown.positions, 3, 3}, shade, field != NULL};
+}
+
 static double volume_of(const struct view *view, const uint32_t *corners)
 {
     double edges[3][3];
@@ -111,6 +128,7 @@ const struct view_part *view_part(const struct view *view)
 
 bool view_reserve_points(struct view_part *part, uint32_t count, bool normals)
 {
+    part->components = 0;
     return array_reserve((void **)&part->points, &part->point_cap, 3 * (size_t)count, sizeof *part->points) &&
            array_reserve((void **)&part->values, &part->value_cap, count, sizeof *part->values) &&
            (!normals || array_reserve((void **)&part->normal_room, &part->normal_cap, 3 * (size_t)count, sizeof *part->normals));
@@ -126,14 +144,31 @@ static void take_counts(struct view_part *part, const struct cut *cut, uint32_t 
     part->normals = with & WITH_NORMALS ? part->normal_room : NULL;
 }
 
-static enum tetlod_status draw(struct view *view, const struct cut *cut, uint32_t with, struct view_part *part)
+static bool reserve(struct view_part *part, uint32_t count, bool normals, uint32_t components)
 {
-    if (!view_reserve_points(part, cut->vertex_count, with & WITH_NORMALS))
+    if (!view_reserve_points(part, count, normals) ||
+        !array_reserve((void **)&part->vectors, &part->vector_cap, (size_t)count * components, sizeof *part->vectors))
+        return false;
+    part->components = components;
+    return true;
+}
+
+static enum tetlod_status draw(struct view *view, const struct cut *cut, uint32_t with, const struct view_points *of,
+                               struct view_part *part)
+{
+    const struct view_array *places = &of->places, *shade = &of->shade;
+    if (!reserve(part, cut->vertex_count, with & WITH_NORMALS, of->lengths ? shade->count : 0))
         return tetlodi_fail_nomem(&view->error, "a picture", 16 * (uint64_t)cut->vertex_count);
     for (uint32_t v = 0; v < cut->vertex_count; v++) {
+        double squares = 0;
         for (uint32_t i = 0; i < 3; i++)
-            part->points[3 * (size_t)v + i] = (float)(cut_value(cut, v, view->shown.positions, 3, i) - view->centre[i]);
-        part->values[v] = (float)cut_value(cut, v, view->shade, 1, 0);
+            part->points[3 * (size_t)v + i] = (float)(cut_value(cut, v, places->values, places->stride, i) - view->centre[i]);
+        for (uint32_t c = 0; c < part->components; c++) {
+            double x = cut_value(cut, v, shade->values, shade->stride, c);
+            part->vectors[(size_t)v * part->components + c] = (float)x;
+            squares += x * x;
+        }
+        part->values[v] = (float)(of->lengths ? sqrt(squares) : cut_value(cut, v, shade->values, shade->stride, 0));
     }
     take_counts(part, cut, with);
     if (part->normals)
@@ -141,9 +176,9 @@ static enum tetlod_status draw(struct view *view, const struct cut *cut, uint32_
     return TETLOD_OK;
 }
 
-static enum tetlod_status draw_part(struct view *view, const struct cut *cut, uint32_t with)
+static enum tetlod_status draw_part(struct view *view, const struct cut *cut, uint32_t with, const struct view_points *of)
 {
-    TETLOD_TRY(draw(view, cut, with, &view->part));
+    TETLOD_TRY(draw(view, cut, with, of, &view->part));
     return view_facet(view, cut);
 }
 
@@ -170,6 +205,16 @@ static void blend_floats(const struct cut *trimmed, const float *from, uint32_t 
     }
 }
 
+static void take_lengths(struct view_part *part)
+{
+    for (size_t v = 0; v < part->point_count; v++) {
+        double squares = 0;
+        for (uint32_t c = 0; c < part->components; c++)
+            squares += (double)part->vectors[v * part->components + c] * (double)part->vectors[v * part->components + c];
+        part->values[v] = (float)sqrt(squares);
+    }
+}
+
 /* The view's part is what is behind the plane of `whole`, which was drawn of the view's cut. */
 static enum tetlod_status trim(struct view *view, uint32_t with)
 {
@@ -184,11 +229,15 @@ static enum tetlod_status trim(struct view *view, uint32_t with)
             view->distances[v] += n[i] * (whole->points[3 * v + i] + view->centre[i] - o[i]);
     }
     TETLOD_TRY(cut_trim(&view->cut, view->distances, &view->trimmed, &view->error));
-    if (!view_reserve_points(part, view->trimmed.vertex_count, with & WITH_NORMALS))
+    if (!reserve(part, view->trimmed.vertex_count, with & WITH_NORMALS, whole->components))
         return tetlodi_fail_nomem(&view->error, "a picture", 16 * (uint64_t)view->trimmed.vertex_count);
     take_counts(part, &view->trimmed, with);
     blend_floats(&view->trimmed, whole->points, 3, part->points);
     blend_floats(&view->trimmed, whole->values, 1, part->values);
+    if (part->components) {
+        blend_floats(&view->trimmed, whole->vectors, part->components, part->vectors);
+        take_lengths(part);
+    }
     if (part->normals)
         blend_floats(&view->trimmed, whole->normals, 3, part->normals);
     return TETLOD_OK;
@@ -224,7 +273,8 @@ static enum tetlod_status clip_surface(struct view *view, uint32_t with)
     TETLOD_TRY(cut_clip(view_drawn(view), &view->boundary, view->function, &view->cut, &view->error));
     if (with & WITH_LINES)
         TETLOD_TRY(cut_lines(&view->cut, view->function, &view->error));
-    return draw_part(view, &view->cut, with);
+    const struct view_points points = shown_points(view);
+    return draw_part(view, &view->cut, with, &points);
 }
 
 uint32_t view_surface(struct view *view, uint32_t with)
@@ -236,20 +286,21 @@ uint32_t view_surface(struct view *view, uint32_t with)
         TETLOD_TRY(cut_lines(&view->boundary, NULL, &view->error));
         view->has_lines = true;
     }
-    return draw_part(view, &view->boundary, with);
+    const struct view_points points = shown_points(view);
+    return draw_part(view, &view->boundary, with, &points);
 }
 
 /* ---- sections and isosurfaces ---- */
 
-static enum tetlod_status finish_cut(struct view *view, uint32_t with)
+static enum tetlod_status finish_cut(struct view *view, uint32_t with, const struct view_points *of)
 {
     if (with & WITH_LINES)
         TETLOD_TRY(cut_lines(&view->cut, view->function, &view->error));
     else
         view->cut.line_count = 0;
     if (!view->clips)
-        return draw_part(view, &view->cut, with);
-    TETLOD_TRY(draw(view, &view->cut, with, &view->whole));
+        return draw_part(view, &view->cut, with, of);
+    TETLOD_TRY(draw(view, &view->cut, with, of, &view->whole));
     TETLOD_TRY(trim(view, with));
     return view_facet(view, &view->trimmed);
 }
@@ -258,16 +309,43 @@ uint32_t view_slice(struct view *view, uint32_t with, double ox, double oy, doub
 {
     take_distances(view, ox, oy, oz, nx, ny, nz);
     TETLOD_TRY(cut_zero(view_drawn(view), view->function, &view->cut, &view->error));
-    return finish_cut(view, with);
+    const struct view_points points = shown_points(view);
+    return finish_cut(view, with, &points);
+}
+
+/* The isosurface of a length, which is not linear on tetrahedra: of smaller ones. */
+static enum tetlod_status cut_length(struct view *view, uint32_t with, const struct point_field *field, double value)
+{
+    struct view_fine *fine = &view->fine;
+    struct view_points points = shown_points(view);
+    TETLOD_TRY(view_divide(view, field, value, with & WITH_MARGIN));
+    points.places.values = fine->mesh.positions;
+    points.shade = (struct view_array){fine->rows + field->components, fine->width, points.shade.count};
+    for (uint32_t v = 0; v < fine->mesh.vertex_count; v++)
+        fine->lengths[v] -= value + (with & WITH_MARGIN ? fine->accuracy : 0);
+    TETLOD_TRY(cut_zero(&fine->mesh, fine->lengths, &view->cut, &view->error));
+    for (uint32_t t = 0; t < view->cut.triangle_count; t++)
+        view->cut.tets[t] = fine->parents[0][view->cut.tets[t]];
+    return finish_cut(view, with & ~(uint32_t)WITH_LINES, &points);
 }
 
 uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32_t component, double value)
 {
+    const struct point_field *of = field < view->shown.field_count ? &view->shown.fields[field] : NULL;
+    view->fine.deviation = view->fine.accuracy = 0;
+    if (component < 0 && of && of->values)
+        return cut_length(view, with, of, value);
     view_take_values(&view->shown, view->shown.vertex_count, field, component, view->function);
     for (uint32_t v = 0; v < view->shown.vertex_count; v++)
         view->function[v] -= value;
     TETLOD_TRY(cut_zero(view_drawn(view), view->function, &view->cut, &view->error));
-    return finish_cut(view, with);
+    const struct view_points points = shown_points(view);
+    return finish_cut(view, with, &points);
+}
+
+bool view_is_near(const struct view *view)
+{
+    return view->fine.deviation <= view->fine.accuracy;
 }
 
 /* ---- values at points ---- */
@@ -289,7 +367,7 @@ uint32_t view_resample(struct view *view, uint32_t size, uint32_t logarithmic)
     if (size != view->grid_size) { // a clip plane that is dragged needs no other grid
         view->grid_size = 0;
         cut_grid_cover(&view->grid, bounds[0], bounds[1], size);
-        TETLOD_TRY(cut_resample(view_drawn(view), view->shade, view_of_drawn(view), &view->grid, &view->error));
+        TETLOD_TRY(view_lengths_on_grid(view));
         view->grid_size = size;
     }
     return cut_make_voxels(&view->grid, logarithmic, view->clips ? &view->clip : NULL, &view->voxels, &view->error);
@@ -327,7 +405,7 @@ const double *view_values(const struct view *view, uint32_t field)
 
 uint32_t view_along(struct view *view, double ax, double ay, double az, double bx, double by, double bz)
 {
-    return cut_along(view_drawn(view), view->shade, view_of_drawn(view), (double[3]){ax, ay, az}, (double[3]){bx, by, bz}, &view->line, &view->error);
+    return view_lengths_along(view, (double[3]){ax, ay, az}, (double[3]){bx, by, bz});
 }
 
 const struct cut_line *view_line(const struct view *view)

@@ -29,8 +29,10 @@ struct view_part {
     const uint32_t *triangles; /* [3 * triangle_count] */
     const uint32_t *lines;     /* [2 * line_count] */
     float *normals;            /* [3 * point_count], or NULL */
+    uint32_t components;       /* of the vectors whose lengths the values are; 0: the values are linear on each triangle */
+    float *vectors;            /* [components * point_count] */
     float *normal_room;
-    size_t point_cap, value_cap, normal_cap;
+    size_t point_cap, value_cap, normal_cap, vector_cap;
 };
 
 /* A part whose triangles each have corners of their own, of one value: that of the tetrahedron. */
@@ -56,6 +58,31 @@ struct view_range {
     double low, high;
 };
 
+/* An array of the mesh: `count` numbers of every `stride`. */
+struct view_array {
+    const double *values;
+    uint32_t stride, count;
+};
+
+/* What a surface is drawn of: places, and what colours. */
+struct view_points {
+    struct view_array places, shade;
+    bool lengths; /* colours show the length of `shade` */
+};
+
+/* The tetrahedra that an isosurface of a length may pass through, divided (fine.c). Begins zeroed; its memory is used again. */
+struct view_fine {
+    struct tetmesh mesh, coarse; /* divided, and as they were before the last division; without fields */
+    size_t position_cap, corner_cap[2], parent_cap[2], row_cap;
+    uint32_t *parents[2];        /* [tet_count] of the mesh that is drawn, for each of the two */
+    uint32_t width;              /* of a vertex's row: the vector, then what colours */
+    double *rows;                /* [width * vertex_count] */
+    double *lengths;             /* [vertex_count] of the vectors */
+    struct pairs pairs;          /* working space: vertices of the mesh, and those between two */
+    double accuracy;             /* that lengths, taken as linear, are to be too large by at most */
+    double deviation;            /* and are: larger than that where too many tetrahedra would be needed */
+};
+
 /* Numbers of regions that are not drawn, ascending, of a field of cells. */
 struct view_hidden {
     uint32_t field, count;
@@ -74,6 +101,7 @@ struct view {
     bool moving;                     /* from those below, not from the cursor */
     struct tetmesh from, to, between; /* a move: its ends, and where it is; the corners are `to`'s */
     double *shade, *function;        /* [vertex_count] the value that colours, the function whose zero set is cut */
+    struct view_fine fine;           /* of the last isosurface of a length */
     double shade_range[2];
     double **cells;                  /* [field of cells] values of all tetrahedra of the original, NULL: not loaded; all NULL: none is */
     bool by_cells;                   /* tetrahedra have the values that colour, not vertices */
@@ -102,7 +130,10 @@ struct view {
     struct cut_grid grid;
     uint32_t grid_size;              /* that it was made with, of the mesh and shade that are shown; 0: of others */
     struct cut_voxels voxels;
-    struct cut_line line;
+    struct cut_line line, pieces;    /* pieces: of one component */
+    double *at_ends;                 /* working space: [components * ends] of the pieces */
+    float *squares;                  /* working space: [points of the grid] */
+    size_t at_end_cap, square_cap;
     struct cut_rays rays;            /* connected as what is drawn, if `has_rays` */
     bool has_rays;
     struct tetlodi_buffer text;
@@ -156,10 +187,12 @@ VIEW_EXPORT(view_place) void view_place(struct view *view, double t);
 /* Shows the cursor's own mesh. */
 VIEW_EXPORT(view_rest) uint32_t view_rest(struct view *view);
 
-/* What a part has beside points, values and triangles. */
-enum { WITH_LINES = 1, WITH_NORMALS = 2 };
+/* What a part has beside points, values and triangles. WITH_MARGIN is of an isosurface of a length, which curves within
+ * tetrahedra: the surface then lies where the length is at least the value. */
+enum { WITH_LINES = 1, WITH_NORMALS = 2, WITH_MARGIN = 4 };
 
-/* The value that colours, of the mesh as it is now; component -1: the magnitude; field -1: nothing colours, the value is 0. Returns its
+/* The value that colours, of the mesh as it is now; component -1: the length of all of them, which pictures, grids and lines take of
+ * interpolated components; field -1: nothing colours, the value is 0. Returns its
  * least and greatest. */
 VIEW_EXPORT(view_shade) const double *view_shade(struct view *view, uint32_t field, int32_t component);
 /* Some of those values, as many of each as it has of the volume. */
@@ -199,6 +232,8 @@ VIEW_EXPORT(view_slice)
 uint32_t view_slice(struct view *view, uint32_t with, double ox, double oy, double oz, double nx, double ny, double nz);
 VIEW_EXPORT(view_isosurface)
 uint32_t view_isosurface(struct view *view, uint32_t with, uint32_t field, int32_t component, double value);
+/* Is the last isosurface as near as it is to be? One of a length is of flat triangles where it is curved; other ones are exact. */
+VIEW_EXPORT(view_is_near) bool view_is_near(const struct view *view);
 VIEW_EXPORT(view_part) const struct view_part *view_part(const struct view *view);
 /* The value that colours, or its logarithm, on a grid over the stream's bounds: view_grid and view_voxels. */
 VIEW_EXPORT(view_resample) uint32_t view_resample(struct view *view, uint32_t size, uint32_t logarithmic);
@@ -233,6 +268,16 @@ const struct tetmesh *view_drawn(struct view *view);
 const double *view_of_drawn(const struct view *view);
 
 bool view_reserve_points(struct view_part *part, uint32_t count, bool normals);
+
+/* The field whose length colours; NULL: what colours is linear on each tetrahedron. */
+const struct point_field *view_length_field(const struct view *view);
+
+/* Values along a segment, and on a grid, by view->shade or the length of a field. (lengths.c) */
+enum tetlod_status view_lengths_along(struct view *view, const double from[3], const double to[3]);
+enum tetlod_status view_lengths_on_grid(struct view *view);
+
+/* Divides what is drawn near where the length of a field is `value` into view->fine; `margin`: or larger by the accuracy. (fine.c) */
+enum tetlod_status view_divide(struct view *view, const struct point_field *field, double value, bool margin);
 
 /* What is drawn of view->part, which was made of a cut. */
 enum tetlod_status view_facet(struct view *view, const struct cut *cut);
