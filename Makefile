@@ -312,7 +312,8 @@ mutate: needs-check
 	@cd build && for t in $(if $(TARGET),fuzz_$(TARGET),$(filter-out fuzz_request,$(notdir $(FUZZ_SRC:.c=)))); do \
 	MUTATIONS=$(MUTATIONS) ASAN_OPTIONS=allocator_may_return_null=1 $(if $(filter command line,$(origin config)),$(config),asan)/tests/fuzz/$$t $(CURDIR)/tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
 
-## bench-server: stored bytes against nginx, levels that are not cached, memory; bench-opening: the first answers of ten million tetrahedra; bench-pressure: slow readers, a hundred streams; bench-soak: a minute of mixed load; bench-hostile: a million hostile requests
+## bench-server: stored bytes against nginx, levels that are not cached, memory; bench-opening: the first answers of ten million tetrahedra; bench-pressure: slow readers, a hundred streams; bench-soak: a minute of mixed load; bench-hostile: HOSTILE hostile requests (500000), under the sanitizers
+HOSTILE ?= 500000
 .PHONY: bench-server bench-opening bench-pressure bench-soak bench-hostile
 BENCHES += bench-server bench-opening bench-pressure bench-soak bench-hostile
 bench-server: needs-check
@@ -328,9 +329,9 @@ bench-soak: needs-check
 	$(Q)$(MAKE) --no-print-directory all
 	@python3 tests/bench/soak.py $(BINARY) $(TIME)
 bench-hostile: needs-check
-	$(Q)$(MAKE) --no-print-directory all
+	$(Q)$(MAKE) --no-print-directory config=asan all
 	@rm -rf build/scratch/bench-hostile; mkdir -p build/scratch/bench-hostile
-	@cd build/scratch/bench-hostile && HOSTILE=1000000 TETLOD=$(CURDIR)/$(BINARY) ROOT=$(CURDIR) SCRATCH=$$PWD CONFIG=release python3 $(CURDIR)/tests/http/test_hostile.py
+	@cd build/scratch/bench-hostile && HOSTILE=$(HOSTILE) TETLOD=$(CURDIR)/build/asan/tetlod ROOT=$(CURDIR) SCRATCH=$$PWD CONFIG=asan /usr/bin/python3 $(CURDIR)/tests/http/test_hostile.py
 
 ## bench-format: sizes of streams, by column, and speeds against tests/bench/format_sizes.csv (BLUNT=folder of the blunt fin; UPDATE=1 takes over)
 .PHONY: bench-format

@@ -65,9 +65,12 @@ static bool match(const char *template, const char *path, size_t size, char capt
 }
 
 /* The path of a request target: absolute form ("http://host/path", which RFC 9112 obliges servers to take) loses its front. NULL: it
- * has none; what begins with neither '/' nor a scheme is no path. */
+ * has none; what begins with neither '/' nor a scheme is no path, and what has control characters is to reach no Location. */
 static const char *path_of(const char *target)
 {
+    for (const char *c = target; *c; c++)
+        if ((unsigned char)*c < 0x20 || *c == 0x7f)
+            return NULL;
     if (target[0] == '/')
         return target;
     if (strncasecmp(target, "http://", 7) != 0 && strncasecmp(target, "https://", 8) != 0)
@@ -196,7 +199,7 @@ static bool refuse(const struct request *request, const char *path, struct respo
     } else if (request->refused)
         response_problem(response, request->refused, request->target, "%s", request->why_refused);
     else if (!path && !whole_server)
-        response_problem(response, 400, request->target, "a request's target begins with '/' or with http://");
+        response_problem(response, 400, request->target, "a request's target begins with '/' or with http://, and has no control characters");
     else
         return false;
     response->close = true;

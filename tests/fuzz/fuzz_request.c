@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What a client may write: the first line of the input is a request target, the others are values of headers that are
- * parsed. Everything is answered by the handlers over a stream `m`, whose content id stands for CID in a target, and each parser's
- * promises are checked. */
+/* What a client may write: the first line of the input is a request target, the others are values of the headers that are
+ * parsed. The handlers answer it over a stream `m`, whose content id stands for CID in a target, as a server that is open to all and
+ * as one with a token, a base path and a list of origins. The promises of each parser and of every answer are checked. */
 #define _GNU_SOURCE
 #include <assert.h>
+#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -52,29 +53,26 @@ static struct site *make_site(void)
     return &site;
 }
 
-struct headers {
-    const char *range, *if_range, *if_none_match, *accept_encoding, *accept, *origin, *authorization;
-};
+static const char *const header_names[] = {"Range",  "If-Range",      "If-None-Match", "Accept-Encoding", "Accept",
+                                           "Origin", "Authorization", "Host",          "Cookie"};
+enum { RANGE, IF_RANGE, IF_NONE_MATCH, ACCEPT_ENCODING, HEADERS = sizeof header_names / sizeof *header_names };
 
+/* A line that is not there is a header that is not sent. */
 static const char *header(void *opaque, const char *name)
 {
-    const struct headers *headers = opaque;
-    return strcasecmp(name, "Range") == 0             ? headers->range
-           : strcasecmp(name, "If-Range") == 0        ? headers->if_range
-           : strcasecmp(name, "If-None-Match") == 0   ? headers->if_none_match
-           : strcasecmp(name, "Accept-Encoding") == 0 ? headers->accept_encoding
-           : strcasecmp(name, "Accept") == 0          ? headers->accept
-           : strcasecmp(name, "Origin") == 0          ? headers->origin
-           : strcasecmp(name, "Authorization") == 0   ? headers->authorization
-                                                      : NULL;
+    char **lines = opaque;
+    for (int i = 0; i < HEADERS; i++)
+        if (strcasecmp(name, header_names[i]) == 0)
+            return lines[i];
+    return NULL;
 }
 
-static void check_parsers(const char *target, const struct headers *headers)
+static void check_parsers(const char *target, char *const *lines)
 {
     char out[64], again[200];
     double number, numbers[3];
     uint64_t first = 0, length = 0, size = strlen(target);
-    const char *query = strchr(target, '?');
+    const char *query = strchr(target, '?'), *if_range = lines[IF_RANGE] ? lines[IF_RANGE] : "";
     if (percent_decode(target, strlen(target), out, sizeof out)) {
         char decoded[64];
         assert(strlen(out) < sizeof out);
@@ -83,47 +81,77 @@ static void check_parsers(const char *target, const struct headers *headers)
     }
     if (query_value(query ? query + 1 : NULL, "error", out, sizeof out) == QUERY_FOUND && text_number(out, true, &number))
         assert(isfinite(number));
-    if (text_numbers(headers->if_range, 3, numbers))
+    if (text_numbers(if_range, 3, numbers))
         assert(isfinite(numbers[0]) && isfinite(numbers[1]) && isfinite(numbers[2]));
-    if (text_count(headers->if_range, true, &first))
-        assert(headers->if_range[0] >= '0' && headers->if_range[0] <= '9');
-    if (range_parse(headers->range, size, &first, &length) == RANGE_OK)
+    if (text_count(if_range, true, &first))
+        assert(if_range[0] >= '0' && if_range[0] <= '9');
+    if (range_parse(lines[RANGE], size, &first, &length) == RANGE_OK)
         assert(length && first < size && length <= size - first);
-    assert(coding_choose(headers->accept_encoding, CODINGS_MADE | 1u << CODING_BROTLI) < CODINGS);
-    if (etag_list_has(headers->if_none_match, "\"tag\""))
-        assert(strchr(headers->if_none_match, '*') || strstr(headers->if_none_match, "\"tag\""));
+    assert(coding_choose(lines[ACCEPT_ENCODING], CODINGS_MADE | 1u << CODING_BROTLI) < CODINGS);
+    if (etag_list_has(lines[IF_NONE_MATCH], "\"tag\""))
+        assert(strchr(lines[IF_NONE_MATCH], '*') || strstr(lines[IF_NONE_MATCH], "\"tag\""));
+}
+
+/* No header is there twice, none holds what would begin another one; a problem is JSON that names its status. */
+static void check_answer(const struct response *response)
+{
+    assert(response->status >= 200 && response->status < 600 && !response->headers_lost);
+    for (size_t i = 0; i < response->header_count; i++) {
+        for (size_t j = 0; j < i; j++)
+            assert(strcasecmp(response->headers[i].name, response->headers[j].name) != 0);
+        for (const char *c = response_header_value(response, i); *c; c++)
+            assert((unsigned char)*c >= 0x20 && *c != 0x7f);
+    }
+    if (response->status < 400 || response->kind != BODY_BYTES || strcmp(response->media_type, "application/problem+json") != 0)
+        return;
+    json_t *problem = json_loadb(response->bytes, (size_t)response->size, JSON_REJECT_DUPLICATES, NULL);
+    assert(json_integer_value(json_object_get(problem, "status")) == response->status);
+    json_decref(problem);
+}
+
+static void answer(struct site *site, const char *target, char **lines)
+{
+    static const enum method methods[] = {METHOD_GET, METHOD_HEAD, METHOD_OPTIONS, METHOD_OTHER};
+    for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {
+        struct request request = {.method = methods[m], .target = target, .header = header, .opaque = lines, .loopback = !site->access.token};
+        struct response response = {0};
+        assert(site_answer(site, &request, &response) == ANSWERED);
+        check_answer(&response);
+        request_unpin(&request);
+        response_release(&response);
+    }
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
 {
-    char *text = malloc(size + 1), *lines[8], *rest = text;
+    static const char *const origins[] = {"https://a.example"};
+    static const struct access_policy open_to_all = {0}, guarded = {.origins = origins, .origin_count = 1, .token = "t0ken"};
+    char *text = malloc(size + 1), *lines[HEADERS] = {0};
     if (!text)
         return 0;
     memcpy(text, bytes, size);
     text[size] = 0;
-    for (int i = 0; i < 8; i++) {
-        lines[i] = rest;
-        rest += strcspn(rest, "\n");
-        if (*rest)
-            *rest++ = 0;
+    char *rest = strchr(text, '\n');
+    for (int i = 0; i < HEADERS && rest; i++) {
+        *rest = 0;
+        lines[i] = rest + 1;
+        rest = strchr(rest + 1, '\n');
     }
-    make_site();
+    if (rest)
+        *rest = 0;
+    struct site *site = make_site();
     char target[4096];
-    char *mark = strstr(lines[0], "CID");
-    snprintf(target, sizeof target, "%.*s%s%s", mark ? (int)(mark - lines[0]) : 0, lines[0], mark ? cid : "", mark ? mark + 3 : lines[0]);
-    struct headers headers = {lines[1], lines[2], lines[3], lines[4], lines[5], lines[6], lines[7]};
-    check_parsers(lines[0], &headers);
-    static const enum method methods[] = {METHOD_GET, METHOD_HEAD, METHOD_OPTIONS, METHOD_OTHER};
-    for (size_t m = 0; m < sizeof methods / sizeof *methods; m++) {
-        struct request request = {.method = methods[m], .target = target, .header = header, .opaque = &headers};
-        struct response response = {0};
-        assert(site_answer(make_site(), &request, &response) == ANSWERED);
-        assert(response.status >= 200 && response.status < 600);
-        request_unpin(&request);
-        response_release(&response);
-    }
+    char *mark = strstr(text, "CID");
+    snprintf(target, sizeof target, "%.*s%s%s", mark ? (int)(mark - text) : 0, text, mark ? cid : "", mark ? mark + 3 : text);
+    check_parsers(text, lines);
+    site->access = open_to_all;
+    site->base_path = NULL;
+    answer(site, target, lines);
+    site->access = guarded;
+    site->base_path = "/x/";
+    answer(site, target, lines);
     free(text);
     return 0;
 }

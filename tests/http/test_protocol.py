@@ -109,9 +109,9 @@ def test_nul_does_not_cut():
 
 
 def test_targets_without_a_path():
-    """What begins with neither '/' nor a scheme is refused, with every header that makes an answer look at the path."""
+    """What begins with neither '/' nor a scheme, or has control characters, is refused, with every header that makes an answer look at the path."""
     browser = b'Accept: text/html\r\n'
-    for target in (b'\0', b'\0/healthz', b'healthz', b'?', b'*', b'http:/x', b'http', b'//\0'[2:], b'localhost:80'):
+    for target in (b'\0', b'\0/healthz', b'healthz', b'?', b'*', b'http:/x', b'http', b'//\0'[2:], b'localhost:80', b'/view/x\x01', b'/healthz?\x7f'):
         received = ask(b'GET ' + target + b' HTTP/1.1', browser)
         assert statuses(received) == [400], (target, received)
         assert b'application/problem+json' in received and json.loads(received.partition(b'\r\n\r\n')[2])['status'] == 400
