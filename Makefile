@@ -438,7 +438,7 @@ check-tsan: needs-check
 	@/usr/bin/python3 tests/run.py --every tsan --only http/
 	@/usr/bin/python3 tests/run.py tsan --only unit/
 
-## figures: the pictures of the README, from the program's output (BLUNT=folder of the blunt fin: those of it, too)
+## figures: the pictures of the documents, from the program's output (BLUNT=folder of the blunt fin: those of it, too)
 .PHONY: figures
 figures: needs-check all
 	@mkdir -p build/figures samples/figures

@@ -8,6 +8,8 @@ import re
 from lint_report import ROOT, finish, output, report
 
 TETLOD = os.environ['TETLOD']
+DOCUMENTS = ('README.md', 'CONTRIBUTING.md', 'samples/SOURCES.md', 'samples/MEASURED.md', 'src/README.md', 'client-examples/ERRORS.md',
+             'client-examples/SERIES.md')
 OPTION = re.compile(r'(?<![\w-])--[a-z][a-z0-9-]*')
 
 
@@ -58,14 +60,14 @@ def check_targets():
     words = set(re.findall(r'[\w-]+', listed))
     report('make help lists every target', sorted(targets - words))
     named = []
-    for path in ('README.md', 'CONTRIBUTING.md', 'samples/SOURCES.md'):
+    for path in DOCUMENTS:
         named += [(path, name) for name in re.findall(r'(?:`|^    )make (?:-\S+ )*([a-z][\w-]*)', read(path), re.M)]
     report('make targets of the documents exist', ['%s: make %s' % n for n in named if n[1] not in targets] if named else ['none is named'])
 
 
 def check_commands(help_of):
     wrong = []
-    for path in ('README.md', 'CONTRIBUTING.md', 'samples/SOURCES.md'):
+    for path in DOCUMENTS:
         for command, rest in re.findall(r'(?:`|^ {4})tetlod ([a-z]+)([^`\n]*)', read(path), re.M):
             if command == 'help':
                 continue
@@ -80,7 +82,7 @@ def check_commands(help_of):
 
 def check_paths():
     wrong = []
-    for path in ('README.md', 'CONTRIBUTING.md', 'samples/SOURCES.md'):
+    for path in DOCUMENTS:
         text = read(path)
         here = os.path.dirname(os.path.join(ROOT, path))
         for name in re.findall(r'\]\(([^):#]+)\)', text):
@@ -94,6 +96,12 @@ def check_paths():
     report('the changelog has this version', [] if '\n## %s' % version in read('CHANGELOG.md') else [version])
 
 
+def check_front_page():
+    lines = read('README.md').splitlines()
+    long = ['line %d' % (i + 1) for i, line in enumerate(lines) if len(line) > 100 and not line.startswith(('|', '!['))]
+    report('the README is a page of 150 lines of 100 columns', long + (['%d lines' % len(lines)] if len(lines) > 150 else []))
+
+
 def main():
     help_of = {name: output(TETLOD, 'help', name) for name in re.findall(r'^  (\w+) +\S', output(TETLOD, 'help'), re.M)}
     check_help(help_of)
@@ -101,6 +109,7 @@ def main():
     check_targets()
     check_commands(help_of)
     check_paths()
+    check_front_page()
     finish()
 
 
