@@ -34,8 +34,8 @@ enum { READING_FIRST = 0x1000, READING_Q = READING_FIRST, READING_NAN_FILL, READ
     "      --weld T            merge points that are at most T apart and have the same values (default:\n" \
     "                          0 between pieces and blocks, and not at all within one)\n"                              \
     "      --drop-degenerate   drop degenerate and duplicate tetrahedra (default: they are carried along)\n"            \
-    "      --nan-fill V        values that are NaN become V, or with 'neighbours' the mean of the points around them,\n" \
-    "                          ring by ring (default: they are refused)\n"                                             \
+    "      --nan-fill V        values that are NaN become V, or with 'neighbours' the mean of the points that edges\n"   \
+    "                          join them to, ring by ring (default: they are refused)\n"                               \
     "      --follow            also read files that a file names outside its folder\n"
 
 /* Takes one of these options; false after a usage message. */

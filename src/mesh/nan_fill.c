@@ -21,53 +21,116 @@ static void fill_value(struct point_field *field, size_t count, double value, ui
             put(field, i, value, io_count);
 }
 
-/* What the points of one component get from those around them. */
-struct means {
-    double *sums;    /* [vertex] */
-    uint32_t *parts; /* [vertex] */
+/* The points without a value of one component, and their neighbours: each once, in order. */
+struct holes {
+    uint32_t count, *vertices;
+    size_t *first;        /* [hole + 1] into `neighbours` */
+    uint32_t *neighbours;
+    double *means;        /* [hole] of a ring; NaN: no neighbour has a value yet */
 };
 
+static void holes_fini(struct holes *holes)
+{
+    free(holes->vertices);
+    free(holes->first);
+    free(holes->neighbours);
+    free(holes->means);
+}
+
+static int by_number(const void *a, const void *b)
+{
+    uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
+    return (x > y) - (x < y);
+}
+
+/* The other corners of all tetrahedra at a hole, each once. */
+static void drop_repeated(struct holes *holes)
+{
+    size_t kept = 0;
+    for (uint32_t h = 0; h < holes->count; h++) {
+        uint32_t *own = holes->neighbours + holes->first[h];
+        size_t count = holes->first[h + 1] - holes->first[h];
+        qsort(own, count, sizeof *own, by_number);
+        holes->first[h] = kept;
+        for (size_t i = 0; i < count; i++)
+            if (i == 0 || own[i] != own[i - 1])
+                holes->neighbours[kept++] = own[i];
+    }
+    holes->first[holes->count] = kept;
+}
+
+static bool find_holes(const struct tetmesh *mesh, const struct point_field *field, uint32_t component, struct holes *out)
+{
+    uint32_t k = field->components, *number = array_new(mesh->vertex_count, sizeof *number); /* the hole of a vertex */
+    out->vertices = array_new(mesh->vertex_count, sizeof *out->vertices);
+    for (uint32_t v = 0; number && out->vertices && v < mesh->vertex_count; v++) {
+        number[v] = isnan(field->values[(size_t)v * k + component]) ? out->count : TETLOD_NONE;
+        if (number[v] != TETLOD_NONE)
+            out->vertices[out->count++] = v;
+    }
+    out->means = array_new(out->count, sizeof *out->means);
+    out->first = array_zero((size_t)out->count + 2, sizeof *out->first);
+    bool room = number && out->vertices && out->means && out->first;
+    for (size_t c = 0; room && c < 4 * (size_t)mesh->tet_count; c++)
+        if (number[mesh->corners[c]] != TETLOD_NONE)
+            out->first[number[mesh->corners[c]] + 2] += 3;
+    for (size_t h = 2; room && h < (size_t)out->count + 2; h++)
+        out->first[h] += out->first[h - 1];
+    room = room && (out->neighbours = array_new(out->first[out->count + 1], sizeof *out->neighbours));
+    for (size_t c = 0; room && c < 4 * (size_t)mesh->tet_count; c++)
+        for (size_t d = c & ~(size_t)3; d < (c | 3) + 1 && number[mesh->corners[c]] != TETLOD_NONE; d++)
+            if (d != c)
+                out->neighbours[out->first[number[mesh->corners[c]] + 1]++] = mesh->corners[d];
+    if (room)
+        drop_repeated(out);
+    free(number);
+    return room;
+}
+
 /* One ring further. False: there was nothing to fill, or nothing to fill it from. */
-static bool fill_ring(const struct tetmesh *mesh, struct point_field *field, uint32_t component, const struct means *means,
-                      uint64_t *io_count)
+static bool fill_ring(struct point_field *field, uint32_t component, const struct holes *holes, uint64_t *io_count)
 {
     uint32_t k = field->components;
     bool any = false;
-    memset(means->sums, 0, mesh->vertex_count * sizeof *means->sums);
-    memset(means->parts, 0, mesh->vertex_count * sizeof *means->parts);
-    for (size_t t = 0; t < mesh->tet_count; t++)
-        for (int c = 0; c < 4; c++) {
-            const uint32_t *corners = mesh->corners + 4 * t;
-            for (int d = 0; d < 4 && isnan(field->values[(size_t)corners[c] * k + component]); d++) {
-                double value = field->values[(size_t)corners[d] * k + component];
-                means->sums[corners[c]] += isnan(value) ? 0 : value;
-                means->parts[corners[c]] += !isnan(value);
-            }
+    for (uint32_t h = 0; h < holes->count; h++) {
+        double sum = 0;
+        uint32_t parts = 0;
+        bool open = isnan(field->values[(size_t)holes->vertices[h] * k + component]);
+        for (size_t i = holes->first[h]; i < holes->first[h + 1] && open; i++) {
+            double value = field->values[(size_t)holes->neighbours[i] * k + component];
+            sum += isnan(value) ? 0 : value;
+            parts += !isnan(value);
         }
-    for (size_t v = 0; v < mesh->vertex_count; v++)
-        if (means->parts[v]) {
-            put(field, v * k + component, means->sums[v] / means->parts[v], io_count);
-            any = true;
-        }
+        holes->means[h] = parts ? sum / parts : NAN;
+        any |= parts > 0;
+    }
+    for (uint32_t h = 0; h < holes->count; h++)
+        if (!isnan(holes->means[h]))
+            put(field, (size_t)holes->vertices[h] * k + component, holes->means[h], io_count);
     return any;
+}
+
+static enum tetlod_status fill_from_neighbours(const struct tetmesh *mesh, struct point_field *field, uint32_t component, uint64_t *io_count,
+                                               struct tetlod_error *error)
+{
+    struct holes holes = {0};
+    bool room = find_holes(mesh, field, component, &holes);
+    while (room && fill_ring(field, component, &holes, io_count))
+        ;
+    holes_fini(&holes);
+    return room ? TETLOD_OK : tetlodi_fail_nomem(error, "the values that are filled", mesh->vertex_count * (uint64_t)24);
 }
 
 enum tetlod_status nan_fill(struct tetmesh *mesh, const struct nan_fill *fill, uint64_t *out_count,
                             struct tetlod_error *error)
 {
-    struct means means = {array_new(mesh->vertex_count, sizeof(double)), array_new(mesh->vertex_count, sizeof(uint32_t))};
-    enum tetlod_status status = TETLOD_OK;
     *out_count = 0;
-    if (!means.sums || !means.parts)
-        status = tetlodi_fail_nomem(error, "the values that are filled", mesh->vertex_count * (uint64_t)12);
-    for (uint32_t f = 0; f < mesh->field_count && status == TETLOD_OK; f++) {
+    for (uint32_t f = 0; f < mesh->field_count; f++) {
         struct point_field *field = &mesh->fields[f];
         if (fill->kind == NAN_FILL_VALUE)
             fill_value(field, (size_t)mesh->vertex_count * field->components, fill->value, out_count);
-        for (uint32_t c = 0; c < field->components && fill->kind == NAN_FILL_NEIGHBOURS;)
-            c += !fill_ring(mesh, field, c, &means, out_count);
+        for (uint32_t c = 0; c < field->components && fill->kind == NAN_FILL_NEIGHBOURS; c++)
+            TETLOD_TRY(fill_from_neighbours(mesh, field, c, out_count, error));
     }
-    free(means.sums);
-    free(means.parts);
-    return status;
+    return TETLOD_OK;
 }

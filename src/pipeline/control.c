@@ -161,7 +161,9 @@ enum tetlod_status build_control_parse(struct tetmesh *mesh, const char *text, s
         uint32_t whole = tetmesh_find_field(mesh, name);
         bool there = whole != TETLOD_NONE && part_of(&mesh->fields[whole], colon + 1, &component);
         *colon = ':';
-        if (there)
+        if (there && component == 0 && mesh->fields[whole].components == 1)
+            out->field = whole; // the only component of a scalar: a copy would leave the field itself without its error and its local bound
+        else if (there)
             status = derive(mesh, whole, component, name, &out->field, error);
     }
     if (status == TETLOD_OK && out->field == TETLOD_NONE)

@@ -12,8 +12,15 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-/* The largest bound has this many steps of its field's grid at least: twice as many at most. */
-enum { STEP_BITS = 15 };
+/* The largest bound has so many steps of its field's grid at least. */
+static const double MIN_STEPS = 1 << 15;
+
+/* A step is the range divided by this, by powers of ten, and by powers of two: so multiples of 0.01 % of the range, and of a hundredth of that
+ * and so on, are multiples of it, and a level of a round error does not pass that by its bounds being rounded up. */
+static const double STEPS_OF_RANGE = 40000;
+
+/* A tie with a multiple (ladder.h), which the promise allows. */
+static const double TIE = 1e-9;
 
 char *local_bound_name(const char *field)
 {
@@ -47,31 +54,42 @@ static double bound_of(const struct contraction_log *log, uint32_t field, size_t
     return worst;
 }
 
-/* Its numbers are steps from 0 on, exactly; the least is no less than what the field's values are rounded by. */
-static struct grid choose_grid(double most, double rounding)
+/* Its numbers are steps from 0 on; the least is no less than what the field's values are rounded by. */
+static struct grid choose_grid(double most, double rounding, double range)
 {
-    int exponent;
-    frexp(larger(most, rounding), &exponent);
-    double step = larger(ldexp(1, exponent - 1 - STEP_BITS), DBL_MIN), origin = ceil(rounding / step) * step;
-    double last = larger(ceil((most - origin) / step), 0);
+    double largest = larger(most, rounding), step = larger(range / STEPS_OF_RANGE, DBL_MIN);
+    while (largest > 0 && step > 10 * DBL_MIN && step * MIN_STEPS > 10 * largest)
+        step /= 10;
+    while (step * MIN_STEPS * 2 < largest)
+        step *= 2;
+    while (largest > 0 && step > 2 * DBL_MIN && step * MIN_STEPS > largest)
+        step /= 2;
+    double origin = ceil(rounding / step) * step, last = larger(ceil((most - origin) / step), 0);
     unsigned bits = 1;
     while ((double)((UINT64_C(1) << bits) - 1) < last)
         bits++;
     return (struct grid){bits, origin, step, last};
 }
 
-/* float32, where that has all of the grid's numbers. */
-static enum tetlod_type type_of(const struct grid *grid, enum tetlod_type source)
+/* No less than it: the value that is stored, up to a tie. */
+static double round_up(const struct grid *grid, double bound)
 {
-    bool narrow = grid->step >= FLT_MIN && grid->origin + grid->step * grid->most <= FLT_MAX;
-    return source == TETLOD_FLOAT32 && narrow ? TETLOD_FLOAT32 : TETLOD_FLOAT64;
+    return grid->origin + grid->step * larger(ceil((bound - grid->origin) / grid->step * (1 - TIE)), 0);
 }
 
-/* The nodes' bounds, rounded up. */
-static void round_up(const struct grid *grid, double *values, size_t count)
+/* `max` of each level is no less than the largest value that is stored of it, up to a tie: the bounds are what it comes from. */
+static void raise_max(struct contraction_log *log, uint32_t source, double origin, const double *values)
 {
-    for (size_t i = 0; i < count; i++)
-        values[i] = grid->origin + grid->step * larger(ceil((values[i] - grid->origin) / grid->step), 0);
+    double most = origin;
+    for (uint32_t m = 0, next = 0; m < log->mark_count; m++) {
+        for (; next < log->marks[m].contractions; next++)
+            most = larger(most, values[next]);
+        for (uint32_t c = 0; c < log->component_count; c++) {
+            double *certified = &log->certified[(size_t)m * log->component_count + c];
+            if (log->components[c].field == source)
+                *certified = larger(*certified, most * log->components[c].scale * (1 - TIE / 2));
+        }
+    }
 }
 
 /* The local bound of `source` becomes the last field. */
@@ -80,7 +98,8 @@ static enum tetlod_status add(struct local_bounds *out, struct precision *precis
 {
     uint32_t f = out->original.field_count;
     char *name = local_bound_name(precision->mesh.fields[source].name);
-    double *values = array_new(log->count, sizeof *values), most = 0;
+    double *values = array_new(log->count, sizeof *values), most = 0, range[2];
+    point_field_range(&out->original.fields[source], out->original.vertex_count, range);
     if (!name || !values) {
         free(name);
         free(values);
@@ -90,11 +109,13 @@ static enum tetlod_status add(struct local_bounds *out, struct precision *precis
         values[i] = bound_of(log, source, i);
         most = larger(most, values[i]);
     }
-    struct grid grid = choose_grid(most, precision->rounding[source]);
-    round_up(&grid, values, log->count);
+    struct grid grid = choose_grid(most, precision->rounding[source], range[1] - range[0]);
+    for (size_t i = 0; i < log->count; i++)
+        values[i] = round_up(&grid, values[i]);
+    raise_max(log, source, grid.origin, values);
     log->fields[f] = (struct log_field){1, values};
     struct point_field *field = &out->original.fields[f];
-    *field = (struct point_field){.name = name, .components = 1, .type = type_of(&grid, precision->mesh.fields[source].type), .values = out->zeros};
+    *field = (struct point_field){.name = name, .components = 1, .type = TETLOD_FLOAT64, .values = out->zeros};
     precision->mesh.fields[f] = *field;
     precision->mesh.fields[f].grid = grid;
     precision->rounding[f] = precision->rounding_rms[f] = grid.origin;

@@ -63,7 +63,7 @@ def by_hand(values, tets):
     while np.isnan(values).any():
         filled = values.copy()
         for v in np.flatnonzero(np.isnan(values)):
-            around = values[tets[(tets == v).any(1)]].ravel()
+            around = values[np.unique(tets[(tets == v).any(1)])]  # each neighbour once
             if not np.isnan(around).all():
                 filled[v] = np.nanmean(around)
         values = filled

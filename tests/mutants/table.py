@@ -56,10 +56,12 @@ mutant('local bound stays behind', 'src/simplify/rounds.c', 'log->components[c].
        'a record that closes a gap takes its bounds along', 'cli/test_local_bound')
 mutant('local bound, one after the other', 'src/simplify/simplify.c', 'bounds[run->complex->log.count - 1] = errors[d];', 'bounds[run->complex->log.count - 1] = errors[d] / 2;',
        'the sequential contraction says them, too', PROOF)
-mutant('local bound is rounded down', 'src/pipeline/local_bound.c', 'larger(ceil((values[i] - grid->origin) / grid->step), 0)', 'larger(floor((values[i] - grid->origin) / grid->step), 0)',
+mutant('local bound is rounded down', 'src/pipeline/local_bound.c', 'larger(ceil((bound - grid->origin) / grid->step * (1 - TIE)), 0)', 'larger(floor((bound - grid->origin) / grid->step), 0)',
        'what is stored is no less than the bound', 'cli/test_local_bound')
 mutant('local bound without rounding', 'src/pipeline/local_bound.c', 'origin = ceil(rounding / step) * step;', 'origin = 0;',
        "the original's vertices are off by their rounding", 'cli/test_local_bound')
+mutant('local bound above max', 'src/pipeline/local_bound.c', '*certified = larger(*certified, most * log->components[c].scale * (1 - TIE / 2));', '(void)certified;',
+       'max is the largest of the bounds that are stored', 'cli/test_local_bound')
 mutant('verify believes local bounds', 'src/cli/against.c', 'if (status == TETLOD_OK && larger(found[0], found[1]) > floor)', 'if (status == TETLOD_OK && larger(found[0], found[1]) > 2 * floor)',
        'a local bound that is too small is refused', ATTACK)
 
