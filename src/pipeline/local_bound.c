@@ -64,7 +64,8 @@ static struct grid choose_grid(double most, double rounding, double range)
         step *= 2;
     while (largest > 0 && step > 2 * DBL_MIN && step * MIN_STEPS > largest)
         step /= 2;
-    double origin = ceil(rounding / step) * step, last = larger(ceil((most - origin) / step), 0);
+    double origin = ceil(rounding / step) * step;
+    double last = larger(ceil((most - origin) / step), 0);
     unsigned bits = 1;
     while ((double)((UINT64_C(1) << bits) - 1) < last)
         bits++;
