@@ -91,10 +91,12 @@ static double float_of(uint64_t bits, unsigned width)
     return width == 4 ? (double)single : value;
 }
 
-static double whole_of(uint64_t bits, unsigned width)
+/* False: a double may not hold it. */
+static bool whole_of(uint64_t bits, unsigned width, double *out)
 {
-    uint64_t sign = (uint64_t)1 << (8 * width - 1);
-    return bits & sign ? -(double)((~bits & (sign - 1)) + 1) : (double)bits;
+    uint64_t sign = (uint64_t)1 << (8 * width - 1), size = bits & sign ? (~bits & (sign - 1)) + 1 : bits;
+    *out = bits & sign ? -(double)size : (double)size;
+    return size <= (uint64_t)MOST_WHOLE_CELL;
 }
 
 enum tetlod_status tetlod_cells(const struct tetlod_file *file, uint32_t field, double *out, struct tetlod_error *error)
@@ -113,8 +115,9 @@ enum tetlod_status tetlod_cells(const struct tetlod_file *file, uint32_t field, 
     struct tetlodi_bytes in = {bytes, count * width, false};
     for (size_t i = 0; i < count && status == TETLOD_OK; i++) {
         uint64_t bits = tetlodi_get(&in, width);
-        out[i] = cells->type <= TETLOD_CELL_FLOAT64 ? float_of(bits, width) : whole_of(bits, width);
-        if (cells->type == TETLOD_CELL_INT64 && fabs(out[i]) > MOST_WHOLE_CELL)
+        if (cells->type <= TETLOD_CELL_FLOAT64)
+            out[i] = float_of(bits, width);
+        else if (!whole_of(bits, width, &out[i]))
             status = tetlodi_fail(error, TETLOD_ERR_STREAM, "cell data %.60s: a number beyond 2^53", cells->name);
     }
     free(bytes);

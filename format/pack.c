@@ -82,6 +82,10 @@ enum tetlod_status tetlodi_unpack(const uint8_t *packed, size_t packed_size, uin
     if (models_init(&models, stride)) {
         tetlodi_decode_start(&coder, RATE, in.at, in.left);
         code_bytes(&coder, &models, stride, out, size);
+        while (coder.at < coder.end && *coder.at == 0)
+            coder.at++;
+        if (coder.at < coder.end)
+            status = tetlodi_fail(error, TETLOD_ERR_STREAM, "a packed part has bytes that belong to nothing");
         if (coder.bad)
             status = tetlodi_fail(error, TETLOD_ERR_STREAM, "a packed part holds what no writer writes");
     } else {

@@ -27,11 +27,12 @@ def plain(data):
     return sealed(data[:20] + data[24:28] + data[24:32] + total.to_bytes(8, 'little') + data[40:64] + index + data[64 + size:])
 
 
-def with_section(data, tag, content):
-    """A stream with a plain index, and in the place of a late section other bytes, which are not packed."""
+def with_section(data, tag, content, further=0):
+    """A stream with a plain index, and in the place of a late section (the first of its tag, or a further one) other bytes, which are not
+    packed."""
     stream = tetlod.open(data)
     end, count = 64 + int.from_bytes(data[20:24], 'little'), len(stream.sections)
-    number = [section['tag'] for section in stream.sections].index(tag)
+    number = [i for i, section in enumerate(stream.sections) if section['tag'] == tag][further]
     old, directory, grown = stream.sections[number], bytearray(data[end - 48 * count:end]), 0
     for i, section in enumerate(stream.sections):
         if i == number:

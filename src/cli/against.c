@@ -431,6 +431,9 @@ static enum tetlod_status prepare(struct against *a)
     if (!a->fields || !a->level_fields || !a->measured || !a->ranges || !a->rounding || !a->exact || !a->floors ||
         !a->usable || !a->wanted || !a->report->exact)
         return nomem(a);
+    if (a->input->unused_points != info->unused_points)
+        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "the input has %llu unused points, the index says %llu",
+                            (unsigned long long)a->input->unused_points, (unsigned long long)info->unused_points);
     a->original = a->input;
     a->diagonal = mesh_diagonal(a->input);
     for (uint32_t f = 0; f < info->field_count; f++) {

@@ -86,20 +86,109 @@ static enum tetlod_status count_turned(const struct steps_check *check, const st
     return status;
 }
 
+/* ---- decoding */
+
+static enum tetlod_status begin_ranges(const struct steps_check *check, struct steps_found *found)
+{
+    const struct tetlod_info *info = tetlod_info(check->file);
+    const struct tetlod_series_info *steps = tetlod_series_info(check->bands[0].series);
+    found->ranges = array_zero(steps->field_count, sizeof *found->ranges);
+    for (uint32_t f = 0; f < steps->field_count && found->ranges; f++) {
+        const double *said = steps->ranges[f];
+        double room = steps->bands[steps->band_count - 1].error * (said[1] - said[0]) * (1 + TIE);
+        found->ranges[f] = (struct steps_range){.of_group = f == steps->displacement, .said = {said[0], said[1]}, .found = {INFINITY, -INFINITY}, .room = room};
+        found->ranges[f].name = strdup(info->fields[steps->fields[f]].name);
+        found->range_count += found->ranges[f].name != NULL;
+    }
+    return found->range_count == steps->field_count ? TETLOD_OK : tetlodi_fail_nomem(check->error, "the ranges", steps->field_count * sizeof *found->ranges);
+}
+
+/* Of the step that the last band, which is the nearest to the input, is at. */
+static void widen_ranges(const struct steps_check *check, const struct steps_found *found)
+{
+    const struct band_reader *band = &check->bands[check->band_count - 1];
+    const struct tetlod_series_info *steps = tetlod_series_info(band->series);
+    struct tetlod_mesh mesh;
+    tetlod_cursor_mesh(band->cursor, &mesh);
+    for (uint32_t f = 0; f < found->range_count; f++) {
+        const double *values = tetlod_step_values(band->series, f);
+        size_t count = (size_t)mesh.vertices * tetlod_info(check->file)->fields[steps->fields[f]].components;
+        double *range = found->ranges[f].found;
+        for (size_t i = 0; i < count; i++) {
+            range[0] = values[i] < range[0] ? values[i] : range[0];
+            range[1] = values[i] > range[1] ? values[i] : range[1];
+        }
+    }
+}
+
+static enum tetlod_status decode_band(const struct steps_check *check, uint32_t b, struct steps_found *found)
+{
+    const struct band_reader *band = &check->bands[b];
+    for (uint32_t s = 0; s < check->step_count; s++) {
+        TETLOD_TRY(tetlod_seek_step(band->series, band->cursor, b, s, check->error));
+        if (found->move)
+            TETLOD_TRY(count_turned(check, band, &found->turned));
+        if (b + 1 == check->band_count)
+            widen_ranges(check, found);
+    }
+    return TETLOD_OK;
+}
+
 enum tetlod_status steps_decode(struct tetlod_file *file, struct steps_found *found, struct tetlod_error *error)
 {
     struct steps_check check = {.file = file, .error = error};
     enum tetlod_status status = open_bands(&check);
     *found = (struct steps_found){.steps = check.step_count};
     found->move = status == TETLOD_OK && points_move(&check);
+    const double *times = status == TETLOD_OK ? tetlod_series_info(check.bands[0].series)->times : NULL;
+    for (uint32_t s = 1; s < check.step_count && status == TETLOD_OK; s++)
+        if (!(times[s] > times[s - 1]))
+            status = tetlodi_fail(error, TETLOD_ERR_STREAM, "steps %u and %u have the same time, %.9g", s - 1, s, times[s]);
+    if (status == TETLOD_OK)
+        status = begin_ranges(&check, found);
     for (uint32_t b = 0; b < check.band_count && status == TETLOD_OK; b++)
-        for (uint32_t s = 0; s < check.step_count && status == TETLOD_OK; s++) {
-            status = tetlod_seek_step(check.bands[b].series, check.bands[b].cursor, b, s, error);
-            if (status == TETLOD_OK && found->move)
-                status = count_turned(&check, &check.bands[b], &found->turned);
-        }
+        status = decode_band(&check, b, found);
     close_bands(&check);
     return status;
+}
+
+void steps_found_fini(struct steps_found *found)
+{
+    for (uint32_t f = 0; f < found->range_count; f++)
+        free(found->ranges[f].name);
+    free(found->ranges);
+    *found = (struct steps_found){0};
+}
+
+enum tetlod_status steps_found_add(struct steps_found *all, const struct steps_found *group, struct tetlod_error *error)
+{
+    all->steps += group->steps;
+    all->move |= group->move;
+    all->turned = group->turned > all->turned ? group->turned : all->turned;
+    for (uint32_t i = 0; i < all->range_count * group->range_count; i++) {
+        struct steps_range *to = &all->ranges[i / group->range_count];
+        const struct steps_range *from = &group->ranges[i % group->range_count];
+        if (to->of_group || from->of_group || strcmp(to->name, from->name) != 0)
+            continue;
+        if (to->said[0] != from->said[0] || to->said[1] != from->said[1])
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, "%.60s is said to be in %.9g .. %.9g here, in the first group in %.9g .. %.9g", to->name,
+                                from->said[0], from->said[1], to->said[0], to->said[1]);
+        to->found[0] = fmin(to->found[0], from->found[0]);
+        to->found[1] = fmax(to->found[1], from->found[1]);
+        to->room = fmax(to->room, from->room);
+    }
+    return TETLOD_OK;
+}
+
+enum tetlod_status steps_check_ranges(const struct steps_found *found, bool of_groups, struct tetlod_error *error)
+{
+    for (uint32_t f = 0; f < found->range_count; f++) {
+        const struct steps_range *range = &found->ranges[f];
+        if (range->of_group == of_groups && !(fabs(range->said[0] - range->found[0]) <= range->room && fabs(range->said[1] - range->found[1]) <= range->room))
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, "the steps' table says that %.60s is in %.9g .. %.9g, the steps have %.9g .. %.9g", range->name,
+                                range->said[0], range->said[1], range->found[0], range->found[1]);
+    }
+    return TETLOD_OK;
 }
 
 /* ---- several steps at once: as the fields of one mesh, for the geometry of a band is the same at all steps */

@@ -5,15 +5,32 @@
 
 #include "src/cli/series_input.h"
 
+/* The range of a field over all steps. */
+struct steps_range {
+    char *name;
+    bool of_group; /* it counts in its topology group alone: how far points move */
+    double said[2], found[2];
+    double room; /* by which the values that were found may be off */
+};
+
 /* What a stream's series is. */
 struct steps_found {
     uint32_t steps;
     bool move;     /* its points do */
     uint64_t turned; /* tetrahedra that they turn over, at most at one step in one band */
+    struct steps_range *ranges; /* [range_count] */
+    uint32_t range_count;
 };
 
-/* Decodes every step in every band. ERR_STREAM, ERR_CHECKSUM. */
+/* Decodes every step in every band; their times rise. To be released, also after a failure. ERR_STREAM, ERR_CHECKSUM, ERR_NOMEM. */
 TETLOD_CHECKED enum tetlod_status steps_decode(struct tetlod_file *file, struct steps_found *found, struct tetlod_error *error);
+void steps_found_fini(struct steps_found *found);
+
+/* Adds what was found of a further topology group. ERR_STREAM if it says other ranges. */
+TETLOD_CHECKED enum tetlod_status steps_found_add(struct steps_found *all, const struct steps_found *group, struct tetlod_error *error);
+
+/* Are the ranges that the tables say those of the values? `of_groups`: those that count in a group alone, or the others. ERR_STREAM. */
+TETLOD_CHECKED enum tetlod_status steps_check_ranges(const struct steps_found *found, bool of_groups, struct tetlod_error *error);
 
 /* Hears how much is done, 0..1. */
 struct steps_watch {

@@ -15,6 +15,7 @@
 #endif
 
 #include "format/fail.h"
+#include "format/utf8.h"
 
 /* The one place that maps a status to an exit status. */
 static int exit_status(enum tetlod_status status)
@@ -28,8 +29,15 @@ static int exit_status(enum tetlod_status status)
 
 void cli_print_safe(const char *text)
 {
-    for (; *text; text++)
-        fputc((unsigned char)*text < ' ' || *text == 0x7f ? '?' : *text, stderr);
+    for (size_t left = strlen(text); left > 0;) {
+        size_t length = tetlodi_character_length((const uint8_t *)text, left);
+        if (length)
+            fwrite(text, 1, length, stderr);
+        else
+            fputc('?', stderr);
+        text += length ? length : 1;
+        left -= length ? length : 1;
+    }
 }
 
 /* Left to itself glibc raises the size from which it maps memory to that of the largest array, keeps what it then frees in an

@@ -13,7 +13,13 @@
 #include "format/tetlod.h"
 #include "src/mesh/nan_fill.h"
 
-enum exit_status { EXIT_DONE = 0, EXIT_FAILED = 1, EXIT_USAGE = 2, EXIT_INVALID = 3 };
+enum exit_status {
+    EXIT_DONE = 0,
+    EXIT_FAILED = 1,
+    EXIT_USAGE = 2,
+    EXIT_INVALID = 3,
+    EXIT_QUALITY = 4 /* verify: the stream is valid, but levels are worse meshes than its original */
+};
 
 struct command {
     const char *name, *summary, *help;
@@ -33,7 +39,7 @@ void cli_give_memory_back(void);
 /* What is behind the last slash of a path. */
 const char *cli_base_name(const char *path);
 
-/* Prints text that may come from a file, without its control characters, on standard error. */
+/* Prints text that may come from a file, without its control characters and what is not UTF-8, on standard error. */
 void cli_print_safe(const char *text);
 
 /* Prints "tetlod COMMAND: message; try tetlod help COMMAND" and gives EXIT_USAGE. */

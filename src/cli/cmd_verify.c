@@ -15,6 +15,7 @@
 #include "src/cli/print_json.h"
 #include "src/cli/progress.h"
 #include "src/cli/reading.h"
+#include "src/cli/verify_index.h"
 #include "src/io/io.h"
 #include "src/mesh/displacement.h"
 #include "src/mesh/mesh_check.h"
@@ -26,8 +27,8 @@
 static const char help[] =
     "usage: tetlod verify FILE.tetlod [--against INPUT [--all-levels]] [--json]\n"
     "\n"
-    "Decodes a stream whole: checks every digest and section, replays all records and undoes them again, checks\n"
-    "every level's mesh.\n"
+    "Decodes a stream whole: checks every digest and section, replays all records and undoes them again, holds what the index\n"
+    "says against what is decoded, checks every level's mesh.\n"
     "\n"
     "      --against INPUT  also: the finest level is this mesh exactly; at every level 'sampled' and 'rms' are what is measured,\n"
     "                       the boundary is nowhere further off than the domain error, and 'max' is not below the exact maximum.\n"
@@ -44,7 +45,9 @@ static const char help[] =
     "How INPUT is read, as when the stream was built:\n"
     READING_HELP
     "\n"
-    "Exit status 0: all is well; 3: the message says what is not, and which levels can be read.\n";
+    "Exit status 0: all is well; 3: the stream is damaged or says what is not true: the message says what, and which levels can\n"
+    "be read; 4: it is valid, but its quality is poor: a level has inverted, degenerate or duplicate tetrahedra, or another\n"
+    "topology, which its original has not.\n";
 
 enum { MOST_INPUTS = 1024 };
 
@@ -66,6 +69,8 @@ struct verification {
     struct against_report against;
     struct steps_found series; /* no steps: it is none */
     bool whole;                /* all levels that were measured, of all topology groups, were held against the exact maximum */
+    uint32_t poor_levels;      /* levels that are worse meshes than the finest one */
+    char poor[160];            /* what the first of them has */
     struct tetlod_error *error;
 };
 
@@ -89,8 +94,8 @@ static uint64_t hash_mesh(const struct verification *v)
     return hash;
 }
 
-/* What the original does not have, no level may have. */
-static enum tetlod_status check_report(const struct verification *v, uint32_t level, const struct mesh_report *report)
+/* What the original does not have, no level should have. */
+static void check_report(struct verification *v, uint32_t level, const struct mesh_report *report)
 {
     const struct mesh_report now = *report, *original = &v->finest;
     const struct {
@@ -106,11 +111,14 @@ static enum tetlod_status check_report(const struct verification *v, uint32_t le
                   {"components", now.components, original->components, true},
                   {"boundary components", now.boundary_components, original->boundary_components, true},
                   {"as Euler characteristic", (uint64_t)now.euler, (uint64_t)original->euler, true}};
-    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
-        if (counts[i].exactly ? counts[i].now != counts[i].original : counts[i].now > counts[i].original)
-            return tetlodi_fail(v->error, TETLOD_ERR_MESH, "level %u has %lld %s, the original %lld", level,
-                                (long long)counts[i].now, counts[i].what, (long long)counts[i].original);
-    return TETLOD_OK;
+    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++) {
+        if (counts[i].exactly ? counts[i].now == counts[i].original : counts[i].now <= counts[i].original)
+            continue;
+        if (!v->poor_levels++)
+            snprintf(v->poor, sizeof v->poor, "level %u has %lld %s, the original %lld", level, (long long)counts[i].now, counts[i].what,
+                     (long long)counts[i].original);
+        return;
+    }
 }
 
 static void progress(const struct verification *v, const char *phase, double done)
@@ -131,9 +139,13 @@ static enum tetlod_status replay(struct verification *v)
         v->hashes[k] = hash_mesh(v);
         progress(v, "replay", (k + 1.0) / levels);
     }
-    struct tetlod_mesh mesh;
-    tetlod_cursor_mesh(v->cursor, &mesh);
-    return mesh_check(mesh.positions, mesh.corners, mesh.vertices, mesh.tets, &v->finest, v->error);
+    struct tetmesh finest;
+    TETLOD_TRY(level_mesh_copy(tetlod_info(v->file), v->cursor, &finest, v->error));
+    enum tetlod_status status = mesh_check(finest.positions, finest.corners, finest.vertex_count, finest.tet_count, &v->finest, v->error);
+    if (status == TETLOD_OK)
+        status = verify_index(v->file, &finest, v->error);
+    tetmesh_fini(&finest);
+    return status;
 }
 
 /* A level that waits to be checked: one a thread, so that they are checked at the same time. */
@@ -157,7 +169,7 @@ static void check_meshes(void *context, unsigned worker, size_t begin, size_t en
 }
 
 /* Checks those that wait, and frees them; the first fault of them is the one that counts. */
-static enum tetlod_status check_waiting(const struct verification *v, struct waiting_level *waiting, uint32_t count)
+static enum tetlod_status check_waiting(struct verification *v, struct waiting_level *waiting, uint32_t count)
 {
     enum tetlod_status status = TETLOD_OK;
     parallel_for(v->request->threads, count, 1, check_meshes, waiting);
@@ -165,7 +177,7 @@ static enum tetlod_status check_waiting(const struct verification *v, struct wai
         if (status == TETLOD_OK && (status = waiting[i].status) != TETLOD_OK)
             *v->error = waiting[i].error;
         if (status == TETLOD_OK)
-            status = check_report(v, waiting[i].level, &waiting[i].report);
+            check_report(v, waiting[i].level, &waiting[i].report);
         tetmesh_fini(&waiting[i].mesh);
     }
     return status;
@@ -206,6 +218,13 @@ static enum tetlod_status undo(struct verification *v)
     return status;
 }
 
+/* What a decoder takes for a wrong question is the stream's fault: nobody asked it anything. */
+static enum tetlod_status blame_stream(enum tetlod_status status, struct tetlod_error *error)
+{
+    struct tetlod_error inner = *error;
+    return status < TETLOD_ERR_ARGUMENT ? status : tetlodi_fail(error, TETLOD_ERR_STREAM, "%.250s", inner.message);
+}
+
 /* ---- against the input */
 
 /* Fields that the build derived are not in the input: derived again. A local bound is 0 there. */
@@ -216,10 +235,9 @@ static enum tetlod_status derive_fields(const struct tetlod_info *info, struct t
         struct build_control ignored;
         if (tetmesh_find_field(input, field->name) != TETLOD_NONE)
             continue;
-        if (field->bounds != TETLOD_NONE)
-            TETLOD_TRY(tetmesh_add_field(input, field->name, field->components, field->type, error));
-        else
-            TETLOD_TRY(build_control_parse(input, field->name, &ignored, error));
+        enum tetlod_status status = field->bounds != TETLOD_NONE ? tetmesh_add_field(input, field->name, field->components, field->type, error)
+                                                                 : build_control_parse(input, field->name, &ignored, error);
+        TETLOD_TRY(blame_stream(status, error));
     }
     return TETLOD_OK;
 }
@@ -263,7 +281,7 @@ static enum tetlod_status verify_against(struct verification *v)
     return status;
 }
 
-/* Every section's bytes; of the order, what they say. */
+/* Every section's bytes. */
 static enum tetlod_status check_sections(const struct verification *v)
 {
     const struct tetlod_info *info = tetlod_info(v->file);
@@ -309,7 +327,8 @@ static enum tetlod_status check_metadata(const struct verification *v)
     return good ? TETLOD_OK : tetlodi_fail(v->error, TETLOD_ERR_STREAM, "the metadata are not a JSON object");
 }
 
-static enum tetlod_status verify_file(struct verification *v)
+/* All that a stream says without its input. */
+static enum tetlod_status verify_alone(struct verification *v)
 {
     enum tetlod_status status;
     v->hashes = array_new(tetlod_info(v->file)->level_count, sizeof *v->hashes);
@@ -323,15 +342,22 @@ static enum tetlod_status verify_file(struct verification *v)
         TETLOD_TRY_DONE(check_order(v));
     if (tetlod_section_index(tetlod_info(v->file), "TIME") != TETLOD_NONE)
         TETLOD_TRY_DONE(steps_decode(v->file, &v->series, v->error));
-    TETLOD_TRY_DONE(undo(v));
-    if (v->request->series.path_count) {
-        TETLOD_TRY_DONE(verify_against(v));
-        TETLOD_TRY_DONE(verify_steps(v));
-    }
+    TETLOD_TRY_DONE(steps_check_ranges(&v->series, true, v->error));
+    status = undo(v);
 done:
-    tetlod_cursor_free(v->cursor);
     free(v->hashes);
     v->hashes = NULL;
+    return status;
+}
+
+static enum tetlod_status verify_file(struct verification *v)
+{
+    enum tetlod_status status = blame_stream(verify_alone(v), v->error);
+    if (status == TETLOD_OK && v->request->series.path_count)
+        status = verify_against(v);
+    if (status == TETLOD_OK && v->request->series.path_count)
+        status = verify_steps(v);
+    tetlod_cursor_free(v->cursor);
     return status;
 }
 
@@ -354,16 +380,19 @@ static enum tetlod_status verify_topology(struct verification *v, uint32_t numbe
     struct tetlod_error inner = {0};
     TETLOD_TRY(tetlod_open_topology(&file, v->file, number, v->error));
     struct verification part = {.request = v->request, .file = file, .error = &inner};
-    enum tetlod_status status = check_topology(file, says, number, &inner);
+    enum tetlod_status status = blame_stream(check_topology(file, says, number, &inner), &inner);
     if (status == TETLOD_OK && number)
         status = verify_file(&part);
+    if (status == TETLOD_OK)
+        status = steps_found_add(&v->series, &part.series, &inner);
     if (status != TETLOD_OK)
         tetlodi_fail(v->error, status, "topology group %u: %.200s", number, inner.message);
-    v->series.steps += part.series.steps;
-    v->series.move |= part.series.move;
-    v->series.turned = part.series.turned > v->series.turned ? part.series.turned : v->series.turned;
+    steps_found_fini(&part.series);
     v->against.measured += part.against.measured;
     v->whole &= part.against.exact_count == part.against.measured;
+    if (part.poor_levels && !v->poor_levels)
+        snprintf(v->poor, sizeof v->poor, "topology group %u: %.120s", number, part.poor);
+    v->poor_levels += part.poor_levels;
     free(part.against.exact);
     tetlod_close(file);
     v->request->series.from += says->step_count;
@@ -372,16 +401,23 @@ static enum tetlod_status verify_topology(struct verification *v, uint32_t numbe
 
 static enum tetlod_status verify_topologies(struct verification *v)
 {
-    for (uint32_t t = 0; t < tetlod_info(v->file)->topology_count; t++)
+    const struct tetlod_info *info = tetlod_info(v->file);
+    for (uint32_t t = 0; t < info->topology_count; t++) {
+        const struct tetlod_topology *group = &info->topologies[t];
+        if (t && !(group->times[0] > group->times[-1]))
+            return tetlodi_fail(v->error, TETLOD_ERR_STREAM, "topology group %u begins at the time at which the one before it ends", t);
         TETLOD_TRY(verify_topology(v, t));
-    return TETLOD_OK;
+    }
+    return steps_check_ranges(&v->series, false, v->error);
 }
 
 /* What was found to be well, in words. */
 static void print_done(const struct verification *v)
 {
     const struct against_report *against = &v->against;
-    printf("%s: ok", v->request->stream);
+    printf("%s: %s", v->request->stream, v->poor_levels ? "valid, of poor quality" : "ok");
+    if (v->poor_levels)
+        printf(" (%u level%s; %s)", v->poor_levels, v->poor_levels == 1 ? "" : "s", v->poor);
     if (v->series.steps)
         printf("; %u steps", v->series.steps);
     if (tetlod_info(v->file)->topology_count)
@@ -404,16 +440,18 @@ static int print_result(const struct verification *v, enum tetlod_status status,
         if (status != TETLOD_OK)
             return cli_fail(error);
         print_done(v);
-        return EXIT_DONE;
+        return v->poor_levels ? EXIT_QUALITY : EXIT_DONE;
     }
     json_t *levels = json_array(), *object;
     for (uint32_t i = v->against.exact_count; i-- > 0 && levels;)
         json_array_append_new(levels, json_integer(v->against.exact[i]));
-    object = json_pack("{s:s, s:b, s:s, s:i, s:i, s:o}", "file", v->request->stream, "ok", status == TETLOD_OK, "message",
-                       status == TETLOD_OK ? "" : error->message, "steps", (int)v->series.steps, "measured_levels", (int)v->against.measured,
+    object = json_pack("{s:s, s:b, s:s, s:s, s:i, s:i, s:o}", "file", v->request->stream, "ok", status == TETLOD_OK, "message",
+                       status == TETLOD_OK ? "" : error->message, "quality", v->poor, "steps", (int)v->series.steps, "measured_levels", (int)v->against.measured,
                        "exact_levels", levels);
     int result = cli_print_json(object);
-    return status == TETLOD_OK ? result : cli_fail(error);
+    if (status != TETLOD_OK)
+        return cli_fail(error);
+    return result == EXIT_DONE && v->poor_levels ? EXIT_QUALITY : result;
 }
 
 static int verify(struct request *request)
@@ -439,6 +477,7 @@ static int verify(struct request *request)
         close(fd);
     }
     free(v.against.exact);
+    steps_found_fini(&v.series);
     return result;
 }
 

@@ -32,7 +32,7 @@ static void print_commands(FILE *out)
                  "usage: tetlod COMMAND [OPTIONS] ...\n\n");
     for (int i = 0; i < COMMANDS; i++)
         fprintf(out, "  %-9s %s\n", commands[i]->name, commands[i]->summary);
-    fprintf(out, "\n'tetlod help COMMAND' explains one. Exit status: 0 done, 1 failed, 2 usage, 3 invalid input.\n");
+    fprintf(out, "\n'tetlod help COMMAND' explains one. Exit status: 0 done, 1 failed, 2 usage, 3 invalid input,\n4 a valid stream whose levels are worse meshes than its original (verify).\n");
 }
 
 static int unknown_command(const char *name)

@@ -265,8 +265,16 @@ json_t *metadata_json(const struct tetlod_info *info)
     return json_object();
 }
 
+bool metadata_is_part(const struct tetlod_info *info)
+{
+    json_t *metadata = metadata_json(info);
+    bool part = json_is_string(json_object_get(metadata, "part_of"));
+    json_decref(metadata);
+    return part;
+}
+
 const char *metadata_unit(const json_t *metadata, const char *field)
 {
     const char *unit = json_string_value(json_object_get(json_object_get(metadata, "units"), field));
-    return unit ? unit : "";
+    return unit && tetlodi_plain_text(unit, strlen(unit)) ? unit : "";
 }

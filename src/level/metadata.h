@@ -15,7 +15,11 @@ bool metadata_is_object(const char *text, size_t size);
 /* The metadata as a new object, an empty one where they are anything else; NULL if memory is out. */
 json_t *metadata_json(const struct tetlod_info *info);
 
-/* The unit of the field of that name; "" if the metadata, which may be NULL, do not say it. */
+/* Do the metadata say that the stream holds the coarse levels of another one ("part_of")? Then figures of the original are that one's. */
+bool metadata_is_part(const struct tetlod_info *info);
+
+/* The unit of the field of that name; "" if the metadata, which may be NULL, do not say it, or say what no
+ * name may hold: control characters. */
 const char *metadata_unit(const json_t *metadata, const char *field);
 
 #endif

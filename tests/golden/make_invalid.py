@@ -123,6 +123,8 @@ def cases():
     yield 'topologies_table', 'decode', 'a topology group of other steps than its own table says', regrouped(4, 'I', 1, 4 + 32, 'I', 3)
     yield 'topologies_still', 'open', 'topology groups without steps in the first one', retagged(MESHES, b'TIME', b'XIME')
     yield 'topologies_twice', 'open', 'NEXT twice', section(MESHES, b'NEXT', 0)
+    yield 'cells_whole', 'decode', 'a value of cells that is 2^53 + 1', whole_number(CELLS)
+    yield 'packed_rest', 'open', 'bytes behind a packed index that are not zero', longer_index(b'\0\0\0\0\1')
     yield 'truncated', 'decode', 'the last byte is missing', GRID[:-1]
 
 
@@ -197,6 +199,22 @@ def renamed(data):
     grown = len(second) - len(first)
     size, total = int.from_bytes(data[20:24], 'little') + grown, int.from_bytes(data[32:40], 'little') + grown
     return sealed(out[:20] + struct.pack('<II', size, size) + out[28:32] + struct.pack('<Q', total) + out[40:])
+
+
+def whole_number(data):
+    """The last field of cells is not packed, and has a number that no double holds."""
+    stream = tetlod.open(data)
+    values = struct.pack('<q', 2**53 + 1) * stream.tets
+    assert stream.cell_fields[-1]['type'] == 'int64'
+    return with_section(data, 'CVAL', values, len(stream.cell_fields) - 1)
+
+
+def longer_index(rest):
+    """A packed index with more bytes."""
+    with open(os.path.join(FOLDER, 'grid_float32.tetlod'), 'rb') as file:
+        data = file.read()
+    size, total = (int.from_bytes(data[at:at + length], 'little') for at, length in ((20, 4), (32, 8)))
+    return sealed(data[:20] + struct.pack('<I', size + len(rest)) + data[24:32] + struct.pack('<Q', total + len(rest)) + data[40:64 + size] + rest + data[64 + size:])
 
 
 def main():

@@ -148,6 +148,7 @@ def unpack(packed, size):
         if trees[place] is NONE:
             trees[place] = bits(256)
         out[i] = coder.tree(trees[place], 8)
+    coder.finish('a packed part')
     return bytes(out)
 
 

@@ -1,0 +1,149 @@
+/* SPDX-License-Identifier: BSD-3-Clause */
+/*
+ * Exact numbers have exact bounds. Where they are rounded to a grid, the original's bounds are within one step of those of the grid's numbers.
+ *
+ * Which tetrahedra are degenerate may depend on the order of their corners, in the last bits of a volume. Those for which it may are counted: the
+ * figures may differ by them, and by their neighbours, which may lie on one side of a face with them.
+ */
+#include "src/cli/verify_index.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "format/fail.h"
+#include "format/reader.h"
+#include "src/level/metadata.h"
+#include "src/mesh/adjacency.h"
+#include "src/mesh/sheets.h"
+#include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
+
+/* Rounding changes a volume, as a part of the cube of the longest edge, by less. */
+static const double VOLUME_NOISE = 1e-14;
+
+/* Is a stored range that of the values: exactly, or to one step of the grid that they were rounded to? */
+static bool is_range(const double said[2], const double found[2], const struct tetlodi_scale *scale, bool exact, unsigned axis)
+{
+    double room = exact ? 0 : scale->step[axis] * (1 + 1e-9);
+    return fabs(said[0] - found[0]) <= room && fabs(said[1] - found[1]) <= room;
+}
+
+static enum tetlod_status check_bounds(const struct tetlod_file *file, const struct tetmesh *finest, struct tetlod_error *error)
+{
+    static const char *const axes[] = {"x", "y", "z"};
+    const struct tetlodi_scale *scale = &file->index.scales[0];
+    for (unsigned i = 0; i < 3; i++) {
+        const double said[2] = {file->index.info.bounds[0][i], file->index.info.bounds[1][i]};
+        double found[2] = {INFINITY, -INFINITY};
+        for (size_t v = 0; v < finest->vertex_count; v++) {
+            found[0] = smaller(found[0], finest->positions[3 * v + i]);
+            found[1] = larger(found[1], finest->positions[3 * v + i]);
+        }
+        if (!is_range(said, found, scale, scale->bits == 0, i))
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index says that %s is in %.9g .. %.9g, the finest level has %.9g .. %.9g",
+                                axes[i], said[0], said[1], found[0], found[1]);
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status check_ranges(const struct tetlod_file *file, const struct tetmesh *finest, struct tetlod_error *error)
+{
+    const struct tetlodi_index *index = &file->index;
+    for (uint32_t f = 0; f < index->info.field_count; f++) {
+        const struct tetlod_field *field = &index->info.fields[f];
+        const struct tetlodi_scale *scale = &index->scales[1 + f];
+        double found[2];
+        point_field_range(&finest->fields[f], finest->vertex_count, found);
+        if (field->bounds == TETLOD_NONE && !is_range(field->range, found, scale, scale->bits == 0 || index->exact_later[f], 0))
+            return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index says that %.60s is in %.9g .. %.9g, the finest level has %.9g .. %.9g",
+                                field->name, field->range[0], field->range[1], found[0], found[1]);
+    }
+    return TETLOD_OK;
+}
+
+struct counts {
+    uint64_t degenerate, inverted; /* the latter or folded */
+    uint64_t doubtful;
+    bool oriented; /* most of the volume has an orientation */
+};
+
+static enum tetlod_status count_tets(const struct tetmesh *mesh, struct counts *out, struct tetlod_error *error)
+{
+    uint8_t *promised = array_new(mesh->tet_count, 1);
+    uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
+    enum tetlod_status status = promised && neighbours ? TETLOD_OK : tetlodi_fail_nomem(error, "the tetrahedra", 17 * (uint64_t)mesh->tet_count);
+    double volume = 0, size = 0;
+    *out = (struct counts){0};
+    if (status == TETLOD_OK)
+        status = adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error);
+    if (status == TETLOD_OK)
+        sheets_promised(mesh->positions, mesh->corners, neighbours, mesh->tet_count, promised);
+    for (size_t t = 0; t < mesh->tet_count && status == TETLOD_OK; t++) {
+        const double *p[4];
+        for (size_t c = 0; c < 4; c++)
+            p[c] = mesh->positions + 3 * (size_t)mesh->corners[4 * t + c];
+        double volume6 = tet_volume6(p[0], p[1], p[2], p[3]), size2 = tet_size_squared(p[0], p[1], p[2], p[3]), cube = size2 * sqrt(size2);
+        bool degenerate = tet_orientation(p[0], p[1], p[2], p[3]) == 0;
+        out->degenerate += degenerate;
+        out->inverted += !promised[t] && !degenerate;
+        out->doubtful += fabs(fabs(volume6) - TET_DEGENERATE * cube) <= VOLUME_NOISE * cube;
+        volume += volume6;
+        size += fabs(volume6);
+    }
+    out->oriented = fabs(volume) > 1e-9 * size;
+    free(promised);
+    free(neighbours);
+    return status;
+}
+
+static bool is_near(uint64_t said, uint64_t found, uint64_t room)
+{
+    return (said > found ? said - found : found - said) <= room;
+}
+
+static enum tetlod_status check_counts(const struct tetlod_info *info, const struct tetmesh *finest, struct tetlod_error *error)
+{
+    struct counts found;
+    TETLOD_TRY(count_tets(finest, &found, error));
+    if (!is_near(info->degenerate_tets, found.degenerate, found.doubtful))
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index says that %llu tetrahedra are degenerate, the finest level has %llu",
+                            (unsigned long long)info->degenerate_tets, (unsigned long long)found.degenerate);
+    if (found.oriented && !is_near(info->inverted_tets, found.inverted, 5 * found.doubtful))
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index says that %llu tetrahedra are inverted or folded, the finest level has %llu",
+                            (unsigned long long)info->inverted_tets, (unsigned long long)found.inverted);
+    return TETLOD_OK;
+}
+
+/* The values of a field of cells are decoded, and have the range that the table says. */
+static enum tetlod_status check_cells(const struct tetlod_file *file, uint32_t f, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    const struct tetlod_cell_field *field = &info->cell_fields[f];
+    size_t count = (size_t)info->tets * field->components;
+    double *values = array_new(count, sizeof *values), found[2] = {INFINITY, -INFINITY};
+    enum tetlod_status status = values ? tetlod_cells(file, f, values, error) : tetlodi_fail_nomem(error, field->name, count * sizeof *values);
+    for (size_t i = 0; i < count && status == TETLOD_OK; i++)
+        if (isfinite(values[i])) {
+            found[0] = smaller(found[0], values[i]);
+            found[1] = larger(found[1], values[i]);
+        }
+    free(values);
+    if (found[0] > found[1])
+        found[0] = found[1] = 0;
+    if (status == TETLOD_OK && (found[0] != field->range[0] || found[1] != field->range[1]))
+        status = tetlodi_fail(error, TETLOD_ERR_STREAM, "the table of cell data says that %.60s is in %.17g .. %.17g, its values are in %.17g .. %.17g",
+                              field->name, field->range[0], field->range[1], found[0], found[1]);
+    return status;
+}
+
+enum tetlod_status verify_index(const struct tetlod_file *file, const struct tetmesh *finest, struct tetlod_error *error)
+{
+    const struct tetlod_info *info = tetlod_info(file);
+    for (uint32_t f = 0; f < info->cell_field_count; f++)
+        TETLOD_TRY(check_cells(file, f, error));
+    if (metadata_is_part(info))
+        return TETLOD_OK;
+    TETLOD_TRY(check_bounds(file, finest, error));
+    TETLOD_TRY(check_ranges(file, finest, error));
+    return check_counts(info, finest, error);
+}
