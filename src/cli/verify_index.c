@@ -11,7 +11,7 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
-#include "format/reader.h"
+#include "format/grids.h"
 #include "src/level/metadata.h"
 #include "src/mesh/adjacency.h"
 #include "src/mesh/sheets.h"
@@ -22,24 +22,25 @@
 static const double VOLUME_NOISE = 1e-14;
 
 /* Is a stored range that of the values: exactly, or to one step of the grid that they were rounded to? */
-static bool is_range(const double said[2], const double found[2], const struct tetlodi_scale *scale, bool exact, unsigned axis)
+static bool is_range(const double said[2], const double found[2], const struct tetlodi_grid *grid)
 {
-    double room = exact ? 0 : scale->step[axis] * (1 + 1e-9);
+    double room = grid->bits ? grid->step * (1 + 1e-9) : 0;
     return fabs(said[0] - found[0]) <= room && fabs(said[1] - found[1]) <= room;
 }
 
 static enum tetlod_status check_bounds(const struct tetlod_file *file, const struct tetmesh *finest, struct tetlod_error *error)
 {
     static const char *const axes[] = {"x", "y", "z"};
-    const struct tetlodi_scale *scale = &file->index.scales[0];
+    const struct tetlod_info *info = tetlod_info(file);
     for (unsigned i = 0; i < 3; i++) {
-        const double said[2] = {file->index.info.bounds[0][i], file->index.info.bounds[1][i]};
+        const struct tetlodi_grid grid = tetlodi_position_grid(file, i);
+        const double said[2] = {info->bounds[0][i], info->bounds[1][i]};
         double found[2] = {INFINITY, -INFINITY};
         for (size_t v = 0; v < finest->vertex_count; v++) {
             found[0] = smaller(found[0], finest->positions[3 * v + i]);
             found[1] = larger(found[1], finest->positions[3 * v + i]);
         }
-        if (!is_range(said, found, scale, scale->bits == 0, i))
+        if (!is_range(said, found, &grid))
             return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index says that %s is in %.9g .. %.9g, the finest level has %.9g .. %.9g",
                                 axes[i], said[0], said[1], found[0], found[1]);
     }
@@ -48,13 +49,13 @@ static enum tetlod_status check_bounds(const struct tetlod_file *file, const str
 
 static enum tetlod_status check_ranges(const struct tetlod_file *file, const struct tetmesh *finest, struct tetlod_error *error)
 {
-    const struct tetlodi_index *index = &file->index;
-    for (uint32_t f = 0; f < index->info.field_count; f++) {
-        const struct tetlod_field *field = &index->info.fields[f];
-        const struct tetlodi_scale *scale = &index->scales[1 + f];
+    const struct tetlod_info *info = tetlod_info(file);
+    for (uint32_t f = 0; f < info->field_count; f++) {
+        const struct tetlod_field *field = &info->fields[f];
+        const struct tetlodi_grid grid = tetlodi_field_grid(file, f);
         double found[2];
         point_field_range(&finest->fields[f], finest->vertex_count, found);
-        if (field->bounds == TETLOD_NONE && !is_range(field->range, found, scale, scale->bits == 0 || index->exact_later[f], 0))
+        if (field->bounds == TETLOD_NONE && !is_range(field->range, found, &grid))
             return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index says that %.60s is in %.9g .. %.9g, the finest level has %.9g .. %.9g",
                                 field->name, field->range[0], field->range[1], found[0], found[1]);
     }
