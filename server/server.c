@@ -8,6 +8,7 @@
 #include "server/server.h"
 
 #include <errno.h>
+#include <math.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
@@ -26,18 +27,19 @@
 #include "server/answer/routes.h"
 #include "server/net/http.h"
 #include "server/net/listener.h"
+#include "server/rules.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
-#include "src/util/file.h"
 #include "src/util/parallel.h"
 
-enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250, MOST_ORIGIN_BYTES = 240, MOST_TOKEN = 200, OWN_DESCRIPTORS = 48, LEAST_FILES = 8, UNSENT = 64 << 10 };
+enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250, OWN_DESCRIPTORS = 48, LEAST_FILES = 8, UNSENT = 64 << 10 };
 
 struct server {
     struct server_options options;
     struct site site, metrics_site;
     const char **routes;
-    char *stream_origins, *base_path, *token;
+    char *stream_origins, *base_path;
+    struct proxies *proxies;
     char *urls[MOST_LISTENERS];
     struct gate *gate;
     struct http *http, *metrics_http;
@@ -173,6 +175,7 @@ static void *run_keeper(void *opaque)
         double now = monotonic_seconds();
         for (size_t late = gate_reap(server->gate, now, false); late; late--)
             metrics_count(server->site.metrics, METRIC_CONNECTIONS_EXPIRED);
+        guesses_wake(server->site.guesses, now);
         cache_wake_seekers(server->site.cache); // some may have waited long enough
         cache_wake_seekers(server->site.memory);
         pthread_mutex_lock(&server->lock);
@@ -196,83 +199,6 @@ static void set_defaults(struct server_options *options)
     options->keep_replaced = options->keep_replaced > 0 ? options->keep_replaced : 60;
 }
 
-/* "http" or "https", a host that may start with "*.", a port: nothing that could end the directive of the policy. */
-static bool good_origin(const char *origin)
-{
-    size_t scheme = strncmp(origin, "https://", 8) == 0 ? 8 : strncmp(origin, "http://", 7) == 0 ? 7 : 0;
-    const char *host = origin + scheme;
-    return scheme && *host && !host[strspn(host, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-.:[]*")];
-}
-
-static enum tetlod_status take_origins(struct server *server, struct tetlod_error *error)
-{
-    const struct server_options *options = &server->options;
-    struct buffer text = {0};
-    for (size_t i = 0; i < options->stream_origin_count; i++) {
-        const char *origin = options->stream_origins[i];
-        if (good_origin(origin) && text.size + strlen(origin) < MOST_ORIGIN_BYTES) {
-            if (buffer_printf(&text, " %s", origin) == TETLOD_OK)
-                continue;
-            buffer_fini(&text);
-            return tetlodi_fail_nomem(error, "the server", 0);
-        }
-        buffer_fini(&text);
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "'%.120s' is not an origin such as https://example.org (%d bytes at most for all)",
-                            origin, MOST_ORIGIN_BYTES);
-    }
-    server->stream_origins = (char *)text.bytes;
-    server->site.stream_origins = server->stream_origins;
-    return TETLOD_OK;
-}
-
-static enum tetlod_status take_base_path(struct server *server, struct tetlod_error *error)
-{
-    const char *path = server->options.base_path;
-    if (!path)
-        return TETLOD_OK;
-    size_t size = strlen(path);
-    if (size < 2 || path[0] != '/' || path[size - 1] != '/' || strstr(path, "//") ||
-        path[strspn(path, "/-._~%ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789")])
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "'%.120s' is not a base path such as /levels/", path);
-    server->base_path = strdup(path);
-    server->site.base_path = server->base_path;
-    return server->base_path ? TETLOD_OK : tetlodi_fail_nomem(error, "the server", size);
-}
-
-static enum tetlod_status take_token(struct server *server, struct tetlod_error *error)
-{
-    const char *path = server->options.token_file;
-    unsigned char *bytes;
-    size_t size;
-    if (!path)
-        return TETLOD_OK;
-    TETLOD_TRY(file_read(path, &bytes, &size, error));
-    while (size && strchr(" \t\r\n", bytes[size - 1]))
-        size--;
-    server->token = array_zero(size + 1, 1);
-    if (server->token && size)
-        memcpy(server->token, bytes, size);
-    free(bytes);
-    if (!server->token)
-        return tetlodi_fail_nomem(error, "the token", size);
-    if (!size || size > MOST_TOKEN || server->token[strspn(server->token, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~+/=")])
-        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "%.120s: a token is 1 to %d letters, digits and -._~+/= in one line", path, MOST_TOKEN);
-    server->site.access.token = server->token;
-    return TETLOD_OK;
-}
-
-static enum tetlod_status take_access(struct server *server, struct tetlod_error *error)
-{
-    const struct server_options *options = &server->options;
-    for (size_t i = 0; i < options->cors_count; i++) {
-        const char *origin = options->cors[i];
-        if (strcmp(origin, "*") != 0 && strcmp(origin, "none") != 0 && (!good_origin(origin) || strchr(origin, '*')))
-            return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "'%.120s' is neither an origin such as https://example.org nor '*' nor 'none'", origin);
-    }
-    server->site.access = (struct access_policy){options->cors, options->cors_count, options->hosts, options->host_count, NULL};
-    return take_token(server, error);
-}
-
 /* Divides the descriptors that the process may have: a quarter for streams, which are opened again when they are needed, some for
  * the process itself, the rest for connections. */
 static void divide_descriptors(struct server *server, size_t *out_all, size_t *out_files)
@@ -291,6 +217,17 @@ static void divide_descriptors(struct server *server, size_t *out_all, size_t *o
     options->connections = left;
 }
 
+static enum tetlod_status take_rules(struct server *server, struct tetlod_error *error)
+{
+    const struct server_options *options = &server->options;
+    TETLOD_TRY(rules_stream_origins(options, &server->stream_origins, error));
+    TETLOD_TRY(rules_base_path(options, &server->base_path, error));
+    server->site.stream_origins = server->stream_origins;
+    server->site.base_path = server->base_path;
+    server->site.secure_cookie = options->secure_cookie;
+    return rules_set(server->site.access, options, error);
+}
+
 static enum tetlod_status build_site(struct server *server, struct tetlod_error *error)
 {
     const struct server_options *options = &server->options;
@@ -307,6 +244,7 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
     site->cache = cache_new(options->cache_bytes);
     site->memory = cache_new(options->memory_bytes);
     site->serve_metrics = !options->metrics;
+    TETLOD_TRY(proxies_new(&server->proxies, options->proxies, options->proxy_count, error));
     size_t descriptors, files;
     divide_descriptors(server, &descriptors, &files);
     const struct gate_options limits = {
@@ -315,13 +253,14 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
         .request_seconds = options->idle_seconds,
         .answer_seconds = options->idle_seconds,
         .descriptors = descriptors,
+        .proxies = server->proxies,
     };
     server->gate = gate_new(&limits);
-    if (!site->metrics || !site->cache || !site->memory || !server->gate)
+    site->access = access_new();
+    site->guesses = guesses_new();
+    if (!site->metrics || !site->cache || !site->memory || !server->gate || !site->access || !site->guesses)
         return tetlodi_fail_nomem(error, "the server", 0);
-    TETLOD_TRY(take_origins(server, error));
-    TETLOD_TRY(take_base_path(server, error));
-    TETLOD_TRY(take_access(server, error));
+    TETLOD_TRY(take_rules(server, error));
     TETLOD_TRY(pool_start(&site->pool, options->threads, QUEUE, error));
     TETLOD_TRY(pool_start(&site->decoders, options->threads, QUEUE, error));
     TETLOD_TRY(pool_start(&site->readers, options->threads, QUEUE, error));
@@ -371,6 +310,7 @@ static enum tetlod_status start_http(struct server *server, struct tetlod_error 
     struct http_options http = {
         .site = &server->site,
         .gate = server->gate,
+        .proxies = server->proxies,
         .threads = server->options.threads,
         .connections = server->options.connections,
         .header_bytes = server->options.header_bytes,
@@ -382,8 +322,7 @@ static enum tetlod_status start_http(struct server *server, struct tetlod_error 
     if (!server->options.metrics)
         return TETLOD_OK;
     server->metrics_site = server->site;
-    server->metrics_site.serve_metrics = true;
-    server->metrics_site.access.token = NULL; // its address is for those who run the server
+    server->metrics_site.serve_metrics = server->metrics_site.only_health = true; // it is for those who run the server
     http.site = &server->metrics_site;
     http.threads = 1;
     http.access = NULL;
@@ -446,6 +385,11 @@ void server_rescan(struct server *server)
     server->rescan = true;
     pthread_cond_signal(&server->changed);
     pthread_mutex_unlock(&server->lock);
+}
+
+enum tetlod_status server_reload(struct server *server, const struct server_options *options, struct tetlod_error *error)
+{
+    return rules_set(server->site.access, options, error);
 }
 
 /* ---- stop ---- */
@@ -517,6 +461,8 @@ void server_stop(struct server *server)
         cache_wake_seekers(server->site.cache); // they hear that there are no threads any more
     if (server->site.memory)
         cache_wake_seekers(server->site.memory);
+    if (server->site.guesses)
+        guesses_wake(server->site.guesses, INFINITY);
     http_stop(server->metrics_http);
     http_stop(server->http);
     if (!stop_scanner(server))
@@ -532,7 +478,9 @@ void server_stop(struct server *server)
     free(server->routes);
     free(server->stream_origins);
     free(server->base_path);
-    free(server->token);
+    proxies_free(server->proxies);
+    access_free(server->site.access);
+    guesses_free(server->site.guesses);
     for (size_t i = 0; i < MOST_LISTENERS; i++)
         free(server->urls[i]);
     if (server->wake >= 0)

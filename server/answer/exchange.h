@@ -7,17 +7,9 @@
 
 #include "server/answer/message.h"
 #include "server/answer/metrics.h"
+#include "server/answer/policy.h"
 #include "server/store/catalogue.h"
 #include "server/store/pool.h"
-
-/* Who may read; see access.h. Everything is borrowed. */
-struct access_policy {
-    const char *const *origins; /* that may read answers, or "*"; none given: all, on local addresses none */
-    size_t origin_count;
-    const char *const *hosts; /* names that Host may have on loopback beside localhost, or "*" */
-    size_t host_count;
-    const char *token; /* NULL: none is asked for */
-};
 
 struct site {
     struct catalogue *catalogue;
@@ -29,8 +21,11 @@ struct site {
     struct metrics *metrics;
     const char *stream_origins; /* where else the page may load streams from: text of the policy, or NULL */
     const char *base_path; /* "/x/": where the site begins for its clients; NULL: "/" */
-    struct access_policy access;
+    bool secure_cookie;    /* the token's cookie goes over TLS only */
+    struct access *access; /* who may read; NULL: everybody */
+    struct guesses *guesses; /* NULL: wrong tokens do not wait */
     bool serve_metrics; /* at /metrics; else only on an address of its own */
+    bool only_health;   /* it is that address: /metrics, /healthz and /readyz, without token */
     atomic_uint_fast64_t forests; /* decoded so far */
     atomic_bool draining;
 };
@@ -49,6 +44,7 @@ struct exchange {
     struct site *site;
     struct request *request;
     struct response *response;
+    const struct access_policy *policy; /* held */
     const char *path;  /* below the base path, with its '/'; up to the query */
     const char *query; /* after '?', or NULL */
     char captures[CAPTURES][CAPTURE_CAPACITY]; /* decoded, in the order of the route's template */

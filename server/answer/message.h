@@ -3,8 +3,9 @@
 #ifndef TETLOD_SERVER_MESSAGE_H
 #define TETLOD_SERVER_MESSAGE_H
 
-#include "server/store/cache.h"
+#include "server/answer/guesses.h"
 #include "server/answer/params.h"
+#include "server/store/cache.h"
 
 enum method { METHOD_GET, METHOD_HEAD, METHOD_OPTIONS, METHOD_OTHER };
 
@@ -17,11 +18,14 @@ struct request {
     void *opaque;
     bool loopback; /* it came to an address that only this machine reaches */
     bool local;    /* the same, or a Unix socket */
+    const char *client; /* whose work it is: an address, or a network of IPv6; NULL: the process itself */
     unsigned refused;        /* status for a request whose body or framing is refused, or 0 */
     const char *why_refused;
     /* What to wake when something that the answer needs is there; NULL: the caller's thread makes it instead. */
     struct waiter *waiter;
     bool waited; /* it has been woken at least once */
+    bool guessed; /* it brought a wrong token, and waits for its answer or has waited */
+    struct guess guess;
     /* Entries that this request has asked for: kept until its answer is sent, so that each is found again and a body that
      * lies in one stays. */
     struct {

@@ -14,7 +14,7 @@ static const double bounds[] = {0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05,
 
 enum { BUCKETS = sizeof bounds / sizeof *bounds };
 
-static const unsigned statuses[] = {200, 204, 206, 303, 304, 400, 404, 405, 413, 416, 422, 500, 503, 505};
+static const unsigned statuses[] = {200, 204, 206, 303, 304, 308, 400, 401, 404, 405, 413, 414, 416, 421, 422, 429, 431, 500, 503, 505};
 
 enum { STATUSES = sizeof statuses / sizeof *statuses };
 
@@ -26,6 +26,7 @@ static const struct {
     [METRIC_CONNECTIONS] = {"tetlod_connections_total", "Connections accepted"},
     [METRIC_CONNECTIONS_REFUSED] = {"tetlod_connections_refused_total", "Connections refused by a limit"},
     [METRIC_CONNECTIONS_EXPIRED] = {"tetlod_connections_expired_total", "Connections closed because no request came"},
+    [METRIC_WRONG_TOKENS] = {"tetlod_wrong_tokens_total", "Requests with a wrong token"},
 };
 
 struct route_metrics {

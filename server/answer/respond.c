@@ -16,7 +16,7 @@
 void cache_forever(struct exchange *exchange)
 {
     response_header(exchange->response, "Cache-Control", "%s, max-age=31536000, immutable, no-transform",
-                    access_private(exchange->site) ? "private" : "public");
+                    access_private(exchange->policy) ? "private" : "public");
 }
 
 void cache_revalidate(struct response *response)

@@ -17,27 +17,27 @@
 #include "server/answer/surfaces.h"
 
 const struct route site_routes[] = {
-    {"/healthz", handle_health},
-    {"/readyz", handle_ready},
-    {"/metrics", handle_metrics},
-    {"/view/{id}", handle_view},
-    {"/v1/meshes", handle_catalogue},
-    {"/v1/meshes/{id}", handle_stream_info},
-    {"/v1/meshes/{id}/mesh", handle_mesh},
-    {"/v1/meshes/{id}/prefix", handle_prefix},
-    {"/v1/meshes/{id}/{cid}/stream", handle_stream},
-    {"/v1/meshes/{id}/{cid}/records/{from}-{to}", handle_records},
-    {"/v1/meshes/{id}/{cid}/levels/{level}/mesh.{format}", handle_level_mesh},
-    {"/v1/meshes/{id}/{cid}/levels/{level}/region.{format}", handle_region},
-    {"/v1/meshes/{id}/{cid}/levels/{level}/surface.{format}", handle_surface},
-    {"/v1/meshes/{id}/{cid}/levels/{level}/isosurface.{format}", handle_isosurface},
-    {"/v1/meshes/{id}/{cid}/levels/{level}/slice.{format}", handle_slice},
-    {"/v1/meshes/{id}/{cid}/bands/{band}/groups/{group}", handle_group},
-    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/mesh.{format}", handle_step_mesh},
-    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/surface.{format}", handle_step_surface},
-    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/isosurface.{format}", handle_step_isosurface},
-    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/slice.{format}", handle_step_slice},
-    {NULL, NULL},
+    {"/healthz", handle_health, true},
+    {"/readyz", handle_ready, true},
+    {"/metrics", handle_metrics, true},
+    {"/view/{id}", handle_view, false},
+    {"/v1/meshes", handle_catalogue, false},
+    {"/v1/meshes/{id}", handle_stream_info, false},
+    {"/v1/meshes/{id}/mesh", handle_mesh, false},
+    {"/v1/meshes/{id}/prefix", handle_prefix, false},
+    {"/v1/meshes/{id}/{cid}/stream", handle_stream, false},
+    {"/v1/meshes/{id}/{cid}/records/{from}-{to}", handle_records, false},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/mesh.{format}", handle_level_mesh, false},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/region.{format}", handle_region, false},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/surface.{format}", handle_surface, false},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/isosurface.{format}", handle_isosurface, false},
+    {"/v1/meshes/{id}/{cid}/levels/{level}/slice.{format}", handle_slice, false},
+    {"/v1/meshes/{id}/{cid}/bands/{band}/groups/{group}", handle_group, false},
+    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/mesh.{format}", handle_step_mesh, false},
+    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/surface.{format}", handle_step_surface, false},
+    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/isosurface.{format}", handle_step_isosurface, false},
+    {"/v1/meshes/{id}/{cid}/bands/{band}/steps/{step}/slice.{format}", handle_step_slice, false},
+    {NULL, NULL, false},
 };
 
 static const char page_route[] = "/"; // the page and the files that it loads
@@ -105,6 +105,12 @@ static enum outcome answer_bare_base(struct exchange *exchange, const char *path
     return ANSWERED;
 }
 
+static enum outcome answer_only_health(struct exchange *exchange)
+{
+    response_problem(exchange->response, 404, exchange->request->target, "this address answers /metrics, /healthz and /readyz alone");
+    return ANSWERED;
+}
+
 static enum outcome dispatch(struct exchange *exchange, const char *target)
 {
     struct response *response = exchange->response;
@@ -115,8 +121,12 @@ static enum outcome dispatch(struct exchange *exchange, const char *target)
     for (const struct route *route = site_routes; route->template; route++)
         if (match(route->template, path, size, exchange->captures)) {
             response->route = route->template;
+            if (exchange->site->only_health && !route->health)
+                break;
             return route->handle(exchange);
         }
+    if (exchange->site->only_health)
+        return answer_only_health(exchange);
     if (is_bare_base(exchange->site, path, size))
         return answer_bare_base(exchange, path, size);
     const struct embedded_file *asset =
@@ -216,11 +226,11 @@ static void complete(struct exchange *exchange)
     const char *accept = request_header(request, "Accept");
     if (response->status == 404 && exchange->path && accept && strstr(accept, "text/html"))
         show_problem(exchange);
-    access_headers(exchange->site, request, response);
+    access_headers(exchange->policy, request, response);
     if (!response->headers_lost)
         return;
     response_problem(response, 414, request->target, "the headers of this answer would be too long; ask for less in one request");
-    access_headers(exchange->site, request, response);
+    access_headers(exchange->policy, request, response);
 }
 
 enum outcome site_answer(struct site *site, struct request *request, struct response *response)
@@ -228,10 +238,12 @@ enum outcome site_answer(struct site *site, struct request *request, struct resp
     struct exchange exchange = {.site = site, .request = request, .response = response};
     const char *path = path_of(request->target);
     enum outcome outcome = ANSWERED;
+    enum admission admission;
+    exchange.policy = access_hold(site->access);
     if (refuse(request, path, response))
         ; // answered
-    else if (!access_allows(&exchange, path ? below_base(site, path) : request->target))
-        ; // answered
+    else if ((admission = access_check(&exchange, path ? below_base(site, path) : request->target)) != ACCESS_GRANTED)
+        outcome = admission == ACCESS_WAITS ? WAITING : ANSWERED;
     else if (request->method == METHOD_OPTIONS)
         answer_options(response);
     else
@@ -240,5 +252,6 @@ enum outcome site_answer(struct site *site, struct request *request, struct resp
         response_release(response);
     else
         complete(&exchange);
+    access_let_go(site->access, exchange.policy);
     return outcome;
 }

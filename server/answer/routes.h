@@ -9,6 +9,7 @@
 struct route {
     const char *template;
     enum outcome (*handle)(struct exchange *exchange);
+    bool health; /* answered at the metrics' own address, too */
 };
 
 /* The table, ended by a NULL template: the description and the metrics are checked against it. */

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # Varnish 7 in front of several tetlod: a cache in memory and failover. Ranges are answered from what is cached. TLS: hitch or
-# nginx before it.
+# nginx before it. It says whom it asks for (X-Forwarded-For), which `--trust-proxy 127.0.0.1` lets a server believe.
 vcl 4.1;
 
 import directors;
@@ -45,6 +45,10 @@ sub vcl_recv {
     if (req.url == "/metrics") {
         return (synth(404));
     }
+    # Who brings a token (--token) gets answers that are for them alone.
+    if (req.http.Authorization || req.http.Cookie ~ "(^|;\s*)tetlod_token_") {
+        return (pass);
+    }
     unset req.http.Cookie;
     return (hash);
 }
@@ -54,7 +58,8 @@ sub vcl_backend_response {
     if (beresp.status >= 500 && bereq.retries < 2) {
         return (retry);
     }
-    if (bereq.url ~ "^/v1/meshes/[^/]+/[0-9a-f]{32}/" && beresp.status == 200) {
+    if (bereq.url ~ "^/v1/meshes/[^/]+/[0-9a-f]{32}/" && beresp.status == 200 &&
+        beresp.http.Cache-Control !~ "(?i)private|no-store") {
         set beresp.ttl = 365d;
         set beresp.grace = 1d;
         set beresp.do_stream = true;

@@ -18,7 +18,7 @@ enum { BUCKETS = 4096, SLOWEST = 16 << 10 /* bytes a second that a reader must t
 struct peer {
     struct gate *gate;
     int fd;
-    bool shut;
+    bool shut, proxy;
     size_t bucket;
     enum reach reach;
     char address[INET6_ADDRSTRLEN];
@@ -76,20 +76,6 @@ static void print_address(const struct sockaddr *address, char *out, size_t size
         inet_ntop(address->sa_family, bytes, out, (socklen_t)size);
 }
 
-/* IPv6's /64; an IPv4 address in IPv6 as it is. */
-static void print_network(const struct sockaddr *address, const char *text, char *out, size_t size)
-{
-    struct in6_addr six;
-    snprintf(out, size, "%s", text);
-    if (!address || address->sa_family != AF_INET6)
-        return;
-    six = ((const struct sockaddr_in6 *)(const void *)address)->sin6_addr;
-    if (IN6_IS_ADDR_V4MAPPED(&six))
-        return;
-    memset(six.s6_addr + 8, 0, 8);
-    inet_ntop(AF_INET6, &six, out, (socklen_t)size);
-}
-
 static long long after(double now, double seconds)
 {
     return (long long)((now + seconds) * 1e3);
@@ -108,7 +94,7 @@ static bool admits(const struct gate *gate, const struct peer *peer)
     size_t same = 0;
     if (gate->count >= gate->options.connections)
         return false;
-    if (!gate->options.per_address || peer->reach == REACH_UNIX)
+    if (!gate->options.per_address || peer->reach == REACH_UNIX || peer->proxy)
         return true;
     for (const struct peer *other = gate->buckets[peer->bucket]; other; other = other->chain)
         same += strcmp(other->network, peer->network) == 0;
@@ -122,7 +108,8 @@ bool gate_enter(struct gate *gate, int fd, const struct sockaddr *address, enum 
         return false;
     peer->fd = fd;
     print_address(address, peer->address, sizeof peer->address);
-    print_network(address, peer->address, peer->network, sizeof peer->network);
+    network_of(peer->address, peer->network);
+    peer->proxy = gate->options.proxies && proxies_trust(gate->options.proxies, peer->address);
     peer->bucket = bucket_of(peer->network);
     peer->reach = reach;
     atomic_init(&peer->asking, true);
@@ -191,6 +178,16 @@ void peer_idle(struct peer *peer, double now)
 const char *peer_address(const struct peer *peer)
 {
     return peer->address;
+}
+
+const char *peer_network(const struct peer *peer)
+{
+    return peer->network;
+}
+
+bool peer_is_proxy(const struct peer *peer)
+{
+    return peer->proxy;
 }
 
 enum reach peer_reach(const struct peer *peer)

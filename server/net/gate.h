@@ -11,6 +11,7 @@
 #include <sys/socket.h>
 
 #include "format/tetlod.h"
+#include "server/net/proxies.h"
 
 struct gate;
 struct peer;
@@ -23,13 +24,13 @@ struct gate_options {
     double request_seconds;          /* for a request to arrive, counted from the connection or the last answer */
     double answer_seconds;           /* for an answer to be taken, beside the time that its bytes have */
     size_t descriptors;              /* more than any descriptor's number */
+    const struct proxies *proxies;   /* borrowed; what they connect for is not counted per address. NULL: none */
 };
 
 struct gate *gate_new(const struct gate_options *options);
 void gate_free(struct gate *gate);
 
-/* Counts a connection in; false if a limit is reached. Unix sockets have no address and count only in the total; of IPv6 the first
- * 64 bits count, for a network gives its members as many addresses as they like. */
+/* Counts a connection in; false if a limit is reached. Unix sockets have no address and count only in the total. */
 bool gate_enter(struct gate *gate, int fd, const struct sockaddr *address, enum reach reach, double now);
 
 /* The connection of a descriptor, or NULL. */
@@ -46,6 +47,10 @@ void peer_idle(struct peer *peer, double now);
 
 /* The address as text ("unix" for Unix sockets); valid as long as the connection. */
 const char *peer_address(const struct peer *peer);
+
+/* What is counted of the address, and whether it is a trusted proxy's. */
+const char *peer_network(const struct peer *peer);
+bool peer_is_proxy(const struct peer *peer);
 
 enum reach peer_reach(const struct peer *peer);
 

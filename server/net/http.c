@@ -64,6 +64,7 @@ struct call {
     uint64_t bytes;
     const char *route;
     char method[16], id[40];
+    char remote[INET6_ADDRSTRLEN], network[INET6_ADDRSTRLEN]; /* the client, maybe behind a proxy, and what is counted of it */
 };
 
 /* ---- requests ---- */
@@ -178,6 +179,45 @@ static bool good_id(const char *id)
     return size && size < sizeof((struct call *)0)->id && !id[size];
 }
 
+/* The lines of a header joined by commas, as RFC 9110 reads them; of what is too long the end. */
+struct joined {
+    const char *name;
+    size_t size;
+    char text[1024];
+};
+
+static enum MHD_Result join_line(void *opaque, enum MHD_ValueKind kind, const char *name, const char *value)
+{
+    struct joined *joined = opaque;
+    (void)kind;
+    if (!value || strcasecmp(name, joined->name) != 0)
+        return MHD_YES;
+    size_t size = strlen(value), room = sizeof joined->text - 2;
+    size_t kept = size < room ? size : room, before = joined->size < room - kept ? joined->size : room - kept;
+    memmove(joined->text, joined->text + joined->size - before, before);
+    joined->text[before] = ',';
+    memcpy(joined->text + before + 1, value + size - kept, kept);
+    joined->size = before + 1 + kept;
+    joined->text[joined->size] = 0;
+    return MHD_YES;
+}
+
+/* Who asks: the connection's address or, where that is a trusted proxy's, whom it asks for. */
+static void take_client(struct call *call)
+{
+    struct joined forwarded = {.name = "X-Forwarded-For"};
+    if (!call->peer)
+        return;
+    snprintf(call->remote, sizeof call->remote, "%s", peer_address(call->peer));
+    snprintf(call->network, sizeof call->network, "%s", peer_network(call->peer));
+    call->request.client = call->network;
+    if (!peer_is_proxy(call->peer))
+        return;
+    MHD_get_connection_values(call->connection, MHD_HEADER_KIND, join_line, &forwarded);
+    if (proxies_client(call->http->options.proxies, forwarded.text, call->remote))
+        network_of(call->remote, call->network);
+}
+
 static void take_headers(struct call *call, const char *method, const char *version)
 {
     struct http *http = call->http;
@@ -195,6 +235,7 @@ static void take_headers(struct call *call, const char *method, const char *vers
         MHD_set_connection_option(call->connection, MHD_CONNECTION_OPTION_TIMEOUT, 1u);
     call->request.loopback = call->peer && peer_reach(call->peer) == REACH_LOOPBACK;
     call->request.local = !call->peer || peer_reach(call->peer) != REACH_NETWORK;
+    take_client(call);
     call->given_id = id && good_id(id);
     if (call->given_id)
         snprintf(call->id, sizeof call->id, "%s", id);
@@ -411,7 +452,7 @@ static void log_access(const struct call *call, double seconds, bool complete)
     gmtime_r(&now.tv_sec, &utc);
     strftime(when, sizeof when, "%Y-%m-%dT%H:%M:%S", &utc);
     bool made = buffer_printf(&line, "{\"time\": \"%s.%03ldZ\", \"id\": \"%s\", \"remote\": \"%s\", \"method\": \"", when,
-                              now.tv_nsec / 1000000, call->id, call->peer ? peer_address(call->peer) : "") == TETLOD_OK;
+                              now.tv_nsec / 1000000, call->id, call->remote) == TETLOD_OK;
     put_json_text(&line, call->method);
     made &= buffer_printf(&line, "\", \"target\": \"") == TETLOD_OK;
     hide_token(call->target);

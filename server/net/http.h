@@ -14,6 +14,7 @@ struct http;
 struct http_options {
     struct site *site; /* borrowed, as the gate */
     struct gate *gate;
+    const struct proxies *proxies; /* borrowed */
     unsigned threads;
     size_t connections;
     size_t header_bytes;    /* of a request: its first line and headers */

@@ -268,22 +268,93 @@ def test_varnish_fails_over():
         return 'no varnishd'
     place = os.path.join('/tmp', 'tetlod-varnish-%d' % os.getpid())  # its sockets' paths must be short
 
-    def start_front(ports):
-        with open(os.path.join(DEPLOY, 'varnish.vcl')) as file:
-            text = file.read().replace('"8081"', '"%d"' % ports[0]).replace('"8082"', '"%d"' % ports[1])
-            text = text.replace('timeout = 1s;', 'timeout = 60s;')  # on a slow machine a server may be slow and yet well
-        vcl, port = os.path.join(SCRATCH, 'test.vcl'), free_port()
-        with open(vcl, 'w') as file:
-            file.write(text)
-        process = subprocess.Popen([VARNISH, '-F', '-j', 'none', '-n', place, '-a', '127.0.0.1:%d' % port, '-f', vcl, '-s', 'malloc,32m'],
-                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        wait_for_port(port)
-        return process, port
-
     try:
-        fail_over(start_front, lambda port: http.client.HTTPConnection('127.0.0.1', port, timeout=PATIENCE))
+        fail_over(lambda ports: start_varnish(ports, place), lambda port: http.client.HTTPConnection('127.0.0.1', port, timeout=PATIENCE))
     finally:
         shutil.rmtree(place, ignore_errors=True)
+
+
+def start_varnish(ports, place):
+    with open(os.path.join(DEPLOY, 'varnish.vcl')) as file:
+        text = file.read().replace('"8081"', '"%d"' % ports[0]).replace('"8082"', '"%d"' % ports[1])
+        text = text.replace('timeout = 1s;', 'timeout = 60s;')  # on a slow machine a server may be slow and yet well
+    vcl, port = os.path.join(SCRATCH, 'test.vcl'), free_port()
+    with open(vcl, 'w') as file:
+        file.write(text)
+    process = subprocess.Popen([VARNISH, '-F', '-j', 'none', '-n', place, '-a', '127.0.0.1:%d' % port, '-f', vcl, '-s', 'malloc,32m'],
+                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    wait_for_port(port)
+    return process, port
+
+
+def check_tokens(ask, server, from_cache):
+    """What is asked for with a token is never anybody else's, whoever came first; and each client is known by its own address."""
+    at = '/v1/meshes/fin/%s' % cid
+    bearer = {'Authorization': 'Bearer the-secret'}
+    eventually(lambda: ask('/healthz')[0] == 200)  # the front has seen that the server is well
+    cookie = {'Cookie': 'a=b; ' + ask('/?token=the-secret')[1]['Set-Cookie'].split(';')[0]}
+    for path in (at + '/stream', at + '/levels/2/mesh.vtu', at + '/records/0-3', '/v1/meshes', '/v1/meshes/fin/prefix?level=2', '/view/fin'):
+        for headers, status in ((bearer, 200), ({}, 401), (cookie, 200), ({}, 401), ({'Cookie': 'other=1'}, 401), (bearer, 200), ({'Authorization': 'Bearer x'}, 401)):
+            found, head, body = ask(path, **headers)
+            assert found == status and not from_cache(head), (path, headers, found, head)
+            assert status != 200 or path[:11] != '/v1/meshes/' or 'private' in head['Cache-Control'] or 'no-cache' in head['Cache-Control'], head
+    assert ask('/metrics', **bearer)[0] == 404
+    ask('/healthz', **{'X-Forwarded-For': '1.2.3.4'})
+    eventually(lambda: '"remote": "1.2.3.4"' in server.messages())
+
+
+def token_server(port):
+    path = os.path.join(SCRATCH, 'the-token')
+    with open(path, 'w') as file:
+        file.write('the-secret')
+    return Server(FOLDER, '--token', path, '--access-log', '--trust-proxy', '127.0.0.1', listen='127.0.0.1:%d' % port)
+
+
+def plain(port, path, **headers):
+    connection = http.client.HTTPConnection('127.0.0.1', port, timeout=PATIENCE)
+    connection.request('GET', path, headers=headers)
+    answer = connection.getresponse()
+    body = answer.read()
+    connection.close()
+    return answer.status, answer.headers, body
+
+
+def test_varnish_and_tokens():
+    if not VARNISH:
+        return 'no varnishd'
+    place = os.path.join('/tmp', 'tetlod-tokens-%d' % os.getpid())
+    ports = free_port(), free_port()
+    process = None
+    try:
+        with token_server(ports[0]) as server:
+            process, port = start_varnish(ports, place)
+            check_tokens(lambda path, **headers: plain(port, path, **headers), server, lambda head: ' ' in head['X-Varnish'])
+        with Server(FOLDER, listen='127.0.0.1:%d' % ports[0]):  # without token it keeps what it kept
+            eventually(lambda: plain(port, '/healthz')[0] == 200)
+            heads = [plain(port, '/v1/meshes/fin/%s/levels/3/mesh.vtu' % cid)[1] for _ in range(2)]
+            assert ' ' in heads[1]['X-Varnish'], [dict(head) for head in heads]
+    finally:
+        if process:
+            stop(process)
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def test_nginx_and_tokens():
+    if not NGINX:
+        return 'no nginx'
+    ports, port = (free_port(), free_port()), free_port()
+    with open(os.path.join(DEPLOY, 'nginx.conf')) as file:
+        text = file.read()
+    text = text.replace('listen 80;', 'listen 127.0.0.1:%d;' % free_port()).replace('listen 443 ssl http2;', 'listen 127.0.0.1:%d;' % port)
+    text = re.sub(r'^ *ssl_.*\n', '', text, flags=re.M)
+    text = text.replace('127.0.0.1:8081', '127.0.0.1:%d' % ports[0]).replace('127.0.0.1:8082', '127.0.0.1:%d' % ports[0])
+    with token_server(ports[0]) as server:
+        process = start_nginx('tokens', text)
+        try:
+            wait_for_port(port)
+            check_tokens(lambda path, **headers: plain(port, path, **headers), server, lambda head: head.get('X-Cache') == 'HIT')
+        finally:
+            stop(process)
 
 
 def test_plain_files():
@@ -383,4 +454,4 @@ subprocess.run([TETLOD, 'sample', 'fin', '--size', '8', '-o', 'fin.vtu'], cwd=SC
 subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', os.path.join(FOLDER, 'fin.tetlod'), '--quiet'], cwd=SCRATCH, check=True)
 with Server(FOLDER) as first:
     cid = first.json('/v1/meshes/fin')['cid']
-run([test_nginx_fails_over, test_under_a_path, test_varnish_fails_over, test_plain_files, test_socket_activation, test_unit_files])
+run([test_nginx_fails_over, test_under_a_path, test_varnish_fails_over, test_varnish_and_tokens, test_nginx_and_tokens, test_plain_files, test_socket_activation, test_unit_files])
