@@ -147,7 +147,7 @@ FORCE:
 $(B)/src/cli/main-alone.o: private CPPFLAGS += -DTETLOD_NO_SERVER
 $(B)/src/cli/main-alone.o: src/cli/main.c $(B)/flags
 	$(Q)$(CC) $(TETLOD_CFLAGS) $(CPPFLAGS) $(CFLAGS) -MMD -MP -c -o $@ $<
-CLI_OBJECTS := $(if $(ALONE),$(call objects,$(filter-out %/main.c %/cmd_serve.c %/cmd_explode.c,$(CLI_SRC))) $(B)/src/cli/main-alone.o,$(call objects,$(CLI_SRC)))
+CLI_OBJECTS := $(if $(ALONE),$(call objects,$(filter-out %/main.c %/cmd_serve.c %/serve_request.c %/cmd_explode.c,$(CLI_SRC))) $(B)/src/cli/main-alone.o,$(call objects,$(CLI_SRC)))
 OBJECTS += $(B)/src/cli/main-alone.o
 
 # The same arithmetic for processors that have it; the program asks which it runs on.
