@@ -46,8 +46,9 @@ static struct site *make_site(void)
     site.cache = cache_new(1 << 20);
     site.memory = cache_new(1 << 24);
     site.metrics = metrics_new(routes);
+    site.access = access_new();
     site.serve_metrics = true;
-    if (!site.cache || !site.metrics ||
+    if (!site.cache || !site.metrics || !site.access ||
         !open_catalogue(&site))
         abort();
     return &site;
@@ -146,10 +147,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size)
     char *mark = strstr(text, "CID");
     snprintf(target, sizeof target, "%.*s%s%s", mark ? (int)(mark - text) : 0, text, mark ? cid : "", mark ? mark + 3 : text);
     check_parsers(text, lines);
-    site->access = open_to_all;
+    assert(access_set(site->access, &open_to_all));
     site->base_path = NULL;
     answer(site, target, lines);
-    site->access = guarded;
+    assert(access_set(site->access, &guarded));
     site->base_path = "/x/";
     answer(site, target, lines);
     free(text);
