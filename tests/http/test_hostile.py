@@ -19,7 +19,7 @@ SEED = int(os.environ.get('SEED', '1'))
 FOLDER = os.path.join(SCRATCH, 'streams')
 MARK = b'never-to-be-sent'
 TOKEN = 'a-Secret_0123456789'
-KNOWN = {100, 200, 204, 206, 303, 304, 308, 400, 401, 404, 405, 411, 413, 414, 416, 421, 422, 431, 500, 501, 503, 505}
+KNOWN = {100, 200, 204, 206, 303, 304, 308, 400, 401, 404, 405, 411, 413, 414, 416, 421, 422, 429, 431, 500, 501, 503, 505}
 LAST = b'GET /healthz HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n'
 QUIET = 0.2  # seconds for which a connection may say nothing before it is given up
 
@@ -181,7 +181,7 @@ def descriptors(server):
 
 def under_attack(server, seed):
     """Attacks a server from several threads while a good request is answered; returns what was answered."""
-    authorized = {'Authorization': 'Bearer ' + TOKEN}
+    authorized = {'Authorization': 'Bearer ' + TOKEN, 'X-Forwarded-For': '10.9.8.7'}  # not one who guesses
     cids = {mesh['id']: mesh['cid'] for mesh in server.json('/v1/meshes', **authorized)['meshes']}
     found, problems, workers, before = {}, [], 32, descriptors(server)
     started = time.monotonic()
@@ -213,7 +213,8 @@ def test_guarded_server():
     path = os.path.join(SCRATCH, 'token')
     with open(path, 'w') as file:
         file.write(TOKEN)
-    with Server(FOLDER, '--token', path, '--cors', 'https://a.example', '--base-path', '/x/', '--timeout', '5', '--drain', '1000') as server:
+    with Server(FOLDER, '--token', path, '--cors', 'https://a.example', '--base-path', '/x/', '--trust-proxy', '127.0.0.1', '--timeout', '5',
+                '--drain', '1000') as server:
         answered = under_attack(server, SEED + 1)
     assert {200, 204, 400, 401, 405} <= answered, answered
 
