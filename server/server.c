@@ -160,6 +160,16 @@ static void *run_scanner(void *opaque)
     return NULL;
 }
 
+/* Where threads hang in files others take their place, and who waits for them may hear that. */
+static void relieve(struct server *server)
+{
+    struct site *site = &server->site;
+    if (!(pool_relieve(site->pool) + pool_relieve(site->decoders) + pool_relieve(site->readers)))
+        return;
+    cache_wake_waiters(site->cache);
+    cache_wake_waiters(site->memory);
+}
+
 static void *run_keeper(void *opaque)
 {
     struct server *server = opaque;
@@ -178,6 +188,7 @@ static void *run_keeper(void *opaque)
         guesses_wake(server->site.guesses, now);
         cache_wake_seekers(server->site.cache); // some may have waited long enough
         cache_wake_seekers(server->site.memory);
+        relieve(server);
         pthread_mutex_lock(&server->lock);
     }
     pthread_mutex_unlock(&server->lock);
@@ -432,6 +443,19 @@ static void stop_keeper(struct server *server)
         pthread_join(server->keeper, NULL);
 }
 
+/* Their ends wake all who wait: a suspended connection could not be ended. False if a file hangs and its readers with it; then
+ * nothing that these use is ours to free. */
+static bool stop_pools(struct server *server)
+{
+    struct pool *pools[] = {server->site.readers, server->site.decoders, server->site.pool};
+    bool ended = true;
+    for (size_t i = 0; i < sizeof pools / sizeof *pools; i++)
+        ended &= pool_stop(pools[i], i ? 0 : 1); // the second in which others may end is one for all
+    if (!ended)
+        say(server, "warning", "stopping while a file does not answer");
+    return ended;
+}
+
 /* False if a path hangs and the thread with it; then the catalogue and the caches, which it reads, are not ours to free. */
 static bool stop_scanner(struct server *server)
 {
@@ -454,9 +478,8 @@ void server_stop(struct server *server)
     if (server->gate)
         drain(server);
     stop_keeper(server);
-    pool_stop(server->site.readers);
-    pool_stop(server->site.decoders); // these wake all who wait: a suspended connection could not be ended
-    pool_stop(server->site.pool);
+    if (!stop_pools(server))
+        return; // the process is about to end
     if (server->site.cache)
         cache_wake_seekers(server->site.cache); // they hear that there are no threads any more
     if (server->site.memory)

@@ -275,6 +275,8 @@ enum outcome obtain_forest(struct exchange *exchange, struct dataset *dataset, u
     const struct cache_value *value = find_forest(exchange, info, level);
     enum outcome outcome = ANSWERED;
     *out = NULL;
+    if (!value && dataset_hangs(dataset))
+        return respond_hanging(exchange, dataset);
     if (!value) {
         struct decode *decode = array_new(1, sizeof *decode);
         char key[KEY_CAPACITY];

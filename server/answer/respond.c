@@ -148,6 +148,12 @@ enum outcome respond_no_memory(struct exchange *exchange)
     return ANSWERED;
 }
 
+enum outcome respond_hanging(struct exchange *exchange, const struct dataset *dataset)
+{
+    response_problem(exchange->response, 503, exchange->request->target, "the file of '%s' does not answer", dataset_id(dataset));
+    return ANSWERED;
+}
+
 void respond_no_mesh(struct exchange *exchange)
 {
     size_t count = 0;

@@ -52,6 +52,9 @@ void respond_failure(struct exchange *exchange, const struct tetlod_error *error
 /* 503, where the answer itself has no room. ANSWERED. */
 enum outcome respond_no_memory(struct exchange *exchange);
 
+/* 503, where a file hangs. ANSWERED. */
+enum outcome respond_hanging(struct exchange *exchange, const struct dataset *dataset);
+
 /* 404 with the ids that there are, for the first capture. */
 void respond_no_mesh(struct exchange *exchange);
 

@@ -126,16 +126,21 @@ static enum outcome obtain_window(struct exchange *exchange, const struct stored
 {
     struct site *site = exchange->site;
     uint64_t bytes = window->size + 4096;
-    struct stored *reading = new_stored(stored->dataset, stored->spans, stored->count);
+    struct cache *cache = cache_for(site, bytes);
     char key[MAX_KEY];
-    *out = NULL;
+    print_key(key, etag, window, stored->size);
+    *out = obtain_cached(exchange, cache, key);
+    if (*out)
+        return ANSWERED;
+    if (dataset_hangs(stored->dataset))
+        return respond_hanging(exchange, stored->dataset);
+    struct stored *reading = new_stored(stored->dataset, stored->spans, stored->count);
     if (!reading)
         return respond_no_memory(exchange);
     reading->window = *window;
-    print_key(key, etag, window, stored->size);
     double patience = window->size > STEP ? 0 : PATIENCE; // what is larger can do without
     const struct recipe recipe = {make_window, free_stored, reading, bytes, patience, site->readers};
-    return obtain(exchange, cache_for(site, bytes), key, &recipe, out);
+    return obtain(exchange, cache, key, &recipe, out);
 }
 
 /* ---- answers that go through the cache */

@@ -292,6 +292,21 @@ bool cache_wait(struct cache *cache, struct cache_entry *entry, struct waiter *w
     return coming;
 }
 
+void cache_wake_waiters(struct cache *cache)
+{
+    struct waiter *all = NULL;
+    pthread_mutex_lock(&cache->lock);
+    for (struct cache_entry *entry = cache->oldest; entry; entry = entry->newer)
+        for (struct waiter *waiter = entry->waiters, *next; waiter; waiter = next) {
+            next = waiter->next;
+            waiter->next = all;
+            all = waiter;
+            entry->waiters = next;
+        }
+    unlock(cache);
+    wake_all(all);
+}
+
 bool cache_finished(const struct cache_entry *entry)
 {
     return atomic_load(&entry->finished);

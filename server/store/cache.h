@@ -60,6 +60,9 @@ void cache_finish(struct cache *cache, struct cache_entry *entry, const struct c
 /* Registers a waiter for the end of an entry's making; false if the entry is finished already and nobody will be woken. */
 bool cache_wait(struct cache *cache, struct cache_entry *entry, struct waiter *waiter);
 
+/* Wakes all who wait for entries, though these are not finished: they may have waited long enough. */
+void cache_wake_waiters(struct cache *cache);
+
 bool cache_finished(const struct cache_entry *entry);
 
 /* Of a finished entry: its value, or NULL and why. */

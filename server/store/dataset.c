@@ -11,12 +11,15 @@
 
 #include "format/fail.h"
 #include "format/parts.h"
+#include "server/store/pool.h"
 #include "src/util/array.h"
+#include "src/util/clock.h"
 #include "src/util/parallel.h"
 
 enum { ERRORS_CAPACITY = 96, MAX_READINGS = 3 /* of bytes while somebody writes */ };
 
 #define UNCHECKED 0
+#define MAX_HANG 5.0 /* seconds after which nobody else begins to read a file that does not answer */
 
 struct dataset {
     struct stored *stored;
@@ -39,6 +42,7 @@ struct stored {
     pthread_mutex_t lock;          /* over the next two */
     struct file_identity seen;     /* at the last look */
     uint64_t version;              /* from 1; another one whenever somebody may have written */
+    _Atomic double reading; /* since when the oldest of those who read it does; 0: nobody */
     atomic_bool all_checked, damaged; /* all parts were good once; a part was not */
     struct dataset *datasets; /* [count]: the whole stream, then its further topology groups */
     uint32_t count;
@@ -72,10 +76,53 @@ static enum tetlod_status print_all_errors(struct dataset *dataset, struct tetlo
     return TETLOD_OK;
 }
 
-static enum tetlod_status read_bytes(int fd, uint64_t offset, unsigned char *out, size_t size, struct tetlod_error *error)
+static bool hangs(const struct stored *stored)
+{
+    double since = atomic_load(&stored->reading);
+    return since > 0 && monotonic_seconds() - since > MAX_HANG;
+}
+
+bool dataset_hangs(const struct dataset *dataset)
+{
+    return hangs(dataset->stored);
+}
+
+/* Each look at the file is between these two: a file may hang, and its readers with it. */
+static double enter(struct stored *stored)
+{
+    double now = monotonic_seconds(), nobody = 0;
+    atomic_compare_exchange_strong(&stored->reading, &nobody, now);
+    pool_reading(true);
+    return now;
+}
+
+static void leave(struct stored *stored, double entered)
+{
+    pool_reading(false);
+    atomic_compare_exchange_strong(&stored->reading, &entered, 0); // unless somebody else came first
+}
+
+static enum tetlod_status fail_open(struct tetlod_error *error)
+{
+    return tetlodi_fail(error, errno == ESTALE || errno == ENOENT ? TETLOD_ERR_MISMATCH : TETLOD_ERR_IO, "%s", strerror(errno));
+}
+
+static enum tetlod_status use_file(struct stored *stored, int *fd, struct tetlod_error *error)
+{
+    if (hangs(stored))
+        return tetlodi_fail(error, TETLOD_ERR_IO, "it does not answer");
+    double entered = enter(stored);
+    *fd = open_file_use(stored->opened);
+    leave(stored, entered);
+    return *fd < 0 ? fail_open(error) : TETLOD_OK;
+}
+
+static enum tetlod_status read_bytes(struct stored *stored, int fd, uint64_t offset, unsigned char *out, size_t size, struct tetlod_error *error)
 {
     while (size) {
+        double entered = enter(stored);
         ssize_t got = pread(fd, out, size, (off_t)offset);
+        leave(stored, entered);
         if (got <= 0)
             return got ? tetlodi_fail(error, TETLOD_ERR_IO, "%s", strerror(errno)) : tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it was cut off");
         out += got;
@@ -85,19 +132,13 @@ static enum tetlod_status read_bytes(int fd, uint64_t offset, unsigned char *out
     return TETLOD_OK;
 }
 
-static enum tetlod_status fail_open(struct tetlod_error *error)
-{
-    return tetlodi_fail(error, errno == ESTALE || errno == ENOENT ? TETLOD_ERR_MISMATCH : TETLOD_ERR_IO, "%s", strerror(errno));
-}
-
 /* The library's source. It holds what it reads against digests. */
 static enum tetlod_status read_source(void *opaque, uint64_t offset, void *buffer, size_t size)
 {
     struct stored *stored = opaque;
-    int fd = open_file_use(stored->opened);
-    if (fd < 0)
-        return fail_open(NULL);
-    enum tetlod_status status = read_bytes(fd, offset, buffer, size, NULL);
+    int fd;
+    TETLOD_TRY(use_file(stored, &fd, NULL));
+    enum tetlod_status status = read_bytes(stored, fd, offset, buffer, size, NULL);
     open_file_let_go(stored->opened);
     return status;
 }
@@ -106,7 +147,10 @@ static enum tetlod_status read_source(void *opaque, uint64_t offset, void *buffe
 static uint64_t look(struct stored *stored, int fd)
 {
     struct file_identity now;
-    if (!identity_settled(fd, &now))
+    double entered = enter(stored);
+    bool settled = identity_settled(fd, &now);
+    leave(stored, entered);
+    if (!settled)
         return UNCHECKED;
     pthread_mutex_lock(&stored->lock);
     if (!identity_same(&now, &stored->seen)) {
@@ -123,7 +167,9 @@ static uint64_t look(struct stored *stored, int fd)
 static bool is_still(struct stored *stored, int fd, uint64_t version)
 {
     struct file_identity now;
+    double entered = enter(stored);
     bool same = identity_of(fd, &now);
+    leave(stored, entered);
     pthread_mutex_lock(&stored->lock);
     same = same && stored->version == version && identity_same(&now, &stored->seen);
     pthread_mutex_unlock(&stored->lock);
@@ -181,16 +227,15 @@ static enum tetlod_status read_version(struct dataset *dataset, int fd, uint64_t
     if (*version == UNCHECKED)
         return fail_changing(error);
     TETLOD_TRY(check_parts(dataset, part_at(dataset, offset), offset + size, *version, fd, NULL, error));
-    TETLOD_TRY(read_bytes(fd, dataset->offset + offset, out, size, error));
+    TETLOD_TRY(read_bytes(stored, fd, dataset->offset + offset, out, size, error));
     return is_still(stored, fd, *version) ? TETLOD_OK : fail_changing(error);
 }
 
 enum tetlod_status dataset_read(struct dataset *dataset, uint64_t offset, void *out, size_t size, struct tetlod_error *error)
 {
     struct stored *stored = dataset->stored;
-    int fd = open_file_use(stored->opened);
-    if (fd < 0)
-        return fail_open(error);
+    int fd;
+    TETLOD_TRY(use_file(stored, &fd, error));
     enum tetlod_status status;
     uint64_t version;
     int left = MAX_READINGS;
@@ -349,9 +394,8 @@ enum tetlod_status dataset_check(struct dataset *dataset, const atomic_bool *sto
 {
     struct dataset *whole = dataset->stored->datasets;
     struct stored *stored = dataset->stored;
-    int fd = open_file_use(stored->opened);
-    if (fd < 0)
-        return fail_open(error);
+    int fd;
+    TETLOD_TRY(use_file(stored, &fd, error));
     uint64_t version = look(stored, fd);
     atomic_store(&stored->damaged, false);
     enum tetlod_status status = version == UNCHECKED ? fail_changing(error) : check_parts(whole, 0, UINT64_MAX, version, fd, stop, error);

@@ -50,6 +50,9 @@ const struct tetlod_series *dataset_series(const struct dataset *dataset);
 /* Holds the file against its digests, as far as that was not done before; ends early with ERR_LIMIT if `stop` becomes true. */
 TETLOD_CHECKED enum tetlod_status dataset_check(struct dataset *dataset, const atomic_bool *stop, struct tetlod_error *error);
 
+/* Whether somebody has been reading the file for so long that nobody else should begin to. */
+bool dataset_hangs(const struct dataset *dataset);
+
 /* Whether the whole file was held against its digests; whether a part was found damaged. */
 bool dataset_checked(const struct dataset *dataset);
 bool dataset_damaged(const struct dataset *dataset);

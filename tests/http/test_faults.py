@@ -216,6 +216,82 @@ def test_a_folder_that_hangs():
     os.unlink(flag)
 
 
+HANGING_READ = r'''
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+static int hangs(int fd)
+{
+    char link[64], path[4096];
+    snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+    ssize_t size = readlink(link, path, sizeof path - 1);
+    path[size > 0 ? size : 0] = 0;
+    return strstr(path, "hangs") != NULL && access(getenv("HANG"), F_OK) == 0;
+}
+ssize_t pread64(int fd, void *out, size_t size, off64_t offset)
+{
+    ssize_t (*next)(int, void *, size_t, off64_t) = (ssize_t (*)(int, void *, size_t, off64_t))dlsym(RTLD_NEXT, "pread64");
+    while (hangs(fd))
+        usleep(10000);
+    return next(fd, out, size, offset);
+}
+ssize_t pread(int fd, void *out, size_t size, off_t offset)
+{
+    return pread64(fd, out, size, offset);
+}
+'''
+
+
+def test_a_file_that_hangs():
+    """Who asks for it waits, and is refused after some seconds. All others are answered: from memory at once, and from files by threads
+    that take the place of those that hang. Stopping is not held up. When the file answers again, so does the server."""
+    if os.environ.get('CONFIG') != 'release':
+        return 'sanitizers want to be loaded first'
+    library, flag, folder = os.path.join(SCRATCH, 'hang_read.so'), os.path.join(SCRATCH, 'hang_read'), folder_of('reads', 'hangs')
+    other = os.path.join(ROOT, 'tests', 'golden', 'cells_float32.tetlod')
+    shutil.copy(other, os.path.join(folder, 'good.tetlod'))
+    with open(library + '.c', 'w') as file:
+        file.write(HANGING_READ)
+    subprocess.run(['cc', '-shared', '-fPIC', '-o', library, library + '.c', '-ldl'], check=True)
+    with open(other, 'rb') as file:
+        good = file.read()
+    with Server(folder, '--threads', '2', '--scan', '1000', '--drain', '0.2', environment={'LD_PRELOAD': library, 'HANG': flag}) as server:
+        fine, cid = (server.json('/v1/meshes/' + name)['cid'] for name in ('good', 'hangs'))
+        with open(flag, 'w'):
+            pass
+        waiting = [server.connect() for _ in range(8)]
+        for i, connection in enumerate(waiting):
+            path = 'stream' if i % 2 else 'levels/%d/mesh.vtu' % i
+            connection.sendall(b'GET /v1/meshes/hangs/%s/%s HTTP/1.1\r\nHost: localhost\r\n\r\n' % (cid.encode(), path.encode()))
+        time.sleep(0.3)
+        begin = time.monotonic()
+        assert all(server.get('/healthz')[0] == 200 for _ in range(24))
+        assert server.get('/v1/meshes/hangs')[0] == 200  # from memory
+        assert time.monotonic() - begin < 5, time.monotonic() - begin
+        assert server.get('/v1/meshes/good/%s/stream' % fine)[2] == good
+        assert server.get('/v1/meshes/good/%s/levels/0/mesh.vtu' % fine)[0] == 200
+        for connection in waiting:
+            assert b' 503 ' in connection.recv(65536)
+            connection.close()
+        begin = time.monotonic()
+        status, _, body = server.get('/v1/meshes/hangs/%s/records/0-1' % cid)
+        assert status == 503 and b'does not answer' in body and time.monotonic() - begin < 2, (status, body)
+        os.unlink(flag)
+        eventually(lambda: server.get('/v1/meshes/hangs/%s/stream' % cid)[0] == 200)
+        assert server.get('/v1/meshes/hangs/%s/levels/5/mesh.vtu' % cid)[0] == 200
+        with open(flag, 'w'):
+            pass
+        with server.connect() as connection:
+            connection.sendall(b'GET /v1/meshes/hangs/%s/records/2-9 HTTP/1.1\r\nHost: localhost\r\n\r\n' % cid.encode())
+            time.sleep(0.3)
+        begin = time.monotonic()
+    assert time.monotonic() - begin < 5 and 'a file does not answer' in server.messages()
+    os.unlink(flag)
+
+
 def test_stop_while_scanning():
     """The thread that looks at the paths reads the catalogue and the caches to its last step."""
     folder = folder_of('scanned', 'fin')
@@ -229,4 +305,4 @@ def test_stop_while_scanning():
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
 subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
 run([test_explode_on_a_full_disk, test_what_is_no_stream_is_named_once, test_folder_that_goes_away_for_a_while, test_descriptors_run_out, test_more_files_than_descriptors,
-     test_written_over_with_the_same_size_and_time, test_a_folder_that_hangs, test_stop_while_scanning])
+     test_written_over_with_the_same_size_and_time, test_a_folder_that_hangs, test_a_file_that_hangs, test_stop_while_scanning])
