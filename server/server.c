@@ -164,8 +164,12 @@ static void *run_scanner(void *opaque)
 static void relieve(struct server *server)
 {
     struct site *site = &server->site;
-    if (!(pool_relieve(site->pool) + pool_relieve(site->decoders) + pool_relieve(site->readers)))
+    size_t hanging = catalogue_hanging(site->catalogue, 1);
+    if (!hanging)
         return;
+    pool_relieve(site->pool, hanging);
+    pool_relieve(site->decoders, hanging);
+    pool_relieve(site->readers, hanging);
     cache_wake_waiters(site->cache);
     cache_wake_waiters(site->memory);
 }
@@ -443,6 +447,12 @@ static void stop_keeper(struct server *server)
         pthread_join(server->keeper, NULL);
 }
 
+static bool is_hanging(void *opaque)
+{
+    const struct server *server = opaque;
+    return server->site.catalogue && catalogue_hanging(server->site.catalogue, 1) > 0;
+}
+
 /* Their ends wake all who wait: a suspended connection could not be ended. False if a file hangs and its readers with it; then
  * nothing that these use is ours to free. */
 static bool stop_pools(struct server *server)
@@ -450,7 +460,7 @@ static bool stop_pools(struct server *server)
     struct pool *pools[] = {server->site.readers, server->site.decoders, server->site.pool};
     bool ended = true;
     for (size_t i = 0; i < sizeof pools / sizeof *pools; i++)
-        ended &= pool_stop(pools[i], i ? 0 : 1); // the second in which others may end is one for all
+        ended &= pool_stop(pools[i], is_hanging, server);
     if (!ended)
         say(server, "warning", "stopping while a file does not answer");
     return ended;

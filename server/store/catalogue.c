@@ -618,6 +618,11 @@ size_t catalogue_open_files(struct catalogue *catalogue)
     return open_files_count(catalogue->files);
 }
 
+size_t catalogue_hanging(struct catalogue *catalogue, double seconds)
+{
+    return open_files_hanging(catalogue->files, seconds);
+}
+
 struct dataset **catalogue_list(struct catalogue *catalogue, size_t most, size_t *out_count)
 {
     size_t count = 0;

@@ -52,8 +52,9 @@ bool catalogue_has_content(struct catalogue *catalogue, const char *cid, size_t 
 /* How many files and folders the last scan could not look at. */
 size_t catalogue_troubles(struct catalogue *catalogue);
 
-/* How many files are open. */
+/* How many files are open, and how many looks at one take longer than so many seconds. */
 size_t catalogue_open_files(struct catalogue *catalogue);
+size_t catalogue_hanging(struct catalogue *catalogue, double seconds);
 
 size_t catalogue_count(struct catalogue *catalogue);
 

@@ -11,7 +11,6 @@
 
 #include "format/fail.h"
 #include "format/parts.h"
-#include "server/store/pool.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 #include "src/util/parallel.h"
@@ -37,6 +36,7 @@ struct dataset {
 struct stored {
     atomic_uint references;
     char id[ID_CAPACITY];
+    struct open_files *files;
     struct open_file *opened;
     struct file_identity identity; /* that it was opened with */
     pthread_mutex_t lock;          /* over the next two */
@@ -87,19 +87,23 @@ bool dataset_hangs(const struct dataset *dataset)
     return hangs(dataset->stored);
 }
 
-/* Each look at the file is between these two: a file may hang, and its readers with it. */
-static double enter(struct stored *stored)
+/* A look at the file is between these two: it may hang, and its reader with it. */
+struct look {
+    double begun;
+    size_t number;
+};
+
+static struct look begin_look(struct stored *stored)
 {
     double now = monotonic_seconds(), nobody = 0;
     atomic_compare_exchange_strong(&stored->reading, &nobody, now);
-    pool_reading(true);
-    return now;
+    return (struct look){now, open_files_begin_look(stored->files)};
 }
 
-static void leave(struct stored *stored, double entered)
+static void end_look(struct stored *stored, struct look look)
 {
-    pool_reading(false);
-    atomic_compare_exchange_strong(&stored->reading, &entered, 0); // unless somebody else came first
+    open_files_end_look(stored->files, look.number);
+    atomic_compare_exchange_strong(&stored->reading, &look.begun, 0); // unless somebody else came first
 }
 
 static enum tetlod_status fail_open(struct tetlod_error *error)
@@ -111,18 +115,18 @@ static enum tetlod_status use_file(struct stored *stored, int *fd, struct tetlod
 {
     if (hangs(stored))
         return tetlodi_fail(error, TETLOD_ERR_IO, "it does not answer");
-    double entered = enter(stored);
+    struct look look = begin_look(stored);
     *fd = open_file_use(stored->opened);
-    leave(stored, entered);
+    end_look(stored, look);
     return *fd < 0 ? fail_open(error) : TETLOD_OK;
 }
 
 static enum tetlod_status read_bytes(struct stored *stored, int fd, uint64_t offset, unsigned char *out, size_t size, struct tetlod_error *error)
 {
     while (size) {
-        double entered = enter(stored);
+        struct look look = begin_look(stored);
         ssize_t got = pread(fd, out, size, (off_t)offset);
-        leave(stored, entered);
+        end_look(stored, look);
         if (got <= 0)
             return got ? tetlodi_fail(error, TETLOD_ERR_IO, "%s", strerror(errno)) : tetlodi_fail(error, TETLOD_ERR_TRUNCATED, "it was cut off");
         out += got;
@@ -144,12 +148,12 @@ static enum tetlod_status read_source(void *opaque, uint64_t offset, void *buffe
 }
 
 /* The version of the file's bytes now, or UNCHECKED if they change as one looks. */
-static uint64_t look(struct stored *stored, int fd)
+static uint64_t version_now(struct stored *stored, int fd)
 {
     struct file_identity now;
-    double entered = enter(stored);
+    struct look look = begin_look(stored);
     bool settled = identity_settled(fd, &now);
-    leave(stored, entered);
+    end_look(stored, look);
     if (!settled)
         return UNCHECKED;
     pthread_mutex_lock(&stored->lock);
@@ -167,9 +171,9 @@ static uint64_t look(struct stored *stored, int fd)
 static bool is_still(struct stored *stored, int fd, uint64_t version)
 {
     struct file_identity now;
-    double entered = enter(stored);
+    struct look look = begin_look(stored);
     bool same = identity_of(fd, &now);
-    leave(stored, entered);
+    end_look(stored, look);
     pthread_mutex_lock(&stored->lock);
     same = same && stored->version == version && identity_same(&now, &stored->seen);
     pthread_mutex_unlock(&stored->lock);
@@ -223,7 +227,7 @@ static enum tetlod_status read_version(struct dataset *dataset, int fd, uint64_t
                                        struct tetlod_error *error)
 {
     struct stored *stored = dataset->stored;
-    *version = look(stored, fd);
+    *version = version_now(stored, fd);
     if (*version == UNCHECKED)
         return fail_changing(error);
     TETLOD_TRY(check_parts(dataset, part_at(dataset, offset), offset + size, *version, fd, NULL, error));
@@ -314,6 +318,7 @@ enum tetlod_status dataset_open(struct dataset **out, const char *id, struct ope
     }
     stored->identity = stored->seen = *identity;
     stored->version = UNCHECKED + 1;
+    stored->files = files;
     pthread_mutex_init(&stored->lock, NULL);
     atomic_init(&stored->references, 1);
     snprintf(stored->id, sizeof stored->id, "%s", id);
@@ -396,7 +401,7 @@ enum tetlod_status dataset_check(struct dataset *dataset, const atomic_bool *sto
     struct stored *stored = dataset->stored;
     int fd;
     TETLOD_TRY(use_file(stored, &fd, error));
-    uint64_t version = look(stored, fd);
+    uint64_t version = version_now(stored, fd);
     atomic_store(&stored->damaged, false);
     enum tetlod_status status = version == UNCHECKED ? fail_changing(error) : check_parts(whole, 0, UINT64_MAX, version, fd, stop, error);
     open_file_let_go(stored->opened);

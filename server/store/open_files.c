@@ -4,12 +4,14 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <pthread.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "src/util/array.h"
+#include "src/util/clock.h"
 
 struct open_file {
     struct open_files *files;
@@ -20,7 +22,10 @@ struct open_file {
     struct open_file *newer, *older; /* among those that are open and nobody uses */
 };
 
+enum { LOOKS = 1024 /* at once; further ones are not counted */ };
+
 struct open_files {
+    _Atomic double looks[LOOKS]; /* since when, or 0 */
     pthread_mutex_t lock;
     size_t most, open;
     struct open_file *newest, *oldest;
@@ -51,8 +56,8 @@ static bool same_time(const struct timespec *a, const struct timespec *b)
 
 bool identity_settled(int fd, struct file_identity *out)
 {
-    enum { TICK = 20 * 1000 * 1000, LOOKS = 3 };
-    for (int look = 0; look < LOOKS && identity_of(fd, out); look++) {
+    enum { TICK = 20 * 1000 * 1000, TRIES = 3 };
+    for (int i = 0; i < TRIES && identity_of(fd, out); i++) {
         struct timespec now;
         clock_gettime(CLOCK_REALTIME, &now);
         long long age = (long long)(now.tv_sec - out->changed.tv_sec) * 1000000000 + (now.tv_nsec - out->changed.tv_nsec);
@@ -218,4 +223,32 @@ void open_file_let_go(struct open_file *file)
         close_oldest(files);
     }
     pthread_mutex_unlock(&files->lock);
+}
+
+size_t open_files_begin_look(struct open_files *files)
+{
+    double now = monotonic_seconds();
+    for (size_t i = 0; i < LOOKS; i++) {
+        double none = 0;
+        if (atomic_load(&files->looks[i]) == 0 && atomic_compare_exchange_strong(&files->looks[i], &none, now))
+            return i;
+    }
+    return LOOKS;
+}
+
+void open_files_end_look(struct open_files *files, size_t look)
+{
+    if (look < LOOKS)
+        atomic_store(&files->looks[look], 0);
+}
+
+size_t open_files_hanging(struct open_files *files, double seconds)
+{
+    double now = monotonic_seconds();
+    size_t count = 0;
+    for (size_t i = 0; i < LOOKS; i++) {
+        double since = atomic_load(&files->looks[i]);
+        count += since > 0 && now - since > seconds;
+    }
+    return count;
 }

@@ -51,4 +51,12 @@ void open_file_free(struct open_file *file);
 int open_file_use(struct open_file *file);
 void open_file_let_go(struct open_file *file);
 
+/* Looking at a file may take for ever, on a network's file system. Each look begins and ends with these; the number of the look is
+ * the caller's to keep. */
+size_t open_files_begin_look(struct open_files *files);
+void open_files_end_look(struct open_files *files, size_t look);
+
+/* How many looks take longer than so many seconds. */
+size_t open_files_hanging(struct open_files *files, double seconds);
+
 #endif

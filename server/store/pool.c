@@ -3,14 +3,12 @@
 #include "server/store/pool.h"
 
 #include <pthread.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <sys/resource.h>
 #include <time.h>
 
 #include "format/fail.h"
 #include "src/util/array.h"
-#include "src/util/clock.h"
 
 enum {
     MAX_EXTRA = 64, /* threads beside those that were asked for, while files hang */
@@ -18,17 +16,9 @@ enum {
     NANOSECONDS = 1000 * 1000 * 1000,
 };
 
-#define HANGS 1.0 /* seconds after which a thread that reads a file counts as lost */
-
 struct task {
     void (*work)(void *context);
     void *context;
-};
-
-struct worker {
-    struct pool *pool;
-    pthread_t id;
-    _Atomic double reading; /* since when its thread reads a file; 0: it does not */
 };
 
 struct pool {
@@ -38,16 +28,8 @@ struct pool {
     struct task *ring;
     size_t capacity, first, count;
     unsigned wanted, threads;
-    struct worker *workers; /* [wanted + MAX_EXTRA], of which `threads` run */
+    pthread_t *ids; /* [wanted + MAX_EXTRA], of which `threads` run */
 };
-
-static _Thread_local struct worker *self;
-
-void pool_reading(bool begins)
-{
-    if (self)
-        atomic_store(&self->reading, begins ? monotonic_seconds() : 0);
-}
 
 /* Below the threads that answer: what is there already shall not wait for what is being made. (On Linux this is the
  * calling thread's alone.) */
@@ -58,8 +40,7 @@ static void step_back(void)
 
 static void *run(void *argument)
 {
-    self = argument;
-    struct pool *pool = self->pool;
+    struct pool *pool = argument;
     step_back();
     pthread_mutex_lock(&pool->lock);
     for (;;) {
@@ -79,11 +60,9 @@ static void *run(void *argument)
 }
 
 /* False: there can be no more. Called with the lock, or before there is another thread. */
-static bool add_worker(struct pool *pool)
+static bool add_thread(struct pool *pool)
 {
-    struct worker *worker = &pool->workers[pool->threads];
-    worker->pool = pool;
-    bool added = pool->threads < pool->wanted + MAX_EXTRA && pthread_create(&worker->id, NULL, run, worker) == 0;
+    bool added = pool->threads < pool->wanted + MAX_EXTRA && pthread_create(&pool->ids[pool->threads], NULL, run, pool) == 0;
     pool->threads += added;
     return added;
 }
@@ -95,12 +74,12 @@ enum tetlod_status pool_start(struct pool **out, unsigned threads, size_t capaci
     if (!pool)
         return tetlodi_fail_nomem(error, "the worker threads", sizeof *pool);
     pool->ring = array_new(capacity, sizeof *pool->ring);
-    pool->workers = array_zero(threads + MAX_EXTRA, sizeof *pool->workers);
+    pool->ids = array_new(threads + MAX_EXTRA, sizeof *pool->ids);
     pool->capacity = capacity;
     pool->wanted = threads;
     pthread_mutex_init(&pool->lock, NULL);
     pthread_cond_init(&pool->changed, NULL);
-    while (pool->ring && pool->workers && pool->threads < threads && add_worker(pool))
+    while (pool->ring && pool->ids && pool->threads < threads && add_thread(pool))
         ;
     if (pool->threads) { // fewer threads than asked for are slower, not wrong
         *out = pool;
@@ -110,23 +89,12 @@ enum tetlod_status pool_start(struct pool **out, unsigned threads, size_t capaci
     return tetlodi_fail(error, TETLOD_ERR_NOMEM, "cannot start worker threads");
 }
 
-static bool is_lost(const struct worker *worker, double now)
+void pool_relieve(struct pool *pool, size_t lost)
 {
-    double since = atomic_load(&worker->reading);
-    return since > 0 && now - since > HANGS;
-}
-
-unsigned pool_relieve(struct pool *pool)
-{
-    double now = monotonic_seconds();
-    unsigned lost = 0;
     pthread_mutex_lock(&pool->lock);
-    for (unsigned i = 0; i < pool->threads; i++)
-        lost += is_lost(&pool->workers[i], now);
-    while (pool->count && !pool->stopping && pool->threads - lost < pool->wanted && add_worker(pool))
+    while (pool->count && !pool->stopping && pool->threads < pool->wanted + lost && add_thread(pool))
         ;
     pthread_mutex_unlock(&pool->lock);
-    return lost;
 }
 
 bool pool_submit(struct pool *pool, void (*work)(void *context), void *context)
@@ -150,25 +118,22 @@ bool pool_stopping(struct pool *pool)
     return stopping;
 }
 
-/* False if it hangs in a file and the time is over. */
-static bool join(const struct worker *worker, double until)
+static bool join(pthread_t id, bool (*give_up)(void *opaque), void *opaque)
 {
     for (;;) {
         struct timespec soon;
         clock_gettime(CLOCK_MONOTONIC, &soon);
         soon.tv_sec += (soon.tv_nsec + STEP) / NANOSECONDS;
         soon.tv_nsec = (soon.tv_nsec + STEP) % NANOSECONDS;
-        if (pthread_clockjoin_np(worker->id, NULL, CLOCK_MONOTONIC, &soon) == 0)
+        if (pthread_clockjoin_np(id, NULL, CLOCK_MONOTONIC, &soon) == 0)
             return true;
-        double now = monotonic_seconds();
-        if (now > until && is_lost(worker, now))
+        if (give_up(opaque))
             return false;
     }
 }
 
-bool pool_stop(struct pool *pool, double patience)
+bool pool_stop(struct pool *pool, bool (*give_up)(void *opaque), void *opaque)
 {
-    double until = monotonic_seconds() + patience;
     bool ended = true;
     if (!pool)
         return true;
@@ -177,7 +142,7 @@ bool pool_stop(struct pool *pool, double patience)
     pthread_cond_broadcast(&pool->changed);
     pthread_mutex_unlock(&pool->lock);
     for (unsigned i = 0; i < pool->threads; i++)
-        ended &= join(&pool->workers[i], until);
+        ended &= join(pool->ids[i], give_up, opaque);
     return ended;
 }
 
@@ -188,6 +153,6 @@ void pool_free(struct pool *pool)
     pthread_cond_destroy(&pool->changed);
     pthread_mutex_destroy(&pool->lock);
     free(pool->ring);
-    free(pool->workers);
+    free(pool->ids);
     free(pool);
 }

@@ -18,15 +18,12 @@ bool pool_submit(struct pool *pool, void (*work)(void *context), void *context);
 /* Whether pool_stop was called: work that waits for something should give up. */
 bool pool_stopping(struct pool *pool);
 
-/* Tells the pool whose thread calls that it begins or ends to read a file, which may hang: on a network's file system for good. */
-void pool_reading(bool begins);
+/* Starts threads in the place of those that are lost, which are at most so many, as long as there is work for them. */
+void pool_relieve(struct pool *pool, size_t lost);
 
-/* Starts threads in the place of those that hang, as long as there is work for them; to be called now and then. How many hang. */
-unsigned pool_relieve(struct pool *pool);
-
-/* Runs what is queued to its end, then ends the threads; from then on nothing is taken. Once. False if after so many seconds a
- * thread hangs: then nothing that its work uses may be freed. */
-bool pool_stop(struct pool *pool, double patience);
+/* Runs what is queued to its end, then ends the threads; from then on nothing is taken. Once. False if a thread does not end, and
+ * give_up, which is asked now and then, says so: then nothing that its work uses may be freed. */
+bool pool_stop(struct pool *pool, bool (*give_up)(void *opaque), void *opaque);
 void pool_free(struct pool *pool);
 
 #endif
