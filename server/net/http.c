@@ -67,6 +67,28 @@ struct call {
     char remote[INET6_ADDRSTRLEN], network[INET6_ADDRSTRLEN]; /* the client, maybe behind a proxy, and what is counted of it */
 };
 
+/* A connection: its peer, and the request on it. The library forgets a request of which two things are wrong (the first header does not
+ * fit into the connection's memory): it closes the connection without a call of on_completed. */
+struct client {
+    struct peer *peer;
+    struct call *call;
+};
+
+static struct client *client_of(struct MHD_Connection *connection)
+{
+    const union MHD_ConnectionInfo *info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
+    return info ? info->socket_context : NULL;
+}
+
+static void free_call(struct call *call)
+{
+    if (!call)
+        return;
+    request_unpin(&call->request);
+    free(call->target);
+    free(call);
+}
+
 /* ---- requests ---- */
 
 static const char *find_header(void *opaque, const char *name)
@@ -93,12 +115,15 @@ static void hide_parameters(const char *target)
 static void *on_target(void *opaque, const char *target, struct MHD_Connection *connection)
 {
     struct http *http = opaque;
+    struct client *client = client_of(connection);
     struct call *call = array_zero(1, sizeof *call);
     if (!call || !(call->target = strdup(target))) {
         free(call);
         return NULL; // the handler closes the connection
     }
     hide_parameters(target);
+    if (client)
+        client->call = call;
     call->http = http;
     call->connection = connection;
     call->started = monotonic_seconds();
@@ -221,10 +246,10 @@ static void take_client(struct call *call)
 static void take_headers(struct call *call, const char *method, const char *version)
 {
     struct http *http = call->http;
-    const union MHD_ConnectionInfo *info = MHD_get_connection_info(call->connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
+    const struct client *client = client_of(call->connection);
     const char *id = find_header(call, "X-Request-Id");
     call->headers_seen = true;
-    call->peer = info ? info->socket_context : NULL;
+    call->peer = client ? client->peer : NULL;
     snprintf(call->method, sizeof call->method, "%s", method);
     call->request.method = strcmp(method, "GET") == 0       ? METHOD_GET
                            : strcmp(method, "HEAD") == 0    ? METHOD_HEAD
@@ -469,7 +494,7 @@ static void on_completed(void *opaque, struct MHD_Connection *connection, void *
 {
     struct http *http = opaque;
     struct call *call = *context;
-    (void)connection;
+    struct client *client = client_of(connection);
     if (!call)
         return;
     double now = monotonic_seconds();
@@ -480,10 +505,10 @@ static void on_completed(void *opaque, struct MHD_Connection *connection, void *
     }
     if (call->peer)
         peer_idle(call->peer, now);
-    request_unpin(&call->request);
-    free(call->target);
-    free(call);
+    free_call(call);
     *context = NULL;
+    if (client)
+        client->call = NULL;
 }
 
 static void on_connection(void *opaque, struct MHD_Connection *connection, void **context,
@@ -491,12 +516,20 @@ static void on_connection(void *opaque, struct MHD_Connection *connection, void 
 {
     struct http *http = opaque;
     const union MHD_ConnectionInfo *info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD);
-    if (code == MHD_CONNECTION_NOTIFY_STARTED)
-        *context = info ? gate_peer(http->options.gate, info->connect_fd) : NULL;
-    else if (*context) {
-        gate_leave(http->options.gate, *context);
-        *context = NULL;
+    struct peer *peer = info ? gate_peer(http->options.gate, info->connect_fd) : NULL;
+    struct client *client = *context;
+    if (code == MHD_CONNECTION_NOTIFY_STARTED) {
+        *context = client = array_zero(1, sizeof *client);
+        if (client)
+            client->peer = peer;
+        return;
     }
+    if (client)
+        free_call(client->call);
+    free(client);
+    *context = NULL;
+    if (peer)
+        gate_leave(http->options.gate, peer);
 }
 
 /* ---- life ---- */

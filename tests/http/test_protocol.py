@@ -232,6 +232,17 @@ def test_many_parameters():
         assert one(ask(b'GET /v1/meshes/x/mesh?' + b'a&' * count + b' HTTP/1.1')) == 404, count
 
 
+def test_forgotten_requests():
+    """Of a request with two faults libmicrohttpd closes the connection and tells nobody: it is let go of all the same."""
+    with Server(FOLDER) as forgetful:
+        data = b'GET /' + b'a' * 7000 + b' HTTP/1.1\r\n' + HOST + b'Content-Length: -5\r\nCookie: a="\r\n\r\n'
+        forgetful.raw(data)
+        before = forgetful.memory()
+        for _ in range(1500):
+            forgetful.raw(data)
+        assert SLOW > 1 or forgetful.memory() - before < 4 << 20, (before, forgetful.memory())
+
+
 def test_long_requests():
     """Longer than what is read: where the server closes before all of it is read, the kernel resets the connection, which may take
     the refusal away before the client sees it."""
@@ -545,6 +556,6 @@ def test_metrics():
 with Server(FOLDER, '--timeout', '1000') as server:  # what ends a connection is never that
     run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths, test_a_page_for_browsers, test_traversal,
          test_nul_does_not_cut, test_targets_without_a_path, test_one_vary, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue, test_nul_in_headers, test_no_silence,
-         test_refusals_are_problems, test_many_parameters, test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
+         test_refusals_are_problems, test_many_parameters, test_forgotten_requests, test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
          test_coding, test_embedding, test_assets, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses, test_metrics_apart, test_threads,
          test_graceful_stop, test_access_log, test_metrics])
