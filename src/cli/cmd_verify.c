@@ -20,7 +20,7 @@
 #include "src/mesh/displacement.h"
 #include "src/mesh/mesh_check.h"
 #include "src/level/level_mesh.h"
-#include "src/level/metadata.h"
+#include "src/util/json_text.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
@@ -323,7 +323,7 @@ static enum tetlod_status check_order(const struct verification *v)
 static enum tetlod_status check_metadata(const struct verification *v)
 {
     const struct tetlod_info *info = tetlod_info(v->file);
-    bool good = !info->metadata_size || metadata_is_object(info->metadata, info->metadata_size);
+    bool good = !info->metadata_size || json_text_is_object(info->metadata, info->metadata_size);
     return good ? TETLOD_OK : tetlodi_fail(v->error, TETLOD_ERR_STREAM, "the metadata are not a JSON object");
 }
 

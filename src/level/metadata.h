@@ -5,12 +5,8 @@
 
 #include <jansson.h>
 #include <stdbool.h>
-#include <stddef.h>
 
 #include "format/tetlod.h"
-
-/* Is a text one JSON object (RFC 8259) in UTF-8? It allocates nothing. */
-bool metadata_is_object(const char *text, size_t size);
 
 /* The metadata as a new object, an empty one where they are anything else; NULL if memory is out. */
 json_t *metadata_json(const struct tetlod_info *info);

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-/* What metadata_is_object takes for JSON is what Jansson takes for it. */
+/* What json_text_is_object takes for JSON is what Jansson takes for it. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "src/level/metadata.h"
+#include "src/util/json_text.h"
 #include "tests/test.h"
 
 /* Does Jansson take a text as `mine` says? It has no numbers above DBL_MAX and no keys with NUL: such a text tells nothing. */
@@ -44,11 +45,11 @@ static bool jansson_makes_the_same(const char *text, size_t size)
 static void test_texts(void)
 {
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++)
-        if (!jansson_agrees(texts[i], strlen(texts[i]), metadata_is_object(texts[i], strlen(texts[i]))))
+        if (!jansson_agrees(texts[i], strlen(texts[i]), json_text_is_object(texts[i], strlen(texts[i]))))
             TEST_FAIL("text %zu: %s", i, texts[i]);
     for (size_t i = 0; i < GOOD; i++)
-        CHECK(metadata_is_object(texts[i], strlen(texts[i])) && jansson_makes_the_same(texts[i], strlen(texts[i])));
-    CHECK(!metadata_is_object("{}", 1));
+        CHECK(json_text_is_object(texts[i], strlen(texts[i])) && jansson_makes_the_same(texts[i], strlen(texts[i])));
+    CHECK(!json_text_is_object("{}", 1));
 }
 
 /* Bytes of the good texts changed, left out and doubled. */
@@ -73,7 +74,7 @@ static void test_changed_texts(void)
                 text[at] = bytes[(random >> 20) % (sizeof bytes - 1)];
             }
         }
-        bool mine = metadata_is_object(text, size);
+        bool mine = json_text_is_object(text, size);
         if (!jansson_makes_the_same(text, size) && mine)
             TEST_FAIL("another value: %.*s", (int)size, text);
         taken += mine;
@@ -93,7 +94,7 @@ static void test_depth(void)
     REQUIRE(text);
     memset(text, '[', deep);
     memcpy(text, "{\"a\":", 5);
-    CHECK(!metadata_is_object(text, deep));
+    CHECK(!json_text_is_object(text, deep));
     free(text);
 }
 
