@@ -8,6 +8,7 @@
 #include "format/fail.h"
 #include "src/mesh/displacement.h"
 #include "src/level/level_mesh.h"
+#include "src/report/promise.h"
 #include "src/report/series_json.h"
 
 static enum tetlod_status choose_step(const struct tetlod_series_info *info, const struct step_choice *choice, uint32_t *step,
@@ -28,7 +29,7 @@ static void describe(const struct tetlod_series *series, const struct tetlod_inf
                         (choice->total ? choice->total : steps->step_count) - 1, steps->times[step], steps->bands[band].level);
     for (uint32_t f = 0; f < steps->field_count && used >= 0 && (size_t)used < size; f++)
         used += snprintf(about + used, size - (size_t)used, "%s%.60s within %.3g %% of its range over the series", f ? ", " : ": ",
-                         info->fields[steps->fields[f]].name, 100 * tetlod_step_error(series, f, band, step));
+                         info->fields[steps->fields[f]].name, promise_percent(tetlod_step_error(series, f, band, step)));
 }
 
 /* Moves the points, and says what that turns over. */

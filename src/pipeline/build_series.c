@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "src/pipeline/build_series.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -61,7 +62,7 @@ static enum tetlod_status find_control_range(struct series_build *series, uint32
     size_t count = (size_t)series_components(series, control) * series->mesh->vertex_count;
     double *values = array_new(count, sizeof *values), *range = series->ranges[control];
     enum tetlod_status status = values ? TETLOD_OK : tetlodi_fail_nomem(error, "a step's values", count * sizeof *values);
-    bool displacement = series->input->points_move && control + 1 == series->options->control_count;
+    bool displacement = series_is_displacement(series, control);
     const double *given = series->input->ranges && !displacement ? series->input->ranges[control] : NULL;
     range[0] = given ? given[0] : INFINITY;
     range[1] = given ? given[1] : -INFINITY;
@@ -71,6 +72,8 @@ static enum tetlod_status find_control_range(struct series_build *series, uint32
         for (size_t i = 0; i < count && status == TETLOD_OK; i++) {
             own[0] = smaller(own[0], values[i]);
             own[1] = larger(own[1], values[i]);
+            if (displacement)
+                series->reach = larger(series->reach, fabs(series->mesh->positions[i] + values[i]));
         }
         range[0] = smaller(range[0], own[0]);
         range[1] = larger(range[1], own[1]);
@@ -83,7 +86,7 @@ static enum tetlod_status find_control_range(struct series_build *series, uint32
 /* How far points move counts in its range over all steps in any case, and so does a step without a range. */
 static void choose_units(struct series_build *series, uint32_t control)
 {
-    bool own = series->input->own_ranges && !(series->input->points_move && control + 1 == series->options->control_count);
+    bool own = series->input->own_ranges && !series_is_displacement(series, control);
     for (uint32_t s = 0; s < series->input->step_count; s++) {
         double *unit = &series->units[(size_t)s * series->options->control_count + control];
         *unit = own && *unit > 0 && isfinite(1 / *unit) ? *unit : series_width(series, control);
@@ -238,6 +241,50 @@ enum tetlod_status series_retrace(const struct series_build *series, const uint3
     return status;
 }
 
+/* ---- what a level may be off in a band */
+
+/* Two roundings of half a unit in the last place: the input's, and that of what is decoded. */
+static double units_in_last_place(const struct series_build *series, uint32_t control, uint32_t band)
+{
+    int exponent, digits = series->mesh->position_type == TETLOD_FLOAT32 ? FLT_MANT_DIG : DBL_MANT_DIG;
+    frexp(series->reach + series->input->bands[band] * series_width(series, control), &exponent);
+    return ldexp(1, exponent - digits);
+}
+
+bool series_is_within_rounding(const struct series_build *series, uint32_t control, uint32_t band)
+{
+    double tolerance = series->input->bands[band] * series_width(series, control);
+    return series_is_displacement(series, control) && units_in_last_place(series, control, band) > (1 - HALF_STEP / 2) * tolerance;
+}
+
+double series_rounding(const struct series_build *series, uint32_t control, uint32_t band)
+{
+    if (!series_is_displacement(series, control) || series_is_within_rounding(series, control, band))
+        return 0;
+    return units_in_last_place(series, control, band);
+}
+
+/* The largest bound of a level, a fraction of the unit, that leaves room for half a step of the band's grid, and for rounding. */
+static double level_share(const struct series_build *series, uint32_t control, uint32_t band)
+{
+    double tolerance = series->input->bands[band] * series_width(series, control), rounding = series_rounding(series, control, band);
+    if (series_is_within_rounding(series, control, band))
+        return 0;
+    return rounding > HALF_STEP / 2 * tolerance ? 1 - HALF_STEP / 2 - rounding / tolerance : LEVEL_SHARE;
+}
+
+/* The least share of any band in which rounding leaves half of the error: the contraction has rungs at the bands, and a rung that is a little too
+ * high for its band would leave it the one below. */
+static double contraction_share(const struct series_build *series, uint32_t control)
+{
+    double least = LEVEL_SHARE;
+    for (uint32_t b = 0; b < series->input->band_count; b++) {
+        double share = level_share(series, control, b);
+        least = share >= 0.5 ? smaller(least, share) : least;
+    }
+    return least;
+}
+
 /* ---- contraction */
 
 static double field_width(const struct tetmesh *mesh, uint32_t field)
@@ -304,7 +351,7 @@ static enum tetlod_status drive(struct series_build *series, struct contraction_
     for (uint32_t i = 0; i < count; i++) {
         controlled[i] = i < controls ? series->options->controls[i].field : mesh->field_count + i - controls;
         double unit = series_unit(series, key_step(series, i / controls), i % controls);
-        limits[i] = LEVEL_SHARE * step_weight(&fields.mesh, controlled[i], unit, weights[i % controls]);
+        limits[i] = contraction_share(series, i % controls) * step_weight(&fields.mesh, controlled[i], unit, weights[i % controls]);
     }
     status = simplify(log, &fields.mesh, controlled, count, limits, &series->simplify, error);
 done:
@@ -361,7 +408,7 @@ static void choose_marks(struct series_build *series)
         for (uint32_t m = series->log->mark_count; m-- > 0;) {
             bool within = true;
             for (uint32_t c = 0; c < controls; c++)
-                within &= series->worst[(size_t)m * controls + c] <= LEVEL_SHARE * series->input->bands[b] * (1 + 1e-9);
+                within &= series->worst[(size_t)m * controls + c] <= level_share(series, c, b) * series->input->bands[b] * (1 + 1e-9);
             if (!within && m)
                 continue;
             series->band_marks[b] = m;

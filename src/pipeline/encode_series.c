@@ -4,6 +4,7 @@
  * are stored lie where both are within the band's error, on the band's grid, and cost least to tell (format/step_code.h). Frames wait in a file
  * for each control and band, so that memory does not grow with the steps.
  */
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -193,6 +194,27 @@ static float float_up(double x)
     return x > 0 ? (float)ldexp(ceil(ldexp(mantissa, 10)), exponent - 10) : 0; // 10 bits: the table is packed
 }
 
+/* Where bands count in each step's own range, the table says no more than the band's error in it: the largest float that is no more, as a
+ * fraction of the range over all steps. INFINITY: readers take the band's error where it is less. */
+static float most_said(const struct series_build *series, uint32_t step, uint32_t control, uint32_t band)
+{
+    double most = series->input->bands[band] * series_unit(series, step, control) / series_width(series, control);
+    float nearest = (float)most;
+    if (!series->input->own_ranges || !(nearest > FLT_MIN))
+        return INFINITY;
+    return (double)nearest > most ? nextafterf(nearest, 0) : nearest;
+}
+
+/* What a value may be off, but for rounding of the positions. 0: bit for bit. */
+static double tolerance_of(const struct series_build *series, uint32_t step, uint32_t control, uint32_t band)
+{
+    float most = most_said(series, step, control, band);
+    double tolerance = series->input->bands[band] * series_unit(series, step, control);
+    if (isfinite(most))
+        tolerance = (double)most * series_width(series, control);
+    return series_is_within_rounding(series, control, band) ? 0 : tolerance - series_rounding(series, control, band);
+}
+
 static void find_component_ranges(struct row *row)
 {
     uint32_t k = row->steps.components;
@@ -229,7 +251,7 @@ static enum tetlod_status encode_step(struct row *row, uint32_t step, struct tet
     struct series_encoding *encoding = series->encoding;
     uint32_t n = encoding->levels[row->band].vertices, k = row->steps.components;
     double worst = 0, width = series_width(series, row->control), (*bounds)[2] = row->bounds;
-    row->tolerance = series->input->bands[row->band] * series_unit(series, step, row->control);
+    row->tolerance = tolerance_of(series, step, row->control, row->band);
     TETLOD_TRY(series_load(series, step, row->control, row->values, row->batch->error));
     find_component_ranges(row);
     for (uint32_t c = 0; c < k; c++)
@@ -243,8 +265,11 @@ static enum tetlod_status encode_step(struct row *row, uint32_t step, struct tet
         worst = larger(worst, error_of(bounds[i], tetlodi_step_value(&row->steps.scale, row->steps.codes[i])));
     if (worst > row->tolerance * (1 + 1e-9) || size > UINT32_MAX)
         return tetlodi_fail(row->batch->error, TETLOD_ERR_LIMIT, "step %u is off by %g in the band of %g", step, worst, row->tolerance);
+    if (row->tolerance > 0)
+        worst += series_rounding(series, row->control, row->band); // of the positions that a reader computes
+    float error = width > 0 ? float_up(worst / width) : 0;
     time_entries(&encoding->time, row->control, row->band)[step] =
-        (struct tetlodi_time_entry){(uint32_t)size, width > 0 ? float_up(worst / width) : 0};
+        (struct tetlodi_time_entry){(uint32_t)size, fminf(error, most_said(series, step, row->control, row->band))};
     return group->failed ? tetlodi_fail_nomem(row->batch->error, "a step", size) : TETLOD_OK;
 }
 
@@ -266,23 +291,29 @@ static enum tetlod_status encode_group(struct row *row, uint32_t begin, uint32_t
     return status;
 }
 
-static double least_unit(const struct series_build *series, uint32_t control)
+/* The error of which a grid's step is a part: less where rounding leaves less than half a step beside the level, and a hair less where the
+ * table's floats do. */
+static double grid_error(const struct series_build *series, uint32_t control, uint32_t band)
 {
-    double least = INFINITY;
+    double least = INFINITY, rounding = series_rounding(series, control, band);
     for (uint32_t s = 0; s < series->input->step_count; s++)
         least = smaller(least, series_unit(series, s, control));
-    return least;
+    least *= series->input->bands[band];
+    if (series_is_within_rounding(series, control, band))
+        return 0;
+    if (series->input->own_ranges)
+        least *= 1 - 0x1p-16;
+    return larger(least - rounding / HALF_STEP, least / 2);
 }
 
 static enum tetlod_status encode_row(const struct batch *batch, const struct retrace_mark *mark, uint32_t control, uint32_t band)
 {
     struct series_build *series = batch->series;
     const struct band_level *level = &series->encoding->levels[band];
-    double least = least_unit(series, control) * series->input->bands[band];
     struct row row = {.batch = batch, .mark = mark, .control = control, .band = band};
     struct tetlodi_memory memory = {.most = UINT64_MAX};
     uint32_t k = series_components(series, control);
-    struct tetlodi_step_scale scale = {series->input->types[control], choose_quantum(series->ranges[control], least, series->input->types[control])};
+    struct tetlodi_step_scale scale = {series->input->types[control], choose_quantum(series->ranges[control], grid_error(series, control, band), series->input->types[control])};
     enum tetlod_status status = TETLOD_OK;
     for (uint32_t c = 0; c < control; c++)
         row.first += series_components(series, c);

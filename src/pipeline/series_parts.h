@@ -10,7 +10,7 @@ struct series_encoding;
 
 /* Steps of a band's grid in its error, at least: a value is half a step off by rounding. The level may be off by the rest. */
 enum { GRID_STEPS = 50 };
-static const double LEVEL_SHARE = 1 - 0.5 / GRID_STEPS;
+static const double HALF_STEP = 0.5 / GRID_STEPS, LEVEL_SHARE = 1 - 0.5 / GRID_STEPS;
 
 struct series_build {
     const struct tetmesh *mesh; /* the first step */
@@ -19,6 +19,7 @@ struct series_build {
     uint32_t component_count; /* of all controls, at one step */
     double (*ranges)[2];      /* [control] over all steps */
     double *units;            /* [step][control] what errors are fractions of */
+    double reach;             /* the largest coordinate of a point that moves, over all steps */
     uint32_t key_count;
     const struct contraction_log *log;
     struct simplify_options simplify;
@@ -39,6 +40,18 @@ static inline double series_unit(const struct series_build *series, uint32_t ste
 {
     return series->units[(size_t)step * series->options->control_count + control];
 }
+
+static inline bool series_is_displacement(const struct series_build *series, uint32_t control)
+{
+    return series->input->points_move && control + 1 == series->options->control_count;
+}
+
+/* What rounding to the positions' type adds to a band's error of how far points move (PROOF.md, 10); 0 of other controls, and where a band is so
+ * narrow that it holds that field bit for bit. */
+double series_rounding(const struct series_build *series, uint32_t control, uint32_t band);
+
+/* The error that a band has in a control's range over all steps, of which the rounding takes all. */
+bool series_is_within_rounding(const struct series_build *series, uint32_t control, uint32_t band);
 
 /* The values of a control at a step: [components * vertices]. */
 TETLOD_CHECKED enum tetlod_status series_load(const struct series_build *series, uint32_t step, uint32_t control, double *out,

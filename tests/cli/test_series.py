@@ -4,10 +4,14 @@
 import json
 import os
 import re
+import sys
 
 import numpy as np
 
 from common import CONFIG, case, fails, finish, info, must, path, read_grid, read_vtu, report, succeeds, tetlod
+
+sys.path.insert(0, os.path.join(os.environ['ROOT'], 'client-examples', 'python'))
+import tetlod as client  # noqa: E402
 
 STEPS = 20
 
@@ -199,6 +203,10 @@ def own_range_case():
             step('fading.tetlod', '--step', str(number), '--error', '5%')
             done = must('compare', name, path('step.vtu'), '--field', 'fading').stdout.decode()
             largest[relative] = max(largest[relative], float(re.search(r'max +(\S+) % of the range', done).group(1)))
+        own = [np.ptp(read_vtu(os.path.basename(name))[2]['fading'].astype(np.float64)) for name in names[:3]]
+        stored = [client.open(path('fading.tetlod')).at(number, '5%').errors['fading']['max'] for number in range(3)]
+        if relative == 'step' and any(error * own[0] > 0.05 * width for error, width in zip(stored, own)):
+            return 'the stream says more than 5 %% of a step: %s of %g' % (stored, own[0])
     return None if 2 < largest['step'] <= 5.001 and largest['series'] > 10 else largest
 
 
@@ -241,6 +249,39 @@ def moving_case(dtype):
     others = [name.replace('moved_', '') for name in names]
     wrong = tetlod('verify', path('moving.tetlod'), *[word for name in others for word in ('--against', name)])
     return None if wrong.returncode == 3 else wrong
+
+
+def shaking_case(offset, amplitude):
+    """Points that move by little, far from the origin: what rounding to float32 adds is in the errors that are stored."""
+    from vtk.util.numpy_support import numpy_to_vtk
+    must('sample', 'fin', '--size', '10', '-o', path('rest.vtu'))
+    (points, cells, _), moved = read_vtu('rest.vtu'), []
+    for number in range(4):
+        grid, swing = read_grid('rest.vtu'), amplitude * number
+        x, y, z = points.astype(np.float64).T
+        moved.append(np.stack([x + offset + swing * np.sin(x + y), y + swing * np.cos(z), z + swing * np.sin(0.7 * x)], axis=1).astype(np.float32).astype(float))
+        grid.GetPoints().SetData(numpy_to_vtk(moved[-1].astype(np.float32), deep=True))
+        write_grid('shaking_%d.vtu' % number, grid)
+    names = [path('shaking_%d.vtu' % number) for number in range(4)]
+    must('build', *names, '--field', 'Pressure', '--carry', 'Pressure', '--bands', '5%,1%,0.1%', '-o', path('shaking.tetlod'))
+    stream, corners = client.open(path('shaking.tetlod')), moved[0][cells]
+    width = np.ptp([moved[number] - moved[0] for number in range(4)])
+    low, high, inverse = corners.min(1), corners.max(1), np.linalg.inv((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1))
+    for band in '5%', '1%', '0.1%':
+        for number in range(1, 4):
+            level = stream.at(number, band)
+            error = level.errors['point_displacement']['max']
+            if error > float(band[:-1]) / 100:
+                return 'step %d says %g in the band of %s' % (number, error, band)
+            rest = np.asarray(client.read(path('shaking.tetlod'), level=level.level).points, float)
+            for at, place in zip(rest, np.asarray(level.points, float)):
+                tet = next(t for t in np.nonzero(((low <= at) & (at <= high)).all(1))[0]
+                           if np.all((w := inverse[t] @ (at - corners[t, 0])) >= -1e-6) and w.sum() <= 1 + 1e-6)
+                weights = inverse[tet] @ (at - corners[tet, 0])
+                off = np.abs(np.append(1 - weights.sum(), weights) @ moved[number][cells[tet]] - place).max()
+                if off > error * width * (1 + 1e-6) + 1e-11 * offset:
+                    return 'step %d in the band of %s: a point is %.9g off, and %.9g is promised' % (number, band, off, error * width)
+    return None
 
 
 def refuse_others():
@@ -292,6 +333,8 @@ case('steps that are cut off at the ends of their range', clipped_case)
 case('errors relative to each step', own_range_case)
 case('points that move, float32', moving_case, np.float32)
 case('points that move, float64', moving_case, np.float64)
+for amplitude in (0.05, 0.01, 0.002):
+    case('points that move by %g beside 1,000' % amplitude, shaking_case, 1000, amplitude)
 case('--time builds one step', one_step_case)
 refuse_others()
 refuse_options()

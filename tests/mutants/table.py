@@ -80,6 +80,13 @@ mutant('L and U are cut to the range', 'src/pipeline/encode_series.c',
        'series->component_count + row->first + component, out);\n', 'series->component_count + row->first + component, out);\n    out[0] = larger(out[0], range[0]);\n    out[1] = smaller(out[1], range[1]);\n',
        'between the vertices U that is cut at one of them does not hold the original', 'cli/test_series')
 
+mutant('moved points are not rounded', 'src/pipeline/encode_series.c', 'worst += series_rounding(series, row->control, row->band);', 'worst += 0;',
+       'a point that moves is rounded twice', 'cli/test_series.py')
+mutant('no room for moved points to be rounded', 'src/pipeline/build_series.c', 'return series_is_displacement(series, control) && units_in_last_place', 'return series->input->bands[band] <= 0 && units_in_last_place',
+       'a band that is narrower than rounding is bit for bit', 'cli/test_series.py')
+mutant('a step says more than its own range', 'src/pipeline/encode_series.c', 'fminf(error, most_said(series, step, row->control, row->band))', 'error',
+       "with --range step no error is above the band's in the step's own range", 'cli/test_series.py')
+
 # ---- the boundary (5)
 
 mutant('no demands of the map, above', 'src/simplify/evaluate.c', 'upper[c] = larger(upper[c], boundary_map_least(&worker->map, values, working->stride, 0));', '',
