@@ -8,6 +8,7 @@ PREFIX ?= /usr/local
 bindir ?= $(PREFIX)/bin
 libdir ?= $(PREFIX)/lib
 includedir ?= $(PREFIX)/include
+docdir ?= $(PREFIX)/share/doc/tetlod
 mandir ?= $(PREFIX)/share/man
 completionsdir ?= $(PREFIX)/share/bash-completion/completions
 unitdir ?= $(PREFIX)/lib/systemd/system
@@ -170,11 +171,12 @@ $(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h) Makefi
 	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(WASM_SRC)
 
 # The worker is one file: three loads one after the other would keep it waiting
-$(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC) $(WEB_DIR)/inline.mjs LICENSE
+$(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC) $(WEB_DIR)/inline.mjs $(WEB_STAMP) LICENSE
 	@rm -rf $(@D) && mkdir -p $(@D)
 	$(Q)$(WEB_DIR)/node_modules/.bin/esbuild $(WEB_DIR)/client/worker.js --bundle --format=esm --target=es2022 --log-level=warning --outfile=$(@D)/worker.js
 	$(Q)cd $(WEB_DIR) && node_modules/.bin/esbuild page/element.js --bundle --splitting --minify --format=esm --target=es2022 --legal-comments=none --external:./inline.js --chunk-names=element-[hash] --log-level=warning --outdir=$(abspath $(@D))
 	$(Q)cp $(WASM) $(filter-out $(addprefix %/,worker.js engine.js network.js held.js choose.js steps.js vectors.js),$(CLIENT_SRC)) LICENSE $(@D)
+	$(Q)cp $(WEB_OUT)/notices.txt $(@D)/
 	$(Q)node $(WEB_DIR)/inline.mjs $(@D)/worker.js $(WASM) $(@D)/inline.js
 
 build/web.stamp: $(NODE_MODULES) $(WASM) $(WEB_SRC)
@@ -468,12 +470,14 @@ install: all $(MANUAL)
 	$(INSTALL) -m 644 src/cli/tetlod.bash $(DESTDIR)$(completionsdir)/tetlod
 	$(if $(ALONE),,sed 's|/usr/local/bin/|$(bindir)/|' server/deploy/tetlod.service > $(DESTDIR)$(unitdir)/tetlod.service)
 	$(if $(ALONE),,$(INSTALL) -m 644 server/deploy/tetlod.socket $(DESTDIR)$(unitdir)/tetlod.socket)
+	$(if $(filter 0,$(WEB))$(ALONE),,$(INSTALL) -D -m 644 $(WEB_OUT)/notices.txt $(DESTDIR)$(docdir)/notices.txt)
 	$(call pc,tetlod,,-lm)
 	$(call pc,tetlod-build, (building streams),-ltetlod -pthread -lm)
 uninstall:
 	rm -f $(DESTDIR)$(bindir)/tetlod $(DESTDIR)$(libdir)/libtetlod.* $(DESTDIR)$(libdir)/libtetlod-build.* $(DESTDIR)$(includedir)/tetlod.h $(DESTDIR)$(includedir)/tetlod_build.h \
 	    $(DESTDIR)$(mandir)/man1/tetlod.1 $(DESTDIR)$(completionsdir)/tetlod $(DESTDIR)$(libdir)/pkgconfig/tetlod.pc \
-	    $(DESTDIR)$(libdir)/pkgconfig/tetlod-build.pc $(DESTDIR)$(unitdir)/tetlod.service $(DESTDIR)$(unitdir)/tetlod.socket
+	    $(DESTDIR)$(libdir)/pkgconfig/tetlod-build.pc $(DESTDIR)$(unitdir)/tetlod.service $(DESTDIR)$(unitdir)/tetlod.socket \
+	    $(DESTDIR)$(docdir)/notices.txt
 
 ## dist: the sources with the page prebuilt: what is built from them needs neither npm nor a network
 .PHONY: dist

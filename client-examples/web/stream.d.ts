@@ -91,6 +91,8 @@ export interface Step {
   time: number;
   /** Of the band, those that are here. */
   groups: number[];
+  /** The steps of these groups: from, and to before which. */
+  steps: [number, number][];
   seconds: number;
 }
 
@@ -128,6 +130,8 @@ export interface Spec {
   vectors?: { field: string; kind?: 'arrows' | 'streamlines'; count?: number } | null;
   /** Whether a change of the level is a move (the default) or a jump. */
   morph?: boolean;
+  /** Comes back with its pictures. */
+  tag?: unknown;
 }
 
 export interface Part {
@@ -193,6 +197,8 @@ export interface Shade {
 }
 
 export interface Pictures {
+  /** Of the spec that they are of. */
+  tag: unknown;
   level: number;
   /** In time; null: the level's own values. */
   step: number | null;
@@ -214,6 +220,8 @@ export interface Pictures {
 }
 
 export interface Events {
+  /** The worker runs. */
+  started: null;
   progress: { received: number; total: number };
   level: { level: number; vertices: number; tets: number; seconds: number };
   pictures: Pictures;
@@ -222,7 +230,9 @@ export interface Events {
   step: Step;
   /** Values of cells are there; of whole numbers, if they are not too many, with how many of the original's tetrahedra have each. */
   cells: { field: string; bytes: number; regions: { number: number; tets: number }[] | null };
-  buffered: { band: number; groups: number[]; received: number };
+  /** Another topology group is shown: `info` is its own. */
+  topology: { topology: number; info: Info };
+  buffered: { band: number; groups: number[]; steps: [number, number][]; received: number };
   finished: { level: number };
   /** What is decoded stays, unless the decoder itself has stopped: then the stream has ended. */
   error: { message: string };
@@ -290,7 +300,8 @@ export class TetlodStream extends EventTarget {
   /** Gives back the memory that finer levels took. */
   compact(): Promise<void>;
   show(spec: Spec | null): Promise<void>;
-  /** One after the other, each complete; whenever the next one is asked for, the newest. Ends with the stream. */
+  /** One after the other, each complete; whenever the next one is asked for, the newest. Ends with the stream; where the loop is left,
+   *  what was shown before is shown again. */
   frames(spec: Spec): AsyncGenerator<Pictures, void, void>;
   close(reason?: unknown): void;
   addEventListener<Name extends keyof Events>(name: Name, listener: (event: CustomEvent<Events[Name]>) => void, options?: boolean | AddEventListenerOptions): void;

@@ -8,6 +8,7 @@ import { basename, dirname, join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { brotliCompressSync, constants } from 'node:zlib';
 import { build } from 'esbuild';
+import { noticesOf } from './notices.mjs';
 
 const here = dirname(fileURLToPath(import.meta.url));
 const [, , out, wasm] = process.argv;
@@ -48,17 +49,18 @@ const options = {
 const wasmName = named('tetlod.wasm', readFileSync(wasm));
 cpSync(wasm, join(made, wasmName));
 // the worker is one file: it is asked for late, and would ask for the rest later still
-const worker = await build({ ...options, entryPoints: ['client/worker.js'], write: false, plugins: [renamed('worker.js', 'tetlod.wasm', wasmName)] });
+const worker = await build({ ...options, entryPoints: ['client/worker.js'], write: false, metafile: true, plugins: [renamed('worker.js', 'tetlod.wasm', wasmName)] });
 const [{ contents }] = worker.outputFiles;
 const workerName = named('worker.js', contents);
 writeFileSync(join(made, workerName), contents);
 
 // Each page is bundled for itself: a file that both load would be one more request. The catalogue may open the other.
 const pages = { ...options, entryNames: '[name]', chunkNames: 'chunk-[hash]', splitting: true, plugins: [renamed('stream.js', 'worker.js', workerName)] };
-await build({ ...pages, entryPoints: ['page/catalogue.js'], external: ['./view.js'] });
+const catalogue = await build({ ...pages, entryPoints: ['page/catalogue.js'], external: ['./view.js'], metafile: true });
 const { metafile } = await build({ ...pages, entryPoints: ['page/view.js', 'page/element.js'], metafile: true });
 for (const name of readdirSync(join(here, 'page')))
   if (/\.(html|svg)$/.test(name) || name === 'guard.js') cpSync(join(here, 'page', name), join(made, name));
+writeFileSync(join(made, 'notices.txt'), noticesOf(here, [worker.metafile, catalogue.metafile, metafile]));
 const style = (...names) => names.map((name) => readFileSync(join(here, 'page', name), 'utf8')).join('');
 writeFileSync(join(made, 'catalogue.css'), style('page.css', 'catalogue.css'));
 writeFileSync(join(made, 'view.css'), style('page.css', 'view.css', 'player.css'));

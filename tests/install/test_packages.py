@@ -38,7 +38,7 @@ def test_deb():
     control = call('dpkg-deb', '-f', packages['tetlod'], 'Depends').stdout
     assert 'libmicrohttpd' in control and 'libzstd' in control, control
     there = {os.path.relpath(os.path.join(folder, name), root) for folder, _, names in os.walk(root) for name in names}
-    wanted = [r'usr/bin/tetlod', r'lib/systemd/system/tetlod\.(service|socket)', r'usr/share/man/man1/tetlod\.1\.gz', r'usr/share/bash-completion/completions/tetlod',
+    wanted = [r'usr/bin/tetlod', r'usr/share/doc/tetlod/notices\.txt(\.gz)?', r'lib/systemd/system/tetlod\.(service|socket)', r'usr/share/man/man1/tetlod\.1\.gz', r'usr/share/bash-completion/completions/tetlod',
               r'usr/lib/\S+/libtetlod(-build)?\.so\.0', r'usr/include/tetlod(_build)?\.h', r'usr/lib/\S+/pkgconfig/tetlod(-build)?\.pc']
     assert all(any(re.fullmatch(pattern, name) for name in there) for pattern in wanted), sorted(there)
     os.mkdir(os.path.join(SCRATCH, 'everyday'))

@@ -2,7 +2,7 @@
 // Streams that no server knows: chosen or dropped on the page, and a folder on a static host under any path.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
-import { existsSync, readFileSync, statSync } from 'node:fs';
+import { copyFileSync, existsSync, mkdirSync, readFileSync, statSync } from 'node:fs';
 import { join } from 'node:path';
 import { firstPicture, launch, openPage, pictureFigures, settled } from './browser.mjs';
 import { SCRATCH, TETLOD, fileHost, program, sampleStream } from './hosts.mjs';
@@ -54,21 +54,37 @@ async function a_damaged_file_is_said() {
   await page.context().close();
 }
 
+// Names need not be as addresses have them.
+async function a_file_with_a_percent_sign() {
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}view.html`);
+  await page.locator('#choose-file').setInputFiles({ name: 'fin_1%.tetlod', mimeType: '', buffer: bytes });
+  await showsAll(page);
+  assert.equal(await page.locator('#name').innerText(), 'fin_1%');
+  await page.context().close();
+}
+
 // Redirects and listings of folders differ from host to host: this one has neither.
 async function a_folder_on_a_static_host() {
-  execFileSync(TETLOD, ['explode', path, '-o', join(SCRATCH, 'site/some/where'), '--viewer']);
+  const strange = 'a#b?c%d e+f';
+  mkdirSync(join(SCRATCH, 'two'));
+  copyFileSync(path, join(SCRATCH, 'two/fin.tetlod'));
+  copyFileSync(path, join(SCRATCH, `two/${strange}.tetlod`));
+  execFileSync(TETLOD, ['explode', join(SCRATCH, 'two'), '-o', join(SCRATCH, 'site/some/where'), '--viewer']);
   const host = await fileHost((url) => {
     const file = join(SCRATCH, 'site', decodeURIComponent(new URL(url, 'http://x').pathname).replace(/\/$/, '/index.html'));
     return existsSync(file) && statSync(file).isFile() && readFileSync(file);
   });
   const page = await openPage(browser, host.origin);
-  await page.goto(`${host.origin}/some/where/index.html`);
-  await page.getByRole('link', { name: 'View' }).click();
-  page.complaints.length = 0; // v1/meshes is no file there
-  await showsAll(page);
-  assert.equal(await page.locator('#name').innerText(), 'fin');
+  for (const name of ['fin', strange]) {
+    await page.goto(`${host.origin}/some/where/index.html`);
+    await page.locator('section', { has: page.getByRole('link', { name, exact: true }) }).getByRole('link', { name: 'View' }).click();
+    page.complaints.length = 0; // v1/meshes is no file there
+    await showsAll(page);
+    assert.equal(await page.locator('#name').innerText(), name);
+  }
   await page.context().close();
   host.close();
 }
 
-await run([a_file_that_is_chosen, a_file_that_is_dropped_on_the_catalogue, a_damaged_file_is_said, a_folder_on_a_static_host]);
+await run([a_file_that_is_chosen, a_file_that_is_dropped_on_the_catalogue, a_damaged_file_is_said, a_file_with_a_percent_sign, a_folder_on_a_static_host]);

@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { createHash } from 'node:crypto';
 import { execFile } from 'node:child_process';
-import { cpSync, existsSync, mkdirSync, readFileSync, symlinkSync, writeFileSync } from 'node:fs';
+import { cpSync, existsSync, mkdirSync, readFileSync, readdirSync, symlinkSync, writeFileSync } from 'node:fs';
 import { createRequire } from 'node:module';
 import { join, resolve } from 'node:path';
 import { pathToFileURL } from 'node:url';
@@ -164,6 +164,26 @@ async function resolvesByItsName() {
   const types = readFileSync(resolve(ROOT, 'build/client/stream.d.ts'), 'utf8');
   const members = Object.getOwnPropertyNames(TetlodStream.prototype).filter((name) => name !== 'constructor');
   for (const name of members) assert.match(types, new RegExp(`\\b${name}\\(`), `stream.d.ts has ${name}`);
+  const typed = /export interface Events \{([^]*?)\n\}/.exec(types)[1];
+  const sources = ['client/engine.js', 'client/worker.js', 'client/stream.js'].map((file) => readFileSync(resolve(ROOT, 'server/web', file), 'utf8')).join('\n');
+  const events = new Set([...sources.matchAll(/(?:#emit|#dispatch|event:)\(? ?'(\w+)'/g)].map(([, name]) => name));
+  for (const inner of ['read', 'broken']) assert.ok(events.delete(inner), inner);
+  for (const name of events) assert.match(typed, new RegExp(`\\b${name}: `), `Events has ${name}`);
+  assert.ok(events.has('started') && events.has('topology') && events.size >= 11, [...events].join());
 }
 
-await run([resolvesByItsName, rangesOfOneUrl, theExamples, anElement, worksUnderAStrictPolicy]);
+// Licences of what is bundled go with it: in the package, and on the server beside the page.
+async function itsNotices() {
+  const server = await program([path]);
+  const text = readFileSync(join(folder, 'notices.txt'), 'utf8');
+  for (const [name, license] of [['@kitware/vtk.js', 'Redistribution and use in source and binary forms'], ['gl-matrix', 'Permission is hereby granted'], ['d3-scale-chromatic', 'Permission to use, copy']])
+    assert.match(text, new RegExp(`\\n${name} [\\d.]+ \\(.*\\)\\n[^]*?${license}`));
+  assert.equal(await (await fetch(`${server.url}notices.txt`)).text(), text);
+  const { devDependencies } = JSON.parse(readFileSync(resolve(ROOT, 'server/web/package.json'), 'utf8'));
+  for (const file of readdirSync(resolve(ROOT, 'server/web/page')).filter((name) => name.endsWith('.js')))
+    for (const [, name] of readFileSync(resolve(ROOT, 'server/web/page', file), 'utf8').matchAll(/(?:from|import) '((?:@[^/']+\/)?[^./'][^/']*)/g))
+      assert.ok(devDependencies[name], `${file} imports ${name}, which package.json does not name`);
+  await server.stop();
+}
+
+await run([resolvesByItsName, itsNotices, rangesOfOneUrl, theExamples, anElement, worksUnderAStrictPolicy]);

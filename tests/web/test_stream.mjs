@@ -300,6 +300,61 @@ async function waitsAsTheServerAsks() {
   host.close();
 }
 
+// A host that asks for a day is asked again within a minute: somebody waits.
+async function waitsNoLongerThanAMinute() {
+  const host = await fileHost(bytes);
+  host.fault = (request, response) => response.writeHead(503, { 'Retry-After': '86400' }).end();
+  const stop = new AbortController();
+  const heard = [];
+  const opening = TetlodStream.open(host.url, { signal: stop.signal, on: { retry: ({ detail }) => { heard.push(detail.delay); stop.abort(); } } });
+  await assert.rejects(opening, { name: 'AbortError' });
+  assert.deepEqual(heard, [60]);
+  host.close();
+}
+
+// What the page has already is not left out for somebody who begins to look; then what was shown before is there again.
+async function framesBesideOtherPictures() {
+  const stream = await TetlodStream.open(new Blob([bytes]));
+  const shown = [];
+  stream.addEventListener('pictures', ({ detail }) => shown.push(detail));
+  const another = (from, tag) => new Promise((resolve) => {
+    const look = () => (shown.slice(from).some((pictures) => pictures.tag === tag && pictures.t === 1) ? resolve() : setTimeout(look, 5));
+    look();
+  });
+  const spec = { field: 'Pressure', surface: true, edges: true, volume: { size: 8 }, tag: 'before' };
+  await stream.refineTo({ level: finest });
+  await stream.show(spec);
+  await another(0, 'before');
+  const centre = info.bounds[0].map((c, i) => (c + info.bounds[1][i]) / 2);
+  for await (const { tag, surface, slices, volume, shade } of stream.frames({ ...spec, slices: [{ origin: centre, normal: [1, 0, 0] }], tag: 'frames' })) {
+    assert.equal(tag, 'frames');
+    assert.ok(surface.triangles?.length && surface.lines?.length && slices[0].triangles.length && volume && shade.sample);
+    break;
+  }
+  const from = shown.length;
+  await another(from, 'before');
+  const last = shown.at(-1);
+  assert.ok(last.surface.triangles?.length && last.slices.length === 0);
+  stream.close();
+}
+
+// All bytes are here at once: pictures do not wait until all of them are decoded. What the worker runs, in this thread.
+async function aPictureOnTheWay() {
+  const { Engine } = await import(pathToFileURL(join(ROOT, 'server/web/client/engine.js')));
+  const shown = [];
+  const engine = new Engine((event, { level }) => {
+    if (event !== 'pictures') return;
+    shown.push(level);
+    setTimeout(() => engine.seen());
+  });
+  await engine.open({ module: compile(readFileSync(join(built, 'tetlod.wasm'))), source: { read: async (from) => bytes.slice(from) }, target: {} });
+  await engine.show({ field: 'Pressure', surface: true, morph: false });
+  await engine.refineTo({}, 0);
+  console.log(`# pictures of levels ${shown.join(', ')}`);
+  assert.ok(shown[0] < finest / 2 && shown.at(-1) === finest, shown.join());
+  engine.close();
+}
+
 async function waitsForADescriptionToo() {
   const folder = join(SCRATCH, 'exploded');
   execFileSync(TETLOD, ['explode', path, '-o', folder], { stdio: 'ignore' });
@@ -567,5 +622,5 @@ async function aDecoderThatTraps() {
 }
 
 await run([theServersRoutes, goesOnToATargetAtOnce, oneAnswerIsEnough, someFields, fieldsThatJoin, severalBudgets, asksAhead, levelsAreChosenAsTheServerDoes, aFileByRanges, aFileWithoutRange, explodedFiles, brokenConnectionsLoseNothing,
-  waitsAsTheServerAsks, waitsForADescriptionToo, givesUpAndGoesOnLater, aServerThatIsKilledAndStartsAgain, aDamagedStream, aStreamThatEndsTooEarly,
+  waitsAsTheServerAsks, waitsNoLongerThanAMinute, framesBesideOtherPictures, aPictureOnTheWay, waitsForADescriptionToo, givesUpAndGoesOnLater, aServerThatIsKilledAndStartsAgain, aDamagedStream, aStreamThatEndsTooEarly,
   aFileThatChanges, whatIsNotAStream, requestsEndEarly, picturesOfEveryStep, aDecoderThatTraps]);

@@ -8,7 +8,8 @@ import { Groups, chooseBand, infoOfSteps } from './steps.js';
 import { View } from './tetlod.js';
 import { Flow, drawVectors } from './vectors.js';
 
-const slice = 100;      // milliseconds of decoding after which something is shown and messages are heard
+const slice = 100;      // milliseconds of decoding from one level that is shown to the next, at least
+const share = 0.2;      // of the time of decoding that pictures of levels on the way may take
 const moveTime = 250;   // milliseconds that a move between two levels takes
 const heavyFrame = 120; // milliseconds: above, a move would be seen as one jump anyway
 const ahead = 2;        // groups of steps that are fetched before they are needed
@@ -43,6 +44,7 @@ export class Engine {
   #request = null;    // {id, level, resolve, reject} of refineTo
   #spec = null; #dirty = false;
   #decoding = 0;      // milliseconds since the last level was announced
+  #until = 0;         // milliseconds of decoding before the next picture of a level on the way
   #frameTime = 0;     // milliseconds of the last pictures, as they are made while the mesh moves
   #sampleOf = '';     // what the page has a sample of the values of
   #surfaceOf = '';    // what the page has the triangles of
@@ -189,6 +191,11 @@ export class Engine {
     const number = ++this.#shows;
     for (const field of [checked?.cellShade ?? -1, checked?.regions?.field ?? -1, checked?.threshold?.cells ? checked.threshold.field : -1]) if (field >= 0) await this.#loadCells(field);
     if (number === this.#shows) this.#apply(checked); // else a later one came before the bytes
+  }
+
+  /** The next pictures leave nothing out. */
+  forget() {
+    this.#sampleOf = this.#surfaceOf = this.#volumeOf = this.#raysOf = this.#vectorsOf = '';
   }
 
   #apply(spec) {
@@ -422,7 +429,7 @@ export class Engine {
           continue;
         }
         const next = this.#within;
-        if (next > this.#shown) await this.#refine(next);
+        if (next > this.#shown) await this.#refine();
         else if (next < this.#shown) await this.#coarsen(next);
         else if (this.#dirty) await this.#present(1);
         else await this.#settle();
@@ -468,7 +475,9 @@ export class Engine {
     const started = performance.now();
     try {
       this.#view.seek(this.#view.level + 1);
-      this.#decoding += performance.now() - started;
+      const took = performance.now() - started;
+      this.#decoding += took;
+      this.#until -= took;
       return true;
     } catch (error) {
       this.#halt(error);
@@ -476,16 +485,22 @@ export class Engine {
     }
   }
 
-  // As many levels up as a slice of time allows, or as many as were decoded meanwhile.
-  async #refine(next) {
+  // More levels are here than are decoded.
+  get #isBehind() {
+    return !this.#time && this.#view.level < this.#within;
+  }
+
+  // Levels up: all that are here, or until a picture is due. After each one messages are heard: somebody may want another picture or goal.
+  async #refine() {
     const from = this.#shown;
-    const started = performance.now();
-    if (this.#view.level > next) this.#view.seek(next);
-    while (this.#view.level < next && (this.#view.level === from || performance.now() - started < slice))
-      if (!this.#step()) break;
-    if (this.#view.level === from) return;
-    this.#announce(this.#view.level);
-    if (this.#moves(from)) await this.#animate(0, 1);
+    while (!this.#closed && !this.#dirty && this.#isBehind && this.#step()) {
+      await this.#takeTurn();
+      if (this.#until <= 0) break;
+    }
+    if (this.#closed || this.#time || (this.#view.level === from && !this.#dirty)) return;
+    if (this.#view.level > this.#within) this.#view.seek(Math.max(from, this.#within));
+    if (this.#view.level > from) this.#announce(this.#view.level);
+    if (!this.#isBehind && this.#shown > from && this.#moves(from)) await this.#animate(0, 1);
     await this.#present(1);
   }
 
@@ -675,6 +690,7 @@ export class Engine {
   // Makes the pictures at t of a move (1: at rest) and waits until they are seen.
   async #present(t) {
     this.#dirty = false;
+    this.#until = slice;
     if (!this.#spec) return;
     const started = performance.now();
     if (this.#moved === this.#shown) this.#view.place(t);
@@ -685,6 +701,7 @@ export class Engine {
     const vectors = this.#drawVectors(t);
     const seconds = (performance.now() - started) / 1000;
     const seen = new Promise((resolve) => { this.#seen = resolve; });
+    this.#until = Math.max(slice, (performance.now() - started) / share);
     this.#emit('pictures', { tag: this.#spec.tag, level: this.#shown, step: this.#at?.step ?? null, t, origin: this.#view.centre, ...parts, volume, vectors, seconds });
     await this.#workUntil(seen);
   }

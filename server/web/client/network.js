@@ -31,12 +31,14 @@ export const sleep = (milliseconds, signal) => new Promise((resolve, reject) => 
   signal?.addEventListener('abort', stop, { once: true });
 });
 
+const MAX_DELAY = 60_000; // milliseconds that a host may ask for between two attempts: somebody waits
+
 // Seconds or a date (RFC 9110, 10.2.3), in milliseconds from now.
 function retryAfter(headers) {
   const text = headers.get('Retry-After');
   if (!text) return 0;
   const wait = /^\d+$/.test(text.trim()) ? 1000 * Number(text) : Date.parse(text) - Date.now();
-  return wait > 0 ? wait : 0;
+  return wait > 0 ? Math.min(wait, MAX_DELAY) : 0;
 }
 
 async function failureOf(answer) {

@@ -439,9 +439,11 @@ export class TetlodStream extends EventTarget {
 
   /**
    * The pictures of a spec one after the other, whenever the next ones are asked for the newest; each is complete: it has the
-   * triangles, too, that are the same as in the one before. Ends with the stream, or when the loop is left.
+   * triangles, too, that are the same as in the one before. Ends with the stream, or when the loop is left: what was shown before
+   * is shown again.
    */
   async *frames(spec) {
+    const before = this.#spec;
     const kept = new Map();
     let newest = null;
     let ring = () => {};
@@ -451,7 +453,8 @@ export class TetlodStream extends EventTarget {
     };
     this.addEventListener('pictures', take);
     try {
-      await this.show(spec);
+      await this.#showWhole(spec);
+      newest = null; // of what was shown before
       while (!this.#closed) {
         if (!newest) await Promise.race([new Promise((resolve) => { ring = resolve; }), this.#ended]);
         const frame = newest;
@@ -460,8 +463,14 @@ export class TetlodStream extends EventTarget {
       }
     } finally {
       this.removeEventListener('pictures', take);
-      if (!this.#closed) await this.show(null);
+      if (!this.#closed && this.#spec === spec) await this.#showWhole(before);
     }
+  }
+
+  // The first pictures leave nothing out, whatever the ones before had.
+  async #showWhole(spec) {
+    this.#link.send({ action: 'forget' });
+    await this.show(spec);
   }
 
   close(reason = closedReason()) {

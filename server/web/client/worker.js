@@ -49,6 +49,7 @@ const actions = {
   probe: (point) => engine.probe(point),
   line: (segment) => engine.line(segment),
   show: (spec) => engine.show(spec),
+  forget: () => engine.forget(),
   seen: () => engine.seen(),
   close: () => engine.close(),
 };

@@ -34,7 +34,8 @@ async function getCatalogue() {
   }
 }
 
-const viewOf = ({ id, cid }) => (inFolder ? `view.html?stream=v1/meshes/${encodeURIComponent(id)}/${cid}/stream` : `view/${encodeURIComponent(id)}`);
+// The stream's address in a query, where percent signs stand for themselves only if they are encoded once more.
+const viewOf = ({ id, cid }) => (inFolder ? `view.html?stream=${`v1/meshes/${encodeURIComponent(id)}/${cid}/stream`.replaceAll('%', '%25')}` : `view/${encodeURIComponent(id)}`);
 
 function figures(stream) {
   const pairs = [

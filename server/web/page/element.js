@@ -26,7 +26,8 @@ function errorFrom(text) {
   return value;
 }
 
-export class TetlodView extends HTMLElement {
+// Where there are no elements (a page that is made on a server) it can be imported all the same.
+export class TetlodView extends (globalThis.HTMLElement ?? class {}) {
   static observedAttributes = ['src', 'error', 'field', 'state'];
   #viewer = null; #source = null; #notice; #resized = null;
 
@@ -121,22 +122,25 @@ export class TetlodView extends HTMLElement {
     return asked.toString().replaceAll('+', '%20');
   }
 
+  // A later source, or an element that is taken away, ends what opens; nothing is heard of it any more.
   async #open() {
     this.#close();
     const parts = this.#build();
     if (!this.source) return;
+    let viewer = null;
     try {
-      const viewer = this.#viewer = new Viewer(parts, this.#fragment());
-      viewer.addEventListener('retry', ({ detail }) => (this.childElementCount ? this.#giveWay() : this.#say(detail.message)));
-      viewer.addEventListener('progress', () => this.#say(''));
-      viewer.addEventListener('failed', ({ detail }) => this.#fail(detail));
+      viewer = this.#viewer = new Viewer(parts, this.#fragment());
+      const hear = (name, tell) => viewer.addEventListener(name, ({ detail }) => viewer === this.#viewer && tell(detail));
+      hear('retry', ({ message }) => (this.childElementCount ? this.#giveWay() : this.#say(message)));
+      hear('progress', () => this.#say(''));
+      hear('failed', (failure) => this.#fail(failure));
       this.#say('Loading…');
       await viewer.open(this.source);
-      if (viewer !== this.#viewer) return; // another one was opened, or the element was taken away
+      if (viewer !== this.#viewer) return;
       this.#say('');
       this.#show(viewer, parts);
     } catch (error) {
-      if (!this.#viewer) return;
+      if (viewer !== this.#viewer) return;
       if (this.childElementCount) this.#giveWay();
       this.#fail(error);
     }
@@ -163,4 +167,4 @@ export class TetlodView extends HTMLElement {
   }
 }
 
-if (!customElements.get('tetlod-view')) customElements.define('tetlod-view', TetlodView); // a page may have it from several servers
+if (globalThis.customElements && !customElements.get('tetlod-view')) customElements.define('tetlod-view', TetlodView); // a page may have it from several servers

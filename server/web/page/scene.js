@@ -133,8 +133,10 @@ export class Scene extends EventTarget {
     this.closed = true;
     this.resized.disconnect();
     this.interactor.unbindEvents();
+    const context = this.view.get3DContext();
     this.window.removeView(this.view);
     this.view.delete();
+    context?.getExtension('WEBGL_lose_context')?.loseContext(); // browsers have few, and collect garbage late
   }
 
   // The middle of the bounds is the scene's origin: 32 bits are enough for what is near it. `below`: pixels of what lies over the

@@ -14,7 +14,7 @@ import { Store, defaults, fromFragment, toFragment } from './state.js';
 const workerPatience = 50; // milliseconds
 const stepPatience = 5000; // until somebody is asked
 const muchTets = 500_000;  // that it is worth giving back
-const stillness = matchMedia('(prefers-reduced-motion: reduce)');
+const stillness = globalThis.matchMedia?.('(prefers-reduced-motion: reduce)');
 
 // A link may name a field that this stream does not have.
 function valid(state, info) {
@@ -38,6 +38,7 @@ export class Viewer extends EventTarget {
   regions = new Map(); // of fields of cells that are here: [{ number, tets }], or null if their numbers are no regions'
   #index = null;   // the stream's info; `info` is that of the steps while one is shown
   #parts; #fragment; #pictured; #tellPictured;
+  #closing = new AbortController();
   #asked = 0;      // changes of what the worker is to make
   #spec = '';      // what it was asked to make last
   #early = null;   // pictures that came before there was where to draw them
@@ -68,12 +69,14 @@ export class Viewer extends EventTarget {
    * waited for, a slow one is not.
    */
   async open(source) {
+    const { signal } = this.#closing;
     const code = import('./scene.js');
     let opened;
     const running = new Promise((resolve) => { opened = this.#openStream(source, resolve); });
     const patience = code.then(() => new Promise((resolve) => setTimeout(resolve, workerPatience)));
     await Promise.race([running, opened, patience]);
     await Promise.all([opened, code.then((module) => this.#openScene(module))]);
+    signal.throwIfAborted();
     const { state } = this.store;
     this.scene.setBounds(this.info.bounds, state.parallel, this.info.time ? this.#parts.below?.() : 0);
     if (state.camera) this.scene.setCamera(state.camera);
@@ -136,7 +139,9 @@ export class Viewer extends EventTarget {
     if (this.store.state.camera) this.scene.setCamera(this.store.state.camera);
   }
 
+  /** Also of one that is opening, which then rejects: neither a worker nor a graphics' context is left. */
   close() {
+    this.#closing.abort();
     this.stream?.close();
     this.scene?.close();
   }
@@ -146,7 +151,7 @@ export class Viewer extends EventTarget {
   #open(source, options, started) {
     const pass = (event) => this.#tell(event.type, event.detail);
     const loading = ({ detail }) => this.#tell('loading', detail);
-    return TetlodStream.open(source, { ...options, on: { retry: pass, progress: loading, started } });
+    return TetlodStream.open(source, { ...options, signal: this.#closing.signal, on: { retry: pass, progress: loading, started } });
   }
 
   // The target goes with the first request, so that its bytes come at once; a link may ask for a measure or a field that is not there.
@@ -155,6 +160,8 @@ export class Viewer extends EventTarget {
     const fields = field ? [...new Set([field, isosurfaceField || field, vectorField || field])] : 'first';
     this.stream = await this.#open(source, { target: targetOf(this.store.state), fields }, started)
       .catch((error) => (error instanceof RangeError ? this.#open(source, { fields: 'first' }, started) : Promise.reject(error)));
+    if (this.#closing.signal.aborted) this.stream.close(); // while the answer was on its way
+    this.#closing.signal.throwIfAborted();
     this.info = this.#index = this.stream.info;
     if (!this.info.fields.length) throw new Error('this stream has no fields to colour it by');
     this.base = { ...defaults, ...firstView(this.info) };
@@ -166,6 +173,7 @@ export class Viewer extends EventTarget {
   }
 
   #openScene({ Scene }) {
+    this.#closing.signal.throwIfAborted();
     try {
       this.scene = new Scene(this.#parts.picture);
       this.scene.view.get3DContext();
@@ -333,7 +341,7 @@ export class Viewer extends EventTarget {
     const fields = [spec.cellField, spec.regions?.field].filter((name) => name && !this.regions.has(name));
     if (fields.length) this.#tell('joining', { fields });
     try {
-      await this.stream.show({ ...spec, morph: spec.morph && !stillness.matches, tag: this.#asked });
+      await this.stream.show({ ...spec, morph: spec.morph && !stillness?.matches, tag: this.#asked });
     } catch (error) {
       if (!['AbortError', 'InvalidStateError'].includes(error.name)) this.#tell('failed', { message: error.message, retry: this.show });
     }
