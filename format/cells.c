@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/allowance.h"
 #include "format/reader.h"
 #include "format/utf8.h"
 
@@ -33,7 +34,7 @@ static bool decode_field(struct tetlod_cell_field *field, struct tetlodi_bytes *
         memcpy(*text, name, size);
     *text += name ? size + 1 : 0;
     return !in->failed && type <= TETLOD_CELL_INT64 && field->components && field->components <= MOST_CELL_COMPONENTS && !reserved &&
-           isfinite(field->range[0]) && isfinite(field->range[1]) && field->range[0] <= field->range[1] && size &&
+           isfinite(field->range[0]) && isfinite(field->range[1]) && field->range[0] <= field->range[1] && size && size <= MAX_NAME &&
            tetlodi_plain_text(field->name, size);
 }
 

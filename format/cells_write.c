@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "format/allowance.h"
 #include "format/utf8.h"
 
 /* Does a value survive in the type? */
@@ -26,7 +27,7 @@ const char *tetlodi_cells_wrong(const struct tetlodi_write_cells *cells, uint32_
     for (uint32_t f = 0; f < count; f++) {
         if (cells[f].components < 1 || cells[f].components > MOST_CELL_COMPONENTS)
             return "a field of cells has too many components";
-        if (!*cells[f].name || strlen(cells[f].name) > 4096 || !tetlodi_plain_text(cells[f].name, strlen(cells[f].name)))
+        if (!*cells[f].name || strlen(cells[f].name) > MAX_NAME || !tetlodi_plain_text(cells[f].name, strlen(cells[f].name)))
             return "the name of a field of cells is empty, too long or not plain UTF-8";
         for (uint32_t g = 0; g < f; g++)
             if (strcmp(cells[g].name, cells[f].name) == 0)

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/pack.h"
+#include "format/allowance.h"
 
 enum { LARGE_SECTION = 1 << 16 }; /* sections are packed from this size on; smaller ones stay plain to read */
 
@@ -48,7 +48,8 @@ static enum tetlod_status frame_of_source(struct tetlodi_frame *frame, const str
 static enum tetlod_status add_section(struct tetlodi_section *section, const struct tetlodi_write_section *in,
                                       struct tetlodi_buffer *stored, struct tetlod_error *error)
 {
-    bool packed = in->row != ROW_CODED && (in->row || in->size >= LARGE_SECTION) && tetlodi_pack(in->bytes, in->size, in->row ? in->row : 1, stored);
+    bool packed = in->row != ROW_CODED && (in->row || in->size >= LARGE_SECTION) && 
+                  tetlodi_pack(tetlodi_section_packing(in->tag), in->bytes, in->size, in->row ? in->row : 1, stored);
     if (strlen(in->tag) != TAG_SIZE)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "a section's tag has %d letters, not '%.16s'", TAG_SIZE, in->tag);
     if (!packed && in->row != ROW_CODED) {
@@ -124,7 +125,7 @@ static enum tetlod_status encode_head(struct tetlodi_index *index, uint8_t bytes
     if (stored->size > MOST_INDEX || early > MOST_EARLY)
         return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the index or its sections are too large; use a larger --growth");
     header.index_plain = (uint32_t)stored->size;
-    if (tetlodi_pack(stored->bytes, stored->size, tetlodi_index_row(index->info.field_count), &packed)) {
+    if (tetlodi_pack(PACKED_TABLE, stored->bytes, stored->size, tetlodi_index_row(index->info.field_count), &packed)) {
         tetlodi_buffer_fini(stored);
         *stored = packed;
     } else {
@@ -135,6 +136,8 @@ static enum tetlod_status encode_head(struct tetlodi_index *index, uint8_t bytes
     header.file_size = tetlodi_header_head(&header) + late;
     for (size_t i = 0; i < frame_count(index); i++)
         header.file_size += index->frames[i].size;
+    if (!is_within(tetlodi_level_rows(index), LEVEL_ROWS_FREE, LEVEL_ROWS_PER_BYTE, header.file_size))
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "there are more levels than go with the stream's bytes; use a larger --growth");
     tetlodi_header_encode(&header, bytes);
     tetlodi_content_id(bytes, stored->bytes, stored->size, header.cid);
     tetlodi_header_encode(&header, bytes);

@@ -105,12 +105,22 @@ static enum tetlod_status make_room(struct tetlod_cursor *cursor, const struct t
     return done ? TETLOD_OK : tetlodi_no_room(&cursor->memory, error);
 }
 
+/* Once for each level. */
+static void add_frame_bytes(struct tetlod_cursor *cursor, uint32_t level)
+{
+    const struct tetlodi_index *index = &cursor->file->index;
+    const struct tetlodi_frame *frames = index->frames + level * (1 + (size_t)index->info.field_count);
+    for (uint32_t c = 0; c < cursor->replay.column_count; c++)
+        cursor->columns[c].frame_bytes += frames[cursor->parts[c]].size;
+}
+
 static enum tetlod_status decode_base(struct tetlod_cursor *cursor, struct tetlod_error *error)
 {
     const struct tetlod_level *base = &cursor->file->index.info.levels[0];
     struct tetlodi_replay *replay = &cursor->replay;
     struct tetlodi_recorder *recorder = &cursor->recorder;
     TETLOD_TRY(make_room(cursor, base, error));
+    add_frame_bytes(cursor, 0);
     TETLOD_TRY(tetlodi_base_connectivity(recorder, base->vertices, base->tets, NULL, error));
     TETLOD_TRY(tetlodi_base_column(replay, cursor->columns, recorder->coders, recorder->models->corner, NULL, error));
     for (uint32_t c = 1; c < replay->column_count; c++) {
@@ -126,6 +136,7 @@ static enum tetlod_status begin_records(struct tetlod_cursor *cursor, uint32_t l
 {
     const struct tetlod_level *to = &cursor->file->index.info.levels[level];
     TETLOD_TRY(make_room(cursor, to, error));
+    add_frame_bytes(cursor, level);
     tetlodi_level_begin(&cursor->recorder, to->vertices, to->tets);
     return TETLOD_OK;
 }
@@ -368,7 +379,7 @@ enum tetlod_status tetlod_cursor_new(struct tetlod_cursor **out, struct tetlod_f
     if (!cursor)
         return tetlodi_fail_nomem(error, "a cursor", sizeof *cursor);
     cursor->file = file;
-    cursor->memory = (struct tetlodi_memory){.most = file->options.max_bytes, .allocate = file->options.allocate, .opaque = file->options.opaque};
+    cursor->memory = (struct tetlodi_memory){.most = tetlodi_memory_limit(file), .allocate = file->options.allocate, .opaque = file->options.opaque};
     cursor->columns = calloc(1 + (size_t)info->field_count, sizeof *cursor->columns);
     cursor->parts = calloc(1 + (size_t)info->field_count, sizeof *cursor->parts);
     cursor->fields = calloc(1 + (size_t)info->field_count, sizeof *cursor->fields);

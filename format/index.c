@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
-#include "format/pack.h"
+#include "format/allowance.h"
 #include "format/round.h"
 #include "format/utf8.h"
 #include "format/writer.h"
@@ -63,15 +63,27 @@ uint32_t tetlodi_index_row(uint32_t field_count)
     return LEVEL_BYTES + LEVEL_FIELD_BYTES * field_count;
 }
 
-uint64_t tetlodi_frame_numbers(const struct tetlodi_index *index, uint32_t level, uint32_t part)
+uint64_t tetlodi_part_numbers(const struct tetlodi_index *index, uint32_t level, uint32_t part)
 {
     const struct tetlod_level *to = &index->info.levels[level];
-    uint64_t vertices = to->vertices - (level ? to[-1].vertices : 0), tets = to->tets - (level ? to[-1].tets : 0);
-    if (part && index->tail && level + 1 == index->info.level_count && index->exact_later[part - 1])
-        vertices = to->vertices;
-    if (part)
-        return vertices * index->info.fields[part - 1].components;
-    return vertices > tets ? vertices : tets;
+    if (!part)
+        return to->vertices > to->tets ? to->vertices : to->tets;
+    bool twice = index->tail && level + 1 == index->info.level_count && index->exact_later[part - 1];
+    return (twice ? 2 : 1) * (uint64_t)to->vertices * index->info.fields[part - 1].components;
+}
+
+uint64_t tetlodi_step_rows(const struct tetlodi_index *index, uint32_t field, uint32_t level)
+{
+    const struct tetlod_level *of = &index->info.levels[level];
+    return ((uint64_t)of->vertices + of->tets) * index->info.fields[field].components;
+}
+
+uint64_t tetlodi_level_rows(const struct tetlodi_index *index)
+{
+    uint64_t rows = 0;
+    for (uint32_t k = 0; k < index->info.level_count; k++)
+        rows += (uint64_t)index->info.levels[k].vertices + index->info.levels[k].tets;
+    return rows;
 }
 
 /* ---- index */
@@ -189,10 +201,25 @@ static const char *wrong_fields(const struct tetlodi_index *index)
     return NULL;
 }
 
-static const char *wrong_levels(const struct tetlodi_index *index)
+/* Do the frames of every part have the bytes that go with what they give, up to each level? */
+static bool hold_enough(const struct tetlodi_index *index)
 {
     const struct tetlod_info *info = &index->info;
     size_t parts = 1 + (size_t)info->field_count;
+    for (uint32_t part = 0; part < parts; part++) {
+        uint64_t bytes = 0;
+        for (uint32_t k = 0; k < info->level_count; k++) {
+            bytes += index->frames[k * parts + part].size;
+            if (!is_within(tetlodi_part_numbers(index, k, part), NUMBERS_FREE, NUMBERS_PER_BYTE, bytes))
+                return false;
+        }
+    }
+    return true;
+}
+
+static const char *wrong_levels(const struct tetlodi_index *index)
+{
+    const struct tetlod_info *info = &index->info;
     uint32_t tail = index->tail ? info->level_count - 1 : TETLOD_NONE;
     for (uint32_t k = 0; k < info->level_count; k++) {
         const struct tetlod_level *level = &info->levels[k];
@@ -200,10 +227,9 @@ static const char *wrong_levels(const struct tetlodi_index *index)
             return "levels that do not grow";
         if (level->domain_error < 0)
             return "a negative domain error";
-        for (uint32_t part = 0; part < parts; part++)
-            if ((tetlodi_frame_numbers(index, k, part) + MOST_EXPANSION - 1) / MOST_EXPANSION > index->frames[k * parts + part].size)
-                return "levels of more than their bytes can hold";
     }
+    if (!hold_enough(index))
+        return "levels of more than their bytes can hold";
     return errors_grow(index) ? "errors that grow with the level" : NULL;
 }
 
@@ -375,7 +401,7 @@ static bool decode_fields(struct tetlodi_index *index, struct tetlodi_bytes *in)
         info->lossless &= index->scales[1 + f].bits == 0 || index->exact_later[f];
         size_t size = (size_t)tetlodi_get(in, 2);
         field->name = get_text(in, size, &text);
-        named &= size && !in->failed && tetlodi_plain_text(field->name, size);
+        named &= size && size <= MAX_NAME && !in->failed && tetlodi_plain_text(field->name, size);
     }
     for (uint32_t f = 0; f < info->field_count && named; f++)
         if (index->fields[f].bounds == f)
@@ -419,10 +445,13 @@ static enum tetlod_status decode(struct tetlodi_index *index, struct tetlodi_byt
     info->lossless = index->scales[0].bits == 0;
     bool named = decode_fields(index, in);
     decode_levels(index, in, &end);
-    const char *wrong = in->failed ? "less than it should" : named ? contradiction(index) : "a field without a name";
+    const char *wrong = in->failed ? "less than it should" : named ? contradiction(index) : "a field without a name, or with one of more than 255 bytes";
     if (wrong)
         return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index is damaged: it has %s", wrong);
-    return decode_sections(index, in, first_offset, end, error);
+    TETLOD_TRY(decode_sections(index, in, first_offset, end, error));
+    if (!is_within(tetlodi_level_rows(index), LEVEL_ROWS_FREE, LEVEL_ROWS_PER_BYTE, info->bytes))
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "the index is damaged: it has more levels than go with the stream's bytes");
+    return TETLOD_OK;
 }
 
 enum tetlod_status tetlodi_index_decode(struct tetlodi_index *index, const void *bytes, size_t size, uint64_t first_offset,

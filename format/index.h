@@ -15,7 +15,6 @@ enum {
     MOST_BITS = 30,
     LEAST_SLOWEST = 5,
     MOST_SLOWEST = 7,
-    MOST_EXPANSION = 64, /* vertices, tetrahedra or values that a frame gives, for each of its bytes */
 };
 
 /* The index as it is in memory; `info` points into the rest. Frames of level k: [k * (1 + field_count)] is the geometry's,
@@ -47,8 +46,14 @@ void tetlodi_index_fini(struct tetlodi_index *index);
 bool tetlodi_index_allocate(struct tetlodi_index *index);
 bool tetlodi_index_allocate_sections(struct tetlodi_index *index);
 
-/* What a frame of a level may give at most: vertices and tetrahedra, or a field's values (SPEC 2.3). */
-uint64_t tetlodi_frame_numbers(const struct tetlodi_index *index, uint32_t level, uint32_t part);
+/* What the frames of a part give up to a level: vertices and tetrahedra, or a field's values, those of the tail as well (SPEC 2.3). */
+uint64_t tetlodi_part_numbers(const struct tetlodi_index *index, uint32_t level, uint32_t part);
+
+/* What a step of a field at a level counts: vertices and tetrahedra, times components. */
+uint64_t tetlodi_step_rows(const struct tetlodi_index *index, uint32_t field, uint32_t level);
+
+/* Vertices and tetrahedra of all levels, added up. */
+uint64_t tetlodi_level_rows(const struct tetlodi_index *index);
 
 /* Index to bytes, not packed, and back. Offsets of frames are not stored: they follow each other from `first_offset` on, where
  * the index ends, behind the early sections. */

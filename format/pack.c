@@ -5,6 +5,7 @@
 
 #include "format/coder.h"
 #include "format/fail.h"
+#include "format/allowance.h"
 
 enum { RATE = 6, MOST_STRIDE = 1 << 16, STRIDE_BYTES = 3, NODES = 256 };
 
@@ -45,7 +46,12 @@ static void code_bytes(struct tetlodi_coder *coder, struct models *models, uint3
     }
 }
 
-bool tetlodi_pack(const uint8_t *bytes, size_t size, uint32_t stride, struct tetlodi_buffer *out)
+bool tetlodi_packs(enum tetlodi_packing packing, uint64_t plain, uint64_t packed)
+{
+    return packing == PACKED_TABLE ? is_within(plain, PACKED_TABLE_FREE, PACKED_TABLE_PER_BYTE, packed) : is_within(plain, 0, PACKED_PER_BYTE, packed);
+}
+
+bool tetlodi_pack(enum tetlodi_packing packing, const uint8_t *bytes, size_t size, uint32_t stride, struct tetlodi_buffer *out)
 {
     struct tetlodi_memory memory = {.most = UINT64_MAX};
     struct tetlodi_encoder encoder = {0};
@@ -60,7 +66,7 @@ bool tetlodi_pack(const uint8_t *bytes, size_t size, uint32_t stride, struct tet
         code_bytes(&coder, &models, stride, copy, size);
         tetlodi_encode_finish(&coder);
         tetlodi_put_block(out, encoder.bytes, encoder.size);
-        while (!out->failed && size / MOST_PACKING > out->size - STRIDE_BYTES) // zero bytes change nothing
+        while (!out->failed && !tetlodi_packs(packing, size, out->size)) // zero bytes change nothing
             tetlodi_put(out, 0, 1);
         packed = !encoder.failed && !out->failed && out->size < size;
         TETLODI_FREE(&memory, encoder.bytes, encoder.capacity);

@@ -9,13 +9,17 @@
 #include "format/bytes.h"
 #include "format/tetlod.h"
 
-enum { MOST_PACKING = 256 }; /* plain bytes per packed byte: bounds what a small file can ask for */
+/* What is packed: rows of digests, which hardly pack, or anything else. */
+enum tetlodi_packing { PACKED_TABLE, PACKED_VALUES };
 
-/* Packs `size` bytes of rows of `stride`. False if that is not smaller, if it would break the bound, or for want of memory:
- * they are then stored as they are. `out` is empty before. */
-bool tetlodi_pack(const uint8_t *bytes, size_t size, uint32_t stride, struct tetlodi_buffer *out);
+/* Can so many packed bytes hold so many plain ones (SPEC 2.3)? */
+bool tetlodi_packs(enum tetlodi_packing packing, uint64_t plain, uint64_t packed);
 
-/* Unpacks to `size` bytes at `out`. `size` is at most MOST_PACKING * packed_size: the caller has checked it. ERR_NOMEM, ERR_STREAM. */
+/* Packs `size` bytes of rows of `stride`. False if that is not smaller, or for want of memory: they are then stored as they are.
+ * `out` is empty before. */
+bool tetlodi_pack(enum tetlodi_packing packing, const uint8_t *bytes, size_t size, uint32_t stride, struct tetlodi_buffer *out);
+
+/* Unpacks to `size` bytes at `out`, of which the caller has checked that they fit. ERR_NOMEM, ERR_STREAM. */
 TETLOD_CHECKED enum tetlod_status tetlodi_unpack(const uint8_t *packed, size_t packed_size, uint8_t *out, size_t size,
                                                  struct tetlod_error *error);
 

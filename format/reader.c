@@ -9,6 +9,7 @@
 #include "format/cells.h"
 #include "format/checksum.h"
 #include "format/fail.h"
+#include "format/allowance.h"
 #include "format/order.h"
 #include "format/pack.h"
 #include "format/topologies.h"
@@ -23,6 +24,12 @@ struct tetlod_options tetlodi_options(const struct tetlod_options *options)
     all.struct_size = sizeof all;
     all.max_bytes = all.max_bytes ? all.max_bytes : DEFAULT_BYTES;
     return all;
+}
+
+uint64_t tetlodi_memory_limit(const struct tetlod_file *file)
+{
+    uint64_t most = limit_of(MEMORY_FREE, MEMORY_PER_BYTE, file->index.info.bytes);
+    return most < file->options.max_bytes ? most : file->options.max_bytes;
 }
 
 /* Stored bytes of the source, in a block that the caller frees. */
@@ -91,46 +98,48 @@ enum tetlod_status tetlodi_read_frame(const struct tetlod_file *file, uint32_t l
 
 /* ---- sections */
 
-/* A section as it was before it was packed, with a NUL behind, in a block that the caller frees. */
-static enum tetlod_status read_section(const struct tetlod_file *file, const struct tetlodi_section *section, uint8_t **out,
-                                       struct tetlod_error *error)
+/* A section as it was before it was packed, with room for its bytes at `out`. */
+static enum tetlod_status read_section_into(const struct tetlod_file *file, const struct tetlodi_section *section, uint8_t *out,
+                                            struct tetlod_error *error)
 {
     char what[32];
     uint8_t *stored;
+    enum tetlod_status status = TETLOD_OK;
     snprintf(what, sizeof what, "section %s", section->tag);
+    TETLOD_TRY(read_part(file, &section->frame, what, &stored, error));
+    if (section->flags & SECTION_PACKED)
+        status = tetlodi_unpack(stored, (size_t)section->frame.size, out, (size_t)section->plain, error);
+    else
+        memcpy(out, stored, (size_t)section->plain);
+    free(stored);
+    return status;
+}
+
+/* The same with a NUL behind, in a block that the caller frees. */
+static enum tetlod_status read_section(const struct tetlod_file *file, const struct tetlodi_section *section, uint8_t **out,
+                                       struct tetlod_error *error)
+{
     *out = NULL;
     if (section->plain >= file->options.max_bytes || section->plain >= SIZE_MAX)
-        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "%s has %llu bytes, more than the memory allowed", what,
+        return tetlodi_fail(error, TETLOD_ERR_LIMIT, "section %s has %llu bytes, more than the memory allowed", section->tag,
                             (unsigned long long)section->plain);
-    TETLOD_TRY(read_part(file, &section->frame, what, &stored, error));
-    size_t size = (size_t)section->plain;
-    enum tetlod_status status = TETLOD_OK;
-    *out = malloc(size + 1);
-    if (!*out)
-        status = tetlodi_fail_nomem(error, what, size);
-    else if (section->flags & SECTION_PACKED)
-        status = tetlodi_unpack(stored, (size_t)section->frame.size, *out, size, error);
+    uint8_t *bytes = malloc((size_t)section->plain + 1);
+    if (!bytes)
+        return tetlodi_fail_nomem(error, section->tag, section->plain);
+    enum tetlod_status status = read_section_into(file, section, bytes, error);
+    bytes[section->plain] = 0;
+    if (status == TETLOD_OK)
+        *out = bytes;
     else
-        memcpy(*out, stored, size);
-    free(stored);
-    if (status == TETLOD_OK) {
-        (*out)[size] = 0;
-    } else {
-        free(*out);
-        *out = NULL;
-    }
+        free(bytes);
     return status;
 }
 
 enum tetlod_status tetlod_section_read(const struct tetlod_file *file, uint32_t section, void *out, struct tetlod_error *error)
 {
-    uint8_t *bytes;
     if (section >= file->index.info.section_count)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "there is no section number %u", section);
-    TETLOD_TRY(read_section(file, &file->index.sections[section], &bytes, error));
-    memcpy(out, bytes, (size_t)file->index.sections[section].plain);
-    free(bytes);
-    return TETLOD_OK;
+    return read_section_into(file, &file->index.sections[section], out, error);
 }
 
 uint32_t tetlod_section_index(const struct tetlod_info *info, const char *tag)

@@ -21,6 +21,9 @@ struct tetlod_file {
     struct tetlodi_index index;
 };
 
+/* Memory that a cursor or a series may take: no stream of an encoder needs as much for each of its bytes. */
+uint64_t tetlodi_memory_limit(const struct tetlod_file *file);
+
 /* A caller's options with defaults for what it does not have or leaves 0. */
 struct tetlod_options tetlodi_options(const struct tetlod_options *options);
 

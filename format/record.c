@@ -9,6 +9,7 @@
 #include <stdlib.h>
 
 #include "format/fail.h"
+#include "format/allowance.h"
 #include "format/record_fields.h"
 #include "format/star_view.h"
 
@@ -478,6 +479,9 @@ static enum tetlod_status code_split(struct tetlodi_recorder *recorder, unsigned
     struct tetlodi_replay *replay = recorder->replay;
     struct tetlodi_star_view *star = &recorder->star;
     uint32_t child = replay->vertices;
+    if (star->size > recorder->max_labels - recorder->labels)
+        return tetlodi_fail(error, TETLOD_ERR_STREAM, "its records split larger stars than go with its bytes");
+    recorder->labels += star->size;
     if (recorder->plan && !recorder->plan(recorder->opaque, star, number))
         return tetlodi_no_room(replay->memory, error);
     code_labels(recorder, child, at_first);
@@ -572,8 +576,25 @@ enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct
     return status;
 }
 
+static uint64_t labels_of(const struct tetlodi_recorder *recorder, uint32_t column, uint64_t bytes)
+{
+    if (!column)
+        return limit_of(LABELS_FREE, LABELS_PER_BYTE, bytes);
+    return limit_of(LABELS_FREE, FIELD_LABELS_PER_BYTE, bytes) / recorder->replay->columns[column].components;
+}
+
+bool tetlodi_labels_hold(const struct tetlodi_recorder *recorder, uint32_t column, uint64_t bytes)
+{
+    return recorder->labels <= labels_of(recorder, column, bytes);
+}
+
 void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, uint32_t tets)
 {
+    recorder->max_labels = UINT64_MAX;
+    for (uint32_t c = 0; c < recorder->replay->column_count && !recorder->plan; c++) {
+        uint64_t most = labels_of(recorder, c, recorder->replay->columns[c].frame_bytes);
+        recorder->max_labels = most < recorder->max_labels ? most : recorder->max_labels;
+    }
     recorder->walk = 0;
     recorder->level_start = recorder->replay->vertices;
     recorder->most_vertices = vertices;

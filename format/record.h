@@ -6,6 +6,8 @@
 #ifndef TETLOD_RECORD_H
 #define TETLOD_RECORD_H
 
+#include <stdbool.h>
+
 #include "format/coder.h"
 #include "format/replay.h"
 
@@ -103,6 +105,7 @@ struct tetlodi_recorder {
     struct tetlodi_field_log logs[2];   /* an encoder's is the first one; a decoder writes one while fields are decoded from the other */
     int64_t (*codes)[4];                /* [components of all columns][child] of the record: an encoder sets them */
     uint32_t most_vertices, most_tets;  /* what the level may have */
+    uint64_t labels, max_labels;        /* of all levels' records so far, and what their frames may have (SPEC 2.3) */
     uint32_t walk, level_start;         /* the walk's vertex; vertices at its begin */
     /* The encoder's answers, once the star is laid out: its labels, its edges' made and flip, its extras. `child` is
      * 1 to 3. NULL in a decoder. 0 if out of memory. */
@@ -122,8 +125,12 @@ uint64_t tetlodi_recorder_bytes(const struct tetlodi_recorder *recorder);
 int64_t tetlodi_middle(const struct tetlodi_scale *scale, unsigned axis, int64_t vertex_code, const int64_t codes[4],
                        uint32_t children);
 
-/* The walk of a level that is to have so many vertices and tetrahedra (SPEC 7.1). It ends when they are there. */
+/* The walk of a level that is to have so many vertices and tetrahedra (SPEC 7.1). It ends when they are there. A decoder's columns have
+ * the bytes of their frames. */
 void tetlodi_level_begin(struct tetlodi_recorder *recorder, uint32_t vertices, uint32_t tets);
+
+/* May a column's frames have so many labels, times a field's components, in so many bytes (SPEC 2.3)? */
+bool tetlodi_labels_hold(const struct tetlodi_recorder *recorder, uint32_t column, uint64_t bytes);
 
 /* An encoder says whether the vertex at the walk splits; a decoder goes to the next that does, or to the walk's end. A vertex
  * that does not split is passed. 1 if there is one: it is at the walk. */

@@ -5,7 +5,6 @@
 
 #include "format/cells.h"
 #include "format/fail.h"
-#include "format/pack.h"
 #include "format/time_table.h"
 #include "format/topologies.h"
 
@@ -23,6 +22,11 @@ static const struct known *find_known(const char *tag)
         if (strcmp(known_tags[i].tag, tag) == 0)
             return &known_tags[i];
     return NULL;
+}
+
+enum tetlodi_packing tetlodi_section_packing(const char *tag)
+{
+    return strcmp(tag, TAG_TIME) == 0 || strcmp(tag, TAG_TOPOLOGIES) == 0 ? PACKED_TABLE : PACKED_VALUES;
 }
 
 struct tetlodi_frame tetlodi_frame_of(const void *bytes, size_t size)
@@ -83,7 +87,8 @@ static const char *contradiction(const struct tetlodi_section *sections, uint32_
     const struct known *known = find_known(section->tag);
     if (!is_tag(section->tag) || section->flags & ~(uint32_t)SECTION_FLAGS)
         return "a section of no known form";
-    if (section->flags & SECTION_PACKED ? section->plain / MOST_PACKING > section->frame.size : section->plain != section->frame.size)
+    if (section->flags & SECTION_PACKED ? !tetlodi_packs(tetlodi_section_packing(section->tag), section->plain, section->frame.size)
+                                        : section->plain != section->frame.size)
         return "a section of another size than its bytes can hold";
     if (known && known->once && tetlodi_section_find(sections, i, section->tag))
         return "two sections of which there can be one";

@@ -5,6 +5,7 @@
 
 #include "format/bytes.h"
 #include "format/checksum.h"
+#include "format/pack.h"
 #include "format/tetlod.h"
 
 enum { TAG_SIZE = 4, SECTION_ENTRY = 48, SECTION_CRITICAL = 1, SECTION_EARLY = 2, SECTION_PACKED = 4, SECTION_FLAGS = 7 };
@@ -25,6 +26,9 @@ struct tetlodi_section {
     struct tetlodi_frame frame; /* as stored; in the index its offset counts from the index's end, or that of the levels */
     uint64_t plain;             /* bytes unpacked */
 };
+
+/* How a section of a tag is packed, if it is. */
+enum tetlodi_packing tetlodi_section_packing(const char *tag);
 
 /* The frame of some bytes, not placed yet. */
 struct tetlodi_frame tetlodi_frame_of(const void *bytes, size_t size);

@@ -45,7 +45,7 @@ static void drop_band(struct tetlod_series *series)
         series->tracks[f] = (struct track){0};
     }
     tetlodi_lower_fini(&series->lower);
-    series->memory = (struct tetlodi_memory){.most = series->file->options.max_bytes};
+    series->memory = (struct tetlodi_memory){.most = tetlodi_memory_limit(series->file)};
     series->band = series->group = TETLOD_NONE;
     series->ready = 0;
 }
@@ -112,6 +112,22 @@ static bool has_steps_of_group(const struct tetlod_file *file, const struct tetl
     return true;
 }
 
+/* Decoding all steps takes no longer than goes with their bytes. */
+static bool has_bytes_for_steps(const struct tetlodi_time *time, const struct tetlodi_index *index)
+{
+    uint64_t rows = 0, bytes = 0;
+    for (uint32_t f = 0; f < time->field_count; f++)
+        for (uint32_t b = 0; b < time->band_count; b++) {
+            uint64_t offset, size;
+            tetlodi_time_place(time, f, b, time->group_count - 1, &offset, &size);
+            bytes += offset + size;
+            rows += tetlodi_step_rows(index, time->fields[f].field, time->bands[b].level) * time->step_count;
+            if (rows > UINT64_MAX / 2)
+                return false;
+        }
+    return tetlodi_steps_hold(rows, bytes);
+}
+
 /* The table's fields and levels are the stream's, and its rows fill their sections. */
 static enum tetlod_status check_table(struct tetlod_series *series, struct tetlod_error *error)
 {
@@ -136,7 +152,9 @@ static enum tetlod_status check_table(struct tetlod_series *series, struct tetlo
             return mismatch(error);
         series->sections[row++] = &index->sections[i];
     }
-    return row == rows ? TETLOD_OK : mismatch(error);
+    if (row != rows)
+        return mismatch(error);
+    return has_bytes_for_steps(time, index) ? TETLOD_OK : tetlodi_fail(error, TETLOD_ERR_STREAM, "it has more steps than their bytes can hold");
 }
 
 static enum tetlod_status open_series(struct tetlod_series *series, struct tetlod_error *error)

@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 #include "format/step_code.h"
+
+#include "format/allowance.h"
 #include "format/round.h"
 
 #include <stdlib.h>
@@ -196,6 +198,11 @@ void tetlodi_steps_start(struct tetlodi_steps *steps)
     tetlodi_bits_init(steps->models.mode, 4);
     tetlodi_number_init(&steps->models.value[0]);
     tetlodi_number_init(&steps->models.value[1]);
+}
+
+bool tetlodi_steps_hold(uint64_t rows, uint64_t bytes)
+{
+    return is_within(rows, STEP_ROWS_FREE, STEP_ROWS_PER_BYTE, bytes);
 }
 
 int tetlodi_steps_decode(struct tetlodi_steps *steps, const uint8_t *bytes, size_t size)

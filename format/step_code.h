@@ -61,6 +61,10 @@ void tetlodi_steps_fini(struct tetlodi_steps *steps);
 /* Begins a group. */
 void tetlodi_steps_start(struct tetlodi_steps *steps);
 
+/* Do the frames of all steps have the bytes that go with the rows that decoding them counts: of each frame the level's vertices and
+ * tetrahedra, times the components (SPEC 2.3)? */
+bool tetlodi_steps_hold(uint64_t rows, uint64_t bytes);
+
 /* Decodes a step's frame. 0: it holds what no encoder writes. */
 int tetlodi_steps_decode(struct tetlodi_steps *steps, const uint8_t *bytes, size_t size);
 

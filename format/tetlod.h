@@ -179,7 +179,7 @@ struct tetlod_info {
 /* Set struct_size = sizeof it and leave the rest 0 for defaults. */
 struct tetlod_options {
     size_t struct_size;
-    uint64_t max_bytes; /* memory that a file and its cursor may take together; 0: 16 GiB */
+    uint64_t max_bytes; /* memory that a file and its cursor may take together; 0: 16 GiB. Never more than 64 MiB and 256 for each byte of the stream */
     /* Where a cursor's arrays, which grow with the mesh, come from; NULL: realloc and free. Resizes a block (NULL: a new one) to
      * `size` bytes and returns it, or NULL with the block unchanged; `size` 0 frees it. Called by the cursor's thread. */
     void *(*allocate)(void *opaque, void *block, size_t size);

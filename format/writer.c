@@ -13,6 +13,7 @@
 #include "format/cells.h"
 #include "format/container.h"
 #include "format/fail.h"
+#include "format/allowance.h"
 #include "format/index.h"
 #include "format/lineage.h"
 #include "format/order.h"
@@ -218,6 +219,13 @@ static void start_coders(struct writer *w)
         tetlodi_encode_start(&w->recorder.coders[c], w->index.slowest, &w->encoders[c], &w->memory);
 }
 
+/* Zero bytes change nothing: a reader wants so many of them as go with what it has to make room for, and to do. */
+static bool goes_with(const struct writer *w, uint32_t level, uint32_t part, uint64_t bytes)
+{
+    return is_within(tetlodi_part_numbers(&w->index, level, part), NUMBERS_FREE, NUMBERS_PER_BYTE, bytes) &&
+           tetlodi_labels_hold(&w->recorder, part, bytes);
+}
+
 /* Closes the level's coders and keeps what they have written. */
 static enum tetlod_status store_level(struct writer *w, uint32_t level)
 {
@@ -234,11 +242,11 @@ static enum tetlod_status store_level(struct writer *w, uint32_t level)
         struct tetlodi_buffer *stored = &w->stored[(size_t)level * parts + part];
         tetlodi_encode_finish(&w->recorder.coders[part]);
         tetlodi_put_block(stored, encoder->bytes, encoder->size);
-        /* Zero bytes change nothing; a reader wants so many of them as go with what it has to make room for. */
-        while (!stored->failed && tetlodi_frame_numbers(&w->index, level, part) > MOST_EXPANSION * (uint64_t)stored->size)
+        while (!stored->failed && !goes_with(w, level, part, w->columns[part].frame_bytes + stored->size))
             tetlodi_put(stored, 0, 1);
         if (encoder->failed || stored->failed)
             return out_of_memory(w);
+        w->columns[part].frame_bytes += stored->size;
         w->index.frames[(size_t)level * parts + part] = tetlodi_frame_of(stored->bytes, stored->size);
     }
     return TETLOD_OK;
@@ -587,7 +595,7 @@ static enum tetlod_status check_input(const struct writer *w)
         if (in->levels[k].contractions >= in->levels[k - 1].contractions && !(k + 1 == in->level_count && has_tail(in)))
             wrong = "its levels are not in order";
     for (uint32_t f = 0; f < in->field_count && !wrong; f++)
-        if (in->fields[f].components < 1 || in->fields[f].components > MOST_COMPONENTS || strlen(in->fields[f].name) > 4096)
+        if (in->fields[f].components < 1 || in->fields[f].components > MOST_COMPONENTS || strlen(in->fields[f].name) > MAX_NAME)
             wrong = "a field has too many components or too long a name";
         else if (in->fields[f].exact && (!in->fields[f].bits || !has_tail(in)))
             wrong = "a field is to be exact later without a grid or a level for it";

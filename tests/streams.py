@@ -46,3 +46,42 @@ def with_section(data, tag, content, further=0):
     total = int.from_bytes(data[32:40], 'little') + grown
     body = data[end:old['offset']] + content + data[old['offset'] + old['stored']:]
     return sealed(data[:32] + total.to_bytes(8, 'little') + data[40:end - 48 * count] + bytes(directory) + body)
+
+
+def only_ones(count):
+    """A string of the range coder: so many bits 1 of one new model of the slowest rate 6, and zeros without end."""
+    low, width, chance = 0, 0xffffffff, 32768
+    for seen in range(count):
+        bound = (width >> 12) * (chance >> 4)
+        low, width, chance = low + bound, width - bound, chance - (chance >> tetlod.SHIFT[seen])
+    return low.to_bytes(4, 'big')
+
+
+def crafted(levels, components=1, sections=()):
+    """A stream with a plain index, whose numbers are all as small as can be: levels as vertices, tetrahedra, bytes of the geometry and of the one
+    field's frame (0 components: no field); sections as tag, flags, bytes and unpacked size. Level 0 decodes if it has one tetrahedron."""
+    frames, fields = [], min(components, 1)
+    for number, (_, _, geometry, field) in enumerate(levels):
+        first = only_ones(4) if number == 0 else b''
+        frames.append([first + bytes(geometry - len(first)), bytes(field)][:1 + fields])
+    index = struct.pack('<QQIHBB6dQQQBB', *levels[-1][:2], len(levels), fields, 6, 0, *[0.0] * 3, *[1.0] * 3, 0, 0, 0, 0, 0)
+    index += struct.pack('<BBBBddH', 0, 0, components, 0, 0.0, 1.0, 1) + b'f' if fields else b''
+    for (vertices, tets, _, _), parts in zip(levels, frames):
+        index += struct.pack('<QQd', vertices, tets, 0.0) + bytes(32 * fields)
+        index += b''.join(struct.pack('<Q16s', len(part), tetlod.digest(part)) for part in parts)
+    index += struct.pack('<I', len(sections))
+    at, bodies = {2: 0, 0: 0}, {2: b'', 0: b''}
+    for tag, flags, content, size in sections:
+        index += struct.pack('<4sIQQQ16s', tag, flags, at[flags & 2], len(content), size, tetlod.digest(content))
+        at[flags & 2] += len(content)
+        bodies[flags & 2] += content
+    body = bodies[2] + b''.join(b''.join(parts) for parts in frames) + bodies[0]
+    header = tetlod.MAGIC + struct.pack('<HHIIIIIQ', 2, 0, 0, 0, len(index), len(index), at[2], 64 + len(index) + len(body))
+    return sealed(header + bytes(24) + index + body)
+
+
+def still_steps(steps, fields=1):
+    """A table of steps in one band, whose frames have no bytes."""
+    table = struct.pack('<IIII', fields, 1, steps, 0) + b''.join(struct.pack('<IIdd', field, 0, 0.0, 1.0) for field in range(fields))
+    table += struct.pack('<dQ', 0.5, 0) + struct.pack('<%dd' % fields, *[1.0] * fields) + struct.pack('<%dd' % steps, *range(steps))
+    return table + bytes(8 * fields * steps) + tetlod.digest(b'') * (fields * ((steps + 7) // 8))

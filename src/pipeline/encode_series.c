@@ -23,7 +23,7 @@ static const double FLOAT32_CODES = 0x1p24;
 
 /* The level of a band in the stream's numbers. */
 struct band_level {
-    uint32_t vertices;
+    uint32_t vertices, tets;
     uint32_t *nodes; /* [vertex] */
     struct tetlodi_lower lower;
 };
@@ -36,6 +36,7 @@ struct series_encoding {
     struct tetlod_source *sources; /* the same, in the end */
     struct tetlodi_buffer table;
     struct tetlodi_write_section *sections;
+    uint64_t row_total, byte_total; /* of the frames so far: what decoding them counts (SPEC 2.3), and their bytes */
 };
 
 /* A batch. */
@@ -108,7 +109,8 @@ static enum tetlod_status find_level(struct band_level *level, const struct batc
         level->nodes[v] = ancestor[batch->original_of[v]];
         number_of[level->nodes[v]] = v;
     }
-    room = room && tetlodi_lower_init(&level->lower, corners, level_corners(mesh, number_of, ancestor, corners), level->vertices, &memory);
+    level->tets = room ? (uint32_t)level_corners(mesh, number_of, ancestor, corners) : 0;
+    room = room && tetlodi_lower_init(&level->lower, corners, level->tets, level->vertices, &memory);
     free(ancestor);
     free(number_of);
     free(corners);
@@ -244,6 +246,18 @@ static void bounds_at(const struct row *row, uint32_t step, uint32_t component, 
         retrace_bounds(row->mark->state, level->nodes[v], (step - row->batch->first) * series->component_count + row->first + component, out);
 }
 
+/* Appends zero bytes to a frame, which change nothing, if all frames so far have fewer bytes than decoding them asks for. Its size. */
+static size_t pad_step(const struct row *row, size_t size, struct tetlodi_buffer *group)
+{
+    struct series_encoding *encoding = row->batch->series->encoding;
+    const struct band_level *level = &encoding->levels[row->band];
+    encoding->row_total += (level->vertices + (uint64_t)level->tets) * row->steps.components;
+    for (; !group->failed && !tetlodi_steps_hold(encoding->row_total, encoding->byte_total + size); size++)
+        tetlodi_put(group, 0, 1);
+    encoding->byte_total += size;
+    return size;
+}
+
 /* One step's frame, into the group; its error. */
 static enum tetlod_status encode_step(struct row *row, uint32_t step, struct tetlodi_buffer *group)
 {
@@ -261,6 +275,7 @@ static enum tetlod_status encode_step(struct row *row, uint32_t step, struct tet
             allow(row, bounds[i], row->allowed + 2 * i);
         }
     size_t size = tetlodi_steps_encode(&row->steps, row->allowed, group);
+    size = pad_step(row, size, group);
     for (size_t i = 0; i < (size_t)n * k; i++)
         worst = larger(worst, error_of(bounds[i], tetlodi_step_value(&row->steps.scale, row->steps.codes[i])));
     if (worst > row->tolerance * (1 + 1e-9) || size > UINT32_MAX)

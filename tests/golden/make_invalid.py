@@ -78,8 +78,9 @@ def cases():
     yield 'error_negative', 'open', 'a negative error', put(GRID, row + 24, 'd', -1.0)
     yield 'error_grows', 'open', 'an error greater than that of the level before', put(GRID, row + 24, 'd', INFINITY)
     yield 'frame_size', 'open', 'frames do not add up to the size of the stream', put(GRID, frames, 'Q', 5)
-    yield 'expansion', 'open', 'a level with more vertices than 64 for each byte of its frame', put(ONE, level_of(ONE, 0), 'Q', 1 << 20)
-    yield 'two_names', 'open', 'two fields of one name', renamed(GRID)
+    yield 'expansion', 'open', 'a level with more vertices than go with the bytes of its frame', put(ONE, level_of(ONE, 0), 'Q', 1 << 20)
+    yield 'two_names', 'open', 'two fields of one name', renamed(GRID, tetlod.open(GRID).fields[1]['name'].encode())
+    yield 'name_long', 'open', 'a name of 256 bytes', renamed(GRID, b'n' * 256)
     yield 'section_tag', 'open', 'a tag of small letters', section(ONE, b'abcd', 0)
     yield 'section_flag', 'open', 'a flag that is not known', section(ONE, b'XABC', 8)
     yield 'section_offset', 'open', 'a section that does not begin where the one before ends', section(ONE, b'XABC', 0, 1)
@@ -190,10 +191,9 @@ def shuffled(change):
     return with_section(with_section(STEPS, 'TIME', bytes(table)), 'TVAL', values)
 
 
-def renamed(data):
-    """The first field gets the second one's name."""
-    stream = tetlod.open(data)
-    first, second = (field['name'].encode() for field in stream.fields[:2])
+def renamed(data, second):
+    """The first field gets another name."""
+    first = tetlod.open(data).fields[0]['name'].encode()
     at = data.index(struct.pack('<H', len(first)) + first, 64)
     out = data[:at] + struct.pack('<H', len(second)) + second + data[at + 2 + len(first):]
     grown = len(second) - len(first)

@@ -1,7 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* Any contraction sequence over any complex comes back: every level as the forest says, every record both ways. */
 #include <stdlib.h>
+#include <string.h>
 
+#include "format/allowance.h"
+#include "format/cursor.h"
 #include "format/fail.h"
 #include "format/reader.h"
 #include "format/writer.h"
@@ -470,6 +473,32 @@ static void test_damaged(void)
     stream_close(&s);
 }
 
+/* Records that split large stars, one after the other, have frames with the bytes that their labels ask for; with more labels than go
+ * with its bytes a level is refused. */
+static void test_labels_go_with_bytes(void)
+{
+    struct gen_options options = {GEN_HUB, 1, 13, 5, 2, TETLOD_FLOAT32, 16, 0, 0};
+    struct stream s;
+    struct tetlod_error error = {0};
+    if (stream_open(&s, &options)) {
+        uint32_t last = tetlod_info(s.file)->level_count - 1;
+        const struct tetlodi_recorder *recorder = &s.cursor->recorder;
+        CHECK_INT(tetlod_cursor_seek(s.cursor, last, &error), TETLOD_OK);
+        CHECK(recorder->labels > 2 * LABELS_FREE);
+        for (uint32_t c = 0; c < s.cursor->replay.column_count; c++)
+            CHECK(tetlodi_labels_hold(recorder, c, s.cursor->columns[c].frame_bytes));
+        tetlod_cursor_free(s.cursor);
+        REQUIRE(tetlod_cursor_new(&s.cursor, s.file, NULL, 0, &error) == TETLOD_OK);
+        uint64_t most = LABELS_FREE;
+        for (uint32_t k = 0; k <= 1; k++)
+            most += LABELS_PER_BYTE * s.file->index.frames[k * (1 + s.recode.input.field_count)].size;
+        s.cursor->recorder.labels = most - 1;
+        CHECK_INT(tetlod_cursor_seek(s.cursor, 1, &error), TETLOD_ERR_STREAM);
+        CHECK(strstr(error.message, "larger stars than go with its bytes") != NULL);
+    }
+    stream_close(&s);
+}
+
 static void test_sequences_that_are_none(void)
 {
     struct recode recode;
@@ -523,6 +552,7 @@ int main(void)
     RUN(test_feed_of_one_field);
     RUN(test_truncated);
     RUN(test_damaged);
+    RUN(test_labels_go_with_bytes);
     RUN(test_sequences_that_are_none);
     return test_end();
 }

@@ -52,7 +52,7 @@ static void test_packing(void)
             struct tetlodi_buffer packed = {0};
             size_t size = sizeof bytes - stride % 7;
             fill(bytes, size, kind);
-            bool smaller = tetlodi_pack(bytes, size, stride, &packed);
+            bool smaller = tetlodi_pack(PACKED_VALUES, bytes, size, stride, &packed);
             CHECK(smaller || kind == 0 || kind == 2);
             CHECK(!smaller || kind != 2);
             CHECK(!smaller || (packed.size < size && tetlodi_unpack(packed.bytes, packed.size, back, size, NULL) == TETLOD_OK &&

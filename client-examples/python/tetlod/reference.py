@@ -44,6 +44,17 @@ def require(condition, message):
         raise StreamError(message)
 
 
+# ---------------------------------------------------------------- what a stream may ask for by its bytes (SPEC 2.3)
+
+# How many are free, and how many come with each byte
+TABLE, PACKED, NUMBERS, LEVEL_ROWS = (1 << 16, 3), (0, 64), (1 << 10, 4), (1 << 22, 256)
+LABELS, FIELD_LABELS, STEP_ROWS = (1 << 16, 32), (1 << 16, 512), (1 << 22, 64)
+
+
+def allowed(allowance, size):
+    return allowance[0] + allowance[1] * size
+
+
 # ---------------------------------------------------------------- header and index (SPEC 3)
 
 class Bytes:
@@ -67,7 +78,7 @@ class Bytes:
             name = self.text(size, 'strict')
         except UnicodeDecodeError:
             name = ''
-        require(name and not NOT_IN_NAMES.search(name), 'a field without a name')
+        require(name and size <= 255 and not NOT_IN_NAMES.search(name), 'a field without a name, or with one of more than 255 bytes')
         return name
 
 
@@ -163,7 +174,7 @@ class Stream:
         require(major == 2, 'the stream needs a newer reader')
         require(digest(header[:60])[:4] == check, 'the header is damaged')
         require(required == 0, 'the stream needs a newer reader')
-        require(reserved == 0 and index_size <= plain_size <= min(1 << 28, 256 * index_size) and early_size <= 1 << 28 and
+        require(reserved == 0 and index_size <= plain_size <= min(1 << 28, max(index_size, allowed(TABLE, index_size))) and early_size <= 1 << 28 and
                 64 + index_size + early_size <= self.bytes < 1 << 63, 'the header contradicts itself')
         index = read(64, index_size)
         require(len(index) == index_size, 'the stream ends too early')
@@ -206,7 +217,7 @@ class Stream:
         names = {field['name'] for field in self.fields}
         for field in self.fields:
             field['bounds'] = field['bounds'] if field['bounds'] in names else None
-        self.levels, self.frames = [], []
+        self.levels, self.frames, stored = [], [], [0] * (fields + 1)
         early = offset
         offset += early_size
         for k in range(levels):
@@ -222,9 +233,11 @@ class Stream:
             level['bytes'] = offset
             coarser = self.levels[-1] if self.levels else None
             self.tail = k == levels - 1 and bool(coarser) and (vertices, tets) == (coarser['vertices'], coarser['tets'])
-            self._check_level(level, coarser, frames)
+            stored = [before + size for before, (_, size, _) in zip(stored, frames)]
+            self._check_level(level, coarser, stored)
             self.levels.append(level)
             self.frames.append(frames)
+        require(sum(level['vertices'] + level['tets'] for level in self.levels) <= allowed(LEVEL_ROWS, self.bytes), 'more levels than go with the bytes')
         self._check_errors()
         self._check_tail()
         self._parse_sections(data, early, early_size, offset)
@@ -242,7 +255,8 @@ class Stream:
             tag, place = tag.decode(), flags & 2
             require(offset == ends[place], 'sections that do not follow each other')
             ends[place] += size
-            require(plain // 256 <= size if flags & 4 else plain == size, 'a section of another size than its bytes can hold')
+            room = allowed(TABLE if tag in ('TIME', 'TOPO') else PACKED, size)
+            require(plain <= room if flags & 4 else plain == size, 'a section of another size than its bytes can hold')
             known = {'META': 2, 'ORDR': 0, 'CELL': 2, 'CVAL': 0, 'TIME': 0, 'TVAL': 0, 'TOPO': 2, 'NEXT': 0}
             twice = tag not in ('CVAL', 'TVAL') and any(tag == s['tag'] for s in self.sections)
             require(tag not in known or known[tag] == place and not twice, 'a section at the wrong place')
@@ -338,16 +352,14 @@ class Stream:
             metadata = {}
         return metadata if isinstance(metadata, dict) else {}
 
-    def _check_level(self, level, coarser, frames):
+    def _check_level(self, level, coarser, stored):
+        """`stored`: bytes of the frames of each part, up to this level."""
         vertices, tets = level['vertices'], level['tets']
         if coarser:
             require(self.tail or vertices > coarser['vertices'] and tets >= coarser['tets'], 'levels that do not grow')
-            vertices, tets = vertices - coarser['vertices'], tets - coarser['tets']
         given = [max(vertices, tets)]
-        for field in self.fields:
-            exact = level['vertices'] if self.tail and field['exact_later'] else 0
-            given.append((vertices + exact) * field['components'])
-        require(all(numbers <= 64 * size for numbers, (_, size, _) in zip(given, frames)), 'levels of more than their bytes can hold')
+        given += [vertices * field['components'] * (2 if self.tail and field['exact_later'] else 1) for field in self.fields]
+        require(all(numbers <= allowed(NUMBERS, size) for numbers, size in zip(given, stored)), 'levels of more than their bytes can hold')
 
     def _check_tail(self):
         """The exact tail has no mesh, and a frame for each field that it makes exact."""
@@ -697,6 +709,7 @@ class Cursor:
         self.models = Models()
         self.tets_list, self.stars, self.parents = [], [], []
         self.count = self.tet_count = 0
+        self.stored, self.labels, self.most_labels = [0] * len(self.columns), 0, 0  # bytes of the columns' frames; labels of records
         self.log, self.done = [], 0  # records: (vertex, other codes and values, [(labels, tetrahedra)])
         self.ends = [0]              # records in the log at each level's end
         self.leaf = []               # of each vertex at the log's end: one of the original's, which does not split
@@ -839,8 +852,12 @@ class Cursor:
     # ------------------------------------------------ base mesh (SPEC 9)
 
     def _start(self, level):
-        for coder, column in zip(self.coders, self.columns):
-            coder.start(self.stream.frame(level, column.part))
+        for c, (coder, column) in enumerate(zip(self.coders, self.columns)):
+            frame = self.stream.frame(level, column.part)
+            coder.start(frame)
+            self.stored[c] += len(frame)
+        self.most_labels = min(allowed(FIELD_LABELS if column.part else LABELS, size) // (column.components if column.part else 1)
+                               for column, size in zip(self.columns, self.stored))
 
     def _finish(self, level):
         for coder in self.coders:
@@ -1295,6 +1312,8 @@ class Cursor:
 
     def _split(self, vertex, star, a, b, first_stays, to):
         coder, models, child = self.coders[0], self.models, self.count
+        self.labels += len(star)
+        require(self.labels <= self.most_labels, 'records that split larger stars than go with their bytes')
         labels, edges = self._labels(star, a, b, first_stays)
         irregular = coder.bit(models.irregular)
         added = []

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from .reference import Bytes, Coder, Number, Scale, bits, digest, in_ring, require
+from .reference import Bytes, Coder, Number, STEP_ROWS, Scale, allowed, bits, digest, in_ring, require
 
 GROUP, KEY, SAME, MOVED = 8, 0, 1, 2
 
@@ -46,6 +46,9 @@ class Series:
         sizes = [sum(size for size, _ in row) for row in self._entries]
         require([(s['stored'], s['packed']) for s in self._sections] == [(size, False) for size in sizes],
                 'the table of steps does not go with the stream')
+        levels = [stream.levels[band['level']] for band in self.bands]
+        counted = sum(field['components'] for field in self.fields) * sum(level['vertices'] + level['tets'] for level in levels) * steps
+        require(counted <= allowed(STEP_ROWS, sum(sizes)), 'more steps than their bytes can hold')
         self._cursor, self._lower, self._found = None, {}, {}
 
     def _field(self, data):
