@@ -64,8 +64,8 @@ def crafted(levels, components=1, sections=()):
     for number, (_, _, geometry, field) in enumerate(levels):
         first = only_ones(4) if number == 0 else b''
         frames.append([first + bytes(geometry - len(first)), bytes(field)][:1 + fields])
-    index = struct.pack('<QQIHBB6dQQQBB', *levels[-1][:2], len(levels), fields, 6, 0, *[0.0] * 3, *[1.0] * 3, 0, 0, 0, 0, 0)
-    index += struct.pack('<BBBBddH', 0, 0, components, 0, 0.0, 1.0, 1) + b'f' if fields else b''
+    index = struct.pack('<QQIHBB6dQQQBB', *levels[-1][:2], len(levels), fields, 6, 0, *[0.0] * 6, 1, 0, 0, 0, 0)
+    index += struct.pack('<BBBBddH', 0, 0, components, 0, 0.0, 0.0, 1) + b'f' if fields else b''
     for (vertices, tets, _, _), parts in zip(levels, frames):
         index += struct.pack('<QQd', vertices, tets, 0.0) + bytes(32 * fields)
         index += b''.join(struct.pack('<Q16s', len(part), tetlod.digest(part)) for part in parts)
@@ -82,6 +82,6 @@ def crafted(levels, components=1, sections=()):
 
 def still_steps(steps, fields=1):
     """A table of steps in one band, whose frames have no bytes."""
-    table = struct.pack('<IIII', fields, 1, steps, 0) + b''.join(struct.pack('<IIdd', field, 0, 0.0, 1.0) for field in range(fields))
+    table = struct.pack('<IIII', fields, 1, steps, 0) + b''.join(struct.pack('<IIdd', field, 0, 0.0, 0.0) for field in range(fields))
     table += struct.pack('<dQ', 0.5, 0) + struct.pack('<%dd' % fields, *[1.0] * fields) + struct.pack('<%dd' % steps, *range(steps))
     return table + bytes(8 * fields * steps) + tetlod.digest(b'') * (fields * ((steps + 7) // 8))
