@@ -314,13 +314,20 @@ mutate: needs-check
 	@cd build && for t in $(if $(TARGET),fuzz_$(TARGET),$(filter-out fuzz_request,$(notdir $(FUZZ_SRC:.c=)))); do \
 	MUTATIONS=$(MUTATIONS) ASAN_OPTIONS=allocator_may_return_null=1 $(if $(filter command line,$(origin config)),$(config),asan)/tests/fuzz/$$t $(CURDIR)/tests/fuzz/corpus/$${t#fuzz_} || exit 1; done
 
-## bench-server: stored bytes against nginx, levels that are not cached, memory; bench-opening: the first answers of ten million tetrahedra; bench-pressure: slow readers, a hundred streams; bench-soak: a minute of mixed load; bench-hostile: HOSTILE hostile requests (500000), under the sanitizers
+## bench-server: levels that are not cached, memory; bench-http: bytes beside nginx; bench-day: 2,000 changes of files under load; bench-opening: the first answers of ten million tetrahedra; bench-pressure: slow readers, a hundred streams; bench-soak: a minute of mixed load; bench-hostile: HOSTILE hostile requests (500000), under the sanitizers
 HOSTILE ?= 500000
-.PHONY: bench-server bench-opening bench-pressure bench-soak bench-hostile
-BENCHES += bench-server bench-opening bench-pressure bench-soak bench-hostile
+.PHONY: bench-server bench-http bench-day bench-opening bench-pressure bench-soak bench-hostile
+BENCHES += bench-server bench-http bench-day bench-opening bench-pressure bench-soak bench-hostile
 bench-server: needs-check
 	$(Q)$(MAKE) --no-print-directory all
-	@python3 tests/bench/server.py $(BINARY) 2 5
+	@python3 tests/bench/server.py $(BINARY)
+bench-http: needs-check
+	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/tile_stream
+	@/usr/bin/python3 tests/bench/nginx.py $(BINARY) $(B)/tests/bench/tile_stream
+bench-day: needs-check
+	$(Q)$(MAKE) --no-print-directory all
+	@rm -rf build/scratch/bench-day; mkdir -p build/scratch/bench-day
+	@cd build/scratch/bench-day && CHANGES=2000 TETLOD=$(CURDIR)/$(BINARY) ROOT=$(CURDIR) SCRATCH=$$PWD CONFIG=release /usr/bin/python3 $(CURDIR)/tests/http/test_changing_files.py
 bench-opening: needs
 	$(Q)$(MAKE) --no-print-directory all $(B)/tests/bench/tile_stream
 	@python3 tests/bench/opening.py $(BINARY) $(B)/tests/bench/tile_stream

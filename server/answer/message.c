@@ -15,25 +15,42 @@ void response_init(struct response *response)
     memset(response, 0, offsetof(struct response, headers));
 }
 
+/* Room for the value of one more header; 0: there is none. */
+static size_t room_for_header(struct response *response)
+{
+    return response->header_count < RESPONSE_HEADERS ? sizeof response->header_text - response->header_bytes : 0;
+}
+
+/* Takes a value of so many bytes, and a NUL, that is in its place. */
+static void take_header(struct response *response, const char *name, size_t size)
+{
+    response->headers[response->header_count].name = name;
+    response->headers[response->header_count++].value = response->header_bytes;
+    response->header_bytes += size + 1;
+}
+
 void response_header(struct response *response, const char *name, const char *format, ...)
 {
-    size_t room = sizeof response->header_text - response->header_bytes;
+    size_t room = room_for_header(response);
     va_list arguments;
     va_start(arguments, format);
     int size = vsnprintf(response->header_text + response->header_bytes, room, format, arguments);
     va_end(arguments);
-    if (size < 0 || (size_t)size >= room || response->header_count == RESPONSE_HEADERS) {
+    if (size < 0 || (size_t)size >= room)
         response->headers_lost = true;
-        return;
-    }
-    response->headers[response->header_count].name = name;
-    response->headers[response->header_count++].value = response->header_bytes;
-    response->header_bytes += (size_t)size + 1;
+    else
+        take_header(response, name, (size_t)size);
 }
 
 void response_header_text(struct response *response, const char *name, const char *value)
 {
-    response_header(response, name, "%s", value);
+    size_t size = strlen(value);
+    if (size >= room_for_header(response)) {
+        response->headers_lost = true;
+        return;
+    }
+    memcpy(response->header_text + response->header_bytes, value, size + 1);
+    take_header(response, name, size);
 }
 
 static size_t find_header(const struct response *response, const char *name)

@@ -57,7 +57,9 @@ enum tetlod_status body_take(struct buffer *buffer, double started, double extra
         buffer->bytes = exact; // what it grew beyond its size is not counted
     if (!body)
         return tetlodi_fail_nomem(error, "an answer", sizeof *body);
-    *body = (struct body){buffer->size, (extracted - started) * 1e3, (monotonic_seconds() - started) * 1e3, buffer->bytes, {0}};
+    *body = (struct body){.size = buffer->size, .bytes = buffer->bytes};
+    snprintf(body->timing, sizeof body->timing, "extract;dur=%.2f, make;dur=%.2f", (extracted - started) * 1e3,
+             (monotonic_seconds() - started) * 1e3);
     *out = (struct cache_value){body, sizeof *body + buffer->size, body_free};
     *buffer = (struct buffer){0};
     return TETLOD_OK;
@@ -92,8 +94,7 @@ void respond_body(struct exchange *exchange, const struct cache_value *value, co
     response->kind = BODY_BYTES;
     response->bytes = body->bytes;
     response->size = body->size;
-    response_header(response, "Server-Timing", "cache;desc=%s, extract;dur=%.2f, make;dur=%.2f",
-                    exchange->request->waited ? "miss" : "hit", body->extract, body->make);
+    response_header(response, "Server-Timing", "cache;desc=%s, %s", exchange->request->waited ? "miss" : "hit", body->timing);
 }
 
 bool respond_unchanged(struct exchange *exchange, const struct representation *representation, uint64_t size)

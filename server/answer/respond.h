@@ -17,7 +17,7 @@ struct region_note {
 /* The value of a cached answer. */
 struct body {
     size_t size;
-    double extract, make; /* milliseconds that it took: the level alone, and all */
+    char timing[64]; /* how long it took: the level alone, and all */
     unsigned char *bytes;
     struct region_note note; /* of a region */
 };

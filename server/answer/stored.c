@@ -24,41 +24,44 @@ struct window {
     uint64_t first, size;
 };
 
-/* An answer as spans of a stream, one after the other. */
+/* Spans of a stream, one after the other. All is borrowed. */
 struct stored {
-    struct dataset *dataset; /* held */
-    struct window window;    /* that is to be read */
-    uint64_t size;           /* of all spans */
+    struct dataset *dataset;
+    const struct tetlod_span *spans;
     size_t count;
+    uint64_t size; /* of all spans */
+    const char *etag;
+};
+
+/* The same for work that goes on without the one who asked for it: its dataset is held, the rest copied. */
+struct lasting {
+    struct stored stored;
+    struct window window; /* to be read by a worker */
+    struct site *site;    /* of an answer that goes through the cache, and its request, which lasts until it is sent */
+    struct request *request;
+    char etag[ETAG_CAPACITY];
     struct tetlod_span spans[];
 };
 
-/* An answer that goes through the cache. */
-struct passing {
-    struct site *site;
-    struct request *request; /* which lasts until the answer is sent */
-    struct stored *stored;   /* owned */
-    char etag[ETAG_CAPACITY];
-};
-
-static struct stored *new_stored(struct dataset *dataset, const struct tetlod_span *spans, size_t count)
+static struct lasting *new_lasting(const struct stored *stored)
 {
-    struct stored *stored = malloc(sizeof *stored + count * sizeof *spans);
-    if (!stored)
+    struct lasting *lasting = malloc(sizeof *lasting + stored->count * sizeof *stored->spans);
+    if (!lasting)
         return NULL;
-    *stored = (struct stored){dataset_hold(dataset), {0, 0}, 0, count};
-    for (size_t i = 0; i < count; i++) {
-        stored->spans[i] = spans[i];
-        stored->size += spans[i].size;
-    }
-    return stored;
+    snprintf(lasting->etag, sizeof lasting->etag, "%s", stored->etag);
+    memcpy(lasting->spans, stored->spans, stored->count * sizeof *stored->spans);
+    lasting->stored = *stored;
+    lasting->stored.dataset = dataset_hold(stored->dataset);
+    lasting->stored.spans = lasting->spans;
+    lasting->stored.etag = lasting->etag;
+    return lasting;
 }
 
-static void free_stored(void *opaque)
+static void free_lasting(void *opaque)
 {
-    struct stored *stored = opaque;
-    dataset_release(stored->dataset);
-    free(stored);
+    struct lasting *lasting = opaque;
+    dataset_release(lasting->stored.dataset);
+    free(lasting);
 }
 
 /* ---- a window's bytes */
@@ -79,9 +82,10 @@ static enum tetlod_status fail_read(const struct stored *stored, enum tetlod_sta
 }
 
 /* Reads the window. */
-static enum tetlod_status read_window(const struct stored *stored, unsigned char *out, struct tetlod_error *error)
+static enum tetlod_status read_window(const struct stored *stored, const struct window *window, unsigned char *out,
+                                      struct tetlod_error *error)
 {
-    uint64_t begin = stored->window.first, left = stored->window.size;
+    uint64_t begin = window->first, left = window->size;
     for (size_t i = 0; left && i < stored->count; i++) {
         const struct tetlod_span *span = &stored->spans[i];
         if (begin >= span->size) {
@@ -99,58 +103,52 @@ static enum tetlod_status read_window(const struct stored *stored, unsigned char
 
 static enum tetlod_status make_window(void *opaque, struct cache_value *out, struct tetlod_error *error)
 {
-    struct stored *stored = opaque;
+    const struct lasting *lasting = opaque;
     double started = monotonic_seconds();
     struct buffer buffer = {0};
-    unsigned char *place = buffer_extend(&buffer, (size_t)stored->window.size);
-    enum tetlod_status status =
-        place ? read_window(stored, place, error) : tetlodi_fail_nomem(error, "stored bytes", stored->window.size);
-    if (status == TETLOD_OK)
+    unsigned char *place = buffer_extend(&buffer, (size_t)lasting->window.size);
+    enum tetlod_status status = TETLOD_ERR_NOMEM;
+    if (!place)
+        status = tetlodi_fail_nomem(error, "stored bytes", lasting->window.size);
+    else if ((status = read_window(&lasting->stored, &lasting->window, place, error)) == TETLOD_OK)
         status = body_take(&buffer, started, started, out, error);
-    else if (place)
-        status = fail_read(stored, status, error);
+    else
+        status = fail_read(&lasting->stored, status, error);
     buffer_fini(&buffer);
     return status;
 }
 
-static void print_key(char out[static MAX_KEY], const char *etag, const struct window *window, uint64_t size)
+static const char *key_of(const struct stored *stored, const struct window *window, char out[static MAX_KEY])
 {
-    if (window->size == size)
-        snprintf(out, MAX_KEY, "%s", etag);
-    else
-        snprintf(out, MAX_KEY, "%s/%" PRIu64 "+%" PRIu64, etag, window->first, window->size);
+    if (window->size == stored->size)
+        return stored->etag;
+    snprintf(out, MAX_KEY, "%s/%" PRIu64 "+%" PRIu64, stored->etag, window->first, window->size);
+    return out;
 }
 
 static enum outcome obtain_window(struct exchange *exchange, const struct stored *stored, const struct window *window,
-                                  const char *etag, const struct cache_value **out)
+                                  const struct cache_value **out)
 {
     struct site *site = exchange->site;
     uint64_t bytes = window->size + 4096;
     struct cache *cache = cache_for(site, bytes);
-    char key[MAX_KEY];
-    print_key(key, etag, window, stored->size);
+    char text[MAX_KEY];
+    const char *key = key_of(stored, window, text);
     *out = obtain_cached(exchange, cache, key);
     if (*out)
         return ANSWERED;
     if (dataset_hangs(stored->dataset))
         return respond_hanging(exchange, stored->dataset);
-    struct stored *reading = new_stored(stored->dataset, stored->spans, stored->count);
+    struct lasting *reading = new_lasting(stored);
     if (!reading)
         return respond_no_memory(exchange);
     reading->window = *window;
     double patience = window->size > STEP ? 0 : PATIENCE; // what is larger can do without
-    const struct recipe recipe = {make_window, free_stored, reading, bytes, patience, site->readers};
+    const struct recipe recipe = {make_window, free_lasting, reading, bytes, patience, site->readers};
     return obtain(exchange, cache, key, &recipe, out);
 }
 
 /* ---- answers that go through the cache */
-
-static void free_passing(void *opaque)
-{
-    struct passing *passing = opaque;
-    free_stored(passing->stored);
-    free(passing);
-}
 
 static struct window step_at(uint64_t begin, uint64_t size)
 {
@@ -161,13 +159,13 @@ static struct window step_at(uint64_t begin, uint64_t size)
 /* Copies what is there. */
 static ptrdiff_t read_passing(void *opaque, uint64_t begin, size_t size, unsigned char *out)
 {
-    struct passing *passing = opaque;
-    struct window window = step_at(begin, passing->stored->size);
+    struct lasting *passing = opaque;
+    struct window window = step_at(begin, passing->stored.size);
     struct response unsent;
     struct exchange exchange = {.site = passing->site, .request = passing->request, .response = &unsent};
     const struct cache_value *value;
     response_init(&unsent);
-    if (obtain_window(&exchange, passing->stored, &window, passing->etag, &value) == WAITING)
+    if (obtain_window(&exchange, &passing->stored, &window, &value) == WAITING)
         return 0;
     if (!value) { // the header is gone: it is too late for a refusal
         response_release(&unsent);
@@ -180,24 +178,21 @@ static ptrdiff_t read_passing(void *opaque, uint64_t begin, size_t size, unsigne
     return (ptrdiff_t)some;
 }
 
-/* The first window is there before the answer begins: where that fails, the client gets a refusal. Takes over *stored
- * with 200. */
-static enum outcome respond_passing(struct exchange *exchange, struct stored **taken, uint64_t first,
+/* The first window is there before the answer begins: where that fails, the client gets a refusal. */
+static enum outcome respond_passing(struct exchange *exchange, const struct stored *stored, uint64_t first,
                                     const struct representation *representation)
 {
-    struct stored *stored = *taken;
     struct window window = step_at(first, stored->size);
     const struct cache_value *value;
-    enum outcome outcome = obtain_window(exchange, stored, &window, representation->etag, &value);
+    enum outcome outcome = obtain_window(exchange, stored, &window, &value);
     if (!value)
         return outcome;
-    struct passing *passing = malloc(sizeof *passing);
+    struct lasting *passing = new_lasting(stored);
     if (!passing)
         return respond_no_memory(exchange);
-    *taken = NULL;
-    *passing = (struct passing){.site = exchange->site, .request = exchange->request, .stored = stored};
-    snprintf(passing->etag, sizeof passing->etag, "%s", representation->etag);
-    response_pieces(exchange->response, representation->media_type, stored->size, read_passing, free_passing, passing);
+    passing->site = exchange->site;
+    passing->request = exchange->request;
+    response_pieces(exchange->response, representation->media_type, stored->size, read_passing, free_lasting, passing);
     respond_representation(exchange->response, representation);
     return ANSWERED;
 }
@@ -218,33 +213,35 @@ static struct window window_of(uint64_t first, uint64_t length, uint64_t size)
 static enum outcome respond_kept(struct exchange *exchange, const struct stored *stored, const struct window *window,
                                  const struct representation *representation)
 {
-    const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, representation->etag);
-    uint64_t held = value ? 0 : window->first; // the whole answer may be there
-    enum outcome outcome = value ? ANSWERED : obtain_window(exchange, stored, window, representation->etag, &value);
-    if (!value)
-        return outcome;
+    struct window held = {0, stored->size}; // the whole answer may be there
+    const struct cache_value *value = obtain_cached(exchange, exchange->site->cache, stored->etag);
+    if (!value) {
+        held = *window;
+        enum outcome outcome = obtain_window(exchange, stored, window, &value);
+        if (!value)
+            return outcome;
+    }
     respond_body(exchange, value, representation);
-    exchange->response->held = held;
+    exchange->response->held = held.first;
     exchange->response->size = stored->size;
     return ANSWERED;
 }
 
-/* Answers with the range that the request chooses. What is taken over of *stored is NULL afterwards. */
-static enum outcome respond_bytes(struct exchange *exchange, struct stored **stored,
+/* Answers with the range that the request chooses. */
+static enum outcome respond_bytes(struct exchange *exchange, const struct stored *stored,
                                   const struct representation *representation)
 {
-    const struct site *site = exchange->site;
-    uint64_t size = (*stored)->size, first = 0, length = size;
+    uint64_t size = stored->size, first = 0, length = size;
     enum range_result range = request_range(exchange->request, exchange->response->etag, size, &first, &length);
     if (range == RANGE_UNSATISFIABLE || exchange->request->method == METHOD_HEAD) {
         respond_absent(exchange->response, size);
         return ANSWERED;
     }
     struct window window = length == size ? (struct window){0, size} : window_of(first, length, size);
-    if (length <= MAX_KEPT && (window.size <= STEP || window.size <= cache_capacity(site->cache) / 8)) {
-        enum outcome outcome = respond_kept(exchange, *stored, &window, representation);
+    if (length <= MAX_KEPT && (window.size <= STEP || window.size <= cache_capacity(exchange->site->cache) / 8)) {
+        enum outcome outcome = respond_kept(exchange, stored, &window, representation);
         if (outcome == WAITING || exchange->response->status == 200 || window.size <= STEP ||
-            dataset_damaged((*stored)->dataset))
+            dataset_damaged(stored->dataset))
             return outcome;
         response_release(exchange->response); // there is no room for so much; step by step it may be
         respond_representation(exchange->response, representation);
@@ -256,15 +253,11 @@ enum outcome respond_stored(struct exchange *exchange, struct dataset *dataset, 
                             size_t count, const char *etag)
 {
     const struct representation representation = {.media_type = "application/vnd.tetlod", .etag = etag, .alone = true};
-    struct stored *stored = new_stored(dataset, spans, count);
-    enum outcome outcome = ANSWERED;
-    if (!stored)
-        return respond_no_memory(exchange);
-    if (!respond_unchanged(exchange, &representation, stored->size)) {
-        respond_representation(exchange->response, &representation);
-        outcome = respond_bytes(exchange, &stored, &representation);
-    }
-    if (stored)
-        free_stored(stored);
-    return outcome;
+    struct stored stored = {dataset, spans, count, 0, etag};
+    for (size_t i = 0; i < count; i++)
+        stored.size += spans[i].size;
+    if (respond_unchanged(exchange, &representation, stored.size))
+        return ANSWERED;
+    respond_representation(exchange->response, &representation);
+    return respond_bytes(exchange, &stored, &representation);
 }

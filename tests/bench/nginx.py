@@ -12,6 +12,7 @@ import http.client
 import json
 import os
 import re
+import resource
 import shutil
 import socket
 import statistics
@@ -84,15 +85,18 @@ def milliseconds(text):
 
 
 def load(server, path, headers):
-    """A round: requests a second, the server's processor time for each, and latencies; any error is one too many."""
+    """A round: requests a second, processor time for each of the server and of server and client, and latencies; any error is one too
+    many."""
     options = [part for header in headers for part in ('-H', header)]
-    before = processor_seconds(server.process.pid)
+    before, client = processor_seconds(server.process.pid), resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(['wrk', '-t%d' % CORES, '-c%d' % CONNECTIONS, '-d%gs' % SECONDS, '--latency', *options, 'http://127.0.0.1:%d%s' % (server.port, path)],
                           check=True, stdout=subprocess.PIPE).stdout.decode()
-    spent = processor_seconds(server.process.pid) - before
+    spent, after = processor_seconds(server.process.pid) - before, resource.getrusage(resource.RUSAGE_CHILDREN)
+    both = spent + after.ru_utime + after.ru_stime - client.ru_utime - client.ru_stime
     if 'Non-2xx' in done or 'Socket errors' in done:
         sys.exit(path + ':\n' + done)
-    row = {'rate': float(re.search(r'Requests/sec:\s+([\d.]+)', done)[1]), 'us': spent * 1e6 / int(re.search(r'(\d+) requests in', done)[1])}
+    count = int(re.search(r'(\d+) requests in', done)[1])
+    row = {'rate': float(re.search(r'Requests/sec:\s+([\d.]+)', done)[1]), 'us': spent * 1e6 / count, 'both': both * 1e6 / count}
     row.update((name, milliseconds(re.search(r'\s%s%%\s+(\S+)' % name[1:], done)[1])) for name in ('p50', 'p99'))
     return row
 
@@ -118,8 +122,8 @@ def compare(ours, theirs, name, path, file, headers=()):
         row = [statistics.median(pair[which][key] for pair in rounds) for key in ('rate', 'us', 'p50', 'p99')]
         return '%.0f /s, %.0f µs, %.1f, %.1f ms' % tuple(row)
 
-    rate, processor = (statistics.median(a[key] / b[key] for a, b in rounds) for key in ('rate', 'us'))
-    print('| %s, %d bytes | **%.2f** | **%.2f** | %s | %s |' % (name, len(body), rate, processor, medians(0), medians(1)))
+    rate, processor, both = (statistics.median(a[key] / b[key] for a, b in rounds) for key in ('rate', 'us', 'both'))
+    print('| %s, %d bytes | %.2f | %.2f | %.2f | %s | %s |' % (name, len(body), rate, processor, both, medians(0), medians(1)))
     sys.stdout.flush()
     return rate >= LEAST_RATE and processor <= MOST_PROCESSOR
 
@@ -147,7 +151,7 @@ def measure(folder):
             if CHOSEN in name and not compare(ours, theirs, name, *arguments):
                 failed.append(name)
 
-        print('| | rate | processor | tetlod: rate, processor time a request, p50, p99 | nginx |\n|---|---|---|---|---|')
+        print('| | rate | processor time of the server | with the client\'s | tetlod: rate, processor time, p50, p99 | nginx |\n|---|---|---|---|---|---|')
         for name, size in SIZES.items():
             stream = name.replace(' ', '-')
             cid = json.loads(ours.get('/v1/meshes/' + stream)[1])['cid']

@@ -1,18 +1,15 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Stored bytes against nginx (sendfile, as many workers) sending the same bytes, levels that are not cached, and memory under load.
+"""Levels that are not cached, and memory under load.
 
-usage: server.py TETLOD [SECONDS [ROUNDS [STREAM]]]: needs nginx and wrk; loopback only. The stream is the fin sample unless one
-is given. Rounds alternate between the two servers: the median of the rounds' ratios counts, of requests a second and, which
-other load on the machine disturbs less, of processor time for each request, server and client together. Prints a line per body and a
-JSON object at the end; fails where a floor is missed.
+usage: server.py TETLOD [SECONDS [STREAM]]: needs wrk; loopback only. The stream is the fin sample unless one is given. Prints a line
+for each and a JSON object at the end; fails where a floor is missed. tests/bench/nginx.py has what is sent beside nginx.
 """
 import contextlib
 import http.client
 import json
 import os
 import re
-import resource
 import shutil
 import signal
 import socket
@@ -24,7 +21,6 @@ import time
 
 TETLOD = os.path.abspath(sys.argv[1])
 SECONDS = int(sys.argv[2]) if len(sys.argv) > 2 else 2
-ROUNDS = int(sys.argv[3]) if len(sys.argv) > 3 else 5
 CORES = len(os.sched_getaffinity(0))
 CONNECTIONS = 64
 CACHE_MB = 32  # of the server whose memory is measured
@@ -53,80 +49,6 @@ def fetch(port, path):
         sys.exit('%s: %d' % (path, answer.status))
     connection.close()
     return body, {k.lower(): v for k, v in answer.getheaders()}
-
-
-def start_nginx(folder, port):
-    configuration = os.path.join(folder, 'nginx.conf')
-    with open(configuration, 'w') as file:
-        file.write('''daemon off; worker_processes %d; pid %s/nginx.pid; error_log %s/error.log;
-events { worker_connections 1024; }
-http { access_log off; sendfile on; tcp_nopush on; tcp_nodelay on; keepalive_requests 1000000000;
-  client_body_temp_path %s/a; proxy_temp_path %s/b; fastcgi_temp_path %s/c; uwsgi_temp_path %s/d; scgi_temp_path %s/e;
-  types { application/vnd.tetlod tetlod; }
-  server { listen 127.0.0.1:%d backlog=1024; root %s/www; } }
-''' % (CORES, *[folder] * 7, port, folder))
-    nginx = shutil.which('nginx', path=os.environ['PATH'] + ':/usr/sbin')
-    process = subprocess.Popen([nginx, '-c', configuration, '-p', folder, '-e', os.path.join(folder, 'error.log')])
-    wait_for(port)
-    return process
-
-
-def processor_seconds(pid):
-    """Of a process and the children that it has now."""
-    children = subprocess.run(['pgrep', '-P', str(pid)], stdout=subprocess.PIPE).stdout.split()
-    ticks = 0
-    for one in (pid, *map(int, children)):
-        with open('/proc/%d/stat' % one) as stat:
-            ticks += sum(map(int, stat.read().rsplit(')', 1)[1].split()[11:13]))
-    return ticks / os.sysconf('SC_CLK_TCK')
-
-
-def wrk(url, pid):
-    """Requests a second, and processor microseconds for each in the server and in both; any error is one too many."""
-    def spent():
-        client = resource.getrusage(resource.RUSAGE_CHILDREN)
-        return processor_seconds(pid), client.ru_utime + client.ru_stime
-
-    before = spent()
-    done = subprocess.run(['wrk', '-t%d' % CORES, '-c%d' % CONNECTIONS, '-d%ds' % SECONDS, url], check=True,
-                          stdout=subprocess.PIPE).stdout.decode()
-    after = spent()
-    if 'Non-2xx' in done or 'Socket errors' in done:
-        sys.exit(url + ':\n' + done)
-    count = int(re.search(r'(\d+) requests in', done)[1])
-    server, client = ((b - a) * 1e6 / count for a, b in zip(before, after))
-    return {'rate': float(re.search(r'Requests/sec:\s+([\d.]+)', done)[1]), 'server_us': server, 'both_us': server + client}
-
-
-def nearest_records(levels, size):
-    """The records j-k whose bytes come nearest to a size."""
-    ends = [level['bytes'] for level in levels]
-    return min(((j, k) for j in range(len(ends)) for k in range(j + 1, len(ends))), key=lambda jk: abs(ends[jk[1]] - ends[jk[0]] - size))
-
-
-def nearest_level(levels, form, size):
-    """The level whose prefix, or whose mesh (some 28 bytes a tetrahedron), comes nearest to a size."""
-    return min(levels, key=lambda level: abs((level['bytes'] if form == 'tetlod' else 28 * level['tets']) - size))['level']
-
-
-def compare(servers, folder, name, path):
-    """`servers` are (port, pid) of tetlod and of nginx."""
-    (ours, our_pid), (theirs, their_pid) = servers
-    body, _ = fetch(ours, path)
-    with open(os.path.join(folder, 'www', name), 'wb') as file:
-        file.write(body)
-    if fetch(theirs, '/' + name)[0] != body:
-        sys.exit('nginx sends other bytes')
-    rounds = [(wrk('http://127.0.0.1:%d%s' % (ours, path), our_pid), wrk('http://127.0.0.1:%d/%s' % (theirs, name), their_pid)) for _ in range(ROUNDS)]
-
-    def median(key, which):
-        return statistics.median(pair[which][key] for pair in rounds)
-
-    ratio, cost = (statistics.median(a[key] / b[key] for a, b in rounds) for key in ('rate', 'both_us'))
-    print('%-22s %8d bytes  tetlod %8.0f/s  nginx %8.0f/s  ratio %.2f   server %.0f and %.0f us a request, with client ratio %.2f' % (
-        name, len(body), median('rate', 0), median('rate', 1), ratio, median('server_us', 0), median('server_us', 1), cost))
-    sys.stdout.flush()
-    return {'bytes': len(body), 'tetlod': median('rate', 0), 'nginx': median('rate', 1), 'ratio': ratio, 'cost_ratio': cost}
 
 
 def uncached_levels(port, at, levels):
@@ -189,47 +111,31 @@ def memory(folder, stream):
 
 def missed(result):
     """Floors, and what misses them."""
-    bodies = {name: row for name, row in result.items() if 'ratio' in row}
-    return ['%s: %.2f of nginx' % (name, row['ratio']) for name, row in bodies.items() if max(row['ratio'], 1 / row['cost_ratio']) < 0.9] + [
-        name for name, fine in (('extraction', result['levels']['mtets_per_second'] >= 20), ('levels', result['levels']['waited_ms'] <= 40),
-                                ('work before encoding', result['levels']['extracted_ms'] <= 15), ('memory', result['memory']['beyond_mb'] <= 64)) if not fine]
+    floors = (('extraction', result['levels']['mtets_per_second'] >= 20), ('levels', result['levels']['waited_ms'] <= 40),
+              ('work before encoding', result['levels']['extracted_ms'] <= 15), ('memory', result['memory']['beyond_mb'] <= 64))
+    return [name for name, fine in floors if not fine]
 
 
 def main():
     folder = tempfile.mkdtemp(prefix='tetlod-bench-')
-    os.chmod(folder, 0o755)  # nginx's workers may be another user
-    os.makedirs(os.path.join(folder, 'www'))
-    os.makedirs(os.path.join(folder, 'streams'))
-    mesh, stream = os.path.join(folder, 'fin.vtu'), os.path.join(folder, 'streams', 'fin.tetlod')
-    if len(sys.argv) > 4:
-        shutil.copy(sys.argv[4], stream)
+    mesh, stream = os.path.join(folder, 'fin.vtu'), os.path.join(folder, 'fin.tetlod')
+    if len(sys.argv) > 3:
+        shutil.copy(sys.argv[3], stream)
     else:
         subprocess.run([TETLOD, 'sample', 'fin', '--size', '56', '-o', mesh], check=True)
         subprocess.run([TETLOD, 'build', mesh, '-o', stream, '--quiet'], check=True)
-    processes = []
+    port = free_port()
+    process = subprocess.Popen([TETLOD, 'serve', stream, '--listen', '127.0.0.1:%d' % port, '--quiet', '--threads', str(CORES)], stdout=subprocess.DEVNULL)
     try:
-        tetlod_port, nginx_port = free_port(), free_port()
-        processes.append(subprocess.Popen([TETLOD, 'serve', os.path.join(folder, 'streams'), '--listen', '127.0.0.1:%d' % tetlod_port,
-                                           '--quiet', '--threads', str(CORES)], stdout=subprocess.DEVNULL))
-        processes.append(start_nginx(folder, nginx_port))
-        wait_for(tetlod_port)
-        shown = json.loads(fetch(tetlod_port, '/v1/meshes/fin')[0])
-        at, levels = '/v1/meshes/fin/' + shown['cid'], shown['levels']
-        servers = ((tetlod_port, processes[0].pid), (nginx_port, processes[1].pid))
-        result = {}
-        for name, size in (('records-4K', 4 << 10), ('records-64K', 64 << 10), ('records-1M', 1 << 20)):
-            result[name] = compare(servers, folder, name, at + '/records/%d-%d' % nearest_records(levels, size))
-        for name, form, size in (('prefix-64K', 'tetlod', 64 << 10), ('mesh-64K', 'vtu', 64 << 10), ('mesh-1M', 'vtu', 1 << 20)):
-            result[name] = compare(servers, folder, name, at + '/levels/%d/mesh.%s' % (nearest_level(levels, form, size), form))
-        result['levels'] = uncached_levels(tetlod_port, at, levels)
-        result['memory'] = memory(folder, stream)
+        wait_for(port)
+        shown = json.loads(fetch(port, '/v1/meshes/fin')[0])
+        result = {'levels': uncached_levels(port, '/v1/meshes/fin/' + shown['cid'], shown['levels']), 'memory': memory(folder, stream)}
         print(json.dumps(result))
         if missed(result):
             sys.exit('missed: ' + ', '.join(missed(result)))
     finally:
-        for process in processes:
-            process.send_signal(signal.SIGTERM)
-            process.wait()
+        process.send_signal(signal.SIGTERM)
+        process.wait()
         shutil.rmtree(folder)
 
 
