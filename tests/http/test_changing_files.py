@@ -26,7 +26,7 @@ MADE = ('levels/0/mesh.vtu', 'levels/2/mesh.vtk', 'levels/3/surface.stl', 'level
 
 def make_streams():
     """Two streams of the same length that differ, another one, and a series whose mesh changes."""
-    for name, sample in (('fin', ['fin', '--size', '10']), ('cube', ['cube', '--size', '8'])):
+    for name, sample in (('fin', ['fin', '--size', '10' if CHANGES < 500 else '24']), ('cube', ['cube', '--size', '8'])):
         subprocess.run([TETLOD, 'sample', *sample, '-o', name + '.vtu'], cwd=SCRATCH, check=True)
         subprocess.run([TETLOD, 'build', name + '.vtu', '-o', name + '.tetlod', '--quiet'], cwd=SCRATCH, check=True)
     subprocess.run([TETLOD, 'sample', 'wake', '--size', '6', '--steps', '6', '--remesh', '2', '-o', 'run.pvd'], cwd=SCRATCH, check=True)
