@@ -15,9 +15,11 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/grids.h"
 #include "src/cli/tolerance.h"
 #include "src/log/coarsening.h"
 #include "src/measure/boundary_check.h"
+#include "src/measure/match.h"
 #include "src/measure/measure_levels.h"
 #include "src/measure/measure_range.h"
 #include "src/measure/overlay.h"
@@ -26,6 +28,7 @@
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
 #include "src/level/level_mesh.h"
+#include "src/level/metadata.h"
 #include "src/util/array.h"
 
 /* What the index may round an error up by: it keeps 16 binary digits (format/SPEC.md, 15). A measured error that is larger is refused. */
@@ -50,7 +53,6 @@ struct against {
     struct measured_range *ranges;  /* [field_count] */
     struct measured *rounding;      /* [field_count] what an exact tail's values are off by at the level before it */
     double diagonal;
-    struct measure *measure;
     struct tetmesh finest, renumbered;
     struct tetmesh level;      /* at hand */
     uint32_t *parents;         /* [slot] */
@@ -111,18 +113,116 @@ static void find_rounding(struct against *a, const struct tetmesh *coded)
     }
 }
 
-/* The original in the stream's numbering. */
+/* ---- the finest level */
+
+/* Is the finest level's a field of the input, rounded or not? A local bound on a grid is 0 in the input, and no less than the grid's origin. */
+static bool is_of_input(const struct against *a, uint32_t f)
+{
+    const struct tetlodi_grid grid = tetlodi_field_grid(a->file, f);
+    return tetlod_info(a->file)->fields[f].bounds == TETLOD_NONE || !grid.bits;
+}
+
+/* A copy of the input, or of it in the stream's numbering, with numbers as the finest level has them. Corners and values of cells are
+ * borrowed. */
+static enum tetlod_status round_mesh(const struct against *a, const struct tetmesh *mesh, struct tetmesh *out)
+{
+    struct tetlodi_grid axes[3];
+    *out = (struct tetmesh){.vertex_count = mesh->vertex_count, .tet_count = mesh->tet_count, .position_type = mesh->position_type,
+                            .corners = mesh->corners, .cell_fields = mesh->cell_fields, .cell_field_count = mesh->cell_field_count};
+    out->positions = array_new(mesh->vertex_count, 3 * sizeof(double));
+    if (!out->positions)
+        return nomem(a);
+    for (unsigned i = 0; i < 3; i++)
+        axes[i] = tetlodi_position_grid(a->file, i);
+    for (size_t i = 0; i < 3 * (size_t)mesh->vertex_count; i++)
+        out->positions[i] = tetlodi_grid_value(&axes[i % 3], mesh->positions[i]);
+    for (uint32_t f = 0; f < a->finest.field_count; f++) {
+        const struct point_field *from = &mesh->fields[tetmesh_find_field(mesh, a->finest.fields[f].name)];
+        const struct tetlodi_grid grid = tetlodi_field_grid(a->file, f);
+        if (!is_of_input(a, f))
+            continue;
+        TETLOD_TRY(tetmesh_add_field(out, from->name, from->components, from->type, a->error));
+        for (size_t i = 0; i < (size_t)mesh->vertex_count * from->components; i++)
+            out->fields[out->field_count - 1].values[i] = tetlodi_grid_value(&grid, from->values[i]);
+    }
+    return TETLOD_OK;
+}
+
+static void release_rounded(struct tetmesh *mesh)
+{
+    mesh->corners = NULL;
+    mesh->cell_fields = NULL;
+    mesh->cell_field_count = 0;
+    tetmesh_fini(mesh);
+}
+
+/* The finest level without the fields that are not the input's. Everything is borrowed, but for the list of fields. */
+static enum tetlod_status view_finest(const struct against *a, struct tetmesh *out)
+{
+    *out = a->finest;
+    out->field_count = 0;
+    out->fields = array_new(a->finest.field_count, sizeof *out->fields);
+    if (!out->fields)
+        return nomem(a);
+    for (uint32_t f = 0; f < a->finest.field_count; f++)
+        if (is_of_input(a, f))
+            out->fields[out->field_count++] = a->finest.fields[f];
+    return TETLOD_OK;
+}
+
+/* Is every vertex of the finest level, by the stream's own order, that of the input? */
+static enum tetlod_status check_kept_order(const struct against *a, const struct tetmesh *finest)
+{
+    struct tetmesh rounded;
+    enum tetlod_status status = round_mesh(a, &a->renumbered, &rounded);
+    bool same = status == TETLOD_OK && memcmp(rounded.positions, finest->positions, (size_t)finest->vertex_count * 3 * sizeof(double)) == 0;
+    for (uint32_t f = 0; f < finest->field_count && same; f++)
+        same = memcmp(rounded.fields[f].values, finest->fields[f].values,
+                      (size_t)finest->vertex_count * finest->fields[f].components * sizeof(double)) == 0;
+    release_rounded(&rounded);
+    if (status == TETLOD_OK && !same)
+        status = tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "the original order that the stream keeps is not the input's");
+    return status;
+}
+
+/* Finds the stream's vertices in the input; a->numbered, if it does. */
+static enum tetlod_status find_numbers(struct against *a, const struct tetmesh *rounded, const struct tetmesh *finest)
+{
+    uint32_t *vertices = array_new(finest->vertex_count, sizeof *vertices);
+    enum tetlod_status status = vertices ? mesh_match(rounded, finest, vertices, &a->numbered, a->error) : nomem(a);
+    if (status == TETLOD_OK && a->numbered)
+        status = level_mesh_gather(&a->finest, a->input, vertices, &a->renumbered, a->error);
+    free(vertices);
+    return status;
+}
+
+/* The original in the stream's numbering, if that is known. */
 static enum tetlod_status take_original(struct against *a)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
-    if (info->lossless) {
-        TETLOD_TRY(level_mesh_cells(a->file, TETLOD_NONE, NULL, &a->finest, a->error));
-        TETLOD_TRY(mesh_same(a->input, &a->finest, a->error));
-        a->original = &a->finest;
-    } else {
-        TETLOD_TRY(level_mesh_renumber(a->file, &a->finest, a->input, &a->renumbered, a->error));
-        a->original = &a->renumbered;
+    struct tetmesh rounded, finest = {0};
+    bool same_size = info->vertices == a->input->vertex_count && info->tets == a->input->tet_count;
+    if (!same_size && metadata_is_part(info))
+        return TETLOD_OK;
+    TETLOD_TRY(level_mesh_cells(a->file, TETLOD_NONE, NULL, &a->finest, a->error));
+    enum tetlod_status status = round_mesh(a, a->input, &rounded);
+    if (status == TETLOD_OK)
+        status = view_finest(a, &finest);
+    if (status == TETLOD_OK)
+        status = mesh_same(&rounded, &finest, a->error);
+    a->numbered = info->lossless || info->keeps_order;
+    if (status == TETLOD_OK && info->keeps_order) {
+        status = level_mesh_renumber(a->file, &a->finest, a->input, &a->renumbered, a->error);
+        if (status == TETLOD_OK)
+            status = check_kept_order(a, &finest);
+    } else if (status == TETLOD_OK && !info->lossless) {
+        status = find_numbers(a, &rounded, &finest);
     }
+    free(finest.fields);
+    release_rounded(&rounded);
+    if (status != TETLOD_OK || !a->numbered)
+        return status;
+    a->original = info->lossless ? &a->finest : &a->renumbered;
     memcpy(a->fields, a->level_fields, info->field_count * sizeof *a->fields);
     return TETLOD_OK;
 }
@@ -134,12 +234,9 @@ static enum tetlod_status begin(struct against *a)
     struct tetmesh coded;
     TETLOD_TRY(tetlod_cursor_seek(a->cursor, info->level_count - 1, a->error));
     TETLOD_TRY(level_mesh_copy(info, a->cursor, &a->finest, a->error));
-    a->numbered = info->lossless || info->keeps_order;
-    if (!a->numbered) {
-        TETLOD_TRY(boundary_check_new(&a->boundary, a->original, NULL, a->options->threads, a->error));
-        return measure_new(&a->measure, a->original, a->fields, info->field_count, a->options->threads, a->error);
-    }
     TETLOD_TRY(take_original(a));
+    if (!a->numbered)
+        return boundary_check_new(&a->boundary, a->original, NULL, a->options->threads, a->error);
     tetlod_cursor_mesh(a->cursor, &mesh);
     a->parents = array_new(info->vertices, sizeof *a->parents);
     a->bodies = array_new(info->vertices, sizeof *a->bodies);
@@ -212,8 +309,6 @@ static enum tetlod_status measure_this(struct against *a, uint32_t k, double *ou
         memset(a->measured, 0, info->field_count * sizeof *a->measured);
     else if (status == TETLOD_OK && a->numbered)
         status = measure_levels_next(a->measure_levels, a->measured, out_domain, a->error);
-    else if (status == TETLOD_OK)
-        status = measure_mesh(a->measure, &a->level, a->level_fields, a->options->threads, a->measured, out_domain, a->error);
     tetmesh_fini(&above);
     return status;
 }
@@ -242,7 +337,7 @@ static enum tetlod_status check_between(const struct against *a, uint32_t k, uin
     high = larger(larger(high, finer), tail_above ? range_fraction(range, of_measured(&a->rounding[f], measure)) : 0);
     if (range[1] > range[0] && !range_has_scale(range)) // it is 0 or the whole, by the last bit of a number that has few
         return TETLOD_OK;
-    if (stored >= low * (1 - TIE) - NOISE && (stored <= high * (1 + TOO_LARGE) + NOISE || !a->numbered))
+    if (stored >= low * (1 - TIE) - NOISE && stored <= high * (1 + TOO_LARGE) + NOISE)
         return TETLOD_OK;
     return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u, %.60s: its %s error is %.9g, stored is %.9g", k,
                         info->fields[f].name, tetlod_measure_name(measure), stored < low ? low : high, stored);
@@ -252,10 +347,12 @@ static enum tetlod_status check_sampled(const struct against *a, uint32_t k)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
     enum tetlod_status status = TETLOD_OK;
+    if (!a->numbered)
+        return TETLOD_OK;
     for (uint32_t f = 0; f < info->field_count && status == TETLOD_OK; f++)
         for (int i = 0; i < 2 && status == TETLOD_OK; i++)
             status = check_between(a, k, f, (enum tetlod_measure)(TETLOD_SAMPLED + i), &a->measured[f], &a->measured[f]);
-    if (status != TETLOD_ERR_MISMATCH || !a->numbered)
+    if (status != TETLOD_ERR_MISMATCH)
         return status;
     TETLOD_TRY(measure_range(a->original, a->bodies, &a->level, a->options->threads, a->ranges, a->error));
     for (uint32_t f = 0; f < info->field_count; f++)
@@ -401,7 +498,7 @@ static enum tetlod_status check_levels(struct against *a)
         TETLOD_TRY(check_sampled(a, k));
         TETLOD_TRY(check_order(a, k));
         TETLOD_TRY(check_domain(a, k, domain));
-        a->report->measured++;
+        a->report->measured += a->numbered;
         if (all || is_spread(info, k)) {
             if (!info->lossless || k + 1 < info->level_count) // the finest is the input
                 TETLOD_TRY(check_exact(a, k, all));
@@ -456,7 +553,6 @@ static void release(struct against *a)
 {
     void *const owned[] = {a->parents, a->bodies,   a->promised, a->touched, a->usable,       a->wanted, a->fields,
                            a->measured, a->ranges,   a->exact,   a->level_fields, a->floors, a->rounding};
-    measure_free(a->measure);
     measure_levels_free(a->measure_levels);
     boundary_check_free(a->boundary);
     coarsening_fini(&a->coarsening);

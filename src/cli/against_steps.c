@@ -10,7 +10,10 @@
 #include "src/measure/measure.h"
 #include "src/measure/overlay.h"
 #include "src/measure/same.h"
+#include "src/mesh/adjacency.h"
 #include "src/mesh/displacement.h"
+#include "src/mesh/sheets.h"
+#include "src/mesh/tet_geom.h"
 #include "src/level/level_mesh.h"
 #include "src/report/series_json.h"
 #include "src/util/array.h"
@@ -27,6 +30,7 @@ struct steps_check {
     struct band_reader *bands;
     uint32_t band_count, field_count, step_count;
     bool own_ranges;  /* bands are fractions of these */
+    bool has_exact;   /* the last band is */
     uint32_t *fields; /* [field] of the input's mesh */
     struct tetlod_error *error;
 };
@@ -51,6 +55,7 @@ static enum tetlod_status open_bands(struct steps_check *check)
     check->field_count = info->field_count;
     check->step_count = info->step_count;
     check->own_ranges = series_own_ranges(tetlod_info(check->file));
+    check->has_exact = !(info->bands[bands - 1].error > 0);
     tetlod_series_free(first);
     check->bands = array_zero(bands, sizeof *check->bands);
     check->fields = array_zero(check->field_count, sizeof *check->fields);
@@ -307,26 +312,100 @@ static enum tetlod_status compare_exact(const struct steps_check *check, const s
     return status;
 }
 
-/* Steps in a band against the input's. measured, floors, found: [step of the batch][field], as the fields of the mesh. */
-static enum tetlod_status compare_band(const struct steps_check *check, const struct steps_batch *batch, const struct measure *measure,
-                                       uint32_t b, struct tetmesh *mesh, struct measured *measured, double *floors, double *found)
+/* What is known of a batch's exact mesh where it is the stream's own, whose numbers a band's level shares: bodies, and what has a promise. */
+struct exact_mesh {
+    uint32_t *bodies;            /* [vertex] */
+    uint8_t *promised, *looked;  /* [tet] the latter: and it is not in the level as it is */
+    uint8_t *usable, *wanted;    /* [tet of the level] */
+    int orientation;
+};
+
+static void release_exact(struct exact_mesh *exact)
+{
+    void *const owned[] = {exact->bodies, exact->promised, exact->looked, exact->usable, exact->wanted};
+    for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
+        free(owned[i]);
+}
+
+static enum tetlod_status prepare_exact(const struct tetmesh *mesh, struct exact_mesh *out, struct tetlod_error *error)
+{
+    uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
+    *out = (struct exact_mesh){array_new(mesh->vertex_count, sizeof(uint32_t)), array_new(mesh->tet_count, 1), array_new(mesh->tet_count, 1),
+                               array_new(mesh->tet_count, 1), array_new(mesh->tet_count, 1), 0};
+    bool room = neighbours && out->bodies && out->promised && out->looked && out->usable && out->wanted;
+    enum tetlod_status status = room ? adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error)
+                                     : tetlodi_fail_nomem(error, "the steps", 24 * (uint64_t)mesh->tet_count);
+    if (status == TETLOD_OK) {
+        sheets_bodies(mesh->corners, mesh->tet_count, mesh->vertex_count, out->bodies);
+        out->orientation = sheets_promised(mesh->positions, mesh->corners, neighbours, mesh->tet_count, out->promised);
+    }
+    free(neighbours);
+    return status;
+}
+
+/* Is tetrahedron t of the level the exact mesh's, with the same corners where they were? */
+static bool is_as_it_was(const struct tetmesh *exact, const struct tetmesh *level, size_t t)
+{
+    const uint32_t *corners = level->corners + 4 * t;
+    bool same = memcmp(corners, exact->corners + 4 * t, 4 * sizeof *corners) == 0;
+    for (int c = 0; c < 4 && same; c++)
+        same = memcmp(level->positions + 3 * (size_t)corners[c], exact->positions + 3 * (size_t)corners[c], 3 * sizeof(double)) == 0;
+    return same;
+}
+
+/* Raises found[] to the differences at a corner. */
+static void compare_vertex(const struct tetmesh *exact, const struct tetmesh *level, uint32_t v, double *found)
+{
+    for (uint32_t i = 0; i < level->field_count; i++) {
+        size_t width = level->fields[i].components;
+        for (size_t k = width * v; k < width * (v + (size_t)1); k++)
+            found[i] = larger(found[i], fabs(level->fields[i].values[k] - exact->fields[i].values[k]));
+    }
+}
+
+/* In a tetrahedron that is as it was the difference is largest at a corner, and its body needs to look no further there. The others are left to
+ * the overlay. */
+static void compare_in_place(const struct tetmesh *exact, const struct tetmesh *level, struct exact_mesh *known, double *found)
+{
+    memcpy(known->looked, known->promised, exact->tet_count);
+    for (size_t t = 0; t < level->tet_count; t++) {
+        const uint32_t *corners = level->corners + 4 * t;
+        const double *p[4];
+        for (int c = 0; c < 4; c++)
+            p[c] = level->positions + 3 * (size_t)corners[c];
+        known->usable[t] = tet_orientation(p[0], p[1], p[2], p[3]) == known->orientation;
+        known->wanted[t] = !is_as_it_was(exact, level, t);
+        known->looked[t] &= known->wanted[t];
+        for (int c = 0; c < 4 && !known->wanted[t] && known->promised[t]; c++)
+            compare_vertex(exact, level, corners[c], found);
+    }
+}
+
+/* Steps in a band against the exact ones. floors, found: [step of the batch][field], as the fields of the mesh. */
+static enum tetlod_status compare_band(const struct steps_check *check, const struct steps_batch *batch, struct exact_mesh *known, uint32_t b,
+                                       struct tetmesh *mesh, double *floors, double *found)
 {
     struct overlay_report report;
-    const struct overlay_options options = {.threads = batch->threads, .floors = floors};
+    struct overlay_options options = {.threads = batch->threads, .floors = floors};
     uint32_t count = batch->count * check->field_count, *fields = array_new(count, sizeof *fields);
-    double domain;
     enum tetlod_status status = fields ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a band", count * sizeof *fields);
     if (status == TETLOD_OK)
         status = read_batch(check, batch, b, mesh);
-    if (status == TETLOD_OK)
-        status = measure_mesh(measure, mesh, NULL, batch->threads, measured, &domain, check->error);
     for (uint32_t i = 0; i < count && status == TETLOD_OK; i++) {
-        uint32_t step = batch->first + i / check->field_count, f = i % check->field_count;
         fields[i] = i;
-        floors[i] = promised(check, &batch->exact, i, b, step, f);
-        if (measured[i].sampled > floors[i])
-            status = too_large(check, b, step, f, "the error at samples", measured[i].sampled);
+        found[i] = 0;
+        floors[i] = promised(check, &batch->exact, i, b, batch->first + i / check->field_count, i % check->field_count);
     }
+    if (status == TETLOD_OK && check->has_exact) {
+        compare_in_place(&batch->exact, mesh, known, found);
+        options.bodies[0] = options.bodies[1] = known->bodies;
+        options.usable[0] = known->looked;
+        options.usable[1] = known->usable;
+        options.wanted = known->wanted;
+    }
+    for (uint32_t i = 0; i < count && status == TETLOD_OK; i++)
+        if (found[i] > floors[i])
+            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count, "the difference at a vertex", found[i]);
     if (status == TETLOD_OK)
         status = overlay_max(&batch->exact, fields, mesh, fields, count, &options, found, &report, check->error);
     for (uint32_t i = 0; i < count && status == TETLOD_OK; i++)
@@ -336,25 +415,26 @@ static enum tetlod_status compare_band(const struct steps_check *check, const st
     return status;
 }
 
-/* Compares the steps of a batch, which is then empty. */
+/* Compares the steps of a batch, which is then empty. Where the stream has the exact steps, which were found to be the input's, bands are held
+ * against those: they have the stream's numbers. */
 static enum tetlod_status compare_batch(const struct steps_check *check, struct steps_batch *batch)
 {
-    struct measure *measure = NULL;
     uint32_t count = batch->count * check->field_count;
-    struct measured *measured = array_new(count, sizeof *measured);
+    struct exact_mesh known = {0};
     double *limits = array_new(count, 2 * sizeof *limits);
-    enum tetlod_status status = measured && limits ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a step", count * sizeof *measured);
-    if (status == TETLOD_OK)
-        status = measure_new(&measure, &batch->exact, NULL, count, batch->threads, check->error);
+    enum tetlod_status status = limits ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a step", count * 2 * sizeof *limits);
+    if (status == TETLOD_OK && check->has_exact)
+        status = read_batch(check, batch, check->band_count - 1, &batch->exact);
+    if (status == TETLOD_OK && check->has_exact)
+        status = prepare_exact(&batch->exact, &known, check->error);
     for (uint32_t b = 0; b < check->band_count && status == TETLOD_OK; b++) {
         struct tetmesh mesh = {0};
         if (!is_exact(check, b))
-            status = compare_band(check, batch, measure, b, &mesh, measured, limits, limits + count);
+            status = compare_band(check, batch, &known, b, &mesh, limits, limits + count);
         tetmesh_fini(&mesh);
         show_batch(check, batch, &check->comparison->watch, b);
     }
-    measure_free(measure);
-    free(measured);
+    release_exact(&known);
     free(limits);
     tetmesh_fini(&batch->exact);
     batch->exact = (struct tetmesh){0};
@@ -370,7 +450,7 @@ static bool same_geometry(const struct tetmesh *a, const struct tetmesh *b)
            memcmp(a->corners, b->corners, (size_t)a->tet_count * 4 * sizeof(uint32_t)) == 0;
 }
 
-/* Takes the values of the input, and its geometry if it is the first. */
+/* Takes the values of the input, and its geometry if it is the first: of a stream without exact steps. */
 static enum tetlod_status batch_take(const struct steps_check *check, struct tetmesh *input, struct steps_batch *batch)
 {
     if (batch->count == 0) {
@@ -389,29 +469,53 @@ static enum tetlod_status batch_take(const struct steps_check *check, struct tet
     return TETLOD_OK;
 }
 
-/* A step of the input: its exact values are compared at once, those of bands together with other steps on the same mesh. */
+/* A step of the input: its exact values are compared at once, those of bands together with those of other steps. */
 static enum tetlod_status compare_step(struct steps_check *check, struct tetmesh *input, uint32_t step, struct steps_batch *batch)
 {
     TETLOD_TRY(find_fields(check, input));
     TETLOD_TRY(compare_exact(check, input, step));
-    if (batch->count && (batch->count == batch_steps(check, batch) || !same_geometry(&batch->exact, input)))
+    bool full = batch->count == batch_steps(check, batch);
+    if (batch->count && (full || (!check->has_exact && !same_geometry(&batch->exact, input))))
         TETLOD_TRY(compare_batch(check, batch));
-    TETLOD_TRY(batch_take(check, input, batch));
+    if (check->has_exact)
+        batch->count++;
+    else
+        TETLOD_TRY(batch_take(check, input, batch));
     return step + 1 == check->step_count ? compare_batch(check, batch) : TETLOD_OK;
 }
 
-static enum tetlod_status read_as_it_is(const struct steps_check *check, uint32_t step, struct tetmesh *out)
+/* *out_time is the step's; NaN: the input says none. */
+static enum tetlod_status read_as_it_is(const struct steps_check *check, uint32_t step, struct tetmesh *out, double *out_time)
 {
     const struct steps_comparison *comparison = check->comparison;
     struct io_report report;
-    return series_input_read(comparison->input, series_input_number(comparison->input, step), comparison->reading, out, &report, check->error);
+    TETLOD_TRY(series_input_read(comparison->input, series_input_number(comparison->input, step), comparison->reading, out, &report, check->error));
+    *out_time = report.steps ? report.time : NAN;
+    return TETLOD_OK;
+}
+
+/* Times are the input's, or all are numbers: where the input's do not rise, at these steps or at those of other topology groups. */
+static enum tetlod_status check_times(const struct steps_check *check, const double *times)
+{
+    const struct steps_comparison *comparison = check->comparison;
+    const double *stored = tetlod_series_info(check->bands[0].series)->times;
+    bool rise = !comparison->in_groups, numbered = true;
+    for (uint32_t s = 0; s < check->step_count; s++) {
+        rise &= s == 0 || !(times[s] <= times[s - 1]);
+        numbered &= stored[s] == (double)series_input_number(comparison->input, s);
+    }
+    for (uint32_t s = 0; s < check->step_count && (rise || !numbered); s++)
+        if (!isnan(times[s]) && stored[s] != times[s])
+            return tetlodi_fail(check->error, TETLOD_ERR_MISMATCH, "step %u: its time is %.17g, the stream says %.17g", s, times[s], stored[s]);
+    return TETLOD_OK;
 }
 
 /* A step's mesh, on the points of the first one if they move. */
-static enum tetlod_status read_step(const struct steps_check *check, uint32_t step, const struct tetmesh *first, struct tetmesh *out)
+static enum tetlod_status read_step(const struct steps_check *check, uint32_t step, const struct tetmesh *first, struct tetmesh *out,
+                                    double *out_time)
 {
     uint64_t rounded = 0;
-    TETLOD_TRY(read_as_it_is(check, step, out));
+    TETLOD_TRY(read_as_it_is(check, step, out, out_time));
     if (!points_move(check))
         return TETLOD_OK;
     const char *obstacle = displacement_obstacle(out, first);
@@ -426,12 +530,15 @@ enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_co
     struct tetmesh first = {0};
     enum tetlod_status status = open_bands(&check);
     struct steps_batch batch = {.field_count = check.field_count, .threads = comparison->threads};
+    double time, *times = array_new(check.step_count, sizeof *times);
+    if (status == TETLOD_OK && !times)
+        status = tetlodi_fail_nomem(error, "the times", check.step_count * sizeof *times);
     if (status == TETLOD_OK && points_move(&check))
-        status = read_as_it_is(&check, 0, &first);
+        status = read_as_it_is(&check, 0, &first, &time);
     for (uint32_t s = 0; s < check.step_count && status == TETLOD_OK; s++) {
         struct tetmesh input = {0};
         struct tetlod_error inner = {0};
-        status = read_step(&check, s, &first, &input);
+        status = read_step(&check, s, &first, &input, &times[s]);
         if (status == TETLOD_OK) {
             check.error = &inner;
             status = compare_step(&check, &input, s, &batch);
@@ -441,6 +548,9 @@ enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_co
         }
         tetmesh_fini(&input);
     }
+    if (status == TETLOD_OK)
+        status = check_times(&check, times);
+    free(times);
     tetmesh_fini(&batch.exact);
     tetmesh_fini(&first);
     close_bands(&check);

@@ -42,11 +42,12 @@ struct steps_comparison {
     const struct series_input *input; /* the steps that it was built from: --times as then */
     const struct reading *reading;
     unsigned threads;
+    bool in_groups; /* the stream is one of several topology groups, whose times were looked at together */
     struct steps_watch watch;
 };
 
-/* Reads every step of the input: the exact values are the input's bit for bit, and in each band no difference is above what is promised,
- * at samples and by the exact maximum over the overlay. ERR_MISMATCH names the step and the band. */
+/* Reads every step of the input: its time and the exact values are the input's bit for bit, and in each band no difference is above what is
+ * promised, by the exact maximum over the overlay. ERR_MISMATCH names the step and the band. */
 TETLOD_CHECKED enum tetlod_status steps_against(struct tetlod_file *file, const struct steps_comparison *comparison, struct tetlod_error *error);
 
 /* How far off a field of the series is at each step in each band but the exact one, which it is measured against: at samples, as fractions

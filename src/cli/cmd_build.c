@@ -84,6 +84,8 @@ static char *make_metadata(const struct build_request *request, const struct tet
                        build->boundary_angle, "domain_error", build->domain_error, "growth", build->growth);
     if (object && build->series && build->series->own_ranges)
         json_object_set_new(json_object_get(object, "options"), SERIES_RANGE, json_string("step"));
+    if (object && request->carry)
+        json_object_set_new(json_object_get(object, "options"), "carry", json_string(request->carry));
     if (object && build->regions)
         json_object_set_new(json_object_get(object, "options"), "region", json_string(build->regions));
     if (object && request->reading.options.nan_fill) {

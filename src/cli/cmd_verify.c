@@ -30,10 +30,12 @@ static const char help[] =
     "Decodes a stream whole: checks every digest and section, replays all records and undoes them again, holds what the index\n"
     "says against what is decoded, checks every level's mesh.\n"
     "\n"
-    "      --against INPUT  also: the finest level is this mesh exactly; at every level 'sampled' and 'rms' are what is measured,\n"
+    "      --against INPUT  also: the finest level is this mesh, exactly or rounded to the stream's grids, with its fields, values of\n"
+    "                       cells and times; at every level 'sampled' and 'rms' are what is measured,\n"
     "                       the boundary is nowhere further off than the domain error, and 'max' is not below the exact maximum.\n"
     "                       Large meshes (levels times tetrahedra above 4 million) have the exact maximum taken at six levels,\n"
     "                       which it names\n"
+    "                       Of a part of a stream only max and the domain error are held against the input.\n"
     "                       Every step of a series is read: exact values are the input's bit for bit, and no band is further off\n"
     "                       than it says. Give the option once for each file if the series is made of several\n"
     "      --times A:B:C    the steps of a series, as when it was built\n"
@@ -68,6 +70,7 @@ struct verification {
     struct mesh_report finest;
     struct against_report against;
     struct steps_found series; /* no steps: it is none */
+    bool in_groups;            /* it is one of several topology groups */
     bool whole;                /* all levels that were measured, of all topology groups, were held against the exact maximum */
     uint32_t poor_levels;      /* levels that are worse meshes than the finest one */
     char poor[160];            /* what the first of them has */
@@ -242,6 +245,21 @@ static enum tetlod_status derive_fields(const struct tetlod_info *info, struct t
     return TETLOD_OK;
 }
 
+/* A field of the input that the stream has not was lost, unless the build was told which to carry, or is not known. */
+static enum tetlod_status check_carried(const struct tetlod_info *info, const struct tetmesh *input, struct tetlod_error *error)
+{
+    if (metadata_is_selection(info) || metadata_is_part(info))
+        return TETLOD_OK;
+    for (uint32_t f = 0; f < input->field_count; f++)
+        if (tetlod_field_index(info, input->fields[f].name) == TETLOD_NONE)
+            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the stream has no field '%.60s', which the input has", input->fields[f].name);
+    for (uint32_t f = 0; f < input->cell_field_count; f++)
+        if (tetlod_cell_field_index(info, input->cell_fields[f].name) == TETLOD_NONE)
+            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "the stream has no field '%.60s' of cells, which the input has",
+                                input->cell_fields[f].name);
+    return TETLOD_OK;
+}
+
 static void compare_progress(void *opaque, double done)
 {
     progress(opaque, "compare", done);
@@ -265,7 +283,7 @@ static enum tetlod_status read_input(const struct verification *v, struct tetmes
 
 static enum tetlod_status verify_steps(struct verification *v)
 {
-    const struct steps_comparison comparison = {&v->request->series, &v->request->reading, v->request->threads, {compare_progress, v}};
+    const struct steps_comparison comparison = {&v->request->series, &v->request->reading, v->request->threads, v->in_groups, {compare_progress, v}};
     return v->series.steps ? steps_against(v->file, &comparison, v->error) : TETLOD_OK;
 }
 
@@ -273,7 +291,9 @@ static enum tetlod_status verify_against(struct verification *v)
 {
     struct tetmesh input;
     TETLOD_TRY(read_input(v, &input));
-    enum tetlod_status status = derive_fields(tetlod_info(v->file), &input, v->error);
+    enum tetlod_status status = check_carried(tetlod_info(v->file), &input, v->error);
+    if (status == TETLOD_OK)
+        status = derive_fields(tetlod_info(v->file), &input, v->error);
     const struct against_options comparing = {v->request->threads, v->request->all_levels, compare_progress, v};
     if (status == TETLOD_OK)
         status = against_check(v->file, v->cursor, &input, &comparing, &v->against, v->error);
@@ -379,7 +399,7 @@ static enum tetlod_status verify_topology(struct verification *v, uint32_t numbe
     struct tetlod_file *file;
     struct tetlod_error inner = {0};
     TETLOD_TRY(tetlod_open_topology(&file, v->file, number, v->error));
-    struct verification part = {.request = v->request, .file = file, .error = &inner};
+    struct verification part = {.request = v->request, .file = file, .in_groups = true, .error = &inner};
     enum tetlod_status status = blame_stream(check_topology(file, says, number, &inner), &inner);
     if (status == TETLOD_OK && number)
         status = verify_file(&part);
@@ -389,7 +409,7 @@ static enum tetlod_status verify_topology(struct verification *v, uint32_t numbe
         tetlodi_fail(v->error, status, "topology group %u: %.200s", number, inner.message);
     steps_found_fini(&part.series);
     v->against.measured += part.against.measured;
-    v->whole &= part.against.exact_count == part.against.measured;
+    v->whole &= !number || part.against.exact_count == tetlod_info(file)->level_count;
     if (part.poor_levels && !v->poor_levels)
         snprintf(v->poor, sizeof v->poor, "topology group %u: %.120s", number, part.poor);
     v->poor_levels += part.poor_levels;
@@ -425,8 +445,9 @@ static void print_done(const struct verification *v)
     if (v->series.move)
         printf(" of points that move, which turns over %" PRIu64 " tetrahedra at most at one step in one band", v->series.turned);
     if (v->request->series.path_count)
-        printf("; %u levels measured", against->measured);
-    if (against->measured && v->whole)
+        printf("; %u levels %s", against->measured ? against->measured : tetlod_info(v->file)->level_count,
+               against->measured ? "measured" : "not measured, for they are a part of another stream's, or vertices are alike");
+    if (v->request->series.path_count && v->whole)
         printf(", max held against the exact maximum at all of them");
     for (uint32_t i = v->whole ? 0 : against->exact_count; i-- > 0;)
         printf("%s%u", i + 1 == against->exact_count ? ", max held against the exact maximum at levels " : ", ",
@@ -463,8 +484,9 @@ static int verify(struct request *request)
     enum tetlod_status status = cli_open_stream(request->stream, request->threads, &file, &fd, &error);
     if (status == TETLOD_OK) {
         v.file = file;
+        v.in_groups = tetlod_info(file)->topology_count > 0;
         status = verify_file(&v);
-        v.whole = v.against.exact_count == v.against.measured;
+        v.whole = v.against.exact_count == tetlod_info(file)->level_count;
         if (status == TETLOD_OK)
             status = verify_topologies(&v);
         progress_end(&request->progress);

@@ -216,12 +216,10 @@ enum tetlod_status level_mesh_reorder(const struct tetlod_file *file, struct tet
     return status;
 }
 
-static enum tetlod_status gather(const struct tetmesh *finest, const struct tetmesh *original, const uint32_t *vertices,
-                                 const uint32_t *tets, const uint8_t *places, struct tetmesh *out, struct tetlod_error *error)
+enum tetlod_status level_mesh_gather(const struct tetmesh *finest, const struct tetmesh *original, const uint32_t *vertices,
+                                     struct tetmesh *out, struct tetlod_error *error)
 {
-    for (size_t i = 0; i < 4 * (size_t)finest->tet_count; i++)
-        if (original->corners[4 * (size_t)tets[i / 4] + i % 4] != vertices[finest->corners[(i & ~(size_t)3) + places[i]]])
-            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "tetrahedron %u of the input is another one in the stream", tets[i / 4]);
+    *out = (struct tetmesh){.vertex_count = finest->vertex_count, .tet_count = finest->tet_count, .position_type = original->position_type};
     out->positions = array_new(finest->vertex_count, 3 * sizeof(double));
     out->corners = array_new(finest->tet_count, 4 * sizeof(uint32_t));
     if (!out->positions || !out->corners)
@@ -236,6 +234,16 @@ static enum tetlod_status gather(const struct tetmesh *finest, const struct tetm
         for (size_t v = 0; v < finest->vertex_count; v++)
             memcpy(out->fields[f].values + n * v, from->values + n * vertices[v], n * sizeof(double));
     }
+    return TETLOD_OK;
+}
+
+/* Has the original the finest level's tetrahedra, by the order that the stream keeps? */
+static enum tetlod_status check_order(const struct tetmesh *finest, const struct tetmesh *original, const uint32_t *vertices,
+                                      const uint32_t *tets, const uint8_t *places, struct tetlod_error *error)
+{
+    for (size_t i = 0; i < 4 * (size_t)finest->tet_count; i++)
+        if (original->corners[4 * (size_t)tets[i / 4] + i % 4] != vertices[finest->corners[(i & ~(size_t)3) + places[i]]])
+            return tetlodi_fail(error, TETLOD_ERR_MISMATCH, "tetrahedron %u of the input is another one in the stream", tets[i / 4]);
     return TETLOD_OK;
 }
 
@@ -255,7 +263,8 @@ enum tetlod_status level_mesh_renumber(const struct tetlod_file *file, const str
     TETLOD_TRY_DONE(tetlod_order(file, vertices, tets, places, error));
     TETLOD_TRY_DONE(check_permutation(vertices, n, error));
     TETLOD_TRY_DONE(check_permutation(tets, m, error));
-    status = gather(finest, original, vertices, tets, places, out, error);
+    TETLOD_TRY_DONE(check_order(finest, original, vertices, tets, places, error));
+    status = level_mesh_gather(finest, original, vertices, out, error);
 done:
     if (status != TETLOD_OK)
         tetmesh_fini(out);

@@ -34,6 +34,11 @@ TETLOD_CHECKED enum tetlod_status level_mesh_units(const struct tetlod_info *inf
 TETLOD_CHECKED enum tetlod_status level_mesh_reorder(const struct tetlod_file *file, struct tetmesh *mesh,
                                                      struct tetlod_error *error);
 
+/* The original's positions and values by `vertices`, their numbers there, on the tetrahedra of the finest level. To be released, also after a
+ * failure. */
+TETLOD_CHECKED enum tetlod_status level_mesh_gather(const struct tetmesh *finest, const struct tetmesh *original, const uint32_t *vertices,
+                                                    struct tetmesh *out, struct tetlod_error *error);
+
 /* The other way round: the original (with the stream's fields, found by their names) in the numbering of the stream's finest level,
  * `finest`. ERR_MISMATCH if its tetrahedra are others. */
 TETLOD_CHECKED enum tetlod_status level_mesh_renumber(const struct tetlod_file *file, const struct tetmesh *finest,

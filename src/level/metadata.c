@@ -158,6 +158,15 @@ bool metadata_is_part(const struct tetlod_info *info)
     return part;
 }
 
+bool metadata_is_selection(const struct tetlod_info *info)
+{
+    json_t *metadata = metadata_json(info);
+    const json_t *options = json_object_get(metadata, "options");
+    bool selection = !json_is_object(options) || json_object_get(options, "carry");
+    json_decref(metadata);
+    return selection;
+}
+
 const char *metadata_unit(const json_t *metadata, const char *field)
 {
     const char *unit = json_string_value(json_object_get(json_object_get(metadata, "units"), field));

@@ -14,6 +14,9 @@ json_t *metadata_json(const struct tetlod_info *info);
 /* Do the metadata say that the stream holds the coarse levels of another one ("part_of")? Then figures of the original are that one's. */
 bool metadata_is_part(const struct tetlod_info *info);
 
+/* May the stream lack fields of its input: by the option "carry" of its build, or because no options are said? */
+bool metadata_is_selection(const struct tetlod_info *info);
+
 /* The unit of the field of that name; "" if the metadata, which may be NULL, do not say it, or say what no
  * name may hold: control characters. */
 const char *metadata_unit(const json_t *metadata, const char *field);

@@ -171,6 +171,44 @@ def cut_series():
     return None if done.returncode == 0 and refused.returncode == 3 and b'--box needs the finest' in refused.stderr else (done, refused)
 
 
+def rounded_streams():
+    """Lossy ones: with and without the original order the finest level is the input, rounded, with its values of cells."""
+    points, tets = block(6)
+    fields, random = {'heat': np.sin(points @ [3.0, 2.0, 1.0])}, np.random.default_rng(7)
+    places = points + random.uniform(-0.02, 0.02, points.shape)
+    other = cell_data(len(tets))
+    other['rank'][10] += 1
+    moved = places.copy()
+    moved[5] += 0.3
+    lacking = cell_data(len(tets))
+    del lacking['one']
+    more = dict(cell_data(len(tets)), further=np.arange(len(tets)))
+    save('lossy.vtu', places, tets, fields, cell_data(len(tets)))
+    for name, where, data, word in (('cells', places, other, b'values of cells'), ('lacking', places, lacking, b"'one' of cells"),
+                                    ('more', places, more, b"'further' of cells"), ('moved', moved, cell_data(len(tets)), b'differ')):
+        save(name + '.vtu', where, tets, fields, data)
+        for options in (['--position-bits', '4', '--field-bits', '3'], ['--field-error', '1%', '--keep-order'], ['--position-error', '2%']):
+            must('build', path('lossy.vtu'), '--growth', '2', *options, '-o', path('lossy.tetlod'), '--quiet')
+            must('verify', path('lossy.tetlod'), '--against', path('lossy.vtu'), '--quiet')
+            done = tetlod('verify', path('lossy.tetlod'), '--against', path(name + '.vtu'), '--quiet')
+            if done.returncode != 3 or word not in done.stderr and b'bounds' not in done.stderr:
+                return name, options, done
+    return None
+
+
+def order_kept_wrong():
+    """A kept order that leads to another numbering of the same mesh."""
+    points, tets = block(4)
+    turned = np.arange(len(points))[::-1]
+    for name, order in (('plain', np.arange(len(points))), ('turned', turned)):
+        back = np.argsort(order)
+        save(name + '.vtu', points[order], back[tets], {'heat': np.sin(points[order] @ [3.0, 2.0, 1.0])}, {})
+    must('build', path('plain.vtu'), '--keep-order', '--growth', '2', '-o', path('plain.tetlod'), '--quiet')
+    must('verify', path('plain.tetlod'), '--against', path('plain.vtu'), '--quiet')
+    done = tetlod('verify', path('plain.tetlod'), '--against', path('turned.vtu'), '--quiet')
+    return None if done.returncode == 3 and (b'another one' in done.stderr or b'original order' in done.stderr) else done
+
+
 def carried():
     """--carry chooses among values of cells, too; those of regions are always stored."""
     points, tets = block(4)
@@ -207,6 +245,8 @@ case('verify decodes them', verified)
 case('verify holds them against the input', held_against_the_input)
 case('a file that is cut off gives every whole level', cut_off)
 case('and of a series every whole level and step', cut_series)
+case('verify holds rounded streams against the input', rounded_streams)
+case('and the order that is kept', order_kept_wrong)
 case('--carry chooses among them', carried)
 case('values of cells alone drive by their average', cells_only)
 finish()

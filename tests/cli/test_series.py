@@ -8,7 +8,8 @@ import sys
 
 import numpy as np
 
-from common import CONFIG, case, fails, finish, info, must, path, read_grid, read_vtu, report, succeeds, tetlod
+from cell_meshes import block, save
+from common import CONFIG, case, fails, finish, info, must, path, read_grid, read_vtu, report, succeeds, tetlod, write
 
 sys.path.insert(0, os.path.join(os.environ['ROOT'], 'client-examples', 'python'))
 import tetlod as client  # noqa: E402
@@ -319,6 +320,30 @@ succeeds('build a series', *build, '--threads', '2', '-o', path('wake.tetlod'))
 must(*build, '--threads', '1', '-o', path('again.tetlod'))
 report('the same bytes on one thread', open(path('wake.tetlod'), 'rb').read() == open(path('again.tetlod'), 'rb').read())
 succeeds('verify holds every step against the input', 'verify', path('wake.tetlod'), '--against', path('wake.pvd'))
+
+def other_times_case():
+    """A step's time that is another in the input."""
+    with open(path('wake.pvd')) as file:
+        text = file.read()
+    times = re.findall(r'timestep="([^"]*)"', text)
+    write('later.pvd', text.replace('timestep="%s"' % times[3], 'timestep="%.17g"' % (0.9 * float(times[3]) + 0.1 * float(times[4]))))
+    done = tetlod('verify', path('keys.tetlod'), '--against', path('later.pvd'))
+    must('verify', path('keys.tetlod'), '--against', path('wake.pvd'))
+    return None if done.returncode == 3 and b'step 3: its time is' in done.stderr else done
+
+
+def stretched_case():
+    """Flat cells, whole numbers as values, and errors that are fractions of each step's range: some bands are exact."""
+    points, tets = block(5)
+    names = []
+    for step in range(4):
+        names.append('flat_%d.vtu' % step)
+        save(names[-1], points * [1, 1, 1e-7] + [0, 0, 1000], tets, {'level': np.floor(4 * points[:, 0] + 3 * points[:, 2] * step) * 10.0 ** -(3 * step)}, {})
+    must('build', *names, '--field', 'level', '--range', 'step', '-o', 'flat.tetlod', '--quiet')
+    must('verify', 'flat.tetlod', *[word for name in names for word in ('--against', name)])
+    return None
+
+
 case('exact steps are the input bit for bit', exact_case)
 case('steps within an error', within_case)
 case('a step by time, and by an error in units', chosen_case)
@@ -338,4 +363,6 @@ for amplitude in (0.05, 0.01, 0.002):
 case('--time builds one step', one_step_case)
 refuse_others()
 refuse_options()
+case('verify notices another time', other_times_case)
+case('a stretched mesh, in ranges of its steps', stretched_case)
 finish()
