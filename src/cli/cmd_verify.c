@@ -20,6 +20,7 @@
 #include "src/mesh/displacement.h"
 #include "src/mesh/mesh_check.h"
 #include "src/level/level_mesh.h"
+#include "src/level/metadata.h"
 #include "src/util/json_text.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
