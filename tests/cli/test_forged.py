@@ -117,6 +117,30 @@ def steps_table():
     return first(problems)
 
 
+def errors_of_steps():
+    """A band that is further off than the table says: where levels are coarser, and where a band's mesh is the original's."""
+    points, tets = block(3)
+    random = np.random.default_rng(3)
+    for step in range(4):
+        save('noise_%d.vtu' % step, points, tets, {'heat': random.standard_normal(len(points))}, {})
+    must('build', *['noise_%d.vtu' % step for step in range(4)], '--field', 'heat', '-o', 'noise.tetlod', '--quiet')
+    problems = []
+    for name, files in (('steps.tetlod', 'step_%d.vtu'), ('noise.tetlod', 'noise_%d.vtu')):
+        data = plain(content(name))
+        stream = decoder.open(data)
+        series, table = stream.series(), stream.section('TIME')
+        at = 16 + 24 + 24 * len(series.bands) + 8 * len(series.times)
+        against = [word for step in range(4) for word in ('--against', files % step)]
+        must('verify', name, '--quiet', *against)
+        for entry in (1, 4 + 2):  # steps of the first two bands
+            forged = bytearray(table)
+            struct.pack_into('<f', forged, at + 8 * entry + 4, 1e-9)
+            problems.append(refused(['step %d' % (entry % 4), 'in the band'], with_section(data, 'TIME', bytes(forged)), *against))
+        if (stream.levels[series.bands[0]['level']]['tets'] == stream.tets) != (name == 'noise.tetlod'):
+            return 'the meshes do not test what they should'
+    return first(problems)
+
+
 def behind_packed_parts():
     data = content('mesh.tetlod')
     size, total = int.from_bytes(data[20:24], 'little'), int.from_bytes(data[32:40], 'little')
@@ -174,6 +198,7 @@ case('a part keeps the figures of the whole', parts)
 case('integers beyond 2^53', whole_numbers)
 case('ranges of values of cells', cell_range)
 case('times and ranges of steps', steps_table)
+case('errors of steps', errors_of_steps)
 case('bytes behind packed parts', behind_packed_parts)
 case('names that are expressions', names_of_the_input)
 case('golden streams are valid, some of poor quality', quality)

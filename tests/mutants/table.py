@@ -218,8 +218,12 @@ mutant('one range for all fields', 'format/reader.c', 'info->fields[f].range[1] 
 
 mutant('verify: no exact maximum', 'src/cli/against.c', 'if (a->exact[f] > a->floors[f])', 'if (a->exact[f] < 0)',
        'max is held against the overlay', ATTACK)
-mutant('verify: samples are believed', 'src/cli/against.c', 'if (stored >= low * (1 - TIE) - NOISE && (', 'if (stored >= 0 && (', 'sampled and rms are measured again', ATTACK)
+mutant('verify: samples are believed', 'src/cli/against.c', 'if (stored >= low * (1 - TIE) - NOISE && stored', 'if (stored >= 0 && stored', 'sampled and rms are measured again', ATTACK)
 mutant('verify: domain error is believed', 'src/cli/against.c', '    if (found > 0)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u: its domain', '    if (found > 1e300)\n        return tetlodi_fail(a->error, TETLOD_ERR_MISMATCH, "level %u: its domain',
        'the domain error is measured again', ATTACK)
-mutant('verify: errors may be too large', 'src/cli/against.c', '(stored <= high * (1 + TOO_LARGE) + NOISE || !a->numbered)', '(stored <= 1e300 || !a->numbered)',
+mutant('verify: errors may be too large', 'src/cli/against.c', 'stored <= high * (1 + TOO_LARGE) + NOISE)', 'stored <= 1e300)',
        'what is measured is wrong in both directions', ATTACK)
+mutant('verify: rounded streams are believed', 'src/cli/against.c', 'status = mesh_same(&rounded, &finest, a->error);', '(void)finest;',
+       'the finest level is the input, rounded', 'cli/test_cells')
+mutant('verify: bands of steps are believed in place', 'src/cli/against_steps.c', 'if (found[i] > floors[i])\n            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count, "the difference', 'if (found[i] < 0)\n            status = too_large(check, b, batch->first + i / check->field_count, i % check->field_count, "the difference',
+       'tetrahedra that are as they were are compared at their corners', 'cli/test_forged')
