@@ -25,6 +25,7 @@
 #include "src/measure/overlay.h"
 #include "src/measure/same.h"
 #include "src/mesh/adjacency.h"
+#include "src/mesh/orient.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
 #include "src/level/level_mesh.h"
@@ -61,7 +62,8 @@ struct against {
     uint8_t *touched;          /* [slot] by the last step */
     uint8_t *usable, *wanted;  /* [tet of the level] */
     bool all_touched;
-    int orientation;           /* of the original */
+    int orientation;           /* of the original, in one turn: */
+    struct oriented oriented;
     struct coarsening coarsening;
     struct measure_levels *measure_levels;
     struct boundary_check *boundary;
@@ -86,13 +88,15 @@ static bool has_tail(const struct tetlod_info *info)
 static enum tetlod_status find_sheets(struct against *a)
 {
     const struct tetmesh *mesh = a->original;
+    TETLOD_TRY(orient(&a->oriented, mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, NULL, a->error));
+    const uint32_t *corners = a->oriented.corners ? a->oriented.corners : mesh->corners;
     uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
     enum tetlod_status status = neighbours ? TETLOD_OK : nomem(a);
     if (status == TETLOD_OK)
-        status = adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, a->error);
+        status = adjacency_build(corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, a->error);
     if (status == TETLOD_OK) {
-        sheets_bodies(mesh->corners, mesh->tet_count, mesh->vertex_count, a->bodies);
-        a->orientation = sheets_promised(mesh->positions, mesh->corners, neighbours, mesh->tet_count, a->promised);
+        sheets_bodies(corners, mesh->tet_count, mesh->vertex_count, a->bodies);
+        a->orientation = sheets_promised(mesh->positions, corners, neighbours, mesh->tet_count, a->promised);
     }
     free(neighbours);
     return status;
@@ -402,7 +406,8 @@ static enum tetlod_status choose_tets(struct against *a, struct overlay_options 
             p[c] = level->positions + 3 * (size_t)v;
             a->wanted[t] |= a->touched[v];
         }
-        a->usable[t] = tet_orientation(p[0], p[1], p[2], p[3]) == a->orientation;
+        int turn = a->oriented.turned && a->oriented.turned[t] ? -a->orientation : a->orientation;
+        a->usable[t] = tet_orientation(p[0], p[1], p[2], p[3]) == turn;
     }
     options->bodies[0] = options->bodies[1] = a->bodies;
     options->usable[0] = a->promised;
@@ -557,6 +562,7 @@ static void release(struct against *a)
     boundary_check_free(a->boundary);
     coarsening_fini(&a->coarsening);
     tetmesh_fini(&a->level);
+    oriented_fini(&a->oriented);
     tetmesh_fini(&a->finest);
     tetmesh_fini(&a->renumbered);
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)

@@ -9,6 +9,7 @@
 
 #include "src/cli/print_json.h"
 #include "src/mesh/displacement.h"
+#include "src/pipeline/build_warnings.h"
 #include "src/report/info_json.h"
 
 enum { MOST_NAMES = 6 };
@@ -35,6 +36,12 @@ static void say_fields(const struct build_request *request, const struct tetmesh
                 others == 1 ? " is not controlled: its error is" : "s are not controlled: their error is", names, others > MOST_NAMES ? ", ..." : "");
 }
 
+static void say_warning(void *opaque, const char *line)
+{
+    (void)opaque;
+    fprintf(stderr, "tetlod build: %s\n", line);
+}
+
 void build_notes(const struct build_request *request, const struct io_report *read, const struct tetmesh *mesh,
                  const struct build_control *controls, uint32_t count, const struct build_report *report)
 {
@@ -43,16 +50,7 @@ void build_notes(const struct build_request *request, const struct io_report *re
     if (request->build.series)
         notes_read.steps = 0; // all of them were read
     reading_notes("build", &notes_read, mesh);
-    const struct {
-        uint64_t count;
-        const char *what;
-    } notes[] = {{report->degenerate_tets, "degenerate tetrahedra, carried along; no promise is made inside them"},
-                 {report->inverted_tets, "inverted tetrahedra, carried along; no promise is made inside them"},
-                 {report->folded_tets, "folded tetrahedra, on the same side of a face as their neighbour, carried along; no promise "
-                                       "is made inside them"}};
-    for (size_t i = 0; i < sizeof notes / sizeof *notes; i++)
-        if (notes[i].count)
-            fprintf(stderr, "tetlod build: %" PRIu64 " %s\n", notes[i].count, notes[i].what);
+    build_warnings(report, say_warning, NULL);
     for (uint32_t g = 0; g < request->topologies.count; g++)
         fprintf(stderr, "tetlod build: topology group %" PRIu32 ": steps %" PRIu32 " to %" PRIu32 " over %" PRIu32 " tetrahedra\n", g,
                 request->topologies.groups[g].from, request->topologies.groups[g].from + request->topologies.groups[g].count - 1,

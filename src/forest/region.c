@@ -35,7 +35,6 @@ struct cut {
     const struct region *region;
     const struct stage *stage;
     uint32_t slots, coarse_slots, fine_tets;
-    int orientation;       /* of the mesh */
     uint32_t *fine_of;     /* [slots of the stage] the slot of the fine level that it stands for; NULL: itself */
     uint32_t *arrival;     /* [slots] level */
     struct lists children; /* of a slot, that are not in the coarse level: in order of arrival */
@@ -570,11 +569,19 @@ static bool split_all(struct cut *cut, const uint32_t *slots)
     return any;
 }
 
-static bool is_flipped(const struct cut *cut, const uint32_t *slots)
+/* Whether a tetrahedron is degenerate, or turned otherwise than in the fine level. */
+static bool is_flipped(const struct cut *cut, const struct cell *cell)
 {
-    const double *p = cut->positions;
-    return tet_orientation(p + 3 * (size_t)slots[0], p + 3 * (size_t)slots[1], p + 3 * (size_t)slots[2], p + 3 * (size_t)slots[3]) !=
-           cut->orientation;
+    uint32_t fine[4];
+    double corners[4][3];
+    const double *p[4];
+    for (int c = 0; c < 4; c++)
+        p[c] = cut->positions + 3 * (size_t)cell->slots[c];
+    int orientation = tet_orientation(p[0], p[1], p[2], p[3]);
+    corners_of(cut, cell->tet, fine);
+    for (int c = 0; c < 4; c++)
+        unpack(&cut->forest->columns[0], row_at(cut, fine[c], cut->region->fine), corners[c]);
+    return orientation == 0 || orientation == -tet_orientation(corners[0], corners[1], corners[2], corners[3]);
 }
 
 /* Splits where a tetrahedron of the transition is flipped, or one that is not fine meets a box. */
@@ -584,7 +591,7 @@ static bool repair_tets(struct cut *cut)
     for (size_t i = cut->fresh; i < cut->count; i++) {
         const uint32_t *slots = cut->cells[i].slots;
         enum region_part part = part_of(cut, slots);
-        if (part == REGION_TRANSITION && is_flipped(cut, slots))
+        if (part == REGION_TRANSITION && is_flipped(cut, &cut->cells[i]))
             any |= split_one(cut, slots);
         else if (part != REGION_FINE && meets_any(cut, slots))
             any |= split_all(cut, slots);
@@ -722,7 +729,6 @@ static void fill_mesh(const struct cut *cut, struct tetmesh *out, uint32_t *tets
 /* The coarse level, whose tetrahedra are the first ones. */
 static enum tetlod_status start(struct cut *cut, struct tetlod_error *error)
 {
-    double sum = 0;
     TETLOD_TRY(allocate(cut, error));
     if (!list_slots(cut))
         return tetlodi_fail_nomem(error, "a region", cut->fine_tets * (uint64_t)16);
@@ -733,12 +739,6 @@ static enum tetlod_status start(struct cut *cut, struct tetlod_error *error)
     for (uint32_t t = 0; t < tetlod_info(cut->forest->file)->levels[cut->region->coarse].tets; t++)
         if (!add_cell(cut, t))
             return tetlodi_fail_nomem(error, "a region", cut->count * sizeof *cut->cells);
-    for (size_t i = 0; i < cut->count; i++) {
-        const uint32_t *slots = cut->cells[i].slots;
-        const double *p = cut->positions;
-        sum += tet_volume6(p + 3 * (size_t)slots[0], p + 3 * (size_t)slots[1], p + 3 * (size_t)slots[2], p + 3 * (size_t)slots[3]);
-    }
-    cut->orientation = sum < 0 ? -1 : 1;
     return TETLOD_OK;
 }
 

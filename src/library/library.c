@@ -5,7 +5,7 @@
 
 #include "format/fail.h"
 #include "src/library/tetlod_build.h"
-#include "src/pipeline/build.h"
+#include "src/pipeline/build_warnings.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
@@ -186,6 +186,8 @@ static enum tetlod_status build(struct tetmesh *mesh, const struct tetlod_build_
     options.controls = controls;
     options.control_count = count;
     status = build_stream(mesh, &options, sink, &report, error);
+    if (status == TETLOD_OK && given->warn)
+        build_warnings(&report, given->warn, given->warn_opaque);
 done:
     free(controls);
     return status;

@@ -63,6 +63,9 @@ struct tetlod_build_options {
     /* Called now and then, always by the calling thread; `done` is a fraction of the phase. Returns 0 to cancel. May be NULL. */
     int (*progress)(void *opaque, const char *phase, double done);
     void *progress_opaque;
+    /* Called with what the build found in the mesh: inverted tetrahedra, say. A line without its end, valid for the call. May be NULL. */
+    void (*warn)(void *opaque, const char *line);
+    void *warn_opaque;
 };
 
 TETLOD_API void tetlod_build_defaults(struct tetlod_build_options *options);

@@ -15,6 +15,7 @@
 
 #include "format/fail.h"
 #include "src/mesh/adjacency.h"
+#include "src/mesh/orient.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 #include "src/util/union_find.h"
@@ -264,12 +265,15 @@ static void release(struct check *c)
 enum tetlod_status mesh_check(const double *positions, const uint32_t *corners, uint32_t vertex_count,
                               uint32_t tet_count, struct mesh_report *out, struct tetlod_error *error)
 {
+    struct oriented oriented;
+    *out = (struct mesh_report){.vertices = vertex_count, .tets = tet_count};
+    TETLOD_TRY(orient(&oriented, positions, corners, vertex_count, tet_count, NULL, error));
     struct check c = {.positions = positions,
-                      .corners = corners,
+                      .corners = oriented.corners ? oriented.corners : corners,
                       .vertex_count = vertex_count,
                       .tet_count = tet_count,
                       .report = out};
-    *out = (struct mesh_report){.vertices = vertex_count, .tets = tet_count};
+    out->turned_tets = oriented.turned_count;
     bool ready = allocate(&c);
     if (ready) {
         check_volumes(&c);
@@ -277,5 +281,6 @@ enum tetlod_status mesh_check(const double *positions, const uint32_t *corners, 
         count_components(&c);
     }
     release(&c);
+    oriented_fini(&oriented);
     return ready ? TETLOD_OK : tetlodi_fail_nomem(error, "checking the mesh", (uint64_t)tet_count * 16);
 }

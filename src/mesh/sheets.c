@@ -5,6 +5,7 @@
 #include <stddef.h>
 
 #include "format/tetlod.h"
+#include "src/mesh/orient.h"
 #include "src/mesh/tet_geom.h"
 
 static uint32_t root(uint32_t *body, uint32_t v)
@@ -25,18 +26,6 @@ void sheets_bodies(const uint32_t *corners, uint32_t tet_count, uint32_t vertex_
         }
     for (uint32_t v = 0; v < vertex_count; v++)
         out[v] = root(out, v);
-}
-
-/* Is the face listed in the same turn by both of its tetrahedra? Then they lie on one side of it. */
-static bool same_turn(const uint32_t *corners, const uint32_t *neighbours, size_t slot)
-{
-    uint32_t across = neighbours[slot];
-    const uint32_t *own = corners + (slot & ~(size_t)3), *other = corners + (across & ~(uint32_t)3);
-    uint32_t first = own[tet_faces[slot & 3][0]], second = own[tet_faces[slot & 3][1]];
-    for (int k = 0; k < 3; k++)
-        if (other[tet_faces[across & 3][k]] == first)
-            return other[tet_faces[across & 3][(k + 1) % 3]] == second;
-    return false;
 }
 
 int sheets_promised(const double *positions, const uint32_t *corners, const uint32_t *neighbours, uint32_t tet_count,

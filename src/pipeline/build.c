@@ -10,6 +10,7 @@
 #include "src/log/coarsening.h"
 #include "src/measure/measure_levels.h"
 #include "src/measure/overlay_levels.h"
+#include "src/mesh/orient.h"
 #include "src/mesh/tet_geom.h"
 #include "src/pipeline/build_memory.h"
 #include "src/pipeline/build_series.h"
@@ -31,6 +32,9 @@ static const double NO_DIFFERENCE = 1e-12;
 struct build {
     const struct tetmesh *mesh;     /* that is contracted: rounded, if quantised. Levels have its values on its grids */
     const struct tetmesh *original; /* that errors are about */
+    const uint32_t *numbering;      /* the corners as the caller numbers them: what is stored */
+    struct oriented oriented;       /* `mesh` and `original` are in one turn (orient.h) */
+    struct tetmesh turned;          /* the caller's mesh with those corners, if they differ */
     struct tetmesh rounded;
     double *rounding;               /* [field] bound of what rounding changed, if quantised */
     double rounded_by;              /* how far rounding has moved the boundary, in units of length */
@@ -398,7 +402,7 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .position_type = mesh->position_type,
                                         .positions_were_float64 = build->original->position_type != mesh->position_type,
                                         .positions = mesh->positions,
-                                        .corners = mesh->corners,
+                                        .corners = build->numbering,
                                         .children = log->children,
                                         .node_positions = log->positions,
                                         .field_count = mesh->field_count,
@@ -479,13 +483,26 @@ static enum tetlod_status quantise(struct build *build)
     return quantise_bounds(build->mesh, build->original, build->options->threads, build->rounding, build->error);
 }
 
+/* Contraction and errors are about orientation, what is stored about numbering. */
+static enum tetlod_status orient_mesh(struct build *build, const struct tetmesh *mesh)
+{
+    TETLOD_TRY(orient(&build->oriented, mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, NULL, build->error));
+    if (!build->oriented.corners)
+        return TETLOD_OK;
+    build->turned = *mesh; // borrows all the rest
+    build->turned.corners = build->oriented.corners;
+    build->mesh = build->original = &build->turned;
+    return TETLOD_OK;
+}
+
 enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_options *options,
                                 const struct tetlodi_sink *sink, struct build_report *report, struct tetlod_error *error)
 {
-    struct build build = {.mesh = mesh, .original = mesh, .options = options, .error = error};
+    struct build build = {.mesh = mesh, .original = mesh, .numbering = mesh->corners, .options = options, .error = error};
     enum tetlod_status status;
     TETLOD_TRY_DONE(check_local_bound(&build));
     TETLOD_TRY_DONE(build_check_memory(mesh, options, error));
+    TETLOD_TRY_DONE(orient_mesh(&build, mesh));
     if (quantise_wanted(&options->quantise))
         TETLOD_TRY_DONE(quantise(&build));
     else
@@ -502,6 +519,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     TETLOD_TRY_DONE(encode(&build, sink));
     *report = (struct build_report){.contractions = build.log.count,
                                     .levels = build.log.mark_count + build.precision.tail,
+                                    .turned_tets = build.oriented.turned_count,
                                     .degenerate_tets = build.log.degenerate_tets,
                                     .inverted_tets = build.log.inverted_tets,
                                     .folded_tets = build.log.folded_tets};
@@ -511,6 +529,7 @@ done:
     series_free(build.series);
     log_fini(&build.log);
     tetmesh_fini(&build.rounded);
+    oriented_fini(&build.oriented);
     local_bounds_fini(&build.bounds);
     precision_fini(&build.precision);
     free(build.rounding);

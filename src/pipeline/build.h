@@ -52,6 +52,7 @@ struct build_report {
     uint32_t contractions, levels;
     uint64_t refused[LOG_REFUSALS]; /* (contraction_log.h) */
     uint32_t keys;                  /* steps of a series that drove the contraction */
+    uint64_t turned_tets; /* numbered against their neighbours (orient.h); the counts that follow are without that */
     uint64_t degenerate_tets, inverted_tets, folded_tets; /* the stream counts folded ones as inverted */
 };
 

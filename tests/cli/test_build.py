@@ -324,6 +324,12 @@ def usage():
            (done, os.listdir(path('elsewhere'))))
 
 
+def abs_volume(name):
+    points, cells, _ = read_vtu(name)
+    p = points[cells]
+    return np.abs(np.einsum('ij,ij->i', p[:, 1] - p[:, 0], np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 0]))).sum() / 6
+
+
 def special_meshes():
     tet = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
     write_vtu('one.vtu', tet, [[0, 1, 2, 3]], {'s': [1, 2, 3, 4]})
@@ -338,6 +344,24 @@ def special_meshes():
     mirrored, plain = info('mirrored.tetlod'), info('cube.tetlod')
     report('a mesh turned inside out: as coarse as the other', mirrored['inverted_tets'] == 0 and
            mirrored['levels'][0]['tets'] < 30 and plain['levels'][0]['tets'] < 30, mirrored['levels'][0])
+    turned = np.random.default_rng(3).random(len(cells)) < 0.5
+    mixed = np.where(turned[:, None], cells[:, [0, 1, 3, 2]], cells)
+    write_vtu('mixed.vtu', points, mixed, values)
+    round_trip('mixed')
+    counts = lambda name: [(l['vertices'], l['tets'], l['errors']) for l in info(name)['levels']]
+    report('a mesh numbered both ways: none is inverted, its levels are those of the mesh numbered one way',
+           info('mixed.tetlod')['inverted_tets'] == 0 and counts('mixed.tetlod') == counts('cube.tetlod'))
+    done = tetlod('build', 'mixed.vtu', '--keep-order', '-o', 'kept.tetlod')
+    report('and how many are turned is said', b'%d tetrahedra are numbered the other way round' % min(turned.sum(), (~turned).sum()) in done.stderr, done)
+    tetlod('extract', 'kept.tetlod', '--original-order', '-o', 'kept.vtu')
+    report('and the original order has every corner where it was', np.array_equal(read_vtu('kept.vtu')[1], mixed))
+    done = tetlod('extract', 'mixed.tetlod', '--error', '20%', '--box', '0,0,0,1.5,1.5,1.5', '--box-error', '0', '-o', 'part.vtu')
+    report('and a region of it is a mesh', done.returncode == 0 and abs(abs_volume('part.vtu') - 64) < 1e-9, done)
+    bodies = np.concatenate([cells, cells[:, [1, 0, 2, 3]] + len(points)])
+    write_vtu('bodies.vtu', np.concatenate([points, points + 9]), bodies, {k: np.concatenate([v, v]) for k, v in values.items()})
+    round_trip('bodies')
+    report('two bodies, each numbered its own way: none is inverted, both are contracted', info('bodies.tetlod')['inverted_tets'] == 0 and
+           info('bodies.tetlod')['levels'][0]['tets'] < 60, info('bodies.tetlod')['levels'][0])
     write_vtu('constant.vtu', points, cells, {'s': np.full(len(points), 7.5)})
     round_trip('constant')
     shown = info('constant.tetlod')

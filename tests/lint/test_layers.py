@@ -29,7 +29,7 @@ LAYERS = {
     'src/forest': MESHES,
     'src/measure': MESHES + ['src/log/', 'src/forest/'],
     'src/pipeline': MESHES + ['format/step_code.h', 'format/time_table.h', 'format/topologies.h', 'src/simplify/simplify.h', 'src/simplify/retrace.h', 'src/log/', 'src/measure/'],
-    'src/library': MESHES + ['src/pipeline/build.h'],
+    'src/library': MESHES + ['src/pipeline/build.h', 'src/pipeline/build_warnings.h'],
     'src/report': MESHES + ['src/level/'],
     'server': MESHES + ['src/io/io.h', 'src/report/', 'src/level/', 'src/forest/', 'server/net/', 'server/answer/', 'server/store/'],
     'server/net': ARRAYS + ['server/answer/'],

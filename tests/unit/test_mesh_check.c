@@ -42,13 +42,19 @@ static void test_two_that_share_a_face(void)
     CHECK_NEAR(r.volume, 1.0 / 6 + 1.0 / 3, 1e-15);
 }
 
-static void test_inverted_against_the_larger(void)
+/* Two on both sides of a face lie right, whatever turn they are listed in; two on one side do not. */
+static void test_numbered_otherwise_and_inverted(void)
 {
+    const double folded[5 * 3] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0.1, 0.1, 0.1};
     struct mesh_report r = check(unit, 5, (uint32_t[]){1, 0, 2, 3, 1, 2, 3, 4}, 2);
+    CHECK_INT(r.turned_tets, 1);
+    CHECK_INT(r.inverted_tets, 0);
+    CHECK_INT(r.same_side_faces, 0);
+    r = check(folded, 5, (uint32_t[]){0, 1, 2, 3, 1, 2, 3, 4}, 2);
+    CHECK_INT(r.turned_tets, 0);
     CHECK_INT(r.orientation, 1);
     CHECK_INT(r.inverted_tets, 1);
-    CHECK_INT(r.same_side_faces, 1);
-    r = check(unit, 5, (uint32_t[]){0, 1, 2, 3, 1, 3, 2, 4}, 2);
+    r = check(folded, 5, (uint32_t[]){1, 0, 2, 3, 2, 1, 3, 4}, 2);
     CHECK_INT(r.orientation, -1);
     CHECK_INT(r.inverted_tets, 1);
 }
@@ -93,7 +99,7 @@ int main(void)
 {
     RUN(test_one_tetrahedron);
     RUN(test_two_that_share_a_face);
-    RUN(test_inverted_against_the_larger);
+    RUN(test_numbered_otherwise_and_inverted);
     RUN(test_degenerate_and_duplicate);
     RUN(test_joined_at_a_vertex_and_at_an_edge);
     RUN(test_apart);

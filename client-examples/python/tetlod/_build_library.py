@@ -7,6 +7,7 @@ import ctypes.util
 import functools
 import json
 import os
+import warnings
 from ctypes import POINTER, Structure, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_uint32, c_uint64, c_void_p
 from typing import Any, Callable, Dict, List, Mapping, Optional
 
@@ -20,6 +21,7 @@ WIDER = {'u1': 'i2', 'u2': 'i4', 'u4': 'i8', 'u8': 'i8'}
 Progress = Callable[[str, float], Optional[bool]]
 WRITE = ctypes.CFUNCTYPE(c_int, c_void_p, c_void_p, c_size_t)
 PROGRESS = ctypes.CFUNCTYPE(c_int, c_void_p, c_char_p, c_double)
+WARN = ctypes.CFUNCTYPE(None, c_void_p, c_char_p)
 
 
 class CArray(Structure):
@@ -37,7 +39,8 @@ class COptions(Structure):
                 ('max_error', c_double), ('min_tets', c_uint32), ('domain_error', c_double), ('boundary_angle', c_double), ('growth', c_double),
                 ('certify_exact', c_int), ('certify_all', c_int), ('local_bound', c_int), ('position_bits', c_uint), ('field_bits', c_uint),
                 ('position_error', c_double), ('field_error', c_double), ('keep_order', c_int), ('compression', c_int), ('threads', c_uint),
-                ('memory', c_uint64), ('metadata', c_char_p), ('progress', PROGRESS), ('progress_opaque', c_void_p)]
+                ('memory', c_uint64), ('metadata', c_char_p), ('progress', PROGRESS), ('progress_opaque', c_void_p),
+                ('warn', WARN), ('warn_opaque', c_void_p)]
 
 
 FUNCTIONS = (('tetlod_build_defaults', None, (POINTER(COptions),)),
@@ -135,6 +138,8 @@ def build(path: str, points: Any, tets: Any, fields: Mapping[str, Any], cells: M
     mesh, options = c_mesh(points, tets, fields, cells, kept), c_options(library, given, kept)
     if given.get('progress'):
         options.progress = PROGRESS(progress)
+    lines: List[str] = []
+    options.warn = WARN(lambda _, line: lines.append(line.decode('utf-8', 'replace')))
     status = library.tetlod_build(byref(mesh), byref(options), WRITE(write), None, byref(error))
     if raised:
         raise raised[0]
@@ -144,4 +149,6 @@ def build(path: str, points: Any, tets: Any, fields: Mapping[str, Any], cells: M
         raise InterruptedError('progress returned False: the build was cancelled')
     if status:
         raise ValueError(error.message.decode('utf-8', 'replace'))
+    for line in lines:
+        warnings.warn('tetlod.build: ' + line, stacklevel=3)
     return b''.join(chunks)
