@@ -20,6 +20,7 @@
 #include "format/writer.h"
 #include "tests/attack/falsify.h"
 #include "tests/attack/oracle.h"
+#include "tests/attack/region.h"
 #include "tests/attack/shapes.h"
 
 struct attack {
@@ -108,7 +109,7 @@ static void choose_rare_options(struct attack *a)
     if (a->shape.region && dice_once_in(&a->dice, 4))
         option(a, " --region none");
     if (strstr(a->options, "--field f0") && dice_once_in(&a->dice, 6))
-        option(a, " --carry f0");
+        option(a, " --carry f0%s", a->shape.marks ? "," SHAPE_MARK : "");
 }
 
 /* Of a third of the seeds that can have one: it draws no dice, so that a seed's other options are what they were. */
@@ -116,7 +117,7 @@ static void choose_local_bound(struct attack *a)
 {
     const char *domain = strstr(a->options, "--domain-error ");
     bool kept = !domain || strtod(domain + strlen("--domain-error "), NULL) <= 0.001;
-    if (a->seed % 3 == 0 && kept && !a->lossy && !strstr(a->options, "exact") && !strstr(a->options, "measured"))
+    if ((a->seed % 3 == 0 || a->shape.marks) && kept && !a->lossy && !strstr(a->options, "exact") && !strstr(a->options, "measured"))
         option(a, " --local-bound");
 }
 
@@ -593,15 +594,62 @@ static void check_verdicts(struct attack *a)
         found(a, lie ? "verify accepts" : "verify rejects", "sealed again, exit status %d: %s: %.200s", status, text, said(a));
 }
 
+/* ---- finer in boxes */
+
+/* Parts by number, in the input's numbering. */
+static void mark_parts(struct shape *shape)
+{
+    uint32_t *part = oracle_memory(shape->vertices, sizeof *part);
+    shape->marks = oracle_memory(shape->tets, sizeof *shape->marks);
+    oracle_parts(shape->vertices, shape->corners, shape->tets, part);
+    uint32_t *number = oracle_memory(shape->vertices, sizeof *number), count = 0;
+    for (uint32_t t = 0; t < shape->tets; t++) {
+        uint32_t *of = &number[part[shape->corners[4 * (size_t)t]]];
+        *of = *of ? *of : ++count;
+        shape->marks[t] = *of - 1;
+    }
+    free(part);
+    free(number);
+}
+
+/* A box around a vertex. */
+static void print_box(struct attack *a, char *out, size_t size)
+{
+    const double *p = a->positions + 3 * (size_t)dice_below(&a->dice, a->original.vertices);
+    double half = a->diagonal * 0.3 * dice_unit(&a->dice) * dice_unit(&a->dice);
+    snprintf(out, size, "--box=%.17g,%.17g,%.17g,%.17g,%.17g,%.17g", p[0] - half, p[1] - half, p[2] - half, p[0] + half, p[1] + half, p[2] + half);
+}
+
+static void check_region(struct attack *a)
+{
+    char box[200], operands[2048], text[300];
+    const char *error = ONE_OF(a, "0.5", "0.2", "0.1", "0.03"), *finer = ONE_OF(a, "0", "0.001", "0.02");
+    uint32_t coarse = tetlod_level_for_error(a->info, strtod(error, NULL), TETLOD_NONE, TETLOD_MAX);
+    print_box(a, box, sizeof box);
+    snprintf(operands, sizeof operands, "%s --error %s %s --box-error %s -o %s", path_of(a, "mesh.tetlod"), error, box, finer, path_of(a, "region.vtk"));
+    int status = run(a, "extract", operands);
+    const char *about = said(a);
+    if (status != 0 && !strstr(about, "none of its levels"))
+        found(a, "extract", "exit status %d: %s | extract %s", status, about, operands);
+    if (status != 0 || coarse == TETLOD_NONE || !strstr(about, "transition between them"))
+        return; // the boxes' level is no finer
+    const struct region_case c = {a->file, &a->original, a->field_of, a->component_of, domain_radius(a, coarse), a->falsehood.definite && !a->lossy, about};
+    if (!region_holds(&c, path_of(a, "region.vtk"), text, sizeof text))
+        found(a, "region", "%s | extract --error %s %s --box-error %s", text, error, box, finer);
+}
+
 static void check_stream(struct attack *a)
 {
     uint32_t levels = a->info->level_count;
     falsehood_begin(&a->falsehood, a->info);
     a->falsehood.definite = strcmp(a->shape.kind, "box") == 0 || strcmp(a->shape.kind, "ball") == 0 || strcmp(a->shape.kind, "torus") == 0;
     check_index(a);
-    for (uint32_t i = 0; i < 4 && i < levels; i++)
+    for (uint32_t i = 0; i < 6 && a->shape.marks; i++)
+        check_region(a);
+    for (uint32_t i = 0; i < 4 && i < levels && !a->shape.marks; i++)
         check_level(a, i ? dice_below(&a->dice, levels) : 0);
-    check_verdicts(a);
+    if (!a->shape.marks)
+        check_verdicts(a);
     falsehood_end(&a->falsehood);
 }
 
@@ -623,6 +671,8 @@ static unsigned attack(const char *program, const char *folder, uint64_t seed)
 {
     struct attack a = {.program = program, .folder = folder, .seed = seed, .dice = {seed * UINT64_C(0x9e3779b97f4a7c15)}};
     shape_of_seed(&a.shape, &a.dice, seed);
+    if (seed >= SHAPE_REGION_SEEDS)
+        mark_parts(&a.shape);
     choose_options(&a);
     if (build(&a) && open_stream(&a) && take_original(&a))
         check_stream(&a);
@@ -632,7 +682,7 @@ static unsigned attack(const char *program, const char *folder, uint64_t seed)
 
 int main(int argc, char **argv)
 {
-    static const char *const files[] = {"mesh.vtk", "mesh.tetlod", "lie.tetlod", "said"};
+    static const char *const files[] = {"mesh.vtk", "mesh.tetlod", "lie.tetlod", "region.vtk", "said"};
     struct attack names = {.folder = argc == 5 ? argv[2] : "."};
     unsigned findings = 0;
     if (argc != 5) {

@@ -414,7 +414,7 @@ void oracle_overlay(const struct oracle_mesh *original, const struct oracle_mesh
         uint32_t part = part_of(original, p.tets[0]);
         for (p.tets[1] = 0; p.tets[1] < level->tets && a->usable; p.tets[1]++) {
             const struct oracle_tet *b = &level->details[p.tets[1]];
-            if (b->usable && boxes_meet(a, b) && part_of(level, p.tets[1]) == part)
+            if (b->usable && (!level->wanted || level->wanted[p.tets[1]]) && boxes_meet(a, b) && part_of(level, p.tets[1]) == part)
                 try_pair(&p);
         }
     }

@@ -31,6 +31,7 @@ struct oracle_mesh {
     const double *values[ORACLE_MOST_VALUES]; /* of component i at vertex v: values[i][v * strides[i]] */
     uint32_t strides[ORACLE_MOST_VALUES];
     const uint32_t *part; /* [vertices] connected part */
+    const bool *wanted;   /* [tets] of a level: the overlay looks in these only; NULL: in all */
     int turn;             /* the sign of most of the volume: the orientation of the mesh */
     /* worked out by oracle_prepare: */
     struct oracle_tet *details;

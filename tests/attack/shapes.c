@@ -530,7 +530,9 @@ void shape_make(struct shape *out, struct dice *dice)
 
 void shape_of_seed(struct shape *out, struct dice *dice, uint64_t seed)
 {
-    (seed >= SHAPE_RARE_SEEDS ? shape_make_rare : seed >= SHAPE_ODD_SEEDS ? shape_make_odd : shape_make)(out, dice);
+    static void (*const makers[])(struct shape *, struct dice *) = {shape_make, shape_make_odd, shape_make_rare};
+    size_t kind = seed >= SHAPE_RARE_SEEDS ? 2 : seed >= SHAPE_ODD_SEEDS ? 1 : 0;
+    makers[seed >= SHAPE_REGION_SEEDS ? seed % 3 : kind](out, dice);
 }
 
 void shape_free(struct shape *shape)
@@ -541,6 +543,7 @@ void shape_free(struct shape *shape)
     free(shape->corners);
     free(shape->body);
     free(shape->region);
+    free(shape->marks);
 }
 
 void shape_print_finding(const struct shape *shape, uint64_t seed, const char *what, const char *format, va_list list)
@@ -585,10 +588,17 @@ bool shape_write(const struct shape *shape, const char *path)
     fprintf(file, "\nCELL_TYPES %u\n", shape->tets);
     for (uint32_t t = 0; t < shape->tets; t++)
         put_big(file, &type, 4);
-    if (shape->region) {
-        fprintf(file, "\nCELL_DATA %u\nSCALARS region int 1\nLOOKUP_TABLE default\n", shape->tets);
-        for (uint32_t t = 0; t < shape->tets; t++)
-            put_big(file, shape->region + t, 4);
+    if (shape->region || shape->marks)
+        fprintf(file, "\nCELL_DATA %u\n", shape->tets);
+    if (shape->region)
+        fprintf(file, "SCALARS region int 1\nLOOKUP_TABLE default\n");
+    for (uint32_t t = 0; t < shape->tets && shape->region; t++)
+        put_big(file, shape->region + t, 4);
+    if (shape->marks)
+        fprintf(file, "%sSCALARS " SHAPE_MARK " double 1\nLOOKUP_TABLE default\n", shape->region ? "\n" : "");
+    for (uint32_t t = 0; t < shape->tets && shape->marks; t++) {
+        double mark = shape->marks[t];
+        put_big(file, &mark, 8);
     }
     fprintf(file, "\nPOINT_DATA %u\nFIELD FieldData %u\n", shape->vertices, shape->field_count);
     for (uint32_t f = 0; f < shape->field_count; f++) {

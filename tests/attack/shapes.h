@@ -11,8 +11,11 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Seeds from here on make the odd ones, and the rare ones. */
-enum { SHAPE_ODD_SEEDS = 1000000, SHAPE_RARE_SEEDS = 2000000 };
+/* Seeds from here on make the odd ones, and the rare ones; and all three again, with marks, to be extracted finer in boxes. */
+enum { SHAPE_ODD_SEEDS = 1000000, SHAPE_RARE_SEEDS = 2000000, SHAPE_REGION_SEEDS = 3000000 };
+
+/* The name of the field of cells that tells the mesh's parts. */
+#define SHAPE_MARK "mark"
 
 enum { SHAPE_MOST_FIELDS = 4, SHAPE_MOST_VERTICES = 8192, SHAPE_MOST_TETS = 40000 };
 
@@ -31,6 +34,7 @@ struct shape {
     uint32_t *corners;  /* [4 * tets] */
     uint32_t *body;     /* [vertices] the part of the recipe that made it: for fields that differ by body */
     uint32_t *region;   /* [tets] values of cells; NULL: none */
+    uint32_t *marks;    /* [tets] others: numbers of parts, to be written as float64; NULL: none */
     struct shape_field fields[SHAPE_MOST_FIELDS];
 };
 

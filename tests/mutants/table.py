@@ -14,6 +14,7 @@ def mutant(name, file, old, new, why, *killers, more=()):
 
 PROOF = 'proof 1 300'  # the certificate itself, in one process
 ATTACK = 'attack 1 60'  # the program, its streams, and verify
+REGIONS = 'attack 3000001 60'  # levels that are finer in boxes
 
 # ---- the envelope (PROOF.md, 2 to 4), in rounds
 
@@ -68,11 +69,11 @@ mutant('verify believes local bounds', 'src/cli/against.c', 'if (status == TETLO
 # ---- the transition of a region (2)
 
 mutant('local bound of a transition as it is', 'src/measure/region_error.c', 'if (status == TETLOD_OK && any)\n        status = transition_far', 'any = false;\n    if (status == TETLOD_OK && any)\n        status = transition_far',
-       'where vertices of several levels meet, a local bound is raised', 'cli/test_region.py')
+       'where vertices of several levels meet, a local bound is raised', REGIONS)
 mutant('local bound of a transition from below', 'src/measure/region_error.c', 'out[count + i] = s->values[i] - by;', 'out[count + i] = s->values[i] + by;',
        'it is raised for what is below and above the original', 'cli/test_region.py')
 mutant('transition beside another body', 'src/measure/region_error.c', '.threads = m->threads, .bodies = {far.bodies, t->bodies}, .wanted', '.threads = m->threads, .wanted',
-       'each body is compared with itself', 'cli/test_region.py')
+       'each body is compared with itself', REGIONS)
 
 # ---- steps in time (10)
 
