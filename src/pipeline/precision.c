@@ -54,10 +54,10 @@ static void weigh_rounding(struct precision *precision, uint32_t f)
     for (size_t i = 0; i < count; i++) {
         double change = fabs(grid_round(&field->grid, field->type, field->values[i]) - field->values[i]);
         most = fmax(most, change);
-        sum += change * change;
+        sum += change / field->grid.step * (change / field->grid.step); // the step is a power of two: no square overflows, and no digit is lost
     }
     precision->rounding[f] = most;
-    precision->rounding_rms[f] = count ? sqrt(sum / (double)count) : 0;
+    precision->rounding_rms[f] = count ? sqrt(sum / (double)count) * field->grid.step : 0;
 }
 
 static void choose_precision(struct precision *precision, const struct tetmesh *mesh, uint32_t f)
