@@ -20,7 +20,7 @@
 #include "format/writer.h"
 #include "tests/attack/falsify.h"
 #include "tests/attack/oracle.h"
-#include "tests/attack/region.h"
+#include "tests/attack/boxed.h"
 #include "tests/attack/shapes.h"
 
 struct attack {

@@ -3,8 +3,8 @@
  * Meshes that are finer in boxes against the oracle: in the transition between the two levels nothing is off by more than is said, and local
  * bounds hold everywhere. The input has a field of cells, SHAPE_MARK, that tells its parts; the mesh has it, too.
  */
-#ifndef TETLOD_ATTACK_REGION_H
-#define TETLOD_ATTACK_REGION_H
+#ifndef TETLOD_ATTACK_BOXED_H
+#define TETLOD_ATTACK_BOXED_H
 
 #include "format/tetlod.h"
 #include "tests/attack/oracle.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#include "tests/attack/region.h"
+#include "tests/attack/boxed.h"
 
 #include <inttypes.h>
 #include <math.h>
