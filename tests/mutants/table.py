@@ -68,12 +68,12 @@ mutant('verify believes local bounds', 'src/cli/against.c', 'if (status == TETLO
 
 # ---- the transition of a region (2)
 
-mutant('local bound of a transition as it is', 'src/measure/region_error.c', 'if (status == TETLOD_OK && any)\n        status = transition_far', 'any = false;\n    if (status == TETLOD_OK && any)\n        status = transition_far',
+mutant('local bound of a transition as it is', 'src/measure/region_error.c', 'if (lack[v] > 0)\n', 'if (lack[v] > INFINITY)\n',
        'where vertices of several levels meet, a local bound is raised', REGIONS)
 mutant('local bound of a transition from below', 'src/measure/region_error.c', 'out[count + i] = s->values[i] - by;', 'out[count + i] = s->values[i] + by;',
        'it is raised for what is below and above the original', 'cli/test_region.py')
 mutant('transition beside another body', 'src/measure/region_error.c', '.threads = m->threads, .bodies = {far.bodies, t->bodies}, .wanted', '.threads = m->threads, .wanted',
-       'each body is compared with itself', REGIONS)
+       'each body is compared with itself', 'cli/test_region.py')
 
 # ---- steps in time (10)
 
