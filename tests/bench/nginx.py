@@ -24,7 +24,7 @@ import time
 from served_process import Server
 
 TETLOD, TILE = (os.path.abspath(path) for path in sys.argv[1:3])
-SECONDS = float(sys.argv[3]) if len(sys.argv) > 3 else 2
+SECONDS = int(sys.argv[3]) if len(sys.argv) > 3 else 2
 ROUNDS = int(sys.argv[4]) if len(sys.argv) > 4 else 5
 CHOSEN = sys.argv[5] if len(sys.argv) > 5 else ''
 CORES = len(os.sched_getaffinity(0))
@@ -89,7 +89,7 @@ def load(server, path, headers):
     many."""
     options = [part for header in headers for part in ('-H', header)]
     before, client = processor_seconds(server.process.pid), resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(['wrk', '-t%d' % CORES, '-c%d' % CONNECTIONS, '-d%gs' % SECONDS, '--latency', *options, 'http://127.0.0.1:%d%s' % (server.port, path)],
+    done = subprocess.run(['wrk', '-t%d' % CORES, '-c%d' % CONNECTIONS, '-d%ds' % SECONDS, '--latency', *options, 'http://127.0.0.1:%d%s' % (server.port, path)],
                           check=True, stdout=subprocess.PIPE).stdout.decode()
     spent, after = processor_seconds(server.process.pid) - before, resource.getrusage(resource.RUSAGE_CHILDREN)
     both = spent + after.ru_utime + after.ru_stime - client.ru_utime - client.ru_stime
@@ -144,8 +144,9 @@ def make_streams(folder):
 def measure(folder):
     failed = []
     with Server(TETLOD, os.path.join(folder, 'www'), '--threads', str(CORES)) as ours, Nginx(folder, os.path.join(folder, 'www')) as theirs:
-        about = json.loads(ours.get('/v1/meshes/large')[1])
-        at, levels = '/v1/meshes/large/' + about['cid'], about['levels']
+        def describe(stream):
+            about = json.loads(ours.get('/v1/meshes/' + stream)[1])
+            return '/v1/meshes/%s/%s' % (stream, about['cid']), about['levels']
 
         def row(name, *arguments):
             if CHOSEN in name and not compare(ours, theirs, name, *arguments):
@@ -154,12 +155,13 @@ def measure(folder):
         print('| | rate | processor time of the server | with the client\'s | tetlod: rate, processor time, p50, p99 | nginx |\n|---|---|---|---|---|---|')
         for name, size in SIZES.items():
             stream = name.replace(' ', '-')
-            cid = json.loads(ours.get('/v1/meshes/' + stream)[1])['cid']
-            row('whole stream, ' + name, '/v1/meshes/%s/%s/stream' % (stream, cid), '/%s.tetlod' % stream)
+            row('whole stream, ' + name, describe(stream)[0] + '/stream', '/%s.tetlod' % stream)
         for name, size in SIZES.items():
-            row('range, ' + name, at + '/stream', '/large.tetlod', ['Range: bytes=100000-%d' % (99999 + size)])
+            row('range, ' + name, describe('large')[0] + '/stream', '/large.tetlod', ['Range: bytes=100000-%d' % (99999 + size)])
         for name, size in SIZES.items():
-            stream, level = name.replace(' ', '-'), min(levels, key=lambda level: abs(28 * level['tets'] - size))['level']
+            stream = name.replace(' ', '-')
+            at, levels = describe(stream if size < 1 << 20 else 'large')
+            level = min(levels, key=lambda level: abs(28 * level['tets'] - size))['level']
             path = '%s/levels/%d/mesh.vtu' % (at, level)
             with open(os.path.join(folder, 'www', stream + '.vtu'), 'wb') as file:
                 file.write(fetch(ours, path, ()))
