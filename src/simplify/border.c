@@ -224,8 +224,9 @@ static enum tetlod_status find_most(struct border *border, const struct working 
     return status;
 }
 
-enum tetlod_status border_init(struct border *border, const struct working *working, const struct tetmesh *mesh,
-                                double angle_degrees, double limit, double least, unsigned threads, struct tetlod_error *error)
+/* All but how far the vertices may move. */
+static enum tetlod_status open_border(struct border *border, const struct working *working, double angle_degrees,
+                                      double limit, struct tetlod_error *error)
 {
     size_t n = working->slot_count;
     *border = (struct border){.limit = limit, .kinds = array_zero(n, 1), .directions = array_zero(n, 3 * sizeof(float)),
@@ -233,11 +234,26 @@ enum tetlod_status border_init(struct border *border, const struct working *work
     boundary_angle(angle_degrees, &border->cosine, &border->sine);
     if (!border->kinds || !border->directions || !border->most)
         return tetlodi_fail_nomem(error, "the boundary", n * 21);
-    TETLOD_TRY(find_most(border, working, mesh, least, threads, error));
     for (uint32_t v = 0; v < n; v++)
         if (working->flags[v] & VERTEX_BOUNDARY)
             border_classify(border, working, v);
     return TETLOD_OK;
+}
+
+enum tetlod_status border_resume(struct border *border, const struct working *working, const double *most,
+                                 double angle_degrees, double limit, struct tetlod_error *error)
+{
+    TETLOD_TRY(open_border(border, working, angle_degrees, limit, error));
+    for (uint32_t v = 0; v < working->slot_count; v++)
+        border->most[v] = most[working->node[v]];
+    return TETLOD_OK;
+}
+
+enum tetlod_status border_init(struct border *border, const struct working *working, const struct tetmesh *mesh,
+                                double angle_degrees, double limit, double least, unsigned threads, struct tetlod_error *error)
+{
+    TETLOD_TRY(open_border(border, working, angle_degrees, limit, error));
+    return find_most(border, working, mesh, least, threads, error);
 }
 
 void border_fini(struct border *border)

@@ -30,6 +30,10 @@ bool border_folded(const struct working *working, uint32_t tet);
 TETLOD_CHECKED enum tetlod_status border_init(struct border *border, const struct working *working, const struct tetmesh *mesh,
                                                double angle_degrees, double limit, double least, unsigned threads,
                                              struct tetlod_error *error);
+/* Of a part of a mesh before its first contraction here: `most` [vertex] is what border_init has found for the whole, or contractions
+ * have left of it. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status border_resume(struct border *border, const struct working *working, const double *most,
+                                                double angle_degrees, double limit, struct tetlod_error *error);
 void border_fini(struct border *border);
 
 /* A boundary vertex's kind anew. */

@@ -140,7 +140,7 @@ enum tetlod_status retrace(const struct tetmesh *mesh, const struct contraction_
     state.run.crew = crew_new(options->threads ? options->threads : 1);
     if (!state.run.crew)
         TETLOD_TRY_DONE(no_memory(&state));
-    TETLOD_TRY_DONE(working_init(&state.working, mesh, fields, mesh->field_count, NULL, &state.made, error));
+    TETLOD_TRY_DONE(working_init(&state.working, mesh, NULL, fields, mesh->field_count, NULL, &state.made, error));
     TETLOD_TRY_DONE(border_find(&state.working, state.run.crew, error));
     TETLOD_TRY_DONE(border_init(&state.run.border, &state.working, mesh, options->boundary_angle, options->boundary_limit,
                                 options->boundary_least, crew_size(state.run.crew), error));

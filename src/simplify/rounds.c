@@ -16,6 +16,9 @@
  * eases it by more. */
 static const double EASED = 0.8;
 
+/* The first rung. */
+static const double FIRST_LIMIT = 1e-6;
+
 /* Below it the ladder has no steps between (ladder.h): nobody asks for what is between, and every rung looks at most vertices again. */
 static const double STEPS_FROM = 1e-3;
 
@@ -611,10 +614,11 @@ static double next_rung(const struct simplify_options *options, double limit, bo
     return next;
 }
 
-static enum tetlod_status climb(struct rounds *rounds)
+/* From a first limit on. */
+static enum tetlod_status climb(struct rounds *rounds, double from)
 {
     bool named = true;
-    double limit = fmin(1e-6, rounds->options->max_error);
+    double limit = fmin(from, rounds->options->max_error);
     TETLOD_TRY(mark(rounds));
     for (;;) {
         TETLOD_TRY(climb_rung(rounds, limit, named));
@@ -677,6 +681,29 @@ static void rounds_fini(struct rounds *rounds)
     working_fini(&rounds->working);
 }
 
+static enum tetlod_status open_rounds(struct rounds *rounds)
+{
+    unsigned threads = rounds->options->threads;
+    rounds->run.working = &rounds->working;
+    rounds->run.kernels = kernels_choose();
+    rounds->run.crew = crew_new(threads ? threads : parallel_cores());
+    return rounds->run.crew ? TETLOD_OK : no_memory(rounds);
+}
+
+/* Ends the log, and frees all else. */
+static enum tetlod_status close_rounds(struct rounds *rounds, struct contraction_log *log, enum tetlod_status status)
+{
+    for (unsigned w = 0; rounds->run.workers && w < crew_size(rounds->run.crew); w++)
+        for (int r = 0; r < LOG_REFUSALS; r++)
+            log->refused[r] += rounds->run.workers[w].refused[r];
+    rounds_fini(rounds);
+    if (status == TETLOD_OK)
+        log_finish(log);
+    else
+        log_fini(log);
+    return status;
+}
+
 enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tetmesh *mesh, const uint32_t *controlled,
                                    uint32_t controlled_count, const double *limits, const struct simplify_options *options,
                                    struct tetlod_error *error)
@@ -684,12 +711,8 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     struct rounds rounds = {.options = options, .error = error};
     enum tetlod_status status;
     TETLOD_TRY(log_init(out, mesh, error));
-    rounds.run.working = &rounds.working;
-    rounds.run.kernels = kernels_choose();
-    rounds.run.crew = crew_new(options->threads ? options->threads : parallel_cores());
-    if (!rounds.run.crew)
-        TETLOD_TRY_DONE(no_memory(&rounds));
-    TETLOD_TRY_DONE(working_init(&rounds.working, mesh, controlled, controlled_count, limits, out, error));
+    TETLOD_TRY_DONE(open_rounds(&rounds));
+    TETLOD_TRY_DONE(working_init(&rounds.working, mesh, NULL, controlled, controlled_count, limits, out, error));
     if (options->local_bound)
         TETLOD_TRY_DONE(log_keep_bounds(out, error));
     TETLOD_TRY_DONE(regions_fix(mesh, options->regions, rounds.working.node, rounds.working.flags, error));
@@ -699,14 +722,35 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, mesh, options->boundary_angle, options->boundary_limit,
                                 options->boundary_least, crew_size(rounds.run.crew), error));
     TETLOD_TRY_DONE(allocate(&rounds));
-    status = climb(&rounds);
-    for (unsigned w = 0; w < crew_size(rounds.run.crew); w++)
-        for (int r = 0; r < LOG_REFUSALS; r++)
-            out->refused[r] += rounds.run.workers[w].refused[r];
-    log_finish(out);
+    status = climb(&rounds, FIRST_LIMIT);
 done:
-    rounds_fini(&rounds);
-    if (status != TETLOD_OK)
-        log_fini(out);
-    return status;
+    return close_rounds(&rounds, out, status);
+}
+
+enum tetlod_status rounds_contract(struct contraction_log *out, struct piece *piece, double from,
+                                   const struct simplify_options *options, struct tetlod_error *error)
+{
+    struct rounds rounds = {.options = options, .error = error};
+    struct piece_state *state = &piece->state;
+    enum tetlod_status status;
+    TETLOD_TRY(log_init(out, &piece->mesh, error));
+    TETLOD_TRY_DONE(open_rounds(&rounds));
+    TETLOD_TRY_DONE(piece_open(piece, &rounds.working, out, error));
+    if (options->local_bound)
+        TETLOD_TRY_DONE(log_keep_bounds(out, error));
+    TETLOD_TRY_DONE(border_resume(&rounds.run.border, &rounds.working, piece->most, options->boundary_angle,
+                                  options->boundary_limit, error));
+    TETLOD_TRY_DONE(allocate(&rounds));
+    size_t size = rounds.working.component_count * sizeof(double);
+    memcpy(rounds.certified, state->certified, size);
+    memcpy(rounds.predicted, state->predicted, size);
+    rounds.moved = state->moved;
+    TETLOD_TRY_DONE(climb(&rounds, from));
+    TETLOD_TRY_DONE(piece_take(piece, &rounds.working, &rounds.run.border, error));
+    memcpy(state->certified, rounds.certified, size);
+    memcpy(state->predicted, rounds.predicted, size);
+    state->moved = rounds.moved;
+    status = TETLOD_OK;
+done:
+    return close_rounds(&rounds, out, status);
 }

@@ -10,11 +10,18 @@
 #ifndef TETLOD_ROUNDS_H
 #define TETLOD_ROUNDS_H
 
+#include "src/simplify/piece.h"
 #include "src/simplify/simplify.h"
 
 /* Contracts the mesh by its envelope, edges only. As simplify(). */
 TETLOD_CHECKED enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tetmesh *mesh,
                                                   const uint32_t *controlled, uint32_t controlled_count, const double *limits,
+                                                  const struct simplify_options *options, struct tetlod_error *error);
+
+/* The same of a piece, from a first limit to options->max_error. The piece is then what is left of it; its nodes are those
+ * of the log, whose vertices are those that the piece had. Of the options `regions` and `boundary_least` do not count: they
+ * are in the piece's state. After an error the piece is as before. */
+TETLOD_CHECKED enum tetlod_status rounds_contract(struct contraction_log *out, struct piece *piece, double from,
                                                   const struct simplify_options *options, struct tetlod_error *error);
 
 /* Bytes that this takes at its peak, about, without the mesh. */

@@ -76,8 +76,26 @@ static bool allocate(struct working *working, const struct tetmesh *mesh)
            working->pool;
 }
 
+bool working_is_turned(const struct tetmesh *mesh)
+{
+    double volume = 0;
+    for (uint32_t t = 0; t < mesh->tet_count; t++) {
+        const uint32_t *c = mesh->corners + 4 * (size_t)t;
+        volume += tet_volume6(mesh->positions + 3 * (size_t)c[0], mesh->positions + 3 * (size_t)c[1],
+                              mesh->positions + 3 * (size_t)c[2], mesh->positions + 3 * (size_t)c[3]);
+    }
+    return volume < 0;
+}
+
+/* The least slot of a tetrahedron's corners. */
+static uint32_t least_slot(const uint32_t *slot, const uint32_t corners[4])
+{
+    return smaller(smaller(slot[corners[0]], slot[corners[1]]), smaller(slot[corners[2]], slot[corners[3]]));
+}
+
 /* Fills the rows' positions in the order `node`, and the corners: in slots, positive, by their least slot. */
-static enum tetlod_status renumber(struct working *working, const struct tetmesh *mesh, struct tetlod_error *error)
+static enum tetlod_status renumber(struct working *working, const struct tetmesh *mesh, bool turned,
+                                   struct tetlod_error *error)
 {
     uint32_t n = mesh->vertex_count, *slot = array_new(n, sizeof *slot), *first = array_zero((size_t)n + 1, sizeof *first);
     if (!slot || !first) {
@@ -89,25 +107,37 @@ static enum tetlod_status renumber(struct working *working, const struct tetmesh
         slot[working->node[v]] = v;
         memcpy(working_row(working, v), mesh->positions + 3 * (size_t)working->node[v], 3 * sizeof(double));
     }
-    double volume = 0;
-    for (uint32_t t = 0; t < mesh->tet_count; t++) {
-        const uint32_t *c = mesh->corners + 4 * (size_t)t;
-        uint32_t least = smaller(smaller(slot[c[0]], slot[c[1]]), smaller(slot[c[2]], slot[c[3]]));
-        first[least + 1]++;
-        volume += tet_volume6(mesh->positions + 3 * (size_t)c[0], mesh->positions + 3 * (size_t)c[1],
-                              mesh->positions + 3 * (size_t)c[2], mesh->positions + 3 * (size_t)c[3]);
-    }
+    for (uint32_t t = 0; t < mesh->tet_count; t++)
+        first[least_slot(slot, mesh->corners + 4 * (size_t)t) + 1]++;
     for (uint32_t v = 0; v < n; v++)
         first[v + 1] += first[v];
     for (uint32_t t = 0; t < mesh->tet_count; t++) {
         const uint32_t *c = mesh->corners + 4 * (size_t)t;
-        uint32_t own[4] = {slot[c[0]], slot[c[1]], slot[c[volume < 0 ? 3 : 2]], slot[c[volume < 0 ? 2 : 3]]};
-        uint32_t least = smaller(smaller(own[0], own[1]), smaller(own[2], own[3]));
-        memcpy(working->corners[first[least]++], own, sizeof own);
+        uint32_t own[4] = {slot[c[0]], slot[c[1]], slot[c[turned ? 3 : 2]], slot[c[turned ? 2 : 3]]};
+        memcpy(working->corners[first[least_slot(slot, c)]++], own, sizeof own);
     }
     free(slot);
     free(first);
     return TETLOD_OK;
+}
+
+enum tetlod_status working_origins(const struct working *working, const struct tetmesh *mesh, uint32_t *out,
+                                   struct tetlod_error *error)
+{
+    uint32_t n = working->slot_count, *slot = array_new(n, sizeof *slot);
+    uint32_t *first = array_zero((size_t)n + 1, sizeof *first);
+    bool room = slot && first;
+    for (uint32_t v = 0; v < n && room; v++)
+        slot[working->node[v]] = v;
+    for (uint32_t t = 0; t < mesh->tet_count && room; t++)
+        first[least_slot(slot, mesh->corners + 4 * (size_t)t) + 1]++;
+    for (uint32_t v = 0; v < n && room; v++)
+        first[v + 1] += first[v];
+    for (uint32_t t = 0; t < mesh->tet_count && room; t++)
+        out[first[least_slot(slot, mesh->corners + 4 * (size_t)t)]++] = t;
+    free(slot);
+    free(first);
+    return room ? TETLOD_OK : tetlodi_fail_nomem(error, "the order of the tetrahedra", 8 * (uint64_t)n);
 }
 
 static enum tetlod_status list_stars(struct working *working, struct tetlod_error *error)
@@ -137,7 +167,8 @@ static void freeze(struct working *working)
     }
 }
 
-static bool init_values(struct working *working, uint32_t f, const struct point_field *from)
+static bool init_values(struct working *working, uint32_t f, const struct point_field *from,
+                        const struct working_whole *whole)
 {
     size_t k = from->components, n = working->slot_count;
     struct working_field *field = &working->fields[f];
@@ -155,6 +186,8 @@ static bool init_values(struct working *working, uint32_t f, const struct point_
             range[0] = smaller(range[0], from->values[v * k + c]);
             range[1] = larger(range[1], from->values[v * k + c]);
         }
+        if (whole)
+            memcpy(range, whole->component_ranges[working->firsts[f] + c], 2 * sizeof *range);
         double middle = field->middles[c] = field_middle(range);
         for (size_t v = 0; v < n; v++)
             working_values(working, (uint32_t)v, f)[c] =
@@ -180,7 +213,8 @@ static bool init_component(struct working *working, const struct tetmesh *mesh, 
     return component->predicted != NULL;
 }
 
-static enum tetlod_status init_fields(struct working *working, const struct tetmesh *mesh, const uint32_t *controlled,
+static enum tetlod_status init_fields(struct working *working, const struct tetmesh *mesh,
+                                      const struct working_whole *whole, const uint32_t *controlled,
                                       uint32_t controlled_count, const double *limits, struct tetlod_error *error)
 {
     bool room;
@@ -194,14 +228,17 @@ static enum tetlod_status init_fields(struct working *working, const struct tetm
     working->values = array_new((size_t)working->slot_count * working->value_count, sizeof *working->values);
     room = working->fields && working->firsts && working->values;
     for (uint32_t f = 0; f < mesh->field_count && room; f++)
-        room = init_values(working, f, &mesh->fields[f]);
+        room = init_values(working, f, &mesh->fields[f], whole);
     if (!room)
         return tetlodi_fail_nomem(error, "the fields", working_bytes(mesh, controlled_count));
     struct log_component *names = array_new(working->component_count, sizeof *names);
     room = names != NULL;
     for (uint32_t i = 0, c = 0; i < controlled_count && room; i++) {
         double range[2];
-        point_field_range(&mesh->fields[controlled[i]], mesh->vertex_count, range);
+        if (whole)
+            memcpy(range, whole->field_ranges[i], sizeof range);
+        else
+            point_field_range(&mesh->fields[controlled[i]], mesh->vertex_count, range);
         for (uint32_t k = 0; k < mesh->fields[controlled[i]].components && room; k++, c++) {
             struct controlled *component = &working->components[c];
             component->field = controlled[i];
@@ -218,9 +255,9 @@ static enum tetlod_status init_fields(struct working *working, const struct tetm
     return status;
 }
 
-enum tetlod_status working_init(struct working *working, const struct tetmesh *mesh, const uint32_t *controlled,
-                                uint32_t controlled_count, const double *limits, struct contraction_log *log,
-                                struct tetlod_error *error)
+enum tetlod_status working_init(struct working *working, const struct tetmesh *mesh, const struct working_whole *whole,
+                                const uint32_t *controlled, uint32_t controlled_count, const double *limits,
+                                struct contraction_log *log, struct tetlod_error *error)
 {
     *working = (struct working){.slot_count = mesh->vertex_count,
                                 .tet_count = mesh->tet_count,
@@ -236,11 +273,11 @@ enum tetlod_status working_init(struct working *working, const struct tetmesh *m
         return tetlodi_fail_nomem(error, "the working mesh", working_bytes(mesh, controlled_count));
     memset(working->rows, 0, (size_t)working->slot_count * working->stride * sizeof(double));
     TETLOD_TRY(hilbert_order(mesh->positions, mesh->vertex_count, working->node, error));
-    TETLOD_TRY(renumber(working, mesh, error));
+    TETLOD_TRY(renumber(working, mesh, whole ? whole->turned : working_is_turned(mesh), error));
     TETLOD_TRY(list_stars(working, error));
     memset(working->flags, VERTEX_ALIVE, working->slot_count);
     freeze(working);
-    return init_fields(working, mesh, controlled, controlled_count, limits, error);
+    return init_fields(working, mesh, whole, controlled, controlled_count, limits, error);
 }
 
 /* ---- the pool */

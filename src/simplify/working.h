@@ -90,11 +90,26 @@ static inline unsigned corner_of(const uint32_t corners[4], uint32_t slot)
     return (unsigned)(corners[1] == slot) + 2u * (corners[2] == slot) + 3u * (corners[3] == slot);
 }
 
+/* What a part of a mesh has from the whole. */
+struct working_whole {
+    bool turned; /* most of its tetrahedra are listed the other way round */
+    double (*field_ranges)[2];     /* [controlled field] over all of its components */
+    double (*component_ranges)[2]; /* [value] of each component of each field */
+};
+
 /* Takes over the mesh. The log is the mesh's (log_init); its controlled components and the degenerate and inverted tetrahedra are
- * filled in (border_find adds the folded ones). `limits` (may be NULL) are multiples of the common limit. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status working_init(struct working *working, const struct tetmesh *mesh,
+ * filled in (border_find adds the folded ones). `limits` (may be NULL) are multiples of the common limit. `whole`: NULL, the mesh is all
+ * there is. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status working_init(struct working *working, const struct tetmesh *mesh, const struct working_whole *whole,
                                                const uint32_t *controlled, uint32_t controlled_count, const double *limits,
                                                struct contraction_log *log, struct tetlod_error *error);
+
+/* Which tetrahedron of the mesh each of a new working mesh is: out[tet]. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status working_origins(const struct working *working, const struct tetmesh *mesh, uint32_t *out,
+                                                  struct tetlod_error *error);
+
+/* Are most of the mesh's tetrahedra, by volume, listed the other way round? */
+bool working_is_turned(const struct tetmesh *mesh);
 void working_fini(struct working *working);
 
 /* Bytes that it takes at most, about. */

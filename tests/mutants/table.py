@@ -199,6 +199,16 @@ mutant('overlay: a finest level of other tetrahedra', 'src/measure/overlay_level
 mutant('overlay: a finest level of other values', 'src/measure/overlay_levels.c', 'for (uint32_t f = 0; f < original->field_count && same; f++)', 'for (uint32_t f = original->field_count; f < original->field_count && same; f++)',
        'the same', 'unit/test_overlay')
 
+# ---- pieces (PROOF.md, 11)
+
+mutant('piece: seams are contracted', 'src/simplify/piece.c', '(piece->frozen[v] ? VERTEX_SINGULAR : 0)', '0',
+       'a star must be in the piece as a whole', 'unit/test_piece')
+mutant('piece: U and L begin anew', 'src/simplify/piece.c', 'memcpy(row + ROW_FIELDS, piece->bounds + 2 * (size_t)v * k, 2 * k * sizeof *row);', '',
+       'errors accumulate from piece to piece', 'unit/test_piece')
+mutant('piece: seams are boundary', 'src/simplify/piece.c',
+       'working->boundary_faces[t] = whole->ranges.turned ? turn_faces(faces) : faces;', '(void)faces;',
+       'only faces of the whole boundary are on it', 'unit/test_piece')
+
 # ---- what is stored
 
 mutant('max below sampled', 'src/pipeline/build.c', 'errors[TETLOD_MAX] = larger(errors[TETLOD_MAX], errors[TETLOD_SAMPLED]);', '',

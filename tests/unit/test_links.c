@@ -28,7 +28,7 @@ static void compare(struct tetmesh *mesh, uint32_t io_counts[2])
     struct crew *crew = crew_new(1);
     uint32_t controlled = 0, wrong = 0;
     REQUIRE(crew && log_init(&log, mesh, NULL) == TETLOD_OK && complex_init(&complex, mesh, NULL) == TETLOD_OK);
-    REQUIRE(working_init(&working, mesh, &controlled, 1, NULL, &log, NULL) == TETLOD_OK);
+    REQUIRE(working_init(&working, mesh, NULL, &controlled, 1, NULL, &log, NULL) == TETLOD_OK);
     REQUIRE(border_find(&working, crew, NULL) == TETLOD_OK);
     for (uint32_t v = 0; v < working.slot_count; v++) {
         if (working.stars[v].count == 0 || working.flags[v] & VERTEX_SINGULAR)

@@ -105,7 +105,7 @@ static void check_kernels(const struct tetmesh *mesh, const uint32_t *controlled
     const struct kernels *kernels[2] = {&kernels_plain, &kernels_avx2};
     uint32_t slots = 0;
     REQUIRE(log_init(&log, mesh, NULL) == TETLOD_OK);
-    REQUIRE(working_init(&working, mesh, controlled, count, NULL, &log, NULL) == TETLOD_OK);
+    REQUIRE(working_init(&working, mesh, NULL, controlled, count, NULL, &log, NULL) == TETLOD_OK);
     double factors[8], gaps[8] = {0};
     for (uint32_t c = 0; c < working.component_count; c++)
         factors[c] = working.components[c].factor;
@@ -234,7 +234,7 @@ static void test_clearance_by_slot(void)
     uint32_t differ = 0;
     REQUIRE(crew && sample_find("torus")->make(&mesh, 3, NULL) == TETLOD_OK);
     REQUIRE(log_init(&log, &mesh, NULL) == TETLOD_OK);
-    REQUIRE(working_init(&working, &mesh, (uint32_t[]){0}, 1, NULL, &log, NULL) == TETLOD_OK);
+    REQUIRE(working_init(&working, &mesh, NULL, (uint32_t[]){0}, 1, NULL, &log, NULL) == TETLOD_OK);
     REQUIRE(border_find(&working, crew, NULL) == TETLOD_OK);
     double limit = mesh_diagonal(&mesh), *most = array_new(mesh.vertex_count, sizeof *most);
     uint32_t *triangles = array_new(mesh.tet_count, 12 * sizeof *triangles);
