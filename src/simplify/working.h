@@ -98,10 +98,11 @@ struct working_whole {
 };
 
 /* Takes over the mesh. The log is the mesh's (log_init); its controlled components and the degenerate and inverted tetrahedra are
- * filled in (border_find adds the folded ones). `limits` (may be NULL) are multiples of the common limit. `whole`: NULL, the mesh is all
- * there is. ERR_NOMEM. */
-TETLOD_CHECKED enum tetlod_status working_init(struct working *working, const struct tetmesh *mesh, const struct working_whole *whole,
-                                               const uint32_t *controlled, uint32_t controlled_count, const double *limits,
+ * filled in (border_find adds the folded ones). `limits` (may be NULL) are multiples of the common limit. Without `whole`
+ * the mesh is the whole. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status working_init(struct working *working, const struct tetmesh *mesh,
+                                               const struct working_whole *whole, const uint32_t *controlled,
+                                               uint32_t controlled_count, const double *limits,
                                                struct contraction_log *log, struct tetlod_error *error);
 
 /* Which tetrahedron of the mesh each of a new working mesh is: out[tet]. ERR_NOMEM. */
