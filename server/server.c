@@ -32,7 +32,13 @@
 #include "src/util/clock.h"
 #include "src/util/parallel.h"
 
-enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, KEEPER_MILLISECONDS = 250, OWN_DESCRIPTORS = 48, LEAST_FILES = 8, UNSENT = 64 << 10 };
+enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, OWN_DESCRIPTORS = 48, LEAST_FILES = 8, UNSENT = 64 << 10 };
+
+/* Between looks at connections, and no wait is longer: a time beyond it would not fit into what the system counts with. */
+static const double KEEPER_SECONDS = 0.25, MAX_SECONDS = 1e9;
+
+/* Threads that have not ended so long after the drain are left alone. */
+static const double LAST_SECONDS = 0.75;
 
 struct server {
     struct server_options options;
@@ -50,7 +56,7 @@ struct server {
     bool accepting, keeping, scanning;
     pthread_mutex_t lock;
     pthread_cond_t changed, stop;
-    bool stopping, rescan; /* under the lock */
+    bool stopping, rescan, scanned_out; /* under the lock */
 };
 
 static void say(struct server *server, const char *level, const char *message)
@@ -140,13 +146,9 @@ static void *run_scanner(void *opaque)
     struct server *server = opaque;
     pthread_mutex_lock(&server->lock);
     while (!server->stopping) {
-        struct timespec until;
-        clock_gettime(CLOCK_REALTIME, &until);
-        double seconds = (double)until.tv_sec + (double)until.tv_nsec * 1e-9 + server->options.scan_seconds;
-        until.tv_sec = (time_t)seconds;
-        until.tv_nsec = (long)((seconds - (double)until.tv_sec) * 1e9);
-        if (!server->rescan)
-            pthread_cond_timedwait(&server->changed, &server->lock, &until);
+        double until = monotonic_seconds() + server->options.scan_seconds;
+        while (!server->rescan && !server->stopping && monotonic_cond_wait(&server->changed, &server->lock, until))
+            ;
         server->rescan = false;
         if (server->stopping)
             break;
@@ -156,6 +158,8 @@ static void *run_scanner(void *opaque)
         cache_sweep(server->site.cache, is_wanted, server->site.catalogue);
         pthread_mutex_lock(&server->lock);
     }
+    server->scanned_out = true;
+    pthread_cond_broadcast(&server->changed);
     pthread_mutex_unlock(&server->lock);
     return NULL;
 }
@@ -179,16 +183,13 @@ static void *run_keeper(void *opaque)
     struct server *server = opaque;
     pthread_mutex_lock(&server->lock);
     while (!server->stopping) {
-        struct timespec until;
-        clock_gettime(CLOCK_REALTIME, &until);
-        until.tv_nsec += KEEPER_MILLISECONDS * 1000000L;
-        until.tv_sec += until.tv_nsec / 1000000000L;
-        until.tv_nsec %= 1000000000L;
-        pthread_cond_timedwait(&server->stop, &server->lock, &until);
+        monotonic_cond_wait(&server->stop, &server->lock, monotonic_seconds() + KEEPER_SECONDS);
         pthread_mutex_unlock(&server->lock);
         double now = monotonic_seconds();
         for (size_t late = gate_reap(server->gate, now, false); late; late--)
             metrics_count(server->site.metrics, METRIC_CONNECTIONS_EXPIRED);
+        for (size_t gone = gate_part(server->gate); gone; gone--)
+            metrics_count(server->site.metrics, METRIC_CONNECTIONS_LEFT);
         guesses_wake(server->site.guesses, now);
         cache_wake_seekers(server->site.cache); // some may have waited long enough
         cache_wake_seekers(server->site.memory);
@@ -201,6 +202,11 @@ static void *run_keeper(void *opaque)
 
 /* ---- start ---- */
 
+static double seconds_or(double given, double otherwise)
+{
+    return given > 0 ? fmin(given, MAX_SECONDS) : otherwise;
+}
+
 static void set_defaults(struct server_options *options)
 {
     options->threads = options->threads ? options->threads : parallel_cores();
@@ -208,10 +214,12 @@ static void set_defaults(struct server_options *options)
     options->memory_bytes = options->memory_bytes ? options->memory_bytes : (uint64_t)sysconf(_SC_PHYS_PAGES) / 2 * (uint64_t)sysconf(_SC_PAGESIZE);
     options->connections = options->connections ? options->connections : 4096;
     options->header_bytes = options->header_bytes ? options->header_bytes : 8192;
-    options->idle_seconds = options->idle_seconds > 0 ? options->idle_seconds : 30;
-    options->drain_seconds = options->drain_seconds > 0 ? options->drain_seconds : 10;
-    options->scan_seconds = options->scan_seconds > 0 ? options->scan_seconds : 2;
-    options->keep_replaced = options->keep_replaced > 0 ? options->keep_replaced : 60;
+    options->jobs_per_client = options->jobs_per_client ? options->jobs_per_client : 64;
+    options->idle_seconds = seconds_or(options->idle_seconds, 30);
+    options->drain_seconds = seconds_or(options->drain_seconds, 10);
+    options->grace_seconds = fmin(options->grace_seconds, options->drain_seconds);
+    options->scan_seconds = seconds_or(options->scan_seconds, 2);
+    options->keep_replaced = seconds_or(options->keep_replaced, 60);
 }
 
 /* Divides the descriptors that the process may have: a quarter for streams, which are opened again when they are needed, some for
@@ -230,6 +238,12 @@ static void divide_descriptors(struct server *server, size_t *out_all, size_t *o
     snprintf(message, sizeof message, "at most %zu connections: the process may have %zu descriptors (ulimit -n, LimitNOFILE)", left, *out_all);
     say(server, "warning", message);
     options->connections = left;
+}
+
+static size_t count_connections(void *opaque)
+{
+    const struct server *server = opaque;
+    return gate_count(server->gate);
 }
 
 static enum tetlod_status take_rules(struct server *server, struct tetlod_error *error)
@@ -259,6 +273,9 @@ static enum tetlod_status build_site(struct server *server, struct tetlod_error 
     site->cache = cache_new(options->cache_bytes);
     site->memory = cache_new(options->memory_bytes);
     site->serve_metrics = !options->metrics;
+    site->jobs_per_client = options->jobs_per_client;
+    site->connections = count_connections;
+    site->connections_of = server;
     TETLOD_TRY(proxies_new(&server->proxies, options->proxies, options->proxy_count, error));
     size_t descriptors, files;
     divide_descriptors(server, &descriptors, &files);
@@ -368,8 +385,8 @@ enum tetlod_status server_start(struct server **out, const struct server_options
     server->wake = -1;
     set_defaults(&server->options);
     pthread_mutex_init(&server->lock, NULL);
-    pthread_cond_init(&server->changed, NULL);
-    pthread_cond_init(&server->stop, NULL);
+    monotonic_cond_init(&server->changed);
+    monotonic_cond_init(&server->stop);
     for (size_t i = 0; i < MOST_LISTENERS; i++)
         server->listeners[i].fd = -1;
     sigfillset(&all);
@@ -385,7 +402,7 @@ enum tetlod_status server_start(struct server **out, const struct server_options
     if (status == TETLOD_OK)
         *out = server;
     else
-        server_stop(server);
+        (void)server_stop(server); // what it does not free is lost with a start that failed
     return status;
 }
 
@@ -409,12 +426,21 @@ enum tetlod_status server_reload(struct server *server, const struct server_opti
 
 /* ---- stop ---- */
 
+static void nap(double seconds)
+{
+    struct timespec time = {.tv_sec = (time_t)seconds};
+    time.tv_nsec = (long)((seconds - (double)time.tv_sec) * 1e9);
+    nanosleep(&time, NULL);
+}
+
+/* For the time of grace, /readyz says that it is enough, and whoever has not heard it yet is still answered. */
 static void stop_accepting(struct server *server)
 {
     uint64_t one = 1;
     atomic_store(&server->site.draining, true);
     atomic_store(&server->metrics_site.draining, true);
     if (server->accepting) {
+        nap(server->options.grace_seconds);
         ssize_t ignored = write(server->wake, &one, sizeof one);
         (void)ignored;
         pthread_join(server->acceptor, NULL);
@@ -423,12 +449,12 @@ static void stop_accepting(struct server *server)
         listener_close(&server->listeners[i]);
 }
 
-static void drain(struct server *server)
+/* Waits for the answers in progress. */
+static void drain(struct server *server, double until)
 {
-    double until = monotonic_seconds() + server->options.drain_seconds;
     while (gate_count(server->gate) && monotonic_seconds() < until) {
         gate_reap(server->gate, monotonic_seconds(), true);
-        nanosleep(&(struct timespec){0, 10 * 1000 * 1000}, NULL);
+        nap(0.01);
     }
     if (gate_count(server->gate))
         say(server, "warning", "stopping with answers unfinished");
@@ -447,59 +473,51 @@ static void stop_keeper(struct server *server)
         pthread_join(server->keeper, NULL);
 }
 
-static bool is_hanging(void *opaque)
+static void wake_seekers(struct server *server)
 {
-    const struct server *server = opaque;
-    return server->site.catalogue && catalogue_hanging(server->site.catalogue, 1) > 0;
+    if (server->site.cache)
+        cache_wake_seekers(server->site.cache);
+    if (server->site.memory)
+        cache_wake_seekers(server->site.memory);
 }
 
-/* Their ends wake all who wait: a suspended connection could not be ended. False if a file hangs and its readers with it; then
- * nothing that these use is ours to free. */
-static bool stop_pools(struct server *server)
+/* Drops what is queued; what is being made ends at its next step. These wake all who wait: a suspended connection could not be ended. False
+ * if a file hangs, or a step takes too long: then nothing that the threads use is ours to free. */
+static bool stop_workers(struct server *server, double until)
 {
     struct pool *pools[] = {server->site.readers, server->site.decoders, server->site.pool};
     bool ended = true;
     for (size_t i = 0; i < sizeof pools / sizeof *pools; i++)
-        ended &= pool_stop(pools[i], is_hanging, server);
+        pool_cancel(pools[i]);
+    wake_seekers(server);
+    for (size_t i = 0; i < sizeof pools / sizeof *pools; i++)
+        ended &= pool_stop(pools[i], until);
+    wake_seekers(server); // some began to seek meanwhile: they hear that there are no threads any more
+    bool hanging = !ended && server->site.catalogue && catalogue_hanging(server->site.catalogue, 1) > 0;
     if (!ended)
-        say(server, "warning", "stopping while a file does not answer");
+        say(server, "warning", hanging ? "stopping while a file does not answer" : "stopping while an answer is being made");
     return ended;
 }
 
 /* False if a path hangs and the thread with it; then the catalogue and the caches, which it reads, are not ours to free. */
-static bool stop_scanner(struct server *server)
+static bool stop_scanner(struct server *server, double until)
 {
-    struct timespec until;
-    clock_gettime(CLOCK_REALTIME, &until);
-    until.tv_sec += (time_t)server->options.drain_seconds + 1;
-    if (!server->scanning || pthread_timedjoin_np(server->scanner, NULL, &until) == 0)
+    if (!server->scanning)
         return true;
-    say(server, "warning", "stopping while a path does not answer");
-    return false;
+    pthread_mutex_lock(&server->lock);
+    while (!server->scanned_out && monotonic_cond_wait(&server->changed, &server->lock, until))
+        ;
+    bool ended = server->scanned_out;
+    pthread_mutex_unlock(&server->lock);
+    if (ended)
+        pthread_join(server->scanner, NULL);
+    else
+        say(server, "warning", "stopping while a path does not answer");
+    return ended;
 }
 
-void server_stop(struct server *server)
+static void free_server(struct server *server)
 {
-    if (!server)
-        return;
-    if (server->site.catalogue)
-        catalogue_stop(server->site.catalogue);
-    stop_accepting(server);
-    if (server->gate)
-        drain(server);
-    stop_keeper(server);
-    if (!stop_pools(server))
-        return; // the process is about to end
-    if (server->site.cache)
-        cache_wake_seekers(server->site.cache); // they hear that there are no threads any more
-    if (server->site.memory)
-        cache_wake_seekers(server->site.memory);
-    if (server->site.guesses)
-        guesses_wake(server->site.guesses, INFINITY);
-    http_stop(server->metrics_http);
-    http_stop(server->http);
-    if (!stop_scanner(server))
-        return; // the process is about to end
     pool_free(server->site.readers);
     pool_free(server->site.decoders);
     pool_free(server->site.pool);
@@ -522,4 +540,28 @@ void server_stop(struct server *server)
     pthread_cond_destroy(&server->changed);
     pthread_cond_destroy(&server->stop);
     free(server);
+}
+
+bool server_stop(struct server *server)
+{
+    if (!server)
+        return true;
+    double until = monotonic_seconds() + server->options.drain_seconds;
+    if (server->site.catalogue)
+        catalogue_stop(server->site.catalogue);
+    stop_accepting(server);
+    if (server->gate)
+        drain(server, until);
+    until = fmin(until, monotonic_seconds()) + LAST_SECONDS;
+    stop_keeper(server);
+    if (!stop_workers(server, until))
+        return false;
+    if (server->site.guesses)
+        guesses_wake(server->site.guesses, INFINITY);
+    http_stop(server->metrics_http);
+    http_stop(server->http);
+    if (!stop_scanner(server, until))
+        return false;
+    free_server(server);
+    return true;
 }

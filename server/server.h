@@ -3,6 +3,8 @@
 #ifndef TETLOD_SERVER_H
 #define TETLOD_SERVER_H
 
+#include <stdbool.h>
+
 #include "server/options.h"
 
 struct server;
@@ -20,8 +22,9 @@ void server_rescan(struct server *server);
 /* Takes token, CORS and hosts from these options; the others stay as they were. On failure all stay. */
 TETLOD_CHECKED enum tetlod_status server_reload(struct server *server, const struct server_options *options, struct tetlod_error *error);
 
-/* Stops accepting, lets answers in progress finish within drain_seconds, frees all. */
-void server_stop(struct server *server);
+/* Stops accepting, lets answers in progress finish within drain_seconds, frees all. False: a second after that some threads still work, and
+ * nothing that they use was freed; the process should end now. */
+bool server_stop(struct server *server);
 
 struct explode_options {
     const char *folder;       /* made if it is not there */

@@ -8,6 +8,7 @@
 #include "server/answer/message.h"
 #include "server/answer/metrics.h"
 #include "server/answer/policy.h"
+#include "server/answer/quota.h"
 #include "server/store/catalogue.h"
 #include "server/store/pool.h"
 
@@ -19,6 +20,8 @@ struct site {
     struct pool *readers;  /* read stored bytes, which may hang; NULL: the asking thread does */
     struct pool *decoders; /* decode streams, which takes longer; NULL: the asking thread does */
     struct metrics *metrics;
+    size_t (*connections)(void *opaque); /* how many there are; NULL: none */
+    void *connections_of;
     const char *stream_origins; /* where else the page may load streams from: text of the policy, or NULL */
     const char *base_path; /* "/x/": where the site begins for its clients; NULL: "/" */
     bool secure_cookie;    /* the token's cookie goes over TLS only */
@@ -26,6 +29,8 @@ struct site {
     struct guesses *guesses; /* NULL: wrong tokens do not wait */
     bool serve_metrics; /* at /metrics; else only on an address of its own */
     bool only_health;   /* it is that address: /metrics, /healthz and /readyz, without token */
+    struct quota jobs;      /* answers that are being made */
+    size_t jobs_per_client; /* 0: as many as they like */
     atomic_uint_fast64_t forests; /* decoded so far */
     atomic_bool draining;
 };

@@ -22,7 +22,7 @@ struct guesses;
 struct guess {
     struct waiter *waiter;
     double due;
-    size_t bucket;
+    size_t place; /* of its client */
     struct guess *next;
 };
 
@@ -30,7 +30,7 @@ struct guess {
 struct guesses *guesses_new(void);
 void guesses_free(struct guesses *guesses);
 
-/* False: this client has as many wrong tokens waiting as it may. Clients share a place in a small table now and then. */
+/* False: this client has as many wrong tokens waiting as it may. */
 bool guesses_admit(struct guesses *guesses, const char *client);
 
 /* Registers an answer: its waiter is woken when it is time. */

@@ -33,8 +33,8 @@ static void making_free(void *opaque)
     free(making);
 }
 
-/* Makes the mesh and writes it; says when the mesh was there. */
-static enum tetlod_status write_answer(const struct making *making, struct buffer *out, struct region_note *note, double *extracted,
+/* Makes the mesh and writes it; says when the mesh was there. Between the steps it gives up if nobody waits any more. */
+static enum tetlod_status write_answer(const struct making *making, const struct job *job, struct buffer *out, struct region_note *note, double *extracted,
                                        struct tetlod_error *error)
 {
     const struct level_answer *answer = &making->answer;
@@ -43,19 +43,23 @@ static enum tetlod_status write_answer(const struct making *making, struct buffe
     TETLOD_TRY(answer->mesh ? answer->mesh(making->choice, forest, &mesh, note, error) : forest_mesh(forest, answer->level, &mesh, error));
     *extracted = monotonic_seconds();
     enum tetlod_status status = level_mesh_units(forest_info(forest), &mesh, error);
+    if (status == TETLOD_OK && !job_wanted(job))
+        status = fail_unwanted(error);
     if (status == TETLOD_OK)
         status = answer->write(making->choice, &mesh, out, error);
     tetmesh_fini(&mesh);
     return status;
 }
 
-static enum tetlod_status make(void *opaque, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
 {
     struct making *making = opaque;
     struct region_note note = {0};
     struct buffer buffer = {0};
     double started = monotonic_seconds(), extracted = started;
-    enum tetlod_status status = write_answer(making, &buffer, &note, &extracted, error);
+    enum tetlod_status status = write_answer(making, job, &buffer, &note, &extracted, error);
+    if (status == TETLOD_OK && !job_wanted(job))
+        status = fail_unwanted(error);
     if (status == TETLOD_OK)
         status = buffer_encode(&buffer, making->coding, error);
     if (status == TETLOD_OK)

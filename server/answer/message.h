@@ -24,6 +24,8 @@ struct request {
     /* What to wake when something that the answer needs is there; NULL: the caller's thread makes it instead. */
     struct waiter *waiter;
     bool waited; /* it has been woken at least once */
+    struct cache_entry *awaited; /* pinned: what the waiter waits for, or waited for */
+    struct cache *awaited_in;
     bool guessed; /* it brought a wrong token, and waits for its answer or has waited */
     struct guess guess;
     /* Entries that this request has asked for: kept until its answer is sent, so that each is found again and a body that

@@ -26,6 +26,7 @@ static const struct {
     [METRIC_CONNECTIONS] = {"tetlod_connections_total", "Connections accepted"},
     [METRIC_CONNECTIONS_REFUSED] = {"tetlod_connections_refused_total", "Connections refused by a limit"},
     [METRIC_CONNECTIONS_EXPIRED] = {"tetlod_connections_expired_total", "Connections closed because no request came"},
+    [METRIC_CONNECTIONS_LEFT] = {"tetlod_connections_left_total", "Connections closed by clients that waited for an answer"},
     [METRIC_WRONG_TOKENS] = {"tetlod_wrong_tokens_total", "Requests with a wrong token"},
 };
 
@@ -153,8 +154,10 @@ enum tetlod_status metrics_print(const struct metrics *metrics, const struct met
     for (size_t c = 0; c < METRIC_COUNTERS; c++)
         TETLOD_TRY(buffer_printf(out, "# HELP %s %s\n# TYPE %s counter\n%s %llu\n", counters[c].name, counters[c].help,
                                  counters[c].name, counters[c].name, get(&metrics->counters[c])));
-    for (size_t g = 0; g < gauge_count; g++)
-        TETLOD_TRY(buffer_printf(out, "# HELP %s %s\n# TYPE %s %s\n%s %.15g\n", gauges[g].name, gauges[g].help,
+    for (size_t g = 0; g < gauge_count; g++) {
+        int bare = (int)strcspn(gauges[g].name, "{");
+        TETLOD_TRY(buffer_printf(out, "# HELP %.*s %s\n# TYPE %.*s %s\n%s %.15g\n", bare, gauges[g].name, gauges[g].help, bare,
                                  gauges[g].name, gauges[g].type, gauges[g].name, gauges[g].value));
+    }
     return TETLOD_OK;
 }

@@ -14,13 +14,13 @@ void metrics_free(struct metrics *metrics);
 void metrics_request(struct metrics *metrics, const char *route, unsigned status, double seconds, uint64_t bytes);
 
 enum metrics_counter { METRIC_LEVELS_MADE, METRIC_STREAMS_DECODED, METRIC_CONNECTIONS, METRIC_CONNECTIONS_REFUSED,
-                       METRIC_CONNECTIONS_EXPIRED, METRIC_WRONG_TOKENS, METRIC_COUNTERS };
+                       METRIC_CONNECTIONS_EXPIRED, METRIC_CONNECTIONS_LEFT, METRIC_WRONG_TOKENS, METRIC_COUNTERS };
 
 void metrics_count(struct metrics *metrics, enum metrics_counter counter);
 
 /* A value that is read when it is asked for. */
 struct metrics_gauge {
-    const char *name, *type, *help;
+    const char *name, *type, *help; /* the name may have labels */
     double value;
 };
 

@@ -13,65 +13,84 @@
 #include "src/util/array.h"
 #include "src/util/clock.h"
 
-struct task {
+struct job {
+    struct site *site;
     struct cache *cache;
     struct cache_entry *entry; /* held */
     struct recipe recipe;
     struct pool *pool; /* that runs it; NULL: the asking thread does, which must not wait */
     double until;      /* when it gives up waiting for room */
     struct waiter seeker; /* of room */
+    bool counted;         /* among those of its client */
+    size_t client;
 };
 
 enum { KEY_CAPACITY = 80 };
 
 /* Says why there is no room. */
-static enum tetlod_status fail_room(const struct task *task, enum tetlod_status status, struct tetlod_error *failure)
+static enum tetlod_status fail_room(const struct job *job, enum tetlod_status status, struct tetlod_error *failure)
 {
     if (status == TETLOD_ERR_ARGUMENT)
         return tetlodi_fail(failure, status, "needs %llu MB, more than the server may take (--memory, --cache); the stored bytes "
                                              "(format=tetlod, records, stream) are served at any size",
-                            (unsigned long long)(task->recipe.bytes >> 20));
+                            (unsigned long long)(job->recipe.bytes >> 20));
     return tetlodi_fail(failure, status, "the server's memory is full of answers that are being read");
 }
 
-static void end_task(struct task *task, enum tetlod_status status, const struct cache_value *value, struct tetlod_error *failure)
+static void end_job(struct job *job, enum tetlod_status status, const struct cache_value *value, struct tetlod_error *failure)
 {
     if (status != TETLOD_OK && !failure->status)
         failure->status = status;
-    task->recipe.free(task->recipe.context);
-    cache_finish(task->cache, task->entry, status == TETLOD_OK ? value : NULL, failure);
-    cache_release(task->cache, task->entry);
-    free(task);
+    job->recipe.free(job->recipe.context);
+    if (job->counted)
+        quota_give(&job->site->jobs, job->client);
+    cache_finish(job->cache, job->entry, status == TETLOD_OK ? value : NULL, failure);
+    cache_release(job->cache, job->entry);
+    free(job);
 }
 
-/* Makes room for a value and makes it. Only what is being made takes room, so that waiting work keeps out nobody; and it waits
- * outside the threads, until readers have let go of enough. */
-static void run_task(void *context)
+bool job_wanted(const struct job *job)
 {
-    struct task *task = context;
+    return !job->pool || (!pool_stopping(job->pool) && cache_wanted(job->cache, job->entry));
+}
+
+enum tetlod_status fail_unwanted(struct tetlod_error *error)
+{
+    return tetlodi_fail(error, TETLOD_ERR_LIMIT, "the server is stopping, or nobody waits for this any more");
+}
+
+/* Makes room for a value and makes it. What nobody waits for any more is not made. Only what is being made takes room, so that waiting work keeps out nobody; and it waits
+ * outside the threads, until readers have let go of enough. */
+static void run_job(void *context)
+{
+    struct job *job = context;
     struct cache_value value = {0};
     struct tetlod_error failure = {0};
-    enum tetlod_status status = cache_reserve(task->cache, task->entry, task->recipe.bytes);
-    bool waits = status == TETLOD_ERR_LIMIT && task->pool && !pool_stopping(task->pool) && monotonic_seconds() < task->until;
+    if (job->pool && (pool_stopping(job->pool) || cache_drop_unwanted(job->cache, job->entry))) {
+        end_job(job, fail_unwanted(&failure), NULL, &failure);
+        return;
+    }
+    enum tetlod_status status = cache_reserve(job->cache, job->entry, job->recipe.bytes);
+    bool waits = status == TETLOD_ERR_LIMIT && job->pool && monotonic_seconds() < job->until;
     if (waits)
-        cache_seek_room(task->cache, &task->seeker);
+        cache_seek_room(job->cache, &job->seeker);
     else if (status == TETLOD_OK)
-        end_task(task, task->recipe.make(task->recipe.context, &value, &failure), &value, &failure);
+        end_job(job, job->recipe.make(job->recipe.context, job, &value, &failure), &value, &failure);
     else
-        end_task(task, fail_room(task, status, &failure), NULL, &failure);
+        end_job(job, fail_room(job, status, &failure), NULL, &failure);
 }
 
 /* There may be room now. Called from whichever thread let go of some: the work goes to its own. */
 static void go_on(struct waiter *seeker)
 {
-    struct task *task = (struct task *)(void *)((char *)seeker - offsetof(struct task, seeker));
+    struct job *job = (struct job *)(void *)((char *)seeker - offsetof(struct job, seeker));
     struct tetlod_error failure = {0};
-    if (pool_submit(task->pool, run_task, task))
+    if (pool_submit(job->pool, run_job, job))
         return;
-    if (pool_stopping(task->pool))
-        end_task(task, fail_room(task, TETLOD_ERR_LIMIT, &failure), NULL, &failure);
+    if (pool_stopping(job->pool))
+        end_job(job, fail_room(job, TETLOD_ERR_LIMIT, &failure), NULL, &failure);
     else
-        cache_seek_room(task->cache, seeker); // its queue is full: the next time
+        cache_seek_room(job->cache, seeker); // its queue is full: the next time
 }
 
 static void give_up(struct cache *cache, struct cache_entry *entry, const struct recipe *recipe, enum tetlod_status status,
@@ -83,23 +102,33 @@ static void give_up(struct cache *cache, struct cache_entry *entry, const struct
     cache_finish(cache, entry, NULL, &failure);
 }
 
-static void start(struct site *site, struct cache *cache, struct cache_entry *entry, const struct recipe *recipe,
-                  bool here)
+/* Reading stored bytes is no job of the client's: it takes no time that others wait for. */
+static bool is_counted(const struct site *site, const struct request *request, const struct recipe *recipe)
 {
-    struct task *task = array_new(1, sizeof *task);
-    if (!task) {
+    return request->client && request->waiter && site->jobs_per_client && (!recipe->pool || recipe->pool != site->readers);
+}
+
+static void start(struct site *site, const struct request *request, struct cache *cache, struct cache_entry *entry, const struct recipe *recipe)
+{
+    bool here = !request->waiter || !site->pool;
+    struct job *job = array_new(1, sizeof *job);
+    if (!job) {
         give_up(cache, entry, recipe, TETLOD_ERR_NOMEM, "the server is out of memory");
         return;
     }
     struct pool *pool = recipe->pool ? recipe->pool : site->pool;
-    *task = (struct task){cache, entry, *recipe, here ? NULL : pool, monotonic_seconds() + recipe->patience, {go_on, NULL}};
+    *job = (struct job){site, cache, entry, *recipe, here ? NULL : pool, monotonic_seconds() + recipe->patience, {go_on, NULL},
+                        is_counted(site, request, recipe), 0};
     cache_hold(cache, entry);
+    if (job->counted) {
+        job->client = quota_place(request->client);
+        quota_take(&site->jobs, job->client);
+    }
     if (here)
-        run_task(task);
-    else if (!pool_submit(pool, run_task, task)) {
-        cache_release(cache, entry);
-        free(task);
-        give_up(cache, entry, recipe, TETLOD_ERR_LIMIT, "the server has too much to do");
+        run_job(job);
+    else if (!pool_submit(pool, run_job, job)) {
+        struct tetlod_error failure = {0};
+        end_job(job, tetlodi_fail(&failure, TETLOD_ERR_LIMIT, "the server has too much to do"), NULL, &failure);
     }
 }
 
@@ -112,15 +141,41 @@ static struct cache_entry *find_pin(struct request *request, const struct cache 
     return NULL;
 }
 
-static bool add_pin(struct request *request, struct cache *cache, struct cache_entry *entry)
+static bool has_free_pin(const struct request *request)
 {
     for (size_t i = 0; i < REQUEST_PINS; i++)
-        if (!request->pins[i].entry) {
-            request->pins[i].cache = cache;
-            request->pins[i].entry = entry;
+        if (!request->pins[i].entry)
             return true;
-        }
     return false;
+}
+
+static void add_pin(struct request *request, struct cache *cache, struct cache_entry *entry)
+{
+    size_t i = 0;
+    while (request->pins[i].entry)
+        i++;
+    request->pins[i].cache = cache;
+    request->pins[i].entry = entry;
+}
+
+/* The entry of a key, pinned; NULL: answered. Nothing is begun that this request could not hold, or that is one job too many. */
+static struct cache_entry *pin_entry(struct exchange *exchange, struct cache *cache, const char *key, const struct recipe *recipe, bool *mine)
+{
+    struct request *request = exchange->request;
+    const struct site *site = exchange->site;
+    struct cache_entry *entry = has_free_pin(request) ? cache_find(cache, key) : NULL;
+    if (!entry && is_counted(site, request, recipe) && !quota_has_room(&site->jobs, request->client, (unsigned)site->jobs_per_client)) {
+        response_problem(exchange->response, 429, request->target, "%zu answers for this address are being made; ask again when there are fewer",
+                         site->jobs_per_client);
+        return NULL;
+    }
+    if (!entry && has_free_pin(request))
+        entry = cache_fetch(cache, key, mine);
+    if (entry)
+        add_pin(request, cache, entry);
+    else
+        respond_no_memory(exchange);
+    return entry;
 }
 
 enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *key, const struct recipe *recipe,
@@ -131,18 +186,16 @@ enum outcome obtain(struct exchange *exchange, struct cache *cache, const char *
     struct tetlod_error failure;
     bool mine = false;
     *out = NULL;
-    if (!entry) {
-        entry = cache_fetch(cache, key, &mine);
-        if (!entry || !add_pin(request, cache, entry)) {
-            cache_release(cache, entry);
-            recipe->free(recipe->context);
-            return respond_no_memory(exchange);
-        }
+    if (!entry && !(entry = pin_entry(exchange, cache, key, recipe, &mine))) {
+        recipe->free(recipe->context);
+        return ANSWERED;
     }
+    request->awaited = entry;
+    request->awaited_in = cache;
     /* The waiter is registered before the work starts: from then on the request may be resumed at any time. */
     bool waits = !cache_finished(entry) && request->waiter && cache_wait(cache, entry, request->waiter);
     if (mine)
-        start(exchange->site, cache, entry, recipe, !request->waiter || !exchange->site->pool);
+        start(exchange->site, request, cache, entry, recipe);
     else
         recipe->free(recipe->context);
     if (waits) {
@@ -168,10 +221,11 @@ const struct cache_value *obtain_cached(struct exchange *exchange, struct cache 
     entry = cache_find(cache, key);
     if (!entry)
         return NULL;
-    if (!cache_finished(entry) || !add_pin(exchange->request, cache, entry)) {
+    if (!cache_finished(entry) || !has_free_pin(exchange->request)) {
         cache_release(cache, entry);
         return NULL;
     }
+    add_pin(exchange->request, cache, entry);
     return cache_value(entry, &ignored);
 }
 
@@ -205,18 +259,17 @@ static void free_decoded(void *opaque)
     free(decoded);
 }
 
-static enum tetlod_status make_forest(void *opaque, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_forest(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
 {
     struct decode *decode = opaque;
     struct decoded *decoded = array_zero(1, sizeof *decoded);
-    struct pool *pool = decode->site->decoders;
     if (!decoded)
         return tetlodi_fail_nomem(error, "a stream in memory", sizeof *decoded);
     decoded->dataset = dataset_hold(decode->dataset);
     decoded->serial = atomic_fetch_add(&decode->site->forests, 1);
     enum tetlod_status status = forest_new(&decoded->forest, dataset_file(decode->dataset), decode->level, error);
     while (status == TETLOD_OK && forest_levels(decoded->forest) <= decode->level)
-        status = pool && pool_stopping(pool) ? tetlodi_fail(error, TETLOD_ERR_LIMIT, "the server is stopping") : forest_grow(decoded->forest, error);
+        status = job_wanted(job) ? forest_grow(decoded->forest, error) : fail_unwanted(error);
     if (status != TETLOD_OK) {
         free_decoded(decoded);
         return status;

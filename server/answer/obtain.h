@@ -6,8 +6,10 @@
 #include "server/answer/exchange.h"
 
 /* How a value that is not cached is made. `context` is freed after use whether it was made or not. */
+struct job;
+
 struct recipe {
-    enum tetlod_status (*make)(void *context, struct cache_value *out, struct tetlod_error *error);
+    enum tetlod_status (*make)(void *context, const struct job *job, struct cache_value *out, struct tetlod_error *error);
     void (*free)(void *context);
     void *context;
     uint64_t bytes;  /* memory that making it takes */
@@ -16,6 +18,10 @@ struct recipe {
 };
 
 #define PATIENCE 30.0
+
+/* Whether what is being made is still asked for; else making it should end with fail_unwanted. */
+bool job_wanted(const struct job *job);
+enum tetlod_status fail_unwanted(struct tetlod_error *error);
 
 /* The value of a key, made where it is not there. ANSWERED with *out NULL: the response says why there is none. The recipe's
  * context is taken over. */

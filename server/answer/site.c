@@ -88,14 +88,36 @@ enum outcome handle_ready(struct exchange *exchange)
     return ANSWERED;
 }
 
+/* What waits for a worker, and what workers are at: all pools together. */
+static void count_jobs(const struct site *site, double *out_queued, double *out_working)
+{
+    struct pool *const pools[] = {site->pool, site->decoders, site->readers};
+    *out_queued = *out_working = 0;
+    for (size_t i = 0; i < sizeof pools / sizeof *pools; i++) {
+        size_t queued = 0, working = 0;
+        if (pools[i])
+            pool_count(pools[i], &queued, &working);
+        *out_queued += (double)queued;
+        *out_working += (double)working;
+    }
+}
+
 enum outcome handle_metrics(struct exchange *exchange)
 {
     struct site *site = exchange->site;
     struct cache_stats cache, memory;
     struct buffer text = {0};
+    double queued, working;
     cache_get_stats(site->cache, &cache);
     cache_get_stats(site->memory, &memory);
+    count_jobs(site, &queued, &working);
     const struct metrics_gauge gauges[] = {
+        {"tetlod_build_info{version=\"" TETLOD_VERSION_STRING "\"}", "gauge", "The program's version", 1},
+        {"tetlod_connections", "gauge", "Connections that are open", site->connections ? (double)site->connections(site->connections_of) : 0},
+        {"tetlod_queue_length", "gauge", "Jobs that wait for a worker thread", queued},
+        {"tetlod_jobs", "gauge", "Jobs that worker threads are at", working},
+        {"tetlod_unreadable_files", "gauge", "Files and folders that the last scan could not look at", (double)catalogue_troubles(site->catalogue)},
+        {"tetlod_open_files", "gauge", "Streams whose files are open", (double)catalogue_open_files(site->catalogue)},
         {"tetlod_streams", "gauge", "Streams that are served", (double)catalogue_count(site->catalogue)},
         {"tetlod_stream_memory_bytes", "gauge", "Memory of decoded streams, and of answers too large for the cache", (double)memory.bytes},
         {"tetlod_stream_memory_entries", "gauge", "How many there are", (double)memory.entries},
@@ -149,9 +171,10 @@ static void free_info_context(void *opaque)
     free(context);
 }
 
-static enum tetlod_status make_info(void *opaque, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_info(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
 {
     struct info_context *context = opaque;
+    (void)job;
     return json_body(describe_stream(context->dataset, dataset_id(context->dataset)), context->coding, out, error);
 }
 
@@ -205,9 +228,10 @@ struct list_context {
     enum coding coding;
 };
 
-static enum tetlod_status make_list(void *opaque, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_list(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
 {
     const struct list_context *context = opaque;
+    (void)job;
     size_t count = 0;
     struct dataset **list = catalogue_list(context->catalogue, SIZE_MAX, &count);
     json_t *meshes = list ? json_array() : NULL;

@@ -101,9 +101,10 @@ static enum tetlod_status read_window(const struct stored *stored, const struct 
     return TETLOD_OK;
 }
 
-static enum tetlod_status make_window(void *opaque, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_window(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
 {
     const struct lasting *lasting = opaque;
+    (void)job;
     double started = monotonic_seconds();
     struct buffer buffer = {0};
     unsigned char *place = buffer_extend(&buffer, (size_t)lasting->window.size);

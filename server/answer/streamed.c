@@ -54,9 +54,10 @@ static void free_view(void *opaque)
     forest_view_free(opaque);
 }
 
-static enum tetlod_status make_view(void *opaque, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_view(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
 {
     struct viewing *viewing = opaque;
+    (void)job;
     const struct forest *forest = forest_of(viewing->forest);
     struct forest_view *view;
     TETLOD_TRY(forest_view_new(&view, forest, viewing->level, error));
@@ -78,9 +79,10 @@ static void free_cells(void *opaque)
     free(opaque);
 }
 
-static enum tetlod_status make_cells(void *opaque, struct cache_value *out, struct tetlod_error *error)
+static enum tetlod_status make_cells(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
 {
     const struct celling *celling = opaque;
+    (void)job;
     const struct tetlod_info *info = dataset_info(celling->dataset);
     struct tetmesh *cells = array_zero(1, sizeof *cells);
     if (!cells)

@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
+#define _GNU_SOURCE
 #include "server/net/gate.h"
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
+#include <poll.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -25,6 +27,7 @@ struct peer {
     char network[INET6_ADDRSTRLEN]; // what is counted
     atomic_llong deadline; // milliseconds
     atomic_bool asking;    // between answers
+    struct waiting *waiting;    // under the lock
     struct peer *older, *newer; // all connections
     struct peer *chain;         // of the address's bucket
 };
@@ -173,6 +176,38 @@ void peer_idle(struct peer *peer, double now)
 {
     atomic_store_explicit(&peer->deadline, after(now, peer->gate->options.request_seconds), memory_order_relaxed);
     atomic_store_explicit(&peer->asking, true, memory_order_relaxed);
+}
+
+void peer_wait(struct peer *peer, struct waiting *waiting)
+{
+    pthread_mutex_lock(&peer->gate->lock);
+    peer->waiting = waiting;
+    pthread_mutex_unlock(&peer->gate->lock);
+}
+
+/* Without data to send, the end of what the client sends is all that is seen of its going. */
+static bool has_left(const struct peer *peer)
+{
+    struct pollfd polled = {peer->fd, peer->reach == REACH_UNIX ? 0 : POLLRDHUP, 0};
+    return poll(&polled, 1, 0) == 1 && polled.revents;
+}
+
+size_t gate_part(struct gate *gate)
+{
+    struct waiter *left = NULL;
+    size_t count = 0;
+    pthread_mutex_lock(&gate->lock);
+    for (struct peer *peer = gate->newest; peer; peer = peer->older) {
+        struct waiter *waiter = peer->waiting && has_left(peer) ? peer->waiting->leave(peer->waiting) : NULL;
+        if (!waiter)
+            continue;
+        waiter->next = left;
+        left = waiter;
+        count++;
+    }
+    pthread_mutex_unlock(&gate->lock);
+    wake_all(left); // they cannot end before they are woken
+    return count;
 }
 
 const char *peer_address(const struct peer *peer)

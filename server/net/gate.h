@@ -12,6 +12,7 @@
 
 #include "format/tetlod.h"
 #include "server/net/proxies.h"
+#include "server/store/waiter.h"
 
 struct gate;
 struct peer;
@@ -44,6 +45,19 @@ void gate_leave(struct gate *gate, struct peer *peer);
 void peer_busy(struct peer *peer);
 void peer_sending(struct peer *peer, uint64_t bytes, double now);
 void peer_idle(struct peer *peer, double now);
+
+/* What waits on a connection: `leave` is called when its client has gone, and returns the waiter to be woken for it, or NULL if it is
+ * being woken anyway. */
+struct waiting {
+    struct waiter *(*leave)(struct waiting *waiting);
+};
+
+/* From now until it is given NULL, the connection is looked at by gate_part. */
+void peer_wait(struct peer *peer, struct waiting *waiting);
+
+/* Wakes what waits on connections whose clients have gone. (A client that has closed its sending side only is taken for one of them: TCP
+ * does not tell.) Returns how many. */
+size_t gate_part(struct gate *gate);
 
 /* The address as text ("unix" for Unix sockets); valid as long as the connection. */
 const char *peer_address(const struct peer *peer);

@@ -54,6 +54,8 @@ struct call {
     char *target;
     struct request request;
     struct waiter waiter;
+    struct waiting waiting;
+    bool registered, gone; /* the peer knows `waiting`; its client has left */
     struct MHD_Connection *connection;
     struct peer *peer;
     atomic_int state;
@@ -104,6 +106,17 @@ static void wake(struct waiter *waiter)
         MHD_resume_connection(call->connection);
 }
 
+/* The client has left: what it waits for is given up. */
+static struct waiter *leave(struct waiting *waiting)
+{
+    struct call *call = (struct call *)(void *)((char *)waiting - offsetof(struct call, waiting));
+    struct request *request = &call->request;
+    if (!request->awaited || !cache_unwait(request->awaited_in, request->awaited, &call->waiter))
+        return NULL;
+    call->gone = true;
+    return &call->waiter;
+}
+
 /* The library goes on to parse the query, for which each parameter takes some of the connection's memory; where that is full
  * the client hears nothing until the time-out. In its copy of the target it is to find no parameters. */
 static void hide_parameters(const char *target)
@@ -128,6 +141,7 @@ static void *on_target(void *opaque, const char *target, struct MHD_Connection *
     call->connection = connection;
     call->started = monotonic_seconds();
     call->waiter.wake = wake;
+    call->waiting.leave = leave;
     call->request = (struct request){.target = call->target, .header = find_header, .opaque = call, .waiter = &call->waiter};
     return call;
 }
@@ -286,10 +300,23 @@ static void release_borrowed(void *opaque)
 /* Lets go of the thread until the request's waiter is woken, which may have happened already. */
 static void suspend(struct call *call)
 {
+    call->registered = call->peer != NULL;
+    if (call->registered)
+        peer_wait(call->peer, &call->waiting);
     MHD_suspend_connection(call->connection);
     int before = RUNNING;
     if (!atomic_compare_exchange_strong(&call->state, &before, SUSPENDED))
         MHD_resume_connection(call->connection); // it was woken before it slept
+}
+
+/* Goes on after a wait; false: there is nobody to answer. */
+static bool go_on(struct call *call)
+{
+    if (call->registered)
+        peer_wait(call->peer, NULL);
+    call->registered = false;
+    atomic_store(&call->state, RUNNING);
+    return !call->gone;
 }
 
 /* A body that is made while it is sent. */
@@ -314,7 +341,8 @@ static ssize_t read_pieces(void *opaque, uint64_t position, char *out, size_t mo
     struct pieces *pieces = opaque;
     uint64_t left = pieces->size - position;
     size_t some = left < most ? (size_t)left : most;
-    atomic_store(&pieces->call->state, RUNNING);
+    if (!go_on(pieces->call))
+        return MHD_CONTENT_READER_END_WITH_ERROR;
     ptrdiff_t got = pieces->read(pieces->owner, pieces->offset + position, some, (unsigned char *)out);
     if (got == 0)
         suspend(pieces->call);
@@ -412,8 +440,9 @@ static enum MHD_Result queue(struct call *call, struct response *response)
 static enum MHD_Result answer(struct call *call)
 {
     struct response response;
+    if (!go_on(call))
+        return MHD_NO;
     response_init(&response);
-    atomic_store(&call->state, RUNNING);
     if (call->peer)
         peer_busy(call->peer);
     if (site_answer(call->http->options.site, &call->request, &response) == ANSWERED)
@@ -503,6 +532,8 @@ static void on_completed(void *opaque, struct MHD_Connection *connection, void *
         if (http->options.access)
             log_access(call, now - call->started, code == MHD_REQUEST_TERMINATED_COMPLETED_OK);
     }
+    if (call->registered)
+        peer_wait(call->peer, NULL);
     if (call->peer)
         peer_idle(call->peer, now);
     free_call(call);

@@ -307,6 +307,43 @@ void cache_wake_waiters(struct cache *cache)
     wake_all(all);
 }
 
+bool cache_unwait(struct cache *cache, struct cache_entry *entry, struct waiter *waiter)
+{
+    pthread_mutex_lock(&cache->lock);
+    struct waiter **link = &entry->waiters;
+    while (*link && *link != waiter)
+        link = &(*link)->next;
+    bool found = *link != NULL;
+    if (found)
+        *link = waiter->next;
+    unlock(cache);
+    return found;
+}
+
+/* Called with the lock. */
+static bool is_wanted(const struct cache_entry *entry)
+{
+    return entry->references > (entry->listed ? 2U : 1U);
+}
+
+bool cache_wanted(struct cache *cache, const struct cache_entry *entry)
+{
+    pthread_mutex_lock(&cache->lock);
+    bool wanted = is_wanted(entry);
+    unlock(cache);
+    return wanted;
+}
+
+bool cache_drop_unwanted(struct cache *cache, struct cache_entry *entry)
+{
+    pthread_mutex_lock(&cache->lock);
+    bool drops = !is_wanted(entry);
+    if (drops && entry->listed)
+        unlist(cache, entry);
+    unlock(cache);
+    return drops;
+}
+
 bool cache_finished(const struct cache_entry *entry)
 {
     return atomic_load(&entry->finished);

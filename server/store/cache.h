@@ -63,6 +63,15 @@ bool cache_wait(struct cache *cache, struct cache_entry *entry, struct waiter *w
 /* Wakes all who wait for entries, though these are not finished: they may have waited long enough. */
 void cache_wake_waiters(struct cache *cache);
 
+/* Takes a waiter back; false: it is being woken. */
+bool cache_unwait(struct cache *cache, struct cache_entry *entry, struct waiter *waiter);
+
+/* Whether anybody but the caller, who makes it, holds the entry. */
+bool cache_wanted(struct cache *cache, const struct cache_entry *entry);
+
+/* Forgets the key of an entry of mine if nobody else holds it: whoever asks next makes another one. False: somebody does. */
+bool cache_drop_unwanted(struct cache *cache, struct cache_entry *entry);
+
 bool cache_finished(const struct cache_entry *entry);
 
 /* Of a finished entry: its value, or NULL and why. */

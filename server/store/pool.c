@@ -1,19 +1,16 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
-#define _GNU_SOURCE // pthread_clockjoin_np
 #include "server/store/pool.h"
 
 #include <pthread.h>
 #include <stdlib.h>
 #include <sys/resource.h>
-#include <time.h>
 
 #include "format/fail.h"
 #include "src/util/array.h"
+#include "src/util/clock.h"
 
 enum {
     MAX_EXTRA = 64, /* threads beside those that were asked for, while files hang */
-    STEP = 100 * 1000 * 1000,
-    NANOSECONDS = 1000 * 1000 * 1000,
 };
 
 struct task {
@@ -23,11 +20,11 @@ struct task {
 
 struct pool {
     pthread_mutex_t lock;
-    pthread_cond_t changed;
+    pthread_cond_t changed, all_ended;
     bool stopping;
     struct task *ring;
     size_t capacity, first, count;
-    unsigned wanted, threads;
+    unsigned wanted, threads, working, ended;
     pthread_t *ids; /* [wanted + MAX_EXTRA], of which `threads` run */
 };
 
@@ -51,10 +48,14 @@ static void *run(void *argument)
         struct task task = pool->ring[pool->first];
         pool->first = (pool->first + 1) % pool->capacity;
         pool->count--;
+        pool->working++;
         pthread_mutex_unlock(&pool->lock);
         task.work(task.context);
         pthread_mutex_lock(&pool->lock);
+        pool->working--;
     }
+    pool->ended++;
+    pthread_cond_broadcast(&pool->all_ended);
     pthread_mutex_unlock(&pool->lock);
     return NULL;
 }
@@ -79,6 +80,7 @@ enum tetlod_status pool_start(struct pool **out, unsigned threads, size_t capaci
     pool->wanted = threads;
     pthread_mutex_init(&pool->lock, NULL);
     pthread_cond_init(&pool->changed, NULL);
+    monotonic_cond_init(&pool->all_ended);
     while (pool->ring && pool->ids && pool->threads < threads && add_thread(pool))
         ;
     if (pool->threads) { // fewer threads than asked for are slower, not wrong
@@ -118,31 +120,37 @@ bool pool_stopping(struct pool *pool)
     return stopping;
 }
 
-static bool join(pthread_t id, bool (*give_up)(void *opaque), void *opaque)
+void pool_count(struct pool *pool, size_t *out_queued, size_t *out_working)
 {
-    for (;;) {
-        struct timespec soon;
-        clock_gettime(CLOCK_MONOTONIC, &soon);
-        soon.tv_sec += (soon.tv_nsec + STEP) / NANOSECONDS;
-        soon.tv_nsec = (soon.tv_nsec + STEP) % NANOSECONDS;
-        if (pthread_clockjoin_np(id, NULL, CLOCK_MONOTONIC, &soon) == 0)
-            return true;
-        if (give_up(opaque))
-            return false;
-    }
+    pthread_mutex_lock(&pool->lock);
+    *out_queued = pool->count;
+    *out_working = pool->working;
+    pthread_mutex_unlock(&pool->lock);
 }
 
-bool pool_stop(struct pool *pool, bool (*give_up)(void *opaque), void *opaque)
+void pool_cancel(struct pool *pool)
 {
-    bool ended = true;
     if (!pool)
-        return true;
+        return;
     pthread_mutex_lock(&pool->lock);
     pool->stopping = true;
     pthread_cond_broadcast(&pool->changed);
     pthread_mutex_unlock(&pool->lock);
-    for (unsigned i = 0; i < pool->threads; i++)
-        ended &= join(pool->ids[i], give_up, opaque);
+}
+
+bool pool_stop(struct pool *pool, double until)
+{
+    if (!pool)
+        return true;
+    pool_cancel(pool);
+    pthread_mutex_lock(&pool->lock);
+    bool in_time = true;
+    while (pool->ended < pool->threads && in_time)
+        in_time = monotonic_cond_wait(&pool->all_ended, &pool->lock, until);
+    bool ended = pool->ended == pool->threads;
+    pthread_mutex_unlock(&pool->lock);
+    for (unsigned i = 0; ended && i < pool->threads; i++)
+        pthread_join(pool->ids[i], NULL);
     return ended;
 }
 
@@ -151,6 +159,7 @@ void pool_free(struct pool *pool)
     if (!pool)
         return;
     pthread_cond_destroy(&pool->changed);
+    pthread_cond_destroy(&pool->all_ended);
     pthread_mutex_destroy(&pool->lock);
     free(pool->ring);
     free(pool->ids);

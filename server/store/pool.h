@@ -15,15 +15,21 @@ TETLOD_CHECKED enum tetlod_status pool_start(struct pool **out, unsigned threads
 /* False if the queue is full or the pool stopped; then nothing was taken. */
 bool pool_submit(struct pool *pool, void (*work)(void *context), void *context);
 
-/* Whether pool_stop was called: work that waits for something should give up. */
+/* Takes nothing from now on. What is queued still runs, but sees that it should give up. */
+void pool_cancel(struct pool *pool);
+
+/* Whether pool_cancel was called: work should give up. */
 bool pool_stopping(struct pool *pool);
 
 /* Starts threads in the place of those that are lost, which are at most so many, as long as there is work for them. */
 void pool_relieve(struct pool *pool, size_t lost);
 
-/* Runs what is queued to its end, then ends the threads; from then on nothing is taken. Once. False if a thread does not end, and
- * give_up, which is asked now and then, says so: then nothing that its work uses may be freed. */
-bool pool_stop(struct pool *pool, bool (*give_up)(void *opaque), void *opaque);
+/* How much is queued, and is being worked on. */
+void pool_count(struct pool *pool, size_t *out_queued, size_t *out_working);
+
+/* Cancels, and ends the threads by this time of the monotonic clock. False: some of them still work, and nothing may be freed that they
+ * use. Once. */
+bool pool_stop(struct pool *pool, double until);
 void pool_free(struct pool *pool);
 
 #endif

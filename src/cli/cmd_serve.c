@@ -168,7 +168,8 @@ static int serve(struct settings *settings)
     while (sigwait(&signals, &signal) == 0 && signal == SIGHUP)
         reload(server, settings);
     notify("STOPPING=1");
-    server_stop(server);
+    if (!server_stop(server))
+        _exit(EXIT_DONE); // its threads may still work
     return EXIT_DONE;
 }
 

@@ -701,7 +701,7 @@ def ask_at_once(busy, paths):
 def test_overload():
     """More to be made than can wait is refused for now, and answered later; nothing is lost."""
     stream = os.path.join(SCRATCH, 'larger.tetlod')  # of the test before
-    with Server(stream, '--threads', '1', '--quiet') as busy:
+    with Server(stream, '--threads', '1', '--quiet', '--jobs', '1000') as busy:
         shown = busy.json('/v1/meshes/larger')
         base_path = '/v1/meshes/larger/%s/levels/' % shown['cid']
         slices = base_path + '%d/slice.vtp?normal=0,0,1&origin=%%d,0,%%d' % (len(shown['levels']) - 1)
