@@ -12,10 +12,10 @@
 
 #include "format/tetlod.h"
 #include "server/net/proxies.h"
-#include "server/store/waiter.h"
 
 struct gate;
 struct peer;
+struct waiter;
 
 /* What kind of address a connection came to. */
 enum reach { REACH_NETWORK, REACH_LOOPBACK, REACH_UNIX };
