@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "format/allowance.h"
-#include "format/utf8.h"
 
 /* Does a value survive in the type? */
 static bool fits(double value, enum tetlod_cell_type type)
@@ -25,10 +24,9 @@ const char *tetlodi_cells_wrong(const struct tetlodi_write_cells *cells, uint32_
     if (count > MOST_FIELDS)
         return "it has too many fields of cells";
     for (uint32_t f = 0; f < count; f++) {
-        if (cells[f].components < 1 || cells[f].components > MOST_CELL_COMPONENTS)
-            return "a field of cells has too many components";
-        if (!*cells[f].name || strlen(cells[f].name) > MAX_NAME || !tetlodi_plain_text(cells[f].name, strlen(cells[f].name)))
-            return "the name of a field of cells is empty, too long or not plain UTF-8";
+        const char *wrong = tetlodi_field_wrong(cells[f].name, cells[f].components);
+        if (wrong)
+            return wrong;
         for (uint32_t g = 0; g < f; g++)
             if (strcmp(cells[g].name, cells[f].name) == 0)
                 return "two fields of cells have one name";

@@ -45,7 +45,11 @@ struct writer {
     struct tetlodi_buffer order;
     struct tetlodi_cell_parts cells;
     struct tetlodi_index index;
+    double begun, share; /* of all the work: what was done before this pass, and what this pass is */
+    uint32_t until_asked; /* records that are coded before the caller is asked again */
 };
+
+enum { RECORDS_UNASKED = 256 };
 
 static enum tetlod_status out_of_memory(struct writer *w)
 {
@@ -388,6 +392,15 @@ static int plan_split(void *opaque, struct tetlodi_star_view *star, unsigned num
     return plan_extras(w, star, &count);
 }
 
+/* Asks the caller whether to go on. */
+static enum tetlod_status ask(struct writer *w)
+{
+    const struct tetlodi_write_input *in = w->in;
+    double done = w->begun + w->share * w->replay.vertices / in->vertices;
+    w->until_asked = RECORDS_UNASKED;
+    return !in->progress || in->progress(in->progress_opaque, done) ? TETLOD_OK : tetlodi_fail(w->error, TETLOD_ERR_CANCELLED, "cancelled");
+}
+
 static enum tetlod_status write_record(struct writer *w, uint32_t slot)
 {
     uint32_t node = w->node_at[slot];
@@ -416,9 +429,13 @@ static enum tetlod_status write_level(struct writer *w, uint32_t level)
     tetlodi_lineage_trim(&w->lineage, w->in->levels[level - 1].contractions);
     start_coders(w);
     tetlodi_level_begin(&w->recorder, vertices, w->in->tets);
-    while (w->replay.vertices < vertices)
-        if (tetlodi_level_says(&w->recorder, splits(w, w->recorder.walk, contractions)))
-            TETLOD_TRY(write_record(w, w->recorder.walk));
+    while (w->replay.vertices < vertices) {
+        if (!tetlodi_level_says(&w->recorder, splits(w, w->recorder.walk, contractions)))
+            continue;
+        if (!w->until_asked--)
+            TETLOD_TRY(ask(w));
+        TETLOD_TRY(write_record(w, w->recorder.walk));
+    }
     return store_level(w, level);
 }
 
@@ -445,8 +462,10 @@ static enum tetlod_status write_tail(struct writer *w, uint32_t level)
     tetlodi_replay_drop(&w->replay);
     start_coders(w);
     for (uint32_t f = 0; f < w->in->field_count; f++)
-        if (w->in->fields[f].exact)
+        if (w->in->fields[f].exact) {
             TETLOD_TRY(code_tail(w, f));
+            TETLOD_TRY(ask(w));
+        }
     return store_level(w, level);
 }
 
@@ -577,6 +596,24 @@ static bool names_before(const struct tetlodi_write_input *in, uint32_t field)
     return false;
 }
 
+const char *tetlodi_metadata_wrong(const char *metadata)
+{
+    return strlen(metadata) > MOST_METADATA ? "it is larger than 1 MiB" : NULL;
+}
+
+const char *tetlodi_field_count_wrong(uint32_t fields, uint32_t cell_fields)
+{
+    return fields > MOST_FIELDS || cell_fields > MOST_FIELDS ? "it has more than 256 fields; leave some out" : NULL;
+}
+
+const char *tetlodi_field_wrong(const char *name, uint32_t components)
+{
+    if (components < 1 || components > MOST_COMPONENTS)
+        return "a field has no or too many components (64 are allowed)";
+    return !*name || strlen(name) > MAX_NAME || !tetlodi_plain_text(name, strlen(name))
+               ? "a field's name is empty, longer than 255 bytes, or not plain UTF-8" : NULL;
+}
+
 static enum tetlod_status check_input(const struct writer *w)
 {
     const struct tetlodi_write_input *in = w->in;
@@ -586,23 +623,21 @@ static enum tetlod_status check_input(const struct writer *w)
         wrong = "there is nothing in it, or too much";
     else if (in->levels[in->level_count - 1].contractions != 0 || in->levels[0].contractions != in->contractions)
         wrong = "its levels do not lead from the base mesh to the original";
-    else if (strlen(in->metadata) > MOST_METADATA)
-        wrong = "its metadata is too large";
     else if (in->section_count > MOST_SECTIONS - 3 - MOST_FIELDS)
         wrong = "it has too many sections";
+    else if (tetlodi_metadata_wrong(in->metadata))
+        wrong = "its metadata is too large";
     wrong = wrong ? wrong : tetlodi_cells_wrong(in->cells, in->cell_field_count, in->tets);
     for (uint32_t k = 1; k < in->level_count && !wrong; k++)
         if (in->levels[k].contractions >= in->levels[k - 1].contractions && !(k + 1 == in->level_count && has_tail(in)))
             wrong = "its levels are not in order";
     for (uint32_t f = 0; f < in->field_count && !wrong; f++)
-        if (in->fields[f].components < 1 || in->fields[f].components > MOST_COMPONENTS || strlen(in->fields[f].name) > MAX_NAME)
-            wrong = "a field has too many components or too long a name";
-        else if (in->fields[f].exact && (!in->fields[f].bits || !has_tail(in)))
+        if (in->fields[f].exact && (!in->fields[f].bits || !has_tail(in)))
             wrong = "a field is to be exact later without a grid or a level for it";
         else if (names_before(in, f))
             wrong = "two fields have one name";
-        else if (!*in->fields[f].name || !tetlodi_plain_text(in->fields[f].name, strlen(in->fields[f].name)))
-            wrong = "a field's name is empty or not plain UTF-8";
+        else
+            wrong = tetlodi_field_wrong(in->fields[f].name, in->fields[f].components);
     for (size_t t = 0; t < in->tets && !wrong; t++)
         for (int c = 0; c < 4 && !wrong; c++) {
             if (in->corners[4 * t + (size_t)c] >= in->vertices)
@@ -685,6 +720,7 @@ static enum tetlod_status encode(struct writer *w, unsigned slowest)
     for (uint32_t c = 0; c <= w->in->field_count; c++)
         TETLOD_TRY(check_column(w, c));
     TETLOD_TRY(write_levels(w));
+    TETLOD_TRY(ask(w));
     if (!tetlodi_cells_encode(&w->cells, w->in->cells, w->in->cell_field_count, w->original_of, w->in->tets))
         return out_of_memory(w);
     if (w->in->keep_order)
@@ -698,7 +734,8 @@ static enum tetlod_status choose_slowest(const struct tetlodi_write_input *input
 {
     uint64_t least = UINT64_MAX;
     for (unsigned slowest = LEAST_SLOWEST; slowest <= MOST_SLOWEST; slowest++) {
-        struct writer w = {.in = input, .error = error};
+        double share = 1.0 / (MOST_SLOWEST - LEAST_SLOWEST + 2);
+        struct writer w = {.in = input, .error = error, .begun = (slowest - LEAST_SLOWEST) * share, .share = share};
         enum tetlod_status status = encode(&w, slowest);
         uint64_t size = w.order.size + (slowest == USUAL_SLOWEST ? 0 : DIGEST_SIZE); // digests pack to some bytes more or less
         for (size_t i = 0; i < (input->field_count + (size_t)1) * input->level_count && status == TETLOD_OK; i++)
@@ -715,10 +752,13 @@ static enum tetlod_status choose_slowest(const struct tetlodi_write_input *input
 enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const struct tetlodi_sink *sink,
                                  struct tetlod_error *error)
 {
-    struct writer w = {.in = input, .error = error};
+    struct writer w = {.in = input, .error = error, .share = 1};
     unsigned slowest = USUAL_SLOWEST;
-    if (input->compression >= EFFORT_ALL_RATES)
+    if (input->compression >= EFFORT_ALL_RATES) {
         TETLOD_TRY(choose_slowest(input, &slowest, error));
+        w.share = 1.0 / (MOST_SLOWEST - LEAST_SLOWEST + 2);
+        w.begun = 1 - w.share;
+    }
     enum tetlod_status status = encode(&w, slowest);
     if (status == TETLOD_OK)
         status = write_file(&w, sink);

@@ -88,7 +88,14 @@ struct tetlodi_write_input {
     enum tetlod_status (*late)(void *opaque, const uint32_t *original_of, const struct tetlodi_write_section **out, uint32_t *count,
                                struct tetlod_error *error);
     void *late_opaque;
+    int (*progress)(void *opaque, double done); /* asked now and then by the caller's thread: 0 cancels; may be NULL */
+    void *progress_opaque;
 };
+
+/* What is wrong with metadata, the number of fields, or a field's name and components, or NULL: a caller can ask before work that takes long. */
+const char *tetlodi_metadata_wrong(const char *metadata);
+const char *tetlodi_field_count_wrong(uint32_t fields, uint32_t cell_fields);
+const char *tetlodi_field_wrong(const char *name, uint32_t components);
 
 /* Takes the next `size` bytes of the stream, in order. */
 struct tetlodi_sink {
@@ -97,7 +104,7 @@ struct tetlodi_sink {
 };
 
 /* Encodes the whole stream into the sink. The same input gives the same bytes. ERR_ARGUMENT names a sequence that is
- * not one; ERR_NOMEM; ERR_LIMIT; or what the sink returned. */
+ * not one; ERR_NOMEM; ERR_LIMIT; ERR_CANCELLED; or what the sink returned. */
 TETLOD_CHECKED enum tetlod_status tetlodi_write(const struct tetlodi_write_input *input, const struct tetlodi_sink *sink,
                                                 struct tetlod_error *error);
 

@@ -56,7 +56,7 @@ const char build_help[] =
     "      --error E           with --for: the error of the finest level in the file (default 1%)\n"
     "      --keep-order        store the input's numbering too, for tetlod extract --original-order\n"
     "      --compress N        1 fast .. 22 small (default 19): from 20 on the coder's rates of learning are all tried\n"
-    "      --threads N         0 (default): all cores; the bytes do not depend on it\n"
+    "      --threads N         up to 64; 0 (default): all cores; the bytes do not depend on it\n"
     "      --memory BYTES      refuse what needs more; K, M, G may follow. Of a series, fewer steps limit the contraction first\n"
     "      --all               list every level (default: about ten)\n"
     "      --json              print the stream's index, and times and memory, as JSON\n"
@@ -287,7 +287,7 @@ static bool run_option(struct build_request *request, int option, const char *va
         request->output = value;
         return true;
     case THREADS:
-        return parse_unsigned("threads", value, 0, 1024, &request->build.threads);
+        return parse_unsigned("threads", value, 0, PARALLEL_MOST_THREADS, &request->build.threads);
     case MEMORY:
         return cli_parse_count(&command_build, "memory", value, 1, UINT64_MAX, &request->build.memory);
     case ALL:

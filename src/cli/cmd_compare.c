@@ -19,7 +19,7 @@ static const char help[] =
     "compared with the closest point of B's boundary. Degenerate tetrahedra have no interpolant: they are left out.\n"
     "\n"
     "      --field NAME  the field; both meshes have it (default: A's first). NAME:mag is a vector's magnitude, NAME:0 a component\n"
-    "      --threads N   0 (default): all cores\n"
+    "      --threads N   up to 64; 0 (default): all cores\n"
     "      --json        as JSON\n"
     "\n"
     "Errors are fractions of the field's range in A; the domain error, the largest distance of a boundary vertex of one\n"
@@ -133,7 +133,7 @@ static int run(int argc, char **argv)
             field = optarg;
         else if (option == 'j')
             json = true;
-        else if (option != 't' || !cli_parse_count(&command_compare, "threads", optarg, 0, 1024, &threads))
+        else if (option != 't' || !cli_parse_count(&command_compare, "threads", optarg, 0, PARALLEL_MOST_THREADS, &threads))
             return EXIT_USAGE;
     }
     if (!cli_operands(&command_compare, argc, 2, "the meshes A and B"))

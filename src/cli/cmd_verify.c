@@ -41,7 +41,7 @@ static const char help[] =
     "                       than it says. Give the option once for each file if the series is made of several\n"
     "      --times A:B:C    the steps of a series, as when it was built\n"
     "      --all-levels     the exact maximum at every level of large meshes, too\n"
-    "      --threads N      0 (default): all cores\n"
+    "      --threads N      up to 64; 0 (default): all cores\n"
     "      --json           the result as JSON\n"
     "      --progress, --quiet\n"
     "\n"
@@ -201,7 +201,7 @@ static enum tetlod_status undo_to(const struct verification *v, uint32_t k)
 static enum tetlod_status undo(struct verification *v)
 {
     uint32_t levels = tetlod_info(v->file)->level_count, count = 0;
-    uint32_t most = v->request->threads < PARALLEL_MOST_THREADS ? v->request->threads : PARALLEL_MOST_THREADS;
+    uint32_t most = v->request->threads;
     struct waiting_level *waiting = array_zero(most, sizeof *waiting);
     enum tetlod_status status = waiting ? TETLOD_OK : tetlodi_fail_nomem(v->error, "the levels", most * sizeof *waiting);
     for (uint32_t k = levels; k-- > 0 && status == TETLOD_OK;) {
@@ -534,7 +534,7 @@ static int run(int argc, char **argv)
             forced = true;
         else if (option == 's')
             quiet = true;
-        else if (option != 't' || !cli_parse_count(&command_verify, "threads", optarg, 0, 1024, &threads))
+        else if (option != 't' || !cli_parse_count(&command_verify, "threads", optarg, 0, PARALLEL_MOST_THREADS, &threads))
             return EXIT_USAGE;
     }
     if (!cli_operands(&command_verify, argc, 1, "the stream"))

@@ -5,8 +5,10 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "format/utf8.h"
 #include "src/io/io.h"
 #include "src/util/file.h"
+#include "src/util/put.h"
 
 enum { PATH_SIZE = 4096 };
 
@@ -31,20 +33,18 @@ static enum tetlod_status write_steps(const struct sample *sample, struct tetmes
     return TETLOD_OK;
 }
 
-static enum tetlod_status put(const struct tetlodi_sink *sink, const char *text)
+static enum tetlod_status put_collection(const struct tetlodi_sink *sink, uint32_t steps, const char *name, struct tetlod_error *error)
 {
-    return sink->write(sink->opaque, text, strlen(text));
-}
-
-static enum tetlod_status put_collection(const struct tetlodi_sink *sink, uint32_t steps, const char *name)
-{
-    char line[PATH_SIZE + 128];
-    TETLOD_TRY(put(sink, "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n  <Collection>\n"));
+    struct put put;
+    TETLOD_TRY(put_init(&put, sink, false, error));
+    put_text(&put, "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n  <Collection>\n");
     for (uint32_t step = 0; step < steps; step++) {
-        snprintf(line, sizeof line, "    <DataSet timestep=\"%.9g\" part=\"0\" file=\"%s_%u.vtu\"/>\n", time_of(step, steps), name, step);
-        TETLOD_TRY(put(sink, line));
+        put_format(&put, "    <DataSet timestep=\"%.9g\" part=\"0\" file=\"", time_of(step, steps));
+        put_escaped(&put, name);
+        put_format(&put, "_%u.vtu\"/>\n", step);
     }
-    return put(sink, "  </Collection>\n</VTKFile>\n");
+    put_text(&put, "  </Collection>\n</VTKFile>\n");
+    return put_finish(&put);
 }
 
 enum tetlod_status sample_series_write(const struct sample *sample, uint32_t size, uint32_t steps, uint32_t remesh, const char *output,
@@ -58,11 +58,13 @@ enum tetlod_status sample_series_write(const struct sample *sample, uint32_t siz
         return tetlodi_fail(error, TETLOD_ERR_IO, "the output's path is too long");
     memcpy(stem, output, length);
     stem[length] = 0;
-    const char *slash = strrchr(stem, '/');
+    const char *slash = strrchr(stem, '/'), *name = slash ? slash + 1 : stem;
+    if (!tetlodi_plain_text(name, strlen(name)))
+        return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "a PVD file names its parts in XML, which has no control characters and is UTF-8; choose another name");
     enum tetlod_status status = write_steps(sample, &mesh, size, steps, remesh, stem, error);
     tetmesh_fini(&mesh);
     TETLOD_TRY(status);
     TETLOD_TRY(file_output_open(&file, output, error));
     const struct tetlodi_sink sink = file_output_sink(file);
-    return file_output_finish(file, put_collection(&sink, steps, slash ? slash + 1 : stem), error);
+    return file_output_finish(file, put_collection(&sink, steps, name, error), error);
 }

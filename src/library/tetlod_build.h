@@ -57,7 +57,7 @@ struct tetlod_build_options {
     double position_error, field_error;   /* as many bits as keep this error; 0: lossless */
     int keep_order;              /* 1: store the numbering of the arrays, too */
     int compression;             /* 1 fast .. 22 small */
-    unsigned threads;            /* 0: all cores; the bytes do not depend on it */
+    unsigned threads;            /* 1 .. 64; 0: all cores; the bytes do not depend on it */
     uint64_t memory;             /* refuse what needs more bytes; 0: no limit */
     const char *metadata;        /* a JSON object; NULL: which program made the stream */
     /* Called now and then, always by the calling thread; `done` is a fraction of the phase. Returns 0 to cancel. May be NULL. */

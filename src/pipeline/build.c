@@ -18,6 +18,8 @@
 #include "src/pipeline/local_bound.h"
 #include "src/pipeline/precision.h"
 #include "src/util/array.h"
+#include "src/util/json_text.h"
+#include "src/util/parallel.h"
 
 /* How far the boundary may move while it counts as kept, as a fraction of the diagonal: by rounding, and where the limit
  * speaks of one domain: the exact one (PROOF.md, 8), and the true error at samples, which are to stay inside. */
@@ -244,6 +246,7 @@ bool build_options_out_of_range(const struct build_options *options, struct buil
         {"domain-error", "domain_error", options->domain_error, 0, 1},
         {"boundary-angle", "boundary_angle", options->boundary_angle, 0, 180},
         {"growth", "growth", options->growth, 1.001, 16},
+        {"threads", "threads", options->threads, 0, PARALLEL_MOST_THREADS},
         {"compress", "compression", options->compression, 1, 22},
         {"position-bits", "position_bits", options->quantise.position_bits, 0, QUANTISE_MOST_BITS},
         {"field-bits", "field_bits", options->quantise.field_bits, 0, QUANTISE_MOST_BITS},
@@ -383,6 +386,13 @@ static struct tetlodi_write_field list_field(const struct build *build, uint32_t
     return out;
 }
 
+/* Of a series the steps follow, which report the second half. */
+static int encode_progress(void *opaque, double done)
+{
+    const struct build *build = opaque;
+    return build->options->progress(build->options->progress_opaque, BUILD_ENCODE, build->series ? done / 2 : done);
+}
+
 static enum tetlod_status encode(struct build *build, const struct tetlodi_sink *sink)
 {
     const struct tetmesh *mesh = build->mesh;
@@ -420,14 +430,14 @@ static enum tetlod_status encode(struct build *build, const struct tetlodi_sink 
                                         .cell_field_count = build->original->cell_field_count,
                                         .cells = cells,
                                         .late = build->series ? series_sections : NULL,
-                                        .late_opaque = build->series};
+                                        .late_opaque = build->series,
+                                        .progress = build->options->progress ? encode_progress : NULL,
+                                        .progress_opaque = build};
     input.position_bits = mesh->position_grid[0].bits;
     for (int i = 0; i < 3; i++) {
         input.position_origin[i] = mesh->position_grid[i].origin;
         input.position_step[i] = mesh->position_grid[i].step;
     }
-    if (build->options->progress)
-        build->options->progress(build->options->progress_opaque, BUILD_ENCODE, 0);
     enum tetlod_status status = tetlodi_write(&input, sink, build->error);
     free(fields);
     free(cells);
@@ -471,6 +481,23 @@ static enum tetlod_status add_local_bounds(struct build *build)
     return TETLOD_OK;
 }
 
+/* What the writer would refuse after the contraction is refused before it. */
+static enum tetlod_status check_written(const struct tetmesh *mesh, const struct build_options *options, struct tetlod_error *error)
+{
+    uint32_t fields = mesh->field_count + (options->local_bound ? options->control_count : 0);
+    const char *wrong = tetlodi_field_count_wrong(fields, mesh->cell_field_count);
+    for (uint32_t f = 0; f < mesh->field_count && !wrong; f++)
+        wrong = tetlodi_field_wrong(mesh->fields[f].name, mesh->fields[f].components);
+    for (uint32_t f = 0; f < mesh->cell_field_count && !wrong; f++)
+        wrong = tetlodi_field_wrong(mesh->cell_fields[f].name, mesh->cell_fields[f].components);
+    if (wrong)
+        return tetlodi_fail(error, TETLOD_ERR_FIELD, "the mesh cannot be stored: %s", wrong);
+    wrong = tetlodi_metadata_wrong(options->metadata);
+    if (!wrong && !json_text_is_object(options->metadata, strlen(options->metadata)))
+        wrong = "it is not a JSON object in UTF-8";
+    return wrong ? tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "the metadata cannot be stored: %s", wrong) : TETLOD_OK;
+}
+
 /* Rounds a copy of the mesh, to be contracted in its place. */
 static enum tetlod_status quantise(struct build *build)
 {
@@ -501,6 +528,7 @@ enum tetlod_status build_stream(const struct tetmesh *mesh, const struct build_o
     struct build build = {.mesh = mesh, .original = mesh, .numbering = mesh->corners, .options = options, .error = error};
     enum tetlod_status status;
     TETLOD_TRY_DONE(check_local_bound(&build));
+    TETLOD_TRY_DONE(check_written(mesh, options, error));
     TETLOD_TRY_DONE(build_check_memory(mesh, options, error));
     TETLOD_TRY_DONE(orient_mesh(&build, mesh));
     if (quantise_wanted(&options->quantise))

@@ -424,8 +424,10 @@ enum tetlod_status series_sections(void *opaque, const uint32_t *original_of, co
         for (uint32_t i = 0; i < batch.count; i++)
             numbers[i] = first + i;
         status = series_retrace(series, numbers, batch.count, encode_mark, &batch, error);
-        if (status == TETLOD_OK && series->options->progress)
-            series->options->progress(series->options->progress_opaque, BUILD_ENCODE, (first + batch.count) / (double)series->input->step_count);
+        double done = (first + batch.count) / (double)series->input->step_count;
+        if (status == TETLOD_OK && series->options->progress &&
+            !series->options->progress(series->options->progress_opaque, BUILD_ENCODE, 0.5 + done / 2))
+            status = tetlodi_fail(error, TETLOD_ERR_CANCELLED, "cancelled");
     }
     free(numbers);
     if (status == TETLOD_OK)

@@ -18,7 +18,7 @@ unsigned parallel_cores(void)
 {
     cpu_set_t set;
     int cores = sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : 1;
-    return cores > 0 ? (unsigned)cores : 1;
+    return cores < 1 ? 1 : cores < PARALLEL_MOST_THREADS ? (unsigned)cores : PARALLEL_MOST_THREADS;
 }
 
 static void *run(void *argument)

@@ -6,6 +6,7 @@ import resource
 import signal
 import subprocess
 import time
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -48,6 +49,32 @@ def series():
     steps = [read_vtu(name) for name in ('wake_0.vtu', 'second.vtu', 'wake_2.vtu')]
     report('one mesh, other values', all(np.array_equal(steps[0][i], steps[k][i]) for i in (0, 1) for k in (1, 2)) and
            not any(np.array_equal(steps[i][2][n], steps[i + 1][2][n]) for i in (0, 1) for n in steps[0][2]))
+
+
+def names_in_xml():
+    """Names with what XML reserves, in every XML that is written: of files, of fields, of streams."""
+    name = 'a&b<"c>\''
+    done = tetlod('sample', 'wake', '--steps', '2', '--size', '4', '-o', path(name + '.pvd'))
+    parts = [part.get('file') for part in ElementTree.parse(path(name + '.pvd')).iter('DataSet')] if done.returncode == 0 else done
+    report('a PVD file names its parts as XML wants it', parts == ['%s_%d.vtu' % (name, i) for i in range(2)], parts)
+    built = tetlod('build', path(name + '.pvd'), '-o', path(name + '.tetlod'), '--quiet')
+    report('and is read again', built.returncode == 0, built)
+    done = tetlod('sample', 'wake', '--steps', '2', '--size', '4', '-o', path('a\1.pvd'))
+    report('a name that XML cannot hold is refused', done.returncode == 2 and b'XML' in done.stderr, done)
+    with open(path('names.vtk'), 'w') as file:
+        file.write('# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 float\n0 0 0 1 0 0 0 1 0 0 0 1\n'
+                   'CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n10\nPOINT_DATA 4\nFIELD f 1\na&b<"c>\' 1 4 float\n0 1 2 3\n'
+                   'CELL_DATA 1\nFIELD f 1\nd&e 1 1 float\n5\n')
+    tetlod('build', path('names.vtk'), '-o', path('names.tetlod'), '--quiet')
+    for extension in 'vtu', 'xdmf', 'vtp':
+        done = tetlod('extract', path('names.tetlod'), '-o', path('names.' + extension), '--quiet')
+        with open(path('names.' + extension), 'rb') as file:
+            text = file.read().split(b'<AppendedData')[0]
+        end = b'' if extension == 'xdmf' else b'</VTKFile>'
+        found = [one.get('Name') for one in ElementTree.fromstring(text + end).iter()]
+        report('names in %s' % extension, name in found and (extension == 'vtp' or 'd&e' in found), (done, found))
+    done = tetlod('plot', path('names.tetlod'), '-o', path('names.svg'))
+    report('names in svg', done.returncode == 0 and name in ''.join(ElementTree.parse(path('names.svg')).getroot().itertext()), done)
 
 
 def usage():
@@ -178,6 +205,7 @@ def output():
 
 samples()
 series()
+names_in_xml()
 usage()
 blunt_fin()
 plot3d()

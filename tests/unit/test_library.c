@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /* libtetlod-build: what it takes, what it refuses, progress, a sink that fails. That its bytes are the program's: tests/clients/test_python.py. */
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -122,9 +123,109 @@ static void test_options(void)
     options.struct_size = sizeof options.struct_size; // a program of another day: what it does not know has its default
     CHECK(build(&mesh, &options, &error) == TETLOD_OK);
     tetlod_build_defaults(&options);
+    options.threads = 65;
+    CHECK(build(&mesh, &options, &error) == TETLOD_ERR_ARGUMENT && strstr(error.message, "threads is 0 .. 64"));
+    tetlod_build_defaults(&options);
     options.progress = never;
     CHECK(build(&mesh, &options, &error) == TETLOD_ERR_CANCELLED);
     CHECK(tetlod_build(&mesh, NULL, refuse, NULL, &error) == TETLOD_ERR_IO);
+}
+
+/* Of what was said of the progress: how often of encoding, and up to where. */
+struct heard {
+    int encoding, other;
+    double last;
+    bool cancels; /* the encoding */
+};
+
+static int hear(void *opaque, const char *phase, double done)
+{
+    struct heard *heard = opaque;
+    bool encoding = strcmp(phase, "encode") == 0;
+    CHECK(done >= 0 && done <= 1 && (!heard->encoding || done >= heard->last));
+    *(encoding ? &heard->encoding : &heard->other) += 1;
+    heard->last = encoding ? done : 0;
+    return !(encoding && heard->cancels);
+}
+
+enum { SIDE = 13, CUBES = SIDE - 1 };
+
+/* A cube of cubes of six tetrahedra, around the diagonal of each. */
+static void fill_grid(double (*points)[3], float *at, uint32_t (*tets)[4])
+{
+    static const uint32_t steps[6][2] = {{1, SIDE}, {1, SIDE * SIDE}, {SIDE, 1}, {SIDE, SIDE * SIDE}, {SIDE * SIDE, 1}, {SIDE * SIDE, SIDE}};
+    for (uint32_t i = 0; i < SIDE * SIDE * SIDE; i++) {
+        uint32_t x = i % SIDE, y = i / SIDE % SIDE, z = i / SIDE / SIDE;
+        double p[3] = {x, y, z};
+        memcpy(points[i], p, sizeof p);
+        at[i] = (float)(x * y + sin(z));
+        if (x == CUBES || y == CUBES || z == CUBES)
+            continue;
+        for (int t = 0; t < 6; t++, tets++) {
+            uint32_t corners_of[4] = {i, i + steps[t][0], i + steps[t][0] + steps[t][1], i + 1 + SIDE + SIDE * SIDE};
+            memcpy(*tets, corners_of, sizeof corners_of);
+        }
+    }
+}
+
+static void test_cancelled_while_encoding(void)
+{
+    static double points[SIDE * SIDE * SIDE][3];
+    static float at[SIDE * SIDE * SIDE];
+    static uint32_t tets[6 * CUBES * CUBES * CUBES][4];
+    struct tetlod_build_array array = {"p", 1, TETLOD_CELL_FLOAT32, at};
+    struct tetlod_build_mesh mesh = {.struct_size = sizeof mesh, .vertices = SIDE * SIDE * SIDE, .tets = 6 * CUBES * CUBES * CUBES,
+                                     .position_type = TETLOD_FLOAT64, .positions = points, .corners = tets[0], .field_count = 1, .fields = &array};
+    struct tetlod_build_options options;
+    struct tetlod_error error = {0};
+    struct heard heard = {0};
+    fill_grid(points, at, tets);
+    tetlod_build_defaults(&options);
+    options.progress = hear;
+    options.progress_opaque = &heard;
+    CHECK(build(&mesh, &options, &error) == TETLOD_OK && heard.encoding > 1);
+    heard = (struct heard){.cancels = true};
+    CHECK(build(&mesh, &options, &error) == TETLOD_ERR_CANCELLED && heard.encoding == 1); // and nothing reached the sink
+}
+
+/* What a stream cannot hold is refused before the contraction. */
+static void test_refused_early(void)
+{
+    struct tetlod_build_mesh mesh = mesh_of();
+    struct tetlod_build_options options;
+    struct tetlod_error error = {0};
+    struct heard heard = {0};
+    static char large[(1 << 20) + 16], long_name[5000];
+    tetlod_build_defaults(&options);
+    options.progress = hear;
+    options.progress_opaque = &heard;
+    memset(large, ' ', sizeof large - 3);
+    memcpy(large + sizeof large - 3, "{}", 3);
+    static const char *const wrong[] = {"", "x", "[]", "{\"a\":}", "{} {}", "{\"a\":\"\xff\"}", large};
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        options.metadata = wrong[i];
+        CHECK(build(&mesh, &options, &error) == TETLOD_ERR_ARGUMENT && strstr(error.message, "metadata"));
+    }
+    options.metadata = "{\"a\": [1, \"\\u00e9\"]}";
+    CHECK(build(&mesh, &options, &error) == TETLOD_OK && heard.other);
+    heard.other = heard.encoding = 0;
+    memset(long_name, 'a', sizeof long_name - 1);
+    static const char *const names[] = {"a\nb", "\xff", long_name};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        struct tetlod_build_array point = field, cell = cells;
+        point.name = cell.name = names[i];
+        mesh.fields = &point;
+        CHECK(build(&mesh, &options, &error) == TETLOD_ERR_FIELD && strstr(error.message, "name"));
+        mesh = mesh_of();
+        mesh.cell_fields = &cell;
+        CHECK(build(&mesh, &options, &error) == TETLOD_ERR_FIELD && strstr(error.message, "name"));
+        mesh = mesh_of();
+    }
+    static const float many[6 * 65];
+    struct tetlod_build_array wide = {"p", 65, TETLOD_CELL_FLOAT32, many};
+    mesh.fields = &wide;
+    CHECK(build(&mesh, &options, &error) == TETLOD_ERR_FIELD && strstr(error.message, "components"));
+    CHECK(heard.other == 0 && heard.encoding == 0);
 }
 
 int main(void)
@@ -132,5 +233,7 @@ int main(void)
     RUN(test_stream);
     RUN(test_refusals);
     RUN(test_options);
+    RUN(test_cancelled_while_encoding);
+    RUN(test_refused_early);
     return test_end();
 }
