@@ -39,8 +39,11 @@ SERVER ?= 1
 PACKAGES := libzstd expat zlib liblz4 liblzma jansson $(if $(filter 0,$(SERVER)),,libmicrohttpd)
 REQUIRED := $(PACKAGES)
 # Libraries of single formats: used where they are installed; HDF5=0 and so on leave one out
-HDF5 ?= $(shell $(PKG_CONFIG) --exists hdf5 && echo 1)
-NETCDF ?= $(shell $(PKG_CONFIG) --exists netcdf && echo 1)
+# (What is missing is said once, by look_for_needs: here nothing complains)
+HDF5 ?= $(shell $(PKG_CONFIG) --exists hdf5 2>/dev/null && echo 1)
+NETCDF ?= $(shell $(PKG_CONFIG) --exists netcdf 2>/dev/null && echo 1)
+HDF5 := $(HDF5)
+NETCDF := $(NETCDF)
 CGNS ?= $(if $(wildcard $(addsuffix /cgnslib.h,/usr/include /usr/local/include)),1)
 PACKAGES += $(if $(filter 1,$(HDF5)),hdf5) $(if $(filter 1,$(NETCDF)),netcdf)
 OPTIONAL_CFLAGS := $(if $(filter 1,$(HDF5)),-DTETLOD_HDF5) $(if $(filter 1,$(NETCDF)),-DTETLOD_NETCDF) $(if $(filter 1,$(CGNS)),-DTETLOD_CGNS)
@@ -79,8 +82,8 @@ FUZZER := -fsanitize=fuzzer
 else
 $(error config is one of release, debug, asan, tsan, coverage, fuzz, not '$(config)')
 endif
-PACKAGE_CFLAGS := $(shell $(PKG_CONFIG) --cflags $(PACKAGES)) $(OPTIONAL_CFLAGS)
-PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES)) $(if $(filter 1,$(CGNS)),-lcgns) -lm
+PACKAGE_CFLAGS := $(shell $(PKG_CONFIG) --cflags $(PACKAGES) 2>/dev/null) $(OPTIONAL_CFLAGS)
+PACKAGE_LIBS := $(shell $(PKG_CONFIG) --libs $(PACKAGES) 2>/dev/null) $(if $(filter 1,$(CGNS)),-lcgns) -lm
 
 # ---- sources and what is made of them
 FORMAT_SRC := $(sort $(wildcard format/*.c))
@@ -152,7 +155,7 @@ CLI_OBJECTS := $(if $(ALONE),$(call objects,$(filter-out %/main.c %/cmd_serve.c 
 OBJECTS += $(B)/src/cli/main-alone.o
 
 # The same arithmetic for processors that have it; the program asks which it runs on.
-$(B)/src/simplify/kernels_avx2.o: private TETLOD_CFLAGS += $(if $(filter x86_64%,$(shell $(CC) -dumpmachine)),-mavx2)
+$(B)/src/simplify/kernels_avx2.o: private TETLOD_CFLAGS += $(if $(filter x86_64%,$(shell $(CC) -dumpmachine 2>/dev/null)),-mavx2)
 
 $(B)/%.o: %.c $(B)/flags
 	@mkdir -p $(@D); $(if $(V),,echo "  CC  $<")
@@ -246,7 +249,7 @@ for p in $(REQUIRED); do $(PKG_CONFIG) --exists $$p 2>/dev/null || missing="$$mi
 $(if $(filter 0,$(WEB))$(PREBUILT),,! command -v $(WASM_CC) >/dev/null || echo 'int main(void) { return 0; }' | $(WASM_CC) --target=wasm32-wasi -x c - -o /dev/null 2>/dev/null || missing="$$missing wasi-libc";)
 endef
 define look_for_tests
-for c in $(NEEDS_CHECK); do command -v $$c >/dev/null || missing="$$missing $$c"; done; \
+for c in $(filter-out $(NEEDS_COMMANDS),$(NEEDS_CHECK)); do command -v $$c >/dev/null || missing="$$missing $$c"; done; \
 for m in $(NEEDS_PYTHON); do /usr/bin/python3 -c "import $$m" 2>/dev/null || missing="$$missing python3-$$m"; done;
 endef
 say_needs = echo "make: this is missing:$$missing (make deps installs it on Debian; WEB=0 and SERVER=0 ask for less)" >&2
@@ -264,7 +267,7 @@ define install_missing
 	@missing=; for p in $(1); do dpkg -s $$p 2>/dev/null | grep -q '^Status: install ok installed' || missing="$$missing $$p"; done; \
 	if [ -z "$$missing" ]; then exit 0; fi; \
 	if [ "$$(id -u)" != 0 ]; then echo "make: these packages are missing:$$missing (run: sudo apt-get install$$missing)" >&2; exit 1; fi; \
-	echo "  APT$$missing"; apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $$missing >/dev/null
+	echo "make: installs as root, with apt-get, what is missing:$$missing"; apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends $$missing >/dev/null
 endef
 deps-build:
 	$(call install_missing,$(DEPS_BUILD))

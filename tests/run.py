@@ -96,7 +96,7 @@ def main():
     parser.add_argument('configs', nargs='+')
     parser.add_argument('--only', help='run tests whose name has this in it')
     parser.add_argument('--every', action='store_true', help='with tsan: all tests, not only those of what has threads')
-    parser.add_argument('--timeout', type=int, default=600)
+    parser.add_argument('--timeout', type=int, default=3000, help='seconds; what takes minutes takes many on a busy machine')
     parser.add_argument('--jobs', type=int, default=3, help='more than cores: some wait, for a browser or a clock')
     options = parser.parse_args()
     todo = [(c, p) for c in options.configs for p in tests_of(c, options.every) if not options.only or options.only in c + ':' + p]

@@ -306,7 +306,7 @@ def damaged(kind):
             for at in random.integers(0, len(data), 3):
                 data[at] = random.integers(256)
         write(name, bytes(data))
-        done = tetlod('convert', path('hand/mesh.case'), '-o', path('out.vtu'), timeout=60)
+        done = tetlod('convert', path('hand/mesh.case'), '-o', path('out.vtu'), timeout=600)
         if done.returncode not in (0, 1, 3) or (done.returncode and done.stderr.count(b'\n') != 1):
             bad.append(done)
     report('damaged %s cases end in one line or a mesh' % kind, not bad, bad[:2])

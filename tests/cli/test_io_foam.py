@@ -203,7 +203,7 @@ def damaged_cases(binary):
             for at in random.integers(0, len(data), 3):
                 data[at] = random.integers(256)
         open(name, 'wb').write(bytes(data))
-        done = tetlod('convert', path('case/case.foam'), '-o', path('out.vtu'), timeout=60)
+        done = tetlod('convert', path('case/case.foam'), '-o', path('out.vtu'), timeout=600)
         if done.returncode not in (0, 3) or (done.returncode == 3 and done.stderr.count(b'\n') != 1):
             bad.append(done)
     report('damaged %s cases end in one line or a mesh' % ('binary' if binary else 'text'), not bad, bad[:2])

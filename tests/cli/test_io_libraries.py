@@ -461,7 +461,7 @@ def damaged_cases(name):
             for at in random.integers(0, len(good) if n % 3 == 1 else min(len(good), 4096), 1 + n % 7):
                 bytes_[at] = random.integers(256)
         write('damaged' + os.path.splitext(name)[1], bytes(bytes_))
-        done = tetlod('convert', path('damaged' + os.path.splitext(name)[1]), '-o', path('out.vtu'), timeout=100)
+        done = tetlod('convert', path('damaged' + os.path.splitext(name)[1]), '-o', path('out.vtu'), timeout=600)
         bad += done.returncode not in (0, 3) or (done.returncode == 3 and done.stderr.count(b'\n') != 1)
     report('%s: damaged files end in one line or a mesh' % name, bad == 0, '%d did not' % bad)
 

@@ -106,6 +106,31 @@ def test_needs():
     assert done.returncode != 0 and ' npm' in done.stdout, done.stdout
 
 
+def test_a_bare_machine():
+    """What is missing is said in one line, and before root installs it; nothing complains, not of a dry run either."""
+    bare = ['sh', 'make', 'sed', 'find', 'dirname', 'mkdir', 'cat', 'id', 'python3', 'cmp']
+    tree = os.path.join(SCRATCH, 'bare')
+    shutil.copytree(ROOT, tree, ignore=shutil.ignore_patterns('build', '.git', 'node_modules'))
+    for target in ('demo', 'check', 'all'):
+        done = call('make', target, cwd=tree, PATH=only(*bare))
+        said = done.stdout.splitlines()
+        assert done.returncode and said[0].startswith('make: this is missing: cc ') and len([line for line in said if '***' not in line]) == 1, done.stdout
+        assert len(set(said[0].split())) == len(said[0].split()), said
+    dry = subprocess.run(['make', '-n', 'all'], cwd=tree, env=dict(os.environ, PATH=only(*bare)), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    assert dry.stderr == b'', dry.stderr
+    root = only(*bare)
+    os.unlink(os.path.join(root, 'id'))
+    for name, script in (('id', 'echo 0'), ('dpkg', 'exit 1'), ('grep', 'exit 1'), ('apt-get', 'echo "$@" >> %s/installed; exit 1' % root)):
+        with open(os.path.join(root, name), 'w') as file:
+            file.write('#!/bin/sh\n%s\n' % script)
+        os.chmod(os.path.join(root, name), 0o755)
+    done = call('make', 'demo', cwd=tree, PATH=root)
+    said = [line for line in done.stdout.splitlines() if '***' not in line]
+    assert len(said) == 1 and said[0].startswith('make: installs as root, with apt-get, what is missing: gcc '), done.stdout
+    with open(os.path.join(root, 'installed')) as file:
+        assert file.read() == 'update -qq\n'
+
+
 def test_container():
     """The container file runs targets and copies paths that there are."""
     with open(os.path.join(ROOT, 'server', 'deploy', 'Containerfile')) as file:
@@ -116,4 +141,4 @@ def test_container():
     assert 'build/deb' in text and 'ENTRYPOINT ["tetlod"' in text
 
 
-run([test_deb, test_dist, test_without_server, test_needs, test_container])
+run([test_deb, test_dist, test_without_server, test_needs, test_a_bare_machine, test_container])
