@@ -479,8 +479,6 @@ static enum tetlod_status code_split(struct tetlodi_recorder *recorder, unsigned
     struct tetlodi_replay *replay = recorder->replay;
     struct tetlodi_star_view *star = &recorder->star;
     uint32_t child = replay->vertices;
-    if (star->size > recorder->max_labels - recorder->labels)
-        return tetlodi_fail(error, TETLOD_ERR_STREAM, "its records split larger stars than go with its bytes");
     recorder->labels += star->size;
     if (recorder->plan && !recorder->plan(recorder->opaque, star, number))
         return tetlodi_no_room(replay->memory, error);
@@ -564,6 +562,8 @@ enum tetlod_status tetlodi_record_code(struct tetlodi_recorder *recorder, struct
     struct tetlodi_replay *replay = recorder->replay;
     uint32_t splits = replay->splits, records = replay->records;
     enum tetlod_status status = code_record(recorder, record, error);
+    if (status == TETLOD_OK && recorder->labels > recorder->max_labels)
+        status = tetlodi_fail(error, TETLOD_ERR_STREAM, "its records split larger stars than go with its bytes");
     if (status == TETLOD_OK)
         return TETLOD_OK;
     while (replay->splits > splits && tetlodi_replay_undo(replay))

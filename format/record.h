@@ -105,12 +105,12 @@ struct tetlodi_recorder {
     struct tetlodi_field_log logs[2];   /* an encoder's is the first one; a decoder writes one while fields are decoded from the other */
     int64_t (*codes)[4];                /* [components of all columns][child] of the record: an encoder sets them */
     uint32_t most_vertices, most_tets;  /* what the level may have */
-    uint64_t labels, max_labels;        /* of all levels' records so far, and what their frames may have (SPEC 2.3) */
     uint32_t walk, level_start;         /* the walk's vertex; vertices at its begin */
     /* The encoder's answers, once the star is laid out: its labels, its edges' made and flip, its extras. `child` is
      * 1 to 3. NULL in a decoder. 0 if out of memory. */
     int (*plan)(void *opaque, struct tetlodi_star_view *star, unsigned child);
     void *opaque;
+    uint64_t labels, max_labels; /* of all levels' records so far, and what their frames may have (SPEC 2.3) */
 };
 
 /* Models as they are before the base mesh. The coders are started by the caller, each level. */

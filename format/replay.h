@@ -16,11 +16,11 @@ struct tetlodi_column {
     struct tetlodi_scale scale;
     unsigned components;
     uint32_t records; /* of the log that the column has: fewer than all where fields are still to be decoded */
-    uint64_t frame_bytes; /* of its frames, up to the level that was begun last */
     int64_t *codes, *before;
     double *values; /* NULL: of a field that is written, of which nobody asks them after the base mesh */
     double *other_values; /* on the grid where `values` are the tail's exact ones, and the other way round; NULL: there is no tail */
     size_t codes_capacity, before_capacity, values_capacity, other_capacity;
+    uint64_t frame_bytes; /* of its frames, up to the level that was begun last */
 };
 
 struct tetlodi_star {
