@@ -461,7 +461,7 @@ static enum tetlod_status check_local(struct against *a, uint32_t k, uint32_t bo
 static enum tetlod_status check_exact(struct against *a, uint32_t k, bool all)
 {
     const struct tetlod_info *info = tetlod_info(a->file);
-    struct overlay_options options = {.threads = a->options->threads, .floors = a->floors};
+    struct overlay_options options = {.threads = a->options->threads, .floors = a->floors, .overlaps = true};
     struct overlay_report overlay;
     TETLOD_TRY(choose_tets(a, &options));
     if (!all)

@@ -386,7 +386,7 @@ static enum tetlod_status compare_band(const struct steps_check *check, const st
                                        struct tetmesh *mesh, double *floors, double *found)
 {
     struct overlay_report report;
-    struct overlay_options options = {.threads = batch->threads, .floors = floors};
+    struct overlay_options options = {.threads = batch->threads, .floors = floors, .overlaps = true};
     uint32_t count = batch->count * check->field_count, *fields = array_new(count, sizeof *fields);
     enum tetlod_status status = fields ? TETLOD_OK : tetlodi_fail_nomem(check->error, "a band", count * sizeof *fields);
     if (status == TETLOD_OK)

@@ -3,12 +3,14 @@
 
 #include <float.h>
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "format/fail.h"
 #include "src/measure/clusters.h"
 #include "src/measure/exact_cell.h"
+#include "src/mesh/adjacency.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
@@ -19,7 +21,7 @@ static const double THIN = 1e-9;
 /* A pair whose weights may be wrong by more than this is not looked at in doubles at all. */
 static const double HOPELESS = 1e-4;
 
-enum { MOST_ENDS = 24, CHUNK = 16 };
+enum { MOST_ENDS = 24, CHUNK = 16, MAX_SHEET = 256, MAX_POLYGON = 8 };
 
 /* lambda_j(p) = rows[j-1] . (p - origin), j = 1..3. */
 struct weights_map {
@@ -47,6 +49,8 @@ struct overlay {
     struct clusters own_clusters;    /* if none were given */
     double *boxes;                   /* [6 * tet of b] */
     uint8_t *usable[2];              /* [tet] it has an interpolant, and may be looked at */
+    uint32_t *neighbours;            /* of b (adjacency.h), where it may overlap itself */
+    _Atomic uint8_t *covered;        /* [tet of a] a COVER */
     const struct overlay_options *options;
     uint32_t field_count, compared_count;
     struct compared *compared;
@@ -328,6 +332,134 @@ static quad best_difference(const struct overlay *overlay, const struct compared
     return most;
 }
 
+/* ---- one sheet of b
+ *
+ * Where b overlaps itself, a tetrahedron of a meets other sheets of b, whose values are of other places: each end of each intersection would
+ * have to be asked for a better value. But where the tetrahedra of b that cover it are found one from another, across faces that it reaches
+ * through, and all differ from it by little, no other one matters. */
+
+enum cover { COVER_UNKNOWN, COVERED, NOT_COVERED };
+
+/* Does a face of the cell's tetrahedron of b, the one opposite `corner`, reach inside that of a? in: weights there of b's corners. */
+static bool reaches_through(double in[4][4], int corner, double slack)
+{
+    double polygon[2][MAX_POLYGON][4], least = THIN - 2 * slack;
+    int count = 0;
+    for (int c = 0; c < 4; c++)
+        if (c != corner)
+            memcpy(polygon[0][count++], in[c], sizeof *in);
+    for (int k = 0; k < 4 && count; k++) {
+        double(*from)[4] = polygon[k % 2], (*to)[4] = polygon[(k + 1) % 2];
+        int kept = 0;
+        for (int i = 0; i < count; i++) {
+            const double *p = from[i], *q = from[(i + 1) % count];
+            double t = (least - p[k]) / (q[k] - p[k]);
+            if (p[k] >= least)
+                memcpy(to[kept++], p, 4 * sizeof *p);
+            for (int j = 0; (p[k] >= least) != (q[k] >= least) && j < 4; j++)
+                to[kept][j] = p[j] + t * (q[j] - p[j]);
+            kept += (p[k] >= least) != (q[k] >= least);
+        }
+        count = kept;
+    }
+    return count > 0;
+}
+
+/* The tetrahedra of b that were reached from the first one. */
+struct sheet {
+    uint32_t tets[MAX_SHEET], count;
+};
+
+static bool sheet_add(struct sheet *sheet, uint32_t tet)
+{
+    for (uint32_t i = 0; i < sheet->count; i++)
+        if (sheet->tets[i] == tet)
+            return true;
+    if (sheet->count == MAX_SHEET)
+        return false;
+    sheet->tets[sheet->count++] = tet;
+    return true;
+}
+
+/* Goes on across a face of b, if there is another tetrahedron, on the other side of it. */
+static bool cross_face(const struct overlay *overlay, const struct weights_map *map, uint32_t tet, uint32_t face, struct sheet *sheet)
+{
+    uint32_t across = overlay->neighbours[4 * (size_t)tet + face];
+    if (across == TETLOD_NONE || !overlay->usable[1][across / 4])
+        return false;
+    const double *p = corner(overlay->meshes[1], across / 4, (int)(across % 4));
+    const double *const four_places[4] = {p, p, p, p};
+    four r[3], weights[4];
+    offsets_of(map, four_places, r);
+    for (int k = 1; k < 5; k++)
+        weigh_at(map, r, k % 4, weights);
+    return weights[face][0] < 0 && sheet_add(sheet, across / 4);
+}
+
+/* Is the difference small where tetrahedron `tet` of a is in one of b, and can the sheet go on wherever a's reaches through a face of it? */
+static bool extend_sheet(const struct overlay *overlay, const struct worker *worker, uint32_t tet, uint32_t other, struct sheet *sheet)
+{
+    struct cell cell = {.tets = {tet, other}};
+    struct weights_map maps[2];
+    double in[2][4][4], slacks[2];
+    for (int m = 0; m < 2; m++)
+        make_map(overlay->meshes[m], cell.tets[m], &maps[m]);
+    for (int m = 0; m < 2; m++)
+        if (!weigh_corners(&maps[!m], overlay->meshes[m], cell.tets[m], in[m], &slacks[m]))
+            return false; // they touch at most: what is beyond is not known
+    cell.slack = larger(slacks[0], slacks[1]);
+    if (2 * cell.slack > THIN || (may_be_worse(overlay, worker, &cell, in, true) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
+        return false;
+    for (int f = 0; f < 4; f++)
+        if (reaches_through(in[1], f, cell.slack) && !cross_face(overlay, &maps[1], other, (uint32_t)f, sheet))
+            return false;
+    return true;
+}
+
+/* Is there a sheet of b that covers a tetrahedron of a with values that differ by no more than what was found? It has a place near the middle
+ * of it, which is on no face of b but by accident. */
+static bool find_cover(const struct overlay *overlay, const struct worker *worker, uint32_t tet)
+{
+    static const double weights_there[4] = {0.31, 0.27, 0.23, 0.19};
+    double middle[3] = {0, 0, 0};
+    for (int i = 0; i < 3; i++)
+        for (int c = 0; c < 4; c++)
+            middle[i] += weights_there[c] * corner(overlay->meshes[0], tet, c)[i];
+    for (uint32_t first = 0; first < overlay->meshes[1]->tet_count; first++) {
+        struct sheet sheet = {.tets = {first}, .count = 1};
+        struct weights_map map;
+        bool good = overlay->usable[1][first] && in_box(overlay->boxes + 6 * (size_t)first, middle) && same_body(overlay, tet, first);
+        if (!good)
+            continue;
+        const double *const places[4] = {middle, middle, middle, middle};
+        four r[3], weights[4];
+        make_map(overlay->meshes[1], first, &map);
+        offsets_of(&map, places, r);
+        for (int k = 1; k < 5; k++)
+            weigh_at(&map, r, k % 4, weights);
+        for (int k = 0; k < 4; k++)
+            good = good && weights[k][0] > -THIN;
+        for (uint32_t i = 0; i < sheet.count && good; i++)
+            good = extend_sheet(overlay, worker, tet, sheet.tets[i], &sheet);
+        if (good)
+            return true;
+    }
+    return false;
+}
+
+/* The answer is kept: what was found only grows. */
+static bool is_covered(const struct overlay *overlay, const struct worker *worker, uint32_t tet)
+{
+    if (!overlay->covered)
+        return false;
+    uint8_t known = atomic_load_explicit(&overlay->covered[tet], memory_order_relaxed);
+    if (known == COVER_UNKNOWN) {
+        known = find_cover(overlay, worker, tet) ? COVERED : NOT_COVERED;
+        atomic_store_explicit(&overlay->covered[tet], known, memory_order_relaxed);
+    }
+    return known == COVERED;
+}
+
 /* The verdict, in 113 bits. */
 static void compare_exactly(const struct overlay *overlay, struct worker *worker, const struct cell *cell)
 {
@@ -478,9 +610,14 @@ static void compare_pair(const struct overlay *overlay, struct worker *worker, c
         return;
     cell.slack = larger(cell.slack, slack);
     worker->cells++;
-    if (cell.slack > HOPELESS)
+    bool hopeless = cell.slack > HOPELESS;
+    if (!hopeless && !(may_be_worse(overlay, worker, &cell, in, true) && make_cell(&cell, in) && is_worse(overlay, worker, &cell)))
+        return;
+    if (is_covered(overlay, worker, tets[0]))
+        return;
+    if (hopeless)
         compare_exactly(overlay, worker, &cell);
-    else if (may_be_worse(overlay, worker, &cell, in, true) && make_cell(&cell, in) && is_worse(overlay, worker, &cell))
+    else
         (overlay->options->each ? raise_bounds : compare_exactly)(overlay, worker, &cell);
 }
 
@@ -555,6 +692,18 @@ static enum tetlod_status prepare_boxes(struct overlay *overlay, struct tetlod_e
     return clusters_build(&overlay->own_clusters, fine, error);
 }
 
+static enum tetlod_status prepare_cover(struct overlay *overlay, struct tetlod_error *error)
+{
+    const struct tetmesh *b = overlay->meshes[1];
+    if (!overlay->options->overlaps)
+        return TETLOD_OK;
+    overlay->covered = array_zero(overlay->meshes[0]->tet_count, sizeof *overlay->covered);
+    overlay->neighbours = array_new(b->tet_count, 4 * sizeof *overlay->neighbours);
+    if (!overlay->covered || !overlay->neighbours)
+        return tetlodi_fail_nomem(error, "the overlay", b->tet_count * 16 * (uint64_t)sizeof *overlay->neighbours);
+    return adjacency_build(b->corners, b->tet_count, b->vertex_count, overlay->neighbours, NULL, error);
+}
+
 static enum tetlod_status prepare_fields(struct overlay *overlay, const uint32_t *a_fields, const uint32_t *b_fields,
                                          struct tetlod_error *error)
 {
@@ -594,6 +743,8 @@ static void overlay_fini(struct overlay *overlay, unsigned threads)
     free(overlay->workers);
     free(overlay->compared);
     free(overlay->boxes);
+    free(overlay->covered);
+    free(overlay->neighbours);
     clusters_fini(&overlay->own_clusters);
 }
 
@@ -622,6 +773,7 @@ enum tetlod_status overlay_max(const struct tetmesh *a, const uint32_t *a_fields
     TETLOD_TRY_DONE(prepare_fields(&overlay, a_fields, b_fields, error));
     TETLOD_TRY_DONE(prepare_workers(&overlay, threads, error));
     TETLOD_TRY_DONE(prepare_boxes(&overlay, error));
+    TETLOD_TRY_DONE(prepare_cover(&overlay, error));
     parallel_for(threads, overlay.meshes[!overlay.finer]->tet_count, CHUNK, compare_range, &overlay);
     gather(&overlay, threads, out, report);
 done:

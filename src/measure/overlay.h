@@ -29,6 +29,7 @@ struct overlay_options {
     const uint8_t *usable[2];  /* [tet] 0: left out as degenerate ones are; NULL: none */
     const uint8_t *wanted;     /* [tet of b] 0: the differences in it are known; NULL: none */
     const struct clusters *clusters; /* of all tetrahedra of a (borrowed), to be asked several times; NULL: made where they are needed */
+    bool overlaps;             /* b may overlap itself: tetrahedra of a whose differences are small on one sheet of it are found quickly */
     const double *floors;      /* [count] in the field's units: differences up to that are not looked for; NULL: 0 */
     double *each;              /* [tet of b][count] of each tetrahedron its own: a floor, raised to a bound of the differences in it; NULL: none.
                                   Also where b covers a place more than once; `floors` and the results do not count then */

@@ -51,6 +51,22 @@ def block(size):
     return points, np.concatenate(tets)
 
 
+def coil(length):
+    """A body that winds twice around and overlaps itself: length * 24 tetrahedra, and how far along it each point is."""
+    points, tets = [], []
+    for i in range(length + 1):
+        points += [(i / length, j / 2, k / 2) for j in range(3) for k in range(3)]
+    for i in range(length):
+        for j in range(2):
+            for k in range(2):
+                for order in ((9, 3, 1), (3, 1, 9), (1, 9, 3), (9, 1, 3), (1, 3, 9), (3, 9, 1)):
+                    path_ = np.cumsum([9 * i + 3 * j + k, *order])
+                    tets.append(path_ if order in ((9, 3, 1), (3, 1, 9), (1, 9, 3)) else path_[[0, 2, 1, 3]])
+    along, across, up = np.array(points).T
+    angle, radius = 4 * np.pi * along, 2 + across
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), up + along / 50], 1), np.array(tets), along
+
+
 def volumes(points, tets):
     p = points[tets]
     return np.einsum('ij,ij->i', p[:, 1] - p[:, 0], np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 0])) / 6

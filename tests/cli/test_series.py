@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 
-from cell_meshes import block, save
+from cell_meshes import block, coil, save
 from common import CONFIG, case, fails, finish, info, must, path, read_grid, read_vtu, report, succeeds, tetlod, write
 
 sys.path.insert(0, os.path.join(os.environ['ROOT'], 'client-examples', 'python'))
@@ -348,6 +348,19 @@ def other_times_case():
     return None if done.returncode == 3 and b'step 3: its time is' in done.stderr else done
 
 
+def overlapping_case():
+    """A body that overlaps itself: seconds, not minutes."""
+    points, tets, along = coil(29)
+    names = []
+    for step in range(12):
+        names.append('coil_%d.vtu' % step)
+        save(names[-1], points, tets, {'heat': np.sin(12 * along + 0.3 * step)}, {})
+    must('build', *names, '--field', 'heat', '-o', 'coil.tetlod', '--quiet')
+    against = [word for name in names for word in ('--against', name)]
+    done = tetlod('verify', 'coil.tetlod', *against, timeout=60)
+    return None if done.returncode == 0 and info('coil.tetlod')['levels'][0]['tets'] < len(tets) else done
+
+
 def stretched_case():
     """Flat cells, whole numbers as values, and errors that are fractions of each step's range: some bands are exact."""
     points, tets = block(5)
@@ -381,5 +394,6 @@ case('--time builds one step', one_step_case)
 refuse_others()
 refuse_options()
 case('verify notices another time', other_times_case)
+case('a body that overlaps itself', overlapping_case)
 case('a stretched mesh, in ranges of its steps', stretched_case)
 finish()
