@@ -165,7 +165,7 @@ enum tetlod_status server_explode(const struct explode_options *options, struct 
     struct file_output *output;
     TETLOD_TRY(catalogue_open(&catalogue, &from, error));
     size_t count = 0;
-    struct dataset **list = catalogue_list(catalogue, SIZE_MAX, &count);
+    struct dataset **list = catalogue_list(catalogue, SIZE_MAX, &count, NULL);
     json_t *meshes = json_array();
     enum tetlod_status status = list ? TETLOD_OK : tetlodi_fail_nomem(error, "the catalogue", 0);
     for (size_t i = 0; i < count; i++) {

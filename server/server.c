@@ -30,6 +30,7 @@
 #include "server/rules.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
+#include "src/util/memory_limit.h"
 #include "src/util/parallel.h"
 
 enum { MOST_LISTENERS = 16, MOST_DESCRIPTORS = 1 << 20, QUEUE = 256, OWN_DESCRIPTORS = 48, LEAST_FILES = 8, UNSENT = 64 << 10 };
@@ -210,8 +211,9 @@ static double seconds_or(double given, double otherwise)
 static void set_defaults(struct server_options *options)
 {
     options->threads = options->threads ? options->threads : parallel_cores();
-    options->cache_bytes = options->cache_bytes ? options->cache_bytes : (uint64_t)256 << 20;
-    options->memory_bytes = options->memory_bytes ? options->memory_bytes : (uint64_t)sysconf(_SC_PHYS_PAGES) / 2 * (uint64_t)sysconf(_SC_PAGESIZE);
+    uint64_t there = memory_limit(""), eighth = there / 8;
+    options->cache_bytes = options->cache_bytes ? options->cache_bytes : eighth < (uint64_t)256 << 20 ? eighth : (uint64_t)256 << 20;
+    options->memory_bytes = options->memory_bytes ? options->memory_bytes : there / 2;
     options->connections = options->connections ? options->connections : 4096;
     options->header_bytes = options->header_bytes ? options->header_bytes : 8192;
     options->jobs_per_client = options->jobs_per_client ? options->jobs_per_client : 64;
@@ -238,6 +240,15 @@ static void divide_descriptors(struct server *server, size_t *out_all, size_t *o
     snprintf(message, sizeof message, "at most %zu connections: the process may have %zu descriptors (ulimit -n, LimitNOFILE)", left, *out_all);
     say(server, "warning", message);
     options->connections = left;
+}
+
+static void say_memory(struct server *server)
+{
+    char message[160];
+    snprintf(message, sizeof message, "at most %llu MB for streams (--memory) and %llu MB for answers (--cache), of %llu MB",
+             (unsigned long long)(server->options.memory_bytes >> 20), (unsigned long long)(server->options.cache_bytes >> 20),
+             (unsigned long long)(memory_limit("") >> 20));
+    say(server, "info", message);
 }
 
 static size_t count_connections(void *opaque)
@@ -325,11 +336,11 @@ static enum tetlod_status open_listeners(struct server *server, struct tetlod_er
     if (options->listen_count + 1 > MOST_LISTENERS)
         return tetlodi_fail(error, TETLOD_ERR_ARGUMENT, "at most %d addresses can be listened on", MOST_LISTENERS - 1);
     for (size_t i = 0; i < options->listen_count; i++) {
-        TETLOD_TRY(listener_open(&server->listeners[i], options->listen[i], error));
+        TETLOD_TRY(listener_open(&server->listeners[i], options->listen[i], options->socket_mode, error));
         server->listener_count++;
     }
     if (options->metrics) {
-        TETLOD_TRY(listener_open(&server->listeners[server->listener_count], options->metrics, error));
+        TETLOD_TRY(listener_open(&server->listeners[server->listener_count], options->metrics, options->socket_mode, error));
         server->listener_count++;
     }
     for (size_t i = 0; i < server->listener_count; i++)
@@ -374,6 +385,13 @@ static enum tetlod_status start_threads(struct server *server, struct tetlod_err
     return TETLOD_OK;
 }
 
+/* What is needed of the texts was copied: the caller may free them now. */
+static void forget_texts(struct server_options *options)
+{
+    options->listen = options->paths = options->cors = options->hosts = options->proxies = options->stream_origins = NULL;
+    options->metrics = options->token_file = options->base_path = NULL;
+}
+
 enum tetlod_status server_start(struct server **out, const struct server_options *options, struct tetlod_error *error)
 {
     sigset_t all, before;
@@ -399,9 +417,11 @@ enum tetlod_status server_start(struct server **out, const struct server_options
     if (status == TETLOD_OK)
         status = start_threads(server, error);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
-    if (status == TETLOD_OK)
+    forget_texts(&server->options);
+    if (status == TETLOD_OK) {
+        say_memory(server);
         *out = server;
-    else
+    } else
         (void)server_stop(server); // what it does not free is lost with a start that failed
     return status;
 }

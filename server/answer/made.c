@@ -117,7 +117,7 @@ enum outcome answer_from_level(struct exchange *exchange, struct dataset *datase
         .coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE),
         .etag = name,
     };
-    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s", dataset_info(dataset)->cid, answer->level, answer->name);
+    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s-" TETLOD_VERSION_STRING, dataset_info(dataset)->cid, answer->level, answer->name);
     snprintf(key, sizeof key, "%s/%s", name, coding_name(representation.coding));
     struct cache *cache = cache_for(exchange->site, making_bytes(dataset_info(dataset), answer));
     const struct cache_value *value = obtain_cached(exchange, cache, key);

@@ -158,7 +158,7 @@ enum outcome respond_hanging(struct exchange *exchange, const struct dataset *da
 void respond_no_mesh(struct exchange *exchange)
 {
     size_t count = 0;
-    struct dataset **list = catalogue_list(exchange->site->catalogue, MOST_NAMED, &count);
+    struct dataset **list = catalogue_list(exchange->site->catalogue, MOST_NAMED, &count, NULL);
     json_t *ids = json_array();
     for (size_t i = 0; list && i < count; i++) {
         json_array_append_new(ids, json_string(dataset_id(list[i])));

@@ -223,24 +223,56 @@ enum outcome handle_stream_info(struct exchange *exchange)
     return outcome;
 }
 
+/* The streams at one moment; all held. */
 struct list_context {
-    struct catalogue *catalogue;
+    struct dataset **list;
+    size_t count;
     enum coding coding;
 };
+
+static void free_list_context(void *opaque)
+{
+    struct list_context *context = opaque;
+    for (size_t i = 0; i < context->count; i++)
+        dataset_release(context->list[i]);
+    free(context->list);
+    free(context);
+}
 
 static enum tetlod_status make_list(void *opaque, const struct job *job, struct cache_value *out, struct tetlod_error *error)
 {
     const struct list_context *context = opaque;
+    json_t *meshes = json_array();
     (void)job;
-    size_t count = 0;
-    struct dataset **list = catalogue_list(context->catalogue, SIZE_MAX, &count);
-    json_t *meshes = list ? json_array() : NULL;
-    for (size_t i = 0; i < count; i++) {
-        json_array_append_new(meshes, describe_in_catalogue(dataset_info(list[i]), dataset_id(list[i])));
-        dataset_release(list[i]);
-    }
-    free(list);
+    for (size_t i = 0; i < context->count; i++)
+        json_array_append_new(meshes, describe_in_catalogue(dataset_info(context->list[i]), dataset_id(context->list[i])));
     return json_body(json_pack("{s:o}", "meshes", meshes), context->coding, out, error);
+}
+
+enum { LIST_TAG = 64, LIST_KEY = 96 };
+
+static void name_list(uint64_t digest, enum coding coding, char etag[static LIST_TAG], char key[static LIST_KEY])
+{
+    snprintf(etag, LIST_TAG, "%016llx-" TETLOD_VERSION_STRING, (unsigned long long)digest);
+    snprintf(key, LIST_KEY, "catalogue/%s/%s", etag, coding_name(coding));
+}
+
+/* Makes the list, under the name of just the streams that are in it. */
+static enum outcome obtain_list(struct exchange *exchange, enum coding coding, char etag[static LIST_TAG], const struct cache_value **out)
+{
+    struct site *site = exchange->site;
+    struct list_context *context = array_zero(1, sizeof *context);
+    char key[LIST_KEY];
+    uint64_t digest;
+    *out = NULL;
+    if (!context || !(context->list = catalogue_list(site->catalogue, SIZE_MAX, &context->count, &digest))) {
+        free(context);
+        return respond_no_memory(exchange);
+    }
+    context->coding = coding;
+    name_list(digest, coding, etag, key);
+    const struct recipe recipe = {make_list, free_list_context, context, 4096 * (uint64_t)(1 + context->count), PATIENCE, NULL};
+    return obtain(exchange, cache_for(site, recipe.bytes), key, &recipe, out);
 }
 
 /* Made once for each state of the catalogue, however many streams it has. */
@@ -248,16 +280,12 @@ enum outcome handle_catalogue(struct exchange *exchange)
 {
     struct site *site = exchange->site;
     enum coding coding = coding_choose(request_header(exchange->request, "Accept-Encoding"), CODINGS_MADE);
-    struct list_context *context = array_new(1, sizeof *context);
-    const struct cache_value *value;
-    char etag[64], key[80];
-    if (!context)
-        return respond_no_memory(exchange);
-    *context = (struct list_context){site->catalogue, coding};
-    snprintf(etag, sizeof etag, "%016llx-" TETLOD_VERSION_STRING, (unsigned long long)catalogue_digest(site->catalogue));
-    snprintf(key, sizeof key, "catalogue/%s/%s", etag, coding_name(coding));
-    const struct recipe recipe = {make_list, free, context, 4096 * (uint64_t)(1 + catalogue_count(site->catalogue)), PATIENCE, NULL};
-    enum outcome outcome = obtain(exchange, cache_for(site, recipe.bytes), key, &recipe, &value);
+    enum outcome outcome = ANSWERED;
+    char etag[LIST_TAG], key[LIST_KEY];
+    name_list(catalogue_digest(site->catalogue), coding, etag, key);
+    const struct cache_value *value = obtain_cached(exchange, cache_for(site, 4096 * (uint64_t)(1 + catalogue_count(site->catalogue))), key);
+    if (!value)
+        outcome = obtain_list(exchange, coding, etag, &value);
     if (value) {
         respond_body(exchange, value, &(struct representation){.media_type = "application/json", .coding = coding, .etag = etag});
         link_description(exchange);

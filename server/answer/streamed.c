@@ -219,7 +219,7 @@ static bool respond(struct exchange *exchange, const struct streamed_answer *ans
 enum outcome answer_streamed(struct exchange *exchange, struct dataset *dataset, const struct streamed_answer *answer)
 {
     char name[MOST_CELL_FIELDS / 4 + 96];
-    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s", dataset_info(dataset)->cid, answer->level, answer->name);
+    snprintf(name, sizeof name, "%s-%" PRIu32 "-%s-" TETLOD_VERSION_STRING, dataset_info(dataset)->cid, answer->level, answer->name);
     const struct representation representation = {.media_type = answer->media_type, .etag = name};
     if (!respond_unchanged(exchange, &representation, SIZE_UNKNOWN)) {
         struct held held;

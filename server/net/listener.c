@@ -97,38 +97,51 @@ static enum tetlod_status open_tcp(struct listener *listener, const char *addres
     return listener->fd < 0 ? fail_address(address, strerror(why), error) : start_listening(listener, address, error);
 }
 
-static enum tetlod_status open_unix(struct listener *listener, const char *path, struct tetlod_error *error)
+/* Removes a socket that a server left behind when it died. Only a refused connection tells that nobody listens there: a server that is
+ * stopped or busy does not answer, and it shall keep its socket. */
+static enum tetlod_status clear_path(const struct sockaddr_un *name, const char *path, struct tetlod_error *error)
+{
+    struct stat about;
+    if (lstat(path, &about) != 0 || !S_ISSOCK(about.st_mode))
+        return TETLOD_OK; // bind says what is wrong
+    int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    if (fd < 0)
+        return fail_address(path, strerror(errno), error);
+    int why = connect(fd, (const struct sockaddr *)name, sizeof *name) == 0 ? 0 : errno;
+    close(fd);
+    if (why == ECONNREFUSED)
+        return unlink(path) == 0 ? TETLOD_OK : fail_address(path, strerror(errno), error);
+    return fail_address(path, why && why != EAGAIN ? strerror(why) : "another server listens there", error);
+}
+
+static enum tetlod_status open_unix(struct listener *listener, const char *path, unsigned mode, struct tetlod_error *error)
 {
     struct sockaddr_un name = {.sun_family = AF_UNIX};
-    struct stat about;
     if (!*path || strlen(path) >= sizeof name.sun_path)
         return fail_address(path, "a Unix socket's path has 1 to 107 bytes", error);
     memcpy(name.sun_path, path, strlen(path));
+    TETLOD_TRY(clear_path(&name, path, error));
     listener->fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    if (listener->fd < 0)
-        return fail_address(path, strerror(errno), error);
-    if (stat(path, &about) == 0 && S_ISSOCK(about.st_mode)) { // left by one that died, unless somebody answers there
-        bool used = connect(listener->fd, (struct sockaddr *)&name, sizeof name) == 0;
-        close(listener->fd);
-        listener->fd = used ? -1 : socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-        if (used)
-            return fail_address(path, "another server answers there", error);
-        unlink(path);
-    }
-    if (listener->fd < 0 || bind(listener->fd, (struct sockaddr *)&name, sizeof name) != 0) {
+    bool narrowed = listener->fd >= 0 && (!mode || fchmod(listener->fd, mode) == 0); // the file never has more than its mode
+    if (!narrowed || bind(listener->fd, (struct sockaddr *)&name, sizeof name) != 0) {
         enum tetlod_status status = fail_address(path, strerror(errno), error);
         listener_close(listener);
         return status;
     }
     snprintf(listener->unlink_at, sizeof listener->unlink_at, "%s", path);
+    if (mode && chmod(path, mode) != 0) { // whatever the umask is
+        enum tetlod_status status = fail_address(path, strerror(errno), error);
+        listener_close(listener);
+        return status;
+    }
     return start_listening(listener, path, error);
 }
 
-enum tetlod_status listener_open(struct listener *out, const char *address, struct tetlod_error *error)
+enum tetlod_status listener_open(struct listener *out, const char *address, unsigned socket_mode, struct tetlod_error *error)
 {
     *out = (struct listener){.fd = -1};
     if (strncmp(address, "unix:", 5) == 0)
-        return open_unix(out, address + 5, error);
+        return open_unix(out, address + 5, socket_mode, error);
     if (strncmp(address, "fd:", 3) != 0)
         return open_tcp(out, address, error);
     uint64_t fd;

@@ -13,7 +13,8 @@ struct listener {
     char unlink_at[108]; /* path of a Unix socket that is ours to remove, or empty */
 };
 
-TETLOD_CHECKED enum tetlod_status listener_open(struct listener *out, const char *address, struct tetlod_error *error);
+/* `socket_mode` is that of a Unix socket's file; 0: what the umask leaves. */
+TETLOD_CHECKED enum tetlod_status listener_open(struct listener *out, const char *address, unsigned socket_mode, struct tetlod_error *error);
 void listener_close(struct listener *listener);
 
 #endif

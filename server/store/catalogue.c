@@ -623,7 +623,7 @@ size_t catalogue_hanging(struct catalogue *catalogue, double seconds)
     return open_files_hanging(catalogue->files, seconds);
 }
 
-struct dataset **catalogue_list(struct catalogue *catalogue, size_t most, size_t *out_count)
+struct dataset **catalogue_list(struct catalogue *catalogue, size_t most, size_t *out_count, uint64_t *out_digest)
 {
     size_t count = 0;
     pthread_mutex_lock(&catalogue->lock);
@@ -631,6 +631,8 @@ struct dataset **catalogue_list(struct catalogue *catalogue, size_t most, size_t
     for (size_t i = 0; list && i < catalogue->table.count && count < most; i++)
         if (catalogue->table.entries[i].dataset)
             list[count++] = dataset_hold(catalogue->table.entries[i].dataset);
+    if (out_digest)
+        *out_digest = catalogue->digest;
     pthread_mutex_unlock(&catalogue->lock);
     *out_count = count;
     return list;

@@ -40,8 +40,9 @@ struct dataset *catalogue_find(struct catalogue *catalogue, const char *id);
 /* The stream of an id, or the topology group of it, with this content id, current or replaced, or NULL. */
 struct dataset *catalogue_find_content(struct catalogue *catalogue, const char *id, const char *cid, double now);
 
-/* The current streams by id, `most` at most, each held, in an array that the caller frees; NULL if memory is out. */
-struct dataset **catalogue_list(struct catalogue *catalogue, size_t most, size_t *out_count);
+/* The current streams by id, `most` at most, each held, in an array that the caller frees; NULL if memory is out. `out_digest`: the number
+ * that catalogue_digest gives of just these; may be NULL. */
+struct dataset **catalogue_list(struct catalogue *catalogue, size_t most, size_t *out_count, uint64_t *out_digest);
 
 /* A number that tells what is listed: of ids and content ids. */
 uint64_t catalogue_digest(struct catalogue *catalogue);

@@ -292,6 +292,35 @@ def test_a_file_that_hangs():
     os.unlink(flag)
 
 
+AHEAD = r'''
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <time.h>
+int clock_gettime(clockid_t clock, struct timespec *out)
+{
+    int (*real)(clockid_t, struct timespec *) = (int (*)(clockid_t, struct timespec *))dlsym(RTLD_NEXT, "clock_gettime");
+    int result = real(clock, out);
+    if (clock == CLOCK_REALTIME)
+        out->tv_sec += 3600;
+    return result;
+}
+'''
+
+
+def test_a_clock_that_was_set():
+    """Where the time of day is an hour behind of what it was, scans and time-outs come as they did: they wait by another clock."""
+    if os.environ.get('CONFIG') != 'release':
+        return 'sanitizers want to be loaded first'
+    library, folder = os.path.join(SCRATCH, 'ahead.so'), folder_of('ahead', 'fin')
+    with open(library + '.c', 'w') as file:
+        file.write(AHEAD)
+    subprocess.run(['cc', '-shared', '-fPIC', '-o', library, library + '.c', '-ldl'], check=True)
+    with Server(folder, '--scan', '0.05', '--timeout', '1', environment={'LD_PRELOAD': library}) as server:
+        shutil.copy(MADE, os.path.join(folder, 'new.tetlod'))
+        eventually(lambda: server.get('/v1/meshes/new')[0] == 200)
+        assert server.raw(b'') == b''  # who asks nothing is shut out
+
+
 def test_stop_while_scanning():
     """The thread that looks at the paths reads the catalogue and the caches to its last step."""
     folder = folder_of('scanned', 'fin')
@@ -305,4 +334,4 @@ def test_stop_while_scanning():
 subprocess.run([TETLOD, 'sample', 'fin', '--size', '6', '-o', 'fin.vtu'], cwd=SCRATCH, check=True)
 subprocess.run([TETLOD, 'build', 'fin.vtu', '-o', MADE, '--quiet'], cwd=SCRATCH, check=True)
 run([test_explode_on_a_full_disk, test_what_is_no_stream_is_named_once, test_folder_that_goes_away_for_a_while, test_descriptors_run_out, test_more_files_than_descriptors,
-     test_written_over_with_the_same_size_and_time, test_a_folder_that_hangs, test_a_file_that_hangs, test_stop_while_scanning])
+     test_written_over_with_the_same_size_and_time, test_a_folder_that_hangs, test_a_file_that_hangs, test_a_clock_that_was_set, test_stop_while_scanning])

@@ -6,6 +6,8 @@ import json
 import os
 import re
 import resource
+import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -494,6 +496,75 @@ def test_addresses():
         assert '[::1]' in third
 
 
+def test_sockets_of_others():
+    """A socket is removed only where nobody listens: not of a server that is stopped, nor of one whose queue is full."""
+    path = os.path.join('/tmp', 'tetlod-socket-%d.sock' % os.getpid())
+
+    def start():
+        return subprocess.run([TETLOD, 'serve', FOLDER, '--listen', 'unix:' + path], stderr=subprocess.PIPE, timeout=PATIENCE)
+
+    with Server(FOLDER, listen='unix:' + path) as first:
+        first.process.send_signal(signal.SIGSTOP)
+        for _ in range(2):
+            done = start()
+            assert done.returncode == 1 and b'another server listens there' in done.stderr, done
+        first.process.send_signal(signal.SIGCONT)
+        assert os.path.exists(path)
+    with socket.socket(socket.AF_UNIX) as full:
+        full.bind(path)
+        full.listen(0)
+        waiting = [socket.socket(socket.AF_UNIX) for _ in range(3)]
+        for connection in waiting:
+            connection.setblocking(False)
+            connection.connect_ex(path)
+        done = start()
+        assert done.returncode == 1 and b'another server listens there' in done.stderr, done
+        for connection in waiting:
+            connection.close()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other:  # not ours at all
+        os.unlink(path)
+        other.bind(path)
+        done = start()
+        assert done.returncode == 1 and os.path.exists(path), done
+    os.unlink(path)
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(path)
+    for mode in (None, '660', '606', '777'):
+        with Server(FOLDER, *(['--socket-mode', mode] if mode else []), listen='unix:' + path):
+            found = os.stat(path).st_mode & 0o777
+            assert found == int(mode, 8) if mode else not found & 0o111 or found == 0o755, (mode, oct(found))
+        assert not os.path.exists(path)
+    for bad in ('0', '8', '1777', 'x', ''):
+        done = subprocess.run([TETLOD, 'serve', FOLDER, '--socket-mode', bad], stderr=subprocess.PIPE, timeout=PATIENCE)
+        assert done.returncode == 2 and b'socket-mode' in done.stderr, (bad, done)
+
+
+def test_long_times():
+    """Times beyond what clocks count with are long ones: nothing spins, and a signal is heard."""
+    with Server(FOLDER, '--scan', '1e30', '--keep-replaced', '1e300', '--timeout', '1e30', '--drain', '1e15') as server_of:
+        before = os.times().elapsed, cpu_seconds(server_of)
+        time.sleep(1)
+        assert cpu_seconds(server_of) - before[1] < 0.5 * (os.times().elapsed - before[0])
+        stream = os.path.join(FOLDER, 'late.tetlod')
+        shutil.copy(os.path.join(ROOT, 'tests', 'golden', 'cells_float32.tetlod'), stream)
+        server_of.process.send_signal(signal.SIGHUP)
+        eventually(lambda: server_of.get('/v1/meshes/late')[0] == 200)
+        os.unlink(stream)
+
+
+def cpu_seconds(server_of):
+    with open('/proc/%d/stat' % server_of.process.pid) as file:
+        words = file.read().rpartition(')')[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def test_memory_is_said():
+    with Server(FOLDER, '--memory', '300M', '--cache', '20M') as told, Server(FOLDER) as chosen:
+        assert 'at most 300 MB for streams (--memory) and 20 MB for answers (--cache), of ' in told.messages()
+        streams, answers, there = map(int, re.search(r'at most (\d+) MB for streams .* and (\d+) MB for answers .*, of (\d+) MB', chosen.messages()).groups())
+        assert abs(streams - there / 2) <= 1 and answers <= min(256, there / 8)
+
+
 def test_metrics_apart():
     port = free_port()
     with Server(FOLDER, '--metrics', '127.0.0.1:%d' % port) as apart:
@@ -557,5 +628,5 @@ with Server(FOLDER, '--timeout', '1000') as server:  # what ends a connection is
     run([test_health, test_common_headers, test_request_id, test_options, test_methods, test_unknown_paths, test_a_page_for_browsers, test_traversal,
          test_nul_does_not_cut, test_targets_without_a_path, test_one_vary, test_absolute_form, test_host, test_bodies_are_refused, test_smuggling, test_expect_continue, test_nul_in_headers, test_no_silence,
          test_refusals_are_problems, test_many_parameters, test_forgotten_requests, test_long_requests, test_garbage, test_pipelining, test_half_closed, test_keep_alive, test_head, test_conditional,
-         test_coding, test_embedding, test_assets, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses, test_metrics_apart, test_threads,
+         test_coding, test_embedding, test_assets, test_page, test_stream_origins, test_slow_loris, test_connection_limits, test_idle_connections, test_addresses, test_sockets_of_others, test_long_times, test_memory_is_said, test_metrics_apart, test_threads,
          test_graceful_stop, test_access_log, test_metrics])
