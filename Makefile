@@ -120,6 +120,9 @@ WASM_CFLAGS := --target=wasm32-wasi -mexec-model=reactor -mbulk-memory -msimd128
 WASM_LDFLAGS := -Wl,--strip-all -Wl,--max-memory=4294967296 -Wl,-z,stack-size=262144
 CUT_SRC := $(sort $(wildcard src/cut/*.c)) $(patsubst %,src/mesh/%.c,adjacency hilbert tetmesh) src/util/array.c
 WASM_SRC := $(sort $(wildcard $(WEB_DIR)/wasm/*.c)) $(filter-out format/writer.c format/lineage.c format/container.c format/prefix.c,$(FORMAT_SRC)) $(CUT_SRC)
+# of these bytes count more than time
+WASM_SMALL := $(patsubst %,$(WEB_DIR)/wasm/%.c,describe fine lengths pictures view_cells view_filter) src/cut/line.c src/cut/normals.c \
+    $(patsubst %,format/%.c,base feed header index parts section status tail time_table topologies)
 WASM := build/wasm/tetlod.wasm
 CLIENT := build/client
 CLIENT_SRC := $(sort $(wildcard $(WEB_DIR)/client/*.js)) $(wildcard client-examples/web/*)
@@ -171,7 +174,8 @@ $(WASM): $(WASM_SRC) $(wildcard $(WEB_DIR)/wasm/*.h format/*.h src/*/*.h) Makefi
 	@mkdir -p $(@D)
 	@command -v $(WASM_CC) >/dev/null || { echo "make: $(WASM_CC) is missing (run: make deps)" >&2; exit 1; }
 	@echo "  WASM $@"
-	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(WASM_SRC)
+	$(Q)for f in $(WASM_SMALL); do $(WASM_CC) $(filter-out -mexec-model=%,$(WASM_CFLAGS)) -Oz -c -o $(@D)/$$(basename $$f .c).o $$f || exit 1; done
+	$(Q)$(WASM_CC) $(WASM_CFLAGS) $(WASM_LDFLAGS) -o $@ $(filter-out $(WASM_SMALL),$(WASM_SRC)) $(patsubst %.c,$(@D)/%.o,$(notdir $(WASM_SMALL)))
 
 # The worker is one file: three loads one after the other would keep it waiting
 $(CLIENT)/package.json: $(NODE_MODULES) $(WASM) $(CLIENT_SRC) $(WEB_DIR)/inline.mjs $(WEB_STAMP) LICENSE

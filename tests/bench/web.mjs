@@ -160,6 +160,26 @@ async function openViewer(id) {
   return { seconds: picture.startTime / 1000, bytes: picture.received, ours: longest(tasks.filter((t) => !isGraphics(t))), graphics: longest(tasks.filter(isGraphics)) };
 }
 
+/** A link that asks for the original: {picture, settled}: seconds from navigation to the first picture and to the last; {gap}: the longest
+ *  from one picture to the next, after the first. */
+async function openAll(origin) {
+  const page = await openPage(browser, origin);
+  await page.addInitScript(() => {
+    window.pictures = [];
+    const look = () => {
+      const { viewer } = window.tetlod ?? {};
+      if (!viewer) return void setTimeout(look, 5);
+      viewer.addEventListener('pictures', () => window.pictures.push(performance.now()));
+    };
+    look();
+  });
+  await page.goto(`${origin}view/cube60#error=0&maxTets=2000000`);
+  const settled = await page.waitForFunction(() => window.tetlod?.settled && performance.now() / 1000).then((handle) => handle.jsonValue());
+  const { picture, times } = await page.evaluate(() => ({ picture: performance.getEntriesByName('tetlod-picture')[0].startTime / 1000, times: window.pictures }));
+  await page.context().close();
+  return { picture, settled, gap: Math.max(0, ...times.map((time, i) => (i ? time - times[i - 1] : 0))) / 1000 };
+}
+
 /** The same over a link: {picture, settled}: seconds from navigation to the first picture, and to the 1 % that it is opened with. */
 async function visitOver(port) {
   const page = await openPage(browser, `http://127.0.0.1:${port}`);
@@ -213,6 +233,15 @@ report(`viewer, ${name}: first picture after navigation, median of 5`, middle('s
 report(`viewer, ${name}: bytes of the mesh until then`, middle('bytes') / 1000, 'kB', 60);
 report('viewer: longest task of its thread at start, processor time', middle('ours'), 'ms', 50);
 report("viewer: the browser's making of the graphics' context, processor time", middle('graphics'), 'ms');
+
+for (const [how, port] of [['on the loopback', server.port], ['over 10 Mbit/s', await slowLink(server.port, 10)]]) {
+  const all = [];
+  for (let i = 0; i < 3; i++) all.push(await openAll(`http://127.0.0.1:${port}/`));
+  const second = (key) => all.map((visit) => visit[key]).sort((a, b) => a - b)[1];
+  report(`viewer, a link to the original of cube 60, ${how}: first picture`, second('picture'), 's', 1);
+  report('  the original', second('settled'), 's');
+  report('  longest from one picture to the next', second('gap'), 's');
+}
 
 const [slowServer, slowFiles] = await Promise.all([slowLink(server.port, 10), slowLink(Number(new URL(files.origin).port), 10)]);
 // The median of some runs: others use this machine, too.

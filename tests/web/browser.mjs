@@ -17,11 +17,21 @@ export async function launch() {
   });
 }
 
-// A page that remembers what went wrong (`complaints`) and which other hosts were asked (`strangers`).
+// In the page: every notice that came, also those that have gone.
+function rememberNotices() {
+  window.notices = [];
+  new MutationObserver((records) => {
+    const added = records.flatMap(({ addedNodes }) => [...addedNodes]).filter((node) => node.classList?.contains('notice'));
+    window.notices.push(...added.map(({ id, textContent }) => ({ key: id.replace('notice-', ''), text: textContent })));
+  }).observe(document, { childList: true, subtree: true });
+}
+
+// A page that remembers what went wrong (`complaints`), which other hosts were asked (`strangers`), and its notices.
 export async function openPage(browser, origin, options = {}) {
   const context = await browser.newContext({ viewport: { width: 1200, height: 800 }, acceptDownloads: true, ...options });
   const page = await context.newPage();
   page.setDefaultTimeout(120000); // what has not come by then, on however slow a machine, will not come
+  await page.addInitScript(rememberNotices);
   page.complaints = [];
   page.strangers = [];
   page.on('pageerror', (error) => page.complaints.push(String(error.stack ?? error)));
@@ -32,6 +42,10 @@ export async function openPage(browser, origin, options = {}) {
   });
   return page;
 }
+
+// The text of the first notice with this key and these words, once it has come: by then it may have gone again.
+export const noticed = (page, key, words = '') => page.waitForFunction(
+  (wanted) => window.notices.find((notice) => notice.key === wanted.key && notice.text.includes(wanted.words))?.text, { key, words }).then((text) => text.jsonValue());
 
 // Until the viewer has a picture.
 export const firstPicture = (page) => page.waitForFunction(() => window.tetlod?.level >= 0 && document.getElementById('loading').hidden);

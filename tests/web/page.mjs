@@ -5,7 +5,7 @@ import { once } from 'node:events';
 import { readFileSync, statSync } from 'node:fs';
 import { createServer } from 'node:http';
 import { pathToFileURL } from 'node:url';
-import { firstPicture, launch, openPage, pictureFigures, settled } from './browser.mjs';
+import { firstPicture, launch, noticed, openPage, pictureFigures, settled } from './browser.mjs';
 import { run } from './tap.mjs';
 
 const [, , origin, cells] = process.argv;
@@ -143,7 +143,7 @@ async function what_is_wrong_is_said() {
     };
   });
   await other.goto(`${origin}view/fin`);
-  await other.getByText('this browser has no WebGL 2').waitFor();
+  await noticed(other, 'error', 'this browser has no WebGL 2');
   await other.context().close();
 }
 

@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { readFileSync } from 'node:fs';
-import { firstPicture, openPage, settled } from './browser.mjs';
+import { firstPicture, noticed, openPage, settled } from './browser.mjs';
 import { becomes, browser, changesThePicture, enter, infoOf, nothing_was_complained_of, open, page, picture, server, size, state, until } from './controls.mjs';
 import { run } from './tap.mjs';
 
@@ -135,7 +135,7 @@ async function a_map_from_a_file() {
   await becomes('map', '0000ff-ff0000');
   assert.equal(await page.locator('#map option:checked').innerText(), 'from a file');
   await choose('nothing');
-  await page.getByText('own.xml: the file has no colours').waitFor();
+  await noticed(page, 'map', 'own.xml: the file has no colours');
   await becomes('map', '0000ff-ff0000');
 }
 
@@ -234,7 +234,7 @@ async function a_link_shows_the_same() {
   const camera = (await state()).camera;
   await until((c) => location.hash.includes(`camera=${c}`), String(Number(camera[0].toPrecision(5))));
   await page.locator('#copy-link').click();
-  await page.getByText('The link to this picture is copied.').waitFor();
+  await noticed(page, 'share', 'The link to this picture is copied.');
   const link = await page.evaluate(() => navigator.clipboard.readText());
   const [there, was] = [await picture(), await state()];
   const other = await openPage(browser, server.url);
@@ -393,11 +393,7 @@ async function keys_do_what_the_help_says() {
   await page.evaluate(() => {
     window.open = () => null;
     window.snapshot = () => JSON.stringify([window.tetlod.state, window.tetlod.scene.camera(), document.body.className, document.documentElement.dataset.theme,
-      Boolean(document.fullscreenElement), document.getElementById('help').open, window.noticed]);
-    window.noticed = 0; // a notice may come and go between two frames of a slow renderer
-    new MutationObserver((records) => {
-      for (const { addedNodes } of records) window.noticed += addedNodes.length;
-    }).observe(document.getElementById('notices'), { childList: true, subtree: true });
+      Boolean(document.fullscreenElement), document.getElementById('help').open, window.notices.length]); // a notice may have gone
   });
   const names = { '←': 'ArrowLeft', '↑': 'ArrowUp', '→': 'ArrowRight', '↓': 'ArrowDown', '−': '-', '?': '?' };
   const elsewhere = ['double-click', 'Space', ',', '.']; // the steps of a series: test_player.mjs

@@ -2,10 +2,8 @@
 // The viewer when things go wrong: a server that is killed and comes back, a stream that is damaged, or cut short.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
-import { writeFileSync } from 'node:fs';
-import { join } from 'node:path';
-import { launch, openPage, firstPicture, pictureFigures, settled } from './browser.mjs';
-import { program, sampleStream, SCRATCH, TETLOD } from './hosts.mjs';
+import { firstPicture, launch, noticed, openPage, pictureFigures, settled } from './browser.mjs';
+import { TETLOD, program, sampleStream } from './hosts.mjs';
 import { run } from './tap.mjs';
 
 const { path, bytes } = sampleStream();
@@ -25,8 +23,7 @@ async function resumes_after_a_killed_server() {
   await settled(page);
   await server.stop('SIGKILL');
   await askForAll(page);
-  await page.locator('#notice-retry').waitFor();
-  assert.match(await page.locator('#notice-retry').innerText(), /trying again in/);
+  await noticed(page, 'retry', 'trying again in');
   const during = await shown(page);
   assert.ok(during.level < during.levels - 1); // what had come is decoded
   assert.ok((await pictureFigures(page)).covered > 0.1);
@@ -35,7 +32,7 @@ async function resumes_after_a_killed_server() {
   const after = await shown(page);
   assert.equal(after.level, after.levels - 1);
   assert.equal(after.received, await page.evaluate(() => window.tetlod.stream.info.levels.at(-1).bytes)); // of the field that is shown
-  assert.equal(await page.locator('#notice-retry, #notice-error').count(), 0);
+  await page.waitForFunction(() => !document.querySelector('#notice-retry, #notice-error'));
   await page.context().close();
   await server.stop();
 }
@@ -45,16 +42,14 @@ async function damage_is_said_and_levels_before_it_stay() {
   const damaged = Buffer.from(bytes);
   const { levels: all } = JSON.parse(execFileSync(TETLOD, ['info', path, '--json']));
   damaged[all.at(-2).bytes + 2000] ^= 0x10;
-  const file = join(SCRATCH, 'damaged.tetlod');
-  writeFileSync(file, damaged);
-  const server = await program([file]);
+  const server = await program([path]);
   const page = await openPage(browser, server.url);
-  await page.goto(`${server.url}view/damaged#error=0.2`);
+  await page.goto(`${server.url}view.html#error=0.2`);
+  await page.locator('#choose-file').setInputFiles({ name: 'damaged.tetlod', mimeType: '', buffer: damaged }); // a server checks what it serves
   await firstPicture(page);
   await settled(page);
   await askForAll(page);
-  await page.locator('#notice-error').waitFor();
-  const message = await page.locator('#notice-error').innerText();
+  const message = await noticed(page, 'error');
   assert.match(message, /level|checksum|damaged/);
   console.log(`# ${message.split('\n')[0]}`);
   const { level, levels } = await shown(page);

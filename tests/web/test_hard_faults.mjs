@@ -2,7 +2,7 @@
 // What must not happen to a picture: graphics that are lost, colours that the scalar bar does not have, a field that silently
 // loads the whole mesh, ranges and slices that are wrong, a page that stops at "Loading…".
 import assert from 'node:assert/strict';
-import { launch, openPage, firstPicture, pictureFigures, settled } from './browser.mjs';
+import { launch, openPage, firstPicture, noticed, pictureFigures, settled } from './browser.mjs';
 import { program, sampleStream } from './hosts.mjs';
 import { run } from './tap.mjs';
 
@@ -30,8 +30,8 @@ async function lost_graphics_come_back_with_the_same_picture() {
     scene.addEventListener('restored', resolve, { once: true });
     scene.view.get3DContext().getExtension('WEBGL_lose_context').loseContext();
   }));
-  await page.locator('#notice-graphics').waitFor();
   await restored;
+  await noticed(page, 'graphics', 'The browser took the graphics away');
   await page.waitForFunction(() => !document.getElementById('notice-graphics'));
   assert.equal(await capture(), before);
   await page.locator('#picture').focus();

@@ -554,7 +554,6 @@ async function picturesOfEveryStep() {
   assert.ok(tet < info.levels[middle].tets && found[name][0] >= info.fields[0].range[0] && found[name][0] <= info.fields[0].range[1]);
   assert.equal(await stream.probe(high.map((x) => x + 1)), null);
   // a plane that is dragged: only the newest place is drawn
-  await new Promise((resolve) => setTimeout(resolve, 100));
   pictures.length = 0;
   for (let i = 0; i < 50; i++) stream.show({ ...everything, slices: [{ origin: centre.map((x) => x + i * 1e-3), normal: [0, 0, 1] }] });
   while (!pictures.some(({ slices }) => Math.abs(slices[0].points[2] - centre[2] - 0.049) < 1e-6)) await heard(stream, 'pictures');

@@ -44,7 +44,8 @@ export class Engine {
   #request = null;    // {id, level, resolve, reject} of refineTo
   #spec = null; #dirty = false;
   #decoding = 0;      // milliseconds since the last level was announced
-  #until = 0;         // milliseconds of decoding before the next picture of a level on the way
+  #since = 0;         // milliseconds of decoding since the last picture
+  #drawing = { time: 0, tets: 1 }; // milliseconds that the last picture took, of a level with so many tetrahedra
   #frameTime = 0;     // milliseconds of the last pictures, as they are made while the mesh moves
   #sampleOf = '';     // what the page has a sample of the values of
   #surfaceOf = '';    // what the page has the triangles of
@@ -477,7 +478,7 @@ export class Engine {
       this.#view.seek(this.#view.level + 1);
       const took = performance.now() - started;
       this.#decoding += took;
-      this.#until -= took;
+      this.#since += took;
       return true;
     } catch (error) {
       this.#halt(error);
@@ -490,12 +491,19 @@ export class Engine {
     return !this.#time && this.#view.level < this.#within;
   }
 
+  // Is it time for a picture of a level on the way? One of a finer level takes longer than the last one did, but not in proportion.
+  get #isDue() {
+    const { time, tets } = this.#drawing;
+    const growth = Math.min(2, this.#info.levels[this.#view.level].tets / tets);
+    return this.#since >= Math.max(slice, (growth * time) / share);
+  }
+
   // Levels up: all that are here, or until a picture is due. After each one messages are heard: somebody may want another picture or goal.
   async #refine() {
     const from = this.#shown;
     while (!this.#closed && !this.#dirty && this.#isBehind && this.#step()) {
       await this.#takeTurn();
-      if (this.#until <= 0) break;
+      if (this.#isDue) break;
     }
     if (this.#closed || this.#time || (this.#view.level === from && !this.#dirty)) return;
     if (this.#view.level > this.#within) this.#view.seek(Math.max(from, this.#within));
@@ -690,7 +698,7 @@ export class Engine {
   // Makes the pictures at t of a move (1: at rest) and waits until they are seen.
   async #present(t) {
     this.#dirty = false;
-    this.#until = slice;
+    this.#since = 0;
     if (!this.#spec) return;
     const started = performance.now();
     if (this.#moved === this.#shown) this.#view.place(t);
@@ -701,7 +709,7 @@ export class Engine {
     const vectors = this.#drawVectors(t);
     const seconds = (performance.now() - started) / 1000;
     const seen = new Promise((resolve) => { this.#seen = resolve; });
-    this.#until = Math.max(slice, (performance.now() - started) / share);
+    this.#drawing = { time: performance.now() - started, tets: this.#info.levels[this.#shown].tets };
     this.#emit('pictures', { tag: this.#spec.tag, level: this.#shown, step: this.#at?.step ?? null, t, origin: this.#view.centre, ...parts, volume, vectors, seconds });
     await this.#workUntil(seen);
   }

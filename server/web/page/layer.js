@@ -17,46 +17,6 @@ function logarithms(values) {
   return made;
 }
 
-// ---- lengths of vectors: linear on a triangle are their components, from which each pixel takes its length and the colour
-
-const mostComponents = 32; // that graphics processors have room for beside the rest, four to an attribute
-const lengthShader = (names) => {
-  const declare = (kind, suffix) => names.map((name) => `${kind} vec4 ${name}${suffix};`).join('\n');
-  const squares = names.map((name) => `dot(${name}VS, ${name}VS)`).join(' + ');
-  const at = (shaderType, originalValue, replacementValue, replaceFirst = true) => ({ shaderType, originalValue, replacementValue, replaceFirst, replaceAll: false });
-  return [
-    at('Vertex', '//VTK::Color::Dec', `${declare('attribute', 'MC')}\n${declare('varying', 'VS')}\n//VTK::Color::Dec`),
-    at('Vertex', '//VTK::Color::Impl', `${names.map((name) => `${name}VS = ${name}MC;`).join('\n')}\n//VTK::Color::Impl`),
-    at('Fragment', '//VTK::Color::Dec', `${declare('varying', 'VS')}\nuniform vec2 lengthTexels;\nuniform int lengthIsLogarithmic;
-float lengthPlace() {
-  float squares = ${squares};
-  float value = lengthIsLogarithmic == 0 ? sqrt(squares) : 0.15051499783 * log2(max(squares, 1e-38));
-  return clamp(lengthTexels.x + lengthTexels.y * value, -1000.0, 1000.0);
-}\n//VTK::Color::Dec`),
-    at('Fragment', 'tcoordVCVSOutput.st', 'vec2(lengthPlace(), 0.49)', false),
-  ];
-};
-
-// Where vtk.js has the colours of values in its texture (ScalarColoringHelper): beside the map's there is one at each end.
-function texelsOf(lookup) {
-  const [low, high] = lookup.getMappingRange();
-  const texel = (high - low) / (lookup.getNumberOfAvailableColors() - 1);
-  const scale = 1 / (high - low + 3 * texel);
-  return [(1.5 * texel - low) * scale, scale];
-}
-
-// The vectors of a part as attributes of four components each; what there is no room for, or is none, leaves colours to the values.
-function attributesOf({ vectors, values }) {
-  const components = vectors && values.length ? vectors.length / values.length : 0;
-  if (!components || components > mostComponents) return [];
-  return Array.from({ length: Math.ceil(components / 4) }, (_, k) => {
-    const four = new Float32Array(4 * values.length);
-    for (let v = 0; v < values.length; v++)
-      for (let c = 4 * k; c < Math.min(components, 4 * k + 4); c++) four[4 * v + c - 4 * k] = vectors[components * v + c];
-    return vtkDataArray.newInstance({ name: `vector${k}`, values: four, numberOfComponents: 4 });
-  });
-}
-
 export function makeActor(renderer, lookup) {
   const data = vtkPolyData.newInstance();
   const mapper = vtkMapper.newInstance();
@@ -92,7 +52,8 @@ export class Layer {
   }
 
   // A message that leaves triangles or lines out means the last ones.
-  update(part, logarithmic) {
+  // `lengths`: the module, where a part has vectors whose length colours; null: what somebody else asked the stream for.
+  update(part, logarithmic, lengths) {
     if (part) {
       part = { ...part, triangles: part.triangles ?? this.part?.triangles, lines: part.lines === undefined ? this.part?.lines : part.lines };
       const { data } = this.triangles;
@@ -101,32 +62,23 @@ export class Layer {
       const normals = part.normals ? vtkDataArray.newInstance({ name: 'Normals', values: part.normals, numberOfComponents: 3 }) : null;
       data.getPointData().setNormals(normals);
       this.part = part;
-      this.takeVectors();
+      this.takeVectors(lengths);
       this.color(logarithmic);
     } else this.part = null;
     this.refresh();
   }
 
   // Shaders are made anew where there are more or fewer of them.
-  takeVectors() {
+  takeVectors(lengths) {
     const before = this.attributes.length;
-    this.attributes = attributesOf(this.part);
+    this.attributes = this.part.vectors && lengths ? lengths.attributesOf(this.part, vtkDataArray) : [];
     const names = this.attributes.map((attribute) => attribute.getName());
     for (const { data, mapper } of [this.triangles, this.lines]) {
       for (const attribute of this.attributes) data.getPointData().addArray(attribute);
       if (names.length === before) continue;
-      mapper.setViewSpecificProperties(names.length ? {
-        OpenGL: { ShaderReplacements: lengthShader(names) },
-        ShadersCallbacks: [{ callback: (_, drawn) => this.tellLengths(mapper, drawn.getProgram()) }],
-      } : {});
+      mapper.setViewSpecificProperties(names.length ? lengths.shadersOf(names, mapper, () => this.logarithmic) : {});
       mapper.setCustomShaderAttributes(names);
     }
-  }
-
-  tellLengths(mapper, program) {
-    if (!program.isUniformUsed('lengthTexels')) return; // what is drawn for depth only
-    program.setUniform2f('lengthTexels', ...texelsOf(mapper.getLookupTable()));
-    program.setUniformi('lengthIsLogarithmic', Number(this.logarithmic));
   }
 
   color(logarithmic) {

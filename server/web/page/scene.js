@@ -199,9 +199,10 @@ export class Scene extends EventTarget {
 
   // The worker's message. What it leaves out (undefined) stays, null is nothing. Its points are relative to its `origin`,
   // the scene's to the middle of the bounds.
-  update(pictures, state) {
+  update(pictures, state, lengths) {
+    this.lengths = lengths;
     this.offset = add(pictures.origin ?? [0, 0, 0], this.centre, -1);
-    if (pictures.surface !== undefined) this.surface.update(pictures.surface, state.log);
+    if (pictures.surface !== undefined) this.surface.update(pictures.surface, state.log, lengths);
     this.updateList('slices', pictures.slices, state.log);
     this.updateList('isosurfaces', pictures.isosurfaces, state.log);
     this.updateList('zones', pictures.zones?.flatMap((zone) => zone?.sides ?? []), state.log);
@@ -221,7 +222,7 @@ export class Scene extends EventTarget {
     if (!parts) return;
     while (this[name].length > parts.length) this[name].pop().remove();
     while (this[name].length < parts.length) this[name].push(new Layer(this.renderer, this.lookup, this.lineLookup));
-    this[name].forEach((layer, i) => layer.update(parts[i], logarithmic));
+    this[name].forEach((layer, i) => layer.update(parts[i], logarithmic, this.lengths));
   }
 
   // Volume rendering is loaded when it is first asked for; that of grids is a third of vtk.js.

@@ -38,6 +38,7 @@ export class Viewer extends EventTarget {
   regions = new Map(); // of fields of cells that are here: [{ number, tets }], or null if their numbers are no regions'
   #index = null;   // the stream's info; `info` is that of the steps while one is shown
   #parts; #fragment; #pictured; #tellPictured;
+  #lengths = null; // lengths.js, from the first spec on in which a length colours
   #closing = new AbortController();
   #asked = 0;      // changes of what the worker is to make
   #spec = '';      // what it was asked to make last
@@ -341,6 +342,7 @@ export class Viewer extends EventTarget {
     const fields = [spec.cellField, spec.regions?.field].filter((name) => name && !this.regions.has(name));
     if (fields.length) this.#tell('joining', { fields });
     try {
+      if (spec.component === 'magnitude') this.#lengths ??= await import('./lengths.js');
       await this.stream.show({ ...spec, morph: spec.morph && !stillness?.matches, tag: this.#asked });
     } catch (error) {
       if (!['AbortError', 'InvalidStateError'].includes(error.name)) this.#tell('failed', { message: error.message, retry: this.show });
@@ -405,7 +407,7 @@ export class Viewer extends EventTarget {
     }
     const pictures = event.detail;
     this.scene.addEventListener('render', this.#tellPictured, { once: true });
-    this.scene.update(pictures, this.store.state);
+    this.scene.update(pictures, this.store.state, this.#lengths);
     this.#takeShade(pictures.shade);
     this.#drawn = pictures.t === 1 && pictures.tag === this.#asked ? pictures.level : -1;
     this.level = pictures.level; // the base: nothing was refined to get there
