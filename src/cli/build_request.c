@@ -35,8 +35,6 @@ const char build_help[] =
     "                          also the limit: sva, the accumulated prediction of scalar value assignment; measured,\n"
     "                          the true error at samples ('sampled')\n"
     "      --contract KIND     what is contracted: edge (default), face, tet, or hybrid, all three in one queue\n"
-    "      --candidates N      final vertex positions tried on a simplex: its vertices first, then its middle, then more\n"
-    "                          between, up to 7 on an edge or a face and 19 on a tetrahedron (default: 3, 4 and 5)\n"
     "      --max-error E       stop at this error, a fraction of the range: 0.1 or 10% (default 1)\n"
     "      --min-tets N        stop at that many tetrahedra\n"
     "      --domain-error E    how far the boundary may move from the original's in all, a fraction of the diagonal\n"
@@ -69,7 +67,7 @@ enum { ABOUT = ~0xff, OF_RUN = 0, OF_FIELDS = 0x100, OF_CONTRACTION = 0x200, OF_
 enum {
     OUTPUT = 'o', THREADS = 't', MEMORY = 'm', ALL = 'a', JSON = 'j', PROGRESS = 'p', QUIET = 'q',
     FIELD = OF_FIELDS, ABS_ERROR, CARRY, REGION,
-    CERTIFY = OF_CONTRACTION, CERTIFY_ALL, LOCAL_BOUND, METRIC, CONTRACT, CANDIDATES, MAX_ERROR, MIN_TETS, DOMAIN_ERROR, BOUNDARY_ANGLE,
+    CERTIFY = OF_CONTRACTION, CERTIFY_ALL, LOCAL_BOUND, METRIC, CONTRACT, MAX_ERROR, MIN_TETS, DOMAIN_ERROR, BOUNDARY_ANGLE,
     GROWTH = OF_STREAM, POSITION_BITS, FIELD_BITS, POSITION_ERROR, FIELD_ERROR, KEEP_ORDER, COMPRESS, PURPOSE, PURPOSE_ERROR,
     TIMES = OF_SERIES, BANDS, RANGE,
 };
@@ -81,7 +79,7 @@ static const struct option options[] = {
     {"certify", required_argument, NULL, CERTIFY}, {"certify-all", no_argument, NULL, CERTIFY_ALL},
     {"local-bound", no_argument, NULL, LOCAL_BOUND},
     {"metric", required_argument, NULL, METRIC}, {"contract", required_argument, NULL, CONTRACT},
-    {"candidates", required_argument, NULL, CANDIDATES}, {"max-error", required_argument, NULL, MAX_ERROR},
+    {"max-error", required_argument, NULL, MAX_ERROR},
     {"min-tets", required_argument, NULL, MIN_TETS}, {"domain-error", required_argument, NULL, DOMAIN_ERROR},
     {"boundary-angle", required_argument, NULL, BOUNDARY_ANGLE}, {"growth", required_argument, NULL, GROWTH},
     {"position-bits", required_argument, NULL, POSITION_BITS}, {"field-bits", required_argument, NULL, FIELD_BITS},
@@ -212,8 +210,6 @@ static bool contraction_option(struct build_request *request, int option, const 
         return request->ordered = good;
     case CONTRACT:
         return take_contract(request, value);
-    case CANDIDATES:
-        return parse_unsigned("candidates", value, 2, MOST_CANDIDATES, &build->candidates);
     case MAX_ERROR:
         return cli_parse_fraction(&command_build, "max-error", value, &build->max_error);
     case MIN_TETS:

@@ -97,7 +97,6 @@ static enum tetlod_status contract(struct build *build)
         .metric = options->metric,
         .certify = options->certify,
         .contract = options->contract,
-        .candidates = options->candidates,
         .max_error = limits.max_error,
         .min_tets = options->min_tets,
         .boundary_angle = options->boundary_angle,

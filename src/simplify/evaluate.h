@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: BSD-3-Clause */
 /*
  * Evaluating a vertex: of all contractions of its edges that the limit allows, the one with the best key is its proposal. The
- * result is at the other end, or at the middle (which the end of the lesser slot proposes).
+ * result is at the other end, or at the middle (which the end of the lesser slot proposes). What is not ordered by the envelope, or
+ * not of edges alone, is evaluated simplex by simplex (simplices.h), with the same kind of proposals.
  *
  * A vertex without a proposal waits: `waits` is the least error that one of its possible contractions would need, so it is looked at
  * again when the limit reaches that; `waits_changed` counts those as well that only a change of its star can make possible.
@@ -11,10 +12,15 @@
 #ifndef TETLOD_EVALUATE_H
 #define TETLOD_EVALUATE_H
 
+#include <string.h>
+
+#include "src/simplify/border.h"
 #include "src/simplify/kernels.h"
 #include "src/simplify/ladder.h"
+#include "src/simplify/limit.h"
 #include "src/simplify/links.h"
-#include "src/simplify/border.h"
+#include "src/simplify/quadrics.h"
+#include "src/simplify/simplify.h"
 
 struct proposal {
     uint64_t priority; /* the least goes first; PROPOSES_NOTHING */
@@ -29,6 +35,32 @@ enum dirty { CLEAN, TOUCHED, LEFT }; /* its star has changed since it was evalua
 
 static const uint64_t PROPOSES_NOTHING = ~(uint64_t)0;
 
+/* A proposal by a simplex of any kind, where vertices are evaluated simplex by simplex. */
+struct plan {
+    uint32_t others[3]; /* its other vertices; TETLOD_NONE behind the last */
+    uint32_t made;      /* the round in which a contraction made the vertex */
+    uint8_t candidate;  /* of simplices.h: where the result is */
+};
+
+/* A permutation of 32 bits that looks random: ties of the priority. */
+static inline uint32_t scramble(uint32_t x)
+{
+    x ^= x >> 16;
+    x *= 0x7feb352du;
+    x ^= x >> 15;
+    x *= 0x846ca68bu;
+    return x ^ x >> 16;
+}
+
+/* Keys in steps of half an octave, then at random, so that what is proposed at once is not all in one place. */
+static inline uint64_t priority_of(double key, uint32_t slot)
+{
+    uint64_t bits;
+    key += 0.0;
+    memcpy(&bits, &key, sizeof bits);
+    return (bits >> 46 << 32) | scramble(slot);
+}
+
 struct candidate {
     double key, error; /* error: of a middle that is not examined a lower bound */
     uint32_t neighbour;
@@ -41,6 +73,8 @@ struct worker {
     struct links links;
     struct boundary_map map;
     struct weighing weighing;
+    struct star star;
+    struct trials *trials; /* of simplices.c */
     struct said *said; /* [value_count / WIDE, rounded up] what a contraction's star says of the fields' values */
     struct candidate *candidates;
     size_t candidate_room;
@@ -59,6 +93,13 @@ struct run {
     struct working *working;
     struct border border;
     struct proposal *proposals; /* [slot] */
+    struct plan *plans;         /* [slot], or NULL: edges by their envelope, as proposals' targets have them */
+    struct notes *notes;        /* [slot] what is known of its simplices, or NULL */
+    struct quadrics quadrics;
+    const struct limit *asked;  /* a limit that is asked about the winners of a round, or NULL */
+    enum metric metric;         /* the order */
+    unsigned contract;
+    bool named;                 /* levels are named after this rung */
     const struct kernels *kernels;
     struct worker *workers; /* [crew_size] */
     struct crew *crew;
@@ -71,6 +112,20 @@ struct run {
 /* Rows of the worker's numbers: `gap` U - L at the vertex, `upper` and `lower` of the result, `rise` U and L of the other end less
  * the vertex's (two for each component), `mean` of what the star's interpolants of U and L say at the result. */
 enum { NUMBERS_GAP, NUMBERS_UPPER, NUMBERS_LOWER, NUMBERS_RISE, NUMBERS_MEAN = 5, NUMBERS };
+
+/* The simplex that a slot proposes to contract, itself first. Returns how many vertices it has. */
+static inline uint32_t proposed_simplex(const struct run *run, uint32_t slot, uint32_t simplex[4])
+{
+    uint32_t count = 1;
+    simplex[0] = slot;
+    if (!run->plans) {
+        simplex[1] = run->proposals[slot].target / 2;
+        return 2;
+    }
+    for (const uint32_t *others = run->plans[slot].others; count < 4 && others[count - 1] != TETLOD_NONE; count++)
+        simplex[count] = others[count - 1];
+    return count;
+}
 
 static inline double *numbers_of(const struct run *run, const struct worker *worker, int row)
 {
@@ -93,11 +148,5 @@ void evaluate(const struct run *run, struct worker *worker, uint32_t slot);
 
 /* The position halfway from a slot to another, as the mesh can hold it. */
 void middle_of(const struct working *working, uint32_t from, uint32_t to, double p[3]);
-
-/* Widens U and L of the result (numbers_of) by the map's demands. */
-void add_demands(const struct run *run, struct worker *worker);
-
-/* The error of the result with these U and L and the values that the fields' types can hold; and the values, if wanted. */
-double assigned_error(const struct run *run, const struct worker *worker, double *values);
 
 #endif

@@ -9,6 +9,7 @@
 #include "src/simplify/ladder.h"
 #include "src/simplify/merge.h"
 #include "src/simplify/regions.h"
+#include "src/simplify/simplices.h"
 #include "src/util/array.h"
 #include "src/util/parallel.h"
 
@@ -36,6 +37,15 @@ struct list {
     size_t count, room;
 };
 
+/* What a thread's asking came to. */
+struct asker {
+    struct tetlod_error error;
+    enum tetlod_status status;
+};
+
+/* So many winners are asked about before they are contracted. */
+enum { ASKED = 128 };
+
 struct rounds {
     struct working working;
     struct run run;
@@ -51,6 +61,12 @@ struct rounds {
     struct merged *merged; /* [winner] */
     double *errors;        /* [winner][certified, predicted][component] */
     size_t merged_room, error_room;
+    struct limit limit;    /* run.asked, if there is one */
+    struct asker *askers;  /* [crew_size] */
+    struct answer *answers; /* [ASKED] */
+    double *answer_numbers;
+    size_t asked_from;     /* the winner of the first of them */
+    uint32_t first_record; /* the log's, of the first winner */
     double *certified, *predicted; /* [component] running maxima */
     double moved;
     const struct simplify_options *options;
@@ -262,9 +278,9 @@ static void claim_range(void *context, unsigned worker, size_t begin, size_t end
     struct rounds *rounds = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        uint32_t slot = rounds->proposing.slots[i];
-        claim(&rounds->claims[slot], rounds->run.proposals[slot].priority);
-        claim(&rounds->claims[rounds->run.proposals[slot].target / 2], rounds->run.proposals[slot].priority);
+        uint32_t slot = rounds->proposing.slots[i], simplex[4], vertices = proposed_simplex(&rounds->run, slot, simplex);
+        for (uint32_t s = 0; s < vertices; s++)
+            claim(&rounds->claims[simplex[s]], rounds->run.proposals[slot].priority);
     }
 }
 
@@ -273,9 +289,9 @@ static void release_range(void *context, unsigned worker, size_t begin, size_t e
     struct rounds *rounds = context;
     (void)worker;
     for (size_t i = begin; i < end; i++) {
-        uint32_t slot = rounds->proposing.slots[i];
-        __atomic_store_n(&rounds->claims[slot], PROPOSES_NOTHING, __ATOMIC_RELAXED);
-        __atomic_store_n(&rounds->claims[rounds->run.proposals[slot].target / 2], PROPOSES_NOTHING, __ATOMIC_RELAXED);
+        uint32_t simplex[4], vertices = proposed_simplex(&rounds->run, rounds->proposing.slots[i], simplex);
+        for (uint32_t s = 0; s < vertices; s++)
+            __atomic_store_n(&rounds->claims[simplex[s]], PROPOSES_NOTHING, __ATOMIC_RELAXED);
     }
 }
 
@@ -320,12 +336,14 @@ static void win_range(void *context, unsigned worker, size_t begin, size_t end)
     for (size_t i = begin; i < end; i++) {
         fetch_stars(rounds, rounds->proposing.slots + i, end - i);
         uint32_t slot = rounds->proposing.slots[i], *blocker = &rounds->blockers[slot];
-        const struct proposal *proposal = &rounds->run.proposals[slot];
-        uint32_t other = proposal->target / 2;
-        uint64_t priority = proposal->priority;
-        rounds->won[i] = rounds->claims[slot] >= priority && rounds->claims[other] >= priority &&
-                         rounds->claims[*blocker] >= priority && unclaimed(rounds, slot, priority, blocker) &&
-                         unclaimed(rounds, other, priority, blocker);
+        uint64_t priority = rounds->run.proposals[slot].priority;
+        uint32_t simplex[4], vertices = proposed_simplex(&rounds->run, slot, simplex);
+        bool won = rounds->claims[*blocker] >= priority;
+        for (uint32_t s = 0; s < vertices && won; s++)
+            won = rounds->claims[simplex[s]] >= priority;
+        for (uint32_t s = 0; s < vertices && won; s++)
+            won = unclaimed(rounds, simplex[s], priority, blocker);
+        rounds->won[i] = won;
     }
 }
 
@@ -333,7 +351,14 @@ static void win_range(void *context, unsigned worker, size_t begin, size_t end)
 static bool stale(const struct rounds *rounds, uint32_t slot)
 {
     const struct proposal *proposals = rounds->run.proposals;
-    uint32_t target = proposals[slot].target;
+    uint32_t target = proposals[slot].target, simplex[4], vertices;
+    if (rounds->run.plans) {
+        bool stale = false;
+        vertices = proposed_simplex(&rounds->run, slot, simplex);
+        for (uint32_t s = 0; s < vertices; s++)
+            stale |= !working_alive(&rounds->working, simplex[s]) || proposals[simplex[s]].changed > proposals[slot].evaluated;
+        return stale;
+    }
     return proposals[slot].dirty != CLEAN || !working_alive(&rounds->working, target / 2) ||
            (target % 2 && proposals[target / 2].changed > proposals[slot].evaluated);
 }
@@ -381,8 +406,11 @@ static void merge_range(void *context, unsigned worker, size_t begin, size_t end
     struct rounds *rounds = context;
     for (size_t i = begin; i < end; i++) {
         double *certified = errors_of(rounds, i);
-        merge(&rounds->run, &rounds->run.workers[worker], rounds->winners.slots[i], rounds->working.log->count + (uint32_t)i,
-              &rounds->merged[i], certified, certified + rounds->working.component_count);
+        const struct answer *answer = rounds->run.asked ? &rounds->answers[i - rounds->asked_from] : NULL;
+        rounds->merged[i].done = false;
+        if (!answer || answer->allowed)
+            merge(&rounds->run, &rounds->run.workers[worker], rounds->winners.slots[i], rounds->first_record + (uint32_t)i, answer,
+                  &rounds->merged[i], certified, certified + rounds->working.component_count);
     }
 }
 
@@ -397,9 +425,10 @@ static enum tetlod_status reserve(struct rounds *rounds)
     if (!room)
         return no_memory(rounds);
     for (size_t i = 0; i < count; i++) {
-        uint32_t slot = rounds->winners.slots[i];
-        size_t stars = (size_t)rounds->working.stars[slot].count +
-                       rounds->working.stars[rounds->run.proposals[slot].target / 2].count;
+        uint32_t simplex[4], vertices = proposed_simplex(&rounds->run, rounds->winners.slots[i], simplex);
+        size_t stars = 0;
+        for (uint32_t s = 0; s < vertices; s++)
+            stars += rounds->working.stars[simplex[s]].count;
         entries += stars + stars / 4;
     }
     return working_reserve(&rounds->working, entries, rounds->error);
@@ -442,7 +471,7 @@ static enum tetlod_status account(struct rounds *rounds, size_t winner, uint32_t
     uint32_t k = working->component_count, record = log_extend(working->log, 1);
     move_record(working->log, from, record);
     working->node[merged->kept] = working->slot_count + record;
-    working->vertices_alive--;
+    working->vertices_alive -= merged->vertices;
     working->tets_alive -= merged->removed;
     rounds->moved = fmax(rounds->moved, merged->moved);
     for (uint32_t c = 0; c < k; c++) {
@@ -503,14 +532,70 @@ static void unfreeze(struct rounds *rounds, uint32_t slot)
     }
     working->flags[slot] &= (uint8_t)~VERTEX_FROZEN;
     rounds->run.proposals[slot].waits = rounds->run.proposals[slot].waits_changed = 0;
+    rounds->run.proposals[slot].changed = rounds->run.round;
+}
+
+/* ---- a limit that is asked */
+
+static void ask_range(void *context, unsigned worker, size_t begin, size_t end)
+{
+    struct rounds *rounds = context;
+    struct asker *asker = &rounds->askers[worker];
+    for (size_t i = begin; i < end && asker->status == TETLOD_OK; i++)
+        asker->status = simplex_ask(&rounds->run, &rounds->run.workers[worker], worker, rounds->winners.slots[rounds->asked_from + i],
+                                    &rounds->answers[i], &asker->error);
+}
+
+/* Takes the answers over in turn. What is refused proposes something else. */
+static enum tetlod_status take_answers(struct rounds *rounds, size_t count)
+{
+    const struct limit *limit = rounds->run.asked;
+    struct star *star = &rounds->run.workers[0].star;
+    for (size_t i = 0; i < count; i++) {
+        struct answer *answer = &rounds->answers[i];
+        uint32_t simplex[4], slot = rounds->winners.slots[rounds->asked_from + i], vertices = proposed_simplex(&rounds->run, slot, simplex);
+        if (!star_gather(star, &rounds->working, simplex, vertices))
+            return no_memory(rounds);
+        TETLOD_TRY(limit->take(limit->state, star, answer, rounds->error));
+        if (answer->allowed)
+            continue;
+        simplex_refused(&rounds->run, slot, answer->error);
+        if (!list_add(&rounds->again, slot))
+            return no_memory(rounds);
+    }
+    return TETLOD_OK;
+}
+
+static enum tetlod_status ask_and_merge(struct rounds *rounds)
+{
+    size_t winners = rounds->winners.count;
+    for (rounds->asked_from = 0; rounds->asked_from < winners; rounds->asked_from += ASKED) {
+        size_t count = winners - rounds->asked_from < ASKED ? winners - rounds->asked_from : ASKED;
+        crew_run(rounds->run.crew, count, 1, ask_range, rounds);
+        for (unsigned w = 0; w < crew_size(rounds->run.crew); w++)
+            if (rounds->askers[w].status != TETLOD_OK) {
+                *rounds->error = rounds->askers[w].error;
+                return rounds->askers[w].status;
+            }
+        TETLOD_TRY(failure(rounds));
+        TETLOD_TRY(take_answers(rounds, count));
+        for (size_t i = 0; i < count; i++)
+            merge_range(rounds, 0, rounds->asked_from + i, rounds->asked_from + i + 1);
+        for (size_t i = 0; i < count; i++)
+            answer_fini(&rounds->answers[i]);
+    }
+    return TETLOD_OK;
 }
 
 /* Contracts the winners; what they made is to be evaluated again, too. */
 static enum tetlod_status contract(struct rounds *rounds)
 {
-    uint32_t first = rounds->working.log->count;
+    uint32_t first = rounds->first_record = rounds->working.log->count;
     TETLOD_TRY(reserve(rounds));
-    crew_run(rounds->run.crew, rounds->winners.count, 8, merge_range, rounds);
+    if (rounds->run.asked)
+        TETLOD_TRY(ask_and_merge(rounds));
+    else
+        crew_run(rounds->run.crew, rounds->winners.count, 8, merge_range, rounds);
     TETLOD_TRY(failure(rounds));
     for (size_t i = 0; i < rounds->winners.count; i++) {
         if (!rounds->merged[i].done)
@@ -557,11 +642,22 @@ static enum tetlod_status list_reached(struct rounds *rounds)
             continue;
         rounds->alive.slots[kept++] = slot;
         double waits = proposals[slot].dirty == CLEAN ? proposals[slot].waits : EASED * proposals[slot].waits_changed;
+        if (waits > limit && rounds->run.plans && proposals[slot].waits_changed * EASED <= limit && simplices_changed(&rounds->run, slot))
+            waits = limit;
         if (waits <= limit && proposals[slot].priority == PROPOSES_NOTHING && !list_add(&rounds->again, slot))
             return no_memory(rounds);
     }
     rounds->alive.count = kept;
     return TETLOD_OK;
+}
+
+/* Has what the slot may propose changed since it was evaluated, or was passed over on this rung? */
+static bool has_changed(const struct rounds *rounds, uint32_t slot)
+{
+    const struct proposal *proposal = &rounds->run.proposals[slot];
+    if (!rounds->run.plans)
+        return proposal->dirty == TOUCHED;
+    return EASED * proposal->waits_changed <= rounds->run.limit && simplices_changed(&rounds->run, slot);
 }
 
 /* Lists whose stars have changed since they were evaluated and may have come within the limit. */
@@ -571,10 +667,10 @@ static enum tetlod_status list_changed(struct rounds *rounds)
     rounds->again.count = 0;
     for (size_t i = 0; i < rounds->alive.count; i++) {
         uint32_t slot = rounds->alive.slots[i];
-        if (proposals[slot].dirty != TOUCHED || !working_alive(&rounds->working, slot) ||
-            proposals[slot].priority != PROPOSES_NOTHING)
+        if (!working_alive(&rounds->working, slot) || proposals[slot].priority != PROPOSES_NOTHING || !has_changed(rounds, slot))
             continue;
-        proposals[slot].dirty = LEFT;
+        if (!rounds->run.plans)
+            proposals[slot].dirty = LEFT;
         if (EASED * proposals[slot].waits_changed <= rounds->run.limit && !list_add(&rounds->again, slot))
             return no_memory(rounds);
     }
@@ -584,6 +680,7 @@ static enum tetlod_status list_changed(struct rounds *rounds)
 static enum tetlod_status climb_rung(struct rounds *rounds, double limit, bool named)
 {
     rounds->run.limit = limit;
+    rounds->run.named = named;
     rounds->bound = 0;
     rounds->run.round++;
     TETLOD_TRY(list_reached(rounds));
@@ -592,7 +689,7 @@ static enum tetlod_status climb_rung(struct rounds *rounds, double limit, bool n
         TETLOD_TRY(take_proposals(rounds));
         TETLOD_TRY(play_rounds(rounds));
         rounds->again.count = 0;
-        if (pass == (named ? MOST_PASSES : 0))
+        if (pass == (named || rounds->run.plans ? MOST_PASSES : 0))
             break;
         TETLOD_TRY(list_changed(rounds));
         rounds->run.round++;
@@ -600,9 +697,11 @@ static enum tetlod_status climb_rung(struct rounds *rounds, double limit, bool n
     return TETLOD_OK;
 }
 
-static double next_rung(const struct simplify_options *options, double limit, bool *out_named)
+static double next_rung(const struct rounds *rounds, double limit, bool *out_named)
 {
-    double next = next_limit(limit, options->max_error, options->rung_count ? INFINITY : STEPS_FROM, out_named);
+    const struct simplify_options *options = rounds->options;
+    double steps_from = rounds->run.plans ? 0 : options->rung_count ? INFINITY : STEPS_FROM;
+    double next = next_limit(limit, options->max_error, steps_from, out_named);
     for (uint32_t i = 0; i < options->rung_count; i++)
         if (options->rungs[i] > limit * (1 + 1e-6) && options->rungs[i] < next) {
             next = options->rungs[i];
@@ -622,7 +721,7 @@ static enum tetlod_status climb(struct rounds *rounds)
             TETLOD_TRY(mark(rounds));
         if (finished(rounds) || limit >= rounds->options->max_error)
             break;
-        limit = next_rung(rounds->options, limit, &named);
+        limit = next_rung(rounds, limit, &named);
     }
     return mark(rounds);
 }
@@ -633,6 +732,36 @@ uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
 {
     uint64_t claim = sizeof(uint64_t), blocker = sizeof(uint32_t), lists = 1 + sizeof(uint32_t);
     return evaluate_bytes(mesh, controlled_count) + mesh->vertex_count * (claim + blocker + lists);
+}
+
+/* Edges by their envelope, many at one look at a star. */
+static bool in_edges_alone(const struct simplify_options *options)
+{
+    return options->metric == METRIC_ENVELOPE && options->certify == CERTIFY_FAST && options->contract == CONTRACT_EDGES;
+}
+
+/* What vertices need that are evaluated simplex by simplex. */
+static enum tetlod_status allocate_plans(struct rounds *rounds)
+{
+    size_t n = rounds->working.slot_count, k = rounds->working.component_count;
+    rounds->run.plans = array_zero(n, sizeof *rounds->run.plans);
+    rounds->run.notes = array_zero(n, sizeof *rounds->run.notes);
+    if (!rounds->run.plans || !rounds->run.notes)
+        return no_memory(rounds);
+    if (rounds->run.metric == METRIC_FIELD_QUADRIC || rounds->run.metric == METRIC_QUADRIC)
+        TETLOD_TRY(quadrics_init(&rounds->run.quadrics, &rounds->working, rounds->run.metric == METRIC_QUADRIC, rounds->error));
+    if (!rounds->run.asked)
+        return TETLOD_OK;
+    rounds->askers = array_zero(crew_size(rounds->run.crew), sizeof *rounds->askers);
+    rounds->answers = array_zero(ASKED, sizeof *rounds->answers);
+    rounds->answer_numbers = array_zero(2 * ASKED * k, sizeof(double));
+    if (!rounds->askers || !rounds->answers || !rounds->answer_numbers)
+        return no_memory(rounds);
+    for (size_t i = 0; i < ASKED; i++) {
+        rounds->answers[i].values = rounds->answer_numbers + 2 * i * k;
+        rounds->answers[i].errors = rounds->answers[i].values + k;
+    }
+    return TETLOD_OK;
 }
 
 static enum tetlod_status allocate(struct rounds *rounds)
@@ -652,6 +781,8 @@ static enum tetlod_status allocate(struct rounds *rounds)
     for (unsigned w = 0; w < crew_size(rounds->run.crew); w++)
         if (!worker_init(&rounds->run.workers[w], &rounds->working))
             return no_memory(rounds);
+    if (!in_edges_alone(rounds->options))
+        TETLOD_TRY(allocate_plans(rounds));
     memset(rounds->claims, 0xff, n * sizeof *rounds->claims);
     for (size_t c = 0; c < k; c++)
         rounds->run.factors[c] = rounds->working.components[c].factor;
@@ -666,7 +797,13 @@ static void rounds_fini(struct rounds *rounds)
 {
     for (unsigned w = 0; rounds->run.workers && w < crew_size(rounds->run.crew); w++)
         worker_fini(&rounds->run.workers[w]);
-    void *const owned[] = {rounds->run.workers,   rounds->run.factors, rounds->run.proposals, rounds->blockers,
+    for (uint32_t v = 0; v < rounds->working.slot_count && rounds->run.notes; v++)
+        notes_free(&rounds->run.notes[v]);
+    for (size_t i = 0; i < ASKED && rounds->answers; i++)
+        answer_fini(&rounds->answers[i]);
+    quadrics_fini(&rounds->run.quadrics);
+    void *const owned[] = {rounds->run.plans, rounds->run.notes, rounds->askers, rounds->answers, rounds->answer_numbers,
+                           rounds->run.workers,   rounds->run.factors, rounds->run.proposals, rounds->blockers,
                            rounds->claims,        rounds->listed,      rounds->alive.slots,   rounds->proposing.slots,
                            rounds->later.slots,   rounds->again.slots, rounds->winners.slots, rounds->won,
                            rounds->merged,        rounds->errors,      rounds->certified,     rounds->predicted};
@@ -677,6 +814,13 @@ static void rounds_fini(struct rounds *rounds)
     working_fini(&rounds->working);
 }
 
+/* A limit that is asked goes by quadrics. */
+static enum metric order_of(const struct simplify_options *options)
+{
+    bool asked = options->certify == CERTIFY_EXACT || options->metric == METRIC_MEASURED;
+    return asked && options->metric != METRIC_QUADRIC ? METRIC_FIELD_QUADRIC : options->metric;
+}
+
 enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tetmesh *mesh, const uint32_t *controlled,
                                    uint32_t controlled_count, const double *limits, const struct simplify_options *options,
                                    struct tetlod_error *error)
@@ -685,6 +829,8 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     enum tetlod_status status;
     TETLOD_TRY(log_init(out, mesh, error));
     rounds.run.working = &rounds.working;
+    rounds.run.metric = order_of(options);
+    rounds.run.contract = options->contract;
     rounds.run.kernels = kernels_choose();
     rounds.run.crew = crew_new(options->threads ? options->threads : parallel_cores());
     if (!rounds.run.crew)
