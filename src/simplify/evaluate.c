@@ -26,6 +26,9 @@ static const double HALF_CUTOFF = 1.5;
 /* Middles whose other half is examined in one evaluation; if more look good, the vertex is looked at again on the next rung. */
 enum { MOST_MIDDLES = 3 };
 
+/* Bits of the key that do not count in a priority: keys in steps of half an octave. */
+enum { COARSE_KEYS = 46 };
+
 void middle_of(const struct working *working, uint32_t from, uint32_t to, double p[3])
 {
     const double *a = working_row(working, from), *b = working_row(working, to);
@@ -255,7 +258,7 @@ static enum log_refusal examine(const struct run *run, struct worker *worker, st
 
 static void propose(const struct run *run, struct worker *worker, uint32_t slot, const struct candidate *candidate)
 {
-    run->proposals[slot].priority = priority_of(key_of(candidate->error, worker->hood.shared[candidate->neighbour]), slot);
+    run->proposals[slot].priority = priority_of(key_of(candidate->error, worker->hood.shared[candidate->neighbour]), slot, COARSE_KEYS);
     run->proposals[slot].target = 2 * worker->hood.slots[candidate->neighbour] + candidate->middle;
 }
 

@@ -52,13 +52,13 @@ static inline uint32_t scramble(uint32_t x)
     return x ^ x >> 16;
 }
 
-/* Keys in steps of half an octave, then at random, so that what is proposed at once is not all in one place. */
-static inline uint64_t priority_of(double key, uint32_t slot)
+/* The key without so many of its lowest bits, then at random, so that what is proposed at once is not all in one place. */
+static inline uint64_t priority_of(double key, uint32_t slot, int bits)
 {
-    uint64_t bits;
+    uint64_t number;
     key += 0.0;
-    memcpy(&bits, &key, sizeof bits);
-    return (bits >> 46 << 32) | scramble(slot);
+    memcpy(&number, &key, sizeof number);
+    return (number >> bits << 32) | scramble(slot);
 }
 
 struct candidate {

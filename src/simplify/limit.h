@@ -46,6 +46,7 @@ static inline void answer_fini(struct answer *answer)
 
 struct limit {
     void *state;
+    void (*release)(void *state);
     enum tetlod_status (*ask)(void *state, unsigned worker, const struct question *question, struct answer *answer, struct tetlod_error *error);
     /* Every answer of a round in turn, also of what was refused. */
     enum tetlod_status (*take)(void *state, const struct star *star, const struct answer *answer, struct tetlod_error *error);

@@ -91,10 +91,9 @@ bool outcome_weigh(const struct run *run, struct worker *worker, const struct jo
 {
     if (join->at_one_point)
         return true;
-    if (!run->kernels->weigh(&worker->weighing, join->p))
-        return false;
+    bool fits = run->kernels->weigh(&worker->weighing, join->p);
     set_shares(&worker->weighing);
-    return true;
+    return fits;
 }
 
 /* ---- U and L */

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "format/fail.h"
+#include "src/simplify/exact/exact.h"
 #include "src/simplify/ladder.h"
 #include "src/simplify/merge.h"
 #include "src/simplify/regions.h"
@@ -809,6 +810,8 @@ static void rounds_fini(struct rounds *rounds)
                            rounds->merged,        rounds->errors,      rounds->certified,     rounds->predicted};
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
+    if (rounds->limit.state)
+        rounds->limit.release(rounds->limit.state);
     border_fini(&rounds->run.border);
     crew_free(rounds->run.crew);
     working_fini(&rounds->working);
@@ -844,6 +847,10 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, mesh, options->boundary_angle, options->boundary_limit,
                                 options->boundary_least, crew_size(rounds.run.crew), error));
+    if (options->certify == CERTIFY_EXACT) {
+        TETLOD_TRY_DONE(exact_new(&rounds.limit, mesh, &rounds.working, crew_size(rounds.run.crew), error));
+        rounds.run.asked = &rounds.limit;
+    }
     TETLOD_TRY_DONE(allocate(&rounds));
     status = climb(&rounds);
     for (unsigned w = 0; w < crew_size(rounds.run.crew); w++)

@@ -14,8 +14,11 @@
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
 
-/* A simplex whose star has changed is looked at again where this multiple of what it needed is within the limit. */
+/* A simplex that a limit was asked about is asked about again after a change where this multiple of what it needed is within the limit. */
 static const double EASED = 0.8;
+
+/* Bits of the key that do not count in a priority: quadrics leave fewer tetrahedra where their order is kept. */
+enum { FINE_KEYS = 36 };
 
 /* A limit is not asked about a candidate if the quadric expects a root mean square above this multiple of it: of candidates
  * above 1.4 it would refuse about 99 in a hundred. Between the rungs that levels are named after fewer candidates are asked about. */
@@ -233,19 +236,19 @@ static double key_of(const struct run *run, double error, double cost, double re
     }
 }
 
-/* Tries a candidate of a listed simplex, whose star the worker has: its error, or what a limit is expected to need, and its key.
- * False: something turns over there, or the boundary forbids it. */
-static bool try_candidate(const struct run *run, struct worker *worker, struct join *join, uint32_t candidate, double *error, double *key)
+enum tried { FORBIDDEN, FLIPPED, FITS };
+
+/* Tries a candidate of a listed simplex, whose star the worker has: its error, or what a limit is expected to need, and its key. */
+static enum tried try_candidate(const struct run *run, struct worker *worker, struct join *join, uint32_t candidate, double *error,
+                                double *key)
 {
     double cost = 0, weights[4];
     weights_of(join, candidate, weights);
     if (!simplex_position(run, join, candidate, join->p) ||
         (!join->at_one_point && !border_allows(&run->border, run->working, join->simplex, join->count, weights, join->p)))
-        return false;
-    if (!outcome_weigh(run, worker, join)) {
-        worker->refused[LOG_REFUSED_FLIP]++;
-        return false;
-    }
+        return FORBIDDEN;
+    bool fits = outcome_weigh(run, worker, join);
+    worker->refused[LOG_REFUSED_FLIP] += !fits;
     if (run->asked)
         *error = outcome_estimate(run, join, &cost) / (run->named ? MAX_EXPECTED_NAMED : MAX_EXPECTED);
     else {
@@ -256,7 +259,7 @@ static bool try_candidate(const struct run *run, struct worker *worker, struct j
         *error = outcome_values(run, worker, join, NULL, &cost);
     }
     *key = key_of(run, *error, cost, removed_of(&worker->weighing));
-    return true;
+    return fits ? FITS : FLIPPED;
 }
 
 static void wait_for(struct listed *listed, double error, bool possible)
@@ -278,11 +281,14 @@ static bool changed_since(const struct run *run, const struct join *join, uint32
 static bool still_waits(const struct run *run, struct listed *listed, const struct join *join)
 {
     const struct known *known = &listed->known;
-    double limit = run->limit * (1 + LIMIT_TIE);
-    bool changed = known->round && changed_since(run, join, known->round);
-    if (!known->round || (changed ? EASED * known->bound <= limit : known->possible && known->bound <= limit))
+    double limit = run->limit * (1 + 1e-6); // bounds are stored as float
+    if (!known->round)
         return false;
-    wait_for(listed, changed ? EASED * known->bound : known->bound, changed || known->possible);
+    bool changed = changed_since(run, join, known->round);
+    double bound = changed ? (known->asked ? EASED * known->bound : 0) : known->bound;
+    if (bound <= limit && (changed || known->possible))
+        return false;
+    wait_for(listed, bound, changed || known->possible);
     return true;
 }
 
@@ -299,7 +305,7 @@ static bool try_simplex(const struct run *run, struct worker *worker, uint32_t n
     if (still_waits(run, listed, &join))
         return true;
     listed->known.round = run->round;
-    listed->known.possible = 0;
+    listed->known.possible = listed->known.asked = 0;
     listed->known.bound = INFINITY;
     void *grown = trials->trials;
     bool room = array_reserve(&grown, &trials->trial_room, trials->trial_count + MAX_CANDIDATES, sizeof *trials->trials);
@@ -307,12 +313,13 @@ static bool try_simplex(const struct run *run, struct worker *worker, uint32_t n
     if (!room || !outcome_list(run, worker, &join))
         return false;
     for (uint32_t c = 0; c < simplex_candidates(run, join.count); c++) {
-        if (!try_candidate(run, worker, &join, c, &error, &key))
+        enum tried tried = try_candidate(run, worker, &join, c, &error, &key);
+        if (tried == FORBIDDEN)
             continue;
-        if (error <= limit)
+        if (error <= limit && tried == FITS)
             trials->trials[trials->trial_count++] = (struct trial){key, error, number, (uint8_t)c, false};
         else
-            wait_for(listed, error, true);
+            wait_for(listed, error, tried == FITS);
     }
     return true;
 }
@@ -357,7 +364,9 @@ static bool boundary_agrees(const struct run *run, struct worker *worker, struct
         return false;
     outcome_bounds(run, worker, join);
     outcome_demands(run, worker);
-    trial->error = larger(trial->error, outcome_values(run, worker, join, NULL, NULL));
+    double cost = 0, error = outcome_values(run, worker, join, NULL, &cost);
+    trial->error = larger(trial->error, error);
+    trial->key = key_of(run, trial->error, cost, removed_of(&worker->weighing));
     return true;
 }
 
@@ -401,7 +410,7 @@ static bool keep_notes(const struct run *run, struct worker *worker)
         wait_for(&trials->listed[trials->trials[i].listed], trials->trials[i].error, true);
     for (uint32_t i = 0; i < trials->count; i++) {
         struct listed *listed = &trials->listed[i];
-        if (listed->known.round == run->round) {
+        if (listed->known.round == run->round && !listed->known.asked) {
             listed->known.possible = isfinite(listed->possible);
             listed->known.bound = (float)(isfinite(listed->possible) ? listed->possible : listed->any);
         }
@@ -410,13 +419,12 @@ static bool keep_notes(const struct run *run, struct worker *worker)
     return true;
 }
 
-/* Keys in steps of half an octave are priorities, as in evaluate.c. */
 static void propose(const struct run *run, struct worker *worker, const struct trial *trial)
 {
     struct plan *plan = &run->plans[worker->hood.vertex];
     memcpy(plan->others, worker->trials->listed[trial->listed].known.others, sizeof plan->others);
     plan->candidate = trial->candidate;
-    run->proposals[worker->hood.vertex].priority = priority_of(trial->key, worker->hood.vertex);
+    run->proposals[worker->hood.vertex].priority = priority_of(trial->key, worker->hood.vertex, FINE_KEYS);
 }
 
 void evaluate_simplices(const struct run *run, struct worker *worker, uint32_t slot)
@@ -478,7 +486,7 @@ enum tetlod_status simplex_ask(const struct run *run, struct worker *worker, uns
         return TETLOD_OK;
     }
     for (uint32_t c = 0; c < simplex_candidates(run, join.count); c++) {
-        if (!try_candidate(run, worker, &join, c, &expected, &key))
+        if (try_candidate(run, worker, &join, c, &expected, &key) != FITS)
             continue;
         if (expected > limit) {
             least = smaller(least, expected);
@@ -509,7 +517,7 @@ void simplex_refused(const struct run *run, uint32_t slot, double error)
     for (uint32_t i = 0; i < notes->count; i++)
         if (is_known(&notes->known[i], run->plans[slot].others)) {
             notes->known[i].bound = nextafterf((float)larger(error, run->limit * (1 + 1e-6)), INFINITY);
-            notes->known[i].possible = 1;
+            notes->known[i].possible = notes->known[i].asked = 1;
             notes->known[i].round = run->round;
         }
 }

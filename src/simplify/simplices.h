@@ -12,8 +12,8 @@
 /* A simplex that was evaluated. */
 struct known {
     uint32_t others[3]; /* slots; TETLOD_NONE behind the last */
-    uint32_t round : 31, possible : 1; /* when; false: only a change of its star can make it possible */
     float bound;        /* the least error that it needs */
+    uint32_t round : 30, possible : 1, asked : 1; /* when; false: only a change of its star can make it possible; a limit has said so */
 };
 
 struct notes {

@@ -110,6 +110,29 @@ static enum tetlod_status renumber(struct working *working, const struct tetmesh
     return TETLOD_OK;
 }
 
+enum tetlod_status working_origins(const struct working *working, const struct tetmesh *mesh, uint32_t *out, struct tetlod_error *error)
+{
+    uint32_t n = working->slot_count, *slot = array_new(n, sizeof *slot), *first = array_zero((size_t)n + 1, sizeof *first);
+    for (uint32_t v = 0; v < n && slot; v++)
+        slot[working->node[v]] = v;
+    for (int pass = 0; pass < 2 && slot && first; pass++) {
+        for (uint32_t t = 0; t < mesh->tet_count; t++) {
+            const uint32_t *c = mesh->corners + 4 * (size_t)t;
+            uint32_t least = smaller(smaller(slot[c[0]], slot[c[1]]), smaller(slot[c[2]], slot[c[3]]));
+            if (pass)
+                out[first[least]++] = t;
+            else
+                first[least + 1]++;
+        }
+        for (uint32_t v = 0; v < n && !pass; v++)
+            first[v + 1] += first[v];
+    }
+    bool done = slot && first;
+    free(slot);
+    free(first);
+    return done ? TETLOD_OK : tetlodi_fail_nomem(error, "the order of the tetrahedra", 8 * (uint64_t)n);
+}
+
 static enum tetlod_status list_stars(struct working *working, struct tetlod_error *error)
 {
     size_t *begin = array_new((size_t)working->slot_count + 1, sizeof *begin);

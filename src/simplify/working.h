@@ -114,6 +114,10 @@ TETLOD_CHECKED enum tetlod_status working_init(struct working *working, const st
                                                struct contraction_log *log, struct tetlod_error *error);
 void working_fini(struct working *working);
 
+/* Which tetrahedron of the mesh each of a new working mesh is: out[tet]. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status working_origins(const struct working *working, const struct tetmesh *mesh, uint32_t *out,
+                                                  struct tetlod_error *error);
+
 /* Bytes that it takes at most, about. */
 uint64_t working_bytes(const struct tetmesh *mesh, uint32_t controlled_count);
 
