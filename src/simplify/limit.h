@@ -50,6 +50,7 @@ struct limit {
     enum tetlod_status (*ask)(void *state, unsigned worker, const struct question *question, struct answer *answer, struct tetlod_error *error);
     /* Every answer of a round in turn, also of what was refused. */
     enum tetlod_status (*take)(void *state, const struct star *star, const struct answer *answer, struct tetlod_error *error);
+    bool certifies; /* its errors hold over the whole domain */
 };
 
 #endif

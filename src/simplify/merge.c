@@ -233,6 +233,12 @@ static double move_boundary(const struct run *run, struct worker *worker, const 
     return moved;
 }
 
+/* Is it the certified error that is limited? */
+static bool limits_certified(const struct run *run)
+{
+    return run->asked ? run->asked->certifies : run->metric != METRIC_SVA;
+}
+
 /* The errors of the result as fractions of the range: what a limit has answered, or what U and L say. */
 static void find_errors(const struct run *run, const struct worker *worker, const struct answer *answer, const double *values,
                         uint32_t record, double *certified)
@@ -241,8 +247,8 @@ static void find_errors(const struct run *run, const struct worker *worker, cons
     const double *upper = numbers_of(run, worker, NUMBERS_UPPER), *lower = numbers_of(run, worker, NUMBERS_LOWER);
     for (uint32_t c = 0; c < working->component_count; c++) {
         const struct component *component = &working->components[c];
-        double worst = answer && answer->errors ? answer->errors[c] : larger(upper[c] - values[c], values[c] - lower[c]);
-        double named = component->factor > 0 && metric_is_certified(run->metric) ? run->limit / component->factor * component->scale : INFINITY;
+        double worst = answer && run->asked->certifies ? answer->errors[c] : larger(upper[c] - values[c], values[c] - lower[c]);
+        double named = component->factor > 0 && limits_certified(run) ? run->limit / component->factor * component->scale : INFINITY;
         certified[c] = smaller(smaller(worst * component->scale, named), 1); // within rounding of the limit is the limit
         if (working->log->components[c].bounds)
             working->log->components[c].bounds[record] = worst;

@@ -8,6 +8,7 @@
 #include "format/fail.h"
 #include "src/simplify/exact/exact.h"
 #include "src/simplify/ladder.h"
+#include "src/simplify/measured.h"
 #include "src/simplify/merge.h"
 #include "src/simplify/regions.h"
 #include "src/simplify/simplices.h"
@@ -729,16 +730,26 @@ static enum tetlod_status climb(struct rounds *rounds)
 
 /* ---- set-up */
 
-uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count)
-{
-    uint64_t claim = sizeof(uint64_t), blocker = sizeof(uint32_t), lists = 1 + sizeof(uint32_t);
-    return evaluate_bytes(mesh, controlled_count) + mesh->vertex_count * (claim + blocker + lists);
-}
-
 /* Edges by their envelope, many at one look at a star. */
 static bool in_edges_alone(const struct simplify_options *options)
 {
     return options->metric == METRIC_ENVELOPE && options->certify == CERTIFY_FAST && options->contract == CONTRACT_EDGES;
+}
+
+uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count, const struct simplify_options *options)
+{
+    uint64_t claim = sizeof(uint64_t), blocker = sizeof(uint32_t), lists = 1 + sizeof(uint32_t), edges = (uint64_t)mesh->vertex_count + mesh->tet_count;
+    uint64_t bytes = evaluate_bytes(mesh, controlled_count) + mesh->vertex_count * (claim + blocker + lists);
+    unsigned threads = options->threads ? options->threads : parallel_cores();
+    if (in_edges_alone(options))
+        return bytes;
+    bytes += mesh->vertex_count * (uint64_t)(sizeof(struct plan) + sizeof(struct notes) + 16) + edges * sizeof(struct known);
+    bytes += mesh->vertex_count * (uint64_t)controlled_count * QUADRIC_SIZE * sizeof(double);
+    if (options->certify == CERTIFY_EXACT)
+        bytes += exact_bytes(mesh->vertex_count, mesh->tet_count, threads);
+    else if (options->metric == METRIC_MEASURED)
+        bytes += measured_bytes(mesh, controlled_count);
+    return bytes;
 }
 
 /* What vertices need that are evaluated simplex by simplex. */
@@ -847,10 +858,11 @@ enum tetlod_status rounds_simplify(struct contraction_log *out, const struct tet
     TETLOD_TRY_DONE(report(&rounds));
     TETLOD_TRY_DONE(border_init(&rounds.run.border, &rounds.working, mesh, options->boundary_angle, options->boundary_limit,
                                 options->boundary_least, crew_size(rounds.run.crew), error));
-    if (options->certify == CERTIFY_EXACT) {
+    if (options->certify == CERTIFY_EXACT)
         TETLOD_TRY_DONE(exact_new(&rounds.limit, mesh, &rounds.working, crew_size(rounds.run.crew), error));
-        rounds.run.asked = &rounds.limit;
-    }
+    else if (options->metric == METRIC_MEASURED)
+        TETLOD_TRY_DONE(measured_new(&rounds.limit, mesh, &rounds.working, crew_size(rounds.run.crew), error));
+    rounds.run.asked = rounds.limit.state ? &rounds.limit : NULL;
     TETLOD_TRY_DONE(allocate(&rounds));
     status = climb(&rounds);
     for (unsigned w = 0; w < crew_size(rounds.run.crew); w++)

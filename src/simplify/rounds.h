@@ -18,6 +18,6 @@ TETLOD_CHECKED enum tetlod_status rounds_simplify(struct contraction_log *out, c
                                                   const struct simplify_options *options, struct tetlod_error *error);
 
 /* Bytes that this takes at its peak, about, without the mesh. */
-uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count);
+uint64_t rounds_bytes(const struct tetmesh *mesh, uint32_t controlled_count, const struct simplify_options *options);
 
 #endif

@@ -181,7 +181,7 @@ enum tetlod_status exact_new(struct limit *limit, const struct tetmesh *mesh, co
         exact_free(exact);
         return status;
     }
-    *limit = (struct limit){exact, exact_free, exact_ask, exact_take};
+    *limit = (struct limit){exact, exact_free, exact_ask, exact_take, true};
     return TETLOD_OK;
 }
 
