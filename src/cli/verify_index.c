@@ -14,6 +14,7 @@
 #include "format/grids.h"
 #include "src/level/metadata.h"
 #include "src/mesh/adjacency.h"
+#include "src/mesh/orient.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
@@ -74,15 +75,19 @@ static enum tetlod_status count_tets(const struct tetmesh *mesh, struct counts *
     uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
     enum tetlod_status status = promised && neighbours ? TETLOD_OK : tetlodi_fail_nomem(error, "the tetrahedra", 17 * (uint64_t)mesh->tet_count);
     double volume = 0, size = 0;
+    struct oriented oriented = {0};
     *out = (struct counts){0};
     if (status == TETLOD_OK)
-        status = adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error);
+        status = orient(&oriented, mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, NULL, error);
+    const uint32_t *corners = oriented.corners ? oriented.corners : mesh->corners;
     if (status == TETLOD_OK)
-        sheets_promised(mesh->positions, mesh->corners, neighbours, mesh->tet_count, promised);
+        status = adjacency_build(corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error);
+    if (status == TETLOD_OK)
+        sheets_promised(mesh->positions, corners, neighbours, mesh->tet_count, promised);
     for (size_t t = 0; t < mesh->tet_count && status == TETLOD_OK; t++) {
         const double *p[4];
         for (size_t c = 0; c < 4; c++)
-            p[c] = mesh->positions + 3 * (size_t)mesh->corners[4 * t + c];
+            p[c] = mesh->positions + 3 * (size_t)corners[4 * t + c];
         double volume6 = tet_volume6(p[0], p[1], p[2], p[3]), size2 = tet_size_squared(p[0], p[1], p[2], p[3]), cube = size2 * sqrt(size2);
         bool degenerate = tet_orientation(p[0], p[1], p[2], p[3]) == 0;
         out->degenerate += degenerate;
@@ -92,6 +97,7 @@ static enum tetlod_status count_tets(const struct tetmesh *mesh, struct counts *
         size += fabs(volume6);
     }
     out->oriented = fabs(volume) > 1e-9 * size;
+    oriented_fini(&oriented);
     free(promised);
     free(neighbours);
     return status;
