@@ -6,6 +6,7 @@ import gzip
 import hashlib
 import os
 import re
+import shutil
 import subprocess
 import sys
 
@@ -48,7 +49,8 @@ def main(out, *folders):
              for where, _, names in os.walk(folder) for name in names if not name.endswith('.br')]
     files.sort(key=lambda file: os.path.relpath(*file))  # wherever the folders are
     blocks, rows = [], []
-    os.makedirs(out, exist_ok=True)
+    shutil.rmtree(out, ignore_errors=True)  # of what was embedded before, nothing stays
+    os.makedirs(out)
     for i, (path, folder) in enumerate(files):
         extension = os.path.splitext(path)[1]
         if extension not in MEDIA_TYPES:
