@@ -73,7 +73,8 @@ export function turningStream() {
 /**
  * A host of bytes. `requests` gathers {url, range, sent}; `fault(request, response, number)` may answer instead and
  * returns true then; `ranges: false` ignores Range; `cut`: a connection breaks after so many bytes; `hold`: after so many
- * bytes an answer waits until the client gives it up (`gone` of the request is a promise of that).
+ * bytes an answer waits until the client gives it up (`gone` of the request is a promise of that); `pace`: milliseconds after each
+ * piece, or a function of the bytes sent that gives a promise to wait for.
  */
 export async function fileHost(bytes, { ranges = true, etag = '"1"' } = {}) {
   const host = { bytes, etag, ranges, fault: null, cut: Infinity, hold: Infinity, pace: 0, requests: [] };
@@ -111,7 +112,8 @@ export async function fileHost(bytes, { ranges = true, etag = '"1"' } = {}) {
       }
       if (at + 16384 >= host.hold) await seen.gone;
       if (!room) await once(response, 'drain', { signal: gone.signal }).catch(() => {});
-      if (host.pace) await new Promise((resolve) => setTimeout(resolve, host.pace));
+      if (typeof host.pace === 'function') await host.pace(seen.sent);
+      else if (host.pace) await new Promise((resolve) => setTimeout(resolve, host.pace));
     }
     response.end();
   });

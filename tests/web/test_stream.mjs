@@ -176,12 +176,16 @@ async function severalBudgets() {
 // The link is not idle between two answers.
 async function asksAhead() {
   const host = await fileHost(bytes);
-  host.pace = 500;
   let sent = null;
+  let second;
+  const asked = new Promise((resolve) => { second = resolve; });
+  // The first answer stops before its end until there is a second request; a client that waits for all of it gets it late.
+  host.pace = (bytesSent) => (bytesSent >= 49152 ? Promise.race([asked, new Promise((resolve) => setTimeout(resolve, 60000).unref())]) : null);
   host.fault = (request, response, number) => {
     if (number === 2) {
       sent = host.requests[0].sent;
       host.pace = 0;
+      second();
     }
     return false;
   };
