@@ -24,8 +24,6 @@
 #include "src/measure/measure_range.h"
 #include "src/measure/overlay.h"
 #include "src/measure/same.h"
-#include "src/mesh/adjacency.h"
-#include "src/mesh/orient.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
 #include "src/level/level_mesh.h"
@@ -58,12 +56,10 @@ struct against {
     struct tetmesh level;      /* at hand */
     uint32_t *parents;         /* [slot] */
     uint32_t *bodies;          /* [slot] */
-    uint8_t *promised;         /* [tet of the original] */
     uint8_t *touched;          /* [slot] by the last step */
     uint8_t *usable, *wanted;  /* [tet of the level] */
     bool all_touched;
-    int orientation;           /* of the original, in one turn: */
-    struct oriented oriented;
+    struct sheets sheets;      /* of the original */
     struct coarsening coarsening;
     struct measure_levels *measure_levels;
     struct boundary_check *boundary;
@@ -82,24 +78,6 @@ static bool has_tail(const struct tetlod_info *info)
 {
     const struct tetlod_level *last = &info->levels[info->level_count - 1];
     return info->level_count > 1 && last->vertices == last[-1].vertices && last->tets == last[-1].tets;
-}
-
-/* Bodies, and where there is a promise. */
-static enum tetlod_status find_sheets(struct against *a)
-{
-    const struct tetmesh *mesh = a->original;
-    TETLOD_TRY(orient(&a->oriented, mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, NULL, a->error));
-    const uint32_t *corners = a->oriented.corners ? a->oriented.corners : mesh->corners;
-    uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
-    enum tetlod_status status = neighbours ? TETLOD_OK : nomem(a);
-    if (status == TETLOD_OK)
-        status = adjacency_build(corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, a->error);
-    if (status == TETLOD_OK) {
-        sheets_bodies(corners, mesh->tet_count, mesh->vertex_count, a->bodies);
-        a->orientation = sheets_promised(mesh->positions, corners, neighbours, mesh->tet_count, a->promised);
-    }
-    free(neighbours);
-    return status;
 }
 
 /* By how much the level before an exact tail is off where nothing was contracted. */
@@ -245,11 +223,11 @@ static enum tetlod_status begin(struct against *a)
     a->parents = array_new(info->vertices, sizeof *a->parents);
     a->bodies = array_new(info->vertices, sizeof *a->bodies);
     a->touched = array_zero(info->vertices, 1);
-    a->promised = array_new(info->tets, 1);
-    if (!a->parents || !a->bodies || !a->touched || !a->promised)
+    if (!a->parents || !a->bodies || !a->touched)
         return nomem(a);
     memcpy(a->parents, mesh.parents, info->vertices * sizeof *a->parents);
-    TETLOD_TRY(find_sheets(a));
+    sheets_bodies(a->original->corners, a->original->tet_count, a->original->vertex_count, a->bodies);
+    TETLOD_TRY(sheets_find(&a->sheets, a->original, a->error));
     TETLOD_TRY(boundary_check_new(&a->boundary, a->original, a->bodies, a->options->threads, a->error));
     TETLOD_TRY(tetlod_cursor_seek(a->cursor, info->level_count - 1 - has_tail(info), a->error));
     TETLOD_TRY(level_mesh_copy(info, a->cursor, &coded, a->error));
@@ -406,11 +384,10 @@ static enum tetlod_status choose_tets(struct against *a, struct overlay_options 
             p[c] = level->positions + 3 * (size_t)v;
             a->wanted[t] |= a->touched[v];
         }
-        int turn = a->oriented.turned && a->oriented.turned[t] ? -a->orientation : a->orientation;
-        a->usable[t] = tet_orientation(p[0], p[1], p[2], p[3]) == turn;
+        a->usable[t] = tet_orientation(p[0], p[1], p[2], p[3]) == sheets_orientation(&a->sheets, t);
     }
     options->bodies[0] = options->bodies[1] = a->bodies;
-    options->usable[0] = a->promised;
+    options->usable[0] = a->sheets.promised;
     options->usable[1] = a->usable;
     options->wanted = a->wanted;
     return TETLOD_OK;
@@ -556,13 +533,13 @@ static enum tetlod_status prepare(struct against *a)
 
 static void release(struct against *a)
 {
-    void *const owned[] = {a->parents, a->bodies,   a->promised, a->touched, a->usable,       a->wanted, a->fields,
+    void *const owned[] = {a->parents, a->bodies,   a->touched, a->usable,       a->wanted, a->fields,
                            a->measured, a->ranges,   a->exact,   a->level_fields, a->floors, a->rounding};
     measure_levels_free(a->measure_levels);
     boundary_check_free(a->boundary);
     coarsening_fini(&a->coarsening);
     tetmesh_fini(&a->level);
-    oriented_fini(&a->oriented);
+    sheets_fini(&a->sheets);
     tetmesh_fini(&a->finest);
     tetmesh_fini(&a->renumbered);
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)

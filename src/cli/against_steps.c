@@ -10,7 +10,6 @@
 #include "src/measure/measure.h"
 #include "src/measure/overlay.h"
 #include "src/measure/same.h"
-#include "src/mesh/adjacency.h"
 #include "src/mesh/displacement.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
@@ -315,32 +314,29 @@ static enum tetlod_status compare_exact(const struct steps_check *check, const s
 /* What is known of a batch's exact mesh where it is the stream's own, whose numbers a band's level shares: bodies, and what has a promise. */
 struct exact_mesh {
     uint32_t *bodies;            /* [vertex] */
-    uint8_t *promised, *looked;  /* [tet] the latter: and it is not in the level as it is */
+    struct sheets sheets;
+    uint8_t *looked;             /* [tet] promised, and not in the level as it is */
     uint8_t *usable, *wanted;    /* [tet of the level] */
-    int orientation;
 };
 
 static void release_exact(struct exact_mesh *exact)
 {
-    void *const owned[] = {exact->bodies, exact->promised, exact->looked, exact->usable, exact->wanted};
+    void *const owned[] = {exact->bodies, exact->looked, exact->usable, exact->wanted};
+    sheets_fini(&exact->sheets);
     for (size_t i = 0; i < sizeof owned / sizeof *owned; i++)
         free(owned[i]);
 }
 
 static enum tetlod_status prepare_exact(const struct tetmesh *mesh, struct exact_mesh *out, struct tetlod_error *error)
 {
-    uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
-    *out = (struct exact_mesh){array_new(mesh->vertex_count, sizeof(uint32_t)), array_new(mesh->tet_count, 1), array_new(mesh->tet_count, 1),
-                               array_new(mesh->tet_count, 1), array_new(mesh->tet_count, 1), 0};
-    bool room = neighbours && out->bodies && out->promised && out->looked && out->usable && out->wanted;
-    enum tetlod_status status = room ? adjacency_build(mesh->corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error)
-                                     : tetlodi_fail_nomem(error, "the steps", 24 * (uint64_t)mesh->tet_count);
-    if (status == TETLOD_OK) {
-        sheets_bodies(mesh->corners, mesh->tet_count, mesh->vertex_count, out->bodies);
-        out->orientation = sheets_promised(mesh->positions, mesh->corners, neighbours, mesh->tet_count, out->promised);
-    }
-    free(neighbours);
-    return status;
+    *out = (struct exact_mesh){.bodies = array_new(mesh->vertex_count, sizeof(uint32_t)),
+                               .looked = array_new(mesh->tet_count, 1),
+                               .usable = array_new(mesh->tet_count, 1),
+                               .wanted = array_new(mesh->tet_count, 1)};
+    if (!out->bodies || !out->looked || !out->usable || !out->wanted)
+        return tetlodi_fail_nomem(error, "the steps", 8 * (uint64_t)mesh->tet_count);
+    sheets_bodies(mesh->corners, mesh->tet_count, mesh->vertex_count, out->bodies);
+    return sheets_find(&out->sheets, mesh, error);
 }
 
 /* Is tetrahedron t of the level the exact mesh's, with the same corners where they were? */
@@ -367,16 +363,16 @@ static void compare_vertex(const struct tetmesh *exact, const struct tetmesh *le
  * the overlay. */
 static void compare_in_place(const struct tetmesh *exact, const struct tetmesh *level, struct exact_mesh *known, double *found)
 {
-    memcpy(known->looked, known->promised, exact->tet_count);
+    memcpy(known->looked, known->sheets.promised, exact->tet_count);
     for (size_t t = 0; t < level->tet_count; t++) {
         const uint32_t *corners = level->corners + 4 * t;
         const double *p[4];
         for (int c = 0; c < 4; c++)
             p[c] = level->positions + 3 * (size_t)corners[c];
-        known->usable[t] = tet_orientation(p[0], p[1], p[2], p[3]) == known->orientation;
+        known->usable[t] = tet_orientation(p[0], p[1], p[2], p[3]) == sheets_orientation(&known->sheets, t);
         known->wanted[t] = !is_as_it_was(exact, level, t);
         known->looked[t] &= known->wanted[t];
-        for (int c = 0; c < 4 && !known->wanted[t] && known->promised[t]; c++)
+        for (int c = 0; c < 4 && !known->wanted[t] && known->sheets.promised[t]; c++)
             compare_vertex(exact, level, corners[c], found);
     }
 }

@@ -13,8 +13,6 @@
 #include "format/fail.h"
 #include "format/grids.h"
 #include "src/level/metadata.h"
-#include "src/mesh/adjacency.h"
-#include "src/mesh/orient.h"
 #include "src/mesh/sheets.h"
 #include "src/mesh/tet_geom.h"
 #include "src/util/array.h"
@@ -71,36 +69,26 @@ struct counts {
 
 static enum tetlod_status count_tets(const struct tetmesh *mesh, struct counts *out, struct tetlod_error *error)
 {
-    uint8_t *promised = array_new(mesh->tet_count, 1);
-    uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
-    enum tetlod_status status = promised && neighbours ? TETLOD_OK : tetlodi_fail_nomem(error, "the tetrahedra", 17 * (uint64_t)mesh->tet_count);
+    struct sheets sheets;
     double volume = 0, size = 0;
-    struct oriented oriented = {0};
     *out = (struct counts){0};
-    if (status == TETLOD_OK)
-        status = orient(&oriented, mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, NULL, error);
-    const uint32_t *corners = oriented.corners ? oriented.corners : mesh->corners;
-    if (status == TETLOD_OK)
-        status = adjacency_build(corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error);
-    if (status == TETLOD_OK)
-        sheets_promised(mesh->positions, corners, neighbours, mesh->tet_count, promised);
-    for (size_t t = 0; t < mesh->tet_count && status == TETLOD_OK; t++) {
+    TETLOD_TRY(sheets_find(&sheets, mesh, error));
+    const uint32_t *corners = sheets.oriented.corners ? sheets.oriented.corners : mesh->corners;
+    for (size_t t = 0; t < mesh->tet_count; t++) {
         const double *p[4];
         for (size_t c = 0; c < 4; c++)
             p[c] = mesh->positions + 3 * (size_t)corners[4 * t + c];
         double volume6 = tet_volume6(p[0], p[1], p[2], p[3]), size2 = tet_size_squared(p[0], p[1], p[2], p[3]), cube = size2 * sqrt(size2);
         bool degenerate = tet_orientation(p[0], p[1], p[2], p[3]) == 0;
         out->degenerate += degenerate;
-        out->inverted += !promised[t] && !degenerate;
+        out->inverted += !sheets.promised[t] && !degenerate;
         out->doubtful += fabs(fabs(volume6) - TET_DEGENERATE * cube) <= VOLUME_NOISE * cube;
         volume += volume6;
         size += fabs(volume6);
     }
     out->oriented = fabs(volume) > 1e-9 * size;
-    oriented_fini(&oriented);
-    free(promised);
-    free(neighbours);
-    return status;
+    sheets_fini(&sheets);
+    return TETLOD_OK;
 }
 
 static bool is_near(uint64_t said, uint64_t found, uint64_t room)

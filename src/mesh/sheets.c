@@ -3,10 +3,12 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdlib.h>
 
-#include "format/tetlod.h"
-#include "src/mesh/orient.h"
+#include "format/fail.h"
+#include "src/mesh/adjacency.h"
 #include "src/mesh/tet_geom.h"
+#include "src/util/array.h"
 
 static uint32_t root(uint32_t *body, uint32_t v)
 {
@@ -50,4 +52,29 @@ int sheets_promised(const double *positions, const uint32_t *corners, const uint
     for (size_t t = 0; t < tet_count; t++)
         out[t] = out[t] == GOOD;
     return volume < 0 ? -1 : 1;
+}
+
+enum tetlod_status sheets_find(struct sheets *out, const struct tetmesh *mesh, struct tetlod_error *error)
+{
+    uint32_t *neighbours = array_new(mesh->tet_count, 4 * sizeof *neighbours);
+    enum tetlod_status status = TETLOD_OK;
+    *out = (struct sheets){.promised = array_new(mesh->tet_count, 1)};
+    if (!neighbours || !out->promised)
+        TETLOD_TRY_DONE(tetlodi_fail_nomem(error, "the sheets", 17 * (uint64_t)mesh->tet_count));
+    TETLOD_TRY_DONE(orient(&out->oriented, mesh->positions, mesh->corners, mesh->vertex_count, mesh->tet_count, NULL, error));
+    const uint32_t *corners = out->oriented.corners ? out->oriented.corners : mesh->corners;
+    TETLOD_TRY_DONE(adjacency_build(corners, mesh->tet_count, mesh->vertex_count, neighbours, NULL, error));
+    out->orientation = sheets_promised(mesh->positions, corners, neighbours, mesh->tet_count, out->promised);
+done:
+    free(neighbours);
+    if (status != TETLOD_OK)
+        sheets_fini(out);
+    return status;
+}
+
+void sheets_fini(struct sheets *sheets)
+{
+    free(sheets->promised);
+    oriented_fini(&sheets->oriented);
+    *sheets = (struct sheets){0};
 }

@@ -6,7 +6,7 @@
 #ifndef TETLOD_SHEETS_H
 #define TETLOD_SHEETS_H
 
-#include <stdint.h>
+#include "src/mesh/orient.h"
 
 /* out[v]: the least vertex of v's body. */
 void sheets_bodies(const uint32_t *corners, uint32_t tet_count, uint32_t vertex_count, uint32_t *out);
@@ -15,5 +15,22 @@ void sheets_bodies(const uint32_t *corners, uint32_t tet_count, uint32_t vertex_
  * volume is the mesh's; two neighbours that are both oriented so and lie on one side of their common face are folded. */
 int sheets_promised(const double *positions, const uint32_t *corners, const uint32_t *neighbours, uint32_t tet_count,
                     uint8_t *out);
+
+/* The same of a mesh whose tetrahedra may be numbered both ways. */
+struct sheets {
+    uint8_t *promised;        /* owned, [tet] */
+    struct oriented oriented; /* the mesh in one turn */
+    int orientation;          /* of that */
+};
+
+/* On failure *out is empty. ERR_NOMEM. */
+TETLOD_CHECKED enum tetlod_status sheets_find(struct sheets *out, const struct tetmesh *mesh, struct tetlod_error *error);
+void sheets_fini(struct sheets *sheets);
+
+/* The orientation of tetrahedron t, as it is numbered, where it is not inverted. */
+static inline int sheets_orientation(const struct sheets *sheets, size_t t)
+{
+    return sheets->oriented.turned && sheets->oriented.turned[t] ? -sheets->orientation : sheets->orientation;
+}
 
 #endif
