@@ -11,7 +11,7 @@ from lint_report import ROOT, finish, report
 COLUMNS = 120
 PHRASES = ('that are none', 'none such', 'so many that', 'is done without', 'for who', 'at hand', 'says of')
 ENDINGS = ('.c', '.h', '.py', '.js', '.mjs', '.sh', '.md', 'Makefile', '.css', '.html')
-ALLOWED = {'in circles': 34, 'long lines': 5900, 'phrases': 80}
+ALLOWED = {'in circles': 30, 'long lines': 5772, 'phrases': 65}
 
 
 def circles(sources):
