@@ -14,6 +14,7 @@
 #include "src/pipeline/topology_spool.h"
 #include "src/report/series_json.h"
 #include "src/util/file.h"
+#include "src/util/json_text.h"
 
 /* What is built: a mesh, and its controlled fields. */
 struct input {
@@ -103,7 +104,10 @@ static char *make_metadata(const struct build_request *request, const struct tet
     json_decref(units);
     char *text = object ? json_dumps(object, JSON_COMPACT | JSON_PRESERVE_ORDER | JSON_REAL_PRECISION(17)) : NULL;
     json_decref(object);
-    return text;
+    if (!text || json_text_is_object(text, strlen(text)))
+        return text;
+    free(text); // Jansson goes on where it found no room for a piece
+    return NULL;
 }
 
 static enum tetlod_status write_stream(struct build_request *request, const struct input *in, const struct tetlodi_sink *sink,
