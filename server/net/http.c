@@ -3,8 +3,9 @@
  * What libmicrohttpd 0.9.75 does and what is done about it:
  * - it decodes paths and cuts them at %00: the request target is taken raw, from the URI log callback;
  * - what it refuses itself it refuses as HTML, which cannot be replaced, or not at all where a connection's memory is used up
- *   (test_protocol.py has the list): it copies cookies and lists headers in that memory. It gets four times what a request may take,
- *   untouched pages cost nothing, and what is too long is refused here;
+ *   (test_protocol.py has the list): it copies cookies and lists headers in that memory. It gets two and a half times
+ *   what a request may take, and room for an answer's headers. It is not larger, for the library clears all of it after
+ *   each answer. What is too long is refused here;
  * - it accepts bodies with Content-Length and Transfer-Encoding at once, and without strict checks no Host: any body and
  *   any broken framing is refused here and ends the connection;
  * - a 304 gets the length of the body that it is queued with: that body is queued with it, or one of its length, and is not
@@ -244,14 +245,14 @@ static enum MHD_Result join_line(void *opaque, enum MHD_ValueKind kind, const ch
 /* Who asks: the connection's address or, where that is a trusted proxy's, whom it asks for. */
 static void take_client(struct call *call)
 {
-    struct joined forwarded = {.name = "X-Forwarded-For"};
     if (!call->peer)
         return;
-    snprintf(call->remote, sizeof call->remote, "%s", peer_address(call->peer));
-    snprintf(call->network, sizeof call->network, "%s", peer_network(call->peer));
+    strcpy(call->remote, peer_address(call->peer)); // of the same capacity
+    strcpy(call->network, peer_network(call->peer));
     call->request.client = call->network;
     if (!peer_is_proxy(call->peer))
         return;
+    struct joined forwarded = {.name = "X-Forwarded-For"};
     MHD_get_connection_values(call->connection, MHD_HEADER_KIND, join_line, &forwarded);
     if (proxies_client(call->http->options.proxies, forwarded.text, call->remote))
         network_of(call->remote, call->network);
@@ -404,6 +405,19 @@ static struct MHD_Response *make_body(struct call *call, struct response *respon
     return made;
 }
 
+/* The time as HTTP writes it, which the library would print anew for each answer, under a lock. */
+static const char *print_date(void)
+{
+    static _Thread_local char text[sizeof "Thu, 01 Jan 1970 00:00:00 GMT"];
+    static _Thread_local time_t printed;
+    struct tm utc;
+    time_t now = time(NULL);
+    if (!text[0] || now != printed)
+        strftime(text, sizeof text, "%a, %d %b %Y %H:%M:%S GMT", gmtime_r(&now, &utc));
+    printed = now;
+    return text;
+}
+
 static bool add_headers(struct MHD_Response *made, const struct call *call, const struct response *response)
 {
     bool added = MHD_add_response_header(made, "Server", "tetlod") == MHD_YES;
@@ -416,7 +430,8 @@ static bool add_headers(struct MHD_Response *made, const struct call *call, cons
     added &= MHD_add_response_header(made, "X-Request-Id", call->id) == MHD_YES;
     if (response->close || atomic_load(&call->http->options.site->draining))
         added &= MHD_add_response_header(made, "Connection", "close") == MHD_YES;
-    return added;
+    // After Connection, with which the library forgets that there is a date, and sends a second one
+    return added & (MHD_add_response_header(made, "Date", print_date()) == MHD_YES);
 }
 
 static enum MHD_Result queue(struct call *call, struct response *response)
@@ -582,7 +597,7 @@ enum tetlod_status http_start(struct http **out, const struct http_options *opti
     http->daemon = MHD_start_daemon(
         MHD_USE_EPOLL_INTERNAL_THREAD | MHD_USE_NO_LISTEN_SOCKET | MHD_USE_ITC | MHD_ALLOW_SUSPEND_RESUME, 0, NULL, NULL,
         on_request, http, MHD_OPTION_CONNECTION_LIMIT, per_thread * options->threads, MHD_OPTION_CONNECTION_MEMORY_LIMIT,
-        4 * options->header_bytes + ANSWER_BYTES, MHD_OPTION_CONNECTION_TIMEOUT, options->idle_seconds,
+        5 * options->header_bytes / 2 + ANSWER_BYTES, MHD_OPTION_CONNECTION_TIMEOUT, options->idle_seconds,
         MHD_OPTION_URI_LOG_CALLBACK, on_target, http, MHD_OPTION_UNESCAPE_CALLBACK, keep_escapes, http,
         MHD_OPTION_NOTIFY_COMPLETED, on_completed, http, MHD_OPTION_NOTIFY_CONNECTION, on_connection, http,
         MHD_OPTION_ARRAY, more, MHD_OPTION_END);

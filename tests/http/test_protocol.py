@@ -200,6 +200,8 @@ def test_no_silence():
                               (b'GET /healthz', (b'Cookie: a=' + b'x' * 138 + b'\r\n') * (size // 150))):
             status = one(ask(line + b' HTTP/1.1', headers))
             assert status in ((200,) if size < 8000 else (414, 431)), (size, line[:20], headers[:20], status)
+    # The library lists the lines of a request in a memory of fixed size
+    assert one(ask(b'GET /healthz HTTP/1.1', b'X: aaaaaaaaaaaaaaa\r\n' * 375)) == 200, 'many lines'
 
 
 def test_refusals_are_problems():
