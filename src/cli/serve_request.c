@@ -273,8 +273,10 @@ bool settings_read_again(struct settings *out, const struct settings *before, co
 {
     *out = (struct settings){.path = before->path, .line_count = before->line_count};
     memcpy(out->line, before->line, sizeof before->line);
-    if (!read_file(out) || !apply(out))
+    if (!read_file(out) || !apply(out)) {
+        settings_fini(out);
         return false;
+    }
     *changed = find_change(out, before);
     *changed = *changed ? *changed : find_change(before, out);
     return true;
