@@ -165,7 +165,7 @@ static void *run_scanner(void *opaque)
     return NULL;
 }
 
-/* Where threads hang in files others take their place, and who waits for them may hear that. */
+/* Threads that hang in files are replaced, and their waiters may learn of it. */
 static void relieve(struct server *server)
 {
     struct site *site = &server->site;

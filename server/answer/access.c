@@ -151,7 +151,7 @@ static void answer_unauthorized(struct exchange *exchange)
     response_header_text(exchange->response, "WWW-Authenticate", "Bearer");
 }
 
-/* A wrong token is counted, and its answer waits; without a waiter (who asks from the same process) it does not. */
+/* A wrong token is counted, and its answer waits. Without a waiter (a request of the same process) it does not. */
 static enum admission delay_guess(struct exchange *exchange)
 {
     struct request *request = exchange->request;

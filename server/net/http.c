@@ -241,7 +241,7 @@ static enum MHD_Result join_line(void *opaque, enum MHD_ValueKind kind, const ch
     return MHD_YES;
 }
 
-/* Who asks: the connection's address or, where that is a trusted proxy's, whom it asks for. */
+/* The client: the connection's address or, behind a trusted proxy, the address that the proxy forwards. */
 static void take_client(struct call *call)
 {
     struct joined forwarded = {.name = "X-Forwarded-For"};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The length of a vector is that of interpolated components, wherever it is shown: slices, isosurfaces, what is clipped, lines, grids,
-// arrows, pixels, and what the pointer is told. Held against the mesh's own arrays, in double precision.
+// arrows, pixels, and the value under the pointer. Held against the mesh's own arrays, in double precision.
 import assert from 'node:assert/strict';
 import { readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
