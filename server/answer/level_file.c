@@ -31,16 +31,13 @@ static const struct mesh_format mesh_formats[] = {
 
 const struct mesh_format *take_mesh_format(struct exchange *exchange, const char *name, bool from_mesh)
 {
-    json_t *names = json_array();
-    for (const struct mesh_format *format = mesh_formats; format->name; format++) {
-        if (from_mesh && !format->write)
-            continue;
-        if (strcmp(format->name, name) == 0) {
-            json_decref(names);
+    for (const struct mesh_format *format = mesh_formats; format->name; format++)
+        if (strcmp(format->name, name) == 0 && (!from_mesh || format->write))
             return format;
-        }
-        json_array_append_new(names, json_string(format->name));
-    }
+    json_t *names = json_array();
+    for (const struct mesh_format *format = mesh_formats; format->name; format++)
+        if (!from_mesh || format->write)
+            json_array_append_new(names, json_string(format->name));
     response_problem_choices(exchange->response, 400, exchange->request->target, "formats", names, "there is no format '%.64s' here", name);
     return NULL;
 }

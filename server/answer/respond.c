@@ -9,7 +9,6 @@
 
 #include "format/fail.h"
 #include "server/answer/access.h"
-#include "src/report/promise.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 
@@ -202,14 +201,14 @@ void level_headers(struct response *response, const struct dataset *dataset, uin
 {
     const struct tetlod_info *info = dataset_info(dataset);
     const char *errors = dataset_level_errors(dataset, level);
+    const char *uncontrolled = dataset_level_uncontrolled(dataset, level);
     response_header(response, "Tetlod-Level", "%" PRIu32, level);
     response_header(response, "Tetlod-Vertices", "%" PRIu32, info->levels[level].vertices);
     response_header(response, "Tetlod-Tets", "%" PRIu32, info->levels[level].tets);
     if (errors[0])
         response_header_text(response, "Tetlod-Error", errors);
-    struct uncontrolled others = uncontrolled_at(info, level);
-    if (others.count)
-        response_header(response, "Tetlod-Uncontrolled", "fields=%" PRIu32 ", sampled=%.9g", others.count, others.sampled);
+    if (uncontrolled[0])
+        response_header_text(response, "Tetlod-Uncontrolled", uncontrolled);
 }
 
 void name_download(struct response *response, const struct dataset *dataset, const char *format, ...)

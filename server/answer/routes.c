@@ -48,7 +48,12 @@ static const char allow[] = "GET, HEAD, OPTIONS";
 static bool match(const char *template, const char *path, size_t size, char captures[CAPTURES][CAPTURE_CAPACITY])
 {
     const char *end = path + size;
-    for (size_t count = 0; *template;) {
+    struct {
+        const char *start;
+        size_t size;
+    } found[CAPTURES];
+    size_t count = 0;
+    while (*template) {
         if (*template != '{') {
             if (path == end || *path++ != *template++)
                 return false;
@@ -58,10 +63,15 @@ static bool match(const char *template, const char *path, size_t size, char capt
         const char *start = path;
         while (path < end && *path != '/' && (!*template || *path != *template))
             path++;
-        if (path == start || !percent_decode(start, (size_t)(path - start), captures[count++], CAPTURE_CAPACITY))
+        if (path == start)
             return false;
+        found[count].start = start;
+        found[count++].size = (size_t)(path - start);
     }
-    return path == end;
+    bool matches = path == end; // the paths of most templates do not: nothing is decoded for these
+    for (size_t i = 0; matches && i < count; i++)
+        matches = percent_decode(found[i].start, found[i].size, captures[i], CAPTURE_CAPACITY);
+    return matches;
 }
 
 /* The path of a request target: absolute form ("http://host/path", which RFC 9112 obliges servers to take) loses its front. NULL: it

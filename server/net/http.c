@@ -2,9 +2,10 @@
 /*
  * What libmicrohttpd 0.9.75 does and what is done about it:
  * - it decodes paths and cuts them at %00: the request target is taken raw, from the URI log callback;
- * - what it refuses itself it refuses as HTML, which cannot be replaced, or not at all where a connection's memory is used up
- *   (test_protocol.py has the list): it copies cookies and lists headers in that memory. It gets four times what a request may take,
- *   untouched pages cost nothing, and what is too long is refused here;
+ * - what it refuses itself it refuses as HTML, which cannot be replaced, or not at all where a connection's memory is
+ *   used up (test_protocol.py has the list): it copies cookies and lists headers in that memory. It gets four times
+ *   what a request may take, and not more, for the library clears all of it after each answer; what is too long is
+ *   refused here;
  * - it accepts bodies with Content-Length and Transfer-Encoding at once, and without strict checks no Host: any body and
  *   any broken framing is refused here and ends the connection;
  * - a 304 gets the length of the body that it is queued with: that body is queued with it, or one of its length, and is not
@@ -74,6 +75,8 @@ struct call {
 struct client {
     struct peer *peer;
     struct call *call;
+    time_t dated; /* when `date` was printed */
+    char date[sizeof "Thu, 01 Jan 1970 00:00:00 GMT"];
 };
 
 static struct client *client_of(struct MHD_Connection *connection)
@@ -244,7 +247,6 @@ static enum MHD_Result join_line(void *opaque, enum MHD_ValueKind kind, const ch
 /* The client: the connection's address or, behind a trusted proxy, the address that the proxy forwards. */
 static void take_client(struct call *call)
 {
-    struct joined forwarded = {.name = "X-Forwarded-For"};
     if (!call->peer)
         return;
     snprintf(call->remote, sizeof call->remote, "%s", peer_address(call->peer));
@@ -252,6 +254,7 @@ static void take_client(struct call *call)
     call->request.client = call->network;
     if (!peer_is_proxy(call->peer))
         return;
+    struct joined forwarded = {.name = "X-Forwarded-For"};
     MHD_get_connection_values(call->connection, MHD_HEADER_KIND, join_line, &forwarded);
     if (proxies_client(call->http->options.proxies, forwarded.text, call->remote))
         network_of(call->remote, call->network);
@@ -404,6 +407,17 @@ static struct MHD_Response *make_body(struct call *call, struct response *respon
     return made;
 }
 
+/* The time as HTTP writes it. The library would print it anew for each answer, under a lock. */
+static const char *print_date(struct client *client)
+{
+    struct tm utc;
+    time_t now = time(NULL);
+    if (!client->date[0] || now != client->dated)
+        strftime(client->date, sizeof client->date, "%a, %d %b %Y %H:%M:%S GMT", gmtime_r(&now, &utc));
+    client->dated = now;
+    return client->date;
+}
+
 static bool add_headers(struct MHD_Response *made, const struct call *call, const struct response *response)
 {
     bool added = MHD_add_response_header(made, "Server", "tetlod") == MHD_YES;
@@ -416,6 +430,9 @@ static bool add_headers(struct MHD_Response *made, const struct call *call, cons
     added &= MHD_add_response_header(made, "X-Request-Id", call->id) == MHD_YES;
     if (response->close || atomic_load(&call->http->options.site->draining))
         added &= MHD_add_response_header(made, "Connection", "close") == MHD_YES;
+    struct client *client = client_of(call->connection);
+    if (client) // after Connection: adding that makes the library forget that there is a date, and it sends a second one
+        added &= MHD_add_response_header(made, "Date", print_date(client)) == MHD_YES;
     return added;
 }
 

@@ -2,6 +2,7 @@
 #include "server/store/dataset.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdio.h>
@@ -11,14 +12,19 @@
 
 #include "format/fail.h"
 #include "format/parts.h"
+#include "src/report/promise.h"
 #include "src/util/array.h"
 #include "src/util/clock.h"
 #include "src/util/parallel.h"
 
-enum { ERRORS_CAPACITY = 96, MAX_READINGS = 3 /* of bytes while somebody writes */ };
+enum { ERRORS_CAPACITY = 96, UNCONTROLLED_CAPACITY = 64, MAX_READINGS = 3 /* of bytes while somebody writes */ };
 
 #define UNCHECKED 0
 #define MAX_HANG 5.0 /* seconds after which nobody else begins to read a file that does not answer */
+
+struct level_texts {
+    char errors[ERRORS_CAPACITY], uncontrolled[UNCONTROLLED_CAPACITY]; /* empty where there are none */
+};
 
 struct dataset {
     struct stored *stored;
@@ -26,7 +32,7 @@ struct dataset {
     uint64_t offset; /* of its stream in the file */
     uint32_t topology, steps_before;
     struct tetlod_series *series; /* NULL: one moment */
-    char (*level_errors)[ERRORS_CAPACITY]; /* [level_count], printed once: every answer has one */
+    struct level_texts *level_texts; /* [level_count], printed once: every answer has them */
     struct tetlodi_frame *parts; /* [part_count] of the stream, which they cover */
     atomic_uint_fast64_t *checked; /* [part_count]: the file's version that the part was good in, or UNCHECKED */
     size_t part_count;
@@ -65,14 +71,25 @@ static void print_errors(const struct tetlod_info *info, uint32_t level, char *o
     }
 }
 
-static enum tetlod_status print_all_errors(struct dataset *dataset, struct tetlod_error *error)
+static void print_uncontrolled(const struct tetlod_info *info, uint32_t level, char *out, size_t capacity)
+{
+    struct uncontrolled others = uncontrolled_at(info, level);
+    out[0] = 0;
+    if (others.count)
+        snprintf(out, capacity, "fields=%" PRIu32 ", sampled=%.9g", others.count, others.sampled);
+}
+
+static enum tetlod_status print_levels(struct dataset *dataset, struct tetlod_error *error)
 {
     const struct tetlod_info *info = tetlod_info(dataset->file);
-    dataset->level_errors = array_new(info->level_count, sizeof *dataset->level_errors);
-    if (!dataset->level_errors)
-        return tetlodi_fail_nomem(error, "a stream's levels", info->level_count * (uint64_t)ERRORS_CAPACITY);
-    for (uint32_t k = 0; k < info->level_count; k++)
-        print_errors(info, k, dataset->level_errors[k], ERRORS_CAPACITY);
+    dataset->level_texts = array_new(info->level_count, sizeof *dataset->level_texts);
+    if (!dataset->level_texts)
+        return tetlodi_fail_nomem(error, "a stream's levels", info->level_count * sizeof *dataset->level_texts);
+    for (uint32_t k = 0; k < info->level_count; k++) {
+        struct level_texts *texts = &dataset->level_texts[k];
+        print_errors(info, k, texts->errors, sizeof texts->errors);
+        print_uncontrolled(info, k, texts->uncontrolled, sizeof texts->uncontrolled);
+    }
     return TETLOD_OK;
 }
 
@@ -289,7 +306,7 @@ static enum tetlod_status open_topology(struct stored *stored, uint32_t topology
     dataset->checked = array_zero(dataset->part_count, sizeof *dataset->checked);
     if (!dataset->checked)
         return tetlodi_fail_nomem(error, "a stream's parts", dataset->part_count * sizeof *dataset->checked);
-    return print_all_errors(dataset, error);
+    return print_levels(dataset, error);
 }
 
 static void close_stored(struct stored *stored)
@@ -297,7 +314,7 @@ static void close_stored(struct stored *stored)
     for (uint32_t t = stored->count; t-- > 0;) {
         tetlod_series_free(stored->datasets[t].series);
         tetlod_close(stored->datasets[t].file);
-        free(stored->datasets[t].level_errors);
+        free(stored->datasets[t].level_texts);
         free(stored->datasets[t].parts);
         free(stored->datasets[t].checked);
     }
@@ -382,7 +399,12 @@ const struct tetlod_info *dataset_info(const struct dataset *dataset)
 
 const char *dataset_level_errors(const struct dataset *dataset, uint32_t level)
 {
-    return dataset->level_errors[level];
+    return dataset->level_texts[level].errors;
+}
+
+const char *dataset_level_uncontrolled(const struct dataset *dataset, uint32_t level)
+{
+    return dataset->level_texts[level].uncontrolled;
 }
 
 struct tetlod_file *dataset_file(struct dataset *dataset)

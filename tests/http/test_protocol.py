@@ -200,6 +200,10 @@ def test_no_silence():
                               (b'GET /healthz', (b'Cookie: a=' + b'x' * 138 + b'\r\n') * (size // 150))):
             status = one(ask(line + b' HTTP/1.1', headers))
             assert status in ((200,) if size < 8000 else (414, 431)), (size, line[:20], headers[:20], status)
+    # The library lists the lines of a request in a memory of fixed size
+    short, longer = b'X: a\r\n', b'X: aaaaaaaaaaaaaaa\r\n'
+    for line, count, wanted in ((short, 600, 200), (longer, 400, 200), (longer, 450, 431)):
+        assert one(ask(b'GET /healthz HTTP/1.1', line * count)) == wanted, (line, count)
 
 
 def test_refusals_are_problems():
