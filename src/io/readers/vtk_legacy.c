@@ -24,6 +24,7 @@ struct legacy {
     enum attributes attributes;
     uint64_t tuples;
     int major_version;
+    bool is_old_lagrange; /* before 5.1 */
     bool has_types; /* of cells */
     struct point_field *last; /* the field that was just read, to which metadata belong; or NULL */
     int64_t dims[3];
@@ -590,6 +591,8 @@ static enum tetlod_status finish_cells(struct legacy *l)
         return set_dims(l);
     if (!l->has_types && l->block->cells.count)
         return tetlodi_fail(l->error, TETLOD_ERR_MESH, "CELL_TYPES are missing; is the file truncated?");
+    if (l->is_old_lagrange)
+        cells_renew_lagrange(&l->block->cells);
     return TETLOD_OK;
 }
 
@@ -607,6 +610,7 @@ static enum tetlod_status read_header(struct legacy *l)
     l->major_version = line.at < line.end && *line.at >= '0' && *line.at <= '9' ? *line.at - '0' : 0;
     if (l->major_version < 1 || l->major_version > 5)
         return fail(l, "only versions 1.0 to 5.1 of legacy VTK are known");
+    l->is_old_lagrange = l->major_version < 5 || (line.end - line.at >= 3 && memcmp(line.at, "5.0", 3) == 0);
     text_line(&l->stream.rest); // the title
     if (!next_line(l, &mode))
         return fail(l, "the file ends too early; is it truncated?");

@@ -62,7 +62,7 @@ struct vtkxml_document {
     size_t text, size;
     struct file_view *view; /* of the bytes, or NULL */
     enum vtkxml_kind kind;
-    bool big_endian, appended_raw;
+    bool big_endian, appended_raw, is_old_lagrange; /* the last: before version 2.1 */
     size_t header_size; /* of a word of the headers of binary data */
     enum vtkxml_compressor compressor;
     size_t appended; /* where offsets count from, or size */

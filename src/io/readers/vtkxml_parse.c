@@ -101,22 +101,6 @@ static bool find_compressor(const char *name, enum vtkxml_compressor *out)
     return !name;
 }
 
-static void start_file(struct parse *parse, const char **attributes)
-{
-    struct vtkxml_document *document = parse->document;
-    const char *type = attribute(attributes, "type"), *order = attribute(attributes, "byte_order");
-    const char *header = attribute(attributes, "header_type"), *compressor = attribute(attributes, "compressor");
-    if (!find_kind(type, &document->kind)) {
-        fail(parse, "VTK files of this type hold no volume that can be read:", type ? type : "");
-        return;
-    }
-    parse->is_known = true;
-    document->big_endian = order && strcmp(order, "BigEndian") == 0;
-    document->header_size = header && strcmp(header, "UInt64") == 0 ? 8 : 4;
-    if (!find_compressor(compressor, &document->compressor))
-        fail(parse, "write the file with zlib, lz4 or lzma; there is no reader for the compressor", compressor);
-}
-
 /* As many numbers as the attribute should have; false, and nothing is changed, if it has not. */
 static bool numbers(const char **attributes, const char *name, int count, double *out)
 {
@@ -128,6 +112,24 @@ static bool numbers(const char **attributes, const char *name, int count, double
             return false;
     memcpy(out, parsed, (size_t)count * sizeof *out);
     return true;
+}
+
+static void start_file(struct parse *parse, const char **attributes)
+{
+    struct vtkxml_document *document = parse->document;
+    const char *type = attribute(attributes, "type"), *order = attribute(attributes, "byte_order");
+    const char *header = attribute(attributes, "header_type"), *compressor = attribute(attributes, "compressor");
+    double version;
+    if (!find_kind(type, &document->kind)) {
+        fail(parse, "VTK files of this type hold no volume that can be read:", type ? type : "");
+        return;
+    }
+    parse->is_known = true;
+    document->is_old_lagrange = !numbers(attributes, "version", 1, &version) || version < 2.1;
+    document->big_endian = order && strcmp(order, "BigEndian") == 0;
+    document->header_size = header && strcmp(header, "UInt64") == 0 ? 8 : 4;
+    if (!find_compressor(compressor, &document->compressor))
+        fail(parse, "write the file with zlib, lz4 or lzma; there is no reader for the compressor", compressor);
 }
 
 /* Six whole numbers: the first and last point along three axes. */

@@ -261,6 +261,8 @@ static enum tetlod_status read_unstructured(struct reader *r)
         return TETLOD_OK;
     TETLOD_TRY(read_types(r, cells));
     TETLOD_TRY(read_connectivity(r, cells));
+    if (r->document->is_old_lagrange)
+        cells_renew_lagrange(cells);
     return read_polyhedra(r);
 }
 

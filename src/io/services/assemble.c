@@ -272,6 +272,25 @@ void cells_middles_to_vtk(unsigned char type, int64_t *points)
     }
 }
 
+void cells_renew_lagrange(struct cells *cells)
+{
+    for (uint64_t c = 0; cells->types && c < cells->count; c++) {
+        uint64_t begin = cells->offsets[c], end = cells->offsets[c + 1], order = 1;
+        if (cells->types[c] != VTK_TYPE_LAGRANGE_HEXAHEDRON || end < begin || end > cells->connectivity_count)
+            continue;
+        while ((order + 1) * (order + 1) * (order + 1) < end - begin)
+            order++;
+        if ((order + 1) * (order + 1) * (order + 1) != end - begin)
+            continue;
+        uint32_t *edges = cells->connectivity + begin + 8 + 10 * (order - 1);
+        for (uint64_t i = 0; i + 1 < order; i++) {
+            uint32_t swap = edges[i];
+            edges[i] = edges[i + order - 1];
+            edges[i + order - 1] = swap;
+        }
+    }
+}
+
 void cells_fini(struct cells *cells)
 {
     free(cells->types);

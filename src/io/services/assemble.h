@@ -33,7 +33,8 @@ enum {
     VTK_TYPE_PYRAMID13 = 27,
     VTK_TYPE_HEXAHEDRON27 = 29,
     VTK_TYPE_WEDGE18 = 32,
-    VTK_TYPE_POLYHEDRON = 42
+    VTK_TYPE_POLYHEDRON = 42,
+    VTK_TYPE_LAGRANGE_HEXAHEDRON = 72
 };
 
 /* Appends a cell. The corners are the file's numbers less those of its first point. */
@@ -49,6 +50,10 @@ void cells_fini(struct cells *cells);
 
 /* Puts the middles of a quadratic cell's edges into VTK's order: CGNS and Exodus list those of the upright edges before those of the top. */
 void cells_middles_to_vtk(unsigned char type, int64_t *points);
+
+/* Puts the points of Lagrange hexahedra into the order that VTK has since its version 9: before, those of the last two
+ * upright edges were swapped. What does not fit its cell is left as it is, for block_split to refuse. */
+void cells_renew_lagrange(struct cells *cells);
 
 /* Of a point that a file counts from 1, its number from 0 on; -1, which no point has, for what cannot be one. */
 static inline int64_t point_from_one(int64_t number)

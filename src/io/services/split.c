@@ -11,6 +11,7 @@
 #include "format/round.h"
 #include "src/io/services/assemble.h"
 #include "src/mesh/adjacency.h"
+#include "src/mesh/cell_lattice.h"
 #include "src/mesh/cell_refine.h"
 #include "src/mesh/cell_split.h"
 #include "src/util/array.h"
@@ -18,21 +19,40 @@
 
 enum { NO_VOLUME = CELL_SHAPES, POLYHEDRON, UNKNOWN }; // what a VTK type may be besides a shape
 
+/* What can be used of the points behind the corners: the middles of the edges, or all points of a lattice. */
+enum more_points { NO_MORE, MIDDLES, LATTICE };
+
 struct vtk_type {
     uint8_t type, shape, least_corners; /* of higher order cells the corners come first */
-    bool has_middles; /* then the middles of the edges: can be subdivided */
+    enum more_points more;
 };
 
 static const struct vtk_type vtk_types[] = {
-    {10, CELL_TET, 4, false},        {11, CELL_HEXAHEDRON, 8, false},       {12, CELL_HEXAHEDRON, 8, false},
-    {13, CELL_WEDGE, 6, false},      {14, CELL_PYRAMID, 5, false},          {15, CELL_PENTAGONAL_PRISM, 10, false},
-    {16, CELL_HEXAGONAL_PRISM, 12, false}, {24, CELL_TET, 10, true},        {25, CELL_HEXAHEDRON, 20, true},
-    {26, CELL_WEDGE, 15, true},      {27, CELL_PYRAMID, 13, true},          {29, CELL_HEXAHEDRON, 27, true},
-    {31, CELL_WEDGE, 12, false},     {32, CELL_WEDGE, 18, true},            {33, CELL_HEXAHEDRON, 24, true},
-    {37, CELL_PYRAMID, 19, true},    {42, POLYHEDRON, 1, false},            {71, CELL_TET, 4, false},
-    {72, CELL_HEXAHEDRON, 8, false}, {73, CELL_WEDGE, 6, false},            {74, CELL_PYRAMID, 5, false},
-    {78, CELL_TET, 4, false},        {79, CELL_HEXAHEDRON, 8, false},       {80, CELL_WEDGE, 6, false},
-    {81, CELL_PYRAMID, 5, false},
+    {10, CELL_TET, 4, NO_MORE},
+    {11, CELL_HEXAHEDRON, 8, NO_MORE},
+    {12, CELL_HEXAHEDRON, 8, NO_MORE},
+    {13, CELL_WEDGE, 6, NO_MORE},
+    {14, CELL_PYRAMID, 5, NO_MORE},
+    {15, CELL_PENTAGONAL_PRISM, 10, NO_MORE},
+    {16, CELL_HEXAGONAL_PRISM, 12, NO_MORE},
+    {24, CELL_TET, 10, MIDDLES},
+    {25, CELL_HEXAHEDRON, 20, MIDDLES},
+    {26, CELL_WEDGE, 15, MIDDLES},
+    {27, CELL_PYRAMID, 13, MIDDLES},
+    {29, CELL_HEXAHEDRON, 27, MIDDLES},
+    {31, CELL_WEDGE, 12, NO_MORE},
+    {32, CELL_WEDGE, 18, MIDDLES},
+    {33, CELL_HEXAHEDRON, 24, MIDDLES},
+    {37, CELL_PYRAMID, 19, MIDDLES},
+    {42, POLYHEDRON, 1, NO_MORE},
+    {71, CELL_TET, 4, LATTICE},
+    {72, CELL_HEXAHEDRON, 8, LATTICE},
+    {73, CELL_WEDGE, 6, LATTICE},
+    {74, CELL_PYRAMID, 5, LATTICE},
+    {78, CELL_TET, 4, NO_MORE},
+    {79, CELL_HEXAHEDRON, 8, NO_MORE},
+    {80, CELL_WEDGE, 6, NO_MORE},
+    {81, CELL_PYRAMID, 5, NO_MORE},
 };
 
 struct splitter {
@@ -43,6 +63,7 @@ struct splitter {
     uint64_t most_tets, centres;
     uint32_t point_count, next_centre;
     uint32_t *origin; /* [tetrahedron], or NULL: nobody asks */
+    const struct point_field *orders; /* of Lagrange cells, or NULL: their numbers of points tell them */
 };
 
 static struct vtk_type find_type(unsigned char type)
@@ -51,7 +72,7 @@ static struct vtk_type find_type(unsigned char type)
     for (size_t i = 0; i < sizeof vtk_types / sizeof *vtk_types; i++)
         if (vtk_types[i].type == type)
             return vtk_types[i];
-    return (struct vtk_type){type, memchr(flat, type, sizeof flat) ? NO_VOLUME : UNKNOWN, 0, false};
+    return (struct vtk_type){type, memchr(flat, type, sizeof flat) ? NO_VOLUME : UNKNOWN, 0, NO_MORE};
 }
 
 /* Whether a face stream fits its cell; *tets: how many tetrahedra its faces make with the centre. */
@@ -69,6 +90,42 @@ static bool check_faces(const uint32_t *stream, uint64_t size, uint32_t point_co
         at += 1 + (uint64_t)stream[at];
     }
     return at == size;
+}
+
+/* VTK's name for a cell field of the orders of Lagrange cells, which need not be the same along all axes. */
+static const struct point_field *find_orders(const struct tetmesh *mesh)
+{
+    for (uint32_t f = 0; f < mesh->cell_field_count; f++)
+        if (mesh->cell_fields[f].components == 3 && strcmp(mesh->cell_fields[f].name, "HigherOrderDegrees") == 0)
+            return &mesh->cell_fields[f];
+    return NULL;
+}
+
+/* The orders of a Lagrange cell; false: it has others than cell_lattice.h knows. */
+static bool find_lattice(const struct splitter *s, uint64_t c, struct vtk_type type, unsigned orders[3])
+{
+    enum cell_shape shape = (enum cell_shape)type.shape;
+    size_t points = (size_t)(s->cells->offsets[c + 1] - s->cells->offsets[c]);
+    for (int d = 0; s->orders && d < 3; d++) {
+        double order = s->orders->values[3 * (size_t)c + (size_t)d];
+        orders[d] = order >= 1 && order <= CELL_LATTICE_MAX_ORDER ? (unsigned)order : 0;
+    }
+    return (s->orders && cell_lattice_fits(shape, points, orders)) || cell_lattice_orders(shape, points, orders);
+}
+
+static enum tetlod_status count_lattice(const struct splitter *s, uint64_t c, struct vtk_type type, uint64_t *tets,
+                                        struct tetlod_error *error)
+{
+    unsigned orders[3];
+    if (!find_lattice(s, c, type, orders))
+        return tetlodi_fail(error, TETLOD_ERR_MESH,
+                            "cell %llu (VTK type %u) of %llu points is no Lagrange cell of order 1 to %d that can be "
+                            "subdivided; leave --subdivide out, and its corners are taken",
+                            (unsigned long long)c, type.type,
+                            (unsigned long long)(s->cells->offsets[c + 1] - s->cells->offsets[c]),
+                            CELL_LATTICE_MAX_ORDER);
+    *tets = cell_lattice_tets((enum cell_shape)type.shape, orders);
+    return TETLOD_OK;
 }
 
 static enum tetlod_status check_cell(const struct splitter *s, uint64_t c, struct vtk_type type, uint64_t *tets,
@@ -100,20 +157,27 @@ static enum tetlod_status check_cell(const struct splitter *s, uint64_t c, struc
                                 cells->connectivity[i] == TETLOD_NONE ? -1 : (long long)cells->connectivity[i],
                                 s->point_count);
     *tets = type.shape == NO_VOLUME ? 0 : most[type.shape];
-    if (s->subdivide && type.has_middles)
+    if (s->subdivide && type.more == MIDDLES)
         *tets = type.shape == CELL_TET ? 8 : CELL_REFINED_MOST_TETS;
-    return TETLOD_OK;
+    return s->subdivide && type.more == LATTICE ? count_lattice(s, c, type, tets, error) : TETLOD_OK;
 }
 
 static bool has_centre(const struct splitter *s, struct vtk_type type)
 {
-    return type.shape == POLYHEDRON || (s->subdivide && type.has_middles && type.shape != CELL_TET);
+    return type.shape == POLYHEDRON || (s->subdivide && type.more == MIDDLES && type.shape != CELL_TET);
 }
 
-/* Whether a cell has points beyond its corners that no option uses, as Lagrange cells do. */
+/* Whether a cell has points beyond its corners. */
 static bool has_more_points(const struct splitter *s, uint64_t c, struct vtk_type type)
 {
-    return type.shape < CELL_SHAPES && !type.has_middles && s->cells->offsets[c + 1] - s->cells->offsets[c] > cell_corners(type.shape);
+    return type.shape < CELL_SHAPES && s->cells->offsets[c + 1] - s->cells->offsets[c] > cell_corners(type.shape);
+}
+
+/* Whether an option would use these points. */
+static bool can_subdivide(const struct splitter *s, uint64_t c, struct vtk_type type)
+{
+    unsigned orders[3];
+    return type.more == MIDDLES || (type.more == LATTICE && find_lattice(s, c, type, orders));
 }
 
 /* Checks all cells and counts the tetrahedra and centres that they can make at most. */
@@ -129,8 +193,10 @@ static enum tetlod_status count_tets(struct splitter *s, struct io_report *repor
         s->centres += has_centre(s, type);
         report->skipped_cells += type.shape == NO_VOLUME;
         report->split_cells += type.shape != NO_VOLUME && (type.shape != CELL_TET || tets > 1);
-        report->linearised_cells += type.has_middles && !s->subdivide;
-        report->higher_cells += has_more_points(s, c, type);
+        if (has_more_points(s, c, type) && !can_subdivide(s, c, type))
+            report->higher_cells++;
+        else
+            report->linearised_cells += has_more_points(s, c, type) && !s->subdivide;
     }
     return TETLOD_OK;
 }
@@ -297,12 +363,14 @@ static enum tetlod_status split_polyhedron(struct splitter *s, uint64_t c, struc
 
 static enum tetlod_status split_cell(struct splitter *s, uint64_t c, struct vtk_type type, struct tetlod_error *error)
 {
-    uint32_t corner[CELL_MOST_CORNERS], tets[CELL_REFINED_MOST_TETS][4];
+    uint32_t corner[CELL_MOST_CORNERS], tets[CELL_LATTICE_MAX_TETS][4];
     const uint32_t *points = s->cells->connectivity + s->cells->offsets[c];
-    unsigned count;
+    unsigned count, orders[3];
     if (type.shape == POLYHEDRON)
         return split_polyhedron(s, c, error);
-    if (s->subdivide && type.has_middles) {
+    if (s->subdivide && type.more == LATTICE && find_lattice(s, c, type, orders))
+        count = cell_lattice_split((enum cell_shape)type.shape, orders, points, s->out->positions, tets);
+    else if (s->subdivide && type.more == MIDDLES) {
         uint32_t centre = has_centre(s, type) ? add_centre(s, points, cell_corners((enum cell_shape)type.shape)) : 0;
         count = cell_refine((enum cell_shape)type.shape, points, centre, s->out->positions, tets);
     } else {
@@ -315,7 +383,7 @@ static enum tetlod_status split_cell(struct splitter *s, uint64_t c, struct vtk_
 
 static bool is_copied(const struct splitter *s, struct vtk_type type)
 {
-    return type.shape == CELL_TET && !(s->subdivide && type.has_middles);
+    return type.shape == CELL_TET && !(s->subdivide && type.more != NO_MORE);
 }
 
 /* Takes the tetrahedra over as they are; gives their volume, which is negative if most are turned the other way. */
@@ -428,7 +496,8 @@ static enum tetlod_status split_cells(struct block *block, bool subdivide, struc
                          .out = out,
                          .subdivide = subdivide,
                          .point_count = out->vertex_count,
-                         .next_centre = out->vertex_count};
+                         .next_centre = out->vertex_count,
+                         .orders = find_orders(out)};
     TETLOD_TRY(count_tets(&s, report, error));
     if (only_tets(&s)) {
         TETLOD_TRY(check_tet_count(s.most_tets, error));
