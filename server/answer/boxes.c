@@ -137,7 +137,8 @@ static enum tetlod_status write_mesh(const void *opaque, const struct tetmesh *m
 static void put_headers(struct response *response, struct dataset *dataset, const void *opaque, const struct region_note *note)
 {
     const struct region_choice *choice = opaque;
-    const char *coarse = dataset_level_errors(dataset, choice->coarse), *fine = dataset_level_errors(dataset, choice->fine);
+    const char *coarse = dataset_level_texts(dataset, choice->coarse)->errors;
+    const char *fine = dataset_level_texts(dataset, choice->fine)->errors;
     response_header(response, "Tetlod-Level", "%" PRIu32, choice->coarse);
     response_header(response, "Tetlod-Box-Level", "%" PRIu32, choice->fine);
     if (coarse[0])

@@ -202,7 +202,7 @@ static void respond_no_level(struct exchange *exchange, const struct dataset *da
 {
     response_problem(exchange->response, 422, target_of(exchange),
                      "no level has an error of at most %s: the stream is not lossless, its finest level has %s (fractions of the range)",
-                     error, dataset_level_errors(dataset, dataset_info(dataset)->level_count - 1));
+                     error, dataset_level_texts(dataset, dataset_info(dataset)->level_count - 1)->errors);
 }
 
 /* The level that the query asks for; false: answered. */

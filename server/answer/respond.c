@@ -199,16 +199,14 @@ bool check_parameters(struct exchange *exchange, const char *const *names)
 
 void level_headers(struct response *response, const struct dataset *dataset, uint32_t level)
 {
-    const struct tetlod_info *info = dataset_info(dataset);
-    const char *errors = dataset_level_errors(dataset, level);
-    const char *uncontrolled = dataset_level_uncontrolled(dataset, level);
-    response_header(response, "Tetlod-Level", "%" PRIu32, level);
-    response_header(response, "Tetlod-Vertices", "%" PRIu32, info->levels[level].vertices);
-    response_header(response, "Tetlod-Tets", "%" PRIu32, info->levels[level].tets);
-    if (errors[0])
-        response_header_text(response, "Tetlod-Error", errors);
-    if (uncontrolled[0])
-        response_header_text(response, "Tetlod-Uncontrolled", uncontrolled);
+    const struct level_texts *texts = dataset_level_texts(dataset, level);
+    response_header_text(response, "Tetlod-Level", texts->level);
+    response_header_text(response, "Tetlod-Vertices", texts->vertices);
+    response_header_text(response, "Tetlod-Tets", texts->tets);
+    if (texts->errors[0])
+        response_header_text(response, "Tetlod-Error", texts->errors);
+    if (texts->uncontrolled[0])
+        response_header_text(response, "Tetlod-Uncontrolled", texts->uncontrolled);
 }
 
 void name_download(struct response *response, const struct dataset *dataset, const char *format, ...)

@@ -52,7 +52,6 @@ enum state { RUNNING, SUSPENDED, WOKEN };
 /* A request from its first line to the end of its answer. */
 struct call {
     struct http *http;
-    char *target;
     struct request request;
     struct waiter waiter;
     struct waiting waiting;
@@ -68,6 +67,7 @@ struct call {
     const char *route;
     char method[16], id[40];
     char remote[INET6_ADDRSTRLEN], network[INET6_ADDRSTRLEN]; /* the client, maybe behind a proxy, and what is counted of it */
+    char target[];
 };
 
 /* A connection: its peer, and the request on it. The library forgets a request of which two things are wrong (the first header does not
@@ -90,7 +90,6 @@ static void free_call(struct call *call)
     if (!call)
         return;
     request_unpin(&call->request);
-    free(call->target);
     free(call);
 }
 
@@ -132,11 +131,11 @@ static void *on_target(void *opaque, const char *target, struct MHD_Connection *
 {
     struct http *http = opaque;
     struct client *client = client_of(connection);
-    struct call *call = array_zero(1, sizeof *call);
-    if (!call || !(call->target = strdup(target))) {
-        free(call);
+    size_t size = strlen(target) + 1;
+    struct call *call = array_zero(1, sizeof *call + size);
+    if (!call)
         return NULL; // the handler closes the connection
-    }
+    memcpy(call->target, target, size);
     hide_parameters(target);
     if (client)
         client->call = call;
@@ -513,7 +512,7 @@ static void hide_token(char *target)
                 *at = *at == '=' ? '=' : '*';
 }
 
-static void log_access(const struct call *call, double seconds, bool complete)
+static void log_access(struct call *call, double seconds, bool complete)
 {
     struct timespec now;
     struct tm utc;

@@ -17,14 +17,11 @@
 #include "src/util/clock.h"
 #include "src/util/parallel.h"
 
-enum { ERRORS_CAPACITY = 96, UNCONTROLLED_CAPACITY = 64, MAX_READINGS = 3 /* of bytes while somebody writes */ };
+enum { MAX_READINGS = 3 /* of bytes while somebody writes */ };
 
 #define UNCHECKED 0
 #define MAX_HANG 5.0 /* seconds after which nobody else begins to read a file that does not answer */
 
-struct level_texts {
-    char errors[ERRORS_CAPACITY], uncontrolled[UNCONTROLLED_CAPACITY]; /* empty where there are none */
-};
 
 struct dataset {
     struct stored *stored;
@@ -87,6 +84,9 @@ static enum tetlod_status print_levels(struct dataset *dataset, struct tetlod_er
         return tetlodi_fail_nomem(error, "a stream's levels", info->level_count * sizeof *dataset->level_texts);
     for (uint32_t k = 0; k < info->level_count; k++) {
         struct level_texts *texts = &dataset->level_texts[k];
+        snprintf(texts->level, sizeof texts->level, "%" PRIu32, k);
+        snprintf(texts->vertices, sizeof texts->vertices, "%" PRIu32, info->levels[k].vertices);
+        snprintf(texts->tets, sizeof texts->tets, "%" PRIu32, info->levels[k].tets);
         print_errors(info, k, texts->errors, sizeof texts->errors);
         print_uncontrolled(info, k, texts->uncontrolled, sizeof texts->uncontrolled);
     }
@@ -397,14 +397,9 @@ const struct tetlod_info *dataset_info(const struct dataset *dataset)
     return tetlod_info(dataset->file);
 }
 
-const char *dataset_level_errors(const struct dataset *dataset, uint32_t level)
+const struct level_texts *dataset_level_texts(const struct dataset *dataset, uint32_t level)
 {
-    return dataset->level_texts[level].errors;
-}
-
-const char *dataset_level_uncontrolled(const struct dataset *dataset, uint32_t level)
-{
-    return dataset->level_texts[level].uncontrolled;
+    return &dataset->level_texts[level];
 }
 
 struct tetlod_file *dataset_file(struct dataset *dataset)

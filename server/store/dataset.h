@@ -34,10 +34,14 @@ uint32_t dataset_steps_before(const struct dataset *dataset);
 
 const char *dataset_id(const struct dataset *dataset);
 const struct tetlod_info *dataset_info(const struct dataset *dataset);
-/* "max=0.01, sampled=0.008": the measures of a level that are known, each the largest over the controlled fields. */
-const char *dataset_level_errors(const struct dataset *dataset, uint32_t level);
-/* "fields=2, sampled=0.6": how many fields nothing held down, and the largest measured error of them; or "". */
-const char *dataset_level_uncontrolled(const struct dataset *dataset, uint32_t level);
+/* What the headers of a level's answers say, printed once. */
+struct level_texts {
+    char level[12], vertices[12], tets[12];
+    char errors[96]; /* "max=0.01, sampled=0.008": of each known measure the largest over the controlled fields; or "" */
+    char uncontrolled[64]; /* "fields=2, sampled=0.6": fields without a limit, their largest measured error; or "" */
+};
+
+const struct level_texts *dataset_level_texts(const struct dataset *dataset, uint32_t level);
 
 /* Reads stored bytes of the dataset's own stream. They are the stream's: each part of it that they lie in (a frame, a section) was
  * held against its digest since somebody may have written into the file. ERR_CHECKSUM, ERR_TRUNCATED: the file is damaged, or is
